@@ -2,6 +2,8 @@
 
 import gzip
 import hashlib
+import posixpath
+import re
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -18,6 +20,10 @@ MEDIA_TYPES = {
 }
 VERSION_MARK = "{version}"
 """Replaced in index.html by the hash, so that the files it names may be kept for ever."""
+PRELOADS_MARK = "{preloads}"
+"""Replaced in index.html by a link to each module of the shell: all are fetched at once, not one after another."""
+SHELL = "app.js"
+_IMPORT = re.compile(r"^(?:import|export) [^;]*? from '([^']+)';", re.MULTILINE)
 
 
 @dataclass(frozen=True)
@@ -46,9 +52,22 @@ class PageFiles:
         return together.hexdigest()[:16]
 
     @cached_property
+    def shell(self) -> tuple[str, ...]:
+        """SHELL and the modules that it imports, each after one that imports it."""
+        found = [SHELL]
+        for name in found:
+            for path in _IMPORT.findall(self._contents[name].decode()):
+                imported = posixpath.normpath(posixpath.join(posixpath.dirname(name), path))
+                if imported not in found:
+                    found.append(imported)
+        return tuple(found)
+
+    @cached_property
     def _files(self) -> dict[str, PageFile]:
         contents = dict(self._contents)
-        contents["index.html"] = contents["index.html"].replace(VERSION_MARK.encode(), self.version.encode())
+        links = (f'<link rel="modulepreload" href="{VERSION_MARK}/{name}">' for name in self.shell[1:])
+        index = contents["index.html"].decode().replace(PRELOADS_MARK, "\n".join(links))
+        contents["index.html"] = index.replace(VERSION_MARK, self.version).encode()
         return {
             name: PageFile(content, gzip.compress(content, mtime=0), MEDIA_TYPES[Path(name).suffix])
             for name, content in contents.items()

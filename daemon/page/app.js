@@ -2,6 +2,7 @@
 import { Component, html, render, useEffect } from './vendor/preact.js';
 import { Banners } from './parts/banners.js';
 import { Header } from './parts/header.js';
+import { Whole } from './parts/whole.js';
 import { ask } from './state/ask.js';
 import { start } from './state/live.js';
 import { refused, session } from './state/now.js';
@@ -9,7 +10,7 @@ import { place } from './state/place.js';
 import { createScreens } from './state/screens.js';
 import { loadSession } from './state/session.js';
 import { useTouch } from './state/touch.js';
-import { t } from './state/words.js';
+import { spoken, t } from './state/words.js';
 
 const SCREENS = {
   cell: () => import('./screens/cell.js').then(({ Cell }) => Cell),
@@ -55,7 +56,7 @@ class Guard extends Component {
 
 function Page() {
   const { screen, argument } = place.value;
-  const known = screen in SCREENS ? screen : 'cell';
+  const known = screenOf(screen);
   const outside = session.value && session.value.role === 'nobody' && known !== 'help';
   const wanted = outside ? 'sign-in' : known;
   const Screen = screens.get(wanted);
@@ -74,9 +75,13 @@ function Page() {
     <${Header} screen=${known} />
     <main id="content" tabindex="-1">
       <h1 class="sr-only" tabindex="-1">${t(`place.${wanted}`)}</h1>
+      ${session.value === null || !Screen ? html`<p class="quiet">${t('missing.wait')}</p>` : html`<${Guard} key=${`${wanted}/${argument}`}><${Whole}><${Screen} argument=${argument} /></${Whole}></${Guard}>`}
       <${Banners} />
-      ${session.value === null || !Screen ? html`<p class="quiet">${t('missing.wait')}</p>` : html`<${Guard} key=${`${known}/${argument}`}><${Screen} argument=${argument} /></${Guard}>`}
     </main>`;
+}
+
+function screenOf(name) {
+  return name in SCREENS ? name : 'cell';
 }
 
 function toContent(event) {
@@ -96,6 +101,9 @@ async function begin() {
   }
 }
 
+screens.fetch(screenOf(place.peek().screen));
+const begun = begin();
+await spoken; // else all texts would change, and with them the places of all
 render(html`<${Page} />`, document.body);
 start();
-begin().then(() => setTimeout(fetchRest, 2000));
+begun.then(() => setTimeout(fetchRest, 2000));

@@ -1,9 +1,10 @@
-// A scene on a canvas whose place is reserved; its module, and three.js with it, is fetched when the first one is shown.
+// A scene on a canvas whose place is reserved; its module, and three.js with it, is fetched when the rest is drawn.
 import { html, useEffect, useRef, useState } from '../vendor/preact.js';
 import { theme } from '../state/choices.js';
 import { t } from '../state/words.js';
 
 const night = matchMedia('(prefers-color-scheme: dark)');
+const whenIdle = (act) => (window.requestIdleCallback ? requestIdleCallback(act, { timeout: 2000 }) : setTimeout(act, 200));
 const isDark = () => (theme.value === 'auto' ? night.matches : theme.value === 'dark');
 
 /** `create()`: of a module, to a function that makes a scene on a canvas or null; `show(scene, dark)` when `shown` changes. `said`: the same in text. */
@@ -14,11 +15,11 @@ export function CanvasScene({ create, show, shown, said, alt, dim }) {
   const dark = isDark();
   useEffect(() => {
     let wanted = true;
-    create().then((made) => {
+    whenIdle(() => wanted && create().then((made) => {
       if (!wanted) return;
       scene.current = made(canvas.current);
       setState(scene.current ? 'ready' : 'no-webgl');
-    }).catch(() => wanted && setState('failed'));
+    }).catch(() => wanted && setState('failed')));
     return () => {
       wanted = false;
       scene.current?.dispose();

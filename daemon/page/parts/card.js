@@ -1,8 +1,8 @@
 // The frame of everything: a titled section.
 import { html } from '../vendor/preact.js';
 
-export const Card = ({ title, children, wide, tall, id, aside }) =>
-  html`<section class="card ${wide ? `wide-${wide}` : ''} ${tall ? 'tall' : ''}" aria-labelledby=${id}>
+export const Card = ({ title, children, wide, brief, id, aside }) =>
+  html`<section class="card ${wide ? `wide-${wide}` : ''} ${brief ? 'brief' : ''}" aria-labelledby=${id}>
     <header><h2 id=${id}>${title}</h2>${aside}</header>
     ${children}
   </section>`;

@@ -5,6 +5,7 @@ import { lost, look, run, running } from '../state/now.js';
 import { count } from '../state/numbers.js';
 import { t } from '../state/words.js';
 import { Picture } from './picture.js';
+import { Cause } from './problem.js';
 
 const EVERY_MS = 2000;
 
@@ -41,7 +42,7 @@ export function LivePicture() {
   const seen = manual ? look.value : shown.look;
   const words = seenWords(seen);
   return html`<${Picture} src=${shown.src} size=${seen?.size ?? undefined} corners=${seen?.corners ?? []} alt=${`${t('picture.camera')} ${words}`} dim=${lost.value} />
-    ${shown.error && !lost.value ? html`<p class="small"><b>✕</b> <span lang="en">${shown.error.message}${shown.error.problem.fix && ` → ${shown.error.problem.fix}`}</span></p>` : html`<p role="status">${words}</p>`}`;
+    ${shown.error && !lost.value ? html`<${Cause} cause=${{ ...shown.error.problem, code: shown.error.code, what: shown.error.message }} />` : html`<p class="one-line" role="status">${words}</p>`}`;
 }
 
 export function seenWords(seen) {

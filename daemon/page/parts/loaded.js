@@ -1,18 +1,21 @@
 // Something asked of the daemon, asked anew when one of the events it depends on comes.
-import { html, useCallback, useEffect, useState } from '../vendor/preact.js';
+import { html, useCallback, useEffect, useRef, useState } from '../vendor/preact.js';
+import { hold } from '../state/arrival.js';
 import { ask } from '../state/ask.js';
-import { changed, heardAt, session } from '../state/now.js';
+import { changed, linked, session } from '../state/now.js';
 import { t } from '../state/words.js';
 import { ProblemNote } from './problem.js';
 
-/** { data, etag, error, again } of a GET; `path` null asks nothing. `kinds`: events after which it is asked anew. */
-export function useAsked(path, kinds = []) {
+/** { data, etag, error, again } of a GET; `path` null asks nothing. `kinds`: events after which it is asked anew. The screen is not held back for what is `late`. */
+export function useAsked(path, kinds = [], { late = false } = {}) {
   const [state, setState] = useState({ data: null, etag: null, error: null, path: null });
   const [turn, setTurn] = useState(0);
   const happened = kinds.map((kind) => changed.value[kind] ?? 0).join();
-  const linked = heardAt.value !== null;
+  const link = state.error?.status === 0 ? linked.value : Math.max(1, linked.value); // the first link changes nothing that was answered
+  const release = useRef(() => {});
   useEffect(() => {
     let wanted = true;
+    if (path && !late) release.current = hold();
     if (path) {
       ask(path).then(
         ({ data, etag }) => wanted && setState({ data, etag, error: null, path }),
@@ -21,8 +24,12 @@ export function useAsked(path, kinds = []) {
     }
     return () => {
       wanted = false;
+      release.current();
     };
-  }, [path, happened, turn, linked, session.value?.role]);
+  }, [path, happened, turn, link, session.value?.role]);
+  useEffect(() => {
+    if (state.path === path) release.current(); // after what is drawn from the answer has asked for more: effects of children come first
+  }, [state]);
   const again = useCallback(() => setTurn((number) => number + 1), []);
   return { ...state, data: state.path === path ? state.data : null, error: state.path === path ? state.error : null, again };
 }

@@ -3,7 +3,7 @@ import { html } from '../vendor/preact.js';
 import { ready, run, running } from '../state/now.js';
 import { timeOfDay } from '../state/numbers.js';
 import { linkTo } from '../state/place.js';
-import { t } from '../state/words.js';
+import { sentences, t } from '../state/words.js';
 
 export function Reasons({ kind = 'calibrate' }) {
   const now = ready.value?.[kind];
@@ -13,5 +13,5 @@ export function Reasons({ kind = 'calibrate' }) {
   }
   if (!now) return html`<p class="quiet">${t('missing.wait')}</p>`;
   if (now.ready) return html`<p><b>✓ ${t('reasons.ready')}</b></p>`;
-  return html`<p><b>! ${t('reasons.not')}</b></p><ul class="plain">${now.reasons.map((reason) => html`<li lang="en">→ ${reason}</li>`)}</ul>`;
+  return html`<p><b>! ${t('reasons.not')}</b></p><ul class="plain">${sentences(now.reasons, now.reason_details).map(({ text, lang }) => html`<li lang=${lang}>→ ${text}</li>`)}</ul>`;
 }

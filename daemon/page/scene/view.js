@@ -75,12 +75,18 @@ export function createView(canvas, { from = [2600, -2200, 1700], at = [500, 0, 5
   goHome();
   return {
     scene, camera, controls, renderer, draw,
-    /** Look at the box of these corners from the front, above. */
+    /** Look at the box of these corners from the front, above; the whole box is in view. */
     frame(low, high, direction = [0.75, -1, 0.6]) {
       home.at.set(...low.map((value, axis) => (value + high[axis]) / 2));
-      const radius = Math.hypot(...low.map((value, axis) => high[axis] - value)) / 2;
-      const far = (radius * 0.8) / Math.sin((camera.fov * Math.PI) / 360) / Math.min(1, Math.max(0.6, camera.aspect));
-      home.from.set(...direction).normalize().multiplyScalar(far).add(home.at);
+      const back = new Vector3(...direction).normalize();
+      const right = new Vector3().crossVectors(camera.up, back).normalize();
+      const up = new Vector3().crossVectors(back, right);
+      const slope = Math.tan((camera.fov * Math.PI) / 360) * 0.96;
+      const distances = [0, 1, 2, 3, 4, 5, 6, 7].map((bits) => {
+        const corner = new Vector3(...[0, 1, 2].map((axis) => (bits & (1 << axis) ? high[axis] : low[axis]))).sub(home.at);
+        return corner.dot(back) + Math.max(Math.abs(corner.dot(up)), Math.abs(corner.dot(right)) / camera.aspect) / slope;
+      });
+      home.from.copy(back).multiplyScalar(Math.max(...distances)).add(home.at);
       goHome();
     },
     dispose() {

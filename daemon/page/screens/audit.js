@@ -8,9 +8,9 @@ import { t } from '../state/words.js';
 export function Audit() {
   const [link, setLink] = useState('/audit?limit=50');
   const rows = useAsked(link);
-  const verified = useAsked('/audit/verified');
+  const verified = useAsked('/audit/verified', [], { late: true });
   return html`<div class="grid">
-    <${Card} title=${t('audit.chain')} id="chain"><${Missing} asked=${verified} none=${t('missing.wait')} />
+    <${Card} title=${t('audit.chain')} id="chain" brief><${Missing} asked=${verified} none=${t('missing.wait')} />
       ${verified.data && html`<p class="sentence">${verified.data.whole ? `✓ ${t('audit.whole')}` : `✕ ${t('audit.broken')}`}</p>
         <p class="quiet">${t('audit.rows', { count: verified.data.rows, at: moment(verified.data.checked_at) })}</p>`}
     </${Card}>

@@ -6,6 +6,7 @@ import { Uncertainty } from '../parts/in_force.js';
 import { LivePicture } from '../parts/live_picture.js';
 import { Missing, useAsked } from '../parts/loaded.js';
 import { placesOf } from '../parts/places.js';
+import { Cause } from '../parts/problem.js';
 import { Reasons } from '../parts/reasons.js';
 import { mm, moment } from '../state/numbers.js';
 import { devices, old, robot } from '../state/now.js';
@@ -60,6 +61,6 @@ export function driftWords({ standing, shift_mm, limit_mm }) {
 const DeviceList = () =>
   html`<ul class="plain devices ${old.value ? 'dimmed' : ''}">${devices.value.map(({ name, kind, connected, detail, last_error }) => html`<li>
     <b><span aria-hidden="true">${connected ? '●' : '✕'}</span> ${name ?? kind}</b> <span>${t(connected ? 'device.up' : 'device.down')}</span>
-    ${!connected && html`<p class="small quiet" lang="en">${last_error?.what ?? detail}${last_error?.fix && ` → ${last_error.fix}`}</p>`}
+    ${!connected && (last_error ? html`<${Cause} cause=${last_error} />` : html`<p class="small quiet" lang="en">${detail}</p>`)}
   </li>`)}</ul>
   <p><a href=${linkTo('devices')}>${t('cell.devices')}</a></p>`;

@@ -8,7 +8,7 @@ import { ask } from '../state/ask.js';
 import { moment } from '../state/numbers.js';
 import { may, old } from '../state/now.js';
 import { linkTo } from '../state/place.js';
-import { t } from '../state/words.js';
+import { sentences, t } from '../state/words.js';
 
 export function Devices() {
   const devices = useAsked('/devices', ['device']);
@@ -25,8 +25,8 @@ export function Devices() {
     ${list.map((device) => html`<${Device} device=${device} />`)}
     <${Card} title=${t('check.title')} id="check" wide="2"><p>${t('check.about')}</p>
       ${may('operator') ? html`<${Act} label=${t('check.start')} act=${check} />` : html`<p class="quiet">${t('missing.role')}</p>`}
-      ${checks && html`<ul class="findings">${checks.map(({ name, ok, what, fix }) => html`<li class=${ok ? 'info' : 'error'}>
-        <span class="mark" role="img" aria-label=${t(ok ? 'check.good' : 'check.bad')}>${ok ? '✓' : '✕'}</span><div><p lang="en"><b>${name}</b> ${what}</p>${!ok && fix && html`<p class="quiet" lang="en">→ ${fix}</p>`}</div></li>`)}</ul>`}
+      ${checks && html`<ul class="findings">${checks.map(({ name, ok, ...said }) => [name, ok, ...sentences([said.what, said.fix], [said.what_detail, said.fix_detail])]).map(([name, ok, what, fix]) => html`<li class=${ok ? 'info' : 'error'}>
+        <span class="mark" role="img" aria-label=${t(ok ? 'check.good' : 'check.bad')}>${ok ? '✓' : '✕'}</span><div><p><b>${name}</b> <span lang=${what.lang}>${what.text}</span></p>${!ok && fix.text && html`<p class="quiet" lang=${fix.lang}>→ ${fix.text}</p>`}</div></li>`)}</ul>`}
     </${Card}>
   </div>`;
 }

@@ -4,7 +4,7 @@ import { Card } from '../parts/card.js';
 import { Missing, useAsked } from '../parts/loaded.js';
 import { mm, moment } from '../state/numbers.js';
 import { linkTo } from '../state/place.js';
-import { t } from '../state/words.js';
+import { causeWords, t } from '../state/words.js';
 
 const KINDS = ['all', 'run', 'calibration', 'applied', 'scan'];
 
@@ -32,7 +32,7 @@ function rowsOf(runs = [], lists, scans = []) {
   return [
     ...runs.map((run) => ({
       kind: 'run', key: `r${run.id}`, at: run.created_at, link: linkTo('run', run.id), sign: sign(run.state), title: t(`kind.${run.kind}`),
-      words: html`${t(`state.${run.state}`)}${run.started_by && ` · ${run.started_by}`}${run.cause && html` · <span lang="en">${run.cause.what}</span>`}`,
+      words: html`${t(`state.${run.state}`)}${run.started_by && ` · ${run.started_by}`}${run.cause && html` · <span lang=${causeWords(run.cause).what.lang}>${causeWords(run.cause).what.text}</span>`}`,
     })),
     ...calibrations.map(({ id, created_at, accepted, point_mm, current }) => ({
       kind: 'calibration', key: `c${id}`, at: created_at, link: linkTo('result', id), sign: accepted ? '✓' : '✕', title: t('place.result'),

@@ -77,7 +77,7 @@ function Scan({ id }) {
   const scan = useAsked(path, ['scan', 'run', 'upload']);
   const [refine, setRefine] = useState(false);
   const views = scan.data?.views ?? [];
-  const report = useAsked(views.length ? `${path}/report?refine=${refine}&wait=15` : null);
+  const report = useAsked(views.length ? `${path}/report?refine=${refine}&wait=15` : null, [], { late: true });
   if (!scan.data) return html`<${Missing} asked=${scan} none=${t('scan.unknown')} />`;
   const quality = report.data?.views ? report.data : null;
   return html`<div class="grid">

@@ -10,7 +10,7 @@ import { ask } from '../state/ask.js';
 import { fixed, mm, moment } from '../state/numbers.js';
 import { may, note, ready, running } from '../state/now.js';
 import { go, linkTo } from '../state/place.js';
-import { t } from '../state/words.js';
+import { sentence, t } from '../state/words.js';
 
 export function Verify() {
   const drift = useAsked('/drift', ['drift', 'run', 'applied']);
@@ -34,9 +34,10 @@ export function Verify() {
 
 function Drift({ drift }) {
   const sign = { drifting: '▲', steady: '✓', learning: '…', off: '○' }[drift.standing];
+  const alarm = drift.alarm && sentence({ ...drift.alarm_detail, message: drift.alarm });
   const left = Math.max(0, drift.rules.learn - drift.verifications);
   return html`<p class="sentence" role="status">${sign} ${t(`standing.${drift.standing}`)}</p>
-    ${drift.alarm && html`<p class="note warn" role="alert" lang="en"><span class="mark" aria-hidden="true">!</span> ${drift.alarm}</p>`}
+    ${alarm && html`<p class="note warn" role="alert" lang=${alarm.lang}><span class="mark" aria-hidden="true">!</span> ${alarm.text}</p>`}
     ${drift.standing === 'learning' && html`<p class="quiet">${t('drift.left', { count: left })}</p>`}
     <${ControlChart} points=${drift.points} learn=${drift.rules.learn} limit_mm=${drift.limit_mm} />`;
 }

@@ -75,6 +75,7 @@ function take(message) {
 
 function takeLive(data) {
   now.refused.value = null;
+  if (now.heardAt.value === null) now.linked.value += 1;
   now.heardAt.value = performance.now();
   for (const name of ['robot', 'run', 'ready', 'devices', 'holder', 'look']) {
     if (name in data) now[name].value = data[name];

@@ -12,6 +12,7 @@ export const changed = signal({}); // a number a kind of event: screens that sho
 export const refused = signal(null); // why the stream is refused
 
 export const heardAt = signal(null); // on this tab's steady clock, ms
+export const linked = signal(0); // how often the stream was heard anew
 export const clock = signal(performance.now());
 
 export const OLD_S = 3;

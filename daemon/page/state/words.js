@@ -6,8 +6,11 @@ import { language } from './choices.js';
 
 const dictionary = signal({ tag: 'en', page: en, daemon: {} });
 
+/** Ends when the texts in the language chosen at first are there, or cannot be fetched. */
+export let spoken = Promise.resolve();
+
 effect(() => {
-  load(language.value);
+  spoken = load(language.value).catch(() => {});
 });
 
 async function load(tag) {
@@ -43,8 +46,7 @@ export function locale() {
 export function sentence({ id, params = {}, message }) {
   const { tag, daemon } = dictionary.value;
   if (tag === 'pseudo') return { text: pseudo(message ?? ''), lang: undefined };
-  const template = daemon[id];
-  const text = template && translated(daemon, id, params);
+  const text = id in daemon && id !== 'as-written' && translated(daemon, id, params);
   return text ? { text, lang: undefined } : { text: message ?? '', lang: tag === 'en' ? undefined : 'en' };
 }
 
@@ -55,6 +57,9 @@ function translated(table, id, params) {
     return null; // a part of it has no translation yet
   }
 }
+
+/** The texts `messages` in words, by their `details` { id, params } where the daemon gives them. */
+export const sentences = (messages, details = []) => messages.map((message, index) => sentence({ ...details[index], message }));
 
 /** A refusal or cause { code, what, fix } as { what, fix, detail }: in another language what its code means, and the English detail. */
 export function causeWords({ id, code, params, what, fix }) {

@@ -4,7 +4,6 @@ import gzip
 import hashlib
 import json
 import re
-from pathlib import Path
 
 import httpx
 import pytest
@@ -51,21 +50,17 @@ async def test_files_are_packed_for_those_who_unpack(bench: Bench) -> None:
 
 def test_the_shell_is_small() -> None:
     """At most 60 kB packed: what is fetched before the first screen, without the screens."""
-    shell = {FOLDER / "index.html", FOLDER / "page.css", *_imported_by(FOLDER / "app.js")}
-    assert FOLDER / "vendor" / "preact.js" in shell
-    assert FOLDER / "vendor" / "three.js" not in shell
-    assert sum(len(gzip.compress(path.read_bytes())) for path in shell) <= 60_000
+    shell = ("index.html", "page.css", *PageFiles().shell)
+    assert "vendor/preact.js" in shell
+    assert "vendor/three.js" not in shell
+    assert sum(len(gzip.compress((FOLDER / name).read_bytes())) for name in shell) <= 60_000
 
 
-def _imported_by(module: Path) -> set[Path]:
-    found, waiting = set[Path](), [module]
-    while waiting:
-        path = waiting.pop()
-        if path not in found:
-            found.add(path)
-            names = re.findall(r"^(?:import|export) [^;]*? from '([^']+)';", path.read_text(), re.MULTILINE)
-            waiting += [(path.parent / name).resolve() for name in names]
-    return found
+async def test_the_shell_is_fetched_at_once(bench: Bench) -> None:
+    """The index names every module of the shell: none waits until another has come, and imports it."""
+    index = (await bench.client.get("/page/")).text
+    named = re.findall(r'<(?:link rel="modulepreload" href|script type="module" src)="[0-9a-f]{16}/([^"]+)"', index)
+    assert sorted(named) == sorted(PageFiles().shell)
 
 
 def test_libraries_are_as_they_were_built() -> None:

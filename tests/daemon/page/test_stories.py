@@ -1,6 +1,7 @@
 """The page as people use it: from signing in to a calibration in force, by mouse, finger and keyboard; roles; links."""
 
 import asyncio
+import re
 from typing import Any
 
 import pytest
@@ -222,27 +223,58 @@ async def test_end_run_is_in_view_and_nothing_overflows(open_page: Opened, width
                 assert box["x"] >= 0 and box["x"] + box["width"] <= width and box["y"] + box["height"] <= 780
 
 
+PLACES = (
+    "sign-in", "cell", "calibrate", "run", "result", "verify", "scans", "devices", "history", "audit", "settings",
+    "help",
+)  # fmt: skip
+
+COUNT_SHIFTS = """
+    window.shifted = [];
+    new PerformanceObserver((list) => list.getEntries().forEach(({ hadRecentInput, value, sources }) => {
+        if (!hadRecentInput) shifted.push([value, sources.map(({ node }) => node?.outerHTML?.slice(0, 80))]);
+    })).observe({ type: 'layout-shift', buffered: true });
+"""
+"""As https://wicg.github.io/layout-instability: the share of the window that moved, times how far."""
+
+TWO_FRAMES = "() => new Promise((drawn) => requestAnimationFrame(() => requestAnimationFrame(drawn)))"
+
+MAX_LAYOUT_SHIFT = 0.1
+
+
+async def test_what_comes_late_moves_nothing(open_page: Opened) -> None:
+    """Every answer of the daemon is held back until the page is drawn without it, on each place."""
+    async with open_page("admin", viewport={"width": 412, "height": 780}) as page:
+        index = page.url.split("#")[0]
+        drawn = asyncio.Event()
+
+        async def answer(route: Any) -> None:
+            await drawn.wait()
+            await route.continue_()
+
+        await page.add_init_script(COUNT_SHIFTS)
+        await page.route(re.compile(r"^http://[^/]+/(?!page/)"), answer)
+        for place in PLACES:
+            drawn.clear()
+            await page.goto("about:blank")
+            await page.goto(f"{index}#/{place}")
+            await page.locator("dl.line").wait_for()
+            await page.evaluate(TWO_FRAMES)
+            drawn.set()
+            await page.locator("main .card").first.wait_for()
+            await page.get_by_text("● live").wait_for()
+            await page.evaluate(TWO_FRAMES)
+            shifts = await page.evaluate("shifted")
+            assert sum(value for value, _ in shifts) <= MAX_LAYOUT_SHIFT, (place, shifts)
+        await page.unroute_all(behavior="ignoreErrors")
+
+
 @pytest.mark.parametrize("theme", ["light", "dark"])
 @pytest.mark.parametrize("language", ["en", "de", "zh", "es"])
 async def test_axe_finds_nothing(open_page: Opened, axe: str, theme: str, language: str) -> None:
-    places = (
-        "sign-in",
-        "cell",
-        "calibrate",
-        "run",
-        "result",
-        "verify",
-        "scans",
-        "devices",
-        "history",
-        "audit",
-        "settings",
-        "help",
-    )
     async with open_page("admin", "cell", f"lang={language}&theme={theme}") as page:
         await page.locator("dl.line").wait_for()
         await page.evaluate(axe)
-        for place in places:
+        for place in PLACES:
             await page.evaluate("place => { location.hash = '#/' + place }", place)
             await page.locator("main .card").first.wait_for()
             await page.wait_for_timeout(150)
