@@ -44,6 +44,8 @@ DaemonError
 
 from typing import TYPE_CHECKING, ClassVar
 
+from calibration.sentences.sentence import Sentence
+
 if TYPE_CHECKING:
     from calibration.kinematics.joint_path import OutsideBox
 
@@ -107,7 +109,9 @@ class AbortHeld(CellNotReady):
 
     def __init__(self, holders: tuple[str, ...]) -> None:
         self.holders = holders
-        self.reasons = tuple(f"{holder} holds abort" for holder in holders) or ("a PLC has set abort",)
+        self.reasons = tuple(Sentence("plc-holds-abort", holder=holder) for holder in holders) or (
+            Sentence("a-plc-set-abort"),
+        )
         DaemonError.__init__(
             self, "; ".join(self.reasons), "clear abort in the PLC's control register (bit 4), then start again"
         )

@@ -1,5 +1,6 @@
 """calibration.json: what `handeyed solve DIR --json` prints and the daemon stores (mm, degrees, w first)."""
 
+from collections.abc import Sequence
 from typing import Any, Literal, get_args
 
 import numpy as np
@@ -106,6 +107,11 @@ class SentenceDocument(Document):
 
     id: str
     params: dict[str, JsonValue]
+
+    @staticmethod
+    def each_of(texts: Sequence[str]) -> "list[SentenceDocument]":
+        """One for each text; of the id "as-written" for those that no table holds."""
+        return [SentenceDocument(**as_sentence(text).pair()) for text in texts]
 
 
 class ReasonDocument(SentenceDocument):

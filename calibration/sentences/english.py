@@ -2,12 +2,13 @@
 
 A place {name:form} is filled by the parameter of that name, in Python's format language; `views` lists indices of
 views. Findings first; then what to do; then why a view is not used; then parts of other sentences. Those of the
-detection stand in `detection_english`.
+detection stand in `detection_english`, those of the cell's state in `cell_english`.
 """
 
 from collections.abc import Mapping
 from types import MappingProxyType
 
+from calibration.sentences.cell_english import CELL
 from calibration.sentences.detection_english import SEEN
 
 FINDINGS = {
@@ -366,5 +367,5 @@ PARTS = {
 }
 
 ENGLISH: Mapping[str, str] = MappingProxyType(
-    {**FINDINGS, **SESSION_CAUSES, **VIEW_CAUSES, **ADVICE, **VIEWS, **PARTS, **SEEN}
+    {**FINDINGS, **SESSION_CAUSES, **VIEW_CAUSES, **ADVICE, **VIEWS, **PARTS, **SEEN, **CELL}
 )

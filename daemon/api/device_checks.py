@@ -1,5 +1,6 @@
 """What `handeyed check` looks at, by the daemon that holds the devices. Nothing moves, and no scan is taken."""
 
+from calibration.sentences.sentence import Sentence
 from daemon.api.schemas.cell import CheckDocument
 from daemon.application import Application
 from daemon.cell.cell import motion_obstacles
@@ -17,15 +18,15 @@ async def check_devices(app: Application) -> list[CheckDocument]:
     links = {state.name: state for state in app.device_watch.states()}
     if (scanner := links.get("scanner")) is not None:
         fix = "" if scanner.connected or scanner.last_error is None else scanner.last_error.fix
-        results.append(CheckDocument(name="scanner", ok=scanner.connected, what=scanner.detail, fix=fix))
+        results.append(CheckDocument.of("scanner", scanner.connected, scanner.detail, fix))
     return results
 
 
 def _storage(app: Application) -> CheckDocument:
     reasons, free_gb = app.store.obstacles(), app.store.free_bytes() / 1e9
     if reasons:
-        return CheckDocument(name="storage", ok=False, what="; ".join(reasons), fix="see docs/runbook.md")
-    return CheckDocument(name="storage", ok=True, what=f"{app.store.folder}, {free_gb:.1f} GB free", fix="")
+        return CheckDocument.of("storage", False, "; ".join(reasons), "see docs/runbook.md")
+    return CheckDocument.of("storage", True, Sentence("check-storage", folder=str(app.store.folder), free_gb=free_gb))
 
 
 async def _robot(app: Application) -> CheckDocument:
@@ -33,15 +34,13 @@ async def _robot(app: Application) -> CheckDocument:
         reading = await app.readings.robot.read()
     except DeviceError as error:
         app.device_watch.note("robot", error)
-        return CheckDocument(name="robot", ok=False, what=error.what, fix=error.fix)
+        return CheckDocument.of("robot", False, error.what, error.fix)
     if reasons := motion_obstacles(reading.status):
-        found = "; ".join(reason.removeprefix("robot: ") for reason in reasons)
-        fix = "put this right at the controller"
-        return CheckDocument(name="robot", ok=False, what=f"answers, but {found}", fix=fix)
-    x, y, z = reading.pose.base_T_flange[:3, 3]
-    could = "could move" if app.cell.robot.capabilities.moves else "is read only: views are taken by hand"
-    what = f"answers and {could}; the flange stands at ({x:.1f}, {y:.1f}, {z:.1f}) mm"
-    return CheckDocument(name="robot", ok=True, what=what, fix="")
+        what = Sentence("check-robot-not-ready", reasons=list(reasons))
+        return CheckDocument.of("robot", False, what, Sentence("check-robot-fix"))
+    x_mm, y_mm, z_mm = reading.pose.base_T_flange[:3, 3]
+    could = "check-robot-moves" if app.cell.robot.capabilities.moves else "check-robot-reads"
+    return CheckDocument.of("robot", True, Sentence(could, x_mm=x_mm, y_mm=y_mm, z_mm=z_mm))
 
 
 async def _camera(app: Application) -> CheckDocument:
@@ -49,21 +48,24 @@ async def _camera(app: Application) -> CheckDocument:
         look = await app.looks.read()
     except DeviceError as error:
         app.device_watch.note("camera", error)
-        return CheckDocument(name="camera", ok=False, what=error.what, fix=error.fix)
+        return CheckDocument.of("camera", False, error.what, error.fix)
     width, height = look.size
-    picture, expected = f"a picture of {width} x {height}", app.settings.camera.intrinsics
+    expected = app.settings.camera.intrinsics
     if expected is not None and look.size != tuple(expected.image_size):
-        wanted = f"{expected.image_size[0]} x {expected.image_size[1]}"
-        what = f"{picture}, but the intrinsics are for {wanted}"
-        return CheckDocument(name="camera", ok=False, what=what, fix="correct one of them")
+        wanted_width, wanted_height = expected.image_size
+        size = {"width": width, "height": height, "wanted_width": wanted_width, "wanted_height": wanted_height}
+        what = Sentence("check-camera-size", **size)
+        return CheckDocument.of("camera", False, what, Sentence("check-camera-size-fix"))
     found = 0 if look.detection is None else len(look.detection.ids)
-    seen = f"it shows {found} of the target's {look.of} points" if found else "the target is not in view now"
-    return CheckDocument(name="camera", ok=True, what=f"{picture}; {seen}", fix="")
+    if not found:
+        return CheckDocument.of("camera", True, Sentence("check-camera-no-target", width=width, height=height))
+    what = Sentence("check-camera-points", width=width, height=height, found=found, of=look.of)
+    return CheckDocument.of("camera", True, what)
 
 
 async def _interlocks(app: Application) -> CheckDocument:
     try:
         await app.cell.require_interlocks()
     except InterlockOpen as error:
-        return CheckDocument(name="interlocks", ok=False, what=error.what, fix=error.fix)
-    return CheckDocument(name="interlocks", ok=True, what="all allow motion", fix="")
+        return CheckDocument.of("interlocks", False, error.what, error.fix)
+    return CheckDocument.of("interlocks", True, Sentence("check-interlocks"))

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING
 
+from calibration.sentences.sentence import Sentence
 from daemon.cell.camera_turns import CameraTurns
 from daemon.cell.capture_outputs import CaptureOutputs
 from daemon.cell.safe_stop import SafeStop
@@ -226,21 +227,26 @@ class Cell:
 
     def _stop_obstacle(self) -> tuple[str, ...]:
         unconfirmed = self.safe_stop.unconfirmed
-        return () if unconfirmed is None else (f"robot: {unconfirmed.warning}",)
+        return () if unconfirmed is None else (_of_device("robot", unconfirmed.warning),)
 
     async def _controller_obstacles(self) -> tuple[str, ...]:
         try:
             async with asyncio.timeout(MAX_STATUS_S):
-                return motion_obstacles(await self.robot.read_status())
+                obstacles = motion_obstacles(await self.robot.read_status())
+                return tuple(_of_device("robot", obstacle) for obstacle in obstacles)
         except TimeoutError:
-            return ("robot: it does not answer a status request",)
+            return (_of_device("robot", Sentence("status-unanswered")),)
         except DeviceError as error:
             return (str(error),)
 
     async def _interlock_obstacles(self) -> dict[str, str]:
         """The reason for each interlock that does not allow motion, by its name."""
         readings = await self._interlocks.readings() if self._interlocks else ()
-        return {reading.name: f"interlock {reading.name}: {reading.why}" for reading in readings if not reading.allows}
+        return {
+            reading.name: Sentence("interlock-not-allowing", name=reading.name, why=reading.why)
+            for reading in readings
+            if not reading.allows
+        }
 
     def scanner_obstacles(self) -> tuple[str, ...]:
         """Reasons why the scanner could not take a cloud now."""
@@ -275,17 +281,21 @@ class Cell:
                 log.warning("closing the %s: %s", name, error)
 
 
-def motion_obstacles(status: RobotStatus) -> tuple[str, ...]:
-    """Reasons why a controller in this status would not move the arm."""
+def motion_obstacles(status: RobotStatus) -> tuple[Sentence, ...]:
+    """Reasons why a controller in this status would not move the arm, such as "motors are off"."""
     checks = (
-        (status.emergency_stop, "robot: emergency stop is pressed"),
-        (not status.motors_on, "robot: motors are off"),
-        (not status.automatic, "robot: not in automatic mode"),
-        (not status.program_running, "robot: the cell program is not running"),
-        (status.moving, "robot: the arm is moving"),
+        (status.emergency_stop, "emergency-stop-pressed"),
+        (not status.motors_on, "motors-off"),
+        (not status.automatic, "not-automatic"),
+        (not status.program_running, "program-not-running"),
+        (status.moving, "arm-moving"),
     )
-    return tuple(reason for hit, reason in checks if hit)
+    return tuple(Sentence(reason) for hit, reason in checks if hit)
 
 
 def _link_obstacle(name: str, device: Robot | Camera | Scanner) -> tuple[str, ...]:
-    return () if device.link.connected else (f"{name}: {device.link.detail}",)
+    return () if device.link.connected else (_of_device(name, device.link.detail),)
+
+
+def _of_device(name: str, detail: str) -> Sentence:
+    return Sentence("of-device", device=name, detail=detail)

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 
+from calibration.sentences.sentence import Sentence
 from daemon.runtime.clock import Clock
 from daemon.runtime.event_bus import Publish
 from daemon.runtime.metrics import Metric
@@ -36,11 +37,11 @@ class StopReport:
         return self.confirmed.standing and self.confirmed.disarmed
 
     @property
-    def warning(self) -> str:
+    def warning(self) -> Sentence:
         """Such as "the arm is not confirmed to be stopped and disarmed: no reply for 2 s"."""
-        facts = (("stopped", self.confirmed.standing), ("disarmed", self.confirmed.disarmed))
-        missing = " and ".join(word for word, confirmed in facts if not confirmed)
-        return f"the arm is not confirmed to be {missing}: {self.why}"
+        standing, disarmed = self.confirmed.standing, self.confirmed.disarmed
+        missing = "disarmed" if standing else "standing" if disarmed else "both"
+        return Sentence(f"stop-unconfirmed-{missing}", why=self.why)
 
 
 class SafeStop:

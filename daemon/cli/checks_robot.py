@@ -33,7 +33,7 @@ async def check_robot(robot: Robot, settings: Settings) -> CheckResult:
     pose = await robot.read_pose()
     at = ", ".join(f"{value:.1f}" for value in pose.base_T_flange[:3, 3])
     if reasons:
-        found = "; ".join(reason.removeprefix("robot: ") for reason in reasons)
+        found = "; ".join(reasons)
         return CheckResult("robot", False, f"answers, but {found}", "put this right at the controller")
     frame_problem = await _base_frame_problem(robot, settings.robot)
     if frame_problem is not None:

@@ -5,11 +5,12 @@ from dataclasses import dataclass, field
 
 from calibration.documents.calibration import CalibrationDocument
 from calibration.monitoring.control_chart import ChartPoint, DriftRules, DriftStanding, chart, scatter_limit_mm
+from calibration.sentences.sentence import Sentence
 from calibration.transforms import Array
 from daemon.config.settings import DriftSettings, Settings
 from daemon.drift.samples import ChartEntry, robot_noise_mm
 
-CALIBRATE = "calibrate before parts go wrong, see docs/plc.md; or look whether the target was moved"
+CALIBRATE = Sentence("calibrate-or-look")
 
 Vector = tuple[float, float, float]
 
@@ -121,13 +122,7 @@ def _max_scatter_mm(
 
 def _alarm(last: ChartPoint, scatter_mm: float, limit_mm: float | None) -> str | None:
     if last.standing is DriftStanding.DRIFTING:
-        return (
-            f"drift: the fixed target seems to have moved by {last.drift_mm:.3f} mm, by chance at most"
-            f" {last.limit_mm:.3f} mm: {CALIBRATE}"
-        )
+        return Sentence("drift-moved", drift_mm=last.drift_mm, limit_mm=last.limit_mm, fix=CALIBRATE)
     if limit_mm is not None and scatter_mm > limit_mm:
-        return (
-            f"drift: the target scatters by {scatter_mm:.3f} mm over the positions, the calibration explains at most"
-            f" {limit_mm:.3f} mm: {CALIBRATE}"
-        )
+        return Sentence("drift-scatter", scatter_mm=scatter_mm, limit_mm=limit_mm, fix=CALIBRATE)
     return None

@@ -6,6 +6,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 
 from calibration.errors import CalibrationError
+from calibration.sentences.sentence import Sentence
 from daemon.access.actor_names import DRIFT_SCHEDULE
 from daemon.errors import CellBusy, CellNotReady, DaemonError, RunInProgress
 from daemon.model.requests import VerifyRequest
@@ -79,7 +80,7 @@ class DriftSchedule:
     def warnings(self) -> list[str]:
         """Why nothing is scheduled, for GET /ready."""
         why = self._skip_reason() if self.every_s > 0 else ""
-        return [f"the drift schedule verifies nothing until somebody starts a run: {why}"] if why else []
+        return [Sentence("schedule-waits", why=why)] if why else []
 
     async def _verify_when_due(self) -> None:
         due_s = self.clock.monotonic_s() + self.every_s
@@ -132,13 +133,13 @@ class DriftSchedule:
         """Why the schedule must not move the arm now; empty when it may, or when a run is in progress."""
         latest = self.operations.supervisor.latest
         if latest is None:
-            return "the daemon has been started"
+            return Sentence("schedule-daemon-started")
         if not latest.over:
             return ""
         if latest.state is not RunState.FINISHED:
-            return f"run {latest.id} {latest.state}"
+            return Sentence("schedule-run-ended", run=latest.id, state=str(latest.state))
         if latest.request.get("manual"):
-            return f"in run {latest.id} the arm was moved by hand"
+            return Sentence("schedule-moved-by-hand", run=latest.id)
         return self._withdrawn_because if latest.id == self._withdrawn_run else ""
 
     def _withdraw(self, run_id: str, why: str) -> None:

@@ -10,6 +10,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from calibration.sentences.sentence import Sentence
 from daemon.config.settings import StorageSettings
 from daemon.errors import NoCalibration, StorageError
 from daemon.model.records import RunRecord
@@ -94,7 +95,7 @@ class Retention:
         room = max(0, int(free / self._run_bytes))
         if room >= MIN_ROOM_RUNS:
             return []
-        return [f"the disk of {self.store.folder} has room for about {room} more runs: free some, or lower keep_runs"]
+        return [Sentence("disk-few-runs", folder=str(self.store.folder), runs=room)]
 
     def families(self) -> Iterable[Metric]:
         return [

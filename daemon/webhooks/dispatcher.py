@@ -11,6 +11,7 @@ from pathlib import Path
 
 import httpx
 
+from calibration.sentences.sentence import Sentence
 from daemon.config.server_settings import WebhookSettings
 from daemon.errors import StorageError
 from daemon.runtime.clock import Clock
@@ -68,7 +69,7 @@ class WebhookDispatcher:
     def warnings(self) -> list[str]:
         """A warning for each receiver with MIN_FAILURES_TO_WARN or more failed attempts."""
         return [
-            f"webhook {name} has not taken anything at the last {count} attempts: look at its server and the log"
+            Sentence("webhook-refused", receiver=name, attempts=count)
             for name, count in self.failures.items()
             if count >= MIN_FAILURES_TO_WARN
         ]

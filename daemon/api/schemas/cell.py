@@ -5,6 +5,7 @@ from typing import Literal
 
 from pydantic import JsonValue
 
+from calibration.documents.calibration import SentenceDocument
 from calibration.documents.pose import PoseDocument, Vector
 from calibration.documents.session import CameraDocument
 from calibration.documents.target import TargetDocument
@@ -188,12 +189,19 @@ class DeviceDocument(LiveDevice):
 
 
 class CheckDocument(Answer):
-    """One thing that was checked: `what` was found, and what to do when it is not well."""
+    """One thing that was checked: `what` was found, and what to do when it is not well; and what both are made of."""
 
     name: str
     ok: bool
     what: str
     fix: str
+    what_detail: SentenceDocument
+    fix_detail: SentenceDocument
+
+    @classmethod
+    def of(cls, name: str, ok: bool, what: str, fix: str = "") -> "CheckDocument":
+        what_detail, fix_detail = SentenceDocument.each_of((what, fix))
+        return cls(name=name, ok=ok, what=what, fix=fix, what_detail=what_detail, fix_detail=fix_detail)
 
 
 class CheckList(Answer):

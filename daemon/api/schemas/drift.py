@@ -2,6 +2,7 @@
 
 from typing import Literal
 
+from calibration.documents.calibration import SentenceDocument
 from daemon.api.schemas.answer import EXAMPLE_AT, EXAMPLE_ID, Answer, example
 from daemon.config.settings import DriftSettings
 from daemon.drift.chart import DriftChart
@@ -35,13 +36,13 @@ class DriftPointDocument(Answer):
 class DriftDocument(Answer):
     """The control chart of the calibration in force; "off" without one. `points`: the oldest first.
 
-    `alarm`: a sentence, or null. `scatter_limit_mm`: the largest scatter of the last verification that is explained by
-    the calibration's uncertainty and the robot's noise.
+    `alarm`: a sentence, or null; `alarm_detail`: what it is made of. `scatter_limit_mm`: the largest scatter of the
+    last verification that is explained by the calibration's uncertainty and the robot's noise.
     """
 
     model_config = example(
         standing="steady", calibration_id=EXAMPLE_ID, verifications=1, shift_mm=0.021, limit_mm=0.094, scatter_mm=0.04,
-        scatter_limit_mm=0.16, alarm=None,
+        scatter_limit_mm=0.16, alarm=None, alarm_detail=None,
         rules={"weight": 0.2, "learn": 5, "allowed_mm": 0.0, "runs_between_false_alarms": 1000.0},
         points=[{"run_id": EXAMPLE_ID, "at": EXAMPLE_AT, "standing": "steady", "shift_mm": [0.03, -0.01, 0.02],
                  "average_mm": [0.017, -0.004, 0.012], "drift_mm": 0.021, "limit_mm": 0.094, "scatter_mm": 0.04}],
@@ -55,6 +56,7 @@ class DriftDocument(Answer):
     scatter_mm: float
     scatter_limit_mm: float | None
     alarm: str | None
+    alarm_detail: SentenceDocument | None
     rules: DriftRulesDocument
     points: list[DriftPointDocument]
 
@@ -70,6 +72,7 @@ class DriftDocument(Answer):
             scatter_mm=report.scatter_mm,
             scatter_limit_mm=report.scatter_limit_mm,
             alarm=report.alarm,
+            alarm_detail=None if report.alarm is None else SentenceDocument.each_of([report.alarm])[0],
             rules=DriftRulesDocument(**settings.model_dump(include=set(DriftRulesDocument.model_fields))),
             points=[DriftPointDocument(**{**vars(point), "standing": point.standing.value})
                     for point in chart.points[-limit:]],

@@ -4,6 +4,7 @@ from typing import Literal
 
 from pydantic import ConfigDict
 
+from calibration.documents.calibration import SentenceDocument
 from daemon.api.schemas.answer import Answer, example
 
 
@@ -18,21 +19,29 @@ class HealthDocument(Answer):
 
 
 class Readiness(Answer):
-    """Whether this could be done now, and the reasons if not."""
+    """Whether this could be done now, and the reasons if not; `reason_details`: what each is made of."""
 
-    model_config = example(ready=False, reasons=["robot: motors are off"])
+    model_config = example(
+        ready=False,
+        reasons=["robot: motors are off"],
+        reason_details=[
+            {"id": "of-device", "params": {"device": "robot", "detail": {"id": "motors-off", "params": {}}}}
+        ],
+    )
 
     ready: bool
     reasons: list[str]
+    reason_details: list[SentenceDocument]
 
 
 class ReadyDocument(Answer):
-    """`ready` when something can be done now: calibrate or register."""
+    """`ready` when something can be done now: calibrate or register. `warning_details`: what each is made of."""
 
     ready: bool
     calibrate: Readiness
     register_: Readiness
     warnings: list[str]
+    warning_details: list[SentenceDocument]
 
     model_config = ConfigDict(frozen=True, serialize_by_alias=True, alias_generator=lambda name: name.rstrip("_"),
                               populate_by_name=True)  # fmt: skip

@@ -61,7 +61,7 @@ async def test_the_first_message_is_whole_and_the_next_have_what_has_changed(tmp
         first = await heard.next()
         assert set(first) == KEYS
         assert first["run"] is first["holder"] is None
-        assert first["ready"]["calibrate"] == {"ready": True, "reasons": []}
+        assert first["ready"]["calibrate"] == {"ready": True, "reasons": [], "reason_details": []}
         assert first["robot"]["mode"] == "automatic"
         assert first["robot"]["model"] == "IRB 1600-6/1.45"
         assert first["robot"]["skeleton_mm"][0] == [0.0, 0.0, 0.0]
