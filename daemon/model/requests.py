@@ -2,7 +2,7 @@
 
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, ConfigDict, Field, PositiveFloat, model_validator
+from pydantic import AfterValidator, ConfigDict, Field, model_validator
 
 from calibration.documents.requirement import Tolerance
 from calibration.documents.target import TargetDocument
@@ -52,7 +52,7 @@ class CalibrateRequest(Document):
 
     poses: Annotated[tuple[TaughtPose, ...], Field(min_length=3, max_length=100)] | None = None
     count: Annotated[int, Field(ge=3, le=100)] | None = None
-    uncertainty_mm: PositiveFloat | None = None
+    uncertainty_mm: Tolerance | None = None
     tolerance_mm: Tolerance | None = None
     target: TargetDocument | None = None
     manual: bool = False
