@@ -20,7 +20,14 @@ from daemon.cell.motion_rules import MotionRules
 from daemon.config.settings import Settings, TaughtPose
 from daemon.errors import CalibrationUnusable, CellNotReady, NoCalibration, NoPoses, NotFound, ToleranceLoosened
 from daemon.model.records import AppliedCalibration, CalibrationRecord, RunKind, RunRecord, ScanRecord, ScanViewRecord
-from daemon.model.requests import ApplyRequest, CalibrateRequest, ScanRequest, SolveRequest, VerifyRequest
+from daemon.model.requests import (
+    ApplyRequest,
+    CalibrateRequest,
+    ObservationsRequest,
+    ScanRequest,
+    SolveRequest,
+    VerifyRequest,
+)
 from daemon.model.run_states import RunState
 from daemon.runs.adaptive_sequence import AdaptiveSequence
 from daemon.runs.calibration_run import CalibrationRun
@@ -42,7 +49,7 @@ from daemon.runs.verification_run import VerificationRun, WithoutFirstView
 from daemon.runtime.clock import Clock
 from daemon.runtime.workers import Workers
 from daemon.scans.scan_service import ScanService
-from daemon.sessions.session_reader import load_problem, open_session
+from daemon.sessions.session_reader import load_problem, open_session, problem_without_files
 from daemon.sessions.session_writer import SessionWriter
 from daemon.store.store import Store
 from drivers.interfaces import PoseReading
@@ -135,6 +142,21 @@ class Operations:
             _solve_without, self.store.run_folder(run.id), request, calibration, new_id, self.clock.timestamp()
         )
         record = CalibrationRecord(new_id, run.id, document.created_at, document.verdict.accepted, document)
+        await self.store.save_calibration(record)
+        return record
+
+    async def solve_observations(self, session: ObservationsRequest, new_id: str) -> CalibrationRecord:
+        """Solve views that another program has taken and measured, and store the result; nothing is applied.
+
+        Raises RunInProgress, WorkersBusy, DocumentError, StorageError.
+        """
+        self.supervisor.require_free()
+        await self.store.require_ready()
+        run = replace(self._calibration_run(CalibrateRequest(), compared=False), expected=None)
+        document = await self.merge_workers.run_if_free(
+            _solve_observations, session, run, new_id, self.clock.timestamp()
+        )
+        record = CalibrationRecord(new_id, None, document.created_at, document.verdict.accepted, document)
         await self.store.save_calibration(record)
         return record
 
@@ -318,6 +340,13 @@ def _solve_without(
     problem = load_problem(open_session(folder))
     views = tuple(view for view in problem.views if view.index not in request.without)
     return run.solve(replace(problem, views=views), calibration_id, created_at, request.method)
+
+
+def _solve_observations(
+    session: ObservationsRequest, run: CalibrationRun, calibration_id: str, created_at: str
+) -> CalibrationDocument:
+    """Solve a session that needs no file. Raises DocumentError."""
+    return run.solve(problem_without_files(session, "request body"), calibration_id, created_at)
 
 
 def check_usable(calibration: CalibrationRecord, request: ApplyRequest) -> None:

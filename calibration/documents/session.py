@@ -58,6 +58,10 @@ IN_SPACE = ("cloud", "points_mm", "camera_T_target")
 """Those of them that need no intrinsics."""
 
 
+FILES = ("image", "cloud")
+"""Those of them that are files beside session.json."""
+
+
 class ViewDocument(Document):
     """One station: an image, or the detection or measurement already made.
 

@@ -111,10 +111,18 @@ class JsonBody(Generic[Model]):
     """A dependency that parses the JSON body as `model`, an empty one as {}; `build_openapi` documents the model."""
 
     model: type[Model]
+    max_values: int = MAX_JSON_VALUES
 
     async def __call__(self, request: Request) -> Model:
-        """Raises DocumentError, BodyMalformed."""
-        return validate_json(self.model, _json(await request.body()), ORIGIN)
+        """Raises DocumentError, BodyMalformed; WorkersBusy for a body that may be large, checked in a thread."""
+        content = await request.body()
+        if self.max_values <= MAX_JSON_VALUES:
+            return self._parse(content)
+        application: Application = request.app.state.application
+        return await application.service_workers.run_if_free(self._parse, content)
+
+    def _parse(self, content: bytes) -> Model:
+        return validate_json(self.model, _json(content, self.max_values), ORIGIN)
 
 
 class _Nothing(Document):
@@ -126,11 +134,11 @@ async def no_body(request: Request) -> None:
     await JsonBody(_Nothing)(request)
 
 
-def _json(content: bytes) -> Any:
+def _json(content: bytes, max_values: int) -> Any:
     if not content.strip():
         return {}
-    if content.count(b",") > MAX_JSON_VALUES:
-        what = f"the body holds more than {MAX_JSON_VALUES} values"
+    if content.count(b",") > max_values:
+        what = f"the body holds more than {max_values} values"
         raise BodyMalformed(what, "send less: a hundred poses are 1500 values")
     try:
         return json.loads(content.decode())

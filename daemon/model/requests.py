@@ -5,6 +5,7 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, ConfigDict, Field, model_validator
 
 from calibration.documents.requirement import Tolerance
+from calibration.documents.session import SessionDocument
 from calibration.documents.target import TargetDocument
 from calibration.documents.validation import Document
 from daemon.access.actor_names import imitates_actor, validate_key_name
@@ -16,6 +17,7 @@ def _examples(*bodies: dict[str, Any]) -> ConfigDict:
     return ConfigDict(json_schema_extra={"examples": list(bodies)})
 
 
+_SEEN = {"translation_mm": [12.0, -8.0, 520.0], "quaternion_wxyz": [0.0, 1.0, 0.0, 0.0]}
 _POSE = {"translation_mm": [900.0, -250.0, 900.0], "quaternion_wxyz": [0.0, 0.6, 0.8, 0.0]}
 
 Stations = Annotated[tuple[TaughtPose, ...], Field(min_length=1, max_length=100)]
@@ -165,6 +167,22 @@ class PairingRequest(Document):
     model_config = _examples({}, {"role": "viewer"})
 
     role: Literal["viewer", "operator", "admin"] | None = None
+
+
+class ObservationsRequest(SessionDocument):
+    """A session as in session.json whose views need no file: a robot pose each, and what another program has measured.
+
+    `corners_px`: [id, u, v] of the target's points in a picture; `points_mm`: [id, x, y, z] of them in the camera's
+    frame; `camera_T_target`: the target's pose in the camera, with its `covariance` where that is known.
+    """
+
+    model_config = _examples(
+        {
+            "schema_version": 1,
+            "setup": "eye-in-hand",
+            "views": [{"base_T_flange": _POSE, "camera_T_target": _SEEN}] * 3,
+        }
+    )
 
 
 class SolveRequest(Document):

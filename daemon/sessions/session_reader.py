@@ -12,8 +12,8 @@ from pathlib import Path, PurePosixPath
 
 import numpy as np
 
-from calibration.documents.session import SessionDocument, ViewDocument
-from calibration.documents.validation import parse_document, with_heading
+from calibration.documents.session import FILES, SessionDocument, ViewDocument
+from calibration.documents.validation import limit_problems, parse_document, with_heading
 from calibration.errors import DetectionError, DocumentError, DocumentProblem
 from calibration.problem import Detection, MeasuredPoints, MeasuredPose, Measurement, Problem, View
 from calibration.sentences.sentence import with_fix
@@ -25,6 +25,9 @@ from daemon.sessions.view_detection import detect_in_file
 
 Progress = Callable[[int, int], None]
 """Called with (views done, views in all), from the calling thread."""
+
+
+WITHOUT_FILES = "give corners_px, points_mm or camera_T_target, or solve the folder with 'handeyed solve'"
 
 
 @dataclass(frozen=True)
@@ -48,10 +51,27 @@ def open_session(path: Path) -> SessionFolder:
             str(folder), "folder", "not there" if not folder.exists() else "not a folder", "check the path"
         )
     document = parse_document(SessionDocument, read_document(file), str(file))
-    problems = [problem for check in _CHECKS for problem in check(document)]
-    if problems:
-        raise DocumentError(str(file), with_heading(SessionDocument, problems))
+    _require_sound(document, str(file))
     return SessionFolder(folder, document)
+
+
+def problem_without_files(document: SessionDocument, origin: str) -> Problem:
+    """The Problem of a session whose views need no file; `origin` names it in errors. Raises DocumentError."""
+    named = [
+        DocumentProblem(f"views[{index}].{view.observation}", "a file does not come with a request", WITHOUT_FILES)
+        for index, view in enumerate(document.views)
+        if view.observation in FILES
+    ]
+    if named:
+        raise DocumentError(origin, limit_problems(named, len(named)))
+    _require_sound(document, origin)
+    return load_problem(SessionFolder(Path(), document))
+
+
+def _require_sound(document: SessionDocument, origin: str) -> None:
+    """Raises DocumentError with all problems beyond the document's types."""
+    if problems := [problem for check in _CHECKS for problem in check(document)]:
+        raise DocumentError(origin, with_heading(SessionDocument, problems))
 
 
 def load_problem(session: SessionFolder, progress: Progress = lambda done, of: None) -> Problem:

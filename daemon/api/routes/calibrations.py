@@ -35,8 +35,12 @@ from daemon.api.problems import problem_responses
 from daemon.api.schemas.answer import page_json
 from daemon.api.schemas.calibrations import AppliedDocument, CalibrationList, CalibrationSummary, CurrentCalibration
 from daemon.errors import NoCalibration, NotFound
-from daemon.model.requests import ApplyRequest, SolveRequest
+from daemon.model.records import CalibrationRecord
+from daemon.model.requests import ApplyRequest, ObservationsRequest, SolveRequest
 from daemon.store.page_filters import PageFilters
+
+MAX_SESSION_VALUES = 40_000
+"""Commas of a session in a request: a hundred views of a hundred points in space."""
 
 router = APIRouter(prefix="/calibrations", tags=["calibrations"])
 
@@ -63,6 +67,20 @@ async def calibrations(app: App, limit: Limit = 50, before: Before = None, accep
         return page_json("calibrations", found, following, applied=applied)
 
     return await respond_page(app, as_json)
+
+
+@router.post(
+    "",
+    response_model=CalibrationDocument,
+    status_code=201,
+    responses=problem_responses(400, 409, 413, 422, 429, 500, 507),
+)
+async def solve(
+    app: App, body: Annotated[ObservationsRequest, Depends(JsonBody(ObservationsRequest, MAX_SESSION_VALUES))]
+) -> Response:
+    """Solve views that another program has taken: session.json whose views hold `corners_px`, `points_mm` or
+    `camera_T_target`. A calibration of its own, not applied. 409 while a run is in progress."""
+    return _made(await app.operations.solve_observations(body, app.new_id()))
 
 
 @router.get(
@@ -122,9 +140,7 @@ async def solve_again(
 ) -> Response:
     """Solve the same pictures again, `without` some of the views or with another method: a calibration of its own,
     not applied. 409 while a run is in progress."""
-    made = await app.operations.solve_again(calibration_id, body, app.new_id())
-    headers = {"Location": f"/calibrations/{made.id}"}
-    return Response(made.document.model_dump_json(), 201, headers, media_type="application/json")
+    return _made(await app.operations.solve_again(calibration_id, body, app.new_id()))
 
 
 @router.post(
@@ -154,6 +170,11 @@ async def apply(
     applied = await app.operations.apply(calibration_id, body, parse_if_match(if_match))
     response.headers["ETag"] = tag_of(applied.sequence)
     return AppliedDocument.of(applied)
+
+
+def _made(record: CalibrationRecord) -> Response:
+    headers = {"Location": f"/calibrations/{record.id}"}
+    return Response(record.document.model_dump_json(), 201, headers, media_type="application/json")
 
 
 def _by(given: str, caller: Caller) -> str:
