@@ -26,11 +26,10 @@ class MappedPoint:
     weights: Array
 
     @classmethod
-    def of(cls, used: Set[int], scale: float, camera: CameraModel, camera_T_target: Array) -> "MappedPoint | None":
-        """At the median distance of the target's poses (n, 4, 4); None where the camera's model has no inverse."""
+    def of(cls, used: Set[int], scale: float, camera: CameraModel, camera_T_target: Array) -> "MappedPoint":
+        """At the median distance of the target's poses (n, 4, 4)."""
         distance_mm = float(np.median(np.linalg.norm(camera_T_target[:, :3, 3], axis=1)))
-        weights = point_weights(working_points_mm(camera, distance_mm))
-        return cls(used, scale, weights) if np.all(np.isfinite(weights)) else None
+        return cls(used, scale, point_weights(working_points_mm(camera, distance_mm)))
 
     def shift_mm(self, cause: Hypothesis) -> float | None:
         """RMS shift of the point under the cause, less what the uncertainty of its own X explains; the largest X's.

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from calibration.camera import CameraModel
+from calibration.camera import BROWN, CameraModel
 from calibration.likelihood.chain import Chain
 from calibration.likelihood.mapped_points import (
     NamedPoint,
@@ -137,11 +137,18 @@ def median_distance_mm(scene: Scene, base_T_flange: Array) -> float:
 def working_points_mm(camera: CameraModel, distance_mm: float) -> Array:
     """The 27 points (27, 3) in the camera frame at which `point_mm` is taken.
 
-    3×3 over the central 80 % of the image, at 0.9, 1.0 and 1.1 times the distance (along the optical axis).
+    3×3 over the central 80 % of the image, at 0.9, 1.0 and 1.1 times the distance (along the optical axis). An
+    estimated lens may have no inverse where no target was seen; the direction is then that without distortion.
     """
     width, height = camera.image_size
     u, v = np.meshgrid(np.array([0.1, 0.5, 0.9]) * (width - 1), np.array([0.1, 0.5, 0.9]) * (height - 1))
-    rays = np.column_stack([camera.normalise(np.column_stack([u.ravel(), v.ravel()])), np.ones(9)])
+    pixels = np.column_stack([u.ravel(), v.ravel()])
+    found = camera.normalise(pixels)
+    if not np.all(np.isfinite(found)):
+        found = np.where(
+            np.isfinite(found), found, CameraModel(camera.matrix, np.zeros(BROWN), (width, height)).normalise(pixels)
+        )
+    rays = np.column_stack([found, np.ones(9)])
     points: Array = (np.array([0.9, 1.0, 1.1])[:, None, None] * distance_mm * rays).reshape(-1, 3)
     return points
 
