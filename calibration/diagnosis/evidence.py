@@ -26,6 +26,7 @@ class Evidence:
     base_T_flange, camera_T_target : (n, 4, 4).
     covariance : (n, 6, 6) of exp(.) @ camera_T_target, [rad, mm].
     redundancy : (n,) pixel coordinates less the six parameters of a pose: degrees of freedom of the covariance.
+    joints_rad : (n, axes) as the robot reported them; None where they were not recorded with every view.
     """
 
     setup: Setup
@@ -34,6 +35,7 @@ class Evidence:
     camera_T_target: Array
     covariance: Array
     redundancy: Array
+    joints_rad: Array | None = None
 
     def __len__(self) -> int:
         return len(self.indices)
@@ -47,6 +49,7 @@ class Evidence:
             self.camera_T_target[chosen],
             self.covariance[chosen],
             self.redundancy[chosen],
+            None if self.joints_rad is None else self.joints_rad[chosen],
         )
 
     def with_robot_poses(self, base_T_flange: Array) -> "Evidence":
@@ -80,7 +83,10 @@ def evidence_of(problem: Problem, seen: Observations, camera: CameraModel, camer
     covariance = pixel**2 * scaled_inverse(statistics.normal)
     indices = np.array([problem.views[position].index for position in seen.positions], np.intp)
     redundancy = np.maximum(statistics.count - 6.0, 1.0)
-    return Evidence(problem.setup, indices, seen.base_T_flange, camera_T_target, covariance, redundancy)
+    joints = [joints for position in seen.positions if (joints := problem.views[position].joints_rad) is not None]
+    recorded = len(joints) == len(indices) and len({len(one) for one in joints}) == 1
+    joints_rad = np.array(joints) if recorded else None
+    return Evidence(problem.setup, indices, seen.base_T_flange, camera_T_target, covariance, redundancy, joints_rad)
 
 
 def pixel_deviation(statistics: PixelStatistics) -> float:

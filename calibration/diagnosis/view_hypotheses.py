@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from calibration.diagnosis.evidence import Evidence
 from calibration.diagnosis.fit import Fit, fits
 from calibration.diagnosis.hypothesis import Hypothesis
+from calibration.diagnosis.pose_errors import p_value_beside_pose_errors
 from calibration.diagnosis.significance import NoisePosterior
 from calibration.sentences.sentence import Sentence
 from calibration.transforms import Array, inverse, transform, vector_from_transform
@@ -32,6 +33,10 @@ MIN_VIEWS_PER_SIDE = 2
 
 MIN_VIEWS_FOR_CHANGE = 6
 """Least views for the 18 unknowns of a change."""
+
+
+MAX_SMALL_CHANCE = 1e-3
+"""A change with a larger p value is not named, whatever the number of alternatives."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -176,21 +181,28 @@ def change_message(change: Change, views: Sequence[int]) -> Sentence:
     return Sentence(change.code, view=view)
 
 
-def x_change_p_value(_: Evidence, fitted: Fit) -> float:
+def x_change_p_value(evidence: Evidence, fitted: Fit) -> float:
     """Probability that a constant X appears as different before and after."""
-    return _change_p_value(fitted, fitted.mount_T_camera, 0)
+    return _change_p_value(evidence, fitted, fitted.mount_T_camera, 0)
 
 
-def y_change_p_value(_: Evidence, fitted: Fit) -> float:
+def y_change_p_value(evidence: Evidence, fitted: Fit) -> float:
     """Probability that a constant target's pose appears as different before and after."""
-    return _change_p_value(fitted, fitted.anchor_T_target, 6)
+    return _change_p_value(evidence, fitted, fitted.anchor_T_target, 6)
 
 
-def _change_p_value(fitted: Fit, poses: Array, first: int) -> float:
-    """p value of the change between `poses` (2, 4, 4); `first`: index of their first parameter among the unknowns."""
+def _change_p_value(evidence: Evidence, fitted: Fit, poses: Array, first: int) -> float:
+    """p value of the change between `poses` (2, 4, 4); `first`: index of their first parameter among the unknowns.
+
+    The larger one of that beside independent errors of the robot and, where those say it is small, of that beside
+    errors that follow the pose.
+    """
     before, after = poses
     between = inverse(before) @ after
     step = vector_from_transform(between)
     by_unknowns = np.zeros((6, fitted.by_shared.shape[2]))
     by_unknowns[:, first : first + 6], by_unknowns[:, first + 6 : first + 12] = -np.eye(6), np.eye(6)
-    return NoisePosterior.of(fitted).p_value_of(step, by_unknowns)
+    chance = NoisePosterior.of(fitted).p_value_of(step, by_unknowns)
+    if chance > MAX_SMALL_CHANCE:
+        return chance
+    return max(chance, p_value_beside_pose_errors(evidence, fitted, step, by_unknowns))
