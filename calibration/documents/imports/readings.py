@@ -32,6 +32,18 @@ SAME_POSE = 1e-6
 BATCH = 40
 """Readings fitted together."""
 
+MAX_SIZE_RATIO = 10.0
+"""Largest ratio of the target's true lengths to those that are given, or the reverse, that is looked for."""
+
+SIZE_STEP, FINE_SIZE_STEP = 1.05, 1.002
+"""Ratios of neighbouring sizes that are tried: all, then around the best."""
+
+MIN_RESIZED_MM = 1.0
+"""Disagreement of robot and images, mm, from which on other sizes are tried: robots err by less."""
+
+MAX_RESIZED_READINGS = 3
+"""Likeliest readings with which other sizes of the target are tried."""
+
 
 @dataclass(frozen=True)
 class Reading:
@@ -134,7 +146,7 @@ def decide(table: PoseTable, compared: Sequence[Compared], evidence: Evidence | 
     agreement = f"robot and images agree to {_noise(best.fit)}"
     if not best.possible and others:
         words = f"none fits: {best.readings[0].words} is the nearest, and {agreement}"
-        return Decision(None, words, (best.readings[0],))
+        return Decision(None, words + _other_size(table, compared, evidence), (best.readings[0],))
     if others:
         assert others[0].fit is not None
         n = min(len(evidence), MAX_COMPARED_VIEWS)
@@ -144,11 +156,43 @@ def decide(table: PoseTable, compared: Sequence[Compared], evidence: Evidence | 
             words = f"{best.readings[0].words} and {others[0].readings[0].words} fit alike"
             return Decision(None, words, (best.readings[0], others[0].readings[0]))
         agreement += f"; next best {others[0].readings[0].words}: {times:.3g} times worse"
+        if best.fit.robot_translation_mm > MIN_RESIZED_MM:
+            agreement += _other_size(table, compared[:1], evidence)
     if len(named := _named_apart(best.readings)) > 1:
         alike = " and ".join(f"{one.setup} with {one.frame}" for one in named)
         words = f"fits: {best.readings[0].convention.name}: {agreement}; but {alike} are the same equations"
         return Decision(None, words, named)
     return Decision(best.readings[0], f"fits: {best.readings[0].words}: {agreement}")
+
+
+def _other_size(table: PoseTable, compared: Sequence[Compared], evidence: Evidence) -> str:
+    """What to say of a target of another size with which robot and images agree; "" where there is none."""
+    few = evidence.take(evenly_spaced(len(evidence), MAX_COMPARED_VIEWS))
+    steps = int(np.log(MAX_SIZE_RATIO) / np.log(SIZE_STEP))
+    sizes = SIZE_STEP ** np.arange(-steps, steps + 1.0)
+    found: list[tuple[Fit, float, Reading]] = []
+    for reading in (one.readings[0] for one in compared[:MAX_RESIZED_READINGS]):
+        moved = anchor_T_mount_of(reading.setup, table.poses(reading.convention, reading.unit, reading.frame))
+        seen = replace(few, setup="eye-in-hand", base_T_flange=moved[few.indices])
+        coarse = float(sizes[int(np.argmin([fit.robot_translation_mm for fit in _fits_of(seen, sizes)]))])
+        near = coarse * FINE_SIZE_STEP ** np.arange(-25, 26.0)
+        found += [(fit, float(size), reading) for fit, size in zip(_fits_of(seen, near), near, strict=True)]
+    fit, size, reading = max(found, key=lambda one: one[0].log_likelihood)
+    assert compared[0].fit is not None
+    gain = fit.log_likelihood - compared[0].fit.log_likelihood
+    little = few_views_factor(len(few), 1) * gain < MIN_LOG_LIKELIHOOD_GAIN or abs(np.log(size)) < np.log(SIZE_STEP)
+    if little or not Compared((reading,), fit).possible:
+        return ""
+    return f"; with a target {size:.3g} times as large they agree to {_noise(fit)} ({reading.words}): compare its size"
+
+
+def _fits_of(seen: Evidence, sizes: Array) -> list[Fit]:
+    """The fit of each size of the target."""
+    fitted: list[Fit] = []
+    with np.errstate(all="ignore"):
+        for start in range(0, len(sizes), BATCH):
+            fitted += fits([seen.scale_target(float(size)) for size in sizes[start : start + BATCH]])
+    return fitted
 
 
 def _named_apart(readings: Sequence[Reading]) -> tuple[Reading, ...]:

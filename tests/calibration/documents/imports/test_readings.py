@@ -110,6 +110,16 @@ def test_poses_of_other_pictures_fit_in_no_convention() -> None:
     decision = decide(table, compare(table, readings_of(table, ("eye-in-hand",)), evidence), evidence)
     assert decision.reading is None
     assert "none fits" in decision.words or "fit alike" in decision.words
+    assert "times as large" not in decision.words
+
+
+@pytest.mark.parametrize(("given", "named"), [(0.8, "1.25"), (25.4 / 30, "1.18"), (3.0, "0.333")])
+def test_a_target_of_another_size_is_named(given: float, named: str) -> None:
+    poses, evidence = _session(10)
+    table, evidence = _table(poses, *_numbers("euler-ZYX", poses)), evidence.scale_target(given)
+    decision = decide(table, compare(table, readings_of(table, ("eye-in-hand",)), evidence), evidence)
+    assert f"with a target {named} times as large" in decision.words
+    assert "euler-ZYX, mm, base_T_flange" in decision.words
 
 
 def test_one_stated_reading_needs_no_images() -> None:
