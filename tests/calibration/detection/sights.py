@@ -1,5 +1,7 @@
 """What the detection's tests share: a camera of 2 MP, pictures of targets, and how far a detection is off."""
 
+from functools import lru_cache
+
 import numpy as np
 
 from calibration.problem import Detection
@@ -22,9 +24,19 @@ def pictures(
     fill: float = 0.75,
     sheet: PrintOptions | None = None,
 ) -> list[TruePicture]:
-    """Pictures of the target from all around, each with its truth."""
+    """Pictures of the target from all around, each with its truth; rendered once, and not to be written to."""
+    return list(_rendered(target, count, optics, seed, tilt_deg, fill, sheet))
+
+
+@lru_cache(maxsize=16)
+def _rendered(
+    target: Target, count: int, optics: Optics, seed: int, tilt_deg: float, fill: float, sheet: PrintOptions | None
+) -> tuple[TruePicture, ...]:
     rng = np.random.default_rng(seed)
-    return [take_picture(CAMERA, target, rng, optics, tilt_deg, fill, sheet) for _ in range(count)]
+    taken = tuple(take_picture(CAMERA, target, rng, optics, tilt_deg, fill, sheet) for _ in range(count))
+    for picture in taken:
+        picture.image.setflags(write=False)
+    return taken
 
 
 def errors_px(detection: Detection, picture: TruePicture) -> Array:
