@@ -26,4 +26,4 @@ def to_8_bit(image: NDArray[Any], white: int | None = None) -> NDArray[np.uint8]
     white = content_white(image) if white is None else white
     levels = (np.arange(2**16, dtype=np.uint32) * 255 + white // 2) // white
     table = np.minimum(levels, 255).astype(np.uint8)
-    return np.asarray(table[image])
+    return np.take(table, image)  # unlike table[image], it leaves the interpreter to other threads
