@@ -69,9 +69,11 @@ async def test_corners_of_another_program_are_solved(bench: Bench) -> None:
     assert all(point["expanded_mm"] > 0 for point in made.json()["uncertainty"]["points"])
 
 
+@pytest.mark.filterwarnings("ignore::RuntimeWarning")  # of numbers that overflow
 async def test_what_cannot_be_solved_is_refused_with_its_place(bench: Bench) -> None:
     body = body_of(measured_cell(np.random.default_rng(3), 4, tracker()).problem)
     pose, other = body["views"][0]["base_T_flange"], body["views"][1:]
+    far = [{**view, "base_T_flange": {**pose, "translation_mm": [1e300, 0.0, 0.0]}} for view in body["views"]]
     picture = {"base_T_flange": pose, "image": "view_0.png"}
     lone = {"base_T_flange": pose, "points_mm": [[0, 1.0, 2.0, 3.0]]}
     for views, place, status in (
@@ -79,6 +81,7 @@ async def test_what_cannot_be_solved_is_refused_with_its_place(bench: Bench) -> 
         ([lone, *other], "views", 422),
         ([{"base_T_flange": pose}, *other], "views[0]", 422),
         ([], "views", 422),
+        (far, "views", 422),
     ):
         refused = await bench.client.post("/calibrations", json={**body, "views": views})
         assert (refused.status_code, refused.json()["code"]) == (status, "document-refused"), refused.text
