@@ -7,3 +7,9 @@ export function placesOf(calibration, base_T_flange) {
   const carried = (pose) => (pose && base_T_flange ? compose(base_T_flange, pose) : null);
   return { camera: base_T_camera ?? carried(flange_T_camera), target: base_T_target ?? carried(flange_T_target) };
 }
+
+/** What the flange carries, 'camera' or 'target', and `at(base_T_flange)`: where that is; where the flange is while nothing is known. */
+export function carriedBy(calibration) {
+  const x = calibration?.flange_T_camera ?? calibration?.flange_T_target;
+  return { carried: calibration?.flange_T_target ? 'target' : 'camera', at: (pose) => (x ? compose(pose, x) : pose) };
+}

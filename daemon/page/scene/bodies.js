@@ -57,12 +57,12 @@ export function frustum(pose, { colour, length = 130, dashed = false, filled = f
   return group;
 }
 
-/** The target as a plate with a frame, between x0 and x1, and y0 and y1, in its own plane. */
+/** The target as a plate with a frame, only its frame without a `colour`, between x0 and x1, and y0 and y1, in its own plane. */
 export function plate(pose, [x0, x1], [y0, y1], colour, edge) {
   const corners = [[x0, y0, 0], [x1, y0, 0], [x1, y1, 0], [x0, y1, 0]];
   const group = new Group();
-  const face = new BufferGeometry().setAttribute('position', new Float32BufferAttribute([0, 1, 2, 0, 2, 3].flatMap((i) => corners[i]), 3));
-  group.add(new Mesh(face, new MeshBasicMaterial({ color: colour, side: DoubleSide })));
+  const face = colour !== null && new BufferGeometry().setAttribute('position', new Float32BufferAttribute([0, 1, 2, 0, 2, 3].flatMap((i) => corners[i]), 3));
+  if (face) group.add(new Mesh(face, new MeshBasicMaterial({ color: colour, side: DoubleSide })));
   group.add(outline(corners, edge));
   place(group, pose);
   return group;

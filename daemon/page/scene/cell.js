@@ -25,7 +25,7 @@ export function createCellScene(canvas) {
     view.draw();
   };
   return {
-    show({ skeleton_mm, box_mm, target, outline_mm, views = [], planned = [], next, here, ghost_mm }, dark) {
+    show({ skeleton_mm, box_mm, target, outline_mm, views = [], planned = [], next, here, ghost_mm, carried = 'camera' }, dark) {
       const colour = dark ? COLOURS.dark : COLOURS.light;
       const of = (value) => `${dark}${JSON.stringify(value ?? null)}`;
       put('floor', of(0), () => [floor(colour.grid)]);
@@ -33,9 +33,10 @@ export function createCellScene(canvas) {
       put('ghost', of(ghost_mm), () => (ghost_mm ? [outline([...ghost_mm, ...ghost_mm.slice(1, -1).reverse()], colour.next)] : []));
       put('box', of(box_mm), () => (box_mm ? [box(...box_mm, colour.box)] : []));
       put('target', of([target, outline_mm]), () => (target ? [targetOf(target, outline_mm, colour)] : []));
-      put('views', of(views), () => views.map((pose) => frustum(pose, { colour: colour.seen })));
-      put('planned', of(planned), () => planned.map((pose) => frustum(pose, { colour: colour.next, dashed: true })));
-      put('next', of(next), () => (next ? [frustum(next, { colour: colour.next, filled: true, length: 160 })] : []));
+      const mark = (pose, look) => (carried === 'target' ? edgeOf(pose, outline_mm, look) : frustum(pose, look));
+      put('views', of([views, carried]), () => views.map((pose) => mark(pose, { colour: colour.seen })));
+      put('planned', of([planned, carried]), () => planned.map((pose) => mark(pose, { colour: colour.next, dashed: true })));
+      put('next', of([next, carried]), () => (next ? [mark(next, { colour: colour.next, filled: true, length: 160 })] : []));
       put('here', of(here), () => (here ? [frustum(here, { colour: colour.seen, filled: true })] : []));
       const around = of([box_mm, Boolean(skeleton_mm)]);
       if (box_mm && around !== framed) {
@@ -54,9 +55,18 @@ export function createCellScene(canvas) {
 
 /** The plate that holds the points of the target, with a margin. */
 function targetOf(pose, points_mm, colour) {
+  return plate(pose, ...boundsOf(points_mm), colour.target, colour.edge);
+}
+
+/** The edge of the target where the flange holds it. */
+function edgeOf(pose, points_mm, { colour }) {
+  return plate(pose, ...boundsOf(points_mm), null, colour);
+}
+
+function boundsOf(points_mm) {
   const bounds = (axis) => {
     const values = points_mm?.map((point) => point[axis]) ?? [0, 200];
     return [Math.min(...values) - 15, Math.max(...values) + 15];
   };
-  return plate(pose, bounds(0), bounds(1), colour.target, colour.edge);
+  return [bounds(0), bounds(1)];
 }

@@ -5,8 +5,7 @@ import { Card, Facts } from '../parts/card.js';
 import { CellScene } from '../parts/cell_scene.js';
 import { HoldButton } from '../parts/hold_button.js';
 import { Missing, useAsked } from '../parts/loaded.js';
-import { placesOf } from '../parts/places.js';
-import { compose } from '../parts/pose.js';
+import { carriedBy, placesOf } from '../parts/places.js';
 import { Reasons } from '../parts/reasons.js';
 import { ask, newKey } from '../state/ask.js';
 import { fixed, mm } from '../state/numbers.js';
@@ -73,16 +72,15 @@ function Stepper({ value, low, high, step, label, text, set }) {
 
 function WhatMoves({ how, body, arm, plan, setPlan }) {
   const inForce = useAsked('/calibrations/current', ['applied']);
-  const x = inForce.data?.calibration?.flange_T_camera;
   const now = robot.value;
   const places = placesOf(inForce.data?.calibration, now?.base_T_flange);
   const parts = useMemo(() => {
-    const camera = ({ base_T_flange }) => (x ? compose(base_T_flange, x) : base_T_flange);
+    const { carried, at } = carriedBy(inForce.data?.calibration);
     return {
       skeleton_mm: now?.skeleton_mm, flange_mm: now?.base_T_flange?.translation_mm, box_mm: arm?.box_mm, outline_mm: arm?.target_points_mm,
-      target: places.target, here: inForce.data?.calibration?.base_T_camera, planned: (plan?.poses ?? []).map(camera),
+      target: places.target, here: inForce.data?.calibration?.base_T_camera, carried, planned: (plan?.poses ?? []).map(({ base_T_flange }) => at(base_T_flange)),
     };
-  }, [now, arm, plan, x, inForce.data]);
+  }, [now, arm, plan, inForce.data]);
   const look = async () => setPlan((await ask('/plan', { method: 'POST', body, limit_s: 60 })).data);
   const last = plan?.predicted_mm?.at(-1);
   return html`<${CellScene} parts=${parts} />

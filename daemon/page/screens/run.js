@@ -5,8 +5,7 @@ import { CellScene } from '../parts/cell_scene.js';
 import { UncertaintyCurve } from '../parts/chart.js';
 import { Missing, useAsked } from '../parts/loaded.js';
 import { Picture } from '../parts/picture.js';
-import { placesOf } from '../parts/places.js';
-import { compose } from '../parts/pose.js';
+import { carriedBy, placesOf } from '../parts/places.js';
 import { Cause } from '../parts/problem.js';
 import { ViewTable } from '../parts/view_table.js';
 import { mm, moment } from '../state/numbers.js';
@@ -35,19 +34,18 @@ function RunShown({ shown }) {
   const rows = views.data?.views ?? [];
   const view = rows.find(({ index }) => index === chosen) ?? rows.at(-1);
   const planning = shown.planning;
-  const x = inForce.data?.calibration?.flange_T_camera;
   const now = robot.value;
   const places = placesOf(inForce.data?.calibration, now?.base_T_flange);
   const parts = useMemo(() => {
-    const camera = (pose) => (x ? compose(pose, x) : pose);
+    const { carried, at } = carriedBy(inForce.data?.calibration);
     const ahead = shown.over ? [] : (planning?.planned_poses ?? []);
     return {
       skeleton_mm: now?.skeleton_mm, flange_mm: now?.base_T_flange?.translation_mm, box_mm: arm.data?.box_mm,
       outline_mm: views.data?.target_outline_mm ?? arm.data?.target_points_mm, target: places.target, here: inForce.data?.calibration?.base_T_camera,
-      views: rows.map(({ base_T_flange }) => camera(base_T_flange)),
-      next: ahead.length ? camera(ahead[0].base_T_flange) : null, planned: ahead.slice(1).map(({ base_T_flange }) => camera(base_T_flange)),
+      carried, views: rows.map(({ base_T_flange }) => at(base_T_flange)),
+      next: ahead.length ? at(ahead[0].base_T_flange) : null, planned: ahead.slice(1).map(({ base_T_flange }) => at(base_T_flange)),
     };
-  }, [now, arm.data, views.data, inForce.data, shown, x]);
+  }, [now, arm.data, views.data, inForce.data, shown]);
   return html`<div class="grid">
     <${Card} title=${t(`kind.${shown.kind}`)} id="sentence"><${Sentence} shown=${shown} /></${Card}>
     <${Card} title=${t('cell.scene')} id="scene" wide="2"><${CellScene} parts=${parts} dim=${old.value} /></${Card}>
