@@ -18,7 +18,7 @@ function Axes({ x, y, yTicks, xTicks, xLabel, yLabel }) {
     ${yTicks.map((tick) => html`<path class="grid-line" d="M${LEFT} ${y(tick)}H${W - RIGHT}" /><text x=${LEFT - 8} y=${y(tick) + 4} text-anchor="end">${significant(tick, tick === 0 ? 1 : 2)}</text>`)}
     ${xTicks.map((tick) => html`<text x=${x(tick)} y=${H - BOTTOM + 18} text-anchor="middle">${tick}</text>`)}
     <text x=${W - RIGHT} y=${H - 3} text-anchor="end">${xLabel}</text>
-    <text x=${LEFT - 8} y=${TOP - 2} text-anchor="end">${yLabel}</text>
+    <text x=${LEFT + 4} y=${TOP - 2}>${yLabel}</text>
   </g>`;
 }
 

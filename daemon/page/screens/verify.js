@@ -7,7 +7,7 @@ import { Missing, useAsked } from '../parts/loaded.js';
 import { Cause } from '../parts/problem.js';
 import { Reasons } from '../parts/reasons.js';
 import { ask } from '../state/ask.js';
-import { fixed, mm, moment } from '../state/numbers.js';
+import { count, fixed, mm, moment } from '../state/numbers.js';
 import { may, note, ready, running } from '../state/now.js';
 import { go, linkTo } from '../state/place.js';
 import { sentence, t } from '../state/words.js';
@@ -48,18 +48,21 @@ function DriftTable({ points }) {
     <tbody>${points.toReversed().map((point) => html`<tr><th scope="row"><a href=${linkTo('run', point.run_id)}>${moment(point.at)}</a></th><td class="num">${mm(point.drift_mm)}</td><td class="num">${mm(point.scatter_mm)}</td></tr>`)}</tbody></table></div>`;
 }
 
-/** The target's points as the verification found them against where the calibration puts them: rows of numbers as they come. */
+/** What the last verification found. */
 function Last({ run }) {
   if (!run) return html`<p class="quiet">${t('verify.never')}</p>`;
   const found = run.result?.verification;
   return html`<${Facts} rows=${[[t('run.since'), html`<a href=${linkTo('run', run.id)}>${moment(run.created_at)}</a>`], [t('run.state'), t(`state.${run.state}`)]]} />
     ${run.cause && html`<div class="note warn"><${Cause} cause=${run.cause} /></div>`}
-    ${found?.points && html`<${CrossTable} points=${found.points} />`}`;
+    ${found?.points && html`<${CrossTable} found=${found} />`}`;
 }
 
-function CrossTable({ points }) {
-  const cell = (value) => (Array.isArray(value) ? `(${value.map((one) => fixed(one, 2)).join(', ')})` : typeof value === 'number' ? fixed(value, 3) : String(value ?? '—'));
-  const names = Object.keys(points[0] ?? {});
-  return html`<div class="table-frame" tabindex="0" role="group" aria-label=${t('verify.last')}><table><thead><tr>${names.map((name) => html`<th scope="col" lang="en">${name.replaceAll('_', ' ')}</th>`)}</tr></thead>
-    <tbody>${points.map((point) => html`<tr>${names.map((name) => html`<td class="num">${cell(point[name])}</td>`)}</tr>`)}</tbody></table></div>`;
+/** Corners and middle of the target: the mean over the positions of the arm, and how far a position lies from it. */
+function CrossTable({ found: { points, cross, frame, expanded_mm } }) {
+  const at = (values) => `(${values.map((one) => fixed(one, 2)).join(', ')})`;
+  const shown = points.filter(({ id }) => cross.includes(id));
+  const mean = (places) => [0, 1, 2].map((axis) => places.reduce((sum, place) => sum + place[axis], 0) / places.length);
+  return html`<${Facts} rows=${[[t('verify.within'), html`<b>± ${mm(expanded_mm)}</b>`], [t('verify.points'), count(points.length)]]} />
+    <div class="table-frame" tabindex="0" role="group" aria-label=${t('verify.last')}><table><thead><tr><th scope="col" class="num">${t('verify.point')}</th><th scope="col" class="num">${t(`verify.mean.${frame}`)}</th><th scope="col" class="num">${t('verify.spread')}</th></tr></thead>
+    <tbody>${shown.map((point) => html`<tr key=${point.id}><th scope="row" class="num">${point.id}</th><td class="num">${at(mean(point[`${frame}_mm`]))}</td><td class="num">${at(point.sigma_mm)}</td></tr>`)}</tbody></table></div>`;
 }
