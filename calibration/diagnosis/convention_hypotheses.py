@@ -29,12 +29,17 @@ from calibration.transforms import (
 
 @dataclass(frozen=True)
 class Convention:
-    """A wrong convention; `undo` corrects robot poses (n, 4, 4), given also the images' poses (n, 4, 4)."""
+    """A wrong convention; `undo` corrects robot poses (n, 4, 4), given also the images' poses (n, 4, 4).
+
+    `shrinks`: the factor by which it makes translations smaller, 1 when it does not. The robot's errors shrink with
+    them, which is no evidence: views of one point from one distance fit translations of any size, each with another X.
+    """
 
     code: str
     message: str
     fix: str
     undo: Callable[[Array, Array], Array]
+    shrinks: float = 1.0
 
 
 def change_quaternion_order(poses: Array) -> Array:
@@ -126,6 +131,7 @@ CONVENTIONS = (
         Sentence("poses-in-micrometres"),
         Sentence("undo-poses-in-micrometres"),
         _scale_translations(0.001),
+        shrinks=0.001,
     ),
     Convention(
         "poses-in-inches",
@@ -165,6 +171,7 @@ def reading_hypotheses(evidence: Evidence, alternatives: int = len(CONVENTIONS))
         yield Hypothesis(
             convention.code, (), corrected, evidence, convention.message, convention.fix,
             alternatives=alternatives, whole_session=True,
+            bonus=3 * len(corrected) * float(np.log(convention.shrinks)),
         )  # fmt: skip
 
 

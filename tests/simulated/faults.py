@@ -68,8 +68,13 @@ class Slip:
     at: Callable[[float], Fault]
 
 
-def simulated_session(rng: np.random.Generator, n: int, noise: Noise, setup: Setup) -> Problem:
-    """n random views of a board, tilted by up to 35 degrees, with normal errors of pixels and robot."""
+def simulated_session(
+    rng: np.random.Generator, n: int, noise: Noise, setup: Setup, middle_mm: Array | None = None
+) -> Problem:
+    """n random views of a board, tilted by up to 35 degrees, with normal errors of pixels and robot.
+
+    `middle_mm`: place of the board's middle in every image, in the camera's frame; None: drawn for each view.
+    """
     on_flange = transform(rotation_from_vector(rng.uniform(-1.8, 1.8, 3)), rng.uniform(-250, 250, 3))
     in_cell = transform(rotation_from_vector(rng.uniform(-1.8, 1.8, 3)), rng.uniform(-600, 600, 3))
     mount_T_camera, anchor_T_target = (
@@ -80,17 +85,23 @@ def simulated_session(rng: np.random.Generator, n: int, noise: Noise, setup: Set
         BOARD,
         CAMERA,
         CAMERA.image_size,
-        tuple(_view(index, rng, noise, setup, mount_T_camera, anchor_T_target) for index in range(n)),
+        tuple(_view(index, rng, noise, setup, mount_T_camera, anchor_T_target, middle_mm) for index in range(n)),
     )
 
 
 def _view(
-    index: int, rng: np.random.Generator, noise: Noise, setup: Setup, mount_T_camera: Array, anchor_T_target: Array
+    index: int,
+    rng: np.random.Generator,
+    noise: Noise,
+    setup: Setup,
+    mount_T_camera: Array,
+    anchor_T_target: Array,
+    middle_mm: Array | None,
 ) -> View:
     azimuth, tilt = rng.uniform(-np.pi, np.pi), np.radians(35) * np.sqrt(rng.uniform())
     turn = rotation_from_vector(tilt * np.array([np.cos(azimuth), np.sin(azimuth), 0.0]))
     turn = turn @ rotation_from_vector(np.array([0.0, 0.0, rng.uniform(-np.pi, np.pi)]))
-    middle = np.array([*rng.uniform(-40, 40, 2), rng.uniform(550, 750)])
+    middle = np.array([*rng.uniform(-40, 40, 2), rng.uniform(550, 750)]) if middle_mm is None else middle_mm
     camera_T_target = transform(turn, middle - turn @ BOARD.points_mm.mean(axis=0))
     anchor_T_mount = anchor_T_target @ inverse(mount_T_camera @ camera_T_target)
     base_T_flange = anchor_T_mount if setup == "eye-in-hand" else inverse(anchor_T_mount)

@@ -239,3 +239,13 @@ def test_chances_in_clean_sessions_are_evenly_spread() -> None:
     chances = np.array([y_change_p_value(evidence(0, 6), fitted) for fitted in changed])
     assert 0.3 < np.mean(chances < 0.5) < 0.7
     assert np.mean(chances < 0.05) < 0.12
+
+
+@pytest.mark.parametrize("setup", ["eye-in-hand", "eye-to-hand"])
+def test_views_of_one_point_from_one_distance_do_not_make_translations_too_large(setup: Setup) -> None:
+    """Translations of any size fit such views with another X, small ones even better: the robot's errors shrink too."""
+    for seed in range(4):
+        middle_mm = np.array([0.0, 0.0, 520.0])
+        problem = simulated_session(np.random.default_rng(seed), 9, Noise(0.03, 0.15, 0.02), setup, middle_mm)
+        found = diagnose(clean_fit(problem)[0], CENTRE_MM, 9)
+        assert found is None or found.cause.code not in ("poses-in-micrometres", "poses-in-metres", "poses-in-inches")
