@@ -15,7 +15,7 @@ from typing import Any
 from daemon.cli.errors import CommandError
 from daemon.runtime.module_names import module_name
 
-MAX_START_S = 30.0
+MAX_START_S = 120.0
 MAX_END_S = 10.0
 POLL_S = 0.05
 
