@@ -7,13 +7,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from pydantic import ValidationError
 
 from calibration.documents.calibration import CalibrationDocument
 from calibration.documents.pose import PoseDocument
 from calibration.documents.session import CameraDocument
 from calibration.documents.target import TargetDocument
-from calibration.errors import DocumentError, DocumentProblem
 from calibration.planning.next_view import StoppingRule
 from calibration.planning.what_if import PlanComparison
 from calibration.transforms import Array
@@ -348,12 +346,7 @@ def _solve_observations(
     session: ObservationsRequest, run: CalibrationRun, calibration_id: str, created_at: str
 ) -> CalibrationDocument:
     """Solve a session that needs no file. Raises DocumentError."""
-    problem = problem_without_files(session, "request body")
-    try:
-        return run.solve(problem, calibration_id, created_at)
-    except (np.linalg.LinAlgError, ValidationError):  # numbers of no cell overflow, or leave nothing to solve
-        fix = "check the units, and that every view has three points or more, not all on a line"
-        raise DocumentError("request body", [DocumentProblem("views", "they cannot be solved", fix)]) from None
+    return run.solve(problem_without_files(session, "request body"), calibration_id, created_at)
 
 
 def check_usable(calibration: CalibrationRecord, request: ApplyRequest) -> None:

@@ -46,6 +46,8 @@ def usual_error_of(seen: MeasuredViews) -> float:
 
 def require_units(pairs: PosePairs) -> None:
     """Raises UndeterminedError where the robot's lengths, or the camera's beside them, are in another unit."""
+    if not len(pairs.base_T_flange):
+        return
     if np.median(np.linalg.norm(pairs.base_T_flange[:, :3, 3], axis=1)) < MIN_CELL_MM:
         require_unit(1e-3, "poses", "the robot's translations are", "base_T_flange.translation_mm")
     free = initial_chain(replace(pairs, metric=False))

@@ -206,3 +206,14 @@ def test_motions_that_do_not_determine_x_are_refused() -> None:
     solution = solve_hand_eye(still)
     assert solution.mount_T_camera is None
     assert codes(solution)[0] == "too-few-poses"
+
+
+@pytest.mark.parametrize("size", [1e9, 1e300])
+def test_poses_of_no_cell_leave_nothing_to_solve(size: float) -> None:
+    problem = measured_cell(np.random.default_rng(3), 6, tracker()).problem
+    poses = [transform(view.base_T_flange[:3, :3], [size, 0.0, 0.0]) for view in problem.views]
+    views = tuple(replace(view, base_T_flange=pose) for view, pose in zip(problem.views, poses, strict=True))
+    solution = solve_hand_eye(replace(problem, views=views))
+    assert solution.mount_T_camera is None
+    assert [finding.code for finding in solution.findings] == ["too-few-poses"]
+    assert {view.reason for view in solution.views} != {None}
