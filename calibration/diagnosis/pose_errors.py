@@ -36,7 +36,10 @@ LEVELS = np.array([-1.0, 0.0, 1.0, 2.0])
 
 
 def p_value_beside_pose_errors(evidence: Evidence, fitted: Fit, value: Array, by_unknowns: Array) -> float:
-    """p value of `value` (d,), the fit's `by_unknowns` (d, p) @ shared unknowns, when the truth is zero."""
+    """p value of `value` (d,), the fit's `by_unknowns` (d, p) @ shared unknowns, when the truth is zero.
+
+    0 where no covariance can be factored, of numbers that no cell has.
+    """
     n, _, p = fitted.by_shared.shape
     by_images = scipy.linalg.block_diag(*fitted.image_covariance)
     both = np.concatenate([fitted.by_shared, fitted.residuals[..., None]], axis=2).reshape(6 * n, p + 1)
@@ -47,7 +50,10 @@ def p_value_beside_pose_errors(evidence: Evidence, fitted: Fit, value: Array, by
         turned, shifted = (_by_robot(fitted.by_robot[:, :, part], correlation) for part in (slice(3), slice(3, 6)))
         for levels, known in zip(np.exp(2 * logs), stated, strict=True):
             covariance = by_images + levels[0] * turned + levels[1] * shifted
-            root = np.linalg.cholesky(covariance)
+            try:
+                root = np.linalg.cholesky(covariance)
+            except np.linalg.LinAlgError:
+                continue
             white = scipy.linalg.solve_triangular(root, both, lower=True, check_finite=False)
             normal, gradient = white[:, :p].T @ white[:, :p], white[:, :p].T @ white[:, p]
             shared, log_determinant = scaled_inverse_and_log_determinant(normal)
@@ -57,6 +63,8 @@ def p_value_beside_pose_errors(evidence: Evidence, fitted: Fit, value: Array, by
             likely.append(np.log(prior) + known - 0.5 * (determinant + square))
             distance = squared_distances(value + by_unknowns @ step, by_unknowns @ shared @ by_unknowns.T)
             chances.append(scipy.special.chdtrc(len(value), distance))
+    if not likely:
+        return 0.0
     weights = np.exp(np.array(likely) - np.max(likely))
     return float(weights @ np.array(chances) / weights.sum())
 
