@@ -4,6 +4,7 @@ import json
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from tests.daemon.cli.running import handeyed
@@ -36,7 +37,7 @@ def test_other_counts_are_refused_with_those_that_exist(tmp_path: Path, lens: st
     assert "camera" in ran.err and str(count) in ran.err
 
 
-def test_a_wrong_lens_leaves_residuals_and_the_right_one_none(tmp_path: Path) -> None:
+def test_a_wrong_lens_bends_the_target_and_widens_u_and_the_right_one_does_not(tmp_path: Path) -> None:
     session = with_corners(tmp_path / "a")
     (tmp_path / "wrong.json").write_text(json.dumps({**INTRINSICS, "lens": "fisheye"}))
     (tmp_path / "right.json").write_text(json.dumps({"camera": {**INTRINSICS, "source": "given"}}))
@@ -45,7 +46,20 @@ def test_a_wrong_lens_leaves_residuals_and_the_right_one_none(tmp_path: Path) ->
     right = json.loads(handeyed("solve", session, "--camera", tmp_path / "right.json", "--json").out)
 
     assert wrong["camera"]["lens"] == "fisheye"
-    assert right["verdict"]["accepted"] and not wrong["verdict"]["accepted"]
+    assert right["verdict"]["accepted"]
+    assert "target-not-as-drawn" in codes(wrong) - codes(right)
+    assert worst_mm(wrong) > 2.5 * worst_mm(right)
+    off_mm = np.subtract(wrong["flange_T_camera"]["translation_mm"], right["flange_T_camera"]["translation_mm"])
+    assert np.linalg.norm(off_mm) < 1.5 * worst_mm(wrong), "U covers what the wrong lens does to X"
+
+
+def codes(document: dict[str, Any]) -> set[str]:
+    return {finding["code"] for finding in document["verdict"]["findings"]}
+
+
+def worst_mm(document: dict[str, Any]) -> float:
+    """U (k = 2) of the worst of the points that matter."""
+    return max(point["expanded_mm"] for point in document["uncertainty"]["points"])
 
 
 @pytest.mark.parametrize("content", ["no JSON", "[]", '{"matrix": 3}'])

@@ -2,6 +2,7 @@
 
 import asyncio
 import re
+from collections.abc import Awaitable, Callable
 from typing import Any
 
 import pytest
@@ -48,6 +49,16 @@ async def hold_by_key(page: Any, name: str) -> None:
     await page.keyboard.up("Enter")
 
 
+async def hold_until(page: Any, hold: Any, name: str, taken: Callable[[], Awaitable[bool]]) -> None:
+    """Hold a button as a person does: again when the page was old for a moment, and took no notice."""
+    button = page.get_by_role("button", name=name).and_(page.locator(":not([aria-disabled=true])"))
+    async with asyncio.timeout(LIMIT_S):
+        while not await taken():
+            if await button.count():
+                await hold(page, name)
+            await page.wait_for_timeout(500)
+
+
 @pytest.mark.parametrize(
     ("hold", "context"),
     [
@@ -64,17 +75,15 @@ async def test_from_signing_in_to_a_calibration_in_force(
         await page.get_by_label("Key or code").fill(keys["operator"])
         await page.keyboard.press("Enter")
         await page.get_by_text("Ready.").wait_for()
-        await hold(page, "Calibrate (arm moves)")
         result = page.get_by_role("link", name="Result", exact=True).and_(page.locator(".button"))
-        await result.wait_for()
+        await hold_until(page, hold, "Calibrate (arm moves)", result.is_visible)
         newest = (await bench.client.get("/runs", headers={"Authorization": f"Bearer {keys['viewer']}"})).json()[
             "runs"
         ][0]
         assert newest["started_by"] == "operator"
         await result.press("Enter")
         await page.get_by_text("✓ Accepted").wait_for()
-        await hold(page, "Put in force")
-        await page.get_by_text("In force since").wait_for()
+        await hold_until(page, hold, "Put in force", page.get_by_text("In force since").is_visible)
     now = await bench.client.get("/calibrations/current", headers={"Authorization": f"Bearer {keys['viewer']}"})
     assert now.json()["applied"]["calibration_id"] == newest["result"]["calibration_id"]
 
@@ -195,12 +204,15 @@ def open_streams(context: Any) -> set[Any]:
 async def test_two_people_see_each_others_acts(open_page: Opened, cell: tuple[Bench, dict[str, str]]) -> None:
     bench, _ = cell
     bench.robot.before_move = gate = Gate(len(bench.robot.goals) + 2)
+
+    async def reached() -> bool:
+        return gate.reached.is_set()
+
     try:
         async with open_page("operator", "calibrate") as ann, open_page("admin", "cell") as ben:
             await ben.get_by_text("● live").wait_for()
             await ann.get_by_text("Ready.").wait_for()
-            await hold_by_mouse(ann, "Calibrate (arm moves)")
-            await asyncio.wait_for(gate.reached.wait(), LIMIT_S)
+            await hold_until(ann, hold_by_mouse, "Calibrate (arm moves)", reached)
             await ben.get_by_text("operator, since").first.wait_for()
             await ben.get_by_role("button", name="End run").click()
             await ann.get_by_text("ended before its end").first.wait_for()
