@@ -8,6 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from calibration.documents.imports.refusal import decode, refusal
 from calibration.documents.imports.text_tables import read_named_columns
+from calibration.documents.imports.trees import read_xml
 from calibration.errors import DocumentError, GeometryError
 from calibration.kinematics.arm import Arm
 from calibration.kinematics.arm_row import SLOWEST
@@ -76,13 +77,9 @@ def _of_urdf(content: bytes, origin: str, tip: str | None) -> tuple[JointChain, 
 
 def _joints_of(content: bytes, origin: str) -> list[_Joint]:
     text = decode(content, origin)
-    if "<!" in text.replace("<!--", "") or "xacro:" in text:
-        fix = "expand it first: xacro FILE > arm.urdf" if "xacro:" in text else "write plain XML"
-        raise refusal(origin, "file", "macros and declarations are not read", fix, HEADING)
-    try:
-        root = ElementTree.fromstring(text.split("?>", 1)[-1].strip())  # noqa: S314  (no declarations: nothing expands)
-    except (ElementTree.ParseError, ValueError, RecursionError) as error:
-        raise refusal(origin, "file", f"not XML ({error})", "write the file again", HEADING) from None
+    if "xacro:" in text:
+        raise refusal(origin, "file", "macros are not read", "expand it first: xacro FILE > arm.urdf", HEADING)
+    root = read_xml(text, origin, HEADING)
     found = [element for element in root.findall("joint") if element.find("parent") is not None]
     if not found or len(found) > MAX_JOINTS:
         raise refusal(origin, "joint", f"{len(found)} joints", "give the URDF of one arm", HEADING)

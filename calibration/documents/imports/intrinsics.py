@@ -14,7 +14,7 @@ import numpy as np
 from calibration.camera import COEFFICIENT_COUNTS, LensModel
 from calibration.documents.imports.records import array_of, number_of
 from calibration.documents.imports.refusal import decode, refusal
-from calibration.documents.imports.trees import read_json, read_yaml
+from calibration.documents.imports.trees import read_json, read_xml, read_yaml
 from calibration.documents.session import CameraDocument
 from calibration.documents.validation import validate_document
 
@@ -179,15 +179,8 @@ def _size(plain: Mapping[str, Any]) -> tuple[int, int] | None:
 
 
 def _xml(content: bytes, origin: str) -> Any:
-    """The tree of an XML file as mappings; declarations of entities, which may grow without end, are refused."""
-    text = decode(content, origin)
-    if "<!" in text.replace("<!--", ""):
-        raise refusal(origin, "file", "declarations (<!...>) are not read", "write plain XML", HEADING)
-    try:
-        root = ElementTree.fromstring(text.split("?>", 1)[-1].strip())  # noqa: S314  (no declarations: nothing expands)
-    except (ElementTree.ParseError, ValueError, RecursionError) as error:
-        raise refusal(origin, "file", f"not XML ({error})", "write the file again", HEADING) from None
-    return _element(root, 0)
+    """The tree of an XML file as mappings."""
+    return _element(read_xml(decode(content, origin), origin, HEADING), 0)
 
 
 def _element(element: ElementTree.Element, depth: int) -> Any:

@@ -1,9 +1,10 @@
-"""JSON, JSON lines and YAML as plain data. YAML by PyYAML's safe loader, without aliases, tags or large files.
+"""JSON, JSON lines, YAML and XML as plain data. YAML by PyYAML's safe loader, without aliases, tags or large files.
 
 An alias may repeat a list within a list without end; a tag may name a class. OpenCV's `!!opencv-matrix` is a mapping.
 """
 
 import json
+import xml.etree.ElementTree as ElementTree
 from typing import Any
 
 import yaml
@@ -59,3 +60,13 @@ def read_yaml(content: bytes, origin: str) -> Any:
         raise refusal(origin, place, f"not YAML ({error.problem})", "write the file again") from None
     except (yaml.YAMLError, ValueError, RecursionError, TypeError) as error:
         raise refusal(origin, "file", f"not YAML ({str(error)[:80]})", "write the file again") from None
+
+
+def read_xml(text: str, origin: str, heading: str) -> ElementTree.Element:
+    """The root of an XML text; declarations of entities, which may grow without end, are refused. DocumentError."""
+    if "<!" in text.replace("<!--", ""):
+        raise refusal(origin, "file", "declarations (<!...>) are not read", "write plain XML", heading)
+    try:
+        return ElementTree.fromstring(text.split("?>", 1)[-1].strip())  # noqa: S314  (no declarations: nothing expands)
+    except (ElementTree.ParseError, ValueError, RecursionError) as error:
+        raise refusal(origin, "file", f"not XML ({error})", "write the file again", heading) from None
