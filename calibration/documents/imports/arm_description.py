@@ -44,13 +44,18 @@ def read_arm_description(content: bytes, origin: str, *, name: str, tip: str | N
 
 @dataclass(frozen=True)
 class _Joint:
+    name: str
     parent: str
     child: str
-    turns: bool
+    kind: str
     parent_T_joint: Array
     axis: Array
     limits_rad: tuple[float, float]
     speed_rad_s: float
+
+    @property
+    def turns(self) -> bool:
+        return self.kind in _TURNING
 
 
 def _of_urdf(content: bytes, origin: str, tip: str | None) -> tuple[JointChain, Array, tuple[float, ...]]:
@@ -61,6 +66,12 @@ def _of_urdf(content: bytes, origin: str, tip: str | None) -> tuple[JointChain, 
     if len(turning) != 6:
         what = f"{len(turning)} turning joints from {chain[0].parent if chain else '?'} to the tip, not 6"
         raise refusal(origin, "joint", what, "name the flange's link with --tip", HEADING)
+    for joint in chain:
+        if not joint.turns and joint.kind != "fixed":
+            what = f"it is {joint.kind}: a track or a lift is no part of the arm"
+            raise refusal(origin, f"joint {joint.name}", what, "give the arm alone", HEADING)
+        if joint.turns and joint.limits_rad[0] >= joint.limits_rad[1]:
+            raise refusal(origin, f"joint {joint.name}", "no lower and upper limit", "write <limit> in rad", HEADING)
     frames, frame = [], np.eye(4)
     for joint in chain:
         frame = frame @ joint.parent_T_joint
@@ -106,12 +117,13 @@ def _joint(element: ElementTree.Element, origin: str) -> _Joint:
         raise refusal(origin, f"joint {name}", str(error), "correct the joint", HEADING) from None
     parent, child = element.find("parent"), element.find("child")
     return _Joint(
+        name,
         parent.get("link", "") if parent is not None else "",
         child.get("link", "") if child is not None else "",
-        kind in _TURNING,
+        kind,
         transform(Rotation.from_euler("xyz", rpy).as_matrix(), 1000 * xyz),
         direction / length,
-        _FULL_TURN if kind == "continuous" or low >= high else (low, high),
+        _FULL_TURN if kind == "continuous" else (low, high),
         speed if speed > 0 else _slowest()[0],
     )
 

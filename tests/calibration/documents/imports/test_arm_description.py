@@ -111,6 +111,8 @@ ARM = DIFFERENT[1]
         (urdf_of(ARM).replace("link_0", "link_6"), "a.urdf", "hangs on itself"),
         (urdf_of(ARM).replace('axis xyz="0 0 1"', 'axis xyz="0 0 0"'), "a.urdf", "joint_1.*length 0"),
         (urdf_of(ARM).replace('velocity="2"', 'velocity="two"'), "a.urdf", "joint_1"),
+        (urdf_of(ARM).replace("<limit ", "<limits "), "a.urdf", "joint_1: no lower and upper limit"),
+        (urdf_of(ARM).replace('type="fixed"', 'type="prismatic"', 1), "a.urdf", "joint flange: it is prismatic"),
         ('<!DOCTYPE a [<!ENTITY b "c">]><robot/>', "a.urdf", "declarations"),
         ("<robot><xacro:include/></robot>", "a.urdf", "xacro FILE"),
         ("<robot", "a.urdf", "not XML"),
