@@ -62,7 +62,7 @@ test-busy: $(VENV)/developing
 # less, or more.
 OPENCV4 := .venv-opencv4
 OPENCV4_TESTS ?= $(addprefix tests/,calibration/detection calibration/observations calibration/preprocessing \
-	calibration/closed_forms calibration/test_solve.py calibration/test_targets.py registration/points \
+	calibration/closed_forms calibration/test_solve.py calibration/test_targets.py registration/points registration/profiles \
 	drivers/cameras mock_robot/scene daemon/cli/test_target.py)
 OPENCV4_CELLS ?= 8
 

@@ -11,6 +11,9 @@ RegistrationError
 ├── MotionError            a transform is not a rigid motion (mirrored, scaled, not finite)
 ├── MergeStopped           nobody waits for the merged cloud any more
 ├── ScanError              views that cannot be registered together
+├── ProfileError           profiles of a laser line that cannot be used
+├── PathError              times and poses that are not the path of a robot
+├── PathGap                a profile was taken where the robot's poses are missing
 └── SphereError            the points are not a sphere of the stated radius
 """
 
@@ -93,6 +96,35 @@ class ScanError(RegistrationError):
     """Views that cannot be registered together."""
 
     code = "scan-unusable"
+
+
+class ProfileError(RegistrationError):
+    """Profiles of a laser line that cannot be used."""
+
+    code = "profiles-unusable"
+
+
+class PathError(RegistrationError):
+    """Times and poses that are not the path of a robot."""
+
+    code = "path-unusable"
+
+
+class PathGap(RegistrationError):
+    """A profile was taken where the robot's poses are missing.
+
+    `time_s` of the robot's clock lies `gap_s` outside the path (`outside`), or between poses that are `gap_s` apart.
+    """
+
+    code = "path-gap"
+
+    def __init__(self, time_s: float, gap_s: float, max_gap_s: float, *, outside: bool) -> None:
+        self.time_s, self.gap_s, self.max_gap_s, self.outside = time_s, gap_s, max_gap_s, outside
+        where = "outside the robot's path by" if outside else "between two poses of the robot that are apart by"
+        super().__init__(
+            f"a profile at {time_s:.4f} s of the robot's clock lies {where} {gap_s:.4f} s, more than {max_gap_s:g} s",
+            "record poses without pauses from before the first to after the last profile, and check the clock offset",
+        )
 
 
 class SphereError(RegistrationError):

@@ -1,0 +1,108 @@
+"""Puts profiles into the base frame while they arrive: base_T_flange(t + offset) @ flange_T_profiler @ (x, 0, z)."""
+
+from collections import deque
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from calibration.transforms import Array
+from registration.errors import PathGap, ProfileError
+from registration.points.rigid_motion import RigidMotion
+from registration.profiles.profile_block import ProfileBlock
+from registration.profiles.robot_path import MAX_GAP_S, RobotPath
+
+MAX_WAITING_PROFILES = 20_000
+"""Profiles that wait for the robot's poses: 10 s at 2,000 a second."""
+
+
+class SweepAssembler:
+    """Profiles and poses in, each in its own order of time; points in the base frame out, as soon as both are there.
+
+    `clock_offset_s`: the robot's clock minus the sensor's, at the same moment.
+    """
+
+    def __init__(self, flange_T_profiler: Array, clock_offset_s: float = 0.0, max_gap_s: float = MAX_GAP_S) -> None:
+        """Raises MotionError, ProfileError."""
+        RigidMotion.of(flange_T_profiler, "mm")
+        if not np.isfinite(clock_offset_s):
+            raise ProfileError(f"a clock offset of {clock_offset_s} s is not possible", "give it in s")
+        self._flange_T_profiler = np.asarray(flange_T_profiler, float)
+        self._offset_s, self._max_gap_s = float(clock_offset_s), max_gap_s
+        self._times: Array = np.empty(0)
+        self._poses: Array = np.empty((0, 4, 4))
+        self._waiting: deque[ProfileBlock] = deque()
+        self._last_s = -np.inf
+
+    def add_poses(self, times_s: ArrayLike, base_T_flange: ArrayLike) -> None:
+        """Poses (n, 4, 4) of the flange at times (n,) of the robot's clock, in their order. Raises PathError."""
+        times = np.concatenate([self._times, np.asarray(times_s, float)])
+        poses = np.concatenate([self._poses, np.asarray(base_T_flange, float).reshape(-1, 4, 4)])
+        if len(times) >= 2:
+            RobotPath.of(times, poses)
+        self._times, self._poses = times, poses
+
+    def add_profiles(self, block: ProfileBlock) -> None:
+        """Profiles later than those before. Raises ProfileError, also when too many wait for poses."""
+        if len(block) and block.times_s[0] < self._last_s:
+            raise ProfileError(
+                f"a profile at {block.times_s[0]:.6f} s follows one at {self._last_s:.6f} s",
+                "give the profiles in the order of their times",
+            )
+        waiting = sum(map(len, self._waiting)) + len(block)
+        if waiting > MAX_WAITING_PROFILES:
+            what = f"{waiting} profiles wait for the robot's poses, more than {MAX_WAITING_PROFILES}"
+            raise ProfileError(what, "give the poses of the path along with the profiles")
+        if len(block):
+            self._waiting.append(block)
+            self._last_s = float(block.times_s[-1])
+
+    def blocks(self) -> Iterator[NDArray[np.float32]]:
+        """Points (k, 3) in base, mm, of the profiles that lie on the path so far. Raises PathGap."""
+        if len(self._times) < 2:
+            return
+        path = RobotPath(self._times, self._poses)
+        while self._waiting:
+            block = self._waiting.popleft()
+            ready = int(np.searchsorted(block.times_s + self._offset_s, self._times[-1], side="right"))
+            if ready < len(block):
+                self._waiting.appendleft(block[ready:])
+            if ready:
+                flange = path.at(block.times_s[:ready] + self._offset_s, self._max_gap_s)
+                yield block[:ready].points_in(flange @ self._flange_T_profiler)
+            if ready < len(block):
+                break
+        self._forget_poses()
+
+    def require_finished(self) -> None:
+        """Raises PathGap when profiles are left that no pose follows."""
+        if self._waiting:
+            time_s = float(self._waiting[0].times_s[0]) + self._offset_s
+            beyond_s = time_s - float(self._times[-1]) if len(self._times) else np.inf
+            raise PathGap(time_s, beyond_s, 0.0, outside=True)
+
+    def _forget_poses(self) -> None:
+        """Drop the poses before the one that precedes the next profile."""
+        next_s = self._waiting[0].times_s[0] if self._waiting else self._last_s
+        first = int(np.searchsorted(self._times, next_s + self._offset_s, side="right")) - 1
+        if first > 0:
+            first = min(first, len(self._times) - 2)
+            self._times, self._poses = self._times[first:], self._poses[first:]
+
+
+def assemble_sweep(
+    block: ProfileBlock,
+    path: RobotPath,
+    flange_T_profiler: Array,
+    clock_offset_s: float = 0.0,
+    max_gap_s: float = MAX_GAP_S,
+    block_profiles: int = 256,
+) -> Iterator[NDArray[np.float32]]:
+    """Points (k, 3) in base, mm, of a recorded sweep, `block_profiles` at a time.
+
+    Raises PathGap, MotionError, ProfileError.
+    """
+    RigidMotion.of(flange_T_profiler, "mm")
+    for start in range(0, len(block), block_profiles):
+        part = block[start : start + block_profiles]
+        yield part.points_in(path.at(part.times_s + clock_offset_s, max_gap_s) @ flange_T_profiler)
