@@ -161,13 +161,13 @@ class ToleranceLoosened(DaemonError):
 
 
 class PoseRefused(DaemonError):
-    """A pose lies outside what the settings allow. `station` counts from 1."""
+    """A pose lies outside what the settings allow. `station` counts from 1; 0: a move that belongs to no station."""
 
     code = "pose-refused"
 
     def __init__(self, station: int, what: str, fix: str) -> None:
         self.station = station
-        super().__init__(f"station {station}: {what}", fix)
+        super().__init__(f"station {station}: {what}" if station else what, fix)
 
 
 class PathRefused(PoseRefused):
@@ -182,7 +182,7 @@ class PathRefused(PoseRefused):
         at = ", ".join(f"{x:.1f}" for x in self.flange_mm)
         what = "a point that the flange carries" if found.carried else "the flange"
         if self.along == 0:
-            what, fix = f"before this move {what} stands at ({at}) mm", "jog the arm into the box"
+            what, fix = f"before this move {what} stands at ({at}) mm", "jog the arm into the box with the pendant"
         else:
             what = f"at {100 * self.along:.0f} % of the way {what} would be at ({at}) mm"
             fix = "put a pose between the two, further inside"

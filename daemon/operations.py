@@ -23,15 +23,17 @@ from daemon.model.records import AppliedCalibration, CalibrationRecord, RunKind,
 from daemon.model.requests import (
     ApplyRequest,
     CalibrateRequest,
+    JogRequest,
     ObservationsRequest,
     ScanRequest,
     SolveRequest,
     VerifyRequest,
 )
-from daemon.model.run_states import RunState
+from daemon.model.run_states import RunEvent, RunState
 from daemon.runs.adaptive_sequence import AdaptiveSequence
 from daemon.runs.calibration_run import CalibrationRun
 from daemon.runs.foresight import Foresight, foresee
+from daemon.runs.jog import Jog, result_of
 from daemon.runs.manual_sequence import ManualParameters, ManualSequence
 from daemon.runs.operator_requests import OperatorAction, OperatorRequestQueue
 from daemon.runs.pose_selection import (
@@ -213,6 +215,20 @@ class Operations:
 
         run = await self._start("scan", request, prepare)
         return created[0], run
+
+    async def jog(self, request: JogRequest) -> RunRecord:
+        """Start one small move of the arm. Raises RunInProgress, CellNotReady, PoseRefused, DeviceError."""
+        jog = Jog(self.cell, self.rules, request)
+
+        async def drive(log: RunLog) -> RunResult:
+            return RunEvent.STANDS, result_of(await jog.carry_out(f"run {log.id}"))
+
+        async def prepare() -> RunPlan:
+            await self._check_ready(await self.cell.robot_obstacles())
+            await jog.goal()
+            return RunPlan(0, drive)
+
+        return await self._start("jog", request, prepare)
 
     async def scan_here(self, scan_id: str) -> ScanViewRecord:
         """Add a view with the daemon's scanner from where the arm stands.

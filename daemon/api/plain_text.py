@@ -19,7 +19,8 @@ def run_text(run: RunRecord, calibration: CalibrationDocument | None = None) -> 
 
 
 def _run_lines(run: RunRecord, calibration: CalibrationDocument | None) -> Iterable[str]:
-    yield f"{run.kind} run {run.id}: {run.state}, station {run.station} of {run.stations}"
+    stations = "" if run.kind == "jog" else f", station {run.station} of {run.stations}"
+    yield f"{run.kind} run {run.id}: {run.state}{stations}"
     if run.planning is not None:
         yield from filter(None, (prediction_text(run.planning), run.planning.note))
         if not run.over and run.planning.advice:
@@ -34,6 +35,8 @@ def _run_lines(run: RunRecord, calibration: CalibrationDocument | None) -> Itera
         yield from _verification_lines(run.result["verification"])
     if run.result is not None and "scan_id" in run.result:
         yield f"scan {run.result['scan_id']}: {run.result['views']} views; GET /scans/{run.result['scan_id']}/cloud"
+    if run.result is not None and "joints_deg" in run.result:
+        yield f"the axes stand at {', '.join(f'{angle:.2f}' for angle in run.result['joints_deg'])} deg"
     if not run.over and run.request.get("manual"):
         yield f"take a view with POST /runs/{run.id}/stations, end with POST /runs/{run.id}/finish"
     if not run.over:

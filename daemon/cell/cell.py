@@ -21,8 +21,19 @@ from daemon.runtime.clock import Clock
 from daemon.runtime.event_bus import Publish
 from daemon.runtime.failpoints import NO_FAILPOINTS, Failpoints
 from drivers.errors import DeviceError, errors_of
-from drivers.interfaces import Camera, CameraFrame, MoveGoal, PoseReading, Robot, RobotStatus, ScannedCloud, Scanner
+from drivers.interfaces import (
+    Camera,
+    CameraFrame,
+    JointGoal,
+    MoveGoal,
+    PoseReading,
+    Robot,
+    RobotStatus,
+    ScannedCloud,
+    Scanner,
+)
 from drivers.interlocked_robot import InterlockedRobot
+from drivers.robots.base_frame import configured
 
 if TYPE_CHECKING:
     from daemon.cell.exposure_control import ExposureControl
@@ -36,6 +47,8 @@ MAX_STATUS_S = 1.0
 POLL_S = 0.02
 
 READ_ONLY = "robot: the arm is read, not moved, over this link: take the views by hand (--manual)"
+
+AXES_NOT_MOVED = "robot: axes are moved over the CB link only: move the flange in base or flange"
 
 
 @dataclass(frozen=True)
@@ -123,6 +136,16 @@ class Cell:
         """Move the arm, under a motion lease; returns when it has arrived. Raises DeviceError."""
         self._at.reach("before move")
         await self.robot.move_to(goal)
+        self._at.reach("after move")
+
+    async def move_to_joints(self, goal: JointGoal) -> None:
+        """Move the axes, under a motion lease; returns when the arm has arrived. Raises CellNotReady, DeviceError."""
+        self._at.reach("before move")
+        program = configured(self.robot)
+        if program is None:
+            raise CellNotReady((AXES_NOT_MOVED,))
+        await self.require_interlocks()
+        await program.move_to_joints(goal)
         self._at.reach("after move")
 
     async def read_settled_pose(self) -> PoseReading:

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -56,10 +56,25 @@ class MotionRules:
             if self.arm is not None and joints_now_rad is not None:
                 joints_now_rad = self._check_move(station, pose, self.arm, joints_now_rad)
 
-    def check_joint_move(self, start_rad: Array, end_rad: Array) -> None:
-        """Check the way between joints (6,) of a known arm. Raises PathRefused."""
-        if self.arm is not None:
-            self._check_path(1, self.arm, start_rad, end_rad)
+    def check_joint_move(self, here: PoseReading, start_rad: Array, end_rad: Array) -> None:
+        """Check a move from `here`, joints `start_rad` (n,), to joints `end_rad` (n,): travel, limits and path.
+
+        Of an arm that is not known, only travel. Raises PoseRefused.
+        """
+        self._check_travel(0, start_rad, end_rad)
+        if self.arm is None:
+            return
+        self._check_model(0, self.arm, start_rad, here)
+        try:
+            self.arm.require_within_limits(end_rad)
+        except UnreachablePoseError as error:
+            raise PoseRefused(0, error.what, error.fix) from None
+        self._check_path(0, self.arm, start_rad, end_rad)
+
+    def with_travel_below(self, joint_travel_deg: float) -> "MotionRules":
+        """These rules, with a limit of joint travel that is no larger than given."""
+        lowest = min(self.robot.joint_travel_deg, joint_travel_deg)
+        return replace(self, robot=self.robot.model_copy(update={"joint_travel_deg": lowest}))
 
     def check_inside_box(self, station: int, pose: TaughtPose) -> None:
         """Raises PoseRefused when the flange's origin at `pose` lies outside the box."""

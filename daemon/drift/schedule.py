@@ -138,7 +138,7 @@ class DriftSchedule:
             return ""
         if latest.state is not RunState.FINISHED:
             return Sentence("schedule-run-ended", run=latest.id, state=str(latest.state))
-        if latest.request.get("manual"):
+        if latest.request.get("manual") or latest.kind == "jog":
             return Sentence("schedule-moved-by-hand", run=latest.id)
         return self._withdrawn_because if latest.id == self._withdrawn_run else ""
 

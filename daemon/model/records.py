@@ -8,7 +8,7 @@ from calibration.documents.calibration import CalibrationDocument
 from calibration.documents.pose import PoseDocument
 from daemon.model.run_states import FINAL_STATES, RunState
 
-RunKind = Literal["calibration", "verify", "scan"]
+RunKind = Literal["calibration", "verify", "scan", "jog"]
 Unit = Literal["mm", "m"]
 
 

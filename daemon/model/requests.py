@@ -1,9 +1,11 @@
 """Bodies of the requests that start something."""
 
+import math
 from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, ConfigDict, Field, model_validator
 
+from calibration.documents.pose import Vector
 from calibration.documents.requirement import Tolerance
 from calibration.documents.session import SessionDocument
 from calibration.documents.target import TargetDocument
@@ -20,6 +22,10 @@ def _examples(*bodies: dict[str, Any]) -> ConfigDict:
 _SEEN = {"translation_mm": [12.0, -8.0, 520.0], "quaternion_wxyz": [0.0, 1.0, 0.0, 0.0]}
 _POSE = {"translation_mm": [900.0, -250.0, 900.0], "quaternion_wxyz": [0.0, 0.6, 0.8, 0.0]}
 
+MAX_JOG_MM, MAX_JOG_DEG = 100.0, 30.0
+"""Limits of one jog, of the flange and of an axis."""
+
+Degrees = Annotated[float, Field(ge=-720, le=720)]
 Stations = Annotated[tuple[TaughtPose, ...], Field(min_length=1, max_length=100)]
 
 
@@ -119,6 +125,38 @@ class ScanRequest(Document):
     @property
     def moves_the_arm(self) -> bool:
         return self.capture or self.poses is not None
+
+
+class JogRequest(Document):
+    """A jog of the arm: at most 100 mm and 30 deg, or a move of all axes to their angles; one of three.
+
+    `axis` (from 1) turns by `by_deg`. `joints_deg`: all axes go to these angles, each by at most [robot]
+    joint_travel_deg. `shift_mm` and `turn_deg` (rotation vector) move the flange along and about the axes of `frame`,
+    the turn about the flange's origin. `speed_mm_s`: of the fastest point, at most [robot] speed_mm_s.
+    """
+
+    model_config = _examples(
+        {"axis": 6, "by_deg": -10.0}, {"frame": "flange", "shift_mm": [0.0, 0.0, -50.0], "speed_mm_s": 25.0}
+    )
+
+    axis: Annotated[int, Field(ge=1, le=7)] | None = None
+    by_deg: Annotated[float, Field(ge=-MAX_JOG_DEG, le=MAX_JOG_DEG)] | None = None
+    joints_deg: Annotated[tuple[Degrees, ...], Field(min_length=6, max_length=7)] | None = None
+    frame: Literal["base", "flange"] = "base"
+    shift_mm: Vector | None = None
+    turn_deg: Vector | None = None
+    speed_mm_s: Annotated[float, Field(gt=0, le=250)] | None = None
+
+    @model_validator(mode="after")
+    def _check_one_move(self) -> "JogRequest":
+        by_axis, by_step = (self.axis, self.by_deg), (self.shift_mm, self.turn_deg)
+        given = (by_axis != (None, None), self.joints_deg is not None, by_step != (None, None))
+        if sum(given) != 1 or (given[0] and None in by_axis):
+            raise ValueError("give axis with by_deg, or joints_deg, or shift_mm and turn_deg: one of the three")
+        for name, step, most in (("shift_mm", self.shift_mm, MAX_JOG_MM), ("turn_deg", self.turn_deg, MAX_JOG_DEG)):
+            if step is not None and math.hypot(*step) > most:
+                raise ValueError(f"{name} is longer than {most:g}: take several steps")
+        return self
 
 
 class ApplyRequest(Document):

@@ -32,6 +32,7 @@ class RunEvent(StrEnum):
     ENOUGH = "enough"  # X is determined well enough, or the requested number of views is taken
     ALL_CAPTURED = "all-captured"  # motion is complete, the computation begins
     ALL_STORED = "all-stored"  # a scan: complete
+    STANDS = "stands"  # a jog: complete
     DETECTED = "detected"
     SOLVED = "solved"
     FAULT = "fault"
@@ -50,7 +51,7 @@ S, E = RunState, RunEvent
 _FAILURES = {E.FAULT: S.FAILED, E.ABORT: S.ABORTED}
 
 NEXT_STATE: dict[RunState, dict[RunEvent, RunState]] = {
-    S.MOVING: {E.ARRIVED: S.SETTLING, **_FAILURES},
+    S.MOVING: {E.ARRIVED: S.SETTLING, E.STANDS: S.FINISHED, **_FAILURES},
     S.WAITING: {E.ASKED: S.SETTLING, E.ENOUGH: S.DETECTING, **_FAILURES},
     S.SETTLING: {E.SETTLED: S.CAPTURING, E.REFUSED: S.WAITING, **_FAILURES},
     S.CAPTURING: {

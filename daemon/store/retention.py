@@ -71,7 +71,7 @@ class Retention:
         """Delete the pictures of old runs, unless the store has a fault; returns the files. Raises StorageError."""
         if self.store.fault is not None:
             return []
-        runs = await self._runs()
+        runs = [run for run in await self._runs() if run.kind != "jog"]
         try:
             _, current = await self.store.current()
             kept = frozenset(filter(None, (current.run_id,)))

@@ -118,9 +118,9 @@ async def look(app: App) -> LookDocument:
 
 
 def working_run(app: Application) -> RunRecord | None:
-    """The run that uses the camera now: one in progress, unless it waits for its operator."""
+    """The run that uses the camera now: one in progress, unless it waits for its operator or is a jog."""
     run = app.supervisor.in_progress
-    return None if run is None or run.state is RunState.WAITING else run
+    return None if run is None or run.state is RunState.WAITING or run.kind == "jog" else run
 
 
 async def stored_picture(app: Application, run_id: str, k: int, media_type: PictureType, width: Width | None) -> bytes:

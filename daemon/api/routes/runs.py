@@ -114,7 +114,7 @@ async def views(app: App, run_id: Identifier) -> Response:
     found = await app.supervisor.run(run_id)
     calibration, arm = await _calibration_of(app, found), app.operations.rules.arm
     folder, own = app.store.run_folder(found.id), found.kind == "calibration"
-    if found.kind == "scan" or not (folder / SESSION_FILE).is_file():
+    if found.kind in ("scan", "jog") or not (folder / SESSION_FILE).is_file():
         raise NotFound(
             f"run {found.id} has no views", "look at a calibration or verification run; old ones are deleted"
         )

@@ -4,7 +4,7 @@ from typing import Any, Literal
 
 from calibration.documents.pose import PoseDocument, Vector
 from daemon.api.schemas.answer import EXAMPLE_AT, EXAMPLE_ID, Answer, example
-from daemon.model.records import Planning, RunRecord
+from daemon.model.records import Planning, RunKind, RunRecord
 from daemon.model.run_states import RunState
 from daemon.runs.run_log import prediction_text
 from daemon.store.listings import RunListing
@@ -128,7 +128,7 @@ class RunDocument(Answer):
     )
 
     id: str
-    kind: Literal["calibration", "verify", "scan"]
+    kind: RunKind
     state: RunState
     over: bool
     station: int

@@ -29,7 +29,7 @@ export function Run({ argument }) {
 function RunShown({ shown }) {
   const [chosen, setChosen] = useState(null);
   const arm = useAsked('/arm');
-  const views = useAsked(shown.kind === 'scan' ? null : `/runs/${encodeURIComponent(shown.id)}/views`, ['run']);
+  const views = useAsked(['scan', 'jog'].includes(shown.kind) ? null : `/runs/${encodeURIComponent(shown.id)}/views`, ['run']);
   const inForce = useAsked('/calibrations/current', ['applied']);
   const rows = views.data?.views ?? [];
   const view = rows.find(({ index }) => index === chosen) ?? rows.at(-1);
@@ -51,7 +51,7 @@ function RunShown({ shown }) {
     <${Card} title=${t('cell.scene')} id="scene" wide="2"><${CellScene} parts=${parts} dim=${old.value} /></${Card}>
     ${shown.kind === 'calibration' && html`<${Card} title=${t('curve.title')} id="curve">
       <${UncertaintyCurve} history=${planning?.history ?? []} goal_mm=${planning?.goal?.tolerance_mm ?? shown.request?.tolerance_mm} stations=${shown.stations} /></${Card}>`}
-    ${shown.kind !== 'scan' && html`<${Card} title=${view ? t('view.title', { view: view.index }) : t('cell.camera')} id="picture">
+    ${!['scan', 'jog'].includes(shown.kind) && html`<${Card} title=${view ? t('view.title', { view: view.index }) : t('cell.camera')} id="picture">
       <${Picture} src=${view && `/runs/${encodeURIComponent(shown.id)}/frames/${view.index}?width=960`} size=${view?.size ?? undefined} corners=${view?.corners ?? []}
         alt=${view ? t('view.alt', { view: view.index, count: view.corners?.length ?? 0 }) : t('view.none')} />
     </${Card}>

@@ -169,6 +169,7 @@ export default {
   'kind.calibration': 'Kalibrierung',
   'kind.verify': 'Prüfung',
   'kind.scan': 'Scan',
+  'kind.jog': 'Einzelbewegung',
   'state.moving': 'fährt zur nächsten Ansicht',
   'state.waiting': 'wartet auf Sie',
   'state.settling': 'wartet, bis der Arm steht',

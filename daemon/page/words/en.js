@@ -177,6 +177,7 @@ export default {
   'kind.calibration': 'Calibration',
   'kind.verify': 'Verification',
   'kind.scan': 'Scan',
+  'kind.jog': 'Jog',
   'state.moving': 'moving to the next view',
   'state.waiting': 'waiting for you',
   'state.settling': 'waiting until the arm stands',

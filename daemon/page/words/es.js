@@ -169,6 +169,7 @@ export default {
   'kind.calibration': 'Calibración',
   'kind.verify': 'Verificación',
   'kind.scan': 'Escaneo',
+  'kind.jog': 'Movimiento manual',
   'state.moving': 'va a la vista siguiente',
   'state.waiting': 'le espera a usted',
   'state.settling': 'espera a que el brazo pare',

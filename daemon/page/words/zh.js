@@ -169,6 +169,7 @@ export default {
   'kind.calibration': '标定',
   'kind.verify': '验证',
   'kind.scan': '扫描',
+  'kind.jog': '点动',
   'state.moving': '正前往下一视图',
   'state.waiting': '等待您操作',
   'state.settling': '等待机械臂停稳',

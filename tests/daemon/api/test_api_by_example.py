@@ -23,7 +23,7 @@ def run_the_page(url: str) -> dict[str, Any]:
 async def test_the_pages_examples_run(tmp_path: Path) -> None:
     async with serving(settings_for(tmp_path)) as bench:
         names = await asyncio.to_thread(run_the_page, bench.url)
-    assert [run["kind"] for run in names["runs"]] == ["verify", "verify", "calibration"]
+    assert [run["kind"] for run in names["runs"]] == ["jog", "verify", "verify", "calibration"]
     secret, body = b"s" * 32, b'{"id": "m"}'
     headers = signature_headers("m", int(names["time"].time()), body, [b"other" * 8, secret])
     assert names["verified"](headers, body, secret)

@@ -1,7 +1,7 @@
 """The drift schedule moves the arm only while somebody has the cell in use: after nothing else by itself."""
 
 import asyncio
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import pytest
@@ -117,6 +117,7 @@ NOT_IN_USE = [
     (a_run("a", RunState.FAILED), "run a failed"),
     (a_run("a", RunState.ABORTED), "run a aborted"),
     (a_run("a", manual=True), "in run a the arm was moved by hand"),
+    (replace(a_run("a"), kind="jog"), "in run a the arm was moved by hand"),
 ]
 
 

@@ -1,0 +1,101 @@
+"""A jog: one small move of the flange in base or flange, a turn of one axis, or all axes to their angles."""
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from calibration.documents.pose import PoseDocument
+from calibration.transforms import Array, rotation_from_vector, transform
+from daemon.cell.cell import AXES_NOT_MOVED, READ_ONLY, Cell
+from daemon.cell.motion_rules import MotionRules
+from daemon.cell.settling import check_arrival
+from daemon.config.settings import TaughtPose
+from daemon.errors import CellNotReady, PoseRefused
+from daemon.model.requests import JogRequest
+from drivers.interfaces import JointGoal, MoveGoal, PoseReading
+from drivers.robots.base_frame import configured
+
+SPEED_MM_S = 50.0
+"""Of a request that states none."""
+
+MAX_TRAVEL_DEG = 60.0
+"""Limit of joint travel in a step of the flange: near a singularity a small step can turn an axis over."""
+
+NO_STATION = 0
+
+
+@dataclass(frozen=True)
+class Jog:
+    """One jog under the rules of every commanded move, from where the arm stands when it begins."""
+
+    cell: Cell
+    rules: MotionRules
+    request: JogRequest
+
+    async def goal(self) -> MoveGoal | JointGoal:
+        """The checked move from the present pose. Raises CellNotReady, PoseRefused, DeviceError; nothing moves."""
+        if not self.cell.robot.capabilities.moves:
+            raise CellNotReady((READ_ONLY,))
+        speed_mm_s = self._speed()
+        if self.request.shift_mm is not None or self.request.turn_deg is not None:
+            here = await self.cell.robot.read_pose()
+            pose = TaughtPose.of(_stepped(here.base_T_flange, self.request))
+            rules = self.rules.with_travel_below(MAX_TRAVEL_DEG)
+            return replace(await rules.goal(NO_STATION, pose, self.cell.robot), speed_mm_s=speed_mm_s)
+        if configured(self.cell.robot) is None:
+            raise CellNotReady((AXES_NOT_MOVED,))
+        start_rad, here = await self.cell.robot.read_joints(), await self.cell.robot.read_pose()
+        end_rad = _turned(start_rad, self.request)
+        self.rules.check_joint_move(here, start_rad, end_rad)
+        return JointGoal(end_rad, here.external_axes, speed_mm_s)
+
+    async def carry_out(self, holder: str) -> PoseReading:
+        """Move, and stop and disarm in every case; returns the pose and joints at rest. Raises as `goal`, CellBusy."""
+        async with self.cell.motion_lease(holder) as robot:
+            goal = await self.goal()
+            if isinstance(goal, JointGoal):
+                await self.cell.move_to_joints(goal)
+                return await self.cell.read_settled_pose()
+            await self.cell.move_to(goal)
+            reading = await self.cell.read_settled_pose()
+            check_arrival(goal.base_T_flange, reading, robot.capabilities.pose_convention)
+            return reading
+
+    def _speed(self) -> float:
+        allowed, asked = self.rules.robot.speed_mm_s, self.request.speed_mm_s
+        if asked is not None and asked > allowed:
+            what = f"{asked:g} mm/s is faster than the settings' {allowed:g} mm/s"
+            raise PoseRefused(NO_STATION, what, "ask for less, or raise [robot] speed_mm_s")
+        return min(SPEED_MM_S, allowed) if asked is None else asked
+
+
+def result_of(reading: PoseReading) -> dict[str, Any]:
+    """The result of a jog's run: where the arm stands."""
+    joints = [] if reading.joints_rad is None else np.degrees(reading.joints_rad).round(6).tolist()
+    return {"base_T_flange": PoseDocument.of(reading.base_T_flange).model_dump(mode="json"), "joints_deg": joints}
+
+
+def _stepped(base_T_flange: Array, request: JogRequest) -> Array:
+    """base_T_flange (4, 4) after the step."""
+    rotation = rotation_from_vector(np.radians(request.turn_deg or (0.0, 0.0, 0.0)))
+    shift_mm = np.array(request.shift_mm or (0.0, 0.0, 0.0))
+    if request.frame == "flange":
+        return base_T_flange @ transform(rotation, shift_mm)
+    return transform(rotation @ base_T_flange[:3, :3], base_T_flange[:3, 3] + shift_mm)
+
+
+def _turned(start_rad: Array, request: JogRequest) -> Array:
+    """Joints (n,) in rad after the move. Raises PoseRefused for a number of axes that the arm does not have."""
+    if request.joints_deg is not None:
+        if len(request.joints_deg) != len(start_rad):
+            what = f"{len(request.joints_deg)} angles are given, and the arm has {len(start_rad)} axes"
+            raise PoseRefused(NO_STATION, what, "give one angle for each axis")
+        return np.radians(request.joints_deg)
+    assert request.axis is not None and request.by_deg is not None
+    if request.axis > len(start_rad):
+        what = f"there is no axis {request.axis}, the arm has {len(start_rad)}"
+        raise PoseRefused(NO_STATION, what, f"choose one from 1 to {len(start_rad)}")
+    end_rad = start_rad.copy()
+    end_rad[request.axis - 1] += np.radians(request.by_deg)
+    return end_rad

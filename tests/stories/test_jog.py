@@ -1,0 +1,47 @@
+"""An operator jogs the arm through the daemon at the shipped RAPID: by axis, in frames, to angles, within the rules."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tests.stories.plant import Plant, plant
+from tests.support.waiting import LIMIT_S
+
+
+def joints_deg(story: Plant) -> Any:
+    controller = story.cell.controller
+    return np.degrees(controller.arm.joints_at(controller.robot_s(story.cell.cell.clock())))
+
+
+async def jogs(story: Plant, **body: Any) -> dict[str, Any]:
+    answer: dict[str, Any] = (
+        await story.operator.client.post("/robot/jog", params={"wait": LIMIT_S}, json=body)
+    ).json()
+    return answer
+
+
+async def test_the_arm_is_jogged_to_a_first_pose_and_back_and_stays_within_its_limits(tmp_path: Path) -> None:
+    async with plant(tmp_path, planned=True) as story:
+        start = joints_deg(story)
+        turned = await jogs(story, axis=6, by_deg=-12.0)
+        assert turned["state"] == "finished", turned
+        np.testing.assert_allclose(joints_deg(story) - start, [0, 0, 0, 0, 0, -12], atol=1e-3)
+        np.testing.assert_allclose(turned["result"]["joints_deg"], joints_deg(story), atol=1e-3)
+
+        before = (await story.operator.client.get("/robot")).json()["base_T_flange"]["translation_mm"]
+        lifted = (await jogs(story, shift_mm=[0.0, 0.0, 30.0]))["result"]["base_T_flange"]["translation_mm"]
+        np.testing.assert_allclose(np.subtract(lifted, before), [0, 0, 30], atol=0.05)
+        assert (await jogs(story, joints_deg=start.tolist()))["state"] == "finished"
+        np.testing.assert_allclose(joints_deg(story), start, atol=1e-3)
+
+        moves = story.cell.commanded_moves
+        for body, why in (
+            ({"joints_deg": [0, 0, 0, 0, 170, 0]}, "beyond its limit"),
+            ({"joints_deg": [0, 0, 0, 0, 0, 0, 0]}, "the arm has 6 axes"),
+            ({"axis": 7, "by_deg": 1}, "there is no axis 7"),
+        ):
+            refused = await jogs(story, **body)
+            assert (refused["status"], why in refused["detail"]) == (422, True), refused
+        assert story.cell.commanded_moves == moves
+        assert not story.cell.controller.armed
