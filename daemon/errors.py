@@ -11,6 +11,7 @@ DaemonError
 ├── SameAgain             a device repeated its last capture from another pose
 ├── PictureUnusable       the camera's picture cannot be used
 ├── NoPoses               there are no poses, or too few
+├── ArmUnknown            the settings name no arm, whose errors were asked for
 ├── ToleranceLoosened     a request states a larger tolerance than the settings allow; `stated_mm`, `allowed_mm`
 ├── PoseRefused           a pose lies outside what the settings allow; `station`
 │   └── PathRefused       the flange would leave the box on the way to a pose; `along`, `flange_mm`, `outside_mm`
@@ -145,6 +146,18 @@ class NoPoses(DaemonError):
     """There are no poses, or fewer than asked for."""
 
     code = "no-poses"
+
+
+class ArmUnknown(DaemonError):
+    """The errors of the arm were asked for, and the settings do not name it."""
+
+    code = "arm-unknown"
+
+    def __init__(self) -> None:
+        super().__init__(
+            "the errors of an arm are identified by its drawing, and the settings do not name the arm",
+            "set [robot] model to a name of 'handeyed arms', or leave \"arm\" out",
+        )
 
 
 class ToleranceLoosened(DaemonError):

@@ -12,13 +12,22 @@ from calibration.documents.calibration import CalibrationDocument
 from calibration.documents.pose import PoseDocument
 from calibration.documents.session import CameraDocument
 from calibration.documents.target import TargetDocument
+from calibration.kinematics.arm import Arm
 from calibration.planning.next_view import StoppingRule
 from calibration.planning.what_if import PlanComparison
 from calibration.transforms import Array
 from daemon.cell.cell import Cell
 from daemon.cell.motion_rules import MotionRules
 from daemon.config.settings import Settings, TaughtPose
-from daemon.errors import CalibrationUnusable, CellNotReady, NoCalibration, NoPoses, NotFound, ToleranceLoosened
+from daemon.errors import (
+    ArmUnknown,
+    CalibrationUnusable,
+    CellNotReady,
+    NoCalibration,
+    NoPoses,
+    NotFound,
+    ToleranceLoosened,
+)
 from daemon.model.records import AppliedCalibration, CalibrationRecord, RunKind, RunRecord, ScanRecord, ScanViewRecord
 from daemon.model.requests import (
     ApplyRequest,
@@ -31,7 +40,7 @@ from daemon.model.requests import (
 )
 from daemon.model.run_states import RunEvent, RunState
 from daemon.runs.adaptive_sequence import AdaptiveSequence
-from daemon.runs.calibration_run import CalibrationRun
+from daemon.runs.calibration_run import CalibrationRun, Solved
 from daemon.runs.foresight import Foresight, foresee
 from daemon.runs.jog import Jog, result_of
 from daemon.runs.manual_sequence import ManualParameters, ManualSequence
@@ -81,9 +90,10 @@ class Operations:
     async def calibrate(self, request: CalibrateRequest) -> RunRecord:
         """Start a calibration run.
 
-        Raises RunInProgress, CellNotReady, NoPoses, PoseRefused, ToleranceLoosened, StorageError.
+        Raises RunInProgress, CellNotReady, NoPoses, PoseRefused, ToleranceLoosened, ArmUnknown, StorageError.
         """
         self._check_tolerance(request.tolerance_mm)
+        self._arm(request.arm)
         settings, target = self.settings.calibration, request.target or self.settings.target
         session = self._session("calibration", target, self.settings.camera.intrinsics)
 
@@ -140,27 +150,22 @@ class Operations:
         run = await self.store.run(found.run_id)
         again = CalibrateRequest.model_validate(run.request)
         calibration = replace(self._calibration_run(again, compared=False), apply_when_accepted=False)
-        document = await self.merge_workers.run_if_free(
+        solved = await self.merge_workers.run_if_free(
             _solve_without, self.store.run_folder(run.id), request, calibration, new_id, self.clock.timestamp()
         )
-        record = CalibrationRecord(new_id, run.id, document.created_at, document.verdict.accepted, document)
-        await self.store.save_calibration(record)
-        return record
+        return await self._store_solved(solved, run.id)
 
     async def solve_observations(self, session: ObservationsRequest, new_id: str) -> CalibrationRecord:
         """Solve views that another program has taken and measured, and store the result; nothing is applied.
 
-        Raises RunInProgress, WorkersBusy, DocumentError, StorageError.
+        Raises RunInProgress, WorkersBusy, DocumentError, ArmUnknown, StorageError.
         """
+        arm = self._arm(session.arm)
         self.supervisor.require_free()
         await self.store.require_ready()
-        run = replace(self._calibration_run(CalibrateRequest(), compared=False), expected=None)
-        document = await self.merge_workers.run_if_free(
-            _solve_observations, session, run, new_id, self.clock.timestamp()
-        )
-        record = CalibrationRecord(new_id, None, document.created_at, document.verdict.accepted, document)
-        await self.store.save_calibration(record)
-        return record
+        run = replace(self._calibration_run(CalibrateRequest(), compared=False), expected=None, arm=arm)
+        solved = await self.merge_workers.run_if_free(_solve_observations, session, run, new_id, self.clock.timestamp())
+        return await self._store_solved(solved, None)
 
     async def submit_request(self, run_id: str, action: OperatorAction) -> RunRecord:
         """Take a view in a manual run, or end it; returns the run afterwards.
@@ -281,6 +286,18 @@ class Operations:
         if tolerance_mm is not None and settings.forbids(tolerance_mm):
             raise ToleranceLoosened(tolerance_mm, settings.verdict_limits().tolerance_mm)
 
+    def _arm(self, wanted: bool) -> Arm | None:
+        """The cell's arm, when its errors are wanted. Raises ArmUnknown."""
+        if wanted and self.rules.arm is None:
+            raise ArmUnknown
+        return self.rules.arm if wanted else None
+
+    async def _store_solved(self, solved: Solved, run_id: str | None) -> CalibrationRecord:
+        document, arm = solved
+        record = CalibrationRecord(document.id, run_id, document.created_at, document.verdict.accepted, document)
+        await self.store.save_calibration(record, arm)
+        return record
+
     def _check_setup(self, calibration: CalibrationDocument) -> None:
         """Raises CalibrationUnusable for a calibration of the other set-up."""
         if calibration.setup != self.settings.camera.setup:
@@ -320,7 +337,7 @@ class Operations:
         auto, expected = settings.policy == "auto", mount_expectation(settings, self.settings.camera.setup)
         return CalibrationRun(
             self.store, self.workers, self.clock, auto, better if compared else None, expected,
-            settings.verdict_limits(request.tolerance_mm), self.settings.part.named_points(),
+            settings.verdict_limits(request.tolerance_mm), self.settings.part.named_points(), self._arm(request.arm),
         )  # fmt: skip
 
     def _session(self, kind: str, target: TargetDocument, camera: CameraDocument | None) -> OpenSession:
@@ -351,7 +368,7 @@ def _run_plan(
 
 def _solve_without(
     folder: Path, request: SolveRequest, run: CalibrationRun, calibration_id: str, created_at: str
-) -> CalibrationDocument:
+) -> Solved:
     """Solve the session in `folder` without some of its views. Raises DocumentError."""
     problem = load_problem(open_session(folder))
     views = tuple(view for view in problem.views if view.index not in request.without)
@@ -360,7 +377,7 @@ def _solve_without(
 
 def _solve_observations(
     session: ObservationsRequest, run: CalibrationRun, calibration_id: str, created_at: str
-) -> CalibrationDocument:
+) -> Solved:
     """Solve a session that needs no file. Raises DocumentError."""
     return run.solve(problem_without_files(session, "request body"), calibration_id, created_at)
 

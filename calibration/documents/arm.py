@@ -1,7 +1,7 @@
 """arm.json: the errors of an arm as built, what they were identified from, and X with them (mm, degrees, w first)."""
 
 from collections.abc import Sequence
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from pydantic import Field
@@ -11,9 +11,12 @@ from calibration.documents.validation import Document
 from calibration.errors import GeometryError
 from calibration.kinematics.abb_arms import find_arm
 from calibration.kinematics.arm_errors import ArmErrorModel, Group
+from calibration.kinematics.arm_estimate import ArmEstimate
 from calibration.problem import Problem, Setup
-from calibration.solver.arm_identification import ArmEstimate, ArmFit
 from calibration.transforms import Array
+
+if TYPE_CHECKING:
+    from calibration.solver.arm_identification import ArmFit
 
 Joints = tuple[float, float, float, float, float, float]
 
@@ -38,7 +41,7 @@ class ArmLadderDocument(Document):
     hold_out_mm: float
 
 
-class ArmDocument(Document):
+class ArmErrorsDocument(Document):
     """arm.json. `covariance`: of [rotation rad and translation mm of mount_T_camera @ exp(.), the parameters]."""
 
     heading = "armjson"
@@ -58,6 +61,7 @@ class ArmDocument(Document):
     scatter_deg: float
     ladder: list[ArmLadderDocument]
     views: int = Field(ge=0)
+    joints_from_poses: int = Field(default=0, ge=0)
     places: int = Field(ge=1)
     lowest_joints_deg: Joints
     highest_joints_deg: Joints
@@ -75,13 +79,19 @@ class ArmDocument(Document):
 
 
 def arm_document(
-    fit: ArmFit, problems: Sequence[Problem], *, created_at: str, software: str, serial: str | None = None
-) -> ArmDocument:
-    """The document of a fit from these sessions, whose views all hold joints."""
+    fit: "ArmFit",
+    problems: Sequence[Problem],
+    *,
+    created_at: str,
+    software: str,
+    joints_from_poses: int = 0,
+    serial: str | None = None,
+) -> ArmErrorsDocument:
+    """The document of a fit from these sessions, whose views all hold joints, some of them `joints_from_poses`."""
     every = [view.joints_rad for problem in problems for view in problem.views]
     joints = np.degrees(np.array([one for one in every if one is not None]))
     sigmas = np.sqrt(np.diagonal(fit.covariance)[6:])
-    return ArmDocument(
+    return ArmErrorsDocument(
         arm=fit.model.arm.identifier,
         serial=serial,
         created_at=created_at,
@@ -109,13 +119,14 @@ def arm_document(
             for row in fit.ladder
         ],
         views=len(joints),
+        joints_from_poses=joints_from_poses,
         places=len(problems),
         lowest_joints_deg=_six(joints.min(axis=0)),
         highest_joints_deg=_six(joints.max(axis=0)),
     )
 
 
-def arm_summary(document: ArmDocument) -> str:
+def arm_summary(document: ArmErrorsDocument) -> str:
     """What people read: whether errors were found, what each group explains, the largest ones."""
     without, *models = document.ladder
     found = "errors of the arm are taken up" if document.taken_up else "no errors of the arm are shown by these views"

@@ -87,6 +87,12 @@ FINDINGS = {
     "better-poses": "{poses} planned poses would leave {planned_mm:.2g} mm in a mapped point, these {taken} leave"
     " {taken_mm:.2g} mm",
     "better-poses-open": "{poses} planned poses would leave {planned_mm:.2g} mm in a mapped point, these leave X open",
+    # calibration/documents/identified_arm.py
+    "arm-errors": "the arm is not as drawn: with its own errors views left out by region of the joints are missed by"
+    " {after_mm:.2g} mm instead of {before_mm:.2g} mm",
+    "arm-as-drawn": "these views show no errors of the arm",
+    "arm-joints-from-poses": "the joints of {views} views were computed from their poses",
+    "arm-not-identified": "the arm's own errors are not identified: {why}",
     # calibration/pose_pairs, observations/measured_poses.py, diagnosis/measured.py
     "camera-hardly-moves": "the camera hardly moves compared with its errors: how long its millimetres are is not"
     " determined",
@@ -317,6 +323,8 @@ ADVICE = {
     " different axes",
     "give-rough-x": "give a rough X, or add overlapping views of a part with relief, turned about different axes",
     "start-better": "start from a better rough X, or add overlap",
+    "correct-arm-session": "correct what is named and solve again; the calibration holds for the arm as drawn",
+    "record-joints": "record the joints with each view: a pose is reached in several postures",
     "check-mount-and-part": "check the mount, and that the part stood still",
 }
 

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from calibration.errors import CalibrationError
 from calibration.kinematics.arm_errors import GROUPS, MAX_USUAL_SIGMAS, ArmErrorModel, Group, Postures
+from calibration.kinematics.arm_estimate import ArmEstimate
 from calibration.likelihood.chain import Chain
 from calibration.likelihood.estimate import Estimate, exact_pixels, linearise
 from calibration.likelihood.leave_groups_out import split
@@ -52,20 +53,6 @@ class LadderRow:
     log_evidence: float
     hold_out_mm: float
     scale: float
-
-
-@dataclass(frozen=True, eq=False)
-class ArmEstimate:
-    """The arm as built, and X with it.
-
-    parameters : (k,), all zero where no errors were taken up.
-    covariance : (6 + k, 6 + k) of [X, as of Uncertainty.covariance; the parameters].
-    """
-
-    model: ArmErrorModel
-    parameters: Array
-    covariance: Array
-    mount_T_camera: Array
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,8 +3,8 @@
 import numpy as np
 
 from calibration.kinematics.arm_errors import Postures
+from calibration.kinematics.arm_estimate import ArmEstimate
 from calibration.likelihood.mapped_points import point_rows
-from calibration.solver.arm_identification import ArmEstimate
 from calibration.transforms import Array, map_points
 
 

@@ -35,6 +35,7 @@ STATUS: dict[type[Exception], int] = {
     errors.NoScanner: 409,
     errors.ScanEmpty: 409,
     errors.NoPoses: 409,
+    errors.ArmUnknown: 409,
     errors.NotStill: 409,
     http_errors.RequestInFlight: 409,
     errors.AppliedMeanwhile: 412,

@@ -52,6 +52,7 @@ class CalibrateRequest(Document):
     settings', and planning ends when it is met. `uncertainty_mm`: planning ends when a mapped point is known as well as
     this (one sigma). With either, `count` is the most.
     `manual`: nothing moves the arm; the operator jogs it, and takes each view with POST /runs/{id}/stations.
+    `arm`: the errors of the arm as built are identified, too: GET /calibrations/{id}/arm. [robot] model names the arm.
     """
 
     model_config = _examples(
@@ -64,6 +65,7 @@ class CalibrateRequest(Document):
     tolerance_mm: Tolerance | None = None
     target: TargetDocument | None = None
     manual: bool = False
+    arm: bool = False
 
     @model_validator(mode="after")
     def _check_manual(self) -> "CalibrateRequest":
@@ -212,6 +214,7 @@ class ObservationsRequest(SessionDocument):
 
     `corners_px`: [id, u, v] of the target's points in a picture; `points_mm`: [id, x, y, z] of them in the camera's
     frame; `camera_T_target`: the target's pose in the camera, with its `covariance` where that is known.
+    `arm`: the errors of this cell's arm are identified, too, from `corners_px` and `joints_deg`.
     """
 
     model_config = _examples(
@@ -221,6 +224,8 @@ class ObservationsRequest(SessionDocument):
             "views": [{"base_T_flange": _POSE, "camera_T_target": _SEEN}] * 3,
         }
     )
+
+    arm: bool = False
 
 
 class SolveRequest(Document):

@@ -3,7 +3,9 @@
 from dataclasses import dataclass, replace
 
 from calibration.diagnosis.mount_check import ExpectedMount, mount_findings
+from calibration.documents.arm import ArmErrorsDocument
 from calibration.documents.calibration import CalibrationDocument, calibration_document
+from calibration.kinematics.arm import Arm
 from calibration.likelihood.mapped_points import NamedPoint, at_points
 from calibration.planning.what_if import PlanComparison
 from calibration.problem import Problem
@@ -24,12 +26,16 @@ MIN_VIEWS = 3
 """Two motions between three views are the fewest that determine X (paper, section 2)."""
 
 
+Solved = tuple[CalibrationDocument, ArmErrorsDocument | None]
+
+
 @dataclass(frozen=True)
 class CalibrationRun:
     """The run without its poses. `apply_when_accepted`: the policy "auto".
 
     `better`: compares the poses with planned ones; None when they were planned. `expected`: the camera's expected pose.
-    `limits`: of the verdict. `points`: where the uncertainty counts; the working volume without any.
+    `limits`: of the verdict. `points`: where the uncertainty counts; the working volume without any. `arm`: its errors
+    are identified, too.
     """
 
     store: Store
@@ -40,33 +46,33 @@ class CalibrationRun:
     expected: ExpectedMount | None = None
     limits: VerdictLimits = DEFAULT_VERDICT_LIMITS
     points: tuple[NamedPoint, ...] = ()
+    arm: Arm | None = None
 
     async def drive(self, sequence: PoseSequence, log: RunLog) -> RunResult:
         """Run the sequence, solve, and store the calibration under the run's id."""
         await self.workers.run(load_run_modules)
         problem = await sequence.run(MIN_VIEWS)
-        document = await self.workers.run(self.solve, problem, log.id, self.clock.timestamp())
+        document, arm = await self.workers.run(self.solve, problem, log.id, self.clock.timestamp())
         log.conclude()
-        applied = await self._keep(document, log.id)
+        applied = await self._keep(document, arm, log.id)
         return E.SOLVED, {
             "calibration_id": document.id, "accepted": document.verdict.accepted, "applied": applied
         }  # fmt: skip
 
-    async def _keep(self, document: CalibrationDocument, run_id: str) -> bool:
+    async def _keep(self, document: CalibrationDocument, arm: ArmErrorsDocument | None, run_id: str) -> bool:
         accepted = document.verdict.accepted
         await self.store.save_calibration(
-            CalibrationRecord(document.id, run_id, document.created_at, accepted, document)
+            CalibrationRecord(document.id, run_id, document.created_at, accepted, document), arm
         )
         if not (self.apply_when_accepted and accepted):
             return False
         await self.store.apply(AppliedCalibration(document.id, self.clock.timestamp(), AUTO_POLICY))
         return True
 
-    def solve(
-        self, problem: Problem, calibration_id: str, created_at: str, method: str = "auto"
-    ) -> CalibrationDocument:
-        """Solve, judge and document, as `handeyed solve` does."""
-        from calibration.solve import solve_hand_eye  # see run_modules
+    def solve(self, problem: Problem, calibration_id: str, created_at: str, method: str = "auto") -> Solved:
+        """Solve, judge and document, as `handeyed solve` does; with the arm's errors as `handeyed solve --arm`."""
+        from calibration.documents.identified_arm import identify_with_findings  # see run_modules
+        from calibration.solve import solve_hand_eye
 
         solution = at_points(problem, solve_hand_eye(problem, method), self.points)
         verdict = judge(problem, solution, self.limits)
@@ -75,7 +81,12 @@ class CalibrationRun:
             findings += mount_findings(solution.mount_T_camera, self.expected)
         if self.better is not None:
             findings += tuple(self.better.findings(problem, solution))
-        return calibration_document(
+        arm = None
+        if self.arm is not None and solution.mount_T_camera is not None:
+            arm, found = identify_with_findings(self.arm, problem, created_at=created_at, software=SOFTWARE)
+            findings += found
+        document = calibration_document(
             solution, replace(verdict, findings=findings), calibration_id=calibration_id, created_at=created_at,
             software=SOFTWARE,
         )  # fmt: skip
+        return document, arm

@@ -7,10 +7,11 @@ from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from pydantic import ValidationError
 
+from calibration.documents.arm import ArmErrorsDocument
 from calibration.documents.calibration import CalibrationDocument
 from calibration.documents.pose import PoseDocument
 from daemon.errors import AppliedMeanwhile, NoCalibration, NotFound, StorageFull, StorageInconsistent
@@ -38,6 +39,8 @@ _UPDATE_RUN = (
 
 _CALIBRATION = "SELECT id, run_id, created_at, accepted, document FROM calibrations"
 
+
+Stored = TypeVar("Stored", CalibrationDocument, ArmErrorsDocument)
 
 RUN_BYTES = 20e6
 """What a run takes on the disk, until the sizes of the latest runs are known."""
@@ -160,11 +163,17 @@ class Store:
 
     # calibrations
 
-    async def save_calibration(self, calibration: CalibrationRecord) -> None:
-        """Insert a calibration. Calibrations are never changed."""
+    async def save_calibration(self, calibration: CalibrationRecord, arm: ArmErrorsDocument | None = None) -> None:
+        """Insert a calibration, and the arm's errors identified with it. Calibrations are never changed."""
         row = (calibration.id, calibration.run_id, calibration.created_at, calibration.accepted,
                calibration.document.model_dump_json())  # fmt: skip
-        await self._database.write(lambda db: db.execute("INSERT INTO calibrations VALUES (?, ?, ?, ?, ?)", row))
+
+        def insert(db: sqlite3.Connection) -> None:
+            db.execute("INSERT INTO calibrations VALUES (?, ?, ?, ?, ?)", row)
+            if arm is not None:
+                db.execute("INSERT INTO arms VALUES (?, ?)", (calibration.id, arm.model_dump_json()))
+
+        await self._database.write(insert)
         self.publish("calibration", {"calibration_id": calibration.id, "run_id": calibration.run_id,
                                      "accepted": calibration.accepted, "at": calibration.created_at})  # fmt: skip
 
@@ -176,6 +185,14 @@ class Store:
         if row is None:
             raise NotFound(f"there is no calibration {calibration_id!r}", "GET /calibrations lists them")
         return _calibration(row)
+
+    async def arm(self, calibration_id: str) -> ArmErrorsDocument | None:
+        """The arm's errors identified with a calibration; None where they were not. Raises StorageInconsistent."""
+        query = "SELECT document FROM arms WHERE calibration_id = ?"
+        row = await self._database.read(lambda db: db.execute(query, (calibration_id,)).fetchone())
+        return (
+            None if row is None else _document(ArmErrorsDocument, row[0], f"arm.json of calibration {calibration_id}")
+        )
 
     async def apply(self, applied: AppliedCalibration, expected: Sequence[int] | None = None) -> AppliedCalibration:
         """Put a calibration in force by appending it to the history; returns it with its sequence number.
@@ -313,13 +330,15 @@ class Store:
 def _calibration(row: tuple[str, str | None, str, int, str]) -> CalibrationRecord:
     """The record of a row. Raises StorageInconsistent when its document is not what was stored."""
     calibration_id, run_id, created_at, accepted, content = row
-    try:
-        document = CalibrationDocument.model_validate_json(content)
-    except ValidationError as error:
-        raise StorageInconsistent(
-            f"calibration {calibration_id} in the store is damaged", "restore a backup, or calibrate again"
-        ) from error
+    document = _document(CalibrationDocument, content, f"calibration {calibration_id}")
     return CalibrationRecord(calibration_id, run_id, created_at, bool(accepted), document)
+
+
+def _document(kind: type[Stored], content: str, name: str) -> Stored:
+    try:
+        return kind.model_validate_json(content)
+    except ValidationError as error:
+        raise StorageInconsistent(f"{name} in the store is damaged", "restore a backup, or calibrate again") from error
 
 
 def _scan(row: tuple[str, str, str, int]) -> ScanRecord:

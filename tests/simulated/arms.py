@@ -2,9 +2,12 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
+from calibration.documents.pose import PoseDocument
+from calibration.documents.session import CameraDocument
 from calibration.kinematics.arm import Arm, UnreachablePoseError
 from calibration.kinematics.arm_errors import NO_LOAD, Load, Postures
 from calibration.problem import Detection, Problem, View
@@ -86,6 +89,28 @@ def arm_cell(
         views = [View(row, poses[row], Detection(ids, pixels[row]), joints_rad=joints[row]) for row in range(n)]
         problems.append(Problem("eye-in-hand", BOARD, CAMERA, CAMERA.image_size, tuple(views)))
     return ArmCell(built, tuple(problems), MOUNT_T_CAMERA)
+
+
+def session_document(problem: Problem) -> dict[str, Any]:
+    """session.json of the views, with corners in place of images, and joints."""
+    return {
+        "schema_version": 1,
+        "setup": problem.setup,
+        "target": {"kind": "chessboard", "columns": 11, "rows": 8, "pitch_mm": 15.0},
+        "camera": CameraDocument.of(CAMERA).model_dump(mode="json"),
+        "views": [_view_document(view) for view in problem.views],
+    }
+
+
+def _view_document(view: View) -> dict[str, Any]:
+    assert view.joints_rad is not None
+    assert view.detection is not None
+    corners = np.column_stack([view.detection.ids, view.detection.corners_px])
+    return {
+        "base_T_flange": PoseDocument.of(view.base_T_flange).model_dump(mode="json"),
+        "joints_deg": np.degrees(view.joints_rad).tolist(),
+        "corners_px": [[int(name), u, v] for name, u, v in corners.tolist()],
+    }
 
 
 BOX_SHARES = np.array([[0.42, -0.35, 0.1], [0.75, 0.35, 0.5]])

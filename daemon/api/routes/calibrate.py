@@ -32,7 +32,7 @@ from drivers.errors import DeviceError
 router = APIRouter(tags=["calibrate"])
 
 HOW_TO_START = (
-    "POST /calibrate with no body, or with poses, count, tolerance_mm, uncertainty_mm, target or manual;"
+    "POST /calibrate with no body, or with poses, count, tolerance_mm, uncertainty_mm, target, manual or arm;"
     " ?wait=SECONDS answers the finished run"
 )
 

@@ -4,6 +4,7 @@ from typing import Annotated
 
 from fastapi import APIRouter, Depends, Query, Request, Response
 
+from calibration.documents.arm import ArmErrorsDocument, arm_summary
 from calibration.documents.calibration import CalibrationDocument
 from calibration.documents.calibration_text import summary
 from calibration.monitoring.comparison import ComparisonDocument, compare, comparison_text
@@ -110,6 +111,24 @@ async def calibration(request: Request, app: App, calibration_id: Identifier) ->
     """calibration.json."""
     document = (await app.store.calibration(calibration_id)).document
     return respond(request, document, lambda: summary(f"calibration {document.id}", document))
+
+
+@router.get(
+    "/{calibration_id}/arm",
+    response_model=ArmErrorsDocument,
+    responses={200: or_text("In words"), **problem_responses(404, 409)},
+)
+async def arm(request: Request, app: App, calibration_id: Identifier) -> Response:
+    """arm.json: the errors of the arm that were identified with this calibration, in force with it. "current" is the
+    one in force."""
+    document = await app.operations.calibration(calibration_id)
+    found = await app.store.arm(document.id)
+    if found is None:
+        raise NotFound(
+            f"the arm's errors were not identified with calibration {document.id}",
+            'calibrate with {"arm": true}; findings of its verdict say why where that was done',
+        )
+    return respond(request, found, lambda: arm_summary(found))
 
 
 @router.get(

@@ -543,4 +543,12 @@ export default {
   'stream-stalled.fix': 'Kabel, Netz und Auslöser prüfen',
   'incomplete-picture.what': 'Teile eines Bildes fehlen',
   'incomplete-picture.fix': 'Netz, Paketgröße und Last prüfen',
+  'arm-errors': 'der Arm ist nicht wie gezeichnet: mit seinen eigenen Fehlern werden nach Gelenkbereichen weggelassene Ansichten um {after_mm:.2g} mm statt {before_mm:.2g} mm verfehlt',
+  'arm-as-drawn': 'diese Ansichten zeigen keine Fehler des Arms',
+  'arm-joints-from-poses': 'die Gelenkwinkel von {views} Ansichten wurden aus ihren Posen berechnet',
+  'arm-not-identified': 'die eigenen Fehler des Arms sind nicht bestimmt: {why}',
+  'correct-arm-session': 'das Genannte berichtigen und neu lösen; die Kalibrierung gilt für den Arm wie gezeichnet',
+  'record-joints': 'die Gelenkwinkel mit jeder Ansicht aufnehmen: eine Pose wird in mehreren Stellungen erreicht',
+  'arm-unknown.what': 'die Einstellungen nennen keinen Arm, nach dessen Fehlern gefragt wurde',
+  'arm-unknown.fix': '[robot] model setzen (handeyed arms zeigt die Namen), oder "arm" weglassen',
 };

@@ -543,4 +543,12 @@ export default {
   'stream-stalled.fix': 'comprobar cable, red y disparo',
   'incomplete-picture.what': 'faltan partes de una imagen',
   'incomplete-picture.fix': 'comprobar red, tamaño de paquete y carga',
+  'arm-errors': 'el brazo no es como en el plano: con sus propios errores, las vistas omitidas por región de ejes se yerran en {after_mm:.2g} mm en lugar de {before_mm:.2g} mm',
+  'arm-as-drawn': 'estas vistas no muestran errores del brazo',
+  'arm-joints-from-poses': 'los ejes de {views} vistas se calcularon a partir de sus poses',
+  'arm-not-identified': 'los errores propios del brazo no están identificados: {why}',
+  'correct-arm-session': 'corrija lo indicado y resuelva de nuevo; la calibración vale para el brazo según el plano',
+  'record-joints': 'registre los ejes con cada vista: una pose se alcanza en varias posturas',
+  'arm-unknown.what': 'la configuración no nombra el brazo cuyos errores se pidieron',
+  'arm-unknown.fix': 'ponga [robot] model (handeyed arms muestra los nombres), o quite "arm"',
 };

@@ -543,4 +543,12 @@ export default {
   'stream-stalled.fix': '检查电缆、网络和触发',
   'incomplete-picture.what': '图像缺少部分数据',
   'incomplete-picture.fix': '检查网络、包大小和负载',
+  'arm-errors': '机械臂与图纸不符：计入其自身误差后，按关节区域留出的视图误差为 {after_mm:.2g} mm，而不是 {before_mm:.2g} mm',
+  'arm-as-drawn': '这些视图未显示机械臂的误差',
+  'arm-joints-from-poses': '{views} 个视图的关节角由其位姿计算得出',
+  'arm-not-identified': '未能辨识机械臂自身的误差：{why}',
+  'correct-arm-session': '改正所述问题后重新求解；该标定适用于图纸上的机械臂',
+  'record-joints': '请随每个视图记录关节角：同一位姿可由多种姿态到达',
+  'arm-unknown.what': '设置中未指明要求其误差的机械臂',
+  'arm-unknown.fix': '设置 [robot] model（handeyed arms 列出名称），或去掉 "arm"',
 };

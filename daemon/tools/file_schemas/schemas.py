@@ -7,7 +7,7 @@ from typing import Any, Literal
 
 from pydantic import BaseModel
 
-from calibration.documents.arm import ArmDocument
+from calibration.documents.arm import ArmErrorsDocument
 from calibration.documents.calibration import CalibrationDocument
 from calibration.documents.plan import PlanDocument
 from calibration.documents.rig import RigDocument
@@ -33,7 +33,7 @@ FILES: Mapping[str, FileKind] = MappingProxyType({
     "scan": FileKind(ScanDocument, "validation", SCAN),
     "plan": FileKind(PlanDocument, "validation", PLAN),
     "calibration": FileKind(CalibrationDocument, "serialization"),
-    "arm": FileKind(ArmDocument, "serialization"),
+    "arm": FileKind(ArmErrorsDocument, "serialization"),
     "rig": FileKind(RigDocument, "serialization"),
     "report": FileKind(RegistrationReportDocument, "serialization"),
 })  # fmt: skip

@@ -6,7 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from calibration.documents.arm import ArmDocument, arm_document, arm_summary
+from calibration.documents.arm import ArmErrorsDocument, arm_document, arm_summary
 from calibration.kinematics.abb_arms import find_arm
 from calibration.kinematics.arm_errors import Postures
 from calibration.kinematics.joint_check import JointsDisagree
@@ -104,7 +104,7 @@ def test_several_places_of_the_target_show_more_of_the_arm() -> None:
 def test_arm_json_keeps_the_arm_and_x() -> None:
     cell, _, fit = identified("standard")
     written = arm_document(fit, cell.problems, created_at="2026-11-22T12:00:00Z", software="handeyed 0")
-    read = ArmDocument.model_validate_json(written.model_dump_json()).estimate()
+    read = ArmErrorsDocument.model_validate_json(written.model_dump_json()).estimate()
     at, where = Postures(reachable_views(np.random.default_rng(5), ARM, TARGETS[0], 1)), WHERE
     for one, other in zip(registered_points(fit, at, where), registered_points(read, at, where), strict=True):
         np.testing.assert_allclose(one, other, rtol=1e-6)

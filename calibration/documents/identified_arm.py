@@ -1,0 +1,63 @@
+"""arm.json from sessions, and what a calibration's verdict has of it."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from calibration.documents.arm import ArmErrorsDocument, arm_document
+from calibration.errors import CalibrationError, GeometryError
+from calibration.kinematics.arm import Arm
+from calibration.kinematics.joints_of_poses import joints_of_poses
+from calibration.problem import Problem
+from calibration.sentences.sentence import Sentence, as_sentence
+from calibration.solution import Finding
+from calibration.solve import identify_arm_session
+
+
+def identify_arm_document(
+    arm: Arm, problems: Sequence[Problem], *, created_at: str, software: str
+) -> ArmErrorsDocument:
+    """The errors of the arm from sessions of images, each with the target at another place.
+
+    Views without joints get those of their poses. Raises as `identify_arm_session`, GeometryError for sessions without
+    images, UnreachablePoseError for poses that the arm does not reach.
+    """
+    if any(problem.in_space for problem in problems):
+        raise GeometryError("the errors of an arm are identified from images only, these views hold poses or points")
+    without = sum(view.joints_rad is None for problem in problems for view in problem.views)
+    whole = [_with_joints(arm, problem) for problem in problems]
+    fit = identify_arm_session(arm, whole)
+    return arm_document(fit, whole, created_at=created_at, software=software, joints_from_poses=without)
+
+
+def identify_with_findings(
+    arm: Arm, problem: Problem, *, created_at: str, software: str
+) -> tuple[ArmErrorsDocument | None, tuple[Finding, ...]]:
+    """As `identify_arm_document`, with findings in words; no document, and the reason, where it is refused."""
+    try:
+        found = identify_arm_document(arm, [problem], created_at=created_at, software=software)
+    except CalibrationError as refusal:
+        why = Sentence("arm-not-identified", why=as_sentence(str(refusal)))
+        return None, (Finding("arm-not-identified", "warning", why, Sentence("correct-arm-session")),)
+    return found, _findings(found)
+
+
+def _findings(found: ArmErrorsDocument) -> tuple[Finding, ...]:
+    none_needed = Sentence("none-needed")
+    findings = [Finding("arm-as-drawn", "info", Sentence("arm-as-drawn"), none_needed)]
+    if found.taken_up:
+        without, *models = found.ladder
+        after_mm = max(models, key=lambda row: row.log_evidence).hold_out_mm
+        shown = Sentence("arm-errors", before_mm=without.hold_out_mm, after_mm=after_mm)
+        findings = [Finding("arm-errors", "info", shown, none_needed)]
+    if found.joints_from_poses:
+        computed = Sentence("arm-joints-from-poses", views=found.joints_from_poses)
+        findings.append(Finding("arm-joints-from-poses", "warning", computed, Sentence("record-joints")))
+    return tuple(findings)
+
+
+def _with_joints(arm: Arm, problem: Problem) -> Problem:
+    views = problem.views
+    if all(view.joints_rad is not None for view in views):
+        return problem
+    joints = joints_of_poses(arm, [view.base_T_flange for view in views], [view.joints_rad for view in views])
+    return replace(problem, views=tuple(replace(view, joints_rad=one) for view, one in zip(views, joints, strict=True)))
