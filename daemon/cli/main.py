@@ -28,7 +28,10 @@ from daemon.cli.serve import serve
 from daemon.cli.solve import solve
 from daemon.cli.support_bundle import support_bundle
 from daemon.cli.target import app as target
+from daemon.cli.tip import tip
 from daemon.cli.tls import app as tls
+from daemon.cli.touch import touch
+from daemon.cli.verify_scanner import verify_scanner
 from daemon.cli.version import version
 
 PASS_ARGUMENTS_ON = {"ignore_unknown_options": True, "help_option_names": ["--about"]}
@@ -63,6 +66,9 @@ app.command(rich_help_panel=OFFLINE)(solve)
 app.command(rich_help_panel=OFFLINE)(compare)
 app.command(rich_help_panel=OFFLINE)(export)
 app.command(rich_help_panel=OFFLINE)(report)
+app.command(rich_help_panel=OFFLINE)(tip)
+app.command(rich_help_panel=OFFLINE)(touch)
+app.command("verify-scanner", rich_help_panel=OFFLINE)(verify_scanner)
 app.command(rich_help_panel=OFFLINE)(register)
 app.command(rich_help_panel=OFFLINE)(register_archive)
 app.command(rich_help_panel=OFFLINE)(plan)

@@ -1,5 +1,6 @@
 """Probing and sphere-spacing errors of the scanner from a scan of spheres or ball bars; each view is one position."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Literal
 
@@ -49,10 +50,15 @@ def assess_scanner(
     scan_id: str, folder: Path, views: list[ScanViewRecord], artefact: ArtefactRequest
 ) -> AcceptanceDocument:
     """Evaluate every view of a scan. Raises SphereError, CloudError."""
+    return assess_clouds(scan_id, [(folder / view.file, view.unit) for view in views], artefact)
+
+
+def assess_clouds(scan_id: str, views: Sequence[tuple[Path, str]], artefact: ArtefactRequest) -> AcceptanceDocument:
+    """Evaluate clouds, each with its unit. Raises SphereError, CloudError."""
     clouds = []
-    for view in views:
-        with open_cloud(folder / view.file) as source:
-            clouds.append(sample_points(source.blocks(), source.layout, scale_to_mm(view.unit), MAX_POINTS))
+    for file, unit in views:
+        with open_cloud(file) as source:
+            clouds.append(sample_points(source.blocks(), source.layout, scale_to_mm(unit), MAX_POINTS))
     found: Acceptance = evaluate_acceptance(clouds, artefact.radius_mm, artefact.spacing_mm)
     return AcceptanceDocument(
         based_on=BASED_ON,

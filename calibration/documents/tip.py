@@ -1,0 +1,89 @@
+"""tip.json: the tip of a tool in the flange's frame, as `handeyed tip` writes it and the touch test reads it (mm)."""
+
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import AfterValidator, Field
+
+from calibration.documents.pose import Vector
+from calibration.documents.validation import Document
+from calibration.kinematics.pivot_calibration import TipCalibration
+from calibration.solution import COVERAGE_FACTOR
+from calibration.transforms import Array
+
+Matrix = tuple[Vector, Vector, Vector]
+
+
+def _covariance(matrix: Matrix) -> Matrix:
+    values = np.array(matrix)
+    symmetric = np.allclose(values, values.T, rtol=1e-6, atol=1e-12)
+    if not (symmetric and np.linalg.eigvalsh(values)[0] >= -1e-9 * abs(float(np.trace(values)))):
+        raise ValueError("a covariance is symmetric and has no negative variance in any direction")
+    return matrix
+
+
+Covariance = Annotated[Matrix, AfterValidator(_covariance)]
+
+
+class TipPoseDocument(Document):
+    """One pose: where it puts the tip less the fixed point, in the base; `used` false for an outlier."""
+
+    name: str
+    used: bool
+    base_residual_mm: Vector
+
+
+class TipDocument(Document):
+    """The whole of tip.json; by hand `flange_tip_mm`, `covariance` and `placing_sigma_mm` are enough.
+
+    `covariance`: of flange_tip_mm in the flange's frame, mm². `expanded_mm`: U (k = 2) over three axes.
+    `placing_sigma_mm`: of bringing the tip to a point once, per axis, with the robot's error.
+    """
+
+    schema_version: Literal[1] = 1
+    flange_tip_mm: Vector
+    covariance: Covariance
+    placing_sigma_mm: Annotated[float, Field(ge=0, le=100)]
+    expanded_mm: float | None = None
+    base_point_mm: Vector | None = None
+    poses: tuple[TipPoseDocument, ...] = ()
+
+    def covariance_matrix(self) -> Array:
+        """(3, 3) in mm²."""
+        return np.array(self.covariance)
+
+    @property
+    def outliers(self) -> tuple[str, ...]:
+        """Names of the poses that were left out."""
+        return tuple(pose.name for pose in self.poses if not pose.used)
+
+
+def tip_document(found: TipCalibration, names: tuple[str, ...]) -> TipDocument:
+    """The tip.json of a calibrated tip; `names` of the poses."""
+    return TipDocument.model_validate(
+        {
+            "flange_tip_mm": found.flange_tip_mm.tolist(),
+            "covariance": found.covariance.tolist(),
+            "placing_sigma_mm": found.sigma_mm,
+            "expanded_mm": COVERAGE_FACTOR * found.point_sigma_mm,
+            "base_point_mm": found.base_point_mm.tolist(),
+            "poses": [
+                {"name": name, "used": bool(used), "base_residual_mm": off.tolist()}
+                for name, used, off in zip(names, found.used, found.base_residuals_mm, strict=True)
+            ],
+        }
+    )
+
+
+def tip_text(tip: TipDocument) -> str:
+    """A calibrated tip in a few lines."""
+    x, y, z = tip.flange_tip_mm
+    used = sum(pose.used for pose in tip.poses)
+    lines = [
+        f"tip at ({x:.3f}, {y:.3f}, {z:.3f}) mm on the flange, U = {tip.expanded_mm or 0:.3f} mm (k = 2)",
+        f"  {used} of {len(tip.poses)} poses used; one placing errs by {tip.placing_sigma_mm:.3f} mm per axis",
+    ]
+    for pose in tip.poses:
+        length_mm = float(np.linalg.norm(pose.base_residual_mm))
+        lines.append(f"  pose {pose.name:<12} {length_mm:.3f} mm{'' if pose.used else '  left out: an outlier'}")
+    return "\n".join(lines)

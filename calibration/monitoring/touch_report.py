@@ -1,0 +1,265 @@
+"""A touch test from its documents: a calibration, a tip, the touches, and where the camera saw the points."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from math import radians
+from typing import Literal
+
+import numpy as np
+
+from calibration.documents.calibration import CalibrationDocument
+from calibration.documents.pose import PoseDocument, Vector
+from calibration.documents.tip import TipDocument
+from calibration.documents.touches import TouchDocument, TouchesDocument
+from calibration.documents.validation import Document
+from calibration.errors import DocumentError, DocumentProblem
+from calibration.monitoring.touch_misses import (
+    Conformance,
+    SharedError,
+    TouchTest,
+    evaluate_touch_test,
+    mapping_error,
+    pose_error,
+    seen_points_mm,
+    tip_error,
+)
+from calibration.transforms import Array, inverse, map_points
+
+
+class TouchedPointDocument(Document):
+    """One point in the base, and `miss_mm`: touched less seen.
+
+    `expanded_mm`: U (k = 2) of the miss by tip, robot and placing; `claimed_mm`: with X's. `outlying`: this miss alone
+    is larger than all of that explains. `base_T_flange`: in which the tip touched it.
+    """
+
+    name: str
+    seen_mm: Vector
+    touched_mm: Vector
+    miss_mm: Vector
+    length_mm: float
+    expanded_mm: float
+    claimed_mm: float
+    outlying: bool
+    base_T_flange: PoseDocument
+
+
+class TouchTestDocument(Document):
+    """The misses of a touch test. `largest_mm`: of them; `mean_mm`: their mean.
+
+    `probability`: that errors as stated make misses as large as these; `agree`: whether that is at least 0.01.
+    `conformance`: to `tolerance_mm` by ISO 14253-1, null without one. `accepted`: the points are within the tolerance;
+    without one, the misses agree with what is stated.
+    """
+
+    schema_version: Literal[1] = 1
+    calibration_id: str
+    flange_tip_mm: Vector
+    points: tuple[TouchedPointDocument, ...]
+    largest_mm: float
+    mean_mm: Vector
+    probability: float
+    agree: bool
+    tolerance_mm: float | None
+    conformance: Conformance | None
+    accepted: bool
+    summary: str
+
+
+@dataclass(frozen=True, eq=False)
+class SeenPoint:
+    """A point as seen from k poses: base_T_mount (k, 4, 4), camera_mm (k, 3), `sigma_mm` of their mean per axis."""
+
+    base_T_mount: Array
+    camera_mm: Array
+    sigma_mm: float = 0.0
+
+
+def verified_points(
+    ids: Sequence[int], base_T_mount: Array, mount_T_camera: Array, base_mm: Array
+) -> dict[int, SeenPoint]:
+    """The target's points by id, from a verification's base_mm (k, n, 3) and its poses base_T_mount (k, 4, 4)."""
+    camera_mm = map_points(inverse(base_T_mount @ mount_T_camera), base_mm)
+    return {point: SeenPoint(base_T_mount, camera_mm[:, column]) for column, point in enumerate(ids)}
+
+
+def touch_test(
+    calibration: CalibrationDocument,
+    tip: TipDocument,
+    touches: TouchesDocument,
+    seen: Mapping[int, SeenPoint],
+    tolerance_mm: float | None = None,
+    origin: str = "touches",
+) -> TouchTestDocument:
+    """Evaluate the touches; `seen`: the target's points by id. `origin` names the touches in errors.
+
+    Raises DocumentError for a calibration without X or its covariance, points that were not seen, and poses that are
+    missing or too many; GeometryError as `evaluate_touch_test`.
+    """
+    mount_T_camera, covariance = _mapping(calibration)
+    points = _seen(touches.touches, seen, calibration, origin)
+    seen_mm, mapping, looks = _in_base(points, mount_T_camera, covariance, calibration)
+    base_T_flange = np.array([touch.base_T_flange.transform() for touch in touches.touches])
+    tips_mm = np.broadcast_to(np.array(tip.flange_tip_mm), (len(points), 3))
+    touched_mm = map_points(base_T_flange, tips_mm[:, None])[:, 0] + [touch.miss_mm for touch in touches.touches]
+    own = _own(points, base_T_flange, tip, touches.placing_sigma_mm, calibration)
+    shared = [tip_error(base_T_flange, tip.covariance_matrix()), *looks]
+    found = evaluate_touch_test(seen_mm, touched_mm, mapping, shared, own, tolerance_mm)
+    return _document(found, calibration.id, tip, touches.touches, seen_mm, touched_mm)
+
+
+def _mapping(calibration: CalibrationDocument) -> tuple[Array, Array]:
+    covariance = None if calibration.uncertainty is None else calibration.uncertainty.matrix()
+    if calibration.mount_T_camera is None or covariance is None:
+        problem = DocumentProblem("uncertainty", "it holds no transform with a covariance", "calibrate again")
+        raise DocumentError(f"calibration {calibration.id}", [problem])
+    return calibration.mount_T_camera.transform(), covariance
+
+
+def _seen(
+    touches: Sequence[TouchDocument], seen: Mapping[int, SeenPoint], calibration: CalibrationDocument, origin: str
+) -> list[SeenPoint]:
+    """Each touch's point as seen. Raises DocumentError with all problems."""
+    in_hand = calibration.setup == "eye-in-hand"
+    problems: list[DocumentProblem] = []
+    points: list[SeenPoint] = []
+    for index, touch in enumerate(touches):
+        place = f"touches[{index}]"
+        if touch.id is not None:
+            if touch.id not in seen:
+                what = f"point {touch.id} was not seen from every pose"
+                problems.append(DocumentProblem(f"{place}.id", what, "touch points that were seen"))
+            else:
+                points.append(seen[touch.id])
+        elif (touch.seen_from is None) == in_hand:
+            what = f"the pose in which the camera saw it is {'missing' if in_hand else 'of no use: the camera stands'}"
+            problems.append(DocumentProblem(f"{place}.seen_from", what, "add it" if in_hand else "leave it out"))
+        else:
+            pose = np.eye(4) if touch.seen_from is None else touch.seen_from.transform()
+            points.append(SeenPoint(pose[None], np.array([touch.camera_mm]), touch.sigma_mm))
+    if problems:
+        raise DocumentError(origin, problems)
+    return points
+
+
+def _in_base(
+    points: Sequence[SeenPoint], mount_T_camera: Array, covariance: Array, calibration: CalibrationDocument
+) -> tuple[Array, SharedError, list[SharedError]]:
+    """The points (n, 3) in the base, each the mean over its looks, and their errors: of X, and of each look's pose."""
+    counts = [len(point.camera_mm) for point in points]
+    mean = np.repeat(np.eye(len(points)) / counts, counts, axis=1)  # (n, m) over all looks at all points
+    poses = np.concatenate([point.base_T_mount for point in points])
+    camera_mm = np.concatenate([point.camera_mm for point in points])
+    seen_mm = mean @ seen_points_mm(poses, mount_T_camera, camera_mm)
+    mapping = mapping_error(poses, mount_T_camera, camera_mm, covariance)
+    looks: list[SharedError] = []
+    if calibration.setup == "eye-in-hand":
+        error = pose_error(poses, map_points(mount_T_camera, camera_mm), *_robot_noise(calibration))
+        _, look_of = np.unique(poses.reshape(-1, 16).round(9), axis=0, return_inverse=True)
+        for look in range(int(look_of.max()) + 1):
+            rows = np.einsum("nm,mij->nij", mean * (look_of.ravel() == look), error.rows)
+            looks.append(SharedError(rows, error.covariance))
+    return seen_mm, SharedError(np.einsum("nm,mij->nij", mean, mapping.rows), covariance), looks
+
+
+def _robot_noise(calibration: CalibrationDocument, otherwise_mm: float = 0.0) -> tuple[float, float]:
+    """The robot's noise as the calibration found it: (rad, mm) per axis."""
+    rotation_deg, translation_mm = calibration.noise.robot_rotation_deg, calibration.noise.robot_translation_mm
+    return radians(rotation_deg or 0.0), otherwise_mm if translation_mm is None else translation_mm
+
+
+def _own(
+    points: Sequence[SeenPoint],
+    base_T_flange: Array,
+    tip: TipDocument,
+    placing_sigma_mm: float | None,
+    calibration: CalibrationDocument,
+) -> Array:
+    """Errors (n, 3, 3) that no two points share: of the robot when it touches, of placing the tip, of the camera.
+
+    The tip's calibration shows robot and placing together; what is more than the robot's part is the placing's.
+    """
+    tip_mm = np.array([tip.flange_tip_mm])
+    noise = _robot_noise(calibration, tip.placing_sigma_mm)
+    robot = np.array([pose_error(pose[None], tip_mm, *noise).of_points() for pose in base_T_flange])
+    if placing_sigma_mm is None:
+        by_robot = np.trace(robot, axis1=1, axis2=2) / 3
+        placing = np.maximum(tip.placing_sigma_mm**2 - by_robot, 0.0)
+    else:
+        placing = np.full(len(points), placing_sigma_mm**2)
+    camera = np.array([point.sigma_mm**2 for point in points])
+    own: Array = robot + (placing + camera)[:, None, None] * np.eye(3)
+    return own
+
+
+def _document(
+    found: TouchTest,
+    calibration_id: str,
+    tip: TipDocument,
+    touches: Sequence[TouchDocument],
+    seen_mm: Array,
+    touched_mm: Array,
+) -> TouchTestDocument:
+    accepted = found.agree if found.conformance is None else found.conformance == "within"
+    points = [
+        {
+            "name": touch.label or f"touch {index + 1}",
+            "seen_mm": seen_mm[index].round(6).tolist(),
+            "touched_mm": touched_mm[index].round(6).tolist(),
+            "miss_mm": found.base_miss_mm[index].round(6).tolist(),
+            "length_mm": float(found.lengths_mm[index]),
+            "expanded_mm": float(found.expanded_mm[index]),
+            "claimed_mm": float(found.claimed_mm[index]),
+            "outlying": bool(found.outlying[index]),
+            "base_T_flange": touch.base_T_flange,
+        }
+        for index, touch in enumerate(touches)
+    ]
+    return TouchTestDocument.model_validate(
+        {
+            "calibration_id": calibration_id,
+            "flange_tip_mm": tip.flange_tip_mm,
+            "points": points,
+            "largest_mm": float(found.lengths_mm.max()),
+            "mean_mm": found.base_mean_mm.round(6).tolist(),
+            "probability": found.probability,
+            "agree": found.agree,
+            "tolerance_mm": found.tolerance_mm,
+            "conformance": found.conformance,
+            "accepted": accepted,
+            "summary": _summary(found),
+        }
+    )
+
+
+def _summary(found: TouchTest) -> str:
+    worst = int(np.argmax(found.lengths_mm))
+    text = f"{len(found.lengths_mm)} points: the largest miss is {found.lengths_mm[worst]:.3f} mm"
+    text += f" (U = {found.expanded_mm[worst]:.3f} mm, k = 2)"
+    match found.conformance:
+        case "within":
+            text += f", within the tolerance of {found.tolerance_mm:g} mm"
+        case "beyond":
+            text += f", beyond the tolerance of {found.tolerance_mm:g} mm: calibrate again, and look at camera and tip"
+        case "undecided":
+            text += (
+                f"; whether {found.tolerance_mm:g} mm is met is not decided: know the tip better, touch more exactly"
+            )
+    if not found.agree:
+        text += (
+            f"; misses so large have a probability of {found.probability:.2g} by the stated uncertainties: camera or"
+        )
+        text += " tip moved, the robot is less exact than stated, or a point was taken for another"
+    return text
+
+
+def touch_test_text(found: TouchTestDocument) -> str:
+    """A touch test in a few lines, the summary first."""
+    lines = [found.summary]
+    for point in found.points:
+        x, y, z = point.miss_mm
+        known = f"U = {point.expanded_mm:.3f} mm; with X's {point.claimed_mm:.3f} mm"
+        mark = "  larger than that explains" if point.outlying else ""
+        lines.append(f"  {point.name:<16} {point.length_mm:.3f} mm  ({x:+.3f}, {y:+.3f}, {z:+.3f})  {known}{mark}")
+    x, y, z = found.mean_mm
+    return "\n".join([*lines, f"  {'mean':<16} ({x:+.3f}, {y:+.3f}, {z:+.3f}) mm along the base's axes"])

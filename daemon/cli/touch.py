@@ -1,0 +1,78 @@
+"""`handeyed touch TOUCHES`: where the camera sees points, beside where a known tip touched them."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from daemon.cli.errors import ExitStatus
+from daemon.cli.output import Json, progress_bar, write_document
+
+if TYPE_CHECKING:
+    from calibration.documents.calibration import CalibrationDocument
+    from calibration.monitoring.touch_report import SeenPoint
+
+
+def touch(
+    touches: Annotated[
+        Path, typer.Argument(metavar="TOUCHES", help="touches.json: the points, and who touched where.")
+    ],
+    calibration: Annotated[Path, typer.Option(help="calibration.json.")],
+    tip: Annotated[Path, typer.Option(help="tip.json of `handeyed tip`.")],
+    session: Annotated[
+        Path | None, typer.Option(help="Session that looked at the target whose points were touched, by id.")
+    ] = None,
+    tolerance_mm: Annotated[
+        float | None, typer.Option(min=1e-6, help="Largest miss, decided with its uncertainty.")
+    ] = None,
+    out: Annotated[Path | None, typer.Option("--out", "-o", metavar="FILE", help="JSON file to write.")] = None,
+    json: Json = False,
+) -> None:
+    """Judge a touch test: the misses between camera and tip, what the stated uncertainties explain, the tolerance.
+
+    Exit status: 0 accepted, 3 beyond the tolerance, or not decided, or the misses contradict what is stated;
+    2 unreadable input.
+    """
+    from calibration.documents.tip import TipDocument
+    from calibration.documents.touches import TouchesDocument
+    from calibration.documents.validation import parse_document
+    from calibration.monitoring.touch_report import touch_test, touch_test_text
+    from daemon.cli.compare import read_calibration
+    from daemon.runtime.bounded_read import read_document
+
+    document = read_calibration(calibration)
+    found = touch_test(
+        document,
+        parse_document(TipDocument, read_document(tip), str(tip)),
+        parse_document(TouchesDocument, read_document(touches), str(touches)),
+        {} if session is None else _seen(session, document),
+        tolerance_mm,
+        str(touches),
+    )
+    typer.echo(found.model_dump_json() if json else touch_test_text(found))
+    if out is not None:
+        write_document(out, found)
+    raise typer.Exit(ExitStatus.OK if found.accepted else ExitStatus.NOT_ACCEPTED)
+
+
+def _seen(folder: Path, calibration: "CalibrationDocument") -> "dict[int, SeenPoint]":
+    """The target's points by id, as the session's views see them. Raises DocumentError, VerificationError."""
+    from dataclasses import replace
+
+    import numpy as np
+
+    from calibration.errors import DocumentError, DocumentProblem
+    from calibration.monitoring.target_scatter import verify
+    from calibration.monitoring.touch_report import verified_points
+    from daemon.sessions.session_reader import load_problem, open_session
+
+    with progress_bar(folder.resolve().name) as progress:
+        problem = load_problem(open_session(folder), progress)
+    camera = problem.camera or (calibration.camera.camera() if calibration.camera else None)
+    pose = calibration.mount_T_camera
+    if calibration.setup != "eye-in-hand" or pose is None or camera is None or problem.in_space:
+        what = "its target's points cannot be touched: that needs pictures by a camera on the flange"
+        raise DocumentError(str(folder), [DocumentProblem("session", what, "give camera_mm in touches.json")])
+    found = verify(replace(problem, camera=camera), calibration)
+    stations = [view.base_T_flange for view in problem.views if view.index + 1 in found.stations]
+    return verified_points(found.ids.tolist(), np.array(stations), pose.transform(), found.points_mm)
