@@ -188,6 +188,14 @@ class HoldOut:
     reprojection_px: float | None
 
 
+@dataclass(frozen=True)
+class ClockOffset:
+    """The robot's clock minus the sensor's at one moment, and its standard deviation, in s."""
+
+    offset_s: float
+    sigma_s: float
+
+
 @dataclass(frozen=True, eq=False)
 class Solution:
     """The result of a solve; frames as in `calibration.problem`. `mount_T_camera` is None when it is not determined."""
@@ -205,3 +213,4 @@ class Solution:
     hold_out: HoldOut | None
     findings: tuple[Finding, ...] = field(default=())
     leave_out: LeaveOut | None = None
+    clock_offset: ClockOffset | None = None

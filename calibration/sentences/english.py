@@ -129,6 +129,16 @@ FINDINGS = {
     "sphere-ambiguous": "two solutions {off_deg:.0f} degrees apart fit equally well",
     "sphere-leaves-rotation": "the views of the sphere do not fix X's rotation",
     "sphere-leaves-translation": "the views of the sphere do not fix X's translation",
+    "profiler-undetermined": "the sweeps do not determine the profiler's {free: and }",
+    "profiler-rotation-x": "rotation about x",
+    "profiler-rotation-y": "rotation about y",
+    "profiler-rotation-z": "rotation about z",
+    "profiler-translation-x": "translation along x",
+    "profiler-translation-y": "translation along y",
+    "profiler-translation-z": "translation along z",
+    "profiler-clock-offset": "clock offset",
+    "profiler-sweeps": "{sweeps} sweeps show their sphere or plane",
+    "profiler-ambiguous": "two solutions {off_deg:.0f} degrees apart fit the sweeps alike",
     "part-views": "{views} views of the part",
     "no-overlap": "no two views overlap",
     "surfaces-leave-rotation": "the overlapping surfaces and the robot's motions do not fix X's rotation",
@@ -319,6 +329,8 @@ ADVICE = {
     "scan-from": "scan it from {least} views or more",
     "turn-and-spread-sphere": "turn the flange about two axes by 30 degrees or more, and let the sphere stand at"
     " different places of the picture",
+    "vary-sweeps": "sweep over the sphere or over three planes from directions that differ by 30 degrees or more about"
+    " two axes, forwards and backwards, at different places of the profile",
     "add-overlap": "add overlapping views of a part with relief, the flange turned by 30 degrees or more about"
     " different axes",
     "give-rough-x": "give a rough X, or add overlapping views of a part with relief, turned about different axes",

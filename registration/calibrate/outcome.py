@@ -10,7 +10,7 @@ from calibration.errors import UndeterminedError
 from calibration.likelihood.predicted_uncertainty import uncertainty_of
 from calibration.problem import Setup
 from calibration.sentences.sentence import Sentence
-from calibration.solution import Finding, Noise, Observability, Solution, ViewResult
+from calibration.solution import ClockOffset, Finding, Noise, Observability, Solution, ViewResult
 from calibration.transforms import Array
 from calibration.verdict import (
     CONTRADICTIONS,
@@ -36,6 +36,7 @@ def solution_with_x(
     views: Sequence[ViewResult],
     base_T_flange: Array,
     findings: tuple[Finding, ...] = (),
+    clock_offset: ClockOffset | None = None,
 ) -> Solution:
     """A Solution with X and its covariance (6, 6), as in Uncertainty; `seen_mm` (n, 3): where X's points are used.
 
@@ -54,6 +55,7 @@ def solution_with_x(
         observability=_observability(base_T_flange, _weakest(covariance, seen_mm)),
         hold_out=None,
         findings=findings,
+        clock_offset=clock_offset,
     )
 
 

@@ -123,7 +123,7 @@ class _SphereSystem:
 
 def _solve(system: _SphereSystem) -> _Estimate:
     """Best minimum from 24 starts; raises UndeterminedError when another fits as well."""
-    found = [(_sigma(system, estimate), estimate) for estimate in map(partial(_from, system), _cube_rotations())]
+    found = [(_sigma(system, estimate), estimate) for estimate in map(partial(_from, system), cube_rotations())]
     found.sort(key=lambda entry: entry[0])
     best, estimate = found[0]
     for sigma_mm, other in found[1:]:
@@ -217,7 +217,7 @@ def _leave_one_out_mm(system: _SphereSystem, index: int, start: _Estimate) -> fl
     return float(np.linalg.norm(system.residuals(estimate)[index]))
 
 
-def _cube_rotations() -> list[Array]:
+def cube_rotations() -> list[Array]:
     """The 24 rotations of a cube: no rotation is further than 63 degrees from the nearest."""
     matrices = [
         np.eye(3)[list(order)] * np.array(signs, float)[:, None]

@@ -1,0 +1,117 @@
+"""A first X of a line profiler when none is known: 24 rotations, each with the rest by linear least squares."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from calibration.errors import UndeterminedError
+from calibration.sentences.sentence import Sentence
+from calibration.transforms import Array, rotation_angle_rad, transform
+from registration.calibrate.profile_features import SurfacePoints
+from registration.calibrate.profile_solver import (
+    DIFFERENCE_S,
+    FIX,
+    FittedSurface,
+    ProfilerEstimate,
+    ProfilerProblem,
+    SweepPoints,
+    descend,
+)
+from registration.calibrate.sphere_solver import cube_rotations
+
+COARSE_ITERATIONS, FINE_ITERATIONS = 25, 60
+COARSE_POINTS = 120
+"""Points of a sweep with which the 24 starts are tried."""
+REFINED = 4
+APART_RAD = float(np.radians(10.0))
+ALIKE_RATIO, ALIKE_MM = 1.3, 0.02
+"""Another X fits as well when its median distance is at most so many times, and so much, larger."""
+MAX_OFFSET_S = 1.0
+"""A first offset beyond it is the linear solution's error."""
+
+
+def find_start(
+    found: Sequence[SurfacePoints], sweeps: Sequence[SweepPoints], radii_mm: Sequence[float | None], rough: Array | None
+) -> ProfilerEstimate:
+    """The estimate to refine; `rough`: X (4, 4), else it is searched. Raises UndeterminedError when two fit alike."""
+    problem = ProfilerProblem([_thinned(sweep, COARSE_POINTS) for sweep in sweeps])
+    rotations = cube_rotations() if rough is None else [rough[:3, :3]]
+    tried = []
+    for rotation in rotations:
+        start = _linear(rotation, found, sweeps, radii_mm)
+        problem.place_s(start.clock_offset_s)
+        tried.append(descend(problem, start, COARSE_ITERATIONS))
+    tried.sort(key=lambda entry: entry[1])
+    refined = []
+    for start, _ in tried[:REFINED]:
+        estimate = start
+        for _ in range(2):
+            problem.place_s(estimate.clock_offset_s)
+            estimate, median_mm = descend(problem, estimate, FINE_ITERATIONS)
+        refined.append((estimate, median_mm))
+    refined.sort(key=lambda entry: entry[1])
+    best, least_mm = refined[0]
+    for other, median_mm in refined[1:]:
+        apart = float(rotation_angle_rad(other.flange_T_profiler[:3, :3].T @ best.flange_T_profiler[:3, :3]))
+        if apart > APART_RAD and median_mm < ALIKE_RATIO * least_mm + ALIKE_MM:
+            what = Sentence("profiler-ambiguous", off_deg=float(np.degrees(apart)))
+            raise UndeterminedError("profiler-ambiguous", what, FIX)
+    return best
+
+
+def _thinned(sweep: SweepPoints, count: int) -> SweepPoints:
+    rows = np.unique(np.linspace(0, len(sweep.times_s) - 1, count).astype(int))
+    return SweepPoints(sweep.points_mm[rows], sweep.times_s[rows], sweep.path, sweep.surface)
+
+
+def _linear(
+    rotation: Array, found: Sequence[SurfacePoints], sweeps: Sequence[SweepPoints], radii_mm: Sequence[float | None]
+) -> ProfilerEstimate:
+    """Translation, offset and surfaces that best fit a rotation of X; the offset in 1/100 s beside mm."""
+    normals = [
+        np.zeros(3) if radius is not None else _plane_normal(rotation, [one for one in sweeps if one.surface == index])
+        for index, radius in enumerate(radii_mm)
+    ]
+    rows, right = [], []
+    for one, sweep in zip(found, sweeps, strict=True):
+        time_s = one.crossing[0] if one.crossing else float(np.median(sweep.times_s))
+        pose = sweep.path.at(time_s, np.inf, np.inf)
+        ends = sweep.path.at(np.array([time_s - DIFFERENCE_S, time_s + DIFFERENCE_S]), np.inf, np.inf)
+        row = np.zeros((3, 4 + 3 * len(radii_mm)))
+        row[:, :3] = pose[:3, :3]
+        row[:, 3] = (ends[1, :3, 3] - ends[0, :3, 3]) / (2 * DIFFERENCE_S) / 100
+        own = slice(4 + 3 * sweep.surface, 7 + 3 * sweep.surface)
+        if one.crossing:
+            row[:, own] = -np.eye(3)
+            at = pose[:3, :3] @ rotation @ one.crossing[1] + pose[:3, 3]
+        else:
+            normal = normals[sweep.surface]
+            at = _placed(rotation, sweep).mean(axis=0)
+            row, at = normal[None] @ row, np.array([normal @ at])
+            row[:, own] = -normal
+        rows.append(row)
+        right.append(-at)
+    solution = np.linalg.lstsq(np.concatenate(rows), np.concatenate(right), rcond=1e-9)[0]
+    surfaces = tuple(
+        FittedSurface(place, normal, radius)
+        for place, normal, radius in zip(solution[4:].reshape(-1, 3), normals, radii_mm, strict=True)
+    )
+    offset_s = float(np.clip(solution[3] / 100, -MAX_OFFSET_S, MAX_OFFSET_S))
+    return ProfilerEstimate(transform(rotation, solution[:3]), offset_s, surfaces, np.zeros((len(sweeps), 6)))
+
+
+def _placed(rotation: Array, sweep: SweepPoints) -> Array:
+    """Points (k, 3) in base with X's translation and the offset zero."""
+    poses = sweep.path.at(sweep.times_s, np.inf, np.inf)
+    placed: Array = np.einsum("nij,nj->ni", poses[:, :3, :3], sweep.points_mm @ rotation.T) + poses[:, :3, 3]
+    return placed
+
+
+def _plane_normal(rotation: Array, sweeps: Sequence[SweepPoints]) -> Array:
+    """(3,): the direction in which the points of each sweep over one plane scatter least."""
+    scatter = np.zeros((3, 3))
+    for sweep in sweeps:
+        placed = _placed(rotation, sweep)
+        scatter += np.cov(placed.T)
+    normal: Array = np.linalg.eigh(scatter)[1][:, 0]
+    return normal

@@ -1,0 +1,138 @@
+"""X and the clock offset of a line profiler from sweeps over spheres and planes, as a Solution."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from calibration.errors import UndeterminedError
+from calibration.sentences.sentence import Sentence
+from calibration.solution import ClockOffset, Noise, Solution, ViewResult
+from calibration.transforms import Array
+from registration.calibrate.outcome import solution_with_x, solution_without_x
+from registration.calibrate.profile_features import SurfacePoints, find_plane, find_sphere
+from registration.calibrate.profile_solver import FIX, ProfilerProblem, ProfilerSolution, SweepPoints, refine
+from registration.calibrate.profile_start import MAX_OFFSET_S, find_start
+from registration.errors import PathGap, ProfileError, RegistrationError
+from registration.points.rigid_motion import RigidMotion
+from registration.profiles.profile_block import ProfileBlock
+from registration.profiles.robot_path import MAX_GAP_S, RobotPath
+
+METHOD = "sweeps of a line profiler"
+MIN_SWEEPS = 3
+SEEN_POINTS = 200
+
+
+@dataclass(frozen=True, eq=False)
+class ArtefactSweep:
+    """A sweep over one artefact that stands in base: its name, and the radius of a sphere, None of a plane."""
+
+    block: ProfileBlock
+    path: RobotPath
+    artefact: str
+    radius_mm: float | None
+
+
+def solve_profiler(sweeps: Sequence[ArtefactSweep], rough: Array | None = None) -> Solution:
+    """X of the profiler's frame as `mount_T_camera`, and `clock_offset`; both None when they are not determined.
+
+    A sweep without its artefact is rejected with a reason. `rough`: X (4, 4) to begin with, else it is searched.
+    Raises MotionError for a rough X that is none, and ProfileError for an artefact of two radii.
+    """
+    if rough is not None:
+        RigidMotion.of(rough, "mm")
+    names, radii_mm = _artefacts(sweeps)
+    found: dict[int, SurfacePoints] = {}
+    reasons: dict[int, str] = {}
+    for index, sweep in enumerate(sweeps):
+        try:
+            found[index] = _find_artefact(sweep)
+        except RegistrationError as error:
+            reasons[index] = f"artefact-not-found: {error}"
+    middles = np.array([_middle_pose(sweeps[index]) for index in found]).reshape(-1, 4, 4)
+    try:
+        answer, seen_mm = _solve(sweeps, found, names, radii_mm, rough)
+    except (UndeterminedError, PathGap) as error:
+        results = [_view(index, reasons.get(index, error.code), None) for index in range(len(sweeps))]
+        refusal = (
+            error if isinstance(error, UndeterminedError) else UndeterminedError(error.code, error.what, error.fix)
+        )
+        return solution_without_x(METHOD, "eye-in-hand", results, middles, refusal)
+    errors_mm = dict(zip(found, answer.residual_mm.tolist(), strict=True))
+    return solution_with_x(
+        METHOD,
+        "eye-in-hand",
+        answer.estimate.flange_T_profiler,
+        answer.covariance[:6, :6],
+        seen_mm,
+        Noise(None, answer.robot.rotation_rad, answer.robot.translation_mm),
+        [_view(index, reasons.get(index), errors_mm.get(index)) for index in range(len(sweeps))],
+        middles,
+        clock_offset=ClockOffset(answer.estimate.clock_offset_s, float(np.sqrt(answer.covariance[6, 6]))),
+    )
+
+
+def solve_sweeps(
+    points: Sequence[SurfacePoints],
+    sweeps: Sequence[SweepPoints],
+    radii_mm: Sequence[float | None],
+    rough: Array | None,
+) -> ProfilerSolution:
+    """X, clock offset, surfaces and noise from the points found. Raises UndeterminedError, PathGap."""
+    if len(sweeps) < MIN_SWEEPS:
+        what = Sentence("profiler-sweeps", sweeps=len(sweeps))
+        raise UndeterminedError("too-few-sweeps", what, FIX)
+    answer = refine(ProfilerProblem(sweeps), find_start(points, sweeps, radii_mm, rough))
+    for sweep in sweeps:
+        sweep.path.at(sweep.times_s + answer.estimate.clock_offset_s, MAX_GAP_S)
+    return answer
+
+
+def _solve(
+    sweeps: Sequence[ArtefactSweep],
+    found: dict[int, SurfacePoints],
+    names: list[str],
+    radii_mm: list[float | None],
+    rough: Array | None,
+) -> tuple[ProfilerSolution, Array]:
+    """The answer, and places (n, 3) in the profiler frame at which points were measured."""
+    used = [name for name in names if any(sweeps[index].artefact == name for index in found)]
+    stacked = [
+        SweepPoints(points.points_mm, points.times_s, sweeps[index].path, used.index(sweeps[index].artefact))
+        for index, points in found.items()
+    ]
+    answer = solve_sweeps(list(found.values()), stacked, [radii_mm[names.index(name)] for name in used], rough)
+    return answer, np.concatenate([one.points_mm[:: len(one.points_mm) // SEEN_POINTS + 1] for one in stacked])
+
+
+def _artefacts(sweeps: Sequence[ArtefactSweep]) -> tuple[list[str], list[float | None]]:
+    """Names in their order, and radii. Raises ProfileError."""
+    radii: dict[str, float | None] = {}
+    for sweep in sweeps:
+        if radii.setdefault(sweep.artefact, sweep.radius_mm) != sweep.radius_mm:
+            raise ProfileError(f"the artefact {sweep.artefact!r} has two radii", "give each artefact a name of its own")
+    return list(radii), list(radii.values())
+
+
+def _find_artefact(sweep: ArtefactSweep) -> SurfacePoints:
+    """Raises ProfileError, SphereError."""
+    block, path = sweep.block, sweep.path
+    if len(block) and not (
+        path.times_s[0] - MAX_OFFSET_S <= block.times_s[0] and block.times_s[-1] <= path.times_s[-1] + MAX_OFFSET_S
+    ):
+        what = f"profiles from {block.times_s[0]:.3f} to {block.times_s[-1]:.3f} s and poses from {path.times_s[0]:.3f}"
+        raise ProfileError(
+            f"{what} to {path.times_s[-1]:.3f} s are not of the same time",
+            f"give times of clocks that agree within {MAX_OFFSET_S:g} s; what is left is estimated",
+        )
+    return find_plane(block) if sweep.radius_mm is None else find_sphere(block, sweep.radius_mm)
+
+
+def _middle_pose(sweep: ArtefactSweep) -> Array:
+    middle: Array = sweep.path.base_T_flange[len(sweep.path.times_s) // 2]
+    return middle
+
+
+def _view(index: int, reason: str | None, error_mm: float | None) -> ViewResult:
+    """A sweep as a view; `error_mm`: RMS distance of its points from the artefact."""
+    return ViewResult(index, None, "used" if reason is None else "rejected", reason, None, error_mm, None)
