@@ -1,11 +1,11 @@
-"""ABB's published serial six-axis arms with a spherical wrist, by name.
+"""ABB's published serial six-axis arms, by name.
 
 Lengths and limits as RobotComponents' presets (ABB.Presets) list them; a test compares each with the reach in its name.
 Where ros-industrial's abb and abb_experimental (abb_*_support/urdf; the speeds are theirs) describe the same arm, they
 agree, but for the IRB 1600, where the presets swap the limits of the long and the short arm; here they are as in ABB's
 product specification 3HAC023604-001. `evidence_of` says what each arm was compared with and what is doubtful.
-Not included: arms with a parallel rod, whose axis 3 is limited together with axis 2 (IRB 2400, 4400), with an offset
-wrist (CRB 15000), and any whose published lengths do not give its reach (IRB 6700-245).
+Not included: arms with a parallel rod, whose axis 3 is limited together with axis 2 (IRB 2400, 4400), and any whose
+published lengths do not give its reach (IRB 6700-245).
 """
 
 import difflib
@@ -26,6 +26,9 @@ IRB 1100-4/0.475    |      0    327    225     10    250     64 | 230 -115/113  
 IRB 1100-4/0.58     |      0    327    280     10    300     64 | 230 -115/113  -205/55      230 -125/120 400
 CRB 1100-4/0.475    |      0    327    225     10    250     64 | 230 -115/113  -205/55      230 -125/120 400
 CRB 1100-4/0.58     |      0    327    280     10    300     64 | 230 -115/113  -205/55      230 -125/120 400
+CRB 15000-5/0.95    |      0    265    444    110    470    101  80 | 180    180  -225/85      180      180 270
+CRB 15000-12/1.27   |      0    338    707    110    534    101  80 | 270    180  -225/85      180      180 270
+CRB 15000-10/1.52   |    150    400    707    110    637    101  80 | 270    180  -225/85      180      180 270
 IRB 120-3/0.6       |      0    290    270     70    302     72 | 165      110  -110/70      160      120 400
 IRB 1200-5/0.9      |      0  399.1    448     42    451     82 | 170 -100/130  -200/70      270      130 400
 IRB 1200-7/0.7      |      0  399.1    350     42    351     82 | 170 -100/135  -200/70      270      130 360
@@ -80,9 +83,12 @@ IRB 7600-340/2.8    |    410    780   1075    165   1306    250 | 180   -60/85  
 IRB 7600-325/3.1    |    410    780   1075    165   1556    250 | 180   -60/85  -180/60      300      100 360
 IRB 7600-150/3.5    |    410    780   1075    165   2012    250 | 180   -60/85  -180/60      300      100 360
 """
-"""Base to axis 2 forward and up, lower arm, axis 4 above axis 3, forearm, wrist to flange in mm; limits in deg."""
+"""Base to axis 2 forward and up, lower arm, axis 4 above axis 3, forearm, wrist to flange, and axis 6 above axis 4
+where they do not meet, in mm; limits in deg."""
 
 _SPEEDS = {
+    "CRB 15000-5/0.95": "125 125 140 200 200 200",
+    "CRB 15000-12/1.27": "125 125 140 200 200 200",
     "IRB 120-3/0.6": "250 250 250 320 320 420",
     "IRB 1600-6/1.2": "150 160 170 320 400 450",
     "IRB 1600-6/1.45": "150 160 170 320 400 450",
@@ -98,6 +104,10 @@ _SPEEDS = {
 
 _URDF = "ros-industrial abb, urdf"
 _CHECKED = {
+    "CRB 15000-5/0.95": f"{_URDF} (axis 6 ± 180 there); limits by ABB's data sheet 9AKK107991A8564 as cited in a"
+    " public program, axis 6 ± 270",
+    "CRB 15000-12/1.27": f"{_URDF} of abb_experimental (axes 1 and 6 ± 180 there); ± 270 in a second public program,"
+    " robotkinematicscatalogue",
     "IRB 120-3/0.6": f"{_URDF}; MOC.cfg of PaulaFreudenberger/ABB-Rapid-Git, joseballester/abb-rapidserver",
     "IRB 1200-5/0.9": f"{_URDF}; MOC.cfg of panin-anan/abb_SAMXL_Grinding_RAPID (axis 6 ± 400)",
     "IRB 1600-6/1.2": f"{_URDF}; 3HAC023604-001",
@@ -113,6 +123,7 @@ _CHECKED = {
     "IRB 7600-150/3.5": _URDF,
 }
 _DOUBTFUL = {
+    "CRB 15000-10/1.52": "the urdf of abb_experimental has the lengths of the CRB 15000-5, which do not give its reach",
     "IRB 1200-7/0.7": "axis 6 ± 360, while the IRB 1200-5/0.9 has ± 400",
     "IRB 2600-12/1.65": "axes 2 and 3 differ from the urdf",
     "IRB 4600-20/2.5": "axis 5 ± 120, the urdf has -125/120",

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from calibration.errors import CalibrationError, GeometryError
+from calibration.kinematics.axis_rotations import rotation_x, rotation_y, rotation_z, wrap
 from calibration.transforms import Array, transform
 
 LIMIT_SLACK_RAD = 1e-7
@@ -33,7 +34,7 @@ _CFX = np.arange(8)
 _FRONT = np.where(_CFX & _BEHIND_AXIS_1, -1.0, 1.0)
 _ELBOW = np.where(_CFX & _BEHIND_LOWER_ARM, -1.0, 1.0)
 _WRIST = np.where(_CFX & _AXIS_5_NEGATIVE, -1.0, 1.0)
-_TOOL0_IN_AXIS_6 = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])  # 90° about y
+TOOL0_IN_AXIS_6 = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])  # 90° about y
 
 
 class Configuration(NamedTuple):
@@ -110,6 +111,16 @@ class Arm:
         """Text by which `find_arm` finds the arm again: its name, or its line."""
         return self.row or self.name
 
+    @property
+    def wrist_offset_mm(self) -> float:
+        """Distance of axis 6 from axis 4: 0 for a spherical wrist."""
+        return 0.0
+
+    @property
+    def wrist_to_flange_mm(self) -> float:
+        """Distance of the flange from the point where axes 4 and 5 meet."""
+        return float(np.hypot(self.flange_mm, self.wrist_offset_mm))
+
     @cached_property
     def _elbow_to_wrist(self) -> tuple[float, float]:
         """Length of elbow to wrist centre, and its angle from the vertical at home."""
@@ -117,14 +128,13 @@ class Arm:
 
     def forward(self, joints_rad: ArrayLike) -> Array:
         """base_T_flange (..., 4, 4) of joints (..., 6)."""
-        q = _joints(joints_rad)
-        rotation = _rz(q[..., 0]) @ _ry(q[..., 1] + q[..., 2]) @ _rx(q[..., 3]) @ _ry(q[..., 4]) @ _rx(q[..., 5])
-        rotation = rotation @ _TOOL0_IN_AXIS_6
+        q = checked_joints(joints_rad)
+        rotation = self._wrist_rotation(q) @ rotation_x(q[..., 5]) @ TOOL0_IN_AXIS_6
         return transform(rotation, self.skeleton(q)[..., 3, :])
 
     def skeleton(self, joints_rad: ArrayLike) -> Array:
         """Shoulder (axis 2), elbow (axis 3), wrist centre and flange in the base (..., 4, 3) mm."""
-        q = _joints(joints_rad)
+        q = checked_joints(joints_rad)
         reach, rest = self._elbow_to_wrist
         bend = q[..., 1] + q[..., 2]
         forward = np.full(q.shape[:-1], self.shoulder_forward_mm)
@@ -142,8 +152,12 @@ class Arm:
         plane = np.concatenate([plane, wrist[..., None, :]], -2)
         c, s = np.cos(q[..., :1]), np.sin(q[..., :1])
         points = np.stack([plane[..., 0] * c, plane[..., 0] * s, plane[..., 1]], -1)
-        ahead = (_rz(q[..., 0]) @ _ry(bend) @ _rx(q[..., 3]) @ _ry(q[..., 4]))[..., 0]
-        return np.concatenate([points, (points[..., 2, :] + self.flange_mm * ahead)[..., None, :]], -2)
+        to_flange = self._wrist_rotation(q) @ np.array([self.flange_mm, 0.0, self.wrist_offset_mm])
+        return np.concatenate([points, (points[..., 2, :] + to_flange)[..., None, :]], -2)
+
+    def _wrist_rotation(self, q: Array) -> Array:
+        """Orientation (..., 3, 3) behind axis 5: axis 6, axis 5, and what is up with all joints at zero."""
+        return rotation_z(q[..., 0]) @ rotation_y(q[..., 1] + q[..., 2]) @ rotation_x(q[..., 3]) @ rotation_y(q[..., 4])
 
     def branches(
         self, base_T_flange: ArrayLike, near_rad: ArrayLike | None = None, singular: float = SINGULAR_EXACT
@@ -153,19 +167,19 @@ class Arm:
         Joint limits are ignored; rows out of reach are NaN. Where the wrist is straight (sine of axis 5 below
         `singular`) or the wrist centre lies on axis 1, the free joint is taken from `near_rad` (default zeros).
         """
-        pose = _poses(base_T_flange)
-        near = np.zeros(6) if near_rad is None else _joints(near_rad)
+        pose = checked_poses(base_T_flange)
+        near = np.zeros(6) if near_rad is None else checked_joints(near_rad)
         wrist = pose[..., :3, 3] - self.flange_mm * pose[..., :3, 2]
         q1, q2, q3 = self._positioning(wrist, near)
-        base_R_forearm = _rz(q1) @ _ry(q2 + q3)
-        tool = pose[..., None, :3, :3] @ _TOOL0_IN_AXIS_6.T
+        base_R_forearm = rotation_z(q1) @ rotation_y(q2 + q3)
+        tool = pose[..., None, :3, :3] @ TOOL0_IN_AXIS_6.T
         m = np.swapaxes(base_R_forearm, -1, -2) @ tool  # Rx(q4) Ry(q5) Rx(q6)
         free = np.hypot(m[..., 1, 0], m[..., 2, 0]) < singular
         q4 = np.where(free, near[..., None, 3], np.arctan2(_WRIST * m[..., 1, 0], -_WRIST * m[..., 2, 0]))
-        n = np.swapaxes(_rx(q4), -1, -2) @ m  # Ry(q5) Rx(q6): the rest is exact even where q4 is free
+        n = np.swapaxes(rotation_x(q4), -1, -2) @ m  # Ry(q5) Rx(q6): the rest is exact even where q4 is free
         q5 = np.arctan2(-n[..., 2, 0], n[..., 0, 0])
         q6 = np.arctan2(-n[..., 1, 2], n[..., 1, 1])
-        return _wrap(np.stack([q1, q2, q3, q4, q5, q6], -1))
+        return wrap(np.stack([q1, q2, q3, q4, q5, q6], -1))
 
     def _positioning(self, wrist: Array, near: Array) -> tuple[Array, Array, Array]:
         """Axes 1 to 3 (..., 8) rad for a wrist centre (..., 3) mm; NaN where it is out of reach."""
@@ -190,7 +204,7 @@ class Arm:
 
     def nearest(self, base_T_flange: ArrayLike, joints_now_rad: ArrayLike) -> Array:
         """The solution (6,) with the smallest largest joint travel from `joints_now_rad` (6,). Raises as `inverse`."""
-        now = _joints(joints_now_rad)
+        now = checked_joints(joints_now_rad)
         solutions = self._within_limits(np.asarray(base_T_flange, float), now, SINGULAR_ON_THE_WIRE)
         best: Array = solutions[np.argmin(np.abs(solutions - now).max(-1))]
         return best
@@ -202,7 +216,7 @@ class Arm:
 
         Raises as `inverse`, and OtherConfiguration when the pose is only reachable in another configuration.
         """
-        near = _middle_of(_checked(configuration)) if near_rad is None else _joints(near_rad)
+        near = _middle_of(_checked(configuration)) if near_rad is None else checked_joints(near_rad)
         fitting = self._all_matching(np.asarray(base_T_flange, float), _checked(configuration), near)
         best: Array = fitting[np.argmin(np.abs(fitting - near).max(-1))]
         return best
@@ -215,7 +229,7 @@ class Arm:
         Rarely more than one: with a straight wrist only the sum of axes 4 and 6 is determined, and there is one for
         every 5° of axis 4 within its quarter turn.
         """
-        wanted, near, pose = _checked(configuration), _joints(near_rad), np.asarray(base_T_flange, float)
+        wanted, near, pose = _checked(configuration), checked_joints(near_rad), np.asarray(base_T_flange, float)
         found = [self._all_matching(pose, wanted, near)]
         if np.abs(np.sin(found[0][:, 4])).min() < SINGULAR_ON_THE_WIRE:
             for axis_4 in (wanted.cf4 + np.linspace(0.0, 1.0, STRAIGHT_WRIST_SAMPLES)) * np.pi / 2:
@@ -233,7 +247,7 @@ class Arm:
 
     def configuration(self, joints_rad: ArrayLike) -> Configuration:
         """ABB confdata of joints (6,)."""
-        q = _joints(joints_rad)
+        q = checked_joints(joints_rad)
         cf1, cf4, cf6 = (int(np.floor(q[axis] / (np.pi / 2))) for axis in (0, 3, 5))
         bits = (_BEHIND_AXIS_1, _BEHIND_LOWER_ARM, _AXIS_5_NEGATIVE)
         cfx = sum(bit for bit, side in zip(bits, self._sides(q), strict=True) if side < 0)
@@ -245,7 +259,7 @@ class Arm:
         The smallest of |sin axis 5|, |sin| of the angle between lower arm and forearm, and the wrist centre's
         distance from axis 1 over the reach.
         """
-        clearance: Array = np.abs(self._sides(_joints(joints_rad))).min(-1)
+        clearance: Array = np.abs(self._sides(checked_joints(joints_rad))).min(-1)
         return clearance
 
     @property
@@ -255,7 +269,7 @@ class Arm:
 
     def require_within_limits(self, joints_rad: ArrayLike) -> None:
         """Raises OutsideJointLimits for the axis of joints (6,) that is furthest beyond its limits."""
-        excess = self._excess_rad(_joints(joints_rad))
+        excess = self._excess_rad(checked_joints(joints_rad))
         if excess.max() > LIMIT_SLACK_RAD:
             raise OutsideJointLimits(self.name, int(excess.argmax()) + 1, float(excess.max()))
 
@@ -306,17 +320,26 @@ class Arm:
         least: Array = self._excess_rad(joints + 2 * np.pi * np.arange(-2, 3)[:, None]).min(0)
         return least
 
+    def _wrist_centres(self, base_T_flange: Array) -> Array:
+        """Where axes 4 and 5 may meet (n, 3) mm for a pose (4, 4)."""
+        return np.array([base_T_flange[:3, 3] - self.flange_mm * base_T_flange[:3, 2]])
+
     def _out_of_reach(self, base_T_flange: Array) -> OutOfReach:
-        wrist = base_T_flange[:3, 3] - self.flange_mm * base_T_flange[:3, 2]
+        wrists = self._wrist_centres(base_T_flange)
         reach, _ = self._elbow_to_wrist
-        up = wrist[2] - self.shoulder_height_mm
-        distances = np.hypot(np.hypot(*wrist[:2]) * np.array([1, -1]) - self.shoulder_forward_mm, up)
-        beyond = float(distances.min() - (self.lower_arm_mm + reach))
-        inside = float(abs(self.lower_arm_mm - reach) - distances.max())
-        return OutOfReach(self.name, max(beyond, inside), too_near=inside > beyond)
+        up = wrists[:, 2] - self.shoulder_height_mm
+        radius = np.hypot(wrists[:, 0], wrists[:, 1])
+        forward = np.stack([radius, -radius]) - self.shoulder_forward_mm
+        distances = np.hypot(forward, up)
+        beyond = distances.min(0) - (self.lower_arm_mm + reach)
+        inside = abs(self.lower_arm_mm - reach) - distances.max(0)
+        nearest = int(np.maximum(beyond, inside).argmin())
+        far, near = float(beyond[nearest]), float(inside[nearest])
+        return OutOfReach(self.name, max(far, near), too_near=near > far)
 
 
-def _joints(joints_rad: ArrayLike) -> Array:
+def checked_joints(joints_rad: ArrayLike) -> Array:
+    """Joints (..., 6). Raises GeometryError."""
     joints = np.asarray(joints_rad, float)
     if joints.shape[-1:] != (6,):
         raise GeometryError(f"joints must be (..., 6) in rad, got shape {joints.shape}")
@@ -325,7 +348,8 @@ def _joints(joints_rad: ArrayLike) -> Array:
     return joints
 
 
-def _poses(base_T_flange: ArrayLike) -> Array:
+def checked_poses(base_T_flange: ArrayLike) -> Array:
+    """Poses (..., 4, 4). Raises GeometryError."""
     pose = np.asarray(base_T_flange, float)
     if pose.shape[-2:] != (4, 4):
         raise GeometryError(f"base_T_flange must be (..., 4, 4), got shape {pose.shape}")
@@ -350,35 +374,7 @@ def _middle_of(configuration: Configuration) -> Array:
     return middle
 
 
-def _wrap(angles: Array) -> Array:
-    """Angles in (-pi, pi]."""
-    return angles - 2 * np.pi * np.ceil((angles - np.pi) / (2 * np.pi))
-
-
 def _distinct(solutions: Array) -> Array:
     """The rows (n, 6) without repetitions: at a singularity branches coincide."""
     _, first = np.unique(np.round(solutions, 9), axis=0, return_index=True)
     return solutions[np.sort(first)]
-
-
-def _rotations(angle: ArrayLike, first: int, second: int) -> Array:
-    """Rotations (..., 3, 3) that turn axis `first` towards axis `second`."""
-    angle = np.asarray(angle, float)
-    result = np.zeros((*angle.shape, 3, 3))
-    result[..., range(3), range(3)] = 1.0
-    result[..., first, first] = result[..., second, second] = np.cos(angle)
-    result[..., second, first] = np.sin(angle)
-    result[..., first, second] = -np.sin(angle)
-    return result
-
-
-def _rx(angle: ArrayLike) -> Array:
-    return _rotations(angle, 1, 2)
-
-
-def _ry(angle: ArrayLike) -> Array:
-    return _rotations(angle, 2, 0)
-
-
-def _rz(angle: ArrayLike) -> Array:
-    return _rotations(angle, 0, 1)

@@ -112,7 +112,9 @@ class ArmErrorModel:
         elbow = np.array([arm.forearm_mm, 0.0, arm.elbow_up_mm])
         shoulder = np.array([arm.shoulder_forward_mm, 0.0, arm.shoulder_height_mm])
         ahead, up = np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.0, 1.0])
-        self._links: Array = np.array([shoulder, arm.lower_arm_mm * up, elbow, 0 * up, 0 * up, arm.flange_mm * ahead])
+        self._links: Array = np.array(
+            [shoulder, arm.lower_arm_mm * up, elbow, 0 * up, arm.wrist_offset_mm * up, arm.flange_mm * ahead]
+        )
         self._tool = transform(tool, np.zeros(3))
 
     def __len__(self) -> int:

@@ -1,16 +1,20 @@
 """An arm as one line of text: name, lengths in mm, limits and speeds in degrees, separated by `|`.
 
 `My arm | 150 486.5 700 0 600 65 | 180 -90/120 -245/65 200 115 400 | 150 160 170 320 400 450`: base to axis 2
-forward and up, lower arm, axis 4 above axis 3, forearm, wrist to flange; limits of axes 1 to 6 (`170` means -170 to
+forward and up, lower arm, axis 4 above axis 3, forearm, wrist to flange, and a seventh for an arm whose axis 6 runs
+above axis 4; limits of axes 1 to 6 (`170` means -170 to
 170); speeds per second, which only the mock uses and which may be left out.
 """
 
 from collections.abc import Iterable
+from dataclasses import fields
+from typing import Any
 
 import numpy as np
 
 from calibration.errors import GeometryError
 from calibration.kinematics.arm import Arm
+from calibration.kinematics.offset_wrist import OffsetWristArm
 
 SLOWEST = "90 60 60 100 100 190"
 """Speeds in deg/s of an arm whose speeds are not known."""
@@ -25,7 +29,9 @@ def read_arm_row(row: str) -> Arm:
     if len(parts) not in (3, 4) or not parts[0]:
         raise GeometryError(f"an arm is 'name | 6 lengths in mm | 6 limits in deg', got {row!r}")
     name, lengths, limits = parts[:3]
-    forward, height, lower_arm, elbow_up, forearm, flange = _six(name, "lengths", lengths.split())
+    given = lengths.split()
+    forward, height, lower_arm, elbow_up, forearm, flange = _six(name, "lengths", given[:6])
+    (offset,) = _numbers(name, "lengths", given[6:] or ["0"], 1)
     ranges = [_range(name, limit) for limit in limits.split()]
     if len(ranges) != 6:
         raise GeometryError(f"arm {name}: its limits are six, as 170 or -75/125, got {len(ranges)}")
@@ -35,7 +41,7 @@ def read_arm_row(row: str) -> Arm:
     speeds = _six(name, "speeds", (parts[3] if len(parts) == 4 else SLOWEST).split())
     if min(speeds) <= 0:
         raise GeometryError(f"arm {name}: its speeds are above 0 deg/s")
-    return Arm(
+    arm = Arm(
         name=name,
         shoulder_forward_mm=forward,
         shoulder_height_mm=height,
@@ -47,13 +53,19 @@ def read_arm_row(row: str) -> Arm:
         upper_rad=_radians(upper),
         speed_rad_s=_radians(speeds),
     )
+    return with_wrist_offset(arm, offset)
+
+
+def with_wrist_offset(arm: Arm, offset_mm: float) -> Arm:
+    """The arm with axis 6 that far above axis 4; 0 leaves it as it is."""
+    return arm if offset_mm == 0 else OffsetWristArm(**_fields(arm), wrist_offset_mm=offset_mm)
 
 
 def write_arm_row(arm: Arm) -> str:
     """The line of an arm, which `read_arm_row` reads; lengths to 0.0001 mm, angles to 0.0001 deg."""
     lengths = (
         arm.shoulder_forward_mm, arm.shoulder_height_mm, arm.lower_arm_mm, arm.elbow_up_mm, arm.forearm_mm,
-        arm.flange_mm,
+        arm.flange_mm, *([arm.wrist_offset_mm] if arm.wrist_offset_mm else []),
     )  # fmt: skip
     limits = [
         _number(high) if low == -high else f"{_number(low)}/{_number(high)}"
@@ -61,6 +73,10 @@ def write_arm_row(arm: Arm) -> str:
     ]
     speeds = [_number(speed) for speed in np.degrees(arm.speed_rad_s).round(4).tolist()]
     return f"{arm.name} | {' '.join(map(_number, lengths))} | {' '.join(limits)} | {' '.join(speeds)}"
+
+
+def _fields(arm: Arm) -> dict[str, Any]:
+    return {field.name: getattr(arm, field.name) for field in fields(Arm)}
 
 
 def _number(value: float) -> str:
@@ -80,11 +96,15 @@ def _range(name: str, limit: str) -> tuple[float, float]:
 
 
 def _six(name: str, what: str, texts: list[str]) -> list[float]:
+    return _numbers(name, what, texts, 6)
+
+
+def _numbers(name: str, what: str, texts: list[str], count: int) -> list[float]:
     try:
         numbers = [float(text) for text in texts]
     except ValueError:
         numbers = []
-    if len(numbers) != 6 or not np.all(np.abs(numbers) <= MAX_LENGTH_MM):
+    if len(numbers) != count or not np.all(np.abs(numbers) <= MAX_LENGTH_MM):
         raise GeometryError(f"arm {name}: its {what} are six numbers, got {' '.join(texts)!r}")
     return numbers
 

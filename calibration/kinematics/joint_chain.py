@@ -6,6 +6,7 @@ import numpy as np
 
 from calibration.errors import GeometryError
 from calibration.kinematics.arm import Arm
+from calibration.kinematics.arm_row import with_wrist_offset
 from calibration.transforms import Array, rotation_angle_rad, rotation_from_vector, transform
 
 MAX_OFFSET_MM = 0.01
@@ -49,7 +50,7 @@ def arm_of_chain(
     """The chain as an arm with ABB's six lengths. `limits_rad` (6, 2).
 
     Raises GeometryError that names the first property which such an arm must have and this one lacks: directions of
-    the axes at zero, an upright lower arm, axes 4, 5 and 6 through one point, tool0 on the flange.
+    the axes at zero, an upright lower arm, axes 4 and 5 through one point, axis 6 beside axis 4, tool0 on the flange.
     """
     points, directions = chain.axes_at_zero()
     for place, (direction, expected) in enumerate(zip(directions, _AXES, strict=True)):
@@ -64,7 +65,7 @@ def arm_of_chain(
     _require(name, "the lower arm leans forward by", abs(elbow[0] - shoulder[0]))
     _require(name, "axis 4 runs beside axis 1 by", abs(forearm[1]))
     _require(name, "axis 5 passes axis 4 by", abs(wrist[2] - forearm[2]))
-    _require(name, "axis 6 passes axis 4 by", float(np.hypot(*(last - forearm)[1:])))
+    _require(name, "axis 6 runs beside axis 4 by", abs(last[1] - forearm[1]))
     _require(name, "the flange is beside axis 6 by", float(np.hypot(*(flange[:3, 3] - last)[1:])))
     low, high = limits_rad.T
     arm = Arm(
@@ -79,6 +80,8 @@ def arm_of_chain(
         upper_rad=tuple(high.tolist()),
         speed_rad_s=speeds_rad_s,
     )
+    offset_mm = float(last[2] - forearm[2])
+    arm = with_wrist_offset(arm, offset_mm if abs(offset_mm) > MAX_OFFSET_MM else 0.0)
     _compare(arm, chain, limits_rad, samples)
     return arm
 
@@ -100,7 +103,7 @@ def _compare(arm: Arm, chain: JointChain, limits_rad: Array, samples: int) -> No
 def _require(name: str, what: str, offset_mm: float) -> None:
     if offset_mm > MAX_OFFSET_MM:
         raise GeometryError(
-            f"{name}: {what} {offset_mm:.2f} mm: only arms with a spherical wrist are known by their lengths "
+            f"{name}: {what} {offset_mm:.2f} mm: only arms whose axes 4 and 5 meet are known by their lengths "
             "(leave the model out; everything but planning, reach and posture works)"
         )
 

@@ -97,7 +97,7 @@ def _steps(arm: Arm, travel_rad: Array, reach_mm: float) -> int:
     """
     travel = np.abs(travel_rad)
     inner, wrist, last = travel[..., :3].sum(-1), travel[..., 3:5].sum(-1), travel[..., 5]
-    tool_mm = arm.flange_mm + reach_mm
+    tool_mm = arm.wrist_to_flange_mm + reach_mm
     curved_mm = (arm.reach_mm + tool_mm) * inner**2 + tool_mm * (2 * inner * wrist + wrist**2)
     curved_mm = curved_mm + reach_mm * (2 * (inner + wrist) * last + last**2)
     steps = np.maximum(np.sqrt(curved_mm / (8 * MAX_CHORD_ERROR_MM)), travel.max(-1) / MAX_STEP_RAD)

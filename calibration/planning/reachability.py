@@ -38,8 +38,10 @@ def reachable_by(
                 possible[possible] = sight.is_clear(arm, joints[possible])
             return np.asarray(possible.any(axis=-1))
         posture = arm.configuration(joints_now_rad).cfx
-        joints, possible = joints[:, posture], possible[:, posture]
-        result: NDArray[np.bool_] = possible & (np.abs(joints - joints_now_rad).max(axis=-1) <= travel_rad)
+        joints, possible = joints[:, posture::8], possible[:, posture::8]
+        travel = np.where(possible, np.abs(joints - joints_now_rad).max(axis=-1), np.inf)
+        joints = joints[np.arange(len(joints)), travel.argmin(axis=1)]
+        result: NDArray[np.bool_] = possible.any(axis=1) & (travel.min(axis=1) <= travel_rad)
         if box is not None and result.any():
             result[result] = stay_in_box(arm, joints_now_rad, joints[result], box, points_mm=points_mm)
         if sight is not None and result.any():

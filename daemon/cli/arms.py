@@ -24,7 +24,7 @@ def arms(
 
     With --from print the line of an arm of one's own, to be written in place of a name.
 
-    Exit status: 0 printed, 2 the file describes no arm with a spherical wrist.
+    Exit status: 0 printed, 2 the file describes no such arm as those listed.
     """
     if description is not None:
         _describe(description, tip, name or description.stem, json=json)

@@ -150,9 +150,11 @@ class Interrupts:
 
     def end(self) -> None:
         """Remove all interrupts."""
-        for order in self._orders.values():
+        with self._turn:
+            orders = list(self._orders.values())
+            self._orders.clear()
+        for order in orders:
             order.end()
-        self._orders.clear()
 
 
 def _unwatch(signal: Signal, notice: Callable[[float], None]) -> None:

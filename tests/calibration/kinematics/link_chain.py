@@ -31,7 +31,7 @@ def urdf_chain(arm: Arm, joints: Array) -> Array:
         ((0, 0, arm.lower_arm_mm), "y"),
         ((0, 0, arm.elbow_up_mm), "x"),
         ((arm.forearm_mm, 0, 0), "y"),
-        ((arm.flange_mm, 0, 0), "x"),
+        ((arm.flange_mm, 0, arm.wrist_offset_mm), "x"),
     ]
     base_T_link = np.eye(4)
     for (offset, axis), angle in zip(links, joints, strict=True):

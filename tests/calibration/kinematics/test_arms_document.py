@@ -21,7 +21,8 @@ def test_a_row_has_the_numbers_of_the_arm(name: str) -> None:
     _, _, lengths, limits, state, source, _ = (cell.strip() for cell in ROWS[name].split("|"))
     shoulder = (arm.shoulder_forward_mm, arm.shoulder_height_mm)
     assert [float(each) for each in lengths.split()] == [
-        *shoulder, arm.lower_arm_mm, arm.elbow_up_mm, arm.forearm_mm, arm.flange_mm
+        *shoulder, arm.lower_arm_mm, arm.elbow_up_mm, arm.forearm_mm, arm.flange_mm,
+        *([arm.wrist_offset_mm] if arm.wrist_offset_mm else []),
     ]  # fmt: skip
     pairs = np.degrees([arm.lower_rad, arm.upper_rad]).round(3).T.tolist()
     assert limits == ", ".join(f"± {high:g}" if low == -high else f"{low:g}/{high:g}" for low, high in pairs)

@@ -24,7 +24,7 @@ def urdf_of(arm: Arm, *, wrist_offset_mm: float = 0.0, third_axis: str = "0 1 0"
         (0.0, 0.0, arm.lower_arm_mm),
         (0.0, 0.0, arm.elbow_up_mm),
         (arm.forearm_mm, 0.0, wrist_offset_mm),
-        (arm.flange_mm, 0.0, 0.0),
+        (arm.flange_mm, 0.0, arm.wrist_offset_mm),
     ]
     axes = ["0 0 1", "0 2 0", third_axis, "1 0 0", "0 1 0", "1 0 0"]
     joints = "".join(
@@ -87,6 +87,14 @@ def test_urdf_and_tables_are_the_arm(arm: Arm) -> None:
         (modified_rows(arm), "arm.csv"),
     ):
         assert same(read_arm_description(content.encode(), file, name="own"), arm), content
+
+
+def test_a_urdf_with_an_offset_wrist_is_that_arm_and_its_line_has_the_offset() -> None:
+    gofa = ARMS["CRB 15000-5/0.95"]
+    read = read_arm_description(urdf_of(gofa).encode(), "gofa.urdf", name="own")
+    assert same(read, gofa)
+    assert read.wrist_offset_mm == pytest.approx(80.0, abs=1e-3)
+    assert read_arm_row(write_arm_row(read)).wrist_offset_mm == 80.0
 
 
 def test_the_tip_is_named_where_it_is_not_tool0() -> None:
