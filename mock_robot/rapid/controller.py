@@ -172,7 +172,7 @@ class RapidController(Cabinet):
         self._watch()
 
     def _load_task(self, plan: TaskPlan) -> Loaded:
-        task = ProgramTask(plan.name, self, plan.motion)
+        task = ProgramTask(plan.name, self, plan.motion, now_s=self.clock)
         program = Program(task, self.memory, self.signals)
         program.load(plan.sources)
         interrupts = Interrupts(task)
@@ -228,6 +228,11 @@ class RapidController(Cabinet):
                     loaded.task.stop()
             self.unit.hold()
 
+    def run_program(self, running: bool, now_s: float) -> None:
+        """Start or stop the program as the pendant does; ordered against a program that stops by itself."""
+        with self._switching:
+            super().run_program(running, now_s)
+
     def apply_panel(self, now_s: float) -> None:
         """Stop what the panel forbids; resume stopped tasks when the program is started."""
         with self._switching:
@@ -240,21 +245,22 @@ class RapidController(Cabinet):
 
     def stop_failed_program(self, task: ProgramTask, stopped: ProgramStopped) -> None:
         """Log a program that stopped by itself, and stop all tasks when the task is trusted."""
-        now_s = self.clock()
-        self.record(now_s, stopped.code, f"{task.name} stopped at {stopped.where}: {stopped.text}")
-        event = ErrorEvent(*divmod(stopped.code, 10_000), ERROR, TITLES.get(stopped.code, ""), stopped.text)
-        for loaded in self._loaded:
-            loaded.interrupts.note_event(event)
-        plan = next((loaded.plan for loaded in self._loaded if loaded.task is task), None)
-        if plan is None:
-            return
-        self._error.add(task.name)
-        if plan.motion:
-            self.unit.clear()
-        if plan.stops_all:
-            self.record(now_s, SYSTEM_STOP, f"{task.name} is a trusted task: all tasks are stopped")
-        if plan.stops_all or plan.kind == "NORMAL":
-            self.halt(now_s, Status.MOTION_ERROR)
+        with self._switching:
+            now_s = self.clock()
+            self.record(now_s, stopped.code, f"{task.name} stopped at {stopped.where}: {stopped.text}")
+            event = ErrorEvent(*divmod(stopped.code, 10_000), ERROR, TITLES.get(stopped.code, ""), stopped.text)
+            for loaded in self._loaded:
+                loaded.interrupts.note_event(event)
+            plan = next((loaded.plan for loaded in self._loaded if loaded.task is task), None)
+            if plan is None:
+                return
+            self._error.add(task.name)
+            if plan.motion:
+                self.unit.clear()
+            if plan.stops_all:
+                self.record(now_s, SYSTEM_STOP, f"{task.name} is a trusted task: all tasks are stopped")
+            if plan.stops_all or plan.kind == "NORMAL":
+                self.halt(now_s, Status.MOTION_ERROR)
 
     def symbol(self, task: str, module: str, name: str) -> LiveSymbol | None:
         """A PERS of a loaded module, by names in lower case; `module` may be empty."""

@@ -23,6 +23,7 @@ from mock_robot.cabinet.cabinet import Cabinet
 from mock_robot.cell import MockCell, Ports, RobotProgram
 from mock_robot.truth.truth import CellTruth
 from protocols.cb.codes import Command
+from tests.support.loop_time import loop_time
 from tests.support.waiting import LIMIT_S
 
 ROOT = Path(__file__).parents[2]
@@ -76,11 +77,12 @@ async def running_cell(
     program: RobotProgram = "rapid",
 ) -> AsyncIterator[RunningCell]:
     """A cell on ports the system chose, closed at the end whatever happens."""
-    cell = MockCell(truth or CellTruth.from_seed(seed), time_scale=time_scale, program=program)
-    try:
-        yield RunningCell(cell, await cell.start(Ports(serial=serial, devices=0 if devices else None)))
-    finally:
-        await cell.close()
+    async with loop_time() as clock:
+        cell = MockCell(truth or CellTruth.from_seed(seed), time_scale=time_scale, program=program, clock=clock)
+        try:
+            yield RunningCell(cell, await cell.start(Ports(serial=serial, devices=0 if devices else None)))
+        finally:
+            await cell.close()
 
 
 @dataclass

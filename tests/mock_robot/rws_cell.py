@@ -13,6 +13,7 @@ from mock_robot.cell import MockCell, Ports
 from mock_robot.links.cb_program import Controller
 from mock_robot.rws.world import World
 from mock_robot.truth.truth import CellTruth
+from tests.support.loop_time import loop_time
 from tests.support.waiting import LIMIT_S
 
 Result = TypeVar("Result")
@@ -67,7 +68,7 @@ class RwsCell:
 
 
 async def _started(**options: Any) -> RwsCell:
-    made = {name: options.pop(name) for name in ("time_scale", "program", "home") if name in options}
+    made = {name: options.pop(name) for name in ("time_scale", "program", "home", "clock") if name in options}
     cell = MockCell(CellTruth.from_seed(7), **{"time_scale": 20.0, **made})
     announced = await cell.start(Ports(devices=None, rws=(0, 0), **options))
     assert announced.rws is not None
@@ -79,11 +80,12 @@ async def _started(**options: Any) -> RwsCell:
 @asynccontextmanager
 async def rws_cell(**options: Any) -> AsyncIterator[RwsCell]:
     """In this loop."""
-    cell = await _started(**options)
-    try:
-        yield cell
-    finally:
-        await cell.cell.close()
+    async with loop_time() as clock:
+        cell = await _started(clock=clock, **options)
+        try:
+            yield cell
+        finally:
+            await cell.cell.close()
 
 
 @contextmanager

@@ -53,7 +53,7 @@ async def test_a_ringing_arm_is_not_looked_at(tmp_path: Path) -> None:
         run = await story.operator.starts("/calibrate", manual=True)
         story.cell.inject_fault("egm-vibration")
         refused = await story.operator.client.post(run["links"]["stations"])
-        while refused.status_code == 200:  # the window still held samples of a quiet arm
+        while refused.status_code in (200, 504):  # samples of a quiet arm in the window, or too few on a busy machine
             refused = await story.operator.client.post(run["links"]["stations"])
         assert (refused.status_code, refused.json()["code"]) == (409, "not-still")
         assert "still vibrates by 0." in refused.json()["detail"]

@@ -81,7 +81,7 @@ async def test_a_client_that_reads_while_it_sends_gets_the_first_points_before_i
 
 async def test_a_client_that_never_reads_its_answer_is_cut_off_and_leaves_nothing(tmp_path: Path) -> None:
     """All of it is taken; what memory does not hold waits in a file; then nothing moves, and the connection ends."""
-    impatient = ConnectionLimiter(HttpLimits(idle_s=0.5))
+    impatient = ConnectionLimiter(HttpLimits(idle_s=5.0))
     async with serving(settings_for(tmp_path), door=impatient) as bench:
         await apply_calibration(bench)
         body = bytes(12 * 2_000_000)
