@@ -16,7 +16,7 @@ class TouchDocument(Document):
     `id`: of the target's point, where the camera looked at the target; or `camera_mm`: in the camera's frame, seen from
     the flange's pose `seen_from` (left out for a camera beside the robot), with `sigma_mm` per axis.
     `miss_mm`: where the point is less where the tip stands, along the base's axes, when the tip could not be brought to
-    it and the rest was measured.
+    it and the rest was measured. `base_T_flange` may be left out over REST only, where it is read from the arm.
     """
 
     name: Annotated[str, Field(min_length=1, max_length=64)] | None = None
@@ -24,7 +24,7 @@ class TouchDocument(Document):
     camera_mm: Vector | None = None
     sigma_mm: Sigma = 0.0
     seen_from: PoseDocument | None = None
-    base_T_flange: PoseDocument
+    base_T_flange: PoseDocument | None = None
     miss_mm: Vector = (0.0, 0.0, 0.0)
 
     @model_validator(mode="after")

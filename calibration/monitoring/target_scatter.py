@@ -28,13 +28,14 @@ class VerificationError(CalibrationError):
 class Verification:
     """`points_mm` (positions, points, 3) of the target points `ids` (points,) seen from every position.
 
-    `frame`: in which they stand still.
+    `frame`: in which they stand still. `base_T_flange`: (positions, 4, 4).
     """
 
     stations: tuple[int, ...]
     ids: NDArray[np.intp]
     frame: Literal["base", "flange"]
     points_mm: Array
+    base_T_flange: Array
 
     @property
     def sigma_per_point_mm(self) -> Array:
@@ -72,7 +73,7 @@ def verify(problem: Problem, calibration: CalibrationDocument) -> Verification:
     stations = tuple(problem.views[position].index + 1 for position in seen.positions)
     if not isfinite(float(points.sum())):
         raise VerificationError("a view's pose of the target is not finite: look at the pictures")
-    return Verification(stations, ids, ANCHORS[calibration.setup], points)
+    return Verification(stations, ids, ANCHORS[calibration.setup], points, seen.base_T_flange)
 
 
 def _common_ids(problem: Problem, positions: NDArray[np.intp]) -> NDArray[np.intp]:

@@ -30,6 +30,8 @@ from calibration.transforms import Array, map_points, skew
 FALSE_ALARM_PROBABILITY = 0.01
 """Probability that misses which are as large as stated are called larger."""
 
+MAX_COORDINATE_MM = 1e6
+
 Conformance = Literal["within", "beyond", "undecided"]
 
 
@@ -115,14 +117,17 @@ def evaluate_touch_test(
 
     Raises GeometryError for no points, numbers that are not finite, or errors that are all zero along some axis.
     """
-    misses = np.asarray(base_touched_mm, float) - np.asarray(base_seen_mm, float)
-    n = len(misses)
-    if n == 0:
+    points = np.stack([np.asarray(base_seen_mm, float), np.asarray(base_touched_mm, float)])
+    if not points.size:
         raise GeometryError("no point was touched")
+    if not np.all(np.abs(points) <= MAX_COORDINATE_MM):
+        raise GeometryError("a point is not finite, or further away than 1 km")
+    misses = points[1] - points[0]
+    n = len(misses)
     check = scipy.linalg.block_diag(*own) + sum(error.of_points() for error in shared)
     claimed = check + mapping.of_points()
-    if not (np.all(np.isfinite(misses)) and np.all(np.isfinite(claimed))):
-        raise GeometryError("a point or an uncertainty is not finite")
+    if not np.all(np.isfinite(claimed)):
+        raise GeometryError("an uncertainty is not finite")
     if np.any(np.diagonal(claimed) <= 0):
         raise GeometryError("a point without any uncertainty cannot be judged: state that of placing the tip")
     blocks = _blocks(claimed)

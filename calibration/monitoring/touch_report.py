@@ -98,8 +98,21 @@ def touch_test(
     """
     mount_T_camera, covariance = _mapping(calibration)
     points = _seen(touches.touches, seen, calibration, origin)
+    with np.errstate(over="ignore", invalid="ignore"):  # numbers beyond all measure are refused where they arrive
+        return _evaluate(calibration, tip, touches, points, mount_T_camera, covariance, tolerance_mm)
+
+
+def _evaluate(
+    calibration: CalibrationDocument,
+    tip: TipDocument,
+    touches: TouchesDocument,
+    points: Sequence[SeenPoint],
+    mount_T_camera: Array,
+    covariance: Array,
+    tolerance_mm: float | None,
+) -> TouchTestDocument:
     seen_mm, mapping, looks = _in_base(points, mount_T_camera, covariance, calibration)
-    base_T_flange = np.array([touch.base_T_flange.transform() for touch in touches.touches])
+    base_T_flange = np.array([touch.base_T_flange.transform() for touch in touches.touches if touch.base_T_flange])
     tips_mm = np.broadcast_to(np.array(tip.flange_tip_mm), (len(points), 3))
     touched_mm = map_points(base_T_flange, tips_mm[:, None])[:, 0] + [touch.miss_mm for touch in touches.touches]
     own = _own(points, base_T_flange, tip, touches.placing_sigma_mm, calibration)
@@ -125,6 +138,8 @@ def _seen(
     points: list[SeenPoint] = []
     for index, touch in enumerate(touches):
         place = f"touches[{index}]"
+        if touch.base_T_flange is None:
+            problems.append(DocumentProblem(f"{place}.base_T_flange", "missing", "add it"))
         if touch.id is not None:
             if touch.id not in seen:
                 what = f"point {touch.id} was not seen from every pose"

@@ -134,6 +134,11 @@ def drift_text(chart: DriftDocument) -> str:
         limit = "" if point.limit_mm is None else f"{point.limit_mm:.3f}"
         numbers = f"{point.drift_mm:>11.3f}{limit:>8}{point.scatter_mm:>9.3f}"
         lines.append(f"{point.at:<26}{point.run_id:<24}{numbers}  {point.standing}")
+    for touch in chart.touch_tests:
+        known = f"largest miss {touch.largest_mm:.3f} mm, U = {touch.expanded_mm:.3f} mm"
+        lines.append(
+            f"{touch.at:<26}{'touch ' + touch.id:<30}{known}  {'accepted' if touch.accepted else 'not accepted'}"
+        )
     return "\n".join(lines)
 
 

@@ -21,6 +21,7 @@ from daemon.api.routes import (
     runs,
     scans,
     session,
+    touches,
 )
 from daemon.api.schemas.health import Welcome
 from daemon.runtime.version import SOFTWARE
@@ -37,6 +38,7 @@ LINKS = {
     "arm": "/arm",
     "devices": "/devices",
     "acceptances": "/acceptances",
+    "touch tests": "/touches",
     "help": "/help",
     "about": "/about",
     "ready": "/ready",
@@ -79,6 +81,7 @@ ROUTERS: tuple[APIRouter, ...] = (
     exports.router,
     reports.router,
     drift.router,
+    touches.router,
     cell.router,
     jog.router,
     events.router,

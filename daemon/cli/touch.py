@@ -59,8 +59,6 @@ def _seen(folder: Path, calibration: "CalibrationDocument") -> "dict[int, SeenPo
     """The target's points by id, as the session's views see them. Raises DocumentError, VerificationError."""
     from dataclasses import replace
 
-    import numpy as np
-
     from calibration.errors import DocumentError, DocumentProblem
     from calibration.monitoring.target_scatter import verify
     from calibration.monitoring.touch_report import verified_points
@@ -74,5 +72,4 @@ def _seen(folder: Path, calibration: "CalibrationDocument") -> "dict[int, SeenPo
         what = "its target's points cannot be touched: that needs pictures by a camera on the flange"
         raise DocumentError(str(folder), [DocumentProblem("session", what, "give camera_mm in touches.json")])
     found = verify(replace(problem, camera=camera), calibration)
-    stations = [view.base_T_flange for view in problem.views if view.index + 1 in found.stations]
-    return verified_points(found.ids.tolist(), np.array(stations), pose.transform(), found.points_mm)
+    return verified_points(found.ids.tolist(), found.base_T_flange, pose.transform(), found.points_mm)

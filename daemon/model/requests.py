@@ -9,6 +9,8 @@ from calibration.documents.pose import Vector
 from calibration.documents.requirement import Tolerance
 from calibration.documents.session import SessionDocument
 from calibration.documents.target import TargetDocument
+from calibration.documents.tip import TipDocument
+from calibration.documents.touches import Sigma, TouchDocument
 from calibration.documents.validation import Document
 from daemon.access.actor_names import imitates_actor, validate_key_name
 from daemon.config.settings import TaughtPose
@@ -109,6 +111,31 @@ class VerifyRequest(Document):
                 "poses, target and tolerance_mm belong to the camera's verification: leave them out beside artefact"
             )
         return self
+
+
+class TouchRequest(Document):
+    """A touch test: the `tip`, as of `handeyed tip`, and where it touched points that the camera has seen.
+
+    `verification`: run whose points of the target the touches name by `id`. One touch may leave `base_T_flange` out: it
+    is read from the standing arm. `adds_to`: id of a touch test to which these touches are added, with its tip.
+    `tolerance_mm`: largest miss. `placing_sigma_mm`: of bringing the tip to a point, without the robot's error.
+    """
+
+    model_config = _examples(
+        {
+            "tip": {"flange_tip_mm": [0.0, 0.0, 180.2], "covariance": [[0.01, 0.0, 0.0], [0.0, 0.01, 0.0],
+                    [0.0, 0.0, 0.01]], "placing_sigma_mm": 0.1},
+            "verification": "20261121-090000-3f9a1c", "touches": [{"id": 0}], "tolerance_mm": 0.5,
+        },
+        {"adds_to": "20261121-093000-5b2c7d", "touches": [{"id": 10, "miss_mm": [0.0, 0.0, -0.3]}]},
+    )  # fmt: skip
+
+    tip: TipDocument | None = None
+    verification: Annotated[str, Field(min_length=1, max_length=64)] | None = None
+    adds_to: Annotated[str, Field(min_length=1, max_length=64)] | None = None
+    touches: Annotated[tuple[TouchDocument, ...], Field(min_length=1, max_length=100)]
+    placing_sigma_mm: Sigma | None = None
+    tolerance_mm: Tolerance | None = None
 
 
 class ScanRequest(Document):

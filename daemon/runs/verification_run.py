@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from calibration.documents.calibration import CalibrationDocument
+from calibration.documents.pose import PoseDocument
 from calibration.monitoring.target_scatter import Verification, verify
 from calibration.problem import Problem
 from calibration.solution import COVERAGE_FACTOR
@@ -59,7 +60,8 @@ def document_of(
 ) -> dict[str, Any]:
     """The points in `frame` and their standard deviations, rounded to 0.1 um (Tab. 1 of the paper).
 
-    `frame`: base, or flange when the target is on the flange and the camera beside the robot.
+    `frame`: base, or flange when the target is on the flange and the camera beside the robot. `base_T_flange`: the pose
+    of the robot at each station.
 
     `expanded_mm`: twice the largest standard deviation; `within_tolerance` when it and the calibration's U at the worst
     of the points that matter are, null without a tolerance.
@@ -71,6 +73,7 @@ def document_of(
         "calibration_id": calibration.id,
         "stations": list(found.stations),
         "frame": found.frame,
+        "base_T_flange": [PoseDocument.of(pose).model_dump(mode="json") for pose in found.base_T_flange],
         "points": [
             {"id": int(point), f"{found.frame}_mm": points[:, column].tolist(), "sigma_mm": sigma[column].tolist()}
             for column, point in enumerate(found.ids)

@@ -155,6 +155,15 @@ MIGRATIONS: tuple[str, ...] = (
         document TEXT NOT NULL
     );
     """,
+    """
+    CREATE TABLE touch_tests ( -- of a calibration, each with the touches it was made from
+        id TEXT PRIMARY KEY,
+        calibration_id TEXT NOT NULL,
+        created_at TEXT NOT NULL,
+        created_by TEXT NOT NULL,
+        document TEXT NOT NULL
+    );
+    """,
 )
 
 SCHEMA_VERSION = len(MIGRATIONS)

@@ -20,11 +20,11 @@ from daemon.model.run_states import FINAL_STATES
 from daemon.runtime.durable_files import WriteFile, rename_durably, write_durably
 from daemon.runtime.event_bus import Publish
 from daemon.runtime.failpoints import NO_FAILPOINTS, Failpoints
-from daemon.store.acceptances import Acceptances
 from daemon.store.access_keys import AccessKeys
 from daemon.store.actor import current_audit_context, record_change
 from daemon.store.audit_log import AuditLog
 from daemon.store.browser_sessions import BrowserSessions
+from daemon.store.checks import ACCEPTANCES, TOUCH_TESTS, Checks
 from daemon.store.consistency import StoreFault, find_fault
 from daemon.store.event_log import StoredEvents
 from daemon.store.idempotency_keys import IdempotencyKeys
@@ -71,7 +71,8 @@ class Store:
         self.browser_sessions = BrowserSessions(self._database, self._opened.key_reader)
         self.audit = AuditLog(self._database)
         self.listings = Listings(self._opened.list_reader)
-        self.acceptances = Acceptances(self._database, self._opened.list_reader)
+        self.acceptances = Checks(ACCEPTANCES, self._database, self._opened.list_reader)
+        self.touch_tests = Checks(TOUCH_TESTS, self._database, self._opened.list_reader)
 
     async def close(self) -> None:
         await self._opened.list_reader.close()

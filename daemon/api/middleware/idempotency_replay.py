@@ -7,6 +7,7 @@ from pydantic import BaseModel
 from daemon.api.schemas.calibrations import AppliedDocument
 from daemon.api.schemas.runs import RunDocument
 from daemon.api.schemas.scans import ScanDocument, ScanViewDocument
+from daemon.api.schemas.touches import StoredTouch
 from daemon.application import Application
 
 Answer = tuple[int, dict[str, str], bytes]
@@ -50,10 +51,16 @@ async def _acceptance(app: Application, acceptance_id: str) -> Answer:
     return 200, headers, stored.document.encode()
 
 
+async def _touch(app: Application, touch_id: str) -> Answer:
+    stored = StoredTouch.of_record(await app.store.touch_tests.get(touch_id))
+    return _json(201, stored, f"/touches/{touch_id}")
+
+
 _REBUILDERS: dict[str, Callable[[Application, str], Awaitable[Answer]]] = {
     "run": _run,
     "scan": _scan,
     "view": _view,
     "apply": _apply,
     "acceptance": _acceptance,
+    "touch": _touch,
 }

@@ -11,6 +11,8 @@ from daemon.api.problems import problem_responses
 from daemon.api.schemas.drift import DriftDocument
 from daemon.drift.samples import MAX_VERIFICATIONS
 
+MAX_TOUCH_TESTS = 100
+
 router = APIRouter(tags=["calibrate"])
 
 
@@ -29,5 +31,6 @@ async def drift(
 ) -> Response:
     """The control chart: where the fixed target was seen by each verification, its limits, and what follows from it."""
     chart = await (app.drift.refresh() if calibration is None else app.drift.chart_of_earlier(calibration))
-    document = DriftDocument.of(chart, app.settings.drift, limit)
+    touched = await app.store.touch_tests.of_subject(chart.report.calibration_id, min(limit, MAX_TOUCH_TESTS))
+    document = await app.service_workers.run(DriftDocument.of, chart, app.settings.drift, limit, touched)
     return respond(request, document, lambda: drift_text(document))

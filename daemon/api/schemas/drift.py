@@ -1,11 +1,14 @@
 """Schemas of GET /drift."""
 
+from collections.abc import Sequence
 from typing import Literal
 
 from calibration.documents.calibration import SentenceDocument
 from daemon.api.schemas.answer import EXAMPLE_AT, EXAMPLE_ID, Answer, example
 from daemon.config.settings import DriftSettings
 from daemon.drift.chart import DriftChart
+from daemon.runs.touch_tests import StoredTouchTest
+from daemon.store.checks import CheckRecord
 
 
 class DriftRulesDocument(Answer):
@@ -33,11 +36,31 @@ class DriftPointDocument(Answer):
     scatter_mm: float
 
 
+class DriftTouchDocument(Answer):
+    """One touch test of the calibration: its largest miss with U (k = 2), and whether it was accepted."""
+
+    id: str
+    at: str
+    largest_mm: float
+    expanded_mm: float
+    accepted: bool
+
+    @classmethod
+    def of_record(cls, record: CheckRecord) -> "DriftTouchDocument":
+        found = StoredTouchTest.model_validate_json(record.document).result
+        worst = max(found.points, key=lambda point: point.length_mm)
+        return cls(
+            id=record.id, at=record.created_at, largest_mm=round(worst.length_mm, 6),
+            expanded_mm=round(worst.expanded_mm, 6), accepted=found.accepted,
+        )  # fmt: skip
+
+
 class DriftDocument(Answer):
     """The control chart of the calibration in force; "off" without one. `points`: the oldest first.
 
     `alarm`: a sentence, or null; `alarm_detail`: what it is made of. `scatter_limit_mm`: the largest scatter of the
-    last verification that is explained by the calibration's uncertainty and the robot's noise.
+    last verification that is explained by the calibration's uncertainty and the robot's noise. `touch_tests`: of the
+    same calibration, the oldest first.
     """
 
     model_config = example(
@@ -46,6 +69,9 @@ class DriftDocument(Answer):
         rules={"weight": 0.2, "learn": 5, "allowed_mm": 0.0, "runs_between_false_alarms": 1000.0},
         points=[{"run_id": EXAMPLE_ID, "at": EXAMPLE_AT, "standing": "steady", "shift_mm": [0.03, -0.01, 0.02],
                  "average_mm": [0.017, -0.004, 0.012], "drift_mm": 0.021, "limit_mm": 0.094, "scatter_mm": 0.04}],
+        touch_tests=[
+            {"id": EXAMPLE_ID, "at": EXAMPLE_AT, "largest_mm": 0.31, "expanded_mm": 0.24, "accepted": True}
+        ],
     )  # fmt: skip
 
     standing: Literal["off", "learning", "steady", "drifting"]
@@ -59,9 +85,12 @@ class DriftDocument(Answer):
     alarm_detail: SentenceDocument | None
     rules: DriftRulesDocument
     points: list[DriftPointDocument]
+    touch_tests: list[DriftTouchDocument]
 
     @classmethod
-    def of(cls, chart: DriftChart, settings: DriftSettings, limit: int) -> "DriftDocument":
+    def of(
+        cls, chart: DriftChart, settings: DriftSettings, limit: int, touched: Sequence[CheckRecord] = ()
+    ) -> "DriftDocument":
         report = chart.report
         return cls(
             standing="off" if report.standing is None else report.standing.value,
@@ -76,4 +105,5 @@ class DriftDocument(Answer):
             rules=DriftRulesDocument(**settings.model_dump(include=set(DriftRulesDocument.model_fields))),
             points=[DriftPointDocument(**{**vars(point), "standing": point.standing.value})
                     for point in chart.points[-limit:]],
+            touch_tests=[DriftTouchDocument.of_record(record) for record in touched],
         )  # fmt: skip

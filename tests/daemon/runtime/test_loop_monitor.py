@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 
 from daemon.model.requests import ArtefactRequest
+from daemon.runs.touch_tests import StoredTouchTest
 from daemon.runtime.loop_monitor import PERIOD_S, WINDOW_S, EventLoopMonitor, Stall
 from daemon.scans.scanner_acceptance import AcceptanceDocument, BallDocument, PositionDocument
 from daemon.store.database import DATABASE_NAME
@@ -133,10 +134,29 @@ async def filled(bench: Bench, folder: Path) -> dict[str, str]:
         accepted = an_acceptance(scan["id"]).model_dump_json()
         rows = [(f"copy-{k}", scan["id"], run["created_at"], "local", accepted) for k in range(ROWS)]
         database.executemany("INSERT INTO acceptances VALUES (?, ?, ?, ?, ?)", rows)
+        rows = [(f"copy-{k}", "cal-1", run["created_at"], "local", a_touch_test()) for k in range(ROWS)]
+        database.executemany("INSERT INTO touch_tests VALUES (?, ?, ?, ?, ?)", rows)
     return {
-        "run_id": run["id"], "verification_id": verification, "k": "0", "scan_id": scan["id"],
+        "touch_id": "copy-0", "run_id": run["id"], "verification_id": verification, "k": "0", "scan_id": scan["id"],
         "calibration_id": calibration, "acceptance_id": "copy-0", "export_format": "rapid", "code": "link-lost",
     }  # fmt: skip
+
+
+def a_touch_test() -> str:
+    """Of ten points."""
+    pose = {"translation_mm": [900.0, 0.0, 500.0], "quaternion_wxyz": [0.0, 1.0, 0.0, 0.0]}
+    numbers = {"length_mm": 0.2, "expanded_mm": 0.2, "claimed_mm": 0.2, "miss_mm": [0.2, 0.0, 0.0]}
+    places = {"seen_mm": [900.0, 0.0, 300.0], "touched_mm": [900.2, 0.0, 300.0]}
+    point = {"name": "hole", **places, **numbers, "outlying": False, "base_T_flange": pose}
+    result = {
+        "calibration_id": "cal-1", "flange_tip_mm": [0.0, 0.0, 200.0], "points": [point] * 10, "largest_mm": 0.2,
+        "mean_mm": [0.0, 0.1, 0.1], "probability": 0.5, "agree": True, "tolerance_mm": None, "conformance": None,
+        "accepted": True, "summary": "10 points",
+    }  # fmt: skip
+    tip = {"flange_tip_mm": [0.0, 0.0, 200.0], "covariance": [[1, 0, 0], [0, 1, 0], [0, 0, 1]], "placing_sigma_mm": 0.1}
+    touches = {"touches": [{"id": 1, "base_T_flange": pose}] * 10}
+    stored = {"tip": tip, "touches": touches, "verification": None, "result": result}
+    return StoredTouchTest.model_validate(stored).model_dump_json()
 
 
 def an_acceptance(scan_id: str) -> AcceptanceDocument:

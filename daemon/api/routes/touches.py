@@ -1,0 +1,50 @@
+"""POST /touch, GET /touches: where a known tip touches what the camera has seen."""
+
+from typing import Annotated
+
+from fastapi import APIRouter, Depends, Request, Response
+
+from calibration.monitoring.touch_report import touch_test_text
+from daemon.api.dependencies import App, Before, Identifier, JsonBody, Limit, page_of, respond_page
+from daemon.api.negotiation import or_text, respond
+from daemon.api.problems import problem_responses
+from daemon.api.schemas.answer import page_json
+from daemon.api.schemas.touches import StoredTouch, TouchList
+from daemon.model.requests import TouchRequest
+
+router = APIRouter(tags=["calibrate"])
+
+
+@router.post(
+    "/touch",
+    response_model=StoredTouch,
+    status_code=201,
+    responses=problem_responses(400, 404, 409, 413, 422, 429, 500, 502, 503, 504, 507),
+)
+async def touch(app: App, body: Annotated[TouchRequest, Depends(JsonBody(TouchRequest))]) -> Response:
+    """Judge where an operator has brought a known tip to points that the camera saw: the misses, their uncertainty, the
+    tolerance. Stored; Location says where. Never moves anything; 409 while a run is in progress and a pose is read."""
+    stored = StoredTouch.of_record(await app.operations.touch(body, app.new_id()))
+    headers = {"Location": f"/touches/{stored.id}"}
+    return Response(stored.model_dump_json(), 201, headers, media_type="application/json")
+
+
+@router.get("/touches", response_model=TouchList)
+async def touches(app: App, limit: Limit = 50, before: Before = None) -> Response:
+    """The touch tests, newest first."""
+    page, following = page_of(await app.store.touch_tests.page(limit + 1, before), limit, "/touches")
+
+    def as_json() -> bytes:
+        found = (StoredTouch.of_record(record).model_dump_json() for record in page)
+        return page_json("touches", found, following)
+
+    return await respond_page(app, as_json)
+
+
+@router.get(
+    "/touches/{touch_id}", response_model=StoredTouch, responses={200: or_text("In words"), **problem_responses(404)}
+)
+async def touch_of(request: Request, app: App, touch_id: Identifier) -> Response:
+    """One touch test."""
+    stored = StoredTouch.of_record(await app.store.touch_tests.get(touch_id))
+    return respond(request, stored, lambda: touch_test_text(stored.result))

@@ -1,0 +1,35 @@
+"""Schemas of the stored touch tests."""
+
+from calibration.documents.tip import TipDocument
+from calibration.documents.touches import TouchesDocument
+from calibration.monitoring.touch_report import TouchTestDocument
+from daemon.api.schemas.answer import Answer
+from daemon.runs.touch_tests import StoredTouchTest
+from daemon.store.checks import CheckRecord
+
+
+class StoredTouch(Answer):
+    """A touch test, and what it was made from. `verification`: the run that saw the points, or null."""
+
+    id: str
+    created_at: str
+    created_by: str
+    verification: str | None
+    tip: TipDocument
+    touches: TouchesDocument
+    result: TouchTestDocument
+
+    @classmethod
+    def of_record(cls, record: CheckRecord) -> "StoredTouch":
+        stored = StoredTouchTest.model_validate_json(record.document)
+        return cls(
+            id=record.id, created_at=record.created_at, created_by=record.created_by,
+            verification=stored.verification, tip=stored.tip, touches=stored.touches, result=stored.result,
+        )  # fmt: skip
+
+
+class TouchList(Answer):
+    """The newest first; `next` asks for those before them."""
+
+    touches: list[StoredTouch]
+    next: str | None

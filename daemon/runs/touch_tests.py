@@ -1,0 +1,130 @@
+"""Touch tests over REST: an operator brings the tip to each point, and the pose is read or given. Nothing moves."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from calibration.documents.calibration import CalibrationDocument
+from calibration.documents.pose import PoseDocument
+from calibration.documents.tip import TipDocument
+from calibration.documents.touches import TouchesDocument
+from calibration.documents.validation import Document
+from calibration.errors import DocumentError, DocumentProblem
+from calibration.monitoring.touch_report import SeenPoint, TouchTestDocument, touch_test, verified_points
+from daemon.cell.cell import Cell
+from daemon.model.records import RunRecord
+from daemon.model.requests import TouchRequest
+from daemon.model.run_states import RunState
+from daemon.runtime.clock import Clock
+from daemon.runtime.workers import Workers
+from daemon.store.actor import current_audit_context
+from daemon.store.checks import CheckRecord
+from daemon.store.store import Store
+
+ORIGIN = "request body"
+MAX_TOUCHES = 100
+
+
+class StoredTouchTest(Document):
+    """A touch test with what it was made from, so that touches can be added to it. `verification`: id of the run."""
+
+    tip: TipDocument
+    touches: TouchesDocument
+    verification: str | None
+    result: TouchTestDocument
+
+
+@dataclass(frozen=True)
+class TouchTests:
+    """Evaluates and stores touch tests."""
+
+    store: Store
+    cell: Cell
+    workers: Workers
+    clock: Clock
+
+    async def evaluate(self, request: TouchRequest, new_id: str) -> CheckRecord:
+        """Evaluate touches, a missing pose read from the standing arm, and store the result.
+
+        Raises NotFound, NoCalibration, DocumentError, GeometryError, CellBusy, NotStill, DeviceError, StorageError.
+        """
+        earlier = None
+        if request.adds_to is not None:
+            record = await self.store.touch_tests.get(request.adds_to)
+            earlier = StoredTouchTest.model_validate_json(record.document)
+        tip = request.tip or (None if earlier is None else earlier.tip)
+        if tip is None:
+            raise _refusal("tip", "missing", "add it: that of 'handeyed tip'")
+        if earlier is not None and tip != earlier.tip:
+            raise _refusal("tip", "another than that of the test to be added to", "leave it out, or begin a new test")
+        verification = request.verification or (None if earlier is None else earlier.verification)
+        run = None if verification is None else await self._verification(verification)
+        calibration = await self._calibration(run, earlier)
+        touches = await self._with_poses(request, earlier)
+        found = await self.workers.run(_evaluate, calibration, tip, touches, run, request.tolerance_mm)
+        stored = StoredTouchTest(tip=tip, touches=touches, verification=verification, result=found)
+        at, actor = self.clock.timestamp(), current_audit_context().actor
+        new = CheckRecord(new_id, calibration.id, at, actor, stored.model_dump_json())
+        await self.store.touch_tests.save(new)
+        return new
+
+    async def _verification(self, run_id: str) -> RunRecord:
+        run = await self.store.run(run_id)
+        table = run.result["verification"] if run.kind == "verify" and run.result else {}
+        if run.state is not RunState.FINISHED or table.get("frame") != "base" or "base_T_flange" not in table:
+            what = f"run {run_id} is no finished verification by a camera on the flange, with its poses"
+            raise _refusal("verification", what, "verify anew, or give the points as camera_mm")
+        return run
+
+    async def _calibration(self, run: RunRecord | None, earlier: StoredTouchTest | None) -> CalibrationDocument:
+        """That of the verification, else of the test to be added to, else the one in force."""
+        if run is not None and run.result is not None:
+            return (await self.store.calibration(run.result["calibration_id"])).document
+        if earlier is not None:
+            return (await self.store.calibration(earlier.result.calibration_id)).document
+        return (await self.store.current())[1].document
+
+    async def _with_poses(self, request: TouchRequest, earlier: StoredTouchTest | None) -> TouchesDocument:
+        """All touches; one without a pose gets that of the arm, which must stand and be in nobody's use."""
+        new = list(request.touches)
+        unposed = [index for index, touch in enumerate(new) if touch.base_T_flange is None]
+        if len(unposed) > 1:
+            fix = "send them one after the other, with adds_to"
+            raise _refusal(f"touches[{unposed[1]}].base_T_flange", "the arm's pose is read for one touch only", fix)
+        for index in unposed:
+            async with self.cell.hold("a touch"):
+                reading = await self.cell.read_standing_pose()
+            pose = PoseDocument.of(reading.base_T_flange)
+            new[index] = new[index].model_copy(update={"base_T_flange": pose})
+        before = earlier.touches if earlier else TouchesDocument(touches=tuple(new))
+        placing = request.placing_sigma_mm if request.placing_sigma_mm is not None else before.placing_sigma_mm
+        listed = (*before.touches, *new) if earlier else tuple(new)
+        if len(listed) > MAX_TOUCHES:
+            raise _refusal("touches", f"{len(listed)} touches in all", f"begin a new test after {MAX_TOUCHES}")
+        return TouchesDocument(placing_sigma_mm=placing, touches=listed)
+
+
+def _refusal(place: str, what: str, fix: str) -> DocumentError:
+    return DocumentError(ORIGIN, [DocumentProblem(place, what, fix)])
+
+
+def _evaluate(
+    calibration: CalibrationDocument,
+    tip: TipDocument,
+    touches: TouchesDocument,
+    run: RunRecord | None,
+    tolerance_mm: float | None,
+) -> TouchTestDocument:
+    seen = {} if run is None else _seen_by(run, calibration)
+    return touch_test(calibration, tip, touches, seen, tolerance_mm, ORIGIN)
+
+
+def _seen_by(run: RunRecord, calibration: CalibrationDocument) -> dict[int, SeenPoint]:
+    """The target's points as a verification saw them."""
+    assert run.result is not None
+    table, x = run.result["verification"], calibration.mount_T_camera
+    if x is None:
+        return {}
+    poses = np.array([PoseDocument.model_validate(pose).transform() for pose in table["base_T_flange"]])
+    base_mm = np.array([point["base_mm"] for point in table["points"]]).transpose(1, 0, 2)
+    return verified_points([point["id"] for point in table["points"]], poses, x.transform(), base_mm)

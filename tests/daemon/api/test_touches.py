@@ -1,0 +1,124 @@
+"""POST /touch: points that a verification saw, touched with a known tip; nothing moves."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from calibration.documents.pose import PoseDocument
+from calibration.transforms import Array, map_points, rotation_from_vector, transform
+from daemon.model.records import AppliedCalibration, CalibrationRecord
+from daemon.model.run_states import RunState
+from tests.daemon.calibrations import a_calibration
+from tests.daemon.cell_under_test import Bench
+from tests.daemon.fakes import BASE_T_TARGET, BOARD
+
+TIP_MM = np.array([5.0, -10.0, 200.0])
+TIP = {"flange_tip_mm": TIP_MM.tolist(), "covariance": (0.01 * np.eye(3)).tolist(), "placing_sigma_mm": 0.1}
+
+
+def pose_at(point_mm: Array) -> Array:
+    """base_T_flange (4, 4) with the tip at the point of the base."""
+    rotation = rotation_from_vector([np.pi, 0, 0.3])
+    return transform(rotation, point_mm - rotation @ TIP_MM)
+
+
+def touching(identity: int, off_mm: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> Array:
+    """The pose in which the tip touches a point of the board, `off_mm` beside."""
+    return pose_at(map_points(BASE_T_TARGET, BOARD.points_mm[[identity]])[0] + off_mm)
+
+
+def json_of(pose: Array) -> dict[str, Any]:
+    return PoseDocument.of(pose).model_dump(mode="json")
+
+
+async def apply_with_covariance(bench: Bench) -> None:
+    document = a_calibration("cal-1")
+    assert document.uncertainty is not None
+    covariance = np.diag([1e-7] * 3 + [0.01] * 3).tolist()
+    claimed = document.uncertainty.model_copy(update={"covariance": tuple(map(tuple, covariance))})
+    document = document.model_copy(update={"uncertainty": claimed})
+    store = bench.application.store
+    await store.save_calibration(CalibrationRecord("cal-1", None, document.created_at, True, document))
+    await store.apply(AppliedCalibration("cal-1", document.created_at, "test"))
+
+
+async def test_an_operator_touches_what_a_verification_saw_point_by_point(bench: Bench) -> None:
+    await apply_with_covariance(bench)
+    await bench.verify()
+    run = (await bench.client.get("/runs")).json()["runs"][0]["id"]
+    goals = len(bench.robot.goals)
+    body = {"tip": TIP, "verification": run, "touches": [{"id": 0, "base_T_flange": json_of(touching(0))}]}
+    first = await bench.client.post("/touch", json=body | {"tolerance_mm": 1.0})
+    assert first.status_code == 201, first.text
+    assert first.json()["result"]["conformance"] == "within"
+
+    bench.robot.base_T_flange = touching(10, (2.0, 0.0, 0.0))
+    asked = {"adds_to": first.json()["id"], "touches": [{"id": 10}], "tolerance_mm": 1.0}
+    second = await bench.client.post("/touch", json=asked)
+    assert second.status_code == 201, second.text
+    found = second.json()
+    assert [point["name"] for point in found["result"]["points"]] == ["point 0", "point 10"]
+    assert found["result"]["points"][1]["miss_mm"] == pytest.approx([2.0, 0.0, 0.0], abs=0.1)
+    assert found["result"]["conformance"] == "beyond"
+    assert (found["verification"], found["result"]["calibration_id"], found["created_by"]) == (run, "cal-1", "local")
+    assert len(bench.robot.goals) == goals
+
+    assert (await bench.client.get(second.headers["location"])).json() == found
+    listed = (await bench.client.get("/touches")).json()
+    assert listed == {"touches": [found, first.json()], "next": None}
+    words = await bench.client.get(second.headers["location"], headers={"accept": "text/plain"})
+    assert "beyond the tolerance of 1 mm" in words.text
+    charted = (await bench.client.get("/drift")).json()["touch_tests"]
+    assert [(test["id"], test["accepted"]) for test in charted] == [(first.json()["id"], True), (found["id"], False)]
+    assert charted[1]["largest_mm"] == pytest.approx(2.0, abs=0.1)
+    audited = (await bench.client.get("/audit")).json()["rows"]
+    assert [row["action"] for row in audited].count("touch") == 2
+
+
+POSE = json_of(touching(0))
+SEEN = {"camera_mm": [0.0, 0.0, 500.0], "seen_from": POSE}
+
+
+@pytest.mark.parametrize(("body", "status", "says"), [
+    ({"touches": [SEEN | {"base_T_flange": POSE}]}, 422, "tip"),
+    ({"tip": TIP, "touches": []}, 422, "touches"),
+    ({"tip": TIP, "touches": [SEEN, SEEN]}, 422, "adds_to"),
+    ({"tip": TIP, "touches": [{"id": 0, "base_T_flange": POSE}]}, 422, "point 0 was not seen"),
+    ({"tip": TIP, "touches": [SEEN | {"base_T_flange": POSE, "camera_mm": [1e308] * 3}]}, 422, "not finite"),
+    ({"tip": TIP | {"flange_tip_mm": [1e308] * 3}, "touches": [SEEN | {"base_T_flange": POSE}]}, 422, "not finite"),
+    ({"tip": TIP, "verification": "nowhere", "touches": [{"id": 0, "base_T_flange": POSE}]}, 404, "nowhere"),
+    ({"tip": TIP, "adds_to": "nowhere", "touches": [{"id": 0, "base_T_flange": POSE}]}, 404, "nowhere"),
+    ({"tip": TIP | {"covariance": [[1, 2, 0], [0, 1, 0], [0, 0, 1]]}, "touches": [SEEN]}, 422, "symmetric"),
+])  # fmt: skip
+async def test_what_cannot_be_judged_is_refused(bench: Bench, body: dict[str, Any], status: int, says: str) -> None:
+    await apply_with_covariance(bench)
+    answer = await bench.client.post("/touch", json=body)
+    assert answer.status_code == status, answer.text
+    assert says in answer.text
+    assert (await bench.client.get("/touches")).json()["touches"] == []
+
+
+async def test_a_pose_is_read_in_nobodys_use_only_and_a_given_one_needs_no_arm(bench: Bench) -> None:
+    await apply_with_covariance(bench)
+    async with bench.application.cell.hold("somebody"):
+        read = await bench.client.post("/touch", json={"tip": TIP, "touches": [SEEN]})
+        assert (read.status_code, read.json()["code"]) == (409, "cell-busy")
+        given = await bench.client.post("/touch", json={"tip": TIP, "touches": [SEEN | {"base_T_flange": POSE}]})
+        assert given.status_code == 201, given.text
+
+
+async def test_without_a_calibration_nothing_can_be_judged(bench: Bench) -> None:
+    answer = await bench.client.post("/touch", json={"tip": TIP, "touches": [SEEN | {"base_T_flange": POSE}]})
+    assert (answer.status_code, answer.json()["code"]) == (409, "no-calibration")
+
+
+async def test_a_run_that_is_no_verification_has_no_points(bench: Bench) -> None:
+    await apply_with_covariance(bench)
+    started = await bench.client.post("/calibrate")
+    run = await bench.run_over(started.headers["location"])
+    assert run["state"] == RunState.FINISHED
+    body = {"tip": TIP, "verification": run["id"], "touches": [{"id": 0, "base_T_flange": POSE}]}
+    answer = await bench.client.post("/touch", json=body)
+    assert answer.status_code == 422
+    assert "no finished verification" in answer.text
