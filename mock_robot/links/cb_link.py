@@ -14,7 +14,8 @@ from protocols.cb.events import (
     RequestRejected,
 )
 from protocols.cb.frames import FramingBroken, GarbageSkipped
-from protocols.cb.messages import COMMAND_OF, Bye
+from protocols.cb.layouts import COMMAND_OF
+from protocols.cb.messages import Bye
 
 HALF_FRAME_S = 0.5
 """A frame interrupted for longer than this is discarded."""

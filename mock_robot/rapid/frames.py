@@ -6,7 +6,8 @@ from mock_robot.cabinet.wire_steps import WireStep
 from mock_robot.faults.board import FaultBoard
 from protocols.cb.codes import REPLY_BIT, Command, Status
 from protocols.cb.frames import Frame, FrameReader
-from protocols.cb.messages import ANSWERS, Refused, pack, unpack
+from protocols.cb.layouts import ANSWERS, pack, unpack
+from protocols.cb.messages import Refused
 
 
 class FrameFaultBoard(FaultBoard):

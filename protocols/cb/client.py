@@ -16,7 +16,8 @@ from protocols.cb.events import (
     Unsolicited,
 )
 from protocols.cb.frames import ChecksumFailed, Frame, FrameReader, FramingBroken, GarbageSkipped, ReaderEvent
-from protocols.cb.messages import ANSWERS, COMMAND_OF, Refused, Reply, Request, Stop, Welcome, good_status, pack, unpack
+from protocols.cb.layouts import ANSWERS, COMMAND_OF, good_status, pack, unpack
+from protocols.cb.messages import Refused, Reply, Request, Stop, Welcome
 from protocols.counter import next_count
 
 

@@ -14,18 +14,8 @@ from protocols.cb.events import (
     RequestRejected,
 )
 from protocols.cb.frames import ChecksumFailed, Frame, FrameReader, FramingBroken, GarbageSkipped, ReaderEvent
-from protocols.cb.messages import (
-    ANSWERS,
-    COMMAND_OF,
-    REQUESTS,
-    Answer,
-    Hello,
-    Refused,
-    Reply,
-    good_status,
-    pack,
-    unpack,
-)
+from protocols.cb.layouts import ANSWERS, COMMAND_OF, REQUESTS, good_status, pack, unpack
+from protocols.cb.messages import Answer, Hello, Refused, Reply
 from protocols.cb.sequence import is_older
 
 

@@ -6,12 +6,7 @@ from protocols.cb.controller import ControllerSession
 from protocols.cb.events import (
     RequestReceived,
 )
-from protocols.cb.messages import (
-    Hello,
-    Move,
-    Report,
-    Welcome,
-)
+from protocols.cb.messages import Hello, Move, Report, Welcome
 from tests.protocols.rows import FLANGE, NO_AXES, REPLY_ROWS, REQUEST_ROWS
 
 HELLO = Hello(1, 1, 7)

@@ -10,7 +10,8 @@ from protocols.cb.client import ClientSession
 from protocols.cb.codes import REPLY_BIT, Capability, Command, Status
 from protocols.cb.events import ReplyReceived
 from protocols.cb.frames import Frame
-from protocols.cb.messages import GetPose, Hello, Pose, Welcome, pack
+from protocols.cb.layouts import pack
+from protocols.cb.messages import GetPose, Hello, Pose, Welcome
 from protocols.modbus.bank import Identification, respond
 from protocols.modbus.bit_reader import AnswerKind, BitReader
 from protocols.modbus.client_framing import ClientFraming, RtuFraming, TcpFraming

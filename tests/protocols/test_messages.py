@@ -10,10 +10,8 @@ from hypothesis import strategies as st
 from protocols.cb.codes import REPLY_BIT, Command, Flag, MoveKind, Status
 from protocols.cb.errors import FieldOutOfRange, PayloadRefused
 from protocols.cb.frames import Frame
+from protocols.cb.layouts import ANSWERS, COMMAND_OF, REQUESTS, good_status, pack, payload_bytes, unpack
 from protocols.cb.messages import (
-    ANSWERS,
-    COMMAND_OF,
-    REQUESTS,
     Answer,
     GetPose,
     Hello,
@@ -22,10 +20,6 @@ from protocols.cb.messages import (
     Refused,
     Request,
     SetArmed,
-    good_status,
-    pack,
-    payload_bytes,
-    unpack,
 )
 from tests.protocols import by_hand
 from tests.protocols.rows import ALL_ROWS, FLANGE, NO_AXES, REPLY_ROWS, REQUEST_ROWS, Row

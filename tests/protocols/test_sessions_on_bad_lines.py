@@ -11,10 +11,8 @@ from protocols.cb.events import (
     RequestReceived,
 )
 from protocols.cb.frames import GarbageSkipped
-from protocols.cb.messages import (
-    REQUESTS,
-    SetArmed,
-)
+from protocols.cb.layouts import REQUESTS
+from protocols.cb.messages import SetArmed
 from tests.protocols.dirt import GARBAGE
 from tests.protocols.rows import REQUEST_ROWS
 from tests.protocols.session_pairs import ANSWER_OF, HELLO, asked, greeted_pair, welcome

@@ -7,7 +7,8 @@ from protocols.cb.codes import REPLY_BIT, Command, Flag
 from protocols.cb.controller import ControllerSession
 from protocols.cb.events import RequestReceived
 from protocols.cb.frames import Frame, FrameReader, fletcher16
-from protocols.cb.messages import Hello, Ping, Pose, pack, unpack
+from protocols.cb.layouts import pack, unpack
+from protocols.cb.messages import Hello, Ping, Pose
 
 PING_SEQ_1 = bytes.fromhex("43 42 01 01 01 00 00 00 00 00 88 0a")
 HELLO_SEQ_2 = bytes.fromhex("43 42 01 02 02 00 00 00 08 00 94 c7 01 00 00 00 01 00 00 00")

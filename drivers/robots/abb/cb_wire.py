@@ -12,7 +12,8 @@ from drivers.interfaces import JointGoal, MoveGoal, PoseReading, Posture, RobotS
 from drivers.robots.abb.robtarget import UNUSED_AXES, UNUSED_AXIS, external_axis
 from protocols.cb.codes import Flag, MoveKind, Status
 from protocols.cb.errors import FieldOutOfRange
-from protocols.cb.messages import Joints, Move, MoveJoints, Pose, Report, Setup, pack
+from protocols.cb.layouts import pack
+from protocols.cb.messages import Joints, Move, MoveJoints, Pose, Report, Setup
 
 ROTATION_TOLERANCE = 1e-6
 MAX_POSITION_MM = 1e5

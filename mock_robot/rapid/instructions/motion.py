@@ -3,7 +3,7 @@
 A fly-by point is passed at standstill: the path lies within every zone, the cycle takes longer than a controller's.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from math import radians
 from types import MappingProxyType
 from typing import Any, NamedTuple
@@ -60,58 +60,38 @@ def _take_along(unit: Any, wanted: list[float]) -> None:
     ]
 
 
-def move_j(
-    task: ProgramTask,
-    concurrent: bool | None,
-    target: list[Any],
-    number: float | None,
+def _pace_and_frames(
     speed: list[float],
     v: float | None,
     t: float | None,
-    zone: list[Any],
-    z: float | None,
-    stop_point: list[Any] | None,
+    _zone: list[Any],
+    _z: float | None,
+    _stop_point: list[Any] | None,
     tool: Slot,
     wobj: Slot | None,
-) -> None:
-    _travel(task, _reach(task, target, tool, wobj), Pace(speed, v, t, bool(concurrent)), linear=False)
+) -> tuple[Pace, Slot, Slot | None]:
+    """The last arguments of every Move instruction."""
+    return Pace(speed, v, t), tool, wobj
 
 
-def move_l(
-    task: ProgramTask,
-    concurrent: bool | None,
-    target: list[Any],
-    number: float | None,
-    speed: list[float],
-    v: float | None,
-    t: float | None,
-    zone: list[Any],
-    z: float | None,
-    stop_point: list[Any] | None,
-    tool: Slot,
-    wobj: Slot | None,
-) -> None:
-    _travel(task, _reach(task, target, tool, wobj), Pace(speed, v, t, bool(concurrent)), linear=True)
+def _move(*, linear: bool) -> Callable[..., None]:
+    def move(
+        task: ProgramTask, concurrent: bool | None, target: list[Any], _number: float | None, /, *rest: Any
+    ) -> None:
+        pace, tool, wobj = _pace_and_frames(*rest)
+        joints = _reach(task, target, tool, wobj)
+        _travel(task, joints, pace._replace(concurrent=bool(concurrent)), linear=linear)
+
+    return move
 
 
 def move_c(
-    task: ProgramTask,
-    concurrent: bool | None,
-    via: list[Any],
-    target: list[Any],
-    number: float | None,
-    speed: list[float],
-    v: float | None,
-    t: float | None,
-    zone: list[Any],
-    z: float | None,
-    stop_point: list[Any] | None,
-    tool: Slot,
-    wobj: Slot | None,
+    task: ProgramTask, concurrent: bool | None, via: list[Any], target: list[Any], _number: float | None, *rest: Any
 ) -> None:
     """The flange's arc passes where it is at the circle point; it turns evenly from start to end."""
-    joints = _reach(task, target, tool, wobj)
-    _travel(task, joints, Pace(speed, v, t, bool(concurrent)), linear=True, via_mm=_via_mm(task, via, tool, wobj))
+    pace, tool, wobj = _pace_and_frames(*rest)
+    joints, through = _reach(task, target, tool, wobj), _via_mm(task, via, tool, wobj)
+    _travel(task, joints, pace._replace(concurrent=bool(concurrent)), linear=True, via_mm=through)
 
 
 def _via_mm(task: ProgramTask, via: list[Any], tool: Slot, wobj: Slot | None) -> Array:
@@ -125,18 +105,12 @@ def move_abs_j(
     task: ProgramTask,
     concurrent: bool | None,
     target: list[Any],
-    number: float | None,
-    no_offsets: bool | None,
-    speed: list[float],
-    v: float | None,
-    t: float | None,
-    zone: list[Any],
-    z: float | None,
-    stop_point: list[Any] | None,
-    tool: Slot,
-    wobj: Slot | None,
+    _number: float | None,
+    _no_offsets: bool | None,
+    *rest: Any,
 ) -> None:
     """There are no offsets of external axes here, so \\NoEoffs changes nothing."""
+    pace, tool, wobj = _pace_and_frames(*rest)
     unit, joints = own_unit(task), joints_rad(target)
     try:
         unit.arm.require_within_limits(joints)
@@ -144,54 +118,37 @@ def move_abs_j(
         raise ProgramStopped(JOINT_OUT_OF_RANGE, task.name, error.what) from error
     note_move(task, tool, wobj)
     _take_along(unit, target[1])
-    _travel(task, joints, Pace(speed, v, t, bool(concurrent)), linear=False)
+    _travel(task, joints, pace._replace(concurrent=bool(concurrent)), linear=False)
 
 
-def trigg_j(
-    task: ProgramTask,
-    target: list[Any],
-    number: float | None,
-    speed: list[float],
-    t: float | None,
-    first: Slot,
-    *rest: Any,
-) -> None:
-    *more, _zone, _stop_point, tool, wobj = rest
-    joints = _reach(task, target, tool, wobj)
-    _travel(task, joints, Pace(speed, None, t), linear=False, triggers=_triggers(first, more))
+def _trigg(*, linear: bool) -> Callable[..., None]:
+    def trigg(
+        task: ProgramTask, target: list[Any], _number: float | None, speed: list[float], t: float | None, /, *rest: Any
+    ) -> None:
+        *triggers, _zone, _stop_point, tool, wobj = rest
+        joints = _reach(task, target, tool, wobj)
+        _travel(task, joints, Pace(speed, None, t), linear=linear, triggers=_triggers(triggers))
 
-
-def trigg_l(
-    task: ProgramTask,
-    target: list[Any],
-    number: float | None,
-    speed: list[float],
-    t: float | None,
-    first: Slot,
-    *rest: Any,
-) -> None:
-    *more, _zone, _stop_point, tool, wobj = rest
-    joints = _reach(task, target, tool, wobj)
-    _travel(task, joints, Pace(speed, None, t), linear=True, triggers=_triggers(first, more))
+    return trigg
 
 
 def trigg_c(
     task: ProgramTask,
     via: list[Any],
     target: list[Any],
-    number: float | None,
+    _number: float | None,
     speed: list[float],
     t: float | None,
-    first: Slot,
     *rest: Any,
 ) -> None:
-    *more, _zone, _stop_point, tool, wobj = rest
+    """As MoveC, with triggers on the way."""
+    *triggers, _zone, _stop_point, tool, wobj = rest
     joints, through = _reach(task, target, tool, wobj), _via_mm(task, via, tool, wobj)
-    _travel(task, joints, Pace(speed, None, t), linear=True, via_mm=through, triggers=_triggers(first, more))
+    _travel(task, joints, Pace(speed, None, t), linear=True, via_mm=through, triggers=_triggers(triggers))
 
 
-def _triggers(first: Slot, more: Sequence[Slot | None]) -> tuple[Trigger, ...]:
-    return tuple(slot.value for slot in (first, *more) if slot is not None)
+def _triggers(given: Sequence[Slot | None]) -> tuple[Trigger, ...]:
+    return tuple(slot.value for slot in given if slot is not None)
 
 
 def own_unit(task: ProgramTask) -> Any:
@@ -317,12 +274,12 @@ def is_stop_move_active(task: ProgramTask, from_move_task: bool | None, from_oth
 
 DOES = MappingProxyType(
     {
-        "MoveJ": move_j,
-        "MoveL": move_l,
+        "MoveJ": _move(linear=False),
+        "MoveL": _move(linear=True),
         "MoveC": move_c,
         "MoveAbsJ": move_abs_j,
-        "TriggJ": trigg_j,
-        "TriggL": trigg_l,
+        "TriggJ": _trigg(linear=False),
+        "TriggL": _trigg(linear=True),
         "TriggC": trigg_c,
         "WaitRob": wait_rob,
         "StopMove": stop_move,

@@ -14,7 +14,8 @@ from drivers.interfaces import MoveGoal, Standstill
 from drivers.robots.abb.cb_wire import joints_rad, move_of, pose_reading, standstill
 from drivers.robots.abb.robtarget import UNUSED_AXIS
 from protocols.cb.codes import Flag, MoveKind
-from protocols.cb.messages import Joints, Pose, Report, pack, unpack
+from protocols.cb.layouts import pack, unpack
+from protocols.cb.messages import Joints, Pose, Report
 from tests.drivers.robots.fake_controller import BASE_T_FLANGE
 
 NO_AXES = (9e9,) * 6

@@ -4,7 +4,7 @@ import re
 from pathlib import Path
 
 from protocols.cb.codes import Status
-from protocols.cb.messages import REQUESTS, payload_bytes
+from protocols.cb.layouts import REQUESTS, payload_bytes
 
 RAPID = Path(__file__).parents[3] / "deploy" / "rapid"
 EXAMPLE = RAPID.parent / "handeyed.example.toml"
