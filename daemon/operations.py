@@ -3,13 +3,12 @@
 from collections.abc import Awaitable, Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from calibration.documents.calibration import CalibrationDocument
-from calibration.documents.pose import PoseDocument
+from calibration.documents.calibration_with_arm import CalibrationWithArm
 from calibration.documents.session import CameraDocument
 from calibration.documents.target import TargetDocument
 from calibration.kinematics.arm import Arm
@@ -28,7 +27,15 @@ from daemon.errors import (
     NotFound,
     ToleranceLoosened,
 )
-from daemon.model.records import AppliedCalibration, CalibrationRecord, RunKind, RunRecord, ScanRecord, ScanViewRecord
+from daemon.model.records import (
+    AppliedCalibration,
+    CalibrationRecord,
+    FlangePose,
+    RunKind,
+    RunRecord,
+    ScanRecord,
+    ScanViewRecord,
+)
 from daemon.model.requests import (
     ApplyRequest,
     CalibrateRequest,
@@ -41,7 +48,7 @@ from daemon.model.requests import (
 )
 from daemon.model.run_states import RunEvent, RunState
 from daemon.runs.adaptive_sequence import AdaptiveSequence
-from daemon.runs.calibration_run import CalibrationRun, Solved
+from daemon.runs.calibration_run import CalibrationRun, Solved, solve_session_of, solve_without
 from daemon.runs.foresight import Foresight, foresee
 from daemon.runs.jog import Jog, result_of
 from daemon.runs.manual_sequence import ManualParameters, ManualSequence
@@ -62,7 +69,6 @@ from daemon.runs.verification_run import VerificationRun, WithoutFirstView
 from daemon.runtime.clock import Clock
 from daemon.runtime.workers import Workers
 from daemon.scans.scan_service import ScanService
-from daemon.sessions.session_reader import load_problem, open_session, problem_without_files
 from daemon.sessions.session_writer import SessionWriter
 from daemon.store.checks import CheckRecord
 from daemon.store.store import Store
@@ -154,7 +160,7 @@ class Operations:
         again = CalibrateRequest.model_validate(run.request)
         calibration = replace(self._calibration_run(again, compared=False), apply_when_accepted=False)
         solved = await self.merge_workers.run_if_free(
-            _solve_without, self.store.run_folder(run.id), request, calibration, new_id, self.clock.timestamp()
+            solve_without, self.store.run_folder(run.id), request, calibration, new_id, self.clock.timestamp()
         )
         return await self._store_solved(solved, run.id)
 
@@ -167,7 +173,7 @@ class Operations:
         self.supervisor.require_free()
         await self.store.require_ready()
         run = replace(self._calibration_run(CalibrateRequest(), compared=False), expected=None, arm=arm)
-        solved = await self.merge_workers.run_if_free(_solve_observations, session, run, new_id, self.clock.timestamp())
+        solved = await self.merge_workers.run_if_free(solve_session_of, session, run, new_id, self.clock.timestamp())
         return await self._store_solved(solved, None)
 
     async def submit_request(self, run_id: str, action: OperatorAction) -> RunRecord:
@@ -184,10 +190,11 @@ class Operations:
         settings, target = self.settings.calibration, request.target or self.settings.target
 
         async def prepare() -> RunPlan:
-            calibration = await self.current_document()
+            given = await self.with_arm(await self.current_document())
+            calibration = given.document
             self._check_setup(calibration)
             await self._check_ready(await self.cell.obstacles())
-            run = VerificationRun(self.workers, calibration, request.tolerance_mm or settings.tolerance_mm)
+            run = VerificationRun(self.workers, given, request.tolerance_mm or settings.tolerance_mm)
             session = self._session("verify", target, calibration.camera)
             poses = request.poses or select_taught_poses(settings, VERIFY_POSITIONS)
             if poses:
@@ -250,7 +257,7 @@ class Operations:
         async with self.cell.hold(f"a scan of {scan_id}"):
             reading = await self.cell.read_settled_pose()
             cloud = await self.cell.capture_cloud(reading)
-            return await self.scans.add_scanned_view(scan_id, cloud, PoseDocument.of(reading.base_T_flange))
+            return await self.scans.add_scanned_view(scan_id, cloud, FlangePose.of(reading))
 
     async def apply(
         self, calibration_id: str, request: ApplyRequest, expected: Sequence[int] | None = None
@@ -282,6 +289,10 @@ class Operations:
                 f"calibration {document.id} holds no transform", "calibrate again with other poses"
             )
         return document
+
+    async def with_arm(self, calibration: CalibrationDocument) -> CalibrationWithArm:
+        """The calibration with the errors of the arm identified with it. Raises StorageError, GeometryError."""
+        return CalibrationWithArm.of(calibration, await self.store.arm(calibration.id))
 
     async def _start(self, kind: RunKind, request: Any, prepare: Callable[[], Awaitable[RunPlan]]) -> RunRecord:
         self.supervisor.require_free()
@@ -371,22 +382,6 @@ def _run_plan(
         return await drive(sequence(session(log), log), log)
 
     return RunPlan(stations, drive_sequence)
-
-
-def _solve_without(
-    folder: Path, request: SolveRequest, run: CalibrationRun, calibration_id: str, created_at: str
-) -> Solved:
-    """Solve the session in `folder` without some of its views. Raises DocumentError."""
-    problem = load_problem(open_session(folder))
-    views = tuple(view for view in problem.views if view.index not in request.without)
-    return run.solve(replace(problem, views=views), calibration_id, created_at, request.method)
-
-
-def _solve_observations(
-    session: ObservationsRequest, run: CalibrationRun, calibration_id: str, created_at: str
-) -> Solved:
-    """Solve a session that needs no file. Raises DocumentError."""
-    return run.solve(problem_without_files(session, "request body"), calibration_id, created_at)
 
 
 def check_usable(calibration: CalibrationRecord, request: ApplyRequest) -> None:

@@ -1,7 +1,8 @@
 """scan.json (clouds with poses), and the report of a registration."""
 
-from typing import Literal
+from typing import Annotated, Literal
 
+from pydantic import Field
 from typing_extensions import TypedDict
 
 from calibration.documents.calibration import CorrectionDocument, VerdictDocument
@@ -12,11 +13,12 @@ from registration.points.rigid_motion import Unit
 
 
 class ScanViewDocument(Document):
-    """One cloud, its unit (never guessed) and its flange pose."""
+    """One cloud, its unit (never guessed), its flange pose, and the arm's axes there where they are known."""
 
     cloud: str
     unit: Unit
     base_T_flange: PoseDocument
+    joints_deg: Annotated[tuple[float, ...], Field(min_length=1, max_length=12)] | None = None
 
 
 class ScanDocument(Document):

@@ -3,7 +3,6 @@
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
 
-from calibration.documents.pose import PoseDocument
 from calibration.transforms import Array
 from daemon.cell.cell import Cell
 from daemon.cell.recent_reading import RecentReading
@@ -37,9 +36,9 @@ class CellReadings:
         self._settled_pose = SharedReading(cell.read_settled_pose)
         self.obstacles = RecentReading(cell.obstacles, clock.monotonic_s)
 
-    async def flange_pose(self) -> PoseDocument:
-        """base_T_flange at rest, read after the call; those who ask at once share it. Raises NotStill, DeviceError."""
-        return PoseDocument.of((await self._settled_pose.read()).base_T_flange)
+    async def flange_pose(self) -> PoseReading:
+        """Pose and joints at rest, read after the call; who ask at once share it. Raises NotStill, DeviceError."""
+        return await self._settled_pose.read()
 
     async def _read_robot(self) -> RobotReading:
         robot = self._cell.robot

@@ -4,9 +4,13 @@ import json
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any, Literal
 
+import numpy as np
+
 from calibration.documents.calibration import CalibrationDocument
 from calibration.documents.pose import PoseDocument
+from calibration.transforms import Array
 from daemon.model.run_states import FINAL_STATES, RunState
+from drivers.interfaces import PoseReading
 
 RunKind = Literal["calibration", "verify", "scan", "jog"]
 Unit = Literal["mm", "m"]
@@ -149,6 +153,26 @@ class ScanRecord:
 
 
 @dataclass(frozen=True)
+class FlangePose:
+    """Where the arm stands by its controller: base_T_flange, and its joints (6) in degrees where they are known."""
+
+    base_T_flange: PoseDocument
+    joints_deg: tuple[float, ...] | None = None
+
+    @classmethod
+    def of(cls, reading: PoseReading) -> "FlangePose":
+        joints = reading.joints_rad
+        return cls(
+            PoseDocument.of(reading.base_T_flange), None if joints is None else tuple(np.degrees(joints).tolist())
+        )
+
+    @property
+    def joints_rad(self) -> Array | None:
+        """(6,)"""
+        return None if self.joints_deg is None else np.radians(self.joints_deg)
+
+
+@dataclass(frozen=True)
 class ScanViewRecord:
     """One view of a scan: the cloud's file in the scan's folder, and the pose of the arm."""
 
@@ -157,3 +181,8 @@ class ScanViewRecord:
     unit: Unit
     base_T_flange: PoseDocument
     created_at: str
+    joints_deg: tuple[float, ...] | None = None
+
+    @property
+    def pose(self) -> FlangePose:
+        return FlangePose(self.base_T_flange, self.joints_deg)

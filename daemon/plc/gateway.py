@@ -212,9 +212,9 @@ class PlcGateway:
             return run_failure(command, run)
         operations, now = self.operations, self.clock.utc_now()
         if command is PlcCommand.REGISTER:
-            document = await operations.calibration("current")
-            report = await (await operations.scans.start_registration(run.result["scan_id"], document, refine=True))
-            return registration_result(run, document, now, report)
+            used = await operations.with_arm(await operations.calibration("current"))
+            report = await (await operations.scans.start_registration(run.result["scan_id"], used, refine=True))
+            return registration_result(run, used.document, now, report)
         document = (await operations.store.calibration(run.result["calibration_id"])).document
         if command is PlcCommand.CALIBRATE:
             return calibration_result(run, document, now)

@@ -1,6 +1,7 @@
 """The calibration run: view the target from every station, solve for X, store the calibration."""
 
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 from calibration.diagnosis.mount_check import ExpectedMount, mount_findings
 from calibration.documents.arm import ArmErrorsDocument
@@ -12,6 +13,7 @@ from calibration.problem import Problem
 from calibration.verdict import DEFAULT_VERDICT_LIMITS, VerdictLimits, judge
 from daemon.access.actor_names import AUTO_POLICY
 from daemon.model.records import AppliedCalibration, CalibrationRecord
+from daemon.model.requests import ObservationsRequest, SolveRequest
 from daemon.model.run_states import RunEvent as E
 from daemon.runs.pose_sequence import PoseSequence
 from daemon.runs.run_log import RunLog
@@ -20,6 +22,7 @@ from daemon.runs.supervisor import RunResult
 from daemon.runtime.clock import Clock
 from daemon.runtime.version import SOFTWARE
 from daemon.runtime.workers import Workers
+from daemon.sessions.session_reader import load_problem, open_session, problem_without_files
 from daemon.store.store import Store
 
 MIN_VIEWS = 3
@@ -90,3 +93,17 @@ class CalibrationRun:
             software=SOFTWARE,
         )  # fmt: skip
         return document, arm
+
+
+def solve_without(
+    folder: Path, request: SolveRequest, run: CalibrationRun, calibration_id: str, created_at: str
+) -> Solved:
+    """Solve the session in `folder` without some of its views. Raises DocumentError."""
+    problem = load_problem(open_session(folder))
+    views = tuple(view for view in problem.views if view.index not in request.without)
+    return run.solve(replace(problem, views=views), calibration_id, created_at, request.method)
+
+
+def solve_session_of(session: ObservationsRequest, run: CalibrationRun, calibration_id: str, created_at: str) -> Solved:
+    """Solve a session that needs no file. Raises DocumentError."""
+    return run.solve(problem_without_files(session, "request body"), calibration_id, created_at)

@@ -2,10 +2,10 @@
 
 from dataclasses import dataclass
 
-from calibration.documents.pose import PoseDocument
 from daemon.cell.cell import Cell
 from daemon.cell.motion_rules import MotionRules
 from daemon.config.settings import TaughtPose
+from daemon.model.records import FlangePose
 from daemon.model.run_states import RunEvent as E
 from daemon.runs.pose_sequence import visit_poses
 from daemon.runs.run_log import RunLog
@@ -28,7 +28,7 @@ class ScanRun:
 
         async def at_station(reading: PoseReading) -> None:
             cloud = await self.cell.capture_cloud(reading)
-            await self.scans.add_scanned_view(self.scan_id, cloud, PoseDocument.of(reading.base_T_flange))
+            await self.scans.add_scanned_view(self.scan_id, cloud, FlangePose.of(reading))
 
         await visit_poses(poses, self.cell, self.rules, log, at_station, last=None)
         return E.ALL_STORED, {"scan_id": self.scan_id, "views": len(poses)}

@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from calibration.documents.calibration import CalibrationDocument
+from calibration.documents.calibration_with_arm import AS_BUILT, CalibrationWithArm
 from calibration.documents.pose import PoseDocument
 from calibration.monitoring.target_scatter import Verification, verify
 from calibration.problem import Problem
@@ -34,23 +35,28 @@ class WithoutFirstView:
 
 @dataclass(frozen=True)
 class VerificationRun:
-    """The run without its poses. `tolerance_mm`: of U, see `VerifyRequest`; None where none is stated."""
+    """The run without its poses. `given`: what is verified. `tolerance_mm`: of U, see `VerifyRequest`, or None."""
 
     workers: Workers
-    calibration: CalibrationDocument
+    given: CalibrationWithArm
     tolerance_mm: float | None = None
 
     async def drive(self, sequence: PoseSequence, log: RunLog) -> RunResult:
         """Run the sequence, and verify the calibration; see `document_of` for the result."""
         await self.workers.run(load_run_modules)
         problem = await sequence.run(MIN_VIEWS)
-        found = await self.workers.run(_verify, problem, self.calibration)
+        found = await self.workers.run(_verify, problem, self.given)
         log.conclude()
-        document = document_of(found, self.calibration, self.tolerance_mm)
-        return E.SOLVED, {"calibration_id": self.calibration.id, "verification": document}
+        calibration = self.given.document
+        document = document_of(found, calibration, self.tolerance_mm)
+        if self.given.arm is not None:
+            document["arm"] = AS_BUILT
+        return E.SOLVED, {"calibration_id": calibration.id, "verification": document}
 
 
-def _verify(problem: Problem, calibration: CalibrationDocument) -> Verification:
+def _verify(problem: Problem, given: CalibrationWithArm) -> Verification:
+    """Raises VerificationError, and as `CalibrationWithArm.base_T_flange`."""
+    calibration, problem = given.document, given.correct(problem)
     camera = problem.camera or (calibration.camera.camera() if calibration.camera else None)
     return verify(replace(problem, camera=camera), calibration)
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
-from calibration.documents.calibration import CalibrationDocument
+from calibration.documents.calibration import CalibrationDocument, FindingDocument
 from calibration.documents.pose import PoseDocument
 from calibration.documents.validation import Document, parse_document
 from calibration.errors import DocumentError
@@ -39,13 +39,14 @@ class StoredRegistration(Document):
 
 @dataclass(frozen=True, eq=False)
 class RegistrationRequest:
-    """The inputs of a registration."""
+    """The inputs of a registration. `findings`: on its poses, for the report."""
 
     scan_id: str
     views: Sequence[ScanView]
     calibration: CalibrationDocument
     flange_T_scanner: Array
     refine: bool
+    findings: tuple[FindingDocument, ...] = ()
 
     @property
     def key(self) -> tuple[str, int, str, bool]:
@@ -156,4 +157,4 @@ def _register(
     _, lost = layout_of_views(registration.views)
     points = sum(view.points - view.non_finite for view in registration.views)
     seconds = {"read": read - began, "register": clock() - read, "write": 0.0}
-    return report_of(registration, hand, points, seconds, column_findings(lost))  # type: ignore[arg-type]
+    return report_of(registration, hand, points, seconds, [*wanted.findings, *column_findings(lost)])  # type: ignore[arg-type]

@@ -9,13 +9,14 @@ from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 from calibration.documents.calibration import CalibrationDocument
-from calibration.documents.pose import PoseDocument
+from calibration.documents.calibration_with_arm import CalibrationWithArm
 from calibration.transforms import Array
 from daemon.config.settings import ScannerSettings
 from daemon.errors import CalibrationUnusable, NoCalibration, ScanEmpty, StorageError
-from daemon.model.records import ScanRecord, ScanViewRecord, Unit
+from daemon.model.records import FlangePose, ScanRecord, ScanViewRecord, Unit
 from daemon.model.requests import ArtefactRequest
 from daemon.runtime.clock import Clock
 from daemon.runtime.workers import Workers
@@ -72,25 +73,23 @@ class ScanService:
         await self.store.save_scan(scan)
         return scan
 
-    async def add_scanned_view(self, scan_id: str, cloud: ScannedCloud, base_T_flange: PoseDocument) -> ScanViewRecord:
+    async def add_scanned_view(self, scan_id: str, cloud: ScannedCloud, pose: FlangePose) -> ScanViewRecord:
         """Store a cloud of the daemon's scanner as the next view. Raises RegistrationError, StorageError."""
 
         async def whole() -> AsyncIterator[bytes]:
             yield cloud.content
 
         unit: Unit = self.scanner.unit if self.scanner else "mm"
-        return await self.add_view(scan_id, whole(), cloud.media_type, unit, base_T_flange)
+        return await self.add_view(scan_id, whole(), cloud.media_type, unit, pose)
 
     async def add_view(
-        self, scan_id: str, body: AsyncIterator[bytes], media_type: str, unit: Unit, base_T_flange: PoseDocument
+        self, scan_id: str, body: AsyncIterator[bytes], media_type: str, unit: Unit, pose: FlangePose
     ) -> ScanViewRecord:
         """Store a streamed cloud as the next view when complete. Raises RegistrationError, NotFound, StorageError."""
         scan = await self.store.scan(scan_id)
         folder = self.store.scan_folder(scan_id)
         async with receive_upload(body, folder, self.new_id(self.clock), media_type, unit, self.workers) as upload:
-            view = await self.store.add_scan_view(
-                scan_id, upload, upload.suffix, unit, base_T_flange, self.clock.timestamp()
-            )
+            view = await self.store.add_scan_view(scan_id, upload, upload.suffix, unit, pose, self.clock.timestamp())
         await self._update_document(scan_id)
         if scan.refine:
             await self._start_refinement(scan_id)
@@ -110,12 +109,12 @@ class ScanService:
             moved = await self.workers.run(partial(move_file, upload, target, motion, durable=False))
         return target, moved.points
 
-    async def start_registration(self, scan_id: str, calibration: CalibrationDocument, refine: bool) -> ReportTask:
+    async def start_registration(self, scan_id: str, calibration: CalibrationWithArm, refine: bool) -> ReportTask:
         """The registration job of a scan, in progress or done. Raises ScanEmpty, NotFound; the job: WorkersBusy."""
         return self.registration_jobs.start(await self._registration_request(scan_id, calibration, refine))
 
     async def clouds(
-        self, scan_id: str, calibration: CalibrationDocument, report: RegistrationReportDocument | None = None
+        self, scan_id: str, calibration: CalibrationWithArm, report: RegistrationReportDocument | None = None
     ) -> list[PlacedCloud]:
         """Every view with its pose in base: from the robot, or from a report. Raises ScanEmpty, NotFound."""
         wanted = await self._registration_request(scan_id, calibration, refine=False)
@@ -184,25 +183,37 @@ class ScanService:
         return views
 
     async def _registration_request(
-        self, scan_id: str, calibration: CalibrationDocument, refine: bool
+        self, scan_id: str, calibration: CalibrationWithArm, refine: bool
     ) -> RegistrationRequest:
+        """Raises ScanEmpty, NotFound, and as `CalibrationWithArm.base_T_flange`."""
         rows = await self._views(scan_id)
-        folder = self.store.scan_folder(scan_id)
-        views = [ScanView(folder / row.file, row.unit, row.base_T_flange.transform()) for row in rows]
-        return RegistrationRequest(scan_id, views, calibration, self.flange_T_scanner(calibration), refine)
+        folder, joints = self.store.scan_folder(scan_id), [row.pose.joints_rad for row in rows]
+        poses = calibration.base_T_flange([row.base_T_flange.transform() for row in rows], joints)
+        views = [ScanView(folder / row.file, row.unit, pose) for row, pose in zip(rows, poses, strict=True)]
+        flange_T_scanner = self.flange_T_scanner(calibration.document)
+        findings = tuple(calibration.findings(joints))
+        return RegistrationRequest(scan_id, views, calibration.document, flange_T_scanner, refine, findings)
 
     async def _start_refinement(self, scan_id: str) -> None:
         """Start a refined registration with the calibration in force; do nothing without one."""
         with suppress(NoCalibration):
             _, current = await self.store.current()
             if current.document.flange_T_camera is not None:
-                wanted = await self._registration_request(scan_id, current.document, refine=True)
+                calibration = CalibrationWithArm.of(current.document, await self.store.arm(current.id))
+                wanted = await self._registration_request(scan_id, calibration, refine=True)
                 self.registration_jobs.start(wanted, only_if_free=False)
 
-    def base_T_scanner(self, calibration: CalibrationDocument, base_T_flange: Array) -> Array:
-        """The scanner's pose (4, 4) in mm; one beside the robot stands wherever the flange is."""
-        mount_T_scanner = self._mount_T_scanner(calibration)
-        return base_T_flange @ mount_T_scanner if calibration.setup == "eye-in-hand" else mount_T_scanner
+    def base_T_scanner(self, calibration: CalibrationWithArm, pose: FlangePose) -> Array:
+        """The scanner's pose (4, 4) in mm; one beside the robot stands wherever the flange is.
+
+        Raises as `CalibrationWithArm.base_T_flange`.
+        """
+        mount_T_scanner = self._mount_T_scanner(calibration.document)
+        if calibration.document.setup == "eye-to-hand":
+            return mount_T_scanner
+        (base_T_flange,) = calibration.base_T_flange([pose.base_T_flange.transform()], [pose.joints_rad])
+        placed: Array = base_T_flange @ mount_T_scanner
+        return placed
 
     def flange_T_scanner(self, calibration: CalibrationDocument) -> Array:
         """The pose (4, 4) of a scanner on the flange, mm. Raises CalibrationUnusable for one beside the robot."""
@@ -231,15 +242,18 @@ class ScanService:
 
     async def _write_document(self, scan_id: str) -> None:
         """Write scan.json from the rows of the store. Raises StorageError."""
-        views = [
-            {"cloud": view.file, "unit": view.unit, "base_T_flange": view.base_T_flange.model_dump(mode="json")}
-            for view in await self.store.scan_views(scan_id)
-        ]
+        views = [_view_json(view) for view in await self.store.scan_views(scan_id)]
         scan = await self.store.scan(scan_id)
         source = f"scan {scan.id} {scan.name}".strip()
         document = {"schema_version": 1, "source": source, "setup": "eye-in-hand", "views": views}
         content = json.dumps(document, indent=1).encode()
         await self.store.write_file(self.store.scan_folder(scan_id) / "scan.json", [content])
+
+
+def _view_json(view: ScanViewRecord) -> dict[str, Any]:
+    """A view of scan.json."""
+    found = {"cloud": view.file, "unit": view.unit, "base_T_flange": view.base_T_flange.model_dump(mode="json")}
+    return found if view.joints_deg is None else {**found, "joints_deg": view.joints_deg}
 
 
 def _remove_partial_files(scans: Path) -> None:

@@ -24,6 +24,11 @@ _CALIBRATIONS = (
 _SCANS = "SELECT id, created_at, name, refine FROM scans"
 
 
+SCAN_VIEWS = (
+    "SELECT view, file, unit, base_T_flange, created_at, joints_deg FROM scan_views WHERE scan_id = ? ORDER BY view"
+)
+
+
 @dataclass(frozen=True)
 class RunListing:
     """A run of a list. `request` and `result` are JSON as stored; `run` holds of them what its links need."""
@@ -62,10 +67,10 @@ class CalibrationListing:
 
 @dataclass(frozen=True)
 class ScanListing:
-    """A scan of a list. `views`: view, file, unit, base_T_flange (JSON), created_at of each."""
+    """A scan of a list. `views`: view, file, unit, base_T_flange (JSON), created_at, joints_deg (JSON) of each."""
 
     scan: ScanRecord
-    views: tuple[tuple[int, str, str, str, str], ...]
+    views: tuple[tuple[int, str, str, str, str, str | None], ...]
 
     @property
     def id(self) -> str:
@@ -97,9 +102,8 @@ class Listings:
         """Up to `limit` scans older than `before`, with their views."""
 
         def read(db: sqlite3.Connection) -> list[ScanListing]:
-            query = "SELECT view, file, unit, base_T_flange, created_at FROM scan_views WHERE scan_id = ? ORDER BY view"
             return [
-                ScanListing(ScanRecord(i, at, name, bool(refine)), tuple(db.execute(query, (i,)).fetchall()))
+                ScanListing(ScanRecord(i, at, name, bool(refine)), tuple(db.execute(SCAN_VIEWS, (i,)).fetchall()))
                 for i, at, name, refine in read_page(db, _SCANS, "scans", limit, before, filters)
             ]
 

@@ -164,6 +164,9 @@ MIGRATIONS: tuple[str, ...] = (
         document TEXT NOT NULL
     );
     """,
+    """
+    ALTER TABLE scan_views ADD COLUMN joints_deg TEXT; -- null where the pose came without
+    """,
 )
 
 SCHEMA_VERSION = len(MIGRATIONS)

@@ -1,6 +1,7 @@
 """The persistent store of runs, calibrations and scans. Every write is on the disk when its call returns."""
 
 import asyncio
+import json
 import shutil
 import sqlite3
 from collections.abc import Iterable, Sequence
@@ -15,7 +16,15 @@ from calibration.documents.arm import ArmErrorsDocument
 from calibration.documents.calibration import CalibrationDocument
 from calibration.documents.pose import PoseDocument
 from daemon.errors import AppliedMeanwhile, NoCalibration, NotFound, StorageFull, StorageInconsistent
-from daemon.model.records import AppliedCalibration, CalibrationRecord, RunRecord, ScanRecord, ScanViewRecord, Unit
+from daemon.model.records import (
+    AppliedCalibration,
+    CalibrationRecord,
+    FlangePose,
+    RunRecord,
+    ScanRecord,
+    ScanViewRecord,
+    Unit,
+)
 from daemon.model.run_states import FINAL_STATES
 from daemon.runtime.durable_files import WriteFile, rename_durably, write_durably
 from daemon.runtime.event_bus import Publish
@@ -28,7 +37,7 @@ from daemon.store.checks import ACCEPTANCES, TOUCH_TESTS, Checks
 from daemon.store.consistency import StoreFault, find_fault
 from daemon.store.event_log import StoredEvents
 from daemon.store.idempotency_keys import IdempotencyKeys
-from daemon.store.listings import Listings, read_page
+from daemon.store.listings import SCAN_VIEWS, Listings, read_page
 from daemon.store.opening import LockedStore
 from daemon.store.outbox import Outbox
 
@@ -270,17 +279,19 @@ class Store:
         return [_scan(row) for row in await self._page(query, "scans", limit, before)]
 
     async def add_scan_view(
-        self, scan_id: str, upload: Path, suffix: str, unit: Unit, base_T_flange: PoseDocument, created_at: str
+        self, scan_id: str, upload: Path, suffix: str, unit: Unit, pose: FlangePose, created_at: str
     ) -> ScanViewRecord:
         """Append the uploaded file to the scan as its next view; the file is on the disk before its row."""
         context = current_audit_context()
 
         def insert(db: sqlite3.Connection) -> ScanViewRecord:
             count = db.execute("SELECT COUNT(*) FROM scan_views WHERE scan_id = ?", (scan_id,)).fetchone()[0]
-            view = ScanViewRecord(count, f"view_{count:03d}{suffix}", unit, base_T_flange, created_at)
+            file = f"view_{count:03d}{suffix}"
+            view = ScanViewRecord(count, file, unit, pose.base_T_flange, created_at, pose.joints_deg)
             rename_durably(upload, upload.with_name(view.file), self._at)
-            row = (scan_id, view.view, view.file, unit, base_T_flange.model_dump_json(), created_at)
-            db.execute("INSERT INTO scan_views VALUES (?, ?, ?, ?, ?, ?)", row)
+            joints = None if pose.joints_deg is None else json.dumps(pose.joints_deg)
+            row = (scan_id, view.view, file, unit, pose.base_T_flange.model_dump_json(), created_at, joints)
+            db.execute("INSERT INTO scan_views VALUES (?, ?, ?, ?, ?, ?, ?)", row)
             record_change(db, context, created_at, "view", f"{scan_id} {view.view}")
             return view
 
@@ -296,11 +307,12 @@ class Store:
 
     async def scan_views(self, scan_id: str) -> list[ScanViewRecord]:
         """The views of a scan in the order of their arrival."""
-        query = "SELECT view, file, unit, base_T_flange, created_at FROM scan_views WHERE scan_id = ? ORDER BY view"
-        rows = await self._database.read(lambda db: db.execute(query, (scan_id,)).fetchall())
+        rows = await self._database.read(lambda db: db.execute(SCAN_VIEWS, (scan_id,)).fetchall())
         return [
-            ScanViewRecord(v, file, unit, PoseDocument.model_validate_json(pose), at)
-            for v, file, unit, pose, at in rows
+            ScanViewRecord(
+                v, file, unit, PoseDocument.model_validate_json(pose), at, joints and tuple(json.loads(joints))
+            )
+            for v, file, unit, pose, at, joints in rows
         ]
 
     async def _page(self, query: str, table: str, limit: int, before: str | None) -> list[Any]:

@@ -8,7 +8,7 @@ import numpy as np
 
 from calibration.documents.pose import PoseDocument
 from daemon.errors import NoCalibration, NotFound, StorageError
-from daemon.model.records import AppliedCalibration, CalibrationRecord, ScanRecord
+from daemon.model.records import AppliedCalibration, CalibrationRecord, FlangePose, ScanRecord
 from daemon.model.run_states import RunState
 from daemon.runtime.durable_files import make_folder
 from daemon.runtime.event_bus import BusEvent
@@ -37,7 +37,7 @@ def save_steps(store: Store) -> dict[str, Step]:
             upload.write_bytes(cloud)
         except OSError as error:
             raise StorageError(str(error), "") from None
-        await store.add_scan_view("s", upload, ".ply", "mm", pose, AT)
+        await store.add_scan_view("s", upload, ".ply", "mm", FlangePose(pose), AT)
 
     return {
         "run": lambda: store.save_run(run),

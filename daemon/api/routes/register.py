@@ -9,10 +9,12 @@ from daemon.api.problems import problem_responses
 from daemon.api.streaming.cloud_request import (
     CLOUD_CONTENT,
     TAKES_A_CLOUD,
+    JointsQuery,
     PoseQuery,
     UnitQuery,
+    arm_headers,
+    flange_pose_of,
     media_type_of,
-    parse_pose,
 )
 from daemon.api.streaming.cloud_response import CloudResponse
 from daemon.api.streaming.request_body import body_chunks
@@ -33,15 +35,28 @@ Which = Annotated[str, Query(max_length=64, description="'current', or a calibra
                **problem_responses(403, 404, 409, 413, 415, 502, 503, 504, 507)},
 )  # fmt: skip
 async def register(
-    request: Request, app: App, pose: PoseQuery, unit: UnitQuery = "mm", calibration: Which = "current"
+    request: Request,
+    app: App,
+    pose: PoseQuery,
+    unit: UnitQuery = "mm",
+    calibration: Which = "current",
+    joints: JointsQuery = None,
 ) -> Response:
-    """The cloud in the robot's base frame, in mm, in the format it came in, answered while it still comes in."""
+    """The cloud in the robot's base frame, in mm, in the format it came in, answered while it still comes in.
+
+    Where the errors of the arm are in force the flange is where the arm as built has it: `Handeyed-Arm: as-built`. A
+    given pose without `joints` gets them by inverse kinematics, with `Handeyed-Warning: pose-without-joints`.
+    """
     media_type = media_type_of(request)
-    document = await app.operations.calibration(calibration)
-    base_T_flange = await app.readings.flange_pose() if pose == "now" else parse_pose(pose)
-    base_T_scanner = app.scans.base_T_scanner(document, base_T_flange.transform())
-    numbers = (*base_T_flange.translation_mm, *base_T_flange.quaternion_wxyz)
-    headers = {"Handeyed-Calibration": document.id, "Handeyed-Pose": ",".join(f"{x!r}" for x in numbers)}
+    used = await app.operations.with_arm(await app.operations.calibration(calibration))
+    at = await flange_pose_of(app, pose, joints)
+    base_T_scanner = app.scans.base_T_scanner(used, at)
+    numbers = (*at.base_T_flange.translation_mm, *at.base_T_flange.quaternion_wxyz)
+    headers = {
+        "Handeyed-Calibration": used.document.id,
+        "Handeyed-Pose": ",".join(f"{x!r}" for x in numbers),
+        **arm_headers(used, [at]),
+    }
     if media_type == LAZ:  # its index is at the end, so it cannot be streamed
         file, points = await app.scans.transform_cloud(body_chunks(request.receive), media_type, unit, base_T_scanner)
         app.metrics.registered_points += points

@@ -159,10 +159,10 @@ async def report_drift(request: Request, app: App, form: Form = None) -> Respons
 )
 async def report_scan(request: Request, app: App, scan_id: Identifier, form: Form = None) -> Response:
     """The report of a scan: its merged cloud from three sides, and how its views agree."""
-    document = await app.operations.calibration("current")
-    found = await (await app.scans.start_registration(scan_id, document, refine=False))
-    clouds = await app.scans.clouds(scan_id, document, None)
-    merged = await app.scans.merge_views(scan_id, clouds, document.id, OCTETS, Merge(PICTURE_VOXEL_MM))
+    used = await app.operations.with_arm(await app.operations.calibration("current"))
+    found = await (await app.scans.start_registration(scan_id, used, refine=False))
+    clouds = await app.scans.clouds(scan_id, used, None)
+    merged = await app.scans.merge_views(scan_id, clouds, used.document.id, OCTETS, Merge(PICTURE_VOXEL_MM))
     try:
         pictures = await app.service_workers.run(_cloud_pictures, merged)
     finally:

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 import numpy as np
 from fastapi import APIRouter, Depends, Query, Request, Response
 
-from calibration.documents.pose import PoseDocument
+from calibration.documents.calibration_with_arm import CalibrationWithArm
 from daemon.api.dependencies import (
     IN_DIGITS,
     IN_WHOLE_DIGITS,
@@ -38,16 +38,18 @@ from daemon.api.streaming.cloud_request import (
     BINARY,
     JSON,
     TAKES_A_CLOUD,
+    JointsQuery,
     PoseQuery,
     UnitQuery,
+    arm_headers,
     choose_media_type,
+    flange_pose_of,
     media_type_of,
-    parse_pose,
 )
 from daemon.api.streaming.temporary_file import TemporaryFileResponse
 from daemon.application import Application
 from daemon.errors import NotFound
-from daemon.model.records import RunRecord, ScanViewRecord
+from daemon.model.records import RunRecord
 from daemon.model.requests import ScanRequest
 from daemon.scans.scan_service import ReportTask
 from daemon.store.page_filters import PageFilters
@@ -112,21 +114,21 @@ async def scan(app: App, scan_id: Identifier) -> ScanDocument:
     responses=problem_responses(*BODY_REFUSALS),
 )
 async def add_view(
-    request: Request, app: App, scan_id: Identifier, pose: PoseQuery = "now", unit: UnitQuery = "mm"
+    request: Request,
+    app: App,
+    scan_id: Identifier,
+    pose: PoseQuery = "now",
+    unit: UnitQuery = "mm",
+    joints: JointsQuery = None,
 ) -> ScanViewDocument:
     """A cloud seen from `pose`; without a body the daemon's scanner takes one where the arm stands."""
     await app.store.scan(scan_id)
     if _has_no_body(request):
         view = await app.operations.scan_here(scan_id)
     else:
-        view = await _upload(request, app, scan_id, pose, unit)
+        media_type, at = media_type_of(request), await flange_pose_of(app, pose, joints)
+        view = await app.scans.add_view(scan_id, request.stream(), media_type, unit, at)
     return ScanViewDocument.of(view)
-
-
-async def _upload(request: Request, app: Application, scan_id: str, pose: str, unit: UnitQuery) -> ScanViewRecord:
-    media_type = media_type_of(request)
-    base_T_flange: PoseDocument = await app.readings.flange_pose() if pose == "now" else parse_pose(pose)
-    return await app.scans.add_view(scan_id, request.stream(), media_type, unit, base_T_flange)
 
 
 def _has_no_body(request: Request) -> bool:
@@ -167,7 +169,7 @@ async def report(
     app: App, scan_id: Identifier, calibration: Which = "current", refine: Refine = False, wait: Patience = 30.0
 ) -> Response:
     """The poses of the views and their agreement; refined with `refine`. Progress is published on /events."""
-    job = await app.scans.start_registration(scan_id, await app.operations.calibration(calibration), refine)
+    job = await app.scans.start_registration(scan_id, await _calibration(app, calibration), refine)
     found = await _wait_for_report(job, wait)
     if found is None:
         return _in_progress(scan_id, refine)
@@ -197,17 +199,20 @@ async def cloud(
     """All views in one cloud, or one of them, in the robot's base frame: by the robot's poses, or refined."""
     merge = Merge(voxel_mm, normals, outliers, _box_of(box))
     media_type = choose_media_type(request)
-    document = await app.operations.calibration(calibration)
+    used = await _calibration(app, calibration)
     found = None
     if refine:
-        found = await _wait_for_report(await app.scans.start_registration(scan_id, document, refine), wait)
+        found = await _wait_for_report(await app.scans.start_registration(scan_id, used, refine), wait)
         if found is None:
             return _in_progress(scan_id, refine)
-    clouds = await app.scans.clouds(scan_id, document, found)
+    clouds = await app.scans.clouds(scan_id, used, found)
     if view is not None:
         clouds = [_one_of(clouds, view, scan_id)]
+    document = used.document
     merged = await app.scans.merge_views(scan_id, clouds, document.id, ANSWER_SUFFIXES[media_type], merge)
+    poses = [row.pose for row in await app.store.scan_views(scan_id)]
     headers = {"Handeyed-Calibration": document.id, "Handeyed-Frame": "base", "Vary": "Accept"}
+    headers |= arm_headers(used, poses)
     if media_type != JSON:
         return TemporaryFileResponse(merged, media_type=media_type, headers=headers)
     try:
@@ -230,10 +235,14 @@ async def surface(
 ) -> Response:  # fmt: skip
     """One view's points in base, averaged by cubes of `voxel_mm`, each with its normal and its distance from the other
     views: positive towards the camera, NaN where no other view is near."""
-    clouds = await app.scans.clouds(scan_id, await app.operations.calibration(calibration))
+    clouds = await app.scans.clouds(scan_id, await _calibration(app, calibration))
     _one_of(clouds, view, scan_id)
     content = await app.scans.view_surface(clouds, view, voxel_mm, _box_of(box))
     return Response(content, media_type=OCTETS)
+
+
+async def _calibration(app: Application, which: str) -> CalibrationWithArm:
+    return await app.operations.with_arm(await app.operations.calibration(which))
 
 
 def _box_of(text: str | None) -> Box | None:

@@ -11,13 +11,14 @@ from daemon.store.listings import ScanListing
 
 
 class ScanViewDocument(Answer):
-    """One cloud of a scan."""
+    """One cloud of a scan. `joints_deg`: the arm's axes, null where the pose came without."""
 
     view: int
     file: str
     unit: Literal["mm", "m"]
     base_T_flange: PoseDocument
     created_at: str
+    joints_deg: list[float] | None
 
     @classmethod
     def of(cls, view: ScanViewRecord) -> "ScanViewDocument":
@@ -87,9 +88,9 @@ def listing_json(listing: ScanListing) -> str:
     return f'{rest[:-1]},"views":[{views}]}}'
 
 
-def _view_json(view: int, file: str, unit: str, base_T_flange: str, created_at: str) -> str:
+def _view_json(view: int, file: str, unit: str, base_T_flange: str, created_at: str, joints_deg: str | None) -> str:
     given = json.dumps({"view": view, "file": file, "unit": unit, "created_at": created_at})
-    return f'{given[:-1]},"base_T_flange":{base_T_flange}}}'
+    return f'{given[:-1]},"base_T_flange":{base_T_flange},"joints_deg":{joints_deg or "null"}}}'
 
 
 class ScanList(Answer):

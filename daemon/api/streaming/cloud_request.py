@@ -1,20 +1,27 @@
 """Parse the requests for clouds: pose and unit in the query, media types in the headers."""
 
+from collections.abc import Sequence
 from typing import Annotated, Any, Literal
 
 from fastapi import Query, Request
 
+from calibration.documents.calibration_with_arm import AS_BUILT, POSE_WITHOUT_JOINTS, CalibrationWithArm
 from calibration.documents.pose import PoseDocument
 from calibration.documents.validation import validate_document
 from calibration.errors import DocumentProblem
+from calibration.kinematics.arm_errors import AXES
 from daemon.api.dependencies import DECIMAL
 from daemon.api.http_errors import InvalidRequest, NotAcceptable, UnknownMediaType
 from daemon.api.negotiation import media_ranges
+from daemon.application import Application
+from daemon.model.records import FlangePose
 from daemon.scans.upload import LAZ, SUFFIXES
 from registration.points.rigid_motion import MAX_TRANSLATION_MM
 
 POSE = "base_T_flange as x,y,z,qw,qx,qy,qz (mm, w first), or 'now': where the arm stands"
 PoseQuery = Annotated[str, Query(max_length=300, description=POSE, examples=["now"])]
+JOINTS = "the arm's axes 1 to 6 at a given pose, degrees, with commas; where the arm's errors are in force"
+JointsQuery = Annotated[str | None, Query(max_length=200, description=JOINTS)]
 UnitQuery = Annotated[Literal["mm", "m"], Query(description="unit of the cloud's coordinates")]
 
 SYNONYMS = {"application/ply": "application/x-ply", "model/ply": "application/x-ply",
@@ -24,6 +31,8 @@ JSON = "application/json"
 ANSWER_SUFFIXES = {"application/x-ply": ".ply", "application/x-pcd": ".pcd", "application/octet-stream": ".bin",
             LAZ: ".laz", JSON: ".bin"}  # fmt: skip
 """Media types of a merged cloud in order of preference, with the suffix of the file it is sent from."""
+
+MAX_JOINT_DEG = 10_000.0
 
 BINARY: dict[str, Any] = {"schema": {"type": "string", "format": "binary"}}
 CLOUD_CONTENT: dict[str, Any] = dict.fromkeys(SUFFIXES, BINARY)
@@ -61,6 +70,43 @@ def choose_media_type(request: Request) -> str:
 
 def _matches(media: str, kind: str) -> bool:
     return media in ("*/*", kind.split("/")[0] + "/*", kind)
+
+
+async def flange_pose_of(app: Application, pose: str, joints: str | None) -> FlangePose:
+    """Pose and joints of a request, or where the arm stands.
+
+    Raises InvalidRequest, DocumentError, NotStill, DeviceError.
+    """
+    if pose == "now":
+        if joints is not None:
+            fix = "leave joints out, or give the pose, too"
+            raise InvalidRequest([DocumentProblem("query.joints", "with pose=now the daemon reads them", fix)])
+        return FlangePose.of(await app.readings.flange_pose())
+    return FlangePose(parse_pose(pose), None if joints is None else _parse_joints(joints))
+
+
+def _parse_joints(text: str) -> tuple[float, ...]:
+    parts = text.split(",")
+    if len(parts) != AXES or not all(DECIMAL.fullmatch(part) for part in parts):
+        problem = DocumentProblem("query.joints", f"{text[:60]!r} is not six numbers", f"give {JOINTS}")
+        raise InvalidRequest([problem])
+    joints = tuple(float(part.replace(" ", "+")) for part in parts)
+    if max(map(abs, joints)) > MAX_JOINT_DEG:
+        problem = DocumentProblem(
+            "query.joints", f"an axis is turned by more than {MAX_JOINT_DEG:g} degrees", "correct it"
+        )
+        raise InvalidRequest([problem])
+    return joints
+
+
+def arm_headers(calibration: CalibrationWithArm, poses: Sequence[FlangePose]) -> dict[str, str]:
+    """Headers of a cloud in base: whether the arm's errors are in it, and a warning for poses without joints."""
+    if calibration.arm is None or calibration.document.setup == "eye-to-hand":
+        return {}
+    found = {"Handeyed-Arm": AS_BUILT}
+    if calibration.findings([pose.joints_rad for pose in poses]):
+        found["Handeyed-Warning"] = POSE_WITHOUT_JOINTS
+    return found
 
 
 def parse_pose(text: str) -> PoseDocument:

@@ -1,16 +1,23 @@
 """The arm's own errors over REST: identified with a calibration, stored and in force with it."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import httpx
 import numpy as np
 import pytest
 
 from calibration.documents.arm import ArmErrorsDocument
+from calibration.documents.pose import PoseDocument
 from calibration.kinematics.abb_arms import find_arm
+from calibration.kinematics.arm_errors import Postures
 from calibration.kinematics.joints_of_poses import joints_of_poses
+from calibration.transforms import Array, map_points
+from daemon.model.records import AppliedCalibration
 from mock_robot.arm.built_arm import build_arm
 from tests.daemon.cell_under_test import Bench, serving, settings_for
+from tests.daemon.fakes import ply_of, points_of
 from tests.simulated.arms import ArmCell, arm_cell, reachable_views, session_document, target_before
 from tests.support.waiting import LIMIT_S
 
@@ -70,6 +77,98 @@ async def test_the_arms_errors_are_identified_stored_and_in_force_with_the_calib
         assert again["joints_from_poses"] == 12
         values = [one["value"] for one in again["parameters"]]
         np.testing.assert_allclose(values, [one.value for one in found.parameters], atol=1e-6)
+
+
+POINTS_MM = np.array([[0.0, 0.0, 400.0], [60.0, -40.0, 450.0], [-50.0, 30.0, 380.0]])
+PLY = {"content-type": "application/x-ply"}
+SIX = ",".join
+
+
+async def test_clouds_are_placed_by_the_arm_as_built(tmp_path: Path, cell: ArmCell) -> None:
+    """At postures that the session has not seen; the truth is the built arm's flange."""
+    rng, zero = np.random.default_rng(9), np.zeros(6)
+    joints = reachable_views(rng, ARM, target_before(ARM), 6, any_posture=False)
+    joints = joints_of_poses(ARM, list(ARM.forward(joints)), [None] * 6)
+    true = cell.built.base_T_flange(Postures(joints, sides=np.tile(zero, (6, 1)))) @ cell.mount_T_camera
+    async with serving(settings_for(tmp_path, robot={"model": ARM.name})) as bench:
+        with_arm, drawn = await posted(bench, session_of(cell)), await posted(bench, session_of(cell, arm=False))
+
+        async def mapped(calibration: dict[str, Any], row: int, **more: str) -> httpx.Response:
+            pose = PoseDocument.of(ARM.forward(joints[row]))
+            at = SIX(map(repr, (*pose.translation_mm, *pose.quaternion_wxyz)))
+            params = {"pose": at, "calibration": calibration["id"], **more}
+            return await bench.client.post("/register", params=params, content=ply_of(POINTS_MM), headers=PLY)
+
+        def given(row: int) -> str:
+            return SIX(map(repr, np.degrees(joints[row]).tolist()))
+
+        errors: dict[str, list[Array]] = {"as drawn": [], "as built": [], "without joints": []}
+        for row in range(6):
+            expected = map_points(true[row], POINTS_MM)
+            before, after = await mapped(drawn, row, joints=given(row)), await mapped(with_arm, row, joints=given(row))
+            without = await mapped(with_arm, row)
+            assert "handeyed-arm" not in before.headers
+            assert (after.headers["handeyed-arm"], "handeyed-warning" in after.headers) == ("as-built", False)
+            assert without.headers["handeyed-warning"] == "pose-without-joints"
+            for name, answer in zip(errors, (before, after, without), strict=True):
+                errors[name].append(points_of(answer.content) - expected)
+        rms = {name: float(np.sqrt(np.mean(np.square(found)))) for name, found in errors.items()}
+        assert rms["as built"] < rms["as drawn"] / 1.5, rms
+        assert rms["without joints"] == pytest.approx(rms["as built"], rel=0.05), rms
+
+        other = await mapped(with_arm, 0, joints=given(1))
+        assert other.status_code == 422
+        assert "joints" in other.json()["detail"]
+        assert (await mapped(with_arm, 0, joints="1,2,3")).json()["problems"][0]["place"] == "query.joints"
+        await scans_are_placed_alike(bench, with_arm, ARM.forward(joints[:2]), given(0), true[:2])
+
+
+async def scans_are_placed_alike(
+    bench: Bench, calibration: dict[str, Any], poses: Array, joints: str, true: Array
+) -> None:
+    """The first view brings its joints, the second does not."""
+    scan = (await bench.client.post("/scans", json={})).json()["links"]
+    for pose, more in zip(poses, ({"joints": joints}, {}), strict=True):
+        document = PoseDocument.of(pose)
+        at = SIX(map(repr, (*document.translation_mm, *document.quaternion_wxyz)))
+        added = await bench.client.post(
+            scan["views"], params={"pose": at, **more}, content=ply_of(POINTS_MM), headers=PLY
+        )
+        assert added.status_code == 201, added.text
+    views = (await bench.client.get(scan["self"])).json()["views"]
+    assert [view["joints_deg"] is None for view in views] == [False, True]
+    assert (await bench.client.get("/scans")).json()["scans"][0]["views"] == views
+    used = {"calibration": calibration["id"]}
+    cloud = await bench.client.get(scan["cloud"], params=used, headers={"accept": "application/json"})
+    assert cloud.headers["handeyed-warning"] == "pose-without-joints"
+    expected = np.concatenate([map_points(pose, POINTS_MM) for pose in true])
+    assert np.abs(np.array(cloud.json()["points"]) - expected).max() < 0.5
+    report = (await bench.client.get(scan["report"], params=used)).json()
+    assert "pose-without-joints" in {finding["code"] for finding in report["verdict"]["findings"]}
+
+
+async def test_a_verification_sees_the_target_by_the_arm_as_built(tmp_path: Path) -> None:
+    """An arm whose axis 2 is 5 mm further out: every point is found so much further out, at five millimetres."""
+    async with serving(settings_for(tmp_path, robot={"model": "IRB 1600-6/1.45"})) as bench:
+        store, clock = bench.application.store, bench.application.clock
+        run = (await bench.client.post("/calibrate", json={"arm": True}, params={"wait": LIMIT_S})).json()
+        record = await store.calibration(run["result"]["calibration_id"])
+        found = await store.arm(record.id)
+        assert found is not None
+        shifted = [
+            one.model_copy(update={"value": 5.0 if one.name == "link_1_tx" else 0.0}) for one in found.parameters
+        ]
+        other = replace(record, id="further-out")
+        document = record.document.model_copy(update={"id": other.id})
+        built = found.model_copy(update={"taken_up": True, "parameters": shifted})
+        await store.save_calibration(replace(other, document=document), built)
+        middles = []
+        for one in (record.id, other.id):
+            await store.apply(AppliedCalibration(one, clock.timestamp(), "test"))
+            verified = (await bench.client.post("/verify", params={"wait": LIMIT_S})).json()["result"]["verification"]
+            middles.append(np.mean([point["base_mm"] for point in verified["points"]], axis=(0, 1)))
+            assert verified.get("arm") == ("as-built" if one == other.id else None)
+        assert np.linalg.norm(middles[1] - middles[0]) == pytest.approx(5.0, abs=0.2)
 
 
 async def test_joints_of_another_arm_leave_the_calibration_and_say_why(tmp_path: Path, cell: ArmCell) -> None:

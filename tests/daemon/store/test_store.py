@@ -13,7 +13,7 @@ import pytest
 
 from calibration.documents.pose import PoseDocument
 from daemon.errors import NoCalibration, NotFound, StorageError, StorageFull, StorageTooNew
-from daemon.model.records import AppliedCalibration, CalibrationRecord, Cause, ScanRecord
+from daemon.model.records import AppliedCalibration, CalibrationRecord, Cause, FlangePose, ScanRecord
 from daemon.model.run_states import RunState
 from daemon.runtime.durable_files import write_durably
 from daemon.store.database import DATABASE_NAME
@@ -150,7 +150,7 @@ async def test_a_view_whose_row_cannot_be_written_leaves_no_number_behind(tmp_pa
     upload = tmp_path / "upload"
     upload.write_bytes(b"cloud")
     with pytest.raises(StorageError):
-        await store.add_scan_view("no such scan", upload, ".ply", "mm", PoseDocument.of(np.eye(4)), AT)
+        await store.add_scan_view("no such scan", upload, ".ply", "mm", FlangePose(PoseDocument.of(np.eye(4))), AT)
     assert await store.scan_views("no such scan") == []
     await store.close()
 
