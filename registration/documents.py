@@ -1,4 +1,4 @@
-"""scan.json (clouds with poses), and the report of a registration."""
+"""scan.json (clouds with poses), profiles.json (sweeps of a line profiler), and the report of a registration."""
 
 from typing import Annotated, Literal
 
@@ -30,6 +30,36 @@ class ScanDocument(Document):
     source: str = ""
     setup: Setup
     views: list[ScanViewDocument]
+
+
+TimeUnit = Literal["s", "ms", "us", "us/1.024"]
+
+
+class ProfileArtefactDocument(Document):
+    """What stands in base and is swept over: a sphere of a radius, or a plane (null)."""
+
+    name: str
+    radius_mm: float | None
+
+
+class ProfileSweepDocument(Document):
+    """One sweep: files of its profiles and of the arm's path, and the artefact it crosses, null of a part."""
+
+    profiles: str
+    path: str
+    artefact: str | None = None
+
+
+class ProfilesDocument(Document):
+    """Content of profiles.json."""
+
+    heading = "profilesjson"
+
+    schema_version: Literal[1]
+    source: str = ""
+    time_unit: TimeUnit
+    artefacts: tuple[ProfileArtefactDocument, ...] = ()
+    sweeps: list[ProfileSweepDocument]
 
 
 class RegisteredViewDocument(Document):

@@ -155,6 +155,13 @@ class HoldOutDocument(Document):
     reprojection_px: float | None
 
 
+class ClockOffsetDocument(Document):
+    """The robot's clock minus the sensor's, with one standard deviation."""
+
+    offset_s: float
+    sigma_s: float
+
+
 class FindingDocument(Document):
     """Something a person should know. `effect_mm`: shift of a mapped point with the cause taken into account."""
 
@@ -229,6 +236,7 @@ class CalibrationDocument(Document):
     views: list[ViewResultDocument]
     observability: ObservabilityDocument
     hold_out: HoldOutDocument | None
+    clock_offset: ClockOffsetDocument | None = None
     verdict: CalibrationVerdictDocument
 
     @property
@@ -271,6 +279,7 @@ def calibration_document(
                 "weakest_direction": solution.observability.weakest_direction,
             },
             "hold_out": solution.hold_out and vars(solution.hold_out),
+            "clock_offset": solution.clock_offset and vars(solution.clock_offset),
             "verdict": CalibrationVerdictDocument.of(verdict),
         }
     )

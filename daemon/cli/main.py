@@ -19,6 +19,7 @@ from daemon.cli.keys import app as keys
 from daemon.cli.mock import mock
 from daemon.cli.output import CommandGroup
 from daemon.cli.plan import plan
+from daemon.cli.profiles import app as profiles
 from daemon.cli.register import register
 from daemon.cli.register_archive import register_archive
 from daemon.cli.report import report
@@ -71,6 +72,7 @@ app.command(rich_help_panel=OFFLINE)(touch)
 app.command("verify-scanner", rich_help_panel=OFFLINE)(verify_scanner)
 app.command(rich_help_panel=OFFLINE)(register)
 app.command(rich_help_panel=OFFLINE)(register_archive)
+app.add_typer(profiles, name="profiles", rich_help_panel=OFFLINE)
 app.command(rich_help_panel=OFFLINE)(plan)
 app.command(rich_help_panel=OFFLINE)(assess)
 app.command(rich_help_panel=OFFLINE)(arms)

@@ -12,6 +12,7 @@ class SchemaName(StrEnum):
 
     SESSION = "session"
     SCAN = "scan"
+    PROFILES = "profiles"
     PLAN = "plan"
     CALIBRATION = "calibration"
     ARM = "arm"
@@ -19,8 +20,8 @@ class SchemaName(StrEnum):
     REPORT = "report"
 
 
-def schema(name: Annotated[SchemaName, typer.Argument(metavar="session|scan|plan|calibration|arm|rig|report")]) -> None:
-    """Print the JSON Schema of session.json, scan.json, plan.json, calibration.json, arm.json, rig.json or a report."""
+def schema(name: Annotated[SchemaName, typer.Argument(metavar="|".join(SchemaName))]) -> None:
+    """Print the JSON Schema of a file: session.json, scan.json, profiles.json, plan.json, and what is written."""
     from daemon.tools.file_schemas.schemas import schema_of
 
     typer.echo(json.dumps(schema_of(name.value), indent=1))

@@ -28,6 +28,8 @@ STEP_TOLERANCE = 1e-5
 """Of a step in units of `UNITS`, at which the estimate has converged."""
 DIFFERENCE_S = 0.03
 """Half the time over which the arm's velocity is measured: several poses, whose times jitter by a millisecond."""
+NOISE_TOLERANCE = 0.002
+"""Relative change of the robot's noise at which it has converged."""
 MIN_POINT_NOISE_MM = 1e-3
 NEIGHBOURS = 30
 """Points in a row that may share errors."""
@@ -209,7 +211,8 @@ def refine(problem: ProfilerProblem, start: ProfilerEstimate, stated: RobotNoise
         estimate = estimate.after(step, errors)
         before, robot = robot, _robot_noise(estimate.errors, spread, stated)
         converged = bool(
-            np.abs(step[:7] / UNITS).max() < 1e-3 and abs(robot.translation_mm / before.translation_mm - 1) < 0.01
+            np.abs(step[:7] / UNITS).max() < 1e-3
+            and abs(robot.translation_mm / before.translation_mm - 1) < NOISE_TOLERANCE
         )
         if converged:
             break

@@ -1,12 +1,15 @@
 """Sweeps of a line profiler over a sphere and over planes, with the errors of arm and sensor."""
 
+import json
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
 from calibration.kinematics.robot_accuracy import RobotNoise
-from calibration.transforms import Array, inverse, rotation_from_vector, transform
+from calibration.transforms import Array, inverse, quaternion_from_rotation, rotation_from_vector, transform
+from registration.profiles.files import POSE_COLUMNS, write_npz
 from registration.profiles.profile_block import ProfileBlock
 from registration.profiles.robot_path import RobotPath
 
@@ -97,6 +100,25 @@ def sweeps(
     """One sweep for each entry: None the sphere, else a plane's number."""
     random = np.random.default_rng(seed)
     return [sweep(surface, random, robot, noise) for surface in surfaces]
+
+
+def write_folder(
+    folder: Path, surfaces: Sequence[int | None], data: Sequence[tuple[ProfileBlock, RobotPath]], artefacts: bool = True
+) -> None:
+    """profiles.json with its files; the sphere is called ball, a plane by its number."""
+    folder.mkdir(parents=True, exist_ok=True)
+    listed = []
+    for index, (surface, (block, path)) in enumerate(zip(surfaces, data, strict=True)):
+        write_npz(folder / f"sweep_{index}.npz", block)
+        rows = np.column_stack([
+            path.times_s, path.base_T_flange[:, :3, 3], quaternion_from_rotation(path.base_T_flange[:, :3, :3]),
+        ])  # fmt: skip
+        np.savetxt(folder / f"path_{index}.csv", rows, "%.9f", ",", header=POSE_COLUMNS, comments="")
+        name = ("ball" if surface is None else f"plane {surface}") if artefacts else None
+        listed.append({"profiles": f"sweep_{index}.npz", "path": f"path_{index}.csv", "artefact": name})
+    known = [{"name": "ball", "radius_mm": RADIUS_MM}, *({"name": f"plane {n}", "radius_mm": None} for n in range(3))]
+    document = {"schema_version": 1, "time_unit": "s", "artefacts": known, "sweeps": listed}
+    (folder / "profiles.json").write_text(json.dumps(document))
 
 
 def _facing(normal: Array) -> Array:

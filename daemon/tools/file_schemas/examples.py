@@ -44,6 +44,17 @@ SCAN: dict[str, Any] = {
     ],
 }
 
+PROFILES: dict[str, Any] = {
+    "schema_version": 1,
+    "source": "a sweep over a sphere and one over a plane, for the example",
+    "time_unit": "s",
+    "artefacts": [{"name": "sphere", "radius_mm": 25.0}, {"name": "table", "radius_mm": None}],
+    "sweeps": [
+        {"profiles": "sweep_000.npz", "path": "path_000.csv", "artefact": "sphere"},
+        {"profiles": "sweep_001.npz", "path": "path_001.csv", "artefact": "table"},
+    ],
+}
+
 PLAN: dict[str, Any] = {
     "schema_version": 1,
     "target": TARGET,

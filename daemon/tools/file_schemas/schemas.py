@@ -12,9 +12,9 @@ from calibration.documents.calibration import CalibrationDocument
 from calibration.documents.plan import PlanDocument
 from calibration.documents.rig import RigDocument
 from calibration.documents.session import SessionDocument
-from daemon.tools.file_schemas.examples import PLAN, SCAN, SESSION
+from daemon.tools.file_schemas.examples import PLAN, PROFILES, SCAN, SESSION
 from daemon.tools.file_schemas.meanings import MEANINGS
-from registration.documents import RegistrationReportDocument, ScanDocument
+from registration.documents import ProfilesDocument, RegistrationReportDocument, ScanDocument
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
@@ -31,6 +31,7 @@ class FileKind:
 FILES: Mapping[str, FileKind] = MappingProxyType({
     "session": FileKind(SessionDocument, "validation", SESSION),
     "scan": FileKind(ScanDocument, "validation", SCAN),
+    "profiles": FileKind(ProfilesDocument, "validation", PROFILES),
     "plan": FileKind(PlanDocument, "validation", PLAN),
     "calibration": FileKind(CalibrationDocument, "serialization"),
     "arm": FileKind(ArmErrorsDocument, "serialization"),

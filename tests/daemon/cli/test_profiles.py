@@ -1,0 +1,80 @@
+"""`handeyed profiles`: from a folder of sweeps to the profiler on the flange, and to a cloud in base."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from calibration.documents.calibration import CalibrationDocument
+from calibration.kinematics.robot_accuracy import RobotNoise
+from calibration.transforms import difference
+from tests.daemon.calibrations import a_calibration
+from tests.daemon.cli.running import handeyed
+from tests.registration.profile_sweeps import FLANGE_T_PROFILER, OFFSET_S, PLANES, sweeps, write_folder
+
+ROBOT = RobotNoise(0.1, float(np.radians(0.01)))
+SURFACES = [None] * 7
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("profiles")
+    write_folder(folder, SURFACES, sweeps(SURFACES, 3, ROBOT))
+    return folder
+
+
+@pytest.fixture(scope="module")
+def calibration(folder: Path) -> Path:
+    out = folder / "calibration.json"
+    ran = handeyed("profiles", "calibrate", folder, "--out", out)
+    assert ran.status == 0, ran.err
+    assert "clock: robot minus sensor +4" in ran.out
+    return out
+
+
+def test_x_and_the_clock_offset_are_in_calibration_json(calibration: Path) -> None:
+    document = CalibrationDocument.model_validate_json(calibration.read_text())
+    assert document.flange_T_camera is not None and document.clock_offset is not None
+    translation_mm, rotation_rad = difference(document.flange_T_camera.transform(), FLANGE_T_PROFILER)
+    assert translation_mm < 0.5 and rotation_rad < 2e-3
+    assert abs(document.clock_offset.offset_s - OFFSET_S) < 5 * document.clock_offset.sigma_s
+    assert document.verdict.accepted
+
+
+def test_sweeps_over_a_plane_come_out_as_the_plane(calibration: Path, tmp_path: Path) -> None:
+    write_folder(tmp_path, [1, 1], sweeps([1, 1], 9, ROBOT), artefacts=False)
+    ran = handeyed(
+        "profiles", "register", tmp_path, "--calibration", calibration, "--out", tmp_path / "part.npy", "--json"
+    )
+    assert ran.status == 0, ran.err
+    points = np.load(tmp_path / "part.npy")
+    assert json.loads(ran.out)["points"] == len(points) > 10_000
+    place, normal = PLANES[1]
+    off = (points - place) @ normal
+    assert np.sqrt(np.mean(off**2)) < 0.4
+
+
+def test_sweeps_that_determine_nothing_are_not_accepted(folder: Path, tmp_path: Path) -> None:
+    write_folder(tmp_path, SURFACES[:2], sweeps(SURFACES[:2], 3, ROBOT))
+    ran = handeyed("profiles", "calibrate", tmp_path, "--json")
+    assert ran.status == 3
+    document = json.loads(ran.out)
+    assert document["flange_T_camera"] is None and document["clock_offset"] is None
+    assert document["verdict"]["findings"][0]["code"] == "too-few-sweeps"
+
+
+def test_a_calibration_of_a_camera_has_no_clock(folder: Path, tmp_path: Path) -> None:
+    (tmp_path / "camera.json").write_text(a_calibration("c1").model_dump_json())
+    ran = handeyed(
+        "profiles", "register", folder, "--calibration", tmp_path / "camera.json", "--out", tmp_path / "a.ply"
+    )
+    assert ran.status == 2
+    assert "clock_offset" in ran.err
+    assert not (tmp_path / "a.ply").exists()
+
+
+def test_a_folder_without_profiles_is_refused(tmp_path: Path) -> None:
+    ran = handeyed("profiles", "calibrate", tmp_path)
+    assert ran.status == 2
+    assert "profiles.json" in ran.err and "Traceback" not in ran.err

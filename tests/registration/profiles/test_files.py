@@ -1,0 +1,131 @@
+"""Profiles and paths from files: our own forms, a Gocator's export, and what is refused."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from calibration.errors import DocumentError
+from registration.errors import PathError, ProfileError, RegistrationError
+from registration.profiles.files import read_path, read_profiles, write_npz
+from registration.profiles.folder import read_profile_folder
+from registration.profiles.profile_block import ProfileBlock
+
+ROWS = "time,x_mm,z_mm\n0.5,1,10\n0.5,2,11\n0.6,1.5,12\n"
+POSES = "time_s,x_mm,y_mm,z_mm,qw,qx,qy,qz\n0,1,2,3,1,0,0,0\n0.1,2,2,3,0.8,0.6,0,0\n"
+UNIFORM = (
+    "Info\nCSV Version,Sensor Count\n2,1\nEnd\n\nProfile\nFrame Count,Column Count,X Offset,Y Offset,Z Offset\n"
+    "2,3,0,0,0\n\nFrame,Source,Time,Encoder,Z Encoder,Inputs,Exposure,Y,Axis,-1.0,0.0,1.0\n"
+    "0,0,10240,0,0,0,80,0,Z,5.0,,7.0\n0,0,10240,0,0,0,80,0,I,10,20,30\n1,0,20480,0,0,0,80,0,Z,5.5,6.5,7.5\nEnd\n"
+)
+RAW = (
+    "Info\r\nCSV Version\r\n2\r\nEnd\r\nRawProfile\r\nFrame Count,Column Count,X Offset,Y Offset,Z Offset\r\n"
+    "1,2,0,0,0\r\nFrame,Source,Time,Encoder,Z Encoder,Inputs,Exposure,Y,Axis,0,1\r\n"
+    "0,0,1024,0,0,0,80,0,X,-1.5,2.5\r\n0,0,1024,0,0,0,80,0,Z,5.0,6.0\r\nEnd\r\n"
+)
+
+
+def written(folder: Path, name: str, text: str | bytes) -> Path:
+    file = folder / name
+    file.write_bytes(text if isinstance(text, bytes) else text.encode())
+    return file
+
+
+def test_arrays_and_rows_are_the_same_profiles(tmp_path: Path) -> None:
+    rows = read_profiles(written(tmp_path, "a.csv", ROWS))
+    np.testing.assert_array_equal(rows.times_s, [0.5, 0.6])
+    np.testing.assert_array_equal(rows.x_mm, [[1, 2], [1.5, np.nan]])
+    np.testing.assert_array_equal(rows.z_mm, [[10, 11], [12, np.nan]])
+    write_npz(tmp_path / "a.npz", rows)
+    arrays = read_profiles(tmp_path / "a.npz")
+    np.testing.assert_array_equal(arrays.z_mm, rows.z_mm)
+    np.testing.assert_array_equal(read_profiles(tmp_path / "a.npz", "ms").times_s, rows.times_s * 1e-3)
+
+
+def test_a_gocator_export_with_uniform_spacing(tmp_path: Path) -> None:
+    block = read_profiles(written(tmp_path, "a.csv", UNIFORM), "us/1.024")
+    np.testing.assert_allclose(block.times_s, [0.01, 0.02])
+    np.testing.assert_array_equal(block.x_mm, [[-1, 0, 1]] * 2)
+    np.testing.assert_array_equal(block.z_mm, [[5, np.nan, 7], [5.5, 6.5, 7.5]])
+
+
+def test_a_gocator_export_of_point_clouds(tmp_path: Path) -> None:
+    block = read_profiles(written(tmp_path, "a.csv", RAW), "us/1.024")
+    np.testing.assert_allclose(block.times_s, [0.001])
+    np.testing.assert_array_equal(block.x_mm, [[-1.5, 2.5]])
+    np.testing.assert_array_equal(block.z_mm, [[5, 6]])
+
+
+def test_a_path_is_read(tmp_path: Path) -> None:
+    path = read_path(written(tmp_path, "path.csv", POSES))
+    np.testing.assert_array_equal(path.times_s, [0, 0.1])
+    np.testing.assert_allclose(path.base_T_flange[1, :3, 3], [2, 2, 3])
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "said"),
+    [
+        ("a.csv", "x,z\n1,2\n", "first line"),
+        ("a.csv", "time,x_mm,z_mm\n", "no rows"),
+        ("a.csv", "time,x_mm,z_mm\n1,2\n", "rows have 2 numbers"),
+        ("a.csv", "time,x_mm,z_mm\n1,2,three\n", "three"),
+        ("a.csv", "time,x_mm,z_mm\n2,1,1\n1,1,1\n", "before the one"),
+        ("a.csv", "Info\n2\nEnd\n", "no section"),
+        ("a.csv", UNIFORM.replace("Axis", "Axle"), "no row with the names"),
+        ("a.csv", UNIFORM.replace(",Z,", ",I,"), "axis Z"),
+        ("a.npz", b"PK", "no .npz file"),
+    ],
+)
+def test_what_is_no_file_of_profiles_is_refused_by_name(tmp_path: Path, name: str, content: str, said: str) -> None:
+    with pytest.raises(ProfileError, match=said) as caught:
+        read_profiles(written(tmp_path, name, content))
+    assert caught.value.what.startswith("a.")
+
+
+@pytest.mark.parametrize("bad", ["0.8,0.6,0,0", "0.1,2,2"])
+def test_what_is_no_path_is_refused_by_name(tmp_path: Path, bad: str) -> None:
+    for replacement in ("0.8,0.7,0,0", "nan,0,0,0"):
+        with pytest.raises(PathError, match=r"path\.csv"):
+            read_path(written(tmp_path, "path.csv", POSES.replace(bad, replacement)))
+
+
+@settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
+@given(start=st.sampled_from([ROWS, UNIFORM, RAW, POSES]), at=st.integers(0, 300), junk=st.binary(max_size=12))
+def test_damaged_files_are_read_or_refused(tmp_path: Path, start: str, at: int, junk: bytes) -> None:
+    content = start.encode()[:at] + junk + start.encode()[at + len(junk) :]
+    for name, read in (("a.csv", read_profiles), ("a.npz", read_profiles), ("a.csv", read_path)):
+        try:
+            read(written(tmp_path, name, content))
+        except RegistrationError as error:
+            assert error.what and error.fix
+
+
+@pytest.mark.parametrize(
+    ("change", "error"),
+    [
+        ({"sweeps": []}, ProfileError),
+        ({"sweeps": [{"profiles": "../a.npz", "path": "a.csv"}]}, ProfileError),
+        ({"sweeps": [{"profiles": "a.npz", "path": "a.csv", "artefact": "cube"}]}, ProfileError),
+        ({"time_unit": "h"}, DocumentError),
+        ({"sweep": []}, DocumentError),
+    ],
+)
+def test_a_folder_that_contradicts_itself_is_refused(tmp_path: Path, change: dict, error: type[Exception]) -> None:
+    document = {"schema_version": 1, "time_unit": "s", "sweeps": [{"profiles": "a.npz", "path": "a.csv"}]}
+    written(tmp_path, "profiles.json", json.dumps(document | change))
+    with pytest.raises(error):
+        read_profile_folder(tmp_path)
+
+
+def test_a_folder_names_a_missing_file_only_when_it_is_read(tmp_path: Path) -> None:
+    document = {"schema_version": 1, "time_unit": "s", "sweeps": [{"profiles": "a.npz", "path": "a.csv"}]}
+    written(tmp_path, "profiles.json", json.dumps(document))
+    (sweep,) = read_profile_folder(tmp_path)
+    with pytest.raises(RegistrationError, match=r"a\.npz"):
+        sweep.read()
+    write_npz(tmp_path / "a.npz", ProfileBlock.of([0.0], [1.0], [[1.0]]))
+    with pytest.raises(RegistrationError, match=r"a\.csv"):
+        sweep.read()
