@@ -102,3 +102,31 @@ class RegistrationReportDocument(Document):
     rms_mm: DeviationDocument
     seconds: Seconds
     verdict: VerdictDocument
+
+
+class StitchedPairDocument(Document):
+    """Two views of one surface: by how much the second (`views[1]`) lies off the first, in the base.
+
+    `gap_mm`: median along the first's normals, positive towards its scanner; `width_mm`: of the middle 95 % of the
+    distances. `base_offset_mm`: the shift that explains them best, along `directions`, which the normals show: one of a
+    plane, two of an edge, three of a corner; `sigma_mm`: of it along each, by the scanner's noise alone.
+    """
+
+    views: tuple[int, int]
+    gap_mm: float
+    width_mm: float
+    base_offset_mm: tuple[float, float, float]
+    offset_mm: float
+    directions: tuple[tuple[float, float, float], ...]
+    sigma_mm: tuple[float, ...]
+    pairs: int
+    overlap: float
+
+
+class StitchingDocument(Document):
+    """The gaps between all views that overlap; `largest_mm`: of gaps and shifts."""
+
+    schema_version: Literal[1] = 1
+    calibration_id: str
+    largest_mm: float
+    pairs: tuple[StitchedPairDocument, ...]

@@ -1,6 +1,7 @@
-"""Registers a scan, writes the merged cloud and builds the report."""
+"""Registers a scan, writes the merged cloud and builds the report; measures the gaps between its views."""
 
 from collections.abc import Callable, Sequence
+from itertools import combinations
 from pathlib import Path
 
 import numpy as np
@@ -13,10 +14,14 @@ from registration.documents import (
     RegisteredViewDocument,
     RegistrationReportDocument,
     Seconds,
+    StitchedPairDocument,
+    StitchingDocument,
 )
+from registration.errors import ScanError
 from registration.fusion.concatenation import MergedCloud, PlacedCloud, merge_clouds
 from registration.fusion.merging import EVERY_POINT, Merge
 from registration.fusion.pose_adjustment import ViewCorrection
+from registration.fusion.stitching import StitchingGap, measure_gap
 from registration.scan import (
     Registration,
     ScannerMount,
@@ -159,3 +164,41 @@ def _finding(code: str, severity: str, message: str, fix: str) -> FindingDocumen
 
 def _list(indices: list[int]) -> str:
     return ", ".join(map(str, indices))
+
+
+def stitch_views(views: Sequence[ScanView], mount: ScannerMount, reach_mm: float | None = None) -> StitchingDocument:
+    """The gaps between all views that overlap, placed by robot and calibration; `reach_mm` as of `measure_gap`.
+
+    Raises CloudError's leaves, UnitUnknown, MotionError; ScanError when no two views show the same surface.
+    """
+    samples = sample_views(views)
+    placed = register_views(views, samples, mount).views
+    pairs: list[StitchedPairDocument] = []
+    for first, second in combinations(range(len(views)), 2):
+        poses = placed[first].base_T_camera, placed[second].base_T_camera
+        try:
+            found = measure_gap(samples[first].surface, poses[0], samples[second].surface, poses[1], reach_mm)
+        except ScanError:
+            continue  # these two have no surface in common
+        pairs.append(_stitched(first, second, found))
+    if not pairs:
+        fix = "scan one surface from several views, or look further with reach_mm"
+        raise ScanError("no two views show the same surface", fix)
+    largest_mm = max(max(abs(pair.gap_mm), pair.offset_mm) for pair in pairs)
+    return StitchingDocument(calibration_id=mount.calibration_id, largest_mm=largest_mm, pairs=tuple(pairs))
+
+
+def _stitched(first: int, second: int, found: StitchingGap) -> StitchedPairDocument:
+    return StitchedPairDocument.model_validate(
+        {
+            "views": [first, second],
+            "gap_mm": round(found.gap_mm, 6),
+            "width_mm": round(found.width_mm, 6),
+            "base_offset_mm": found.base_offset_mm.round(6).tolist(),
+            "offset_mm": round(float(np.linalg.norm(found.base_offset_mm)), 6),
+            "directions": found.directions.round(6).tolist(),
+            "sigma_mm": found.sigma_mm.round(6).tolist(),
+            "pairs": found.pairs,
+            "overlap": round(found.overlap, 4),
+        }
+    )

@@ -27,6 +27,7 @@ from daemon.cli.robot import app as robot
 from daemon.cli.schema import schema
 from daemon.cli.serve import serve
 from daemon.cli.solve import solve
+from daemon.cli.stitch import stitch
 from daemon.cli.support_bundle import support_bundle
 from daemon.cli.target import app as target
 from daemon.cli.tip import tip
@@ -70,6 +71,7 @@ app.command(rich_help_panel=OFFLINE)(report)
 app.command(rich_help_panel=OFFLINE)(tip)
 app.command(rich_help_panel=OFFLINE)(touch)
 app.command("verify-scanner", rich_help_panel=OFFLINE)(verify_scanner)
+app.command(rich_help_panel=OFFLINE)(stitch)
 app.command(rich_help_panel=OFFLINE)(register)
 app.command(rich_help_panel=OFFLINE)(register_archive)
 app.add_typer(profiles, name="profiles", rich_help_panel=OFFLINE)
