@@ -87,9 +87,9 @@ async def test_a_client_that_hangs_up_leaves_a_disarmed_standing_arm_and_a_free_
 @pytest.mark.slow
 @PROGRAMS
 async def test_a_silent_client_is_stopped_after_two_seconds_and_makes_way(program: RobotProgram) -> None:
-    async with robot_only(time_scale=0.2, program=program) as cell, over_tcp(cell.announcement.robot_port) as silent:
+    async with robot_only(time_scale=1.0, program=program) as cell, over_tcp(cell.announcement.robot_port) as silent:
         await silent.is_armed()
-        assert await silent.asks(move_to(AWAY)) == cb.MoveAccepted(), cell.controller.log
+        assert await silent.asks(move_to(AWAY, 20.0)) == cb.MoveAccepted()  # it takes ten times as long
         await eventually(lambda: not cell.controller.armed)
         await eventually(lambda: not cell.moving)
         async with over_tcp(cell.announcement.robot_port) as successor:

@@ -157,8 +157,8 @@ async def test_stop_from_the_second_task_ends_a_move_under_way() -> None:
 
 
 async def test_two_seconds_of_silence_stop_and_disarm() -> None:
-    async with talking(time_scale=0.3) as (cell, client):
-        assert await client.asks(GOOD) == cb.MoveAccepted()
+    async with talking(time_scale=1.0) as (cell, client):
+        assert await client.asks(move_to(AWAY, 20.0)) == cb.MoveAccepted()
         await eventually(lambda: cell.moving)
         await eventually(lambda: not cell.controller.armed)
         await eventually(lambda: not cell.moving)
