@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from calibration.documents.pose import PoseDocument
 from handeyed import read_cloud
@@ -88,6 +89,7 @@ def test_session_to_report_without_posix(tmp_path: Path) -> None:
     assert (tmp_path / "x.mod").read_bytes().startswith(b"MODULE")
 
 
+@pytest.mark.slow
 def test_photographs_to_a_registered_cloud_without_posix(tmp_path: Path) -> None:
     photos, calibration = tmp_path / "photos", tmp_path / "calibration.json"
     photos.mkdir()

@@ -64,6 +64,7 @@ def pose(values: list[float]) -> dict[str, object]:
 POSES = st.lists(NUMBERS.filter(np.isfinite), min_size=3, max_size=3) | st.just([0.0, 0.0, 500.0])
 
 
+@pytest.mark.slow
 @pytest.mark.timeout(0)
 @settings(
     max_examples=cases(60),

@@ -26,6 +26,7 @@ GRID = ArucoGrid(5, 4, 24.0, 8.0, "DICT_5X5_100", 7)
 MARKER = ArucoMarker(120.0, "DICT_4X4_50", 11)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("target", [GRID, ArucoGrid(3, 2, 40.0, 4.0, "DICT_ARUCO_ORIGINAL"), MARKER], ids=str)
 def test_corners_are_found_where_they_are(target: Target) -> None:
     errors = []

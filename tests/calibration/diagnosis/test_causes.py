@@ -52,6 +52,7 @@ READ_AGAIN = "board turned in one view"
 """A board read the wrong way round is read again before anything is estimated: no disagreement is reported."""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("setup", SETUPS)
 @pytest.mark.parametrize("kind", GROSS)
 def test_a_gross_fault_is_named_with_its_views(kind: str, setup: Setup) -> None:
@@ -72,6 +73,7 @@ def test_a_gross_fault_is_named_in_few_views_and_between_poor_robots(kind: str, 
     assert all(word in finding(fault.problem, fault.codes).message for word in fault.says)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("code", CONVENTIONS)
 def test_a_session_in_another_convention_is_never_accepted(code: str) -> None:
     fault = in_convention(code)(session(3), np.random.default_rng(0))
@@ -117,6 +119,7 @@ def test_one_mistyped_pose_does_not_condemn_the_rest() -> None:
     assert [f.severity for f in solution.findings if f.code == "pose-mistyped"] == ["warning"]
 
 
+@pytest.mark.slow
 def test_a_pose_wrong_in_several_numbers_is_named_without_guessing_one() -> None:
     clean = session(6)
     poses = poses_of(clean)
@@ -125,6 +128,7 @@ def test_a_pose_wrong_in_several_numbers_is_named_without_guessing_one() -> None
     assert "the pose of view 3 disagrees with all others by" in message
 
 
+@pytest.mark.slow
 def test_another_tool_from_some_view_on_refuses_a_solution_that_mixes_both() -> None:
     fault = other_tool(session(7, n=16), np.random.default_rng(4))
     solution = solve_hand_eye(fault.problem)

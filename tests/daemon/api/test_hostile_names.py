@@ -28,6 +28,7 @@ HOSTILE = [
 ]  # fmt: skip
 
 
+@pytest.mark.slow
 async def test_an_identifier_leads_nowhere_but_to_what_the_store_knows(tmp_path: Path) -> None:
     (tmp_path / "secret").write_text("SECRET")
     async with serving(settings_for(tmp_path / "store")) as bench:

@@ -5,6 +5,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import pytest
+
 from tests.daemon.calibrations import apply_calibration
 from tests.daemon.cell_under_test import Bench
 from tests.daemon.clouds import OCTETS, POSE, cloud
@@ -18,6 +20,7 @@ VALUES = [-1, 1e308, 10**400, "\x00", [[]], [1e308] * 7, {"a": 1}, float("nan"),
 BODIES = [b"[" * 100_000, b'{"a":' * 100_000, b"\xff\xfe{\x00}\x00", b"NaN", b'{"poses":1,"poses":2}', b"9" * 5000]
 
 
+@pytest.mark.slow
 async def test_every_query_and_body_is_answered_in_words_and_moves_nothing(bench: Bench) -> None:
     await apply_calibration(bench)
     scan = await a_scan(bench)

@@ -7,6 +7,8 @@ from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import Any
 
+import pytest
+
 from daemon.api.live.live_feed import MAX_LISTENERS, LiveFeed
 from daemon.api.live.snapshot import message_of
 from drivers.errors import DeviceTimeout
@@ -91,6 +93,7 @@ async def test_an_idle_cell_costs_few_bytes_and_one_reading_a_beat(bench: Bench)
         assert bench.camera.pictures == 0
 
 
+@pytest.mark.slow
 async def test_a_run_is_followed_and_its_holder_named(bench: Bench) -> None:
     bench.robot.before_move = gate = Gate(at_move=2)
     async with listening(bench) as heard:

@@ -65,6 +65,7 @@ async def test_what_does_not_change_is_said_once(tmp_path: Path) -> None:
         assert bench.robot.requests == 0
 
 
+@pytest.mark.slow
 async def test_a_plan_moves_nothing_and_says_what_the_views_will_tell(tmp_path: Path) -> None:
     camera, target = pose_json(FLANGE_T_CAMERA), pose_json(BASE_T_TARGET)
     guesses = {"poses": [], "flange_T_camera_guess": camera, "base_T_target_guess": target}

@@ -31,6 +31,7 @@ async def test_the_report_of_the_one_in_force(tmp_path: Path) -> None:
         assert all(number(q, 7) in answer.text for q in document["flange_T_camera"]["quaternion_wxyz"])
 
 
+@pytest.mark.slow
 async def test_a_run_s_calibration_is_reported_with_its_pictures_and_then_verified(bench: Bench) -> None:
     run = await bench.client.post("/calibrate", json={"count": 4}, params={"wait": 200})
     calibration_id = run.json()["result"]["calibration_id"]

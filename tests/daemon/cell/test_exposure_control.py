@@ -68,6 +68,7 @@ def rms(errors):
     return float(np.sqrt(np.mean(np.concatenate(errors) ** 2)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "lights",
     [[30.0], [0.06], [8.0, 0.1, 20.0, 0.3]],

@@ -79,6 +79,7 @@ def test_a_certificate_is_made_and_the_settings_are_reported(tmp_path: Path) -> 
     assert (again.status, "is there already" in again.err) == (1, True)
 
 
+@pytest.mark.slow
 async def test_a_running_daemon_knows_a_key_at_once(config: Path, tmp_path: Path) -> None:
     async with serving(settings_for(tmp_path / "store")) as bench:
         assert (await bench.client.get("/runs")).status_code == 200

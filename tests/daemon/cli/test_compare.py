@@ -3,6 +3,8 @@
 import json
 from pathlib import Path
 
+import pytest
+
 from calibration.monitoring.comparison import FALSE_ALARM_PROBABILITY, ComparisonDocument
 from daemon.cli.compare import DEFAULT_FALSE_ALARM
 from tests.daemon.cli.running import handeyed
@@ -11,6 +13,7 @@ from tests.daemon.cli.sessions import with_corners
 VERSION_1 = Path(__file__).parents[2] / "calibration" / "documents" / "calibration_version_1.json"
 
 
+@pytest.mark.slow
 def test_two_results_of_one_session_agree_and_another_camera_contradicts(tmp_path: Path) -> None:
     for name in ("a", "b"):
         handeyed("solve", with_corners(tmp_path / name), "--out", tmp_path / f"{name}.json")

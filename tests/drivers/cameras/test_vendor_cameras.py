@@ -171,6 +171,7 @@ async def test_a_gige_vision_camera_over_the_network(options):
             assert (await camera.identify()).serial == SERIAL
 
 
+@pytest.mark.slow
 async def test_a_gige_vision_camera_that_is_unplugged_and_comes_back():
     with gigabit_camera() as device:
         async with camera_at(f"aravis:{SERIAL}", limit_s=8.0) as camera:
@@ -208,6 +209,7 @@ async def test_a_gige_vision_camera_whose_trigger_never_comes():
             assert camera.link.connected
 
 
+@pytest.mark.slow
 async def test_a_gige_vision_network_that_loses_packets():
     with gigabit_camera(lost_per_thousand=400):
         async with camera_at(f"aravis:{SERIAL}", limit_s=20.0) as camera:
@@ -225,6 +227,7 @@ async def test_a_gige_vision_camera_with_another_serial_number():
                 await camera.grab(0.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scheme", ["basler", "genicam", "aravis"])
 def test_a_library_that_is_not_installed_is_named(scheme):
     """In a process of its own, which cannot import pypylon, harvesters or load aravis."""

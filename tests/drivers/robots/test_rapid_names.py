@@ -33,6 +33,7 @@ def test_nothing_is_left_of_the_shipped_names_and_the_modules_keep_the_rules(nam
         assert "port := 4242" not in text or names.port == 4242
 
 
+@pytest.mark.slow
 def test_the_sets_of_two_arms_load_beside_each_other() -> None:
     """Shared modules are seen by every task: a name of one arm must not be a name of the other."""
     memory = PersistentMemory()

@@ -331,6 +331,7 @@ def test_t_ms_counts_from_hello() -> None:
 WRISTS = [np.radians(turn) for turn in ([0.0, 0.0, 0.0, 0.0, 0.0, 90.0], [0.0, 0.0, 0.0, 60.0, -60.0, 0.0])]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("joints", [*(HOME + turn for turn in WRISTS), AWAY], ids=["roll", "tilt", "away"])
 @pytest.mark.parametrize("kind", MoveKind)
 def test_no_point_within_reach_moves_faster_than_the_request_allows(joints: np.ndarray, kind: MoveKind) -> None:
