@@ -1,0 +1,50 @@
+"""An arm that is not as drawn: a run identifies its errors, and clouds are placed by them, over real sockets."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from calibration.documents.pose import PoseDocument
+from calibration.kinematics.abb_arms import find_arm
+from calibration.kinematics.arm_errors import Postures
+from calibration.transforms import map_points
+from tests.daemon.fakes import ply_of, points_of
+from tests.stories.plant import plant, small_pictures
+from tests.support.waiting import LIMIT_S
+
+pytestmark = pytest.mark.slow
+
+POINTS_MM = np.array([[0.0, 0.0, 450.0], [60.0, -40.0, 480.0], [-50.0, 30.0, 430.0]])
+PLY = {"content-type": "application/x-ply"}
+
+
+async def test_points_are_placed_better_between_the_views_of_the_run(tmp_path: Path) -> None:
+    truth = small_pictures(7, arm_class="standard")
+    arm, built = find_arm(truth.arm), truth.built_arm()
+    assert built is not None
+    async with plant(tmp_path, planned=True, truth=truth) as story:
+        ask = story.operator.client
+        run = (await ask.post("/calibrate", json={"arm": True, "count": 12}, params={"wait": LIMIT_S})).json()
+        assert run["state"] == "finished", run["cause"]
+        link = run["links"]["calibration"]
+        errors = (await ask.get(f"{link}/arm")).json()
+        assert errors["taken_up"], errors["ladder"]
+        assert errors["joints_from_poses"] == 0
+        calibration = (await ask.get(link)).json()
+        mount_T_camera = PoseDocument.model_validate(calibration["flange_T_camera"]).transform()
+        views = np.radians([view["joints_deg"] for view in calibration["views"]])
+        between = (views[:-1] + views[1:]) / 2
+        reported, true = arm.forward(between), built.base_T_flange(Postures(between)) @ truth.mount_T_scanner
+        before, after = [], []
+        for joints, pose, place in zip(between, reported, true, strict=True):
+            document = PoseDocument.of(pose)
+            at = ",".join(map(repr, (*document.translation_mm, *document.quaternion_wxyz)))
+            params = {"pose": at, "joints": ",".join(map(repr, np.degrees(joints).tolist()))}
+            answer = await ask.post("/register", params=params, content=ply_of(POINTS_MM), headers=PLY)
+            assert answer.headers["handeyed-arm"] == "as-built", answer.text
+            expected = map_points(place, POINTS_MM)
+            after.append(points_of(answer.content) - expected)
+            before.append(map_points(pose @ mount_T_camera, POINTS_MM) - expected)
+        rms_before, rms_after = (float(np.sqrt(np.mean(np.square(found)))) for found in (before, after))
+        assert rms_after < rms_before / 1.3, (rms_before, rms_after)
