@@ -7,7 +7,6 @@ lemmas 2 and 3. Motions that do not determine X are refused with the reason and 
 from dataclasses import dataclass
 
 import numpy as np
-import scipy
 
 from calibration.closed_forms.motions import MIN_TURN_RAD
 from calibration.errors import UndeterminedError
@@ -50,13 +49,13 @@ class MotionSummary:
 
 def distinct_stations(base_T_flange: Array) -> list[int]:
     """Rows of the poses (n, 4, 4) that do not repeat an earlier one."""
-    if not len(base_T_flange):
-        return []
-    near = scipy.spatial.cKDTree(base_T_flange[:, :3, 3]).query_pairs(SAME_POSE_MM, output_type="ndarray")
-    earlier, later = np.sort(near, axis=1).T
-    turn = rotation_angle_rad(base_T_flange[earlier, :3, :3] @ np.swapaxes(base_T_flange[later, :3, :3], 1, 2))
-    repetitions = set(later[np.asarray(turn) < SAME_POSE_RAD].tolist()) if len(near) else set()
-    return [row for row in range(len(base_T_flange)) if row not in repetitions]
+    return [row for row in range(len(base_T_flange)) if not _repeats_earlier(base_T_flange, row)]
+
+
+def _repeats_earlier(base_T_flange: Array, row: int) -> bool:
+    off = np.sum((base_T_flange[:row, :3, 3] - base_T_flange[row, :3, 3]) ** 2, axis=1)
+    near = base_T_flange[:row][off <= SAME_POSE_MM**2]
+    return bool(np.any(rotation_angle_rad(near[:, :3, :3] @ base_T_flange[row, :3, :3].T) < SAME_POSE_RAD))
 
 
 def summarise_motion(base_T_flange: Array) -> MotionSummary:

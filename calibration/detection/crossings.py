@@ -63,9 +63,9 @@ def _saddle_maxima(smooth: Grey, margin: int) -> Array:
     is_maximum = strength >= cv2.dilate(strength, np.ones((5, 5), np.uint8))
     is_maximum &= strength > MIN_CONTRAST_LEVELS**2
     is_maximum[:margin], is_maximum[-margin:], is_maximum[:, :margin], is_maximum[:, -margin:] = 0, 0, 0, 0
-    row, column = np.nonzero(is_maximum)
-    order = np.argsort(-strength[row, column], kind="stable")[:MAX_CANDIDATES]
-    row, column = row[order], column[order]
+    found = np.flatnonzero(is_maximum)
+    order = np.argsort(-strength.ravel()[found], kind="stable")[:MAX_CANDIDATES]
+    row, column = np.divmod(found[order], strength.shape[1])
     return np.column_stack([column + _peak(strength, row, column, 0, 1), row + _peak(strength, row, column, 1, 0)])
 
 
@@ -82,6 +82,11 @@ def _bilinear(image: Grey, points: Array) -> Array:
     u = np.clip(base[..., 0], 0, image.shape[1] - 2)
     v = np.clip(base[..., 1], 0, image.shape[0] - 2)
     fu, fv = points[..., 0] - u, points[..., 1] - v
-    upper = image[v, u] * (1 - fu) + image[v, u + 1] * fu
-    lower = image[v + 1, u] * (1 - fu) + image[v + 1, u + 1] * fu
-    return np.asarray(upper * (1 - fv) + lower * fv)
+    levels, width = image.ravel(), image.shape[1]
+    at = v * width + u
+    upper_left, upper_right, lower_left, lower_right = (
+        levels[at + step].astype(float) for step in (0, 1, width, width + 1)
+    )
+    upper = upper_left + (upper_right - upper_left) * fu
+    lower = lower_left + (lower_right - lower_left) * fu
+    return np.asarray(upper + (lower - upper) * fv)

@@ -8,7 +8,6 @@ and the relation is mutual. Joined crossings get integer coordinates, starting f
 from dataclasses import dataclass
 
 import numpy as np
-import scipy
 from numpy.typing import NDArray
 
 from calibration.detection.crossings import Crossings
@@ -16,6 +15,9 @@ from calibration.transforms import Array
 
 NEIGHBOURS = 48
 DIRECTION_TOLERANCE_RAD = 0.2
+
+MAX_POINTS_IN_PAIRS = 1000
+"""Points up to which all pairs are compared; a tree of more is quicker."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,18 +51,18 @@ def _neighbours(crossings: Crossings) -> NDArray[np.intp]:
     """(n, 4) the neighbour along +enter, +leave, -enter, -leave of each crossing's edges; -1 where there is none."""
     points, edges = crossings.points, np.column_stack([crossings.entering_dark, crossings.leaving_dark])
     count = len(points)
-    distance, other = scipy.spatial.cKDTree(points).query(points, k=min(NEIGHBOURS, count))
+    distance, other = _nearest(points, min(NEIGHBOURS, count))
     distance, other = distance[:, 1:], other[:, 1:]
-    heading = np.arctan2(*np.moveaxis((points[other] - points[:, None])[..., ::-1], -1, 0))
+    right, down = np.moveaxis(points[other] - points[:, None], -1, 0)
+    cos, sin, near = np.cos(edges), np.sin(edges), np.cos(DIRECTION_TOLERANCE_RAD) * distance
     nearest = np.full((count, 4), -1)
     for kind in (0, 1):
-        opposite_kind_there = _angle_between_lines(edges[other, 1 - kind], heading) < DIRECTION_TOLERANCE_RAD
-        for sign in (0, 1):
-            off = np.abs((heading - edges[:, None, kind] - sign * np.pi + np.pi) % (2 * np.pi) - np.pi)
-            score = np.where((off < DIRECTION_TOLERANCE_RAD) & opposite_kind_there, distance, np.inf)
-            best = np.argmin(score, axis=1)
-            found = np.isfinite(score[np.arange(count), best])
-            nearest[found, kind + 2 * sign] = other[found, best[found]]
+        there = np.abs(right * cos[other, 1 - kind] + down * sin[other, 1 - kind]) > near
+        along = right * cos[:, None, kind] + down * sin[:, None, kind]
+        for sign, linked in enumerate((there & (along > near), there & (along < -near))):
+            first = np.argmax(linked, axis=1)
+            found = np.flatnonzero(linked[np.arange(count), first])
+            nearest[found, kind + 2 * sign] = other[found, first[found]]
     mutual = np.full((count, 4), -1)
     for side in range(4):
         one = np.flatnonzero(nearest[:, side] >= 0)
@@ -68,8 +70,18 @@ def _neighbours(crossings: Crossings) -> NDArray[np.intp]:
     return mutual
 
 
-def _angle_between_lines(a: Array, b: Array) -> Array:
-    return np.abs((a - b + np.pi / 2) % np.pi - np.pi / 2)
+def _nearest(points: Array, k: int) -> tuple[Array, NDArray[np.intp]]:
+    """Distances (n, k) and indices (n, k) of the k nearest points of each of `points` (n, 2), itself first."""
+    if len(points) > MAX_POINTS_IN_PAIRS:
+        import scipy  # its import takes as long as a tree saves on dozens of pictures
+
+        distance, index = scipy.spatial.cKDTree(points).query(points, k=k)
+        return distance, index
+    squares = (points[:, 0, None] - points[:, 0]) ** 2 + (points[:, 1, None] - points[:, 1]) ** 2
+    index = np.argpartition(squares, k - 1, axis=1)[:, :k]
+    squares = np.take_along_axis(squares, index, axis=1)
+    order = np.argsort(squares, axis=1, kind="stable")
+    return np.sqrt(np.take_along_axis(squares, order, axis=1)), np.take_along_axis(index, order, axis=1)
 
 
 def _walk(start: int, links: list[list[int]]) -> dict[int, tuple[int, int]]:

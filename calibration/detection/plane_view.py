@@ -98,10 +98,14 @@ def _residual(parameters: Array, plane: Array, image: Array) -> tuple[Array, Arr
         r2 = x * x + y * y
         radial, slope = 1 + r2 * (k1 + r2 * k2), 2 * (k1 + 2 * r2 * k2)
         residual = np.concatenate([x * radial - image[:, 0], y * radial - image[:, 1]])
-        zero = np.zeros_like(one)
-        dx = np.hstack([one, zero, -x[:, None] * one])[:, :8] / w[:, None]
-        dy = np.hstack([zero, one, -y[:, None] * one])[:, :8] / w[:, None]
-        ju = (radial + x * x * slope)[:, None] * dx + (x * y * slope)[:, None] * dy
-        jv = (x * y * slope)[:, None] * dx + (radial + y * y * slope)[:, None] * dy
-        lens = np.concatenate([x, y])[:, None] * np.tile(np.column_stack([r2, r2 * r2]), (2, 1))
-    return residual, np.hstack([np.vstack([ju, jv]), lens])
+        by_h = one / w[:, None]
+        jacobian = np.empty((2, len(plane), 10))
+        for row, ideal, by_x, by_y in (
+            (0, x, radial + x * x * slope, x * y * slope),
+            (1, y, x * y * slope, radial + y * y * slope),
+        ):
+            jacobian[row, :, :3] = by_x[:, None] * by_h
+            jacobian[row, :, 3:6] = by_y[:, None] * by_h
+            jacobian[row, :, 6:8] = -(by_x * x + by_y * y)[:, None] * by_h[:, :2]
+            jacobian[row, :, 8], jacobian[row, :, 9] = ideal * r2, ideal * r2 * r2
+    return residual, jacobian.reshape(-1, 10)

@@ -15,9 +15,9 @@ Source: H. Kuensch, "The jackknife and the bootstrap for general stationary obse
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-import scipy
 from numpy.typing import NDArray
 
+from calibration.likelihood.distributions import f_tail
 from calibration.likelihood.estimate import Estimate
 from calibration.likelihood.mixed_model import per_view_equations
 from calibration.linear_algebra import covariance_of
@@ -100,7 +100,7 @@ def _compare(best: Estimate, name: GroupedBy, groups: Groups, weights: Array) ->
 
 def _is_significant(ratio: float, redundancy: float, views: int) -> bool:
     """Whether a ratio of this redundancy is rare under the model, whose noise is estimated from the same views."""
-    chance = float(scipy.special.fdtrc(redundancy, 3 * views - 6, ratio))
+    chance = f_tail(redundancy, 3 * views - 6, ratio)
     return GROUPINGS * chance < FALSE_ALARM_PROBABILITY
 
 

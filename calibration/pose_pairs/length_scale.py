@@ -3,9 +3,9 @@
 from dataclasses import replace
 
 import numpy as np
-import scipy
 from numpy.typing import NDArray
 
+from calibration.likelihood.distributions import f_quantile
 from calibration.observations.measured_poses import MeasuredViews, require_unit
 from calibration.pose_pairs.independent_noise import PoseFit, fit_independent_noise
 from calibration.pose_pairs.noise_marginalisation import marginalise_few
@@ -83,7 +83,7 @@ def with_lengths(
     free = replace(pairs, metric=False)
     scaled = _with_free_lengths(free.take(used), fitted)
     share, deviation = float(np.log(scaled.chain.scale)), float(np.sqrt(scaled.covariance[12, 12]))
-    limit = -deviation * float(scipy.special.stdtrit(3 * views - 7, SCALE_FALSE_ALARM_PROBABILITY / 2))
+    limit = deviation * f_quantile(1, 3 * views - 7, SCALE_FALSE_ALARM_PROBABILITY) ** 0.5
     if abs(share) > max(limit, MIN_SCALE_ERROR):
         wrong = contradicts(scaled) or abs(share) > MAX_SCALE_ERROR
         return (pairs, fitted) if wrong else (free, scaled)

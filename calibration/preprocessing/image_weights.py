@@ -6,9 +6,9 @@ Source: G. Smyth, "Linear models and empirical Bayes methods", Stat. Appl. Genet
 """
 
 import numpy as np
-import scipy
 
 from calibration.camera import CameraModel
+from calibration.likelihood.distributions import tetragamma, trigamma
 from calibration.observations.observations import Observations
 from calibration.observations.reprojection import pixel_residuals
 from calibration.transforms import Array
@@ -47,13 +47,13 @@ def weight_by_view_noise(seen: Observations, camera: CameraModel, camera_T_targe
 
 def _prior_redundancy(logs: Array, redundancy: Array) -> float:
     """d0 with trigamma(d0 / 2) = var(log s²) - mean trigamma(d / 2); infinite without a significant spread of views."""
-    polygamma = scipy.special.polygamma
-    chance = polygamma(1, redundancy / 2)
+    chance = trigamma(redundancy / 2)
     excess = float(np.var(logs, ddof=1) - np.mean(chance))
     # The scatter of n estimates is itself uncertain by sqrt(2 / (n - 1)).
     if excess < 3 * float(np.mean(chance)) * np.sqrt(2 / (len(logs) - 1)):
         return np.inf
     half = 0.5 + 1 / excess
     for _ in range(20):
-        half += float(polygamma(1, half) * (1 - polygamma(1, half) / excess) / polygamma(2, half))
+        slope = trigamma(half)
+        half += float(slope * (1 - slope / excess) / tetragamma(half))
     return 2 * half

@@ -8,10 +8,10 @@ unknown costs accuracy.
 from dataclasses import replace
 
 import numpy as np
-import scipy
 
 from calibration.likelihood.augmented_model import AugmentedModel
 from calibration.likelihood.cross_validation import hold_out
+from calibration.likelihood.distributions import f_quantile
 from calibration.likelihood.mixed_model import solve
 from calibration.likelihood.variance_components import estimate_variances
 from calibration.observations.reprojection import INTRINSICS
@@ -46,7 +46,7 @@ def scale_error(wider: AugmentedModel) -> float:
     step = solve(model, estimate_variances(model, best.variances))
     share, deviation = float(step.b[-1]), float(np.sqrt(step.covariance[-1, -1]))
     probability = FALSE_ALARM_PROBABILITY / (1 + (share / PRINT_SCALE_SIGMA) ** 2)
-    significant = abs(share) > -deviation * float(scipy.special.stdtrit(3 * views - 7, probability / 2))
+    significant = abs(share) > deviation * f_quantile(1, 3 * views - 7, probability) ** 0.5
     return share if significant and MIN_SCALE_ERROR < abs(share) < MAX_SCALE_ERROR else 0.0
 
 

@@ -3,10 +3,10 @@
 from dataclasses import dataclass
 
 import numpy as np
-import scipy
 from numpy.typing import NDArray
 
 from calibration.likelihood.chain import Chain
+from calibration.likelihood.distributions import f_quantile
 from calibration.likelihood.estimate import Estimate, estimate, exact_pixels, marginalise_noise
 from calibration.likelihood.leave_one_out import leave_one_out, squared_outside_distances, squared_view_distances
 from calibration.likelihood.mixed_model import Variances
@@ -83,4 +83,4 @@ def _update_selection(prepared: PreparedSession, used: NDArray[np.bool_], best: 
 def _limit(used: int, n: int) -> float:
     """Limit of a squared distance / 6 at FALSE_ALARM_PROBABILITY over n views: a quantile of Fisher's F."""
     redundancy = max(3 * used - 6, 3)
-    return float(scipy.special.fdtri(6, redundancy, 1 - FALSE_ALARM_PROBABILITY / n))
+    return f_quantile(6, redundancy, FALSE_ALARM_PROBABILITY / n)

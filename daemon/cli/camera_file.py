@@ -3,7 +3,6 @@
 import json
 from pathlib import Path
 
-from calibration.documents.imports.intrinsics import read_intrinsics
 from calibration.documents.session import CameraDocument
 from calibration.documents.validation import validate_document
 from calibration.errors import DocumentError, DocumentProblem
@@ -21,6 +20,8 @@ def read_camera(file: Path) -> CameraDocument:
     Raises DocumentError.
     """
     if file.suffix.lower() in OTHERS:
+        from calibration.documents.imports.intrinsics import read_intrinsics  # with PyYAML
+
         return read_intrinsics(str(file), read_document(file)).document(None)
     try:
         data = json.loads(read_document(file))

@@ -1,6 +1,5 @@
 """The clocks and the run ids, passed as a parameter so that tests control them."""
 
-import asyncio
 import secrets
 import time
 from collections.abc import Awaitable, Callable
@@ -12,13 +11,19 @@ def _utc_now() -> datetime:
     return datetime.now(UTC)
 
 
+async def _sleep(seconds: float) -> None:
+    import asyncio  # commands read a clock, and never sleep
+
+    await asyncio.sleep(seconds)
+
+
 @dataclass(frozen=True)
 class Clock:
     """Monotonic time, UTC time and sleep. `monotonic_s` is the clock with which the drivers stamp their readings."""
 
     monotonic_s: Callable[[], float] = time.monotonic
     utc_now: Callable[[], datetime] = _utc_now
-    sleep: Callable[[float], Awaitable[None]] = asyncio.sleep
+    sleep: Callable[[float], Awaitable[None]] = _sleep
 
     def timestamp(self) -> str:
         """The UTC time as ISO 8601 with milliseconds: 2026-11-21T09:00:00.123Z."""

@@ -1,0 +1,33 @@
+"""Fisher's F and the polygamma functions beside SciPy's."""
+
+import numpy as np
+import pytest
+import scipy
+
+from calibration.likelihood.distributions import f_quantile, f_tail, tetragamma, trigamma
+
+DEGREES = [(1, 3), (6, 3), (6, 78), (0.4, 1252.0), (30.0, 5145.0), (6689.0, 349.0)]
+
+
+@pytest.mark.parametrize(("numerator", "denominator"), DEGREES)
+@pytest.mark.parametrize("ratio", [0.0, 0.02, 1.0, 3.3, 27.0])
+def test_the_tail_is_scipys(numerator: float, denominator: float, ratio: float) -> None:
+    expected = float(scipy.special.fdtrc(numerator, denominator, ratio))
+    assert f_tail(numerator, denominator, ratio) == pytest.approx(expected, rel=1e-9, abs=1e-200)
+
+
+@pytest.mark.parametrize(("numerator", "denominator"), DEGREES)
+@pytest.mark.parametrize("tail", [1e-9, 1e-3, 0.5, 0.99])
+def test_the_quantile_leaves_its_tail(numerator: float, denominator: float, tail: float) -> None:
+    assert f_tail(numerator, denominator, f_quantile(numerator, denominator, tail)) == pytest.approx(tail, rel=1e-9)
+
+
+@pytest.mark.parametrize(("numerator", "denominator", "ratio"), [(6, 0, 1.0), (np.nan, 3, 1.0), (6, 3, np.nan)])
+def test_without_degrees_of_freedom_there_is_no_tail(numerator: float, denominator: float, ratio: float) -> None:
+    assert np.isnan(f_tail(numerator, denominator, ratio))
+
+
+def test_polygamma_is_scipys() -> None:
+    x = np.geomspace(0.05, 3000, 50)
+    np.testing.assert_allclose(trigamma(x), scipy.special.polygamma(1, x), rtol=1e-12)
+    np.testing.assert_allclose(tetragamma(x), scipy.special.polygamma(2, x), rtol=1e-12)
