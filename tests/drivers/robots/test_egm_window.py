@@ -2,11 +2,14 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 
-from drivers.robots.abb.egm_vibration import SILENT_AFTER_S, ReceivedSample, SampleWindow
+from drivers.interfaces import Vibration
+from drivers.robots.abb.egm_vibration import SILENT_AFTER_S, ReceivedSample, SampleWindow, vibration_of
 from protocols.egm.messages import RobotSample
 from tests.support.cases import cases, long_enough_s
 
@@ -40,3 +43,24 @@ def test_a_stream_that_begins_anew_after_a_silence_is_taken_alone() -> None:
     assert not window.add(arrival(1, SILENT_AFTER_S))
     assert window.add(arrival(1, SILENT_AFTER_S + 0.1))
     assert [each.sample.seqno for each in window.since(0.0)] == [1]
+
+
+def test_the_vibration_is_the_same_in_every_frame_that_stands_still() -> None:
+    rng = np.random.default_rng(3)
+    positions = rng.normal([900.0, 100.0, 700.0], 0.1, (60, 3))
+    flange = Rotation.from_rotvec([0.3, 1.2, -0.4]) * Rotation.from_rotvec(rng.normal(0.0, 1e-3, (60, 3)))
+
+    def seen(world_R_frame: Rotation, offset_mm: list[float]) -> Vibration:
+        placed, turned = world_R_frame.apply(positions) + offset_mm, world_R_frame * flange
+        quaternions = turned.as_quat(scalar_first=True)
+        return vibration_of(
+            [
+                replace(SAMPLE, seqno=k, position_mm=tuple(placed[k]), quaternion_wxyz=tuple(quaternions[k]))
+                for k in range(60)
+            ]
+        )
+
+    in_world, hanging = seen(Rotation.identity(), [0.0] * 3), seen(Rotation.from_rotvec([np.pi, 0, 0]), [0, 1e3, 2e3])
+    assert in_world.translation_mm > 0.1
+    assert hanging.translation_mm == pytest.approx(in_world.translation_mm)
+    assert hanging.rotation_rad == pytest.approx(in_world.rotation_rad)
