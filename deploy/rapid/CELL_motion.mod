@@ -10,6 +10,7 @@ MODULE CELL_motion
   VAR intnum cell_watch_intno;
   VAR num cell_life_seen := 0;
   VAR num cell_misses := 0;
+  VAR bool cell_drives := FALSE;
   ! What holds in the program that calls cell_motion, restored at its end.
   VAR motsetdata cell_old_set;
   VAR string cell_old_tool := "";
@@ -78,6 +79,7 @@ MODULE CELL_motion
     IDelete cell_watch_intno;
     cell_beat := (cell_beat MOD 1000) + 1;
     cell_misses := 0;
+    cell_drives := FALSE;
     cell_settled := FALSE;
     WaitTime \InPos, 0.3;
     WHILE IsStopMoveAct(\FromMoveTask) DO
@@ -143,6 +145,7 @@ MODULE CELL_motion
     speed := cell_speed(limit);
     cell_settled := FALSE;
     cell_moving := TRUE;
+    cell_drives := TRUE;
     cell_verdict := CB_ACCEPTED;
     TEST cell_goal_kind
     CASE 2:
@@ -152,6 +155,7 @@ MODULE CELL_motion
     DEFAULT:
       MoveJ cell_goal, speed, fine, cell_flange \WObj:=wobj0;
     ENDTEST
+    cell_drives := FALSE;
     cell_moving := FALSE;
     WaitTime \InPos, 0.3;
     cell_settled := TRUE;
@@ -287,6 +291,8 @@ MODULE CELL_motion
     cell_misses := cell_misses + 1;
     IF (NOT cell_moving) OR cell_life <> cell_life_seen cell_misses := 0;
     cell_life_seen := cell_life;
+    ! A move that the communication task has given up, since it saw no beat for long, is nobody's any more.
+    IF cell_drives AND (NOT cell_moving) cell_misses := CELL_WATCHES;
     IF cell_misses >= CELL_WATCHES THEN
       cell_armed := FALSE;
       IF NOT cell_abort cell_abort_status := CB_ABORTED;

@@ -4,6 +4,7 @@ import asyncio
 import json
 import socket
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -18,6 +19,7 @@ from drivers.robots.abb.rws.address import RwsAddress
 from mock_robot.faults.robot_faults import FAULTS
 from tests.daemon.cli.running import handeyed
 from tests.mock_robot.rws_cell import RwsCell, rws_cell_apart
+from tests.support.waiting import LIMIT_S
 
 QUICK = AcceptanceLimits(
     reads=40, samples=20, idle_s=0.5, stand_s=0.3, slow_mm_s=25.0, reply_s=0.35, stop_s=1.5, reconnect_s=20.0
@@ -130,8 +132,9 @@ def test_a_fault_of_the_serial_line_fails_its_row(cell: RwsCell, fault: str) -> 
 
 
 def test_a_quiet_cell_passes_the_rows_that_faults_fail(cell: RwsCell) -> None:
+    patient = replace(QUICK, reply_s=LIMIT_S, service_s=LIMIT_S)
     for row in sorted({*LINK.values(), *OTHERS.values()}):
-        result = try_row(cell, row)
+        result = try_row(cell, row, patient)
         assert result.verdict == "passed", result
     assert try_row(cell, "clean-line", address=f"serial://{cell.serial}").verdict == "passed"
 

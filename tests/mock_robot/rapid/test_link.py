@@ -317,6 +317,16 @@ async def test_when_the_link_task_dies_the_motion_task_ends_its_move_and_product
         assert "shows no life" in controller.log[-1].text
 
 
+async def test_a_move_that_the_link_task_has_given_up_is_ended_by_the_motion_task(tmp_path: Path) -> None:
+    async with flawed(tmp_path) as (controller, _):
+        controller.memory.preset("cell_moving", False)
+        await eventually(lambda: not controller.unit.is_moving())
+        assert controller.panel.program_running
+        assert not controller.armed
+        assert np.abs(controller.unit.joints_now() - AWAY).max() > 0.01
+        assert "the move is ended" in controller.log[-1].text
+
+
 async def test_an_unforeseen_error_stops_the_arm_and_the_link_begins_anew(tmp_path: Path) -> None:
     async with flawed(tmp_path, JOINTS_FAIL) as (controller, client):
         client.write(client.session.request(cb.GetJoints()))

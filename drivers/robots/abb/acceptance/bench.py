@@ -54,6 +54,7 @@ class AcceptanceLimits:
     fast_mm_s: float = 100.0
     reach_mm: float = 400.0
     reply_s: float = 0.2
+    service_s: float = 0.9
     stop_s: float = 0.5
     silence_s: float = 2.0
     margin_s: float = 0.6

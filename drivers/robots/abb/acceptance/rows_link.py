@@ -17,7 +17,6 @@ from protocols.cb.messages import GetJoints, GetPose, GetStatus, Move, Ping, Req
 Measured = dict[str, float | str]
 QUARTER_DEG = 90.0
 BORDER_DEG = 0.05
-MAX_SERVICE_S = 0.9
 MAX_FRAME_MM, MAX_FRAME_RAD = 1e-2, 1e-4
 EGM_SHARE_LOST, EGM_VIBRATION_MM, EGM_HZ = 0.02, 0.05, 250.0
 
@@ -58,7 +57,7 @@ async def see_services(bench: Bench) -> Measured:
             if not await controller.read_first("/rw/panel/opmode"):
                 raise RowFailed("the operating mode cannot be read")
             slowest_s = max(slowest_s, clock() - began_s)
-            if slowest_s > MAX_SERVICE_S:
+            if slowest_s > bench.limits.service_s:
                 raise RowFailed(f"an answer took {slowest_s:.2f} s")
     return {"slowest ms": round(1000 * slowest_s, 1)}
 
