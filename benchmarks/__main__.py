@@ -19,7 +19,7 @@ HERE = Path(__file__).resolve().parent
 
 QUICK: dict[str, tuple[str, ...]] = {
     "registration.archive": ("--scans", "8"),
-    "registration.profiled_door": ("--cells", "1", "--arms", "good"),
+    "registration.profiled_door": ("--cells", "1"),
     "detection": ("--views", "4"),
     "daemon.disk_faults": ("--every", "40"),
     "daemon.drift": ("--cells", "30"),
