@@ -43,7 +43,6 @@ from daemon.model.requests import (
     ObservationsRequest,
     ScanRequest,
     SolveRequest,
-    TouchRequest,
     VerifyRequest,
 )
 from daemon.model.run_states import RunEvent, RunState
@@ -64,13 +63,11 @@ from daemon.runs.pose_sequence import FixedSequence, PoseSequence
 from daemon.runs.run_log import RunLog
 from daemon.runs.scan_run import ScanRun
 from daemon.runs.supervisor import RunPlan, RunResult, Supervisor
-from daemon.runs.touch_tests import TouchTests
 from daemon.runs.verification_run import VerificationRun, WithoutFirstView
 from daemon.runtime.clock import Clock
 from daemon.runtime.workers import Workers
 from daemon.scans.scan_service import ScanService
 from daemon.sessions.session_writer import SessionWriter
-from daemon.store.checks import CheckRecord
 from daemon.store.store import Store
 from drivers.interfaces import PoseReading
 
@@ -209,10 +206,6 @@ class Operations:
             return _run_plan(VERIFY_POSITIONS, make_sequence, session, run.drive)
 
         return await self._start("verify", request, prepare)
-
-    async def touch(self, request: TouchRequest, new_id: str) -> CheckRecord:
-        """Evaluate and store a touch test; see `TouchTests.evaluate`."""
-        return await TouchTests(self.store, self.cell, self.service_workers, self.clock).evaluate(request, new_id)
 
     async def scan(self, request: ScanRequest) -> tuple[ScanRecord, RunRecord | None]:
         """Create a scan; with poses or `capture` start a scan run. Raises as `calibrate`, and NoScanner."""

@@ -18,7 +18,7 @@ from daemon.model.run_states import RunState
 from daemon.runtime.clock import Clock
 from daemon.runtime.workers import Workers
 from daemon.store.actor import current_audit_context
-from daemon.store.checks import CheckRecord
+from daemon.store.documents import DocumentRecord
 from daemon.store.store import Store
 
 ORIGIN = "request body"
@@ -43,7 +43,7 @@ class TouchTests:
     workers: Workers
     clock: Clock
 
-    async def evaluate(self, request: TouchRequest, new_id: str) -> CheckRecord:
+    async def evaluate(self, request: TouchRequest, new_id: str) -> DocumentRecord:
         """Evaluate touches, a missing pose read from the standing arm, and store the result.
 
         Raises NotFound, NoCalibration, DocumentError, GeometryError, CellBusy, NotStill, DeviceError, StorageError.
@@ -64,7 +64,7 @@ class TouchTests:
         found = await self.workers.run(_evaluate, calibration, tip, touches, run, request.tolerance_mm)
         stored = StoredTouchTest(tip=tip, touches=touches, verification=verification, result=found)
         at, actor = self.clock.timestamp(), current_audit_context().actor
-        new = CheckRecord(new_id, calibration.id, at, actor, stored.model_dump_json())
+        new = DocumentRecord(new_id, calibration.id, at, actor, stored.model_dump_json())
         await self.store.touch_tests.save(new)
         return new
 

@@ -33,8 +33,8 @@ from daemon.store.access_keys import AccessKeys
 from daemon.store.actor import current_audit_context, record_change
 from daemon.store.audit_log import AuditLog
 from daemon.store.browser_sessions import BrowserSessions
-from daemon.store.checks import ACCEPTANCES, TOUCH_TESTS, Checks
 from daemon.store.consistency import StoreFault, find_fault
+from daemon.store.documents import ACCEPTANCES, RIGS, TOUCH_TESTS, Documents
 from daemon.store.event_log import StoredEvents
 from daemon.store.idempotency_keys import IdempotencyKeys
 from daemon.store.listings import SCAN_VIEWS, Listings, read_page
@@ -80,8 +80,9 @@ class Store:
         self.browser_sessions = BrowserSessions(self._database, self._opened.key_reader)
         self.audit = AuditLog(self._database)
         self.listings = Listings(self._opened.list_reader)
-        self.acceptances = Checks(ACCEPTANCES, self._database, self._opened.list_reader)
-        self.touch_tests = Checks(TOUCH_TESTS, self._database, self._opened.list_reader)
+        self.acceptances = Documents(ACCEPTANCES, self._database, self._opened.list_reader)
+        self.touch_tests = Documents(TOUCH_TESTS, self._database, self._opened.list_reader)
+        self.rigs = Documents(RIGS, self._database, self._opened.list_reader)
 
     async def close(self) -> None:
         await self._opened.list_reader.close()

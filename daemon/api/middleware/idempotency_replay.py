@@ -5,6 +5,7 @@ from collections.abc import Awaitable, Callable
 from pydantic import BaseModel
 
 from daemon.api.schemas.calibrations import AppliedDocument
+from daemon.api.schemas.rigs import StoredRig
 from daemon.api.schemas.runs import RunDocument
 from daemon.api.schemas.scans import ScanDocument, ScanViewDocument
 from daemon.api.schemas.touches import StoredTouch
@@ -56,6 +57,10 @@ async def _touch(app: Application, touch_id: str) -> Answer:
     return _json(201, stored, f"/touches/{touch_id}")
 
 
+async def _rig(app: Application, rig_id: str) -> Answer:
+    return _json(201, StoredRig.of_record(await app.store.rigs.get(rig_id)), f"/rigs/{rig_id}")
+
+
 _REBUILDERS: dict[str, Callable[[Application, str], Awaitable[Answer]]] = {
     "run": _run,
     "scan": _scan,
@@ -63,4 +68,5 @@ _REBUILDERS: dict[str, Callable[[Application, str], Awaitable[Answer]]] = {
     "apply": _apply,
     "acceptance": _acceptance,
     "touch": _touch,
+    "rig": _rig,
 }

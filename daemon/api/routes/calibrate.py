@@ -26,7 +26,7 @@ from daemon.errors import NoCalibration
 from daemon.model.requests import CalibrateRequest, VerifyRequest
 from daemon.scans.scanner_acceptance import AcceptanceDocument
 from daemon.store.actor import current_audit_context
-from daemon.store.checks import CheckRecord
+from daemon.store.documents import DocumentRecord
 from drivers.errors import DeviceError
 
 router = APIRouter(tags=["calibrate"])
@@ -110,7 +110,7 @@ async def verify(
             found = await app.scans.assess_scanner(body.scan_id, body.artefact)
         content, stored_id = found.model_dump_json(), app.new_id()
         at, actor = app.clock.timestamp(), current_audit_context().actor
-        await app.store.acceptances.save(CheckRecord(stored_id, body.scan_id, at, actor, content))
+        await app.store.acceptances.save(DocumentRecord(stored_id, body.scan_id, at, actor, content))
         return Response(content, headers={"Location": f"/acceptances/{stored_id}"}, media_type="application/json")
     return await answer_run_start(request, app, await app.operations.verify(body), wait)
 

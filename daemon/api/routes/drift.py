@@ -31,6 +31,6 @@ async def drift(
 ) -> Response:
     """The control chart: where the fixed target was seen by each verification, its limits, and what follows from it."""
     chart = await (app.drift.refresh() if calibration is None else app.drift.chart_of_earlier(calibration))
-    touched = await app.store.touch_tests.of_subject(chart.report.calibration_id, min(limit, MAX_TOUCH_TESTS))
+    touched = await app.store.touch_tests.about(chart.report.calibration_id, min(limit, MAX_TOUCH_TESTS))
     document = await app.service_workers.run(DriftDocument.of, chart, app.settings.drift, limit, touched)
     return respond(request, document, lambda: drift_text(document))

@@ -4,8 +4,10 @@ from typing import Annotated
 
 from fastapi import APIRouter, Query, Request, Response
 
+from calibration.errors import DocumentError, DocumentProblem
 from daemon.api.dependencies import App
 from daemon.api.problems import problem_responses
+from daemon.api.routes.rigs import sensors_of
 from daemon.api.streaming.cloud_request import (
     CLOUD_CONTENT,
     TAKES_A_CLOUD,
@@ -24,6 +26,7 @@ from registration.io.stream import CloudStream
 
 router = APIRouter(tags=["register"])
 
+Sensor = Annotated[str | None, Query(min_length=1, max_length=255, description="name of a sensor of the rig in force")]
 Which = Annotated[str, Query(max_length=64, description="'current', or a calibration's id")]
 
 
@@ -32,7 +35,7 @@ Which = Annotated[str, Query(max_length=64, description="'current', or a calibra
     response_class=Response,
     openapi_extra=TAKES_A_CLOUD,
     responses={200: {"description": "The cloud in the base frame, mm", "content": CLOUD_CONTENT},
-               **problem_responses(403, 404, 409, 413, 415, 502, 503, 504, 507)},
+               **problem_responses(403, 404, 409, 413, 415, 422, 502, 503, 504, 507)},
 )  # fmt: skip
 async def register(
     request: Request,
@@ -41,22 +44,29 @@ async def register(
     unit: UnitQuery = "mm",
     calibration: Which = "current",
     joints: JointsQuery = None,
+    scanner: Sensor = None,
 ) -> Response:
     """The cloud in the robot's base frame, in mm, in the format it came in, answered while it still comes in.
 
     Where the errors of the arm are in force the flange is where the arm as built has it: `Handeyed-Arm: as-built`. A
     given pose without `joints` gets them by inverse kinematics, with `Handeyed-Warning: pose-without-joints`.
+    With `scanner` by that sensor of the rig in force (POST /rigs), named by Handeyed-Rig, and the reported pose.
     """
     media_type = media_type_of(request)
-    used = await app.operations.with_arm(await app.operations.calibration(calibration))
-    at = await flange_pose_of(app, pose, joints)
-    base_T_scanner = app.scans.base_T_scanner(used, at)
+    if scanner is not None and calibration != "current":
+        problem = DocumentProblem("calibration", "a sensor of a rig needs none", "leave it out, or leave scanner out")
+        raise DocumentError("query", [problem])
+    if scanner is not None:
+        at = await flange_pose_of(app, pose, joints)
+        rig_id, base_T_scanner = await sensors_of(app).base_T_sensor(scanner, at.base_T_flange.transform())
+        named = {"Handeyed-Rig": rig_id}
+    else:
+        used = await app.operations.with_arm(await app.operations.calibration(calibration))
+        at = await flange_pose_of(app, pose, joints)
+        base_T_scanner = app.scans.base_T_scanner(used, at)
+        named = {"Handeyed-Calibration": used.document.id, **arm_headers(used, [at])}
     numbers = (*at.base_T_flange.translation_mm, *at.base_T_flange.quaternion_wxyz)
-    headers = {
-        "Handeyed-Calibration": used.document.id,
-        "Handeyed-Pose": ",".join(f"{x!r}" for x in numbers),
-        **arm_headers(used, [at]),
-    }
+    headers = {"Handeyed-Pose": ",".join(f"{x!r}" for x in numbers), **named}
     if media_type == LAZ:  # its index is at the end, so it cannot be streamed
         file, points = await app.scans.transform_cloud(body_chunks(request.receive), media_type, unit, base_T_scanner)
         app.metrics.registered_points += points

@@ -11,6 +11,7 @@ from daemon.api.problems import problem_responses
 from daemon.api.schemas.answer import page_json
 from daemon.api.schemas.touches import StoredTouch, TouchList
 from daemon.model.requests import TouchRequest
+from daemon.runs.touch_tests import TouchTests
 
 router = APIRouter(tags=["calibrate"])
 
@@ -24,7 +25,8 @@ router = APIRouter(tags=["calibrate"])
 async def touch(app: App, body: Annotated[TouchRequest, Depends(JsonBody(TouchRequest))]) -> Response:
     """Judge where an operator has brought a known tip to points that the camera saw: the misses, their uncertainty, the
     tolerance. Stored; Location says where. Never moves anything; 409 while a run is in progress and a pose is read."""
-    stored = StoredTouch.of_record(await app.operations.touch(body, app.new_id()))
+    tests = TouchTests(app.store, app.cell, app.service_workers, app.clock)
+    stored = StoredTouch.of_record(await tests.evaluate(body, app.new_id()))
     headers = {"Location": f"/touches/{stored.id}"}
     return Response(stored.model_dump_json(), 201, headers, media_type="application/json")
 

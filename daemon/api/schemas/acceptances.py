@@ -2,7 +2,7 @@
 
 from daemon.api.schemas.answer import Answer
 from daemon.scans.scanner_acceptance import AcceptanceDocument
-from daemon.store.checks import CheckRecord
+from daemon.store.documents import DocumentRecord
 
 
 class StoredAcceptance(Answer):
@@ -14,7 +14,7 @@ class StoredAcceptance(Answer):
     acceptance: AcceptanceDocument
 
     @classmethod
-    def of_record(cls, record: CheckRecord) -> "StoredAcceptance":
+    def of_record(cls, record: DocumentRecord) -> "StoredAcceptance":
         return cls(
             id=record.id, created_at=record.created_at, created_by=record.created_by,
             acceptance=AcceptanceDocument.model_validate_json(record.document),

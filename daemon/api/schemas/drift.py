@@ -8,7 +8,7 @@ from daemon.api.schemas.answer import EXAMPLE_AT, EXAMPLE_ID, Answer, example
 from daemon.config.settings import DriftSettings
 from daemon.drift.chart import DriftChart
 from daemon.runs.touch_tests import StoredTouchTest
-from daemon.store.checks import CheckRecord
+from daemon.store.documents import DocumentRecord
 
 
 class DriftRulesDocument(Answer):
@@ -46,7 +46,7 @@ class DriftTouchDocument(Answer):
     accepted: bool
 
     @classmethod
-    def of_record(cls, record: CheckRecord) -> "DriftTouchDocument":
+    def of_record(cls, record: DocumentRecord) -> "DriftTouchDocument":
         found = StoredTouchTest.model_validate_json(record.document).result
         worst = max(found.points, key=lambda point: point.length_mm)
         return cls(
@@ -89,7 +89,7 @@ class DriftDocument(Answer):
 
     @classmethod
     def of(
-        cls, chart: DriftChart, settings: DriftSettings, limit: int, touched: Sequence[CheckRecord] = ()
+        cls, chart: DriftChart, settings: DriftSettings, limit: int, touched: Sequence[DocumentRecord] = ()
     ) -> "DriftDocument":
         report = chart.report
         return cls(

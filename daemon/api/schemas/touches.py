@@ -5,7 +5,7 @@ from calibration.documents.touches import TouchesDocument
 from calibration.monitoring.touch_report import TouchTestDocument
 from daemon.api.schemas.answer import Answer
 from daemon.runs.touch_tests import StoredTouchTest
-from daemon.store.checks import CheckRecord
+from daemon.store.documents import DocumentRecord
 
 
 class StoredTouch(Answer):
@@ -20,7 +20,7 @@ class StoredTouch(Answer):
     result: TouchTestDocument
 
     @classmethod
-    def of_record(cls, record: CheckRecord) -> "StoredTouch":
+    def of_record(cls, record: DocumentRecord) -> "StoredTouch":
         stored = StoredTouchTest.model_validate_json(record.document)
         return cls(
             id=record.id, created_at=record.created_at, created_by=record.created_by,

@@ -17,6 +17,7 @@ from daemon.store.database import DATABASE_NAME
 from tests.daemon.calibrations import apply_calibration
 from tests.daemon.cell_under_test import Bench, serving, settings_for
 from tests.daemon.clouds import OCTETS, POSE, cloud
+from tests.daemon.rig_files import a_rig
 from tests.daemon.scans.scan_folders import a_scan
 from tests.support.waiting import LIMIT_S, eventually
 
@@ -136,8 +137,11 @@ async def filled(bench: Bench, folder: Path) -> dict[str, str]:
         database.executemany("INSERT INTO acceptances VALUES (?, ?, ?, ?, ?)", rows)
         rows = [(f"copy-{k}", "cal-1", run["created_at"], "local", a_touch_test()) for k in range(ROWS)]
         database.executemany("INSERT INTO touch_tests VALUES (?, ?, ?, ?, ?)", rows)
+        rows = [(f"copy-{k}", "eye-in-hand", run["created_at"], "local", json.dumps(a_rig())) for k in range(ROWS)]
+        database.executemany("INSERT INTO rigs VALUES (?, ?, ?, ?, ?)", rows)
     return {
-        "touch_id": "copy-0", "run_id": run["id"], "verification_id": verification, "k": "0", "scan_id": scan["id"],
+        "touch_id": "copy-0", "rig_id": "copy-0",
+        "run_id": run["id"], "verification_id": verification, "k": "0", "scan_id": scan["id"],
         "calibration_id": calibration, "acceptance_id": "copy-0", "export_format": "rapid", "code": "link-lost",
     }  # fmt: skip
 

@@ -1,0 +1,55 @@
+"""POST and GET /rigs: several cameras and scanners on one mount by name, as `handeyed solve --together` makes them."""
+
+from typing import Annotated
+
+from fastapi import APIRouter, Depends, Query, Response
+
+from calibration.documents.rig import RigDocument
+from daemon.api.dependencies import App, Before, Identifier, JsonBody, Limit, page_of, respond_page
+from daemon.api.problems import problem_responses
+from daemon.api.schemas.answer import page_json
+from daemon.api.schemas.rigs import RigList, StoredRig
+from daemon.application import Application
+from daemon.scans.rig_sensors import RigSensors
+
+router = APIRouter(prefix="/rigs", tags=["calibrations"])
+
+Despite = Annotated[bool, Query(description="also a rig that was not accepted")]
+
+
+def sensors_of(app: Application) -> RigSensors:
+    """The sensors of the rig in force."""
+    return RigSensors(app.store, app.clock, app.settings.camera.setup)
+
+
+@router.post(
+    "",
+    response_model=StoredRig,
+    status_code=201,
+    responses=problem_responses(400, 409, 413, 422, 429, 500, 507),
+)
+async def store_rig(
+    app: App, body: Annotated[RigDocument, Depends(JsonBody(RigDocument))], despite_verdict: Despite = False
+) -> Response:
+    """Store a rig.json, and put it in force: POST /register?scanner=NAME then uses the pose of that sensor."""
+    record = await sensors_of(app).save(body, app.new_id(), despite_verdict=despite_verdict)
+    stored = StoredRig.of_record(record)
+    headers = {"Location": f"/rigs/{stored.id}"}
+    return Response(stored.model_dump_json(), 201, headers, media_type="application/json")
+
+
+@router.get("", response_model=RigList)
+async def rigs(app: App, limit: Limit = 50, before: Before = None) -> Response:
+    """The rigs, newest first."""
+    page, following = page_of(await app.store.rigs.page(limit + 1, before), limit, "/rigs")
+
+    def as_json() -> bytes:
+        return page_json("rigs", (StoredRig.of_record(record).model_dump_json() for record in page), following)
+
+    return await respond_page(app, as_json)
+
+
+@router.get("/{rig_id}", response_model=StoredRig, responses=problem_responses(404))
+async def rig(app: App, rig_id: Identifier) -> StoredRig:
+    """One rig."""
+    return StoredRig.of_record(await app.store.rigs.get(rig_id))

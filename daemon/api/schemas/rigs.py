@@ -1,0 +1,28 @@
+"""Schemas of the stored rigs."""
+
+from calibration.documents.rig import RigDocument
+from daemon.api.schemas.answer import Answer
+from daemon.store.documents import DocumentRecord
+
+
+class StoredRig(Answer):
+    """A rig.json as it was stored. The newest one is in force."""
+
+    id: str
+    created_at: str
+    created_by: str
+    rig: RigDocument
+
+    @classmethod
+    def of_record(cls, record: DocumentRecord) -> "StoredRig":
+        return cls(
+            id=record.id, created_at=record.created_at, created_by=record.created_by,
+            rig=RigDocument.model_validate_json(record.document),
+        )  # fmt: skip
+
+
+class RigList(Answer):
+    """The newest first, which is in force; `next` asks for those before them."""
+
+    rigs: list[StoredRig]
+    next: str | None

@@ -1,0 +1,47 @@
+"""The sensors of the rig in force, by name."""
+
+from dataclasses import dataclass
+
+from calibration.documents.rig import RigDocument
+from calibration.problem import Setup
+from calibration.transforms import Array
+from daemon.errors import CalibrationUnusable, NotFound
+from daemon.runtime.clock import Clock
+from daemon.store.actor import current_audit_context
+from daemon.store.documents import DocumentRecord
+from daemon.store.store import Store
+
+
+@dataclass(frozen=True)
+class RigSensors:
+    """Stores rigs, the newest of which is in force, and gives their sensors' poses. `setup`: of the cell."""
+
+    store: Store
+    clock: Clock
+    setup: Setup
+
+    async def save(self, rig: RigDocument, new_id: str, *, despite_verdict: bool) -> DocumentRecord:
+        """Store a rig and put it in force. Raises CalibrationUnusable, StorageError."""
+        if rig.setup != self.setup:
+            what = f"the rig is {rig.setup}, but [camera] setup is {self.setup}"
+            raise CalibrationUnusable(what, "solve the sensors of this cell together")
+        if not (rig.verdict.accepted or despite_verdict):
+            errors = "; ".join(found.message for found in rig.verdict.findings if found.severity == "error")
+            fix = "solve it again as its findings advise, or store it all the same with ?despite_verdict=true"
+            raise CalibrationUnusable(f"the rig was not accepted: {errors or 'see its verdict'}", fix)
+        at, actor = self.clock.timestamp(), current_audit_context().actor
+        record = DocumentRecord(new_id, rig.setup, at, actor, rig.model_dump_json())
+        await self.store.rigs.save(record)
+        return record
+
+    async def base_T_sensor(self, name: str, base_T_flange: Array) -> tuple[str, Array]:
+        """Id of the rig in force, and the pose (4, 4) of one of its sensors. Raises NotFound, StorageError."""
+        newest = await self.store.rigs.about(self.setup, 1)
+        if not newest:
+            raise NotFound("no rig is in force", "store one with POST /rigs: 'handeyed solve A B --together' makes it")
+        rig = RigDocument.model_validate_json(newest[0].document)
+        poses = {sensor.name: sensor.mount_T_sensor for sensor in rig.sensors}
+        if name not in poses:
+            raise NotFound(f"the rig has no sensor {name!r}", f"choose one of {', '.join(poses)}")
+        mount_T_sensor = poses[name].transform()
+        return newest[0].id, base_T_flange @ mount_T_sensor if self.setup == "eye-in-hand" else mount_T_sensor

@@ -1,0 +1,72 @@
+"""The tables of stored documents: the scanner's acceptances, the touch tests, the rigs. None is ever changed."""
+
+import sqlite3
+from dataclasses import dataclass
+
+from daemon.errors import NotFound
+from daemon.store.actor import current_audit_context, record_change
+from daemon.store.database import Database
+from daemon.store.listings import read_page
+
+
+@dataclass(frozen=True)
+class DocumentKind:
+    """A table of documents: `noun` of one in the audit log, `column` that holds what it is about."""
+
+    table: str
+    noun: str
+    column: str
+
+
+ACCEPTANCES = DocumentKind("acceptances", "acceptance", "scan_id")
+TOUCH_TESTS = DocumentKind("touch_tests", "touch", "calibration_id")
+RIGS = DocumentKind("rigs", "rig", "setup")
+
+
+@dataclass(frozen=True)
+class DocumentRecord:
+    """One document, in JSON; `subject`: what it is about, the id of a scan or calibration, or a set-up."""
+
+    id: str
+    subject: str
+    created_at: str
+    created_by: str
+    document: str
+
+
+class Documents:
+    """Inserts and reads the documents of one kind. `reader`: a connection of its own for lists."""
+
+    def __init__(self, kind: DocumentKind, database: Database, reader: Database) -> None:
+        self._kind, self._database, self._reader = kind, database, reader
+        self._select = f"SELECT id, {kind.column}, created_at, created_by, document FROM {kind.table}"
+
+    async def save(self, record: DocumentRecord) -> None:
+        """Insert a document. Raises StorageError."""
+        context, kind = current_audit_context(), self._kind
+
+        def insert(db: sqlite3.Connection) -> None:
+            row = (record.id, record.subject, record.created_at, record.created_by, record.document)
+            db.execute(f"INSERT INTO {kind.table} VALUES (?, ?, ?, ?, ?)", row)
+            about = {kind.column.removesuffix("_id"): record.subject}
+            record_change(db, context, record.created_at, kind.noun, record.id, **about)
+
+        await self._database.write(insert)
+
+    async def page(self, limit: int, before: str | None) -> list[DocumentRecord]:
+        """Up to `limit` documents older than `before`, newest first. Raises CursorUnknown, StorageError."""
+        rows = await self._reader.read(lambda db: read_page(db, self._select, self._kind.table, limit, before))
+        return [DocumentRecord(*row) for row in rows]
+
+    async def about(self, subject: str, limit: int) -> list[DocumentRecord]:
+        """The latest `limit` documents about one subject, oldest first. Raises StorageError."""
+        query = f"{self._select} WHERE {self._kind.column} = ? ORDER BY rowid DESC LIMIT ?"
+        rows = await self._reader.read(lambda db: db.execute(query, (subject, limit)).fetchall())
+        return [DocumentRecord(*row) for row in rows[::-1]]
+
+    async def get(self, document_id: str) -> DocumentRecord:
+        """The document with this id. Raises NotFound, StorageError."""
+        row = await self._reader.read(lambda db: db.execute(f"{self._select} WHERE id = ?", (document_id,)).fetchone())
+        if row is None:
+            raise NotFound(f"there is no {self._kind.noun} {document_id!r}", "look into their list")
+        return DocumentRecord(*row)

@@ -1,0 +1,66 @@
+"""Several sensors by name: rig.json stored, and POST /register?scanner=NAME by the pose of one of them."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from calibration.documents.pose import PoseDocument
+from calibration.transforms import map_points
+from tests.daemon.calibrations import apply_calibration
+from tests.daemon.cell_under_test import Bench
+from tests.daemon.clouds import PLY, POSE, cloud
+from tests.daemon.fakes import FLANGE_T_CAMERA, ply_of, points_of
+from tests.daemon.rig_files import SCANNER, a_rig
+
+
+async def register(bench: Bench, **query: str) -> Any:
+    return await bench.client.post("/register", params={"pose": POSE, **query}, content=ply_of(CLOUD), headers=PLY)
+
+
+CLOUD = cloud(100)
+
+
+async def test_a_cloud_is_registered_by_the_sensor_that_took_it(bench: Bench) -> None:
+    stored = await bench.client.post("/rigs", json=a_rig(shift_mm=5.0))
+    assert stored.status_code == 201, stored.text
+    newest = await bench.client.post("/rigs", json=a_rig())
+    await apply_calibration(bench)
+    numbers = [float(number) for number in POSE.split(",")]
+    flange = PoseDocument(translation_mm=tuple(numbers[:3]), quaternion_wxyz=tuple(numbers[3:])).transform()
+    for name, pose in (("camera", FLANGE_T_CAMERA), ("scanner", SCANNER)):
+        answer = await register(bench, scanner=name)
+        assert answer.status_code == 200, answer.text
+        assert answer.headers["handeyed-rig"] == newest.json()["id"]
+        assert "handeyed-calibration" not in answer.headers
+        np.testing.assert_allclose(points_of(answer.content), map_points(flange @ pose, CLOUD), atol=1e-3)
+    assert "handeyed-rig" not in (await register(bench)).headers
+    assert (await bench.client.get(newest.headers["location"])).json() == newest.json()
+    listed = (await bench.client.get("/rigs")).json()
+    assert listed == {"rigs": [newest.json(), stored.json()], "next": None}
+
+
+@pytest.mark.parametrize(("rig", "says"), [
+    (a_rig(accepted=False), "U is 3 mm"), (a_rig(setup="eye-to-hand"), "[camera] setup is eye-in-hand"),
+])  # fmt: skip
+async def test_a_rig_that_must_not_be_used_is_refused(bench: Bench, rig: dict[str, Any], says: str) -> None:
+    answer = await bench.client.post("/rigs", json=rig)
+    assert (answer.status_code, answer.json()["code"]) == (409, "calibration-unusable")
+    assert says in answer.json()["detail"]
+    assert (await register(bench, scanner="scanner")).status_code == 404
+
+
+async def test_a_rejected_rig_is_stored_when_somebody_insists(bench: Bench) -> None:
+    params = {"despite_verdict": "true"}
+    assert (await bench.client.post("/rigs", json=a_rig(accepted=False), params=params)).status_code == 201
+
+
+async def test_a_sensor_that_is_not_there_is_named_with_those_that_are(bench: Bench) -> None:
+    none = await register(bench, scanner="scanner")
+    assert (none.status_code, none.json()["detail"]) == (404, "no rig is in force")
+    await bench.client.post("/rigs", json=a_rig())
+    other = await register(bench, scanner="profiler")
+    assert other.status_code == 404
+    assert "camera, scanner" in other.json()["fix"]
+    both = await register(bench, scanner="scanner", calibration="cal-1")
+    assert both.status_code == 422
