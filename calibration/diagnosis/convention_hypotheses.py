@@ -12,7 +12,7 @@ from calibration.diagnosis.evidence import Evidence
 from calibration.diagnosis.fit import Fit, fit
 from calibration.diagnosis.hypothesis import Hypothesis
 from calibration.diagnosis.orientation_readings import READINGS, likely_readings
-from calibration.diagnosis.significance import NoisePosterior
+from calibration.diagnosis.pose_errors import p_value_beside_all_errors
 from calibration.problem import Setup
 from calibration.sentences.sentence import Sentence
 from calibration.solver.target_scale_check import MIN_SCALE_ERROR
@@ -255,9 +255,14 @@ def _pitch(evidence: Evidence, factor: float) -> Hypothesis:
 
 
 def _size_p_value(scaled: Evidence, fitted: Fit, factor: float) -> float:
-    """Probability that a target of the described size appears as much larger or smaller."""
-    background = NoisePosterior.of(_with_size(scaled, fitted))
-    return background.p_value_of(np.log([factor]), np.eye(background.steps.shape[1])[-1:])
+    """Probability that a target of the described size appears as much larger or smaller.
+
+    An arm with longer links than drawn travels further than it reports, as beside a smaller target, so a part of its
+    errors that follow the pose counts as such a share of its travel.
+    """
+    with_size = _with_size(scaled, fitted)
+    size = np.eye(with_size.by_shared.shape[2])[-1:]
+    return p_value_beside_all_errors(scaled, with_size, np.log([factor]), size, is_size=True)
 
 
 def _with_size(scaled: Evidence, fitted: Fit) -> Fit:

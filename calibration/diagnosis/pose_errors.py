@@ -1,4 +1,4 @@
-"""p values of a change beside robot errors that follow the pose.
+"""p values of a change, or of another size of the target, beside robot errors that follow the pose.
 
 The errors of an arm's geometry are alike at neighbouring poses. Views in the order of their places then differ between
 the first and the last ones as if something had moved, which independent errors of the views do not explain. Here a
@@ -15,6 +15,7 @@ import scipy
 
 from calibration.diagnosis.evidence import Evidence
 from calibration.diagnosis.fit import MIN_VARIANCES, Fit
+from calibration.diagnosis.significance import NoisePosterior
 from calibration.kinematics.robot_accuracy import PRIOR_FACTOR, PRIOR_NOISE
 from calibration.linear_algebra import scaled_inverse_and_log_determinant, squared_distances
 from calibration.transforms import Array
@@ -28,6 +29,12 @@ SHARES = (0.5, 0.9, 0.99)
 LENGTHS = (0.7, 1.4)
 """Lengths of the process in RMS distances of the poses from their middle, alike probable."""
 
+MAX_SMALL_CHANCE = 1e-3
+"""A fault with a larger p value is not named, whatever the number of alternatives."""
+
+MAX_TRAVEL_SHARE = 1e-3
+"""Largest standard deviation of an arm's travel, as a share of it: links are a millimetre a metre off at most."""
+
 MIN_SPREAD = 1e-12
 """Of places or turns that are all the same."""
 
@@ -35,9 +42,29 @@ LEVELS = np.array([-1.0, 0.0, 1.0, 2.0])
 """Nodes for each level, in logarithms of a standard deviation over the fit's, which lacks what X takes up."""
 
 
-def p_value_beside_pose_errors(evidence: Evidence, fitted: Fit, value: Array, by_unknowns: Array) -> float:
+def p_value_beside_all_errors(
+    evidence: Evidence, fitted: Fit, value: Array, by_unknowns: Array, *, is_size: bool = False
+) -> float:
     """p value of `value` (d,), the fit's `by_unknowns` (d, p) @ shared unknowns, when the truth is zero.
 
+    `is_size`: the value is the logarithm of the target's size, which an arm with links of other lengths changes.
+
+    The larger one of that beside independent errors of the robot and, where those say it is small, of that beside
+    errors that follow the pose.
+    """
+    chance = NoisePosterior.of(fitted).p_value_of(value, by_unknowns)
+    if chance > MAX_SMALL_CHANCE:
+        return chance
+    by_travel = 1 / _mean_square_travel(evidence) if is_size else 0.0
+    return max(chance, p_value_beside_pose_errors(evidence, fitted, value, by_unknowns, by_travel))
+
+
+def p_value_beside_pose_errors(
+    evidence: Evidence, fitted: Fit, value: Array, by_unknowns: Array, by_travel: float
+) -> float:
+    """p value of `value` (d,), the fit's `by_unknowns` (d, p) @ shared unknowns, when the truth is zero.
+
+    `by_travel`: variance of the value by errors that follow the pose, over the robot's variance in mm², in 1/mm².
     0 where no covariance can be factored, of numbers that no cell has.
     """
     n, _, p = fitted.by_shared.shape
@@ -46,7 +73,7 @@ def p_value_beside_pose_errors(evidence: Evidence, fitted: Fit, value: Array, by
     logs = 0.5 * np.log(np.maximum(fitted.variances, MIN_VARIANCES)) + np.array(list(product(LEVELS, LEVELS)))
     stated = -0.5 * np.sum(((logs - np.log(PRIOR_NOISE.levels())) / np.log(PRIOR_FACTOR)) ** 2, axis=1)
     likely, chances = [], []
-    for prior, correlation in _correlations(evidence):
+    for follows, (prior, correlation) in enumerate(_correlations(evidence)):
         turned, shifted = (_by_robot(fitted.by_robot[:, :, part], correlation) for part in (slice(3), slice(3, 6)))
         for levels, known in zip(np.exp(2 * logs), stated, strict=True):
             covariance = by_images + levels[0] * turned + levels[1] * shifted
@@ -61,7 +88,9 @@ def p_value_beside_pose_errors(evidence: Evidence, fitted: Fit, value: Array, by
             square = white[:, p] @ white[:, p] + step @ gradient
             determinant = 2 * np.log(np.diagonal(root)).sum() + log_determinant
             likely.append(np.log(prior) + known - 0.5 * (determinant + square))
-            distance = squared_distances(value + by_unknowns @ step, by_unknowns @ shared @ by_unknowns.T)
+            alike = min(by_travel * levels[1], MAX_TRAVEL_SHARE**2) if follows else 0.0
+            spread = by_unknowns @ shared @ by_unknowns.T + alike * np.eye(len(value))
+            distance = squared_distances(value + by_unknowns @ step, spread)
             chances.append(scipy.special.chdtrc(len(value), distance))
     if not likely:
         return 0.0
@@ -80,6 +109,12 @@ def _correlations(evidence: Evidence) -> Iterator[tuple[float, Array]]:
     for share, length in product(SHARES, LENGTHS):
         alike = np.exp(-0.5 * apart / length**2)[:, None, :, None]
         yield PRIOR_PROBABILITY / (len(SHARES) * len(LENGTHS)), share * alike * along + (1 - share) * own
+
+
+def _mean_square_travel(evidence: Evidence) -> float:
+    """Mean squared distance of the flange's places from their middle, mm²."""
+    places = evidence.base_T_flange[:, :3, 3]
+    return max(float(np.mean(np.sum((places - places.mean(axis=0)) ** 2, axis=1))), MIN_SPREAD)
 
 
 def _squared_distances(evidence: Evidence) -> Array:

@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 from calibration.diagnosis.evidence import Evidence
 from calibration.diagnosis.fit import Fit, fits
 from calibration.diagnosis.hypothesis import Hypothesis
-from calibration.diagnosis.pose_errors import p_value_beside_pose_errors
-from calibration.diagnosis.significance import NoisePosterior
+from calibration.diagnosis.pose_errors import p_value_beside_all_errors
 from calibration.sentences.sentence import Sentence
 from calibration.transforms import Array, inverse, transform, vector_from_transform
 
@@ -33,10 +32,6 @@ MIN_VIEWS_PER_SIDE = 2
 
 MIN_VIEWS_FOR_CHANGE = 6
 """Least views for the 18 unknowns of a change."""
-
-
-MAX_SMALL_CHANCE = 1e-3
-"""A change with a larger p value is not named, whatever the number of alternatives."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -192,17 +187,10 @@ def y_change_p_value(evidence: Evidence, fitted: Fit) -> float:
 
 
 def _change_p_value(evidence: Evidence, fitted: Fit, poses: Array, first: int) -> float:
-    """p value of the change between `poses` (2, 4, 4); `first`: index of their first parameter among the unknowns.
-
-    The larger one of that beside independent errors of the robot and, where those say it is small, of that beside
-    errors that follow the pose.
-    """
+    """p value of the change between `poses` (2, 4, 4); `first`: index of their first parameter among the unknowns."""
     before, after = poses
     between = inverse(before) @ after
     step = vector_from_transform(between)
     by_unknowns = np.zeros((6, fitted.by_shared.shape[2]))
     by_unknowns[:, first : first + 6], by_unknowns[:, first + 6 : first + 12] = -np.eye(6), np.eye(6)
-    chance = NoisePosterior.of(fitted).p_value_of(step, by_unknowns)
-    if chance > MAX_SMALL_CHANCE:
-        return chance
-    return max(chance, p_value_beside_pose_errors(evidence, fitted, step, by_unknowns))
+    return p_value_beside_all_errors(evidence, fitted, step, by_unknowns)

@@ -1,4 +1,4 @@
-"""An arm whose errors follow its posture is no board that moved; a board that moved is still named beside them."""
+"""An arm whose errors follow its posture is no board that moved or of another size; those are named beside them."""
 
 from dataclasses import replace
 
@@ -53,3 +53,13 @@ def test_a_move_among_the_views_of_a_posture_is_named_beside_them(change: str, c
     )
     seen[5:] = moved @ seen[5:] if change == "camera" else seen[5:] @ moved
     assert named(evidence.with_camera_poses(seen)) == code
+
+
+@pytest.mark.parametrize("seed", [1, 10, 14])
+def test_links_of_other_lengths_are_no_other_pitch(seed: int) -> None:
+    assert named(two_postures(seed)) is None
+
+
+@pytest.mark.parametrize("factor", [0.97, 0.99, 1.01, 1.03])
+def test_another_pitch_is_named_beside_errors_of_the_arm(factor: float) -> None:
+    assert named(two_postures(14).scale_target(factor)) == "wrong-pitch"
