@@ -83,10 +83,14 @@ def evidence_of(problem: Problem, seen: Observations, camera: CameraModel, camer
     covariance = pixel**2 * scaled_inverse(statistics.normal)
     indices = np.array([problem.views[position].index for position in seen.positions], np.intp)
     redundancy = np.maximum(statistics.count - 6.0, 1.0)
-    joints = [joints for position in seen.positions if (joints := problem.views[position].joints_rad) is not None]
-    recorded = len(joints) == len(indices) and len({len(one) for one in joints}) == 1
-    joints_rad = np.array(joints) if recorded else None
+    joints_rad = recorded_joints(problem, seen.positions)
     return Evidence(problem.setup, indices, seen.base_T_flange, camera_T_target, covariance, redundancy, joints_rad)
+
+
+def recorded_joints(problem: Problem, positions: NDArray[np.intp]) -> Array | None:
+    """Joints (n, axes) of the views at `positions` (n,), rad; None where not every view has them."""
+    joints = [joints for position in positions if (joints := problem.views[position].joints_rad) is not None]
+    return np.array(joints) if len(joints) == len(positions) and len({len(one) for one in joints}) == 1 else None
 
 
 def pixel_deviation(statistics: PixelStatistics) -> float:

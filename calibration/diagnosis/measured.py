@@ -8,7 +8,7 @@ import numpy as np
 from calibration.diagnosis.angle_agreement import angles_between
 from calibration.diagnosis.convention_hypotheses import change_quaternion_order
 from calibration.diagnosis.diagnose import MIN_VIEWS, diagnose
-from calibration.diagnosis.evidence import Evidence
+from calibration.diagnosis.evidence import Evidence, recorded_joints
 from calibration.diagnosis.findings import diagnosis_findings
 from calibration.diagnosis.fit import fit
 from calibration.diagnosis.hypothesis import Hypothesis
@@ -39,7 +39,8 @@ def measured_evidence(problem: Problem, seen: MeasuredViews, covariance: Array, 
     covariance = about_camera @ covariance @ np.swapaxes(about_camera, 1, 2)
     indices = np.array([problem.views[position].index for position in seen.positions], np.intp)
     redundancy = np.full(len(seen), max(6.0 * len(seen) - 12, 1.0))
-    return Evidence(problem.setup, indices, seen.base_T_flange, poses, covariance, redundancy)
+    joints_rad = recorded_joints(problem, seen.positions)
+    return Evidence(problem.setup, indices, seen.base_T_flange, poses, covariance, redundancy, joints_rad)
 
 
 def measured_findings(

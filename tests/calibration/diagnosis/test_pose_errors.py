@@ -7,11 +7,14 @@ import pytest
 
 from calibration.diagnosis.diagnose import diagnose
 from calibration.diagnosis.evidence import Evidence
+from calibration.diagnosis.measured import measured_evidence
 from calibration.diagnosis.view_hypotheses import CHANGE_CODES
 from calibration.kinematics.abb_arms import find_arm
 from calibration.kinematics.arm_errors import Postures
+from calibration.observations.measured_poses import measured_views
 from calibration.transforms import inverse, rotation_from_vector, transform, transform_from_vector
 from mock_robot.arm.built_arm import build_arm
+from tests.simulated.measured_sessions import measured_cell, tracker
 
 VIEWS, CENTRE_MM = 16, np.array([75.0, 52.5, 0.0])
 SEEN = np.repeat([2e-5, 0.01], 3)
@@ -63,3 +66,14 @@ def test_links_of_other_lengths_are_no_other_pitch(seed: int) -> None:
 @pytest.mark.parametrize("factor", [0.97, 0.99, 1.01, 1.03])
 def test_another_pitch_is_named_beside_errors_of_the_arm(factor: float) -> None:
     assert named(two_postures(14).scale_target(factor)) == "wrong-pitch"
+
+
+def test_joints_of_views_that_measure_in_space_are_evidence() -> None:
+    problem = measured_cell(np.random.default_rng(3), 8, tracker()).problem
+    joints = np.arange(48.0).reshape(8, 6)
+    views = tuple(replace(view, joints_rad=one) for view, one in zip(problem.views, joints, strict=True))
+    for chosen, expected in ((views, joints), ((replace(views[0], joints_rad=None), *views[1:]), None)):
+        recorded = replace(problem, views=chosen)
+        seen, _ = measured_views(recorded)
+        found = measured_evidence(recorded, seen, np.tile(np.eye(6), (8, 1, 1))).joints_rad
+        np.testing.assert_array_equal(found, expected)
