@@ -18,10 +18,10 @@ pytestmark = pytest.mark.slow
 
 
 async def takes_a_view(ask: httpx.AsyncClient, run: dict[str, Any]) -> dict[str, Any]:
-    """As an operator does: again when it comes too early after the jog, which EGM still remembers."""
+    """As an operator does: again when it comes too early after the jog, or a busy machine brought too few samples."""
     async with asyncio.timeout(LIMIT_S):
-        while (answer := await ask.post(run["links"]["stations"])).status_code == 409:
-            assert answer.json()["code"] == "not-still"
+        while (answer := await ask.post(run["links"]["stations"])).status_code in (409, 504):
+            assert answer.json()["code"] in ("not-still", "device-timeout")
     assert answer.status_code == 200, answer.text
     taken: dict[str, Any] = answer.json()
     return taken
