@@ -111,7 +111,8 @@ async def longest_while(bench: Bench, path: str, url: str) -> float:
     if path.endswith("/surface"):
         query = {"view": 0, "voxel_mm": 1.0}
     answer = await bench.client.get(url, params=query)
-    assert answer.status_code in (200, 503), answer.text
+    absent = 404 if path.endswith("/arm") else 503  # the fake cell has no arm whose errors could be identified
+    assert answer.status_code in (200, 503, absent), answer.text
     await asyncio.sleep(2 * PERIOD_S)
     return monitor.longest().processor_s
 
