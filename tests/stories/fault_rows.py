@@ -101,7 +101,7 @@ ROWS = (
     _fails("robot-quaternion-xyzw", "elsewhere-than-sent", "says it stands at", "scalar part last"),
     _goes_on("robot-wrong-configuration", "nothing: each move names its own configuration"),
     _goes_on("robot-clock-jump", "nothing: the controller's clock is not relied on"),
-    _fails("camera-late", "device-timeout", "no answer in", "check that the device is on", DEVICE_S),
+    _fails("camera-late", "device-timeout", "no answer in 5 s", "check that the device is on", DEVICE_S),
     _goes_on("camera-away", "nothing: the request is repeated"),
     _fails("camera-repeated", "same-again", "the same picture again", "takes a new picture for each request"),
     _fails("camera-stale", "device-timeout", "older than asked for", "goes on taking pictures", DEVICE_S),

@@ -26,14 +26,14 @@ def test_the_page_of_faults_is_this_table() -> None:
 
 @pytest.mark.parametrize("row", ROWS, ids=lambda row: row.fault)
 async def test_what_a_fault_does(row: Row, tmp_path: Path) -> None:
-    limit_s = 20.0 if row.code == "device-timeout" else LIMIT_S
+    late = row.code == "device-timeout"
     async with plant(
         tmp_path,
         time_scale=40,
         truth=small_pictures(7),
         serial=row.serial,
-        camera={"limit_s": limit_s},
-        scanner={"limit_s": limit_s},
+        camera={"limit_s": 5.0 if late and row.job == "calibrate" else LIMIT_S},
+        scanner={"limit_s": 20.0 if late else LIMIT_S},
     ) as story:
         ended = await _struck_by(row, story)
         _told_as_the_row_says(row, ended)
