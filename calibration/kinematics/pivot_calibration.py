@@ -21,6 +21,7 @@ import scipy
 from numpy.typing import NDArray
 
 from calibration.errors import GeometryError, UndeterminedError
+from calibration.sentences.sentence import Sentence
 from calibration.transforms import Array
 
 MIN_POSES = 4
@@ -79,9 +80,10 @@ def calibrate_tip(base_T_flange: Array) -> TipCalibration:
         raise GeometryError("a pose has a number that is not finite")
     if len(poses) < MIN_POSES:
         raise UndeterminedError(
-            "tip-too-few-poses", f"{len(poses)} poses do not show how well the tip is known",
-            f"give {MIN_POSES} or more, in all of which the tip touches one fixed point",
-        )  # fmt: skip
+            "tip-too-few-poses",
+            Sentence("tip-few-poses", poses=len(poses)),
+            Sentence("give-tip-poses", least=MIN_POSES),
+        )
     _require_turns(poses[:, :3, :3])
     used = np.ones(len(poses), bool)
     used[_outliers(poses)] = False
@@ -108,9 +110,8 @@ def _require_turns(rotations: Array) -> None:
     if effects[0] < MIN_TURN:
         along = ", ".join(f"{value:+.2f}" for value in directions[:, 0])
         raise UndeterminedError(
-            "tip-turns-too-little", f"the poses turn too little to show the tip along ({along}) of the flange's axes",
-            "turn the flange by 30 degrees or more about two axes between the poses, the tip always at the point",
-        )  # fmt: skip
+            "tip-turns-too-little", Sentence("tip-unturned", along=along), Sentence("turn-about-tip")
+        )
 
 
 @dataclass(frozen=True, eq=False)

@@ -139,6 +139,11 @@ FINDINGS = {
     "profiler-clock-offset": "clock offset",
     "profiler-sweeps": "{sweeps} sweeps show their sphere or plane",
     "profiler-ambiguous": "two solutions {off_deg:.0f} degrees apart fit the sweeps alike",
+    "tip-few-poses": "{poses} poses do not show how well the tip is known",
+    "tip-unturned": "the poses turn too little to show the tip along ({along}) of the flange's axes",
+    "give-tip-poses": "give {least} or more, in all of which the tip touches one fixed point",
+    "turn-about-tip": "turn the flange by 30 degrees or more about two axes between the poses, the tip always at the"
+    " point",
     "part-views": "{views} views of the part",
     "no-overlap": "no two views overlap",
     "surfaces-leave-rotation": "the overlapping surfaces and the robot's motions do not fix X's rotation",

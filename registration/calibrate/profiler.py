@@ -80,8 +80,7 @@ def solve_sweeps(
 ) -> ProfilerSolution:
     """X, clock offset, surfaces and noise from the points found. Raises UndeterminedError, PathGap."""
     if len(sweeps) < MIN_SWEEPS:
-        what = Sentence("profiler-sweeps", sweeps=len(sweeps))
-        raise UndeterminedError("too-few-sweeps", what, FIX)
+        raise UndeterminedError("too-few-sweeps", Sentence("profiler-sweeps", sweeps=len(sweeps)), FIX)
     answer = refine(ProfilerProblem(sweeps), find_start(points, sweeps, radii_mm, rough))
     for sweep in sweeps:
         sweep.path.at(sweep.times_s + answer.estimate.clock_offset_s, MAX_GAP_S)

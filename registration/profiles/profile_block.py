@@ -62,10 +62,10 @@ class ProfileBlock:
         Float32 arithmetic loses less than float32 storage within 20 m. Columns are computed one by one: NumPy handles
         rows of three many times more slowly.
         """
-        x, z = (np.asarray(values, np.float32) for values in (self.x_mm, self.z_mm))
-        rows = base_T_profiler[:, :3].astype(np.float32)
-        planes, along_z = np.empty((3, *z.shape), np.float32), np.empty(z.shape, np.float32)
         with np.errstate(invalid="ignore", over="ignore"):
+            x, z = (np.asarray(values, np.float32) for values in (self.x_mm, self.z_mm))
+            rows = base_T_profiler[:, :3].astype(np.float32)
+            planes, along_z = np.empty((3, *z.shape), np.float32), np.empty(z.shape, np.float32)
             for axis in range(3):
                 np.multiply(x, rows[:, axis, 0, None], out=planes[axis])
                 planes[axis] += np.multiply(z, rows[:, axis, 2, None], out=along_z)

@@ -39,6 +39,7 @@ OPERATIONS = [
 ENDLESS = ("/events", "/live")
 
 
+@pytest.mark.slow
 async def test_every_route_with_every_role_over_a_session(tmp_path: Path) -> None:
     """As with keys: a session has the role of its key, and none of one that is not valid."""
     async with with_keys(tmp_path) as (bench, keys):
@@ -63,6 +64,7 @@ async def test_every_route_with_every_role_over_a_session(tmp_path: Path) -> Non
         assert not bench.robot.goals
 
 
+@pytest.mark.slow
 async def test_every_route_with_every_role(tmp_path: Path) -> None:
     """Bodies that no route takes: what is let in is refused for its body or its path, never for its key."""
     async with with_keys(tmp_path) as (bench, keys):

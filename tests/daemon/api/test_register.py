@@ -79,6 +79,7 @@ async def test_a_client_that_reads_while_it_sends_gets_the_first_points_before_i
     np.testing.assert_allclose(moved, in_base(cloud(2_000_000)), atol=2e-3)
 
 
+@pytest.mark.slow
 async def test_a_client_that_never_reads_its_answer_is_cut_off_and_leaves_nothing(tmp_path: Path) -> None:
     """All of it is taken; what memory does not hold waits in a file; then nothing moves, and the connection ends."""
     impatient = ConnectionLimiter(HttpLimits(idle_s=5.0))

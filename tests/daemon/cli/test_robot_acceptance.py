@@ -111,6 +111,7 @@ def test_every_fault_has_its_row() -> None:
     assert set(LINK) | set(OTHERS) | ELSEWHERE == set(FAULTS)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("fault", "row"), sorted({**LINK, **OTHERS}.items()))
 def test_a_fault_fails_its_row(cell: RwsCell, fault: str, row: str) -> None:
     cell.does(lambda: cell.cell.inject_fault(fault, after_moves=int(fault in LATE)))

@@ -105,6 +105,7 @@ def test_egm_is_asked_for_only_when_it_is_wanted(shared_cell: RwsCell) -> None:
         without()(shared_cell)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("version", [1, 2])
 def test_a_bare_controller_is_set_up_read_back_and_undone(version: int, tmp_path: Path) -> None:
     with rws_cell_apart() as cell:
@@ -167,6 +168,7 @@ def test_a_refusal_on_the_way_is_named_and_the_rest_goes_on(tmp_path: Path) -> N
         assert "ok    load EIO.cfg" in done.out
 
 
+@pytest.mark.slow
 def test_settings_in_use_are_set_and_read_back(tmp_path: Path) -> None:
     with rws_cell_apart(program="rapid") as cell:
         done = run(

@@ -29,6 +29,7 @@ def written(html: str = HTML) -> bytes:
         pytest.skip("Pango is not here (Debian: libpango-1.0-0, libpangoft2-1.0-0)")
 
 
+@pytest.mark.slow
 def test_the_same_report_gives_the_same_bytes() -> None:
     assert written() == written()
 

@@ -131,6 +131,7 @@ async def test_what_an_engineer_needs_is_inside(tmp_path: Path) -> None:
     assert "no answer" in found["daemon-health.txt"]
 
 
+@pytest.mark.slow
 def test_another_program_at_the_daemons_port_does_not_fill_the_bundle(tmp_path: Path) -> None:
     bomb = gzip.compress(bytes(60_000_000))
     with http_device(Answer(bomb, headers={"Content-Encoding": "gzip"})) as device:

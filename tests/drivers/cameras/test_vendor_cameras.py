@@ -187,6 +187,7 @@ async def test_a_gige_vision_camera_that_is_unplugged_and_comes_back():
                 vendor_cameras.stop(again)
 
 
+@pytest.mark.slow
 async def test_a_gige_vision_camera_that_another_program_controls():
     with gigabit_camera():
         library = AravisLibrary(SERIAL)
