@@ -145,6 +145,8 @@ class PlannedPoseDocument(Document):
 class PlannedDocument(Document):
     """The answer."""
 
+    heading = "plannedjson"
+
     poses: list[PlannedPoseDocument]
     predicted: PredictedDocument
 

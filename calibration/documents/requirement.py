@@ -93,6 +93,8 @@ class PointsDocument(Document):
 class PointsFile(PointsDocument):
     """The file of `solve --at`."""
 
+    heading = "pointsjson"
+
     schema_version: Literal[1]
 
 

@@ -40,6 +40,8 @@ class TipDocument(Document):
     `placing_sigma_mm`: of bringing the tip to a point once, per axis, with the robot's error.
     """
 
+    heading = "tipjson"
+
     schema_version: Literal[1] = 1
     flange_tip_mm: Vector
     covariance: Covariance

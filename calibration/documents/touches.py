@@ -45,6 +45,8 @@ class TouchesDocument(Document):
     """The whole of touches.json. `placing_sigma_mm`: of bringing the tip to a point, per axis, without the robot's
     error; by default what the tip's calibration shows."""
 
+    heading = "touchesjson"
+
     schema_version: Literal[1] = 1
     placing_sigma_mm: Sigma | None = None
     touches: Annotated[tuple[TouchDocument, ...], Field(min_length=1, max_length=100)]

@@ -14,6 +14,10 @@ class SchemaName(StrEnum):
     SCAN = "scan"
     PROFILES = "profiles"
     PLAN = "plan"
+    PLANNED = "planned"
+    POINTS = "points"
+    TIP = "tip"
+    TOUCHES = "touches"
     CALIBRATION = "calibration"
     ARM = "arm"
     RIG = "rig"
@@ -21,7 +25,7 @@ class SchemaName(StrEnum):
 
 
 def schema(name: Annotated[SchemaName, typer.Argument(metavar="|".join(SchemaName))]) -> None:
-    """Print the JSON Schema of a file: session.json, scan.json, profiles.json, plan.json, and what is written."""
+    """Print the JSON Schema of a file: session.json, scan.json, plan.json, ..., and what is written."""
     from daemon.tools.file_schemas.schemas import schema_of
 
     typer.echo(json.dumps(schema_of(name.value), indent=1))

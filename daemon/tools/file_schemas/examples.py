@@ -55,6 +55,30 @@ PROFILES: dict[str, Any] = {
     ],
 }
 
+POINTS: dict[str, Any] = {
+    "schema_version": 1,
+    "box_mm": [[800.0, -200.0, 0.0], [1200.0, 200.0, 150.0]],
+    "points": [{"name": "hole 1", "position_mm": [1000.0, 0.0, 120.0]}],
+}
+
+TIP: dict[str, Any] = {
+    "flange_tip_mm": [0.0, 0.0, 180.2],
+    "covariance": [[0.01, 0.0, 0.0], [0.0, 0.01, 0.0], [0.0, 0.0, 0.01]],
+    "placing_sigma_mm": 0.1,
+}
+
+TOUCHES: dict[str, Any] = {
+    "schema_version": 1,
+    "touches": [
+        {"id": 0, "base_T_flange": _pose(905.1, 48.2, 279.9, 0.0, 1.0, 0.0, 0.0)},
+        {
+            "name": "hole 4", "camera_mm": [31.2, -40.5, 512.0], "sigma_mm": 0.05,
+            "seen_from": _pose(880.0, 20.5, 690.0, 0.0, 0.98, 0.2, 0.0),
+            "base_T_flange": _pose(931.7, 12.9, 276.3, 0.0, 1.0, 0.0, 0.0), "miss_mm": [0.0, 0.0, -0.3],
+        },
+    ],
+}  # fmt: skip
+
 PLAN: dict[str, Any] = {
     "schema_version": 1,
     "target": TARGET,

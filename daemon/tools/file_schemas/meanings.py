@@ -3,6 +3,35 @@
 from collections.abc import Mapping
 
 MEANINGS: Mapping[str, str] = {
+    # planned.json
+    "PlannedDocument.poses": "The poses to take, in their order.",
+    "PlannedDocument.predicted": "What these poses will tell of X.",
+    "target_in_view": "Share of the target's points that should be in the image, 0 to 1.",
+    "PredictedDocument.point_mm": "One standard deviation of a mapped point, mm, RMS over the points that matter.",
+    "PredictedDocument.expanded_mm": "U (k = 2) at the worst of the points that matter, mm; null where undetermined.",
+    "PredictedDocument.worst_point": "The name of that point.",
+    "PredictedDocument.translation_mm": "One standard deviation of X's translation along its axes, mm.",
+    "PredictedDocument.rotation_deg": "One standard deviation of X's rotation about its axes, degrees.",
+    # points.json
+    "PointsFile.points": "Named points at which U counts.",
+    # tip.json
+    "flange_tip_mm": "The tip in the flange's frame, mm.",
+    "TipDocument.covariance": "3 x 3 of flange_tip_mm, mm².",
+    "TipDocument.placing_sigma_mm": "Of bringing the tip to a point once, per axis, with the robot's error, mm.",
+    "TipDocument.expanded_mm": "U (k = 2) of the tip over three axes, mm.",
+    "base_point_mm": "The fixed point in the base, mm.",
+    "TipDocument.poses": "The poses that it was calibrated from.",
+    "TipPoseDocument.name": "Name or number of the pose.",
+    "TipPoseDocument.used": "false for an outlier, which was left out.",
+    "base_residual_mm": "Where the pose puts the tip less the fixed point, in the base, mm.",
+    # touches.json
+    "TouchesDocument.placing_sigma_mm": "Of bringing the tip to a point once, per axis, without the robot's error, mm.",
+    "TouchesDocument.touches": "The points, each with the pose in which the tip touched it.",
+    "TouchDocument.id": "Of the target's point, where the camera looked at the target.",
+    "TouchDocument.sigma_mm": "Standard deviation of camera_mm per axis, mm.",
+    "seen_from": "base_T_flange when the camera saw the point; without it for a camera beside the robot.",
+    "TouchDocument.base_T_flange": "The flange in the base (wobj0) when the tip touched the point.",
+    "TouchDocument.miss_mm": "Where the point is less where the tip stands, along the base's axes, mm.",
     # rig.json
     "RigDocument.mount": "Frame that carries the sensors.",
     "sensors": "The sensors, in the order of the command's folders.",

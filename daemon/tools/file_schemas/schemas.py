@@ -9,10 +9,13 @@ from pydantic import BaseModel
 
 from calibration.documents.arm import ArmErrorsDocument
 from calibration.documents.calibration import CalibrationDocument
-from calibration.documents.plan import PlanDocument
+from calibration.documents.plan import PlanDocument, PlannedDocument
+from calibration.documents.requirement import PointsFile
 from calibration.documents.rig import RigDocument
 from calibration.documents.session import SessionDocument
-from daemon.tools.file_schemas.examples import PLAN, PROFILES, SCAN, SESSION
+from calibration.documents.tip import TipDocument
+from calibration.documents.touches import TouchesDocument
+from daemon.tools.file_schemas.examples import PLAN, POINTS, PROFILES, SCAN, SESSION, TIP, TOUCHES
 from daemon.tools.file_schemas.meanings import MEANINGS
 from registration.documents import ProfilesDocument, RegistrationReportDocument, ScanDocument
 
@@ -33,6 +36,10 @@ FILES: Mapping[str, FileKind] = MappingProxyType({
     "scan": FileKind(ScanDocument, "validation", SCAN),
     "profiles": FileKind(ProfilesDocument, "validation", PROFILES),
     "plan": FileKind(PlanDocument, "validation", PLAN),
+    "planned": FileKind(PlannedDocument, "serialization"),
+    "points": FileKind(PointsFile, "validation", POINTS),
+    "tip": FileKind(TipDocument, "validation", TIP),
+    "touches": FileKind(TouchesDocument, "validation", TOUCHES),
     "calibration": FileKind(CalibrationDocument, "serialization"),
     "arm": FileKind(ArmErrorsDocument, "serialization"),
     "rig": FileKind(RigDocument, "serialization"),

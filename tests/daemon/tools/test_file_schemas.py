@@ -75,7 +75,7 @@ def test_the_examples_run(tmp_path: Path) -> None:
     jsonschema_rs.validator_for(schema_of("report")).validate(json.loads(registered.out))
 
 
-@pytest.mark.parametrize("name", ["scan", "plan"])
+@pytest.mark.parametrize("name", ["scan", "plan", "points", "tip"])
 def test_the_example_that_runs_stands_in_formats_md(name: str) -> None:
     _, _, below = (DOCS / "formats.md").read_text(encoding="utf-8").partition(f"### {name}.json\n")
     shown = below.partition("\n### ")[0].partition("```json\n")[2].partition("```")[0]
