@@ -47,8 +47,8 @@ class CalibrationWithArm:
     def base_T_flange(self, reported: Sequence[Array], joints_rad: Sequence[Array | None]) -> Array:
         """Poses (n, 4, 4) of the flange: as reported (4, 4) of an arm as drawn, else of the arm as built at its joints.
 
-        Poses without joints get theirs by the drawing's inverse kinematics. Raises JointsDisagree for joints that are
-        not those of the poses, UnreachablePoseError.
+        Poses without joints get theirs by the drawing's inverse kinematics. Raises JointsDisagree for joints of any
+        view that are not those of its pose, UnreachablePoseError.
         """
         if self.arm is None:
             return np.array(reported)
@@ -59,7 +59,9 @@ class CalibrationWithArm:
                 for pose, known in zip(reported, joints_rad, strict=True)
             ]
         )
-        require_consistent_joints(drawing, joints, np.array(reported))
+        for row, known in enumerate(joints_rad):
+            if known is not None:
+                require_consistent_joints(drawing, joints[row : row + 1], np.array(reported[row : row + 1]))
         return self.arm.base_T_flange(joints)
 
     def correct(self, problem: Problem) -> Problem:

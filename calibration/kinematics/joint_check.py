@@ -22,6 +22,8 @@ LEVER_MM = 500.0
 """A difference of rotation counts as that of a point so far from the flange."""
 
 MAX_TRIED_VIEWS = 12
+MIN_FRAME_VIEWS = 3
+"""Any single view has some constant transform between its pose and its joints: fewer show no other frame."""
 _SHIFTS_DEG = (90.0, -90.0, 180.0)
 
 
@@ -68,7 +70,8 @@ def _likely_mistake(arm: Arm, joints: Array, poses: Array, others: Mapping[str, 
     drawn = arm.forward(joints)
     before, behind = poses @ inverse(drawn), inverse(drawn) @ poses
     for constant, where in ((before, "in a work object"), (behind, "of a tool")):
-        if _distance_mm(constant, np.broadcast_to(constant[:1], constant.shape)) <= MAX_OFF_MM:
+        same = _distance_mm(constant, np.broadcast_to(constant[:1], constant.shape)) <= MAX_OFF_MM
+        if same and len(poses) >= MIN_FRAME_VIEWS:
             return JointMistake(
                 "poses-in-another-frame",
                 f"the poses are {where}, not of the flange in the base",

@@ -5,7 +5,6 @@ import json
 import logging
 import threading
 from collections.abc import AsyncIterator, Callable
-from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -13,6 +12,7 @@ from typing import Any
 
 from calibration.documents.calibration import CalibrationDocument
 from calibration.documents.calibration_with_arm import CalibrationWithArm
+from calibration.errors import CalibrationError
 from calibration.transforms import Array
 from daemon.config.settings import ScannerSettings
 from daemon.errors import CalibrationUnusable, NoCalibration, ScanEmpty, StorageError
@@ -188,20 +188,28 @@ class ScanService:
         """Raises ScanEmpty, NotFound, and as `CalibrationWithArm.base_T_flange`."""
         rows = await self._views(scan_id)
         folder, joints = self.store.scan_folder(scan_id), [row.pose.joints_rad for row in rows]
-        poses = calibration.base_T_flange([row.base_T_flange.transform() for row in rows], joints)
+        reported = [row.base_T_flange.transform() for row in rows]
+        poses = await self.workers.run(calibration.base_T_flange, reported, joints)
         views = [ScanView(folder / row.file, row.unit, pose) for row, pose in zip(rows, poses, strict=True)]
         flange_T_scanner = self.flange_T_scanner(calibration.document)
         findings = tuple(calibration.findings(joints))
         return RegistrationRequest(scan_id, views, calibration.document, flange_T_scanner, refine, findings)
 
     async def _start_refinement(self, scan_id: str) -> None:
-        """Start a refined registration with the calibration in force; do nothing without one."""
-        with suppress(NoCalibration):
+        """Start a refined registration with the calibration in force; do nothing without one.
+
+        The view that asks for it is stored: poses that are refused are only logged, and again by the scan's report.
+        """
+        try:
             _, current = await self.store.current()
             if current.document.flange_T_camera is not None:
                 calibration = CalibrationWithArm.of(current.document, await self.store.arm(current.id))
                 wanted = await self._registration_request(scan_id, calibration, refine=True)
                 self.registration_jobs.start(wanted, only_if_free=False)
+        except NoCalibration:
+            return
+        except CalibrationError as error:
+            log.warning("scan %s is not refined: %s", scan_id, error)
 
     def base_T_scanner(self, calibration: CalibrationWithArm, pose: FlangePose) -> Array:
         """The scanner's pose (4, 4) in mm; one beside the robot stands wherever the flange is.

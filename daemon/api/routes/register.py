@@ -63,7 +63,7 @@ async def register(
     else:
         used = await app.operations.with_arm(await app.operations.calibration(calibration))
         at = await flange_pose_of(app, pose, joints)
-        base_T_scanner = app.scans.base_T_scanner(used, at)
+        base_T_scanner = await app.service_workers.run(app.scans.base_T_scanner, used, at)
         named = {"Handeyed-Calibration": used.document.id, **arm_headers(used, [at])}
     numbers = (*at.base_T_flange.translation_mm, *at.base_T_flange.quaternion_wxyz)
     headers = {"Handeyed-Pose": ",".join(f"{x!r}" for x in numbers), **named}

@@ -206,11 +206,11 @@ async def cloud(
         if found is None:
             return _in_progress(scan_id, refine)
     clouds = await app.scans.clouds(scan_id, used, found)
+    poses = [row.pose for row in await app.store.scan_views(scan_id)][: len(clouds)]
     if view is not None:
-        clouds = [_one_of(clouds, view, scan_id)]
+        clouds, poses = [_one_of(clouds, view, scan_id)], poses[view : view + 1]
     document = used.document
     merged = await app.scans.merge_views(scan_id, clouds, document.id, ANSWER_SUFFIXES[media_type], merge)
-    poses = [row.pose for row in await app.store.scan_views(scan_id)]
     headers = {"Handeyed-Calibration": document.id, "Handeyed-Frame": "base", "Vary": "Accept"}
     headers |= arm_headers(used, poses)
     if media_type != JSON:

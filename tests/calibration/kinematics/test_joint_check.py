@@ -40,6 +40,12 @@ def test_a_mistake_is_named(joints: Array, poses: Array, code: str, words: str) 
     assert raised.value.mistake.code == code
 
 
+def test_a_single_view_shows_no_other_frame() -> None:
+    with pytest.raises(JointsDisagree) as raised:
+        require_consistent_joints(ARM, JOINTS[:1] + np.radians([3, 7, 11, 13, 17, 19]), POSES[:1])
+    assert raised.value.mistake.code == "joints-contradict-poses"
+
+
 def test_joints_of_the_arm_pass_even_with_corrections_of_a_millimetre() -> None:
     require_consistent_joints(ARM, JOINTS, POSES, ARMS)
     require_consistent_joints(ARM, JOINTS, POSES @ transform(np.eye(3), np.array([0.6, 0.6, 0.6])), ARMS)
