@@ -41,6 +41,12 @@ def _require_printable(name: str) -> str:
     return name
 
 
+def _require_printable_names(touches: tuple[TouchDocument, ...]) -> tuple[TouchDocument, ...]:
+    for touch in touches:
+        _require_printable(touch.name or "")
+    return touches
+
+
 def _validate_applied_by(name: str) -> str:
     if imitates_actor(name) or not name.isprintable():
         raise ValueError("the audit log calls another actor so; choose another")
@@ -133,7 +139,9 @@ class TouchRequest(Document):
     tip: TipDocument | None = None
     verification: Annotated[str, Field(min_length=1, max_length=64)] | None = None
     adds_to: Annotated[str, Field(min_length=1, max_length=64)] | None = None
-    touches: Annotated[tuple[TouchDocument, ...], Field(min_length=1, max_length=100)]
+    touches: Annotated[
+        tuple[TouchDocument, ...], Field(min_length=1, max_length=100), AfterValidator(_require_printable_names)
+    ]
     placing_sigma_mm: Sigma | None = None
     tolerance_mm: Tolerance | None = None
 
@@ -174,7 +182,7 @@ class JogRequest(Document):
     frame: Literal["base", "flange"] = "base"
     shift_mm: Vector | None = None
     turn_deg: Vector | None = None
-    speed_mm_s: Annotated[float, Field(gt=0, le=250)] | None = None
+    speed_mm_s: Annotated[float, Field(ge=1, le=250)] | None = None
 
     @model_validator(mode="after")
     def _check_one_move(self) -> "JogRequest":

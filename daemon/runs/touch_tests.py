@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from calibration.documents.calibration import CalibrationDocument
+from calibration.documents.calibration_with_arm import CalibrationWithArm
 from calibration.documents.pose import PoseDocument
 from calibration.documents.tip import TipDocument
 from calibration.documents.touches import TouchesDocument
@@ -57,11 +58,15 @@ class TouchTests:
             raise _refusal("tip", "missing", "add it: that of 'handeyed tip'")
         if earlier is not None and tip != earlier.tip:
             raise _refusal("tip", "another than that of the test to be added to", "leave it out, or begin a new test")
+        if earlier is not None and request.verification not in (None, earlier.verification):
+            raise _refusal("verification", "another than that of the test to be added to", "begin a new test")
         verification = request.verification or (None if earlier is None else earlier.verification)
         run = None if verification is None else await self._verification(verification)
         calibration = await self._calibration(run, earlier)
         touches = await self._with_poses(request, earlier)
-        found = await self.workers.run(_evaluate, calibration, tip, touches, run, request.tolerance_mm)
+        given = CalibrationWithArm.of(calibration, await self.store.arm(calibration.id))
+        tolerance_mm = request.tolerance_mm or (None if earlier is None else earlier.result.tolerance_mm)
+        found = await self.workers.run(_evaluate, given, tip, touches, run, tolerance_mm)
         stored = StoredTouchTest(tip=tip, touches=touches, verification=verification, result=found)
         at, actor = self.clock.timestamp(), current_audit_context().actor
         new = DocumentRecord(new_id, calibration.id, at, actor, stored.model_dump_json())
@@ -109,14 +114,29 @@ def _refusal(place: str, what: str, fix: str) -> DocumentError:
 
 
 def _evaluate(
-    calibration: CalibrationDocument,
+    given: CalibrationWithArm,
     tip: TipDocument,
     touches: TouchesDocument,
     run: RunRecord | None,
     tolerance_mm: float | None,
 ) -> TouchTestDocument:
-    seen = {} if run is None else _seen_by(run, calibration)
-    return touch_test(calibration, tip, touches, seen, tolerance_mm, ORIGIN)
+    """The test, where the arm's errors are in force by the arm as built, as the verification has seen the points."""
+    seen = {} if run is None else _seen_by(run, given.document)
+    return touch_test(given.document, tip, _as_built(given, touches), seen, tolerance_mm, ORIGIN)
+
+
+def _as_built(given: CalibrationWithArm, touches: TouchesDocument) -> TouchesDocument:
+    if given.arm is None:
+        return touches
+
+    def placed(pose: PoseDocument | None) -> PoseDocument | None:
+        return None if pose is None else PoseDocument.of(given.base_T_flange([pose.transform()], [None])[0])
+
+    moved = [
+        touch.model_copy(update={"base_T_flange": placed(touch.base_T_flange), "seen_from": placed(touch.seen_from)})
+        for touch in touches.touches
+    ]
+    return touches.model_copy(update={"touches": tuple(moved)})
 
 
 def _seen_by(run: RunRecord, calibration: CalibrationDocument) -> dict[int, SeenPoint]:

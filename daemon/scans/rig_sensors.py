@@ -3,7 +3,8 @@
 from dataclasses import dataclass
 
 from calibration.documents.rig import RigDocument
-from calibration.problem import Setup
+from calibration.errors import DocumentError, DocumentProblem
+from calibration.problem import MOUNTS, Setup
 from calibration.transforms import Array
 from daemon.errors import CalibrationUnusable, NotFound
 from daemon.runtime.clock import Clock
@@ -21,10 +22,11 @@ class RigSensors:
     setup: Setup
 
     async def save(self, rig: RigDocument, new_id: str, *, despite_verdict: bool) -> DocumentRecord:
-        """Store a rig and put it in force. Raises CalibrationUnusable, StorageError."""
+        """Store a rig and put it in force. Raises DocumentError, CalibrationUnusable, StorageError."""
         if rig.setup != self.setup:
             what = f"the rig is {rig.setup}, but [camera] setup is {self.setup}"
             raise CalibrationUnusable(what, "solve the sensors of this cell together")
+        _check(rig)
         if not (rig.verdict.accepted or despite_verdict):
             errors = "; ".join(found.message for found in rig.verdict.findings if found.severity == "error")
             fix = "solve it again as its findings advise, or store it all the same with ?despite_verdict=true"
@@ -45,3 +47,17 @@ class RigSensors:
             raise NotFound(f"the rig has no sensor {name!r}", f"choose one of {', '.join(poses)}")
         mount_T_sensor = poses[name].transform()
         return newest[0].id, base_T_flange @ mount_T_sensor if self.setup == "eye-in-hand" else mount_T_sensor
+
+
+def _check(rig: RigDocument) -> None:
+    """Raises DocumentError for a rig whose sensors a name would not tell apart, or of another mount."""
+    problems = []
+    names = [sensor.name for sensor in rig.sensors]
+    if not names or len(set(names)) < len(names):
+        what = "two have the same name" if names else "there is none"
+        problems.append(DocumentProblem("sensors", what, "give each sensor a name of its own"))
+    if rig.mount != MOUNTS[rig.setup]:
+        what = f"{rig.mount!r}, but sensors of {rig.setup} are on the {MOUNTS[rig.setup]}"
+        problems.append(DocumentProblem("mount", what, "send rig.json as it was solved"))
+    if problems:
+        raise DocumentError("request body", problems)

@@ -1,8 +1,13 @@
 """A calibration document of the fake cell's truth."""
 
+import numpy as np
+
+from calibration.documents.arm import ArmErrorsDocument
 from calibration.documents.calibration import CalibrationDocument
 from calibration.documents.pose import PoseDocument
 from calibration.documents.session import CameraDocument
+from calibration.kinematics.abb_arms import find_arm
+from calibration.kinematics.arm_errors import ArmErrorModel
 from daemon.model.records import AppliedCalibration, CalibrationRecord
 from tests.daemon.cell_under_test import Bench
 from tests.daemon.fakes import BASE_T_TARGET, CAMERA, FLANGE_T_CAMERA
@@ -43,3 +48,24 @@ async def apply_calibration(bench: Bench, calibration_id: str = "cal-1") -> None
     document = a_calibration(calibration_id)
     await store.save_calibration(CalibrationRecord(calibration_id, None, document.created_at, True, document))
     await store.apply(AppliedCalibration(calibration_id, document.created_at, "test"))
+
+
+def an_arm(**errors: float) -> ArmErrorsDocument:
+    """arm.json of the fake robot's arm: errors by name in the units of ArmErrorModel, and the X of `a_calibration`."""
+    arm = "IRB 1600-6/1.45"
+    model = ArmErrorModel(find_arm(arm))
+    return ArmErrorsDocument.model_validate(
+        {
+            "arm": arm, "created_at": "2026-11-21T09:00:00.000Z", "software": "handeyed test",
+            "setup": "eye-in-hand", "taken_up": True, "log_evidence": 10.0,
+            "mount_T_camera": PoseDocument.of(FLANGE_T_CAMERA),
+            "parameters": [
+                {"name": one.name, "group": one.group, "axis": 1, "unit": "", "value": errors.get(one.name, 0.0),
+                 "sigma": 0.0}
+                for one in model.parameters
+            ],
+            "covariance": np.zeros((6 + len(model), 6 + len(model))).tolist(),
+            "scatter_mm": 0.05, "scatter_deg": 0.002, "ladder": [], "views": 12, "places": 1,
+            "lowest_joints_deg": [-90.0] * 6, "highest_joints_deg": [90.0] * 6,
+        }
+    )  # fmt: skip

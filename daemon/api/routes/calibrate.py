@@ -27,6 +27,7 @@ from daemon.model.requests import CalibrateRequest, VerifyRequest
 from daemon.scans.scanner_acceptance import AcceptanceDocument
 from daemon.store.actor import current_audit_context
 from daemon.store.documents import DocumentRecord
+from daemon.store.page_filters import PageFilters
 from drivers.errors import DeviceError
 
 router = APIRouter(tags=["calibrate"])
@@ -124,8 +125,9 @@ async def _status(app: Application) -> CalibrateStatus:
         current, in_force = CalibrationSummary.of_current(record), AppliedDocument.of(applied)
     ready = (await readiness(app)).calibrate
     running = app.supervisor.in_progress
-    found = (listing.run for listing in await app.supervisor.listings(20, None))
-    ended = next((run.id for run in found if run.kind == "calibration" and run.over), None)
+    calibrations = PageFilters.of({"kind": "calibration"})
+    found = (listing.run for listing in await app.supervisor.listings(2, None, calibrations))  # one may be in progress
+    ended = next((run.id for run in found if run.over), None)
     last = None if ended is None else await app.supervisor.run(ended)
     return CalibrateStatus(
         current=current,

@@ -50,6 +50,17 @@ async def test_a_rig_that_must_not_be_used_is_refused(bench: Bench, rig: dict[st
     assert (await register(bench, scanner="scanner")).status_code == 404
 
 
+@pytest.mark.parametrize(("change", "place"), [
+    ({"sensors": []}, "sensors"), ({"sensors": [a_rig()["sensors"][0]] * 2}, "sensors"), ({"mount": "base"}, "mount"),
+])  # fmt: skip
+async def test_a_rig_that_does_not_tell_its_sensors_apart_is_refused(
+    bench: Bench, change: dict[str, Any], place: str
+) -> None:
+    answer = await bench.client.post("/rigs", json=a_rig() | change)
+    assert (answer.status_code, answer.json()["problems"][0]["place"]) == (422, place)
+    assert (await bench.client.get("/rigs")).json()["rigs"] == []
+
+
 async def test_a_rejected_rig_is_stored_when_somebody_insists(bench: Bench) -> None:
     params = {"despite_verdict": "true"}
     assert (await bench.client.post("/rigs", json=a_rig(accepted=False), params=params)).status_code == 201

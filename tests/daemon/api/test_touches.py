@@ -2,42 +2,16 @@
 
 from typing import Any
 
-import numpy as np
 import pytest
 
-from calibration.documents.pose import PoseDocument
-from calibration.transforms import Array, map_points, rotation_from_vector, transform
 from daemon.model.records import AppliedCalibration, CalibrationRecord
 from daemon.model.run_states import RunState
-from tests.daemon.calibrations import a_calibration
 from tests.daemon.cell_under_test import Bench
-from tests.daemon.fakes import BASE_T_TARGET, BOARD
-
-TIP_MM = np.array([5.0, -10.0, 200.0])
-TIP = {"flange_tip_mm": TIP_MM.tolist(), "covariance": (0.01 * np.eye(3)).tolist(), "placing_sigma_mm": 0.1}
-
-
-def pose_at(point_mm: Array) -> Array:
-    """base_T_flange (4, 4) with the tip at the point of the base."""
-    rotation = rotation_from_vector([np.pi, 0, 0.3])
-    return transform(rotation, point_mm - rotation @ TIP_MM)
-
-
-def touching(identity: int, off_mm: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> Array:
-    """The pose in which the tip touches a point of the board, `off_mm` beside."""
-    return pose_at(map_points(BASE_T_TARGET, BOARD.points_mm[[identity]])[0] + off_mm)
-
-
-def json_of(pose: Array) -> dict[str, Any]:
-    return PoseDocument.of(pose).model_dump(mode="json")
+from tests.daemon.touches import TIP, document_with_covariance, json_of, touching
 
 
 async def apply_with_covariance(bench: Bench) -> None:
-    document = a_calibration("cal-1")
-    assert document.uncertainty is not None
-    covariance = np.diag([1e-7] * 3 + [0.01] * 3).tolist()
-    claimed = document.uncertainty.model_copy(update={"covariance": tuple(map(tuple, covariance))})
-    document = document.model_copy(update={"uncertainty": claimed})
+    document = document_with_covariance()
     store = bench.application.store
     await store.save_calibration(CalibrationRecord("cal-1", None, document.created_at, True, document))
     await store.apply(AppliedCalibration("cal-1", document.created_at, "test"))
@@ -83,6 +57,7 @@ SEEN = {"camera_mm": [0.0, 0.0, 500.0], "seen_from": POSE}
 @pytest.mark.parametrize(("body", "status", "says"), [
     ({"touches": [SEEN | {"base_T_flange": POSE}]}, 422, "tip"),
     ({"tip": TIP, "touches": []}, 422, "touches"),
+    ({"tip": TIP, "touches": [SEEN | {"base_T_flange": POSE, "name": "\x1b[2J"}]}, 422, "cannot be printed"),
     ({"tip": TIP, "touches": [SEEN, SEEN]}, 422, "adds_to"),
     ({"tip": TIP, "touches": [{"id": 0, "base_T_flange": POSE}]}, 422, "point 0 was not seen"),
     ({"tip": TIP, "touches": [SEEN | {"base_T_flange": POSE, "camera_mm": [1e308] * 3}]}, 422, "not finite"),
@@ -97,6 +72,24 @@ async def test_what_cannot_be_judged_is_refused(bench: Bench, body: dict[str, An
     assert answer.status_code == status, answer.text
     assert says in answer.text
     assert (await bench.client.get("/touches")).json()["touches"] == []
+
+
+async def test_an_added_touch_keeps_tolerance_and_verification(bench: Bench) -> None:
+    await apply_with_covariance(bench)
+    await bench.verify()
+    run = (await bench.client.get("/runs")).json()["runs"][0]["id"]
+    touch = {"id": 0, "base_T_flange": json_of(touching(0, (0.4, 0.0, 0.0)))}
+    body = {"tip": TIP, "verification": run, "touches": [touch], "tolerance_mm": 0.1}
+    first = (await bench.client.post("/touch", json=body)).json()
+    assert first["result"]["conformance"] != "within"
+    second = (await bench.client.post("/touch", json={"adds_to": first["id"], "touches": [touch]})).json()
+    assert second["result"]["tolerance_mm"] == 0.1
+    assert not second["result"]["accepted"]
+
+    await bench.verify()
+    other = (await bench.client.get("/runs")).json()["runs"][0]["id"]
+    mixed = await bench.client.post("/touch", json={"adds_to": first["id"], "verification": other, "touches": [touch]})
+    assert (mixed.status_code, "begin a new test" in mixed.text) == (422, True)
 
 
 async def test_a_pose_is_read_in_nobodys_use_only_and_a_given_one_needs_no_arm(bench: Bench) -> None:

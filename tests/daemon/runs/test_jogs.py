@@ -1,6 +1,7 @@
 """Jogs over REST: small moves under the rules of every run, in a stated frame or by axis, and nothing else."""
 
 import asyncio
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -100,6 +101,14 @@ async def test_during_a_run_a_jog_is_refused_and_during_a_jog_every_run(tmp_path
         assert (await bench.client.get("/camera/frame")).status_code == 200
         aborted = (await bench.client.post(f"/runs/{jog['id']}/abort")).json()
         assert (aborted["state"], bench.robot.armed) == ("aborted", False)
+
+
+async def test_jogs_do_not_hide_the_last_calibration_run(bench: Bench) -> None:
+    run = await bench.run_over((await bench.client.post("/calibrate")).headers["location"])
+    old = await bench.application.store.run(run["id"])
+    for number in range(25):
+        await bench.application.store.save_run(replace(old, id=f"jog-{number}", kind="jog", result=None))
+    assert (await bench.client.get("/calibrate")).json()["last_run"]["id"] == run["id"]
 
 
 async def test_a_repeated_request_moves_once_and_the_audit_log_names_it(bench: Bench) -> None:

@@ -1,0 +1,96 @@
+"""Clouds and touches where the errors of an arm are in force: joints that are wrong, threads, and frames."""
+
+import threading
+from typing import Any
+
+import numpy as np
+import pytest
+
+from calibration.documents.calibration_with_arm import CalibrationWithArm
+from calibration.documents.pose import PoseDocument
+from calibration.kinematics.abb_arms import find_arm
+from calibration.kinematics.joint_check import JointsDisagree
+from calibration.transforms import Array
+from daemon.model.records import AppliedCalibration, CalibrationRecord
+from tests.daemon.calibrations import a_calibration, an_arm, apply_calibration
+from tests.daemon.cell_under_test import Bench
+from tests.daemon.clouds import PLY, POSE, cloud
+from tests.daemon.fakes import ply_of
+from tests.daemon.scans.scan_folders import a_scan
+from tests.daemon.touches import TIP, document_with_covariance, json_of, touching
+
+ARM = find_arm("IRB 1600-6/1.45")
+JOINTS = np.radians([[0.0, 20, 10, 0, 40, 0], [10.0, 20, 10, 5, 40, 0], [20.0, 25, 5, 5, 45, 10]])
+POSES = ARM.forward(JOINTS)
+
+
+async def apply_with_arm(bench: Bench, **errors: float) -> None:
+    document = document_with_covariance()
+    record = CalibrationRecord(document.id, None, document.created_at, True, document)
+    await bench.application.store.save_calibration(record, an_arm(**errors))
+    await bench.application.store.apply(AppliedCalibration(document.id, document.created_at, "test"))
+
+
+def query_of(row: int, joints_rad: Array | None = None) -> dict[str, str]:
+    pose = PoseDocument.of(POSES[row])
+    at = {"pose": ",".join(map(repr, (*pose.translation_mm, *pose.quaternion_wxyz)))}
+    given = None if joints_rad is None else ",".join(map(repr, np.degrees(joints_rad).tolist()))
+    return at if given is None else {**at, "joints": given}
+
+
+def test_joints_of_one_view_of_three_are_not_outvoted() -> None:
+    given = CalibrationWithArm.of(a_calibration("cal-1"), an_arm())
+    wrong = JOINTS[2] + np.radians([90.0, 0, 0, 0, 0, 0])
+    with pytest.raises(JointsDisagree):
+        given.base_T_flange(list(POSES), [JOINTS[0], JOINTS[1], wrong])
+
+
+async def test_a_view_that_is_stored_is_answered_so_even_if_its_scan_cannot_be_refined(bench: Bench) -> None:
+    await apply_with_arm(bench)
+    scan, content = await a_scan(bench, refine=True), ply_of(cloud(100))
+    wrong = JOINTS[0] + np.radians([0.0, 30, 0, 0, 0, 0])
+    added = await bench.client.post(scan["links"]["views"], params=query_of(0, wrong), content=content, headers=PLY)
+    assert added.status_code == 201, added.text
+    assert (await bench.client.get(scan["links"]["report"])).status_code == 422
+
+
+async def test_a_single_view_has_the_warning_of_its_own_pose(bench: Bench) -> None:
+    await apply_with_arm(bench)
+    scan, content = await a_scan(bench), ply_of(cloud(100))
+    for params in (query_of(0, JOINTS[0]), query_of(1)):
+        await bench.client.post(scan["links"]["views"], params=params, content=content, headers=PLY)
+    warned = [
+        "handeyed-warning" in (await bench.client.get(scan["links"]["cloud"], params={"view": view})).headers
+        for view in (0, 1)
+    ]
+    assert warned == [False, True]
+
+
+async def test_the_event_loop_computes_no_kinematics(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    await apply_calibration(bench)
+    place, threads = CalibrationWithArm.base_T_flange, set[int]()
+
+    def placed(given: CalibrationWithArm, *poses: Any) -> Array:
+        threads.add(threading.get_ident())
+        return place(given, *poses)
+
+    monkeypatch.setattr(CalibrationWithArm, "base_T_flange", placed)
+    scan, content = await a_scan(bench), ply_of(cloud(100))
+    for link in ("/register", scan["links"]["views"]):
+        answer = await bench.client.post(link, params={"pose": POSE}, content=content, headers=PLY)
+        assert answer.status_code in (200, 201), answer.text
+    assert (await bench.client.get(scan["links"]["cloud"])).status_code == 200
+    assert threads
+    assert threading.get_ident() not in threads
+
+
+async def test_tip_and_camera_are_compared_on_the_same_arm(bench: Bench) -> None:
+    """An arm whose axis 2 is 5 mm further out: both find a point about so much further out."""
+    await apply_with_arm(bench, link_1_tx=5.0)
+    await bench.verify()
+    run = (await bench.client.get("/runs")).json()["runs"][0]
+    assert run["result"]["verification"]["arm"] == "as-built"
+    body = {"tip": TIP, "verification": run["id"], "touches": [{"id": 0, "base_T_flange": json_of(touching(0))}]}
+    answer = await bench.client.post("/touch", json=body)
+    assert answer.status_code == 201, answer.text
+    assert answer.json()["result"]["largest_mm"] < 2.0

@@ -1,0 +1,37 @@
+"""A tip, poses in which it touches the board of the fake cell, and a calibration that knows its uncertainty."""
+
+from typing import Any
+
+import numpy as np
+
+from calibration.documents.calibration import CalibrationDocument
+from calibration.documents.pose import PoseDocument
+from calibration.transforms import Array, map_points, rotation_from_vector, transform
+from tests.daemon.calibrations import a_calibration
+from tests.daemon.fakes import BASE_T_TARGET, BOARD
+
+TIP_MM = np.array([5.0, -10.0, 200.0])
+TIP = {"flange_tip_mm": TIP_MM.tolist(), "covariance": (0.01 * np.eye(3)).tolist(), "placing_sigma_mm": 0.1}
+
+
+def pose_at(point_mm: Array) -> Array:
+    """base_T_flange (4, 4) with the tip at the point of the base."""
+    rotation = rotation_from_vector([np.pi, 0, 0.3])
+    return transform(rotation, point_mm - rotation @ TIP_MM)
+
+
+def touching(identity: int, off_mm: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> Array:
+    """The pose in which the tip touches a point of the board, `off_mm` beside."""
+    return pose_at(map_points(BASE_T_TARGET, BOARD.points_mm[[identity]])[0] + off_mm)
+
+
+def json_of(pose: Array) -> dict[str, Any]:
+    return PoseDocument.of(pose).model_dump(mode="json")
+
+
+def document_with_covariance() -> CalibrationDocument:
+    document = a_calibration("cal-1")
+    assert document.uncertainty is not None
+    covariance = np.diag([1e-7] * 3 + [0.01] * 3).tolist()
+    claimed = document.uncertainty.model_copy(update={"covariance": tuple(map(tuple, covariance))})
+    return document.model_copy(update={"uncertainty": claimed})
