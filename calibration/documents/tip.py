@@ -11,11 +11,15 @@ from calibration.kinematics.pivot_calibration import TipCalibration
 from calibration.solution import COVERAGE_FACTOR
 from calibration.transforms import Array
 
+MAX_VARIANCE_MM2 = 1e12
+
 Matrix = tuple[Vector, Vector, Vector]
 
 
 def _covariance(matrix: Matrix) -> Matrix:
     values = np.array(matrix)
+    if not np.all(np.abs(values) <= MAX_VARIANCE_MM2):
+        raise ValueError(f"a variance is at most {MAX_VARIANCE_MM2:g} mm²")
     symmetric = np.allclose(values, values.T, rtol=1e-6, atol=1e-12)
     if not (symmetric and np.linalg.eigvalsh(values)[0] >= -1e-9 * abs(float(np.trace(values)))):
         raise ValueError("a covariance is symmetric and has no negative variance in any direction")

@@ -139,13 +139,15 @@ class OffsetWristArm(Arm):
         return which, branch, np.where(np.abs(at_low) <= np.abs(at_high), low, high)
 
     def _intervals(self, poses: Array, near: Array) -> Intervals:
-        """Intervals of axis 6 with one root each: between samples, up to where the reach ends, beside an extremum."""
+        """Intervals of axis 6 with one root each: at and between samples, up to the reach, beside an extremum."""
         angles = np.linspace(-np.pi, np.pi, SAMPLES + 1)
         grid = np.broadcast_to(angles, (len(poses), SAMPLES + 1))
         errors = self._errors(poses, near, grid)
         before, after = errors[:, :-1], errors[:, 1:]
         which, place, branch = np.nonzero(before * after < 0)
         found: list[Intervals] = [(which, branch, angles[place], angles[place + 1])]
+        which, place, branch = np.nonzero(errors == 0)  # as of axis 6 at 0 or 90 deg
+        found.append((which, branch, angles[place], angles[place]))
         found.append(self._up_to_the_reach(poses, near, angles, errors))
         found.append(self._beside_extrema(poses, near, angles, errors))
         pose, of_branch, low, high = (np.concatenate(parts) for parts in zip(*found, strict=True))

@@ -36,6 +36,11 @@ FALSE_ALARM_PROBABILITY = 0.01
 ROUNDING_MM = 1e-6
 """Residuals below it are rounding: they make no pose an outlier."""
 
+MAX_COORDINATE_MM = 1e6
+
+MAX_SCATTER_MM = 100.0
+"""Poses that scatter more, per axis, do not touch one point."""
+
 FLAT = 1e-9
 """Up to this the other poses leave the place of one undetermined: it cannot be judged."""
 
@@ -73,11 +78,12 @@ def calibrate_tip(base_T_flange: Array) -> TipCalibration:
     """The tip from poses (n, 4, 4) in which it touches one fixed point.
 
     Raises UndeterminedError: "tip-too-few-poses" below MIN_POSES, "tip-turns-too-little" where the poses turn too
-    little or about one axis only. Raises GeometryError for numbers that are not finite.
+    little or about one axis only. Raises GeometryError for numbers that are
+    not finite or beyond MAX_COORDINATE_MM, and a scatter beyond MAX_SCATTER_MM.
     """
     poses = np.asarray(base_T_flange, float)
-    if not np.all(np.isfinite(poses)):
-        raise GeometryError("a pose has a number that is not finite")
+    if not np.all(np.abs(poses) <= MAX_COORDINATE_MM):
+        raise GeometryError("a pose has a number that is not finite, or is further away than 1 km")
     if len(poses) < MIN_POSES:
         raise UndeterminedError(
             "tip-too-few-poses",
@@ -90,6 +96,11 @@ def calibrate_tip(base_T_flange: Array) -> TipCalibration:
     fit = _Fit.of(poses[used])
     dof = fit.degrees_of_freedom
     variance = fit.sum_of_squares / dof
+    if sqrt(variance) > MAX_SCATTER_MM:
+        raise GeometryError(
+            f"the poses put the tip at places that scatter by {sqrt(variance):.0f} mm: touch one fixed point in all of"
+            " them, and check convention and unit"
+        )
     residuals = poses[:, :3, :3] @ fit.unknowns[:3] + poses[:, :3, 3] - fit.unknowns[3:]
     return TipCalibration(
         fit.unknowns[:3], variance * dof / (dof - 2) * fit.cofactors[:3, :3], fit.unknowns[3:], residuals, used,

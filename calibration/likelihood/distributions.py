@@ -34,7 +34,9 @@ def f_tail(numerator: float, denominator: float, ratio: float) -> float:
 
 
 def f_quantile(numerator: float, denominator: float, tail: float) -> float:
-    """The ratio that F with these degrees of freedom exceeds with probability `tail`."""
+    """The ratio that F with these degrees of freedom exceeds with probability `tail`; nan where `f_tail` is."""
+    if not (numerator > 0 and denominator > 0):
+        return nan
     low, high = LOG_RATIOS
     for _ in range(HALVINGS):
         middle = (low + high) / 2
@@ -64,7 +66,12 @@ def _incomplete_beta(a: float, b: float, x: float, rest: float) -> float:
     if x <= 0 or rest <= 0:
         return float(rest <= 0)
     if x > (a + 1) / (a + b + 2):
-        return 1 - _incomplete_beta(b, a, rest, x)
+        return 1 - _continued_fraction(b, a, rest, x)
+    return _continued_fraction(a, b, x, rest)
+
+
+def _continued_fraction(a: float, b: float, x: float, rest: float) -> float:
+    """As `_incomplete_beta`, quick for `x` up to about (a + 1) / (a + b + 2)."""
     front = exp(lgamma(a + b) - lgamma(a) - lgamma(b) + a * log(x) + b * log(rest)) / a
     c, d = 1.0, 1 / _away_from_zero(1 - (a + b) * x / (a + 1))
     fraction = d

@@ -115,20 +115,23 @@ def evaluate_touch_test(
 ) -> TouchTest:
     """The touch test of points (n, 3), n >= 1: `mapping` is the error of X, `shared` and `own` (n, 3, 3) all others.
 
-    Raises GeometryError for no points, numbers that are not finite, or errors that are all zero along some axis.
+    Raises GeometryError for no points, numbers that are not finite, no tolerance above 0, or errors
+    besides X's that are all zero along some axis.
     """
     points = np.stack([np.asarray(base_seen_mm, float), np.asarray(base_touched_mm, float)])
     if not points.size:
         raise GeometryError("no point was touched")
     if not np.all(np.abs(points) <= MAX_COORDINATE_MM):
         raise GeometryError("a point is not finite, or further away than 1 km")
+    if tolerance_mm is not None and not 0 < tolerance_mm < np.inf:
+        raise GeometryError(f"a tolerance of {tolerance_mm} mm is not possible")
     misses = points[1] - points[0]
     n = len(misses)
     check = scipy.linalg.block_diag(*own) + sum(error.of_points() for error in shared)
     claimed = check + mapping.of_points()
-    if not np.all(np.isfinite(claimed)):
-        raise GeometryError("an uncertainty is not finite")
-    if np.any(np.diagonal(claimed) <= 0):
+    if not np.all(np.abs(claimed) <= MAX_COORDINATE_MM**2):
+        raise GeometryError("an uncertainty is not finite, or larger than 1 km")
+    if np.any(np.diagonal(check) <= 0):
         raise GeometryError("a point without any uncertainty cannot be judged: state that of placing the tip")
     blocks = _blocks(claimed)
     squared = float(squared_distances(misses.ravel(), claimed))

@@ -172,7 +172,8 @@ def _in_base(
         error = pose_error(poses, map_points(mount_T_camera, camera_mm), *_robot_noise(calibration))
         _, look_of = np.unique(poses.reshape(-1, 16).round(9), axis=0, return_inverse=True)
         for look in range(int(look_of.max()) + 1):
-            rows = np.einsum("nm,mij->nij", mean * (look_of.ravel() == look), error.rows)
+            own = look_of.ravel() == look
+            rows = np.einsum("nm,mij->nij", mean[:, own], error.rows[own])
             looks.append(SharedError(rows, error.covariance))
     return seen_mm, SharedError(np.einsum("nm,mij->nij", mean, mapping.rows), covariance), looks
 

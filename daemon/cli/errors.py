@@ -5,6 +5,7 @@ Every line on standard error is `file: place: what: what to do`; exit statuses a
 """
 
 from enum import IntEnum
+from math import isfinite
 
 
 class ExitStatus(IntEnum):
@@ -22,3 +23,11 @@ class CommandError(Exception):
     def __init__(self, where: str, what: str, fix: str, status: ExitStatus = ExitStatus.FAILED) -> None:
         self.where, self.what, self.fix, self.status = where, what, fix, status
         super().__init__(f"{where}: {what}: {fix}")
+
+
+def require_finite(**options: float | None) -> None:
+    """Numbers of options by name; their bounds let nan through. Raises CommandError."""
+    for name, value in options.items():
+        if value is not None and not isfinite(value):
+            where = f"--{name.replace('_', '-')}"
+            raise CommandError(where, f"{value} is not possible", "give a finite number", ExitStatus.UNREADABLE)

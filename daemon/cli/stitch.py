@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from daemon.cli.errors import ExitStatus
+from daemon.cli.errors import ExitStatus, require_finite
 from daemon.cli.output import Json
 
 if TYPE_CHECKING:
@@ -31,6 +31,7 @@ def stitch(
     from registration.report import stitch_views
     from registration.scan import read_scan, scanner_mount_of
 
+    require_finite(tolerance_mm=tolerance_mm, reach_mm=reach_mm)
     found = stitch_views(read_scan(folder), scanner_mount_of(read_calibration(calibration)), reach_mm)
     typer.echo(found.model_dump_json() if json else "\n".join(map(_line, found.pairs)))
     within = tolerance_mm is None or found.largest_mm <= tolerance_mm

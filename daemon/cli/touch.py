@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from daemon.cli.errors import ExitStatus
+from daemon.cli.errors import CommandError, ExitStatus, require_finite
 from daemon.cli.output import Json, progress_bar, write_document
 
 if TYPE_CHECKING:
@@ -36,19 +36,21 @@ def touch(
     from calibration.documents.tip import TipDocument
     from calibration.documents.touches import TouchesDocument
     from calibration.documents.validation import parse_document
+    from calibration.errors import GeometryError
     from calibration.monitoring.touch_report import touch_test, touch_test_text
     from daemon.cli.compare import read_calibration
     from daemon.runtime.bounded_read import read_document
 
+    require_finite(tolerance_mm=tolerance_mm)
     document = read_calibration(calibration)
-    found = touch_test(
-        document,
-        parse_document(TipDocument, read_document(tip), str(tip)),
-        parse_document(TouchesDocument, read_document(touches), str(touches)),
-        {} if session is None else _seen(session, document),
-        tolerance_mm,
-        str(touches),
-    )
+    known_tip = parse_document(TipDocument, read_document(tip), str(tip))
+    points = parse_document(TouchesDocument, read_document(touches), str(touches))
+    seen = {} if session is None else _seen(session, document)
+    try:
+        found = touch_test(document, known_tip, points, seen, tolerance_mm, str(touches))
+    except GeometryError as error:
+        fix = f"correct it, or {tip.name}"
+        raise CommandError(str(touches), str(error), fix, ExitStatus.UNREADABLE) from None
     typer.echo(found.model_dump_json() if json else touch_test_text(found))
     if out is not None:
         write_document(out, found)

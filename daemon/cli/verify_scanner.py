@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from daemon.cli.errors import CommandError, ExitStatus
+from daemon.cli.errors import CommandError, ExitStatus, require_finite
 from daemon.cli.output import Json
 
 if TYPE_CHECKING:
@@ -37,6 +37,7 @@ def verify_scanner(
     """
     from daemon.model.requests import ArtefactRequest
 
+    require_finite(radius_mm=radius_mm, spacing_mm=spacing_mm, limit_mm=limit_mm)
     artefact = ArtefactRequest(radius_mm=radius_mm, spacing_mm=spacing_mm)
     found = _of_folder(Path(scan), artefact) if url is None else _of_daemon(url, scan, artefact)
     typer.echo(found.model_dump_json() if json else _text(found))

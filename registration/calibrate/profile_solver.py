@@ -26,8 +26,9 @@ from registration.profiles.robot_path import RobotPath
 MAX_ITERATIONS = 60
 STEP_TOLERANCE = 1e-5
 """Of a step in units of `UNITS`, at which the estimate has converged."""
-DIFFERENCE_S = 0.03
-"""Half the time over which the arm's velocity is measured: several poses, whose times jitter by a millisecond."""
+DIFFERENCE_S = 0.15
+"""Half the time over which the arm's velocity is measured: poses whose times jitter by a millisecond then change it by
+0.5 % from profile to profile. A velocity that changes at random looks as if planes showed the clock offset."""
 NOISE_TOLERANCE = 0.002
 """Relative change of the robot's noise at which it has converged."""
 MIN_POINT_NOISE_MM = 1e-3
@@ -138,13 +139,9 @@ class ProfilerProblem:
 
     def place_s(self, clock_offset_s: float) -> None:
         """Compute the arm's poses for an offset."""
-        ahead, here, behind = (
-            np.concatenate(
-                [sweep.path.at(sweep.times_s + clock_offset_s + by, np.inf, np.inf)[:, :3] for sweep in self.sweeps]
-            )
-            for by in (DIFFERENCE_S, 0.0, -DIFFERENCE_S)
-        )
-        self._offset_s, self._pose, self._rate = clock_offset_s, here, (ahead - behind) / (2 * DIFFERENCE_S)
+        here = [sweep.path.at(sweep.times_s + clock_offset_s, np.inf, np.inf)[:, :3] for sweep in self.sweeps]
+        rates = [_rate(sweep.path, sweep.times_s + clock_offset_s) for sweep in self.sweeps]
+        self._offset_s, self._pose, self._rate = clock_offset_s, np.concatenate(here), np.concatenate(rates)
 
     def pose_at(self, clock_offset_s: float) -> tuple[Array, Array]:
         """base_T_flange (N, 3, 4) of every point, and its rate per second."""
@@ -170,6 +167,15 @@ class ProfilerProblem:
         jacobian[:, :3], jacobian[:, 3:6] = np.cross(self.points, in_profiler), in_profiler
         jacobian[:, 6] = np.sum(gradient * speed, axis=1)
         return residuals, jacobian, np.hstack([np.cross(flange, in_flange), in_flange])
+
+
+def _rate(path: RobotPath, times_s: Array) -> Array:
+    """Rates (k, 3, 4) per second of base_T_flange, within the path."""
+    first, last = path.times_s[[0, -1]]
+    start = np.clip(times_s - DIFFERENCE_S, first, max(first, last - 2 * DIFFERENCE_S))
+    end = np.minimum(start + 2 * DIFFERENCE_S, last)
+    rate: Array = (path.at(end, np.inf)[:, :3] - path.at(start, np.inf)[:, :3]) / (end - start)[:, None, None]
+    return rate
 
 
 def descend(problem: ProfilerProblem, estimate: ProfilerEstimate, iterations: int) -> tuple[ProfilerEstimate, float]:

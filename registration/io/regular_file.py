@@ -17,7 +17,11 @@ def _flags(*names: str) -> int:
 def open_regular(path: Path, *, follow_links: bool = True) -> BinaryIO:
     """Open for reading, unbuffered. Raises OSError, also for what is no regular file, or a link not to be followed."""
     links = 0 if follow_links else _flags("O_NOFOLLOW")
-    _require_regular(path, path.stat(follow_symlinks=follow_links))  # opening alone may set a device off
+    try:
+        found = path.stat(follow_symlinks=follow_links)
+    except ValueError:  # a zero byte, or a character that no name of a file has
+        raise OSError(errno.EINVAL, "Not a file name", str(path)) from None
+    _require_regular(path, found)  # opening alone may set a device off
     descriptor = os.open(path, os.O_RDONLY | _flags(*QUIET) | links)
     try:
         _require_regular(path, os.fstat(descriptor))

@@ -1,6 +1,7 @@
 """Reads profiles (.npz, .csv) and robot paths (.csv) from files."""
 
 import io
+import lzma
 import zipfile
 import zlib
 from pathlib import Path
@@ -9,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from calibration.documents.imports.arrays import DAMAGED
 from calibration.errors import GeometryError
 from calibration.transforms import Array, transform_from_quaternion
 from registration.documents import TimeUnit
@@ -77,8 +79,8 @@ def _arrays(content: bytes, name: str) -> tuple[Array, NDArray[Any], NDArray[Any
                 raise ProfileError(f"{name}: the array {missing[0]} is missing", fix)
             if sum(sizes.values()) > MAX_FILE_BYTES:
                 raise ProfileError(f"{name}: it unpacks to more than {MAX_FILE_BYTES >> 30} GB", "split the sweep")
-            times, x, z = (np.load(io.BytesIO(archive.read(f"{one}.npy")), allow_pickle=False) for one in ARRAYS)
-    except (zipfile.BadZipFile, zlib.error, RuntimeError, NotImplementedError, OSError, EOFError, ValueError) as error:
+            times, x, z = (np.lib.format.read_array(io.BytesIO(archive.read(f"{one}.npy"))) for one in ARRAYS)
+    except (*DAMAGED, zipfile.BadZipFile, zlib.error, lzma.LZMAError, RuntimeError) as error:
         raise ProfileError(f"{name}: no .npz file ({str(error)[:80]})", fix) from None
     if any(array.dtype.kind not in "iuf" for array in (times, x, z)):
         raise ProfileError(f"{name}: an array holds no numbers", fix)

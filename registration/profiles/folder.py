@@ -37,6 +37,8 @@ def read_profile_folder(folder: Path) -> list[RecordedSweep]:
     with GuardedFile.reading(file, str(file)) as opened:
         document = parse_document(ProfilesDocument, opened.read(min(DOCUMENT_LIMIT, file.stat().st_size)), str(file))
     radii = {artefact.name: artefact.radius_mm for artefact in document.artefacts}
+    if len(radii) < len(document.artefacts):
+        raise ProfileError(f"{file}: two artefacts have one name", "give each artefact a name of its own")
     if not document.sweeps:
         raise ProfileError(f"{file} has no sweeps", "add at least one")
     for index, sweep in enumerate(document.sweeps):

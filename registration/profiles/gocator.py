@@ -7,6 +7,8 @@ values. Knowledge base 7064-YOVB-9866 for the unit of the times.
 
 import csv
 import io
+from collections.abc import Iterator
+from itertools import takewhile
 
 import numpy as np
 
@@ -14,6 +16,8 @@ from calibration.transforms import Array
 from registration.errors import ProfileError
 
 SECTIONS = ("Profile", "RawProfile")
+MAX_VALUES = 1 << 27
+"""Of all profiles together, those that the widest has: 1 GB."""
 FIX = "export the recording from the sensor's web page as CSV, in Profile mode"
 
 
@@ -24,17 +28,21 @@ def is_gocator(content: bytes) -> bool:
 
 def read_gocator(content: bytes, name: str) -> tuple[Array, Array, Array]:
     """Times (n,) in the file's unit, x (n, m) and z (n, m) in mm, NaN without a point. Raises ProfileError."""
-    text = content.decode("utf-8", "replace").lstrip("\ufeff")
+    text = io.TextIOWrapper(io.BytesIO(content), "utf-8-sig", "replace", newline="")
     try:
-        rows = [row for row in csv.reader(io.StringIO(text)) if any(cell.strip() for cell in row)]
+        return _profiles((row for row in csv.reader(text) if any(cell.strip() for cell in row)), name)
     except csv.Error as error:
         raise ProfileError(f"{name}: {error}", FIX) from None
+
+
+def _profiles(rows: Iterator[list[str]], name: str) -> tuple[Array, Array, Array]:
+    """As `read_gocator`; each row becomes numbers before the next is read. Raises ProfileError, csv.Error."""
     section, header, body = _section(rows, name)
     time, axis = header.index("Time"), header.index("Axis")
     profiles: dict[str, dict[str, Array]] = {}
     times: dict[str, float] = {}
     for line in body:
-        if len(line) <= axis:
+        if len(line) <= max(time, axis):
             raise ProfileError(f"{name}: a row of {section} has {len(line)} values", FIX)
         frame, kind = ",".join(line[:time]), line[axis].strip().upper()
         profiles.setdefault(frame, {})[kind] = _numbers(line[axis + 1 :])
@@ -46,25 +54,24 @@ def read_gocator(content: bytes, name: str) -> tuple[Array, Array, Array]:
         )
     along = _numbers(header[axis + 1 :])
     width = max(len(profiles[frame]["Z"]) for frame in frames)
+    if len(frames) * width > MAX_VALUES:
+        raise ProfileError(f"{name}: {len(frames)} profiles with up to {width} values are too many", "split the sweep")
     z = np.stack([_widened(profiles[frame]["Z"], width) for frame in frames])
     x = np.stack([_widened(profiles[frame].get("X", along), width) for frame in frames])
     return np.array([times[frame] for frame in frames]), x, z
 
 
-def _section(rows: list[list[str]], name: str) -> tuple[str, list[str], list[list[str]]]:
+def _section(rows: Iterator[list[str]], name: str) -> tuple[str, list[str], Iterator[list[str]]]:
     """The name, header and rows of the first section with profiles. Raises ProfileError."""
-    starts = [
-        index for index, row in enumerate(rows) if row[0].strip() in SECTIONS and not any(map(str.strip, row[1:]))
-    ]
-    if not starts:
+    names = (row[0].strip() for row in rows if not any(map(str.strip, row[1:])))
+    section = next((found for found in names if found in SECTIONS), None)
+    if section is None:
         raise ProfileError(f"{name}: it has no section {' or '.join(SECTIONS)}", FIX)
-    section, body = rows[starts[0]][0].strip(), rows[starts[0] + 1 :]
-    ends = [index for index, row in enumerate(body) if row[0].strip() == "End"]
-    body = body[: ends[0] if ends else len(body)]
-    for index, row in enumerate(body):
+    body = takewhile(lambda row: row[0].strip() != "End", rows)
+    for row in body:
         header = [cell.strip() for cell in row]
         if "Time" in header and "Axis" in header:
-            return section, header, body[index + 1 :]
+            return section, header, body
     raise ProfileError(f"{name}: {section} has no row with the names Time and Axis", FIX)
 
 

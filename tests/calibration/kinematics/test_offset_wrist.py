@@ -42,6 +42,16 @@ def test_every_posture_maps_back_and_the_original_is_among_them(arm: Arm) -> Non
     assert nearest[clear].max() < 1e-9
 
 
+@pytest.mark.parametrize("arm", GOFAS, ids=lambda arm: arm.name)
+def test_a_posture_at_round_angles_is_among_those_found(arm: Arm) -> None:
+    """The equation in axis 6 is then exactly zero at one of the angles that are sampled."""
+    joints = np.radians(
+        [[0, 0, 0, 0, 30, 0], [0, 0, 0, 0, 90, 0], [0, 20, 10, 0, 40, 0], [0, 0, 0, 0, 30, 90], [90, 0, 0, 0, 30, 180]]
+    )
+    branches = arm.branches(arm.forward(joints))
+    assert np.nanmin(turned_apart(branches, joints[:, None]), axis=1).max() < 1e-9
+
+
 def test_a_search_from_many_starts_finds_no_other_posture() -> None:
     joints = drawn(GOFA, 2)
     rng = np.random.default_rng(1)

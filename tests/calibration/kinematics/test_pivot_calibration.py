@@ -104,3 +104,14 @@ def test_a_number_that_is_not_finite_is_refused() -> None:
     poses[2, 0, 3] = np.nan
     with pytest.raises(GeometryError):
         calibrate_tip(poses)
+
+
+def test_poses_that_touch_no_common_point_or_lie_beyond_all_cells_are_refused() -> None:
+    rng = np.random.default_rng(0)
+    poses = poses_about_a_point(rng, 8)
+    poses[:, :3, 3] += rng.normal(0, 400.0, (8, 3))
+    with pytest.raises(GeometryError, match="one fixed point"):
+        calibrate_tip(poses)
+    poses[:, :3, 3] *= 1e300
+    with pytest.raises(GeometryError, match="further away"):
+        calibrate_tip(poses)

@@ -27,6 +27,19 @@ def test_without_degrees_of_freedom_there_is_no_tail(numerator: float, denominat
     assert np.isnan(f_tail(numerator, denominator, ratio))
 
 
+@pytest.mark.parametrize("numerator", [1, 6, 59])
+def test_where_the_fraction_changes_ends_the_tail_is_scipys(numerator: int) -> None:
+    for denominator in range(1, 200):
+        ratio = denominator * (numerator + 2) / (numerator * (denominator + 2))
+        for near in (ratio, float(np.nextafter(ratio, 0)), float(np.nextafter(ratio, 9))):
+            expected = float(scipy.special.fdtrc(numerator, denominator, near))
+            assert f_tail(numerator, denominator, near) == pytest.approx(expected, rel=1e-9)
+
+
+def test_without_degrees_of_freedom_there_is_no_quantile() -> None:
+    assert np.isnan(f_quantile(1, -1, 0.01))
+
+
 def test_polygamma_is_scipys() -> None:
     x = np.geomspace(0.05, 3000, 50)
     np.testing.assert_allclose(trigamma(x), scipy.special.polygamma(1, x), rtol=1e-12)

@@ -147,3 +147,13 @@ def test_what_cannot_be_judged_is_refused() -> None:
         evaluate_touch_test(np.full((1, 3), np.nan), np.zeros((1, 3)), nothing, [], np.eye(3)[None])
     with pytest.raises(GeometryError, match="without any uncertainty"):
         evaluate_touch_test(np.zeros((1, 3)), np.zeros((1, 3)), nothing, [], np.zeros((1, 3, 3)))
+
+
+@pytest.mark.parametrize(
+    ("own", "tolerance_mm"), [(0.0, None), (1e308, None), (0.01, np.nan), (0.01, np.inf), (0.01, 0.0)]
+)
+def test_no_uncertainty_of_the_touching_and_no_tolerance_are_refused(own: float, tolerance_mm: float | None) -> None:
+    """X's uncertainty alone does not make a miss a measurement of X."""
+    mapping = SharedError(np.zeros((1, 3, 6)) + np.eye(3, 6), np.eye(6))
+    with pytest.raises(GeometryError):
+        evaluate_touch_test(np.zeros((1, 3)), np.zeros((1, 3)), mapping, [], own * np.eye(3)[None], tolerance_mm)

@@ -1,6 +1,8 @@
 """Profiles and paths from files: our own forms, a Gocator's export, and what is refused."""
 
+import io
 import json
+import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -85,6 +87,45 @@ def test_what_is_no_file_of_profiles_is_refused_by_name(tmp_path: Path, name: st
     assert caught.value.what.startswith("a.")
 
 
+def packed(time: bytes, compression: int = zipfile.ZIP_STORED) -> bytes:
+    """A .npz whose array of times is `time`."""
+    numbers, archive = io.BytesIO(), io.BytesIO()
+    np.save(numbers, np.ones((3, 4)))
+    with zipfile.ZipFile(archive, "w", compression) as file:
+        for name, content in (("time", time), ("x_mm", numbers.getvalue()), ("z_mm", numbers.getvalue())):
+            file.writestr(f"{name}.npy", content)
+    return archive.getvalue()
+
+
+def headed(header: str) -> bytes:
+    return b"\x93NUMPY\x01\x00" + (len(header) + 1).to_bytes(2, "little") + header.encode() + b"\n"
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        packed(headed("{'descr': '<f8', 'fortran_order': False, 'shape': (1000000000000000,), }")),
+        packed(headed("{'descr': ('<f8', 'fortran_order': False, 'shape': (10,), ")),
+        packed(headed("{'descr': (), 'fortran_order': False, 'shape': (1,), }")),
+        packed(packed(b"")),
+        packed(bytes(200), zipfile.ZIP_LZMA).replace(b"\x09\x04\x05\x00\x5d", b"\x09\x04\x05\x00\xff", 1),
+    ],
+    ids=["size", "open bracket", "no type", "an archive in an archive", "compressed"],
+)
+def test_a_damaged_array_is_refused(tmp_path: Path, content: bytes) -> None:
+    with pytest.raises(ProfileError, match=r"a\.npz: no \.npz file"):
+        read_profiles(written(tmp_path, "a.npz", content))
+
+
+def test_a_gocator_export_of_another_order_or_of_too_many_values_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(ProfileError, match="has 1 values"):
+        read_profiles(written(tmp_path, "a.csv", "Info\nEnd\nProfile\nAxis,Time,1\nZ\nEnd\n"))
+    rows = "".join(f"{k},{k},Z,1\n" for k in range(1, 500))
+    wide = "Info\nEnd\nProfile\nFrame,Time,Axis\n0,0,Z" + ",1" * 300_000 + "\n" + rows
+    with pytest.raises(ProfileError, match="are too many"):
+        read_profiles(written(tmp_path, "a.csv", wide))
+
+
 @pytest.mark.parametrize("bad", ["0.8,0.6,0,0", "0.1,2,2"])
 def test_what_is_no_path_is_refused_by_name(tmp_path: Path, bad: str) -> None:
     for replacement in ("0.8,0.7,0,0", "nan,0,0,0"):
@@ -109,6 +150,7 @@ def test_damaged_files_are_read_or_refused(tmp_path: Path, start: str, at: int, 
         ({"sweeps": []}, ProfileError),
         ({"sweeps": [{"profiles": "../a.npz", "path": "a.csv"}]}, ProfileError),
         ({"sweeps": [{"profiles": "a.npz", "path": "a.csv", "artefact": "cube"}]}, ProfileError),
+        ({"artefacts": [{"name": "a", "radius_mm": 1.0}, {"name": "a", "radius_mm": 2.0}]}, ProfileError),
         ({"time_unit": "h"}, DocumentError),
         ({"sweep": []}, DocumentError),
     ],
@@ -118,6 +160,15 @@ def test_a_folder_that_contradicts_itself_is_refused(tmp_path: Path, change: dic
     written(tmp_path, "profiles.json", json.dumps(document | change))
     with pytest.raises(error):
         read_profile_folder(tmp_path)
+
+
+@pytest.mark.parametrize("name", ["a\0.npz", "a\ud800.npz", ".."])
+def test_what_no_file_is_called_is_refused_when_it_is_read(tmp_path: Path, name: str) -> None:
+    document = {"schema_version": 1, "time_unit": "s", "sweeps": [{"profiles": name, "path": "a.csv"}]}
+    written(tmp_path, "profiles.json", json.dumps(document))
+    (sweep,) = read_profile_folder(tmp_path)
+    with pytest.raises(RegistrationError, match="cannot be read"):
+        sweep.read()
 
 
 def test_a_folder_names_a_missing_file_only_when_it_is_read(tmp_path: Path) -> None:
