@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Mapping
 from itertools import combinations
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -16,10 +16,12 @@ from calibration.documents.calibration_text import finding_line
 from calibration.documents.pose import PoseDocument, Vector
 from calibration.documents.validation import Document
 from calibration.likelihood.mapped_points import point_sigmas_mm
-from calibration.pose_pairs.rig import RigSolution
 from calibration.problem import MOUNTS, Setup
 from calibration.solution import COVERAGE_FACTOR, Solution
 from calibration.transforms import Array
+
+if TYPE_CHECKING:
+    from calibration.pose_pairs.rig import RigSolution
 
 FALSE_ALARM_PROBABILITY = 1e-3
 """Probability that a sensor in agreement with the others is reported as disagreeing."""
@@ -77,7 +79,7 @@ class RigDocument(Document):
     verdict: VerdictDocument
 
 
-def rig_document(rig: RigSolution, alone: Mapping[str, Solution], tolerance_mm: float) -> RigDocument:
+def rig_document(rig: "RigSolution", alone: Mapping[str, Solution], tolerance_mm: float) -> RigDocument:
     """The rig.json of a joint solution, beside the sensors' own solutions by name.
 
     Accepted when U of every sensor and of every relative pose is within the tolerance and no sensor disagrees.
@@ -111,7 +113,7 @@ def rig_document(rig: RigSolution, alone: Mapping[str, Solution], tolerance_mm: 
     )
 
 
-def _sensor(rig: RigSolution, number: int, seen_mm: Array, alone: Solution) -> RigSensorDocument:
+def _sensor(rig: "RigSolution", number: int, seen_mm: Array, alone: Solution) -> RigSensorDocument:
     expanded, probability = None, None
     if alone.mount_T_camera is not None and alone.uncertainty is not None:
         own = alone.uncertainty.covariance
@@ -144,7 +146,10 @@ def _uncertainty(covariance: Array, points_mm: Array) -> RigUncertaintyDocument:
 
 
 def _findings(
-    rig: RigSolution, sensors: tuple[RigSensorDocument, ...], relative: list[RelativePoseDocument], tolerance_mm: float
+    rig: "RigSolution",
+    sensors: tuple[RigSensorDocument, ...],
+    relative: list[RelativePoseDocument],
+    tolerance_mm: float,
 ) -> Iterable[FindingDocument]:
     poses = [(one.name, one.uncertainty) for one in sensors]
     poses += [(f"{one.b} in {one.a}", one.uncertainty) for one in relative]

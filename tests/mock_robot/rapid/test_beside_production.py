@@ -102,7 +102,7 @@ def value(controller: RapidController, name: str) -> Any:
 
 async def test_a_customers_main_finds_everything_as_it_was_before(tmp_path: Path) -> None:
     async with running(tmp_path, production=PRODUCTION) as controller:
-        await eventually(lambda: value(controller, "turns") > 2)
+        await eventually(lambda: value(controller, "turns") > 2 and not value(controller, "cell_abort"))
         beats, turns = value(controller, "cell_beat"), value(controller, "turns")
         await eventually(lambda: value(controller, "turns") > turns + 20)
         assert value(controller, "cell_beat") == beats, "nothing of ours runs without a client"

@@ -20,6 +20,7 @@ from mock_robot.rapid.controller import DEPLOYED, RapidController
 from protocols.cb import messages as cb
 from protocols.cb.codes import Flag, FrameSelector, MoveKind, Status
 from protocols.cb.frames import Frame
+from protocols.cb.layouts import pack
 from tests.mock_robot.cb_client import CbClient, over_serial, over_tcp
 from tests.mock_robot.controller_client import ARM, AWAY, HOME, UNUSED, move_to
 from tests.mock_robot.rapid.rapid_client import (
@@ -53,7 +54,7 @@ async def test_the_published_bytes_are_answered_by_the_rapid(serial: bool) -> No
             assert await answer_to(client, ping) == Frame(0x81, 1).encode()
             hello = bytes.fromhex("43 42 01 02 02 00 00 00 08 00 94 c7 01 00 00 00 01 00 00 00")
             welcome = cb.Welcome(1, cb.Capability(255), cell.controller.session, 5, 1024, 6)
-            assert await answer_to(client, hello) == Frame(0x82, 2, cb.pack(welcome)).encode()
+            assert await answer_to(client, hello) == Frame(0x82, 2, pack(welcome)).encode()
             pose = await answer_to(client, Frame(3, 3, b"\0\0").encode())
             assert pose[:10] == bytes.fromhex("43 42 01 83 03 00 00 00 44 00")
             assert pose[12 + 36 : 12 + 60] == 6 * bytes.fromhex("46 1c 06 50")
