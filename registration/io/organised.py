@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from calibration.documents.imports.arrays import DAMAGED_ARCHIVE
 from registration.errors import CloudFormatError, CloudIOError, CloudUnsupported
 from registration.io.formats.header import HEADER_LIMIT
 from registration.io.reading import open_cloud
@@ -103,7 +104,7 @@ def _npz_columns(path: Path) -> Mapping[str, NDArray[Any]]:
                 raise CloudUnsupported(name, "file", "it unpacks to more than 2 GB", "give one view of the camera")
         with np.load(io.BytesIO(content), allow_pickle=False) as arrays:
             held = {str(key).lower(): np.asarray(arrays[key]) for key in arrays.files}
-    except (zipfile.BadZipFile, ValueError, EOFError, OSError, NotImplementedError) as error:
+    except DAMAGED_ARCHIVE as error:
         raise CloudFormatError(name, "file", f"this is no NPZ of arrays ({error})", "write it again") from None
     points = next((held[key] for key in POINTS if key in held), None)
     if points is None or points.ndim != 3 or points.shape[2] != 3 or points.dtype.kind not in "iuf":

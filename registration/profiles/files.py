@@ -1,16 +1,14 @@
 """Reads profiles (.npz, .csv) and robot paths (.csv) from files."""
 
 import io
-import lzma
 import zipfile
-import zlib
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from calibration.documents.imports.arrays import DAMAGED
+from calibration.documents.imports.arrays import DAMAGED_ARCHIVE
 from calibration.errors import GeometryError
 from calibration.transforms import Array, transform_from_quaternion
 from registration.documents import TimeUnit
@@ -80,7 +78,7 @@ def _arrays(content: bytes, name: str) -> tuple[Array, NDArray[Any], NDArray[Any
             if sum(sizes.values()) > MAX_FILE_BYTES:
                 raise ProfileError(f"{name}: it unpacks to more than {MAX_FILE_BYTES >> 30} GB", "split the sweep")
             times, x, z = (np.lib.format.read_array(io.BytesIO(archive.read(f"{one}.npy"))) for one in ARRAYS)
-    except (*DAMAGED, zipfile.BadZipFile, zlib.error, lzma.LZMAError, RuntimeError) as error:
+    except DAMAGED_ARCHIVE as error:
         raise ProfileError(f"{name}: no .npz file ({str(error)[:80]})", fix) from None
     if any(array.dtype.kind not in "iuf" for array in (times, x, z)):
         raise ProfileError(f"{name}: an array holds no numbers", fix)

@@ -4,6 +4,7 @@ Pickled objects are never read; the sizes that a file states are checked before 
 """
 
 import io
+import lzma
 import zipfile
 import zlib
 from tokenize import TokenError
@@ -25,6 +26,8 @@ DAMAGED = (
     RecursionError, TokenError,
 )  # fmt: skip
 """What numpy raises for a damaged file; its header is a Python literal."""
+DAMAGED_ARCHIVE = (*DAMAGED, zipfile.BadZipFile, zlib.error, lzma.LZMAError, RuntimeError)
+"""What zipfile and numpy raise for a damaged .npz file."""
 
 FIX = "save an array n x 4 x 4, n x 7 or n x 6 of floats"
 
@@ -78,6 +81,6 @@ def unpack_npz(content: bytes, origin: str) -> dict[str, Array]:
             if sum(member.file_size for member in members) > MAX_ARRAY_BYTES or len(members) > 100:
                 raise refusal(origin, "file", "unpacks to more than 64 MB or 100 arrays", FIX)
             packed = {member.filename.removesuffix(".npy"): archive.read(member) for member in members}
-    except (zipfile.BadZipFile, zlib.error, RuntimeError, NotImplementedError, OSError, EOFError, ValueError) as error:
+    except DAMAGED_ARCHIVE as error:
         raise refusal(origin, "file", f"no .npz file ({str(error)[:80]})", FIX) from None
     return {name: _load(array, f"{origin}: {name}") for name, array in packed.items()}

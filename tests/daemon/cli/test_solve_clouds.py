@@ -1,6 +1,8 @@
 """`handeyed solve` of organised clouds: a board found in the intensity, measured in the points."""
 
+import io
 import json
+import zipfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -155,11 +157,25 @@ def test_a_board_without_points_is_named(tmp_path: Path) -> None:
     assert "have a cloud around them" in handeyed("solve", folder).err
 
 
+LZMA_HEAD = b"\x09\x04\x05\x00\x5d"
+"""Begins a member's LZMA stream; its last byte holds the parameters."""
+
+
+def packed(array: bytes, compression: int = zipfile.ZIP_STORED) -> bytes:
+    """An archive with one array."""
+    content = io.BytesIO()
+    with zipfile.ZipFile(content, "w", compression) as archive:
+        archive.writestr("points.npy", array)
+    return content.getvalue()
+
+
 @pytest.mark.parametrize(
     ("content", "what"),
     [
         (b"nothing", "this is no NPZ of arrays"),
         (b"", "this is no NPZ of arrays"),
+        (packed(b"\x93NUMPY\x01\x00\x02\x00{\n"), "this is no NPZ of arrays"),
+        (packed(bytes(200), zipfile.ZIP_LZMA).replace(LZMA_HEAD, LZMA_HEAD[:-1] + b"\xff"), "this is no NPZ of arrays"),
         (None, "no such file"),
     ],
 )
