@@ -2,10 +2,13 @@
 
 from typing import Annotated
 
-from fastapi import APIRouter, Depends, Query, Response
+from fastapi import APIRouter, Depends, Query, Request, Response
 
 from calibration.documents.rig import RigDocument
+from daemon.access.errors import RoleTooLow
+from daemon.access.roles import Role
 from daemon.api.dependencies import App, Before, Identifier, JsonBody, Limit, page_of, respond_page
+from daemon.api.middleware.authentication import caller_of
 from daemon.api.problems import problem_responses
 from daemon.api.schemas.answer import page_json
 from daemon.api.schemas.rigs import RigList, StoredRig
@@ -26,12 +29,21 @@ def sensors_of(app: Application) -> RigSensors:
     "",
     response_model=StoredRig,
     status_code=201,
-    responses=problem_responses(400, 409, 413, 422, 429, 500, 507),
+    responses=problem_responses(400, 403, 409, 413, 422, 429, 500, 507),
 )
 async def store_rig(
-    app: App, body: Annotated[RigDocument, Depends(JsonBody(RigDocument))], despite_verdict: Despite = False
+    request: Request,
+    app: App,
+    body: Annotated[RigDocument, Depends(JsonBody(RigDocument))],
+    despite_verdict: Despite = False,
 ) -> Response:
-    """Store a rig.json, and put it in force: POST /register?scanner=NAME then uses the pose of that sensor."""
+    """Store a rig.json, and put it in force: POST /register?scanner=NAME then uses the pose of that sensor.
+
+    A verdict is overruled by admins only.
+    """
+    caller = caller_of(request)
+    if despite_verdict and caller.role < Role.ADMIN:
+        raise RoleTooLow(caller.name, caller.role.word, Role.ADMIN.word)
     record = await sensors_of(app).save(body, app.new_id(), despite_verdict=despite_verdict)
     stored = StoredRig.of_record(record)
     headers = {"Location": f"/rigs/{stored.id}"}
