@@ -6,6 +6,8 @@ import { changed, linked, session } from '../state/now.js';
 import { t } from '../state/words.js';
 import { ProblemNote } from './problem.js';
 
+const AGAIN_MS = 2000; // what had no answer is asked again
+
 /** { data, etag, error, again } of a GET; `path` null asks nothing. `kinds`: events after which it is asked anew. The screen is not held back for what is `late`. */
 export function useAsked(path, kinds = [], { late = false } = {}) {
   const [state, setState] = useState({ data: null, etag: null, error: null, path: null });
@@ -29,6 +31,11 @@ export function useAsked(path, kinds = [], { late = false } = {}) {
   }, [path, happened, turn, link, session.value?.role]);
   useEffect(() => {
     if (state.path === path) release.current(); // after what is drawn from the answer has asked for more: effects of children come first
+  }, [state]);
+  useEffect(() => {
+    if (state.error?.status !== 0) return undefined;
+    const timer = setTimeout(() => setTurn((number) => number + 1), AGAIN_MS);
+    return () => clearTimeout(timer);
   }, [state]);
   const again = useCallback(() => setTurn((number) => number + 1), []);
   return { ...state, data: state.path === path ? state.data : null, error: state.path === path ? state.error : null, again };
