@@ -15,7 +15,8 @@ if TYPE_CHECKING:
 
 def touch(
     touches: Annotated[
-        Path, typer.Argument(metavar="TOUCHES", help="touches.json: the points, and who touched where.")
+        Path,
+        typer.Argument(metavar="TOUCHES", help="touches.json: the points, and the pose in which the tip touched each."),
     ],
     calibration: Annotated[Path, typer.Option(help="calibration.json.")],
     tip: Annotated[Path, typer.Option(help="tip.json of `handeyed tip`.")],

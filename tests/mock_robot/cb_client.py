@@ -41,16 +41,11 @@ class CbClient:
         return self.session.receive_data(data)
 
     async def is_armed(self) -> "CbClient":
-        """Greet and arm; asked again while the motion task settles: until then it shows no life."""
         welcome = await self.asks(cb.Hello(1, 1, 9))
         assert isinstance(welcome, cb.Welcome), welcome
-        async with asyncio.timeout(LIMIT_S):
-            while True:
-                answer = await self.asks(cb.SetArmed(welcome.session, True))
-                if answer != cb.Refused(Status.WRONG_MODE):
-                    assert answer == cb.ArmingDone(), answer
-                    return self
-                await asyncio.sleep(0.01)
+        answer = await self.asks(cb.SetArmed(welcome.session, True))
+        assert answer == cb.ArmingDone(), answer
+        return self
 
     async def moves(self, request: cb.Move) -> Status:
         """Move and ask for STATUS until it has ended."""
