@@ -91,6 +91,16 @@ Moment = Annotated[
 WidthQuery = Annotated[
     Width | None, Query(description="pixels; a smaller picture is not enlarged"), AS_NUMBER, IN_WHOLE_DIGITS
 ]
+NUMBER = r"-?[0-9]{1,6}(\.[0-9]{1,6})?"
+BOX_PATTERN = f"^{NUMBER}(,{NUMBER}){{5}}$"
+
+
+def box_of(text: str | None) -> tuple[tuple[float, float, float], tuple[float, float, float]] | None:
+    """Lowest and highest corner of a box by BOX_PATTERN; None without one."""
+    if text is None:
+        return None
+    a, b, c, d, e, f = map(float, text.split(","))
+    return (a, b, c), (d, e, f)
 
 
 def page_of(

@@ -5,6 +5,7 @@ from typing import Annotated
 from fastapi import APIRouter, Depends, Query, Request, Response
 
 from calibration.documents.arm import ArmErrorsDocument, arm_summary
+from calibration.documents.arm_field import MAX_STEPS, ArmFieldDocument, arm_field, arm_field_text
 from calibration.documents.calibration import CalibrationDocument
 from calibration.documents.calibration_text import summary
 from calibration.monitoring.comparison import ComparisonDocument, compare, comparison_text
@@ -20,12 +21,15 @@ from daemon.api.conditional_requests import (
     tag_of,
 )
 from daemon.api.dependencies import (
+    BOX_PATTERN,
     IN_DIGITS,
+    IN_WHOLE_DIGITS,
     App,
     Before,
     Identifier,
     JsonBody,
     Limit,
+    box_of,
     page_of,
     respond_page,
 )
@@ -35,6 +39,7 @@ from daemon.api.plain_text import current_text
 from daemon.api.problems import problem_responses
 from daemon.api.schemas.answer import page_json
 from daemon.api.schemas.calibrations import AppliedDocument, CalibrationList, CalibrationSummary, CurrentCalibration
+from daemon.application import Application
 from daemon.errors import NoCalibration, NotFound
 from daemon.model.records import CalibrationRecord
 from daemon.model.requests import ApplyRequest, ObservationsRequest, SolveRequest
@@ -51,6 +56,9 @@ FalseAlarm = Annotated[
     Query(ge=1e-12, le=0.5, description="probability that two that agree are said to contradict each other"),
     IN_DIGITS,
 ]
+Steps = Annotated[int, Query(ge=2, le=MAX_STEPS, description="places along each edge of the box"), IN_WHOLE_DIGITS]
+FIELD_BOX = "places of the flange in the base, mm: least x, y, z, largest x, y, z; without it around the session's"
+FieldBox = Annotated[str | None, Query(pattern=BOX_PATTERN, max_length=100, description=FIELD_BOX)]
 
 
 @router.get("", response_model=CalibrationList)
@@ -121,14 +129,24 @@ async def calibration(request: Request, app: App, calibration_id: Identifier) ->
 async def arm(request: Request, app: App, calibration_id: Identifier) -> Response:
     """arm.json: the errors of the arm that were identified with this calibration, in force with it. "current" is the
     one in force."""
-    document = await app.operations.calibration(calibration_id)
-    found = await app.store.arm(document.id)
-    if found is None:
-        raise NotFound(
-            f"the arm's errors were not identified with calibration {document.id}",
-            'calibrate with {"arm": true}; findings of its verdict say why where that was done',
-        )
+    _, found = await _arm_of(app, calibration_id)
     return respond(request, found, lambda: arm_summary(found))
+
+
+@router.get(
+    "/{calibration_id}/arm/field",
+    response_model=ArmFieldDocument,
+    responses={200: or_text("In words"), **problem_responses(404, 409, 422, 503)},
+)
+async def error_field(
+    request: Request, app: App, calibration_id: Identifier, steps: Steps = 5, box: FieldBox = None
+) -> Response:
+    """By how much the arm as drawn misses a registered point, and what is left with its errors taken out, on a grid of
+    places of the flange. "current" is the calibration in force."""
+    document, errors = await _arm_of(app, calibration_id)
+    corners = box_of(box)
+    found = await app.service_workers.run_if_free(arm_field, errors, document, steps, corners)
+    return respond(request, found, lambda: arm_field_text(found))
 
 
 @router.get(
@@ -199,3 +217,15 @@ def _made(record: CalibrationRecord) -> Response:
 def _by(given: str, caller: Caller) -> str:
     """The key's name, with the given name before it: a client cannot claim the name of another key."""
     return caller.name if given == ApplyRequest().applied_by else f"{given} ({caller.name})"
+
+
+async def _arm_of(app: Application, calibration_id: str) -> tuple[CalibrationDocument, ArmErrorsDocument]:
+    """The calibration, and arm.json identified with it. Raises NotFound where that was not."""
+    document = await app.operations.calibration(calibration_id)
+    found = await app.store.arm(document.id)
+    if found is None:
+        raise NotFound(
+            f"the arm's errors were not identified with calibration {document.id}",
+            'calibrate with {"arm": true}; findings of its verdict say why where that was done',
+        )
+    return document, found

@@ -9,6 +9,7 @@ from fastapi import APIRouter, Depends, Query, Request, Response
 
 from calibration.documents.calibration_with_arm import CalibrationWithArm
 from daemon.api.dependencies import (
+    BOX_PATTERN,
     IN_DIGITS,
     IN_WHOLE_DIGITS,
     App,
@@ -17,6 +18,7 @@ from daemon.api.dependencies import (
     JsonBody,
     Limit,
     Wait,
+    box_of,
     page_of,
     respond_page,
 )
@@ -55,7 +57,7 @@ from daemon.scans.scan_service import ReportTask
 from daemon.store.page_filters import PageFilters
 from registration.documents import RegistrationReportDocument
 from registration.fusion.concatenation import PlacedCloud
-from registration.fusion.merging import Box, Merge, Outliers
+from registration.fusion.merging import Merge, Outliers
 
 NamePart = Annotated[str | None, Query(min_length=1, max_length=200, description="a part of the name")]
 
@@ -148,8 +150,7 @@ SurfaceView = Annotated[int, Query(ge=0, description="which view, from 0"), IN_W
 SurfaceVoxel = Annotated[float, Query(gt=0, le=1e4, description="edge of the cubes"), IN_DIGITS]
 OCTETS = "application/octet-stream"
 BOX = "only points within this box of the base, mm: least x, y, z, largest x, y, z, with commas"
-NUMBER = r"-?[0-9]{1,6}(\.[0-9]{1,6})?"
-BoxQuery = Annotated[str | None, Query(pattern=f"^{NUMBER}(,{NUMBER}){{5}}$", max_length=100, description=BOX)]
+BoxQuery = Annotated[str | None, Query(pattern=BOX_PATTERN, max_length=100, description=BOX)]
 STILL: dict[int | str, dict[str, Any]] = {
     202: {"description": "It is still in progress: ask again", "model": RegistrationState}
 }
@@ -197,7 +198,7 @@ async def cloud(
     wait: Patience = 30.0,
 ) -> Response:
     """All views in one cloud, or one of them, in the robot's base frame: by the robot's poses, or refined."""
-    merge = Merge(voxel_mm, normals, outliers, _box_of(box))
+    merge = Merge(voxel_mm, normals, outliers, box_of(box))
     media_type = choose_media_type(request)
     used = await _calibration(app, calibration)
     found = None
@@ -237,19 +238,12 @@ async def surface(
     views: positive towards the camera, NaN where no other view is near."""
     clouds = await app.scans.clouds(scan_id, await _calibration(app, calibration))
     _one_of(clouds, view, scan_id)
-    content = await app.scans.view_surface(clouds, view, voxel_mm, _box_of(box))
+    content = await app.scans.view_surface(clouds, view, voxel_mm, box_of(box))
     return Response(content, media_type=OCTETS)
 
 
 async def _calibration(app: Application, which: str) -> CalibrationWithArm:
     return await app.operations.with_arm(await app.operations.calibration(which))
-
-
-def _box_of(text: str | None) -> Box | None:
-    if text is None:
-        return None
-    a, b, c, d, e, f = map(float, text.split(","))
-    return (a, b, c), (d, e, f)
 
 
 def _one_of(clouds: list[PlacedCloud], view: int, scan_id: str) -> PlacedCloud:

@@ -79,6 +79,36 @@ async def test_the_arms_errors_are_identified_stored_and_in_force_with_the_calib
         np.testing.assert_allclose(values, [one.value for one in found.parameters], atol=1e-6)
 
 
+async def test_the_error_field_is_given_over_a_box_before_and_after(tmp_path: Path, cell: ArmCell) -> None:
+    """Its errors are those of the built arm, to what the field says is left of them."""
+    async with serving(settings_for(tmp_path, robot={"model": ARM.name})) as bench:
+        calibration = await posted(bench, session_of(cell))
+        route = f"/calibrations/{calibration['id']}/arm/field"
+        box = "850,-300,500,1150,300,900"
+        answer = await bench.client.get(route, params={"steps": 3, "box": box})
+        field = answer.json()
+        assert (field["steps"], field["taken_up"], len(field["points"])) == (3, True, 27)
+        assert field["after_rms_mm"] < field["before_rms_mm"]
+        words = await bench.client.get(route, headers={"accept": "text/plain"})
+        assert f"{ARM.name}, " in words.text
+
+        x, point = np.array(calibration["flange_T_camera"]["translation_mm"]), np.array(field["point_in_flange_mm"])
+        assert 200 < np.linalg.norm(point - x) < 1000
+        off = np.array([one["error_mm"] for one in field["points"]])
+        assert np.linalg.norm(off, axis=1) == pytest.approx(
+            [np.sqrt(one["before_mm"] ** 2 - one["after_mm"] ** 2) for one in field["points"]], abs=1e-4
+        )
+        around = (await bench.client.get(route)).json()
+        seen = [one["seen"] for one in around["points"]]
+        assert any(seen)
+        assert not all(seen)
+        for bad in ({"steps": 10}, {"box": "1,2,3"}, {"box": "9,0,0,1,1,1"}):
+            refused = await bench.client.get(route, params=bad)
+            assert refused.status_code == 422, refused.text
+        far = (await bench.client.get(route, params={"box": "9000,0,0,9001,1,1"})).json()
+        assert (far["points"], far["before_rms_mm"]) == ([], None)
+
+
 POINTS_MM = np.array([[0.0, 0.0, 400.0], [60.0, -40.0, 450.0], [-50.0, 30.0, 380.0]])
 PLY = {"content-type": "application/x-ply"}
 SIX = ",".join
