@@ -45,6 +45,9 @@ $(VENV)/developing: $(VENV)/installed
 	@$(PIP) install --group dev
 	@touch $@
 
+# Each of the many processes would compile every module anew.
+unexport PYTHONDONTWRITEBYTECODE
+
 # Small matrices get one thread each, as from the command line. Many tests wait for a socket: two tests a core.
 test test-all test-busy test-opencv4: export OPENBLAS_NUM_THREADS ?= 1
 TEST_WORKERS ?= $(shell expr 2 \* $$(nproc))

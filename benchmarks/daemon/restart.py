@@ -20,10 +20,12 @@ from typing import Any
 
 import httpx
 
+from benchmarks.daemon.startup import environment_with_bytecode
 from daemon.cli.demo_run.processes import start_child
 from daemon.cli.demo_run.settings_file import settings_text
 
 READY_BAR_S = 5.0
+AT_WORK_BAR_S = 1.2
 LIMIT_S = 60.0
 POLL_S = 0.005
 TRIES = 5
@@ -37,7 +39,7 @@ def start_daemon(folder: Path) -> Iterator[tuple[httpx.Client, float, float]]:
     command = [sys.executable, "-m", "daemon.cli", "serve", str(folder / "handeyed.toml"), "--ready-file", str(ready)]
     began_s = time.monotonic()
     with (folder / "daemon.log").open("ab") as log:
-        process = subprocess.Popen(command, stdout=log, stderr=log)
+        process = subprocess.Popen(command, stdout=log, stderr=log, env=environment_with_bytecode())
     try:
         while not ready.exists():
             if process.poll() is not None or time.monotonic() - began_s > LIMIT_S:
@@ -99,8 +101,10 @@ def main() -> int:
     middle, slowest = statistics.median(took_s), max(took_s)
     print(f"ready again after kill -9 in mid-run, {len(took_s)} starts of a new process:")
     print(f"median {middle:.2f} s, slowest {slowest:.2f} s (bar {READY_BAR_S:g} s)")
-    print(f"of it at work {statistics.median(work_s):.2f} s; load {os.getloadavg()[0]:.0f} on {os.cpu_count()} cores")
-    return 0 if slowest < READY_BAR_S else 1
+    at_work_s = statistics.median(work_s)
+    print(f"processor time of it {at_work_s:.2f} s (bar {AT_WORK_BAR_S:g} s)")
+    print(f"load {os.getloadavg()[0]:.0f} on {os.cpu_count()} cores")
+    return 0 if slowest < READY_BAR_S and at_work_s < AT_WORK_BAR_S else 1
 
 
 @contextmanager

@@ -19,7 +19,7 @@ BAR_S = 0.4
 def processor_s(arguments: tuple[str, ...], folder: str) -> float:
     """User and system time of one `handeyed ARGUMENTS`, in a folder that may be written."""
     command = [sys.executable, "-m", "daemon.cli", *arguments]
-    process = subprocess.Popen(command, cwd=folder, stdout=subprocess.DEVNULL, env=_environment())
+    process = subprocess.Popen(command, cwd=folder, stdout=subprocess.DEVNULL, env=environment_with_bytecode())
     _, status, usage = os.wait4(process.pid, 0)
     process.returncode = os.waitstatus_to_exitcode(status)
     if process.returncode != 0:
@@ -27,7 +27,8 @@ def processor_s(arguments: tuple[str, ...], folder: str) -> float:
     return usage.ru_utime + usage.ru_stime
 
 
-def _environment() -> dict[str, str]:
+def environment_with_bytecode() -> dict[str, str]:
+    """The environment of a process that keeps what it compiled, as an installed package does; one thread for BLAS."""
     root = str(Path(__file__).resolve().parents[2])
     kept = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
     return {**kept, "PYTHONPATH": root, "OPENBLAS_NUM_THREADS": "1"}

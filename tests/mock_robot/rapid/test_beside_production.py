@@ -263,7 +263,8 @@ async def test_position_streams_while_the_motion_part_is_called_and_no_identity_
         for _ in range(5):
             async with client_of(controller) as client:
                 await client.is_armed()
-                assert {session.state for session in controller.unit.egm.values()} == {"streams"}
+                # T_COMM answers; T_ROB1 calls the motion part at its next turn.
+                await eventually(lambda: {session.state for session in controller.unit.egm.values()} == {"streams"})
                 assert await client.asks(cb.Bye()) == cb.Farewell()
             await eventually(lambda: not controller.unit.egm)
         assert error_codes(controller) == []
