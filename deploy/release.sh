@@ -33,7 +33,7 @@ say "installing into $FOLDER ..."
 "$FOLDER/bin/pip" install --quiet --disable-pip-version-check --no-deps "$work"/handeyed-*.whl
 share="$FOLDER/share/handeyed" # what a plant reads, loads into the controller, PLC and MES, and gives to its Prometheus
 mkdir -p "$share/docs" "$share/deploy"
-(cd "$SOURCE/docs" && cp runbook.md page.md faults.md causes.md plc.md plc-registers.csv api.md openapi.json cb-link.md rapid.md rws.md arms.md formats.md your-own-data.md exports.md reports.md "$share/docs/")
+(cd "$SOURCE/docs" && cp -R ./*.md ./*.csv ./*.json ./*.ipynb page decisions "$share/docs/")
 (cd "$SOURCE/deploy" && cp -R handeyed.example.toml prometheus grafana rapid "$share/deploy/")
 cp "$SOURCE/SECURITY.md" "$SOURCE/CHANGELOG.md" "$share/"
 "$FOLDER/bin/handeyed" version >/dev/null || fail "the new release does not run"

@@ -157,14 +157,24 @@ def test_installer_and_package_put_the_program_where_the_unit_looks() -> None:
     assert '"$root/opt/handeyed/current"' in (DEPLOY / "deb/build.sh").read_text()
 
 
+ABOUT_THE_SOURCE = ("architecture.md", "reliability.md")
+
+
 def test_a_release_brings_what_the_runbook_speaks_of() -> None:
     """Both ways of installing build a release; no source tree is left on the cell's PC."""
     script, docs = (DEPLOY / "release.sh").read_text(), DEPLOY.parent / "docs"
-    linked = set(re.findall(r"\]\(([\w-]+\.(?:md|csv|json))", (docs / "runbook.md").read_text()))
-    brought = set(re.search(r'docs" && cp ([^&]*) "\$share/docs/', script)[1].split())  # type: ignore[index]
+    patterns = re.search(r'docs" && cp -R ([^&]*) "\$share/docs/', script)[1].split()  # type: ignore[index]
+    brought = {path for pattern in patterns for path in docs.glob(pattern.removeprefix("./"))}
+    linked = {
+        docs / target
+        for page in brought
+        if page.suffix == ".md" and page.name not in ABOUT_THE_SOURCE
+        for target in re.findall(r"\]\(([^)#:]+)[)#]", page.read_text())
+    }
 
-    assert linked <= brought
-    assert all((docs / name).exists() for name in brought)
+    assert docs / "runbook.md" in brought
+    brought |= {docs / "../SECURITY.md", docs / "../CHANGELOG.md"}  # copied beside them
+    assert {path for path in linked if not brought & {path, *path.parents}} == set()
     assert {"prometheus", "grafana", "rapid"} <= set(script.split())
     assert "share/handeyed/docs/runbook.md" in UNIT.read_text()
 
