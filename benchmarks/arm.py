@@ -135,7 +135,9 @@ def _planned(arm: Arm, seed: int) -> Row:
     plan = experiment.choose(40)
     joints = [candidates[place].joints_rad[[row for at, row in plan.views if at == place]] for place in range(PLACES)]
     cell = arm_cell(rng, build_arm(arm, "standard", seed), joints, targets)
-    return _measure(cell, _interest(rng, arm), float(plan.point_mm[-1]))
+    elsewhere = _interest(rng, arm)
+    bound = ArmExperiment(model, scenes, candidates, elsewhere, model.sigmas)
+    return _measure(cell, elsewhere, bound.point_mm([CANDIDATES * place + row for place, row in plan.views]))
 
 
 def _ordinary(arm: Arm, arm_class: ArmClass, seed: int) -> Row:

@@ -12,7 +12,7 @@ from calibration.diagnosis.explain import diagnose_solution
 from calibration.errors import GeometryError, UndeterminedError
 from calibration.kinematics.abb_arms import ARMS
 from calibration.kinematics.arm import Arm
-from calibration.kinematics.arm_errors import AXES, NO_LOAD, ArmErrorModel, Load, Postures
+from calibration.kinematics.arm_errors import AXES, NO_LOAD, ArmErrorModel, Load, Postures, approach_sides
 from calibration.kinematics.joint_check import require_consistent_joints
 from calibration.likelihood.augmented_model import augment_model
 from calibration.preprocessing.prepare import PreparedSession, prepare, update_target_shape
@@ -161,11 +161,11 @@ def identify_arm_session(arm: Arm, problems: Sequence[Problem], load: Load = NO_
     found = []
     for problem in problems:
         prepared, _, selection = estimate_session(_with_own_joints(arm, problem))
-        rows = prepared.take(selection.used)
-        found.append((TargetViews(rows, selection.best), _joints_of(problem, rows)))
-    found.sort(key=lambda views: -len(views[1]))
-    views, joints = zip(*found, strict=True)
-    fit = identify_arm(ArmErrorModel(arm), views, Postures(np.concatenate(joints), load))
+        found.append((TargetViews(prepared, selection.used, selection.best), _standstills_of(problem, prepared)))
+    found.sort(key=lambda views: -int(np.count_nonzero(views[0].used)))
+    views, standstills = zip(*found, strict=True)
+    joints, sides = (np.concatenate(parts) for parts in zip(*standstills, strict=True))
+    fit = identify_arm(ArmErrorModel(arm), views, Postures(joints, load, sides))
     if unusual := fit.beyond_usual():
         raise UnusualArm(arm.name, unusual)
     return fit
@@ -181,6 +181,8 @@ def _with_own_joints(arm: Arm, problem: Problem) -> Problem:
     return problem
 
 
-def _joints_of(problem: Problem, rows: PreparedSession) -> Array:
-    """Joints (n, 6) of the views."""
-    return np.array([problem.views[position].joints_rad for position in rows.seen.positions])
+def _standstills_of(problem: Problem, rows: PreparedSession) -> tuple[Array, Array]:
+    """Joints (n, 6) of the views, and the sides (n, 6) from which the axes came if the arm went from view to view."""
+    joints = np.array([view.joints_rad for view in problem.views])
+    positions = rows.seen.positions
+    return joints[positions], approach_sides(joints)[positions]

@@ -53,6 +53,9 @@ PLAY_SIGMA_RAD = 4e-5
 EXPANSION_SIGMA = 1.5e-5
 """1/K: between cast iron and aluminium."""
 
+MIN_APPROACH_RAD = float(np.radians(0.05))
+"""Travel beyond which an axis has taken up its play."""
+
 MAX_USUAL_SIGMAS = 6.0
 """A parameter beyond so many of its standard deviations is no arm's: another arm, axis order, sign or zero."""
 
@@ -99,6 +102,16 @@ class Postures:
         """Only the chosen ones."""
         parts = [None if part is None else part[chosen] for part in (self.sides, self.warmth_k)]
         return Postures(self.joints_rad[chosen], self.load, *parts)
+
+
+def approach_sides(joints_rad: Array) -> Array:
+    """Sides (n, 6) as of Postures, of an arm that goes from each of the postures (n, 6) straight to the next.
+
+    Not known of the first, nor of an axis that has hardly moved.
+    """
+    moved = np.diff(joints_rad, axis=0, prepend=joints_rad[:1])
+    sides: Array = np.where(np.abs(moved) > MIN_APPROACH_RAD, np.sign(moved), 0.0)
+    return sides
 
 
 class ArmErrorModel:

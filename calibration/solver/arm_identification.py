@@ -26,8 +26,11 @@ from calibration.likelihood.shared_columns import fix_unknowns, join_places, tak
 from calibration.likelihood.systematic_errors import SystematicErrors
 from calibration.likelihood.variance_components import estimate_variances
 from calibration.linear_algebra import inverse_or_pseudo_inverse
+from calibration.observations.observations import scale_target
+from calibration.observations.view_poses import refine_poses
 from calibration.preprocessing.prepare import PreparedSession
 from calibration.problem import anchor_T_mount_of
+from calibration.solver.arm_view_selection import select_views_with_arm
 from calibration.transforms import Array, inverse, map_points, transform_from_vector
 
 SCALES = (0.15, 0.4, 1.0, 2.0)
@@ -62,9 +65,11 @@ class ArmFit(ArmEstimate):
     taken_up : whether its errors enter X and poses.
     log_evidence : of errors of the arm against none, over all models.
     anchor_T_target : (m, 4, 4) of the target's places.
+    views : number of those that agree.
     """
 
     taken_up: bool
+    views: int
     log_evidence: float
     anchor_T_target: Array
     variances: Variances
@@ -108,10 +113,22 @@ class _Candidate:
 
 @dataclass(frozen=True, eq=False)
 class TargetViews:
-    """The used views of the target at one place, and their estimate without errors of the arm."""
+    """The views of the target at one place, and the estimate without errors of the arm from the `used` (n,) ones."""
 
     rows: PreparedSession
+    used: NDArray[np.bool_]
     best: Estimate
+
+    def camera_T_target(self) -> Array:
+        """Each view's own pose (n, 4, 4), by the estimated camera."""
+        seen = scale_target(self.rows.seen, self.best.scale)
+        poses = refine_poses(seen, self.best.camera, self.rows.camera_T_target)
+        poses[self.used] = self.best.chain.camera_T_target()
+        return poses
+
+    def take(self, chosen: NDArray[np.bool_]) -> "TargetViews":
+        """Only the chosen views; all of them are used."""
+        return replace(self, rows=self.rows.take(chosen), used=np.ones(int(np.count_nonzero(chosen)), bool))
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,6 +147,21 @@ class _Session:
         return np.repeat(np.arange(len(self.views)), [len(one.rows.seen) for one in self.views])
 
     @property
+    def used(self) -> NDArray[np.bool_]:
+        """(n,)"""
+        return np.concatenate([one.used for one in self.views])
+
+    def take(self, chosen: NDArray[np.bool_]) -> "_Session":
+        """Only the chosen views."""
+        masks = [chosen[self.places == place] for place in range(len(self.views))]
+        chains = [
+            replace(chain, base_T_flange=chain.base_T_flange[mask], corrections=chain.corrections[mask])
+            for chain, mask in zip(self.chains, masks, strict=True)
+        ]
+        views = [one.take(mask) for one, mask in zip(self.views, masks, strict=True)]
+        return replace(self, postures=self.postures.take(chosen), views=views, chains=chains)
+
+    @property
     def best(self) -> Estimate:
         """The estimate from the first place."""
         return self.views[0].best
@@ -141,9 +173,9 @@ def identify_arm(arm: ArmErrorModel, views: Sequence[TargetViews], postures: Pos
     `views`: the place with most views first; camera and noise levels start from its estimate. `postures`: of all views,
     one place after the other.
     """
-    session = _begin(arm, views, postures)
+    session = _select(_begin(arm, views, postures))
     restricted = _restrict(session, _ladder(postures))
-    logs = np.array([restricted_log_likelihood(one.model, one.variances) for one in restricted])
+    logs = _log_likelihoods(restricted)
     likely = [one for one, log in zip(restricted[1:], logs[1:], strict=True) if log > logs[1:].max() - MAX_LOG_DEFICIT]
     first = np.mean([_parameters_of(one, solve(one.model, one.variances).b, len(arm)) for one in likely], axis=0)
     session = _move(session, first)
@@ -151,6 +183,19 @@ def identify_arm(arm: ArmErrorModel, views: Sequence[TargetViews], postures: Pos
     again = _restrict(session, [(one.up_to, one.scale) for one in candidates], [one.variances for one in candidates])
     found = [_Candidate(one, marginalise(one.model, one.variances)) for one in again]
     return _conclude(session, found, len(restricted) - 1)
+
+
+def _select(session: _Session) -> _Session:
+    """Only the views that the likeliest model explains, beginning with those used without errors of the arm."""
+    ladder = _ladder(session.postures)
+    restricted = _restrict(session.take(session.used), ladder)
+    likeliest = int(np.argmax(_log_likelihoods(restricted)))
+    (whole,) = _restrict(session, [ladder[likeliest]], [restricted[likeliest].variances])
+    return session.take(select_views_with_arm(whole.model, restricted[likeliest].variances, session.used))
+
+
+def _log_likelihoods(restricted: Sequence[_Restricted]) -> Array:
+    return np.array([restricted_log_likelihood(one.model, one.variances) for one in restricted])
 
 
 def _ladder(postures: Postures) -> list[tuple[Group | None, float]]:
@@ -164,10 +209,11 @@ def _begin(arm: ArmErrorModel, views: Sequence[TargetViews], postures: Postures)
     drawn = np.split(arm.forward(np.zeros(len(arm)), postures), np.cumsum([len(one.rows.seen) for one in views])[:-1])
     x, chains = views[0].best.chain.mount_T_camera, []
     for one, base_T_flange in zip(views, drawn, strict=True):
-        seen_T = one.best.chain.camera_T_target()
+        seen_T = one.camera_T_target()
         target = one.best.chain.anchor_T_target
         if one is not views[0]:
-            target = (anchor_T_mount_of(one.rows.setup, base_T_flange[:1]) @ x @ seen_T[:1])[0]
+            first = np.flatnonzero(one.used)[:1]
+            target = (anchor_T_mount_of(one.rows.setup, base_T_flange[first]) @ x @ seen_T[first])[0]
         chain = Chain(one.rows.setup, base_T_flange, x, target, np.zeros((len(seen_T), 6)))
         chains.append(chain.with_corrections_from(seen_T))
     return _Session(arm, postures, views, chains, np.zeros(len(arm)))
@@ -260,6 +306,7 @@ def _conclude(session: _Session, candidates: list[_Candidate], models: int) -> A
     return ArmFit(
         model=session.arm,
         taken_up=taken_up,
+        views=len(session.postures),
         log_evidence=gain,
         parameters=mean[others:],
         covariance=covariance[np.ix_(kept, kept)],

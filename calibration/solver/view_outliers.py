@@ -64,7 +64,7 @@ def select_views(prepared: PreparedSession, used: NDArray[np.bool_], chain: Chai
 
 def _update_selection(prepared: PreparedSession, used: NDArray[np.bool_], best: Estimate) -> NDArray[np.bool_]:
     n, changed = len(used), used.copy()
-    limit = _limit(int(np.count_nonzero(used)), n)
+    limit = outlier_limit(int(np.count_nonzero(used)), n)
     if not np.all(used):
         outside = prepared.take(~used)
         back = squared_outside_distances(best, outside.seen, outside.camera_T_target) / 6 < limit
@@ -80,7 +80,7 @@ def _update_selection(prepared: PreparedSession, used: NDArray[np.bool_], best: 
     return changed
 
 
-def _limit(used: int, n: int) -> float:
+def outlier_limit(used: int, n: int) -> float:
     """Limit of a squared distance / 6 at FALSE_ALARM_PROBABILITY over n views: a quantile of Fisher's F."""
     redundancy = max(3 * used - 6, 3)
     return f_quantile(6, redundancy, FALSE_ALARM_PROBABILITY / n)

@@ -1,6 +1,7 @@
 """The arm's errors from ordinary and from several targets: what was learnt helps, what was not stays uncertain."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -15,7 +16,7 @@ from calibration.solver.arm_identification import ArmFit
 from calibration.solver.registered_points import registered_points
 from calibration.transforms import Array, map_points
 from mock_robot.arm.built_arm import ArmClass, build_arm
-from tests.simulated.arms import ArmCell, arm_cell, reachable_views, target_before
+from tests.simulated.arms import REPEATABILITY, ArmCell, arm_cell, reachable_views, target_before
 
 ARM = find_arm("IRB 2600-20/1.65")
 TARGETS = (target_before(ARM), target_before(ARM, 0.45, 0.1, 0.45), target_before(ARM, 0.5, 0.05, -0.4))
@@ -70,6 +71,31 @@ def test_a_perfect_arm_is_left_alone(seed: int) -> None:
     before, after, _ = errors_of(cell, fit, x)
     assert not fit.taken_up and not np.any(fit.parameters)
     assert rms(after) < 1.05 * rms(before)
+
+
+def test_views_that_only_the_arms_errors_explain_are_used_and_a_wrong_one_is_not() -> None:
+    """Without the arm's errors the estimate leaves out one of the right views."""
+    cell = draw_cell("standard", 1, (14, 10, 8))
+    left_out = [int(np.count_nonzero(~estimate_session(problem)[2].used)) for problem in cell.problems]
+    assert sum(left_out) > 0, left_out
+    assert identify_arm_session(ARM, cell.problems).views == 32
+    first, *others = cell.problems
+    joints = first.views[5].joints_rad
+    assert joints is not None
+    turned = joints + np.radians([0.2, 0, 0, 0, 0, 0])
+    moved = replace(first.views[5], joints_rad=turned, base_T_flange=ARM.forward(turned))
+    spoilt = replace(first, views=(*first.views[:5], moved, *first.views[6:]))
+    assert identify_arm_session(ARM, [spoilt, *others]).views == 31
+
+
+def test_play_is_found_by_the_side_from_which_the_axes_came() -> None:
+    """What is left is the scatter about one pose; play not modelled would triple it."""
+    cell = draw_cell("worn", 0, (14, 14, 14))
+    fit = identify_arm_session(ARM, cell.problems)
+    play = fit.model.indices("play")
+    found, true = fit.parameters[play], cell.built.errors[play]
+    assert np.corrcoef(found, true)[0, 1] > 0.8
+    assert np.sqrt(fit.variances.translation) < 2 * REPEATABILITY.robot_translation_mm
 
 
 def test_a_point_is_less_certain_away_from_where_views_were_taken() -> None:
