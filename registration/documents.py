@@ -126,6 +126,8 @@ class StitchedPairDocument(Document):
 class StitchingDocument(Document):
     """The gaps between all views that overlap; `largest_mm`: of gaps and shifts."""
 
+    heading = "stitching"
+
     schema_version: Literal[1] = 1
     calibration_id: str
     largest_mm: float

@@ -162,4 +162,6 @@ class PlannedDocument(Document):
 class AssessedDocument(Document):
     """What `assess` answers."""
 
+    heading = "assessed"
+
     predicted: PredictedDocument

@@ -47,6 +47,8 @@ class ComparisonDocument(Document):
     `agree`: whether that is at least `false_alarm_probability`.
     """
 
+    heading = "comparison"
+
     a: str
     b: str
     setup: Setup

@@ -52,6 +52,8 @@ class TouchTestDocument(Document):
     without one, the misses agree with what is stated.
     """
 
+    heading = "touch-test"
+
     schema_version: Literal[1] = 1
     calibration_id: str
     flange_tip_mm: Vector

@@ -9,7 +9,7 @@ from daemon.cli.errors import CommandError, ExitStatus
 from daemon.cli.output import Json, print_error, progress_bar
 
 if TYPE_CHECKING:
-    from daemon.tools.batch_registration.tasks import RegistrationTask, ScanOutcome
+    from daemon.tools.batch_registration.tasks import OutcomeDocument, RegistrationTask
 
 
 def register_archive(
@@ -62,21 +62,18 @@ def _tasks(folder: str, calibration: Path, out: str, refine: bool, voxel_mm: flo
     return [RegistrationTask(source.url, target.url, scan, content.decode(), refine, voxel_mm) for scan in scans]
 
 
-def _summary(out: str, outcomes: "list[ScanOutcome]") -> str:
+def _summary(out: str, outcomes: "list[OutcomeDocument]") -> str:
     points = sum(each.points for each in outcomes)
     counts = {state: sum(each.state == state for each in outcomes) for state in ("registered", "unchanged", "failed")}
     numbers = ", ".join(f"{count} {state}" for state, count in counts.items() if count)
     return f"{out}: {len(outcomes)} scans ({numbers}), {points:,} points in the base frame, mm"
 
 
-def _json_lines(outcomes: "list[ScanOutcome]") -> str:
-    from dataclasses import asdict
-    from json import dumps
-
-    return "\n".join(dumps(asdict(each)) for each in outcomes)
+def _json_lines(outcomes: "list[OutcomeDocument]") -> str:
+    return "\n".join(each.model_dump_json() for each in outcomes)
 
 
-def _status(outcomes: "list[ScanOutcome]") -> ExitStatus:
+def _status(outcomes: "list[OutcomeDocument]") -> ExitStatus:
     if any(each.state == "failed" for each in outcomes):
         return ExitStatus.UNREADABLE
     return ExitStatus.OK if all(each.accepted for each in outcomes) else ExitStatus.NOT_ACCEPTED

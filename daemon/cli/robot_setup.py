@@ -284,14 +284,19 @@ def _write_record(folder: Path, record: "SetupRecord") -> None:
 
 
 def _read_record(folder: Path) -> "SetupRecord":
+    from calibration.documents.validation import parse_document
+    from calibration.errors import DocumentError
     from daemon.runtime.bounded_read import read_bounded
+    from daemon.tools.setup_record import SetupRecordDocument
     from drivers.robots.abb.setup.installer import SetupRecord
 
     home = folder / "HOME"
     try:
         contents = {str(p.relative_to(home)): read_bounded(p) for p in sorted(home.rglob("*")) if p.is_file()}
-        return SetupRecord.from_document(read_bounded(folder / RECORD), contents)
-    except (OSError, ValueError) as error:
+        content = read_bounded(folder / RECORD)
+        parse_document(SetupRecordDocument, content, str(folder / RECORD))
+        return SetupRecord.from_document(content, contents)
+    except (OSError, ValueError, DocumentError) as error:
         raise CommandError(
             str(folder), f"no backup of a setup ({error})", "name the folder that it made", ExitStatus.UNREADABLE
         ) from None

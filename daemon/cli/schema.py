@@ -22,10 +22,21 @@ class SchemaName(StrEnum):
     ARM = "arm"
     RIG = "rig"
     REPORT = "report"
+    MANIFEST = "manifest"
+    OUTCOME = "outcome"
+    ASSESSED = "assessed"
+    COMPARISON = "comparison"
+    TOUCH_TEST = "touch-test"
+    STITCHING = "stitching"
+    SCANNER = "scanner"
+    DETECTIONS = "detections"
+    ACCEPTANCE = "acceptance"
+    SETUP = "setup"
+    BACKUP = "backup"
 
 
 def schema(name: Annotated[SchemaName, typer.Argument(metavar="|".join(SchemaName))]) -> None:
     """Print the JSON Schema of a file: session.json, scan.json, plan.json, ..., and what is written."""
-    from daemon.tools.file_schemas.schemas import schema_of
+    from daemon.cli.file_schemas.schemas import schema_of
 
     typer.echo(json.dumps(schema_of(name.value), indent=1))

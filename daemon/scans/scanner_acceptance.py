@@ -36,6 +36,8 @@ class PositionDocument(Document):
 class AcceptanceDocument(Document):
     """Probing error (form: width of 95 %; size: of the diameter) and sphere-spacing error: the largest of all views."""
 
+    heading = "scanner"
+
     schema_version: Literal[1] = 1
     based_on: str
     scan_id: str

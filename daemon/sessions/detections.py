@@ -48,6 +48,8 @@ class DetectionDocument(Document):
 class DetectionsDocument(Document):
     """The whole of detections.json."""
 
+    heading = "detectionsjson"
+
     schema_version: int = 1
     views: tuple[DetectionDocument, ...] = ()
 

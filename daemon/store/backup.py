@@ -7,7 +7,6 @@ a backup that was cut off has none.
 
 import hashlib
 import io
-import json
 import os
 import tarfile
 import tempfile
@@ -16,6 +15,9 @@ from contextlib import suppress
 from pathlib import Path
 from typing import IO
 
+from pydantic import Field
+
+from calibration.documents.validation import Document
 from daemon.runtime.durable_files import create_file, rename_durably
 from daemon.store.anchor_file import ANCHOR_NAME
 from daemon.store.database import DATABASE_NAME, Database, copy_database, storage_errors
@@ -26,6 +28,17 @@ FORMAT = 2
 """1, before hashes were in the manifest, can be restored, too."""
 
 FOLDERS = ("runs", "scans")
+
+
+class BackupManifestDocument(Document):
+    """The whole of handeyed-backup.json. `files`: hexadecimal SHA-256 by name; without it in format 1."""
+
+    heading = "handeyed-backupjson"
+
+    made_at: str
+    schema_number: int = Field(alias="schema")
+    format: int
+    files: dict[str, str] = Field(default_factory=dict)
 
 
 def back_up(store: Path, database: Database, target: Path, made_at: str) -> int:
@@ -46,8 +59,9 @@ def back_up(store: Path, database: Database, target: Path, made_at: str) -> int:
                 name = str(path.relative_to(store))
                 with suppress(FileNotFoundError):  # pictures of old runs may be removed meanwhile
                     hashes[name] = _add_file(archive, name, path)
-            manifest = json.dumps({"made_at": made_at, "schema": SCHEMA_VERSION, "format": FORMAT, "files": hashes})
-            _add(archive, MANIFEST, io.BytesIO(manifest.encode()), len(manifest.encode()))
+            manifest = BackupManifestDocument(made_at=made_at, schema=SCHEMA_VERSION, format=FORMAT, files=hashes)
+            content = manifest.model_dump_json(by_alias=True).encode()
+            _add(archive, MANIFEST, io.BytesIO(content), len(content))
         rename_durably(part, target)
     return len(hashes)
 

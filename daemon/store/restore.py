@@ -18,7 +18,7 @@ from typing import IO, Any
 
 from daemon.errors import BackupUnusable, StorageError
 from daemon.runtime.durable_files import create_file, fsync_folder, make_folder
-from daemon.store.backup import FOLDERS, FORMAT, MANIFEST
+from daemon.store.backup import FOLDERS, FORMAT, MANIFEST, BackupManifestDocument
 from daemon.store.consistency import NO_LIMIT_S, count_missing_files, find_fault
 from daemon.store.database import DATABASE_NAME, storage_errors
 from daemon.store.lock import LOCK_NAME, FolderLock
@@ -33,6 +33,8 @@ _NAME = re.compile(
     r"|(?:runs|scans)/[A-Za-z0-9_-]+/[A-Za-z0-9_-][A-Za-z0-9._-]*"
 )
 """Names of files in a backup: the database, the anchor, the manifest, and files in a run's or scan's folder."""
+
+_HEADING = f"docs/formats.md#{BackupManifestDocument.heading}"
 
 _MAX_MANIFEST_BYTES = 1 << 28
 _BLOCK_BYTES = 1 << 20
@@ -170,7 +172,7 @@ def _require_complete(source: Path, found: _Unpacked) -> None:
         schema, version = int(manifest["schema"]), int(manifest["format"])
         hashes = dict(manifest["files"]) if version > 1 else found.hashes
     except (ValueError, KeyError, TypeError, RecursionError) as error:
-        raise BackupUnusable(f"{source} cannot be read ({MANIFEST}: {error})", _FIX) from None
+        raise BackupUnusable(f"{source} cannot be read ({MANIFEST}: {error})", f"{_FIX} ({_HEADING})") from None
     if schema > SCHEMA_VERSION or version > FORMAT:
         what = f"{source} was made by a newer handeyed (schema {schema}, this one knows {SCHEMA_VERSION})"
         raise BackupUnusable(what, "install that version first")

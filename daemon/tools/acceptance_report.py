@@ -2,15 +2,55 @@
 
 from collections.abc import Mapping, Sequence
 from html import escape
-from typing import Any
+from typing import Any, Literal
 
-SCHEMA_VERSION = 1
+from calibration.documents.validation import Document
+
 _COLOURS = {"passed": "#176b2c", "failed": "#b00020", "skipped": "#6b6b6b"}
 _STYLE = (
     "body{font:15px/1.45 system-ui,sans-serif;margin:2em auto;max-width:70em;padding:0 1em;color:#222}"
     "table{border-collapse:collapse;width:100%}td,th{border-bottom:1px solid #ddd;padding:.35em .6em;text-align:left;"
     "vertical-align:top}td.v{font-weight:600}pre{background:#f4f4f4;padding:1em;overflow:auto}"
 )
+
+
+class AcceptanceRowDocument(Document):
+    """One assumption, what was seen when it failed or why it was skipped, and what was measured."""
+
+    code: str
+    assumption: str
+    verdict: Literal["passed", "failed", "skipped"]
+    what: str
+    measured: dict[str, float | str]
+    seconds: float
+
+
+class EventDocument(Document):
+    """One entry of the controller's event log; `kind`: 1 information, 2 warning, 3 error."""
+
+    number: int
+    kind: int
+    code: int
+    at: str
+    title: str
+    description: str
+
+
+class RobotAcceptanceDocument(Document):
+    """The whole of acceptance.json."""
+
+    heading = "acceptancejson"
+
+    schema_version: Literal[1] = 1
+    handeyed: str
+    began_at: str
+    address: str
+    services: str | None
+    controller: dict[str, str]
+    accepted: bool
+    counts: dict[str, int]
+    rows: list[AcceptanceRowDocument]
+    event_log: list[EventDocument]
 
 
 def acceptance_document(
@@ -26,7 +66,7 @@ def acceptance_document(
     """The report as JSON. `results`: rows in order; `log`: entries of the controller's event log, newest first."""
     counts = {verdict: sum(row["verdict"] == verdict for row in results) for verdict in _COLOURS}
     return {
-        "schema_version": SCHEMA_VERSION,
+        "schema_version": 1,
         "handeyed": version,
         "began_at": began_at,
         "address": address,

@@ -10,9 +10,9 @@ from typing import Any
 
 from daemon.tools.batch_registration.errors import ArchiveError
 from daemon.tools.batch_registration.remote_folder import import_extra
-from daemon.tools.batch_registration.tasks import RegistrationTask, ScanOutcome, run_task
+from daemon.tools.batch_registration.tasks import OutcomeDocument, RegistrationTask, run_task
 
-Executor = Callable[[Sequence[RegistrationTask]], Iterator[ScanOutcome]]
+Executor = Callable[[Sequence[RegistrationTask]], Iterator[OutcomeDocument]]
 
 HERE, LOCAL = "here", "local"
 MAX_CONNECT_S = 15.0
@@ -30,7 +30,7 @@ def open_executor(scheduler: str, workers: int) -> Iterator[Executor]:
         yield lambda tasks: _run_on_dask(client, tasks)
 
 
-def run_here(tasks: Iterable[RegistrationTask]) -> Iterator[ScanOutcome]:
+def run_here(tasks: Iterable[RegistrationTask]) -> Iterator[OutcomeDocument]:
     """Run the tasks one after another in this process."""
     yield from map(run_task, tasks)
 
@@ -62,7 +62,7 @@ def _client(scheduler: str, workers: int) -> Iterator[Any]:
         yield client
 
 
-def _run_on_dask(client: Any, tasks: Sequence[RegistrationTask]) -> Iterator[ScanOutcome]:
+def _run_on_dask(client: Any, tasks: Sequence[RegistrationTask]) -> Iterator[OutcomeDocument]:
     """Yield outcomes as they complete. A scan whose workers die fails, after Dask's retries on other workers."""
     distributed = import_extra("distributed")
     scans = {client.submit(run_task, task, pure=False): task.scan for task in tasks}
@@ -71,7 +71,7 @@ def _run_on_dask(client: Any, tasks: Sequence[RegistrationTask]) -> Iterator[Sca
         if error is None:
             yield future.result()
         else:
-            yield ScanOutcome(
-                scans[future], "failed", accepted=False, error=f"its worker failed ({error}): try it again"
+            yield OutcomeDocument(
+                scan=scans[future], state="failed", accepted=False, error=f"its worker failed ({error}): try it again"
             )
         future.release()

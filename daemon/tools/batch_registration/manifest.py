@@ -22,6 +22,8 @@ class WrittenDocument(Document):
 class ManifestDocument(Document):
     """A finished scan. `input_sha256` covers scan.json, every cloud it names, the calibration and the options."""
 
+    heading = "manifestjson"
+
     schema_version: Literal[1] = 1
     scan: str
     calibration_id: str

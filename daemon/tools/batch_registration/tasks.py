@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Literal
 
 from calibration.documents.calibration import CalibrationDocument
-from calibration.documents.validation import parse_document
+from calibration.documents.validation import Document, parse_document
 from calibration.errors import CalibrationError
 from daemon.tools.batch_registration.errors import ArchiveError
 from daemon.tools.batch_registration.manifest import MANIFEST_NAME, ManifestDocument, describe_file, hash_of_inputs
@@ -39,9 +39,10 @@ class RegistrationTask:
         return json.dumps([self.calibration, self.refine, self.voxel_mm]).encode()
 
 
-@dataclass(frozen=True)
-class ScanOutcome:
-    """The outcome of one scan; `accepted` is its verdict, `error` why it failed."""
+class OutcomeDocument(Document):
+    """The outcome of one scan: a line of `register-archive --json`. `accepted`: its verdict; `error`: why it failed."""
+
+    heading = "outcome"
 
     scan: str
     state: State
@@ -50,7 +51,7 @@ class ScanOutcome:
     error: str | None = None
 
 
-def run_task(task: RegistrationTask) -> ScanOutcome:
+def run_task(task: RegistrationTask) -> OutcomeDocument:
     """Register one scan; an error becomes a failed outcome, so that the other scans go on."""
     try:
         return _register_scan(task)
@@ -60,11 +61,11 @@ def run_task(task: RegistrationTask) -> ScanOutcome:
         return _failure(task, f"it cannot be read or written ({error}): check rights and free space")
 
 
-def _failure(task: RegistrationTask, what: str) -> ScanOutcome:
-    return ScanOutcome(task.scan, "failed", accepted=False, error=what)
+def _failure(task: RegistrationTask, what: str) -> OutcomeDocument:
+    return OutcomeDocument(scan=task.scan, state="failed", accepted=False, error=what)
 
 
-def _register_scan(task: RegistrationTask) -> ScanOutcome:
+def _register_scan(task: RegistrationTask) -> OutcomeDocument:
     source, target = RemoteFolder(task.source).child(task.scan), RemoteFolder(task.target).child(task.scan)
     calibration = parse_document(CalibrationDocument, task.calibration.encode(), "calibration")
     names = _file_names(source)
@@ -76,12 +77,12 @@ def _register_scan(task: RegistrationTask) -> ScanOutcome:
         inputs = hash_of_inputs(folder, names, task.about)
         done = _matching_manifest(target, inputs, calibration.id)
         if done is not None:
-            return ScanOutcome(task.scan, "unchanged", done.points, done.accepted)
+            return OutcomeDocument(scan=task.scan, state="unchanged", points=done.points, accepted=done.accepted)
         target.remove(MANIFEST_NAME)  # its files are about to be replaced
         with target.upload_after() as out:
             manifest = _write_results(task, views, scanner_mount_of(calibration), out, inputs)
     target.write(MANIFEST_NAME, manifest.model_dump_json(indent=1).encode())
-    return ScanOutcome(task.scan, "registered", manifest.points, manifest.accepted)
+    return OutcomeDocument(scan=task.scan, state="registered", points=manifest.points, accepted=manifest.accepted)
 
 
 def _file_names(source: RemoteFolder) -> list[str]:

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from daemon.cli.robot_acceptance import Operator
-from daemon.tools.acceptance_report import acceptance_document, acceptance_page
+from daemon.tools.acceptance_report import RobotAcceptanceDocument, acceptance_document, acceptance_page
 from drivers.registry import cb_transport
 from drivers.robots.abb.acceptance.bench import AcceptanceLimits, Bench
 from drivers.robots.abb.acceptance.person import Answer, Step
@@ -62,6 +62,7 @@ def test_the_shipped_program_passes_every_row(tmp_path: Path) -> None:
     assert ran.status == 0, failing
     assert [row["code"] for row in document["rows"] if row["verdict"] == "skipped"] == ["egm"]
     assert document["event_log"]
+    RobotAcceptanceDocument.model_validate(document)
     assert "camera-speed" in report.read_text()
 
 

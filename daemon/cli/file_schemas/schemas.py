@@ -9,15 +9,42 @@ from pydantic import BaseModel
 
 from calibration.documents.arm import ArmErrorsDocument
 from calibration.documents.calibration import CalibrationDocument
-from calibration.documents.plan import PlanDocument, PlannedDocument
+from calibration.documents.plan import AssessedDocument, PlanDocument, PlannedDocument
 from calibration.documents.requirement import PointsFile
 from calibration.documents.rig import RigDocument
 from calibration.documents.session import SessionDocument
 from calibration.documents.tip import TipDocument
 from calibration.documents.touches import TouchesDocument
-from daemon.tools.file_schemas.examples import PLAN, POINTS, PROFILES, SCAN, SESSION, TIP, TOUCHES
-from daemon.tools.file_schemas.meanings import MEANINGS
-from registration.documents import ProfilesDocument, RegistrationReportDocument, ScanDocument
+from calibration.monitoring.comparison import ComparisonDocument
+from calibration.monitoring.touch_report import TouchTestDocument
+from daemon.cli.file_schemas.examples import (
+    ACCEPTANCE,
+    BACKUP,
+    DETECTIONS,
+    MANIFEST,
+    OUTCOME,
+    PLAN,
+    POINTS,
+    PROFILES,
+    SCAN,
+    SESSION,
+    SETUP,
+    TIP,
+    TOUCHES,
+)
+from daemon.cli.file_schemas.meanings import DOCUMENTS
+from daemon.cli.file_schemas.meanings_of_results import RESULTS
+from daemon.scans.scanner_acceptance import AcceptanceDocument
+from daemon.sessions.detections import DetectionsDocument
+from daemon.store.backup import BackupManifestDocument
+from daemon.tools.acceptance_report import RobotAcceptanceDocument
+from daemon.tools.batch_registration.manifest import ManifestDocument
+from daemon.tools.batch_registration.tasks import OutcomeDocument
+from daemon.tools.setup_record import SetupRecordDocument
+from registration.documents import ProfilesDocument, RegistrationReportDocument, ScanDocument, StitchingDocument
+
+MEANINGS: Mapping[str, str] = {**DOCUMENTS, **RESULTS}
+"""What every field means."""
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
@@ -44,6 +71,17 @@ FILES: Mapping[str, FileKind] = MappingProxyType({
     "arm": FileKind(ArmErrorsDocument, "serialization"),
     "rig": FileKind(RigDocument, "serialization"),
     "report": FileKind(RegistrationReportDocument, "serialization"),
+    "manifest": FileKind(ManifestDocument, "serialization", MANIFEST),
+    "outcome": FileKind(OutcomeDocument, "serialization", OUTCOME),
+    "assessed": FileKind(AssessedDocument, "serialization"),
+    "comparison": FileKind(ComparisonDocument, "serialization"),
+    "touch-test": FileKind(TouchTestDocument, "serialization"),
+    "stitching": FileKind(StitchingDocument, "serialization"),
+    "scanner": FileKind(AcceptanceDocument, "serialization"),
+    "detections": FileKind(DetectionsDocument, "serialization", DETECTIONS),
+    "acceptance": FileKind(RobotAcceptanceDocument, "serialization", ACCEPTANCE),
+    "setup": FileKind(SetupRecordDocument, "validation", SETUP),
+    "backup": FileKind(BackupManifestDocument, "serialization", BACKUP),
 })  # fmt: skip
 """By the name that `handeyed schema` takes."""
 

@@ -1,7 +1,9 @@
 """Schemas of files: published as printed, every field with a meaning, examples that the commands take as they are."""
 
+import ast
 import json
 import re
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -9,13 +11,16 @@ import jsonschema_rs
 import numpy as np
 import pytest
 
-from calibration.documents.validation import parse_document
+from calibration.documents.validation import Document, parse_document
 from calibration.errors import DocumentError
-from daemon.tools.file_schemas.meanings import MEANINGS
-from daemon.tools.file_schemas.schemas import FILES, schema_of
+from daemon.cli.file_schemas.meanings import DOCUMENTS
+from daemon.cli.file_schemas.meanings_of_results import RESULTS
+from daemon.cli.file_schemas.schemas import FILES, MEANINGS, schema_of
 from tests.daemon.cli.running import handeyed
+from tests.structure import nodes_of, python_files
 
 DOCS = Path(__file__).parents[3] / "docs"
+FORMATS = (DOCS / "formats.md").read_text(encoding="utf-8")
 
 
 def _parts(name: str) -> dict[str, dict[str, Any]]:
@@ -42,6 +47,7 @@ def test_no_meaning_is_left_over() -> None:
     keys = {key for name in FILES for part, model in _parts(name).items() for field in model.get("properties", {})
             for key in (field, f"{part}.{field}")}  # fmt: skip
     assert set(MEANINGS) <= keys
+    assert not set(DOCUMENTS) & set(RESULTS)
 
 
 @pytest.mark.parametrize("name", [name for name, kind in FILES.items() if kind.example is not None])
@@ -75,9 +81,10 @@ def test_the_examples_run(tmp_path: Path) -> None:
     jsonschema_rs.validator_for(schema_of("report")).validate(json.loads(registered.out))
 
 
-@pytest.mark.parametrize("name", ["scan", "plan", "points", "tip"])
-def test_the_example_that_runs_stands_in_formats_md(name: str) -> None:
-    _, _, below = (DOCS / "formats.md").read_text(encoding="utf-8").partition(f"### {name}.json\n")
+@pytest.mark.parametrize("name", ["scan", "plan", "points", "tip", "manifest", "outcome", "acceptance", "setup",
+                                  "detections", "backup"])  # fmt: skip
+def test_the_example_stands_in_formats_md(name: str) -> None:
+    _, _, below = FORMATS.partition(f"### {_title(name)}\n")
     shown = below.partition("\n### ")[0].partition("```json\n")[2].partition("```")[0]
     assert [json.loads(shown)] == schema_of(name)["examples"]
 
@@ -86,7 +93,44 @@ def test_the_example_that_runs_stands_in_formats_md(name: str) -> None:
 def test_an_error_names_the_heading_of_its_file(name: str) -> None:
     with pytest.raises(DocumentError) as refused:
         parse_document(FILES[name].model, b"{", "a file")
-    headings = re.findall(r"^### (.+)$", (DOCS / "formats.md").read_text(encoding="utf-8"), re.MULTILINE)
-    (named,) = re.findall(r"\(docs/formats\.md#(\w+)\)", str(refused.value))
-    assert named == name + "json" * (name != "report")
-    assert named in [heading.replace(".", "") for heading in headings]
+    (named,) = re.findall(r"\(docs/formats\.md#([\w-]+)\)", str(refused.value))
+    assert named == getattr(FILES[name].model, "heading", "")
+    assert f"### {_title(name)}\n" in FORMATS
+
+
+def _title(name: str) -> str:
+    """The heading of docs/formats.md whose anchor the model names."""
+    titles = re.findall(r"^### (.+)$", FORMATS, re.MULTILINE)
+    return next(title for title in titles if title.replace(".", "").lower() == FILES[name].model.heading)  # type: ignore[attr-defined]
+
+
+# --- nothing goes in or out that docs do not describe ---
+
+ROOMS = ("calibration", "daemon", "drivers", "handeyed", "mock_robot", "registration")
+DATA_FILE = re.compile(r"[\w.{}-]*\w+\.(?:json|jsonl|npz|npy|csv|tsv|yaml)")
+
+
+def _named_files() -> Iterator[str]:
+    """The names of data files in string constants of the source, docstrings and messages aside."""
+    for file in python_files(*ROOMS):
+        for node in nodes_of(file):
+            if isinstance(node, ast.Constant) and isinstance(node.value, str) and DATA_FILE.fullmatch(node.value):
+                yield node.value
+
+
+def test_every_file_that_the_source_names_is_described() -> None:
+    named = set(_named_files())
+    assert {"session.json", "manifest.json", "audit-anchor.json"} <= named
+    pages = FORMATS + (DOCS / "exports.md").read_text(encoding="utf-8")
+    assert sorted(name for name in named if name not in pages) == []
+
+
+def test_every_document_that_a_command_writes_or_prints_has_a_schema() -> None:
+    described = {getattr(kind.model, "heading", "") for kind in FILES.values()}
+    assert {model.heading for model in _below(Document) if model.heading} == described
+
+
+def _below(model: type[Document]) -> Iterator[type[Document]]:
+    for each in model.__subclasses__():
+        yield each
+        yield from _below(each)

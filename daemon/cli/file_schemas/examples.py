@@ -91,3 +91,77 @@ PLAN: dict[str, Any] = {
     "base_T_target_guess": _pose(900.0, 50.0, 100.0, 1.0, 0.0, 0.0, 0.0),
     "poses": 4,
 }
+
+HASH = "9f86d081884c7d659a2feaa0c55ad015a3bf4f1b2b0b822cd15d6c15b0f00a08"
+
+MANIFEST: dict[str, Any] = {
+    "schema_version": 1,
+    "scan": "2026/door",
+    "calibration_id": "20261122T101500-3f2a",
+    "input_sha256": HASH,
+    "points": 612_344,
+    "accepted": True,
+    "files": [
+        {"name": "merged.ply", "bytes": 7_348_312, "sha256": HASH},
+        {"name": "report.json", "bytes": 1_920, "sha256": HASH},
+    ],
+}
+
+OUTCOME: dict[str, Any] = {
+    "scan": "2026/door",
+    "state": "registered",
+    "points": 612_344,
+    "accepted": True,
+    "error": None,
+}
+
+DETECTIONS: dict[str, Any] = {
+    "schema_version": 1,
+    "views": [
+        {
+            "index": 0, "at": "2026-11-22T10:15:02.118Z", "configuration": [0, -1, 0, 0],
+            "corners": [[0, 211.42, 180.07], [1, 249.88, 180.31]], "missing": None, "sharpness": 0.82,
+        },
+        {
+            "index": 1, "at": "2026-11-22T10:15:09.740Z", "configuration": [0, -1, 0, 0], "corners": [],
+            "missing": {"code": "too-few-points", "what": "3 of 24 points found", "id": "as-written", "params": {}},
+            "sharpness": None,
+        },
+    ],
+}  # fmt: skip
+
+ACCEPTANCE: dict[str, Any] = {
+    "schema_version": 1,
+    "handeyed": "0.1.0",
+    "began_at": "2026-11-22 10:15:00 UTC",
+    "address": "tcp://192.168.125.1:4242",
+    "services": "rws://192.168.125.1",
+    "controller": {"name": "cell 7", "rwversion": "6.15.02"},
+    "accepted": True,
+    "counts": {"passed": 1, "failed": 0, "skipped": 0},
+    "rows": [
+        {
+            "code": "timings", "assumption": "each command answers in time", "verdict": "passed", "what": "",
+            "measured": {"slowest_ms": 21.4}, "seconds": 3.2,
+        },
+    ],
+    "event_log": [
+        {"number": 8121, "kind": 1, "code": 10_010, "at": "2026-11-22 T 10:14:31", "title": "Motors OFF state",
+         "description": "The system is in the Motors OFF state."},
+    ],
+}  # fmt: skip
+
+SETUP: dict[str, Any] = {
+    "version": 1,
+    "files": {"handeyed/CELL_comm.mod": False, "handeyed/CELL_shared.sys": True},
+    "instances": [["SYS", "CAB_TASKS", "T_COMM"]],
+    "symbols": {"CELL_shared/cell_reach": "1450"},
+    "configuration": ["EIO.cfg", "SYS.cfg"],
+}
+
+BACKUP: dict[str, Any] = {
+    "made_at": "2026-11-22T10:15:00Z",
+    "schema": 12,
+    "format": 2,
+    "files": {"handeyed.sqlite": HASH, "audit-anchor.json": HASH, "runs/20261122T101500-3f2a/session.json": HASH},
+}

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 
-MEANINGS: Mapping[str, str] = {
+DOCUMENTS: Mapping[str, str] = {
     # planned.json
     "PlannedDocument.poses": "The poses to take, in their order.",
     "PlannedDocument.predicted": "What these poses will tell of X.",
