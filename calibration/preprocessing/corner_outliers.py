@@ -21,6 +21,9 @@ MAX_SCATTER_RATIO = 6.0
 MIN_SCALE_PX = 1e-3
 """Floor of the standard deviation of a corner; simulated corners can be exact."""
 
+MIN_VIEW_SCATTER_PX = 5e-3
+"""The same of a whole view's corners: no detector does better in a photograph (`benchmarks.detection`, bound)."""
+
 MIN_KEPT_SHARE = 0.6
 """A view is refused when less than this share of its corners remains."""
 
@@ -87,7 +90,7 @@ def _disagreeing_views(
     distances = _distances(cleaned, camera, poses)
     scale = np.sqrt((cleaned.weights * distances**2).sum(axis=1) / np.maximum(2 * cleaned.weights.sum(axis=1) - 6, 1.0))
     lost = cleaned.weights.sum(axis=1) < MIN_KEPT_SHARE * (seen.weights > 0).sum(axis=1)
-    limit = MAX_SCATTER_RATIO * max(float(np.median(scale)), MIN_SCALE_PX)
+    limit = MAX_SCATTER_RATIO * max(float(np.median(scale)), MIN_VIEW_SCATTER_PX)
     return np.flatnonzero(lost | (scale > limit))
 
 

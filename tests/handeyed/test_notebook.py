@@ -22,5 +22,6 @@ def test_the_notebook_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> N
     printed = "".join(output.get("text", "") for cell in code for output in cell.outputs)
     assert "fits: quaternion-wxyz, mm, base_T_flange, eye-in-hand" in printed
     assert "accepted\n" in printed
+    assert "not used" not in printed
     assert "<html" in (tmp_path / "report.html").read_text(encoding="utf-8")
     assert "he_flange_T_camera" in (tmp_path / "handeyed_data.mod").read_text()

@@ -88,6 +88,14 @@ def test_a_picture_of_something_else_is_refused() -> None:
     assert error_of(solution.mount_T_camera, truth)[0] < 0.5
 
 
+@pytest.mark.parametrize(("scatter_px", "status"), [(0.01, "used"), (0.1, "rejected")])
+def test_a_picture_that_is_only_less_exact_than_drawn_ones_is_used(scatter_px: float, status: str) -> None:
+    truth = cell(5, 8, CellNoise(0.001, 0.0, 0.05))
+    rng = np.random.default_rng(0)
+    off = with_corners(lambda corners: corners + scatter_px * rng.standard_normal(corners.shape))
+    assert solve_hand_eye(with_view(truth.problem, 6, off)).views[6].status == status
+
+
 def test_a_repeated_pose_is_said() -> None:
     truth = cell(6, 6)
     last = replace(truth.problem.views[2], index=6)
