@@ -43,7 +43,11 @@ def session_findings(
 
 
 def contradicts(fitted: PoseFit) -> bool:
-    """Whether robot and camera disagree by more than any of the two can err."""
+    """Whether robot and camera disagree by more than any of the two can err.
+
+    This decides what explains the data, as in the diagnosis, so it is the bound of what robots can do. Whether the
+    answer is accepted is decided by the user's limits (`VerdictLimits.possible_...`), in the verdict.
+    """
     return any(
         _is_impossible(_largest_level(fitted, turns), _largest_level(fitted, shifts))
         for turns, shifts in ((("robot rotation",), ("robot translation",)), (CAMERA_TURNS, CAMERA_SHIFTS))
