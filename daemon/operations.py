@@ -5,8 +5,6 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
-import numpy as np
-
 from calibration.documents.calibration import CalibrationDocument
 from calibration.documents.calibration_with_arm import CalibrationWithArm
 from calibration.documents.session import CameraDocument
@@ -48,7 +46,7 @@ from daemon.model.requests import (
 from daemon.model.run_states import RunEvent, RunState
 from daemon.runs.adaptive_sequence import AdaptiveSequence
 from daemon.runs.calibration_run import CalibrationRun, Solved, solve_session_of, solve_without
-from daemon.runs.foresight import Foresight, foresee
+from daemon.runs.foresight import Foresight, foresee, foresee_taught
 from daemon.runs.jog import Jog, result_of
 from daemon.runs.manual_sequence import ManualParameters, ManualSequence
 from daemon.runs.operator_requests import OperatorAction, OperatorRequestQueue
@@ -136,9 +134,7 @@ class Operations:
         joints = joints_rad if self.rules.arm else None
         poses = () if request.manual else request.poses or select_taught_poses(settings, request.count)
         if poses:
-            await self.service_workers.run_if_free(self.rules.check_poses, poses, joints)
-            taught = np.array([pose.transform() for pose in poses])
-            return Foresight(taught, self.rules.joints_along(taught, joints), (None,) * len(poses), "")
+            return await self.service_workers.run_if_free(foresee_taught, self.rules, poses, joints)
         wish = StoppingRule(request.count or settings.count)
         points = self.settings.part.named_points()
         route = adaptive_parameters(settings, self.rules, target, await self._scene_guess(), wish, points)

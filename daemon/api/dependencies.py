@@ -38,7 +38,10 @@ Record = TypeVar("Record", bound=Identified)
 ORIGIN = "request body"
 
 MAX_JSON_VALUES = 4000
-"""Commas of a JSON body. It bounds the time to check a body: 20 ms when each value is wrong."""
+"""Commas of a JSON body. It bounds the time to check a body: 40 ms when each value is wrong."""
+
+VALUES_ON_THE_LOOP, BYTES_ON_THE_LOOP = 400, 40_000
+"""Of a JSON body that is checked on the event loop, in at most 5 ms; a larger one is checked in a thread."""
 
 
 async def _application(request: Request) -> Application:
@@ -124,12 +127,14 @@ class JsonBody(Generic[Model]):
     max_values: int = MAX_JSON_VALUES
 
     async def __call__(self, request: Request) -> Model:
-        """Raises DocumentError, BodyMalformed; WorkersBusy for a body that may be large, checked in a thread."""
+        """Raises DocumentError, BodyMalformed; WorkersBusy on a route that takes more than MAX_JSON_VALUES."""
         content = await request.body()
-        if self.max_values <= MAX_JSON_VALUES:
-            return self._parse(content)
-        application: Application = request.app.state.application
-        return await application.service_workers.run_if_free(self._parse, content)
+        workers = request.app.state.application.service_workers
+        if self.max_values > MAX_JSON_VALUES:
+            return await workers.run_if_free(self._parse, content)  # type: ignore[no-any-return]
+        if len(content) > BYTES_ON_THE_LOOP or content.count(b",") > VALUES_ON_THE_LOOP:
+            return await workers.run(self._parse, content)  # type: ignore[no-any-return]
+        return self._parse(content)
 
     def _parse(self, content: bytes) -> Model:
         return validate_json(self.model, _json(content, self.max_values), ORIGIN)

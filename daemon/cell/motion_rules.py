@@ -1,5 +1,6 @@
 """Limits of commanded motion: box, reach, posture, joint travel and speed; and the move to a pose."""
 
+import asyncio
 from collections.abc import Iterable
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -114,12 +115,15 @@ class MotionRules:
         )
 
     async def _posture(self, station: int, pose: TaughtPose, robot: Robot, here: PoseReading) -> Posture:
-        """As taught; else the posture with the least joint travel; else the posture the arm has now."""
+        """As taught; else the posture with the least joint travel; else the posture the arm has now.
+
+        Computed in a thread: a wrist without a common point of its axes takes 30 ms.
+        """
         if self.arm is None:
             return pose.configuration or here.posture
         joints_now_rad = await robot.read_joints()
         self._check_model(station, self.arm, joints_now_rad, here)
-        joints = self._check_move(station, pose, self.arm, joints_now_rad)
+        joints = await asyncio.to_thread(self._check_move, station, pose, self.arm, joints_now_rad)
         return pose.configuration or self.arm.configuration(joints)
 
     def _check_model(self, station: int, arm: Arm, joints_now_rad: Array, here: PoseReading) -> None:

@@ -133,7 +133,7 @@ class AdaptiveSequence:
     async def _is_reachable(self, robot: Robot, base_T_flange: Array) -> bool:
         joints = await robot.read_joints() if self.parameters.rules.arm else None
         try:
-            self.parameters.rules.check_poses((TaughtPose.of(base_T_flange),), joints)
+            await self.workers.run(self.parameters.rules.check_poses, (TaughtPose.of(base_T_flange),), joints)
         except PoseRefused:
             return False
         return True
@@ -214,13 +214,7 @@ class AdaptiveSequence:
         if found.planned is None:
             return ()
         joints = await self.cell.robot.read_joints() if rules.arm else None
-        along = rules.joints_along(found.planned, joints)
-        return tuple(
-            {"base_T_flange": PoseDocument.of(pose).model_dump(),
-             "joints_deg": None if at is None else [round(float(angle), 4) for angle in np.degrees(at)],
-             "skeleton_mm": skeleton_mm(rules.arm, at)}
-            for pose, at in zip(found.planned, along, strict=True)
-        )  # fmt: skip
+        return await self.workers.run(_with_joints, rules, found.planned, joints)
 
     def _count_miss(self) -> None:
         """Count a planned view without the target. Raises TargetNotSeen after MAX_MISSES."""
@@ -228,3 +222,14 @@ class AdaptiveSequence:
         self._progress.stations += 1
         if self._progress.misses > MAX_MISSES:
             check_detections(self._progress.views, len(self._progress.views))
+
+
+def _with_joints(rules: MotionRules, base_T_flange: Array, joints_now_rad: Array | None) -> tuple[dict[str, Any], ...]:
+    """The poses (n, 4, 4) as documents, with joints and skeleton at each."""
+    along = rules.joints_along(base_T_flange, joints_now_rad)
+    return tuple(
+        {"base_T_flange": PoseDocument.of(pose).model_dump(),
+         "joints_deg": None if at is None else [round(float(angle), 4) for angle in np.degrees(at)],
+         "skeleton_mm": skeleton_mm(rules.arm, at)}
+        for pose, at in zip(base_T_flange, along, strict=True)
+    )  # fmt: skip

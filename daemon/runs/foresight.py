@@ -10,6 +10,8 @@ from calibration.planning.next_view import next_view
 from calibration.planning.plan import PlanningError
 from calibration.problem import Problem
 from calibration.transforms import Array
+from daemon.cell.motion_rules import MotionRules
+from daemon.config.settings import TaughtPose
 from daemon.errors import NoPoses
 from daemon.runs.adaptive_sequence import AdaptiveParameters
 
@@ -27,6 +29,13 @@ class Foresight:
     joints_rad: list[Array | None]
     predicted_mm: tuple[float | None, ...]
     note: str
+
+
+def foresee_taught(rules: MotionRules, poses: tuple[TaughtPose, ...], joints_now_rad: Array | None) -> Foresight:
+    """What a run would do with these poses. Raises PoseRefused."""
+    rules.check_poses(poses, joints_now_rad)
+    taught = np.array([pose.transform() for pose in poses])
+    return Foresight(taught, rules.joints_along(taught, joints_now_rad), (None,) * len(poses), "")
 
 
 def foresee(parameters: AdaptiveParameters, base_T_flange_now: Array, joints_now_rad: Array | None) -> Foresight:

@@ -1,4 +1,7 @@
-"""The persistent store of runs, calibrations and scans. Every write is on the disk when its call returns."""
+"""The persistent store of runs, calibrations and scans. Every write is on the disk when its call returns.
+
+Documents are parsed in the database's thread: twenty verifications would keep the event loop for 20 ms.
+"""
 
 import asyncio
 import json
@@ -154,23 +157,29 @@ class Store:
 
     async def run(self, run_id: str) -> RunRecord:
         """The run with this id. Raises NotFound."""
-        row = await self._database.read(lambda db: db.execute("SELECT * FROM runs WHERE id = ?", (run_id,)).fetchone())
-        if row is None:
+
+        def read(db: sqlite3.Connection) -> RunRecord | None:
+            row = db.execute("SELECT * FROM runs WHERE id = ?", (run_id,)).fetchone()
+            return None if row is None else RunRecord.of(row)
+
+        found = await self._database.read(read)
+        if found is None:
             raise NotFound(f"there is no run {run_id!r}", "GET /runs lists them")
-        return RunRecord.of(row)
+        return found
 
     async def runs(self, limit: int, before: str | None = None) -> list[RunRecord]:
         """Up to `limit` runs older than the one with the id `before`, newest first. Raises CursorUnknown."""
-        return [RunRecord.of(row) for row in await self._page("SELECT * FROM runs", "runs", limit, before)]
+        query = "SELECT * FROM runs"
+        return await self._database.read(
+            lambda db: [RunRecord.of(row) for row in read_page(db, query, "runs", limit, before)]
+        )
 
     async def runs_in_progress(self) -> list[RunRecord]:
         """Runs in no final state: at the start of the daemon, those that its predecessor left unfinished."""
         states = tuple(str(state) for state in sorted(FINAL_STATES))
         marks = ", ".join("?" * len(states))
-        rows = await self._database.read(
-            lambda db: db.execute(f"SELECT * FROM runs WHERE state NOT IN ({marks})", states).fetchall()
-        )
-        return [RunRecord.of(row) for row in rows]
+        query = f"SELECT * FROM runs WHERE state NOT IN ({marks})"
+        return await self._database.read(lambda db: [RunRecord.of(row) for row in db.execute(query, states)])
 
     # calibrations
 
@@ -190,20 +199,26 @@ class Store:
 
     async def calibration(self, calibration_id: str) -> CalibrationRecord:
         """The calibration with this id. Raises NotFound."""
-        row = await self._database.read(
-            lambda db: db.execute(f"{_CALIBRATION} WHERE id = ?", (calibration_id,)).fetchone()
-        )
-        if row is None:
+
+        def read(db: sqlite3.Connection) -> CalibrationRecord | None:
+            row = db.execute(f"{_CALIBRATION} WHERE id = ?", (calibration_id,)).fetchone()
+            return None if row is None else _calibration(row)
+
+        found = await self._database.read(read)
+        if found is None:
             raise NotFound(f"there is no calibration {calibration_id!r}", "GET /calibrations lists them")
-        return _calibration(row)
+        return found
 
     async def arm(self, calibration_id: str) -> ArmErrorsDocument | None:
         """The arm's errors identified with a calibration; None where they were not. Raises StorageInconsistent."""
         query = "SELECT document FROM arms WHERE calibration_id = ?"
-        row = await self._database.read(lambda db: db.execute(query, (calibration_id,)).fetchone())
-        return (
-            None if row is None else _document(ArmErrorsDocument, row[0], f"arm.json of calibration {calibration_id}")
-        )
+
+        def read(db: sqlite3.Connection) -> ArmErrorsDocument | None:
+            row = db.execute(query, (calibration_id,)).fetchone()
+            name = f"arm.json of calibration {calibration_id}"
+            return None if row is None else _document(ArmErrorsDocument, row[0], name)
+
+        return await self._database.read(read)
 
     async def apply(self, applied: AppliedCalibration, expected: Sequence[int] | None = None) -> AppliedCalibration:
         """Put a calibration in force by appending it to the history; returns it with its sequence number.
@@ -308,13 +323,14 @@ class Store:
 
     async def scan_views(self, scan_id: str) -> list[ScanViewRecord]:
         """The views of a scan in the order of their arrival."""
-        rows = await self._database.read(lambda db: db.execute(SCAN_VIEWS, (scan_id,)).fetchall())
-        return [
-            ScanViewRecord(
-                v, file, unit, PoseDocument.model_validate_json(pose), at, joints and tuple(json.loads(joints))
-            )
-            for v, file, unit, pose, at, joints in rows
-        ]
+        return await self._database.read(
+            lambda db: [
+                ScanViewRecord(
+                    v, file, unit, PoseDocument.model_validate_json(pose), at, joints and tuple(json.loads(joints))
+                )
+                for v, file, unit, pose, at, joints in db.execute(SCAN_VIEWS, (scan_id,))
+            ]
+        )
 
     async def _page(self, query: str, table: str, limit: int, before: str | None) -> list[Any]:
         return await self._database.read(lambda db: read_page(db, query, table, limit, before))

@@ -1,12 +1,14 @@
 """GET and POST /calibrate, POST /verify."""
 
 import math
+from functools import partial
 from typing import Annotated
 
 from fastapi import APIRouter, Depends, Request, Response
 
 from calibration.documents.calibration import CalibrationDocument
 from calibration.documents.pose import PoseDocument
+from calibration.kinematics.arm import Arm
 from daemon.api.dependencies import App, Before, Identifier, JsonBody, Limit, Wait, page_of, respond_page
 from daemon.api.middleware.disconnects import client_of
 from daemon.api.negotiation import or_text, respond
@@ -24,6 +26,7 @@ from daemon.cell.skeleton import skeleton_mm
 from daemon.config.settings import CalibrationSettings
 from daemon.errors import NoCalibration
 from daemon.model.requests import CalibrateRequest, VerifyRequest
+from daemon.runs.foresight import Foresight
 from daemon.scans.scanner_acceptance import AcceptanceDocument
 from daemon.store.actor import current_audit_context
 from daemon.store.documents import DocumentRecord
@@ -62,7 +65,10 @@ async def plan(app: App, body: Annotated[CalibrateRequest, Depends(JsonBody(Cali
     """What POST /calibrate would do from where the arm stands. Never moves anything; 409 while a run is in progress."""
     reading = await app.readings.robot.read()
     found = await app.operations.foresee(body, reading.pose, reading.joints)
-    arm = app.operations.rules.arm
+    return await respond_page(app, partial(_foresight_json, found, app.operations.rules.arm))
+
+
+def _foresight_json(found: Foresight, arm: Arm | None) -> bytes:
     poses = [
         PlannedPoseDocument(
             base_T_flange=PoseDocument.of(pose),
@@ -72,7 +78,7 @@ async def plan(app: App, body: Annotated[CalibrateRequest, Depends(JsonBody(Cali
         for pose, joints in zip(found.base_T_flange, found.joints_rad, strict=True)
     ]
     document = ForesightDocument(poses=poses, predicted_mm=list(found.predicted_mm), note=found.note)
-    return Response(document.model_dump_json(), media_type="application/json")
+    return document.model_dump_json().encode()
 
 
 @router.get("/acceptances", response_model=AcceptanceList)
