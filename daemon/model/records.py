@@ -97,13 +97,16 @@ class RunRecord:
 
     @classmethod
     def of(cls, row: tuple[Any, ...]) -> "RunRecord":
+        """The record of a row. Raises ValueError, TypeError for one that is not what was stored."""
         run_id, kind, state, station, stations, code, what, fix, created_at, updated_at, *rest = row
         request, result, planning, *starter = rest
         started_by, started_by_role = starter or ("", "")  # a damaged store of an older version is not migrated
         cause = None if code is None else Cause(code, what, fix)
-        found = None if result is None else json.loads(result)
+        asked, found = json.loads(request), None if result is None else json.loads(result)
+        if not (isinstance(asked, dict) and isinstance(found, dict | None)):
+            raise ValueError("request or result is no JSON object")
         return cls(run_id, kind, RunState(state), station, stations, created_at, updated_at, cause,
-                   json.loads(request), found, planning and Planning(**json.loads(planning)), started_by,
+                   asked, found, planning and Planning(**json.loads(planning)), started_by,
                    started_by_role)  # fmt: skip
 
 

@@ -29,6 +29,7 @@ from daemon.runtime.clock import Clock
 from daemon.runtime.event_bus import EventBus
 from daemon.runtime.logs import about_run
 from daemon.store.actor import current_audit_context
+from daemon.store.damaged_rows import DamagedRow
 from daemon.store.listings import RunListing
 from daemon.store.page_filters import NO_FILTERS, PageFilters
 from daemon.store.store import Store
@@ -221,10 +222,12 @@ class Supervisor:
             return current.log.run
         return self._unsaved.get(run_id) or await self._store.run(run_id)
 
-    async def listings(self, limit: int, before: str | None, filters: PageFilters = NO_FILTERS) -> list[RunListing]:
+    async def listings(
+        self, limit: int, before: str | None, filters: PageFilters = NO_FILTERS
+    ) -> list[RunListing | DamagedRow]:
         """A page of runs, newest first; see Listings.runs."""
         unsaved = {run_id: RunListing.of(run) for run_id, run in self._unsaved.items()}
-        return [unsaved.get(found.id, found) for found in await self._store.listings.runs(limit, before, filters)]
+        return [unsaved.get(found.id) or found for found in await self._store.listings.runs(limit, before, filters)]
 
     async def wait(self, run_id: str, seconds: float) -> RunRecord:
         """Wait for the end of the run up to `seconds`; returns its record then."""

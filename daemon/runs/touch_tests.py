@@ -52,7 +52,7 @@ class TouchTests:
         earlier = None
         if request.adds_to is not None:
             record = await self.store.touch_tests.get(request.adds_to)
-            earlier = StoredTouchTest.model_validate_json(record.document)
+            earlier = record.parsed(StoredTouchTest)
         tip = request.tip or (None if earlier is None else earlier.tip)
         if tip is None:
             raise _refusal("tip", "missing", "add it: that of 'handeyed tip'")

@@ -33,7 +33,7 @@ class RigSensors:
             raise CalibrationUnusable(f"the rig was not accepted: {errors or 'see its verdict'}", fix)
         at, actor = self.clock.timestamp(), current_audit_context().actor
         record = DocumentRecord(new_id, rig.setup, at, actor, rig.model_dump_json())
-        await self.store.rigs.save(record)
+        await self.store.rigs.save(record, **({} if rig.verdict.accepted else {"despite_verdict": True}))
         return record
 
     async def base_T_sensor(self, name: str, base_T_flange: Array) -> tuple[str, Array]:
@@ -41,7 +41,7 @@ class RigSensors:
         newest = await self.store.rigs.about(self.setup, 1)
         if not newest:
             raise NotFound("no rig is in force", "store one with POST /rigs: 'handeyed solve A B --together' makes it")
-        rig = RigDocument.model_validate_json(newest[0].document)
+        rig = newest[0].parsed(RigDocument)
         poses = {sensor.name: sensor.mount_T_sensor for sensor in rig.sensors}
         if name not in poses:
             raise NotFound(f"the rig has no sensor {name!r}", f"choose one of {', '.join(poses)}")

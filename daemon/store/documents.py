@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 from daemon.errors import NotFound
 from daemon.store.actor import current_audit_context, record_change
+from daemon.store.damaged_rows import Model, parse_stored
 from daemon.store.database import Database
 from daemon.store.listings import read_page
 
@@ -33,6 +34,10 @@ class DocumentRecord:
     created_by: str
     document: str
 
+    def parsed(self, model: type[Model]) -> Model:
+        """The document. Raises StorageInconsistent."""
+        return parse_stored(model, self.document, f"row {self.id}")
+
 
 class Documents:
     """Inserts and reads the documents of one kind. `reader`: a connection of its own for lists."""
@@ -41,15 +46,15 @@ class Documents:
         self._kind, self._database, self._reader = kind, database, reader
         self._select = f"SELECT id, {kind.column}, created_at, created_by, document FROM {kind.table}"
 
-    async def save(self, record: DocumentRecord) -> None:
-        """Insert a document. Raises StorageError."""
+    async def save(self, record: DocumentRecord, **detail: object) -> None:
+        """Insert a document; `detail` is added to its row of the audit log. Raises StorageError."""
         context, kind = current_audit_context(), self._kind
 
         def insert(db: sqlite3.Connection) -> None:
             row = (record.id, record.subject, record.created_at, record.created_by, record.document)
             db.execute(f"INSERT INTO {kind.table} VALUES (?, ?, ?, ?, ?)", row)
             about = {kind.column.removesuffix("_id"): record.subject}
-            record_change(db, context, record.created_at, kind.noun, record.id, **about)
+            record_change(db, context, record.created_at, kind.noun, record.id, **about, **detail)
 
         await self._database.write(insert)
 

@@ -8,18 +8,27 @@ import sqlite3
 from dataclasses import dataclass, replace
 from typing import Any
 
+from calibration.documents.pose import PoseDocument
 from daemon.errors import CursorUnknown
 from daemon.model.records import RunRecord, ScanRecord
+from daemon.store.damaged_rows import DamagedRow, parse_each
 from daemon.store.database import Database
 from daemon.store.page_filters import NO_FILTERS, PageFilters
 
+_REQUEST_IS_SOUND = "CASE WHEN json_valid(request) THEN json_type(request) = 'object' ELSE 0 END"
+_RESULT_IS_SOUND = (
+    "CASE WHEN result IS NULL THEN 1 WHEN json_valid(result) THEN json_type(result) = 'object' ELSE 0 END"
+)
 _RUNS = (
-    "SELECT *, json_object('manual', json_extract(request, '$.manual')),"
-    " json_object('calibration_id', json_extract(result, '$.calibration_id'),"
-    " 'scan_id', json_extract(result, '$.scan_id')) FROM runs"
+    f"SELECT *, {_REQUEST_IS_SOUND} AND {_RESULT_IS_SOUND},"
+    f" CASE WHEN {_REQUEST_IS_SOUND} THEN json_object('manual', json_extract(request, '$.manual')) END,"
+    f" CASE WHEN {_RESULT_IS_SOUND} THEN json_object('calibration_id', json_extract(result, '$.calibration_id'),"
+    " 'scan_id', json_extract(result, '$.scan_id')) END FROM runs"
 )
 _CALIBRATIONS = (
-    "SELECT id, run_id, created_at, accepted, json_extract(document, '$.uncertainty.point_mm') FROM calibrations"
+    "SELECT id, run_id, created_at, accepted,"
+    " CASE WHEN json_valid(document) THEN json_extract(document, '$.uncertainty.point_mm') END,"
+    " CASE WHEN json_valid(document) THEN json_type(document, '$.verdict') = 'object' ELSE 0 END FROM calibrations"
 )
 _SCANS = "SELECT id, created_at, name, refine FROM scans"
 
@@ -47,7 +56,9 @@ class RunListing:
 
     @classmethod
     def of_row(cls, row: tuple[Any, ...]) -> "RunListing":
-        *columns, manual, linked = row
+        *columns, sound, manual, linked = row
+        if not sound:
+            raise ValueError("request or result is no JSON object")
         request, result = columns[10], columns[11]
         columns[10], columns[11] = manual, None
         links = {key: value for key, value in json.loads(linked).items() if value is not None}
@@ -64,6 +75,13 @@ class CalibrationListing:
     accepted: bool
     point_mm: float | None
 
+    @classmethod
+    def of_row(cls, row: tuple[Any, ...]) -> "CalibrationListing":
+        found_id, run_id, created_at, accepted, point_mm, sound = row
+        if not sound:
+            raise ValueError("the document is no calibration")
+        return cls(found_id, run_id, created_at, bool(accepted), point_mm)
+
 
 @dataclass(frozen=True)
 class ScanListing:
@@ -78,34 +96,48 @@ class ScanListing:
 
 
 class Listings:
-    """Pages, newest first; `before` is the last id of the page before. Each raises CursorUnknown, StorageError."""
+    """Pages, newest first; `before` is the last id of the page before. Each raises CursorUnknown, StorageError.
+
+    A row that is not what was stored is in its page as a DamagedRow.
+    """
 
     def __init__(self, reader: Database) -> None:
         self._reader = reader
 
-    async def runs(self, limit: int, before: str | None = None, filters: PageFilters = NO_FILTERS) -> list[RunListing]:
+    async def runs(
+        self, limit: int, before: str | None = None, filters: PageFilters = NO_FILTERS
+    ) -> list[RunListing | DamagedRow]:
         """Up to `limit` runs older than `before`."""
         return await self._reader.read(
-            lambda db: [RunListing.of_row(row) for row in read_page(db, _RUNS, "runs", limit, before, filters)]
+            lambda db: parse_each(RunListing.of_row, read_page(db, _RUNS, "runs", limit, before, filters))
         )
 
     async def calibrations(
         self, limit: int, before: str | None = None, filters: PageFilters = NO_FILTERS
-    ) -> list[CalibrationListing]:
+    ) -> list[CalibrationListing | DamagedRow]:
         """Up to `limit` calibrations older than `before`."""
-        rows = await self._reader.read(lambda db: read_page(db, _CALIBRATIONS, "calibrations", limit, before, filters))
-        return [CalibrationListing(i, run_id, at, bool(accepted), mm) for i, run_id, at, accepted, mm in rows]
+
+        def read(db: sqlite3.Connection) -> list[CalibrationListing | DamagedRow]:
+            rows = read_page(db, _CALIBRATIONS, "calibrations", limit, before, filters)
+            return parse_each(CalibrationListing.of_row, rows)
+
+        return await self._reader.read(read)
 
     async def scans(
         self, limit: int, before: str | None = None, filters: PageFilters = NO_FILTERS
-    ) -> list[ScanListing]:
+    ) -> list[ScanListing | DamagedRow]:
         """Up to `limit` scans older than `before`, with their views."""
 
-        def read(db: sqlite3.Connection) -> list[ScanListing]:
-            return [
-                ScanListing(ScanRecord(i, at, name, bool(refine)), tuple(db.execute(SCAN_VIEWS, (i,)).fetchall()))
-                for i, at, name, refine in read_page(db, _SCANS, "scans", limit, before, filters)
-            ]
+        def read(db: sqlite3.Connection) -> list[ScanListing | DamagedRow]:
+            def listing(row: tuple[str, str, str, int]) -> ScanListing:
+                scan_id, created_at, name, refine = row
+                views = db.execute(SCAN_VIEWS, (scan_id,)).fetchall()
+                for _, _, _, base_T_flange, _, joints_deg in views:
+                    PoseDocument.model_validate_json(base_T_flange)
+                    json.loads(joints_deg or "null")
+                return ScanListing(ScanRecord(scan_id, created_at, name, bool(refine)), tuple(views))
+
+            return parse_each(listing, read_page(db, _SCANS, "scans", limit, before, filters))
 
         return await self._reader.read(read)
 

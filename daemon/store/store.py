@@ -5,15 +5,14 @@ Documents are parsed in the database's thread: twenty verifications would keep t
 
 import asyncio
 import json
+import logging
 import shutil
 import sqlite3
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any, TypeVar
-
-from pydantic import ValidationError
+from typing import Any
 
 from calibration.documents.arm import ArmErrorsDocument
 from calibration.documents.calibration import CalibrationDocument
@@ -22,13 +21,14 @@ from daemon.errors import AppliedMeanwhile, NoCalibration, NotFound, StorageFull
 from daemon.model.records import (
     AppliedCalibration,
     CalibrationRecord,
+    Cause,
     FlangePose,
     RunRecord,
     ScanRecord,
     ScanViewRecord,
     Unit,
 )
-from daemon.model.run_states import FINAL_STATES
+from daemon.model.run_states import FINAL_STATES, RunState
 from daemon.runtime.durable_files import WriteFile, rename_durably, write_durably
 from daemon.runtime.event_bus import Publish
 from daemon.runtime.failpoints import NO_FAILPOINTS, Failpoints
@@ -37,12 +37,15 @@ from daemon.store.actor import current_audit_context, record_change
 from daemon.store.audit_log import AuditLog
 from daemon.store.browser_sessions import BrowserSessions
 from daemon.store.consistency import StoreFault, find_fault
+from daemon.store.damaged_rows import parse_each, parse_row, parse_stored, parsing, split_damaged
 from daemon.store.documents import ACCEPTANCES, RIGS, TOUCH_TESTS, Documents
 from daemon.store.event_log import StoredEvents
 from daemon.store.idempotency_keys import IdempotencyKeys
 from daemon.store.listings import SCAN_VIEWS, Listings, read_page
 from daemon.store.opening import LockedStore
 from daemon.store.outbox import Outbox
+
+log = logging.getLogger(__name__)
 
 _UPDATE_RUN = (
     "UPDATE runs SET (id, kind, state, station, stations, code, cause, fix, created_at, updated_at, request, result,"
@@ -51,8 +54,6 @@ _UPDATE_RUN = (
 
 _CALIBRATION = "SELECT id, run_id, created_at, accepted, document FROM calibrations"
 
-
-Stored = TypeVar("Stored", CalibrationDocument, ArmErrorsDocument)
 
 RUN_BYTES = 20e6
 """What a run takes on the disk, until the sizes of the latest runs are known."""
@@ -160,7 +161,7 @@ class Store:
 
         def read(db: sqlite3.Connection) -> RunRecord | None:
             row = db.execute("SELECT * FROM runs WHERE id = ?", (run_id,)).fetchone()
-            return None if row is None else RunRecord.of(row)
+            return None if row is None else parse_row(RunRecord.of, row, "run")
 
         found = await self._database.read(read)
         if found is None:
@@ -168,18 +169,28 @@ class Store:
         return found
 
     async def runs(self, limit: int, before: str | None = None) -> list[RunRecord]:
-        """Up to `limit` runs older than the one with the id `before`, newest first. Raises CursorUnknown."""
+        """Up to `limit` runs older than the one with the id `before`, newest first. Raises CursorUnknown.
+
+        One that is damaged is there as a failed one without request and result.
+        """
         query = "SELECT * FROM runs"
         return await self._database.read(
-            lambda db: [RunRecord.of(row) for row in read_page(db, query, "runs", limit, before)]
+            lambda db: [_run_or_failed(row) for row in read_page(db, query, "runs", limit, before)]
         )
 
     async def runs_in_progress(self) -> list[RunRecord]:
-        """Runs in no final state: at the start of the daemon, those that its predecessor left unfinished."""
+        """Runs in no final state: at the start of the daemon, those that its predecessor left unfinished.
+
+        Without damaged ones, which nobody could end.
+        """
         states = tuple(str(state) for state in sorted(FINAL_STATES))
         marks = ", ".join("?" * len(states))
         query = f"SELECT * FROM runs WHERE state NOT IN ({marks})"
-        return await self._database.read(lambda db: [RunRecord.of(row) for row in db.execute(query, states)])
+        rows = await self._database.read(lambda db: parse_each(RunRecord.of, db.execute(query, states)))
+        found, damaged = split_damaged(rows)
+        for run_id in damaged:
+            log.error("run %s in the store is damaged; it is left as it is", run_id)
+        return found
 
     # calibrations
 
@@ -216,7 +227,7 @@ class Store:
         def read(db: sqlite3.Connection) -> ArmErrorsDocument | None:
             row = db.execute(query, (calibration_id,)).fetchone()
             name = f"arm.json of calibration {calibration_id}"
-            return None if row is None else _document(ArmErrorsDocument, row[0], name)
+            return None if row is None else parse_stored(ArmErrorsDocument, row[0], name)
 
         return await self._database.read(read)
 
@@ -323,14 +334,17 @@ class Store:
 
     async def scan_views(self, scan_id: str) -> list[ScanViewRecord]:
         """The views of a scan in the order of their arrival."""
-        return await self._database.read(
-            lambda db: [
-                ScanViewRecord(
-                    v, file, unit, PoseDocument.model_validate_json(pose), at, joints and tuple(json.loads(joints))
-                )
-                for v, file, unit, pose, at, joints in db.execute(SCAN_VIEWS, (scan_id,))
-            ]
-        )
+
+        def read(db: sqlite3.Connection) -> list[ScanViewRecord]:
+            with parsing(f"a view of scan {scan_id}"):
+                return [
+                    ScanViewRecord(
+                        v, file, unit, PoseDocument.model_validate_json(pose), at, joints and tuple(json.loads(joints))
+                    )
+                    for v, file, unit, pose, at, joints in db.execute(SCAN_VIEWS, (scan_id,))
+                ]
+
+        return await self._database.read(read)
 
     async def _page(self, query: str, table: str, limit: int, before: str | None) -> list[Any]:
         return await self._database.read(lambda db: read_page(db, query, table, limit, before))
@@ -360,15 +374,17 @@ class Store:
 def _calibration(row: tuple[str, str | None, str, int, str]) -> CalibrationRecord:
     """The record of a row. Raises StorageInconsistent when its document is not what was stored."""
     calibration_id, run_id, created_at, accepted, content = row
-    document = _document(CalibrationDocument, content, f"calibration {calibration_id}")
+    document = parse_stored(CalibrationDocument, content, f"calibration {calibration_id}")
     return CalibrationRecord(calibration_id, run_id, created_at, bool(accepted), document)
 
 
-def _document(kind: type[Stored], content: str, name: str) -> Stored:
+def _run_or_failed(row: Any) -> RunRecord:
+    """The record of a row; of a damaged one only id and times, failed."""
     try:
-        return kind.model_validate_json(content)
-    except ValidationError as error:
-        raise StorageInconsistent(f"{name} in the store is damaged", "restore a backup, or calibrate again") from error
+        return parse_row(RunRecord.of, row, "run")
+    except StorageInconsistent as error:
+        cause = Cause(error.code, error.what, error.fix)
+        return RunRecord(str(row[0]), row[1], RunState.FAILED, 0, 0, str(row[8]), str(row[9]), cause)
 
 
 def _scan(row: tuple[str, str, str, int]) -> ScanRecord:

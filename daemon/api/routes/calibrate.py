@@ -17,7 +17,7 @@ from daemon.api.problems import problem_responses
 from daemon.api.readiness import readiness
 from daemon.api.routes.runs import STARTED, answer_run_start
 from daemon.api.schemas.acceptances import AcceptanceList, StoredAcceptance
-from daemon.api.schemas.answer import page_json
+from daemon.api.schemas.answer import documents_json
 from daemon.api.schemas.calibrations import AppliedDocument, CalibrateStatus, CalibrationSummary
 from daemon.api.schemas.cell import ForesightDocument, frame_warning
 from daemon.api.schemas.runs import PlannedPoseDocument, RunDocument
@@ -29,6 +29,7 @@ from daemon.model.requests import CalibrateRequest, VerifyRequest
 from daemon.runs.foresight import Foresight
 from daemon.scans.scanner_acceptance import AcceptanceDocument
 from daemon.store.actor import current_audit_context
+from daemon.store.damaged_rows import split_damaged
 from daemon.store.documents import DocumentRecord
 from daemon.store.page_filters import PageFilters
 from drivers.errors import DeviceError
@@ -85,12 +86,7 @@ def _foresight_json(found: Foresight, arm: Arm | None) -> bytes:
 async def acceptances(app: App, limit: Limit = 50, before: Before = None) -> Response:
     """The scanner's verifications, newest first."""
     page, following = page_of(await app.store.acceptances.page(limit + 1, before), limit, "/acceptances")
-
-    def as_json() -> bytes:
-        found = (StoredAcceptance.of_record(record).model_dump_json() for record in page)
-        return page_json("acceptances", found, following)
-
-    return await respond_page(app, as_json)
+    return await respond_page(app, lambda: documents_json("acceptances", StoredAcceptance, page, following))
 
 
 @router.get("/acceptances/{acceptance_id}", response_model=StoredAcceptance, responses=problem_responses(404))
@@ -132,8 +128,8 @@ async def _status(app: Application) -> CalibrateStatus:
     ready = (await readiness(app)).calibrate
     running = app.supervisor.in_progress
     calibrations = PageFilters.of({"kind": "calibration"})
-    found = (listing.run for listing in await app.supervisor.listings(2, None, calibrations))  # one may be in progress
-    ended = next((run.id for run in found if run.over), None)
+    listed, _ = split_damaged(await app.supervisor.listings(2, None, calibrations))  # one may be in progress
+    ended = next((listing.id for listing in listed if listing.run.over), None)
     last = None if ended is None else await app.supervisor.run(ended)
     return CalibrateStatus(
         current=current,

@@ -43,6 +43,7 @@ from daemon.application import Application
 from daemon.errors import NoCalibration, NotFound
 from daemon.model.records import CalibrationRecord
 from daemon.model.requests import ApplyRequest, ObservationsRequest, SolveRequest
+from daemon.store.damaged_rows import split_damaged
 from daemon.store.page_filters import PageFilters
 
 MAX_SESSION_VALUES = 40_000
@@ -71,9 +72,10 @@ async def calibrations(app: App, limit: Limit = 50, before: Before = None, accep
     current = history[0].calibration_id if history else None
 
     def as_json() -> bytes:
-        found = (CalibrationSummary.of(listing, current).model_dump_json() for listing in page)
+        read, damaged = split_damaged(page)
+        found = (CalibrationSummary.of(listing, current).model_dump_json() for listing in read)
         applied = (AppliedDocument.of(row).model_dump_json() for row in history)
-        return page_json("calibrations", found, following, applied=applied)
+        return page_json("calibrations", found, following, damaged, applied=applied)
 
     return await respond_page(app, as_json)
 

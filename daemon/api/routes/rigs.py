@@ -10,7 +10,7 @@ from daemon.access.roles import Role
 from daemon.api.dependencies import App, Before, Identifier, JsonBody, Limit, page_of, respond_page
 from daemon.api.middleware.authentication import caller_of
 from daemon.api.problems import problem_responses
-from daemon.api.schemas.answer import page_json
+from daemon.api.schemas.answer import documents_json
 from daemon.api.schemas.rigs import RigList, StoredRig
 from daemon.application import Application
 from daemon.scans.rig_sensors import RigSensors
@@ -54,11 +54,7 @@ async def store_rig(
 async def rigs(app: App, limit: Limit = 50, before: Before = None) -> Response:
     """The rigs, newest first."""
     page, following = page_of(await app.store.rigs.page(limit + 1, before), limit, "/rigs")
-
-    def as_json() -> bytes:
-        return page_json("rigs", (StoredRig.of_record(record).model_dump_json() for record in page), following)
-
-    return await respond_page(app, as_json)
+    return await respond_page(app, lambda: documents_json("rigs", StoredRig, page, following))
 
 
 @router.get("/{rig_id}", response_model=StoredRig, responses=problem_responses(404))

@@ -35,6 +35,7 @@ from daemon.model.records import RunKind, RunRecord
 from daemon.model.run_states import RunState
 from daemon.runs.run_views import run_views
 from daemon.sessions.session_files import SESSION_FILE
+from daemon.store.damaged_rows import split_damaged
 from daemon.store.page_filters import PageFilters
 
 router = APIRouter(prefix="/runs", tags=["runs"])
@@ -64,7 +65,8 @@ async def runs(
     """The newest first; with filters those that match all of them. `since` is included, `until` is not."""
     filters = PageFilters.of({"kind": kind, "state": state, "since": since, "until": until})
     page, following = page_of(await app.supervisor.listings(limit + 1, before, filters), limit, "/runs", filters)
-    return await respond_page(app, lambda: page_json("runs", map(listing_json, page), following))
+    read, damaged = split_damaged(page)
+    return await respond_page(app, lambda: page_json("runs", map(listing_json, read), following, damaged))
 
 
 @router.get("/{run_id}", response_model=RunDocument, responses={200: or_text("The run"), **problem_responses(404)})

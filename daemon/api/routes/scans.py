@@ -54,6 +54,7 @@ from daemon.errors import NotFound
 from daemon.model.records import RunRecord
 from daemon.model.requests import ScanRequest
 from daemon.scans.scan_service import ReportTask
+from daemon.store.damaged_rows import split_damaged
 from daemon.store.page_filters import PageFilters
 from registration.documents import RegistrationReportDocument
 from registration.fusion.concatenation import PlacedCloud
@@ -74,7 +75,8 @@ async def scans(app: App, limit: Limit = 50, before: Before = None, name: NamePa
     """The newest first; with `name` those whose name has that in it, in either case."""
     filters = PageFilters.of({"name": name})
     page, following = page_of(await app.store.listings.scans(limit + 1, before, filters), limit, "/scans", filters)
-    return await respond_page(app, lambda: page_json("scans", map(listing_json, page), following))
+    read, damaged = split_damaged(page)
+    return await respond_page(app, lambda: page_json("scans", map(listing_json, read), following, damaged))
 
 
 @router.post(

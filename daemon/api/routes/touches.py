@@ -8,7 +8,7 @@ from calibration.monitoring.touch_report import touch_test_text
 from daemon.api.dependencies import App, Before, Identifier, JsonBody, Limit, page_of, respond_page
 from daemon.api.negotiation import or_text, respond
 from daemon.api.problems import problem_responses
-from daemon.api.schemas.answer import page_json
+from daemon.api.schemas.answer import documents_json
 from daemon.api.schemas.touches import StoredTouch, TouchList
 from daemon.model.requests import TouchRequest
 from daemon.runs.touch_tests import TouchTests
@@ -35,12 +35,7 @@ async def touch(app: App, body: Annotated[TouchRequest, Depends(JsonBody(TouchRe
 async def touches(app: App, limit: Limit = 50, before: Before = None) -> Response:
     """The touch tests, newest first."""
     page, following = page_of(await app.store.touch_tests.page(limit + 1, before), limit, "/touches")
-
-    def as_json() -> bytes:
-        found = (StoredTouch.of_record(record).model_dump_json() for record in page)
-        return page_json("touches", found, following)
-
-    return await respond_page(app, as_json)
+    return await respond_page(app, lambda: documents_json("touches", StoredTouch, page, following))
 
 
 @router.get(

@@ -1,11 +1,11 @@
 """Schemas of the scanner's stored verifications."""
 
-from daemon.api.schemas.answer import Answer
+from daemon.api.schemas.answer import Answer, OfRecord
 from daemon.scans.scanner_acceptance import AcceptanceDocument
 from daemon.store.documents import DocumentRecord
 
 
-class StoredAcceptance(Answer):
+class StoredAcceptance(OfRecord):
     """A verification of the scanner, as POST /verify answered it."""
 
     id: str
@@ -17,12 +17,13 @@ class StoredAcceptance(Answer):
     def of_record(cls, record: DocumentRecord) -> "StoredAcceptance":
         return cls(
             id=record.id, created_at=record.created_at, created_by=record.created_by,
-            acceptance=AcceptanceDocument.model_validate_json(record.document),
+            acceptance=record.parsed(AcceptanceDocument),
         )  # fmt: skip
 
 
 class AcceptanceList(Answer):
-    """The newest first; `next` asks for those before them."""
+    """The newest first; `next` asks for those before them. `damaged`: ids of rows that cannot be read."""
 
     acceptances: list[StoredAcceptance]
+    damaged: list[str]
     next: str | None

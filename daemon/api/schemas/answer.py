@@ -1,10 +1,14 @@
 """The base class of all answers, and helpers for examples in openapi.json."""
 
 import json
-from collections.abc import Iterable
-from typing import Any
+from collections.abc import Iterable, Iterator
+from typing import Any, Self, TypeVar
 
 from pydantic import BaseModel, ConfigDict
+
+from daemon.errors import StorageInconsistent
+from daemon.store.damaged_rows import DamagedRow, split_damaged
+from daemon.store.documents import DocumentRecord
 
 
 class Answer(BaseModel):
@@ -13,9 +17,47 @@ class Answer(BaseModel):
     model_config = ConfigDict(frozen=True)
 
 
-def page_json(name: str, items: Iterable[str], following: str | None, **beside: Iterable[str]) -> bytes:
-    """The JSON of a page: the list `name` of `items`, which are JSON, the lists `beside` it, and the link `next`."""
+class OfRecord(Answer):
+    """An answer that is made from a stored document."""
+
+    @classmethod
+    def of_record(cls, record: DocumentRecord) -> Self:
+        """Raises StorageInconsistent."""
+        raise NotImplementedError
+
+
+Stored = TypeVar("Stored", bound=OfRecord)
+
+
+def documents_of(kind: type[Stored], records: Iterable[DocumentRecord]) -> Iterator[Stored | DamagedRow]:
+    """Each record as an answer, or in its place a DamagedRow."""
+    for record in records:
+        try:
+            yield kind.of_record(record)
+        except StorageInconsistent:
+            yield DamagedRow(record.id)
+
+
+def documents_json(name: str, kind: type[OfRecord], page: Iterable[DocumentRecord], following: str | None) -> bytes:
+    """The JSON of a page of stored documents, with the ids of those that are damaged."""
+    read, damaged = split_damaged(documents_of(kind, page))
+    return page_json(name, (document.model_dump_json() for document in read), following, damaged)
+
+
+def page_json(
+    name: str,
+    items: Iterable[str],
+    following: str | None,
+    damaged: Iterable[str] | None = None,
+    **beside: Iterable[str],
+) -> bytes:
+    """The JSON of a page: the list `name` of `items`, which are JSON, the lists `beside` it, and the link `next`.
+
+    `damaged`: ids of rows that cannot be read, where the page tells them.
+    """
     lists = {name: items, **beside}
+    if damaged is not None:
+        lists["damaged"] = map(json.dumps, damaged)
     fields = (f"{json.dumps(key)}:[{','.join(each)}]" for key, each in lists.items())
     return f'{{{",".join(fields)},"next":{json.dumps(following)}}}'.encode()
 

@@ -62,9 +62,10 @@ class AppliedDocument(Answer):
 
 
 class CalibrationList(Answer):
-    """The newest first, and the last calibrations that were applied."""
+    """The newest first, and the last calibrations that were applied. `damaged`: ids of rows that cannot be read."""
 
     calibrations: list[CalibrationSummary]
+    damaged: list[str]
     applied: list[AppliedDocument]
     next: str | None
 

@@ -4,10 +4,11 @@ from collections.abc import Sequence
 from typing import Literal
 
 from calibration.documents.calibration import SentenceDocument
-from daemon.api.schemas.answer import EXAMPLE_AT, EXAMPLE_ID, Answer, example
+from daemon.api.schemas.answer import EXAMPLE_AT, EXAMPLE_ID, Answer, OfRecord, documents_of, example
 from daemon.config.settings import DriftSettings
 from daemon.drift.chart import DriftChart
 from daemon.runs.touch_tests import StoredTouchTest
+from daemon.store.damaged_rows import split_damaged
 from daemon.store.documents import DocumentRecord
 
 
@@ -36,7 +37,7 @@ class DriftPointDocument(Answer):
     scatter_mm: float
 
 
-class DriftTouchDocument(Answer):
+class DriftTouchDocument(OfRecord):
     """One touch test of the calibration: its largest miss with U (k = 2), and whether it was accepted."""
 
     id: str
@@ -47,7 +48,7 @@ class DriftTouchDocument(Answer):
 
     @classmethod
     def of_record(cls, record: DocumentRecord) -> "DriftTouchDocument":
-        found = StoredTouchTest.model_validate_json(record.document).result
+        found = record.parsed(StoredTouchTest).result
         worst = max(found.points, key=lambda point: point.length_mm)
         return cls(
             id=record.id, at=record.created_at, largest_mm=round(worst.length_mm, 6),
@@ -60,7 +61,7 @@ class DriftDocument(Answer):
 
     `alarm`: a sentence, or null; `alarm_detail`: what it is made of. `scatter_limit_mm`: the largest scatter of the
     last verification that is explained by the calibration's uncertainty and the robot's noise. `touch_tests`: of the
-    same calibration, the oldest first.
+    same calibration, the oldest first, without those that GET /touches names as damaged.
     """
 
     model_config = example(
@@ -105,5 +106,5 @@ class DriftDocument(Answer):
             rules=DriftRulesDocument(**settings.model_dump(include=set(DriftRulesDocument.model_fields))),
             points=[DriftPointDocument(**{**vars(point), "standing": point.standing.value})
                     for point in chart.points[-limit:]],
-            touch_tests=[DriftTouchDocument.of_record(record) for record in touched],
+            touch_tests=split_damaged(documents_of(DriftTouchDocument, touched))[0],
         )  # fmt: skip

@@ -1,11 +1,11 @@
 """Schemas of the stored rigs."""
 
 from calibration.documents.rig import RigDocument
-from daemon.api.schemas.answer import Answer
+from daemon.api.schemas.answer import Answer, OfRecord
 from daemon.store.documents import DocumentRecord
 
 
-class StoredRig(Answer):
+class StoredRig(OfRecord):
     """A rig.json as it was stored. The newest one is in force."""
 
     id: str
@@ -17,12 +17,13 @@ class StoredRig(Answer):
     def of_record(cls, record: DocumentRecord) -> "StoredRig":
         return cls(
             id=record.id, created_at=record.created_at, created_by=record.created_by,
-            rig=RigDocument.model_validate_json(record.document),
+            rig=record.parsed(RigDocument),
         )  # fmt: skip
 
 
 class RigList(Answer):
-    """The newest first, which is in force; `next` asks for those before them."""
+    """The newest first, which is in force; `next` asks for those before them. `damaged`: ids that cannot be read."""
 
     rigs: list[StoredRig]
+    damaged: list[str]
     next: str | None

@@ -171,7 +171,8 @@ def listing_json(listing: RunListing) -> str:
 
 
 class RunList(Answer):
-    """The newest first; `next` asks for those before them."""
+    """The newest first; `next` asks for those before them. `damaged`: ids of rows that cannot be read."""
 
     runs: list[RunDocument]
+    damaged: list[str]
     next: str | None

@@ -94,7 +94,8 @@ def _view_json(view: int, file: str, unit: str, base_T_flange: str, created_at: 
 
 
 class ScanList(Answer):
-    """The newest first; `next` asks for those before them."""
+    """The newest first; `next` asks for those before them. `damaged`: ids of rows that cannot be read."""
 
     scans: list[ScanDocument]
+    damaged: list[str]
     next: str | None

@@ -3,12 +3,12 @@
 from calibration.documents.tip import TipDocument
 from calibration.documents.touches import TouchesDocument
 from calibration.monitoring.touch_report import TouchTestDocument
-from daemon.api.schemas.answer import Answer
+from daemon.api.schemas.answer import Answer, OfRecord
 from daemon.runs.touch_tests import StoredTouchTest
 from daemon.store.documents import DocumentRecord
 
 
-class StoredTouch(Answer):
+class StoredTouch(OfRecord):
     """A touch test, and what it was made from. `verification`: the run that saw the points, or null."""
 
     id: str
@@ -21,7 +21,7 @@ class StoredTouch(Answer):
 
     @classmethod
     def of_record(cls, record: DocumentRecord) -> "StoredTouch":
-        stored = StoredTouchTest.model_validate_json(record.document)
+        stored = record.parsed(StoredTouchTest)
         return cls(
             id=record.id, created_at=record.created_at, created_by=record.created_by,
             verification=stored.verification, tip=stored.tip, touches=stored.touches, result=stored.result,
@@ -29,7 +29,8 @@ class StoredTouch(Answer):
 
 
 class TouchList(Answer):
-    """The newest first; `next` asks for those before them."""
+    """The newest first; `next` asks for those before them. `damaged`: ids of rows that cannot be read."""
 
     touches: list[StoredTouch]
+    damaged: list[str]
     next: str | None

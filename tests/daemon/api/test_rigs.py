@@ -37,7 +37,7 @@ async def test_a_cloud_is_registered_by_the_sensor_that_took_it(bench: Bench) ->
     assert "handeyed-rig" not in (await register(bench)).headers
     assert (await bench.client.get(newest.headers["location"])).json() == newest.json()
     listed = (await bench.client.get("/rigs")).json()
-    assert listed == {"rigs": [newest.json(), stored.json()], "next": None}
+    assert listed == {"rigs": [newest.json(), stored.json()], "next": None, "damaged": []}
 
 
 @pytest.mark.parametrize(("rig", "says"), [
@@ -61,9 +61,15 @@ async def test_a_rig_that_does_not_tell_its_sensors_apart_is_refused(
     assert (await bench.client.get("/rigs")).json()["rigs"] == []
 
 
-async def test_a_rejected_rig_is_stored_when_somebody_insists(bench: Bench) -> None:
+async def test_a_rejected_rig_is_stored_when_somebody_insists_and_the_log_says_so(bench: Bench) -> None:
     params = {"despite_verdict": "true"}
-    assert (await bench.client.post("/rigs", json=a_rig(accepted=False), params=params)).status_code == 201
+    for accepted in (True, False):
+        stored = await bench.client.post("/rigs", json=a_rig(accepted=accepted), params=params)
+        assert stored.status_code == 201
+    overruled, regular = (await bench.client.get("/audit?limit=2")).json()["rows"]
+    assert overruled["subject"] == stored.json()["id"]
+    assert overruled["detail"] == {"setup": "eye-in-hand", "despite_verdict": True}
+    assert regular["detail"] == {"setup": "eye-in-hand"}
 
 
 async def test_a_sensor_that_is_not_there_is_named_with_those_that_are(bench: Bench) -> None:

@@ -40,7 +40,7 @@ async def test_an_operator_touches_what_a_verification_saw_point_by_point(bench:
 
     assert (await bench.client.get(second.headers["location"])).json() == found
     listed = (await bench.client.get("/touches")).json()
-    assert listed == {"touches": [found, first.json()], "next": None}
+    assert listed == {"touches": [found, first.json()], "next": None, "damaged": []}
     words = await bench.client.get(second.headers["location"], headers={"accept": "text/plain"})
     assert "beyond the tolerance of 1 mm" in words.text
     charted = (await bench.client.get("/drift")).json()["touch_tests"]

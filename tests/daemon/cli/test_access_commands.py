@@ -98,7 +98,7 @@ async def test_commands_ask_with_the_key_of_the_environment(
         with pytest.raises(CommandError, match="this needs a key"):
             await asyncio.to_thread(asks, bench.url)
         monkeypatch.setenv("HANDEYED_KEY", key)
-        assert await asyncio.to_thread(asks, bench.url) == {"runs": [], "next": None}
+        assert await asyncio.to_thread(asks, bench.url) == {"runs": [], "next": None, "damaged": []}
         monkeypatch.setenv("HANDEYED_CA", str(config))
         with pytest.raises(CommandError, match=r"authority\.pem"):
             await asyncio.to_thread(asks, bench.url)

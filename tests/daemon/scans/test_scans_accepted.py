@@ -35,7 +35,7 @@ async def test_a_ball_bar_in_three_positions_gives_probing_and_spacing_errors(be
     assert [len(position["balls"]) for position in found["positions"]] == [2, 2, 2]
     stored = (await bench.client.get(answer.headers["location"])).json()
     assert (stored["acceptance"], stored["created_by"]) == (found, "local")
-    assert (await bench.client.get("/acceptances")).json() == {"acceptances": [stored], "next": None}
+    assert (await bench.client.get("/acceptances")).json() == {"acceptances": [stored], "next": None, "damaged": []}
     report = await bench.client.get(f"/acceptances/{stored['id']}/report")
     assert (report.status_code, stored["id"] in report.text) == (200, True)
     assert number(stored["acceptance"]["probing_form_mm"], 4) in report.text
