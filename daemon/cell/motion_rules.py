@@ -1,9 +1,10 @@
 """Limits of commanded motion: box, reach, posture, joint travel and speed; and the move to a pose."""
 
 import asyncio
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 
@@ -13,7 +14,7 @@ from calibration.kinematics.joint_path import Box, leaves_box
 from calibration.planning.line_of_sight import LineOfSight
 from calibration.planning.reachability import reachable_by
 from calibration.planning.viewpoint_selection import Reachable
-from calibration.transforms import Array
+from calibration.transforms import Array, inverse, map_points
 from daemon.cell.frame_check import frame_difference
 from daemon.config.settings import RobotSettings, TaughtPose
 from daemon.errors import PathRefused, PoseRefused
@@ -71,6 +72,25 @@ class MotionRules:
         except UnreachablePoseError as error:
             raise PoseRefused(0, error.what, error.fix) from None
         self._check_path(0, self.arm, start_rad, end_rad)
+
+    def check_controllers_box(self, low_mm: Sequence[float], high_mm: Sequence[float]) -> None:
+        """Before a joint move of an arm that is not known, whose goal only the controller can check, by its own box.
+
+        `low_mm`, `high_mm`: corners (3,) of that box in the controller's world. Raises PoseRefused when it is not
+        within ours.
+        """
+        if self.arm is not None:
+            return
+        base_T_world = np.eye(4) if self.robot.world_T_base is None else inverse(self.robot.world_T_base)
+        corners_mm = map_points(base_T_world, np.array(list(product(*zip(low_mm, high_mm, strict=True)))))
+        low, high = np.array(self.robot.box_mm)
+        if (corners_mm < low - BOX_SLACK_MM).any() or (corners_mm > high + BOX_SLACK_MM).any():
+            raise PoseRefused(
+                0,
+                f"where the flange would stand is not known, and the controller's box from {_text(low_mm)} to"
+                f" {_text(high_mm)} mm of its world reaches out of the box {self._box_text()}",
+                "set [robot] model; or set cell_box_low and cell_box_high of the robot's program within [robot] box_mm",
+            )
 
     def with_travel_below(self, joint_travel_deg: float) -> "MotionRules":
         """These rules, with a limit of joint travel that is no larger than given."""

@@ -43,8 +43,10 @@ class Jog:
             pose = TaughtPose.of(_stepped(here.base_T_flange, self.request))
             rules = self.rules.with_travel_below(MAX_TRAVEL_DEG)
             return replace(await rules.goal(NO_STATION, pose, self.cell.robot), speed_mm_s=speed_mm_s)
-        if configured(self.cell.robot) is None:
+        program = configured(self.cell.robot)
+        if program is None:
             raise CellNotReady((AXES_NOT_MOVED,))
+        self.rules.check_controllers_box(*(await program.read_setup()).world_box_mm)
         start_rad, here = await self.cell.robot.read_joints(), await self.cell.robot.read_pose()
         end_rad = _turned(start_rad, self.request)
         self.rules.check_joint_move(here, start_rad, end_rad)

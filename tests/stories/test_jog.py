@@ -45,3 +45,24 @@ async def test_the_arm_is_jogged_to_a_first_pose_and_back_and_stays_within_its_l
             assert (refused["status"], why in refused["detail"]) == (422, True), refused
         assert story.cell.commanded_moves == moves
         assert not story.cell.controller.armed
+
+
+async def test_angles_of_an_unknown_arm_that_lead_out_of_the_box_are_refused_by_the_controller(tmp_path: Path) -> None:
+    async with plant(tmp_path, planned=True, robot={"model": None}) as story:
+        start = joints_deg(story)
+        out = await jogs(story, joints_deg=[start[0], 100.0, 40.0, *start[3:]])
+        assert (out["state"], out["cause"]["code"]) == ("failed", "move-refused"), out
+        assert "outside the allowed space" in out["cause"]["what"]
+        np.testing.assert_allclose(joints_deg(story), start, atol=1e-9)
+        assert not story.cell.controller.armed
+
+
+async def test_angles_of_an_unknown_arm_are_refused_where_the_controllers_box_is_the_larger_one(tmp_path: Path) -> None:
+    box = ((-500.0, -1000.0, 200.0), (950.0, 1000.0, 1500.0))
+    async with plant(tmp_path, planned=True, robot={"model": None, "box_mm": box}) as story:
+        for body in ({"axis": 6, "by_deg": 1.0}, {"joints_deg": joints_deg(story).tolist()}):
+            refused = await jogs(story, **body)
+            assert (refused["status"], refused["code"]) == (422, "pose-refused"), refused
+            assert "set [robot] model" in refused["fix"]
+        assert story.cell.commanded_moves == 0
+        assert (await jogs(story, shift_mm=[0.0, 0.0, 5.0]))["state"] == "finished"
