@@ -5,6 +5,7 @@ length, an orientation, a matrix, a picture, a time or a label. Units in a name 
 """
 
 import re
+import unicodedata
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Literal
@@ -17,10 +18,13 @@ Family = Literal["length", "turn", "pose"]
 LENGTH_WORDS = frozenset((
     "t", "p", "pos", "position", "trans", "translation", "translational", "tvec", "xyz", "location", "origin",
     "coord",
+    "posicion", "posizione", "posicao", "lage", "ort", "坐标", "座標", "位置",
 ))  # fmt: skip
 TURN_WORDS = frozenset((
     "q", "quat", "quaternion", "orientation", "rotation", "rot", "ori", "r", "e", "euler", "eul", "angle",
     "ang", "theta", "rvec", "rotvec", "axisangle", "rodrigues", "rpy", "wxyz", "xyzw",
+    "drehung", "winkel", "orientierung", "giro", "angulo", "orientacion", "rotazione", "angolo", "vridning", "vinkel",
+    "旋转", "旋轉", "角度", "姿态", "回転", "姿勢",
 ))  # fmt: skip
 QUATERNION_WORDS = frozenset(("q", "quat", "quaternion"))
 VECTOR_WORDS = frozenset(("rvec", "rotvec", "axisangle", "rodrigues"))
@@ -30,14 +34,16 @@ POSE_WORDS = frozenset((
 ))  # fmt: skip
 IMAGE_WORDS = frozenset((
     "image", "img", "picture", "photo", "file", "filename", "imagefile", "imagepath", "path", "images",
-    "cloud",
+    "cloud", "bild", "bilddatei", "foto", "imagen", "immagine", "imagem", "图像", "图片", "画像",
 ))  # fmt: skip
 TIME_WORDS = frozenset((
     "time", "timestamp", "stamp", "sec", "secs", "seconds", "timestamps",
+    "zeit", "uhrzeit", "zeitstempel", "temps", "heure", "tiempo", "tempo", "hora", "tid", "时间", "時刻",
 ))  # fmt: skip
 LABEL_WORDS = frozenset((
     "index", "idx", "id", "nr", "no", "num", "number", "view", "name", "label", "station", "target", "seq",
     "i", "n", "count", "#",
+    "nummer", "numero", "punkt", "punto", "序号", "编号", "番号",
 ))  # fmt: skip
 NOISE = frozenset((
     "robot", "tcp", "tool", "tool0", "flange", "base", "ee", "eef", "gripper", "end", "effector", "hand",
@@ -45,9 +51,27 @@ NOISE = frozenset((
 ))  # fmt: skip
 UNITS: dict[str, LengthUnit] = {
     "mm": "mm", "millimeter": "mm", "millimeters": "mm", "millimetres": "mm",
-    "m": "m", "meter": "m", "meters": "m", "metre": "m", "metres": "m",
+    "m": "m", "meter": "m", "meters": "m", "metre": "m", "metres": "m", "毫米": "mm", "米": "m",
+    "cm": "mm", "um": "mm", "inch": "mm", "inches": "mm",
 }  # fmt: skip
-ANGLES = {"deg": True, "degree": True, "degrees": True, "°": True, "rad": False, "radian": False, "radians": False}
+MM_OF = {"cm": 10.0, "um": 1e-3, "inch": 25.4, "inches": 25.4}
+"""Units that are converted to mm as they are read."""
+
+ANGLES = {
+    "deg": True,
+    "degree": True,
+    "degrees": True,
+    "°": True,
+    "grad": True,
+    "grader": True,
+    "degres": True,
+    "grados": True,
+    "gradi": True,
+    "度": True,
+    "rad": False,
+    "radian": False,
+    "radians": False,
+}
 AXIS_WORDS = frozenset("xyzw")
 AXES = {"roll": "x", "pitch": "y", "yaw": "z"}
 SEQUENCES = (("a", "b", "c"), ("w", "p", "r"), ("o", "a", "t"), ("alpha", "beta", "gamma"), ("phi", "theta", "psi"))
@@ -72,6 +96,7 @@ class Columns:
     by_axis: bool = False
     convention: Convention | None = None
     unit: LengthUnit | None = None
+    scale: float = 1.0
     degrees: bool | None = None
     image: int | None = None
     time: int | None = None
@@ -79,9 +104,13 @@ class Columns:
     ignored: list[int] = field(default_factory=list)
 
 
-def _words(name: str) -> list[str]:
-    spaced = re.sub(r"(?<=[a-z])(?=[A-Z][a-z])", " ", _FRAMES.sub("", name))
-    return [word for word in re.split(r"[^a-z0-9°#]+", spaced.lower()) if word]
+def words_of(name: str) -> list[str]:
+    """The words of a name in lower case and without accents; letters and Chinese characters side by side are two."""
+    spaced = re.sub(r"(?<=[a-z])(?=[A-Z][a-z])", " ", _FRAMES.sub("", name)).replace("µ", "u").replace("μ", "u")
+    plain = "".join(one for one in unicodedata.normalize("NFKD", spaced.lower()) if not unicodedata.combining(one))
+    apart = re.sub(r"(?<=[a-z0-9])(?=[\u3040-\u9fff])|(?<=[\u3040-\u9fff])(?=[a-z0-9])", " ", plain)
+    words = [word for word in re.split(r"[^\w°#]+|_+", apart) if word]
+    return [*words[:-1], "inch"] if len(words) == 2 and words[0] in AXIS_WORDS and words[1] == "in" else words
 
 
 class _Named:
@@ -96,7 +125,7 @@ class _Named:
         self.turn_words: set[str] = set()
         self.unit: dict[Family, str] = {}
         for index, name in enumerate(names):
-            self._take(index, _words(name))
+            self._take(index, words_of(name))
 
     def _take(self, index: int, words: list[str]) -> None:
         units = [word for word in words if word in UNITS or word in ANGLES]
@@ -165,6 +194,7 @@ def recognise_columns(names: Sequence[str], origin: str) -> Columns:
         raise refusal(origin, "header", what, fix)
     if "length" in named.unit:
         columns.unit = UNITS[named.unit["length"]]
+        columns.scale = MM_OF.get(named.unit["length"], 1.0)
     if "turn" in named.unit:
         columns.degrees = ANGLES[named.unit["turn"]]
     used = {*columns.lengths, *columns.turn, *columns.pose, columns.image, columns.time, columns.label}

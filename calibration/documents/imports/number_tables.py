@@ -9,8 +9,9 @@ import numpy as np
 
 from calibration.documents.imports.columns import Columns, recognise_columns
 from calibration.documents.imports.conventions import CONVENTIONS, Convention
-from calibration.documents.imports.pose_table import PoseTable, table_of_matrices
+from calibration.documents.imports.pose_table import MIN_STATED_MM, MM, PoseTable, table_of_matrices
 from calibration.documents.imports.refusal import MAX_POSES, refusal
+from calibration.documents.imports.timestamps import seconds_of
 from calibration.transforms import QUATERNION_NORM_TOLERANCE, Array
 
 Cell = float | str
@@ -30,15 +31,15 @@ def table_of_columns(origin: str, names: Sequence[str], rows: Sequence[Sequence[
     _require_rows(origin, rows)
     numbers = [*columns.lengths, *columns.turn, *columns.pose]
     values = _numbers(origin, names, rows, numbers)
+    values[:, : len(columns.lengths)] *= columns.scale
+    _require_reach(origin, values[:, : len(columns.lengths)], columns)
     labels = _labels(columns, rows)
     ignored = [names[index] for index in columns.ignored]
     notes = (f"not used: {', '.join(ignored)}",) if ignored else ()
     images = None
     if columns.image is not None and all(isinstance(row[columns.image], str) for row in rows):
         images = tuple(str(row[columns.image]).strip() for row in rows)
-    times = None
-    if columns.time is not None and all(isinstance(row[columns.time], float) for row in rows):
-        times = np.array([row[columns.time] for row in rows], float)
+    times = None if columns.time is None else _times([row[columns.time] for row in rows])
     layout = "columns " + ", ".join(names[index] for index in numbers[:8]) + (" ..." if len(numbers) > 8 else "")
     if columns.pose:
         table = table_of_rows(origin, values, labels, layout)
@@ -52,6 +53,22 @@ def table_of_columns(origin: str, names: Sequence[str], rows: Sequence[Sequence[
         origin, table.labels, table.lengths, table.numbers, table.kind, layout, table.convention, table.by_axis,
         columns.unit, table.frame, images, times if times is not None else table.times_s, notes,
     ).checked()  # fmt: skip
+
+
+def _require_reach(origin: str, lengths: Array, columns: Columns) -> None:
+    """Raises DocumentError when the unit in the header puts all poses at the base."""
+    if columns.unit is None or len(lengths) < 2 or not np.isfinite(lengths).all():
+        return
+    reach_mm = float(np.linalg.norm(lengths, axis=1).max()) * MM[columns.unit]
+    if reach_mm < MIN_STATED_MM:
+        what = f"in {columns.unit} as the header says, every pose is within {reach_mm:.3g} mm of the base"
+        raise refusal(origin, "header", what, "correct the unit in the header")
+
+
+def _times(cells: Sequence[Cell]) -> Array | None:
+    """The times (n,) in s, from numbers or from dates with times; None where a cell is neither."""
+    seconds = [cell if isinstance(cell, float) else seconds_of(cell) for cell in cells]
+    return None if any(one is None for one in seconds) else np.array(seconds, float)
 
 
 def _with_degrees(columns: Columns, angles: Array) -> Convention | None:
@@ -74,7 +91,12 @@ def _numbers(origin: str, names: Sequence[str], rows: Sequence[Sequence[Cell]], 
         for place, index in enumerate(wanted):
             cell = row[index]
             if not isinstance(cell, float):
-                raise refusal(origin, f"row {at + 1}, {names[index]}", f"{cell[:40]!r} is no number", "correct it")
+                raise refusal(
+                    origin,
+                    f"row {at + 1}, {names[index]}",
+                    f"{cell[:40]!r} is no number" if cell else "empty",
+                    "correct it",
+                )
             values[at, place] = cell
     return values
 

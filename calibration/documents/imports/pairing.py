@@ -3,12 +3,15 @@
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import product
 from pathlib import PurePosixPath
 
 import numpy as np
 
 from calibration.documents.imports.pose_table import PoseTable
 from calibration.documents.imports.refusal import refusal
+from calibration.documents.imports.timestamps import seconds_of
+from calibration.transforms import Array
 
 MAX_SHOWN = 4
 """Names of a list in a message; of longer ones the first and the last are shown."""
@@ -52,7 +55,12 @@ def pair(images: Sequence[str], table: PoseTable) -> Pairing:
 def _by_name(images: Sequence[str], table: PoseTable, wanted: Sequence[str]) -> Pairing:
     known = {image: image for image in images} | {PurePosixPath(image).name: image for image in images}
     stems = {PurePosixPath(image).stem: image for image in images}
-    found = [known.get(name) or known.get(_last(name)) or stems.get(PurePosixPath(_last(name)).stem) for name in wanted]
+    lower = {PurePosixPath(image).name.lower(): image for image in images}
+    found = [
+        known.get(name) or known.get(_last(name)) or stems.get(PurePosixPath(_last(name)).stem)
+        or (lower.get(_last(name).lower()) if len(lower) == len(images) else None)
+        for name in wanted
+    ]  # fmt: skip
     missing = [name for name, image in zip(wanted, found, strict=True) if image is None]
     if missing:
         what = f"no picture of the names {shown(missing)}; there are {len(images)} ({shown(list(images))})"
@@ -65,32 +73,27 @@ def _last(name: str) -> str:
 
 
 def _by_number(images: Sequence[str], table: PoseTable) -> Pairing | None:
-    """By the last number in each name, where these are different and the same on both sides."""
-    seen, posed = ([_number(PurePosixPath(name).stem) for name in names] for names in (images, table.labels))
-    if None in seen or None in posed or len(set(seen)) < len(seen) or len(set(posed)) < len(posed):
-        return None
-    if set(seen) != set(posed):
-        return None
-    by_number = dict(zip(seen, images, strict=True))
-    return Pairing(
-        tuple(range(len(table))), tuple(by_number[number] for number in posed), "by the numbers in the names"
-    )
+    """By a number in each name, counted from the end, where these are different and the same on both sides."""
+    for seen, posed in product(_numbers([PurePosixPath(name).stem for name in images]), _numbers(table.labels)):
+        if set(seen) == set(posed):
+            by_number = dict(zip(seen, images, strict=True))
+            paired = tuple(by_number[number] for number in posed)
+            return Pairing(tuple(range(len(table))), paired, "by the numbers in the names")
+    return None
 
 
-def _number(name: str) -> int | None:
-    digits = _DIGITS.findall(name)
-    return int(digits[-1]) if digits else None
+def _numbers(names: Sequence[str]) -> list[list[int]]:
+    """The last number of every name, the last but one ...; those that differ from name to name."""
+    found = [[int(digits) for digits in reversed(_DIGITS.findall(name))] for name in names]
+    places = ([numbers[place] for numbers in found] for place in range(min(map(len, found), default=0)))
+    return [numbers for numbers in places if len(set(numbers)) == len(numbers)]
 
 
 def _by_time(images: Sequence[str], table: PoseTable) -> Pairing | None:
     """By time, where the table has times and the pictures are named by theirs; poses without a picture are left out."""
-    stems = [re.sub(r"[^\d.]", "", PurePosixPath(image).stem) for image in images]
-    if table.times_s is None or not all(re.fullmatch(r"\d{6,}(\.\d+)?|\d+\.\d+", stem) for stem in stems):
+    seconds = _times_of([PurePosixPath(image).stem for image in images], table)
+    if table.times_s is None or seconds is None or len(images) < 2:
         return None
-    scale = next((s for s in (1.0, 1e-3, 1e-6, 1e-9) if _near(float(stems[0]) * s, table)), None)
-    if scale is None or len(images) < 2:
-        return None
-    seconds = np.array([float(stem) * scale for stem in stems])
     rows = np.abs(seconds[:, None] - table.times_s).argmin(axis=1)
     apart = np.abs(seconds - table.times_s[rows])
     usual = float(np.median(np.diff(np.sort(seconds))))
@@ -102,6 +105,20 @@ def _by_time(images: Sequence[str], table: PoseTable) -> Pairing | None:
         f"by time, at most {apart[worst]:.2g} s apart; {len(table) - len(rows)} poses without a picture are left out"
     )
     return Pairing(tuple(rows.tolist()), tuple(images), words)
+
+
+def _times_of(stems: Sequence[str], table: PoseTable) -> Array | None:
+    """The times (n,) in s that names of pictures say, as date and time or as one number; None for other names."""
+    if table.times_s is None:
+        return None
+    dated = [seconds_of(stem) for stem in stems]
+    if all(one is not None for one in dated):
+        return np.array(dated, float)
+    numbers = [re.sub(r"[^\d.]", "", stem) for stem in stems]
+    if not all(re.fullmatch(r"\d{6,}(\.\d+)?|\d+\.\d+", number) for number in numbers):
+        return None
+    scale = next((s for s in (1.0, 1e-3, 1e-6, 1e-9) if _near(float(numbers[0]) * s, table)), None)
+    return None if scale is None else np.array([float(number) * scale for number in numbers])
 
 
 def _near(seconds: float, table: PoseTable) -> bool:

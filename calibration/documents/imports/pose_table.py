@@ -17,7 +17,7 @@ from calibration.documents.imports.conventions import (
 )
 from calibration.documents.imports.refusal import MAX_POSES, refusal
 from calibration.errors import GeometryError
-from calibration.transforms import Array, inverse, transform
+from calibration.transforms import QUATERNION_NORM_TOLERANCE, Array, inverse, transform
 
 Frame = Literal["base_T_flange", "flange_T_base"]
 
@@ -28,6 +28,16 @@ MAX_ARM_MM = 20_000.0
 
 MIN_ARM_MM = 50.0
 """A flange is further from its base than this in the median of the views."""
+
+
+MIXED_RATIO = 100.0
+"""Poses so much nearer to the base than the farthest one are in another unit when a factor of 1000 explains it."""
+
+MIN_STATED_MM = 20.0
+"""No arm stays that near to its base in all views: then the unit in the header is wrong."""
+
+SMALL_ARM_MM = 200.0
+"""Lengths without a unit that put the flange nearer to its base, in the median, may as well be centimetres."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +79,26 @@ class PoseTable:
         if not finite.all():
             row = int(np.flatnonzero(~finite)[0])
             raise refusal(self.origin, f"pose {self.labels[row]}", "a number is missing or not finite", "correct it")
+        self._require_quaternions()
+        self._require_one_unit()
         return self
+
+    def _require_quaternions(self) -> None:
+        norms = np.linalg.norm(self.numbers, axis=1)
+        wrong = np.abs(norms - 1) > QUATERNION_NORM_TOLERANCE
+        if self.kind == "quaternion" and wrong.any():
+            row = int(wrong.argmax())
+            what = f"a quaternion of norm {norms[row]:.4g}, not 1"
+            raise refusal(self.origin, f"pose {self.labels[row]}", what, "give unit quaternions")
+
+    def _require_one_unit(self) -> None:
+        """Raises DocumentError when some poses are in metres and others in mm."""
+        reach = np.linalg.norm(self.lengths, axis=1)
+        near = reach < reach.max() / MIXED_RATIO
+        if near.any() and np.median(reach[near]) > 0.0 and 1 / 5 < 1000 * np.median(reach[near]) / reach.max() < 5:
+            row = int(near.argmax())
+            what = f"{reach[row]:.4g} from the base, where others are up to {reach.max():.4g}: another unit"
+            raise refusal(self.origin, f"pose {self.labels[row]}", what, "give all lengths in one unit")
 
     def conventions(self) -> tuple[Convention, ...]:
         """The one that the source states, or all that its numbers allow."""
@@ -92,6 +121,11 @@ class PoseTable:
         reach = float(np.median(np.linalg.norm(self.lengths, axis=1)))
         fitting = [unit for unit, mm in MM.items() if MIN_ARM_MM <= reach * mm <= MAX_ARM_MM]
         return tuple(fitting) or ("mm",)
+
+    def is_perhaps_in_cm(self) -> bool:
+        """Whether the lengths, without a unit, would be usual ones of an arm in centimetres."""
+        reach = float(np.median(np.linalg.norm(self.lengths, axis=1)))
+        return self.unit is None and MIN_ARM_MM <= reach < SMALL_ARM_MM
 
     def frames(self) -> tuple[Frame, ...]:
         """The one that the source states, or both."""

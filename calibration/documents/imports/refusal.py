@@ -9,17 +9,35 @@ MAX_TEXT_BYTES = 32_000_000
 """Bytes of a text with poses: 20,000 poses of 16 numbers are below 8 MB."""
 
 
+ZIP = b"PK\x03\x04"
+"""How the sheets of spreadsheet programs begin."""
+
+PLAIN = {0x1A: None, ord("\u2212"): "-", ord("\u00a0"): " ", ord("\u202f"): " ", ord("\u2009"): " "}
+"""Ctrl-Z, which some programs of Windows write last; Unicode's minus; blanks that do not break."""
+
+
 def refusal(origin: str, place: str, what: str, fix: str, heading: str = "robot-poses") -> DocumentError:
     """The error to raise; `heading` of docs/formats.md describes what is expected."""
     return DocumentError(origin, [DocumentProblem(place, what, f"{fix} (docs/formats.md#{heading})")])
 
 
 def decode(content: bytes, origin: str) -> str:
-    """Text of UTF-8, UTF-16 with a mark, or Windows' Latin 1; without a byte order mark. Raises DocumentError."""
+    """Text of UTF-8, UTF-16, or Windows' Latin 1, without a byte order mark and what looks like a sign or a blank.
+
+    Raises DocumentError.
+    """
+    return _decoded(content, origin).translate(PLAIN)
+
+
+def _decoded(content: bytes, origin: str) -> str:
     if len(content) > MAX_TEXT_BYTES:
         what = f"{len(content) / 1e6:.0f} MB of text, where {MAX_TEXT_BYTES // 1_000_000} MB are read"
         raise refusal(origin, "file", what, "give the poses of the views only")
+    if content[:4] == ZIP:
+        raise refusal(origin, "file", "a sheet or an archive, not text", "save the sheet as CSV")
     if b"\0" in content[:4096] and content[:2] not in (b"\xff\xfe", b"\xfe\xff"):
+        if (encoding := _utf_16_without_mark(content)) is not None:
+            return content.decode(encoding)
         raise refusal(origin, "file", "not text", "give the poses as text, .npy or .npz")
     for encoding in ("utf-16",) if content[:2] in (b"\xff\xfe", b"\xfe\xff") else ("utf-8-sig", "cp1252"):
         try:
@@ -27,3 +45,12 @@ def decode(content: bytes, origin: str) -> str:
         except UnicodeDecodeError:
             continue
     raise refusal(origin, "file", "neither UTF-8 nor UTF-16 text", "save it as UTF-8")
+
+
+def _utf_16_without_mark(content: bytes) -> str | None:
+    """The encoding of a text of which every other byte is 0; None for other bytes."""
+    start = content[:4096]
+    for encoding, zeros, others in (("utf-16-le", start[1::2], start[::2]), ("utf-16-be", start[::2], start[1::2])):
+        if len(content) % 2 == 0 and not any(zeros) and 0 not in others:
+            return encoding
+    return None

@@ -7,11 +7,9 @@ import numpy as np
 from calibration.documents.imports.number_tables import Cell, table_of_columns, table_of_rows
 from calibration.documents.imports.pose_table import PoseTable, table_of_matrices
 from calibration.documents.imports.refusal import decode, refusal
+from calibration.documents.imports.text_cells import are_names_of_columns, rows_of
 from calibration.transforms import Array
 
-_COMMENT = re.compile(r"^\s*(#|%|//|;\s*#)")
-_NUMBER = re.compile(r"[-+]?(\d+(\.\d*)?|\.\d+)([eEdD][-+]?\d+)?")
-_SEPARATORS = (";", "\t", ",")
 _NESTED = re.compile(r"\[\s*\[|\[[^][]*\d\s*[;\n]\s*[-+.\d][^][]*\]")
 _BRACKETS = re.compile(r"\[([^][]*)\]")
 _LABELLED = re.compile(r"\s*([A-Za-z_][^][]*?)?\s*[:=,;]?\s*\[([^][]*)\]\s*[,;]?\s*")
@@ -19,17 +17,18 @@ _LABELLED = re.compile(r"\s*([A-Za-z_][^][]*?)?\s*[:=,;]?\s*\[([^][]*)\]\s*[,;]?
 
 def read_text_table(content: bytes, origin: str) -> PoseTable:
     """The poses of a text of rows. Raises DocumentError."""
-    lines = _without_brackets(decode(content, origin))
-    comments = [line.lstrip("#%/ \t") for line in lines if _COMMENT.match(line)]
-    rows = [line for line in lines if line.strip() and not _COMMENT.match(line)]
-    if not rows:
+    found = rows_of(_without_brackets(decode(content, origin)))
+    cells, names = found.cells, found.names
+    if not cells:
         raise refusal(origin, "rows", "no poses in it", "give one row for each view")
-    cells, names = _cells(rows, comments)
     if names is not None:
         wrong = next((at for at, row in enumerate(cells) if len(row) != len(names)), None)
         if wrong is not None:
             what = f"{len(cells[wrong])} cells, where the header has {len(names)}"
-            raise refusal(origin, f"row {wrong + 1}", what, "give every row the cells of the header")
+            fix = "give every row the cells of the header"
+            if found.decimal_commas:
+                what, fix = f"{what}: decimal commas between commas", "write decimal points, or separate by semicolons"
+            raise refusal(origin, f"row {wrong + 1}", what, fix)
         return table_of_columns(origin, names, cells)
     return _without_names(origin, cells)
 
@@ -52,8 +51,8 @@ def _joined(label: str | None, numbers: str) -> str:
 
 def read_named_columns(content: bytes, origin: str, wanted: list[str]) -> Array:
     """The numbers (n, k) of the columns with the wanted names. Raises DocumentError."""
-    lines = [line for line in decode(content, origin).splitlines() if line.strip() and not _COMMENT.match(line)]
-    cells, names = _cells(lines, []) if lines else ([], None)
+    found = rows_of(decode(content, origin).splitlines())
+    cells, names = found.cells, found.names
     missing = [name for name in wanted if name not in (names or [])]
     if names is None or missing or not cells:
         raise refusal(
@@ -65,40 +64,12 @@ def read_named_columns(content: bytes, origin: str, wanted: list[str]) -> Array:
     return np.array([[row[place] for place in places] for row in cells], float)
 
 
-def _cells(lines: list[str], comments: list[str]) -> tuple[list[list[Cell]], list[str] | None]:
-    """The cells of all rows, and the names of the columns where a row of them stands first or in the last comment."""
-    separator = next((one for one in _SEPARATORS if all(one in line for line in lines[:20])), None)
-    decimal_comma = separator in (";", "\t") and any(re.search(r"\d,\d", line) for line in lines)
-    parts = [[cell.strip().strip("\"'[]()") for cell in _split(line, separator)] for line in lines]
-    parts = [row[:-1] if len(row) > 1 and row[-1] == "" else row for row in parts]
-    header = None
-    if parts and not any(_is_number(cell, decimal_comma) for cell in parts[0]) and len(parts[0]) > 1:
-        header, parts = parts[0], parts[1:]
-    elif comments and parts:
-        said = [cell.strip() for cell in _split(comments[-1], separator)]
-        header = said if len(said) == len(parts[0]) and not any(_is_number(cell, False) for cell in said) else None
-    return [[_value(cell, decimal_comma) for cell in row] for row in parts], header
-
-
-def _split(line: str, separator: str | None) -> list[str]:
-    return line.split() if separator is None else line.strip().split(separator)
-
-
-def _is_number(cell: str, decimal_comma: bool) -> bool:
-    return bool(_NUMBER.fullmatch(cell.replace(",", ".") if decimal_comma else cell)) or cell.lower() in ("nan", "inf")
-
-
-def _value(cell: str, decimal_comma: bool) -> Cell:
-    plain = cell.replace(",", ".") if decimal_comma else cell
-    if _NUMBER.fullmatch(plain):
-        return float(plain.replace("d", "e").replace("D", "e"))
-    return float("nan") if cell.lower() in ("nan", "inf", "-inf", "+inf") else cell
-
-
 def _without_names(origin: str, cells: list[list[Cell]]) -> PoseTable:
     labels: list[str] | None = None
     if all(isinstance(row[0], str) and len(row) > 1 for row in cells):
         labels, cells = [str(row[0]) for row in cells], [row[1:] for row in cells]
+        if are_names_of_columns(labels) and len({len(row) for row in cells}) == 1:
+            return table_of_columns(origin, labels, [list(column) for column in zip(*cells, strict=True)])
         labels = labels if len(set(labels)) == len(labels) else None
     wrong = next(((at, cell) for at, row in enumerate(cells) for cell in row if isinstance(cell, str)), None)
     if wrong is not None:

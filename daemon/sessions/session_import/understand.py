@@ -60,7 +60,9 @@ def understand(request: ImportRequest, progress: Progress = lambda done, of: Non
     unused = imported.camera is not None and camera is None and bool(images) and request.camera is None
     lens = ("the set's intrinsics state no distortion and are not used; --camera uses them",) if unused else ()
     links = (f"{len(files.links)} links are not followed",) if files.links else ()
-    notes = (*imported.poses.notes, *imported.notes, *lens, *links)
+    small = decision.reading.unit == "mm" and request.unit is None and imported.poses.is_perhaps_in_cm()
+    size = ("lengths without a unit are taken as mm; were they cm, name the columns x_cm, y_cm, z_cm",) if small else ()
+    notes = (*imported.poses.notes, *imported.notes, *size, *lens, *links)
     return Understood(
         request, imported, decision.reading, decision.words, poses, seen, images, target, camera, notes
     )  # fmt: skip

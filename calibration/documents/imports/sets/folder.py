@@ -24,6 +24,7 @@ from calibration.documents.imports.sets.imported import (
 from calibration.errors import DocumentError
 
 CAMERA_SUFFIXES = frozenset((".yaml", ".yml", ".xml", ".json"))
+SHEETS = frozenset((".xlsx", ".xls", ".xlsm", ".ods"))
 MAX_CANDIDATES = 2000
 """Files that are tried for poses when none are named."""
 
@@ -103,6 +104,9 @@ def find_poses(files: Files) -> PoseTable:
         raise refusal(files.origin, "poses", what, "name those of the robot by --poses")
     if refused:
         raise refused[0][1]
+    sheets = [name for name in files.names if PurePosixPath(name).suffix.lower() in SHEETS]
+    if sheets:
+        raise refusal(sheets[0], "file", "poses are not read from a sheet", "save it as CSV")
     raise refusal(files.origin, "poses", "no file with poses", "name it by --poses")
 
 

@@ -1,0 +1,328 @@
+"""Folders as plants write them: six pictures, and the same six poses in many spellings."""
+
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from calibration.transforms import Array, inverse
+from tests.daemon.cli.sessions import TILTS_RAD, base_T_flange, picture
+
+TARGET = "charuco:7x5:30:22:DICT_5X5_100"
+POSES: Array = np.array([base_T_flange(tilt) for tilt in TILTS_RAD])
+VIEWS = len(POSES)
+PICTURES = tuple(f"view_{at}.png" for at in range(7, 13))  # natural order is not that of the alphabet
+EYE_IN_HAND = ("--setup", "eye-in-hand")
+
+
+@dataclass(frozen=True)
+class Variant:
+    """Files by name beside the pictures, which show the views in their order, and options.
+
+    said : words of the report. refused : words of the one error, when the import is refused.
+    scale : of the translations, where the data cannot show another unit and the report warns of it.
+    """
+
+    files: dict[str, bytes]
+    pictures: Sequence[str] = PICTURES
+    options: Sequence[str] = EYE_IN_HAND
+    said: Sequence[str] = ()
+    refused: Sequence[str] = ()
+    scale: float = 1.0
+
+    def write(self, folder: Path) -> Path:
+        """The new folder with all files."""
+        folder.mkdir()
+        for name, tilt in zip(self.pictures, TILTS_RAD, strict=True):
+            (folder / name).parent.mkdir(parents=True, exist_ok=True)
+            (folder / name).write_bytes(picture(tilt))
+        for name, content in self.files.items():
+            (folder / name).write_bytes(content)
+        return folder
+
+
+# --- numbers and texts ---
+
+Rows = list[list[float]]
+
+
+def quaternions(poses: Array = POSES, scale: float = 1.0) -> Rows:
+    """x, y, z (mm times `scale`), qw, qx, qy, qz."""
+    xyzw = Rotation.from_matrix(poses[:, :3, :3]).as_quat()
+    rows: Rows = np.concatenate([poses[:, :3, 3] * scale, np.roll(xyzw, 1, axis=1)], axis=1).tolist()
+    return rows
+
+
+def angles(scale: float = 1.0) -> Rows:
+    """x, y, z (mm) and angles in degrees times `scale`, in the order of the rotations ZYX."""
+    turned = Rotation.from_matrix(POSES[:, :3, :3]).as_euler("ZYX", degrees=True) * scale
+    rows: Rows = np.concatenate([POSES[:, :3, 3], turned], axis=1).tolist()
+    return rows
+
+
+def text(number: float) -> str:
+    return f"{number:.6f}"
+
+
+def lines(
+    rows: Rows,
+    names: Sequence[str] | None = None,
+    *,
+    separator: str = ",",
+    cell: Callable[[float], str] = text,
+    before: Sequence[str] = (),
+    tail: str = "",
+) -> list[str]:
+    """The rows as texts. `before`: a cell before each row's numbers; `tail`: after each row."""
+    cells = [[*before[at : at + 1], *map(cell, row)] for at, row in enumerate(rows)]
+    head = [] if names is None else [separator.join(names)]
+    return [*head, *(separator.join(row) + tail for row in cells)]
+
+
+def csv(given: list[str], name: str = "poses.csv", end: str = "\n", encoding: str = "utf-8") -> dict[str, bytes]:
+    return {name: (end.join(given) + end).encode(encoding)}
+
+
+def german(number: float) -> str:
+    return text(number).replace(".", ",")
+
+
+Q = ("x", "y", "z", "qw", "qx", "qy", "qz")
+NUMBERS = [str(at) for at in range(1, VIEWS + 1)]
+BACKWARDS = list(reversed(quaternions()))
+STAMPS = [f"2026-11-22_10-15-{second:02}" for second in (2, 9, 17, 24, 38, 51)]
+CLOCK = [f"{stamp[:10]}T{stamp[11:].replace('-', ':')}Z" for stamp in STAMPS]
+EPOCH_S = [f"{1_763_800_000 + 37 * at:.3f}" for at in range(VIEWS)]
+LIST = quaternions()
+ONE = text(LIST[2][1])
+"""A cell of row 3."""
+
+
+def with_cell(other: str) -> dict[str, bytes]:
+    return csv([line.replace(ONE, other) for line in lines(LIST, Q)])
+
+
+def four_by_four(poses: Array = POSES) -> list[str]:
+    return [" ".join(map(text, row)) for pose in poses for row in pose]
+
+
+def robtargets(comment: str = "") -> list[str]:
+    return [
+        "MODULE poses",
+        *(
+            f"  CONST robtarget p{at}0:=[[{x:.3f},{y:.3f},{z:.3f}],[{','.join(map(text, q))}],[0,-1,0,0],"
+            f"[9E9,9E9,9E9,9E9,9E9,9E9]];{comment}"
+            for at, (x, y, z, *q) in enumerate(LIST, 1)
+        ),
+        "ENDMODULE",
+    ]
+
+
+def turned_matrices() -> Array:
+    """Matrices whose rotation is transposed and whose translation is not."""
+    wrong = POSES.copy()
+    wrong[:, :3, :3] = np.swapaxes(POSES[:, :3, :3], 1, 2)
+    return wrong
+
+
+def _variants() -> dict[str, Variant]:
+    rows = lines(LIST, Q)
+    return {**_spelled(rows), **_headed(rows), **_doubtful(rows), **_named(rows), **_filed(rows)}
+
+
+def _spelled(rows: list[str]) -> dict[str, Variant]:
+    """Separators, decimals, encodings, newlines, comments."""
+    xyz = ("X [mm]", "Y [mm]", "Z [mm]", "rz [°]", "ry [°]", "rx [°]")
+    return {
+        "comma": Variant(csv(rows)),
+        "semicolon": Variant(csv(lines(LIST, Q, separator=";"))),
+        "semicolon, decimal comma": Variant(csv(lines(LIST, Q, separator=";", cell=german))),
+        "semicolon and blank, decimal comma": Variant(csv(lines(LIST, Q, separator="; ", cell=german))),
+        "tab, decimal comma": Variant(csv(lines(LIST, Q, separator="\t", cell=german), "poses.txt")),
+        "blanks, decimal comma": Variant(csv(lines(LIST, Q, separator=" ", cell=german), "poses.txt")),
+        "comma, quoted decimal comma": Variant(csv(lines(LIST, Q, cell=lambda n: f'"{german(n)}"'))),
+        "comma, decimal comma": Variant(csv(lines(LIST, Q, cell=german)), refused=("decimal",)),
+        "quoted numbers": Variant(csv(lines(LIST, [f'"{name}"' for name in Q], cell=lambda n: f'"{text(n)}"'))),
+        "single quotes": Variant(csv(lines(LIST, Q, cell=lambda n: f"'{text(n)}'"))),
+        "pipes": Variant(csv(lines(LIST, Q, separator="|"))),
+        "thousands": Variant(csv(lines(LIST, Q, separator=";", cell=lambda n: f"{n:,.6f}"))),
+        "thousands, German": Variant(csv(lines(
+            LIST, Q, separator=";", cell=lambda n: f"{n:,.6f}".translate(str.maketrans(",.", ".,"))))),
+        "Unicode's minus": Variant(csv(lines(LIST, Q, cell=lambda n: text(n).replace("-", "\u2212")))),
+        "plus signs": Variant(csv(lines(LIST, Q, cell=lambda n: f"{n:+.6f}"))),
+        "exponents": Variant(csv(lines(LIST, Q, cell=lambda n: f"{n:.9E}"))),
+        "UTF-8 with BOM": Variant(csv(rows, encoding="utf-8-sig")),
+        "UTF-8 with BOM, no header": Variant(csv(rows[1:], encoding="utf-8-sig")),
+        "UTF-16": Variant(csv(rows, encoding="utf-16")),
+        "UTF-16 of a text": Variant(csv(lines(LIST, Q, separator="\t"), "poses.txt", "\r\n", "utf-16")),
+        "UTF-16 without BOM": Variant(csv(rows, encoding="utf-16-le")),
+        "Latin-1": Variant(csv(lines(angles(), xyz), encoding="latin-1"), said=("euler-ZYX",)),
+        "Windows newlines": Variant(csv(rows, end="\r\n")),
+        "old Mac newlines": Variant(csv(rows, end="\r")),
+        "empty lines": Variant(csv(rows, end="\n\n")),
+        "blanks at the ends": Variant(csv(lines(LIST, Q, tail="   "))),
+        "separator at the ends": Variant(csv([line + "," for line in rows])),
+        "separator at the ends of rows": Variant(csv(lines(LIST, Q, tail=","))),
+        "empty columns and rows of a sheet": Variant(csv([*(line + ",,," for line in rows), "," * 9, "," * 9])),
+        "Ctrl-Z at the end": Variant(csv([*rows, "\x1a"], end="\r\n")),
+        "sep= of a sheet": Variant(csv(["sep=;", *lines(LIST, Q, separator=";")])),
+        "non-breaking blanks": Variant(csv(lines(LIST, Q, separator=";", cell=lambda n: f"\u00a0{text(n)}"))),
+        "comments after rows": Variant(csv(lines(LIST, Q, tail="  # taught by AK"))),
+        "comments after rows, //": Variant(csv(lines(LIST, Q, tail=" // taught, once more"))),
+        "comments after rows, no header": Variant(
+            csv(lines(LIST, separator=" ", tail="  # taught by AK"), "poses.txt")),
+        "comments after rows, %": Variant(csv(lines(LIST, separator=" ", tail=" % 1st"), "poses.txt")),
+    }  # fmt: skip
+
+
+def _headed(rows: list[str]) -> dict[str, Variant]:
+    """Titles, units, remarks, headers in other languages."""
+    picture_names, turned = list(PICTURES), angles()
+
+    def named(*names: str, before: list[str] | None = None) -> dict[str, bytes]:
+        return csv(lines(turned, names, separator=";", cell=german, before=NUMBERS if before is None else before))
+
+    return {
+        "a title": Variant(csv(["Cell 7, poses of 22 November", *rows])),
+        "key: value above": Variant(csv(["robot: IRB 2600", "operator: AK", "", *rows])),
+        "a line of units": Variant(csv([rows[0], "mm,mm,mm,,,,", *rows[1:]])),
+        "a line of units in brackets": Variant(csv([rows[0], "[m],[m],[m],[-],[-],[-],[-]",
+                                                    *lines(quaternions(scale=1e-3))])),
+        "a column of remarks": Variant(csv(lines(LIST, [*Q, "remark"], tail=",ok"))),
+        "remarks in some rows": Variant(csv([f"{rows[0]},remark", *rows[1:3], f"{rows[3]},glare", *rows[4:]])),
+        "the header twice": Variant(csv([*rows[:4], *rows[:1], *rows[4:]])),
+        "German": Variant(named("Nr.", "X-Position [mm]", "Y-Position [mm]", "Z-Position [mm]", "Drehung Z [Grad]",
+                                "Drehung Y [Grad]", "Drehung X [Grad]")),
+        "German, Bild and Winkel": Variant(named("Bild", "X", "Y", "Z", "Winkel Z", "Winkel Y", "Winkel X",
+                                                 before=picture_names)),
+        "French": Variant(named("numéro", "x (mm)", "y (mm)", "z (mm)", "rotation z (degrés)", "rotation y (degrés)",
+                                "rotation x (degrés)")),
+        "Spanish": Variant(named("imagen", "posición x", "posición y", "posición z", "giro z (grados)",
+                                 "giro y (grados)", "giro x (grados)", before=picture_names)),
+        "Italian": Variant(named("immagine", "posizione x", "posizione y", "posizione z", "rotazione z", "rotazione y",
+                                 "rotazione x", before=picture_names)),
+        "Swedish": Variant(named("bild", "läge x", "läge y", "läge z", "vridning z", "vridning y", "vridning x",
+                                 before=picture_names)),
+        "Chinese": Variant(named("序号", "X坐标", "Y坐标", "Z坐标", "旋转Z", "旋转Y", "旋转X")),
+        "Chinese, in GBK": Variant(csv(lines(LIST, ("图像", *Q), before=picture_names), encoding="gbk")),
+        "Japanese": Variant(csv(lines(LIST, ("画像", *Q), before=picture_names))),
+        "a language that is not known": Variant(
+            csv(lines(turned, ("hely1", "hely2", "hely3", "szög1", "szög2", "szög3"))), refused=("name the numbers",)),
+    }  # fmt: skip
+
+
+def _doubtful(rows: list[str]) -> dict[str, Variant]:
+    """Swapped, transposed, of other units, incomplete."""
+    swapped = [[y, x, *rest] for x, y, *rest in LIST]
+    mixed = [*LIST[:3], *quaternions(scale=1e-3)[3:]]
+    zeros = [*LIST[:2], [0.0] * 7, *LIST[3:]]
+    doubled = [[*row[:3], *(2 * number for number in row[3:])] for row in LIST]
+    rough = [[*row[:3], *(round(number, 3) for number in row[3:])] for row in LIST]
+    radians = ("x", "y", "z", "rz_rad", "ry_rad", "rx_rad")
+    gradians = ("x", "y", "z", "rz_gon", "ry_gon", "rx_gon")
+    columns = [list(column) for column in zip(*LIST, strict=True)]
+    titled = [line for at in range(VIEWS) for line in (f"Pose {at + 1}:", *four_by_four(POSES[at : at + 1]), "")]
+    inverted = np.array([inverse(pose) for pose in POSES])
+    return {
+        "columns in another order": Variant(csv(lines([[*row[3:], *row[:3]] for row in LIST], (*Q[3:], *Q[:3])))),
+        "x and y swapped": Variant(csv(lines(swapped, Q)), refused=("none fits",)),
+        "rows backwards, numbered": Variant(csv(lines(
+            BACKWARDS, ("nr", *Q), before=[str(at) for at in range(12, 6, -1)]))),
+        "rows backwards": Variant(csv(lines(BACKWARDS, Q)), refused=("none fits",)),
+        "columns as rows": Variant(csv(lines(columns, before=Q))),
+        "4 x 4": Variant(csv(four_by_four(), "poses.txt")),
+        "4 x 4 with titles": Variant(csv(titled, "poses.txt")),
+        "4 x 4 with commas": Variant(csv([line.replace(" ", ",") for line in four_by_four()])),
+        "4 x 4 transposed": Variant(
+            csv(four_by_four(np.swapaxes(POSES, 1, 2)), "poses.txt"), said=("column by column",)),
+        "4 x 4 column by column": Variant(csv(lines([pose.T.ravel().tolist() for pose in POSES])),
+                                          said=("column by column",)),
+        "rotations transposed": Variant(csv(four_by_four(turned_matrices()), "poses.txt"), refused=("none fits",)),
+        "inverted": Variant(csv(lines(quaternions(inverted), Q)), said=("flange_T_base",)),
+        "metres": Variant(csv(lines(quaternions(scale=1e-3), Q)), said=("in m,",)),
+        "metres that are called mm": Variant(csv(lines(quaternions(scale=1e-3), ("x_mm", "y_mm", "z_mm", *Q[3:]))),
+                                             refused=("mm",)),
+        "half in metres": Variant(csv(lines(mixed, Q)), refused=("pose 4", "unit")),
+        "centimetres": Variant(csv(lines(quaternions(scale=0.1), ("x_cm", "y_cm", "z_cm", *Q[3:])))),
+        "micrometres": Variant(csv(lines(quaternions(scale=1e3), ("x [µm]", "y [µm]", "z [µm]", *Q[3:])))),
+        "inches": Variant(csv(lines(quaternions(scale=1 / 25.4), ("x_in", "y_in", "z_in", *Q[3:])))),
+        "centimetres, unsaid": Variant(
+            csv(lines(quaternions(scale=0.1), Q)), said=("name the columns x_cm",), scale=0.1),
+        "gradians": Variant(csv(lines(angles(1 / 0.9), gradians)), refused=("gon",)),
+        "degrees that are called radians": Variant(csv(lines(angles(), radians)), said=("euler-ZYX, mm",)),
+        "quaternions of norm 2": Variant(csv(lines(doubled, Q)), refused=("norm",)),
+        "quaternions of three decimals": Variant(csv(lines(rough, Q))),
+        "a row of zeros": Variant(csv(lines(zeros, Q)), refused=("3",)),
+        "an empty cell": Variant(with_cell(""), refused=("row 3, y",)),
+        "#N/A of a sheet": Variant(with_cell("#N/A"), refused=("row 3, y",)),
+        "two decimal points": Variant(with_cell("1.168.17"), refused=("row 3, y",)),
+        "a cell less": Variant(csv([*rows[:3], rows[3].rsplit(",", 1)[0], *rows[4:]]), refused=("row 3",)),
+        "a row twice": Variant(csv([*rows[:4], *rows[3:]]), refused=("6 pictures", "7 poses")),
+        "a name twice": Variant(csv(lines(LIST, ("x", "x", "z", *Q[3:]))), refused=("no pose among the names",)),
+    }  # fmt: skip
+
+
+def _named(rows: list[str]) -> dict[str, Variant]:
+    """How pictures are called, and which belongs to which pose."""
+    compact = [stamp.replace("-", "").replace("_", "T") for stamp in STAMPS]
+    epoch = list(reversed(EPOCH_S))
+    upper = [name.upper() for name in PICTURES]
+    backwards = [str(at) for at in range(12, 6, -1)]
+    return {
+        "several numbers in the names": Variant(csv(rows), [f"cell7_cam2_view{at}_v3.png" for at in range(7, 13)]),
+        "several numbers, the first counts": Variant(csv(lines(BACKWARDS, ("nr", *Q), before=backwards)),
+                                                     [f"cell7_view{at}_cam2.png" for at in range(7, 13)]),
+        "several numbers, the last counts": Variant(csv(lines(BACKWARDS, ("nr", *Q), before=backwards)),
+                                                    [f"2026-11-22_cam2_{at:04}.png" for at in range(7, 13)]),
+        "time-stamped names": Variant(csv(rows), [f"IMG_{stamp}.png" for stamp in STAMPS]),
+        "time-stamped names and times": Variant(
+            csv(lines(BACKWARDS, ("time", *Q), before=list(reversed(CLOCK)))), [f"IMG_{each}.png" for each in STAMPS]),
+        "compact stamps and times": Variant(
+            csv(lines(BACKWARDS, ("time", *Q), before=list(reversed(CLOCK)))), [f"{each}.png" for each in compact]),
+        "epoch seconds": Variant(csv(lines(BACKWARDS, ("time", *Q), before=epoch)), [f"{t}.png" for t in EPOCH_S]),
+        "epoch seconds after a word": Variant(
+            csv(lines(BACKWARDS, ("time", *Q), before=epoch)), [f"frame_{t}.png" for t in EPOCH_S]),
+        "suffixes in upper case": Variant(csv(lines(LIST, ("image", *Q), before=list(PICTURES))), upper),
+        "paths of Windows": Variant(csv(lines(
+            LIST, ("file", *Q), before=[f"C:\\Messung\\{name}" for name in PICTURES]))),
+        "names without suffix": Variant(csv(lines(LIST, ("image", *Q), before=[n[:-4] for n in PICTURES]))),
+        "names of other pictures": Variant(csv(lines(LIST, ("image", *Q), before=[f"a{n}" for n in PICTURES])),
+                                           refused=("no picture of the names", "aview_7.png")),
+        "pictures in a folder": Variant(csv(rows), [f"img/{name}" for name in PICTURES]),
+    }  # fmt: skip
+
+
+def _filed(rows: list[str]) -> dict[str, Variant]:
+    """Other files than one CSV."""
+    each = range(7, 13)
+    records = [dict(zip(Q, row, strict=True)) for row in LIST]
+    by_picture = {
+        name: {"position": row[:3], "orientation": dict(zip("wxyz", row[3:], strict=True))}
+        for name, row in zip(PICTURES, LIST, strict=True)
+    }
+    single = {f"pose_{at}.txt": csv(lines([row], separator=" ")) for at, row in zip(each, LIST, strict=True)}
+    matrices = {f"pose_{at}.txt": csv(four_by_four(POSES[at - 7 : at - 6])) for at in each}
+    return {
+        "a file a pose": Variant({name: file["poses.csv"] for name, file in single.items()}),
+        "a file a pose, 4 x 4": Variant({name: file["poses.csv"] for name, file in matrices.items()}),
+        "RAPID": Variant(csv(robtargets(), "poses.mod", "\r\n")),
+        "RAPID with comments": Variant(csv(robtargets(" ! geführt"), "poses.mod", "\r\n", "latin-1")),
+        "RAPID in a text": Variant(csv(robtargets(), "poses.txt", encoding="utf-8-sig")),
+        "JSON with BOM": Variant({"poses.json": json.dumps(records).encode("utf-8-sig")}),
+        "JSON of texts": Variant({"poses.json": json.dumps(
+            [{name: text(number) for name, number in record.items()} for record in records]).encode()}),
+        "JSON by picture": Variant({"poses.json": json.dumps(by_picture).encode()}),
+        "a log beside": Variant(csv(rows) | {"log.txt": b"10:15 began\n10:16 done\n", "readme.txt": b"see wiki\n"}),
+        "nothing": Variant({}, refused=("poses",)),
+        "an empty file": Variant({"poses.csv": b""}, refused=("no poses in it",)),
+        "a sheet": Variant({"poses.xlsx": b"PK\x03\x04" + bytes(200)}, refused=("CSV",)),
+        "a sheet called .csv": Variant({"poses.csv": b"PK\x03\x04" + bytes(range(256))}, refused=("CSV",)),
+        "a page called .csv": Variant({"poses.csv": b"<!doctype html><html><body>Sign in</body></html>"},
+                                      refused=("poses.csv",)),
+    }  # fmt: skip
+
+
+VARIANTS = _variants()

@@ -1,0 +1,45 @@
+"""`handeyed import` of a plant's files in every spelling: imported right, or one error that says what to do."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from calibration.documents.pose import PoseDocument
+from tests.daemon.cli.plant_files import POSES, TARGET, VARIANTS, Variant
+from tests.daemon.cli.running import Ran, handeyed
+
+ROUNDED = {"quaternions of three decimals": 2e-3}
+"""Largest difference of a rotation's elements where the file rounds them."""
+
+
+def _import(variant: Variant, folder: Path) -> Ran:
+    written = variant.write(folder / "cell")
+    return handeyed("import", written, "--out", folder / "s", "--target", TARGET, *variant.options)
+
+
+@pytest.mark.parametrize("name", [name for name, variant in VARIANTS.items() if not variant.refused])
+def test_it_is_imported_right(name: str, tmp_path: Path) -> None:
+    variant = VARIANTS[name]
+    ran = _import(variant, tmp_path)
+    assert ran.status == 0, ran.err
+    assert [words for words in variant.said if words not in ran.out] == []
+    views = json.loads((tmp_path / "s" / "session.json").read_text())["views"]
+    shown = [Path(picture).name for picture in variant.pictures]
+    assert sorted(view["image"] for view in views) == sorted(shown)
+    for view in views:
+        pose = PoseDocument.model_validate(view["base_T_flange"]).transform()
+        truth = POSES[shown.index(view["image"])]
+        np.testing.assert_allclose(pose[:3, 3], truth[:3, 3] * variant.scale, atol=1e-3)
+        np.testing.assert_allclose(pose[:3, :3], truth[:3, :3], atol=ROUNDED.get(name, 1e-5))
+
+
+@pytest.mark.parametrize("name", [name for name, variant in VARIANTS.items() if variant.refused])
+def test_it_is_refused_with_one_error_that_says_what_to_do(name: str, tmp_path: Path) -> None:
+    ran = _import(VARIANTS[name], tmp_path)
+    assert ran.status == 2, ran.out
+    (error,) = ran.errors
+    assert [words for words in VARIANTS[name].refused if words not in error] == []
+    assert "docs/formats.md#" in error
+    assert not (tmp_path / "s").exists()
