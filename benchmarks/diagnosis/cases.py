@@ -15,13 +15,16 @@ from calibration.solve import solve_hand_eye
 from calibration.transforms import transform
 from tests.simulated.fault_kinds import GROSS, KINDS, Session
 from tests.simulated.faults import Fault, clean_fit, poses_of, with_poses
-from tests.simulated.mixups import MIXUPS
+from tests.simulated.mixups import MIXUPS, OF_INTRINSICS
 
 CAUSES = CHANGE_CODES | {convention.code for convention in CONVENTIONS}
 CAUSES |= {"setup-swapped", "poses-shifted", "poses-reversed", "poses-in-lexical-order", "poses-blocks-swapped"}
 CAUSES |= {"rotation-transposed", "euler-order", "vector-read-as-euler", "euler-read-as-vector"}
 CAUSES |= {"quaternion-w-first", "target-not-as-described", "pictures-mirrored", "pictures-turned", "images-repeated"}
 CAUSES |= {"poses-off-by-one", "poses-swapped", "pose-mistyped", "board-turned", "intrinsics-do-not-fit"}
+NOTHING = "nothing"
+"""The kind of a session without a fault: right when no cause is named."""
+
 SIZE = frozenset({"wrong-pitch", "target-scale"})
 CAUSES |= SIZE
 
@@ -58,6 +61,12 @@ class Result:
 def results_of(case: Case) -> list[Result]:
     """One result per factor; one for a gross fault."""
     problem, before = case.session.problem, case.session.before
+    if case.kind == NOTHING:
+        found = causes(problem)
+        said = " | ".join(f"{finding.code}: {finding.message}" for finding in found)
+        return [Result("wrong" if found else "right", said=said)]
+    if case.kind in OF_INTRINSICS and problem.camera is None:
+        return [Result("none", detectable=False)]
     if put := (GROSS | MIXUPS).get(case.kind):
         fault = put(problem, case.rng())
         return [replace(_result(fault, before), detectable=fault.changes(problem))]

@@ -14,12 +14,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from benchmarks.diagnosis.cases import Case, Result, causes, results_of, with_corrected_size
+from benchmarks.diagnosis.cases import NOTHING, Case, Result, causes, results_of, with_corrected_size
 from benchmarks.diagnosis.imperfect import print_imperfect
 from tests.simulated.fault_kinds import GROSS, KINDS, Session
 from tests.simulated.faulty_sessions import PART, REAL, part_of, real_session, simulated
 from tests.simulated.imperfect_sessions import IMPERFECTIONS
 from tests.simulated.mixups import MIXUPS
+from tests.simulated.varied_sessions import varied
 
 FACTORS = (0.75, 1.0, 1.5, 2.0, 4.0)
 REAL_FACTORS = (1.0, 1.5, 2.0, 4.0)
@@ -27,7 +28,7 @@ EVERY = 250
 PLAIN = GROSS | MIXUPS
 """Faults without a size."""
 
-PARTS = ("gross", "simulated", "real", "clean", "imperfect")
+PARTS = ("gross", "varied", "simulated", "real", "clean", "imperfect")
 SINGLE_THREADED = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
 """Small matrices: threads would wait for each other and for other processes' threads."""
 
@@ -52,7 +53,7 @@ def main() -> None:
     parser.add_argument("--real", type=int, default=20, help="parts of each real session in each row")
     parser.add_argument("--clean", type=int, default=1000, help="clean sessions")
     parser.add_argument("--only", choices=PARTS, help="one of the parts")
-    every_kind = (*PLAIN, *KINDS, *IMPERFECTIONS)
+    every_kind = (NOTHING, *PLAIN, *KINDS, *IMPERFECTIONS)
     parser.add_argument("--kinds", choices=every_kind, nargs="+", metavar="KIND", help="some of the rows")
     parser.add_argument("--factors", type=float, nargs="+", help="sizes, in multiples of just above the noise")
     parser.add_argument("--session", choices=REAL, help="one of the real sessions")
@@ -64,10 +65,15 @@ def main() -> None:
     sizes = QUICK if options.quick else Sizes(options.sessions, options.clean, options.real)
     os.environ.update(SINGLE_THREADED)
     with ProcessPoolExecutor(options.workers, mp_context=multiprocessing.get_context("spawn")) as pool:
-        bench = Bench(pool, options.seed, tuple(options.kinds or (*PLAIN, *KINDS)), options.missed)
+        bench = Bench(pool, options.seed, tuple(options.kinds or (NOTHING, *PLAIN, *KINDS)), options.missed)
         if "gross" in parts:
             print(f"simulated sessions, 6 to 30 views, both set-ups, faults that are plain; {sizes.row} a row")
             bench.table(bench.simulate(sizes.row), PLAIN, ())
+        if "varied" in parts:
+            print(
+                f"other boards, cameras and arms, 8 to 60 views, both set-ups, faults that are plain; {sizes.row} a row"
+            )
+            bench.table([_vary((options.seed, 5, number)) for number in range(sizes.row)], (NOTHING, *PLAIN), ())
         if "simulated" in parts:
             print(f"simulated sessions, 6 to 30 views, both set-ups; {sizes.row} a row")
             bench.table(bench.simulate(sizes.row), KINDS, options.factors or FACTORS)
@@ -119,7 +125,7 @@ class Bench:
         for kind in chosen:
             by_session = [next(found) for _ in sessions]
             for size, results in enumerate(zip(*by_session, strict=True)):
-                _row(kind, "gross" if kind in PLAIN else f"x {factors[size]:g}", results)
+                _row(kind, "gross" if kind in (NOTHING, *PLAIN) else f"x {factors[size]:g}", results)
                 if self.prints_misses:
                     _print_misses(results)
 
@@ -140,6 +146,10 @@ class Bench:
 
 def _simulate(seed: tuple[int, ...]) -> Session:
     return simulated(np.random.default_rng(seed))
+
+
+def _vary(seed: tuple[int, ...]) -> Session:
+    return varied(np.random.default_rng(seed))
 
 
 def _alarm(seed: tuple[int, ...]) -> list[str]:

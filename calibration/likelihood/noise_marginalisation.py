@@ -65,7 +65,7 @@ def marginalise(model: MixedModel, variances: Variances) -> Marginal:
     likely = np.where(np.isfinite(first.log_likelihood), first.log_likelihood, -np.inf)
     if likely.max() == -np.inf:
         raise FloatingPointError("no levels of the robot's noise have a finite likelihood")
-    kept = likely > likely.max() - MAX_LOG_LIKELIHOOD_DEFICIT
+    kept = likely >= likely.max() - MAX_LOG_LIKELIHOOD_DEFICIT  # 30 less is the same number beside 1e18
     nodes = [_nodes(model, variances, estimates, present) for present in np.array(branches)[kept]]
     deviations, log_weights = (np.concatenate(parts) for parts in zip(*nodes, strict=True))
     found = _at_levels(model, variances, deviations)

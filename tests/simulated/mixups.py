@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from calibration.camera import CameraModel
 from calibration.problem import Detection, Problem
-from calibration.targets import Charuco
+from calibration.targets import Charuco, Chessboard
 from calibration.transforms import (
     Array,
     inverse,
@@ -84,11 +84,11 @@ def _inverted(problem: Problem, _: np.random.Generator) -> Fault:
 
 
 def _paired(problem: Problem, images: Rows, poses: Rows, code: str, after: int | None = None) -> Fault:
-    """Image `images[row]` with pose `poses[row]`, numbered anew."""
-    given = poses_of(problem)
+    """Image `images[row]` with pose `poses[row]` and the axes recorded with it, numbered anew."""
+    robot = [(problem.views[pose].base_T_flange, problem.views[pose].joints_rad) for pose in poses]
     views = tuple(
-        replace(problem.views[image], index=row, base_T_flange=given[pose])
-        for row, (image, pose) in enumerate(zip(images, poses, strict=True))
+        replace(problem.views[image], index=row, base_T_flange=pose, joints_rad=joints)
+        for row, (image, (pose, joints)) in enumerate(zip(images, robot, strict=True))
     )
     return Fault(replace(problem, views=views), frozenset({code}), after=after)
 
@@ -132,7 +132,7 @@ def _described(columns: int, rows: int) -> Put:
 
     def put(problem: Problem, _: np.random.Generator) -> Fault:
         target = problem.target
-        assert isinstance(target, Charuco)
+        assert isinstance(target, Charuco | Chessboard)
         other = replace(target, columns=target.columns + columns, rows=target.rows + rows)
         said = f'set "columns" to {target.columns}'
         return Fault(replace(problem, target=other), frozenset({"target-not-as-described"}), fix=said)
@@ -142,7 +142,7 @@ def _described(columns: int, rows: int) -> Put:
 
 def _transposed(problem: Problem, _: np.random.Generator) -> Fault:
     target = problem.target
-    assert isinstance(target, Charuco)
+    assert isinstance(target, Charuco | Chessboard)
     other = replace(target, columns=target.rows, rows=target.columns)
     said = f'set "columns" to {target.columns} and "rows" to {target.rows}'
     return Fault(replace(problem, target=other), frozenset({"target-not-as-described"}), fix=said)
@@ -167,8 +167,8 @@ def _mirrored(problem: Problem, rng: np.random.Generator) -> Fault:
     flip = np.array([[-1.0, 1.0], [1.0, -1.0]])[rng.integers(2)]
     offset = np.where(flip < 0, [width - 1.0, height - 1.0], 0.0)
     target = problem.target
-    assert isinstance(target, Charuco)
-    inner = target.columns - 1
+    assert isinstance(target, Charuco | Chessboard)
+    inner = target.columns - isinstance(target, Charuco)  # points a row
     renumbered = rng.random() < 0.5
 
     def change(_: int, seen: Detection) -> Detection:
@@ -236,3 +236,6 @@ MIXUPS: dict[str, Put] = {
     "intrinsics of another camera": _other_camera,
 }
 """By what went wrong; the code that names it is in each."""
+
+OF_INTRINSICS = frozenset({"intrinsics of another picture size", "intrinsics of another camera"})
+"""Those that a session without intrinsics cannot have."""

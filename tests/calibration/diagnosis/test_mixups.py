@@ -8,8 +8,10 @@ from calibration.solution import Finding
 from calibration.solve import solve_hand_eye
 from calibration.transforms import rotation_from_vector, transform
 from calibration.verdict import judge
+from tests.simulated.fault_kinds import GROSS
 from tests.simulated.faults import SETUPS, Noise, simulated_session, with_poses
 from tests.simulated.mixups import MIXUPS
+from tests.simulated.varied_sessions import varied
 
 CAUSELESS = {"contradictory-input", "too-few-poses", "too-little-rotation", "starts-disagree", "pose-disagrees"}
 CAUSELESS |= {"not-converged", "no-tilt"}
@@ -42,6 +44,13 @@ def test_poses_at_random_have_no_cause(setup: Setup) -> None:
     rng = np.random.default_rng(4)
     random = transform(rotation_from_vector(rng.uniform(-3, 3, (10, 3))), rng.uniform(-900, 900, (10, 3)))
     assert {finding.code for finding in causes(with_poses(clean, random))} <= {"target-scale", *RULES}
+
+
+def test_poses_far_too_long_beside_exact_pixels_are_named() -> None:
+    """Their log-likelihood is about -1e18, beside which no difference of 30 is left."""
+    clean = varied(np.random.default_rng((6301, 5, 8))).problem
+    fault = GROSS["poses-in-micrometres"](clean, np.random.default_rng(0))
+    assert "poses-in-micrometres" in {finding.code for finding in causes(fault.problem)}
 
 
 def test_pictures_are_turned_although_a_change_of_the_camera_fits_better() -> None:
