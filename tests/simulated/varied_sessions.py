@@ -17,8 +17,15 @@ from mock_robot.arm.built_arm import ArmClass, build_arm
 from tests.simulated.fault_kinds import Session
 from tests.simulated.faults import SETUPS
 
-ARMS = ("IRB 120-3/0.6", "CRB 15000-5/0.95", "IRB 1200-5/0.9", "IRB 1600-6/1.45", "IRB 2600-12/1.85")
-ARMS = (*ARMS, "IRB 4600-60/2.05", "IRB 6700-200/2.60")
+ARMS = (
+    "IRB 120-3/0.6",
+    "CRB 15000-5/0.95",
+    "IRB 1200-5/0.9",
+    "IRB 1600-6/1.45",
+    "IRB 2600-12/1.85",
+    "IRB 4600-60/2.05",
+    "IRB 6700-200/2.60",
+)
 CLASSES: tuple[ArmClass, ...] = ("perfect", "calibrated", "standard")
 BOARDS: tuple[Target, ...] = (
     Charuco(7, 5, 30.0, 22.0, "DICT_4X4_50"),
@@ -95,7 +102,8 @@ def _joints_at(arm: Arm, base_T_flange: Array) -> Array:
         found = arm.inverse(base_T_flange)
     except UnreachablePoseError:
         return np.empty((0, 6))
-    return found[np.abs(found).max(axis=1) < np.pi]
+    within: Array = found[np.abs(found).max(axis=1) < np.pi]
+    return within
 
 
 def _camera(rng: np.random.Generator) -> CameraModel:
