@@ -11,6 +11,7 @@ from daemon.cell.cell import Cell
 from daemon.cell.device_watch import DeviceWatch
 from daemon.cell.readings import CellReadings
 from daemon.config.settings import Settings
+from daemon.drift.cell_cameras import CellCamera, CellCameras
 from daemon.drift.monitor import DriftMonitor
 from daemon.errors import StorageError
 from daemon.operations import Operations
@@ -23,7 +24,6 @@ from daemon.runtime.systemd import Systemd
 from daemon.runtime.workers import Workers
 from daemon.scans.scan_service import ScanService
 from daemon.sessions.look import Looks
-from daemon.sessions.pictures import LivePictures
 from daemon.store.key_service import KeyService
 from daemon.store.key_watch import KeyWatch
 from daemon.store.sign_in import SignIn
@@ -91,13 +91,11 @@ class Application:
     operations: Operations
     scans: ScanService
     metrics: Metrics
-    drift: DriftMonitor
+    cameras: CellCameras
     key_service: KeyService
     sign_in: SignIn
     key_watch: KeyWatch
     device_watch: DeviceWatch
-    pictures: LivePictures
-    looks: Looks
     systemd: Systemd
     loop_monitor: EventLoopMonitor
     services: tuple[BackgroundService, ...] = ()
@@ -106,6 +104,20 @@ class Application:
     _started_s: float = field(default=0.0, init=False)
     _stopping: asyncio.Task[None] | None = field(default=None, init=False)
     _watchdog: asyncio.Task[None] | None = field(default=None, init=False)
+
+    def camera(self, name: str | None) -> CellCamera:
+        """The camera of that name, without one that of [camera]. Raises NotFound."""
+        return self.cameras.by_name(name)
+
+    @property
+    def looks(self) -> Looks:
+        """Looks of [camera]."""
+        return self.cameras.main.looks
+
+    @property
+    def drift(self) -> DriftMonitor:
+        """The chart of [camera]."""
+        return self.cameras.main.drift
 
     async def start(self) -> None:
         """End runs that the previous process left unfinished, start services and watchdog. Commands no motion."""

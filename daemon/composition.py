@@ -4,6 +4,7 @@ import logging
 import os
 import random
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -15,7 +16,8 @@ from daemon.cell.device_watch import DeviceWatch
 from daemon.cell.devices import open_devices, open_exposure_control
 from daemon.cell.motion_rules import MotionRules
 from daemon.cell.readings import CellReadings
-from daemon.config.settings import Settings
+from daemon.config.settings import MAIN_CAMERA, Settings
+from daemon.drift.cell_cameras import CellCamera, CellCameras
 from daemon.drift.monitor import DriftMonitor
 from daemon.drift.schedule import DriftSchedule
 from daemon.operations import Operations
@@ -68,7 +70,7 @@ def build(
     workers, service_workers, merge_workers = Workers(clock), Workers(clock), Workers(clock, threads=1)
     interlocks = settings.interlocks.open() if settings.interlocks else None
     devices = open_devices(settings, clock)
-    exposure = open_exposure_control(settings, devices, workers, clock)
+    exposure = open_exposure_control(settings, devices.camera, workers, clock)
     cell = Cell(devices, settings.robot.settling, clock, interlocks, at, events.publish, exposure)
     supervisor = Supervisor(cell, store, events, clock, new_id)
     scans = ScanService(
@@ -77,22 +79,40 @@ def build(
         merge_workers,
         clock,
         new_id,
-        settings.scanner,
+        settings.named_scanners(),
         RegistrationJobs(store, merge_workers, clock, events),
     )
     rules = MotionRules.of(settings.robot)
     operations = Operations(
         settings, cell, store, supervisor, workers, scans, rules, clock, service_workers, merge_workers
     )
-    drift = DriftMonitor(settings, store, events, service_workers, clock)
+    by_name: dict[str, Operations] = {}
+
+    def camera_of(name: str) -> CellCamera:
+        view, seen_by = settings.of_camera(name), cell
+        if name != MAIN_CAMERA:
+            seen_by = cell.seen_by(name, open_exposure_control(view, devices.cameras[name], workers, clock))
+        pictures = LivePictures(seen_by.read_frame, service_workers, clock.monotonic_s)
+        return CellCamera(
+            name,
+            view,
+            replace(operations, settings=view, cell=seen_by, camera=name, others=by_name),
+            pictures,
+            Looks(pictures.frame.read, view.target.target(), service_workers, clock),
+            DriftMonitor(view, store, events, service_workers, clock, name),
+        )
+
+    cameras = CellCameras(tuple(map(camera_of, settings.camera_names)))
+    by_name.update({camera.name: camera.operations for camera in cameras.cameras})
+    operations, drifts = cameras.main.operations, [camera.drift for camera in cameras.cameras]
     webhooks = WebhookDispatcher(settings.webhooks, store.outbox, clock, random.random)
     retention = Retention(store, service_workers, clock, settings.storage)
     monitor, loop_monitor = StoreMonitor(store, events), EventLoopMonitor()
     device_watch = DeviceWatch(cell, clock, events.publish)
-    pictures = LivePictures(cell.read_frame, service_workers, clock.monotonic_s)
     key_watch = KeyWatch(store.access_keys, store.browser_sessions, clock)
-    schedule = DriftSchedule(operations, clock, 3600 * settings.drift.every_h)
-    plc = _plc(settings, operations, drift, clock)
+    every_s = 3600 * settings.drift.every_h
+    schedules = [DriftSchedule(camera.operations, clock, every_s) for camera in cameras.cameras]
+    plc = _plc(settings, cameras, clock)
     return Application(
         settings=settings,
         clock=clock,
@@ -108,13 +128,11 @@ def build(
         operations=operations,
         scans=scans,
         metrics=metrics,
-        drift=drift,
+        cameras=cameras,
         key_service=KeyService(store.access_keys, clock),
         sign_in=SignIn(store.access_keys, store.browser_sessions, clock, 60 * settings.server.idle_minutes),
         key_watch=key_watch,
         device_watch=device_watch,
-        pictures=pictures,
-        looks=Looks(pictures.frame.read, settings.target.target(), service_workers, clock),
         systemd=systemd or Systemd.of(os.environ, os.getpid()),
         loop_monitor=loop_monitor,
         services=(
@@ -125,22 +143,22 @@ def build(
             monitor,
             webhooks,
             retention,
-            drift,
-            schedule,
+            *drifts,
+            *schedules,
             *plc,
         ),
-        warning_sources=(cell.safe_stop, monitor, webhooks, retention, drift, schedule),
-        metric_sources=(loop_monitor, cell.safe_stop, monitor, webhooks, retention, drift, *plc),
+        warning_sources=(cell.safe_stop, monitor, webhooks, retention, *drifts, schedules[0]),
+        metric_sources=(loop_monitor, cell.safe_stop, monitor, webhooks, retention, *drifts, *plc),
     )
 
 
-def _plc(settings: Settings, operations: Operations, drift: DriftMonitor, clock: Clock) -> tuple["PlcService", ...]:
+def _plc(settings: Settings, cameras: CellCameras, clock: Clock) -> tuple["PlcService", ...]:
     """Nothing where the settings name no PLC: pymodbus is then not loaded."""
     if settings.plc is None:
         return ()
     from daemon.plc.service import PlcService
 
-    return (PlcService.of(settings.plc, operations, drift, clock),)
+    return (PlcService.of(settings.plc, cameras, clock),)
 
 
 def serve(settings: Settings, *, ready_file: Path | None = None) -> None:

@@ -293,13 +293,15 @@ class RunStalled(DaemonError):
 
 
 class NoCalibration(DaemonError):
-    """No calibration is in force."""
+    """No calibration is in force, of [camera] or of another camera by name."""
 
     code = "no-calibration"
 
-    def __init__(self) -> None:
+    def __init__(self, camera: str = "camera") -> None:
+        of = "" if camera == "camera" else f" of {camera}"
         super().__init__(
-            "no calibration is applied", "calibrate (POST /calibrate), then apply it (POST /calibrations/{id}/apply)"
+            f"no calibration{of} is applied",
+            "calibrate (POST /calibrate), then apply it (POST /calibrations/{id}/apply)",
         )
 
 

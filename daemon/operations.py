@@ -1,7 +1,7 @@
 """The operations of the cell, called by the REST interface, the PLC gateway and the drift schedule."""
 
-from collections.abc import Awaitable, Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Awaitable, Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
@@ -15,13 +15,14 @@ from calibration.planning.what_if import PlanComparison
 from calibration.transforms import Array
 from daemon.cell.cell import Cell
 from daemon.cell.motion_rules import MotionRules
-from daemon.config.settings import Settings, TaughtPose
+from daemon.config.settings import MAIN_CAMERA, MAIN_SCANNER, Settings, TaughtPose
 from daemon.errors import (
     ArmUnknown,
     CalibrationUnusable,
     CellNotReady,
     NoCalibration,
     NoPoses,
+    NoScanner,
     NotFound,
     ToleranceLoosened,
 )
@@ -61,11 +62,13 @@ from daemon.runs.pose_sequence import FixedSequence, PoseSequence
 from daemon.runs.run_log import RunLog
 from daemon.runs.scan_run import ScanRun
 from daemon.runs.supervisor import RunPlan, RunResult, Supervisor
+from daemon.runs.together import CameraBeside, ScannerBeside, TogetherRun
 from daemon.runs.verification_run import VerificationRun, WithoutFirstView
 from daemon.runtime.clock import Clock
 from daemon.runtime.workers import Workers
+from daemon.scans.rig_sensors import RigSensors
 from daemon.scans.scan_service import ScanService
-from daemon.sessions.session_writer import SessionWriter
+from daemon.sessions.session_writer import SensorBeside, SessionWriter
 from daemon.store.store import Store
 from drivers.interfaces import PoseReading
 
@@ -74,11 +77,17 @@ VERIFY_POSITIONS = 3
 
 MakeSequence = Callable[[SessionWriter, RunLog], PoseSequence]
 OpenSession = Callable[[RunLog], SessionWriter]
+OpenBeside = Callable[[RunLog], Sequence[SensorBeside]]
+Drive = Callable[[PoseSequence, RunLog], Awaitable[RunResult]]
 
 
 @dataclass(frozen=True)
 class Operations:
-    """Starts runs, takes views and applies calibrations."""
+    """Starts runs, takes views and applies calibrations.
+
+    `camera`: whose calibration is in force here; `settings` and `cell` are those of this camera; `others`: of all
+    cameras by name.
+    """
 
     settings: Settings
     cell: Cell
@@ -90,6 +99,8 @@ class Operations:
     clock: Clock
     service_workers: Workers
     merge_workers: Workers
+    camera: str = MAIN_CAMERA
+    others: Mapping[str, "Operations"] = field(default_factory=dict)
 
     async def calibrate(self, request: CalibrateRequest) -> RunRecord:
         """Start a calibration run.
@@ -99,14 +110,16 @@ class Operations:
         self._check_tolerance(request.tolerance_mm)
         self._arm(request.arm)
         settings, target = self.settings.calibration, request.target or self.settings.target
-        session = self._session("calibration", target, self.settings.camera.intrinsics)
+        beside = self._beside(request, target)
+        session = self._session("calibration", target, self.settings.camera.intrinsics, beside)
+        drive = partial(self._driver, request)
 
         async def prepare() -> RunPlan:
             await self._check_ready(self.cell.capture_obstacles() if request.manual else await self.cell.obstacles())
             poses = () if request.manual else request.poses or select_taught_poses(settings, request.count)
             if poses:
                 sequence = await self._fixed_sequence(poses)
-                return _run_plan(len(poses), sequence, session, self._calibration_run(request, compared=True).drive)
+                return _run_plan(len(poses), sequence, session, drive(compared=True))
             count = request.count or settings.count
             wish = StoppingRule(
                 count, request.uncertainty_mm or settings.uncertainty_mm, request.tolerance_mm or settings.tolerance_mm
@@ -116,11 +129,11 @@ class Operations:
             if request.manual:
                 by_hand = ManualParameters(route, requests := OperatorRequestQueue(), settings.manual_wait_s)
                 sequence = partial(ManualSequence, by_hand, self.cell, self.workers)
-                begun = _run_plan(count, sequence, session, self._calibration_run(request, compared=True).drive)
+                begun = _run_plan(count, sequence, session, drive(compared=True))
                 return replace(begun, first_state=RunState.WAITING, requests=requests)
             await self._check_poses()
             sequence = partial(AdaptiveSequence, route, self.cell, self.workers)
-            return _run_plan(count, sequence, session, self._calibration_run(request, compared=False).drive)
+            return _run_plan(count, sequence, session, drive(compared=False))
 
         return await self._start("calibration", request, prepare)
 
@@ -153,7 +166,12 @@ class Operations:
         again = CalibrateRequest.model_validate(run.request)
         calibration = replace(self._calibration_run(again, compared=False), apply_when_accepted=False)
         solved = await self.merge_workers.run_if_free(
-            solve_without, self.store.run_folder(run.id), request, calibration, new_id, self.clock.timestamp()
+            solve_without,
+            self.store.session_folder(run.id, found.camera),
+            request,
+            calibration,
+            new_id,
+            self.clock.timestamp(),
         )
         return await self._store_solved(solved, run.id)
 
@@ -205,20 +223,23 @@ class Operations:
 
     async def scan(self, request: ScanRequest) -> tuple[ScanRecord, RunRecord | None]:
         """Create a scan; with poses or `capture` start a scan run. Raises as `calibrate`, and NoScanner."""
+        name = request.scanner or MAIN_SCANNER
+        scanner = self.scans.settings_of(name)
+        place = name if name == MAIN_SCANNER else f"scanners.{name}"
         if not request.moves_the_arm:
-            return await self.scans.create(request.name, request.refine), None
+            return await self.scans.create(request.name, request.refine, name), None
         created: list[ScanRecord] = []
 
         async def prepare() -> RunPlan:
-            await self._check_ready((*await self.cell.robot_obstacles(), *self.cell.scanner_obstacles()))
-            poses = request.poses or (self.settings.scanner.poses if self.settings.scanner else ())
+            await self._check_ready((*await self.cell.robot_obstacles(), *self.cell.scanner_obstacles(name)))
+            poses = request.poses or (scanner.poses if scanner else ())
             if not poses:
                 raise NoPoses(
-                    "no poses are given, and none are taught in [scanner] poses", "send poses with the request"
+                    f"no poses are given, and none are taught in [{place}] poses", "send poses with the request"
                 )
             await self._check_poses(poses)
-            created.append(await self.scans.create(request.name, request.refine))
-            run = ScanRun(self.cell, self.scans, self.rules, created[0].id)
+            created.append(await self.scans.create(request.name, request.refine, name))
+            run = ScanRun(self.cell, self.scans, self.rules, created[0])
             return RunPlan(len(poses), lambda log: run.drive(poses, log))
 
         run = await self._start("scan", request, prepare)
@@ -245,8 +266,9 @@ class Operations:
         """
         async with self.cell.hold(f"a scan of {scan_id}"):
             reading = await self.cell.read_settled_pose()
-            cloud = await self.cell.capture_cloud(reading)
-            return await self.scans.add_scanned_view(scan_id, cloud, FlangePose.of(reading))
+            scan = await self.store.scan(scan_id)
+            cloud = await self.cell.capture_cloud(reading, scan.scanner)
+            return await self.scans.add_scanned_view(scan, cloud, FlangePose.of(reading))
 
     async def apply(
         self, calibration_id: str, request: ApplyRequest, expected: Sequence[int] | None = None
@@ -259,20 +281,31 @@ class Operations:
         check_usable(found, request)
         despite = request.despite_verdict and not found.accepted
         applied = AppliedCalibration(
-            found.id, self.clock.timestamp(), request.applied_by, despite_verdict=despite, reason=request.reason
-        )
+            found.id, self.clock.timestamp(), request.applied_by, despite_verdict=despite, reason=request.reason,
+            camera=found.camera,
+        )  # fmt: skip
         return await self.store.apply(applied, expected)
 
     async def current_document(self) -> CalibrationDocument:
-        """The calibration in force. Raises NoCalibration."""
-        _, record = await self.store.current()
+        """The calibration in force of this camera. Raises NoCalibration."""
+        _, record = await self.store.current(self.camera)
         return record.document
 
-    async def calibration(self, which: str) -> CalibrationDocument:
-        """The calibration in force ("current") or by id. Raises NoCalibration, NotFound, CalibrationUnusable."""
-        document = (
-            await self.current_document() if which == "current" else (await self.store.calibration(which)).document
-        )
+    async def calibration(self, which: str, of: str | None = None) -> CalibrationDocument:
+        """The calibration in force ("current") or by id; one of the camera `of`, where it is given.
+
+        Raises NoCalibration, NotFound, CalibrationUnusable.
+        """
+        if which == "current":
+            _, record = await self.store.current(of or self.camera)
+        else:
+            record = await self.store.calibration(which)
+        document = record.document
+        if of is not None and record.camera != of:
+            raise CalibrationUnusable(
+                f"calibration {document.id} is of {record.camera}, and the scanner's place is known from {of}",
+                f"choose a calibration of {of}",
+            )
         if document.mount_T_camera is None:
             raise CalibrationUnusable(
                 f"calibration {document.id} holds no transform", "calibrate again with other poses"
@@ -301,7 +334,8 @@ class Operations:
 
     async def _store_solved(self, solved: Solved, run_id: str | None) -> CalibrationRecord:
         document, arm = solved
-        record = CalibrationRecord(document.id, run_id, document.created_at, document.verdict.accepted, document)
+        accepted = document.verdict.accepted
+        record = CalibrationRecord(document.id, run_id, document.created_at, accepted, document, self.camera)
         await self.store.save_calibration(record, arm)
         return record
 
@@ -345,9 +379,60 @@ class Operations:
         return CalibrationRun(
             self.store, self.workers, self.clock, auto, better if compared else None, expected,
             settings.verdict_limits(request.tolerance_mm), self.settings.part.named_points(), self._arm(request.arm),
+            self.camera,
         )  # fmt: skip
 
-    def _session(self, kind: str, target: TargetDocument, camera: CameraDocument | None) -> OpenSession:
+    def _driver(self, request: CalibrateRequest, *, compared: bool) -> Drive:
+        """What drives a calibration run: of this camera, or of several sensors together."""
+        main = self._calibration_run(request, compared=compared)
+        if not request.together:
+            return main.drive
+        cameras = {
+            name: self.others[name]._calibration_run(request, compared=False)
+            for name in request.together
+            if name in self.others
+        }
+        scanners = [name for name in request.together if name not in self.others]
+        rigs = RigSensors(self.store, self.clock, self.settings.camera.setup)
+        return TogetherRun(main, cameras, scanners, rigs).drive
+
+    def _beside(self, request: CalibrateRequest, target: TargetDocument) -> OpenBeside:
+        """A function that opens the sessions of the sensors that look, too. Raises NotFound, CalibrationUnusable."""
+        names = request.together or ()
+        for name in names:
+            setup = self.others[name].settings.camera.setup if name in self.others else self.settings.camera.setup
+            if name not in self.others:
+                self.scans.settings_of(name)
+            if name == self.camera or names.count(name) > 1:
+                raise CalibrationUnusable(f"{name} is named twice", "name each sensor once")
+            if setup != self.settings.camera.setup:
+                what = f"{name} is {setup}, {self.camera} is {self.settings.camera.setup}"
+                raise CalibrationUnusable(what, "solve sensors together that are on one mount")
+
+        def open_beside(log: RunLog) -> list[SensorBeside]:
+            return [self._sensor_beside(name, target, log) for name in names]
+
+        return open_beside
+
+    def _sensor_beside(self, name: str, target: TargetDocument, log: RunLog) -> SensorBeside:
+        if (other := self.others.get(name)) is not None:
+            folder, camera = self.store.folder_beside(log.id, name), other.settings.camera
+            intrinsics = None if camera.intrinsics is None else CameraDocument.of(camera.intrinsics.camera())
+            source = f"calibration run {log.id}, {name}"
+            writer = SessionWriter(folder, source, camera.setup, target, intrinsics, self.store, self.workers)
+            return CameraBeside(other.cell, writer)
+        settings = self.scans.settings_of(name)
+        if settings is None:
+            raise NoScanner
+        return ScannerBeside(name, settings, self.cell, self.store, log.id, self.settings.camera.setup, target)
+
+    def _session(
+        self,
+        kind: str,
+        target: TargetDocument,
+        camera: CameraDocument | None,
+        beside: OpenBeside = lambda log: (),
+    ) -> OpenSession:
         """A function that opens the session folder of a run."""
         intrinsics = None if camera is None else CameraDocument.of(camera.camera())
 
@@ -355,7 +440,7 @@ class Operations:
             source = f"{kind} run {log.id}"
             return SessionWriter(
                 self.store.run_folder(log.id), source, self.settings.camera.setup, target, intrinsics, self.store,
-                self.workers,
+                self.workers, beside(log),
             )  # fmt: skip
 
         return open_session
@@ -365,7 +450,7 @@ def _run_plan(
     stations: int,
     sequence: MakeSequence,
     session: OpenSession,
-    drive: Callable[[PoseSequence, RunLog], Awaitable[RunResult]],
+    drive: Drive,
 ) -> RunPlan:
     async def drive_sequence(log: RunLog) -> RunResult:
         return await drive(sequence(session(log), log), log)

@@ -151,7 +151,8 @@ def nearest_fix(name: str, known: Iterable[str]) -> str | None:
 def _mend(places: dict[str, set[str]], location: tuple[int | str, ...]) -> str:
     """What to do with an unknown key: move it to where it is known, correct its spelling, or remove it."""
     key, here = str(location[-1]), _place(tuple(part for part in location[:-1] if isinstance(part, str)))
-    if known_in := [place for place, keys in places.items() if key in keys]:
+    known = [place for place, keys in places.items() if key in keys]
+    if known_in := [place for place in known if not any(place.endswith(f".{other}") for other in known)]:
         return f"move it to {' or '.join(known_in).replace(TOP, 'the top level')}, or remove it"
     beside = places.get(here, set())
     return nearest_fix(key, beside) or nearest_fix(key, set().union(*places.values())) or "remove it"

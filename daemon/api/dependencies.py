@@ -20,6 +20,7 @@ from calibration.documents.validation import (
 from calibration.errors import DocumentProblem
 from daemon.api.http_errors import BodyMalformed, InvalidRequest
 from daemon.application import Application
+from daemon.drift.cell_cameras import CellCamera
 from daemon.sessions.pictures import Width
 from daemon.store.page_filters import NO_FILTERS, PageFilters
 
@@ -51,6 +52,21 @@ async def _application(request: Request) -> Application:
 
 
 App = Annotated[Application, Depends(_application)]
+CameraName = Annotated[
+    str | None,
+    Query(min_length=1, max_length=32, description="name of one of [cameras]; 'camera' is the one of [camera]"),
+]
+
+
+async def _camera(request: Request, camera: CameraName = None) -> CellCamera:
+    """Raises NotFound."""
+    application: Application = request.app.state.application
+    return application.camera(camera)
+
+
+WithCamera = Annotated[CellCamera, Depends(_camera)]
+"""The camera that the query names."""
+
 Identifier = Annotated[str, Path(min_length=1, max_length=64, description="as in Location and in the list")]
 
 DECIMAL = re.compile(r"[ +-]?[0-9]+(?:\.[0-9]*)?(?:[eE][ +-]?[0-9]{1,3})?")

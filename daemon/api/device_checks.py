@@ -4,6 +4,7 @@ from calibration.sentences.sentence import Sentence
 from daemon.api.schemas.cell import CheckDocument
 from daemon.application import Application
 from daemon.cell.cell import motion_obstacles
+from daemon.drift.cell_cameras import CellCamera
 from daemon.errors import CellBusy, InterlockOpen
 from drivers.errors import DeviceError
 
@@ -12,13 +13,14 @@ async def check_devices(app: Application) -> list[CheckDocument]:
     """One result for each thing that was looked at. Raises CellBusy while a run works."""
     if (run := app.supervisor.in_progress) is not None:
         raise CellBusy(f"run {run.id}")
-    results = [_storage(app), await _robot(app), await _camera(app)]
+    results = [_storage(app), await _robot(app), *[await _camera(app, camera) for camera in app.cameras.cameras]]
     if app.settings.interlocks is not None:
         results.append(await _interlocks(app))
     links = {state.name: state for state in app.device_watch.states()}
-    if (scanner := links.get("scanner")) is not None:
+    for name in app.settings.named_scanners():
+        scanner = links[name]
         fix = "" if scanner.connected or scanner.last_error is None else scanner.last_error.fix
-        results.append(CheckDocument.of("scanner", scanner.connected, scanner.detail, fix))
+        results.append(CheckDocument.of(name, scanner.connected, scanner.detail, fix))
     return results
 
 
@@ -43,24 +45,24 @@ async def _robot(app: Application) -> CheckDocument:
     return CheckDocument.of("robot", True, Sentence(could, x_mm=x_mm, y_mm=y_mm, z_mm=z_mm))
 
 
-async def _camera(app: Application) -> CheckDocument:
+async def _camera(app: Application, camera: CellCamera) -> CheckDocument:
     try:
-        look = await app.looks.read()
+        look = await camera.looks.read()
     except DeviceError as error:
-        app.device_watch.note("camera", error)
-        return CheckDocument.of("camera", False, error.what, error.fix)
+        app.device_watch.note(camera.name, error)
+        return CheckDocument.of(camera.name, False, error.what, error.fix)
     width, height = look.size
-    expected = app.settings.camera.intrinsics
+    expected = camera.settings.camera.intrinsics
     if expected is not None and look.size != tuple(expected.image_size):
         wanted_width, wanted_height = expected.image_size
         size = {"width": width, "height": height, "wanted_width": wanted_width, "wanted_height": wanted_height}
         what = Sentence("check-camera-size", **size)
-        return CheckDocument.of("camera", False, what, Sentence("check-camera-size-fix"))
+        return CheckDocument.of(camera.name, False, what, Sentence("check-camera-size-fix"))
     found = 0 if look.detection is None else len(look.detection.ids)
     if not found:
-        return CheckDocument.of("camera", True, Sentence("check-camera-no-target", width=width, height=height))
+        return CheckDocument.of(camera.name, True, Sentence("check-camera-no-target", width=width, height=height))
     what = Sentence("check-camera-points", width=width, height=height, found=found, of=look.of)
-    return CheckDocument.of("camera", True, what)
+    return CheckDocument.of(camera.name, True, what)
 
 
 async def _interlocks(app: Application) -> CheckDocument:

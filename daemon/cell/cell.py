@@ -2,9 +2,10 @@
 
 import asyncio
 import logging
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Mapping
 from contextlib import asynccontextmanager
-from dataclasses import dataclass, replace
+from copy import copy
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -15,7 +16,7 @@ from daemon.cell.safe_stop import SafeStop
 from daemon.cell.settling import check_external_axes, check_still, read_if_standing, settle
 from daemon.cell.stale_capture import StaleCaptureDetector
 from daemon.cell.vibration import VibrationGate
-from daemon.config.settings import SettlingSettings
+from daemon.config.settings import MAIN_CAMERA, MAIN_SCANNER, SettlingSettings
 from daemon.errors import CellBusy, CellNotReady, InterlockOpen, NoScanner
 from daemon.runtime.clock import Clock
 from daemon.runtime.event_bus import Publish
@@ -53,17 +54,33 @@ AXES_NOT_MOVED = "robot: axes are moved over the CB link only: move the flange i
 
 @dataclass(frozen=True)
 class Devices:
-    """The devices of a cell."""
+    """The devices of a cell. `cameras` and `scanners`: further ones, by name."""
 
     robot: Robot
     camera: Camera
     scanner: Scanner | None
     vibration_gate: VibrationGate | None = None
     outputs: CaptureOutputs | None = None
+    cameras: Mapping[str, Camera] = field(default_factory=dict)
+    scanners: Mapping[str, Scanner] = field(default_factory=dict)
+
+
+@dataclass
+class _Occupancy:
+    """Who holds the cell, shared by the views of it through each camera."""
+
+    holder: str | None = None
+    external_axes: tuple[float, ...] | None = None
+    leased: bool = False
+    obstacles_seen: int = 0
+    last_obstacle: str = ""
 
 
 class Cell:
-    """Owns the devices. One holder at a time; the arm is armed only under a motion lease."""
+    """Owns the devices. One holder at a time; the arm is armed only under a motion lease.
+
+    Pictures are of [camera]; `seen_by` gives the same cell with another camera.
+    """
 
     def __init__(
         self,
@@ -77,34 +94,52 @@ class Cell:
     ) -> None:
         self.robot: Robot = InterlockedRobot(devices.robot, interlocks) if interlocks else devices.robot
         self._interlocks = interlocks
-        self._camera, self._scanner, self._vibration_gate = devices.camera, devices.scanner, devices.vibration_gate
+        self._devices, self._vibration_gate = devices, devices.vibration_gate
         self._outputs = devices.outputs
         self._settling, self._clock, self._at, self._exposure = settling, clock, at, exposure
-        self._holder: str | None = None
-        self._external_axes: tuple[float, ...] | None = None
-        self._leased = False
-        self.obstacles_seen, self.last_obstacle = 0, ""
-        self.safe_stop = SafeStop(self.robot, clock, lambda: self._leased, publish)
-        self._camera_turns = CameraTurns(devices.camera, clock)
-        self._camera_staleness, self._scanner_staleness = (
-            StaleCaptureDetector("camera"),
-            StaleCaptureDetector("scanner"),
-        )
+        self._occupancy = _Occupancy()
+        self.safe_stop = SafeStop(self.robot, clock, lambda: self._occupancy.leased, publish)
+        self._look_through(MAIN_CAMERA, devices.camera)
+        main = {} if devices.scanner is None else {MAIN_SCANNER: devices.scanner}
+        self._scanners = {
+            name: (scanner, StaleCaptureDetector(name)) for name, scanner in {**main, **devices.scanners}.items()
+        }
+
+    def _look_through(self, name: str, camera: Camera) -> None:
+        self._camera_name, self._camera = name, camera
+        self._camera_turns = CameraTurns(camera, self._clock)
+        self._camera_staleness = StaleCaptureDetector(name)
+
+    def seen_by(self, name: str, exposure: "ExposureControl | None") -> "Cell":
+        """The same cell, with the same holder, through another of its cameras."""
+        view = copy(self)
+        view._exposure = exposure
+        view._look_through(name, self._devices.cameras[name])
+        return view
 
     @property
     def holder(self) -> str | None:
-        return self._holder
+        return self._occupancy.holder
+
+    @property
+    def obstacles_seen(self) -> int:
+        """How often an obstacle to motion was found, whoever asked."""
+        return self._occupancy.obstacles_seen
+
+    @property
+    def last_obstacle(self) -> str:
+        return self._occupancy.last_obstacle
 
     @asynccontextmanager
     async def hold(self, holder: str) -> AsyncIterator["Cell"]:
         """Hold the cell without moving the arm until the block ends. Never waits. Raises CellBusy."""
-        if self._holder is not None:
-            raise CellBusy(self._holder)
-        self._holder, self._external_axes = holder, None
+        if self.holder is not None:
+            raise CellBusy(self.holder)
+        self._occupancy.holder, self._occupancy.external_axes = holder, None
         try:
             yield self
         finally:
-            self._holder = None
+            self._occupancy.holder = None
 
     @asynccontextmanager
     async def motion_lease(self, holder: str) -> AsyncIterator[Robot]:
@@ -119,17 +154,17 @@ class Cell:
             reasons = (*self._stop_obstacle(), *motion_obstacles(await self.robot.read_status()))
             if reasons:
                 raise CellNotReady(reasons)
-            self._leased = True
+            self._occupancy.leased = True
             try:
                 await self.robot.set_armed(True)
                 yield self.robot
             finally:
-                self._leased = False
+                self._occupancy.leased = False
                 await self.safe_stop.stop_and_disarm()
 
     def stop_motion(self) -> None:
         """Begin to stop and disarm the arm at once when somebody has a motion lease; its holder waits for the end."""
-        if self._leased:
+        if self._occupancy.leased:
             self.safe_stop.begin()
 
     async def move_to(self, goal: MoveGoal) -> None:
@@ -172,9 +207,9 @@ class Cell:
 
     def _on_the_same_base(self, reading: PoseReading) -> PoseReading:
         """The reading, when external axes stand where they stood at the holder's first one. Raises NotStill."""
-        if self._holder is not None:
-            self._external_axes = self._external_axes or reading.external_axes
-            check_external_axes(self._external_axes, reading.external_axes)
+        if self.holder is not None:
+            self._occupancy.external_axes = self._occupancy.external_axes or reading.external_axes
+            check_external_axes(self._occupancy.external_axes, reading.external_axes)
         return reading
 
     async def capture_view(self) -> tuple[PoseReading, CameraFrame]:
@@ -197,19 +232,20 @@ class Cell:
         self._camera_staleness.check_frame(frame, before)
         return frame
 
-    async def capture_cloud(self, before: PoseReading) -> ScannedCloud:
+    async def capture_cloud(self, before: PoseReading, scanner: str = MAIN_SCANNER) -> ScannedCloud:
         """Take a cloud after the reading `before`, and check that the arm has not moved since.
 
         Raises NoScanner, NotStill, StaleCaptureError, DeviceError.
         """
-        if self._scanner is None:
+        if scanner not in self._scanners:
             raise NoScanner
+        device, staleness = self._scanners[scanner]
         self._at.reach("before capture")
         with errors_of("scanner"):
-            cloud = await self._scanner.scan(before.taken_at_s)
+            cloud = await device.scan(before.taken_at_s)
         self._at.reach("after capture")
         check_still(before, await self.robot.read_pose(), self._settling)
-        self._scanner_staleness.check_cloud(cloud, before)
+        staleness.check_cloud(cloud, before)
         return cloud
 
     async def grab(self, newer_than_s: float) -> CameraFrame:
@@ -222,11 +258,11 @@ class Cell:
 
     async def obstacles(self) -> tuple[str, ...]:
         """Reasons why a run with robot and camera could not start now; empty when it could."""
-        return (*await self.robot_obstacles(), *_link_obstacle("camera", self._camera))
+        return (*await self.robot_obstacles(), *_link_obstacle(self._camera_name, self._camera))
 
     def capture_obstacles(self) -> tuple[str, ...]:
         """Reasons why poses and pictures could not be read now, for runs that do not move the arm."""
-        return (*_link_obstacle("robot", self.robot), *_link_obstacle("camera", self._camera))
+        return (*_link_obstacle("robot", self.robot), *_link_obstacle(self._camera_name, self._camera))
 
     async def robot_obstacles(self) -> tuple[str, ...]:
         """Reasons why the robot could not be moved now: a stop that is not confirmed, controller and interlocks.
@@ -239,7 +275,8 @@ class Cell:
             *(await self._interlock_obstacles()).values(),
         )
         if reasons:
-            self.obstacles_seen, self.last_obstacle = self.obstacles_seen + 1, reasons[0]
+            self._occupancy.obstacles_seen += 1
+            self._occupancy.last_obstacle = reasons[0]
         return reasons
 
     async def require_interlocks(self) -> None:
@@ -271,16 +308,16 @@ class Cell:
             if not reading.allows
         }
 
-    def scanner_obstacles(self) -> tuple[str, ...]:
+    def scanner_obstacles(self, name: str = MAIN_SCANNER) -> tuple[str, ...]:
         """Reasons why the scanner could not take a cloud now."""
-        if self._scanner is None:
+        if name not in self._scanners:
             return (NoScanner().what,)
-        return _link_obstacle("scanner", self._scanner)
+        return _link_obstacle(name, self._scanners[name][0])
 
     def links(self) -> dict[str, Robot | Camera | Scanner]:
-        """The devices by their names in the settings."""
-        devices: dict[str, Robot | Camera | Scanner] = {"robot": self.robot, "camera": self._camera}
-        return devices if self._scanner is None else {**devices, "scanner": self._scanner}
+        """All devices by their names in the settings."""
+        scanners = {name: scanner for name, (scanner, _) in self._scanners.items()}
+        return {"robot": self.robot, MAIN_CAMERA: self._devices.camera, **self._devices.cameras, **scanners}
 
     async def wait_for_links(self, limit_s: float) -> None:
         """Wait up to `limit_s` until every device is connected; a warning is logged for each that is not."""

@@ -4,10 +4,10 @@ from daemon.cell.capture_outputs import CaptureOutputs
 from daemon.cell.cell import Devices
 from daemon.cell.exposure_control import ExposureControl, ExposureLimits
 from daemon.cell.vibration import VibrationGate
-from daemon.config.settings import EgmSettings, Settings
+from daemon.config.settings import CameraSettings, EgmSettings, ScannerSettings, Settings
 from daemon.runtime.clock import Clock
 from daemon.runtime.workers import Workers
-from drivers.interfaces import Scanner
+from drivers.interfaces import Camera, Scanner
 from drivers.registry import open_camera, open_robot, open_scanner, open_vibration_monitor
 from drivers.robots.base_frame import configured
 from drivers.timing import Timing
@@ -16,7 +16,6 @@ from drivers.timing import Timing
 def open_devices(settings: Settings, clock: Clock) -> Devices:
     """Open the devices in a running event loop. Raises AddressNotUnderstood, DeviceUnreachable (EGM port in use)."""
     timing = Timing(clock.monotonic_s, clock.sleep)
-    intrinsics = settings.camera.intrinsics
     robot = open_robot(
         settings.robot.address,
         timing,
@@ -27,34 +26,33 @@ def open_devices(settings: Settings, clock: Clock) -> Devices:
     outputs = settings.robot.outputs
     return Devices(
         robot=robot,
-        camera=open_camera(
-            settings.camera.address,
-            timing,
-            image_size=intrinsics.image_size if intrinsics else None,
-            limit_s=settings.camera.limit_s,
-        ),
-        scanner=_open_scanner(settings, timing),
+        camera=_open_camera(settings.camera, timing),
+        scanner=None if settings.scanner is None else _open_scanner(settings.scanner, timing),
         vibration_gate=_open_vibration_gate(settings.robot.egm, timing) if settings.robot.egm else None,
         outputs=CaptureOutputs(program, outputs, clock) if program is not None and outputs is not None else None,
+        cameras={name: _open_camera(camera, timing) for name, camera in settings.cameras.items()},
+        scanners={name: _open_scanner(scanner, timing) for name, scanner in settings.scanners.items()},
     )
 
 
-def open_exposure_control(
-    settings: Settings, devices: Devices, workers: Workers, clock: Clock
-) -> ExposureControl | None:
-    """The choice of the camera's exposure within the settings' limits; None without them."""
+def open_exposure_control(settings: Settings, camera: Camera, workers: Workers, clock: Clock) -> ExposureControl | None:
+    """The choice of the camera's exposure within the limits of [camera]; None without them."""
     limits = settings.camera.exposure
     if limits is None:
         return None
     wanted = ExposureLimits(limits.exposure_us, limits.gain_db)
-    return ExposureControl(devices.camera, settings.target.target(), wanted, workers, clock.monotonic_s)
+    return ExposureControl(camera, settings.target.target(), wanted, workers, clock.monotonic_s)
 
 
 def _open_vibration_gate(egm: EgmSettings, timing: Timing) -> VibrationGate:
     return VibrationGate(open_vibration_monitor(egm.host, egm.port, egm.robot, timing), egm)
 
 
-def _open_scanner(settings: Settings, timing: Timing) -> Scanner | None:
-    if settings.scanner is None:
-        return None
-    return open_scanner(settings.scanner.address, timing, limit_s=settings.scanner.limit_s)
+def _open_camera(settings: CameraSettings, timing: Timing) -> Camera:
+    intrinsics = settings.intrinsics
+    image_size = intrinsics.image_size if intrinsics else None
+    return open_camera(settings.address, timing, image_size=image_size, limit_s=settings.limit_s)
+
+
+def _open_scanner(settings: ScannerSettings, timing: Timing) -> Scanner:
+    return open_scanner(settings.address, timing, limit_s=settings.limit_s)

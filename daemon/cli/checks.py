@@ -5,6 +5,7 @@ import getpass
 import os
 import shutil
 from collections.abc import Awaitable, Callable
+from functools import partial
 from math import degrees
 from pathlib import Path
 from typing import Any, TypeVar
@@ -20,7 +21,7 @@ from daemon.cli.checks_robot import check_robot
 from daemon.cli.errors import CommandError
 from daemon.cli.output import CheckResult
 from daemon.cli.rest_client import DaemonClient
-from daemon.config.settings import Settings
+from daemon.config.settings import MAIN_CAMERA, MAIN_SCANNER, Settings
 from daemon.errors import NotStill
 from daemon.runtime.clock import Clock
 from drivers.errors import DeviceError, DeviceTimeout, DeviceUnreachable, NothingMeasured
@@ -56,14 +57,16 @@ async def check_devices(settings: Settings) -> list[CheckResult]:
         devices = open_devices(settings, Clock())
     except DeviceError as error:
         return [CheckResult("devices", False, f"{error.device}: {error.what}", error.fix)]
-    opened: list[Any] = [device for device in vars(devices).values() if device is not None]
+    cameras = {MAIN_CAMERA: devices.camera, **devices.cameras}
+    scanners = {**({} if devices.scanner is None else {MAIN_SCANNER: devices.scanner}), **devices.scanners}
+    opened: list[Any] = [devices.robot, *cameras.values(), *scanners.values()]
+    opened += [] if devices.vibration_gate is None else [devices.vibration_gate]
     try:
         checks = [
             _check_device("robot", devices.robot, lambda robot: check_robot(robot, settings)),
-            _check_device("camera", devices.camera, lambda camera: _check_camera(camera, settings)),
+            *(_check_device(name, camera, partial(_check_camera, name, settings)) for name, camera in cameras.items()),
+            *(_check_device(name, scanner, partial(_check_scanner, name)) for name, scanner in scanners.items()),
         ]
-        if devices.scanner is not None:
-            checks.append(_check_device("scanner", devices.scanner, _check_scanner))
         if devices.vibration_gate is not None:
             checks.append(_check_device("egm", devices.vibration_gate, _check_vibration))
         modbus: list[Awaitable[list[CheckResult]]] = []
@@ -125,25 +128,26 @@ def _failure(name: str, error: DeviceError) -> CheckResult:
     return CheckResult(name, False, f"{error.device.removeprefix(f'{name} ')}: {error.what}", error.fix)
 
 
-async def _check_camera(camera: Camera, settings: Settings) -> CheckResult:
+async def _check_camera(name: str, settings: Settings, camera: Camera) -> CheckResult:
+    view = settings.of_camera(name)
     frame = await camera.grab(Clock().monotonic_s())
     height, width = frame.image.shape[:2]
     picture = f"{await _who(camera)}a picture of {width} x {height}{_how(frame.capture)}"
-    expected = settings.camera.intrinsics
+    expected = view.camera.intrinsics
     if expected is not None and (width, height) != expected.image_size:
         size = f"{expected.image_size[0]} x {expected.image_size[1]}"
-        return CheckResult("camera", False, f"{picture}, but the intrinsics are for {size}", "correct one of them")
-    target = settings.target.target()
+        return CheckResult(name, False, f"{picture}, but the intrinsics are for {size}", "correct one of them")
+    target = view.target.target()
     try:
         found = await asyncio.to_thread(detect, frame.image, target)
     except DetectionError as error:
         other = await asyncio.to_thread(find_alternative, grey_image(frame.image), target)
         if other is not None:
             refusal = other.error(error)
-            return CheckResult("camera", False, f"{picture}; {refusal.what}", refusal.fix)
-        return CheckResult("camera", True, f"{picture}; the target is not in view now")
+            return CheckResult(name, False, f"{picture}; {refusal.what}", refusal.fix)
+        return CheckResult(name, True, f"{picture}; the target is not in view now")
     return CheckResult(
-        "camera", True, f"{picture}; it shows {len(found.ids)} of the target's {len(target.points_mm)} points"
+        name, True, f"{picture}; it shows {len(found.ids)} of the target's {len(target.points_mm)} points"
     )
 
 
@@ -173,9 +177,9 @@ async def _check_vibration(gate: VibrationGate) -> CheckResult:
     return CheckResult("egm", True, f"the controller streams; the flange vibrates by {seen}")
 
 
-async def _check_scanner(scanner: Scanner) -> CheckResult:
+async def _check_scanner(name: str, scanner: Scanner) -> CheckResult:
     try:
         cloud = await scanner.scan(Clock().monotonic_s())
     except NothingMeasured:
-        return CheckResult("scanner", True, "it answers; from here it sees nothing")
-    return CheckResult("scanner", True, f"a cloud of {len(cloud.content) / 1e3:.0f} kB ({cloud.media_type})")
+        return CheckResult(name, True, "it answers; from here it sees nothing")
+    return CheckResult(name, True, f"a cloud of {len(cloud.content) / 1e3:.0f} kB ({cloud.media_type})")

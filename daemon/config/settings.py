@@ -4,7 +4,7 @@ import tomllib
 from collections.abc import Callable
 from math import radians
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import AfterValidator, Field, model_validator
@@ -196,6 +196,18 @@ class ScannerSettings(Document):
     poses: tuple[TaughtPose, ...] = ()
 
 
+DeviceName = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_-]{0,31}$")]
+
+MAIN_CAMERA, MAIN_SCANNER = "camera", "scanner"
+"""What [camera] and [scanner] are called where others stand beside them by name."""
+
+
+class NamedScannerSettings(ScannerSettings):
+    """A further scanner. `camera`: whose frame `camera_T_scanner` starts from, and whose calibration places it."""
+
+    camera: DeviceName = MAIN_CAMERA
+
+
 class CalibrationSettings(Document):
     """The poses of a calibration, its stopping rule, and whether the operator or the daemon applies the result.
 
@@ -239,6 +251,17 @@ class CalibrationSettings(Document):
         return loosened and not self.requests_may_loosen
 
 
+class NamedCameraSettings(CameraSettings):
+    """A further camera. What `calibration` leaves out is as in [calibration], but for poses and guesses, which are of
+    one camera only; without `target` it looks at [target]."""
+
+    target: TargetDocument | None = None
+    calibration: CalibrationSettings = CalibrationSettings()
+
+
+GUESSES = ("flange_T_camera_guess", "base_T_target_guess", "base_T_camera_guess", "flange_T_target_guess")
+
+
 class StorageSettings(Document):
     """The store's folder, relative to the settings file's folder, and how much of it is kept."""
 
@@ -267,6 +290,8 @@ class Settings(Document):
     robot: RobotSettings
     camera: CameraSettings
     scanner: ScannerSettings | None = None
+    cameras: dict[DeviceName, NamedCameraSettings] = Field(default_factory=dict)
+    scanners: dict[DeviceName, NamedScannerSettings] = Field(default_factory=dict)
     target: TargetDocument
     calibration: CalibrationSettings = CalibrationSettings()
     part: PointsDocument = PointsDocument()
@@ -279,8 +304,55 @@ class Settings(Document):
     report: ReportSettings = ReportSettings()
 
     @model_validator(mode="after")
-    def _check_setup(self) -> "Settings":
+    def _check_names(self) -> "Settings":
+        """Refuse a name that means two devices, and a scanner beside a camera that is not there."""
+        names = ("robot", MAIN_CAMERA, MAIN_SCANNER, *self.cameras, *self.scanners)
+        if repeated := [name for name in names if names.count(name) > 1]:
+            raise ValueError(f"two devices are called {repeated[0]!r}: call one of them otherwise")
+        for name, scanner in self.scanners.items():
+            if scanner.camera not in self.camera_names:
+                raise ValueError(f"[scanners.{name}] camera {scanner.camera!r} is none of {self.camera_names}")
+        return self
+
+    @model_validator(mode="after")
+    def _check_setups(self) -> "Settings":
         """Refuse what belongs to the other set-up."""
+        for name in self.cameras:
+            self.of_camera(name)._check_setup()
+        return self._check_setup()
+
+    @property
+    def camera_names(self) -> tuple[str, ...]:
+        """Of all cameras, the one of [camera] first."""
+        return (MAIN_CAMERA, *self.cameras)
+
+    def named_scanners(self) -> dict[str, NamedScannerSettings]:
+        """All scanners by name, the one of [scanner] first."""
+        main = {} if self.scanner is None else {MAIN_SCANNER: NamedScannerSettings(**dict(self.scanner))}
+        return {**main, **self.scanners}
+
+    def camera_beside(self, scanner: str) -> str:
+        """Name of the camera whose calibration places the clouds of this scanner."""
+        return self.scanners[scanner].camera if scanner in self.scanners else MAIN_CAMERA
+
+    def scanner_beside(self, camera: str) -> str:
+        """Name of the first scanner that this camera places; [scanner] where there is none."""
+        beside = (name for name, scanner in self.named_scanners().items() if scanner.camera == camera)
+        return next(beside, MAIN_SCANNER)
+
+    def of_camera(self, name: str) -> "Settings":
+        """The settings with this camera in [camera], and its target and calibration in place of the shared ones."""
+        if name == MAIN_CAMERA:
+            return self
+        camera = self.cameras[name]
+        own = {field: getattr(camera.calibration, field) for field in camera.calibration.model_fields_set}
+        calibration = self.calibration.model_copy(update={**dict.fromkeys(GUESSES), "poses": (), **own})
+        scanner = self.scanners.get(self.scanner_beside(name))
+        update: dict[str, Any] = {"camera": camera, "target": camera.target or self.target, "calibration": calibration,
+                  "scanner": scanner, "cameras": {}, "scanners": {}}  # fmt: skip
+        return self.model_copy(update=update)
+
+    def _check_setup(self) -> "Settings":
         setup = self.camera.setup
         other: Setup = "eye-to-hand" if setup == "eye-in-hand" else "eye-in-hand"
         for name in (f"{MOUNTS[other]}_T_camera_guess", f"{ANCHORS[other]}_T_target_guess"):

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field
 
-from daemon.config.settings import Settings
+from daemon.config.settings import MAIN_CAMERA, Settings
 from daemon.drift.chart import DriftChart, DriftReport, chart_of
 from daemon.drift.samples import VerificationHistory
 from daemon.errors import DaemonError, NoCalibration, NotFound
@@ -26,13 +26,14 @@ MAX_HISTORY = 10_000
 
 @dataclass(eq=False)
 class DriftMonitor:
-    """Background service: recomputes the chart from the store after each verification."""
+    """Background service: recomputes the chart of one camera from the store after each verification."""
 
     settings: Settings
     store: Store
     events: EventBus
     workers: Workers
     clock: Clock
+    camera: str = MAIN_CAMERA
     chart: DriftChart = field(default_factory=DriftChart, init=False)
     _verifications: VerificationHistory = field(init=False)
     _task: asyncio.Task[None] | None = field(default=None, init=False)
@@ -68,7 +69,7 @@ class DriftMonitor:
 
     def families(self) -> Iterator[Metric]:
         """The families of GET /metrics."""
-        report = self.report
+        report, labels = self.report, () if self.camera == MAIN_CAMERA else (("camera", self.camera),)
         values = (
             (
                 "alarm",
@@ -81,7 +82,7 @@ class DriftMonitor:
             ("scatter_meters", "Scatter of the target over the positions, one axis.", report.scatter_mm / 1e3),
         )
         for name, about, value in values:
-            yield Metric(f"handeyed_drift_{name}", "gauge", about, {(): value})
+            yield Metric(f"handeyed_drift_{name}", "gauge", about, {labels: value})
 
     async def refresh(self) -> DriftChart:
         """The chart with every finished run; those who ask at once share it. Raises StorageError."""
@@ -123,17 +124,19 @@ class DriftMonitor:
         before, self.chart = self.report, await self._compute()
         if self.report == before:
             return
-        self.events.publish("drift", self.report.event_data())
+        self.events.publish("drift", {**self.report.event_data(), "camera": self.camera})
         if (self.report.alarm is None) == (before.alarm is None):
             return
         log.warning("%s", self.report.alarm or "drift: the alarm is over")
         alarm = {"kind": "drift", "raised": self.report.alarm is not None, "what": self.report.alarm or "it is over"}
         calibration_id = self.report.calibration_id or before.calibration_id
-        await self.store.outbox.post("alarm", self.clock.timestamp(), {**alarm, "calibration_id": calibration_id})
+        await self.store.outbox.post(
+            "alarm", self.clock.timestamp(), {**alarm, "calibration_id": calibration_id, "camera": self.camera}
+        )
 
     async def _compute(self) -> DriftChart:
         try:
-            applied, record = await self.store.current()
+            applied, record = await self.store.current(self.camera)
         except NoCalibration:
             return DriftChart()
         if record.document.mount_T_camera is None:

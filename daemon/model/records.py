@@ -9,6 +9,7 @@ import numpy as np
 from calibration.documents.calibration import CalibrationDocument
 from calibration.documents.pose import PoseDocument
 from calibration.transforms import Array
+from daemon.config.settings import MAIN_CAMERA, MAIN_SCANNER
 from daemon.model.run_states import FINAL_STATES, RunState
 from drivers.interfaces import PoseReading
 
@@ -112,13 +113,14 @@ class RunRecord:
 
 @dataclass(frozen=True)
 class CalibrationRecord:
-    """A calibration and the run it came from."""
+    """A calibration, the run it came from, and the name of the camera that it is of."""
 
     id: str
     run_id: str | None
     created_at: str
     accepted: bool
     document: CalibrationDocument
+    camera: str = MAIN_CAMERA
 
 
 @dataclass(frozen=True)
@@ -136,23 +138,29 @@ class AppliedCalibration:
     role: str = field(default="", compare=False)
     despite_verdict: bool = False
     reason: str = ""
+    camera: str = MAIN_CAMERA
 
     @classmethod
     def of(cls, row: tuple[Any, ...]) -> "AppliedCalibration":
         """The entry of a row of the table; a damaged store of an older version has fewer columns."""
         sequence, calibration_id, applied_at, applied_by, *rest = row
-        role, despite_verdict, reason = rest or ("", 0, "")
-        return cls(calibration_id, applied_at, applied_by, sequence, role, bool(despite_verdict), reason)
+        defaults: tuple[Any, ...] = ("", 0, "", MAIN_CAMERA)
+        role, despite_verdict, reason, camera = (*rest, *defaults[len(rest) :])
+        return cls(calibration_id, applied_at, applied_by, sequence, role, bool(despite_verdict), reason, camera)
 
 
 @dataclass(frozen=True)
 class ScanRecord:
-    """A scan of a part from several views; `refine`: views are registered to each other as they arrive."""
+    """A scan of a part from several views; `refine`: views are registered to each other as they arrive.
+
+    `scanner`: name of the scanner that its clouds are of.
+    """
 
     id: str
     created_at: str
     name: str
     refine: bool = False
+    scanner: str = MAIN_SCANNER
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from calibration.documents.tip import TipDocument
 from calibration.documents.touches import Sigma, TouchDocument
 from calibration.documents.validation import Document
 from daemon.access.actor_names import imitates_actor, validate_key_name
-from daemon.config.settings import TaughtPose
+from daemon.config.settings import DeviceName, TaughtPose
 
 
 def _examples(*bodies: dict[str, Any]) -> ConfigDict:
@@ -61,6 +61,8 @@ class CalibrateRequest(Document):
     this (one sigma). With either, `count` is the most.
     `manual`: nothing moves the arm; the operator jogs it, and takes each view with POST /runs/{id}/stations.
     `arm`: the errors of the arm as built are identified, too: GET /calibrations/{id}/arm. [robot] model names the arm.
+    `camera`: name of one of [cameras]; [camera] without it. `together`: names of further cameras, and of scanners with
+    organised clouds, on the same mount: each looks from every station, and all are solved in one estimate (GET /rigs).
     """
 
     model_config = _examples(
@@ -74,6 +76,8 @@ class CalibrateRequest(Document):
     target: TargetDocument | None = None
     manual: bool = False
     arm: bool = False
+    camera: DeviceName | None = None
+    together: Annotated[tuple[DeviceName, ...], Field(min_length=1, max_length=3)] | None = None
 
     @model_validator(mode="after")
     def _check_manual(self) -> "CalibrateRequest":
@@ -94,6 +98,7 @@ class VerifyRequest(Document):
 
     `tolerance_mm`: U (k = 2) that the calibration in force shall have at the worst of the points that matter, and twice
     the largest standard deviation of a point of the target over the poses; by default the settings'.
+    `camera`: name of one of [cameras]; [camera] without it.
     With `artefact` and `scan_id` the scanner is verified instead: each view of that scan is a position of the artefact.
     """
 
@@ -106,6 +111,7 @@ class VerifyRequest(Document):
     target: TargetDocument | None = None
     artefact: ArtefactRequest | None = None
     scan_id: Annotated[str, Field(min_length=1, max_length=64)] | None = None
+    camera: DeviceName | None = None
 
     @model_validator(mode="after")
     def _check_kind(self) -> "VerifyRequest":
@@ -150,6 +156,7 @@ class ScanRequest(Document):
     """A new scan. With `poses`, or `capture`, the arm is driven and the daemon's scanner fills it.
 
     `refine`: after each view the views are fitted to each other in the background, within the robot's noise.
+    `scanner`: name of one of [scanners], whose clouds the scan is to hold; [scanner] without it.
     """
 
     model_config = _examples({"name": "door 4711"}, {"name": "door 4711", "capture": True, "refine": True})
@@ -158,6 +165,7 @@ class ScanRequest(Document):
     capture: bool = False
     refine: bool = False
     poses: Stations | None = None
+    scanner: DeviceName | None = None
 
     @property
     def moves_the_arm(self) -> bool:

@@ -11,8 +11,8 @@ from calibration.documents.validation import validate_document
 from calibration.errors import CalibrationError, DocumentError
 from calibration.monitoring.control_chart import DriftStanding
 from daemon.access.actor_names import PLC_CLIENT
-from daemon.drift.monitor import DriftMonitor
-from daemon.errors import DaemonError, NoCalibration, RunOver, StopUnconfirmed, StorageError
+from daemon.drift.cell_cameras import CellCamera, CellCameras
+from daemon.errors import DaemonError, NoCalibration, NotFound, RunOver, StopUnconfirmed, StorageError
 from daemon.model.records import RunRecord
 from daemon.model.requests import CalibrateRequest, ScanRequest, VerifyRequest
 from daemon.model.run_states import RunState
@@ -78,8 +78,7 @@ DRIFT = {
 class PlcGateway:
     """Owns the handshake's state. All events go through `_take`, which never awaits: register images are consistent."""
 
-    operations: Operations
-    drift: DriftMonitor
+    cameras: CellCameras
     clock: Clock
     rules: Rules
     _state: Handshake = field(init=False)
@@ -93,6 +92,17 @@ class PlcGateway:
         begin = int(self.clock.utc_now().timestamp()) % MAX_COUNT + 1
         self._state = Handshake(self.rules, acquisition_id=begin, result_id=begin)
         self._image = register_image(self._state)
+
+    @property
+    def operations(self) -> Operations:
+        """Of [camera], and all that no camera has a part in."""
+        return self.cameras.main.operations
+
+    def _camera(self, number: int) -> CellCamera:
+        """The camera of that number in the settings. Raises NotFound."""
+        if number >= len(self.cameras.cameras):
+            raise NotFound(f"there is no camera {number}", f"the settings have {len(self.cameras.cameras) - 1} further")
+        return self.cameras.cameras[number]
 
     def bank(self, client: str, may_write: bool) -> PlcBank:
         """The register bank for one client."""
@@ -175,42 +185,44 @@ class PlcGateway:
                 self._take(StartRefused(number_of("internal-error")))
                 return
             self._take(StartAccepted())
-            self._take(CommandEnded(await self._follow(start.command, run)))
+            self._take(CommandEnded(await self._follow(start, run)))
         await self._update_cell()
 
     async def _begin(self, start: StartCommand) -> RunRecord:
         """Start the run through `daemon.operations`, as REST does, and return it. Raises the same errors."""
-        tolerance = {"tolerance_mm": start.tolerance_um / 1e3 or None}
+        camera = self._camera(start.camera)
+        tolerance = {"tolerance_mm": start.tolerance_um / 1e3 or None, "camera": (start.camera and camera.name) or None}
         match start.command:
             case PlcCommand.CALIBRATE:
                 wanted = {"count": start.stations_wanted or None, **tolerance}
-                return await self.operations.calibrate(validate_document(CalibrateRequest, wanted, "registers"))
+                return await camera.operations.calibrate(validate_document(CalibrateRequest, wanted, "registers"))
             case PlcCommand.VERIFY:
-                return await self.operations.verify(validate_document(VerifyRequest, tolerance, "registers"))
+                return await camera.operations.verify(validate_document(VerifyRequest, tolerance, "registers"))
             case _:
-                await self.operations.calibration("current")
-                request = ScanRequest(name=f"part {start.part_id}", capture=True, refine=True)
+                await camera.operations.calibration("current")
+                name = self.operations.settings.scanner_beside(camera.name) if start.camera else None
+                request = ScanRequest(name=f"part {start.part_id}", capture=True, refine=True, scanner=name)
                 _, run = await self.operations.scan(request)
                 assert run is not None  # it moves the arm
                 return run
 
-    async def _follow(self, command: PlcCommand, run: RunRecord) -> CommandResult:
+    async def _follow(self, start: StartCommand, run: RunRecord) -> CommandResult:
         """Wait for the end of the run, publishing its progress, and return its result."""
         try:
             while not run.over:
                 run = await self.operations.supervisor.wait(run.id, PROGRESS_S)
                 self._take(StationReached(run.station, run.stations))
-            return await self._result(command, run)
+            return await self._result(start.command, run, self._camera(start.camera))
         except EXPECTED_ERRORS as error:
-            return command_failure(command, run.id, self._code_of(error))
+            return command_failure(start.command, run.id, self._code_of(error))
         except Exception:
             log.exception("a defect kept a result from %s", self._by)
-            return command_failure(command, run.id, number_of("internal-error"))
+            return command_failure(start.command, run.id, number_of("internal-error"))
 
-    async def _result(self, command: PlcCommand, run: RunRecord) -> CommandResult:
+    async def _result(self, command: PlcCommand, run: RunRecord, camera: CellCamera) -> CommandResult:
         if run.state is not RunState.FINISHED or run.result is None:
             return run_failure(command, run)
-        operations, now = self.operations, self.clock.utc_now()
+        operations, now = camera.operations, self.clock.utc_now()
         if command is PlcCommand.REGISTER:
             used = await operations.with_arm(await operations.calibration("current"))
             report = await (await operations.scans.start_registration(run.result["scan_id"], used, refine=True))
@@ -218,7 +230,7 @@ class PlcGateway:
         document = (await operations.store.calibration(run.result["calibration_id"])).document
         if command is PlcCommand.CALIBRATE:
             return calibration_result(run, document, now)
-        drifts = bool((await self.drift.report_after(run)).alarm)
+        drifts = bool((await camera.drift.report_after(run)).alarm)
         met = run.result["verification"]["within_tolerance"] is not False
         return verification_result(run, document, now, holds=met and not drifts)
 
@@ -270,9 +282,11 @@ class PlcGateway:
         return bool(self.operations.cell.safe_stop.warnings())
 
     async def _read_cell(self) -> CellStatus:
+        number = self._state.input("camera_wanted")
+        camera = self.cameras.cameras[number] if number < len(self.cameras.cameras) else self.cameras.main
         busy = self.operations.supervisor.in_progress is not None
-        obstacles = () if busy else await self.operations.cell.obstacles()
-        report = self.drift.report
+        obstacles = () if busy else await camera.operations.cell.obstacles()
+        report = camera.drift.report
         seen = CellStatus(
             ready=not busy and not obstacles,
             drift=DriftState.DRIFTING if report.alarm else DRIFT[report.standing],
@@ -280,7 +294,7 @@ class PlcGateway:
             stop_unconfirmed=self._stop_unconfirmed,
         )
         try:
-            document = await self.operations.current_document()
+            document = await camera.operations.current_document()
         except NoCalibration:
             return seen
         return replace(seen, in_force=True, calibration_age_s=age_of(document, self.clock.utc_now()))

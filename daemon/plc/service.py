@@ -5,9 +5,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from daemon.config.plc_settings import PlcSettings
-from daemon.drift.monitor import DriftMonitor
+from daemon.drift.cell_cameras import CellCameras
 from daemon.http.listen_socket import open_listener
-from daemon.operations import Operations
 from daemon.plc.gateway import PlcGateway
 from daemon.plc.rtu import ModbusRtu
 from daemon.plc.tcp import ModbusTcp, ModbusTcpLimits, Respond
@@ -29,10 +28,10 @@ class PlcService:
     rtu: ModbusRtu | None
 
     @classmethod
-    def of(cls, settings: PlcSettings, operations: Operations, drift: DriftMonitor, clock: Clock) -> "PlcService":
+    def of(cls, settings: PlcSettings, cameras: CellCameras, clock: Clock) -> "PlcService":
         """Build the service and bind its port; connections are accepted after `start`. Raises PortTaken."""
         rules = Rules(settings.word_order, settings.motion, settings.heartbeat_limit_s or None)
-        gateway = PlcGateway(operations, drift, clock, rules)
+        gateway = PlcGateway(cameras, clock, rules)
 
         def respond_to(client: str) -> Respond:
             may_write = settings.may_write(client)

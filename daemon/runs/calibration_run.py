@@ -12,6 +12,7 @@ from calibration.planning.what_if import PlanComparison
 from calibration.problem import Problem
 from calibration.verdict import DEFAULT_VERDICT_LIMITS, VerdictLimits, judge
 from daemon.access.actor_names import AUTO_POLICY
+from daemon.config.settings import MAIN_CAMERA
 from daemon.model.records import AppliedCalibration, CalibrationRecord
 from daemon.model.requests import ObservationsRequest, SolveRequest
 from daemon.model.run_states import RunEvent as E
@@ -38,7 +39,7 @@ class CalibrationRun:
 
     `better`: compares the poses with planned ones; None when they were planned. `expected`: the camera's expected pose.
     `limits`: of the verdict. `points`: where the uncertainty counts; the working volume without any. `arm`: its errors
-    are identified, too.
+    are identified, too. `camera`: name of the one that is calibrated.
     """
 
     store: Store
@@ -50,6 +51,7 @@ class CalibrationRun:
     limits: VerdictLimits = DEFAULT_VERDICT_LIMITS
     points: tuple[NamedPoint, ...] = ()
     arm: Arm | None = None
+    camera: str = MAIN_CAMERA
 
     async def drive(self, sequence: PoseSequence, log: RunLog) -> RunResult:
         """Run the sequence, solve, and store the calibration under the run's id."""
@@ -57,19 +59,20 @@ class CalibrationRun:
         problem = await sequence.run(MIN_VIEWS)
         document, arm = await self.workers.run(self.solve, problem, log.id, self.clock.timestamp())
         log.conclude()
-        applied = await self._keep(document, arm, log.id)
+        applied = await self.keep(document, arm, log.id)
         return E.SOLVED, {
             "calibration_id": document.id, "accepted": document.verdict.accepted, "applied": applied
         }  # fmt: skip
 
-    async def _keep(self, document: CalibrationDocument, arm: ArmErrorsDocument | None, run_id: str) -> bool:
+    async def keep(self, document: CalibrationDocument, arm: ArmErrorsDocument | None, run_id: str) -> bool:
+        """Store a calibration, and apply it where the policy says so; returns whether it did. Raises StorageError."""
         accepted = document.verdict.accepted
         await self.store.save_calibration(
-            CalibrationRecord(document.id, run_id, document.created_at, accepted, document), arm
+            CalibrationRecord(document.id, run_id, document.created_at, accepted, document, self.camera), arm
         )
         if not (self.apply_when_accepted and accepted):
             return False
-        await self.store.apply(AppliedCalibration(document.id, self.clock.timestamp(), AUTO_POLICY))
+        await self.store.apply(AppliedCalibration(document.id, self.clock.timestamp(), AUTO_POLICY, camera=self.camera))
         return True
 
     def solve(self, problem: Problem, calibration_id: str, created_at: str, method: str = "auto") -> Solved:

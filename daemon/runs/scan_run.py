@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from daemon.cell.cell import Cell
 from daemon.cell.motion_rules import MotionRules
 from daemon.config.settings import TaughtPose
-from daemon.model.records import FlangePose
+from daemon.model.records import FlangePose, ScanRecord
 from daemon.model.run_states import RunEvent as E
 from daemon.runs.pose_sequence import visit_poses
 from daemon.runs.run_log import RunLog
@@ -21,14 +21,14 @@ class ScanRun:
     cell: Cell
     scans: ScanService
     rules: MotionRules
-    scan_id: str
+    scan: ScanRecord
 
     async def drive(self, poses: tuple[TaughtPose, ...], log: RunLog) -> RunResult:
         """Take and store a cloud from each pose; the run ends with the last."""
 
         async def at_station(reading: PoseReading) -> None:
-            cloud = await self.cell.capture_cloud(reading)
-            await self.scans.add_scanned_view(self.scan_id, cloud, FlangePose.of(reading))
+            cloud = await self.cell.capture_cloud(reading, self.scan.scanner)
+            await self.scans.add_scanned_view(self.scan, cloud, FlangePose.of(reading))
 
         await visit_poses(poses, self.cell, self.rules, log, at_station, last=None)
-        return E.ALL_STORED, {"scan_id": self.scan_id, "views": len(poses)}
+        return E.ALL_STORED, {"scan_id": self.scan.id, "views": len(poses)}

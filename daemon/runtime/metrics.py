@@ -3,7 +3,7 @@
 import os
 from collections import Counter
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from daemon.runtime.version import VERSION
@@ -27,6 +27,15 @@ class Metric:
         for labels, value in self.samples.items():
             inside = ",".join(f'{key}="{_escape(text)}"' for key, text in labels)
             yield f"{self.name}{{{inside}}} {_number(value)}" if inside else f"{self.name} {_number(value)}"
+
+
+def merged(families: Iterable[Metric]) -> list[Metric]:
+    """The families, each name once, with the samples of all of that name."""
+    found: dict[str, Metric] = {}
+    for family in families:
+        before = found.get(family.name, family).samples
+        found[family.name] = replace(family, samples={**before, **family.samples})
+    return list(found.values())
 
 
 @dataclass(eq=False)

@@ -4,7 +4,7 @@ import asyncio
 import json
 import logging
 import threading
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator, Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -14,8 +14,8 @@ from calibration.documents.calibration import CalibrationDocument
 from calibration.documents.calibration_with_arm import CalibrationWithArm
 from calibration.errors import CalibrationError
 from calibration.transforms import Array
-from daemon.config.settings import ScannerSettings
-from daemon.errors import CalibrationUnusable, NoCalibration, ScanEmpty, StorageError
+from daemon.config.settings import MAIN_CAMERA, MAIN_SCANNER, NamedScannerSettings
+from daemon.errors import CalibrationUnusable, NoCalibration, NotFound, ScanEmpty, StorageError
 from daemon.model.records import FlangePose, ScanRecord, ScanViewRecord, Unit
 from daemon.model.requests import ArtefactRequest
 from daemon.runtime.clock import Clock
@@ -55,7 +55,7 @@ class ScanService:
     merge_workers: Workers
     clock: Clock
     new_id: Callable[[Clock], str]
-    scanner: ScannerSettings | None
+    scanners: Mapping[str, NamedScannerSettings]
     registration_jobs: RegistrationJobs
 
     async def recover(self) -> None:
@@ -67,20 +67,28 @@ class ScanService:
         for scan_id in await self.store.latest_scans_with_views(MAX_RECENT_SCANS):
             await self._update_document(scan_id)
 
-    async def create(self, name: str, refine: bool = False) -> ScanRecord:
-        """Create an empty scan."""
-        scan = ScanRecord(self.new_id(self.clock), self.clock.timestamp(), name, refine)
+    def settings_of(self, scanner: str) -> NamedScannerSettings | None:
+        """The settings of a scanner by name; None in a cell without [scanner], for that one. Raises NotFound."""
+        if scanner != MAIN_SCANNER and scanner not in self.scanners:
+            names = ", ".join(self.scanners) or "none"
+            raise NotFound(f"there is no scanner {scanner!r}", f"choose one of the settings' scanners: {names}")
+        return self.scanners.get(scanner)
+
+    async def create(self, name: str, refine: bool = False, scanner: str = MAIN_SCANNER) -> ScanRecord:
+        """Create an empty scan for clouds of that scanner. Raises StorageError."""
+        scan = ScanRecord(self.new_id(self.clock), self.clock.timestamp(), name, refine, scanner)
         await self.store.save_scan(scan)
         return scan
 
-    async def add_scanned_view(self, scan_id: str, cloud: ScannedCloud, pose: FlangePose) -> ScanViewRecord:
+    async def add_scanned_view(self, scan: ScanRecord, cloud: ScannedCloud, pose: FlangePose) -> ScanViewRecord:
         """Store a cloud of the daemon's scanner as the next view. Raises RegistrationError, StorageError."""
 
         async def whole() -> AsyncIterator[bytes]:
             yield cloud.content
 
-        unit: Unit = self.scanner.unit if self.scanner else "mm"
-        return await self.add_view(scan_id, whole(), cloud.media_type, unit, pose)
+        settings = self.settings_of(scan.scanner)
+        unit: Unit = settings.unit if settings else "mm"
+        return await self.add_view(scan.id, whole(), cloud.media_type, unit, pose)
 
     async def add_view(
         self, scan_id: str, body: AsyncIterator[bytes], media_type: str, unit: Unit, pose: FlangePose
@@ -92,7 +100,7 @@ class ScanService:
             view = await self.store.add_scan_view(scan_id, upload, upload.suffix, unit, pose, self.clock.timestamp())
         await self._update_document(scan_id)
         if scan.refine:
-            await self._start_refinement(scan_id)
+            await self._start_refinement(scan)
         return view
 
     async def transform_cloud(
@@ -191,39 +199,41 @@ class ScanService:
         reported = [row.base_T_flange.transform() for row in rows]
         poses = await self.workers.run(calibration.base_T_flange, reported, joints)
         views = [ScanView(folder / row.file, row.unit, pose) for row, pose in zip(rows, poses, strict=True)]
-        flange_T_scanner = self.flange_T_scanner(calibration.document)
+        scanner = (await self.store.scan(scan_id)).scanner
+        flange_T_scanner = self.flange_T_scanner(calibration.document, scanner)
         findings = tuple(calibration.findings(joints))
         return RegistrationRequest(scan_id, views, calibration.document, flange_T_scanner, refine, findings)
 
-    async def _start_refinement(self, scan_id: str) -> None:
+    async def _start_refinement(self, scan: ScanRecord) -> None:
         """Start a refined registration with the calibration in force; do nothing without one.
 
         The view that asks for it is stored: poses that are refused are only logged, and again by the scan's report.
         """
         try:
-            _, current = await self.store.current()
+            settings = self.settings_of(scan.scanner)
+            _, current = await self.store.current(settings.camera if settings else MAIN_CAMERA)
             if current.document.flange_T_camera is not None:
                 calibration = CalibrationWithArm.of(current.document, await self.store.arm(current.id))
-                wanted = await self._registration_request(scan_id, calibration, refine=True)
+                wanted = await self._registration_request(scan.id, calibration, refine=True)
                 self.registration_jobs.start(wanted, only_if_free=False)
         except NoCalibration:
             return
         except CalibrationError as error:
-            log.warning("scan %s is not refined: %s", scan_id, error)
+            log.warning("scan %s is not refined: %s", scan.id, error)
 
-    def base_T_scanner(self, calibration: CalibrationWithArm, pose: FlangePose) -> Array:
+    def base_T_scanner(self, calibration: CalibrationWithArm, pose: FlangePose, scanner: str = MAIN_SCANNER) -> Array:
         """The scanner's pose (4, 4) in mm; one beside the robot stands wherever the flange is.
 
         Raises as `CalibrationWithArm.base_T_flange`.
         """
-        mount_T_scanner = self._mount_T_scanner(calibration.document)
+        mount_T_scanner = self._mount_T_scanner(calibration.document, scanner)
         if calibration.document.setup == "eye-to-hand":
             return mount_T_scanner
         (base_T_flange,) = calibration.base_T_flange([pose.base_T_flange.transform()], [pose.joints_rad])
         placed: Array = base_T_flange @ mount_T_scanner
         return placed
 
-    def flange_T_scanner(self, calibration: CalibrationDocument) -> Array:
+    def flange_T_scanner(self, calibration: CalibrationDocument, scanner: str = MAIN_SCANNER) -> Array:
         """The pose (4, 4) of a scanner on the flange, mm. Raises CalibrationUnusable for one beside the robot."""
         if calibration.setup == "eye-to-hand":
             raise CalibrationUnusable(
@@ -231,15 +241,16 @@ class ScanService:
                 " has no one place in base",
                 "move single clouds into base with POST /register",
             )
-        return self._mount_T_scanner(calibration)
+        return self._mount_T_scanner(calibration, scanner)
 
-    def _mount_T_scanner(self, calibration: CalibrationDocument) -> Array:
+    def _mount_T_scanner(self, calibration: CalibrationDocument, scanner: str) -> Array:
         """mount_T_camera (4, 4) in mm; times camera_T_scanner when the settings give one."""
         assert calibration.mount_T_camera is not None  # Operations.calibration refuses any other
         mount_T_camera = calibration.mount_T_camera.transform()
-        if self.scanner is None or self.scanner.camera_T_scanner is None:
+        settings = self.settings_of(scanner)
+        if settings is None or settings.camera_T_scanner is None:
             return mount_T_camera
-        return mount_T_camera @ self.scanner.camera_T_scanner.transform()
+        return mount_T_camera @ settings.camera_T_scanner.transform()
 
     async def _update_document(self, scan_id: str) -> None:
         """Write scan.json; a StorageError is only logged, since the view itself is stored."""

@@ -1,6 +1,8 @@
 """Write a session folder: pictures and poses are stored before use, so that `handeyed solve` reproduces the result."""
 
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Protocol
 
 import cv2
 import numpy as np
@@ -25,15 +27,23 @@ FAST_PNG = (cv2.IMWRITE_PNG_COMPRESSION, 1)
 """Level 1: lossless as every level, several times faster and slightly larger."""
 
 
+class SensorBeside(Protocol):
+    """A sensor that looks from the same stations."""
+
+    async def look(self, reading: PoseReading, at: str) -> None:
+        """Store what it sees from where the arm stands. Raises DaemonError, DeviceError."""
+        ...
+
+
 class SessionWriter:
-    """Writes the session folder of one run."""
+    """Writes the session folder of one run. `beside`: sensors that look after each picture, from the same pose."""
 
     def __init__(
         self, folder: Path, source: str, setup: Setup, target: TargetDocument, camera: CameraDocument | None,
-        store: Store, workers: Workers,
+        store: Store, workers: Workers, beside: Sequence[SensorBeside] = (),
     ) -> None:  # fmt: skip
         self.folder = folder
-        self._store, self._workers = store, workers
+        self._store, self._workers, self._beside = store, workers, beside
         self._image_size = camera.image_size if camera else None
         self._target_seen = False
         self._detections = DetectionsDocument()
@@ -45,7 +55,7 @@ class SessionWriter:
     async def add(self, frame: CameraFrame, reading: PoseReading, at: str = "") -> int:
         """Store a station's picture, pose and joints; returns the view's index.
 
-        Raises PictureUnusable, StorageError.
+        Raises PictureUnusable, StorageError, and as the sensors beside.
         """
         self._require_size(frame)
         index = len(self._document.views)
@@ -59,6 +69,8 @@ class SessionWriter:
         await self._store.write_file(self.folder / SESSION_FILE, [document.model_dump_json(indent=1).encode()])
         self._document = document
         self._taken[index] = DetectionDocument(index=index, at=at, configuration=reading.posture)
+        for sensor in self._beside:
+            await sensor.look(reading, at)
         return index
 
     async def view(self, index: int) -> View:

@@ -30,7 +30,7 @@ _CALIBRATIONS = (
     " CASE WHEN json_valid(document) THEN json_extract(document, '$.uncertainty.point_mm') END,"
     " CASE WHEN json_valid(document) THEN json_type(document, '$.verdict') = 'object' ELSE 0 END FROM calibrations"
 )
-_SCANS = "SELECT id, created_at, name, refine FROM scans"
+_SCANS = "SELECT * FROM scans"
 
 
 SCAN_VIEWS = (
@@ -129,13 +129,13 @@ class Listings:
         """Up to `limit` scans older than `before`, with their views."""
 
         def read(db: sqlite3.Connection) -> list[ScanListing | DamagedRow]:
-            def listing(row: tuple[str, str, str, int]) -> ScanListing:
-                scan_id, created_at, name, refine = row
+            def listing(row: tuple[Any, ...]) -> ScanListing:
+                scan_id, created_at, name, refine, *scanner = row
                 views = db.execute(SCAN_VIEWS, (scan_id,)).fetchall()
                 for _, _, _, base_T_flange, _, joints_deg in views:
                     PoseDocument.model_validate_json(base_T_flange)
                     json.loads(joints_deg or "null")
-                return ScanListing(ScanRecord(scan_id, created_at, name, bool(refine)), tuple(views))
+                return ScanListing(ScanRecord(scan_id, created_at, name, bool(refine), *scanner), tuple(views))
 
             return parse_each(listing, read_page(db, _SCANS, "scans", limit, before, filters))
 

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from calibration.sentences.sentence import Sentence
 from daemon.config.settings import StorageSettings
-from daemon.errors import NoCalibration, StorageError
+from daemon.errors import StorageError
 from daemon.model.records import RunRecord
 from daemon.runtime.clock import Clock
 from daemon.runtime.metrics import Metric
@@ -72,13 +72,10 @@ class Retention:
         if self.store.fault is not None:
             return []
         runs = [run for run in await self._runs() if run.kind != "jog"]
-        try:
-            _, current = await self.store.current()
-            kept = frozenset(filter(None, (current.run_id,)))
-        except NoCalibration:
-            kept = frozenset()
+        kept = await self.store.runs_in_force()
         old = await self._old_runs([run.id for run in runs])
-        going = [self.store.run_folder(run_id) for run_id in runs_to_prune(runs, self.settings.keep_runs, old, kept)]
+        pruned = runs_to_prune(runs, self.settings.keep_runs, old, kept)
+        going = [folder for run_id in pruned for folder in self.store.folders_of_run(run_id)]
         removed: list[Path] = await self.workers.run(_remove_pictures, going)
         if removed:
             log.info("%d pictures of old runs were removed", len(removed))
@@ -129,11 +126,11 @@ class Retention:
 
 
 def _remove_pictures(folders: Iterable[Path]) -> list[Path]:
-    """Delete the pictures in `folders`; session.json and the results stay."""
+    """Delete the pictures and clouds in `folders`; session.json and the results stay."""
     removed = []
     for folder in folders:
         with storage_errors(folder):
-            for picture in sorted(folder.glob("view_*.png")):
+            for picture in sorted(folder.glob("view_*")):
                 picture.unlink(missing_ok=True)
                 removed.append(picture)
     return removed

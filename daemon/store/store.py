@@ -17,6 +17,7 @@ from typing import Any
 from calibration.documents.arm import ArmErrorsDocument
 from calibration.documents.calibration import CalibrationDocument
 from calibration.documents.pose import PoseDocument
+from daemon.config.settings import MAIN_CAMERA
 from daemon.errors import AppliedMeanwhile, NoCalibration, NotFound, StorageFull, StorageInconsistent
 from daemon.model.records import (
     AppliedCalibration,
@@ -52,7 +53,7 @@ _UPDATE_RUN = (
     " planning, started_by, started_by_role) = (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?) WHERE id = ?"
 )
 
-_CALIBRATION = "SELECT id, run_id, created_at, accepted, document FROM calibrations"
+_CALIBRATION = "SELECT * FROM calibrations"
 
 
 RUN_BYTES = 20e6
@@ -145,6 +146,19 @@ class Store:
     def run_folder(self, run_id: str) -> Path:
         return self.folder / "runs" / run_id
 
+    def folder_beside(self, run_id: str, sensor: str) -> Path:
+        """The session of a further sensor of a run."""
+        return self.run_folder(f"{run_id}-{sensor}")
+
+    def session_folder(self, run_id: str, camera: str) -> Path:
+        """The session of that camera in a run: its own where it was a further one, else the run's."""
+        beside = self.folder_beside(run_id, camera)
+        return beside if beside.is_dir() else self.run_folder(run_id)
+
+    def folders_of_run(self, run_id: str) -> list[Path]:
+        """The folders of all sessions of a run."""
+        return [self.run_folder(run_id), *sorted(self.run_folder(run_id).parent.glob(f"{run_id}-*"))]
+
     async def save_run(self, run: RunRecord) -> None:
         """Insert or update the run."""
         context, row = current_audit_context(), run.row()
@@ -197,16 +211,17 @@ class Store:
     async def save_calibration(self, calibration: CalibrationRecord, arm: ArmErrorsDocument | None = None) -> None:
         """Insert a calibration, and the arm's errors identified with it. Calibrations are never changed."""
         row = (calibration.id, calibration.run_id, calibration.created_at, calibration.accepted,
-               calibration.document.model_dump_json())  # fmt: skip
+               calibration.document.model_dump_json(), calibration.camera)  # fmt: skip
 
         def insert(db: sqlite3.Connection) -> None:
-            db.execute("INSERT INTO calibrations VALUES (?, ?, ?, ?, ?)", row)
+            db.execute("INSERT INTO calibrations VALUES (?, ?, ?, ?, ?, ?)", row)
             if arm is not None:
                 db.execute("INSERT INTO arms VALUES (?, ?)", (calibration.id, arm.model_dump_json()))
 
         await self._database.write(insert)
         self.publish("calibration", {"calibration_id": calibration.id, "run_id": calibration.run_id,
-                                     "accepted": calibration.accepted, "at": calibration.created_at})  # fmt: skip
+                                     "accepted": calibration.accepted, "at": calibration.created_at,
+                                     "camera": calibration.camera})  # fmt: skip
 
     async def calibration(self, calibration_id: str) -> CalibrationRecord:
         """The calibration with this id. Raises NotFound."""
@@ -234,18 +249,20 @@ class Store:
     async def apply(self, applied: AppliedCalibration, expected: Sequence[int] | None = None) -> AppliedCalibration:
         """Put a calibration in force by appending it to the history; returns it with its sequence number.
 
-        `expected`: sequence numbers of which one must be in force now (0: none ever was). Raises AppliedMeanwhile.
+        `expected`: sequence numbers of which one must be in force for that camera now (0: none ever was). Raises
+        AppliedMeanwhile.
         """
         context = current_audit_context()
 
         def insert(db: sqlite3.Connection) -> int:
-            (now,) = db.execute("SELECT coalesce(max(sequence), 0) FROM applied").fetchone()
+            query = "SELECT coalesce(max(sequence), 0) FROM applied WHERE camera = ?"
+            (now,) = db.execute(query, (applied.camera,)).fetchone()
             if expected is not None and now not in expected:
                 raise AppliedMeanwhile(now)
             row = (applied.calibration_id, applied.applied_at, applied.applied_by, context.role,
-                   applied.despite_verdict, applied.reason)  # fmt: skip
-            columns = "calibration_id, applied_at, applied_by, role, despite_verdict, reason"
-            db.execute(f"INSERT INTO applied ({columns}) VALUES (?, ?, ?, ?, ?, ?)", row)
+                   applied.despite_verdict, applied.reason, applied.camera)  # fmt: skip
+            columns = "calibration_id, applied_at, applied_by, role, despite_verdict, reason, camera"
+            db.execute(f"INSERT INTO applied ({columns}) VALUES (?, ?, ?, ?, ?, ?, ?)", row)
             (sequence,) = db.execute("SELECT last_insert_rowid()").fetchone()
             despite = {"despite_verdict": True, "reason": applied.reason} if applied.despite_verdict else {}
             record_change(db, context, applied.applied_at, "apply", str(sequence), calibration=applied.calibration_id,
@@ -253,12 +270,17 @@ class Store:
             return int(sequence)
 
         stored = replace(applied, sequence=await self._database.write(insert), role=context.role)
-        data = {"calibration_id": stored.calibration_id, "applied_by": stored.applied_by, "role": stored.role}
-        self.publish("applied", {**data, "sequence": stored.sequence, "at": stored.applied_at})
+        data: dict[str, Any] = {
+            "calibration_id": stored.calibration_id,
+            "applied_by": stored.applied_by,
+            "role": stored.role,
+        }
+        data |= {"sequence": stored.sequence, "at": stored.applied_at, "camera": stored.camera}
+        self.publish("applied", data)
         return stored
 
     async def history(self, limit: int = 1) -> list[AppliedCalibration]:
-        """The applied calibrations, newest first: the first one is in force."""
+        """The applied calibrations of all cameras, newest first: the first one of each camera is in force."""
         query = "SELECT * FROM applied ORDER BY sequence DESC LIMIT ?"
         rows = await self._database.read(lambda db: db.execute(query, (limit,)).fetchall())
         return [AppliedCalibration.of(row) for row in rows]
@@ -271,11 +293,24 @@ class Store:
             raise NotFound(f"nothing was applied as number {sequence}", "GET /calibrations lists what was")
         return AppliedCalibration.of(row)
 
-    async def current(self) -> tuple[AppliedCalibration, CalibrationRecord]:
-        """The calibration in force and its entry in the history. Raises NoCalibration."""
-        for applied in await self.history():
-            return applied, await self.calibration(applied.calibration_id)
-        raise NoCalibration
+    async def current(self, camera: str = MAIN_CAMERA) -> tuple[AppliedCalibration, CalibrationRecord]:
+        """The calibration in force of a camera and its entry in the history. Raises NoCalibration."""
+
+        def newest(db: sqlite3.Connection) -> AppliedCalibration | None:
+            rows = map(AppliedCalibration.of, db.execute("SELECT * FROM applied ORDER BY sequence DESC"))
+            return next((applied for applied in rows if applied.camera == camera), None)
+
+        applied = await self._database.read(newest)
+        if applied is None:
+            raise NoCalibration(camera)
+        return applied, await self.calibration(applied.calibration_id)
+
+    async def runs_in_force(self) -> frozenset[str]:
+        """The runs that the calibrations in force of all cameras come from."""
+        query = """SELECT run_id FROM calibrations WHERE run_id IS NOT NULL AND id IN (
+            SELECT calibration_id FROM applied WHERE sequence IN (SELECT max(sequence) FROM applied GROUP BY camera))"""
+        rows = await self._database.read(lambda db: db.execute(query).fetchall())
+        return frozenset(run_id for (run_id,) in rows)
 
     # scans
 
@@ -284,17 +319,17 @@ class Store:
 
     async def save_scan(self, scan: ScanRecord) -> None:
         """Insert a scan."""
-        context, row = current_audit_context(), (scan.id, scan.created_at, scan.name, scan.refine)
+        context, row = current_audit_context(), (scan.id, scan.created_at, scan.name, scan.refine, scan.scanner)
 
         def insert(db: sqlite3.Connection) -> None:
-            db.execute("INSERT INTO scans VALUES (?, ?, ?, ?)", row)
+            db.execute("INSERT INTO scans VALUES (?, ?, ?, ?, ?)", row)
             record_change(db, context, scan.created_at, "scan", scan.id, name=scan.name)
 
         await self._database.write(insert)
 
     async def scan(self, scan_id: str) -> ScanRecord:
         """The scan with this id. Raises NotFound."""
-        query = "SELECT id, created_at, name, refine FROM scans WHERE id = ?"
+        query = "SELECT * FROM scans WHERE id = ?"
         row = await self._database.read(lambda db: db.execute(query, (scan_id,)).fetchone())
         if row is None:
             raise NotFound(f"there is no scan {scan_id!r}", "GET /scans lists them")
@@ -302,7 +337,7 @@ class Store:
 
     async def scans(self, limit: int, before: str | None = None) -> list[ScanRecord]:
         """Up to `limit` scans older than the one with the id `before`, newest first. Raises CursorUnknown."""
-        query = "SELECT id, created_at, name, refine FROM scans"
+        query = "SELECT * FROM scans"
         return [_scan(row) for row in await self._page(query, "scans", limit, before)]
 
     async def add_scan_view(
@@ -371,11 +406,11 @@ class Store:
         await self._database.read(lambda db: db.execute("SELECT 1").fetchone())
 
 
-def _calibration(row: tuple[str, str | None, str, int, str]) -> CalibrationRecord:
+def _calibration(row: tuple[Any, ...]) -> CalibrationRecord:
     """The record of a row. Raises StorageInconsistent when its document is not what was stored."""
-    calibration_id, run_id, created_at, accepted, content = row
+    calibration_id, run_id, created_at, accepted, content, *named = row
     document = parse_stored(CalibrationDocument, content, f"calibration {calibration_id}")
-    return CalibrationRecord(calibration_id, run_id, created_at, bool(accepted), document)
+    return CalibrationRecord(calibration_id, run_id, created_at, bool(accepted), document, *named)
 
 
 def _run_or_failed(row: Any) -> RunRecord:
@@ -387,6 +422,6 @@ def _run_or_failed(row: Any) -> RunRecord:
         return RunRecord(str(row[0]), row[1], RunState.FAILED, 0, 0, str(row[8]), str(row[9]), cause)
 
 
-def _scan(row: tuple[str, str, str, int]) -> ScanRecord:
-    scan_id, created_at, name, refine = row
-    return ScanRecord(scan_id, created_at, name, bool(refine))
+def _scan(row: tuple[Any, ...]) -> ScanRecord:
+    scan_id, created_at, name, refine, *scanner = row
+    return ScanRecord(scan_id, created_at, name, bool(refine), *scanner)

@@ -1,7 +1,8 @@
 """Camera and scanner of the mock cell over HTTP, as an ASGI application.
 
-GET /camera/snapshot.png and /scanner/cloud.ply capture on request at the flange's true pose. Responses carry
-`X-Taken-At-Age-S` (age of the capture when the request arrived; 0 for one made on request) and `X-Capture-Id`
+GET /camera/snapshot.png and /scanner/cloud.ply, and of further ones /cameras/NAME/snapshot.png and
+/scanners/NAME/cloud.pcd (an organised cloud of the target), capture on request at the flange's true pose. Responses
+carry `X-Taken-At-Age-S` (age of the capture when the request arrived; 0 for one made on request) and `X-Capture-Id`
 (a counter per device).
 """
 
@@ -21,10 +22,14 @@ from starlette.routing import Route
 from calibration.transforms import Array
 from mock_robot.devices.capture import Exposure, cloud, picture, png
 from mock_robot.faults.device_faults import Device, DeviceFault, DeviceFaultBoard
-from mock_robot.scene.scanner_view import cloud_ply
+from mock_robot.scene.organised_view import organised_pcd
+from mock_robot.scene.scanner_view import ScannerModel, cloud_ply
 from mock_robot.truth.truth import CellTruth
 
 EXPOSURE_S: dict[Device, float] = {"camera": 0.008, "scanner": 0.15}
+RANGE_OF_TARGET_MM = (200.0, 1500.0)
+"""Where a further scanner measures: the views of a calibration are nearer than those of a part."""
+
 MEDIA_TYPES: dict[Device, str] = {"camera": "image/png", "scanner": "application/x-ply"}
 
 Message = MutableMapping[str, Any]
@@ -52,12 +57,20 @@ class DeviceApp:
 
     def __init__(self, truth: CellTruth, flange_now: Callable[[], FlangePose]) -> None:
         self.faults = DeviceFaultBoard()
-        stations = (
-            _Station("camera", truth.seed, flange_now, self.faults, _camera(truth)),
-            _Station("scanner", truth.seed, flange_now, self.faults, _scanner(truth)),
-        )
-        paths = ("/camera/snapshot.png", "/scanner/cloud.ply")
-        self._app = Starlette(routes=[Route(path, each.answer) for path, each in zip(paths, stations, strict=True)])
+
+        def station(device: Device, develop: Develop, number: int = 0, media_type: str | None = None) -> _Station:
+            return _Station(device, truth.seed + number, flange_now, self.faults, develop, media_type)
+
+        stations = {
+            "/camera/snapshot.png": station("camera", _camera(truth)),
+            "/scanner/cloud.ply": station("scanner", _scanner(truth)),
+        }
+        for number, name in enumerate(truth.further_cameras, start=1):
+            stations[f"/cameras/{name}/snapshot.png"] = station("camera", _camera(truth.of_camera(name)), number)
+        for number, name in enumerate(truth.further_scanners, start=1):
+            develop = _scanner_of_target(truth, name)
+            stations[f"/scanners/{name}/cloud.pcd"] = station("scanner", develop, number, "application/x-pcd")
+        self._app = Starlette(routes=[Route(path, each.answer) for path, each in stations.items()])
 
     async def __call__(
         self,
@@ -84,7 +97,9 @@ class _Station:
         flange_now: Callable[[], FlangePose],
         faults: DeviceFaultBoard,
         develop: Develop,
+        media_type: str | None = None,
     ) -> None:
+        self._media_type = media_type or MEDIA_TYPES[device]
         self._device, self._seed, self._flange_now = device, seed, flange_now
         self._faults, self._develop = faults, develop
         self._turn = asyncio.Lock()
@@ -105,7 +120,7 @@ class _Station:
         age_s = 0.0 if lying else max(0.0, asked_s - capture.began_s)
         number = self._captures if lying else capture.number
         headers = {"X-Taken-At-Age-S": f"{age_s:.4f}", "X-Capture-Id": str(number), "Cache-Control": "no-store"}
-        return Response(capture.content, media_type=MEDIA_TYPES[self._device], headers=headers)
+        return Response(capture.content, media_type=self._media_type, headers=headers)
 
     async def _capture(self, struck: tuple[DeviceFault, ...]) -> Capture:
         self._captures += 1
@@ -135,6 +150,15 @@ def _scanner(truth: CellTruth) -> Develop:
         points = cloud(truth, exposure, rng)
         points = reduce(lambda now, spoil: spoil(now), [f.points for f in struck if f.points], points)
         return _on_its_way(cloud_ply(points), struck)
+
+    return develop
+
+
+def _scanner_of_target(truth: CellTruth, name: str) -> Develop:
+    def develop(exposure: Exposure, struck: tuple[DeviceFault, ...], rng: np.random.Generator) -> bytes:
+        scanner_T_target = truth.scanner_T_target(name, exposure.end_base_T_flange)
+        model = ScannerModel(range_mm=RANGE_OF_TARGET_MM, noise_mm=truth.noise.scanner_mm)
+        return _on_its_way(organised_pcd(model, truth.target, scanner_T_target, truth.optics, rng, truth.sheet), struck)
 
     return develop
 

@@ -3,7 +3,8 @@
 The daemon never sees it. What an integrator knows of the cell is in `mock_robot.truth.truth_sheet`.
 """
 
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -66,7 +67,8 @@ class Nominal:
 class CellTruth:
     """The true cell. Camera and scanner are one device in seeded cells.
 
-    `mount_T_camera`, `anchor_T_target`: as in `calibration.problem`, by the set-up.
+    `mount_T_camera`, `anchor_T_target`: as in `calibration.problem`, by the set-up. `further_cameras`: mount_T_camera
+    of cameras of the same lens, by name; `further_scanners`: mount_T_scanner of scanners that see the target, by name.
     """
 
     seed: int
@@ -83,6 +85,8 @@ class CellTruth:
     noise: CellNoise
     nominal: Nominal = field(repr=False)
     arm_class: ArmClass = "perfect"
+    further_cameras: Mapping[str, Array] = field(default_factory=dict)
+    further_scanners: Mapping[str, Array] = field(default_factory=dict)
 
     @classmethod
     def from_seed(
@@ -139,6 +143,14 @@ class CellTruth:
     def base_T_target(self) -> Array:
         """Of a target beside the robot."""
         return self._of("eye-in-hand", self.anchor_T_target)
+
+    def of_camera(self, name: str) -> "CellTruth":
+        """The cell with this further camera in the place of its camera."""
+        return replace(self, mount_T_camera=self.further_cameras[name])
+
+    def scanner_T_target(self, name: str, base_T_flange: Array) -> Array:
+        """(4, 4) of a further scanner, while the flange is there."""
+        return replace(self, mount_T_camera=self.further_scanners[name]).camera_T_target(base_T_flange)
 
     def camera_T_target(self, base_T_flange: Array) -> Array:
         """(4, 4) while the flange is there."""

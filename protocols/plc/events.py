@@ -79,6 +79,7 @@ class StartCommand:
     stations_wanted: int
     part_id: int
     tolerance_um: int = 0
+    camera: int = 0
 
 
 @dataclass(frozen=True)

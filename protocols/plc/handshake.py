@@ -187,7 +187,7 @@ def _on_trigger(state: Handshake, rising: ControlBit) -> Change:
         stations=0,
     )
     wanted, tolerance_um = state.input("stations_wanted"), state.input("tolerance_wanted")
-    return after, (StartCommand(command, wanted, part_id, tolerance_um),)
+    return after, (StartCommand(command, wanted, part_id, tolerance_um, state.input("camera_wanted")),)
 
 
 def _refusal_code(state: Handshake, rising: ControlBit) -> str:

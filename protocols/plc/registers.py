@@ -65,6 +65,10 @@ _DEVIATION = (
 )
 
 _TOLERANCE = "U (k = 2) of the next calibrate or verify; 0: as in the settings"
+_CAMERA = (
+    "0: [camera]; n: the nth of [cameras] in the settings, or the scanner beside it; calibration_age, drift_state,"
+    " drift_shift and their bits are of this camera"
+)
 
 REGISTERS: tuple[Register, ...] = (
     Register(0, "control", Kind.BITS, "", "triggers, acknowledge, abort, clear error: see its bits", True),
@@ -72,6 +76,7 @@ REGISTERS: tuple[Register, ...] = (
     Register(2, "stations_wanted", Kind.UINT16, "", "of the next calibrate; 0: as in the settings", True),
     Register(3, "part_id", Kind.UINT32, "", "any number of the PLC's; it comes back with the result", True),
     Register(5, "tolerance_wanted", Kind.UINT16, "µm", _TOLERANCE, True),
+    Register(6, "camera_wanted", Kind.UINT16, "", _CAMERA, True),
     Register(16, "status", Kind.BITS, "", "see its bits"),
     Register(17, "command", Kind.UINT16, "", "the command in progress, or the last: 1 calibrate, 2 verify, 3 register"),
     Register(18, "error_code", Kind.UINT16, "", "set while the error bit is: see the table of codes"),

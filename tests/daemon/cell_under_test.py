@@ -80,6 +80,7 @@ class Parts:
     robot: FakeRobot = field(default_factory=FakeRobot)
     scanner: FakeScanner = field(default_factory=FakeScanner)
     camera: FakeCamera = field(init=False)
+    cameras: dict[str, FakeCamera] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self.camera = FakeCamera(self.robot)
@@ -96,7 +97,8 @@ async def serving(
     """The daemon, up; stopped in order afterwards."""
     parts = parts or Parts()
     scanner = parts.scanner if settings.scanner else None
-    devices = Devices(parts.robot, parts.camera, scanner)
+    scanners = {name: FakeScanner() for name in settings.scanners}
+    devices = Devices(parts.robot, parts.camera, scanner, cameras=parts.cameras, scanners=scanners)
     application = build(settings, lambda _settings, _clock: devices, store=store, at=at)
     announced: asyncio.Future[str] = asyncio.get_running_loop().create_future()
     server = Server(application, announced.set_result, door)

@@ -157,6 +157,7 @@ class FakeCamera:
     asked: list[tuple[float, float]] = field(default_factory=list)
     """When the arm was last moved, and how new a picture was asked for."""
     capture: CaptureSettings | None = None
+    flange_T_camera: Array = field(default_factory=FLANGE_T_CAMERA.copy)
 
     @property
     def link(self) -> LinkHealth:
@@ -173,7 +174,7 @@ class FakeCamera:
         taken_at_s = time.monotonic()
         image: Any = np.full(self.size[::-1], 128, np.uint8)
         if not self.blind(self.pictures):
-            image = picture_of_the_board(self.robot.base_T_flange)
+            image = picture_of_the_board(self.robot.base_T_flange @ self.flange_T_camera @ inverse(FLANGE_T_CAMERA))
         return CameraFrame(image, taken_at_s, capture=self.capture)
 
     async def close(self) -> None:

@@ -42,9 +42,15 @@ SEEN = CellStatus(ready=True, in_force=True)
 
 
 def control(
-    word: int, stations: int = 0, part: int = 0, beat: int = 0, writer: str = "", tolerance_um: int = 0
+    word: int,
+    stations: int = 0,
+    part: int = 0,
+    beat: int = 0,
+    writer: str = "",
+    tolerance_um: int = 0,
+    camera: int = 0,
 ) -> RegistersWritten:
-    return RegistersWritten((word, beat, stations, part >> 16, part & 0xFFFF, tolerance_um), writer)
+    return RegistersWritten((word, beat, stations, part >> 16, part & 0xFFFF, tolerance_um, camera), writer)
 
 
 def ended(verdict: PlcVerdict = PlcVerdict.ACCEPTED, error: int = 0) -> CommandEnded:

@@ -81,7 +81,7 @@ def settings_of(cell: Announcement, folder: Path, **changes: Any) -> Settings:
         "storage": {"folder": str(folder), "reserve_mb": 0},
     }
     for section, values in changes.items():
-        sections[section] = {**sections[section], **values}
+        sections[section] = {**sections.get(section, {}), **values}
     return validate_document(Settings, sections, "story settings")
 
 

@@ -9,7 +9,7 @@ from fastapi import APIRouter, Depends, Request, Response
 from calibration.documents.calibration import CalibrationDocument
 from calibration.documents.pose import PoseDocument
 from calibration.kinematics.arm import Arm
-from daemon.api.dependencies import App, Before, Identifier, JsonBody, Limit, Wait, page_of, respond_page
+from daemon.api.dependencies import App, Before, Identifier, JsonBody, Limit, Wait, WithCamera, page_of, respond_page
 from daemon.api.middleware.disconnects import client_of
 from daemon.api.negotiation import or_text, respond
 from daemon.api.plain_text import status_text
@@ -24,6 +24,7 @@ from daemon.api.schemas.runs import PlannedPoseDocument, RunDocument
 from daemon.application import Application
 from daemon.cell.skeleton import skeleton_mm
 from daemon.config.settings import CalibrationSettings
+from daemon.drift.cell_cameras import CellCamera
 from daemon.errors import NoCalibration
 from daemon.model.requests import CalibrateRequest, VerifyRequest
 from daemon.runs.foresight import Foresight
@@ -37,15 +38,17 @@ from drivers.errors import DeviceError
 router = APIRouter(tags=["calibrate"])
 
 HOW_TO_START = (
-    "POST /calibrate with no body, or with poses, count, tolerance_mm, uncertainty_mm, target, manual or arm;"
+    "POST /calibrate with no body, or with poses, count, tolerance_mm, uncertainty_mm, target, manual, arm or camera;"
     " ?wait=SECONDS answers the finished run"
 )
 
 
-@router.get("/calibrate", response_model=CalibrateStatus, responses={200: or_text("In words")})
-async def calibrate_status(request: Request, app: App) -> Response:
+@router.get(
+    "/calibrate", response_model=CalibrateStatus, responses={200: or_text("In words"), **problem_responses(404)}
+)
+async def calibrate_status(request: Request, app: App, camera: WithCamera) -> Response:
     """Where calibration stands and how to start. Never moves anything."""
-    status = await _status(app)
+    status = await _status(app, camera)
     return respond(request, status, lambda: status_text(status, str(request.base_url)))
 
 
@@ -54,7 +57,7 @@ async def calibrate(
     request: Request, app: App, body: Annotated[CalibrateRequest, Depends(JsonBody(CalibrateRequest))], wait: Wait = 0.0
 ) -> Response:
     """Drive the arm through calibration poses, look at the target from each, solve for X, store it."""
-    return await answer_run_start(request, app, await app.operations.calibrate(body), wait)
+    return await answer_run_start(request, app, await app.camera(body.camera).operations.calibrate(body), wait)
 
 
 @router.post(
@@ -65,7 +68,7 @@ async def calibrate(
 async def plan(app: App, body: Annotated[CalibrateRequest, Depends(JsonBody(CalibrateRequest))]) -> Response:
     """What POST /calibrate would do from where the arm stands. Never moves anything; 409 while a run is in progress."""
     reading = await app.readings.robot.read()
-    found = await app.operations.foresee(body, reading.pose, reading.joints)
+    found = await app.camera(body.camera).operations.foresee(body, reading.pose, reading.joints)
     return await respond_page(app, partial(_foresight_json, found, app.operations.rules.arm))
 
 
@@ -115,12 +118,12 @@ async def verify(
         at, actor = app.clock.timestamp(), current_audit_context().actor
         await app.store.acceptances.save(DocumentRecord(stored_id, body.scan_id, at, actor, content))
         return Response(content, headers={"Location": f"/acceptances/{stored_id}"}, media_type="application/json")
-    return await answer_run_start(request, app, await app.operations.verify(body), wait)
+    return await answer_run_start(request, app, await app.camera(body.camera).operations.verify(body), wait)
 
 
-async def _status(app: Application) -> CalibrateStatus:
+async def _status(app: Application, camera: CellCamera) -> CalibrateStatus:
     try:
-        applied, record = await app.store.current()
+        applied, record = await app.store.current(camera.name)
     except NoCalibration:
         current, in_force = None, None
     else:
@@ -138,11 +141,11 @@ async def _status(app: Application) -> CalibrateStatus:
         last_run=None if last is None else RunDocument.of(last),
         ready=ready.ready,
         reasons=ready.reasons,
-        policy=app.settings.calibration.policy,
-        poses=_poses_text(app.settings.calibration),
+        policy=camera.settings.calibration.policy,
+        poses=_poses_text(camera.settings.calibration),
         how_to_start=HOW_TO_START,
         warnings=[*app.operations.rules.warnings(), *await _frame_warnings(app)],
-        fastest_mm_s=await _fastest_mm_s(app, None if in_force is None else _on_flange(record.document)),
+        fastest_mm_s=await _fastest_mm_s(app, camera, None if in_force is None else _on_flange(record.document)),
     )
 
 
@@ -151,9 +154,9 @@ def _on_flange(document: CalibrationDocument) -> PoseDocument | None:
     return document.flange_T_camera or document.flange_T_target
 
 
-async def _fastest_mm_s(app: Application, applied: PoseDocument | None) -> float | None:
+async def _fastest_mm_s(app: Application, camera: CellCamera, applied: PoseDocument | None) -> float | None:
     """Largest speed of what moves; camera or target is where the calibration in force, or else the guess, has it."""
-    guesses = app.settings.calibration
+    guesses = camera.settings.calibration
     on_flange = applied or guesses.flange_T_camera_guess or guesses.flange_T_target_guess
     if not app.cell.robot.link.connected:
         return None

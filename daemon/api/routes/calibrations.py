@@ -29,6 +29,7 @@ from daemon.api.dependencies import (
     Identifier,
     JsonBody,
     Limit,
+    WithCamera,
     box_of,
     page_of,
     respond_page,
@@ -40,6 +41,7 @@ from daemon.api.problems import problem_responses
 from daemon.api.schemas.answer import page_json
 from daemon.api.schemas.calibrations import AppliedDocument, CalibrationList, CalibrationSummary, CurrentCalibration
 from daemon.application import Application
+from daemon.config.settings import MAIN_CAMERA
 from daemon.errors import NoCalibration, NotFound
 from daemon.model.records import CalibrationRecord
 from daemon.model.requests import ApplyRequest, ObservationsRequest, SolveRequest
@@ -69,7 +71,7 @@ async def calibrations(app: App, limit: Limit = 50, before: Before = None, accep
     found = await app.store.listings.calibrations(limit + 1, before, filters)
     page, following = page_of(found, limit, "/calibrations", filters)
     history = await app.store.history(limit)
-    current = history[0].calibration_id if history else None
+    current = next((row.calibration_id for row in history if row.camera == MAIN_CAMERA), None)
 
     def as_json() -> bytes:
         read, damaged = split_damaged(page)
@@ -99,10 +101,10 @@ async def solve(
     response_model=CurrentCalibration,
     responses={200: {**or_text("In words"), "headers": ETAG_HEADER}, 304: UNCHANGED, **problem_responses(404)},
 )
-async def current(request: Request, app: App, if_none_match: IfNoneMatch = None) -> Response:
+async def current(request: Request, app: App, camera: WithCamera, if_none_match: IfNoneMatch = None) -> Response:
     """The calibration in force. Its ETag is what `If-Match` of POST /calibrations/{id}/apply expects."""
     try:
-        applied, record = await app.store.current()
+        applied, record = await app.store.current(camera.name)
     except NoCalibration as error:
         raise NotFound(error.what, error.fix) from None
     document = CurrentCalibration(applied=AppliedDocument.of(applied), calibration=record.document)
@@ -179,7 +181,9 @@ async def solve_again(
 ) -> Response:
     """Solve the same pictures again, `without` some of the views or with another method: a calibration of its own,
     not applied. 409 while a run is in progress."""
-    return _made(await app.operations.solve_again(calibration_id, body, app.new_id()))
+    app.supervisor.require_free()
+    camera = app.camera((await app.store.calibration(calibration_id)).camera)
+    return _made(await camera.operations.solve_again(calibration_id, body, app.new_id()))
 
 
 @router.post(

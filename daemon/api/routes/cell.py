@@ -2,7 +2,7 @@
 
 from fastapi import APIRouter, Depends, Request, Response
 
-from daemon.api.dependencies import App, WidthQuery, no_body
+from daemon.api.dependencies import App, WidthQuery, WithCamera, no_body
 from daemon.api.device_checks import check_devices
 from daemon.api.negotiation import PICTURE_TYPES, choose_picture_type, or_text, respond
 from daemon.api.plain_text import robot_text
@@ -10,6 +10,7 @@ from daemon.api.problems import problem_responses
 from daemon.api.robot_documents import RobotDocuments
 from daemon.api.schemas.cell import ArmDocument, CheckList, DeviceDocument, LiveDevice, LookDocument, RobotDocument
 from daemon.application import Application
+from daemon.config.settings import MAIN_CAMERA
 from daemon.errors import CellBusy
 from daemon.model.records import RunRecord
 from daemon.model.run_states import RunState
@@ -35,11 +36,12 @@ async def robot(request: Request, app: App) -> Response:
     "/camera/frame.png",
     response_class=Response,
     responses={200: {"description": "What the camera sees now", "content": {"image/png": {}}},
-               **problem_responses(502, 503, 504)},
+               **problem_responses(404, 502, 503, 504)},
 )  # fmt: skip
-async def camera_frame(app: App) -> Response:
+async def camera_frame(app: App, camera: WithCamera) -> Response:
     """A picture of at most the last 0.1 s, or one taken for those who asked meanwhile."""
-    content = await app.readings.picture.read()
+    main = camera is app.cameras.main
+    content = await app.readings.picture.read() if main else (await camera.pictures.read("image/png", None)).content
     return Response(content, media_type="image/png", headers={"Cache-Control": "no-store"})
 
 
@@ -54,8 +56,8 @@ async def devices(app: App) -> list[DeviceDocument]:
     """Each device: its address, whether its link is up, since when, and its last error. Nothing is sent to it."""
     settings = app.settings
     addresses = {"robot": settings.robot.address, "camera": settings.camera.address}
-    if settings.scanner is not None:
-        addresses["scanner"] = settings.scanner.address
+    addresses |= {name: camera.address for name, camera in settings.cameras.items()}
+    addresses |= {name: scanner.address for name, scanner in settings.named_scanners().items()}
     return [_device(LiveDevice.of(state), addresses.get(state.name, "")) for state in app.device_watch.states()]
 
 
@@ -80,7 +82,7 @@ PICTURES = {"description": "A picture", "content": {media_type: {} for media_typ
     response_class=Response,
     responses={200: PICTURES, **problem_responses(404, 406, 409, 502, 503, 504)},
 )
-async def camera_picture(request: Request, app: App, width: WidthQuery = None) -> Response:
+async def camera_picture(request: Request, app: App, camera: WithCamera, width: WidthQuery = None) -> Response:
     """What the camera sees, as Accept prefers: one grab for all who ask within 0.5 s.
 
     `Handeyed-Bits`, `Handeyed-Exposure-Us` and `Handeyed-Gain-Db`: of the picture, where the camera reports them.
@@ -91,11 +93,11 @@ async def camera_picture(request: Request, app: App, width: WidthQuery = None) -
     headers = {"Cache-Control": "no-store", "Vary": "Accept"}
     run = working_run(app)
     if run is None:
-        picture = await app.pictures.read(media_type, width)
+        picture = await camera.pictures.read(media_type, width)
         headers = {**headers, "Handeyed-Source": "camera", **_capture_headers(picture.capture)}
         return Response(picture.content, media_type=media_type, headers=headers)
-    if run.kind == "scan" or run.pictures == 0:
-        raise CellBusy(f"run {run.id}, which has taken no picture yet")
+    if run.kind == "scan" or run.pictures == 0 or run.request.get("camera", MAIN_CAMERA) != camera.name:
+        raise CellBusy(f"run {run.id}, which has taken no picture with this camera yet")
     content = await stored_picture(app, run.id, run.pictures - 1, media_type, width)
     source = f"/runs/{run.id}/frames/{run.pictures - 1}"
     return Response(content, media_type=media_type, headers={**headers, "Handeyed-Source": source})
@@ -109,12 +111,12 @@ def _capture_headers(capture: CaptureSettings | None) -> dict[str, str]:
     return {f"Handeyed-{name}": f"{value:g}" for name, value in values.items() if value is not None}
 
 
-@router.get("/camera/look", response_model=LookDocument, responses=problem_responses(409, 502, 503, 504))
-async def look(app: App) -> LookDocument:
+@router.get("/camera/look", response_model=LookDocument, responses=problem_responses(404, 409, 502, 503, 504))
+async def look(app: App, camera: WithCamera) -> LookDocument:
     """The target in a picture of at most the last 0.5 s, searched once for all who ask. 409 while a run works."""
     if (run := working_run(app)) is not None:
         raise CellBusy(f"run {run.id}")
-    return LookDocument.of_look(await app.looks.read())
+    return LookDocument.of_look(await camera.looks.read())
 
 
 def working_run(app: Application) -> RunRecord | None:

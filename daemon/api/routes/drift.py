@@ -4,7 +4,7 @@ from typing import Annotated
 
 from fastapi import APIRouter, Query, Request, Response
 
-from daemon.api.dependencies import IN_WHOLE_DIGITS, App
+from daemon.api.dependencies import IN_WHOLE_DIGITS, App, WithCamera
 from daemon.api.negotiation import or_text, respond
 from daemon.api.plain_text import drift_text
 from daemon.api.problems import problem_responses
@@ -22,6 +22,7 @@ router = APIRouter(tags=["calibrate"])
 async def drift(
     request: Request,
     app: App,
+    camera: WithCamera,
     limit: Annotated[
         int, Query(ge=1, le=MAX_VERIFICATIONS, description="how many points at most, the last ones"), IN_WHOLE_DIGITS
     ] = 100,
@@ -30,7 +31,7 @@ async def drift(
     ] = None,
 ) -> Response:
     """The control chart: where the fixed target was seen by each verification, its limits, and what follows from it."""
-    chart = await (app.drift.refresh() if calibration is None else app.drift.chart_of_earlier(calibration))
+    chart = await (camera.drift.refresh() if calibration is None else camera.drift.chart_of_earlier(calibration))
     touched = await app.store.touch_tests.about(chart.report.calibration_id, min(limit, MAX_TOUCH_TESTS))
     document = await app.service_workers.run(DriftDocument.of, chart, app.settings.drift, limit, touched)
     return respond(request, document, lambda: drift_text(document))

@@ -82,7 +82,7 @@ async def _poses(app: Application, calibration_id: str) -> PoseList:
     record = await app.store.calibration(calibration_id)
     if record.run_id is None:
         raise NotFound(f"calibration {calibration_id} was made by no run", "export the poses of its session.json")
-    content = await app.store.read_file(app.store.run_folder(record.run_id) / SESSION_FILE)
+    content = await app.store.read_file(app.store.session_folder(record.run_id, record.camera) / SESSION_FILE)
     session = parse_document(SessionDocument, content, SESSION_FILE)
     model = app.settings.robot.model
     poses = np.array([view.base_T_flange.transform() for view in session.views]).reshape(-1, 4, 4)

@@ -13,7 +13,7 @@ from daemon.application import Application
 from daemon.errors import NoCalibration
 from daemon.model.records import RunKind
 from daemon.model.run_states import FINAL_STATES
-from daemon.runtime.metrics import Labels, Metric, exposition
+from daemon.runtime.metrics import Labels, Metric, exposition, merged
 from daemon.runtime.version import SOFTWARE
 
 router = APIRouter(tags=["health"])
@@ -61,7 +61,7 @@ async def _families(app: Application) -> list[Metric]:
         Metric("handeyed_disk_free_bytes", "gauge", "Free where the store lies.",
                {(): float(app.store.free_bytes())}),
         *app.metrics.families(),
-        *(family for source in app.metric_sources for family in source.families()),
+        *merged(family for source in app.metric_sources for family in source.families()),
     ]  # fmt: skip
     try:
         _, current = await app.store.current()

@@ -21,6 +21,7 @@ from daemon.api.streaming.cloud_request import (
 from daemon.api.streaming.cloud_response import CloudResponse
 from daemon.api.streaming.request_body import body_chunks
 from daemon.api.streaming.temporary_file import TemporaryFileResponse
+from daemon.config.settings import MAIN_SCANNER
 from daemon.scans.upload import LAZ
 from registration.io.stream import CloudStream
 
@@ -50,20 +51,26 @@ async def register(
 
     Where the errors of the arm are in force the flange is where the arm as built has it: `Handeyed-Arm: as-built`. A
     given pose without `joints` gets them by inverse kinematics, with `Handeyed-Warning: pose-without-joints`.
-    With `scanner` by that sensor of the rig in force (POST /rigs), named by Handeyed-Rig, and the reported pose.
+    With `scanner` by that sensor of the rig in force (POST /rigs), named by Handeyed-Rig, and the reported pose; a
+    scanner of the settings that gives its camera_T_scanner goes by the calibration of its camera.
     """
     media_type = media_type_of(request)
-    if scanner is not None and calibration != "current":
+    named_scanner = app.settings.scanners.get(scanner) if scanner is not None else None
+    by_rig = scanner is not None and (named_scanner is None or named_scanner.camera_T_scanner is None)
+    if by_rig and calibration != "current":
         problem = DocumentProblem("calibration", "a sensor of a rig needs none", "leave it out, or leave scanner out")
         raise DocumentError("query", [problem])
-    if scanner is not None:
+    if by_rig:
+        assert scanner is not None
         at = await flange_pose_of(app, pose, joints)
         rig_id, base_T_scanner = await sensors_of(app).base_T_sensor(scanner, at.base_T_flange.transform())
         named = {"Handeyed-Rig": rig_id}
     else:
-        used = await app.operations.with_arm(await app.operations.calibration(calibration))
+        by_name = scanner or MAIN_SCANNER
+        beside = app.settings.camera_beside(by_name) if app.settings.cameras else None
+        used = await app.operations.with_arm(await app.operations.calibration(calibration, beside))
         at = await flange_pose_of(app, pose, joints)
-        base_T_scanner = await app.service_workers.run(app.scans.base_T_scanner, used, at)
+        base_T_scanner = await app.service_workers.run(app.scans.base_T_scanner, used, at, by_name)
         named = {"Handeyed-Calibration": used.document.id, **arm_headers(used, [at])}
     numbers = (*at.base_T_flange.translation_mm, *at.base_T_flange.quaternion_wxyz)
     headers = {"Handeyed-Pose": ",".join(f"{x!r}" for x in numbers), **named}

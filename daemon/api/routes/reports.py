@@ -21,9 +21,10 @@ from calibration.documents.reports.calibration_report import calibration_report
 from calibration.documents.reports.context import Drift, DriftedPoint, Picture, ReportContext
 from calibration.documents.reports.scan_report import Scan, ScannedView, scan_report
 from calibration.documents.reports.verification_report import drift_report, verification_report
-from daemon.api.dependencies import App, Identifier
+from daemon.api.dependencies import App, Identifier, WithCamera
 from daemon.api.negotiation import media_ranges
 from daemon.api.problems import problem_responses
+from daemon.api.routes.scans import calibration_of_scan
 from daemon.api.schemas.acceptances import StoredAcceptance
 from daemon.application import Application
 from daemon.drift.chart import DriftChart
@@ -77,7 +78,7 @@ async def report_calibration(request: Request, app: App, calibration_id: Identif
     )
     context = await _with_history(app, context, document.id)
     if record.run_id is not None:
-        folder = app.store.run_folder(record.run_id)
+        folder = app.store.session_folder(record.run_id, record.camera)
         pictures, digest = await app.service_workers.run(_session, app, folder, document)
         context = replace(context, pictures=pictures, session_sha256=digest)
     html = calibration_report(document, context)
@@ -91,9 +92,10 @@ async def _with_history(app: Application, context: ReportContext, calibration_id
     if applied is None:
         return context
     context = replace(context, applied_at=applied.applied_at, applied_by=applied.applied_by)
-    if history[0].calibration_id != calibration_id:
+    in_force = next(entry for entry in history if entry.camera == applied.camera)
+    if in_force.calibration_id != calibration_id or applied.camera not in app.settings.camera_names:
         return context
-    chart = _drift_of(await app.drift.refresh())
+    chart = _drift_of(await app.camera(applied.camera).drift.refresh())
     if chart.points:
         last = await app.store.run(chart.points[-1].run_id)
         context = replace(context, drift=chart, verification=verified_points(last))
@@ -143,9 +145,9 @@ async def report_verification(request: Request, app: App, run_id: Identifier, fo
     response_class=Response,
     responses={**REPORT, **problem_responses(404, 406, 429, 507)},
 )
-async def report_drift(request: Request, app: App, form: Form = None) -> Response:
+async def report_drift(request: Request, app: App, camera: WithCamera, form: Form = None) -> Response:
     """The control chart of the calibration in force, as a report."""
-    chart = _drift_of(await app.drift.refresh())
+    chart = _drift_of(await camera.drift.refresh())
     if not chart.calibration_id:
         raise NotFound("no calibration is in force", "apply one, and verify it")
     return await _answer(request, app, drift_report(chart, context_of(app.settings)), form)
@@ -159,7 +161,7 @@ async def report_drift(request: Request, app: App, form: Form = None) -> Respons
 )
 async def report_scan(request: Request, app: App, scan_id: Identifier, form: Form = None) -> Response:
     """The report of a scan: its merged cloud from three sides, and how its views agree."""
-    used = await app.operations.with_arm(await app.operations.calibration("current"))
+    used = await calibration_of_scan(app, scan_id, "current")
     found = await (await app.scans.start_registration(scan_id, used, refine=False))
     clouds = await app.scans.clouds(scan_id, used, None)
     merged = await app.scans.merge_views(scan_id, clouds, used.document.id, OCTETS, Merge(PICTURE_VOXEL_MM))

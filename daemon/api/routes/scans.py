@@ -172,7 +172,7 @@ async def report(
     app: App, scan_id: Identifier, calibration: Which = "current", refine: Refine = False, wait: Patience = 30.0
 ) -> Response:
     """The poses of the views and their agreement; refined with `refine`. Progress is published on /events."""
-    job = await app.scans.start_registration(scan_id, await _calibration(app, calibration), refine)
+    job = await app.scans.start_registration(scan_id, await calibration_of_scan(app, scan_id, calibration), refine)
     found = await _wait_for_report(job, wait)
     if found is None:
         return _in_progress(scan_id, refine)
@@ -202,7 +202,7 @@ async def cloud(
     """All views in one cloud, or one of them, in the robot's base frame: by the robot's poses, or refined."""
     merge = Merge(voxel_mm, normals, outliers, box_of(box))
     media_type = choose_media_type(request)
-    used = await _calibration(app, calibration)
+    used = await calibration_of_scan(app, scan_id, calibration)
     found = None
     if refine:
         found = await _wait_for_report(await app.scans.start_registration(scan_id, used, refine), wait)
@@ -238,14 +238,21 @@ async def surface(
 ) -> Response:  # fmt: skip
     """One view's points in base, averaged by cubes of `voxel_mm`, each with its normal and its distance from the other
     views: positive towards the camera, NaN where no other view is near."""
-    clouds = await app.scans.clouds(scan_id, await _calibration(app, calibration))
+    clouds = await app.scans.clouds(scan_id, await calibration_of_scan(app, scan_id, calibration))
     _one_of(clouds, view, scan_id)
     content = await app.scans.view_surface(clouds, view, voxel_mm, box_of(box))
     return Response(content, media_type=OCTETS)
 
 
-async def _calibration(app: Application, which: str) -> CalibrationWithArm:
-    return await app.operations.with_arm(await app.operations.calibration(which))
+async def calibration_of_scan(app: Application, scan_id: str, which: str) -> CalibrationWithArm:
+    """The calibration in force ("current"), or by id, of the camera that the scan's scanner stands beside.
+
+    Raises NoCalibration, NotFound, CalibrationUnusable.
+    """
+    camera = None
+    if app.settings.cameras or app.settings.scanners:
+        camera = app.settings.camera_beside((await app.store.scan(scan_id)).scanner)
+    return await app.operations.with_arm(await app.operations.calibration(which, camera))
 
 
 def _one_of(clouds: list[PlacedCloud], view: int, scan_id: str) -> PlacedCloud:

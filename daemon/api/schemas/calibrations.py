@@ -40,12 +40,13 @@ class CalibrationSummary(Answer):
 class AppliedDocument(Answer):
     """An entry of the history of calibrations in force. `sequence` counts from 1.
 
-    `role`: of who applied it; `despite_verdict`: it was not accepted, `reason`: why it was applied.
+    `role`: of who applied it; `despite_verdict`: it was not accepted, `reason`: why it was applied;
+    `camera`: by its name in the settings.
     """
 
     model_config = example(
         calibration_id=EXAMPLE_ID, applied_at=EXAMPLE_AT, applied_by="Ann", sequence=7, role="operator",
-        despite_verdict=False, reason="",
+        despite_verdict=False, reason="", camera="camera",
     )  # fmt: skip
 
     calibration_id: str
@@ -55,6 +56,7 @@ class AppliedDocument(Answer):
     role: str
     despite_verdict: bool
     reason: str
+    camera: str
 
     @classmethod
     def of(cls, applied: AppliedCalibration) -> "AppliedDocument":

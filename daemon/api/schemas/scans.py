@@ -32,6 +32,7 @@ class ScanDocument(Answer):
         id=EXAMPLE_ID,
         name="door 4711",
         refine=False,
+        scanner="scanner",
         created_at=EXAMPLE_AT,
         views=[],
         run=None,
@@ -45,6 +46,7 @@ class ScanDocument(Answer):
     id: str
     name: str
     refine: bool
+    scanner: str
     created_at: str
     views: list[ScanViewDocument]
     run: RunDocument | None = None
@@ -59,7 +61,7 @@ class ScanDocument(Answer):
             "report": f"/scans/{scan.id}/report",
         }
         return cls(
-            id=scan.id, name=scan.name, refine=scan.refine, created_at=scan.created_at,
+            id=scan.id, name=scan.name, refine=scan.refine, scanner=scan.scanner, created_at=scan.created_at,
             views=[ScanViewDocument.of(view) for view in views],
             run=None if run is None else RunDocument.of(run), links=links,
         )  # fmt: skip

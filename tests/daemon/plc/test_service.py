@@ -186,9 +186,9 @@ async def test_without_the_words_in_the_settings_nobody_writes_and_nothing_moves
 
 async def test_only_listed_registers_are_written(tmp_path: Path) -> None:
     async with serving(settings_for(tmp_path, plc=MOVING)) as bench, ladder(bench) as plc:
-        for address in (6, 15, 16, 20, RESULT, SIZE - 1, SIZE, 65535):
+        for address in (7, 15, 16, 20, RESULT, SIZE - 1, SIZE, 65535):
             assert (await plc.client.write_register(address, 1)).exception_code == 2
-        assert (await plc.client.write_registers(5, [1, 2])).exception_code == 2
+        assert (await plc.client.write_registers(6, [1, 2])).exception_code == 2
         assert value_of(await plc.image(), "part_id") == 0
         assert (await plc.client.read_holding_registers(SIZE, count=1)).exception_code == 2
 

@@ -1,0 +1,43 @@
+"""The cameras of the cell by name, each with what the daemon does with it."""
+
+from dataclasses import dataclass
+
+from daemon.config.settings import Settings
+from daemon.drift.monitor import DriftMonitor
+from daemon.errors import NotFound
+from daemon.operations import Operations
+from daemon.sessions.look import Looks
+from daemon.sessions.pictures import LivePictures
+
+
+@dataclass(frozen=True, eq=False)
+class CellCamera:
+    """One camera: its runs, pictures and drift chart. `settings`: with this camera in [camera]."""
+
+    name: str
+    settings: Settings
+    operations: Operations
+    pictures: LivePictures
+    looks: Looks
+    drift: DriftMonitor
+
+
+@dataclass(frozen=True, eq=False)
+class CellCameras:
+    """All cameras, the one of [camera] first."""
+
+    cameras: tuple[CellCamera, ...]
+
+    @property
+    def main(self) -> CellCamera:
+        return self.cameras[0]
+
+    def by_name(self, name: str | None) -> CellCamera:
+        """The camera of that name, without one that of [camera]. Raises NotFound."""
+        if name is None:
+            return self.main
+        for camera in self.cameras:
+            if camera.name == name:
+                return camera
+        names = ", ".join(camera.name for camera in self.cameras)
+        raise NotFound(f"there is no camera {name!r}", f"choose one of the settings' cameras: {names}")
