@@ -30,6 +30,7 @@ from tests.simulated.arms import (
     reachable_views,
     target_places,
 )
+from tests.simulated.changed_cells import Change, changes_of
 from tests.simulated.sessions import BOARD, CAMERA
 
 SIZES = ("IRB 120-3/0.6", "IRB 2600-20/1.65", "IRB 6700-200/2.60")
@@ -54,9 +55,17 @@ def main() -> None:
     """Every table of the arm's errors."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--arms", type=int, default=20, help="simulated arms a row")
-    parser.add_argument("--only", choices=("planned", "ordinary", "perfect", "speed"), help="one of the tables")
+    parser.add_argument(
+        "--only", choices=("planned", "ordinary", "perfect", "joint", "speed"), help="one of the tables"
+    )
     options = parser.parse_args()
-    tables = {"planned": planned_table, "ordinary": ordinary_table, "perfect": perfect_table, "speed": speed_table}
+    tables = {
+        "planned": planned_table,
+        "ordinary": ordinary_table,
+        "perfect": perfect_table,
+        "joint": joint_table,
+        "speed": speed_table,
+    }
     for name, table in tables.items():
         if options.only in (None, name):
             table(options.arms)
@@ -122,6 +131,21 @@ def speed_table(_: int) -> None:
     print(
         f"200 views, {len(ArmErrorModel(arm))} parameters: {whole - solved:.2f} s besides {solved:.2f} s of the solve"
     )
+
+
+def joint_table(arms: int) -> None:
+    """One axis's zero moved by 0.02 degrees between two verifications of five stations."""
+    print(f"Zero of one axis moved by 0.02 deg, camera or target by 0.3 mm, nothing ({arms} arms a row): named right")
+    changes = [Change(axis=axis, zero_rad=float(np.radians(0.02))) for axis in range(1, 7)]
+    changes += [Change(camera_mm=0.3), Change(target_mm=0.3), Change()]
+    print(f"{'arm':20}" + "".join(f"{change!s:>9}" for change in changes))
+    for name in SIZES:
+        right = []
+        for change in changes:
+            found = [changes_of(find_arm(name), change, seed)[0] for seed in range(arms)]
+            names = [f"axis-{one.axis}" if one.axis else one.cause.removesuffix("-moved") for one in found]
+            right.append(np.mean([named == str(change) for named in names]))
+        print(f"{name:20}" + "".join(f"{share:9.0%}" for share in right), flush=True)
 
 
 def _planned(arm: Arm, seed: int) -> Row:

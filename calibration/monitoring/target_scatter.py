@@ -28,7 +28,7 @@ class VerificationError(CalibrationError):
 class Verification:
     """`points_mm` (positions, points, 3) of the target points `ids` (points,) seen from every position.
 
-    `frame`: in which they stand still. `base_T_flange`: (positions, 4, 4).
+    `frame`: in which they stand still. `base_T_flange`: (positions, 4, 4), `joints_rad`: of each where known.
     """
 
     stations: tuple[int, ...]
@@ -36,6 +36,7 @@ class Verification:
     frame: Literal["base", "flange"]
     points_mm: Array
     base_T_flange: Array
+    joints_rad: tuple[Array | None, ...]
 
     @property
     def sigma_per_point_mm(self) -> Array:
@@ -73,7 +74,8 @@ def verify(problem: Problem, calibration: CalibrationDocument) -> Verification:
     stations = tuple(problem.views[position].index + 1 for position in seen.positions)
     if not isfinite(float(points.sum())):
         raise VerificationError("a view's pose of the target is not finite: look at the pictures")
-    return Verification(stations, ids, ANCHORS[calibration.setup], points, seen.base_T_flange)
+    joints = tuple(problem.views[position].joints_rad for position in seen.positions)
+    return Verification(stations, ids, ANCHORS[calibration.setup], points, seen.base_T_flange, joints)
 
 
 def _common_ids(problem: Problem, positions: NDArray[np.intp]) -> NDArray[np.intp]:

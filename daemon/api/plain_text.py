@@ -1,13 +1,14 @@
 """The answers as plain text, for use with curl."""
 
 from collections.abc import Iterable
+from math import hypot
 from typing import Any
 
 from calibration.documents.calibration import CalibrationDocument
 from calibration.documents.calibration_text import summary
 from daemon.api.schemas.calibrations import CalibrateStatus, CurrentCalibration
 from daemon.api.schemas.cell import RobotDocument
-from daemon.api.schemas.drift import DriftDocument
+from daemon.api.schemas.drift import DriftChangeDocument, DriftDocument
 from daemon.api.schemas.health import ReadyDocument
 from daemon.model.records import RunRecord
 from daemon.runs.run_log import prediction_text
@@ -122,12 +123,29 @@ def ready_text(ready: ReadyDocument) -> str:
     return "\n".join([*lines, *(f"warning: {warning}" for warning in ready.warnings)])
 
 
+MIN_SHOWN_CHANCE = 0.05
+"""Of what may have changed, in words."""
+
+
+def change_text(change: DriftChangeDocument) -> str:
+    """axis 2 of the arm: its zero moved by 0.020 deg (chance 97 %)"""
+    chance = f"(chance {change.chance:.0%})"
+    if change.axis is not None:
+        return f"axis {change.axis} of the arm: its zero moved by {change.turned_deg:.3f} deg {chance}"
+    if change.shift_mm is None or change.turn_deg is None:
+        return f"nothing changed since the first verifications {chance}"
+    what = change.cause.removesuffix("-moved")
+    by, turned = hypot(*change.shift_mm), hypot(*change.turn_deg)
+    return f"the {what} moved by {by:.3f} mm and turned by {turned:.3f} deg {chance}"
+
+
 def drift_text(chart: DriftDocument) -> str:
     """GET /drift."""
     about = f" of calibration {chart.calibration_id}" if chart.calibration_id else ""
     lines = [f"drift: {chart.standing}{about}, {chart.verifications} verifications"]
     if chart.alarm is not None:
         lines.append(f"alarm: {chart.alarm}")
+    lines += [change_text(change) for change in chart.changes if change.chance >= MIN_SHOWN_CHANCE]
     if chart.points:
         lines.append(f"{'at':<26}{'run':<24}{'drift [mm]':>11}{'limit':>8}{'scatter':>9}  ")
     for point in chart.points:

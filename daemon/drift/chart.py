@@ -1,14 +1,26 @@
 """The control chart of a calibration: its points, their evaluation, and the alarm."""
 
+import logging
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from calibration.documents.calibration import CalibrationDocument
+from calibration.errors import CalibrationError
+from calibration.kinematics.abb_arms import find_arm
+from calibration.likelihood.predicted_uncertainty import ExpectedNoise, Scene
+from calibration.monitoring.cell_change import PossibleChange, find_change
 from calibration.monitoring.control_chart import ChartPoint, DriftRules, DriftStanding, chart, scatter_limit_mm
 from calibration.sentences.sentence import Sentence
 from calibration.transforms import Array
 from daemon.config.settings import DriftSettings, Settings
 from daemon.drift.samples import ChartEntry, robot_noise_mm
+
+log = logging.getLogger(__name__)
+
+REPEATABILITY_MM, REPEATABILITY_RAD = 0.02, float(np.radians(0.002))
+"""Of an arm at one station, per axis; where it is worse the verifications say so."""
 
 CALIBRATE = Sentence("calibrate-or-look")
 
@@ -55,10 +67,15 @@ class DriftPoint:
 
 @dataclass(frozen=True)
 class DriftChart:
-    """The points, oldest first, and their evaluation."""
+    """The points, oldest first, and their evaluation.
+
+    `changes`: what may have changed between the first and the last of them, with chances; empty without a known arm,
+    the joints of the stations, or a verification before.
+    """
 
     report: DriftReport = field(default_factory=DriftReport)
     points: tuple[DriftPoint, ...] = ()
+    changes: tuple[PossibleChange, ...] = ()
 
 
 def chart_of(entries: Sequence[ChartEntry], document: CalibrationDocument, settings: Settings) -> DriftChart:
@@ -81,7 +98,24 @@ def chart_of(entries: Sequence[ChartEntry], document: CalibrationDocument, setti
         None if limit_mm is None else round(limit_mm, 6),
         _alarm(last, scatter_mm, limit_mm),
     )
-    return DriftChart(report, points)
+    return DriftChart(report, points, tuple(_changes(entries, document, settings)))
+
+
+def _changes(entries: Sequence[ChartEntry], document: CalibrationDocument, settings: Settings) -> list[PossibleChange]:
+    """What may have changed between the verifications of the reference and the last one."""
+    now, x = entries[-1].seen, document.mount_T_camera
+    before = [entry.seen for entry in entries[:-1][: settings.drift.learn] if entry.seen is not None]
+    if not settings.robot.model or not before or now is None or x is None or document.camera is None:
+        return []
+    image_px = document.noise.image_px or settings.calibration.noise.image_px
+    noise = ExpectedNoise(image_px, REPEATABILITY_RAD, REPEATABILITY_MM)
+    camera, target = document.camera.camera(), settings.target.target()
+    scene = Scene(document.setup, target, camera, x.transform(), now.anchor_T_target[0], noise)
+    try:
+        return find_change(before, now, find_arm(settings.robot.model), scene)
+    except (np.linalg.LinAlgError, CalibrationError) as error:
+        log.warning("what changed since the first verifications cannot be told: %s", error)
+        return []
 
 
 def _point(entry: ChartEntry, drawn: ChartPoint) -> DriftPoint:

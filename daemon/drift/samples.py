@@ -9,6 +9,9 @@ from typing import Any
 import numpy as np
 
 from calibration.documents.calibration import CalibrationDocument
+from calibration.documents.pose import PoseDocument
+from calibration.kinematics.arm_errors import AXES
+from calibration.monitoring.cell_change import SeenTarget, fit_poses
 from calibration.monitoring.control_chart import ChartSample, sample_of
 from calibration.transforms import Array
 from daemon.config.settings import CalibrationSettings
@@ -20,17 +23,21 @@ from daemon.store.store import Store
 MAX_VERIFICATIONS = 1000
 """Length of the chart: a year of verifications every eight hours."""
 
+MIN_POSE_POINTS = 4
+"""Of the target, that give its pose well."""
+
 PAGE_RUNS = 20
 """Runs are read in pages of 20 and not kept, because those of verifications are large."""
 
 
 @dataclass(frozen=True, eq=False)
 class ChartEntry:
-    """One verification of the chart."""
+    """One verification of the chart. `seen`: its stations, where their joints are known."""
 
     run_id: str
     at: str
     sample: ChartSample
+    seen: SeenTarget | None = None
 
 
 def belongs_to_chart(run: RunRecord, applied: AppliedCalibration, target_points: int) -> bool:
@@ -57,7 +64,15 @@ def chart_entry(run: RunRecord, target_points_mm: Array) -> ChartEntry:
     ids = [point["id"] for point in points]
     anchor_mm = np.array([point[f"{frame}_mm"] for point in points]).transpose(1, 0, 2)
     sample = sample_of(anchor_mm, target_points_mm[ids], target_points_mm.mean(axis=0))
-    return ChartEntry(run.id, run.updated_at, sample)
+    return ChartEntry(run.id, run.updated_at, sample, _seen(verification, anchor_mm, target_points_mm[ids]))
+
+
+def _seen(verification: dict[str, Any], anchor_mm: Array, target_mm: Array) -> SeenTarget | None:
+    joints = verification.get("joints_deg", [None])
+    if any(one is None or len(one) != AXES for one in joints) or len(target_mm) < MIN_POSE_POINTS:
+        return None
+    poses = [PoseDocument.model_validate(pose).transform() for pose in verification["base_T_flange"]]
+    return SeenTarget(np.radians(joints), np.array(poses), fit_poses(target_mm, anchor_mm))
 
 
 def robot_noise_mm(document: CalibrationDocument, settings: CalibrationSettings) -> float:

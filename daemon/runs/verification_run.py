@@ -3,6 +3,8 @@
 from dataclasses import dataclass, replace
 from typing import Any
 
+import numpy as np
+
 from calibration.documents.calibration import CalibrationDocument
 from calibration.documents.calibration_with_arm import AS_BUILT, CalibrationWithArm
 from calibration.documents.pose import PoseDocument
@@ -66,8 +68,8 @@ def document_of(
 ) -> dict[str, Any]:
     """The points in `frame` and their standard deviations, rounded to 0.1 um (Tab. 1 of the paper).
 
-    `frame`: base, or flange when the target is on the flange and the camera beside the robot. `base_T_flange`: the pose
-    of the robot at each station.
+    `frame`: base, or flange when the target is on the flange and the camera beside the robot. `base_T_flange`,
+    `joints_deg`: where the robot was at each station.
 
     `expanded_mm`: twice the largest standard deviation; `within_tolerance` when it and the calibration's U at the worst
     of the points that matter are, null without a tolerance.
@@ -79,6 +81,7 @@ def document_of(
         "calibration_id": calibration.id,
         "stations": list(found.stations),
         "frame": found.frame,
+        "joints_deg": [None if one is None else np.degrees(one).round(6).tolist() for one in found.joints_rad],
         "base_T_flange": [PoseDocument.of(pose).model_dump(mode="json") for pose in found.base_T_flange],
         "points": [
             {"id": int(point), f"{found.frame}_mm": points[:, column].tolist(), "sigma_mm": sigma[column].tolist()}

@@ -109,6 +109,8 @@ class SimulatedArm:
         arm.require_within_limits(joints)
         self.arm = arm
         self._noise, self._built = noise, built
+        self.lost_rad: Array = np.zeros(len(joints))
+        """By how much each axis truly stands beyond what is reported: a zero lost after a collision or a new motor."""
         self._sides: Array = np.ones(len(joints))  # from which each axis last came: 1 from below
         self._departures = 0
         self._motion = ArmMotion(JointPath(joints, joints), Trapezoid(0.0, 1.0, 1.0), now_s - IN_POSITION_S)
@@ -190,9 +192,10 @@ class SimulatedArm:
 
     def true_base_T_flange(self, now_s: float) -> Array:
         """True flange pose, as camera and scanner see it."""
-        stands = self.reported_base_T_flange(now_s)
+        joints = self.joints_at(now_s) + self.lost_rad
+        stands = self.arm.forward(joints)
         if self._built is not None:
-            stands = self._built.base_T_flange(Postures(self.joints_at(now_s)[None], sides=self._sides[None]))[0]
+            stands = self._built.base_T_flange(Postures(joints[None], sides=self._sides[None]))[0]
         return stands @ self._noise.flange_T_true(self._departures)
 
     def _come_from(self, here: Array, there: Array) -> None:

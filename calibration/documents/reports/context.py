@@ -48,12 +48,13 @@ class DriftedPoint:
 
 @dataclass(frozen=True)
 class Drift:
-    """The control chart of the calibration in force."""
+    """The control chart of the calibration in force. `changes`: what may have changed, with chances, in words."""
 
     calibration_id: str
     standing: str
     points: tuple[DriftedPoint, ...]
     alarm: str | None = None
+    changes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -102,4 +102,6 @@ def drift_block(drift: Drift) -> Markup:
         "Drift of the target, moving average, since the calibration was put in force; dashed: its limit by chance."
         f" Standing: {drift.standing}."
     )
-    return tag("figure", chart, tag("figcaption", words))
+    changed = [tag("li", change) for change in drift.changes]
+    known = tag("ul", *changed, title="what may have changed") if changed else None
+    return join(tag("figure", chart, tag("figcaption", words)), known)

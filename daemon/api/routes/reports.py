@@ -23,9 +23,11 @@ from calibration.documents.reports.scan_report import Scan, ScannedView, scan_re
 from calibration.documents.reports.verification_report import drift_report, verification_report
 from daemon.api.dependencies import App, Identifier, WithCamera
 from daemon.api.negotiation import media_ranges
+from daemon.api.plain_text import MIN_SHOWN_CHANCE, change_text
 from daemon.api.problems import problem_responses
 from daemon.api.routes.scans import calibration_of_scan
 from daemon.api.schemas.acceptances import StoredAcceptance
+from daemon.api.schemas.drift import DriftChangeDocument
 from daemon.application import Application
 from daemon.drift.chart import DriftChart
 from daemon.errors import NotFound
@@ -109,7 +111,9 @@ def _drift_of(chart: DriftChart) -> Drift:
         for point in chart.points
     )
     standing = chart.report.standing.value if chart.report.standing else "off"
-    return Drift(chart.report.calibration_id, standing, points, chart.report.alarm)
+    changes = [DriftChangeDocument.of(one) for one in chart.changes if one.chance >= MIN_SHOWN_CHANCE]
+    words = tuple(change_text(change) for change in changes)
+    return Drift(chart.report.calibration_id, standing, points, chart.report.alarm, words)
 
 
 def _session(app: Application, folder: Path, document: CalibrationDocument) -> tuple[tuple[Picture, ...], str | None]:

@@ -1,9 +1,11 @@
 """Schemas of GET /drift."""
 
 from collections.abc import Sequence
+from math import degrees
 from typing import Literal
 
 from calibration.documents.calibration import SentenceDocument
+from calibration.monitoring.cell_change import PossibleChange
 from daemon.api.schemas.answer import EXAMPLE_AT, EXAMPLE_ID, Answer, OfRecord, documents_of, example
 from daemon.config.settings import DriftSettings
 from daemon.drift.chart import DriftChart
@@ -56,12 +58,43 @@ class DriftTouchDocument(OfRecord):
         )  # fmt: skip
 
 
+class DriftChangeDocument(Answer):
+    """What may have changed between the chart's first verifications and the last one, with its probability.
+
+    `cause` "axis-zero": the zero of `axis` (1 to 6) moved by `turned_deg`. Otherwise the camera or the target moved by
+    `shift_mm` and `turn_deg`: the camera in the frame of its mount, the target in that in which it stands.
+    """
+
+    cause: Literal["nothing", "camera-moved", "target-moved", "axis-zero"]
+    chance: float
+    axis: int | None = None
+    turned_deg: float | None = None
+    shift_mm: tuple[float, float, float] | None = None
+    turn_deg: tuple[float, float, float] | None = None
+
+    @classmethod
+    def of(cls, change: PossibleChange) -> "DriftChangeDocument":
+        moved = change.cause in ("camera-moved", "target-moved")
+        x, y, z = (round(degrees(turn), 6) for turn in change.turn_rad)
+        a, b, c = (round(shift, 6) for shift in change.shift_mm)
+        return cls(
+            cause=change.cause,
+            chance=round(change.chance, 6),
+            axis=change.axis,
+            turned_deg=None if change.axis is None else round(degrees(change.turned_rad), 6),
+            shift_mm=(a, b, c) if moved else None,
+            turn_deg=(x, y, z) if moved else None,
+        )
+
+
 class DriftDocument(Answer):
     """The control chart of the calibration in force; "off" without one. `points`: the oldest first.
 
     `alarm`: a sentence, or null; `alarm_detail`: what it is made of. `scatter_limit_mm`: the largest scatter of the
     last verification that is explained by the calibration's uncertainty and the robot's noise. `touch_tests`: of the
-    same calibration, the oldest first, without those that GET /touches names as damaged.
+    same calibration, the oldest first, without those that GET /touches names as damaged. `changes`: what may have
+    changed, the likeliest first; empty where it cannot be told: without a known arm, the joints of the stations, or a
+    verification before.
     """
 
     model_config = example(
@@ -70,6 +103,8 @@ class DriftDocument(Answer):
         rules={"weight": 0.2, "learn": 5, "allowed_mm": 0.0, "runs_between_false_alarms": 1000.0},
         points=[{"run_id": EXAMPLE_ID, "at": EXAMPLE_AT, "standing": "steady", "shift_mm": [0.03, -0.01, 0.02],
                  "average_mm": [0.017, -0.004, 0.012], "drift_mm": 0.021, "limit_mm": 0.094, "scatter_mm": 0.04}],
+        changes=[{"cause": "nothing", "chance": 0.98, "axis": None, "turned_deg": None, "shift_mm": None,
+                  "turn_deg": None}],
         touch_tests=[
             {"id": EXAMPLE_ID, "at": EXAMPLE_AT, "largest_mm": 0.31, "expanded_mm": 0.24, "accepted": True}
         ],
@@ -86,6 +121,7 @@ class DriftDocument(Answer):
     alarm_detail: SentenceDocument | None
     rules: DriftRulesDocument
     points: list[DriftPointDocument]
+    changes: list[DriftChangeDocument]
     touch_tests: list[DriftTouchDocument]
 
     @classmethod
@@ -106,5 +142,6 @@ class DriftDocument(Answer):
             rules=DriftRulesDocument(**settings.model_dump(include=set(DriftRulesDocument.model_fields))),
             points=[DriftPointDocument(**{**vars(point), "standing": point.standing.value})
                     for point in chart.points[-limit:]],
+            changes=[DriftChangeDocument.of(change) for change in chart.changes],
             touch_tests=split_damaged(documents_of(DriftTouchDocument, touched))[0],
         )  # fmt: skip
