@@ -157,6 +157,10 @@ def drift_text(chart: DriftDocument) -> str:
         lines.append(
             f"{touch.at:<26}{'touch ' + touch.id:<30}{known}  {'accepted' if touch.accepted else 'not accepted'}"
         )
+    for found in chart.scanner:
+        spacing = "" if found.sphere_spacing_mm is None else f", spacing {found.sphere_spacing_mm:+.3f} mm"
+        errors = f"form {found.probing_form_mm:.3f} mm, size {found.probing_size_mm:+.3f} mm{spacing}"
+        lines.append(f"{found.at:<26}{'scanner ' + found.id:<30}{errors}")
     return "\n".join(lines)
 
 

@@ -130,7 +130,8 @@ class TouchRequest(Document):
 
     `verification`: run whose points of the target the touches name by `id`. One touch may leave `base_T_flange` out: it
     is read from the standing arm. `adds_to`: id of a touch test to which these touches are added, with its tip.
-    `tolerance_mm`: largest miss. `placing_sigma_mm`: of bringing the tip to a point, without the robot's error.
+    `tolerance_mm`: largest miss; by default that of the test before, or the settings'.
+    `placing_sigma_mm`: of bringing the tip to a point, without the robot's error.
     """
 
     model_config = _examples(

@@ -13,6 +13,8 @@ from calibration.documents.validation import Document
 from calibration.errors import DocumentError, DocumentProblem
 from calibration.monitoring.touch_report import SeenPoint, TouchTestDocument, touch_test, verified_points
 from daemon.cell.cell import Cell
+from daemon.config.settings import CalibrationSettings
+from daemon.errors import ToleranceLoosened
 from daemon.model.records import RunRecord
 from daemon.model.requests import TouchRequest
 from daemon.model.run_states import RunState
@@ -37,17 +39,19 @@ class StoredTouchTest(Document):
 
 @dataclass(frozen=True)
 class TouchTests:
-    """Evaluates and stores touch tests."""
+    """Evaluates and stores touch tests. `settings`: of the tolerance, where no request states one."""
 
     store: Store
     cell: Cell
     workers: Workers
     clock: Clock
+    settings: CalibrationSettings
 
     async def evaluate(self, request: TouchRequest, new_id: str) -> DocumentRecord:
         """Evaluate touches, a missing pose read from the standing arm, and store the result.
 
-        Raises NotFound, NoCalibration, DocumentError, GeometryError, CellBusy, NotStill, DeviceError, StorageError.
+        Raises NotFound, NoCalibration, DocumentError, GeometryError, CellBusy, NotStill, ToleranceLoosened,
+        DeviceError, StorageError.
         """
         earlier = None
         if request.adds_to is not None:
@@ -60,18 +64,26 @@ class TouchTests:
             raise _refusal("tip", "another than that of the test to be added to", "leave it out, or begin a new test")
         if earlier is not None and request.verification not in (None, earlier.verification):
             raise _refusal("verification", "another than that of the test to be added to", "begin a new test")
+        tolerance_mm = self._tolerance_mm(request, earlier)
         verification = request.verification or (None if earlier is None else earlier.verification)
         run = None if verification is None else await self._verification(verification)
         calibration = await self._calibration(run, earlier)
         touches = await self._with_poses(request, earlier)
         given = CalibrationWithArm.of(calibration, await self.store.arm(calibration.id))
-        tolerance_mm = request.tolerance_mm or (None if earlier is None else earlier.result.tolerance_mm)
         found = await self.workers.run(_evaluate, given, tip, touches, run, tolerance_mm)
         stored = StoredTouchTest(tip=tip, touches=touches, verification=verification, result=found)
         at, actor = self.clock.timestamp(), current_audit_context().actor
         new = DocumentRecord(new_id, calibration.id, at, actor, stored.model_dump_json())
         await self.store.touch_tests.save(new)
         return new
+
+    def _tolerance_mm(self, request: TouchRequest, earlier: StoredTouchTest | None) -> float | None:
+        """That of the request, else of the test to be added to, else of the settings. Raises ToleranceLoosened."""
+        of_earlier = None if earlier is None else earlier.result.tolerance_mm
+        tolerance_mm = request.tolerance_mm or of_earlier or self.settings.tolerance_mm
+        if tolerance_mm is not None and self.settings.forbids(tolerance_mm):
+            raise ToleranceLoosened(tolerance_mm, self.settings.verdict_limits().tolerance_mm)
+        return tolerance_mm
 
     async def _verification(self, run_id: str) -> RunRecord:
         run = await self.store.run(run_id)

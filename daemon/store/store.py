@@ -39,7 +39,7 @@ from daemon.store.audit_log import AuditLog
 from daemon.store.browser_sessions import BrowserSessions
 from daemon.store.consistency import StoreFault, find_fault
 from daemon.store.damaged_rows import parse_each, parse_row, parse_stored, parsing, split_damaged
-from daemon.store.documents import ACCEPTANCES, RIGS, TOUCH_TESTS, Documents
+from daemon.store.documents import ACCEPTANCES, RIGS, TOUCH_TESTS, DocumentRecord, Documents
 from daemon.store.event_log import StoredEvents
 from daemon.store.idempotency_keys import IdempotencyKeys
 from daemon.store.listings import SCAN_VIEWS, Listings, read_page
@@ -339,6 +339,13 @@ class Store:
         """Up to `limit` scans older than the one with the id `before`, newest first. Raises CursorUnknown."""
         query = "SELECT * FROM scans"
         return [_scan(row) for row in await self._page(query, "scans", limit, before)]
+
+    async def acceptances_of(self, scanner: str, limit: int) -> list[DocumentRecord]:
+        """The latest verifications of a scanner by name, at most `limit`, the oldest first. Raises StorageError."""
+        query = """SELECT a.id, a.scan_id, a.created_at, a.created_by, a.document FROM acceptances a
+            JOIN scans s ON s.id = a.scan_id WHERE s.scanner = ? ORDER BY a.rowid DESC LIMIT ?"""
+        rows = await self._database.read(lambda db: db.execute(query, (scanner, limit)).fetchall())
+        return [DocumentRecord(*row) for row in rows[::-1]]
 
     async def add_scan_view(
         self, scan_id: str, upload: Path, suffix: str, unit: Unit, pose: FlangePose, created_at: str

@@ -33,5 +33,7 @@ async def drift(
     """The control chart: where the fixed target was seen by each verification, its limits, and what follows from it."""
     chart = await (camera.drift.refresh() if calibration is None else camera.drift.chart_of_earlier(calibration))
     touched = await app.store.touch_tests.about(chart.report.calibration_id, min(limit, MAX_TOUCH_TESTS))
-    document = await app.service_workers.run(DriftDocument.of, chart, app.settings.drift, limit, touched)
+    scanner = app.settings.scanner_beside(camera.name)
+    accepted = await app.store.acceptances_of(scanner, min(limit, MAX_TOUCH_TESTS))
+    document = await app.service_workers.run(DriftDocument.of, chart, app.settings.drift, limit, touched, accepted)
     return respond(request, document, lambda: drift_text(document))

@@ -10,6 +10,7 @@ from daemon.api.schemas.answer import EXAMPLE_AT, EXAMPLE_ID, Answer, OfRecord, 
 from daemon.config.settings import DriftSettings
 from daemon.drift.chart import DriftChart
 from daemon.runs.touch_tests import StoredTouchTest
+from daemon.scans.scanner_acceptance import AcceptanceDocument
 from daemon.store.damaged_rows import split_damaged
 from daemon.store.documents import DocumentRecord
 
@@ -87,6 +88,25 @@ class DriftChangeDocument(Answer):
         )
 
 
+class DriftScannerDocument(OfRecord):
+    """One verification of the scanner with a sphere or a ball bar: its errors, as POST /verify gave them."""
+
+    id: str
+    at: str
+    scan_id: str
+    probing_form_mm: float
+    probing_size_mm: float
+    sphere_spacing_mm: float | None
+
+    @classmethod
+    def of_record(cls, record: DocumentRecord) -> "DriftScannerDocument":
+        found = record.parsed(AcceptanceDocument)
+        return cls(
+            id=record.id, at=record.created_at, scan_id=found.scan_id, probing_form_mm=found.probing_form_mm,
+            probing_size_mm=found.probing_size_mm, sphere_spacing_mm=found.sphere_spacing_mm,
+        )  # fmt: skip
+
+
 class DriftDocument(Answer):
     """The control chart of the calibration in force; "off" without one. `points`: the oldest first.
 
@@ -95,6 +115,7 @@ class DriftDocument(Answer):
     same calibration, the oldest first, without those that GET /touches names as damaged. `changes`: what may have
     changed, the likeliest first; empty where it cannot be told: without a known arm, the joints of the stations, or a
     verification before.
+    `scanner`: the verifications of the scanner beside this camera, the oldest first, whatever was in force.
     """
 
     model_config = example(
@@ -108,6 +129,8 @@ class DriftDocument(Answer):
         touch_tests=[
             {"id": EXAMPLE_ID, "at": EXAMPLE_AT, "largest_mm": 0.31, "expanded_mm": 0.24, "accepted": True}
         ],
+        scanner=[{"id": EXAMPLE_ID, "at": EXAMPLE_AT, "scan_id": EXAMPLE_ID, "probing_form_mm": 0.08,
+                  "probing_size_mm": 0.03, "sphere_spacing_mm": -0.02}],
     )  # fmt: skip
 
     standing: Literal["off", "learning", "steady", "drifting"]
@@ -123,10 +146,16 @@ class DriftDocument(Answer):
     points: list[DriftPointDocument]
     changes: list[DriftChangeDocument]
     touch_tests: list[DriftTouchDocument]
+    scanner: list[DriftScannerDocument]
 
     @classmethod
     def of(
-        cls, chart: DriftChart, settings: DriftSettings, limit: int, touched: Sequence[DocumentRecord] = ()
+        cls,
+        chart: DriftChart,
+        settings: DriftSettings,
+        limit: int,
+        touched: Sequence[DocumentRecord] = (),
+        accepted: Sequence[DocumentRecord] = (),
     ) -> "DriftDocument":
         report = chart.report
         return cls(
@@ -144,4 +173,5 @@ class DriftDocument(Answer):
                     for point in chart.points[-limit:]],
             changes=[DriftChangeDocument.of(change) for change in chart.changes],
             touch_tests=split_damaged(documents_of(DriftTouchDocument, touched))[0],
+            scanner=split_damaged(documents_of(DriftScannerDocument, accepted))[0],
         )  # fmt: skip

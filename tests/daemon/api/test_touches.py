@@ -1,12 +1,13 @@
 """POST /touch: points that a verification saw, touched with a known tip; nothing moves."""
 
+from pathlib import Path
 from typing import Any
 
 import pytest
 
 from daemon.model.records import AppliedCalibration, CalibrationRecord
 from daemon.model.run_states import RunState
-from tests.daemon.cell_under_test import Bench
+from tests.daemon.cell_under_test import Bench, serving, settings_for
 from tests.daemon.touches import TIP, document_with_covariance, json_of, touching
 
 
@@ -115,3 +116,24 @@ async def test_a_run_that_is_no_verification_has_no_points(bench: Bench) -> None
     answer = await bench.client.post("/touch", json=body)
     assert answer.status_code == 422
     assert "no finished verification" in answer.text
+
+
+async def test_without_a_tolerance_the_settings_hold(tmp_path: Path) -> None:
+    async with serving(settings_for(tmp_path, calibration={"tolerance_mm": 1.5})) as bench:
+        await apply_with_covariance(bench)
+        body = {"tip": TIP, "touches": [SEEN | {"base_T_flange": POSE}]}
+        found = (await bench.client.post("/touch", json=body)).json()["result"]
+        assert found["tolerance_mm"] == 1.5
+        stated = (await bench.client.post("/touch", json=body | {"tolerance_mm": 3.0})).json()["result"]
+        assert stated["tolerance_mm"] == 3.0
+
+
+async def test_a_larger_tolerance_is_refused_where_the_settings_forbid_it(tmp_path: Path) -> None:
+    strict = {"tolerance_mm": 1.0, "requests_may_loosen": False}
+    async with serving(settings_for(tmp_path, calibration=strict)) as bench:
+        await apply_with_covariance(bench)
+        body = {"tip": TIP, "touches": [SEEN | {"base_T_flange": POSE}], "tolerance_mm": 1.2}
+        refused = await bench.client.post("/touch", json=body)
+        assert refused.json()["code"] == "tolerance-loosened"
+        assert (await bench.client.get("/touches")).json()["touches"] == []
+        assert (await bench.client.post("/touch", json=body | {"tolerance_mm": 0.8})).status_code == 201

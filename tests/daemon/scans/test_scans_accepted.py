@@ -36,6 +36,9 @@ async def test_a_ball_bar_in_three_positions_gives_probing_and_spacing_errors(be
     stored = (await bench.client.get(answer.headers["location"])).json()
     assert (stored["acceptance"], stored["created_by"]) == (found, "local")
     assert (await bench.client.get("/acceptances")).json() == {"acceptances": [stored], "next": None, "damaged": []}
+    (charted,) = (await bench.client.get("/drift")).json()["scanner"]
+    assert (charted["id"], charted["sphere_spacing_mm"]) == (stored["id"], found["sphere_spacing_mm"])
+    assert "spacing +0.15" in (await bench.client.get("/drift", headers={"accept": "text/plain"})).text
     report = await bench.client.get(f"/acceptances/{stored['id']}/report")
     assert (report.status_code, stored["id"] in report.text) == (200, True)
     assert number(stored["acceptance"]["probing_form_mm"], 4) in report.text
