@@ -195,6 +195,16 @@ class Operations:
         await (await self.supervisor.request_queue(run_id)).submit(action)
         return await self.supervisor.run(run_id)
 
+    async def jog_in_run(self, run_id: str, request: JogRequest) -> RunRecord:
+        """Jog the arm in a manual run, under that run's hold of the cell; returns the run afterwards.
+
+        Raises NotFound, RunOver, NotWaiting, AbortHeld, CellBusy, CellNotReady, PoseRefused, NotStill, DeviceError.
+        """
+        requests = await self.supervisor.request_queue(run_id)
+        self.supervisor.require_no_abort()
+        await requests.submit("a jog", request)
+        return await self.supervisor.run(run_id)
+
     async def verify(self, request: VerifyRequest) -> RunRecord:
         """Start a verification run. Raises as `calibrate`, and NoCalibration."""
         self._check_tolerance(request.tolerance_mm)

@@ -148,19 +148,25 @@ class Cell:
         A stop that is not confirmed within MAX_ATTEMPT_S goes on, and nobody gets the lease before it is confirmed.
         Raises CellBusy, CellNotReady, DeviceError.
         """
-        async with self.hold(holder):
-            if not self.robot.capabilities.moves:  # nor stopped at the end: the program that runs is somebody else's
-                raise CellNotReady((READ_ONLY,))
-            reasons = (*self._stop_obstacle(), *motion_obstacles(await self.robot.read_status()))
-            if reasons:
-                raise CellNotReady(reasons)
-            self._occupancy.leased = True
-            try:
-                await self.robot.set_armed(True)
-                yield self.robot
-            finally:
-                self._occupancy.leased = False
-                await self.safe_stop.stop_and_disarm()
+        async with self.hold(holder), self.armed() as robot:
+            yield robot
+
+    @asynccontextmanager
+    async def armed(self) -> AsyncIterator[Robot]:
+        """Arm the robot, for the holder, until the block ends; as `motion_lease`. Raises CellNotReady, DeviceError."""
+        assert self.holder is not None
+        if not self.robot.capabilities.moves:  # nor stopped at the end: the program that runs is somebody else's
+            raise CellNotReady((READ_ONLY,))
+        reasons = (*self._stop_obstacle(), *motion_obstacles(await self.robot.read_status()))
+        if reasons:
+            raise CellNotReady(reasons)
+        self._occupancy.leased = True
+        try:
+            await self.robot.set_armed(True)
+            yield self.robot
+        finally:
+            self._occupancy.leased = False
+            await self.safe_stop.stop_and_disarm()
 
     def stop_motion(self) -> None:
         """Begin to stop and disarm the arm at once when somebody has a motion lease; its holder waits for the end."""

@@ -59,7 +59,8 @@ class CalibrateRequest(Document):
     `tolerance_mm`: largest U (k = 2) at the worst of the points that matter; the verdict applies it in place of the
     settings', and planning ends when it is met. `uncertainty_mm`: planning ends when a mapped point is known as well as
     this (one sigma). With either, `count` is the most.
-    `manual`: nothing moves the arm; the operator jogs it, and takes each view with POST /runs/{id}/stations.
+    `manual`: the operator jogs the arm, by joystick or with POST /runs/{id}/jog, and takes each view with
+    POST /runs/{id}/stations; nothing else moves it.
     `arm`: the errors of the arm as built are identified, too: GET /calibrations/{id}/arm. [robot] model names the arm.
     `camera`: name of one of [cameras]; [camera] without it. `together`: names of further cameras, and of scanners with
     organised clouds, on the same mount: each looks from every station, and all are solved in one estimate (GET /rigs).

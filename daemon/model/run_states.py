@@ -23,7 +23,9 @@ class RunEvent(StrEnum):
 
     ARRIVED = "arrived"
     ASKED = "asked"  # the operator asks for a view from the present pose
-    REFUSED = "refused"  # that view is refused with a reason, and the run goes on waiting
+    JOGS = "jogs"  # the operator asks the daemon to jog the arm
+    JOGGED = "jogged"  # the arm stands again, and the run goes on waiting
+    REFUSED = "refused"  # that view or jog is refused with a reason, and the run goes on waiting
     ADVISED = "advised"  # the view is taken, and the operator has advice where to go next
     SETTLED = "settled"
     CAPTURED = "captured"  # and there is a next station
@@ -51,8 +53,14 @@ S, E = RunState, RunEvent
 _FAILURES = {E.FAULT: S.FAILED, E.ABORT: S.ABORTED}
 
 NEXT_STATE: dict[RunState, dict[RunEvent, RunState]] = {
-    S.MOVING: {E.ARRIVED: S.SETTLING, E.STANDS: S.FINISHED, **_FAILURES},
-    S.WAITING: {E.ASKED: S.SETTLING, E.ENOUGH: S.DETECTING, **_FAILURES},
+    S.MOVING: {
+        E.ARRIVED: S.SETTLING,
+        E.STANDS: S.FINISHED,
+        E.JOGGED: S.WAITING,
+        E.REFUSED: S.WAITING,
+        **_FAILURES,
+    },
+    S.WAITING: {E.ASKED: S.SETTLING, E.JOGS: S.MOVING, E.ENOUGH: S.DETECTING, **_FAILURES},
     S.SETTLING: {E.SETTLED: S.CAPTURING, E.REFUSED: S.WAITING, **_FAILURES},
     S.CAPTURING: {
         E.REFUSED: S.WAITING,

@@ -54,7 +54,12 @@ class Jog:
 
     async def carry_out(self, holder: str) -> PoseReading:
         """Move, and stop and disarm in every case; returns the pose and joints at rest. Raises as `goal`, CellBusy."""
-        async with self.cell.motion_lease(holder) as robot:
+        async with self.cell.hold(holder):
+            return await self.carry_out_as_holder()
+
+    async def carry_out_as_holder(self) -> PoseReading:
+        """As `carry_out`, for a run that holds the cell already."""
+        async with self.cell.armed() as robot:
             goal = await self.goal()
             if isinstance(goal, JointGoal):
                 await self.cell.move_to_joints(goal)

@@ -1,6 +1,7 @@
 """Manual pose sequence: the operator jogs the arm and requests each view, and is advised where to go next.
 
-The robot is only read, never commanded or armed, so a driver that only reads is sufficient.
+The robot is only read, so a driver that only reads is sufficient; it is armed and moved for a jog that the operator
+asks the run for, and for nothing else.
 """
 
 from dataclasses import dataclass, field, replace
@@ -12,11 +13,20 @@ from calibration.planning.jog_advice import Advice, advise
 from calibration.problem import Problem, View
 from calibration.transforms import difference
 from daemon.cell.cell import Cell
-from daemon.errors import DaemonError, OperatorTimeout, SamePose, StorageError, TargetNotSeen, TooFewViews
+from daemon.errors import (
+    CellNotReady,
+    DaemonError,
+    OperatorTimeout,
+    SamePose,
+    StorageError,
+    TargetNotSeen,
+    TooFewViews,
+)
 from daemon.model.records import Planning
 from daemon.model.run_states import RunEvent as E
 from daemon.model.run_states import RunState
 from daemon.runs.adaptive_sequence import AdaptiveParameters, goal_of
+from daemon.runs.jog import Jog
 from daemon.runs.operator_requests import OperatorRequest, OperatorRequestQueue
 from daemon.runs.run_log import RunLog
 from daemon.runtime.workers import Workers
@@ -48,7 +58,7 @@ class _Progress:
 
 @dataclass(frozen=True)
 class ManualSequence:
-    """Poses to which an operator jogs the arm. Holds the cell, and never arms the robot."""
+    """Poses to which an operator jogs the arm. Holds the cell, and arms the robot for the operator's jogs only."""
 
     parameters: ManualParameters
     cell: Cell
@@ -84,6 +94,8 @@ class ManualSequence:
             if asked.action == "the end":
                 self._check_view_count(min_views)
                 await self.log.advance(E.ENOUGH, stations=self.log.run.station)
+            elif asked.jog is not None:
+                await self._jog(Jog(self.cell, self.parameters.adaptive.rules, asked.jog))
             else:
                 await self._take_view()
         except StorageError as error:
@@ -96,6 +108,16 @@ class ManualSequence:
             return False
         asked.complete()
         return asked.action == "the end"
+
+    async def _jog(self, jog: Jog) -> None:
+        """Move the arm, which is stopped and disarmed afterwards in every case."""
+        if reasons := await self.cell.robot_obstacles():
+            await self.cell.require_interlocks()
+            raise CellNotReady(reasons)
+        await jog.goal()
+        await self.log.advance(E.JOGS)
+        await jog.carry_out_as_holder()
+        await self.log.advance(E.JOGGED)
 
     def _check_view_count(self, min_views: int) -> None:
         if (seen := len(self._progress.views_with_target)) < min_views:

@@ -5,17 +5,19 @@ from dataclasses import dataclass
 from typing import Literal
 
 from daemon.errors import CellBusy, DaemonError, RunOver
+from daemon.model.requests import JogRequest
 from drivers.errors import DeviceError
 
-OperatorAction = Literal["a view", "the end"]
+OperatorAction = Literal["a view", "a jog", "the end"]
 
 
 @dataclass(frozen=True)
 class OperatorRequest:
-    """One request of an operator, who waits for its completion."""
+    """One request of an operator, who waits for its completion; `jog`: where to."""
 
     action: OperatorAction
     _answer: asyncio.Future[None]
+    jog: JogRequest | None = None
 
     def complete(self) -> None:
         """Report the request as done."""
@@ -36,15 +38,15 @@ class OperatorRequestQueue:
         self._queue: asyncio.Queue[OperatorRequest] = asyncio.Queue(1)
         self._closed = False
 
-    async def submit(self, wish: OperatorAction) -> None:
+    async def submit(self, wish: OperatorAction, jog: JogRequest | None = None) -> None:
         """Send a request and wait until it is done. Raises CellBusy, RunOver, and the reason of a refusal."""
         if self._closed:
             raise RunOver("the run is ending, and takes no more views", "look at its result, or start another")
         if self._pending is not None:
-            raise CellBusy("the view that is being taken")
+            raise CellBusy("the jog in progress" if self._pending.jog else "the view that is being taken")
         answer = asyncio.get_running_loop().create_future()
         answer.add_done_callback(lambda done: done.cancelled() or done.exception())  # the client may have disconnected
-        self._pending = OperatorRequest(wish, answer)
+        self._pending = OperatorRequest(wish, answer, jog)
         self._queue.put_nowait(self._pending)
         await asyncio.shield(answer)  # carried out even if the client disconnects
 

@@ -104,12 +104,16 @@ class Supervisor:
         """Reasons why nobody may start a run now, whatever the cell's state."""
         return AbortHeld(self._abort_holders).reasons if self._abort_holders else ()
 
-    def require_free(self) -> None:
-        """Raises RunInProgress, CellBusy, AbortHeld or Stopping when a run could not start now."""
+    def require_no_abort(self) -> None:
+        """Raises AbortHeld or Stopping when the arm may not begin to move now."""
         if self._stopping:
             raise Stopping
         if self._abort_holders:
             raise AbortHeld(self._abort_holders)
+
+    def require_free(self) -> None:
+        """Raises RunInProgress, CellBusy, AbortHeld or Stopping when a run could not start now."""
+        self.require_no_abort()
         if (run := self.in_progress) is not None:
             raise RunInProgress(run.kind, run.id)
         if self._starting:

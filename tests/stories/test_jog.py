@@ -1,12 +1,13 @@
 """An operator jogs the arm through the daemon at the shipped RAPID: by axis, in frames, to angles, within the rules."""
 
+import asyncio
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from tests.stories.plant import Plant, plant
-from tests.support.waiting import LIMIT_S
+from tests.support.waiting import LIMIT_S, eventually
 
 
 def joints_deg(story: Plant) -> Any:
@@ -66,3 +67,33 @@ async def test_angles_of_an_unknown_arm_are_refused_where_the_controllers_box_is
             assert "set [robot] model" in refused["fix"]
         assert story.cell.commanded_moves == 0
         assert (await jogs(story, shift_mm=[0.0, 0.0, 5.0]))["state"] == "finished"
+
+
+async def test_in_a_calibration_by_hand_the_run_jogs_between_views_and_aborting_it_stops_the_arm(
+    tmp_path: Path,
+) -> None:
+    async with plant(tmp_path, planned=True, time_scale=4) as story:
+        ask = story.operator.client
+        run = await story.operator.starts("/calibrate", manual=True)
+        assert (await ask.post(run["links"]["stations"])).json()["station"] == 1
+        before = (await ask.get("/robot")).json()["base_T_flange"]["translation_mm"]
+        turned = await ask.post(run["links"]["jog"], json={"shift_mm": [0.0, 0.0, 15.0], "turn_deg": [0.0, 6.0, 0.0]})
+        assert (turned.status_code, turned.json()["state"]) == (200, "waiting"), turned.text
+        after = (await ask.get("/robot")).json()["base_T_flange"]["translation_mm"]
+        np.testing.assert_allclose(np.subtract(after, before), [0, 0, 15], atol=0.1)
+        assert not story.cell.controller.armed
+        assert (await ask.post(run["links"]["stations"])).json()["station"] == 2
+
+        jogging = asyncio.create_task(ask.post(run["links"]["jog"], json={"axis": 1, "by_deg": 25.0, "speed_mm_s": 5}))
+        await eventually(lambda: story.cell.controller.arm.is_moving_at(now(story)))
+        stopped = await ask.post(run["links"]["abort"])
+        assert (stopped.status_code, stopped.json()["state"]) == (200, "aborted"), stopped.text
+        assert (await jogging).status_code == 409
+        assert not story.cell.controller.armed
+        start = joints_deg(story)
+        assert story.cell.controller.arm.is_settled_at(now(story))
+        np.testing.assert_allclose(joints_deg(story), start, atol=1e-9)
+
+
+def now(story: Plant) -> float:
+    return story.cell.controller.robot_s(story.cell.cell.clock())

@@ -1,4 +1,4 @@
-"""GET /runs, one of them, its pictures; aborting it, taking a view, finishing it."""
+"""GET /runs, one of them, its pictures; aborting it, jogging in it, taking a view, finishing it."""
 
 from contextlib import suppress
 from typing import Annotated
@@ -12,6 +12,7 @@ from daemon.api.dependencies import (
     App,
     Before,
     Identifier,
+    JsonBody,
     Limit,
     Moment,
     Wait,
@@ -32,6 +33,7 @@ from daemon.api.schemas.runs import RunDocument, RunList, listing_json
 from daemon.application import Application
 from daemon.errors import NotFound
 from daemon.model.records import RunKind, RunRecord
+from daemon.model.requests import JogRequest
 from daemon.model.run_states import RunState
 from daemon.runs.run_views import run_views
 from daemon.sessions.session_files import SESSION_FILE
@@ -102,6 +104,21 @@ async def station(request: Request, app: App, run_id: Identifier) -> Response:
     again.
     """
     return await answer_run(request, app, await app.operations.submit_request(run_id, "a view"))
+
+
+@router.post(
+    "/{run_id}/jog",
+    response_model=RunDocument,
+    responses={200: or_text("The arm stands"), **problem_responses(400, 404, 409, 422, 500, 502, 503, 504, 507)},
+)
+async def jog(
+    request: Request, app: App, run_id: Identifier, body: Annotated[JogRequest, Depends(JsonBody(JogRequest))]
+) -> Response:
+    """Of a manual run: move the arm as with POST /robot/jog, between two views; answered when it stands.
+
+    The run keeps the cell and goes on waiting, also after a refused jog. `POST /runs/{id}/abort` stops the arm.
+    """
+    return await answer_run(request, app, await app.operations.jog_in_run(run_id, body))
 
 
 @router.post("/{run_id}/finish", response_model=RunDocument, responses=FINISHING)

@@ -150,7 +150,7 @@ class RunDocument(Answer):
         if not run.over:
             links["abort"] = f"/runs/{run.id}/abort"
             if run.request.get("manual"):
-                links |= {"stations": f"/runs/{run.id}/stations", "finish": f"/runs/{run.id}/finish"}
+                links |= {name: f"/runs/{run.id}/{name}" for name in ("stations", "jog", "finish")}
         for key, folder in (("calibration_id", "calibrations"), ("scan_id", "scans")):
             if run.result and key in run.result:
                 links[key.removesuffix("_id")] = f"/{folder}/{run.result[key]}"

@@ -1,4 +1,4 @@
-"""Runs without a driver: the operator jogs, asks for each view, and is told where to go next; nothing moves the arm."""
+"""Runs without a driver: the operator jogs and asks for each view, and is told where to go; only jogs move the arm."""
 
 import asyncio
 from collections.abc import AsyncIterator
@@ -18,7 +18,7 @@ from daemon.model.run_states import RunState
 from daemon.store.store import Store
 from drivers.errors import DeviceTimeout
 from tests.daemon.cell_under_test import Bench, Parts, pose_json, serving, settings_for
-from tests.daemon.fakes import FLANGE_T_CAMERA, poses_around_the_target
+from tests.daemon.fakes import FLANGE_T_CAMERA, Gate, poses_around_the_target
 from tests.support.waiting import LIMIT_S
 
 TEXT = {"accept": "text/plain"}
@@ -296,4 +296,59 @@ async def test_taught_poses_do_not_keep_an_operator_from_jogging(tmp_path: Path)
     async with by_hand(tmp_path, poses=taught) as hand:
         taken = (await hand.takes(POSES[0])).json()
         assert taken["station"] == 1
+        assert not hand.bench.robot.goals
+
+
+# --- jogs that the operator asks the run for ---
+
+UP = {"shift_mm": [0.0, 0.0, 20.0]}
+
+
+async def test_the_operator_jogs_in_the_run_which_keeps_the_cell(tmp_path: Path) -> None:
+    async with by_hand(tmp_path) as hand:
+        robot, ask = hand.bench.robot, hand.bench.client
+        assert (await hand.takes(POSES[0])).status_code == 200
+        start = robot.base_T_flange.copy()
+        jogged = await ask.post(hand.run["links"]["jog"], json=UP)
+        assert (jogged.status_code, jogged.json()["state"], jogged.json()["station"]) == (200, "waiting", 1)
+        np.testing.assert_allclose(robot.base_T_flange[:3, 3] - start[:3, 3], [0, 0, 20], atol=1e-9)
+        assert (len(robot.goals), robot.armed) == (1, False)
+        outside = await ask.post("/robot/jog", json=UP)
+        assert (outside.status_code, outside.json()["code"]) == (409, "run-in-progress")
+        assert (await hand.takes(POSES[1])).json()["station"] == 2
+
+
+async def test_a_jog_that_is_refused_moves_nothing_and_the_run_goes_on_waiting(tmp_path: Path) -> None:
+    async with by_hand(tmp_path) as hand:
+        ask, link = hand.bench.client, hand.run["links"]["jog"]
+        fast = await ask.post(link, json={**UP, "speed_mm_s": 101})
+        assert (fast.status_code, "faster than the settings' 100 mm/s" in fast.text) == (422, True)
+        hand.bench.robot.status = {"automatic": False}
+        by_hand_only = await ask.post(link, json=UP)
+        assert (by_hand_only.status_code, by_hand_only.json()["code"]) == (503, "cell-not-ready")
+        assert ((await hand.sees())["state"], hand.bench.robot.goals) == ("waiting", [])
+        hand.bench.robot.status = {}
+        assert (await hand.takes(POSES[0])).json()["station"] == 1
+
+
+async def test_while_the_arm_is_jogged_there_is_no_view_and_an_abort_stops_it(tmp_path: Path) -> None:
+    parts = Parts()
+    parts.robot.before_move = gate = Gate(1)
+    async with by_hand(tmp_path, parts) as hand:
+        jogging = asyncio.create_task(hand.bench.client.post(hand.run["links"]["jog"], json=UP))
+        await asyncio.wait_for(gate.reached.wait(), LIMIT_S)
+        assert (await hand.sees())["state"] == "moving"
+        busy = await hand.takes()
+        assert (busy.status_code, "the jog in progress" in busy.text) == (409, True)
+        aborted = await hand.bench.client.post(hand.run["links"]["abort"])
+        assert (aborted.status_code, aborted.json()["state"]) == (200, "aborted")
+        assert (await jogging).json()["code"] == "run-over"
+        assert (parts.robot.stops, parts.robot.armed) == (1, False)
+
+
+async def test_a_jog_without_a_manual_run_is_refused(tmp_path: Path) -> None:
+    async with by_hand(tmp_path) as hand:
+        assert (await hand.bench.client.post(hand.run["links"]["abort"])).status_code == 200
+        over = await hand.bench.client.post(hand.run["links"]["jog"], json=UP)
+        assert (over.status_code, over.json()["code"]) == (409, "run-over")
         assert not hand.bench.robot.goals
