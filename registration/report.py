@@ -41,10 +41,12 @@ def register_scan(
     refine: bool = False,
     merge: Merge = EVERY_POINT,
     views_out: Path | None = None,
+    further: Sequence[FindingDocument] = (),
 ) -> RegistrationReportDocument:
     """Register, write the merged cloud to `out` (completely or not at all), report. `clock` gives seconds.
 
-    With `views_out`, an existing folder, also write each registered view. Raises RegistrationError's leaves.
+    With `views_out`, an existing folder, also write each registered view; `further` findings stand in the report.
+    Raises RegistrationError's leaves.
     """
     began = clock()
     samples = sample_views(views)
@@ -56,9 +58,8 @@ def register_scan(
     if views_out is not None:
         write_views(registration.views, views_out)
     seconds = Seconds(read=sampled - began, register=registered - sampled, write=clock() - registered)
-    return report_of(
-        registration, hand, merged.points, seconds, [*column_findings(merged.columns_lost), *_outliers(merged)]
-    )
+    findings = [*further, *column_findings(merged.columns_lost), *_outliers(merged)]
+    return report_of(registration, hand, merged.points, seconds, findings)
 
 
 def report_of(

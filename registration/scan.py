@@ -32,12 +32,16 @@ DOCUMENT_LIMIT = 1 << 26
 
 @dataclass(frozen=True, eq=False)
 class ScanView:
-    """A cloud file with its unit and its flange pose `base_T_flange` (4, 4). The part stands, or is on the flange."""
+    """A cloud file with its unit and its flange pose `base_T_flange` (4, 4). The part stands, or is on the flange.
+
+    `joints_rad`: of the arm at that pose, where they are known.
+    """
 
     path: Path
     unit: str
     base_T_flange: Array
     setup: Setup = "eye-in-hand"
+    joints_rad: Array | None = None
 
     @property
     def anchor_T_mount(self) -> Array:
@@ -86,7 +90,13 @@ def read_scan(folder: Path) -> list[ScanView]:
         if Path(view.cloud).name != view.cloud:
             raise ScanError(f"{path}: views[{index}].cloud leaves the folder", "name a file beside scan.json")
     return [
-        ScanView(folder / view.cloud, view.unit, view.base_T_flange.transform(), document.setup)
+        ScanView(
+            folder / view.cloud,
+            view.unit,
+            view.base_T_flange.transform(),
+            document.setup,
+            None if view.joints_deg is None else np.radians(view.joints_deg),
+        )
         for view in document.views
     ]
 

@@ -1,6 +1,7 @@
 """`handeyed register SCAN_DIR`: merge the clouds of a part in the robot's base frame."""
 
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, cast
 
@@ -10,8 +11,10 @@ from daemon.cli.errors import CommandError, ExitStatus
 from daemon.cli.output import Json, print_error
 
 if TYPE_CHECKING:
+    from calibration.documents.calibration import CalibrationDocument, FindingDocument
     from registration.documents import RegisteredViewDocument, RegistrationReportDocument
     from registration.fusion.merging import Outliers
+    from registration.scan import ScannerMount, ScanView
 
 
 def register(
@@ -32,6 +35,9 @@ def register(
         str, typer.Option(help="Isolated points: keep, or remove by 'statistical' or 'radius'.")
     ] = "keep",
     views: Annotated[Path | None, typer.Option(help="Also write each view to this folder.")] = None,
+    arm: Annotated[
+        Path | None, typer.Option(help="arm.json of solve --arm: place the flange where the arm as built has it.")
+    ] = None,
     json: Json = False,
 ) -> None:
     """Put every cloud of a scan into the robot's base frame, in mm, and write them as one.
@@ -49,20 +55,52 @@ def register(
     merge = Merge(voxel_mm, normals, cast("Outliers", outliers))
     if views is not None:
         _make_folder(views)
+    scanned = read_scan(folder)
+    hand = scanner_mount_of(document)
+    further: list[FindingDocument] = []
+    if arm is not None:
+        scanned, hand, further = _as_built(arm, document, scanned)
     report = register_scan(
-        read_scan(folder),
-        scanner_mount_of(document),
+        scanned,
+        hand,
         out,
         time.perf_counter,
         refine=refine,
         merge=merge,
         views_out=views,
+        further=further,
     )
     typer.echo(report.model_dump_json() if json else _summary(report, out))
     if not document.verdict.accepted:
         print_error(f"{calibration}: verdict: this calibration was not accepted: calibrate again, and register anew")
     accepted = report.verdict.accepted and document.verdict.accepted
     raise typer.Exit(ExitStatus.OK if accepted else ExitStatus.NOT_ACCEPTED)
+
+
+def _as_built(
+    file: Path, document: "CalibrationDocument", views: "list[ScanView]"
+) -> "tuple[list[ScanView], ScannerMount, list[FindingDocument]]":
+    """The views with the flange of the arm as built, X identified with it, and findings. Raises CommandError."""
+    from calibration.documents.arm import ArmErrorsDocument
+    from calibration.documents.calibration_with_arm import CalibrationWithArm
+    from calibration.documents.validation import parse_document
+    from calibration.errors import CalibrationError
+    from daemon.runtime.bounded_read import read_document
+    from registration.scan import scanner_mount_of
+
+    errors = parse_document(ArmErrorsDocument, read_document(file), str(file))
+    if errors.setup != document.setup:
+        what = f"it is of an {errors.setup} cell, the calibration of an {document.setup} one"
+        raise CommandError(str(file), what, "name the arm.json of the same session", ExitStatus.UNREADABLE)
+    try:
+        given = CalibrationWithArm.of(document, errors)
+        joints = [view.joints_rad for view in views]
+        poses = given.base_T_flange([view.base_T_flange for view in views], joints)
+    except CalibrationError as error:
+        raise CommandError(str(file), str(error), "correct the joints, or register without --arm",
+                           ExitStatus.UNREADABLE) from None  # fmt: skip
+    moved = [replace(view, base_T_flange=pose) for view, pose in zip(views, poses, strict=True)]
+    return moved, scanner_mount_of(given.document), given.findings(joints)
 
 
 def _make_folder(folder: Path) -> None:

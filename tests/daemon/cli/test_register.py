@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 
 from calibration.documents.pose import PoseDocument
+from calibration.kinematics.abb_arms import find_arm
 from calibration.transforms import Array, inverse, map_points
+from tests.daemon.calibrations import an_arm
 from tests.daemon.cli.running import Ran, handeyed
 from tests.daemon.cli.sessions import FLANGE_T_CAMERA, TILTS_RAD, base_T_flange
 
@@ -60,6 +62,33 @@ def test_views_fall_onto_each_other_in_the_base_frame(tmp_path: Path, calibratio
     merged = np.load(tmp_path / "a.npy")
     points = np.column_stack([merged[name] for name in "xyz"]) if merged.dtype.names else merged
     assert np.abs(points.reshape(6, 500, -1)[..., :3] - POINTS_BASE).max() < 2e-3
+
+
+def test_the_flange_is_placed_where_the_arm_as_built_has_it(tmp_path: Path, calibration: Path) -> None:
+    """An arm whose axis 2 is 5 mm further out: axis 1 at zero, every point is 5 mm further along x."""
+    arm, joints = find_arm("IRB 1600-6/1.45"), np.radians([[0.0, 20, 10, 0, 40, 0], [0.0, 25, 5, 5, 45, 10]])
+    errors = an_arm(link_1_tx=5.0).model_copy(update={"mount_T_camera": PoseDocument.of(FLANGE_T_CAMERA)})
+    (tmp_path / "arm.json").write_text(errors.model_dump_json())
+    folder = scan(tmp_path / "scan")
+    views = json.loads((folder / "scan.json").read_text())["views"][:2]
+    for row, view in enumerate(views):
+        view["base_T_flange"] = PoseDocument.of(arm.forward(joints[row])).model_dump(mode="json")
+    views[0]["joints_deg"] = np.degrees(joints[0]).tolist()
+    change(folder / "scan.json", views=views)
+    files: list[str | Path] = ["register", folder, "--calibration", calibration, "--out"]
+    drawn = handeyed(*files, tmp_path / "drawn.npy", "--json")
+    built = handeyed(*files, tmp_path / "built.npy", "--arm", tmp_path / "arm.json", "--json")
+    assert (drawn.status, built.status) == (0, 0), built.err
+    off = np.load(tmp_path / "built.npy") - np.load(tmp_path / "drawn.npy")
+    assert np.abs(off[:, :3] - [5.0, 0.0, 0.0]).max() < 1e-3
+    codes = [{finding["code"] for finding in json.loads(ran.out)["verdict"]["findings"]} for ran in (drawn, built)]
+    assert ["pose-without-joints" in one for one in codes] == [False, True]
+
+    views[0]["joints_deg"][1] += 30
+    change(folder / "scan.json", views=views)
+    refused = handeyed(*files, tmp_path / "again.npy", "--arm", tmp_path / "arm.json")
+    assert refused.status == 2
+    assert "joints" in refused.err
 
 
 def test_a_person_reads_how_many_points_and_what_was_not_measured(tmp_path: Path, calibration: Path) -> None:
