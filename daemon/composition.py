@@ -27,6 +27,7 @@ from daemon.runtime.event_bus import EventBus
 from daemon.runtime.failpoints import NO_FAILPOINTS, Failpoints
 from daemon.runtime.logs import log_to_stdout
 from daemon.runtime.loop_monitor import EventLoopMonitor
+from daemon.runtime.memory_trim import MemoryTrim
 from daemon.runtime.metrics import Metrics
 from daemon.runtime.systemd import Systemd
 from daemon.runtime.workers import Workers
@@ -137,6 +138,7 @@ def build(
         loop_monitor=loop_monitor,
         services=(
             loop_monitor,
+            MemoryTrim(),
             cell.safe_stop,
             device_watch,
             key_watch,

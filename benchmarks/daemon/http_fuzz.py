@@ -18,9 +18,13 @@ from typing import Any
 from urllib.parse import urlsplit
 
 from benchmarks.daemon.http import process
+from daemon.runtime.memory_trim import PERIOD_S
 
 ALLOWED = (502, 503, 504, 507)
 """Documented answers above 499: a device that does not answer, not ready, too many connections, disk full."""
+
+TRIMMED_S = 2 * PERIOD_S + 2.0
+"""After so long without connections the daemon has given freed memory back."""
 
 MAX_STALL_MS = 100.0
 MAX_GROWTH_MB = 10.0
@@ -68,7 +72,8 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=1)
     options = parser.parse_args()
     folder = Path(tempfile.mkdtemp(prefix="handeyed-http-fuzz-"))
-    answers, stalls_ms, early_mb, ended_mb = Answers(), [0.0, 0.0], [0.0, 0.0], [0.0, 0.0]
+    answers, stalls_ms, ended_mb = Answers(), [0.0, 0.0], [0.0, 0.0]
+    early_mb: list[float] = []
     began_s = time.monotonic()
     try:
         with contextlib.ExitStack() as daemons:
@@ -82,10 +87,12 @@ def main() -> int:
                 numbers = range(options.seed + first, options.seed + min(first + BATCH, options.streams))
                 asyncio.run(send_streams(targets, numbers, options.seed + first, answers))
                 stalls_ms = [max(worst, stall_ms(each)) for worst, each in zip(stalls_ms, folders, strict=True)]
-                ended_mb = [resident_mb(pid) for pid in pids]
-                if first <= options.streams / 10:
-                    early_mb = ended_mb
-                if time.monotonic() - began_s > options.seconds:
+                last = first + BATCH >= options.streams or time.monotonic() - began_s > options.seconds
+                if last or (not early_mb and first + BATCH >= options.streams / 10):
+                    time.sleep(TRIMMED_S)
+                    ended_mb = [resident_mb(pid) for pid in pids]
+                    early_mb = early_mb or ended_mb
+                if last:
                     break
             for target, scheme in zip(targets, ("http", "https"), strict=True):
                 health = f"{scheme}://127.0.0.1:{target.port}/health"

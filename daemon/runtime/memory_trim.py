@@ -1,0 +1,36 @@
+"""Gives memory that was freed back to the system; glibc keeps it, some 60 MB after a flood of TLS connections."""
+
+import asyncio
+import ctypes
+from collections.abc import Callable
+from contextlib import suppress
+
+PERIOD_S = 10.0
+
+
+def _find_trim() -> Callable[[int], int] | None:
+    """glibc's malloc_trim; None of another C library."""
+    return getattr(ctypes.CDLL(None), "malloc_trim", None)
+
+
+class MemoryTrim:
+    """Background service: trims the heap of the C library every `PERIOD_S`, in a thread (7 ms for 100 MB)."""
+
+    def __init__(self, trim: Callable[[int], int] | None = None, period_s: float = PERIOD_S) -> None:
+        self._trim, self._period_s = trim or _find_trim(), period_s
+        self._task: asyncio.Task[None] | None = None
+
+    async def start(self) -> None:
+        if self._trim is not None:
+            self._task = asyncio.create_task(self._repeat(self._trim), name="memory trim")
+
+    async def stop(self) -> None:
+        if self._task is not None:
+            self._task.cancel()
+            with suppress(asyncio.CancelledError):
+                await self._task
+
+    async def _repeat(self, trim: Callable[[int], int]) -> None:
+        while True:
+            await asyncio.sleep(self._period_s)
+            await asyncio.to_thread(trim, 0)
