@@ -2,7 +2,9 @@
 
 Over TCP, a serial line (a pty), and Robot Web Services as the second way to stop, with the link to the arm silent. The
 mock cell runs here, the daemon and the floods in processes of their own. "stop" is the time until the controller has
-carried out the stop: the arm's own stopping time comes on top of it, and is in "stands".
+carried out the stop: the arm's own stopping time comes on top of it, and is in "stands". "own" is the same less the
+time for which the daemon's event loop was ready to run and had no processor, as the kernel counts it, and "used" the
+processor time of the event loop meanwhile: on a machine that others use, too, these are what the abort waits for.
 """
 
 import argparse
@@ -39,9 +41,14 @@ SPEED_MM_S = 2.0
 
 @dataclass
 class Sample:
-    """Milliseconds after the abort was sent: stop carried out, arm stands, answer; and the answer's status."""
+    """Milliseconds after the abort was sent: stop carried out, arm stands, answer; and the answer's status.
+
+    `own_ms`: of `stop_ms`, without the event loop's waiting for a processor. `used_ms`: its processor time until then.
+    """
 
     stop_ms: float
+    own_ms: float
+    used_ms: float
     stands_ms: float
     answer_ms: float
     status: int
@@ -59,12 +66,21 @@ class Row:
             ordered = sorted(values)
             return f"{statistics.median(ordered):6.0f} {ordered[min(len(ordered) - 1, int(0.99 * len(ordered)))]:6.0f}"
 
-        columns = [spread([getattr(s, name) for s in self.samples]) for name in ("stop_ms", "stands_ms", "answer_ms")]
+        columns = [
+            spread([getattr(s, name) for s in self.samples])
+            for name in ("stop_ms", "own_ms", "used_ms", "stands_ms", "answer_ms")
+        ]
         codes = ", ".join(str(code) for code in sorted({sample.status for sample in self.samples}))
         return f"{self.name:<24}{len(self.samples):>4}   {'   '.join(columns)}   {codes}"
 
 
-HEADER = f"{'':<24}{'n':>4}   stop p50 p99   stands p50 p99  answer p50 p99   status (ms)"
+HEADER = f"{'':<24}{'n':>4}   stop p50 p99    own p50 p99   used p50 p99   stands p50 p99  answer p50 p99   status (ms)"
+
+
+def used_and_waited_ms(pid: int) -> tuple[float, float]:
+    """Processor time of the main thread of a process, and how long it was ready to run and had no processor."""
+    used, waited, _ = map(int, Path(f"/proc/{pid}/task/{pid}/schedstat").read_text().split())
+    return used / 1e6, waited / 1e6
 
 
 async def wait_until(condition: Callable[[], bool]) -> None:
@@ -80,6 +96,7 @@ class Plant:
     cell: MockCell
     client: httpx.AsyncClient
     way: str
+    daemon_pid: int
 
     def stopped(self) -> bool:
         controller = self.cell.controller
@@ -106,10 +123,10 @@ class Plant:
         await wait_until(lambda: self.cell.flange_now().moving and self.cell.controller.armed)
         if self.way == "rws":
             self.cell.inject_fault("link-half-open")
-        began_s = time.perf_counter()
+        began_s, (used_ms, waited_ms) = time.perf_counter(), used_and_waited_ms(self.daemon_pid)
         aborting = asyncio.create_task(self.client.post(f"/runs/{run['id']}/abort"))
         await wait_until(self.stopped)
-        stop_s = time.perf_counter()
+        stop_s, (used_then_ms, waited_then_ms) = time.perf_counter(), used_and_waited_ms(self.daemon_pid)
         await wait_until(lambda: not self.cell.flange_now().moving)
         stands_s = time.perf_counter()
         answer = await aborting
@@ -119,7 +136,8 @@ class Plant:
             self.cell.controller.run_program(True, self.cell.clock())
             self.cell.nudge()
         stop_ms, stands_ms, answer_ms = (1e3 * (at_s - began_s) for at_s in (stop_s, stands_s, answer_s))
-        return Sample(stop_ms, stands_ms, answer_ms, answer.status_code)
+        own_ms = stop_ms - (waited_then_ms - waited_ms)
+        return Sample(stop_ms, own_ms, used_then_ms - used_ms, stands_ms, answer_ms, answer.status_code)
 
     async def _start(self) -> dict[str, Any]:
         async with asyncio.timeout(MAX_WAIT_S):
@@ -144,7 +162,7 @@ async def plant(way: str, folder: Path) -> AsyncIterator[Plant]:
             async with httpx.AsyncClient(
                 base_url=child.announcement["url"], timeout=MAX_WAIT_S, limits=NEW_CONNECTIONS
             ) as client:
-                yield Plant(cell, client, way)
+                yield Plant(cell, client, way, child.announcement["pid"])
         finally:
             await asyncio.to_thread(leave)
     finally:
@@ -185,7 +203,7 @@ async def measure(way: str, aborts: int, viewers: int, out: Callable[[str], None
                 with contextlib.suppress(TimeoutError):  # the run failed beside the floods before it was aborted
                     beside.samples.append(await here.start_and_abort(viewers))
             out(beside.text())
-    return sorted(sample.stop_ms for sample in beside.samples)[int(0.99 * (len(beside.samples) - 1))] < BAR_MS
+    return all(sample.stop_ms < BAR_MS for sample in beside.samples)
 
 
 def main() -> int:
