@@ -22,6 +22,9 @@ MAX_WAITING = 1000
 PAUSE_S = 0.5
 """Pause after an accept that failed, usually for want of descriptors."""
 
+HELD_S = 0.01
+"""Interval of looking for aborts among those that wait while the others are held."""
+
 ABORT_LINE = re.compile(rb"POST /runs/[^/ ]{1,64}/abort[ ?]")
 """The beginning of a request that goes before all others."""
 
@@ -35,11 +38,17 @@ class Accepting:
     """Accepts the connections of `listener` and calls `begin` with at most `max_begun_a_turn` in a turn.
 
     While more wait than may begin, first come those that send an abort (as far as that can be read without TLS), then
-    the newest: their clients are there still.
+    the newest: their clients are there still. While `held()`, the others wait.
     """
 
-    def __init__(self, listener: socket.socket, begin: Begin, max_begun_a_turn: int) -> None:
-        self._listener, self._begin, self._max_begun = listener, begin, max_begun_a_turn
+    def __init__(
+        self,
+        listener: socket.socket,
+        begin: Begin,
+        max_begun_a_turn: int,
+        held: Callable[[], bool] = lambda: False,
+    ) -> None:
+        self._listener, self._begin, self._max_begun, self._held = listener, begin, max_begun_a_turn, held
         self._waiting: deque[tuple[socket.socket, str]] = deque()
         self._scheduled = False
         self._pause: asyncio.TimerHandle | None = None
@@ -74,12 +83,17 @@ class Accepting:
 
     def _begin_some(self) -> None:
         """Begin with some of those that wait, and come again in the next turn while there are any."""
-        if len(self._waiting) > self._max_begun:
+        held = self._held()
+        if held or len(self._waiting) > self._max_begun:
             self._waiting = deque(sorted(self._waiting, key=lambda one: sends_abort(one[0])))  # stable: newest last
         for _ in range(min(self._max_begun, len(self._waiting))):
+            if held and not sends_abort(self._waiting[-1][0]):
+                break
             self._begin(*self._waiting.pop())
         self._scheduled = bool(self._waiting)
-        if self._scheduled:
+        if held and self._scheduled:
+            self._loop.call_later(HELD_S, self._begin_some)
+        elif self._scheduled:
             self._loop.call_soon(self._begin_some)
 
 

@@ -49,6 +49,9 @@ MAX_UNAUTHENTICATED_CHUNK_BYTES = 16_384
 HEAD_END = b"\r\n\r\n"
 """The end of a head and of a chunked body; llhttp takes no other."""
 
+PACING = "pacing"
+"""Key in a scope's `state`: the RequestPacing of the server, which an abort of a run in progress holds."""
+
 ON_AUTHENTICATED = "on_authenticated"
 """Key in a scope's `state`: a function without arguments, to be called when the request has shown a valid key."""
 
@@ -182,6 +185,7 @@ class LimitedConnection(HttpToolsProtocol):
         self._length_left = 0 if self.parser.should_upgrade() else _content_length(self.headers)
         self.cycle.transport = _LingeringTransport(self)  # type: ignore[assignment]
         self.scope["state"][ON_AUTHENTICATED] = self._authenticate
+        self.scope["state"][PACING] = self._limiter.pacing
 
     def on_body(self, body: bytes) -> None:
         """Like uvicorn's, but pass a chunk on without copying when no other is pending: saves two copies of a cloud."""

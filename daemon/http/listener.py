@@ -13,6 +13,7 @@ from contextlib import suppress
 from typing import Any, Protocol
 
 from daemon.http.accepting import Accepting
+from daemon.http.request_pacing import RequestPacing
 
 MAX_BEGUN_A_TURN, MAX_HANDSHAKES_BEGUN_A_TURN = 4, 4
 """Connections begun in one turn of the event loop without TLS, and with it; each costs about 0.1 ms, and 1 ms."""
@@ -55,6 +56,11 @@ class PendingConnection:
 class PendingLimiter(Protocol):
     """Limits the number of pending connections; see ConnectionLimiter."""
 
+    @property
+    def pacing(self) -> RequestPacing:
+        """While it is held only connections that send an abort begin."""
+        ...
+
     def admit(self, newcomer: PendingConnection) -> None:
         """Give a place to a pending connection."""
         ...
@@ -84,7 +90,7 @@ class HttpListener:
         }  # fmt: skip
         self._pending: set[PendingConnection] = set()
         most = MAX_BEGUN_A_TURN if context is None else MAX_HANDSHAKES_BEGUN_A_TURN
-        self._accepting = Accepting(listener, self._begin, most)
+        self._accepting = Accepting(listener, self._begin, most, lambda: limiter.pacing.held)
 
     def close(self) -> None:
         """Stop accepting connections, and abort all that are pending."""

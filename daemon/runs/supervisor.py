@@ -3,7 +3,7 @@
 import asyncio
 import logging
 from collections import Counter
-from collections.abc import Awaitable, Callable, Collection
+from collections.abc import Awaitable, Callable, Collection, Coroutine
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -182,26 +182,33 @@ class Supervisor:
             self._starting = False
         return run
 
-    async def abort(self, run_id: str, by: str) -> RunRecord:
-        """Abort the run; when this returns, the controller has confirmed that the arm is stopped and disarmed.
+    def abort(self, run_id: str, by: str) -> Coroutine[Any, Any, RunRecord]:
+        """Begin to end the run and to stop the arm, at once; awaited it gives the aborted run.
 
-        Raises StopUnconfirmed when the run has ended and that is not known; the daemon then goes on trying. Raises
-        RunOver, NotFound.
+        When it returns, the controller has confirmed that the arm is stopped and disarmed. Raises StopUnconfirmed when
+        the run has ended and that is not known; the daemon then goes on trying. Raises RunOver, NotFound.
         """
         current = self._current
         if current is None or current.log.id != run_id or current.log.run.over:
-            run = await self.run(run_id)
-            self._require_stopped(run_id)
-            raise RunOver(f"run {run.id} has {run.state} already", "there is nothing to stop")
+            return self._refuse_abort(run_id)
         if not (current.log.concluding or current.aborted_by):  # a second cancellation would end its cleaning up
             current.aborted_by = by
             current.task.cancel()
             self._cell.stop_motion()
-        await asyncio.wait([current.task])
+        return self._wait_for_abort(current)
+
+    async def _refuse_abort(self, run_id: str) -> RunRecord:
+        run = await self.run(run_id)
         self._require_stopped(run_id)
-        if current.log.run.state is not RunState.ABORTED:
-            raise RunOver(f"run {run_id} {current.log.run.state} before it could be stopped", "look at its result")
-        return current.log.run
+        raise RunOver(f"run {run.id} has {run.state} already", "there is nothing to stop")
+
+    async def _wait_for_abort(self, current: _InProgress) -> RunRecord:
+        await asyncio.wait([current.task])
+        run = current.log.run
+        self._require_stopped(run.id)
+        if run.state is not RunState.ABORTED:
+            raise RunOver(f"run {run.id} {run.state} before it could be stopped", "look at its result")
+        return run
 
     def _require_stopped(self, run_id: str) -> None:
         """Raises StopUnconfirmed."""

@@ -1,8 +1,9 @@
 """The table of API keys. Each change is one transaction with its audit row; no row is ever deleted."""
 
+import asyncio
 import sqlite3
+from collections.abc import Callable, Iterable
 from dataclasses import astuple
-from functools import partial
 
 from daemon.access.actor_names import skeleton
 from daemon.access.errors import KeyExists
@@ -10,7 +11,10 @@ from daemon.access.keys import KeyRecord, id_of, matches
 from daemon.errors import NotFound
 from daemon.runtime.shared_reading import SharedReading
 from daemon.store.actor import AuditContext, append_audit
-from daemon.store.database import Database
+from daemon.store.database import Answer, Database
+
+RECENT_S = 1.0
+"""How old a reading may be for who must not wait for another one: a key's end is noticed within a second."""
 
 _COLUMNS = "id, name, role, hash, created_at, expires_at, revoked_at"
 
@@ -23,24 +27,29 @@ class AccessKeys:
     """
 
     def __init__(self, database: Database, reader: Database | None = None) -> None:
-        self._database = database
+        self._database, self._reader = database, reader or database
         self._any_ever = False
-        self._rows = SharedReading(partial((reader or database).read, _all))
+        self._rows = SharedReading(self._read)
+        self._latest: tuple[float, list[KeyRecord]] | None = None
 
     async def all(self) -> list[KeyRecord]:
         """All keys, including expired and revoked ones, oldest first."""
         return await self._rows.read()
 
-    async def any_ever(self) -> bool:
-        """True when a key was ever added. From then on requests need one, also after the last has expired."""
-        self._any_ever = self._any_ever or bool(await self._rows.read())
+    async def any_ever(self, *, recent: bool = False) -> bool:
+        """True when a key was ever added. From then on requests need one, also after the last has expired.
+
+        `recent`: as read within RECENT_S, without waiting for a thread.
+        """
+        if not self._any_ever:
+            known = self._recent() if recent else None
+            self._any_ever = bool(await self._rows.read() if known is None else known)
         return self._any_ever
 
-    async def find(self, key: str) -> KeyRecord | None:
-        """The record of a key, valid or not; None for an unknown key."""
-        key_id = id_of(key)
-        records = (record for record in await self._rows.read() if record.id == key_id)
-        return next((record for record in records if matches(key, record.hash)), None)
+    async def find(self, key: str, *, recent: bool = False) -> KeyRecord | None:
+        """The record of a key, valid or not; None for an unknown key. `recent`: if it was read within RECENT_S."""
+        known = self._recent() if recent else None
+        return _record_of(key, known or []) or _record_of(key, await self._rows.read())
 
     async def add(self, record: KeyRecord, context: AuditContext, *, only_first: bool = False) -> None:
         """Insert a key. Raises KeyExists when a valid key has its name, or, with `only_first`, when any key exists."""
@@ -53,7 +62,7 @@ class AccessKeys:
             append_audit(db, context, record.created_at, "key added", record.id, name=record.name, role=record.role,
                          expires_at=record.expires_at)  # fmt: skip
 
-        await self._database.write(insert)
+        await self._write(insert)
 
     async def rotate(self, name: str, record: KeyRecord, until: str, context: AuditContext) -> KeyRecord:
         """Insert a key with the name and role of `name`; the old one expires at `until`. Raises NotFound."""
@@ -67,7 +76,7 @@ class AccessKeys:
             append_audit(db, context, record.created_at, "key rotated", old.id, name=name, by=new.id, until=ends)
             return new
 
-        return await self._database.write(replace_it)
+        return await self._write(replace_it)
 
     async def revoke(self, name: str, at: str, context: AuditContext) -> list[str]:
         """Revoke every valid key with that name or id; returns their ids. Raises NotFound."""
@@ -81,7 +90,29 @@ class AccessKeys:
                 append_audit(db, context, at, "key revoked", key_id, name=name)
             return ids
 
-        return await self._database.write(end)
+        return await self._write(end)
+
+    async def _read(self) -> list[KeyRecord]:
+        rows = await self._reader.read(_all)
+        self._latest = asyncio.get_running_loop().time(), rows
+        return rows
+
+    def _recent(self) -> list[KeyRecord] | None:
+        """The keys as read within RECENT_S; None when there was no reading, or a change after it."""
+        if self._latest is None or asyncio.get_running_loop().time() - self._latest[0] > RECENT_S:
+            return None
+        return self._latest[1]
+
+    async def _write(self, change: Callable[[sqlite3.Connection], Answer]) -> Answer:
+        try:
+            return await self._database.write(change)
+        finally:
+            self._latest = None
+
+
+def _record_of(key: str, records: Iterable[KeyRecord]) -> KeyRecord | None:
+    key_id = id_of(key)
+    return next((record for record in records if record.id == key_id and matches(key, record.hash)), None)
 
 
 def _all(db: sqlite3.Connection) -> list[KeyRecord]:

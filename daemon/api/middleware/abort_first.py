@@ -8,6 +8,7 @@ from fastapi import Request
 from starlette.types import ASGIApp, Receive, Scope, Send
 
 from daemon.application import Application
+from daemon.http.connections import PACING
 from daemon.model.records import RunRecord
 
 ABORT_PATH = re.compile(r"/runs/([^/]{1,64})/abort")
@@ -15,6 +16,9 @@ ABORT_PATH = re.compile(r"/runs/([^/]{1,64})/abort")
 
 class AbortFirst:
     """Starts the abort of an authorised POST /runs/{id}/abort, whose outcome the route answers; see `abort_of`.
+
+    While a run is being aborted other requests do not begin, for half a second at most: the telegrams to the controller
+    take several turns of the event loop, which are short then.
 
     A repetition with an Idempotency-Key is a second abort, which has no effect, and receives the first answer.
     """
@@ -25,9 +29,14 @@ class AbortFirst:
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         path = ABORT_PATH.fullmatch(scope["path"]) if scope["type"] == "http" and scope["method"] == "POST" else None
         if path is not None:
-            supervisor = self._application.supervisor
-            abort = asyncio.create_task(supervisor.abort(path[1], "a request over REST"), name=f"aborts {path[1]}")
+            supervisor, pacing = self._application.supervisor, scope["state"].get(PACING)
+            run = supervisor.in_progress
+            ending = supervisor.abort(path[1], "a request over REST")
+            abort = asyncio.create_task(ending, name=f"aborts {path[1]}")
             abort.add_done_callback(_retrieve)
+            if run is not None and run.id == path[1] and pacing is not None:
+                pacing.hold()
+                abort.add_done_callback(lambda _: pacing.release())
             scope["state"]["abort"] = abort
         await self._app(scope, receive, send)
 

@@ -92,13 +92,17 @@ class Authentication:
         return NOBODY
 
     async def _known_caller(self, scope: Scope) -> Caller:
-        """The caller by the key or the cookie. Raises KeyMissing, CrossOrigin, StorageError."""
-        if self._loopback and not await self._keys.any_ever():
+        """The caller by the key or the cookie. Raises KeyMissing, CrossOrigin, StorageError.
+
+        An abort is taken with a key as it was up to a second ago: it does not wait for a thread.
+        """
+        aborts = ABORT_PATH.fullmatch(scope["path"]) is not None
+        if self._loopback and not await self._keys.any_ever(recent=aborts):
             return LOCAL
         scheme, _, key = _authorization(scope).partition(" ")
         if scheme.lower() != "bearer":
             return await self._caller_of_session(scope)
-        record = await self._keys.find(key.strip())
+        record = await self._keys.find(key.strip(), recent=aborts)
         if record is None:
             raise KeyMissing("this key is not known")
         if not record.valid(now := self._application.clock.timestamp()):

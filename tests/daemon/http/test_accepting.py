@@ -36,8 +36,8 @@ class Listening:
         client.sendall(sent)
         return client
 
-    def accept(self) -> None:
-        self.accepting = Accepting(self.listener, self._begin, MAX_BEGUN)
+    def accept(self, held: Callable[[], bool] = lambda: False) -> None:
+        self.accepting = Accepting(self.listener, self._begin, MAX_BEGUN, held)
         self._ends.callback(self.accepting.close)
 
     def _begin(self, connection: socket.socket, address: str) -> None:
@@ -90,6 +90,21 @@ def test_an_abort_begins_before_the_others_however_many_came_before_or_after(loo
 
     with asyncio.Runner(loop_factory=loops) as runner:
         runner.run(crowd())
+
+
+async def test_while_the_others_are_held_an_abort_begins() -> None:
+    held = True
+    with listening() as here:
+        here.accept(lambda: held)
+        for sent in (OTHER, ABORT, OTHER):
+            here.connect(sent)
+        await eventually(lambda: here.begun)
+        assert here.begun == [ABORT]
+        here.connect(ABORT)
+        await eventually(lambda: len(here.begun) == 2)
+        assert here.begun == [ABORT, ABORT]
+        held = False
+        await eventually(lambda: len(here.begun) == 4)
 
 
 async def test_the_newest_of_too_many_begin_and_the_oldest_are_closed(monkeypatch: pytest.MonkeyPatch) -> None:

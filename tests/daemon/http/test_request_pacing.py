@@ -2,7 +2,10 @@
 
 import asyncio
 
+import pytest
+
 from daemon.http.request_pacing import MAX_BEGUN_A_TURN, RequestPacing
+from tests.support.waiting import eventually
 
 
 async def turns(count: int) -> None:
@@ -37,6 +40,32 @@ async def test_an_urgent_one_goes_before_a_thousand_that_came_earlier() -> None:
     await turns(2)
     assert "abort" in begun
     assert begun.index("abort") <= MAX_BEGUN_A_TURN
+
+
+async def test_while_held_only_urgent_ones_begin_and_afterwards_all() -> None:
+    pacing, begun = RequestPacing(), list[str]()
+    for number in range(10):
+        arrive(pacing, begun, str(number))
+    at_once = begun.copy()
+    pacing.hold()
+    assert pacing.held
+    arrive(pacing, begun, "late")
+    arrive(pacing, begun, "abort", urgent=True)
+    await turns(50)
+    assert begun == [*at_once, "abort"]
+    pacing.release()
+    await turns(50)
+    assert begun == [*at_once, "abort", *map(str, range(len(at_once), 10)), "late"]
+
+
+async def test_a_hold_that_nobody_releases_ends_by_itself(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("daemon.http.request_pacing.MAX_HOLD_S", 0.01)
+    pacing, begun = RequestPacing(), list[str]()
+    pacing.hold()
+    arrive(pacing, begun, "other")
+    assert begun == []
+    await eventually(lambda: begun == ["other"])
+    assert not pacing.held
 
 
 async def test_after_a_rest_the_first_ones_begin_at_once_again() -> None:

@@ -8,7 +8,9 @@ from pathlib import Path
 import pytest
 
 from daemon.access.roles import Role
+from daemon.http.request_pacing import RequestPacing
 from daemon.runtime.event_bus import BusEvent
+from daemon.store import access_keys
 from daemon.store.store import Store
 from protocols.plc.codes import ControlBit, StatusBit
 from tests.daemon.access_keys import TEST, bearer
@@ -133,3 +135,52 @@ async def test_an_abort_does_not_wait_for_the_store(tmp_path: Path) -> None:
         again = await bench.client.post(f"/runs/{run['id']}/abort", headers=headers)
         assert (again.status_code, again.headers["idempotency-replayed"]) == (200, "true")
         await busy
+
+
+async def test_an_abort_with_a_key_that_was_just_read_waits_for_no_thread(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(access_keys, "RECENT_S", LIMIT_S)
+    parts = Parts()
+    parts.robot.before_move = gate = Gate(2)
+    store, done = Store(tmp_path), threading.Event()
+    async with serving(settings_for(tmp_path), parts, store) as bench:
+        key, _ = await bench.application.key_service.add("an operator", Role.OPERATOR, TEST)
+        bench.client.headers.update(bearer(key))
+        run = (await bench.client.post("/calibrate")).json()
+        await asyncio.wait_for(gate.reached.wait(), LIMIT_S)
+        readers = [store._database, store._opened.key_reader]
+        busy = [asyncio.create_task(one.run(done.wait, tmp_path)) for one in readers]
+        try:
+            aborting = asyncio.create_task(bench.client.post(f"/runs/{run['id']}/abort"))
+            await eventually(lambda: not bench.robot.armed)
+        finally:
+            done.set()
+        assert (await aborting).json()["state"] == "aborted"
+        await asyncio.gather(*busy)
+
+
+async def test_other_requests_are_held_while_a_run_is_aborted_and_by_nothing_else(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    held: list[RequestPacing] = []
+    hold = RequestPacing.hold
+    monkeypatch.setattr(RequestPacing, "hold", lambda pacing: (held.append(pacing), hold(pacing)))
+    parts = Parts()
+    parts.robot.before_move = gate = Gate(2)
+    async with serving(settings_for(tmp_path), parts) as bench:
+        keys = {
+            role: bearer((await bench.application.key_service.add(role.word, role, TEST))[0])
+            for role in (Role.VIEWER, Role.OPERATOR)
+        }
+        run = (await bench.client.post("/calibrate", headers=keys[Role.OPERATOR])).json()
+        await asyncio.wait_for(gate.reached.wait(), LIMIT_S)
+        tried = [(Role.VIEWER, run["id"], 403), (Role.OPERATOR, "another", 404), (Role.OPERATOR, run["id"], 200)]
+        for role, run_id, status in tried:
+            assert not held
+            answer = await bench.client.post(f"/runs/{run_id}/abort", headers=keys[role])
+            assert answer.status_code == status, answer.text
+        (pacing,) = held
+        assert not pacing.held
+        again = await bench.client.post(f"/runs/{run['id']}/abort", headers=keys[Role.OPERATOR])
+        assert (again.status_code, len(held)) == (409, 1)
