@@ -16,6 +16,7 @@ const SCREENS = {
   cell: () => import('./screens/cell.js').then(({ Cell }) => Cell),
   calibrate: () => import('./screens/calibrate.js').then(({ Calibrate }) => Calibrate),
   run: () => import('./screens/run.js').then(({ Run }) => Run),
+  jog: () => import('./screens/jog.js').then(({ Jog }) => Jog),
   result: () => import('./screens/result.js').then(({ Result }) => Result),
   verify: () => import('./screens/verify.js').then(({ Verify }) => Verify),
   scans: () => import('./screens/scans.js').then(({ Scans }) => Scans),

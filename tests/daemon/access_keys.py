@@ -3,11 +3,12 @@
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from pathlib import Path
+from typing import Any
 
 from daemon.access.keys import id_of, new_key
 from daemon.access.roles import ROLES, Role
 from daemon.store.actor import AuditContext
-from tests.daemon.cell_under_test import Bench, serving, settings_for
+from tests.daemon.cell_under_test import Bench, Parts, serving, settings_for
 
 TEST = AuditContext("test", "test")
 
@@ -17,9 +18,11 @@ def bearer(key: str) -> dict[str, str]:
 
 
 @asynccontextmanager
-async def with_keys(folder: Path) -> AsyncIterator[tuple[Bench, dict[str, str]]]:
-    """A daemon with a key of each role, and some that are valid no more."""
-    async with serving(settings_for(folder)) as bench:
+async def with_keys(
+    folder: Path, parts: Parts | None = None, **changes: Any
+) -> AsyncIterator[tuple[Bench, dict[str, str]]]:
+    """A daemon with a key of each role, and some that are valid no more; `changes` of its settings by section."""
+    async with serving(settings_for(folder, **changes), parts) as bench:
         desk = bench.application.key_service
         keys = {name: (await desk.add(name, role, TEST))[0] for name, role in ROLES.items()}
         keys["expired"] = (await desk.add("expired", Role.ADMIN, TEST, days=-1))[0]

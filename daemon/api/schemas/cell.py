@@ -10,6 +10,7 @@ from calibration.documents.pose import PoseDocument, Vector
 from calibration.documents.session import CameraDocument
 from calibration.documents.target import TargetDocument
 from calibration.kinematics.arm import Arm
+from calibration.problem import Setup
 from calibration.sentences.sentence import as_sentence
 from daemon.api.schemas.answer import EXAMPLE_AT, Answer, example
 from daemon.api.schemas.runs import PlannedPoseDocument
@@ -223,6 +224,7 @@ class ArmDocument(Answer):
     speed_mm_s: float
     joint_travel_deg: float
     moves: bool
+    setup: Setup
     target: TargetDocument
     target_points_mm: list[Vector]
     camera: CameraDocument | None
@@ -241,6 +243,7 @@ class ArmDocument(Answer):
             speed_mm_s=robot.speed_mm_s,
             joint_travel_deg=robot.joint_travel_deg,
             moves=moves,
+            setup=settings.camera.setup,
             target=settings.target,
             target_points_mm=[(float(x), float(y), float(z)) for x, y, z in points],
             camera=settings.camera.intrinsics,

@@ -5,20 +5,20 @@ import { t } from '../state/words.js';
 import { logTicks, ticks } from './ticks.js';
 
 const W = 640;
-const H = 260;
-const LEFT = 58;
-const BOTTOM = 36;
+const H = 276;
+const LEFT = 66;
+const BOTTOM = 50;
 const RIGHT = 14;
-const TOP = 14;
+const TOP = 26; // room for letters that are larger where the chart is narrow
 
 const between = (low, high, a, b) => (value) => a + ((value - low) / (high - low || 1)) * (b - a);
 
 function Axes({ x, y, yTicks, xTicks, xLabel, yLabel }) {
   return html`<g class="axes">
     ${yTicks.map((tick) => html`<path class="grid-line" d="M${LEFT} ${y(tick)}H${W - RIGHT}" /><text x=${LEFT - 8} y=${y(tick) + 4} text-anchor="end">${significant(tick, tick === 0 ? 1 : 2)}</text>`)}
-    ${xTicks.map((tick) => html`<text x=${x(tick)} y=${H - BOTTOM + 18} text-anchor="middle">${tick}</text>`)}
+    ${xTicks.map((tick) => html`<text x=${x(tick)} y=${H - BOTTOM + 20} text-anchor="middle">${tick}</text>`)}
     <text x=${W - RIGHT} y=${H - 3} text-anchor="end">${xLabel}</text>
-    <text x=${LEFT + 4} y=${TOP - 2}>${yLabel}</text>
+    <text x=${LEFT + 4} y=${TOP - 6}>${yLabel}</text>
   </g>`;
 }
 
@@ -68,7 +68,7 @@ export function ControlChart({ points, learn, limit_mm }) {
   return html`<figure class="chart">
     <svg viewBox="0 0 ${W} ${H}" role="img" aria-label=${t('drift.alt', { count: points.length, drift: mm(points.at(-1).drift_mm), limit: mm(limit_mm) })}>
       ${learned > 0 && html`<rect class="learning" x=${LEFT} y=${TOP} width=${Math.max(12, x(learned) + 10 - LEFT)} height=${H - BOTTOM - TOP} />
-        <text class="in" x=${LEFT + 8} y=${TOP + 18}>${t('drift.learning')}</text>`}
+        <text class="in" x=${LEFT + 8} y=${TOP + 22}>${t('drift.learning')}</text>`}
       <${Axes} x=${x} y=${y} yTicks=${ticks(0, high, 5)} xTicks=${ticks(1, last, 8, true)} xLabel=${t('drift.verifications')} yLabel="mm" />
       ${limits.length > 0 && html`<path class="limit" d=${line([...limits, [W - RIGHT, limits.at(-1)[1]]])} />`}
       <path class="solid" d=${line(points.map(({ drift_mm }, index) => [x(index + 1), y(drift_mm)]))} />
@@ -83,6 +83,42 @@ export function ControlChart({ points, learn, limit_mm }) {
       <span>▲ ${t('drift.alarm')}</span>
     </figcaption>
   </figure>`;
+}
+
+/** Points (value, U) from left to right with whiskers of U, each on its own; `tolerance_mm`: a line, null for none. */
+function Whiskers({ rows, tolerance_mm, alt, xLabel, legend }) {
+  const high = Math.max(...rows.map(({ value, U }) => value + U), tolerance_mm ?? 0) * 1.15 || 1;
+  const x = between(0.5, rows.length + 0.5, LEFT + 14, W - RIGHT - 14);
+  const y = between(0, high, H - BOTTOM, TOP);
+  const every = Math.ceil(rows.length / 12);
+  return html`<figure class="chart">
+    <svg viewBox="0 0 ${W} ${H}" role="img" aria-label=${alt}>
+      <${Axes} x=${x} y=${y} yTicks=${ticks(0, high, 5)} xTicks=${[]} xLabel=${xLabel} yLabel="mm" />
+      ${rows.map(({ name }, index) => index % every === 0 && html`<text x=${x(index + 1)} y=${H - BOTTOM + 20} text-anchor="middle">${name}</text>`)}
+      ${tolerance_mm && html`<path class="limit" d="M${LEFT} ${y(tolerance_mm)}H${W - RIGHT}" />`}
+      ${rows.map(({ value, U, wrong }, index) => html`<path class="whisker" d="M${x(index + 1)} ${y(Math.max(0, value - U))}V${y(value + U)}M${x(index + 1) - 5} ${y(value + U)}h10M${x(index + 1) - 5} ${y(Math.max(0, value - U))}h10" />
+        ${wrong
+          ? html`<path class="alarm-dot" d="M${x(index + 1) - 6} ${y(value) + 5}h12l-6 -12Z" />`
+          : html`<circle class="dot" cx=${x(index + 1)} cy=${y(value)} r="5" />`}`)}
+    </svg>
+    <figcaption class="small quiet legend">${legend}
+      ${tolerance_mm && html`<span><b class="key-limit" aria-hidden="true"></b>${t('touch.limit')} ${mm(tolerance_mm)}</span>`}</figcaption>
+  </figure>`;
+}
+
+/** The misses of one touch test, each with U (k = 2). `points`: as in its result. */
+export function MissChart({ points, tolerance_mm }) {
+  const rows = points.map(({ name, length_mm, expanded_mm, outlying }) => ({ name: name.replace(/^point /, ''), value: length_mm, U: expanded_mm, wrong: outlying }));
+  const worst = Math.max(...rows.map(({ value }) => value));
+  return html`<${Whiskers} rows=${rows} tolerance_mm=${tolerance_mm} alt=${t('touch.chart-alt', { count: rows.length, largest: mm(worst) })} xLabel=${t('verify.point')}
+    legend=${html`<span>● ${t('touch.length-U')}</span><span>▲ ${t('touch.outlying')}</span>`} />`;
+}
+
+/** The largest miss of each touch test since the calibration is in force. `tests`: of GET /drift, the oldest first. */
+export function TouchChart({ tests }) {
+  const rows = tests.map(({ largest_mm, expanded_mm, accepted }, index) => ({ name: index + 1, value: largest_mm, U: expanded_mm, wrong: !accepted }));
+  return html`<${Whiskers} rows=${rows} alt=${t('touch.chart-alt', { count: rows.length, largest: mm(rows.at(-1).value) })} xLabel=${t('touch.tests')}
+    legend=${html`<span>● ${t('touch.largest-U')}</span><span>▲ ${t('touch.not-accepted')}</span>`} />`;
 }
 
 /** A bar of `value` beside its number; `end` is the longest. */

@@ -6,7 +6,7 @@ import { age_s, holder, lost, may, note, old, robot, run, running, session } fro
 import { linkTo, place } from '../state/place.js';
 import { t } from '../state/words.js';
 
-const PLACES = ['cell', 'calibrate', 'run', 'result', 'verify', 'scans', 'devices', 'history', 'audit', 'settings', 'help'];
+const PLACES = ['cell', 'calibrate', 'run', 'result', 'verify', 'scans', 'jog', 'devices', 'history', 'audit', 'settings', 'help'];
 const ADMIN = new Set(['audit']);
 
 export function Header({ screen }) {

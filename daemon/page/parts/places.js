@@ -8,8 +8,8 @@ export function placesOf(calibration, base_T_flange) {
   return { camera: base_T_camera ?? carried(flange_T_camera), target: base_T_target ?? carried(flange_T_target) };
 }
 
-/** What the flange carries, 'camera' or 'target', and `at(base_T_flange)`: where that is; where the flange is while nothing is known. */
-export function carriedBy(calibration) {
+/** What the flange carries, 'camera' or 'target', and `at(base_T_flange)`: where that is; where the flange is while nothing is known. `setup`: of the cell. */
+export function carriedBy(calibration, setup) {
   const x = calibration?.flange_T_camera ?? calibration?.flange_T_target;
-  return { carried: calibration?.flange_T_target ? 'target' : 'camera', at: (pose) => (x ? compose(pose, x) : pose) };
+  return { carried: calibration?.flange_T_target || (!x && setup === 'eye-to-hand') ? 'target' : 'camera', at: (pose) => (x ? compose(pose, x) : pose) };
 }

@@ -14,7 +14,7 @@ import { go } from '../state/place.js';
 import { t } from '../state/words.js';
 
 export function Calibrate() {
-  const [how, setHow] = useState({ way: 'daemon', until: 'settings', count: 6, tolerance_mm: 0.3 });
+  const [how, setHow] = useState({ way: 'daemon', until: 'settings', count: 6, tolerance_mm: 0.3, arm: false });
   const arm = useAsked('/arm');
   const status = useAsked('/calibrate', ['run', 'applied']);
   const [plan, setPlan] = useState(null);
@@ -32,7 +32,7 @@ export function Calibrate() {
   return html`<div class="grid steps">
     <${Card} title=${t('calibrate.1')} id="step-1"><${Reasons} /><${Missing} asked=${status} />
       ${status.data && html`<p class="quiet">${t(`policy.${status.data.policy}`)}</p>`}</${Card}>
-    <${Card} title=${t('calibrate.2')} id="step-2"><${How} how=${how} change=${change} taught=${arm.data?.taught_poses?.length ?? 0} /></${Card}>
+    <${Card} title=${t('calibrate.2')} id="step-2"><${How} how=${how} change=${change} taught=${arm.data?.taught_poses?.length ?? 0} model=${arm.data?.model} /></${Card}>
     <${Card} title=${t('calibrate.3')} id="step-3" wide="2"><${WhatMoves} how=${how} body=${body} arm=${arm.data} plan=${plan} setPlan=${setPlan} /></${Card}>
     <${Card} title=${t('calibrate.4')} id="step-4">
       ${how.way === 'manual'
@@ -43,12 +43,12 @@ export function Calibrate() {
 }
 
 /** The body of POST /calibrate and POST /plan for what was chosen; what is not chosen is as the settings say. */
-export function requestOf({ way, until, count, tolerance_mm }) {
+export function requestOf({ way, until, count, tolerance_mm, arm }) {
   const wanted = { count: { count }, tolerance: { tolerance_mm }, settings: {} }[until];
-  return way === 'manual' ? { ...wanted, manual: true } : wanted;
+  return { ...wanted, ...(way === 'manual' ? { manual: true } : {}), ...(arm ? { arm: true } : {}) };
 }
 
-function How({ how, change, taught }) {
+function How({ how, change, taught, model }) {
   const radio = (name, value, label, about) => html`<label class="radio"><input type="radio" name=${name} value=${value} checked=${how[name] === value} onChange=${() => change({ [name]: value })} /><span><b>${label}</b>${about && html`<br /><span class="small quiet">${about}</span>`}</span></label>`;
   return html`<fieldset><legend>${t('how.way')}</legend>
       ${taught > 0 ? radio('way', 'daemon', t('how.taught'), t('how.taught-about', { count: taught })) : radio('way', 'daemon', t('how.planned'), t('how.planned-about'))}
@@ -60,6 +60,9 @@ function How({ how, change, taught }) {
       ${how.until === 'count' && html`<${Stepper} value=${how.count} low=${3} high=${30} step=${1} label=${t('how.count')} text=${fixed(how.count, 0)} set=${(value) => change({ count: value })} />`}
       ${radio('until', 'tolerance', t('how.tolerance'))}
       ${how.until === 'tolerance' && html`<${Stepper} value=${how.tolerance_mm} low=${0.05} high=${5} step=${0.05} label=${t('how.tolerance')} text=${`± ${mm(how.tolerance_mm)}`} set=${(value) => change({ tolerance_mm: value })} />`}
+    </fieldset>
+    <fieldset><legend>${t('how.arm')}</legend>
+      <label class="check"><input type="checkbox" checked=${how.arm} disabled=${!model} onChange=${() => change({ arm: !how.arm })} /><span><b>${t('how.arm-errors')}</b><br /><span class="small quiet">${model ? t('how.arm-about', { model }) : t('how.arm-unknown')}</span></span></label>
     </fieldset>`;
 }
 
@@ -75,7 +78,7 @@ function WhatMoves({ how, body, arm, plan, setPlan }) {
   const now = robot.value;
   const places = placesOf(inForce.data?.calibration, now?.base_T_flange);
   const parts = useMemo(() => {
-    const { carried, at } = carriedBy(inForce.data?.calibration);
+    const { carried, at } = carriedBy(inForce.data?.calibration, arm?.setup);
     return {
       skeleton_mm: now?.skeleton_mm, flange_mm: now?.base_T_flange?.translation_mm, box_mm: arm?.box_mm, outline_mm: arm?.target_points_mm,
       target: places.target, here: inForce.data?.calibration?.base_T_camera, carried, planned: (plan?.poses ?? []).map(({ base_T_flange }) => at(base_T_flange)),

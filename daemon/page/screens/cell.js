@@ -11,7 +11,7 @@ import { Reasons } from '../parts/reasons.js';
 import { mm, moment } from '../state/numbers.js';
 import { devices, old, robot } from '../state/now.js';
 import { linkTo } from '../state/place.js';
-import { t } from '../state/words.js';
+import { deviceName, t } from '../state/words.js';
 
 export function Cell() {
   const arm = useAsked('/arm');
@@ -60,7 +60,7 @@ export function driftWords({ standing, shift_mm, limit_mm }) {
 
 const DeviceList = () =>
   html`<ul class="plain devices ${old.value ? 'dimmed' : ''}">${devices.value.map(({ name, kind, connected, detail, last_error }) => html`<li>
-    <b><span aria-hidden="true">${connected ? '●' : '✕'}</span> ${name ?? kind}</b> <span>${t(connected ? 'device.up' : 'device.down')}</span>
+    <b><span aria-hidden="true">${connected ? '●' : '✕'}</span> ${deviceName(name ?? kind)}</b> <span>${t(connected ? 'device.up' : 'device.down')}</span>
     ${!connected && (last_error ? html`<${Cause} cause=${last_error} />` : html`<p class="small quiet" lang="en">${detail}</p>`)}
   </li>`)}</ul>
   <p><a href=${linkTo('devices')}>${t('cell.devices')}</a></p>`;

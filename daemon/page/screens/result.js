@@ -1,5 +1,6 @@
 // A result: verdict and U on its scale, what was found, beside what is in force, the views and their pictures.
 import { html, useState } from '../vendor/preact.js';
+import { ArmErrors } from '../parts/arm_errors.js';
 import { Card, Facts } from '../parts/card.js';
 import { Ellipsoids } from '../parts/ellipsoids.js';
 import { Exports } from '../parts/exports.js';
@@ -11,7 +12,7 @@ import { Picture } from '../parts/picture.js';
 import { SolveAgain } from '../parts/solve_again.js';
 import { ViewTable } from '../parts/view_table.js';
 import { ask } from '../state/ask.js';
-import { deg, fixed, mm, moment } from '../state/numbers.js';
+import { deg, fixed, inRow, mm, moment, vector } from '../state/numbers.js';
 import { may, note, session } from '../state/now.js';
 import { linkTo } from '../state/place.js';
 import { sentence, t } from '../state/words.js';
@@ -38,7 +39,8 @@ function Shown({ document, current }) {
     <${Card} title=${t('compare.title')} id="compare"><${Compare} document=${document} current=${current} inForce=${inForce} /></${Card}>
     <${Views} document=${document} />
     ${uncertainty?.covariance && uncertainty.points.length > 0 && html`<${Card} title=${t('ellipsoid.title')} id="ellipsoids" wide="half"><${Ellipsoids} uncertainty=${uncertainty} /></${Card}>`}
-    <${Card} title=${t('pose.title')} id="pose" wide="half"><${PoseFacts} document=${document} /></${Card}>
+    <${Card} title=${t(document.setup === 'eye-to-hand' ? 'pose.title-stand' : 'pose.title')} id="pose" wide="half"><${PoseFacts} document=${document} /></${Card}>
+    <${ArmErrors} document=${document} path=${path} />
     ${document.flange_T_camera || document.base_T_camera ? html`<${Card} title=${t('exports.title')} id="exports" wide="half"><${Exports} path=${path} /></${Card}>` : null}
     ${may('operator') && html`<${Card} title=${t('again.title')} id="again" wide="half"><${SolveAgain} path=${path} views=${document.views} /></${Card}>`}
   </div>`;
@@ -126,11 +128,11 @@ function PoseFacts({ document }) {
   const pose = document.flange_T_camera ?? document.base_T_camera;
   if (!pose) return html`<p>${t('pose.none')}</p>`;
   const { uncertainty } = document;
-  const U = (values) => values && html` <span class="quiet">± ${values.map((value) => fixed(2 * value, 3)).join(', ')} mm</span>`;
+  const U = (values) => values && html` <span class="quiet">± ${inRow(values.map((value) => fixed(2 * value, 3)))} mm</span>`;
   return html`<${Facts} rows=${[
-    [t('pose.translation'), html`<span class="mono">(${pose.translation_mm.map((value) => fixed(value, 3)).join(', ')}) mm</span>${U(uncertainty?.translation_mm)}`],
-    [t('pose.quaternion'), html`<span class="mono">(${pose.quaternion_wxyz.map((value) => fixed(value, 7)).join(', ')})</span>`],
-    uncertainty && [t('pose.rotation'), html`<span class="quiet">± ${uncertainty.rotation_deg.map((value) => fixed(2 * value, 4)).join(', ')}°</span>`],
+    [t('pose.translation'), html`<span class="mono">${vector(pose.translation_mm, 3)} mm</span>${U(uncertainty?.translation_mm)}`],
+    [t('pose.quaternion'), html`<span class="mono">${vector(pose.quaternion_wxyz, 7)}</span>`],
+    uncertainty && [t('pose.rotation'), html`<span class="quiet">± ${inRow(uncertainty.rotation_deg.map((value) => fixed(2 * value, 4)))}°</span>`],
     [t('pose.views'), `${document.observability.views_used} / ${document.views.length}`],
     [t('pose.method'), `${document.setup} · ${document.method}`], [t('pose.made'), moment(document.created_at)], [t('pose.id'), document.id],
   ]} />`;

@@ -12,7 +12,7 @@ import { mm, moment } from '../state/numbers.js';
 import { old, robot, run } from '../state/now.js';
 import { linkTo } from '../state/place.js';
 import { t } from '../state/words.js';
-import { Jog } from './jog.js';
+import { ByHand } from './by_hand.js';
 
 export function Run({ argument }) {
   const named = useAsked(argument && argument !== run.value?.id ? `/runs/${encodeURIComponent(argument)}` : null, ['run']);
@@ -22,7 +22,7 @@ export function Run({ argument }) {
     if (newest.data) return html`<${Card} title=${t('place.run')} id="no-run"><p>${t('run.never')}</p><p><a class="button primary" href=${linkTo('calibrate')}>${t('place.calibrate')}</a></p></${Card}>`;
     return html`<${Missing} asked=${argument ? named : newest} none=${t('run.unknown')} />`;
   }
-  if (shown.request?.manual && !shown.over) return html`<${Jog} shown=${shown} />`;
+  if (shown.request?.manual && !shown.over) return html`<${ByHand} shown=${shown} />`;
   return html`<${RunShown} shown=${shown} />`;
 }
 
@@ -37,7 +37,7 @@ function RunShown({ shown }) {
   const now = robot.value;
   const places = placesOf(inForce.data?.calibration, now?.base_T_flange);
   const parts = useMemo(() => {
-    const { carried, at } = carriedBy(inForce.data?.calibration);
+    const { carried, at } = carriedBy(inForce.data?.calibration, arm.data?.setup);
     const ahead = shown.over ? [] : (planning?.planned_poses ?? []);
     return {
       skeleton_mm: now?.skeleton_mm, flange_mm: now?.base_T_flange?.translation_mm, box_mm: arm.data?.box_mm,

@@ -1,20 +1,24 @@
-// Verify: does the calibration in force still hold? The last verification, and the control chart since it is in force.
+// Verify: does the calibration in force still hold? The last verification, the control chart since it is in force, touch tests.
 import { html } from '../vendor/preact.js';
 import { Card, Facts } from '../parts/card.js';
-import { ControlChart } from '../parts/chart.js';
+import { ControlChart, TouchChart } from '../parts/chart.js';
 import { HoldButton } from '../parts/hold_button.js';
 import { Missing, useAsked } from '../parts/loaded.js';
 import { Cause } from '../parts/problem.js';
 import { Reasons } from '../parts/reasons.js';
+import { TouchForm } from '../parts/touch_test.js';
+import { TouchResult, verdictOf } from '../parts/touch_result.js';
 import { ask } from '../state/ask.js';
-import { count, fixed, mm, moment } from '../state/numbers.js';
+import { count, mm, moment, vector } from '../state/numbers.js';
 import { may, note, ready, running } from '../state/now.js';
 import { go, linkTo } from '../state/place.js';
 import { sentence, t } from '../state/words.js';
 
-export function Verify() {
-  const drift = useAsked('/drift', ['drift', 'run', 'applied']);
-  const runs = useAsked('/runs?kind=verify&limit=1', ['run']);
+const VERIFICATIONS = 5; // among the newest of them is one that saw the target's points
+
+export function Verify({ argument }) {
+  const drift = useAsked('/drift', ['drift', 'run', 'applied', 'touch']);
+  const runs = useAsked(`/runs?kind=verify&limit=${VERIFICATIONS}`, ['run']);
   const last = runs.data?.runs.find(({ kind }) => kind === 'verify');
   const begin = async (key) => {
     await ask('/verify', { method: 'POST', body: {}, key });
@@ -29,6 +33,7 @@ export function Verify() {
     <${Card} title=${t('drift.title')} id="drift" wide="2"><${Missing} asked=${drift} />${drift.data && html`<${Drift} drift=${drift.data} />`}</${Card}>
     <${Card} title=${t('verify.last')} id="last" wide="2"><${Missing} asked=${runs} />${runs.data && html`<${Last} run=${last} />`}</${Card}>
     <${Card} title=${t('drift.points')} id="points"><${DriftTable} points=${drift.data?.points ?? []} /></${Card}>
+    <${Touches} chosen=${argument} runs=${runs.data?.runs ?? []} charted=${drift.data?.touch_tests ?? []} />
   </div>`;
 }
 
@@ -45,24 +50,48 @@ function Drift({ drift }) {
 function DriftTable({ points }) {
   if (!points.length) return html`<p class="quiet">${t('drift.none')}</p>`;
   return html`<div class="table-frame" tabindex="0" role="group" aria-label=${t('drift.points')}><table><thead><tr><th scope="col">${t('drift.at')}</th><th scope="col" class="num">${t('drift.average')}</th><th scope="col" class="num">${t('drift.scatter')}</th></tr></thead>
-    <tbody>${points.toReversed().map((point) => html`<tr><th scope="row"><a href=${linkTo('run', point.run_id)}>${moment(point.at)}</a></th><td class="num">${mm(point.drift_mm)}</td><td class="num">${mm(point.scatter_mm)}</td></tr>`)}</tbody></table></div>`;
+    <tbody>${points.toReversed().map((point) => html`<tr><th scope="row"><a href=${linkTo('run', point.run_id)}>${moment(point.at)}</a></th><td class="num">${point.standing === 'learning' ? '—' : mm(point.drift_mm)}</td><td class="num">${mm(point.scatter_mm)}</td></tr>`)}</tbody></table></div>`;
+}
+
+/** Touch tests: a new touch, what the chosen test found, and all tests since the calibration is in force. */
+function Touches({ chosen, runs, charted }) {
+  const list = useAsked('/touches?limit=20', ['touch']);
+  const arm = useAsked('/arm');
+  const tests = list.data?.touches ?? [];
+  const listed = tests.find(({ id }) => id === chosen);
+  const named = useAsked(chosen && list.data && !listed ? `/touches/${encodeURIComponent(chosen)}` : null);
+  const shown = chosen ? (listed ?? named.data) : tests[0];
+  const verification = runs.find(({ state, result }) => state === 'finished' && result?.verification?.frame === 'base' && result.verification.base_T_flange);
+  return html`
+    <${Card} title=${t('touch.title')} id="touch">${verification
+      ? html`<${TouchForm} key=${verification.id} verification=${verification} last=${tests[0]} points_mm=${arm.data?.target_points_mm} again=${list.again} />`
+      : html`<p>${t('touch.about')}</p><p class="quiet">${t('touch.verify-first')}</p>`}</${Card}>
+    <${Card} title=${t('touch.result')} id="touched" wide="2"><${Missing} asked=${chosen && !listed && list.data ? named : list} none=${t('touch.unknown')} />
+      ${list.data && (shown ? html`<${TouchResult} test=${shown} />` : !chosen && html`<p class="quiet">${t('touch.never')}</p>`)}</${Card}>
+    <${Card} title=${t('touch.tests')} id="touches" wide="3"><div class="halves">
+      ${charted.length ? html`<${TouchChart} tests=${charted} />` : html`<p class="quiet">${t('touch.none')}</p>`}
+      <ul class="timeline">${tests.map((test) => html`<li key=${test.id}><a href=${linkTo('verify', test.id)} aria-current=${test.id === shown?.id ? 'true' : undefined}><span class="sign" aria-hidden="true">${test.result.accepted ? '✓' : '✕'}</span>
+        <span class="when">${moment(test.created_at)}</span><span class="what">${t(`touch.${verdictOf(test.result)}`, { mm: mm(test.result.tolerance_mm) })} · ${mm(test.result.largest_mm)}</span></a></li>`)}</ul></div>
+    </${Card}>`;
 }
 
 /** What the last verification found. */
 function Last({ run }) {
   if (!run) return html`<p class="quiet">${t('verify.never')}</p>`;
   const found = run.result?.verification;
-  return html`<${Facts} rows=${[[t('run.since'), html`<a href=${linkTo('run', run.id)}>${moment(run.created_at)}</a>`], [t('run.state'), t(`state.${run.state}`)]]} />
+  return html`<${Facts} rows=${[
+      [t('run.since'), html`<a href=${linkTo('run', run.id)}>${moment(run.created_at)}</a>`], [t('run.state'), t(`state.${run.state}`)],
+      found?.points && [t('verify.within'), html`<b>± ${mm(found.expanded_mm)}</b>`], found?.points && [t('verify.points'), count(found.points.length)],
+    ]} />
     ${run.cause && html`<div class="note warn"><${Cause} cause=${run.cause} /></div>`}
     ${found?.points && html`<${CrossTable} found=${found} />`}`;
 }
 
 /** Corners and middle of the target: the mean over the positions of the arm, and how far a position lies from it. */
-function CrossTable({ found: { points, cross, frame, expanded_mm } }) {
-  const at = (values) => `(${values.map((one) => fixed(one, 2)).join(', ')})`;
+function CrossTable({ found: { points, cross, frame } }) {
+  const at = (values) => vector(values, 2);
   const shown = points.filter(({ id }) => cross.includes(id));
   const mean = (places) => [0, 1, 2].map((axis) => places.reduce((sum, place) => sum + place[axis], 0) / places.length);
-  return html`<${Facts} rows=${[[t('verify.within'), html`<b>± ${mm(expanded_mm)}</b>`], [t('verify.points'), count(points.length)]]} />
-    <div class="table-frame" tabindex="0" role="group" aria-label=${t('verify.last')}><table><thead><tr><th scope="col" class="num">${t('verify.point')}</th><th scope="col" class="num">${t(`verify.mean.${frame}`)}</th><th scope="col" class="num">${t('verify.spread')}</th></tr></thead>
+  return html`<div class="table-frame" tabindex="0" role="group" aria-label=${t('verify.last')}><table><thead><tr><th scope="col" class="num">${t('verify.point')}</th><th scope="col" class="num">${t(`verify.mean.${frame}`)}</th><th scope="col" class="num">${t('verify.spread')}</th></tr></thead>
     <tbody>${shown.map((point) => html`<tr key=${point.id}><th scope="row" class="num">${point.id}</th><td class="num">${at(mean(point[`${frame}_mm`]))}</td><td class="num">${at(point.sigma_mm)}</td></tr>`)}</tbody></table></div>`;
 }

@@ -20,11 +20,19 @@ export function significant(value, digits = 2) {
 
 export function fixed(value, places) {
   if (value === null || value === undefined || !Number.isFinite(value)) return '—';
-  return plain(value, { minimumFractionDigits: places, maximumFractionDigits: places });
+  return plain(value, { minimumFractionDigits: places, maximumFractionDigits: places, useGrouping: false });
 }
 
 /** A number with its sign: "+60", "−501". */
 export const signed = (value, places = 0) => plain(value, { maximumFractionDigits: places, signDisplay: 'exceptZero' });
+
+const commaIsDecimal = () => plain(0.5, {}).includes(',');
+
+/** Numbers of one vector in brackets, parted so that a decimal comma is not taken for the next one. */
+export const vector = (values, places) => `(${values.map((value) => fixed(value, places)).join(commaIsDecimal() ? '; ' : ', ')})`;
+
+/** Numbers in a row, as `vector` without brackets. */
+export const inRow = (texts) => texts.join(commaIsDecimal() ? '; ' : ', ');
 
 export const count = (value) => plain(value, {});
 

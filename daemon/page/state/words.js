@@ -36,6 +36,9 @@ export function t(id, params = {}) {
 
 export const has = (id) => id in en;
 
+/** A device's name in words; one that is not known to the page stays as the daemon gives it. */
+export const deviceName = (name) => (has(`device.name.${name}`) ? t(`device.name.${name}`) : name);
+
 /** The locale of numbers and dates. */
 export function locale() {
   const { tag } = dictionary.value;

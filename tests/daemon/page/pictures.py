@@ -17,8 +17,8 @@ FOLDER = Path(__file__).resolve().parents[3] / "docs" / "page"
 CHROMIUM = "/usr/bin/chromium"
 ARGUMENTS = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
 PLACES = (
-    "sign-in", "cell", "calibrate", "run", "result", "verify", "scans", "devices", "history", "audit", "settings",
-    "help",
+    "sign-in", "cell", "calibrate", "run", "result", "verify", "scans", "jog", "devices", "history", "audit",
+    "settings", "help",
 )  # fmt: skip
 WIDTH, HEIGHT = 1280, 900
 KEPT_WIDTH = 960

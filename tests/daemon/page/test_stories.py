@@ -236,8 +236,8 @@ async def test_end_run_is_in_view_and_nothing_overflows(open_page: Opened, width
 
 
 PLACES = (
-    "sign-in", "cell", "calibrate", "run", "result", "verify", "scans", "devices", "history", "audit", "settings",
-    "help",
+    "sign-in", "cell", "calibrate", "run", "result", "verify", "scans", "jog", "devices", "history", "audit",
+    "settings", "help",
 )  # fmt: skip
 
 COUNT_SHIFTS = """

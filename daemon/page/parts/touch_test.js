@@ -1,0 +1,81 @@
+// A touch test: a known tip is brought to points that a verification saw, and the pose is read. Nothing moves by itself.
+import { html, useState } from '../vendor/preact.js';
+import { ask, newKey } from '../state/ask.js';
+import { may, note, running } from '../state/now.js';
+import { moment, vector } from '../state/numbers.js';
+import { go } from '../state/place.js';
+import { t } from '../state/words.js';
+import { Act } from './act.js';
+import { touchRequest } from './touch_request.js';
+import { numberOf } from './typed.js';
+
+/** `verification`: the newest finished run that saw the target in the base; `last`: the newest touch test; `points_mm`: of the target. */
+export function TouchForm({ verification, last, points_mm = [], again }) {
+  const { points, cross, calibration_id } = verification.result.verification;
+  const goes = last?.verification === verification.id;
+  const [adding, setAdding] = useState(goes);
+  const [given, setGiven] = useState(null); // a tip.json that was chosen
+  const [problem, setProblem] = useState(null);
+  const [point, setPoint] = useState(null);
+  const [tolerance, setTolerance] = useState('');
+  const test = adding && goes ? last : null;
+  const tip = test?.tip ?? given ?? last?.tip ?? null;
+  const done = new Set(test?.touches.touches.map(({ id }) => id));
+  const chosen = point ?? cross.find((id) => !done.has(id)) ?? cross[0];
+  const tolerance_mm = numberOf(tolerance);
+  const choose = async (event) => {
+    setProblem(null);
+    try {
+      setGiven(tipOf(JSON.parse(await event.target.files[0].text())));
+      setAdding(false);
+    } catch {
+      setProblem(t('touch.no-tip-file'));
+    }
+  };
+  const touch = async () => {
+    const body = touchRequest({ test, tip, verification: verification.id, id: chosen, tolerance_mm });
+    const { data } = await ask('/touch', { method: 'POST', key: newKey(), body, limit_s: 60 });
+    note('touch');
+    again();
+    setAdding(true);
+    setPoint(null);
+    go('verify', data.id);
+  };
+  const wrong = !test && tolerance.trim() !== '' && !(tolerance_mm > 0);
+  const off = !may('operator') || running.value || !tip || wrong;
+  return html`<p>${t('touch.about')}</p>
+    <p class="small quiet">${t('touch.seen', { at: moment(verification.created_at), count: points.length })} ${t('touch.of', { id: calibration_id })}</p>
+    <h3>${t('touch.point')}</h3>
+    <${PointMap} points_mm=${points_mm} cross=${cross} chosen=${chosen} done=${done} />
+    <div class="row" role="group" aria-label=${t('touch.point')}>${cross.map((id) => html`<button type="button" class="chip" key=${id} aria-pressed=${id === chosen} onClick=${() => setPoint(id)}>${id}${done.has(id) ? ` · ${t('touch.done')}` : ''}</button>`)}</div>
+    <h3>${t('touch.tip')}</h3>
+    <p>${tip ? html`<span class="mono">${vector(tip.flange_tip_mm, 2)} mm</span>` : t('touch.no-tip')}</p>
+    ${test
+      ? html`<p class="small quiet">${t('touch.adds', { count: test.touches.touches.length })}</p><div class="row"><button type="button" onClick=${() => setAdding(false)}>${t('touch.anew')}</button></div>`
+      : html`<label class="file"><span class="button">${t('touch.choose-tip')}</span><input type="file" accept=".json,application/json" onChange=${choose} /></label>
+        <div><label for="touch-tolerance">${t('touch.tolerance')}</label><input id="touch-tolerance" inputmode="decimal" autocomplete="off" value=${tolerance} onInput=${(event) => setTolerance(event.target.value)} aria-invalid=${wrong} /></div>`}
+    ${problem && html`<p class="note warn" role="alert"><span class="mark" aria-hidden="true">!</span> ${problem}</p>`}
+    <${Act} label=${t('touch.take', { point: chosen })} primary disabled=${off} act=${touch} />
+    <p class="small quiet">${t(may('operator') ? (tip ? 'touch.reads' : 'touch.tip-first') : 'missing.role')}</p>`;
+}
+
+function tipOf({ flange_tip_mm, covariance, placing_sigma_mm, ...rest }) {
+  if (!Array.isArray(flange_tip_mm) || !Array.isArray(covariance)) throw new TypeError('no tip.json');
+  return { ...rest, flange_tip_mm, covariance, placing_sigma_mm };
+}
+
+const PAD = 0.08;
+
+/** The target's points seen from the front, those of the cross with their numbers, the chosen one filled. */
+function PointMap({ points_mm, cross, chosen, done }) {
+  if (points_mm.length < 3) return null;
+  const [xs, ys] = [0, 1].map((axis) => points_mm.map((point) => point[axis]));
+  const [left, top] = [Math.min(...xs), Math.min(...ys)];
+  const [wide, high] = [Math.max(...xs) - left || 1, Math.max(...ys) - top || 1];
+  const pad = PAD * Math.max(wide, high);
+  const r = Math.max(wide, high) / 110;
+  return html`<figure class="point-map"><svg viewBox="${left - pad} ${top - pad} ${wide + 2 * pad} ${high + 2 * pad}" role="img" aria-label=${t('touch.map', { point: chosen })}>
+    ${points_mm.map(([x, y], id) => html`<circle key=${id} class=${id === chosen ? 'chosen' : cross.includes(id) ? 'cross' : 'other'} cx=${x} cy=${y} r=${id === chosen ? 2.6 * r : cross.includes(id) ? 1.8 * r : r} />`)}
+    ${cross.filter((id) => points_mm[id]).map((id) => html`<text key=${`t${id}`} x=${points_mm[id][0]} y=${points_mm[id][1] - 3.4 * r} text-anchor="middle" font-size=${5.5 * r}>${id}${done.has(id) ? ' ✓' : ''}</text>`)}
+  </svg></figure>`;
+}

@@ -1,0 +1,214 @@
+"""Jogs, touch tests, rigs and the arm's own errors as people use them on the page."""
+
+import json
+from collections.abc import AsyncIterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import pytest_asyncio
+
+from calibration.documents.calibration import CalibrationFindingDocument
+from daemon.model.records import AppliedCalibration, CalibrationRecord
+from tests.daemon.access_keys import bearer, with_keys
+from tests.daemon.calibrations import an_arm
+from tests.daemon.cell_under_test import Bench
+from tests.daemon.page.conftest import AXE_FINDINGS, Opened
+from tests.daemon.page.test_stories import hold_by_key, hold_by_mouse, hold_until
+from tests.daemon.rig_files import a_rig
+from tests.daemon.touches import TIP, document_with_covariance, json_of, touching
+from tests.support.waiting import eventually
+
+pytestmark = [pytest.mark.asyncio(loop_scope="module"), pytest.mark.slow]
+
+Cell = tuple[Bench, dict[str, str]]
+
+ARM_FINDING = {
+    "code": "arm-errors", "severity": "info", "message": "the arm is not as drawn", "fix": "nothing to do",
+    "id": "arm-errors", "params": {"after_mm": 0.2, "before_mm": 0.5},
+    "advice": {"id": "as-written", "params": {"sentence": "nothing to do"}},
+}  # fmt: skip
+
+
+@pytest_asyncio.fixture(scope="module", loop_scope="module")
+async def cell(tmp_path_factory: pytest.TempPathFactory) -> AsyncIterator[Cell]:
+    """The fake cell with a calibration in force that knows its uncertainty and the errors of its arm."""
+    async with with_keys(tmp_path_factory.mktemp("page"), robot={"model": "IRB 1600-6/1.45"}) as (bench, keys):
+        document = document_with_covariance()
+        finding = CalibrationFindingDocument.model_validate(ARM_FINDING)
+        verdict = document.verdict.model_copy(update={"findings": [finding]})
+        document = document.model_copy(update={"verdict": verdict})
+        store = bench.application.store
+        await store.save_calibration(
+            CalibrationRecord("cal-1", None, document.created_at, True, document), an_arm(zero_2=1e-3, link_2_tx=0.4)
+        )
+        await store.apply(AppliedCalibration("cal-1", document.created_at, "test"))
+        bench.client.headers.update(bearer(keys["admin"]))
+        await bench.verify()
+        yield bench, keys
+
+
+def written(folder: Path, name: str, document: Any) -> Path:
+    file = folder / name
+    file.write_text(json.dumps(document))
+    return file
+
+
+@pytest.mark.parametrize("hold", [pytest.param(hold_by_mouse, id="mouse"), pytest.param(hold_by_key, id="keyboard")])
+async def test_a_jog_moves_the_flange_by_the_step_that_its_button_names(
+    open_page: Opened, cell: Cell, hold: Any
+) -> None:
+    bench, _ = cell
+    async with open_page("operator", "jog") as page:
+        asked: list[Any] = []
+        page.on("request", lambda request: asked.append(request) if request.url.endswith("/robot/jog") else None)
+        for chip in ("Shift", "Z", "50 mm"):
+            await page.get_by_role("button", name=chip, exact=True).press("Enter")
+        before = bench.robot.base_T_flange[2, 3]
+
+        async def moved() -> bool:
+            return bool(bench.robot.base_T_flange[2, 3] != before)
+
+        await hold_until(page, hold, "Z +50 mm", moved)
+        await page.get_by_text("✓ The arm stands.").wait_for()
+        assert bench.robot.base_T_flange[2, 3] - before == pytest.approx(50.0)
+        assert len({request.headers["idempotency-key"] for request in asked}) == len(asked) == 1
+
+        await hold_until(page, hold, "Z −50 mm", lambda: _is(lambda: bench.robot.base_T_flange[2, 3] == before))
+
+
+async def _is(true: Any) -> bool:
+    return bool(true())
+
+
+async def test_a_jog_that_is_refused_says_why(open_page: Opened, cell: Cell) -> None:
+    bench, _ = cell
+    goals = len(bench.robot.goals)
+    async with open_page("operator", "jog", "lang=de") as page:
+        refusal = page.get_by_text("axes are moved over the CB link only").first
+        await hold_until(page, hold_by_mouse, "Achse 1 +5°", refusal.is_visible)
+        await page.get_by_role("button", name="Alle Achsen").click()
+        await page.get_by_label("Achse 2, °").fill("zwei")
+        await page.get_by_text("Jede Achse braucht eine Zahl.").wait_for()
+    assert len(bench.robot.goals) == goals
+
+
+async def test_points_are_touched_one_after_the_other_by_keyboard_alone(
+    open_page: Opened, cell: Cell, tmp_path: Path
+) -> None:
+    bench, keys = cell
+    goals = len(bench.robot.goals)
+    stood = bench.robot.base_T_flange.copy()
+    async with open_page("operator", "verify") as page:
+        take = page.get_by_role("button", name="The tip is at point")
+        assert await take.get_attribute("aria-disabled") == "true"
+        await page.locator("section[aria-labelledby=touch] input[type=file]").set_input_files(
+            written(tmp_path, "tip.json", TIP)
+        )
+        await page.get_by_label("Tolerance, mm").fill("1,0")
+        bench.robot.base_T_flange = touching(0)
+        await page.get_by_role("button", name="The tip is at point 0").press("Enter")
+        await page.get_by_text("✓ Within the tolerance of 1.0 mm").first.wait_for()
+        bench.robot.base_T_flange = touching(10, (2.0, 0.0, 0.0))
+        await page.get_by_role("button", name="The tip is at point 10").press("Enter")
+        await page.get_by_text("✕ Beyond the tolerance of 1.0 mm").first.wait_for()
+        await page.get_by_role("rowheader", name="Point 10").wait_for()
+        assert await page.locator("section[aria-labelledby=touches] .timeline li").count() == 2
+        await page.locator("section[aria-labelledby=touches] svg .alarm-dot").wait_for()
+    bench.robot.base_T_flange = stood
+    assert len(bench.robot.goals) == goals
+    stored = (await bench.client.get("/touches", headers=bearer(keys["viewer"]))).json()["touches"]
+    assert [len(test["touches"]["touches"]) for test in stored] == [2, 1]
+    assert stored[0]["created_by"] == "operator"
+
+
+async def test_a_rig_is_looked_at_and_put_in_force_from_its_file(open_page: Opened, cell: Cell, tmp_path: Path) -> None:
+    bench, keys = cell
+    await bench.client.post("/rigs", json=a_rig(shift_mm=5.0))
+    async with open_page("operator", "devices") as page:
+        chosen = page.locator("section[aria-labelledby=rig] input[type=file]")
+        await chosen.set_input_files(written(tmp_path, "notes.json", [1, 2]))
+        await page.get_by_text("notes.json is no rig.json").wait_for()
+        await chosen.set_input_files(written(tmp_path, "refused.json", a_rig(accepted=False)))
+        await page.get_by_text("only an admin can put it in force").wait_for()
+        await chosen.set_input_files(written(tmp_path, "rig.json", a_rig()))
+        await page.get_by_role("region", name="rig.json").get_by_text("scanner in camera").wait_for()
+        earlier = page.get_by_text("Earlier ones: 1")
+        await hold_until(page, hold_by_key, "Put in force", earlier.is_visible)
+    rigs = (await bench.client.get("/rigs", headers=bearer(keys["viewer"]))).json()["rigs"]
+    assert [(one["created_by"], one["rig"] == rigs[0]["rig"]) for one in rigs] == [("operator", True), ("admin", False)]
+
+
+async def test_the_errors_of_the_arm_are_asked_for_and_shown_before_and_after(open_page: Opened, cell: Cell) -> None:
+    bench, _ = cell
+    async with open_page("operator", "calibrate") as page:
+        await page.get_by_text("Ready.").wait_for()
+        asked: list[Any] = []
+        await page.route("**/plan", lambda route: _refuse(route, asked))
+        await page.get_by_label("Find the errors of the arm, too").press("Space")
+        await page.get_by_role("button", name="Show the poses").press("Enter")
+        await eventually(lambda: bool(asked))
+        assert json.loads(asked[0]) == {"arm": True}
+        await page.evaluate("location.hash = '#/result/cal-1'")
+        await page.get_by_text("Errors of the arm are in use.").wait_for()
+        await page.get_by_text("Before: off by, as drawn").wait_for()
+        assert await page.locator(".field .bubble").count() == 160
+        await page.get_by_text("zero_2").wait_for()
+    field = (await bench.client.get("/calibrations/cal-1/arm/field")).json()
+    assert field["drawn_rms_mm"] == pytest.approx(
+        np.sqrt(np.mean([point["drawn_mm"] ** 2 for point in field["points"]])), abs=1e-6
+    )
+
+
+async def _refuse(route: Any, asked: list[Any]) -> None:
+    asked.append(route.request.post_data)
+    await route.abort()
+
+
+NEW = ("jog", "verify", "devices", "result/cal-1", "calibrate")
+
+
+@pytest.mark.parametrize("theme", ["light", "dark"])
+@pytest.mark.parametrize("language", ["en", "de", "zh", "es"])
+async def test_axe_finds_nothing_where_all_of_it_is_shown(
+    open_page: Opened, cell: Cell, axe: str, theme: str, language: str, tmp_path: Path
+) -> None:
+    bench, _ = cell
+    await everything_stored(bench)
+    async with open_page("admin", "jog", f"lang={language}&theme={theme}") as page:
+        await page.locator("dl.line").wait_for()
+        await page.evaluate(axe)
+        for place in NEW:
+            await page.evaluate("place => { location.hash = '#/' + place }", place)
+            await page.locator("main .card").first.wait_for()
+            await page.wait_for_timeout(300)
+            assert await page.evaluate(AXE_FINDINGS) == [], place
+
+
+@pytest.mark.parametrize("width", [360, 768, 1280, 1920])
+async def test_nothing_new_overflows(open_page: Opened, cell: Cell, width: int) -> None:
+    bench, _ = cell
+    await everything_stored(bench)
+    for query in ("lang=pseudo", "lang=de&scale=1.5"):
+        async with open_page("admin", "jog", query, viewport={"width": width, "height": 780}) as page:
+            for place in NEW:
+                await page.evaluate("place => { location.hash = '#/' + place }", place)
+                await page.locator(".card").first.wait_for()
+                await page.wait_for_timeout(300)
+                assert await page.evaluate("document.documentElement.scrollWidth <= innerWidth"), (query, place)
+
+
+async def everything_stored(bench: Bench) -> None:
+    """A rig, one that was refused, and a touch test, unless they are there."""
+    if (await bench.client.get("/touches")).json()["touches"]:
+        return
+    for body, query in ((a_rig(accepted=False), "?despite_verdict=true"), (a_rig(), "")):
+        assert (await bench.client.post(f"/rigs{query}", json=body)).status_code == 201
+    run = (await bench.client.get("/runs?kind=verify")).json()["runs"][0]["id"]
+    poses = [{"id": 0}, {"id": 10}]
+    given = [pose | {"base_T_flange": json_of(touching(pose["id"], (0.3 * pose["id"], 0, 0)))} for pose in poses]
+    made = await bench.client.post(
+        "/touch", json={"tip": TIP, "verification": run, "touches": given, "tolerance_mm": 1.0}
+    )
+    assert made.status_code == 201, made.text
