@@ -45,6 +45,9 @@ export function locale() {
   return { en: 'en-GB', zh: 'zh-CN', pseudo: 'en-GB' }[tag] ?? tag;
 }
 
+/** What parts the whole from its fraction in the chosen language. */
+const decimalMark = () => new Intl.NumberFormat(locale()).format(0.5)[1];
+
 /** A sentence of the daemon, { id, params, message }, as { text, lang }: lang is set when it had to stay English. */
 export function sentence({ id, params = {}, message }) {
   const { tag, daemon } = dictionary.value;
@@ -55,7 +58,7 @@ export function sentence({ id, params = {}, message }) {
 
 function translated(table, id, params) {
   try {
-    return fill(table[id], params, table);
+    return fill(table[id], params, table, decimalMark());
   } catch {
     return null; // a part of it has no translation yet
   }

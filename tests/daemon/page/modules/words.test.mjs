@@ -35,6 +35,14 @@ test('forms are those of the daemon', () => {
   for (const [template, params, expected] of rows) assert.equal(fill(template, params), expected);
 });
 
+test('numbers of the daemon have the decimal mark of the language, and are not run together', () => {
+  const table = { part: '{x:.1f} mm' };
+  assert.equal(fill('{a:.2g} mm, {b}', { a: -0.125, b: { id: 'part', params: { x: 2 } } }, table, ','), '−0,13 mm, 2,0 mm');
+  assert.equal(fill('({a})', { a: [0.5, 1, -2.25] }, {}, ','), '(0,5; 1; −2,25)');
+  assert.equal(fill('{a}', { a: [1, 2] }, {}, ','), '1, 2');
+  assert.equal(fill('{a}', { a: '1.5.2' }, {}, ','), '1.5.2');
+});
+
 test('a part without a text is noticed', () => {
   assert.equal(fill('{a}', { a: { id: 'x', params: { n: 1 } } }, { x: '<{n}>' }), '<1>');
   assert.throws(() => fill('{a}', { a: { id: 'y', params: {} } }, {}));
