@@ -3,14 +3,14 @@
 import numpy as np
 
 from calibration.documents.arm import ArmErrorsDocument
-from calibration.documents.calibration import CalibrationDocument
+from calibration.documents.calibration import CalibrationDocument, ViewResultDocument
 from calibration.documents.pose import PoseDocument
 from calibration.documents.session import CameraDocument
 from calibration.kinematics.abb_arms import find_arm
 from calibration.kinematics.arm_errors import ArmErrorModel
 from daemon.model.records import AppliedCalibration, CalibrationRecord
 from tests.daemon.cell_under_test import Bench
-from tests.daemon.fakes import BASE_T_TARGET, CAMERA, FLANGE_T_CAMERA
+from tests.daemon.fakes import BASE_T_TARGET, CAMERA, FLANGE_T_CAMERA, poses_around_the_target
 
 
 def a_calibration(calibration_id: str, *, accepted: bool = True, solved: bool = True) -> CalibrationDocument:
@@ -40,6 +40,19 @@ def a_calibration(calibration_id: str, *, accepted: bool = True, solved: bool = 
             "verdict": {"accepted": accepted, "findings": findings},
         }
     )  # fmt: skip
+
+
+def with_views(document: CalibrationDocument) -> CalibrationDocument:
+    """The same from views with the joints of the fake robot's arm."""
+    arm = find_arm("IRB 1600-6/1.45")
+    views = [
+        ViewResultDocument.model_validate(
+            {"index": index, "image": None, "status": "used", "reprojection_px": 0.1, "base_error_mm": 0.1,
+             "robot_correction": None, "reason": None, "joints_deg": np.degrees(arm.inverse(pose)[0]).tolist()}
+        )
+        for index, pose in enumerate(poses_around_the_target())
+    ]  # fmt: skip
+    return document.model_copy(update={"views": views})
 
 
 async def apply_calibration(bench: Bench, calibration_id: str = "cal-1") -> None:

@@ -14,6 +14,7 @@ from calibration.documents.calibration import (
 )
 from calibration.documents.exports.notation import angles_xyz
 from calibration.documents.pose import PoseDocument
+from calibration.documents.reports.arm_block import arm_block
 from calibration.documents.reports.blocks import (
     blank,
     facts,
@@ -50,6 +51,7 @@ def calibration_report(document: CalibrationDocument, context: ReportContext) ->
         ("Result", _result(document)),
         ("Views", _views(document, context)),
         ("Uncertainty budget", _budget(document, context)),
+        *([("The arm as built", arm_block(context.arm))] if context.arm else []),
         ("Verification", _verification(context)),
         ("Traceability, conditions, validity", _traceability(context)),
         ("Findings", findings(document.verdict.findings)),

@@ -22,6 +22,7 @@ LOOKS: Mapping[str, Mapping[str, str]] = MappingProxyType({
     "line": {"stroke": ACCENT, "stroke-width": "1.6", "fill": "none"},
     "limit": {"stroke": BAD, "stroke-width": "1.2", "stroke-dasharray": "5 3", "fill": "none"},
     "dot": {"fill": ACCENT},
+    "bubble": {"fill": "#9db4c8", "fill-opacity": "0.5", "stroke": INK, "stroke-width": "0.7"},
     "over": {"fill": "#fff", "stroke": BAD, "stroke-width": "1.6"},
     "accepted": {"fill": "#dfe7ee"},
     "word": {"fill": SOFT, "font-size": "9"},
@@ -101,6 +102,33 @@ def limit_scale(value: float, limit: float, unit: str, about: str) -> Markup:
         _text(end, bar_y + bar + 13, f"tolerance {limit:g} {unit}"),
     ]
     return tag("svg", *shapes, viewBox=f"0 0 {_f(WIDTH)} {_f(height)}", role="img", aria_label=about)
+
+
+def bubble_map(places: Sequence[tuple[float, float]], values: Sequence[float], largest: float, about: str) -> Markup:
+    """A circle at each place (x, y) in mm, its radius in proportion to the value; `largest` has the largest circle."""
+    side, edge, radius = 300.0, 40.0, 12.0
+    low = [min(place[axis] for place in places) for axis in (0, 1)]
+    high = [max(place[axis] for place in places) for axis in (0, 1)]
+    span = max(high[0] - low[0], high[1] - low[1], 1.0) * 1.15
+    start = [(low[axis] + high[axis] - span) / 2 for axis in (0, 1)]
+    scale, floor = (side - edge) / span, side - edge / 2
+
+    def at(place: tuple[float, float]) -> tuple[float, float]:
+        return edge + (place[0] - start[0]) * scale, floor - (place[1] - start[1]) * scale
+
+    step = _nice(span / 3)
+    shapes = [_shape("path", "axis", d=f"M{_f(edge)} {_f(floor - span * scale)}V{_f(floor)}H{_f(side)}")]
+    for axis in (0, 1):
+        for number in range(math.ceil(start[axis] / step), math.floor((start[axis] + span) / step) + 1):
+            x, y = at((number * step, start[1]) if axis == 0 else (start[0], number * step))
+            words = f"{number * step:.0f}".replace("-", "\u2212")
+            shapes.append(
+                _text(x, floor + 12, words) if axis == 0 else _text(edge - 4, y + 3, words, text_anchor="end")
+            )
+    for place, value in zip(places, values, strict=True):
+        x, y = at(place)
+        shapes.append(_shape("circle", "bubble", cx=_f(x), cy=_f(y), r=_f(max(0.6, radius * value / (largest or 1.0)))))
+    return tag("svg", *shapes, viewBox=f"0 0 {_f(side)} {_f(side)}", role="img", aria_label=about)
 
 
 def _scale(top: float, unit: str) -> list[Markup]:

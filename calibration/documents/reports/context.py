@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+from calibration.documents.reports.arm_block import ArmErrors
 from calibration.documents.target import TargetDocument
 
 
@@ -82,3 +83,4 @@ class ReportContext:
     pictures: tuple[Picture, ...] = ()
     verification: VerifiedPoints | None = None
     drift: Drift | None = None
+    arm: ArmErrors | None = None

@@ -15,8 +15,8 @@ from calibration.documents.reports.blocks import (
 )
 from calibration.documents.reports.charts import Bar, bar_chart
 from calibration.documents.reports.context import Picture, ReportContext
-from calibration.documents.reports.markup import join, tag
-from calibration.documents.reports.numbers import DASH, significant
+from calibration.documents.reports.markup import Markup, join, tag
+from calibration.documents.reports.numbers import DASH, MINUS, significant
 
 
 @dataclass(frozen=True)
@@ -28,6 +28,22 @@ class ScannedView:
     overlap: float
     rms_mm: float | None
     correction_mm: float | None = None
+
+
+@dataclass(frozen=True)
+class DeviationMap:
+    """How far each point lies from the other views, mm, positive towards its camera.
+
+    `picture`: coloured up to `end_mm`; `shares`: of the points that several views see, around each of `middles_mm`;
+    `alone`: share of the points that one view only sees.
+    """
+
+    picture: Picture
+    end_mm: float
+    middles_mm: tuple[float, ...]
+    shares: tuple[float, ...]
+    rms_mm: float
+    alone: float
 
 
 @dataclass(frozen=True)
@@ -46,6 +62,7 @@ class Scan:
     accepted: bool
     findings: Sequence[FindingDocument] = ()
     pictures: tuple[Picture, ...] = ()
+    deviations: DeviationMap | None = None
 
 
 def scan_report(scan: Scan, context: ReportContext) -> str:
@@ -75,8 +92,34 @@ def scan_report(scan: Scan, context: ReportContext) -> str:
         ("Method", tag("p", method)),
         ("Cloud", join(shown, None if shown else tag("p", "No picture."))),
         ("Registration", join(chart, table(head, rows))),
+        ("Deviation map", _deviations(scan.deviations)),
         ("Findings", findings(scan.findings)),
         ("Release", signatures(context)),
     ]
     lead = [verdict(scan.accepted, "Registered." if scan.accepted else "Not accepted.", text)]
     return page("Scan report", "merged cloud of a part", scan.scan_id, lead, sections)
+
+
+def _deviations(found: DeviationMap | None) -> Markup:
+    if found is None:
+        return tag("p", "None: no two views see the same place.")
+    end = significant(found.end_mm)
+    text = (
+        f"Root mean square {significant(found.rms_mm)} mm over the points that several views see;"
+        f" {found.alone:.0%} of the points are seen by one view only."
+    )
+    colours = (
+        f" Blue: behind the other views, by {end} mm or more where it is darkest; light grey: where they are; red:"
+        f" before them; dark grey: seen by one view only. {found.picture.caption}."
+    )
+    bars = [Bar(_signed(middle), 100 * share) for middle, share in zip(found.middles_mm, found.shares, strict=True)]
+    shares = tag(
+        "figure",
+        bar_chart(bars, "%", "share of the points by their deviation"),
+        tag("figcaption", f"Share of the points by their deviation in mm; the outermost hold all beyond {end} mm."),
+    )
+    return join(tag("p", text, colours), picture(found.picture), shares)
+
+
+def _signed(value_mm: float) -> str:
+    return "0" if abs(value_mm) < 1e-9 else f"{value_mm:+.2g}".replace("-", MINUS)

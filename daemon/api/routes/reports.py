@@ -19,7 +19,7 @@ from calibration.documents.reports.acceptance_report import (
 from calibration.documents.reports.blocks import policy_of
 from calibration.documents.reports.calibration_report import calibration_report
 from calibration.documents.reports.context import Drift, DriftedPoint, Picture, ReportContext
-from calibration.documents.reports.scan_report import Scan, ScannedView, scan_report
+from calibration.documents.reports.scan_report import DeviationMap, Scan, ScannedView, scan_report
 from calibration.documents.reports.verification_report import drift_report, verification_report
 from daemon.api.dependencies import App, Identifier, WithCamera
 from daemon.api.negotiation import media_ranges
@@ -32,10 +32,12 @@ from daemon.application import Application
 from daemon.drift.chart import DriftChart
 from daemon.errors import NotFound
 from daemon.sessions.session_files import find_grey
+from daemon.tools.reports.arm_errors import arm_in_report
 from daemon.tools.reports.context import context_of, session_sha256, verified_points
 from daemon.tools.reports.pdf import Attached, write_pdf
 from registration.documents import RegistrationReportDocument
 from registration.fusion.merging import Merge
+from registration.fusion.view_surface import SURFACE
 
 router = APIRouter()
 
@@ -43,6 +45,8 @@ HTML, PDF = "text/html", "application/pdf"
 MAX_PDF_S = 20.0
 MAX_PICTURED_POINTS = 400_000
 PICTURE_VOXEL_MM = 2.0
+MAP_VOXEL_MM = 4.0
+MAX_MAPPED_VIEWS = 24
 OCTETS = ".bin"
 MAX_HISTORY = 500
 
@@ -83,6 +87,9 @@ async def report_calibration(request: Request, app: App, calibration_id: Identif
         folder = app.store.session_folder(record.run_id, record.camera)
         pictures, digest = await app.service_workers.run(_session, app, folder, document)
         context = replace(context, pictures=pictures, session_sha256=digest)
+    errors = await app.store.arm(document.id)
+    if errors is not None:
+        context = replace(context, arm=await app.service_workers.run(arm_in_report, document, errors))
     html = calibration_report(document, context)
     return await _answer(request, app, html, form, Attached("calibration.json", content, "the calibration"))
 
@@ -164,7 +171,7 @@ async def report_drift(request: Request, app: App, camera: WithCamera, form: For
     responses={**REPORT, **problem_responses(404, 406, 409, 413, 429, 500, 507)},
 )
 async def report_scan(request: Request, app: App, scan_id: Identifier, form: Form = None) -> Response:
-    """The report of a scan: its merged cloud from three sides, and how its views agree."""
+    """The report of a scan: its merged cloud from three sides, how its views agree, and the map of their deviations."""
     used = await calibration_of_scan(app, scan_id, "current")
     found = await (await app.scans.start_registration(scan_id, used, refine=False))
     clouds = await app.scans.clouds(scan_id, used, None)
@@ -173,8 +180,12 @@ async def report_scan(request: Request, app: App, scan_id: Identifier, form: For
         pictures = await app.service_workers.run(_cloud_pictures, merged)
     finally:
         await app.service_workers.run(merged.unlink, missing_ok=True)
+    surfaces = [
+        await app.scans.view_surface(clouds, index, MAP_VOXEL_MM) for index in range(min(len(clouds), MAX_MAPPED_VIEWS))
+    ]
+    deviations = await app.service_workers.run(_deviation_map, surfaces)
     record = await app.store.scan(scan_id)
-    shown = _scan_of(found, pictures, scan_id, record.name, record.created_at)
+    shown = replace(_scan_of(found, pictures, scan_id, record.name, record.created_at), deviations=deviations)
     return await _answer(request, app, scan_report(shown, context_of(app.settings)), form)
 
 
@@ -205,6 +216,12 @@ def _cloud_pictures(file: Path) -> tuple[Picture, ...]:
         return ()
     points = np.memmap(file, np.float32, "r").reshape(-1, 3)
     return cloud_pictures(np.array(points[:: max(1, len(points) // MAX_PICTURED_POINTS)]))
+
+
+def _deviation_map(surfaces: list[bytes]) -> DeviationMap | None:
+    from daemon.tools.reports.deviation_map import deviation_map
+
+    return deviation_map(surfaces, SURFACE)
 
 
 @router.get(

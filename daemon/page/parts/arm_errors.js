@@ -13,11 +13,11 @@ const SHOWN = 6;
 export function ArmErrors({ document, path }) {
   const identified = document.verdict.findings.some(({ code }) => CODES.has(code));
   const arm = useAsked(identified ? `${path}/arm` : null);
-  const field = useAsked(arm.data?.taken_up && arm.data.setup === 'eye-in-hand' ? `${path}/arm/field` : null);
+  const field = useAsked(arm.data?.taken_up ? `${path}/arm/field` : null);
   if (!identified) return null;
   return html`<${Card} title=${t('arm.title')} id="arm-errors" wide="3"><${Missing} asked=${arm} />
     ${arm.data && html`<${Found} arm=${arm.data} />`}
-    ${arm.data?.taken_up && html`<div class="halves"><div>${field.data ? html`<${ErrorField} field=${field.data} />` : html`<${Missing} asked=${field} />`}</div><${Largest} parameters=${arm.data.parameters} /></div>`}
+    ${arm.data?.taken_up && html`<div class="halves"><div>${field.data ? html`<${ErrorField} field=${field.data} />` : html`<${Missing} asked=${field} none=${t('field.none')} />`}</div><${Largest} parameters=${arm.data.parameters} /></div>`}
   </${Card}>`;
 }
 

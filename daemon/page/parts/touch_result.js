@@ -11,6 +11,9 @@ const SIGN = { within: '✓', beyond: '✕', undecided: '○', agree: '✓', dis
 /** The word of a verdict: of a tolerance where there is one, else whether the misses agree with what is stated. */
 export const verdictOf = ({ conformance, agree }) => conformance ?? (agree ? 'agree' : 'disagree');
 
+/** Its sign. */
+export const signOf = (result) => SIGN[verdictOf(result)];
+
 export function TouchResult({ test: { result, created_at, created_by, verification } }) {
   const word = verdictOf(result);
   const worst = result.points.reduce((a, b) => (b.length_mm > a.length_mm ? b : a));

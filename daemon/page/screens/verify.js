@@ -7,7 +7,7 @@ import { Missing, useAsked } from '../parts/loaded.js';
 import { Cause } from '../parts/problem.js';
 import { Reasons } from '../parts/reasons.js';
 import { TouchForm } from '../parts/touch_test.js';
-import { TouchResult, verdictOf } from '../parts/touch_result.js';
+import { TouchResult, signOf, verdictOf } from '../parts/touch_result.js';
 import { ask } from '../state/ask.js';
 import { count, mm, moment, vector } from '../state/numbers.js';
 import { may, note, ready, running } from '../state/now.js';
@@ -70,7 +70,7 @@ function Touches({ chosen, runs, charted }) {
       ${list.data && (shown ? html`<${TouchResult} test=${shown} />` : !chosen && html`<p class="quiet">${t('touch.never')}</p>`)}</${Card}>
     <${Card} title=${t('touch.tests')} id="touches" wide="3"><div class="halves">
       ${charted.length ? html`<${TouchChart} tests=${charted} />` : html`<p class="quiet">${t('touch.none')}</p>`}
-      <ul class="timeline">${tests.map((test) => html`<li key=${test.id}><a href=${linkTo('verify', test.id)} aria-current=${test.id === shown?.id ? 'true' : undefined}><span class="sign" aria-hidden="true">${test.result.accepted ? '✓' : '✕'}</span>
+      <ul class="timeline">${tests.map((test) => html`<li key=${test.id}><a href=${linkTo('verify', test.id)} aria-current=${test.id === shown?.id ? 'true' : undefined}><span class="sign" aria-hidden="true">${signOf(test.result)}</span>
         <span class="when">${moment(test.created_at)}</span><span class="what">${t(`touch.${verdictOf(test.result)}`, { mm: mm(test.result.tolerance_mm) })} · ${mm(test.result.largest_mm)}</span></a></li>`)}</ul></div>
     </${Card}>`;
 }

@@ -5,9 +5,10 @@ from pathlib import Path
 import pytest
 
 from calibration.documents.reports.numbers import number
+from daemon.model.records import CalibrationRecord
 from daemon.tools.reports import pdf
 from daemon.tools.reports.errors import ReportExtraMissing
-from tests.daemon.calibrations import apply_calibration
+from tests.daemon.calibrations import a_calibration, an_arm, apply_calibration, with_views
 from tests.daemon.cell_under_test import Bench, serving, settings_for
 from tests.daemon.clouds import PLY, POSES, cloud
 from tests.daemon.fakes import ply_of
@@ -54,7 +55,7 @@ async def test_a_run_s_calibration_is_reported_with_its_pictures_and_then_verifi
     assert (other.status_code, f"/calibrations/{calibration_id}/report" in other.json()["fix"]) == (404, True)
 
 
-async def test_a_scan_is_shown_from_three_sides(bench: Bench) -> None:
+async def test_a_scan_is_shown_from_three_sides_with_its_deviations(bench: Bench) -> None:
     await apply_calibration(bench)
     scan = await a_scan(bench)
     for pose in POSES[:2]:
@@ -64,7 +65,25 @@ async def test_a_scan_is_shown_from_three_sides(bench: Bench) -> None:
         assert sent.status_code == 201, sent.text
     report = await bench.client.get(f"/scans/{scan['id']}/report.html")
     assert report.status_code == 200, report.text
-    assert report.text.count("data:image/png;base64,") == 3
+    assert report.text.count("data:image/png;base64,") == 4  # three sides, and the map of deviations
+    assert "Share of the points by their deviation in mm" in report.text
+
+
+async def test_the_field_of_the_arms_errors_is_in_the_report_of_its_calibration(bench: Bench) -> None:
+    for name, document, shown in (
+        ("no-joints", a_calibration("no-joints"), False),
+        ("joints", with_views(a_calibration("joints")), True),
+    ):
+        record = CalibrationRecord(name, None, document.created_at, True, document)
+        await bench.application.store.save_calibration(record, an_arm(zero_2=1e-3))
+        report = await bench.client.get(f"/calibrations/{name}/report")
+        assert report.status_code == 200, report.text
+        assert ("The arm as built" in report.text) is shown
+    columns = {
+        tuple(point["flange_mm"][:2])
+        for point in (await bench.client.get("/calibrations/joints/arm/field")).json()["points"]
+    }
+    assert report.text.count("<circle") == 2 * len(columns) > 20
 
 
 async def test_without_the_extra_a_pdf_is_refused_with_the_way_out(
