@@ -54,6 +54,8 @@ def require_consistent_joints(
     off_mm = _off_mm(arm, joints_rad, base_T_flange)
     if off_mm <= MAX_OFF_MM:
         return
+    if mistake := _of_another_view(arm, joints_rad, base_T_flange):
+        raise JointsDisagree(mistake, off_mm)
     rows = np.linspace(0, len(joints_rad) - 1, min(len(joints_rad), MAX_TRIED_VIEWS)).astype(int)
     raise JointsDisagree(_likely_mistake(arm, joints_rad[rows], base_T_flange[rows], others or {}), off_mm)
 
@@ -84,6 +86,22 @@ def _likely_mistake(arm: Arm, joints: Array, poses: Array, others: Mapping[str, 
     )
 
 
+def _of_another_view(arm: Arm, joints: Array, poses: Array) -> JointMistake | None:
+    """The mistake where each view has the joints of its neighbour."""
+    if len(joints) < MIN_FRAME_VIEWS:
+        return None
+    for late, where in ((1, "before"), (-1, "behind")):
+        moved = slice(late, None) if late > 0 else slice(None, late)
+        rest = slice(None, -late) if late > 0 else slice(-late, None)
+        if _off_mm(arm, joints[moved], poses[rest]) <= MAX_OFF_MM:
+            return JointMistake(
+                "joints-of-another-view",
+                f"each view has the joints of the one {where} it",
+                "record joints and pose of a view at the same moment",
+            )
+    return None
+
+
 def _changes(joints: Array) -> Iterator[tuple[Array, JointMistake]]:
     """Joints (n, 6) as they would be without a mistake, and the mistake; simple mistakes first."""
     yield np.degrees(joints), JointMistake("joints-in-radians", "the joints are in radians", "give degrees")
@@ -100,15 +118,32 @@ def _changes(joints: Array) -> Iterator[tuple[Array, JointMistake]]:
                 sizes = " and ".join(f"{shift:.0f}°" for shift in shifts)
                 what = f"the zeros of {_axes([axis + 1 for axis in axes_off])} are shifted by {sizes}"
                 yield changed, JointMistake("joints-with-shifted-zeros", what, "subtract it from the joints")
+    for order in permutations(range(6)):
+        if order != tuple(range(6)):
+            what = f"the joints are in another order ({', '.join(str(axis + 1) for axis in np.argsort(order))})"
+            yield joints[:, order], JointMistake("joints-in-other-order", what, "give axes 1 to 6 in this order")
     for sign in (1.0, -1.0):
         coupled = joints.copy()
         coupled[:, 2] += sign * joints[:, 1]
         what = "axis 3 is measured from the horizontal, not from the lower arm"
         yield coupled, JointMistake("joints-with-other-signs", what, "add or subtract axis 2")
-    for order in permutations(range(6)):
-        if order != tuple(range(6)):
-            what = f"the joints are in another order ({', '.join(str(axis + 1) for axis in np.argsort(order))})"
-            yield joints[:, order], JointMistake("joints-in-other-order", what, "give axes 1 to 6 in this order")
+    yield from _other_makers(joints)
+
+
+def _other_makers(joints: Array) -> Iterator[tuple[Array, JointMistake]]:
+    """Other signs together with zeros of the upper and lower arm a quarter turn off, and axis 3 from the horizontal."""
+    for turned in product((1.0, -1.0), repeat=6):
+        for coupling, *quarters in product((0.0, 1.0, -1.0), repeat=3):
+            changed = joints * turned
+            changed[:, 2] += coupling * changed[:, 1]
+            changed[:, 1:3] += np.radians(90.0) * np.array(quarters)
+            axes = [axis + 1 for axis, sign in enumerate(turned) if sign < 0]
+            parts = [f"the signs of {_axes(axes)}"] if axes else []
+            parts += ["axis 3 from the horizontal"] if coupling else []
+            shifted = [axis for axis, quarter in zip((2, 3), quarters, strict=True) if quarter]
+            parts += [f"the zeros of {_axes(shifted)} a quarter turn off"] if shifted else []
+            what = f"the joints are counted as another maker does: {', '.join(parts)}"
+            yield changed, JointMistake("joints-of-another-maker", what, "convert them to ABB's")
 
 
 def _axes(axes: list[int]) -> str:

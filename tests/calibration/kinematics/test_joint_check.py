@@ -17,6 +17,18 @@ def shift(*axes: int) -> Array:
     return JOINTS + np.radians([90.0 if axis in axes else 0.0 for axis in range(1, 7)])
 
 
+def kuka(joints: Array) -> Array:
+    """Axes 1, 4 and 6 the other way, the upright lower arm at -90 degrees, the straight forearm at 90."""
+    return joints * [-1, 1, 1, -1, 1, -1] + np.radians([0, -90, 90, 0, 0, 0])
+
+
+def fanuc(joints: Array) -> Array:
+    """Axis 3 from the horizontal, upwards; axes 4 and 6 the other way."""
+    found = joints * [1, 1, -1, -1, 1, -1]
+    found[:, 2] -= joints[:, 1]
+    return found
+
+
 @pytest.mark.parametrize(
     ("joints", "poses", "code", "words"),
     [
@@ -29,6 +41,12 @@ def shift(*axes: int) -> Array:
         (JOINTS[:, ::-1], POSES, "joints-in-other-order", "another order"),
         (JOINTS[:, [0, 2, 1, 3, 4, 5]], POSES, "joints-in-other-order", "another order"),
         (JOINTS, find_arm("IRB 4600-45/2.05").forward(JOINTS), "joints-of-another-arm", "IRB 4600"),
+        (kuka(JOINTS), POSES, "joints-of-another-maker", "zeros of axes 2, 3"),
+        (fanuc(JOINTS), POSES, "joints-of-another-maker", "axis 3 from the horizontal"),
+        (JOINTS + np.radians([0, 0, 0, 180, 0, 0]), POSES, "joints-with-shifted-zeros", "axis 4 are shifted by 180°"),
+        (np.roll(JOINTS, 1, axis=0), POSES, "joints-of-another-view", "the one before it"),
+        (np.roll(JOINTS, -1, axis=0), POSES, "joints-of-another-view", "the one behind it"),
+        (JOINTS[:, [3, 4, 5, 0, 1, 2]], POSES, "joints-in-other-order", "4, 5, 6, 1, 2, 3"),
         (JOINTS, POSES @ TOOL, "poses-in-another-frame", "of a tool"),
         (JOINTS, TOOL @ POSES, "poses-in-another-frame", "work object"),
         (JOINTS[::-1] + 0.1, POSES, "joints-contradict-poses", "same moment"),
@@ -38,6 +56,12 @@ def test_a_mistake_is_named(joints: Array, poses: Array, code: str, words: str) 
     with pytest.raises(JointsDisagree, match=words) as raised:
         require_consistent_joints(ARM, joints, poses, ARMS)
     assert raised.value.mistake.code == code
+
+
+def test_joints_one_view_late_are_named_in_long_sessions() -> None:
+    many = np.random.default_rng(5).uniform(-1.2, 1.2, (40, 6))
+    with pytest.raises(JointsDisagree, match="the one before it"):
+        require_consistent_joints(ARM, np.roll(many, 1, axis=0), ARM.forward(many), ARMS)
 
 
 def test_a_single_view_shows_no_other_frame() -> None:
