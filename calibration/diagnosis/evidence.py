@@ -27,6 +27,7 @@ class Evidence:
     covariance : (n, 6, 6) of exp(.) @ camera_T_target, [rad, mm].
     redundancy : (n,) pixel coordinates less the six parameters of a pose: degrees of freedom of the covariance.
     joints_rad : (n, axes) as the robot reported them; None where they were not recorded with every view.
+    focal_share : one standard deviation of the focal length as a share of it, 0 where it was given.
     """
 
     setup: Setup
@@ -36,6 +37,7 @@ class Evidence:
     covariance: Array
     redundancy: Array
     joints_rad: Array | None = None
+    focal_share: float = 0.0
 
     def __len__(self) -> int:
         return len(self.indices)
@@ -50,6 +52,7 @@ class Evidence:
             self.covariance[chosen],
             self.redundancy[chosen],
             None if self.joints_rad is None else self.joints_rad[chosen],
+            self.focal_share,
         )
 
     def with_robot_poses(self, base_T_flange: Array) -> "Evidence":

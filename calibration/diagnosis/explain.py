@@ -84,7 +84,7 @@ def _findings_with_x(problem: Problem, solution: Solution, prepared: PreparedSes
     camera, seen, poses = prepared.camera, prepared.seen, prepared.camera_T_target.copy()
     poses[:, :3, 3] /= prepared.scale  # whether the target's size is wrong is for the diagnosis to find
     used = {view.index for view in solution.views if view.status != "rejected"}
-    given = evidence_of(problem, seen, camera, poses)
+    given = replace(evidence_of(problem, seen, camera, poses), focal_share=prepared.focal_share)
     point = None if solution.mount_T_camera is None else MappedPoint.of(used, prepared.scale, camera, poses)
     another_target = tuple(target_findings(problem)) if _points_lie_elsewhere(prepared, poses) else ()
     if another_target:

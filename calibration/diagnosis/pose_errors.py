@@ -32,8 +32,9 @@ LENGTHS = (0.7, 1.4)
 MAX_SMALL_CHANCE = 1e-3
 """A fault with a larger p value is not named, whatever the number of alternatives."""
 
-MAX_TRAVEL_SHARE = 1e-3
-"""Largest standard deviation of an arm's travel, as a share of it: links are a millimetre a metre off at most."""
+MAX_TRAVEL_SHARE = 5e-4
+"""Largest standard deviation of an arm's travel, as a share of it: two of them are a millimetre a metre, and links are
+off by no more."""
 
 MIN_SPREAD = 1e-12
 """Of places or turns that are all the same."""
@@ -47,24 +48,27 @@ def p_value_beside_all_errors(
 ) -> float:
     """p value of `value` (d,), the fit's `by_unknowns` (d, p) @ shared unknowns, when the truth is zero.
 
-    `is_size`: the value is the logarithm of the target's size, which an arm with links of other lengths changes.
+    `is_size`: the value is the logarithm of the target's size, which an arm with links of other lengths changes, and an
+    estimated focal length, by as large a share.
 
     The larger one of that beside independent errors of the robot and, where those say it is small, of that beside
     errors that follow the pose.
     """
-    chance = NoisePosterior.of(fitted).p_value_of(value, by_unknowns)
+    by_focal = evidence.focal_share**2 if is_size else 0.0
+    chance = NoisePosterior.of(fitted).p_value_of(value, by_unknowns, by_focal)
     if chance > MAX_SMALL_CHANCE:
         return chance
     by_travel = 1 / _mean_square_travel(evidence) if is_size else 0.0
-    return max(chance, p_value_beside_pose_errors(evidence, fitted, value, by_unknowns, by_travel))
+    return max(chance, p_value_beside_pose_errors(evidence, fitted, value, by_unknowns, by_travel, by_focal))
 
 
 def p_value_beside_pose_errors(
-    evidence: Evidence, fitted: Fit, value: Array, by_unknowns: Array, by_travel: float
+    evidence: Evidence, fitted: Fit, value: Array, by_unknowns: Array, by_travel: float, by_focal: float
 ) -> float:
     """p value of `value` (d,), the fit's `by_unknowns` (d, p) @ shared unknowns, when the truth is zero.
 
     `by_travel`: variance of the value by errors that follow the pose, over the robot's variance in mm², in 1/mm².
+    `by_focal`: variance of the value by an estimated focal length.
     0 where no covariance can be factored, of numbers that no cell has.
     """
     n, _, p = fitted.by_shared.shape
@@ -89,7 +93,7 @@ def p_value_beside_pose_errors(
             determinant = 2 * np.log(np.diagonal(root)).sum() + log_determinant
             likely.append(np.log(prior) + known - 0.5 * (determinant + square))
             alike = min(by_travel * levels[1], MAX_TRAVEL_SHARE**2) if follows else 0.0
-            spread = by_unknowns @ shared @ by_unknowns.T + alike * np.eye(len(value))
+            spread = by_unknowns @ shared @ by_unknowns.T + (alike + by_focal) * np.eye(len(value))
             distance = squared_distances(value + by_unknowns @ step, spread)
             chances.append(scipy.special.chdtrc(len(value), distance))
     if not likely:

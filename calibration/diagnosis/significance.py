@@ -87,10 +87,13 @@ class NoisePosterior:
         weights = np.exp(likely - likely.max())
         return cls(fitted, weights / weights.sum(), variances, steps, shared)
 
-    def p_value_of(self, value: Array, by_unknowns: Array) -> float:
-        """p value of `value` (d,), the fit's `by_unknowns` (d, p) @ shared unknowns, when the truth is zero."""
+    def p_value_of(self, value: Array, by_unknowns: Array, elsewhere: float = 0.0) -> float:
+        """p value of `value` (d,), the fit's `by_unknowns` (d, p) @ shared unknowns, when the truth is zero.
+
+        `elsewhere`: variance of the value by what the fit does not contain.
+        """
         off = value + self.steps @ by_unknowns.T
-        return self._p_value(off, by_unknowns @ self.shared @ by_unknowns.T)
+        return self._p_value(off, by_unknowns @ self.shared @ by_unknowns.T + elsewhere * np.eye(len(value)))
 
     def _p_value(self, off: Array, covariance: Array) -> float:
         """p value of values (k, d) with covariances (k, d, d) at the k pairs of levels."""

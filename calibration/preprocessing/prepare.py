@@ -46,6 +46,7 @@ class PreparedSession:
     shape : deviation of the target from the description, None where it is not significant.
     scale : of the target against the description.
     systematic_errors : modelled errors that all views share.
+    focal_share : one standard deviation of the camera's focal length by the images, as a share of it; 0 if given.
     """
 
     setup: Setup
@@ -59,6 +60,7 @@ class PreparedSession:
     shape: TargetShape | None = None
     scale: float = 1.0
     systematic_errors: SystematicErrors = NO_SYSTEMATIC_ERRORS
+    focal_share: float = 0.0
 
     @property
     def anchor_T_mount(self) -> Array:
@@ -80,7 +82,7 @@ def prepare(problem: Problem) -> PreparedSession:
     seen, refused = observe(problem)
     _require_different_images(problem, seen, refused)
     require_observable(seen.base_T_flange)
-    camera, free = _camera(problem, seen)
+    camera, free, focal_share = _camera(problem, seen)
     poses, errors = candidate_poses(seen, camera)
     clean = reject_corner_outliers(seen, camera, poses[:, 0])
     kept = np.setdiff1d(np.arange(len(seen)), clean.refused)
@@ -99,6 +101,7 @@ def prepare(problem: Problem) -> PreparedSession:
         read.camera_T_target,
         read.board_turned,
         refused,
+        focal_share=focal_share,
     )
     if shape_deviates(drawn.seen, drawn.camera, drawn.camera_T_target, free[:INTRINSICS]):
         drawn = _with_estimated_shape(drawn, free)
@@ -132,10 +135,12 @@ def _with_estimated_shape(prepared: PreparedSession, free: NDArray[np.bool_]) ->
     return replace(prepared, seen=real.seen, camera=real.camera, camera_T_target=real.camera_T_target, shape=real.shape)
 
 
-def _camera(problem: Problem, seen: Observations) -> tuple[CameraModel, NDArray[np.bool_]]:
-    """The given camera with no free intrinsics, or one estimated from all views with all of them free."""
+def _camera(problem: Problem, seen: Observations) -> tuple[CameraModel, NDArray[np.bool_], float]:
+    """The given camera with no free intrinsics, or one estimated from all views with all of them free; the standard
+    deviation of its focal length as a share of it."""
     if problem.camera is not None:
-        return problem.camera, ALL_FIXED
+        return problem.camera, ALL_FIXED, 0.0
     detections = [problem.views[position].detection for position in seen.positions]
     found = estimate_camera(problem.target, [d for d in detections if d is not None], problem.image_size)
-    return found.camera, np.concatenate([np.ones(INTRINSICS, bool), [False]])
+    focal_share = float(np.sqrt(found.covariance[0, 0])) / float(found.camera.matrix[0, 0])
+    return found.camera, np.concatenate([np.ones(INTRINSICS, bool), [False]]), focal_share

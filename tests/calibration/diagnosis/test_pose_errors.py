@@ -9,30 +9,15 @@ from calibration.diagnosis.diagnose import diagnose
 from calibration.diagnosis.evidence import Evidence
 from calibration.diagnosis.measured import measured_evidence
 from calibration.diagnosis.view_hypotheses import CHANGE_CODES
-from calibration.kinematics.abb_arms import find_arm
-from calibration.kinematics.arm_errors import Postures
 from calibration.observations.measured_poses import measured_views
-from calibration.transforms import inverse, rotation_from_vector, transform, transform_from_vector
-from mock_robot.arm.built_arm import build_arm
+from calibration.solve import solve_hand_eye
+from calibration.transforms import rotation_from_vector, transform
+from tests.simulated.faults import poses_of, with_poses
 from tests.simulated.measured_sessions import measured_cell, tracker
+from tests.simulated.two_postures import CENTRE_MM, two_postures
+from tests.simulated.varied_sessions import varied
 
-VIEWS, CENTRE_MM = 16, np.array([75.0, 52.5, 0.0])
-SEEN = np.repeat([2e-5, 0.01], 3)
-"""One standard deviation of the target's pose by the images, rad and mm."""
-
-
-def two_postures(seed: int) -> Evidence:
-    """Views with an arm as built whose wrist stands turned over from the middle one on."""
-    rng, arm = np.random.default_rng(seed), find_arm("IRB 2600-20/1.65")
-    joints = np.array([0.1, 0.2, 0.1, 0.0, 0.9, 0.0]) + rng.uniform(-0.35, 0.35, (VIEWS, 6)) * [1, 1, 1, 1, 1, 3]
-    joints[VIEWS // 2 :] = joints[VIEWS // 2 :] * [1, 1, 1, 1, -1, 1] + [0, 0, 0, np.pi, 0, -np.pi]
-    X = transform(rotation_from_vector([0.03, -0.02, 1.2]), np.array([60.0, 10.0, 90.0]))
-    Y = transform(rotation_from_vector([np.pi, 0.0, 0.0]), np.array([1000.0, 0.0, 0.0]))
-    stands = build_arm(arm, "standard", seed).base_T_flange(Postures(joints))
-    seen = transform_from_vector(SEEN * rng.standard_normal((VIEWS, 6))) @ inverse(stands @ X) @ Y
-    covariance = np.tile(np.diag(SEEN**2), (VIEWS, 1, 1))
-    one = np.arange(VIEWS)
-    return Evidence("eye-in-hand", one, arm.forward(joints), seen, covariance, np.full(VIEWS, 170.0), joints)
+SIZE_CODES = {"wrong-pitch", "target-scale"}
 
 
 def named(evidence: Evidence) -> str | None:
@@ -63,9 +48,20 @@ def test_links_of_other_lengths_are_no_other_pitch(seed: int) -> None:
     assert named(two_postures(seed)) is None
 
 
-@pytest.mark.parametrize("factor", [0.97, 0.99, 1.01, 1.03])
+@pytest.mark.parametrize("factor", [0.97, 0.99, 0.997, 1.003, 1.01, 1.03])
 def test_another_pitch_is_named_beside_errors_of_the_arm(factor: float) -> None:
     assert named(two_postures(14).scale_target(factor)) == "wrong-pitch"
+
+
+@pytest.mark.parametrize("seed", [(6301, 5, 4), (6302, 5, 7)])
+def test_a_focal_length_that_is_estimated_a_little_off_is_no_other_pitch(seed: tuple[int, ...]) -> None:
+    session = varied(np.random.default_rng(seed)).problem
+    assert session.camera is None
+    for factor, is_named in ((1.0, False), (1.005, True)):
+        poses = poses_of(session)
+        poses[:, :3, 3] *= factor
+        findings = solve_hand_eye(with_poses(session, poses)).findings
+        assert any(finding.code in SIZE_CODES for finding in findings) == is_named
 
 
 def test_joints_of_views_that_measure_in_space_are_evidence() -> None:
