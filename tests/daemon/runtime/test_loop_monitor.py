@@ -116,7 +116,8 @@ async def longest_while(bench: Bench, path: str, url: str) -> float:
     if path.endswith("/surface"):
         query = {"view": 0, "voxel_mm": 1.0}
     answer = await bench.client.get(url, params=query)
-    assert answer.status_code in (200, 503), answer.text
+    refused = (422,) if path.endswith("/arm/field") else ()  # the views of the stored calibration hold no joints
+    assert answer.status_code in (200, 503, *refused), answer.text
     await asyncio.sleep(2 * PERIOD_S)
     return monitor.longest().processor_s
 
