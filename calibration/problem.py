@@ -74,7 +74,7 @@ class View:
 
     `detection` is None when the target was not found; `missing` is then the reason: a code and a sentence.
     `measured`: the target measured in space instead of detected in an image. `joints_rad` (n,): the arm's axes, where
-    they were recorded; nothing is computed from them.
+    they were recorded; nothing is computed from them. `confdata`: ABB's cf1, cf4, cf6, cfx of the pose, likewise.
     """
 
     index: int
@@ -84,6 +84,7 @@ class View:
     missing: tuple[str, str] | None = None
     measured: Measurement | None = None
     joints_rad: Array | None = None
+    confdata: tuple[int, int, int, int] | None = None
 
 
 @dataclass(frozen=True, eq=False)

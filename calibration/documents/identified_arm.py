@@ -59,5 +59,6 @@ def _with_joints(arm: Arm, problem: Problem) -> Problem:
     views = problem.views
     if all(view.joints_rad is not None for view in views):
         return problem
-    joints = joints_of_poses(arm, [view.base_T_flange for view in views], [view.joints_rad for view in views])
+    poses, known = [view.base_T_flange for view in views], [view.joints_rad for view in views]
+    joints = joints_of_poses(arm, poses, known, [view.confdata for view in views])
     return replace(problem, views=tuple(replace(view, joints_rad=one) for view, one in zip(views, joints, strict=True)))

@@ -62,10 +62,15 @@ FILES = ("image", "cloud")
 """Those of them that are files beside session.json."""
 
 
+Quarter = Annotated[int, Field(ge=-8, le=8)]
+"""Number of the quarter turn in which an axis stands."""
+
+
 class ViewDocument(Document):
     """One station: an image, or the detection or measurement already made.
 
     joints_deg : the arm's axes, where they were recorded; they are copied into calibration.json.
+    confdata : the posture of the pose where joints were not recorded, as in a robtarget: cf1, cf4, cf6, cfx.
     image : name of a file beside session.json.
     corners_px : [id, u, v] of the target's points in the image.
     cloud : name of an organised cloud beside session.json, with an intensity and a point for every pixel.
@@ -78,6 +83,7 @@ class ViewDocument(Document):
 
     base_T_flange: PoseDocument
     joints_deg: Annotated[tuple[float, ...], Field(min_length=1, max_length=12)] | None = None
+    confdata: tuple[Quarter, Quarter, Quarter, Annotated[int, Field(ge=0, le=7)]] | None = None
     image: str | None = None
     corners_px: list[tuple[int, float, float]] | None = None
     cloud: str | None = None

@@ -15,18 +15,36 @@ MIN_RANGE_RAD = float(np.radians(5.0))
 """Half the range of an axis that hardly moved."""
 
 
-def joints_of_poses(arm: Arm, base_T_flange: Sequence[Array], known_rad: Sequence[Array | None]) -> Array:
-    """Joints (n, 6) of poses (4, 4) one after the other: the known ones, else the nearest to the joints before.
+Confdata = tuple[int, int, int, int]
+
+
+def joints_of_poses(
+    arm: Arm,
+    base_T_flange: Sequence[Array],
+    known_rad: Sequence[Array | None],
+    confdata: Sequence[Confdata | None] | None = None,
+) -> Array:
+    """Joints (n, 6) of poses (4, 4): the known ones, those of the pose's confdata, else the nearest to those before.
 
     A pose has up to eight solutions and more whole turns; the arm is assumed to go on with the least travel, at first
     from the first known joints, else from USUAL_RAD. Raises UnreachablePoseError.
     """
+    postures = confdata or [None] * len(base_T_flange)
     near = next((joints for joints in known_rad if joints is not None), USUAL_RAD)
     found = []
-    for pose, known in zip(base_T_flange, known_rad, strict=True):
-        near = arm.nearest(pose, near) if known is None else known
+    for pose, known, posture in zip(base_T_flange, known_rad, postures, strict=True):
+        if known is not None:
+            near = known
+        elif posture is not None:
+            near = arm.matching(pose, posture, near if _stands_in(arm, near, posture) else None)
+        else:
+            near = arm.nearest(pose, near)
         found.append(near)
     return np.array(found)
+
+
+def _stands_in(arm: Arm, joints_rad: Array, posture: Confdata) -> bool:
+    return tuple(arm.configuration(joints_rad)) == posture
 
 
 def joints_in_range(arm: Arm, base_T_flange: Array, lowest_rad: Array, highest_rad: Array) -> Array:

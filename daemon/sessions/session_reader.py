@@ -109,6 +109,7 @@ def load_problem(session: SessionFolder, progress: Progress = lambda done, of: N
         raise DocumentError(str(session.file), with_heading(SessionDocument, [missing]))
     views = [view for _, (view, _) in sorted(seen.items())]
     views = explain_missing(views, target, lambda name: read_grey(session.path / name))
+    views = [replace(view, confdata=document.views[view.index].confdata) for view in views]
     return Problem(document.setup, target, camera, expected, tuple(views))
 
 

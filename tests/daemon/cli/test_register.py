@@ -166,7 +166,15 @@ def test_refined_views_lie_closer_to_each_other(tmp_path: Path, calibration: Pat
     (folder / "scan.json").write_text(json.dumps(document))
     change(calibration, noise={"image_px": 0.05, "robot_translation_mm": 0.4, "robot_rotation_deg": 0.01})
 
-    arguments = ["register", folder, "--calibration", calibration, "--out", tmp_path / "a.ply", "--refine"]
+    arguments: list[str | Path] = [
+        "register",
+        folder,
+        "--calibration",
+        calibration,
+        "--out",
+        tmp_path / "a.ply",
+        "--refine",
+    ]
     report = json.loads(handeyed(*arguments, "--json").out)
 
     assert report["rms_mm"]["after"] < 0.5 * report["rms_mm"]["before"]

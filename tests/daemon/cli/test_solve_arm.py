@@ -35,6 +35,22 @@ def test_the_arm_is_written_beside_the_calibration(session: Path, tmp_path: Path
     assert np.linalg.norm(written.estimate().mount_T_camera[:3, 3] - [60.0, 10.0, 90.0]) < 2.0
 
 
+def test_confdata_stands_for_joints_that_were_not_recorded(session: Path, tmp_path: Path) -> None:
+    """The session's postures are drawn at random, so that the least travel finds others."""
+    document = json.loads((session / "session.json").read_text())
+    for view in document["views"]:
+        view["confdata"] = list(ARM.configuration(np.radians(view.pop("joints_deg"))))
+    (tmp_path / "session.json").write_text(json.dumps(document))
+    found = []
+    for folder, out in ((session, tmp_path / "joints"), (tmp_path, tmp_path / "confdata")):
+        solved = handeyed("solve", folder, "--arm", ARM.name, "--out", out / "calibration.json")
+        assert solved.status in (0, 3), solved.err
+        found.append(ArmErrorsDocument.model_validate_json((out / "arm.json").read_text()))
+    assert [one.joints_from_poses for one in found] == [0, 12]
+    values = [[parameter.value for parameter in one.parameters] for one in found]
+    np.testing.assert_allclose(values[0], values[1], atol=1e-6)
+
+
 def test_another_arms_name_is_refused_with_the_right_one(session: Path, tmp_path: Path) -> None:
     solved = handeyed("solve", session, "--arm", "IRB 6700-200/2.60", "--out", tmp_path / "calibration.json")
     assert solved.status == 2
