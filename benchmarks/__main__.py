@@ -19,6 +19,8 @@ HERE = Path(__file__).resolve().parent
 
 QUICK: dict[str, tuple[str, ...]] = {
     "registration.archive": ("--scans", "8"),
+    "registration.archive_faults": ("--scans", "20", "--points", "500"),
+    "registration.large_part": ("--views", "8", "--points", "1e5"),
     "registration.profiled_door": ("--cells", "1"),
     "detection": ("--views", "4"),
     "daemon.disk_faults": ("--every", "40"),

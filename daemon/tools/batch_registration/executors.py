@@ -3,6 +3,8 @@
 Each scan is one task with its own files, so the results do not depend on the number of workers.
 """
 
+import asyncio
+import concurrent.futures
 import logging
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
@@ -16,6 +18,8 @@ Executor = Callable[[Sequence[RegistrationTask]], Iterator[OutcomeDocument]]
 
 HERE, LOCAL = "here", "local"
 MAX_CONNECT_S = 15.0
+
+RESUME = "start it, or take --scheduler local, and give the same command again: finished scans are skipped"
 
 
 @contextmanager
@@ -38,7 +42,8 @@ def run_here(tasks: Iterable[RegistrationTask]) -> Iterator[OutcomeDocument]:
 @contextmanager
 def _client(scheduler: str, workers: int) -> Iterator[Any]:
     distributed = import_extra("distributed")
-    logging.getLogger("distributed").setLevel(logging.ERROR)
+    for name in ("distributed", "distributed.client"):  # what they log is told in an error of ours
+        logging.getLogger(name).setLevel(logging.CRITICAL)
     if scheduler == LOCAL:
         with (
             distributed.LocalCluster(
@@ -63,15 +68,21 @@ def _client(scheduler: str, workers: int) -> Iterator[Any]:
 
 
 def _run_on_dask(client: Any, tasks: Sequence[RegistrationTask]) -> Iterator[OutcomeDocument]:
-    """Yield outcomes as they complete. A scan whose workers die fails, after Dask's retries on other workers."""
+    """Yield outcomes as they complete. A scan whose workers die fails, after Dask's retries on other workers.
+
+    Raises ArchiveError when the scheduler is gone.
+    """
     distributed = import_extra("distributed")
     scans = {client.submit(run_task, task, pure=False): task.scan for task in tasks}
     for future in distributed.as_completed(list(scans)):
-        error = future.exception()
-        if error is None:
-            yield future.result()
-        else:
-            yield OutcomeDocument(
-                scan=scans[future], state="failed", accepted=False, error=f"its worker failed ({error}): try it again"
-            )
+        try:
+            error = future.exception()
+            yield future.result() if error is None else _failed(scans[future], error)
+        except (asyncio.CancelledError, concurrent.futures.CancelledError, OSError):  # the connection is closed
+            raise ArchiveError("the Dask scheduler is gone", RESUME) from None
         future.release()
+
+
+def _failed(scan: str, error: BaseException) -> OutcomeDocument:
+    what = f"its worker failed ({error}): try it again"
+    return OutcomeDocument(scan=scan, state="failed", accepted=False, error=what)

@@ -19,6 +19,7 @@ from daemon.tools.batch_registration.tasks import RegistrationTask, run_task
 from tests.daemon.calibrations import a_calibration
 from tests.daemon.cli.running import handeyed
 from tests.daemon.fakes import FLANGE_T_CAMERA, ply_of
+from tests.daemon.tools.dask_cluster import cluster
 from tests.support.terminal import on_terminal
 from tests.support.waiting import eventually_blocking
 
@@ -219,3 +220,30 @@ def test_a_folder_without_scans_is_reported(tmp_path: Path, calibration: Path) -
     ran = handeyed(*command(tmp_path / "empty", calibration, tmp_path / "out"))
     assert (ran.status, ran.out) == (2, "")
     assert "no folder below holds a scan.json" in ran.err
+
+
+def test_a_scheduler_that_is_killed_is_one_error_and_the_same_command_resumes(
+    tmp_path: Path, archive: Path, calibration: Path
+) -> None:
+    pytest.importorskip("distributed")
+    for seed in range(4, 24):
+        a_scan(archive / f"part{seed}", seed)
+    out = tmp_path / "out"
+    with cluster(1) as (address, scheduler, _):
+        more = command(archive, calibration, out, "--scheduler", address)
+        with subprocess.Popen(
+            [sys.executable, "-m", "daemon.cli", *more], stderr=subprocess.PIPE, text=True
+        ) as running:
+            eventually_blocking(lambda: len(list(out.rglob(MANIFEST_NAME))) >= 2)
+            scheduler.kill()
+            _, errors = running.communicate()
+    assert running.returncode == 1
+    (error,) = errors.strip().splitlines()
+    assert "the Dask scheduler is gone" in error
+    assert "finished scans are skipped" in error
+    again = handeyed(*command(archive, calibration, out, "--scheduler", "here", "--json"))
+    assert again.status == 0
+    assert "unchanged" in states(again.out).values()
+    handeyed(*command(archive, calibration, tmp_path / "whole", "--scheduler", "here"))
+    left = {name: content for name, content in bytes_of(out).items() if not name.endswith(".part")}
+    assert left == bytes_of(tmp_path / "whole")
