@@ -71,6 +71,10 @@ class Verdict:
 CONTRADICTIONS = ("pose-disagrees", "image-disagrees")
 """Reasons for rejecting a view although the target was found in it."""
 
+MIN_AGREEING = 4
+"""Least views that outvote one that contradicts them: any three agree, with inverted poses as well. A turn of 180
+degrees about the common perpendicular of two screw axes reverses both motions, so that three views fit X either way."""
+
 Rule = Callable[[Problem, Solution, VerdictLimits], Iterator[Finding]]
 
 
@@ -225,6 +229,8 @@ def _image(problem: Problem, solution: Solution, limits: VerdictLimits) -> Itera
 def _rejections(problem: Problem, solution: Solution, limits: VerdictLimits) -> Iterator[Finding]:
     seen = [view for view in solution.views if view.status != "rejected" or view.reason in CONTRADICTIONS]
     rejected = sum(view.status == "rejected" for view in seen)
+    if rejected and len(seen) - rejected < MIN_AGREEING:
+        limits = replace(limits, rejected_share=0.0)
     return rejection_findings(rejected, len(seen), limits, "many-rejected", Sentence("check-poses-and-target"))
 
 

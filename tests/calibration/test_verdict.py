@@ -55,6 +55,8 @@ ROWS: dict[str, tuple[Solution, str | None, bool]] = {
     "a poor picture": (replace(SOLVED, noise=Noise(0.9, 1e-4, 0.1)), "image-noise", True),
     "three of ten views rejected": (rejecting(3), None, True),
     "four of ten views rejected": (rejecting(4), "many-rejected", False),
+    "one of four views rejected": (replace(SOLVED, views=rejecting(1).views[:4]), "many-rejected", False),
+    "one of five views rejected": (replace(SOLVED, views=rejecting(1).views[:5]), None, True),
     "nothing held out": (replace(SOLVED, hold_out=None), "nothing-held-out", True),
     "a hold-out out of all proportion": (replace(SOLVED, hold_out=HoldOut(30.0, 90.0)), "hold-out-large", True),
     "four views, of which each one helped much": (holding_out(0.5, 4), None, True),

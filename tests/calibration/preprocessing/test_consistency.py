@@ -54,6 +54,16 @@ def test_one_mistyped_pose_is_rejected_and_named(offset_mm: list[float], setup: 
     assert finding.message.startswith("view 4 not used")
 
 
+@pytest.mark.parametrize("views", [4, 5, 6])
+@pytest.mark.parametrize("setup", ["eye-in-hand", "eye-to-hand"])
+def test_inverted_poses_of_few_views_are_not_accepted(views: int, setup: str) -> None:
+    """Any three of them agree."""
+    truth = cell(4, views, setup=setup)
+    rows = tuple(replace(view, base_T_flange=inverse(view.base_T_flange)) for view in truth.problem.views)
+    problem = replace(truth.problem, views=rows)
+    assert not judge(problem, solve_hand_eye(problem)).accepted
+
+
 def test_several_wildly_wrong_poses_do_not_hide_each_other() -> None:
     truth = cell(3, 15)
     problem = truth.problem
