@@ -11,7 +11,7 @@ const Choice = ({ name, choice, options }) =>
     </select>`;
 
 export const Choices = () =>
-  html`<${Card} title=${t('choose.title')} id="choices">
+  html`<${Card} title=${t('choose.title')} id="choices" wide="half">
     <div class="choices">
     <div><${Choice} name="language" choice=${language} options=${language.value === 'pseudo' ? { ...LANGUAGES, pseudo: '⟦pseudo⟧' } : LANGUAGES} /></div>
     <div><${Choice} name="theme" choice=${theme} options=${{ auto: t('choose.auto'), light: t('choose.light'), dark: t('choose.dark') }} /></div>

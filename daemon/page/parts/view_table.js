@@ -24,7 +24,8 @@ export function ViewTable({ rows, chosen, choose, result = false }) {
 
 function Status({ row }) {
   const { status, reason_detail, reason, missing } = row;
-  const why = reason_detail ? sentence(reason_detail) : { text: reason ?? missing?.what ?? '', lang: 'en' };
+  const told = reason_detail ?? (missing && { ...missing, message: missing.what });
+  const why = told ? sentence(told) : { text: reason ?? '', lang: 'en' };
   const sign = { used: '✓', corrected: '↻', rejected: '✕', missed: '✕' }[status] ?? '';
   return html`<span>${sign} ${status ? t(`status.${status}`) : row.corners?.length ? t('status.seen') : t('status.unseen')}</span>
     ${why.text && html`<span class="small quiet" lang=${why.lang}> ${why.text}</span>`}`;

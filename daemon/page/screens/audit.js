@@ -10,7 +10,7 @@ export function Audit() {
   const rows = useAsked(link);
   const verified = useAsked('/audit/verified', [], { late: true });
   return html`<div class="grid">
-    <${Card} title=${t('audit.chain')} id="chain" brief><${Missing} asked=${verified} none=${t('missing.wait')} />
+    <${Card} title=${t('audit.chain')} id="chain" brief wide="3"><${Missing} asked=${verified} none=${t('missing.wait')} />
       ${verified.data && html`<p class="sentence">${verified.data.whole ? `✓ ${t('audit.whole')}` : `✕ ${t('audit.broken')}`}</p>
         <p class="quiet">${t('audit.rows', { count: verified.data.rows, at: moment(verified.data.checked_at) })}</p>`}
     </${Card}>

@@ -14,8 +14,8 @@ export function Help({ argument }) {
   return html`<div class="grid">
     ${argument && html`<${Code} code=${argument} />`}
     <${Card} title=${t('help.title')} id="rules" wide="2"><dl class="rules">${RULES.map((name) => html`<div><dt>${t(`help.${name}`)}</dt><dd>${t(`help.${name}.about`)}</dd></div>`)}</dl></${Card}>
-    <${Codes} />
     ${may('admin') && html`<${Card} title=${t('help.bundle')} id="bundle"><p>${t('help.bundle.about')}</p><${Act} label=${t('download')} act=${bundle} /></${Card}>`}
+    <${Codes} />
   </div>`;
 }
 
@@ -30,7 +30,7 @@ async function bundle() {
 
 function Code({ code }) {
   const found = useAsked(`/help/${encodeURIComponent(code)}`);
-  return html`<${Card} title=${code} id="code" wide="2"><${Missing} asked=${found} none=${t('help.unknown')} />
+  return html`<${Card} title=${code} id="code" wide="3"><${Missing} asked=${found} none=${t('help.unknown')} />
     ${found.data && html`<${Entry} entry=${found.data} />`}</${Card}>`;
 }
 
@@ -44,7 +44,7 @@ function Codes() {
   const [wanted, setWanted] = useState('');
   const help = useAsked('/help');
   const list = (help.data?.help ?? []).filter(({ code, what = '' }) => `${code} ${what}`.toLowerCase().includes(wanted.toLowerCase()));
-  return html`<${Card} title=${t('help.codes')} id="codes" wide="2"><${Missing} asked=${help} none=${t('missing.none')} />
+  return html`<${Card} title=${t('help.codes')} id="codes" wide="3"><${Missing} asked=${help} none=${t('missing.none')} />
     ${help.data && html`<label for="find-code">${t('help.find')}</label><input id="find-code" type="search" value=${wanted} onInput=${(event) => setWanted(event.target.value)} />
       <ul class="plain codes">${list.map((entry) => html`<li><a href=${linkTo('help', entry.code)}>${entry.code}</a> <span lang="en">${entry.what}</span></li>`)}</ul>`}
   </${Card}>`;

@@ -42,7 +42,7 @@ function rowsOf(runs = [], lists, scans = []) {
       kind: 'applied', key: `a${sequence}`, at: applied_at, link: linkTo('result', calibration_id), sign: '●', title: t('history.put'), words: applied_by,
     })),
     ...scans.map(({ id, name, created_at, views }) => ({
-      kind: 'scan', key: `s${id}`, at: created_at, link: linkTo('scans', id), sign: '◇', title: t('history.scan'), words: `${name} · ${t('scan.views', { count: views.length })}`,
+      kind: 'scan', key: `s${id}`, at: created_at, link: linkTo('scans', id), sign: '◇', title: t('kind.scan'), words: `${name} · ${t('scan.views', { count: views.length })}`,
     })),
   ].sort((a, b) => (a.at < b.at ? 1 : -1));
 }

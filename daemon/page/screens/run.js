@@ -49,13 +49,13 @@ function RunShown({ shown }) {
   return html`<div class="grid">
     <${Card} title=${t(`kind.${shown.kind}`)} id="sentence"><${Sentence} shown=${shown} /></${Card}>
     <${Card} title=${t('cell.scene')} id="scene" wide="2"><${CellScene} parts=${parts} dim=${old.value} /></${Card}>
-    ${shown.kind === 'calibration' && html`<${Card} title=${t('curve.title')} id="curve">
+    ${shown.kind === 'calibration' && html`<${Card} title=${t('curve.title')} id="curve" wide="half">
       <${UncertaintyCurve} history=${planning?.history ?? []} goal_mm=${planning?.goal?.tolerance_mm ?? shown.request?.tolerance_mm} stations=${shown.stations} /></${Card}>`}
-    ${!['scan', 'jog'].includes(shown.kind) && html`<${Card} title=${view ? t('view.title', { view: view.index }) : t('cell.camera')} id="picture">
+    ${!['scan', 'jog'].includes(shown.kind) && html`<${Card} title=${view ? t('view.title', { view: view.index }) : t('cell.camera')} id="picture" wide="half">
       <${Picture} src=${view && `/runs/${encodeURIComponent(shown.id)}/frames/${view.index}?width=960`} size=${view?.size ?? undefined} corners=${view?.corners ?? []}
         alt=${view ? t('view.alt', { view: view.index, count: view.corners?.length ?? 0 }) : t('view.none')} />
     </${Card}>
-    <${Card} title=${t('views.title')} id="views"><${Missing} asked=${views} none=${t('view.none')} />
+    <${Card} title=${t('views.title')} id="views" wide=${shown.kind === 'calibration' ? '3' : 'half'}><${Missing} asked=${views} none=${t('view.none')} />
       ${views.data && html`<${ViewTable} rows=${rows} chosen=${view?.index} choose=${setChosen} />`}</${Card}>`}
   </div>`;
 }

@@ -8,9 +8,10 @@ import { HoldButton } from '../parts/hold_button.js';
 import { Missing, useAsked } from '../parts/loaded.js';
 import { ProblemNote } from '../parts/problem.js';
 import { ask, newKey } from '../state/ask.js';
-import { count, fixed, mm, moment } from '../state/numbers.js';
+import { bytes, count, fixed, mm, moment } from '../state/numbers.js';
 import { may, note, ready, running } from '../state/now.js';
 import { go, linkTo } from '../state/place.js';
+import { upload } from '../state/upload.js';
 import { t } from '../state/words.js';
 
 const TYPES = { ply: 'application/x-ply', pcd: 'application/x-pcd', las: 'application/vnd.las', laz: 'application/vnd.laszip', e57: 'model/e57' };
@@ -54,9 +55,10 @@ function Upload({ name, scan, done }) {
     try {
       const id = scan ?? (await ask('/scans', { method: 'POST', key: newKey(), body: { name: name.trim() || files[0].name.slice(0, 60) } })).data.id;
       for (const [index, file] of files.entries()) {
-        setState({ index: index + 1, of: files.length });
+        const sent = { index: index + 1, of: files.length, size: file.size };
+        setState({ ...sent, share: 0 });
         const type = TYPES[file.name.split('.').pop().toLowerCase()] ?? 'application/octet-stream';
-        await ask(`/scans/${encodeURIComponent(id)}/views?pose=now`, { method: 'POST', key: newKey(), body: file, headers: { 'Content-Type': type }, limit_s: 600 });
+        await upload(`/scans/${encodeURIComponent(id)}/views?pose=now`, { key: newKey(), body: file, type, progress: (share) => setState({ ...sent, share }) });
       }
       note('scan');
       if (scan) done?.();
@@ -69,6 +71,8 @@ function Upload({ name, scan, done }) {
   if (!may('operator')) return html`<p class="quiet">${t('missing.role')}</p>`;
   return html`<label class="file"><span class="button">${t('scan.choose')}</span><input type="file" multiple accept=".ply,.pcd,.las,.laz,.e57" onChange=${send} /></label>
     <p class="small quiet" role="status">${state ? t('scan.sending', state) : t('scan.pose-now')}</p>
+    ${state && html`<div class="sent"><progress max="1" value=${state.share} aria-label=${t('scan.sending', state)}></progress>
+      <span>${state.share < 1 ? t('scan.part', { percent: fixed(100 * state.share, 0), bytes: bytes(state.size) }) : t('scan.taking')}</span></div>`}
     ${problem && html`<${ProblemNote} problem=${problem} />`}`;
 }
 

@@ -13,7 +13,7 @@ export function Settings() {
   const about = useAsked('/about');
   return html`<div class="grid">
     <${Choices} />
-    <${Card} title=${t('about.title')} id="about"><${Missing} asked=${about} none=${t('missing.none')} />${about.data && html`<${About} about=${about.data} />`}</${Card}>
+    <${Card} title=${t('about.title')} id="about" wide="half"><${Missing} asked=${about} none=${t('missing.none')} />${about.data && html`<${About} about=${about.data} />`}</${Card}>
     ${may('admin') ? html`<${Keys} /><${Loaded} />` : html`<${Card} title=${t('settings.title')} id="role"><p class="quiet">${t('missing.role')}</p></${Card}>`}
   </div>`;
 }
@@ -56,7 +56,7 @@ function Keys() {
     setMade(data);
     keys.again();
   };
-  return html`<${Card} title=${t('keys.title')} id="keys" wide="2"><${Missing} asked=${keys} none=${t('missing.none')} />
+  return html`<${Card} title=${t('keys.title')} id="keys" wide="3"><${Missing} asked=${keys} none=${t('missing.none')} />
     ${made && html`<div class="note info"><p>${t('first-key.once')} <b>${made.name}</b></p><output class="key">${made.key}</output></div>`}
     ${list.length > 0 && html`<ul class="plain keys">${list.map((key) => html`<${Key} key=${key.id} record=${key} changed=${(data) => { if (data?.key) setMade(data); keys.again(); }} />`)}</ul>`}
     ${keys.data && html`<${KeyForm} add=${add} />`}

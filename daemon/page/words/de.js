@@ -454,6 +454,7 @@ export default {
   'scan.pose-now': 'PLY, PCD, LAS, LAZ oder E57; jede gilt als von dort gesehen, wo der Arm jetzt steht.',
   'scan.sending': 'Sendet {index} von {of} …',
   'scan.part': '{percent} % von {bytes}',
+  'scan.taking': 'Gesendet. Der Dienst liest und speichert …',
   'scan.views': '{count} Ansichten',
   'scan.unknown': 'Diesen Scan gibt es nicht.',
   'scan.empty': 'Noch keine Ansicht.',

@@ -465,6 +465,7 @@ export default {
   'scan.pose-now': 'PLY, PCD, LAS, LAZ or E57; each is taken as seen from where the arm stands now.',
   'scan.sending': 'Sending {index} of {of} …',
   'scan.part': '{percent} % of {bytes}',
+  'scan.taking': 'Sent. The daemon reads and stores it …',
   'scan.views': '{count} views',
   'scan.unknown': 'There is no such scan.',
   'scan.empty': 'No view yet.',

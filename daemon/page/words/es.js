@@ -454,6 +454,7 @@ export default {
   'scan.pose-now': 'PLY, PCD, LAS, LAZ o E57; cada una vale como vista desde donde está ahora el brazo.',
   'scan.sending': 'Enviando {index} de {of} …',
   'scan.part': '{percent} % de {bytes}',
+  'scan.taking': 'Enviado. El servicio lo lee y guarda …',
   'scan.views': '{count} vistas',
   'scan.unknown': 'No existe tal escaneo.',
   'scan.empty': 'Aún no hay vistas.',

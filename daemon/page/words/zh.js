@@ -454,6 +454,7 @@ export default {
   'scan.pose-now': 'PLY、PCD、LAS、LAZ 或 E57；每个都视为从机械臂当前位置所见。',
   'scan.sending': '正在发送 {index} / {of} …',
   'scan.part': '{bytes} 的 {percent} %',
+  'scan.taking': '已发送。守护进程正在读取并保存…',
   'scan.views': '{count} 个视图',
   'scan.unknown': '没有这次扫描。',
   'scan.empty': '尚无视图。',

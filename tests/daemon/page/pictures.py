@@ -1,6 +1,7 @@
 """Pictures of the page for docs/page.md and the README: `python -m tests.daemon.page.pictures URL`.
 
-URL is that of `make cell`, calibrated and with a scan. Writes docs/page/NAME.webp, and NAME-dark.webp for the README.
+URL is that of `make cell`, calibrated and with a scan; it is verified, a touch test and a rig are stored, and it is
+calibrated once more with the arm's errors. Writes docs/page/NAME.webp, and NAME-dark.webp for the README.
 """
 
 import sys
@@ -12,6 +13,10 @@ import cv2
 import httpx
 import numpy as np
 from playwright.sync_api import sync_playwright
+
+from calibration.transforms import rotation_from_vector, transform
+from tests.daemon.rig_files import a_rig
+from tests.daemon.touches import json_of
 
 FOLDER = Path(__file__).resolve().parents[3] / "docs" / "page"
 CHROMIUM = "/usr/bin/chromium"
@@ -36,8 +41,36 @@ def places(url: str) -> Iterator[tuple[str, str]]:
         yield "scan", f"scans/{scans[0]['id']}"
 
 
+VERIFICATIONS, ARM_VIEWS, PLACING_MM, TOLERANCE_MM = 6, 12, 0.1, 0.8
+TIP_MM = np.array([5.0, -10.0, 200.0])
+
+
+def prepare(url: str) -> None:
+    """Fill the screens that an ordinary run leaves empty."""
+    with httpx.Client(base_url=url, timeout=600.0) as daemon:
+        daemon.post("/calibrate", params={"wait": 300}, json={"arm": True, "count": ARM_VIEWS}).raise_for_status()
+        for _ in range(VERIFICATIONS):
+            daemon.post("/verify", params={"wait": 300}, json={}).raise_for_status()
+        run = daemon.get("/runs", params={"kind": "verify", "limit": 1}).json()["runs"][0]
+        tip = {"flange_tip_mm": TIP_MM.tolist(), "covariance": (PLACING_MM**2 / 4 * np.eye(3)).tolist(),
+               "placing_sigma_mm": PLACING_MM}  # fmt: skip
+        touched = {"tip": tip, "verification": run["id"], "tolerance_mm": TOLERANCE_MM}
+        daemon.post("/touch", json=touched | {"touches": list(touches_of(run["result"]["verification"]))})
+        daemon.post("/rigs", json=a_rig()).raise_for_status()
+
+
+def touches_of(verification: dict[str, Any]) -> Iterator[dict[str, Any]]:
+    """The points of the cross, touched as exactly as the tip is placed."""
+    rng, rotation = np.random.default_rng(0), rotation_from_vector([np.pi, 0, 0.3])
+    for point in verification["points"]:
+        if point["id"] in verification["cross"]:
+            at = np.mean(point["base_mm"], axis=0) + rng.normal(0, PLACING_MM, 3) - rotation @ TIP_MM
+            yield {"id": point["id"], "base_T_flange": json_of(transform(rotation, at))}
+
+
 def main(url: str) -> None:
     FOLDER.mkdir(exist_ok=True)
+    prepare(url)
     with sync_playwright() as started:
         browser = started.chromium.launch(executable_path=CHROMIUM, args=ARGUMENTS)
         for theme, names in (("light", None), ("dark", {"cell", "result"})):

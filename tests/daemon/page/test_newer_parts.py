@@ -5,6 +5,7 @@ from collections.abc import AsyncIterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 import pytest_asyncio
 
@@ -13,6 +14,7 @@ from daemon.model.records import AppliedCalibration, CalibrationRecord
 from tests.daemon.access_keys import bearer, with_keys
 from tests.daemon.calibrations import an_arm, with_views
 from tests.daemon.cell_under_test import Bench
+from tests.daemon.fakes import ply_of
 from tests.daemon.page.conftest import AXE_FINDINGS, Opened
 from tests.daemon.page.test_stories import hold_by_key, hold_by_mouse, hold_until
 from tests.daemon.rig_files import a_rig
@@ -156,6 +158,31 @@ async def test_the_errors_of_the_arm_are_asked_for_and_shown_before_and_after(op
         field = (await bench.client.get("/calibrations/cal-1/arm/field")).json()
         columns = {tuple(point["flange_mm"][:2]) for point in field["points"]}
         assert await page.locator(".field .bubble").count() == 2 * len(columns)
+
+
+async def test_a_large_cloud_shows_how_much_of_it_was_sent(open_page: Opened, tmp_path: Path) -> None:
+    file = tmp_path / "large.ply"
+    file.write_bytes(ply_of(np.random.default_rng(0).normal([0, 0, 500], 50, (700_000, 3))))
+    async with open_page("operator", "scans") as page:
+        link = await page.context.new_cdp_session(page)
+        slow = {"offline": False, "latency": 0, "downloadThroughput": -1, "uploadThroughput": 4_000_000}
+        await link.send("Network.enable")
+        await link.send("Network.emulateNetworkConditions", slow)
+        await page.evaluate(WATCH_PROGRESS)
+        await page.locator("section[aria-labelledby=new] input[type=file]").set_input_files(file)
+        await page.get_by_role("heading", name="About this scan").wait_for()
+        shares = await page.evaluate("shares")
+    assert shares == sorted(shares)
+    assert sum(0 < share < 1 for share in shares) >= 2, shares
+
+
+WATCH_PROGRESS = """() => {
+    window.shares = [];
+    new MutationObserver(() => {
+        const bar = document.querySelector('progress');
+        if (bar) shares.push(bar.value);
+    }).observe(document.body, { subtree: true, childList: true, attributes: true, characterData: true });
+}"""
 
 
 async def _refuse(route: Any, asked: list[Any]) -> None:
