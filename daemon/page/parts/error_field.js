@@ -36,7 +36,7 @@ export function ErrorField({ field }) {
 function FieldMap({ columns, value, end, title, rms }) {
   const at = ['x', 'y'].map((axis) => columns.map((one) => one[axis]));
   const [low, high] = [at.map((row) => Math.min(...row)), at.map((row) => Math.max(...row))];
-  const span = Math.max(high[0] - low[0], high[1] - low[1], 1) * 1.12;
+  const span = Math.max(high[0] - low[0], high[1] - low[1], 1) * 1.25; // room for the circles at the edge
   const middle = low.map((one, axis) => (one + high[axis]) / 2);
   const scale = (SIZE - PAD) / span;
   const x = (mm_) => PAD + (SIZE - PAD) / 2 + (mm_ - middle[0]) * scale;
