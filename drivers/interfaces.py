@@ -225,13 +225,15 @@ class CaptureSettings:
 class CameraFrame:
     """An image: uint8 (h, w) grey or (h, w, 3) BGR. `encoded`: the file it was decoded from, if any.
 
-    Of more than 8 bits `image` holds the full range scaled to 8, and `encoded` every bit. `capture` None: not known.
+    Of more than 8 bits `image` holds the full range scaled to 8, and `levels` the camera's own, or `encoded` every bit.
+    `capture` None: not known.
     """
 
     image: NDArray[np.uint8]
     taken_at_s: float
     encoded: bytes | None = None
     capture: CaptureSettings | None = None
+    levels: NDArray[np.uint16] | None = None
 
 
 class Camera(Device, Protocol):

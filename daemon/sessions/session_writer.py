@@ -118,11 +118,11 @@ def image_name(index: int) -> str:
 
 
 def png_of(frame: CameraFrame) -> bytes:
-    """The frame as PNG: the file from the camera when it is one, else encoded. Raises PictureUnusable."""
+    """The frame as PNG with every bit: the camera's file when it is one, else encoded. Raises PictureUnusable."""
     if frame.encoded is not None and frame.encoded.startswith(PNG_MAGIC):
         return frame.encoded
     try:
-        done, content = cv2.imencode(".png", frame.image, FAST_PNG)
+        done, content = cv2.imencode(".png", frame.image if frame.levels is None else frame.levels, FAST_PNG)
     except cv2.error as error:
         raise PictureUnusable(
             f"the camera's picture cannot be stored ({error.err})", "look at /camera/frame.png"

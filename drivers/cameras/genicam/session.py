@@ -5,12 +5,11 @@ Blocking; every call is made in the camera's thread. Names of SFNC 1.x follow th
 
 from collections.abc import Callable
 
-import cv2
 import numpy as np
 
 from drivers.cameras.genicam.address import CameraAddress
 from drivers.cameras.genicam.device import FoundCamera, OpenCamera, RawPicture, VendorError
-from drivers.cameras.genicam.pixel_formats import Image, find_format, read_pixels
+from drivers.cameras.genicam.pixel_formats import find_format, read_pixels
 from drivers.cameras.pixel_depth import to_8_bit
 from drivers.errors import (
     DeviceError,
@@ -39,7 +38,6 @@ MIN_TRIGGER_WAIT_S = 0.3
 NETWORK_FIX = "check cable and switch; it is opened again by itself"
 MAX_EXPOSURE_CHANGE = 0.05
 """Relative; cameras round an exposure time to the lines of their sensors."""
-PNG_LEVEL = (cv2.IMWRITE_PNG_COMPRESSION, 1)
 
 
 class CameraSession:
@@ -226,7 +224,8 @@ class CameraSession:
         )
         self._require_cool(capture.temperature_c)
         self._require_exposure(capture.exposure_us)
-        return CameraFrame(to_8_bit(image, pixels.white), taken_at_s, _encode(image), capture)
+        levels = None if image.dtype == np.uint8 else image
+        return CameraFrame(to_8_bit(image, pixels.white), taken_at_s, capture=capture, levels=levels)
 
     def _feature(self, names: tuple[str, ...]) -> str | None:
         return next((name for name in names if self._camera.has(name)), None)
@@ -302,11 +301,3 @@ class CameraSession:
     def _lost(self, error: VendorError | None) -> LinkLost:
         reason = f" ({error})" if error else ""
         return LinkLost(self._device, f"{self.name} does not answer any more{reason}", NETWORK_FIX)
-
-
-def _encode(image: Image) -> bytes | None:
-    """The image as 16-bit PNG with the camera's grey levels; None for 8 bits, which `image` holds whole."""
-    if image.dtype == np.uint8:
-        return None
-    _, content = cv2.imencode(".png", image, PNG_LEVEL)
-    return bytes(np.asarray(content, np.uint8).data)

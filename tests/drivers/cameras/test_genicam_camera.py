@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 import pytest
 
+from daemon.sessions.session_writer import png_of
 from drivers.cameras.genicam.address import parse_camera_address
 from drivers.cameras.genicam.camera import GenICamCamera
 from drivers.cameras.genicam.device import FoundCamera
@@ -61,7 +62,7 @@ async def test_twelve_bits_are_whole_in_the_file_and_scaled_in_the_picture():
     device = FakeDevice(shade=255)
     async with camera_of(device, address="genicam:S1?pixel_format=Mono12") as camera:
         frame = await camera.grab(0.0)
-    stored = cv2.imdecode(np.frombuffer(frame.encoded, np.uint8), cv2.IMREAD_UNCHANGED)
+    stored = cv2.imdecode(np.frombuffer(png_of(frame), np.uint8), cv2.IMREAD_UNCHANGED)
     assert stored.dtype == np.uint16 and stored[0, 0] == 255 * 16
     assert frame.image[0, 0] == round(255 * 16 * 255 / 4095)
 

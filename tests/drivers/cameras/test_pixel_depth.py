@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from drivers.cameras.decoding import decode
-from drivers.cameras.pixel_depth import content_white, to_8_bit
+from drivers.cameras.pixel_depth import DEPTHS, content_white, to_8_bit
 
 
 @pytest.mark.parametrize(
@@ -40,3 +40,12 @@ def test_a_cameras_frame_of_twelve_bits_keeps_its_grey_levels(channels: int) -> 
     image = decode("c", cv2.imencode(".png", frame)[1].tobytes())
 
     assert len(np.unique(image)) == 256
+
+
+@pytest.mark.parametrize("white", [(1 << bits) - 1 for bits in DEPTHS[1:]])
+def test_each_grey_level_becomes_the_nearest_of_8_bits(white: int) -> None:
+    levels = np.arange(2**16, dtype=np.uint16).reshape(256, 256)
+    nearest = (levels.astype(np.uint32) * 255 + white // 2) // white
+    assert np.array_equal(to_8_bit(levels, white), np.minimum(nearest, 255))
+    colours = np.repeat(levels[:, :, None], 3, axis=2)
+    assert np.array_equal(to_8_bit(colours, white)[:, :, 1], to_8_bit(levels, white))

@@ -93,7 +93,7 @@ async def test_pylon_in_every_kind_of_pixel_format(pylon, tmp_path, pixel_format
         assert abs(float(np.median(frame.image)) - 90) < 2
         assert frame.capture.bits == bits and frame.capture.exposure_us == 3000
         assert frame.capture.gain_db == pytest.approx(2, abs=0.01)
-        assert (frame.encoded is None) == (bits == 8)
+        assert (frame.levels is None) == (bits == 8)
         set_to = await camera.set_exposure(Exposure(700.0, 100.0))
         assert (set_to.exposure_us, set_to.gain_db) == (700.0, pytest.approx(48, abs=0.01))
         who = await camera.identify()
