@@ -114,7 +114,7 @@ def _changes(entries: Sequence[ChartEntry], document: CalibrationDocument, setti
     try:
         return find_change(before, now, find_arm(settings.robot.model), scene)
     except (np.linalg.LinAlgError, CalibrationError) as error:
-        log.warning("what changed since the first verifications cannot be told: %s", error)
+        log.warning("what changed since the first verifications is not known: %s", error)
         return []
 
 

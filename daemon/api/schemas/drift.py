@@ -113,7 +113,7 @@ class DriftDocument(Answer):
     `alarm`: a sentence, or null; `alarm_detail`: what it is made of. `scatter_limit_mm`: the largest scatter of the
     last verification that is explained by the calibration's uncertainty and the robot's noise. `touch_tests`: of the
     same calibration, the oldest first, without those that GET /touches names as damaged. `changes`: what may have
-    changed, the likeliest first; empty where it cannot be told: without a known arm, the joints of the stations, or a
+    changed, the likeliest first; empty without a known arm, the joints of the stations, or a
     verification before.
     `scanner`: the verifications of the scanner beside this camera, the oldest first, whatever was in force.
     """

@@ -27,7 +27,7 @@ def test_what_changed_is_the_likeliest(change: Change, cause: str, axis: int | N
         assert found[0].turned_rad == pytest.approx(np.radians(0.02), rel=0.25)
 
 
-def test_an_eye_to_hand_cell_is_told_apart_too() -> None:
+def test_it_is_the_likeliest_in_an_eye_to_hand_cell_too() -> None:
     for change, cause, axis in TABLE:
         found = changes_of(ARM, change, 1, eye_to_hand=True)
         assert (found[0].cause, found[0].axis) == (cause, axis), found[:3]
