@@ -56,7 +56,9 @@ def rows_of(lines: Sequence[str]) -> TextRows:
     if names is None:
         texts = _without_titles(texts, style)
     else:
-        texts = [_fitted(row, len(names), texts) for row in texts if row[: len(names)] != names]
+        numbers = {place for row in texts for place, cell in enumerate(row) if style.is_number(cell)}
+        remarks = max(numbers, default=-1) + 1
+        texts = [_fitted(row, len(names), remarks) for row in texts if row[: len(names)] != names]
     doubled = names is not None and bool(texts) and len(texts[0]) >= 2 * len(names) - 2 and separator == ","
     return TextRows([[style.value(cell) for cell in row] for row in texts], names, doubled)
 
@@ -141,19 +143,21 @@ def _are_units(row: list[str]) -> bool:
     return all(cell.lower() in known for cell in row) and any(cell.lower() not in _EMPTY_UNITS for cell in row)
 
 
-def _fitted(row: list[str], width: int, rows: Sequence[Sequence[str]]) -> list[str]:
-    """The row with as many cells as there are names, where only empty ones or remarks that others have differ."""
-    extra = row[width:]
-    if extra and not any(extra):
+def _fitted(row: list[str], width: int, remarks: int) -> list[str]:
+    """The row with as many cells as there are names: without empty ones behind, or with those of missing remarks.
+
+    From column `remarks` on no row has a number.
+    """
+    if row[width:] and not any(row[width:]):
         return row[:width]
-    remarks = all(not _NUMBER.fullmatch(cell) for other in rows for cell in other[len(row) : width])
-    return [*row, *[""] * (width - len(row))] if remarks else row
+    return [*row, *[""] * (width - len(row))] if len(row) >= remarks else row
 
 
 def _without_titles(rows: list[list[str]], style: _Decimals) -> list[list[str]]:
     """Without the lines between matrices in rows of four, such as `Pose 3:`."""
-    matrix = [row for row in rows if len(row) == 4 and all(style.is_number(cell) for cell in row)]
-    others = [row for row in rows if row not in matrix]
+    are_numbers = [len(row) == 4 and all(style.is_number(cell) for cell in row) for row in rows]
+    matrix = [row for row, of_numbers in zip(rows, are_numbers, strict=True) if of_numbers]
+    others = [row for row, of_numbers in zip(rows, are_numbers, strict=True) if not of_numbers]
     titles = (
         len(matrix) % 4 == 0 and 4 * len(others) <= len(matrix) and not any(style.is_number(row[0]) for row in others)
     )
