@@ -34,7 +34,7 @@ _DIRECTIONS = np.eye(3)[[2, 1, 1, 0, 1, 0]]
 """Axes 1 to 6 (6, 3) with all joints zero."""
 
 _LINK_ERRORS = {1: "rx tx ty", 2: "rx rz tz", 3: "rz tx tz", 4: "rz ty tz", 5: "rz tz"}
-"""What can be told apart of the error of each link: up to axis 2, 3, 4, 5 and 6."""
+"""What can be distinguished of the error of each link: up to axis 2, 3, 4, 5 and 6."""
 
 _COMPONENTS = ("rx", "ry", "rz", "tx", "ty", "tz")
 _SAGS = ("2_by_lower_arm", "2_by_forearm", "3_by_forearm", "2_by_load", "3_by_load", "5_by_load")
