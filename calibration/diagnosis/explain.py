@@ -40,6 +40,9 @@ MAX_USUAL_PX = 1.0
 MIN_SURE_SHARE = 0.5
 """Share of the pixels' deviation below which other intrinsics are believed without the robot's agreement."""
 
+OF_ANOTHER_SIZE = frozenset({"intrinsics-do-not-fit", "target-not-as-described"})
+"""Causes with which the target appears larger or smaller than it is."""
+
 MAX_SLIGHT_LENS_SHARE = 0.005
 """Shift of the target over its distance up to which a lens is slightly off, and any other cause is named before it."""
 
@@ -55,8 +58,8 @@ def diagnose_solution(problem: Problem, solution: Solution, prepared: PreparedSe
     # Contradictory numbers may overflow in any hypothesis.
     with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
         found = _findings_without_x(problem) if prepared is None else _findings_with_x(problem, solution, prepared)
-    if any(f.code == "intrinsics-do-not-fit" and f.severity == "error" and exceeds_limit(f) for f in found):
-        # Seen through another lens, a target has another size.
+    if any(f.code in OF_ANOTHER_SIZE and f.severity == "error" and exceeds_limit(f) for f in found):
+        # Seen through another lens, or with corners numbered otherwise, a target has another size.
         others = tuple(finding for finding in solution.findings if finding.code != "target-scale")
         solution = replace(solution, findings=others)
     known = {finding.code for finding in solution.findings}
@@ -103,7 +106,10 @@ def _findings_with_x(problem: Problem, solution: Solution, prepared: PreparedSes
     still_wrong = _diagnosis_findings(problem, fitting, used, point)
     # A slight misfit is reported only when it explains everything.
     lens = lens_findings(misfit, camera, agrees_better=True) if misfit.significant or not still_wrong else ()
-    return (*lens, *still_wrong) if misfit.share > MAX_SLIGHT_LENS_SHARE else (*still_wrong, *lens)
+    # Mirrored pictures have their principal point elsewhere.
+    mirrored = any(finding.code == "pictures-mirrored" for finding in still_wrong)
+    lens_first = misfit.share > MAX_SLIGHT_LENS_SHARE and not mirrored
+    return (*lens, *still_wrong) if lens_first else (*still_wrong, *lens)
 
 
 def _agrees_better(fitting: Evidence, given: Evidence) -> bool:
@@ -154,8 +160,9 @@ def _estimate_camera(problem: Problem) -> CameraModel | None:
     detections = [view.detection for view in problem.views if view.detection is not None]
     few = [detections[row] for row in evenly_spaced(len(detections), MAX_VIEWS)]
     try:
-        return estimate_camera(problem.target, few, problem.image_size).camera
-    except UndeterminedError:
+        with np.errstate(over="raise", divide="raise", invalid="raise"):
+            return estimate_camera(problem.target, few, problem.image_size).camera
+    except (UndeterminedError, np.linalg.LinAlgError, ArithmeticError):
         return None
 
 

@@ -1,5 +1,7 @@
 """Slips of convention and bookkeeping drawn at random: the cause is named first, with the setting to change."""
 
+import zlib
+
 import numpy as np
 import pytest
 
@@ -8,6 +10,7 @@ from calibration.solution import Finding
 from calibration.solve import solve_hand_eye
 from calibration.transforms import rotation_from_vector, transform
 from calibration.verdict import judge
+from tests.simulated.damage import damaged_session
 from tests.simulated.fault_kinds import GROSS
 from tests.simulated.faults import SETUPS, Noise, simulated_session, with_poses
 from tests.simulated.mixups import MIXUPS
@@ -51,6 +54,18 @@ def test_poses_far_too_long_beside_exact_pixels_are_named() -> None:
     clean = varied(np.random.default_rng((6301, 5, 8))).problem
     fault = GROSS["poses-in-micrometres"](clean, np.random.default_rng(0))
     assert "poses-in-micrometres" in {finding.code for finding in causes(fault.problem)}
+
+
+@pytest.mark.parametrize(("kind", "number"), [("pictures mirrored", 1), ("board one column more", 1)])
+def test_a_lens_or_a_size_that_follows_from_the_cause_is_not_named_before_it(kind: str, number: int) -> None:
+    clean = varied(np.random.default_rng((6302, 5, number))).problem
+    fault = MIXUPS[kind](clean, np.random.default_rng([6302, 2, number, zlib.crc32(kind.encode())]))
+    assert {causes(fault.problem)[0].code} == fault.codes
+
+
+def test_corners_that_overflow_the_lens_are_refused() -> None:
+    problem = damaged_session(np.random.default_rng(71400467)).problem
+    assert not judge(problem, solve_hand_eye(problem)).accepted
 
 
 def test_pictures_are_turned_although_a_change_of_the_camera_fits_better() -> None:
