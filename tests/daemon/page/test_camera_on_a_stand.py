@@ -22,7 +22,7 @@ from tests.daemon.fakes import (
     poses_around_the_target,
 )
 from tests.daemon.page.conftest import Opened
-from tests.daemon.page.test_stories import hold_by_key, hold_until
+from tests.daemon.page.holding import hold_by_key, hold_until
 
 pytestmark = [pytest.mark.asyncio(loop_scope="module"), pytest.mark.slow]
 

@@ -16,7 +16,7 @@ from tests.daemon.calibrations import an_arm, with_views
 from tests.daemon.cell_under_test import Bench
 from tests.daemon.fakes import ply_of
 from tests.daemon.page.conftest import AXE_FINDINGS, Opened
-from tests.daemon.page.test_stories import hold_by_key, hold_by_mouse, hold_until
+from tests.daemon.page.holding import hold_by_key, hold_by_mouse, hold_until
 from tests.daemon.rig_files import a_rig
 from tests.daemon.touches import TIP, document_with_covariance, json_of, touching
 from tests.support.waiting import eventually

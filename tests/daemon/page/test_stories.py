@@ -2,7 +2,6 @@
 
 import asyncio
 import re
-from collections.abc import Awaitable, Callable
 from typing import Any
 
 import pytest
@@ -10,53 +9,10 @@ import pytest
 from tests.daemon.cell_under_test import Bench
 from tests.daemon.fakes import Gate, poses_around_the_target
 from tests.daemon.page.conftest import AXE_FINDINGS, Opened
-from tests.support.waiting import LIMIT_S, eventually
+from tests.daemon.page.holding import hold_by_finger, hold_by_key, hold_by_mouse, hold_until
+from tests.support.waiting import eventually
 
 pytestmark = [pytest.mark.asyncio(loop_scope="module"), pytest.mark.slow]
-
-HOLD_MS = 1400
-
-
-async def hold_by_mouse(page: Any, name: str) -> None:
-    button = page.get_by_role("button", name=name)
-    await button.scroll_into_view_if_needed()
-    box = await button.bounding_box()
-    await page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
-    await page.mouse.down()
-    await page.wait_for_timeout(HOLD_MS)
-    await page.mouse.up()
-
-
-async def hold_by_finger(page: Any, name: str) -> None:
-    button = page.get_by_role("button", name=name)
-    await button.scroll_into_view_if_needed()
-    box = await button.bounding_box()
-    point = {"x": box["x"] + box["width"] / 2, "y": box["y"] + box["height"] / 2}
-    link = await page.context.new_cdp_session(page)
-    await link.send("Input.dispatchTouchEvent", {"type": "touchStart", "touchPoints": [point]})
-    await page.wait_for_timeout(HOLD_MS)
-    await link.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
-
-
-async def hold_by_key(page: Any, name: str) -> None:
-    button = page.get_by_role("button", name=name)
-    for _ in range(80):
-        if await button.evaluate("one => one === document.activeElement"):
-            break
-        await page.keyboard.press("Tab")
-    await page.keyboard.down("Enter")
-    await page.wait_for_timeout(HOLD_MS)
-    await page.keyboard.up("Enter")
-
-
-async def hold_until(page: Any, hold: Any, name: str, taken: Callable[[], Awaitable[bool]]) -> None:
-    """Hold a button as a person does: again when the page was old for a moment, and took no notice."""
-    button = page.get_by_role("button", name=name).and_(page.locator(":not([aria-disabled=true])"))
-    async with asyncio.timeout(LIMIT_S):
-        while not await taken():
-            if await button.count():
-                await hold(page, name)
-            await page.wait_for_timeout(500)
 
 
 @pytest.mark.parametrize(
