@@ -106,11 +106,11 @@ def _deviations(found: DeviationMap | None) -> Markup:
     end = significant(found.end_mm)
     text = (
         f"Root mean square {significant(found.rms_mm)} mm over the points that several views see;"
-        f" {found.alone:.0%} of the points are seen by one view only."
+        f" {100 * found.alone:.0f} % of the points are seen by one view only."
     )
     colours = (
         f" Blue: behind the other views, by {end} mm or more where it is darkest; light grey: where they are; red:"
-        f" before them; dark grey: seen by one view only. {found.picture.caption}."
+        f" before them; dark grey: seen by one view only."
     )
     bars = [Bar(_signed(middle), 100 * share) for middle, share in zip(found.middles_mm, found.shares, strict=True)]
     shares = tag(

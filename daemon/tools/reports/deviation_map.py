@@ -19,6 +19,8 @@ WITHIN = 0.9
 """Share of the points that the scale of colours holds."""
 BARS = 9
 AXES = "xyz"
+SPREAD = (*((down, right) for down in (-1, 0, 1) for right in (-1, 0, 1) if (down, right) != (0, 0)), (0, 0))
+"""Pixels that a point fills, its own last: points stand up to three pixels apart."""
 
 
 def deviation_map(surfaces: Sequence[bytes], record: np.dtype) -> DeviationMap | None:
@@ -63,12 +65,13 @@ def _picture(places: Array, deviation: Array, known: Array, end_mm: float) -> Pi
     middle = ((low + high) / 2)[[across, up]]
     x = np.round((places[:, across] - middle[0]) * scale + wide / 2).astype(int)
     y = np.round(tall / 2 - (places[:, up] - middle[1]) * scale).astype(int)
-    inside = (x >= 0) & (x < wide) & (y >= 0) & (y < tall)
+    inside = (x >= 1) & (x < wide - 1) & (y >= 1) & (y < tall - 1)
     order = np.argsort(np.where(known, np.abs(deviation), -1.0)[inside], kind="stable")
     image = np.full((tall, wide, 3), 255, np.uint8)
-    image[y[inside][order], x[inside][order]] = _colours(deviation, known, end_mm)[inside][order]
-    thick = cv2.erode(image, np.ones((2, 2), np.uint8)) if len(places) < wide * tall / 4 else image
-    _, content = cv2.imencode(".png", thick)
+    colours = _colours(deviation, known, end_mm)[inside][order]
+    for down, right in SPREAD:
+        image[y[inside][order] + down, x[inside][order] + right] = colours
+    _, content = cv2.imencode(".png", image)
     uri = f"data:image/png;base64,{base64.b64encode(content.tobytes()).decode()}"
     caption = (
         f"Seen along {AXES[thin]} of the base ({AXES[across]} to the right, {AXES[up]} up), width {wide / scale:.0f} mm"
