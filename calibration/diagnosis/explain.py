@@ -106,9 +106,9 @@ def _findings_with_x(problem: Problem, solution: Solution, prepared: PreparedSes
     still_wrong = _diagnosis_findings(problem, fitting, used, point)
     # A slight misfit is reported only when it explains everything.
     lens = lens_findings(misfit, camera, agrees_better=True) if misfit.significant or not still_wrong else ()
-    # Mirrored pictures have their principal point elsewhere.
-    mirrored = any(finding.code == "pictures-mirrored" for finding in still_wrong)
-    lens_first = misfit.share > MAX_SLIGHT_LENS_SHARE and not mirrored
+    # Mirrored and turned pictures have their principal point elsewhere.
+    flipped = any(finding.code in ("pictures-mirrored", "pictures-turned") for finding in still_wrong)
+    lens_first = misfit.share > MAX_SLIGHT_LENS_SHARE and not flipped
     return (*lens, *still_wrong) if lens_first else (*still_wrong, *lens)
 
 

@@ -56,7 +56,10 @@ def test_poses_far_too_long_beside_exact_pixels_are_named() -> None:
     assert "poses-in-micrometres" in {finding.code for finding in causes(fault.problem)}
 
 
-@pytest.mark.parametrize(("kind", "number"), [("pictures mirrored", 1), ("board one column more", 1)])
+@pytest.mark.parametrize(
+    ("kind", "number"),
+    [("pictures mirrored", 1), ("board one column more", 1), ("pictures turned from view k on", 0)],
+)
 def test_a_lens_or_a_size_that_follows_from_the_cause_is_not_named_before_it(kind: str, number: int) -> None:
     clean = varied(np.random.default_rng((6302, 5, number))).problem
     fault = MIXUPS[kind](clean, np.random.default_rng([6302, 2, number, zlib.crc32(kind.encode())]))
