@@ -91,8 +91,10 @@ async def end(request: Request, app: App) -> Response:
     dependencies=[Depends(no_body)],
     responses={204: {"description": "Noted"}, **problem_responses(400)},
 )
-async def touch() -> Response:
+async def touch(request: Request, app: App) -> Response:
     """Somebody is at the screen: without this or another act for [server] idle_minutes a session may only read."""
+    if (found := session_of(request)) is not None:  # before the answer: the next request finds it noted
+        await app.sign_in.touch(found)
     return Response(status_code=204)
 
 

@@ -13,8 +13,8 @@ from daemon.store.documents import DocumentRecord
 from tests.daemon.calibrations import a_calibration, an_arm, apply_calibration
 from tests.daemon.cell_under_test import Bench, serving, settings_for
 from tests.daemon.clouds import OCTETS, POSE, cloud
+from tests.daemon.records import a_touch_test, an_acceptance
 from tests.daemon.rig_files import a_rig
-from tests.daemon.runtime.test_loop_monitor import a_touch_test, an_acceptance
 
 NOT_JSON, OTHER_JSON, A_LIST, NO_TEXT = "{", "{}", "[1]", b"\xff\x00"
 DOCUMENTS = [NOT_JSON, OTHER_JSON, A_LIST, NO_TEXT, "null"]

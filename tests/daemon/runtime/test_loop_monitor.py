@@ -14,14 +14,12 @@ from calibration.documents.arm import ArmErrorsDocument
 from calibration.documents.pose import PoseDocument
 from calibration.kinematics.abb_arms import find_arm
 from calibration.kinematics.arm_errors import ArmErrorModel
-from daemon.model.requests import ArtefactRequest
-from daemon.runs.touch_tests import StoredTouchTest
 from daemon.runtime.loop_monitor import PERIOD_S, WINDOW_S, EventLoopMonitor, Stall
-from daemon.scans.scanner_acceptance import AcceptanceDocument, BallDocument, PositionDocument
 from daemon.store.database import DATABASE_NAME
 from tests.daemon.calibrations import apply_calibration
 from tests.daemon.cell_under_test import Bench, serving, settings_for
 from tests.daemon.clouds import OCTETS, POSE, cloud
+from tests.daemon.records import a_touch_test, an_acceptance
 from tests.daemon.rig_files import a_rig
 from tests.daemon.scans.scan_folders import a_scan
 from tests.support.waiting import LIMIT_S, eventually
@@ -169,31 +167,3 @@ def the_errors_of_an_arm() -> str:
         "places": 1, "lowest_joints_deg": [-90.0] * 6, "highest_joints_deg": [90.0] * 6,
     }  # fmt: skip
     return ArmErrorsDocument.model_validate(identified).model_dump_json()
-
-
-def a_touch_test() -> str:
-    """Of ten points."""
-    pose = {"translation_mm": [900.0, 0.0, 500.0], "quaternion_wxyz": [0.0, 1.0, 0.0, 0.0]}
-    numbers = {"length_mm": 0.2, "expanded_mm": 0.2, "claimed_mm": 0.2, "miss_mm": [0.2, 0.0, 0.0]}
-    places = {"seen_mm": [900.0, 0.0, 300.0], "touched_mm": [900.2, 0.0, 300.0]}
-    point = {"name": "hole", **places, **numbers, "outlying": False, "base_T_flange": pose}
-    result = {
-        "calibration_id": "cal-1", "flange_tip_mm": [0.0, 0.0, 200.0], "points": [point] * 10, "largest_mm": 0.2,
-        "mean_mm": [0.0, 0.1, 0.1], "probability": 0.5, "agree": True, "tolerance_mm": None, "conformance": None,
-        "accepted": True, "summary": "10 points",
-    }  # fmt: skip
-    tip = {"flange_tip_mm": [0.0, 0.0, 200.0], "covariance": [[1, 0, 0], [0, 1, 0], [0, 0, 1]], "placing_sigma_mm": 0.1}
-    touches = {"touches": [{"id": 1, "base_T_flange": pose}] * 10}
-    stored = {"tip": tip, "touches": touches, "verification": None, "result": result}
-    return StoredTouchTest.model_validate(stored).model_dump_json()
-
-
-def an_acceptance(scan_id: str) -> AcceptanceDocument:
-    """Of ten views of a ball bar."""
-    ball = BallDocument(centre_mm=(0.0, 0.0, 500.0), form_mm=0.1, size_mm=0.05, points=2000)
-    seen = [PositionDocument(view=k, balls=[ball, ball], spacing_error_mm=0.02) for k in range(10)]
-    artefact = ArtefactRequest(radius_mm=25.0, spacing_mm=200.0)
-    return AcceptanceDocument(
-        based_on="ISO 10360-13", scan_id=scan_id, artefact=artefact, probing_form_mm=0.1, probing_size_mm=0.05,
-        sphere_spacing_mm=0.02, positions=seen,
-    )  # fmt: skip
