@@ -2,80 +2,40 @@
 import { html, useMemo, useState } from '../vendor/preact.js';
 import { Card, Facts } from '../parts/card.js';
 import { CellScene } from '../parts/cell_scene.js';
-import { HoldButton } from '../parts/hold_button.js';
-import { MODES, SPEEDS_MM_S, STEPS_DEG, STEPS_MM, anglesOf, axesOf, axisName, requestOf, unitOf } from '../parts/jog_step.js';
+import { JogControls } from '../parts/jog_controls.js';
 import { LivePicture } from '../parts/live_picture.js';
 import { Missing, useAsked } from '../parts/loaded.js';
 import { placesOf } from '../parts/places.js';
 import { Cause } from '../parts/problem.js';
 import { Reasons } from '../parts/reasons.js';
 import { ask } from '../state/ask.js';
-import { may, note, old, ready, robot, run, running } from '../state/now.js';
-import { fixed, signed, vector } from '../state/numbers.js';
+import { note, old, ready, robot, run, running } from '../state/now.js';
+import { fixed, vector } from '../state/numbers.js';
 import { t } from '../state/words.js';
-
-const BEGIN = { mode: 'axis', axis: 1, frame: 'base', speed_mm_s: 25, step_deg: 5, step_mm: 10 };
 
 export function Jog() {
   const arm = useAsked('/arm');
   const inForce = useAsked('/calibrations/current', ['applied']);
-  const [how, setHow] = useState(BEGIN);
+  const [last, setLast] = useState(null); // the id of the jog that was begun here
   const now = robot.value;
   const places = placesOf(inForce.data?.calibration, now?.base_T_flange);
   const parts = useMemo(() => ({
     skeleton_mm: now?.skeleton_mm, flange_mm: now?.base_T_flange?.translation_mm, box_mm: arm.data?.box_mm,
     outline_mm: arm.data?.target_points_mm, target: places.target, here: places.camera,
   }), [now, arm.data, inForce.data]);
+  const send = async (body, key) => {
+    const { data } = await ask('/robot/jog', { method: 'POST', key, body });
+    setLast(data.id);
+    note('run');
+  };
   return html`<div class="grid jogging">
-    <${Card} title=${t('move.title')} id="move"><${Move} how=${how} change=${(part) => setHow({ ...how, ...part })} arm=${arm.data} joints_deg=${now?.joints_deg} /></${Card}>
+    <${Card} title=${t('move.title')} id="move">
+      <${JogControls} arm=${arm.data} joints_deg=${now?.joints_deg} send=${send} busy=${running.value ? t('move.running') : ''} />
+      <${Outcome} last=${last} /></${Card}>
     <${Card} title=${t('move.stands')} id="stands"><${Missing} asked=${arm} /><${Stands} now=${now} limits_deg=${arm.data?.limits_deg} /></${Card}>
     <${Card} title=${t('cell.camera')} id="camera"><${LivePicture} /></${Card}>
     <${Card} title=${t('cell.scene')} id="scene" wide="3"><${CellScene} parts=${parts} dim=${old.value} /></${Card}>
   </div>`;
-}
-
-function Move({ how, change, arm, joints_deg = [] }) {
-  const [typed, setTyped] = useState(null); // angles as they are typed; null: those at which the arm stands
-  const [last, setLast] = useState(null); // the id of the jog that was begun here
-  const texts = typed ?? joints_deg.map((angle) => angle.toFixed(1));
-  const angles_deg = anglesOf(texts);
-  const { mode } = how;
-  const axes = axesOf(mode, joints_deg);
-  const axis = axes.includes(how.axis) ? how.axis : 1;
-  const speeds = SPEEDS_MM_S.filter((speed) => !arm || speed <= arm.speed_mm_s);
-  const speed_mm_s = speeds.includes(how.speed_mm_s) ? how.speed_mm_s : (speeds.at(-1) ?? null);
-  const act = (sign) => async (key) => {
-    const { data } = await ask('/robot/jog', { method: 'POST', key, body: requestOf({ ...how, axis, angles_deg, speed_mm_s }, sign) });
-    setLast(data.id);
-    note('run');
-  };
-  const off = !may('operator') || running.value || arm?.moves === false || (mode === 'angles' && !angles_deg);
-  const why = t(!may('operator') ? 'missing.role' : running.value ? 'move.running' : arm?.moves === false ? 'move.read-only' : 'move.no-angles');
-  const hold = (sign, label) => html`<${HoldButton} id=${`hold-${sign > 0 ? 'plus' : 'minus'}`} label=${label} act=${act(sign)} disabled=${off} why=${why} />`;
-  const step = mode === 'shift' ? how.step_mm : how.step_deg;
-  const name = mode === 'axis' ? t('move.axis', { axis }) : axisName(mode, axis);
-  const set = (part) => {
-    setTyped(null);
-    change(part);
-  };
-  return html`
-    <${Chips} label=${t('move.how')} values=${MODES} chosen=${mode} text=${(one) => t(`move.by.${one}`)} choose=${(one) => set({ mode: one, axis: 1 })} />
-    ${mode !== 'angles' && html`
-      ${mode !== 'axis' && html`<${Chips} label=${t('move.frame')} values=${['base', 'flange']} chosen=${how.frame} text=${(one) => t(`move.${one}`)} choose=${(frame) => set({ frame })} />`}
-      <${Chips} label=${t('move.which')} values=${axes} chosen=${axis} text=${(one) => axisName(mode, one)} choose=${(one) => set({ axis: one })} />
-      <${Chips} label=${t('move.step')} values=${mode === 'shift' ? STEPS_MM : STEPS_DEG} chosen=${step} text=${(one) => withUnit(one, mode)} choose=${(one) => set(mode === 'shift' ? { step_mm: one } : { step_deg: one })} />`}
-    ${mode === 'angles' && html`<div class="angles">${texts.map((text, index) => html`<div key=${index}><label for=${`angle-${index}`}>${t('move.angle', { axis: index + 1 })}</label>
-      <input id=${`angle-${index}`} inputmode="decimal" value=${text} autocomplete="off" onInput=${(event) => setTyped(texts.map((one, at) => (at === index ? event.target.value : one)))} /></div>`)}</div>`}
-    <${Chips} label=${t('move.speed')} values=${speeds} chosen=${speed_mm_s} text=${(one) => `${fixed(one, 0)} mm/s`} choose=${(one) => change({ speed_mm_s: one })} />
-    ${mode === 'angles' ? hold(1, t('move.to-angles')) : html`<div class="pair">${[-1, 1].map((sign) => hold(sign, `${name} ${withUnit(sign * step, mode, signed)}`))}</div>`}
-    <${Outcome} last=${last} />`;
-}
-
-const withUnit = (value, mode, text = (one) => fixed(one, 0)) => `${text(value)}${mode === 'shift' ? ' ' : ''}${unitOf(mode)}`;
-
-function Chips({ label, values, chosen, text, choose }) {
-  return html`<div class="chips" role="group" aria-label=${label}><span class="small quiet" aria-hidden="true">${label}</span>
-    <div class="row">${values.map((value) => html`<button type="button" class="chip" key=${value} aria-pressed=${value === chosen} onClick=${() => choose(value)}>${text(value)}</button>`)}</div></div>`;
 }
 
 /** What became of the last jog; while another run is in progress, which one that is. */
