@@ -1,8 +1,9 @@
-// By hand: the advice large, what the camera sees, the way to go; "Take view" is never refused for being elsewhere.
-import { html, useMemo } from '../vendor/preact.js';
+// By hand: the advice large, the way to go, a jog, what the camera sees; "Take view" is never refused for being elsewhere.
+import { html, useMemo, useState } from '../vendor/preact.js';
 import { Act } from '../parts/act.js';
 import { Card } from '../parts/card.js';
 import { CellScene } from '../parts/cell_scene.js';
+import { JogControls } from '../parts/jog_controls.js';
 import { useAsked } from '../parts/loaded.js';
 import { LivePicture } from '../parts/live_picture.js';
 import { carriedBy, placesOf } from '../parts/places.js';
@@ -11,6 +12,8 @@ import { ask, newKey } from '../state/ask.js';
 import { inRow, mm, signed } from '../state/numbers.js';
 import { look, may, note, old, robot } from '../state/now.js';
 import { t } from '../state/words.js';
+
+const MOVE_LIMIT_S = 600; // a jog is answered when the arm stands; all axes at the lowest speed take minutes
 
 export function ByHand({ shown }) {
   const arm = useAsked('/arm');
@@ -26,19 +29,27 @@ export function ByHand({ shown }) {
     target: places.target, carried, next: next ? at(next) : null, here: places.camera ?? here,
   }), [now, arm.data, inForce.data, next]);
   const near = here && next && isNear(here, next, planning.near) && look.value?.corners?.length > 0;
-  const act = (what) => async () => {
-    await ask(`/runs/${encodeURIComponent(shown.id)}/${what}`, { method: 'POST', key: newKey(), limit_s: 60 });
+  const [stands, setStands] = useState(false); // after a jog from here
+  const post = async (what, options) => {
+    setStands(false);
+    await ask(`/runs/${encodeURIComponent(shown.id)}/${what}`, { method: 'POST', ...options });
     note('run');
   };
+  const act = (what) => () => post(what, { key: newKey(), limit_s: 60 });
+  const jog = async (body, key) => {
+    await post('jog', { key, body, limit_s: MOVE_LIMIT_S });
+    setStands(true);
+  };
   const waits = shown.state === 'waiting';
+  const moving = shown.state === 'moving'; // of a run by hand: it jogs
+  const jogs = arm.data?.moves ?? false; // a robot that is only read is jogged with the pendant
   const off = !may('operator') || old.value || !waits;
-  return html`<div class="grid">
+  return html`<div class=${jogs ? 'grid by-hand' : 'grid'}>
     <${Card} title=${t('jog.title', { view: Math.min(station + 1, stations), of: stations })} id="advice" wide="3">
-      <p class="sentence" role="status">${waits ? html`<${Advice} planning=${planning} />` : t(`state.${shown.state}`)}</p>
-      <p class="quiet">${t('jog.nothing-moves')}${planning?.now_mm ? ` ${t('jog.so-far', { U: mm(2 * planning.now_mm) })}` : ''}</p>
+      <p class="sentence" role="status">${waits || moving ? html`<${Advice} planning=${planning} />` : t(`state.${shown.state}`)}</p>
+      <p class="quiet">${t(jogs ? 'jog.nothing-moves' : 'jog.pendant-only')}${planning?.now_mm ? ` ${t('jog.so-far', { U: mm(2 * planning.now_mm) })}` : ''}</p>
       ${planning?.note && html`<p class="note warn" role="alert" lang="en"><span class="mark" aria-hidden="true">!</span> ${planning.note}</p>`}
     </${Card}>
-    <${Card} title=${t('cell.camera')} id="camera"><${LivePicture} /></${Card}>
     <${Card} title=${t('way.title')} id="way">
       ${here && next ? html`<${WayToGo} here=${here} there=${next} near=${planning.near} />` : html`<p class="quiet">${t('way.free')}</p>`}
       <div class="row jog-acts">
@@ -47,7 +58,11 @@ export function ByHand({ shown }) {
       </div>
       ${station < 3 && html`<p class="small quiet">${t('jog.least')}</p>`}
     </${Card}>
-    <${Card} title=${t('cell.scene')} id="scene"><${CellScene} parts=${parts} dim=${old.value} /></${Card}>
+    ${jogs && html`<${Card} title=${t('move.title')} id="move">
+      <${JogControls} arm=${arm.data} joints_deg=${now?.joints_deg} send=${jog} busy=${waits ? '' : t(moving ? 'move.moving' : `state.${shown.state}`)} />
+      <p role="status">${moving ? html`<b>● ${t('move.moving')}</b>` : waits && stands && html`<b>✓ ${t('move.done')}</b>`}</p></${Card}>`}
+    <${Card} title=${t('cell.camera')} id="camera"><${LivePicture} /></${Card}>
+    <${Card} title=${t('cell.scene')} id="scene" wide=${jogs ? '3' : undefined}><${CellScene} parts=${parts} dim=${old.value} /></${Card}>
   </div>`;
 }
 

@@ -189,7 +189,7 @@ export default {
   'how.taught': 'Taught',
   'how.taught-about': '{count} poses of the settings.',
   'how.manual': 'By hand',
-  'how.manual-about': 'You jog the arm with the pendant.',
+  'how.manual-about': 'You jog the arm to each view.',
   'how.until': 'Until',
   'how.settings': 'As the settings say',
   'how.count': 'Number of views',
@@ -256,7 +256,8 @@ export default {
   'status.unseen': 'no target',
 
   'jog.title': 'By hand: view {view} of {of}',
-  'jog.nothing-moves': 'Nothing moves by itself: jog with the pendant.',
+  'jog.nothing-moves': 'Nothing moves by itself: jog below, or with the pendant.',
+  'jog.pendant-only': 'Nothing moves by itself: jog with the pendant.',
   'jog.so-far': 'So far: ± {U} for a mapped point (k = 2).',
   'jog.turn': 'Turn the flange by {deg}° about its {axis}.',
   'jog.shift': 'Move it by ({mm}) mm in the base.',

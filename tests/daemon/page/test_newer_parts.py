@@ -95,6 +95,75 @@ async def test_a_jog_that_is_refused_says_why(open_page: Opened, cell: Cell) -> 
     assert len(bench.robot.goals) == goals
 
 
+async def take_view(page: Any, number: int) -> None:
+    """Press *Take view*, and wait until the page asks for the view after it."""
+    await page.get_by_role("button", name="Take view").and_(page.locator(":not([aria-disabled])")).press("Enter")
+    await page.get_by_text(f"By hand: view {number + 1} of").wait_for()
+    await page.get_by_role("button", name="Take view").and_(page.locator(":not([aria-disabled])")).wait_for()
+
+
+@pytest_asyncio.fixture(loop_scope="module")
+async def by_hand(cell: Cell) -> AsyncIterator[str]:
+    """The id of a manual run that waits for its first view; ended afterwards."""
+    bench, _ = cell
+    stood = bench.robot.base_T_flange.copy()
+    begun = await bench.client.post("/calibrate", json={"manual": True})
+    run_id: str = begun.json()["id"]
+    yield run_id
+    await bench.client.post(f"/runs/{run_id}/abort")
+    bench.robot.base_T_flange = stood
+
+
+@pytest.mark.parametrize("hold", [pytest.param(hold_by_mouse, id="mouse"), pytest.param(hold_by_key, id="keyboard")])
+async def test_between_two_views_by_hand_the_page_jogs_the_arm(
+    open_page: Opened, cell: Cell, by_hand: str, hold: Any
+) -> None:
+    bench, _ = cell
+    async with open_page("operator", "run") as page:
+        asked: list[Any] = []
+        page.on("request", lambda request: asked.append(request) if request.url.endswith("/jog") else None)
+        await take_view(page, 1)
+        advice = await page.locator("section[aria-labelledby=advice] .sentence").inner_text()
+        assert advice
+
+        refusal = page.get_by_text("axes are moved over the CB link only").first
+        await hold_until(page, hold, "Axis 1 +5°", refusal.is_visible)
+
+        for chip in ("Shift", "Z", "50 mm"):
+            await page.get_by_role("button", name=chip, exact=True).press("Enter")
+        before = bench.robot.base_T_flange[2, 3]
+        await hold_until(page, hold, "Z +50 mm", lambda: _is(lambda: bench.robot.base_T_flange[2, 3] != before))
+        await page.get_by_text("✓ The arm stands.").wait_for()
+        assert bench.robot.base_T_flange[2, 3] - before == pytest.approx(50.0)
+        assert not bench.robot.armed
+        assert await page.locator("section[aria-labelledby=advice] .sentence").inner_text() == advice
+
+        await take_view(page, 2)
+        assert {request.url for request in asked} == {f"{bench.url}/runs/{by_hand}/jog"}
+        assert len({request.headers["idempotency-key"] for request in asked}) == len(asked) == 2
+
+
+async def test_a_viewer_of_a_run_by_hand_jogs_nothing(open_page: Opened, by_hand: str) -> None:
+    async with open_page("viewer", "run") as page:
+        button = page.get_by_role("button", name="Axis 1 +5°")
+        await button.wait_for()
+        assert await button.get_attribute("aria-disabled") == "true"
+
+
+async def test_a_run_by_hand_is_accessible_and_overflows_nowhere(open_page: Opened, by_hand: str, axe: str) -> None:
+    async with open_page("operator", "run", viewport={"width": 360, "height": 780}) as page:
+        address = page.url
+        for language in ("en", "de", "zh", "es", "pseudo"):
+            for theme in ("light", "dark"):
+                await page.goto("about:blank")
+                await page.goto(address.replace("lang=en", f"lang={language}&theme={theme}"))
+                await page.locator("#hold-plus").wait_for()
+                await page.wait_for_timeout(300)
+                await page.evaluate(axe)
+                assert await page.evaluate(AXE_FINDINGS) == [], (language, theme)
+                assert await page.evaluate("document.documentElement.scrollWidth <= innerWidth"), language
+
+
 async def test_points_are_touched_one_after_the_other_by_keyboard_alone(
     open_page: Opened, cell: Cell, tmp_path: Path
 ) -> None:
