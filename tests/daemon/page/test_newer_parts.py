@@ -150,6 +150,20 @@ async def test_a_viewer_of_a_run_by_hand_jogs_nothing(open_page: Opened, by_hand
         assert await button.get_attribute("aria-disabled") == "true"
 
 
+async def test_a_robot_that_is_only_read_is_jogged_with_the_pendant(open_page: Opened, by_hand: str) -> None:
+    async def only_read(route: Any) -> None:
+        answer = await route.fetch()
+        await route.fulfill(response=answer, json=await answer.json() | {"moves": False})
+
+    async with open_page("operator", "help") as page:
+        await page.route("**/arm", only_read)
+        await page.evaluate("location.hash = '#/run'")
+        await page.get_by_text("Nothing moves by itself: jog with the pendant.").wait_for()
+        await page.get_by_role("button", name="Take view").wait_for()
+        assert await page.locator(".hold-button").count() == 0
+        await page.unroute_all(behavior="ignoreErrors")
+
+
 async def test_a_run_by_hand_is_accessible_and_overflows_nowhere(open_page: Opened, by_hand: str, axe: str) -> None:
     async with open_page("operator", "run", viewport={"width": 360, "height": 780}) as page:
         address = page.url
