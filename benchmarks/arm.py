@@ -31,10 +31,12 @@ from tests.simulated.arms import (
     target_places,
 )
 from tests.simulated.changed_cells import Change, changes_of
+from tests.simulated.more_arm_views import predict_and_reach
 from tests.simulated.sessions import BOARD, CAMERA
 
 SIZES = ("IRB 120-3/0.6", "IRB 2600-20/1.65", "IRB 6700-200/2.60")
 PLACES, CANDIDATES, HELD_OUT = 4, 50, 50
+MORE_COUNTS = (0, 10, 20, 30)
 
 
 @dataclass(frozen=True)
@@ -56,7 +58,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--arms", type=int, default=20, help="simulated arms a row")
     parser.add_argument(
-        "--only", choices=("planned", "ordinary", "perfect", "joint", "speed"), help="one of the tables"
+        "--only", choices=("planned", "ordinary", "perfect", "joint", "more", "speed"), help="one of the tables"
     )
     options = parser.parse_args()
     tables = {
@@ -64,6 +66,7 @@ def main() -> None:
         "ordinary": ordinary_table,
         "perfect": perfect_table,
         "joint": joint_table,
+        "more": more_table,
         "speed": speed_table,
     }
     for name, table in tables.items():
@@ -146,6 +149,23 @@ def joint_table(arms: int) -> None:
             names = [f"axis-{one.axis}" if one.axis else one.cause.removesuffix("-moved") for one in found]
             right.append(np.mean([named == str(change) for named in names]))
         print(f"{name:20}" + "".join(f"{share:9.0%}" for share in right), flush=True)
+
+
+def more_table(arms: int) -> None:
+    """What more views were predicted to bring, and what they brought."""
+    print(f"Standard arms, registered points after more views ({arms} arms a row): RMS in mm, predicted/reached")
+    print(f"{'arm':20} {'places':>6} {'arms':>5}" + "".join(f"{f'+{count}':>14}" for count in MORE_COUNTS))
+    for name, places in ((name, places) for name in SIZES for places in (1, 3)):
+        every = [predict_and_reach(find_arm(name), places, seed, MORE_COUNTS) for seed in range(arms)]
+        rows = [row for row in every if row is not None]
+        print(f"{name:20} {places:6} {len(rows):5}", end="")
+        for at in range(len(MORE_COUNTS)):
+            predicted, reached = (
+                _rms([row.predicted_mm[at] for row in rows]),
+                _rms([row.reached_mm[at] for row in rows]),
+            )
+            print(f"{f'{predicted:.3f}/{reached:.3f}':>14}", end="")
+        print(flush=True)
 
 
 def _planned(arm: Arm, seed: int) -> Row:

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from pydantic import Field
 
+from calibration.documents.more_arm_views import Joints, MoreArmViewsDocument, more_arm_views_text, six
 from calibration.documents.pose import PoseDocument
 from calibration.documents.validation import Document
 from calibration.errors import GeometryError
@@ -13,12 +14,9 @@ from calibration.kinematics.abb_arms import find_arm
 from calibration.kinematics.arm_errors import ArmErrorModel, Group
 from calibration.kinematics.arm_estimate import ArmEstimate
 from calibration.problem import Problem, Setup
-from calibration.transforms import Array
 
 if TYPE_CHECKING:
     from calibration.solver.arm_identification import ArmFit
-
-Joints = tuple[float, float, float, float, float, float]
 
 
 class ArmParameterDocument(Document):
@@ -65,6 +63,7 @@ class ArmErrorsDocument(Document):
     places: int = Field(ge=1)
     lowest_joints_deg: Joints
     highest_joints_deg: Joints
+    more_views: MoreArmViewsDocument | None = None
 
     def estimate(self) -> ArmEstimate:
         """The arm and X as numbers. Raises GeometryError for another arm's or damaged parameters."""
@@ -86,6 +85,7 @@ def arm_document(
     software: str,
     joints_from_poses: int = 0,
     serial: str | None = None,
+    more_views: MoreArmViewsDocument | None = None,
 ) -> ArmErrorsDocument:
     """The document of a fit from these sessions, whose views all hold joints, some of them `joints_from_poses`."""
     every = [view.joints_rad for problem in problems for view in problem.views]
@@ -121,8 +121,9 @@ def arm_document(
         views=len(joints),
         joints_from_poses=joints_from_poses,
         places=len(problems),
-        lowest_joints_deg=_six(joints.min(axis=0)),
-        highest_joints_deg=_six(joints.max(axis=0)),
+        lowest_joints_deg=six(joints.min(axis=0)),
+        highest_joints_deg=six(joints.max(axis=0)),
+        more_views=more_views,
     )
 
 
@@ -138,9 +139,6 @@ def arm_summary(document: ArmErrorsDocument) -> str:
         sized = sorted(document.parameters, key=lambda one: -abs(one.value) / max(one.sigma, 1e-300))
         lines += [f"  {one.name:16} {one.value:11.3g} ± {one.sigma:.2g} {one.unit}" for one in sized[:5] if one.value]
     lines.append(f"  scatter about the model: {document.scatter_mm:.3f} mm, {document.scatter_deg:.4f} deg")
+    if document.more_views is not None:
+        lines.append(f"  {more_arm_views_text(document.more_views)}")
     return "\n".join(lines)
-
-
-def _six(joints: Array) -> Joints:
-    one, two, three, four, five, six = joints.tolist()
-    return one, two, three, four, five, six

@@ -11,18 +11,14 @@ from calibration.documents.calibration import CalibrationDocument
 from calibration.documents.pose import Vector
 from calibration.documents.validation import Document
 from calibration.errors import GeometryError
-from calibration.kinematics.arm import Arm, UnreachablePoseError
+from calibration.kinematics.arm_box import box_around, grid_in, joints_at_places, middle_of
 from calibration.kinematics.arm_errors import Postures
 from calibration.kinematics.arm_estimate import ArmEstimate
-from calibration.kinematics.joints_of_poses import joints_in_range
 from calibration.solver.registered_points import registered_points
-from calibration.transforms import Array, map_points, transform
+from calibration.transforms import Array, map_points
 
 MAX_STEPS = 9
 """Places along one edge of the box: 729 poses take the inverse kinematics 0.2 s."""
-
-BOX_SHARE_OF_REACH = 0.15
-"""The default box goes so far beyond the places of the session's views, on each side."""
 
 
 class ArmFieldPointDocument(Document):
@@ -73,12 +69,9 @@ def arm_field(
         raise GeometryError("the box has a minimum above its maximum: give the least x, y, z, then the largest")
     estimate, drawn_x, distance_mm = _sensor(errors, calibration)
     arm, views = estimate.model.arm, _joints_of(calibration)
-    middle = views[np.argmin(np.linalg.norm(views - views.mean(axis=0), axis=1))]
-    places, margin = arm.forward(views)[:, :3, 3], BOX_SHARE_OF_REACH * arm.reach_mm
-    around = [places.min(axis=0) - margin, places.max(axis=0) + margin]
-    box_mm = np.array(around).round() if box is None else np.array(box)
+    box_mm = box_around(arm, views) if box is None else np.array(box)
     lowest, highest = np.radians([errors.lowest_joints_deg, errors.highest_joints_deg])
-    joints = _postures(arm, middle, _grid(box_mm, steps), (lowest, highest))
+    joints = joints_at_places(arm, middle_of(views), grid_in(box_mm, steps), (lowest, highest))
     drawn, point = arm.forward(joints), np.array([[0.0, 0.0, distance_mm]])
     found, covariances = registered_points(estimate, Postures(joints), np.tile(point, (len(joints), 1)))
     missed = map_points(drawn @ drawn_x, point)[:, 0] - found
@@ -145,23 +138,6 @@ def _joints_of(calibration: CalibrationDocument) -> Array:
         raise GeometryError(f"the views of calibration {calibration.id} hold no joints: calibrate with joints_deg")
     found: Array = np.radians(np.array(joints))
     return found
-
-
-def _grid(box_mm: Array, steps: int) -> Array:
-    edges = [np.linspace(low, high, steps) for low, high in box_mm.T]
-    grid: Array = np.stack(np.meshgrid(*edges, indexing="ij"), axis=-1).reshape(-1, 3)
-    return grid
-
-
-def _postures(arm: Arm, middle: Array, places: Array, seen: tuple[Array, Array]) -> Array:
-    """Joints (n, 6) that bring the flange to the places within reach (of (m, 3)), turned as at `middle` (6,)."""
-    found, turned = [], arm.forward(middle)[:3, :3]
-    for place in places:
-        try:
-            found.append(joints_in_range(arm, transform(turned, place), *seen))
-        except UnreachablePoseError:
-            continue
-    return np.array(found).reshape(-1, 6)
 
 
 def _rms(squares: Array) -> float | None:

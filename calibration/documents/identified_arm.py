@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from calibration.documents.arm import ArmErrorsDocument, arm_document
+from calibration.documents.more_arm_views import more_arm_views_document
 from calibration.errors import CalibrationError, GeometryError
 from calibration.kinematics.arm import Arm
 from calibration.kinematics.joints_of_poses import joints_of_poses
@@ -11,13 +12,15 @@ from calibration.problem import Problem
 from calibration.sentences.sentence import Sentence, as_sentence
 from calibration.solution import Finding
 from calibration.solve import identify_arm_session
+from calibration.transforms import Array
 
 
 def identify_arm_document(
-    arm: Arm, problems: Sequence[Problem], *, created_at: str, software: str
+    arm: Arm, problems: Sequence[Problem], *, created_at: str, software: str, box_mm: Array | None = None
 ) -> ArmErrorsDocument:
     """The errors of the arm from sessions of images, each with the target at another place.
 
+    `box_mm` (2, 3) of the base: where `more_views` predicts registered points; without it, around those of the views.
     Views without joints get those of their poses. Raises as `identify_arm_session`, GeometryError for sessions without
     images, UnreachablePoseError for poses that the arm does not reach.
     """
@@ -26,7 +29,10 @@ def identify_arm_document(
     without = sum(view.joints_rad is None for problem in problems for view in problem.views)
     whole = [_with_joints(arm, problem) for problem in problems]
     fit = identify_arm_session(arm, whole)
-    return arm_document(fit, whole, created_at=created_at, software=software, joints_from_poses=without)
+    more = more_arm_views_document(fit, problems[0].target, box_mm)
+    return arm_document(
+        fit, whole, created_at=created_at, software=software, joints_from_poses=without, more_views=more
+    )
 
 
 def identify_with_findings(

@@ -45,7 +45,8 @@ class ArmViewPlan:
 class ArmExperiment:
     """The measurements that views of several places of the target would be. Camera on the flange.
 
-    `scenes`, `postures`: one for each place; `sigmas` (k,) of the arm's errors.
+    `scenes`, `postures`: one for each place; `sigmas` (k,) of the arm's errors. `known`: covariance of [X, places,
+    errors] after earlier views of all the places; without it nothing was seen before.
     """
 
     def __init__(
@@ -55,6 +56,7 @@ class ArmExperiment:
         postures: Sequence[Postures],
         interest: PointsOfInterest,
         sigmas: Array,
+        known: Array | None = None,
     ) -> None:
         places = range(len(scenes))
         self.places = np.repeat(places, [len(each) for each in postures])
@@ -63,22 +65,26 @@ class ArmExperiment:
         self._by = np.concatenate([by for by, _ in parts])
         self._noise = np.concatenate([noise for _, noise in parts])
         poses = np.tile(UNKNOWN_POSE_SIGMA, 1 + len(scenes))
-        self._prior = np.diag(np.concatenate([poses, sigmas]) ** 2)
+        self._prior = np.diag(np.concatenate([poses, sigmas]) ** 2) if known is None else known
+        self._first_views = 0 if known is not None else MIN_PLACE_VIEWS
         self._weights = _point_weights(model, scenes[0].mount_T_camera, interest, len(scenes))
 
     def point_mm(self, chosen: Sequence[int]) -> float:
         """RMS error of the points after these views (positions among all candidates), for an efficient estimate."""
+        if not len(chosen):
+            return float(np.sqrt(np.sum(self._weights * self._prior)))
         by, noise = self._by[list(chosen)], self._noise[list(chosen)]
         information = np.linalg.inv(self._prior) + np.einsum("nip,nij,njq->pq", by, np.linalg.inv(noise), by)
         return float(np.sqrt(np.sum(self._weights * np.linalg.inv(information))))
 
     def choose(self, count: int) -> ArmViewPlan:
-        """`count` views, MIN_PLACE_VIEWS of every place among them."""
+        """`count` views, or all candidates if fewer; MIN_PLACE_VIEWS of every place that no earlier view saw."""
         covariance, chosen, after = self._prior, [], []
         open_to = np.ones(len(self.places), bool)
-        for number in range(count):
-            first = number // MIN_PLACE_VIEWS
-            allowed = open_to & (self.places == first if first <= self.places.max() else True)
+        for number in range(min(count, len(self.places))):
+            allowed = open_to
+            if number < self._first_views * (1 + self.places.max()):
+                allowed = open_to & (self.places == number // self._first_views)
             gains = np.where(allowed, self._gains(covariance), -np.inf)
             best = int(np.argmax(gains))
             open_to[best] = False

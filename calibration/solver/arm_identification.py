@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from calibration.camera import CameraModel
 from calibration.errors import CalibrationError
 from calibration.kinematics.arm_errors import GROUPS, MAX_USUAL_SIGMAS, ArmErrorModel, Group, Postures
 from calibration.kinematics.arm_estimate import ArmEstimate
@@ -29,7 +30,7 @@ from calibration.linear_algebra import inverse_or_pseudo_inverse
 from calibration.observations.observations import scale_target
 from calibration.observations.view_poses import refine_poses
 from calibration.preprocessing.prepare import PreparedSession
-from calibration.problem import anchor_T_mount_of
+from calibration.problem import Setup, anchor_T_mount_of
 from calibration.solver.arm_view_selection import select_views_with_arm
 from calibration.transforms import Array, inverse, map_points, transform_from_vector
 
@@ -59,20 +60,34 @@ class LadderRow:
 
 
 @dataclass(frozen=True, eq=False)
+class ArmViews:
+    """The views that agree, one place after the other: postures, camera_T_target (n, 4, 4), and the camera."""
+
+    setup: Setup
+    postures: Postures
+    camera_T_target: Array
+    camera: CameraModel
+
+
+@dataclass(frozen=True, eq=False)
 class ArmFit(ArmEstimate):
     """What sessions say about the arm.
 
     taken_up : whether its errors enter X and poses.
     log_evidence : of errors of the arm against none, over all models.
     anchor_T_target : (m, 4, 4) of the target's places.
+    covariance_with_places : (6 + 6m + k, 6 + 6m + k) of [X, the places of the target, the parameters].
     views : number of those that agree.
+    seen : those views.
     """
 
     taken_up: bool
     views: int
     log_evidence: float
     anchor_T_target: Array
+    covariance_with_places: Array
     variances: Variances
+    seen: ArmViews
     ladder: tuple[LadderRow, ...]
 
     def beyond_usual(self) -> list[str]:
@@ -302,7 +317,8 @@ def _conclude(session: _Session, candidates: list[_Candidate], models: int) -> A
     mean, covariance = _average(chosen, shares, k)
     others = len(mean) - k
     targets = np.array([chain.anchor_T_target for chain in session.chains])
-    kept = np.r_[0:6, others : others + k]
+    kept, with_places = np.r_[0:6, others : others + k], np.r_[0 : 6 + 6 * len(targets), others : others + k]
+    camera_T_target = np.concatenate([chain.camera_T_target() for chain in session.chains])
     return ArmFit(
         model=session.arm,
         taken_up=taken_up,
@@ -310,9 +326,11 @@ def _conclude(session: _Session, candidates: list[_Candidate], models: int) -> A
         log_evidence=gain,
         parameters=mean[others:],
         covariance=covariance[np.ix_(kept, kept)],
+        covariance_with_places=covariance[np.ix_(with_places, with_places)],
         mount_T_camera=session.chains[0].mount_T_camera @ transform_from_vector(mean[:6]),
         anchor_T_target=targets @ transform_from_vector(mean[6 : 6 + 6 * len(targets)].reshape(-1, 6)),
         variances=chosen[int(np.argmax(shares))].marginal.variances,
+        seen=ArmViews(session.views[0].rows.setup, session.postures, camera_T_target, session.best.camera),
         ladder=ladder,
     )
 

@@ -10,10 +10,12 @@ from daemon.cli.output import Json, print_error, progress_bar, write_document
 
 if TYPE_CHECKING:
     from calibration.documents.calibration import CalibrationDocument
+    from calibration.documents.requirement import PointsFile
     from calibration.documents.session import CameraDocument
     from calibration.likelihood.mapped_points import NamedPoint
     from calibration.problem import Problem
     from calibration.solution import Solution
+    from calibration.transforms import Array
     from calibration.verdict import VerdictLimits
     from daemon.sessions.session_reader import SessionFolder
 
@@ -140,7 +142,8 @@ def solve(
         if artefact is not None or len(solved) < len(folders):
             raise CommandError("--arm", "it needs every folder's images", "leave it out", ExitStatus.UNREADABLE)
         problems = [problem for _, problem, _ in solved]
-        solve_arm(arm, problems, out if out is None else (out.parent if len(folders) == 1 else out), json=json)
+        folder_out = out if out is None else (out.parent if len(folders) == 1 else out)
+        solve_arm(arm, problems, folder_out, _box_of(at), json=json)
     if together:
         if len(solved) < max(len(folders), 2):
             raise CommandError(
@@ -156,14 +159,28 @@ def solve(
 
 def requirement_of(tolerance_mm: float | None, at: Path | None) -> "Requirement":
     """The limits and the points of --tolerance and --at. Raises CommandError, DocumentError."""
-    from calibration.documents.requirement import MAX_TOLERANCE_MM, PointsFile, VerdictSettings
-    from calibration.documents.validation import parse_document
-    from daemon.runtime.bounded_read import read_document
+    from calibration.documents.requirement import MAX_TOLERANCE_MM, VerdictSettings
 
     if tolerance_mm is not None and not 0 < tolerance_mm <= MAX_TOLERANCE_MM:
         raise CommandError("--tolerance", f"{tolerance_mm} mm is no tolerance", "give U in mm", ExitStatus.UNREADABLE)
-    points = () if at is None else parse_document(PointsFile, read_document(at), str(at)).named_points()
+    points = () if at is None else _points_file(at).named_points()
     return VerdictSettings().limits(tolerance_mm), points
+
+
+def _box_of(at: Path | None) -> "Array | None":
+    """The box (2, 3) of --at. Raises DocumentError."""
+    import numpy as np
+
+    box = None if at is None else _points_file(at).box_mm
+    return None if box is None else np.array(box)
+
+
+def _points_file(at: Path) -> "PointsFile":
+    from calibration.documents.requirement import PointsFile
+    from calibration.documents.validation import parse_document
+    from daemon.runtime.bounded_read import read_document
+
+    return parse_document(PointsFile, read_document(at), str(at))
 
 
 def solve_session(

@@ -30,9 +30,22 @@ def test_the_arm_is_written_beside_the_calibration(session: Path, tmp_path: Path
     solved = handeyed("solve", session, "--arm", "irb 2600-20/1.65", "--out", tmp_path / "calibration.json")
     assert solved.status in (0, 3), solved.err
     assert "errors of the arm are taken up" in solved.out
+    assert "30 views more would bring a registered point from" in solved.out
     written = ArmErrorsDocument.model_validate_json((tmp_path / "arm.json").read_text())
+    assert written.more_views is not None and len(written.more_views.further) == 30
     assert written.arm == ARM.name and written.taken_up and written.views == 12
     assert np.linalg.norm(written.estimate().mount_T_camera[:3, 3] - [60.0, 10.0, 90.0]) < 2.0
+
+
+def test_more_views_are_predicted_in_the_box_of_at(session: Path, tmp_path: Path) -> None:
+    box_mm = [[900.0, -200.0, -100.0], [1200.0, 200.0, 100.0]]
+    (tmp_path / "points.json").write_text(json.dumps({"schema_version": 1, "box_mm": box_mm}))
+    at = ("--at", tmp_path / "points.json")
+    solved = handeyed("solve", session, "--arm", ARM.name, *at, "--out", tmp_path / "calibration.json")
+    assert solved.status in (0, 3), solved.err
+    more = ArmErrorsDocument.model_validate_json((tmp_path / "arm.json").read_text()).more_views
+    assert more is not None and [list(corner) for corner in more.box_mm] == box_mm
+    assert [one.more for one in more.after] == [10, 20, 30]
 
 
 def test_confdata_stands_for_joints_that_were_not_recorded(session: Path, tmp_path: Path) -> None:

@@ -1,0 +1,87 @@
+"""What more views would leave of the error of a registered point: a part of arm.json (mm, degrees)."""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from pydantic import Field
+
+from calibration.documents.pose import Vector
+from calibration.documents.validation import Document
+from calibration.planning.more_arm_views import BOX_STEPS, MORE_VIEWS, plan_more_arm_views
+from calibration.targets import Target
+from calibration.transforms import Array
+
+if TYPE_CHECKING:
+    from calibration.solver.arm_identification import ArmFit
+
+Joints = tuple[float, float, float, float, float, float]
+
+
+class PointAfterViewsDocument(Document):
+    """RMS error of a registered point after so many more views."""
+
+    more: int = Field(ge=1)
+    point_mm: float = Field(ge=0)
+
+
+class FurtherArmViewDocument(Document):
+    """Joints from which the target is seen at its place in the base."""
+
+    joints_deg: Joints
+    target_mm: Vector
+
+
+class MoreArmViewsDocument(Document):
+    """The RMS error of a registered point in a box of the base, now and after more views.
+
+    `further`: the views in the order of their gain. `points`: number of those in the box that count, all of them where
+    the whole box is within reach.
+    """
+
+    box_mm: tuple[Vector, Vector]
+    points: int = Field(ge=1, le=BOX_STEPS**3)
+    now_mm: float = Field(ge=0)
+    after: list[PointAfterViewsDocument]
+    further: list[FurtherArmViewDocument]
+
+
+def more_arm_views_document(fit: "ArmFit", target: Target, box_mm: Array | None = None) -> MoreArmViewsDocument | None:
+    """As `plan_more_arm_views`, after 10, 20 and 30 views, or all that are possible if fewer."""
+    planned = plan_more_arm_views(fit, target, box_mm)
+    if planned is None:
+        return None
+    possible = len(planned.after_mm)
+    counts = sorted({min(count, possible) for count in MORE_VIEWS})
+    return MoreArmViewsDocument(
+        box_mm=(_vector(planned.box_mm[0]), _vector(planned.box_mm[1])),
+        points=len(planned.interest.points_mm),
+        now_mm=round(planned.now_mm, 6),
+        after=[PointAfterViewsDocument(more=count, point_mm=round(planned.after_mm[count - 1], 6)) for count in counts],
+        further=[
+            FurtherArmViewDocument(joints_deg=six(joints), target_mm=_vector(fit.anchor_T_target[place, :3, 3]))
+            for joints, place in zip(np.degrees(planned.joints_rad), planned.places, strict=True)
+        ],
+    )
+
+
+def more_arm_views_text(found: MoreArmViewsDocument) -> str:
+    """What people read: "30 views more would bring a registered point from 0.42 to 0.15 mm RMS in the box"."""
+    last = found.after[-1]
+    corners = " to ".join(", ".join(f"{value:.0f}" for value in corner) for corner in found.box_mm)
+    between = "".join(f", {one.point_mm:.3f} mm after {one.more}" for one in found.after[:-1])
+    return (
+        f"{last.more} views more would bring a registered point from {found.now_mm:.3f} to {last.point_mm:.3f} mm RMS"
+        f" in the box {corners} mm ({found.points} of {BOX_STEPS**3} places within reach){between}"
+    )
+
+
+def six(joints: Array) -> Joints:
+    """Of an array (6,)."""
+    one, two, three, four, five, sixth = joints.tolist()
+    return one, two, three, four, five, sixth
+
+
+def _vector(values: Sequence[float] | Array) -> Vector:
+    x, y, z = (round(float(value), 6) for value in values)
+    return x, y, z
