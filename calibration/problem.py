@@ -92,6 +92,7 @@ class Problem:
     """A calibration session. `camera` None: the intrinsics are estimated with the rest, from `image_size`.
 
     `in_space`: the views hold measurements of the target in space and no detections; intrinsics are not needed then.
+    `poses_from_controller`: a driver read them, so that they are base_T_flange for certain.
     """
 
     setup: Setup
@@ -100,6 +101,7 @@ class Problem:
     image_size: tuple[int, int]
     views: tuple[View, ...]
     in_space: bool = False
+    poses_from_controller: bool = False
 
     def anchor_T_mount(self, view: View) -> Array:
         """(4, 4) of one view."""

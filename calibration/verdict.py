@@ -6,9 +6,12 @@ from math import degrees
 
 import numpy as np
 
-from calibration.closed_forms.observability import summarise_motion
+from calibration.closed_forms.inverted_poses import misfit_of_inverted_poses
+from calibration.closed_forms.observability import distinct_stations, summarise_motion
+from calibration.kinematics.abb_arms import ARMS
+from calibration.kinematics.joint_check import any_arm_fits
 from calibration.kinematics.robot_accuracy import MAX_POSSIBLE_NOISE, MAX_USUAL_NOISE
-from calibration.problem import Problem
+from calibration.problem import Problem, View
 from calibration.sentences.sentence import Sentence
 from calibration.solution import COVERAGE_FACTOR, Finding, Noise, Severity, Solution, Uncertainty
 
@@ -74,6 +77,12 @@ CONTRADICTIONS = ("pose-disagrees", "image-disagrees")
 MIN_AGREEING = 4
 """Least views that outvote one that contradicts them: any three agree, with inverted poses as well. A turn of 180
 degrees about the common perpendicular of two screw axes reverses both motions, so that three views fit X either way."""
+
+INVERTED_SIGMA = 3.0
+"""Inverted poses agree as well when they need a robot that scatters up to so many times as much as the estimated one.
+Data that are inverted leave about the scatter that their inverses need, right ones far less."""
+
+INVERTED_CAUSES = frozenset({"poses-inverted", "setup-swapped"})
 
 Rule = Callable[[Problem, Solution, VerdictLimits], Iterator[Finding]]
 
@@ -195,8 +204,7 @@ def _point(problem: Problem, solution: Solution, limits: VerdictLimits) -> Itera
 
 
 def _axes(problem: Problem, solution: Solution, limits: VerdictLimits) -> Iterator[Finding]:
-    used = {view.index for view in solution.views if view.status != "rejected"}
-    poses = np.array([view.base_T_flange for view in problem.views if view.index in used])
+    poses = np.array([view.base_T_flange for view in _used_views(problem, solution)])
     angle = summarise_motion(poses).axis_angle_rad
     if angle < limits.axis_angle_rad:
         yield Finding(
@@ -205,6 +213,32 @@ def _axes(problem: Problem, solution: Solution, limits: VerdictLimits) -> Iterat
             Sentence("axes-nearly-parallel", angle_deg=degrees(angle)),
             Sentence("turn-about-different-axes"),
         )
+
+
+def _inverted(problem: Problem, solution: Solution, limits: VerdictLimits) -> Iterator[Finding]:
+    """When the poses agree as well read as their inverses, with another X, and nothing shows which is right."""
+    if problem.poses_from_controller or INVERTED_CAUSES & {finding.code for finding in solution.findings}:
+        return
+    if any(_contradiction(problem, solution, limits)):  # refused, and anything fits such poses
+        return
+    used = _used_views(problem, solution)
+    poses = np.array([view.base_T_flange for view in used])
+    misfit_mm, misfit_rad = misfit_of_inverted_poses(poses[distinct_stations(poses)])
+    allowed_mm = INVERTED_SIGMA * (solution.noise.robot_translation_mm or 0.0)
+    allowed_rad = INVERTED_SIGMA * (solution.noise.robot_rotation_rad or 0.0)
+    if misfit_mm > allowed_mm or misfit_rad > allowed_rad:
+        return
+    joints = [view.joints_rad for view in used if view.joints_rad is not None]
+    if len(joints) == len(used) and any_arm_fits(ARMS.values(), joints, poses):
+        return
+    yield Finding(
+        "inverted-fits-as-well", "error", Sentence("inverted-fits-as-well"), Sentence("take-a-view-turned-otherwise")
+    )
+
+
+def _used_views(problem: Problem, solution: Solution) -> list[View]:
+    used = {view.index for view in solution.views if view.status != "rejected"}
+    return [view for view in problem.views if view.index in used]
 
 
 def _robot(problem: Problem, solution: Solution, limits: VerdictLimits) -> Iterator[Finding]:
@@ -280,4 +314,6 @@ def _expected_hold_out_mm(solution: Solution) -> float | None:
     return float(np.sqrt(np.mean(np.square(errors)))) / (1 - 2 / len(errors))
 
 
-RULES: tuple[Rule, ...] = (_contradiction, _point, _axes, _robot, _image, _rejections, _hold_out, _leave_out)
+RULES: tuple[Rule, ...] = (
+    _contradiction, _point, _axes, _inverted, _robot, _image, _rejections, _hold_out, _leave_out,
+)  # fmt: skip

@@ -141,12 +141,14 @@ class SessionDocument(Document):
 
     target : may be left out where every view holds `camera_T_target`, of a tracker without a printed target.
     camera : null where the intrinsics are estimated; may be left out where they are not needed.
+    poses_from_controller : whether a driver read the poses from the controller, so that they are not inverted.
     """
 
     heading = "sessionjson"
 
     schema_version: Literal[1]
     source: str = ""
+    poses_from_controller: bool = False
     setup: Setup
     target: TargetDocument | None = None
     camera: CameraDocument | None = None

@@ -5,7 +5,7 @@ do not, the changes that people and programs make are tried one by one: unit, or
 a tool or in a work object. Nothing of that is an error of the arm, and none of it must be fitted as one.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations, permutations, product
 
@@ -58,6 +58,13 @@ def require_consistent_joints(
         raise JointsDisagree(mistake, off_mm)
     rows = np.linspace(0, len(joints_rad) - 1, min(len(joints_rad), MAX_TRIED_VIEWS)).astype(int)
     raise JointsDisagree(_likely_mistake(arm, joints_rad[rows], base_T_flange[rows], others or {}), off_mm)
+
+
+def any_arm_fits(arms: Iterable[Arm], joints_rad: Sequence[Array], base_T_flange: Array) -> bool:
+    """Whether the joints, (6,) of each pose, give the poses (n, 4, 4) with one of the arms."""
+    if any(len(joints) != 6 for joints in joints_rad):
+        return False
+    return any(_off_mm(arm, np.array(joints_rad), base_T_flange) <= MAX_OFF_MM for arm in arms)
 
 
 def _likely_mistake(arm: Arm, joints: Array, poses: Array, others: Mapping[str, Arm]) -> JointMistake:

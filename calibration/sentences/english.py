@@ -26,6 +26,8 @@ FINDINGS = {
     "axes-nearly-parallel": "the axes of the robot's motions are within {angle_deg:.1f} degrees of each other",
     "image-noise": "corners scatter by {image_px:.2g} px",
     "nothing-held-out": "three views leave none to check the others with",
+    "inverted-fits-as-well": "the images agree with the robot's poses and with their inverses as well, which give"
+    " another X, and nothing shows which are right",
     "hold-out-large": "views left out are missed by {hold_out_mm:.2g} mm, {expected_mm:.2g} mm was expected",
     "leave-out-larger": "without a part of the views ({grouped_by}) a mapped point moves {times:.2g} times as"
     " far as the noise explains: neighbouring views share an error. By them it is uncertain by {sigma_mm:.2g} mm (one"
@@ -275,6 +277,8 @@ ADVICE = {
     "check-poses-and-target": "check the reported poses and the target, and run the calibration again",
     "check-poses-and-artefact": "check the poses and that the artefact stood still",
     "take-four-views": "take four or more views to have the solution checked",
+    "take-a-view-turned-otherwise": "take a fourth view or more, not all of them turned about axes in one plane, or"
+    " record joints_deg with every view; for poses that a driver read, say poses_from_controller in the session",
     "look-for-movement": "look for views with a large base error, or a target or camera that moved during the session",
     "check-lighting": "check lighting, focus and that the whole target is in view, or leave these views out",
     "compare-target": "compare the target's description with the target, and look at these images",

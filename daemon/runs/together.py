@@ -65,8 +65,8 @@ class ScannerBeside:
         pose = PoseDocument.of(reading.base_T_flange)
         self._views.append(ViewDocument(base_T_flange=pose, joints_deg=joints, cloud=file, unit=self.settings.unit))
         document = SessionDocument(
-            schema_version=1, source=f"{self.name}, run {self.run_id}, {at}", setup=self.setup, target=self.target,
-            views=self._views,
+            schema_version=1, source=f"{self.name}, run {self.run_id}, {at}", poses_from_controller=True,
+            setup=self.setup, target=self.target, views=self._views,
         )  # fmt: skip
         await self.store.write_file(folder / SESSION_FILE, [document.model_dump_json(indent=1).encode()])
 

@@ -110,7 +110,9 @@ def load_problem(session: SessionFolder, progress: Progress = lambda done, of: N
     views = [view for _, (view, _) in sorted(seen.items())]
     views = explain_missing(views, target, lambda name: read_grey(session.path / name))
     views = [replace(view, confdata=document.views[view.index].confdata) for view in views]
-    return Problem(document.setup, target, camera, expected, tuple(views))
+    return Problem(
+        document.setup, target, camera, expected, tuple(views), poses_from_controller=document.poses_from_controller
+    )
 
 
 def _problem_in_space(session: SessionFolder, target: Target, progress: Progress) -> Problem:
@@ -125,7 +127,10 @@ def _problem_in_space(session: SessionFolder, target: Target, progress: Progress
         else:
             pose, measured = view.base_T_flange.transform(), _measurement(view)
             views.append(View(index, pose, None, measured=measured, joints_rad=view.joints_rad))
-    return Problem(document.setup, target, None, document.image_size or (0, 0), tuple(views), in_space=True)
+    return Problem(
+        document.setup, target, None, document.image_size or (0, 0), tuple(views), in_space=True,
+        poses_from_controller=document.poses_from_controller,
+    )  # fmt: skip
 
 
 def _measurement(view: ViewDocument) -> Measurement:

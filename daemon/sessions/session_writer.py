@@ -49,8 +49,9 @@ class SessionWriter:
         self._detections = DetectionsDocument()
         self._taken: dict[int, DetectionDocument] = {}
         self._document = SessionDocument(
-            schema_version=1, source=source, setup=setup, target=target, camera=camera, views=[]
-        )
+            schema_version=1, source=source, poses_from_controller=True, setup=setup, target=target, camera=camera,
+            views=[],
+        )  # fmt: skip
 
     async def add(self, frame: CameraFrame, reading: PoseReading, at: str = "") -> int:
         """Store a station's picture, pose and joints; returns the view's index.
@@ -99,7 +100,10 @@ class SessionWriter:
         document = self._document
         assert self._image_size is not None  # the first picture set it
         camera = document.camera.camera() if document.camera else None
-        return Problem(document.setup, document.described_target(), camera, self._image_size, tuple(views))
+        return Problem(
+            document.setup, document.described_target(), camera, self._image_size, tuple(views),
+            poses_from_controller=document.poses_from_controller,
+        )  # fmt: skip
 
     def _require_size(self, frame: CameraFrame) -> None:
         size = (int(frame.image.shape[1]), int(frame.image.shape[0]))

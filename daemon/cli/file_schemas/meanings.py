@@ -95,6 +95,7 @@ DOCUMENTS: Mapping[str, str] = {
     # session.json, scan.json, plan.json
     "schema_version": "Version of the format.",
     "source": "Where it came from, for people.",
+    "poses_from_controller": "Whether a driver read the poses from the controller, so that they are not inverted.",
     "base_T_camera_guess": "Where the camera stands in the base, roughly, mm; of an eye-to-hand plan.",
     "flange_T_target_guess": "Where the target is on the flange, roughly, mm; of an eye-to-hand plan.",
     "setup": "eye-in-hand: the camera is on the flange; eye-to-hand: the camera stands in the cell.",

@@ -21,6 +21,7 @@ CAUSELESS |= {"not-converged", "no-tilt"}
 """What the solver says of the data without naming a cause."""
 
 RULES = {"poses-contradict-images", "point-uncertain", "robot-noise", "image-noise", "many-rejected", "hold-out-large"}
+RULES |= {"inverted-fits-as-well"}
 """What the verdict adds, after the causes."""
 
 
