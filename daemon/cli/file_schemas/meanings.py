@@ -126,6 +126,7 @@ DOCUMENTS: Mapping[str, str] = {
     "unit": "Of the cloud's lengths: m or mm; never guessed.",
     "points_mm": "[id, x, y, z] of target points in the camera's frame, mm.",
     "camera_T_target": "The target's pose in the camera's frame, mm.",
+    "confdata": "cf1, cf4, cf6, cfx of the pose, as in a robtarget, where joints were not recorded.",
     "ViewDocument.covariance": "6 x 6 of camera_T_target: rotation vector rad, translation mm, in the camera's axes.",
     "matrix": "fx, 0, cx / 0, fy, cy / 0, 0, 1 in px; (0, 0) is the middle of the first pixel.",
     "distortion": "OpenCV's coefficients: 4, 5, 8, 12 or 14 (k1, k2, p1, p2, k3, ...); k1 to k4 of a fisheye. No unit.",
