@@ -13,6 +13,7 @@ import warnings
 from collections import defaultdict
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -156,7 +157,7 @@ def seed_table(seeds: int = 8, trials: int = 10) -> None:
             for _ in range(trials):
                 cell = observed(rng, "eye-in-hand", BOARD, poses, X, Y, noise)
                 solution = solve_hand_eye(cell.problem)
-                verdict = judge(cell.problem, solution)
+                verdict = judge(replace(cell.problem, poses_from_controller=True), solution)
                 accepted += verdict.accepted
                 reasons |= {finding.code for finding in verdict.findings if finding.severity == "error"}
                 # a refused session gives no transform: its estimate is computed separately
