@@ -111,7 +111,7 @@ def _limits(given: list[str]) -> Any:
 
     from drivers.robots.abb.acceptance.bench import AcceptanceLimits
 
-    kinds = {field.name: int if field.name in ("reads", "samples", "egm_port") else float
+    kinds = {field.name: int if field.name in ("reads", "samples", "repeats", "egm_port") else float
              for field in fields(AcceptanceLimits)}  # fmt: skip
     values: dict[str, Any] = {}
     for each in given:

@@ -42,10 +42,14 @@ STILL_MM, STILL_RAD = 0.05, 1e-4
 
 @dataclass(frozen=True)
 class AcceptanceLimits:
-    """Durations, sizes of the moves, and what is accepted. The defaults take about an hour with a person."""
+    """Durations, sizes of the moves, and what is accepted. The defaults take about an hour with a person.
+
+    `repeats`: requests of a row that may be sent again as the answer was late, for a PC that does other work meanwhile.
+    """
 
     reads: int = 10_000
     samples: int = 200
+    repeats: int = 0
     idle_s: float = 600.0
     stand_s: float = 5.0
     travel_mm: float = 120.0
