@@ -63,7 +63,7 @@ RUN_BYTES = 20e6
 class Store:
     """SQLite, and large files beside it in the folders runs/ID/ and scans/ID/, which the command line reads too.
 
-    `publish` is called after a calibration was stored or applied, a view of a scan, or a document was stored.
+    `publish` is called after a calibration was stored or applied and after a view of a scan was stored.
     """
 
     def __init__(self, folder: Path, write_file: WriteFile | None = None, at: Failpoints = NO_FAILPOINTS) -> None:
@@ -85,13 +85,9 @@ class Store:
         self.browser_sessions = BrowserSessions(self._database, self._opened.key_reader)
         self.audit = AuditLog(self._database)
         self.listings = Listings(self._opened.list_reader)
-        self.acceptances, self.touch_tests, self.rigs = (
-            Documents(kind, self._database, self._opened.list_reader, self._publish)
-            for kind in (ACCEPTANCES, TOUCH_TESTS, RIGS)
-        )
-
-    def _publish(self, kind: str, data: dict[str, Any]) -> None:
-        self.publish(kind, data)  # which is set after the store is made
+        self.acceptances = Documents(ACCEPTANCES, self._database, self._opened.list_reader)
+        self.touch_tests = Documents(TOUCH_TESTS, self._database, self._opened.list_reader)
+        self.rigs = Documents(RIGS, self._database, self._opened.list_reader)
 
     async def close(self) -> None:
         await self._opened.list_reader.close()
