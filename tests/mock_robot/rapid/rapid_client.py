@@ -49,11 +49,15 @@ async def ends_as(client: CbClient, seq: int, within_s: float = LIMIT_S) -> Stat
 
 
 async def is_answered(client: CbClient, request: cb.Request, wanted: cb.Reply, meanwhile: Callable[[], None]) -> None:
-    """Ask until the answer is that one."""
-    async with asyncio.timeout(LIMIT_S):
-        while await client.asks(request) != wanted:
-            meanwhile()
-            await asyncio.sleep(0.02)
+    """Ask until the answer is that one. Raises AssertionError with the last other answer."""
+    reply = None
+    try:
+        async with asyncio.timeout(LIMIT_S):
+            while (reply := await client.asks(request)) != wanted:
+                meanwhile()
+                await asyncio.sleep(0.02)
+    except TimeoutError:
+        raise AssertionError(f"{request} was answered {reply}, not {wanted}") from None
 
 
 async def moves_again(cell: RunningCell, client: CbClient) -> None:
@@ -65,9 +69,20 @@ async def moves_again(cell: RunningCell, client: CbClient) -> None:
         assert cell.controller.arm.departures == departures
 
     cell.controller.press_emergency_stop(False, cell.cell.clock())
-    cell.controller.recover(cell.cell.clock())
-    await is_answered(client, cb.SetArmed(cell.controller.session, True), cb.ArmingDone(), stands)
-    await is_answered(client, move_to(AWAY, 1000.0), cb.MoveAccepted(), stands)
+    asked: tuple[tuple[cb.Request, cb.Reply], ...] = (
+        (cb.SetArmed(cell.controller.session, True), cb.ArmingDone()),
+        (move_to(AWAY, 1000.0), cb.MoveAccepted()),
+    )
+    replies: list[cb.Reply] = []
+    try:
+        async with asyncio.timeout(LIMIT_S):
+            while replies[-2:] != [wanted for _, wanted in asked]:
+                stands()
+                # The program goes on where it stopped, and may stop there once more before it hears of the abort.
+                cell.controller.recover(cell.cell.clock())
+                replies += [await client.asks(request) for request, _ in asked]
+    except TimeoutError:
+        raise AssertionError(f"answered {replies[-2:]}; {cell.controller.log[-3:]}") from None
     assert await ends_as(client, client.session.last_seq) is Status.OK
 
 
