@@ -36,7 +36,6 @@ from daemon.scans.scan_service import ScanService
 from daemon.server import Announce, Server, make_announcer
 from daemon.sessions.look import Looks
 from daemon.sessions.pictures import LivePictures
-from daemon.sessions.session_writer import png_of
 from daemon.store.key_service import KeyService
 from daemon.store.key_watch import KeyWatch
 from daemon.store.monitor import StoreMonitor
@@ -119,7 +118,7 @@ def build(
         clock=clock,
         new_id=lambda: new_id(clock),
         cell=cell,
-        readings=CellReadings(cell, clock, lambda frame: service_workers.run(png_of, frame)),
+        readings=CellReadings(cell, clock),
         store=store,
         events=events,
         workers=workers,

@@ -10,7 +10,6 @@ processor time of the event loop meanwhile: on a machine that others use, too, t
 import argparse
 import asyncio
 import contextlib
-import json
 import os
 import signal
 import statistics
@@ -24,11 +23,11 @@ from typing import Any
 
 import httpx
 
+from benchmarks.daemon.taught_poses import add_taught_poses
 from daemon.cli.demo_run.processes import start_child
 from daemon.cli.demo_run.settings_file import settings_text
 from mock_robot.cell import MockCell, Ports
 from mock_robot.truth.truth import CellTruth
-from tests.stories.plant import poses_taught_for
 
 SEED = 7
 BAR_MS = 250.0
@@ -181,14 +180,7 @@ def _settings(announcement: dict[str, Any], way: str) -> str:
     if way == "rws":
         host = announcement["rws"]["2.0"].partition("//")[2]
         text = text.replace("[robot]\n", f'[robot]\nstop_address = "rws://{host}"\n')
-    poses = json.dumps([pose.model_dump(mode="json", exclude_none=True) for pose in poses_taught_for(SEED)])
-    return text.replace("[calibration]\n", f"[calibration]\nposes = {_inline(json.loads(poses))}\n")
-
-
-def _inline(value: Any) -> str:
-    if isinstance(value, dict):
-        return "{ " + ", ".join(f"{key} = {_inline(item)}" for key, item in value.items()) + " }"
-    return "[" + ", ".join(map(_inline, value)) + "]" if isinstance(value, list) else json.dumps(value)
+    return add_taught_poses(text, SEED)
 
 
 async def measure(way: str, aborts: int, viewers: int, out: Callable[[str], None]) -> bool:

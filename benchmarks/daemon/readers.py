@@ -1,8 +1,9 @@
 """Time of a verification beside readers: `python -m benchmarks.daemon.readers --readers 1000`.
 
 A mock cell, the daemon, and the readers as processes. Verifications alone and beside the readers alternate, so that a
-busy machine slows both; printed is the ratio of the medians. Each reader asks for one document after the other, once a
-period: a third reads the answers, a third hangs up at once, a third reads slowly.
+busy machine slows both; printed is the ratio of the medians. Poses are taught, so that every verification moves the same
+way. Each reader asks for one document after the other, once a period: a third reads the answers, a third hangs up at
+once, a third reads slowly. Their process has the lowest priority: in a plant they are on other machines.
 """
 
 import argparse
@@ -21,10 +22,12 @@ from urllib.parse import urlsplit
 
 import httpx
 
+from benchmarks.daemon.taught_poses import add_taught_poses
 from daemon.cli.demo_run.processes import start_child
 from daemon.cli.demo_run.settings_file import settings_text
 
 RATIO_BAR = 1.02
+SEED = 7
 PATHS = ("/robot", "/ready", "/camera/frame.png", "/runs?limit=500", "/calibrate", "/drift", "/health")
 SLOW_BYTES, SLOW_S = 4096, 0.5
 """What a slow reader takes at a time, and how long it waits before the next."""
@@ -32,6 +35,7 @@ SLOW_BYTES, SLOW_S = 4096, 0.5
 
 def read_for_ever(url: str, count: int, period_s: float) -> None:
     """The process of `count` readers."""
+    os.nice(19)
     asyncio.run(_read_all(url, count, period_s))
 
 
@@ -94,9 +98,9 @@ def main() -> int:
     beside_s: list[float] = []
     with tempfile.TemporaryDirectory(prefix="handeyed-readers-") as name:
         folder = Path(name)
-        mock = ["mock_robot", "run", "--with-parent", "--seed", "7", "--time-scale", "1"]
+        mock = ["mock_robot", "run", "--with-parent", "--seed", str(SEED), "--time-scale", "1"]
         with start_child("mock-cell", mock, folder) as robot:
-            (folder / "handeyed.toml").write_text(settings_text(robot.announcement, 0))
+            (folder / "handeyed.toml").write_text(add_taught_poses(settings_text(robot.announcement, 0), SEED))
             with start_child("daemon", ["daemon.cli", "serve", str(folder / "handeyed.toml")], folder) as daemon:
                 url = daemon.announcement["url"]
                 with httpx.Client(base_url=url, timeout=200, trust_env=False) as client:

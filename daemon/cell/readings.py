@@ -1,6 +1,5 @@
 """What readers see of the cell: each reading is shared among all who ask within 0.1 s."""
 
-from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
 
 from calibration.transforms import Array
@@ -9,7 +8,7 @@ from daemon.cell.recent_reading import RecentReading
 from daemon.runtime.clock import Clock
 from daemon.runtime.shared_reading import SharedReading
 from drivers.errors import RequestRefused
-from drivers.interfaces import CameraFrame, PoseReading, RobotSetup, RobotStatus
+from drivers.interfaces import PoseReading, RobotSetup, RobotStatus
 from drivers.robots.base_frame import configured
 
 
@@ -23,15 +22,11 @@ class RobotReading:
 
 
 class CellReadings:
-    """Readings for GET requests: however many clients ask, the devices answer ten times a second at most.
+    """Readings for GET requests: however many clients ask, the devices answer ten times a second at most."""
 
-    `encode`: a frame as PNG.
-    """
-
-    def __init__(self, cell: Cell, clock: Clock, encode: Callable[[CameraFrame], Awaitable[bytes]]) -> None:
-        self._cell, self._encode = cell, encode
+    def __init__(self, cell: Cell, clock: Clock) -> None:
+        self._cell = cell
         self.robot = RecentReading(self._read_robot, clock.monotonic_s)
-        self.picture = RecentReading(self._read_picture, clock.monotonic_s)
         self.setup = RecentReading(self._read_setup, clock.monotonic_s)
         self._settled_pose = SharedReading(cell.read_settled_pose)
         self.obstacles = RecentReading(cell.obstacles, clock.monotonic_s)
@@ -53,6 +48,3 @@ class CellReadings:
             return await program.read_setup()
         except RequestRefused:
             return None
-
-    async def _read_picture(self) -> bytes:
-        return await self._encode(await self._cell.read_frame())

@@ -11,6 +11,7 @@ from daemon.api.robot_documents import RobotDocuments
 from daemon.api.schemas.cell import ArmDocument, CheckList, DeviceDocument, LiveDevice, LookDocument, RobotDocument
 from daemon.application import Application
 from daemon.config.settings import MAIN_CAMERA
+from daemon.drift.cell_cameras import CellCamera
 from daemon.errors import CellBusy
 from daemon.model.records import RunRecord
 from daemon.model.run_states import RunState
@@ -30,19 +31,6 @@ async def robot(request: Request, app: App) -> Response:
     documents: RobotDocuments = request.app.state.robot_documents
     document = await documents.read()
     return respond(request, document, lambda: robot_text(document))
-
-
-@router.get(
-    "/camera/frame.png",
-    response_class=Response,
-    responses={200: {"description": "What the camera sees now", "content": {"image/png": {}}},
-               **problem_responses(404, 502, 503, 504)},
-)  # fmt: skip
-async def camera_frame(app: App, camera: WithCamera) -> Response:
-    """A picture of at most the last 0.1 s, or one taken for those who asked meanwhile."""
-    main = camera is app.cameras.main
-    content = await app.readings.picture.read() if main else (await camera.pictures.read("image/png", None)).content
-    return Response(content, media_type="image/png", headers={"Cache-Control": "no-store"})
 
 
 @router.get("/arm", response_model=ArmDocument)
@@ -89,12 +77,28 @@ async def camera_picture(request: Request, app: App, camera: WithCamera, width: 
 
     While a run works, its last picture, and never one taken for this; 409 before its first.
     """
-    media_type = choose_picture_type(request)
-    headers = {"Cache-Control": "no-store", "Vary": "Accept"}
+    return await _picture(app, camera, choose_picture_type(request), width, {"Vary": "Accept"})
+
+
+@router.get(
+    "/camera/frame.png",
+    response_class=Response,
+    responses={200: {"description": "What the camera sees now", "content": {"image/png": {}}},
+               **problem_responses(404, 409, 502, 503, 504)},
+)  # fmt: skip
+async def camera_frame(app: App, camera: WithCamera) -> Response:
+    """The same as PNG, in the camera's own size, whatever Accept says."""
+    return await _picture(app, camera, "image/png", None, {})
+
+
+async def _picture(
+    app: Application, camera: CellCamera, media_type: PictureType, width: Width | None, headers: dict[str, str]
+) -> Response:
+    headers = {"Cache-Control": "no-store", **headers}
     run = working_run(app)
     if run is None:
         picture = await camera.pictures.read(media_type, width)
-        headers = {**headers, "Handeyed-Source": "camera", **_capture_headers(picture.capture)}
+        headers |= {"Handeyed-Source": "camera", **_capture_headers(picture.capture)}
         return Response(picture.content, media_type=media_type, headers=headers)
     if run.kind == "scan" or run.pictures == 0 or run.request.get("camera", MAIN_CAMERA) != camera.name:
         raise CellBusy(f"run {run.id}, which has taken no picture with this camera yet")

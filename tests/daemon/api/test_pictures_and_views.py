@@ -92,14 +92,19 @@ async def test_during_a_run_its_last_picture_is_shown_and_none_taken(bench: Benc
     bench.robot.before_move = gate = Gate(at_move=1)
     location = (await bench.client.post("/calibrate")).headers["location"]
     await gate.reached.wait()
-    early = await bench.client.get("/camera/frame")
-    assert (early.status_code, early.json()["code"]) == (409, "cell-busy")
+    for path in ("/camera/frame", "/camera/frame.png"):
+        early = await bench.client.get(path)
+        assert (early.status_code, early.json()["code"]) == (409, "cell-busy")
     bench.robot.before_move = second = Gate(at_move=3)
     gate.open.set()
     await second.reached.wait()
     before = bench.camera.pictures
     shown = await bench.client.get("/camera/frame", headers={"accept": "image/webp"}, params={"width": 480})
-    assert shown.headers["handeyed-source"] == f"{location}/frames/1"
+    as_png = await bench.client.get("/camera/frame.png", headers={"accept": "image/webp"})
+    assert size_of(as_png.content) == (640, 480)
+    for answer, media_type in ((shown, "image/webp"), (as_png, "image/png")):
+        assert answer.headers["content-type"] == media_type
+        assert answer.headers["handeyed-source"] == f"{location}/frames/1"
     assert (await bench.client.get("/camera/look")).json()["code"] == "cell-busy"
     assert bench.camera.pictures == before == 2
     second.open.set()
