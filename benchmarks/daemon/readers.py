@@ -1,9 +1,9 @@
 """Time of a verification beside readers: `python -m benchmarks.daemon.readers --readers 1000`.
 
 A mock cell, the daemon, and the readers as processes. Verifications alone and beside the readers alternate, so that a
-busy machine slows both; printed is the ratio of the medians. Poses are taught, so that every verification moves the same
-way. Each reader asks for one document after the other, once a period: a third reads the answers, a third hangs up at
-once, a third reads slowly. Their process has the lowest priority: in a plant they are on other machines.
+busy machine slows both; printed is the ratio of the medians. Poses are taught, so that every verification moves the
+same way. Each reader asks for one document after the other, once a period: a third reads the answers, a third hangs up
+at once, a third reads slowly. Their process has the lowest priority: in a plant they are on other machines.
 """
 
 import argparse
