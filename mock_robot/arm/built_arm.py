@@ -17,11 +17,19 @@ ARM_CLASSES: tuple[ArmClass, ...] = get_args(ArmClass)
 
 _SHARES: dict[ArmClass, dict[Group, float]] = {
     "perfect": {},
-    "calibrated": {"zeros": 0.15, "links": 0.15, "gears": 0.7, "sag": 0.3, "play": 0.5},
-    "standard": {"zeros": 1.0, "links": 1.0, "gears": 1.0, "sag": 1.0, "play": 0.5},
-    "worn": {"zeros": 2.0, "links": 1.0, "gears": 2.0, "sag": 1.5, "play": 3.0},
+    "calibrated": {"zeros": 0.15, "links": 0.15, "gears": 0.7, "sag": 0.3, "play": 0.5, "warmth": 1.0},
+    "standard": {"zeros": 1.0, "links": 1.0, "gears": 1.0, "sag": 1.0, "play": 0.5, "warmth": 1.0},
+    "worn": {"zeros": 2.0, "links": 1.0, "gears": 2.0, "sag": 1.5, "play": 3.0, "warmth": 1.0},
 }
 """Standard deviations of each group in units of those of an arm as delivered. `standard`: 0.5 to 1 mm at the flange."""
+
+MAX_WARMTH_K, WARMING_S = 10.0, 3600.0
+"""By how much an arm that runs gets warmer, and after which time it is at 63 % of that; assumed."""
+
+
+def warmth_k(running_s: float) -> float:
+    """Temperature of an arm above that at which it was switched on."""
+    return float(MAX_WARMTH_K * -np.expm1(-max(running_s, 0.0) / WARMING_S))
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,7 +12,7 @@ import numpy as np
 from calibration.kinematics.arm import Arm
 from calibration.kinematics.arm_errors import Postures
 from calibration.transforms import Array, rotation_angle_rad, rotation_from_vector, transform
-from mock_robot.arm.built_arm import BuiltArm
+from mock_robot.arm.built_arm import BuiltArm, warmth_k
 from mock_robot.arm.paths import CirclePath, JointPath, LinePath, Path
 from mock_robot.arm.speed_profile import Braked, Profile, Trapezoid
 
@@ -108,7 +108,7 @@ class SimulatedArm:
     ) -> None:
         arm.require_within_limits(joints)
         self.arm = arm
-        self._noise, self._built = noise, built
+        self._noise, self._built, self._switched_on_s = noise, built, now_s
         self.lost_rad: Array = np.zeros(len(joints))
         """By how much each axis truly stands beyond what is reported: a zero lost after a collision or a new motor."""
         self._sides: Array = np.ones(len(joints))  # from which each axis last came: 1 from below
@@ -195,7 +195,8 @@ class SimulatedArm:
         joints = self.joints_at(now_s) + self.lost_rad
         stands = self.arm.forward(joints)
         if self._built is not None:
-            stands = self._built.base_T_flange(Postures(joints[None], sides=self._sides[None]))[0]
+            warmth = np.array([warmth_k(now_s - self._switched_on_s)])
+            stands = self._built.base_T_flange(Postures(joints[None], sides=self._sides[None], warmth_k=warmth))[0]
         return stands @ self._noise.flange_T_true(self._departures)
 
     def _come_from(self, here: Array, there: Array) -> None:

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from calibration.kinematics.arm import OutsideJointLimits
 from calibration.transforms import inverse, vector_from_rotation
-from mock_robot.arm.built_arm import build_arm
+from mock_robot.arm.built_arm import MAX_WARMTH_K, build_arm
 from mock_robot.arm.paths import LinePath
 from mock_robot.arm.simulated_arm import IN_POSITION_S, ArmNoise, SimulatedArm, plan_motion
 from mock_robot.arm.speed_profile import Braked, Trapezoid
@@ -129,3 +129,13 @@ def test_play_depends_on_the_side_from_which_an_axis_came() -> None:
         arm.jog(HOME, 1.0, arm.end_s)
         stood.append(arm.true_base_T_flange(arm.end_s))
     assert np.abs(stood[0] - stood[1])[:3, 3].max() > 1e-3
+
+
+def test_an_arm_as_built_grows_while_it_runs_and_one_as_drawn_does_not() -> None:
+    built = build_arm(ARM, "standard", seed=3)
+    arm, drawn = (SimulatedArm(ARM, HOME, ArmNoise(), built=one) for one in (built, None))
+    moved = [np.linalg.norm((arm.true_base_T_flange(at) - arm.true_base_T_flange(0.0))[:3, 3]) for at in (600, 7200)]
+    expansion = abs(built.errors[built.model.index("expansion")])
+    assert 0.0 < moved[0] < moved[1] <= expansion * MAX_WARMTH_K * 2 * ARM.reach_mm
+    np.testing.assert_array_equal(drawn.true_base_T_flange(7200), drawn.true_base_T_flange(0.0))
+    np.testing.assert_array_equal(arm.reported_base_T_flange(7200), arm.reported_base_T_flange(0.0))
