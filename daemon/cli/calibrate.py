@@ -26,6 +26,9 @@ def calibrate(
     manual: Annotated[
         bool, typer.Option("--manual", help="You jog the arm and take each view with Enter; nothing else moves it.")
     ] = False,
+    arm: Annotated[
+        bool, typer.Option("--arm", help="Identify the errors of the arm as built, too; the settings name the arm.")
+    ] = False,
     request: Annotated[
         Path | None, typer.Option("--request", help="A JSON file with the whole request: poses, count, target.")
     ] = None,
@@ -43,7 +46,8 @@ def calibrate(
     from daemon.cli.manual import calibrate_manually
     from daemon.cli.rest_client import DaemonClient
 
-    given = {"count": count, "uncertainty_mm": uncertainty, "tolerance_mm": tolerance, "manual": manual or None}
+    given = {"count": count, "uncertainty_mm": uncertainty, "tolerance_mm": tolerance}
+    given |= {"manual": manual or None, "arm": arm or None}
     body = _request_body(request, given)
     with DaemonClient(url) as daemon:
         run = calibrate_manually(daemon, body) if body.get("manual") else daemon.run("/calibrate", body, _show_progress)

@@ -79,6 +79,15 @@ def test_calibrate_in_words_says_whether_it_is_in_force(running: Running) -> Non
     assert ran.out.rstrip().endswith("in force now")
 
 
+def test_calibrate_with_the_arm_says_what_was_found_of_its_errors(running: Running) -> None:
+    ran = handeyed("calibrate", "--url", running.url, "--arm", "--json")
+
+    document = CalibrationDocument.model_validate_json(ran.out)
+    found = {finding.code for finding in document.verdict.findings}
+    assert found & {"arm-as-drawn", "arm-errors"}, found
+    assert httpx.get(f"{running.url}/calibrations/{document.id}/arm", timeout=LIMIT_S).status_code == 200
+
+
 def test_ctrl_c_stops_the_arm(running: Running) -> None:
     command = [sys.executable, "-m", "daemon.cli", "calibrate", "--url", running.url, "--count", "6"]
     with started(command) as asking:
