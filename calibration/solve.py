@@ -19,7 +19,8 @@ from calibration.preprocessing.prepare import PreparedSession, prepare, update_t
 from calibration.problem import Problem
 from calibration.sentences.sentence import Sentence
 from calibration.solution import Solution
-from calibration.solver.arm_identification import ArmFit, TargetViews, UnusualArm, identify_arm
+from calibration.solver.arm_identification import ArmFit, UnusualArm, identify_arm
+from calibration.solver.arm_session import TargetViews
 from calibration.solver.initial_guess import InitialGuess, find_initial_guess
 from calibration.solver.solution_builder import build_solution, solution_without_x
 from calibration.solver.systematic_error_check import (

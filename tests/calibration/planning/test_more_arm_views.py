@@ -20,6 +20,9 @@ from tests.simulated.sessions import BOARD
 
 ARM = find_arm("IRB 2600-20/1.65")
 
+MAX_STANDARD_ERROR = 1.0
+"""Of a mean of squared ratios over the arms: rows above it could not fail."""
+
 
 @cache
 def identified(arm_class: ArmClass) -> ArmFit:
@@ -80,12 +83,13 @@ def test_the_views_bring_what_was_predicted(name: str, places: int, arms: int) -
     assert len(rows) >= arms - 1
     ratios = np.array([(row.reached_mm / row.predicted_mm) ** 2 for row in rows])
     standard_error = ratios.std(axis=0, ddof=1) / np.sqrt(len(rows))
+    assert np.all(standard_error < MAX_STANDARD_ERROR), standard_error
     assert np.all(np.abs(ratios.mean(axis=0) - 1.0) < 3 * standard_error), (ratios.mean(axis=0), standard_error)
 
 
 @pytest.mark.slow
-@pytest.mark.xfail(strict=True, reason="the solve before takes the arm's errors for a target 0.16 % smaller")
 def test_no_arm_falls_far_behind_its_prediction() -> None:
+    """The solve without errors of the arm takes them for a target 0.16 % smaller, after these views of this one."""
     row = predict_and_reach(find_arm("IRB 120-3/0.6"), 1, 0, (30,))
     assert row is not None
     assert row.reached_mm[0] < 3 * row.predicted_mm[0]

@@ -1,0 +1,130 @@
+"""What may explain the views of a target: groups of the arm's errors, how large they are, and a target of another size.
+
+An estimate without errors of the arm takes them for what is left to it, a target of another size or a principal point
+that is off. Where it has taken up one of these, every group is tried with it and with target and camera as described.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calibration.kinematics.arm_errors import GROUPS, Group, Postures
+from calibration.likelihood.mixed_model import MixedModel, Variances
+from calibration.likelihood.noise_marginalisation import restricted_log_likelihood
+from calibration.likelihood.shared_columns import fix_unknowns, with_arm
+from calibration.likelihood.variance_components import estimate_variances
+from calibration.solver.arm_session import ArmSession
+from calibration.solver.systematic_error_check import PRIOR_OFF_PROBABILITY, SIZE_SIGMA
+from calibration.transforms import Array
+
+SCALES = (0.15, 0.4, 1.0, 2.0)
+"""Of the parameters' standard deviations; each has the same prior probability."""
+
+
+@dataclass(frozen=True)
+class Hypothesis:
+    """The groups `up_to` one, whose deviations are times `scale`; without errors of the arm None and 0.
+
+    `as_described`: target and camera, not as the estimate without errors of the arm has them. `log_prior`: of that.
+    """
+
+    up_to: Group | None
+    scale: float
+    as_described: bool
+    log_prior: float
+
+
+@dataclass(frozen=True, eq=False)
+class Restricted:
+    """The model of a hypothesis, the errors of the arm (e,) that are its last unknowns, and its noise levels."""
+
+    of: Hypothesis
+    errors: NDArray[np.intp]
+    model: MixedModel
+    variances: Variances
+
+    def log_likelihood(self) -> float:
+        """Restricted, with the prior of the hypothesis."""
+        return restricted_log_likelihood(self.model, self.variances) + self.of.log_prior
+
+    def unknowns(self, b: Array, session: ArmSession) -> Array:
+        """The step of X and the places, and all errors of the arm (6 + 6m + k,), after a step b (p,)."""
+        first, found = self.model.unknowns - len(self.errors), np.zeros(session.poses + len(session.arm))
+        found[: session.poses] = b[: session.poses]
+        found[session.poses + self.errors] = b[first:] + self.model.prior_offset[first:]
+        return found
+
+    def target_scale(self, b: Array, session: ArmSession) -> float:
+        """Of the target against the description, after a step b (p,)."""
+        place = session.size_place()
+        if self.of.as_described or not len(place):
+            return 1.0
+        return float(session.best.scale * (1 + b[place[0]]))
+
+    def covariance(self, of_step: Array, session: ArmSession) -> Array:
+        """Covariance of `unknowns` from that of b (p, p)."""
+        poses, p = session.poses, self.model.unknowns
+        own = np.r_[0:poses, p - len(self.errors) : p]
+        among = np.concatenate([np.arange(poses), poses + self.errors])
+        found = np.zeros((poses + len(session.arm), poses + len(session.arm)))
+        found[np.ix_(among, among)] = of_step[np.ix_(own, own)]
+        return found
+
+
+def hypotheses(session: ArmSession) -> list[Hypothesis]:
+    """Those without errors of the arm first."""
+    postures, odds = session.postures, {True: 0.0}
+    if len(session.steps_as_described()[0]):
+        odds = {True: float(np.log(1 - PRIOR_OFF_PROBABILITY)), False: float(np.log(PRIOR_OFF_PROBABILITY))}
+    known = [(None, 0.0), *((group, scale) for group in _known_groups(postures) for scale in SCALES)]
+    return [
+        Hypothesis(group, scale, as_described, log_prior)
+        for group, scale in known
+        for as_described, log_prior in odds.items()
+    ]
+
+
+def _known_groups(postures: Postures) -> list[Group]:
+    unknown = {"play": postures.sides is None, "warmth": postures.warmth_k is None}
+    return [group for group in GROUPS if not unknown.get(group, False)]
+
+
+def restrict(
+    session: ArmSession, wanted: Sequence[Hypothesis], levels: Sequence[Variances] | None = None
+) -> list[Restricted]:
+    """The session's model under each hypothesis, at its own noise levels.
+
+    `levels`: where the search for them starts.
+    """
+    model = _with_prior_size(session, session.linearise())
+    others, k = model.unknowns, len(session.arm)
+    jacobian = session.arm.jacobian(session.parameters, session.postures)
+    whole = with_arm(model, jacobian, session.arm.sigmas**-2.0, session.parameters)
+    found, variances = [], replace(session.best.variances, trend_rotation=0.0, trend_translation=0.0)
+    for row, one in enumerate(wanted):
+        columns = session.arm.indices(*(GROUPS[: GROUPS.index(one.up_to) + 1] if one.up_to else ()))
+        absent = np.setdiff1d(np.arange(k), columns)
+        fixed, steps = others + absent, -session.parameters[absent]
+        if one.as_described:
+            described, back = session.steps_as_described()
+            fixed, steps = np.concatenate([described, fixed]), np.concatenate([back, steps])
+        known = whole.prior_information.copy()
+        known[others:] /= max(one.scale, 1e-9) ** 2
+        restricted = fix_unknowns(replace(whole, prior_information=known), fixed, steps)
+        variances = estimate_variances(restricted, levels[row] if levels else variances)
+        found.append(Restricted(one, columns, restricted, variances))
+    return found
+
+
+def _with_prior_size(session: ArmSession, model: MixedModel) -> MixedModel:
+    """The model with the prior of the target's size, where it is unknown: about the described one.
+
+    As wide as targets that are off, or as what was found: a print may be some per cent off.
+    """
+    place, scale = session.size_place(), session.best.scale
+    known, offset = model.prior_information.copy(), model.prior_offset.copy()
+    known[place] = max(SIZE_SIGMA, abs(scale - 1)) ** -2.0
+    offset[place] = 1 - 1 / scale
+    return replace(model, prior_information=known, prior_offset=offset)

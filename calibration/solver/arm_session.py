@@ -1,0 +1,133 @@
+"""The views from which an arm's errors are identified: one place of the target after the other, and their chains."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calibration.kinematics.arm_errors import ArmErrorModel, Postures
+from calibration.likelihood.chain import Chain
+from calibration.likelihood.estimate import Estimate, exact_pixels, linearise
+from calibration.likelihood.mixed_model import MixedModel
+from calibration.likelihood.shared_columns import join_places
+from calibration.likelihood.systematic_errors import CENTRE_INDICES, SystematicErrors
+from calibration.observations.observations import scale_target
+from calibration.observations.reprojection import INTRINSICS
+from calibration.observations.view_poses import refine_poses
+from calibration.preprocessing.prepare import PreparedSession
+from calibration.problem import anchor_T_mount_of
+from calibration.transforms import Array
+
+
+@dataclass(frozen=True, eq=False)
+class TargetViews:
+    """The views of the target at one place, and the estimate without errors of the arm from the `used` (n,) ones."""
+
+    rows: PreparedSession
+    used: NDArray[np.bool_]
+    best: Estimate
+
+    def camera_T_target(self) -> Array:
+        """Each view's own pose (n, 4, 4), by the estimated camera."""
+        seen = scale_target(self.rows.seen, self.best.scale)
+        poses = refine_poses(seen, self.best.camera, self.rows.camera_T_target)
+        poses[self.used] = self.best.chain.camera_T_target()
+        return poses
+
+    def take(self, chosen: NDArray[np.bool_]) -> "TargetViews":
+        """Only the chosen views; all of them are used."""
+        return replace(self, rows=self.rows.take(chosen), used=np.ones(int(np.count_nonzero(chosen)), bool))
+
+
+@dataclass(frozen=True, eq=False)
+class ArmSession:
+    """The views of m places, with their chains, and the errors (k,) that the chains' poses contain.
+
+    The unknowns are X (6), the places (6 m), what is unknown of camera and target's size, and the arm's errors (k).
+    """
+
+    arm: ArmErrorModel
+    postures: Postures
+    views: Sequence[TargetViews]
+    chains: Sequence[Chain]
+    parameters: Array
+
+    @property
+    def places(self) -> NDArray[np.intp]:
+        """The place (n,) of each view."""
+        return np.repeat(np.arange(len(self.views)), [len(one.rows.seen) for one in self.views])
+
+    @property
+    def used(self) -> NDArray[np.bool_]:
+        """(n,)"""
+        return np.concatenate([one.used for one in self.views])
+
+    @property
+    def best(self) -> Estimate:
+        """The estimate from the first place."""
+        return self.views[0].best
+
+    @property
+    def poses(self) -> int:
+        """Number of unknowns of X and the places."""
+        return 6 + 6 * len(self.views)
+
+    def take(self, chosen: NDArray[np.bool_]) -> "ArmSession":
+        """Only the chosen views."""
+        masks = [chosen[self.places == place] for place in range(len(self.views))]
+        chains = [
+            replace(chain, base_T_flange=chain.base_T_flange[mask], corrections=chain.corrections[mask])
+            for chain, mask in zip(self.chains, masks, strict=True)
+        ]
+        views = [one.take(mask) for one, mask in zip(self.views, masks, strict=True)]
+        return replace(self, postures=self.postures.take(chosen), views=views, chains=chains)
+
+    def move(self, parameters: Array) -> "ArmSession":
+        """The session about the arm with these errors; each view keeps its own pose."""
+        built, chains, first = self.arm.forward(parameters, self.postures), [], 0
+        for chain in self.chains:
+            poses = built[first : first + len(chain.base_T_flange)]
+            first += len(poses)
+            chains.append(replace(chain, base_T_flange=poses).with_corrections_from(chain.camera_T_target()))
+        return replace(self, chains=chains, parameters=parameters)
+
+    def linearise(self) -> MixedModel:
+        """The model without the arm's errors."""
+        return join_places([self._linearise(one, chain) for one, chain in zip(self.views, self.chains, strict=True)])
+
+    def _linearise(self, views: TargetViews, chain: Chain) -> MixedModel:
+        best = self.best
+        model = linearise(exact_pixels(views.rows.seen, best.free), chain, best.camera, best.scale)
+        centre_off = SystematicErrors(self.views[0].rows.systematic_errors.given_camera)
+        return centre_off.apply(model, best.free, best.camera, chain.base_T_flange)
+
+    def size_place(self) -> NDArray[np.intp]:
+        """Place of the target's size among the unknowns, where the estimate has taken up another one (0 or 1,)."""
+        free = np.flatnonzero(self.best.free)
+        return self.poses + np.flatnonzero(free == INTRINSICS)
+
+    def steps_as_described(self) -> tuple[NDArray[np.intp], Array]:
+        """Places of what the estimate has taken up of size and principal point, and the steps to what was described."""
+        best, given = self.best, self.views[0].rows.systematic_errors.given_camera
+        places, steps = self.size_place(), np.full(len(self.size_place()), 1 / best.scale - 1)
+        if given is not None:
+            centre = self.poses + np.flatnonzero(np.isin(np.flatnonzero(best.free), CENTRE_INDICES))
+            places = np.concatenate([centre, places])
+            steps = np.concatenate([given.matrix[:2, 2] - best.camera.matrix[:2, 2], steps])
+        return places, steps
+
+
+def begin_arm_session(arm: ArmErrorModel, views: Sequence[TargetViews], postures: Postures) -> ArmSession:
+    """The session at the drawing; X is that of the first place, and every target where its first view has it."""
+    drawn = np.split(arm.forward(np.zeros(len(arm)), postures), np.cumsum([len(one.rows.seen) for one in views])[:-1])
+    x, chains = views[0].best.chain.mount_T_camera, []
+    for one, base_T_flange in zip(views, drawn, strict=True):
+        seen_T = one.camera_T_target()
+        target = one.best.chain.anchor_T_target
+        if one is not views[0]:
+            first = np.flatnonzero(one.used)[:1]
+            target = (anchor_T_mount_of(one.rows.setup, base_T_flange[first]) @ x @ seen_T[first])[0]
+        chain = Chain(one.rows.setup, base_T_flange, x, target, np.zeros((len(seen_T), 6)))
+        chains.append(chain.with_corrections_from(seen_T))
+    return ArmSession(arm, postures, views, chains, np.zeros(len(arm)))
