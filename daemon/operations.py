@@ -5,8 +5,6 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
-from calibration.documents.calibration import CalibrationDocument
-from calibration.documents.calibration_with_arm import CalibrationWithArm
 from calibration.documents.session import CameraDocument
 from calibration.documents.target import TargetDocument
 from calibration.kinematics.arm import Arm
@@ -27,7 +25,6 @@ from daemon.errors import (
     ToleranceLoosened,
 )
 from daemon.model.records import (
-    AppliedCalibration,
     CalibrationRecord,
     FlangePose,
     RunKind,
@@ -36,7 +33,6 @@ from daemon.model.records import (
     ScanViewRecord,
 )
 from daemon.model.requests import (
-    ApplyRequest,
     CalibrateRequest,
     JogRequest,
     ObservationsRequest,
@@ -47,6 +43,7 @@ from daemon.model.requests import (
 from daemon.model.run_states import RunEvent, RunState
 from daemon.runs.adaptive_sequence import AdaptiveSequence
 from daemon.runs.calibration_run import CalibrationRun, Solved, solve_session_of, solve_without
+from daemon.runs.calibrations import Calibrations, require_setup
 from daemon.runs.foresight import Foresight, foresee, foresee_taught
 from daemon.runs.jog import Jog, result_of
 from daemon.runs.manual_sequence import ManualParameters, ManualSequence
@@ -61,6 +58,7 @@ from daemon.runs.pose_selection import (
 from daemon.runs.pose_sequence import FixedSequence, PoseSequence
 from daemon.runs.run_log import RunLog
 from daemon.runs.scan_run import ScanRun
+from daemon.runs.sequence_plan import Drive, MakeSequence, OpenSession, plan_sequence
 from daemon.runs.supervisor import RunPlan, RunResult, Supervisor
 from daemon.runs.together import CameraBeside, ScannerBeside, TogetherRun
 from daemon.runs.verification_run import VerificationRun, WithoutFirstView
@@ -75,15 +73,12 @@ from drivers.interfaces import PoseReading
 VERIFY_POSITIONS = 3
 """As the seed's Tab. 1."""
 
-MakeSequence = Callable[[SessionWriter, RunLog], PoseSequence]
-OpenSession = Callable[[RunLog], SessionWriter]
 OpenBeside = Callable[[RunLog], Sequence[SensorBeside]]
-Drive = Callable[[PoseSequence, RunLog], Awaitable[RunResult]]
 
 
 @dataclass(frozen=True)
 class Operations:
-    """Starts runs, takes views and applies calibrations.
+    """Starts runs, and takes views.
 
     `camera`: whose calibration is in force here; `settings` and `cell` are those of this camera; `others`: of all
     cameras by name.
@@ -102,6 +97,11 @@ class Operations:
     camera: str = MAIN_CAMERA
     others: Mapping[str, "Operations"] = field(default_factory=dict)
 
+    @property
+    def calibrations(self) -> Calibrations:
+        """What is stored, and what is in force for this camera."""
+        return Calibrations(self.store, self.clock, self.camera)
+
     async def calibrate(self, request: CalibrateRequest) -> RunRecord:
         """Start a calibration run.
 
@@ -119,7 +119,7 @@ class Operations:
             poses = () if request.manual else request.poses or select_taught_poses(settings, request.count)
             if poses:
                 sequence = await self._fixed_sequence(poses)
-                return _run_plan(len(poses), sequence, session, drive(compared=True))
+                return plan_sequence(len(poses), sequence, session, drive(compared=True))
             count = request.count or settings.count
             wish = StoppingRule(
                 count, request.uncertainty_mm or settings.uncertainty_mm, request.tolerance_mm or settings.tolerance_mm
@@ -129,11 +129,11 @@ class Operations:
             if request.manual:
                 by_hand = ManualParameters(route, requests := OperatorRequestQueue(), settings.manual_wait_s)
                 sequence = partial(ManualSequence, by_hand, self.cell, self.workers)
-                begun = _run_plan(count, sequence, session, drive(compared=True))
+                begun = plan_sequence(count, sequence, session, drive(compared=True))
                 return replace(begun, first_state=RunState.WAITING, requests=requests)
             await self._check_poses()
             sequence = partial(AdaptiveSequence, route, self.cell, self.workers)
-            return _run_plan(count, sequence, session, drive(compared=False))
+            return plan_sequence(count, sequence, session, drive(compared=False))
 
         return await self._start("calibration", request, prepare)
 
@@ -211,15 +211,15 @@ class Operations:
         settings, target = self.settings.calibration, request.target or self.settings.target
 
         async def prepare() -> RunPlan:
-            given = await self.with_arm(await self.current_document())
+            given = await self.calibrations.with_arm(await self.calibrations.current())
             calibration = given.document
-            self._check_setup(calibration)
+            require_setup(calibration, self.settings.camera.setup)
             await self._check_ready(await self.cell.obstacles())
             run = VerificationRun(self.workers, given, request.tolerance_mm or settings.tolerance_mm)
             session = self._session("verify", target, calibration.camera)
             poses = request.poses or select_taught_poses(settings, VERIFY_POSITIONS)
             if poses:
-                return _run_plan(len(poses), await self._fixed_sequence(poses), session, run.drive)
+                return plan_sequence(len(poses), await self._fixed_sequence(poses), session, run.drive)
             await self._check_poses()
             wish = StoppingRule(VERIFY_POSITIONS)
             route = adaptive_parameters(settings, self.rules, target, SceneGuess.from_calibration(calibration), wish)
@@ -227,7 +227,7 @@ class Operations:
             def make_sequence(session: SessionWriter, log: RunLog) -> PoseSequence:
                 return WithoutFirstView(AdaptiveSequence(route, self.cell, self.workers, session, log))
 
-            return _run_plan(VERIFY_POSITIONS, make_sequence, session, run.drive)
+            return plan_sequence(VERIFY_POSITIONS, make_sequence, session, run.drive)
 
         return await self._start("verify", request, prepare)
 
@@ -280,52 +280,6 @@ class Operations:
             cloud = await self.cell.capture_cloud(reading, scan.scanner)
             return await self.scans.add_scanned_view(scan, cloud, FlangePose.of(reading))
 
-    async def apply(
-        self, calibration_id: str, request: ApplyRequest, expected: Sequence[int] | None = None
-    ) -> AppliedCalibration:
-        """Put a calibration in force. Raises NotFound, CalibrationUnusable, StorageError, AppliedMeanwhile.
-
-        `expected`: sequence numbers of which one must be in force now.
-        """
-        found = await self.store.calibration(calibration_id)
-        check_usable(found, request)
-        despite = request.despite_verdict and not found.accepted
-        applied = AppliedCalibration(
-            found.id, self.clock.timestamp(), request.applied_by, despite_verdict=despite, reason=request.reason,
-            camera=found.camera,
-        )  # fmt: skip
-        return await self.store.apply(applied, expected)
-
-    async def current_document(self) -> CalibrationDocument:
-        """The calibration in force of this camera. Raises NoCalibration."""
-        _, record = await self.store.current(self.camera)
-        return record.document
-
-    async def calibration(self, which: str, of: str | None = None) -> CalibrationDocument:
-        """The calibration in force ("current") or by id; one of the camera `of`, where it is given.
-
-        Raises NoCalibration, NotFound, CalibrationUnusable.
-        """
-        if which == "current":
-            _, record = await self.store.current(of or self.camera)
-        else:
-            record = await self.store.calibration(which)
-        document = record.document
-        if of is not None and record.camera != of:
-            raise CalibrationUnusable(
-                f"calibration {document.id} is of {record.camera}, and the scanner's place is known from {of}",
-                f"choose a calibration of {of}",
-            )
-        if document.mount_T_camera is None:
-            raise CalibrationUnusable(
-                f"calibration {document.id} holds no transform", "calibrate again with other poses"
-            )
-        return document
-
-    async def with_arm(self, calibration: CalibrationDocument) -> CalibrationWithArm:
-        """The calibration with the errors of the arm identified with it. Raises StorageError, GeometryError."""
-        return CalibrationWithArm.of(calibration, await self.store.arm(calibration.id))
-
     async def _start(self, kind: RunKind, request: Any, prepare: Callable[[], Awaitable[RunPlan]]) -> RunRecord:
         self.supervisor.require_free()
         await self.store.require_ready()
@@ -349,15 +303,6 @@ class Operations:
         await self.store.save_calibration(record, arm)
         return record
 
-    def _check_setup(self, calibration: CalibrationDocument) -> None:
-        """Raises CalibrationUnusable for a calibration of the other set-up."""
-        if calibration.setup != self.settings.camera.setup:
-            raise CalibrationUnusable(
-                f"calibration {calibration.id} is {calibration.setup}, but [camera] setup is"
-                f" {self.settings.camera.setup}",
-                "calibrate this cell, and apply the result",
-            )
-
     async def _check_ready(self, reasons: tuple[str, ...]) -> None:
         if reasons:
             await self.cell.require_interlocks()
@@ -366,7 +311,7 @@ class Operations:
     async def _scene_guess(self) -> SceneGuess:
         intrinsics = self.settings.camera.intrinsics
         try:
-            current = await self.current_document()
+            current = await self.calibrations.current()
         except NoCalibration:
             current = None
         camera = intrinsics.camera() if intrinsics else None
@@ -437,11 +382,7 @@ class Operations:
         return ScannerBeside(name, settings, self.cell, self.store, log.id, self.settings.camera.setup, target)
 
     def _session(
-        self,
-        kind: str,
-        target: TargetDocument,
-        camera: CameraDocument | None,
-        beside: OpenBeside = lambda log: (),
+        self, kind: str, target: TargetDocument, camera: CameraDocument | None, beside: OpenBeside = lambda log: ()
     ) -> OpenSession:
         """A function that opens the session folder of a run."""
         intrinsics = None if camera is None else CameraDocument.of(camera.camera())
@@ -454,29 +395,3 @@ class Operations:
             )  # fmt: skip
 
         return open_session
-
-
-def _run_plan(
-    stations: int,
-    sequence: MakeSequence,
-    session: OpenSession,
-    drive: Drive,
-) -> RunPlan:
-    async def drive_sequence(log: RunLog) -> RunResult:
-        return await drive(sequence(session(log), log), log)
-
-    return RunPlan(stations, drive_sequence)
-
-
-def check_usable(calibration: CalibrationRecord, request: ApplyRequest) -> None:
-    """Raises CalibrationUnusable for a calibration without a transform, or rejected without `despite_verdict`."""
-    if calibration.document.mount_T_camera is None:
-        raise CalibrationUnusable(
-            f"calibration {calibration.id} holds no transform", "calibrate again with other poses"
-        )
-    if not (calibration.accepted or request.despite_verdict):
-        errors = [f.message for f in calibration.document.verdict.findings if f.severity == "error"]
-        raise CalibrationUnusable(
-            f"calibration {calibration.id} was not accepted: {'; '.join(errors) or 'see its verdict'}",
-            'calibrate again; or apply it all the same with {"despite_verdict": true}',
-        )

@@ -199,7 +199,7 @@ class PlcGateway:
             case PlcCommand.VERIFY:
                 return await camera.operations.verify(validate_document(VerifyRequest, tolerance, "registers"))
             case _:
-                await camera.operations.calibration("current")
+                await camera.operations.calibrations.find("current")
                 name = self.operations.settings.scanner_beside(camera.name) if start.camera else None
                 request = ScanRequest(name=f"part {start.part_id}", capture=True, refine=True, scanner=name)
                 _, run = await self.operations.scan(request)
@@ -224,7 +224,7 @@ class PlcGateway:
             return run_failure(command, run)
         operations, now = camera.operations, self.clock.utc_now()
         if command is PlcCommand.REGISTER:
-            used = await operations.with_arm(await operations.calibration("current"))
+            used = await operations.calibrations.with_arm(await operations.calibrations.find("current"))
             report = await (await operations.scans.start_registration(run.result["scan_id"], used, refine=True))
             return registration_result(run, used.document, now, report)
         document = (await operations.store.calibration(run.result["calibration_id"])).document
@@ -294,7 +294,7 @@ class PlcGateway:
             stop_unconfirmed=self._stop_unconfirmed,
         )
         try:
-            document = await camera.operations.current_document()
+            document = await camera.operations.calibrations.current()
         except NoCalibration:
             return seen
         return replace(seen, in_force=True, calibration_age_s=age_of(document, self.clock.utc_now()))

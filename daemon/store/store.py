@@ -12,24 +12,20 @@ from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 from calibration.documents.arm import ArmErrorsDocument
-from calibration.documents.calibration import CalibrationDocument
-from calibration.documents.pose import PoseDocument
 from daemon.config.settings import MAIN_CAMERA
 from daemon.errors import AppliedMeanwhile, NoCalibration, NotFound, StorageFull, StorageInconsistent
 from daemon.model.records import (
     AppliedCalibration,
     CalibrationRecord,
-    Cause,
     FlangePose,
     RunRecord,
     ScanRecord,
     ScanViewRecord,
     Unit,
 )
-from daemon.model.run_states import FINAL_STATES, RunState
+from daemon.model.run_states import FINAL_STATES
 from daemon.runtime.durable_files import WriteFile, rename_durably, write_durably
 from daemon.runtime.event_bus import Publish
 from daemon.runtime.failpoints import NO_FAILPOINTS, Failpoints
@@ -45,6 +41,7 @@ from daemon.store.idempotency_keys import IdempotencyKeys
 from daemon.store.listings import SCAN_VIEWS, Listings, read_page
 from daemon.store.opening import LockedStore
 from daemon.store.outbox import Outbox
+from daemon.store.rows import read_calibration, read_run_or_failed, read_scan, read_scan_view
 
 log = logging.getLogger(__name__)
 
@@ -54,7 +51,6 @@ _UPDATE_RUN = (
 )
 
 _CALIBRATION = "SELECT * FROM calibrations"
-
 
 RUN_BYTES = 20e6
 """What a run takes on the disk, until the sizes of the latest runs are known."""
@@ -189,7 +185,7 @@ class Store:
         """
         query = "SELECT * FROM runs"
         return await self._database.read(
-            lambda db: [_run_or_failed(row) for row in read_page(db, query, "runs", limit, before)]
+            lambda db: [read_run_or_failed(row) for row in read_page(db, query, "runs", limit, before)]
         )
 
     async def runs_in_progress(self) -> list[RunRecord]:
@@ -228,7 +224,7 @@ class Store:
 
         def read(db: sqlite3.Connection) -> CalibrationRecord | None:
             row = db.execute(f"{_CALIBRATION} WHERE id = ?", (calibration_id,)).fetchone()
-            return None if row is None else _calibration(row)
+            return None if row is None else read_calibration(row)
 
         found = await self._database.read(read)
         if found is None:
@@ -270,13 +266,9 @@ class Store:
             return int(sequence)
 
         stored = replace(applied, sequence=await self._database.write(insert), role=context.role)
-        data: dict[str, Any] = {
-            "calibration_id": stored.calibration_id,
-            "applied_by": stored.applied_by,
-            "role": stored.role,
-        }
-        data |= {"sequence": stored.sequence, "at": stored.applied_at, "camera": stored.camera}
-        self.publish("applied", data)
+        self.publish("applied", {"calibration_id": stored.calibration_id, "applied_by": stored.applied_by,
+                                 "role": stored.role, "sequence": stored.sequence, "at": stored.applied_at,
+                                 "camera": stored.camera})  # fmt: skip
         return stored
 
     async def history(self, limit: int = 1) -> list[AppliedCalibration]:
@@ -333,12 +325,14 @@ class Store:
         row = await self._database.read(lambda db: db.execute(query, (scan_id,)).fetchone())
         if row is None:
             raise NotFound(f"there is no scan {scan_id!r}", "GET /scans lists them")
-        return _scan(row)
+        return read_scan(row)
 
     async def scans(self, limit: int, before: str | None = None) -> list[ScanRecord]:
         """Up to `limit` scans older than the one with the id `before`, newest first. Raises CursorUnknown."""
         query = "SELECT * FROM scans"
-        return [_scan(row) for row in await self._page(query, "scans", limit, before)]
+        return await self._database.read(
+            lambda db: [read_scan(row) for row in read_page(db, query, "scans", limit, before)]
+        )
 
     async def acceptances_of(self, scanner: str, limit: int) -> list[DocumentRecord]:
         """The latest verifications of a scanner by name, at most `limit`, the oldest first. Raises StorageError."""
@@ -379,17 +373,9 @@ class Store:
 
         def read(db: sqlite3.Connection) -> list[ScanViewRecord]:
             with parsing(f"a view of scan {scan_id}"):
-                return [
-                    ScanViewRecord(
-                        v, file, unit, PoseDocument.model_validate_json(pose), at, joints and tuple(json.loads(joints))
-                    )
-                    for v, file, unit, pose, at, joints in db.execute(SCAN_VIEWS, (scan_id,))
-                ]
+                return [read_scan_view(row) for row in db.execute(SCAN_VIEWS, (scan_id,))]
 
         return await self._database.read(read)
-
-    async def _page(self, query: str, table: str, limit: int, before: str | None) -> list[Any]:
-        return await self._database.read(lambda db: read_page(db, query, table, limit, before))
 
     # files
 
@@ -411,24 +397,3 @@ class Store:
     async def ping(self) -> None:
         """Wait until the store's thread answers; for the watchdog."""
         await self._database.read(lambda db: db.execute("SELECT 1").fetchone())
-
-
-def _calibration(row: tuple[Any, ...]) -> CalibrationRecord:
-    """The record of a row. Raises StorageInconsistent when its document is not what was stored."""
-    calibration_id, run_id, created_at, accepted, content, *named = row
-    document = parse_stored(CalibrationDocument, content, f"calibration {calibration_id}")
-    return CalibrationRecord(calibration_id, run_id, created_at, bool(accepted), document, *named)
-
-
-def _run_or_failed(row: Any) -> RunRecord:
-    """The record of a row; of a damaged one only id and times, failed."""
-    try:
-        return parse_row(RunRecord.of, row, "run")
-    except StorageInconsistent as error:
-        cause = Cause(error.code, error.what, error.fix)
-        return RunRecord(str(row[0]), row[1], RunState.FAILED, 0, 0, str(row[8]), str(row[9]), cause)
-
-
-def _scan(row: tuple[Any, ...]) -> ScanRecord:
-    scan_id, created_at, name, refine, *scanner = row
-    return ScanRecord(scan_id, created_at, name, bool(refine), *scanner)

@@ -163,7 +163,7 @@ async def compare_with(
 ) -> Response:
     """How far the calibration `with` is from this one: in mm and degrees, at the points that matter of this one, beside
     what both claim to know. "current" is the one in force."""
-    a, b = await app.operations.calibration(calibration_id), await app.operations.calibration(other)
+    a, b = await app.operations.calibrations.find(calibration_id), await app.operations.calibrations.find(other)
     found = compare(a, b, false_alarm_probability)
     return respond(request, found, lambda: comparison_text(found))
 
@@ -210,7 +210,7 @@ async def apply(
         raise RoleTooLow(caller.name, caller.role.word, Role.ADMIN.word)
     if caller != LOCAL:
         body = body.model_copy(update={"applied_by": _by(body.applied_by, caller)})
-    applied = await app.operations.apply(calibration_id, body, parse_if_match(if_match))
+    applied = await app.operations.calibrations.apply(calibration_id, body, parse_if_match(if_match))
     response.headers["ETag"] = tag_of(applied.sequence)
     return AppliedDocument.of(applied)
 
@@ -227,7 +227,7 @@ def _by(given: str, caller: Caller) -> str:
 
 async def _arm_of(app: Application, calibration_id: str) -> tuple[CalibrationDocument, ArmErrorsDocument]:
     """The calibration, and arm.json identified with it. Raises NotFound where that was not."""
-    document = await app.operations.calibration(calibration_id)
+    document = await app.operations.calibrations.find(calibration_id)
     found = await app.store.arm(document.id)
     if found is None:
         raise NotFound(

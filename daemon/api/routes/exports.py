@@ -42,7 +42,7 @@ EVERY: dict[str, ExportFormat | PoseFormat] = {**FORMATS, **POSE_FORMATS}
 )
 async def exports(app: App, calibration_id: Identifier) -> ExportList:
     """The formats in which this calibration and its poses can be had. "current" is the one in force."""
-    document = await app.operations.calibration(calibration_id)
+    document = await app.operations.calibrations.find(calibration_id)
     return ExportList(exports=[ExportDocument.of(each, document.id) for each in EVERY.values()])
 
 
@@ -68,7 +68,7 @@ async def exported(
         raise NotFound(
             f"there is no format {export_format!r}", f"GET /calibrations/{calibration_id}/exports lists them"
         )
-    document = await app.operations.calibration(calibration_id)
+    document = await app.operations.calibrations.find(calibration_id)
     if export_format in POSE_FORMATS:
         content = export_poses(await _poses(app, document.id), export_format)
     else:

@@ -70,7 +70,7 @@ async def report_calibration(request: Request, app: App, calibration_id: Identif
     As PDF (extra `report`) it is PDF/A-3 with calibration.json attached.
     """
     if calibration_id == "current":
-        document = await app.operations.calibration("current")
+        document = await app.operations.calibrations.find("current")
         record = await app.store.calibration(document.id)
     else:
         record = await app.store.calibration(calibration_id)

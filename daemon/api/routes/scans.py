@@ -252,7 +252,7 @@ async def calibration_of_scan(app: Application, scan_id: str, which: str) -> Cal
     camera = None
     if app.settings.cameras or app.settings.scanners:
         camera = app.settings.camera_beside((await app.store.scan(scan_id)).scanner)
-    return await app.operations.with_arm(await app.operations.calibration(which, camera))
+    return await app.operations.calibrations.with_arm(await app.operations.calibrations.find(which, camera))
 
 
 def _one_of(clouds: list[PlacedCloud], view: int, scan_id: str) -> PlacedCloud:

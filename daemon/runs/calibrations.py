@@ -1,0 +1,92 @@
+"""The stored calibrations: the one in force of a camera, one by its id, and putting one in force."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from calibration.documents.calibration import CalibrationDocument
+from calibration.documents.calibration_with_arm import CalibrationWithArm
+from calibration.problem import Setup
+from daemon.config.settings import MAIN_CAMERA
+from daemon.errors import CalibrationUnusable
+from daemon.model.records import AppliedCalibration, CalibrationRecord
+from daemon.model.requests import ApplyRequest
+from daemon.runtime.clock import Clock
+from daemon.store.store import Store
+
+
+@dataclass(frozen=True)
+class Calibrations:
+    """`camera`: whose calibration "current" means."""
+
+    store: Store
+    clock: Clock
+    camera: str = MAIN_CAMERA
+
+    async def apply(
+        self, calibration_id: str, request: ApplyRequest, expected: Sequence[int] | None = None
+    ) -> AppliedCalibration:
+        """Put a calibration in force. Raises NotFound, CalibrationUnusable, StorageError, AppliedMeanwhile.
+
+        `expected`: sequence numbers of which one must be in force now.
+        """
+        found = await self.store.calibration(calibration_id)
+        check_usable(found, request)
+        despite = request.despite_verdict and not found.accepted
+        applied = AppliedCalibration(
+            found.id, self.clock.timestamp(), request.applied_by, despite_verdict=despite, reason=request.reason,
+            camera=found.camera,
+        )  # fmt: skip
+        return await self.store.apply(applied, expected)
+
+    async def current(self) -> CalibrationDocument:
+        """The calibration in force of this camera. Raises NoCalibration."""
+        _, record = await self.store.current(self.camera)
+        return record.document
+
+    async def find(self, which: str, of: str | None = None) -> CalibrationDocument:
+        """The calibration in force ("current") or by id; one of the camera `of`, where it is given.
+
+        Raises NoCalibration, NotFound, CalibrationUnusable.
+        """
+        if which == "current":
+            _, record = await self.store.current(of or self.camera)
+        else:
+            record = await self.store.calibration(which)
+        document = record.document
+        if of is not None and record.camera != of:
+            raise CalibrationUnusable(
+                f"calibration {document.id} is of {record.camera}, and the scanner's place is known from {of}",
+                f"choose a calibration of {of}",
+            )
+        if document.mount_T_camera is None:
+            raise CalibrationUnusable(
+                f"calibration {document.id} holds no transform", "calibrate again with other poses"
+            )
+        return document
+
+    async def with_arm(self, calibration: CalibrationDocument) -> CalibrationWithArm:
+        """The calibration with the errors of the arm identified with it. Raises StorageError, GeometryError."""
+        return CalibrationWithArm.of(calibration, await self.store.arm(calibration.id))
+
+
+def check_usable(calibration: CalibrationRecord, request: ApplyRequest) -> None:
+    """Raises CalibrationUnusable for a calibration without a transform, or rejected without `despite_verdict`."""
+    if calibration.document.mount_T_camera is None:
+        raise CalibrationUnusable(
+            f"calibration {calibration.id} holds no transform", "calibrate again with other poses"
+        )
+    if not (calibration.accepted or request.despite_verdict):
+        errors = [f.message for f in calibration.document.verdict.findings if f.severity == "error"]
+        raise CalibrationUnusable(
+            f"calibration {calibration.id} was not accepted: {'; '.join(errors) or 'see its verdict'}",
+            'calibrate again; or apply it all the same with {"despite_verdict": true}',
+        )
+
+
+def require_setup(calibration: CalibrationDocument, setup: Setup) -> None:
+    """Raises CalibrationUnusable for a calibration of the other set-up."""
+    if calibration.setup != setup:
+        raise CalibrationUnusable(
+            f"calibration {calibration.id} is {calibration.setup}, but [camera] setup is {setup}",
+            "calibrate this cell, and apply the result",
+        )

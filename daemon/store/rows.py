@@ -1,0 +1,40 @@
+"""Rows of the tables of runs, calibrations and scans as records."""
+
+import json
+from typing import Any
+
+from calibration.documents.calibration import CalibrationDocument
+from calibration.documents.pose import PoseDocument
+from daemon.errors import StorageInconsistent
+from daemon.model.records import CalibrationRecord, Cause, RunRecord, ScanRecord, ScanViewRecord
+from daemon.model.run_states import RunState
+from daemon.store.damaged_rows import parse_row, parse_stored
+
+
+def read_calibration(row: tuple[Any, ...]) -> CalibrationRecord:
+    """The record of a row. Raises StorageInconsistent when its document is not what was stored."""
+    calibration_id, run_id, created_at, accepted, content, *named = row
+    document = parse_stored(CalibrationDocument, content, f"calibration {calibration_id}")
+    return CalibrationRecord(calibration_id, run_id, created_at, bool(accepted), document, *named)
+
+
+def read_run_or_failed(row: Any) -> RunRecord:
+    """The record of a row; of a damaged one only id and times, failed."""
+    try:
+        return parse_row(RunRecord.of, row, "run")
+    except StorageInconsistent as error:
+        cause = Cause(error.code, error.what, error.fix)
+        return RunRecord(str(row[0]), row[1], RunState.FAILED, 0, 0, str(row[8]), str(row[9]), cause)
+
+
+def read_scan(row: tuple[Any, ...]) -> ScanRecord:
+    """The record of a row."""
+    scan_id, created_at, name, refine, *scanner = row
+    return ScanRecord(scan_id, created_at, name, bool(refine), *scanner)
+
+
+def read_scan_view(row: tuple[Any, ...]) -> ScanViewRecord:
+    """The record of a row. Raises ValueError for a damaged one."""
+    view, file, unit, pose, created_at, joints = row
+    joints_deg = joints and tuple(json.loads(joints))
+    return ScanViewRecord(view, file, unit, PoseDocument.model_validate_json(pose), created_at, joints_deg)
