@@ -49,7 +49,7 @@ POLL_S = 0.02
 
 READ_ONLY = "robot: the arm is read, not moved, over this link: take the views by hand (--manual)"
 
-AXES_NOT_MOVED = "robot: axes are moved over the CB link only: move the flange in base or flange"
+AXES_NOT_MOVED = "robot: axes are moved over the CB link only"
 
 
 @dataclass(frozen=True)

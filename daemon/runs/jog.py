@@ -45,7 +45,7 @@ class Jog:
             return replace(await rules.goal(NO_STATION, pose, self.cell.robot), speed_mm_s=speed_mm_s)
         program = configured(self.cell.robot)
         if program is None:
-            raise CellNotReady((AXES_NOT_MOVED,))
+            raise PoseRefused(NO_STATION, AXES_NOT_MOVED, "move the flange in base or flange")
         self.rules.check_controllers_box(*(await program.read_setup()).world_box_mm)
         start_rad, here = await self.cell.robot.read_joints(), await self.cell.robot.read_pose()
         end_rad = _turned(start_rad, self.request)

@@ -66,7 +66,7 @@ REFUSALS: list[tuple[dict[str, Any], int, str]] = [
     ({"turn_deg": [0.0, 25.0, 25.0]}, 422, "take several steps"),
     ({"frame": "world", **UP}, 422, "frame"),
     ({**UP, "speed_mm_s": 101}, 422, "faster than the settings' 100 mm/s"),
-    ({"axis": 7, "by_deg": 5}, 503, "axes are moved over the CB link only"),
+    ({"axis": 7, "by_deg": 5}, 422, "axes are moved over the CB link only"),
     ({"shift_mm": [0.0, 0.0, -100.0]}, 422, "outside the box"),
 ]
 
