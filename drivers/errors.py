@@ -79,7 +79,7 @@ class SettingRefused(DeviceError):
 
 
 class DeviceTimeout(DeviceError):
-    """Connected, but no answer (or no fresh one) in time."""
+    """No answer, or no fresh one, in time: of a device that is connected, or whose connection is still being made."""
 
     code = "device-timeout"
 

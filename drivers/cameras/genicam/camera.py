@@ -60,7 +60,7 @@ class GenICamCamera(PolledDevice):
         self._image_size, self._limit_s = image_size, limit_s
         self._thread = FileThread(f"calls of {self.device}", self._timing)
         self._session: CameraSession | None = None
-        self._failure: DeviceError = DeviceUnreachable(self.device, "not opened yet", "wait a moment")
+        self._failure: DeviceError = DeviceTimeout(self.device, "not opened yet", "wait a moment")
         self._changed = asyncio.Event()
         self._turn = asyncio.Lock()
 
