@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from calibration.camera import CameraModel
 from calibration.problem import Detection, Problem
-from calibration.targets import Charuco, Chessboard
+from calibration.targets import Charuco, Chessboard, CircleGrid
 from calibration.transforms import (
     Array,
     inverse,
@@ -23,6 +23,8 @@ from tests.simulated.faults import Fault, poses_of, with_poses
 
 Rows = NDArray[np.intp]
 Put = Callable[[Problem, np.random.Generator], Fault]
+Grid = Charuco | Chessboard | CircleGrid
+"""Targets with columns and rows of points, numbered row by row."""
 
 AXES = ("XYZ", "XZY", "YXZ", "YZX", "ZXY", "ZYX", "XYX", "XZX", "YXY", "YZY", "ZXZ", "ZYZ")
 ORDERS = (*AXES, *(order.lower() for order in AXES))
@@ -132,7 +134,7 @@ def _described(columns: int, rows: int) -> Put:
 
     def put(problem: Problem, _: np.random.Generator) -> Fault:
         target = problem.target
-        assert isinstance(target, Charuco | Chessboard)
+        assert isinstance(target, Grid)
         other = replace(target, columns=target.columns + columns, rows=target.rows + rows)
         said = f'set "columns" to {target.columns}'
         return Fault(replace(problem, target=other), frozenset({"target-not-as-described"}), fix=said)
@@ -142,7 +144,7 @@ def _described(columns: int, rows: int) -> Put:
 
 def _transposed(problem: Problem, _: np.random.Generator) -> Fault:
     target = problem.target
-    assert isinstance(target, Charuco | Chessboard)
+    assert isinstance(target, Grid)
     other = replace(target, columns=target.rows, rows=target.columns)
     said = f'set "columns" to {target.columns} and "rows" to {target.rows}'
     return Fault(replace(problem, target=other), frozenset({"target-not-as-described"}), fix=said)
@@ -167,9 +169,11 @@ def _mirrored(problem: Problem, rng: np.random.Generator) -> Fault:
     flip = np.array([[-1.0, 1.0], [1.0, -1.0]])[rng.integers(2)]
     offset = np.where(flip < 0, [width - 1.0, height - 1.0], 0.0)
     target = problem.target
-    assert isinstance(target, Charuco | Chessboard)
+    assert isinstance(target, Grid)
     inner = target.columns - isinstance(target, Charuco)  # points a row
-    renumbered = rng.random() < 0.5
+    # An asymmetric grid is no mirror image of itself.
+    symmetric = not isinstance(target, CircleGrid) or target.layout == "symmetric"
+    renumbered = rng.random() < 0.5 and symmetric
 
     def change(_: int, seen: Detection) -> Detection:
         ids = seen.ids // inner * inner + inner - 1 - seen.ids % inner if renumbered else seen.ids
