@@ -154,13 +154,13 @@ def _best_explanation(
         results = evaluate(list(wrapped_hypotheses(sample)), sample, uncorrected)
         possible = [result for result in results if _is_possible(result, uncorrected, False)]
         found = [result for result in _best_of_each(possible) if _is_significant(result, len(evidence), len(sample))]
-    if found and found[0].hypothesis.code in CHANGE_CODES:
-        found[0] = (
-            _locate_change(evidence, found[0])
-            if len(sample) < len(evidence)
-            else _with_alternative_views(found[0], results)
-        )
-        found[0] = replace(found[0], hypothesis=turned_instead(found[0].hypothesis))
+    if found and (hypotheses_at := LOCATED.get(found[0].hypothesis.code)) is not None:
+        if len(sample) < len(evidence):
+            found[0], results = _locate(evidence, found[0], hypotheses_at)
+        if found[0].hypothesis.code in CHANGE_CODES:
+            found[0] = _with_alternative_views(found[0], results)
+            found[0] = replace(found[0], hypothesis=turned_instead(found[0].hypothesis))
+            found[1:] = [result for result in found[1:] if result.hypothesis.code != found[0].hypothesis.code]
     return _diagnosis(uncorrected, found)
 
 
@@ -231,10 +231,21 @@ def _robot_can_err(translation_mm: float, rotation_rad: float) -> bool:
     return translation_mm <= MAX_POSSIBLE_NOISE.translation_mm and rotation_rad <= MAX_POSSIBLE_NOISE.rotation_rad
 
 
-def _locate_change(evidence: Evidence, found: HypothesisResult) -> HypothesisResult:
-    """The same change, located among all views by a search around the best one with a decreasing step."""
+HypothesesAt = Callable[[Evidence, Sequence[int]], Iterable[Hypothesis]]
+
+LOCATED: dict[str, HypothesesAt] = dict.fromkeys(CHANGE_CODES, change_hypotheses)
+LOCATED |= {"pictures-turned": turned_hypotheses}
+"""Hypotheses of a change at the given rows, by its code."""
+
+
+def _locate(
+    evidence: Evidence, found: HypothesisResult, hypotheses_at: HypothesesAt
+) -> tuple[HypothesisResult, list[HypothesisResult]]:
+    """The same change, located among all views by a search around the best one with a decreasing step, and the results
+    of the last step."""
     n = len(evidence)
     row = int(np.flatnonzero(evidence.indices == found.hypothesis.where[0])[0])
+    results = [found]
     gap = -(-n // MAX_VIEWS)
     while gap >= 1:
         step = max(1, gap // REFINEMENT_STEPS)
@@ -242,14 +253,14 @@ def _locate_change(evidence: Evidence, found: HypothesisResult) -> HypothesisRes
         near = near[(near >= MIN_VIEWS_PER_SIDE) & (near <= n - MIN_VIEWS_PER_SIDE)]
         rows = np.union1d(evenly_spaced(n, MAX_VIEWS), near)
         sample = evidence.take(rows)
-        hypotheses = change_hypotheses(sample, np.searchsorted(rows, near).tolist())
+        hypotheses = hypotheses_at(sample, np.searchsorted(rows, near).tolist())
         results = evaluate(
             [hypothesis for hypothesis in hypotheses if hypothesis.code == found.hypothesis.code], sample, fit(sample)
         )
-        found = _with_alternative_views(max(results, key=lambda result: result.gain), results)
+        found = max(results, key=lambda result: result.gain)
         row = int(np.flatnonzero(evidence.indices == found.hypothesis.where[0])[0])
         gap = step if step > 1 else 0
-    return found
+    return found, results
 
 
 def _with_alternative_views(best: HypothesisResult, results: Sequence[HypothesisResult]) -> HypothesisResult:

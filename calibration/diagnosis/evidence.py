@@ -3,6 +3,7 @@
 The covariances replace the pixels, so that a test is quick.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -12,8 +13,9 @@ from calibration.camera import CameraModel
 from calibration.linear_algebra import scaled_inverse
 from calibration.observations.observations import Observations
 from calibration.observations.reprojection import PixelStatistics, pixel_statistics
+from calibration.observations.view_poses import refine_poses
 from calibration.problem import Problem, Setup, anchor_T_mount_of
-from calibration.transforms import Array
+from calibration.transforms import Array, rotation_from_vector, transform
 
 MIN_PIXEL_SIGMA = 1e-4
 """Floor of the pixel noise, px; only simulated pixels fit better."""
@@ -28,6 +30,7 @@ class Evidence:
     redundancy : (n,) pixel coordinates less the six parameters of a pose: degrees of freedom of the covariance.
     joints_rad : (n, axes) as the robot reported them; None where they were not recorded with every view.
     focal_share : one standard deviation of the focal length as a share of it, 0 where it was given.
+    pictures : the corners themselves, None where the poses are not of pictures.
     """
 
     setup: Setup
@@ -38,6 +41,7 @@ class Evidence:
     redundancy: Array
     joints_rad: Array | None = None
     focal_share: float = 0.0
+    pictures: "Pictures | None" = None
 
     def __len__(self) -> int:
         return len(self.indices)
@@ -53,6 +57,7 @@ class Evidence:
             self.redundancy[chosen],
             None if self.joints_rad is None else self.joints_rad[chosen],
             self.focal_share,
+            self.pictures,
         )
 
     def with_robot_poses(self, base_T_flange: Array) -> "Evidence":
@@ -79,6 +84,27 @@ class Evidence:
         return replace(self, camera_T_target=camera_T_target, covariance=grow[:, None] * self.covariance * grow)
 
 
+@dataclass(frozen=True, eq=False)
+class Pictures:
+    """The corners of views by their index in the session, the camera, and one standard deviation of a pixel."""
+
+    rows: Mapping[int, int]
+    seen: Observations
+    camera: CameraModel
+    image_size: tuple[int, int]
+    pixel_px: float
+
+    def turned(self, evidence: Evidence, angle_rad: float) -> tuple[Array, Array]:
+        """Poses (n, 4, 4) and covariances (n, 6, 6) of the views of `evidence` with their pictures turned about the
+        middle, which is not the principal point."""
+        seen = self.seen.take(np.array([self.rows[index] for index in evidence.indices.tolist()], np.intp))
+        turn = rotation_from_vector(np.array([0.0, 0.0, angle_rad]))
+        middle_px = (np.array(self.image_size) - 1) / 2
+        seen = replace(seen, pixels=middle_px + (seen.pixels - middle_px) @ turn[:2, :2].T)
+        poses = refine_poses(seen, self.camera, transform(turn, np.zeros(3)) @ evidence.camera_T_target)
+        return poses, self.pixel_px**2 * scaled_inverse(pixel_statistics(seen, self.camera, poses).normal)
+
+
 def evidence_of(problem: Problem, seen: Observations, camera: CameraModel, camera_T_target: Array) -> Evidence:
     """The evidence of corners and each view's own pose (n, 4, 4), with the pixel noise from their residuals."""
     statistics = pixel_statistics(seen, camera, camera_T_target)
@@ -86,8 +112,17 @@ def evidence_of(problem: Problem, seen: Observations, camera: CameraModel, camer
     covariance = pixel**2 * scaled_inverse(statistics.normal)
     indices = np.array([problem.views[position].index for position in seen.positions], np.intp)
     redundancy = np.maximum(statistics.count - 6.0, 1.0)
-    joints_rad = recorded_joints(problem, seen.positions)
-    return Evidence(problem.setup, indices, seen.base_T_flange, camera_T_target, covariance, redundancy, joints_rad)
+    rows = {index: row for row, index in enumerate(indices.tolist())}
+    return Evidence(
+        problem.setup,
+        indices,
+        seen.base_T_flange,
+        camera_T_target,
+        covariance,
+        redundancy,
+        recorded_joints(problem, seen.positions),
+        pictures=Pictures(rows, seen, camera, problem.image_size, pixel),
+    )
 
 
 def recorded_joints(problem: Problem, positions: NDArray[np.intp]) -> Array | None:

@@ -1,22 +1,21 @@
-"""Hypotheses that the pictures are mirrored, or turned from some view on, about the principal point."""
+"""Hypotheses that the pictures are mirrored, or turned from some view on."""
 
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calibration.diagnosis.evidence import Evidence
 from calibration.diagnosis.fit import fit
 from calibration.diagnosis.hypothesis import Hypothesis
 from calibration.sentences.sentence import Sentence
-from calibration.transforms import inverse, rotation_angle_rad, rotation_from_vector, transform
+from calibration.transforms import Array, inverse, rotation_angle_rad, rotation_from_vector, transform
 
 MIRROR = np.diag([-1.0, 1.0, 1.0])
 TURNS_DEG = (180, 90, -90)
 """A picture turned by 90 degrees has its sides exchanged, which only a square one survives."""
 
 MAX_TILT_RAD, MAX_SHIFT_MM = 0.02, 10.0
-"""Rotation and translation by which a change of X may differ from such a turn: 50 px of a usual lens, and noise."""
+"""Rotation and translation that such a turn may leave of a change of X: 50 px of a usual lens, and noise."""
 
 
 def mirrored_hypothesis(evidence: Evidence) -> Hypothesis:
@@ -43,14 +42,18 @@ def mirrored_hypothesis(evidence: Evidence) -> Hypothesis:
 
 def turned_hypotheses(evidence: Evidence, points: Sequence[int]) -> Iterator[Hypothesis]:
     """From each of the `points` (rows) on the pictures are turned by a half or a quarter of a turn."""
-    for point in points:
-        where = int(evidence.indices[point])
-        for degrees in TURNS_DEG:
-            turned = np.arange(len(evidence)) >= point
+    for degrees in TURNS_DEG:
+        poses, covariance = _turned(evidence, np.radians(degrees))
+        for point in points:
+            where, rows = int(evidence.indices[point]), np.arange(len(evidence)) >= point
+            corrected = evidence.with_images(
+                np.where(rows[:, None, None], poses, evidence.camera_T_target),
+                np.where(rows[:, None, None], covariance, evidence.covariance),
+            )
             yield Hypothesis(
                 "pictures-turned",
                 (where,),
-                _turned(evidence, turned, np.radians(degrees)),
+                corrected,
                 evidence,
                 Sentence("pictures-turned", view=where, angle_deg=abs(degrees)),
                 Sentence("undo-pictures-turned"),
@@ -62,28 +65,24 @@ def turned_hypotheses(evidence: Evidence, points: Sequence[int]) -> Iterator[Hyp
 def turned_instead(change: Hypothesis) -> Hypothesis:
     """The hypothesis that pictures are turned in place of a change of X that is just that, else the `change`.
 
-    A camera is not moved by a half or a quarter of a turn about its axis, and not at all otherwise. Pictures turn about
-    their middle, not the principal point, which moves them by some pixels more.
+    A camera is not moved by a half or a quarter of a turn about its axis, and not at all otherwise.
     """
     if change.x_labels is None:
         return change
-    before, after = fit(change.evidence, change.x_labels).mount_T_camera
-    between = inverse(before) @ after
-    if np.linalg.norm(between[:3, 3]) > MAX_SHIFT_MM:
-        return change
     (point,) = np.flatnonzero(change.evidence.indices == change.where[0])
-    for degrees, turned in zip(TURNS_DEG, turned_hypotheses(change.evidence, [int(point)]), strict=True):
-        turn = rotation_from_vector(np.array([0.0, 0.0, np.radians(degrees)]))
-        if rotation_angle_rad(turn.T @ between[:3, :3]) < MAX_TILT_RAD:
+    for turned in turned_hypotheses(change.evidence, [int(point)]):
+        before, after = fit(turned.evidence, change.x_labels).mount_T_camera
+        between = inverse(before) @ after
+        if np.linalg.norm(between[:3, 3]) < MAX_SHIFT_MM and rotation_angle_rad(between[:3, :3]) < MAX_TILT_RAD:
             return turned
     return change
 
 
-def _turned(evidence: Evidence, rows: NDArray[np.bool_], angle_rad: float) -> Evidence:
-    """The evidence with the pictures of these rows (n,) turned about the principal point."""
+def _turned(evidence: Evidence, angle_rad: float) -> tuple[Array, Array]:
+    """Poses (n, 4, 4) and covariances (n, 6, 6) of all views with their pictures turned about the middle, or, where
+    there are no pictures, about the camera's axis."""
+    if evidence.pictures is not None:
+        return evidence.pictures.turned(evidence, angle_rad)
     turn = rotation_from_vector(np.array([0.0, 0.0, angle_rad]))
     both = np.kron(np.eye(2), turn)
-    camera_T_target = evidence.camera_T_target.copy()
-    camera_T_target[rows] = transform(turn, np.zeros(3)) @ camera_T_target[rows]
-    covariance = np.where(rows[:, None, None], both @ evidence.covariance @ both.T, evidence.covariance)
-    return evidence.with_images(camera_T_target, covariance)
+    return transform(turn, np.zeros(3)) @ evidence.camera_T_target, both @ evidence.covariance @ both.T
