@@ -5,17 +5,20 @@ from dataclasses import replace
 
 import numpy as np
 
-from calibration.camera import CameraModel
 from calibration.diagnosis.diagnose import FALSE_ALARM_PROBABILITY, MAX_VIEWS, MIN_VIEWS, diagnose, evenly_spaced
 from calibration.diagnosis.effect import MappedPoint
 from calibration.diagnosis.evidence import Evidence, evidence_of, pixel_deviation
 from calibration.diagnosis.findings import diagnosis_findings, lens_findings, with_comparison
 from calibration.diagnosis.fit import fit
-from calibration.diagnosis.intrinsics_check import LensMisfit, gross_lens_misfit, lens_misfit
+from calibration.diagnosis.intrinsics_check import (
+    LensMisfit,
+    free_camera,
+    gross_lens_misfit,
+    lens_misfit,
+    scaled_lens_misfit,
+)
 from calibration.diagnosis.screening import needs_diagnosis
 from calibration.diagnosis.target_check import target_findings
-from calibration.errors import UndeterminedError
-from calibration.intrinsics.estimate import estimate_camera
 from calibration.observations.observations import observe
 from calibration.observations.reprojection import pixel_statistics
 from calibration.observations.view_poses import candidate_poses, refine_poses
@@ -42,6 +45,9 @@ MIN_SURE_SHARE = 0.5
 
 OF_ANOTHER_SIZE = frozenset({"intrinsics-do-not-fit", "target-not-as-described"})
 """Causes with which the target appears larger or smaller than it is."""
+
+FLIPPED = frozenset({"pictures-mirrored", "pictures-turned"})
+"""Causes with which the principal point of some pictures, or of all, is elsewhere."""
 
 MAX_SLIGHT_LENS_SHARE = 0.005
 """Shift of the target over its distance up to which a lens is slightly off, and any other cause is named before it."""
@@ -92,24 +98,41 @@ def _findings_with_x(problem: Problem, solution: Solution, prepared: PreparedSes
     another_target = tuple(target_findings(problem)) if _points_lie_elsewhere(prepared, poses) else ()
     if another_target:
         return another_target
+    if scaled := _scaled_lens(problem):
+        return scaled
     misfit = None if problem.camera is None else _lens_misfit(problem, prepared, poses)
     if misfit is None:
         return _diagnosis_findings(problem, given, used, point)
-    if not misfit.significant and not _diagnosis_findings(problem, given, used, point):
+    as_given = _diagnosis_findings(problem, given, used, point)
+    if not misfit.significant and not as_given:
         return ()
+    if any(finding.code in FLIPPED for finding in as_given):
+        return as_given  # other intrinsics fit since the principal point is elsewhere in such pictures
     drawn = replace(seen, points_mm=prepared.nominal_mm[seen.ids])
     fitting = evidence_of(problem, drawn, misfit.camera, misfit.camera_T_target)
     if misfit.after_px > MIN_SURE_SHARE * misfit.before_px and not _agrees_better(fitting, given):
         # The pixels show the target's shape or the light: with those intrinsics the poses would be wrong.
         lens = lens_findings(misfit, camera, agrees_better=False) if misfit.significant else ()
-        return (*_diagnosis_findings(problem, given, used, point), *lens)
+        return (*as_given, *lens)
     still_wrong = _diagnosis_findings(problem, fitting, used, point)
     # A slight misfit is reported only when it explains everything.
     lens = lens_findings(misfit, camera, agrees_better=True) if misfit.significant or not still_wrong else ()
-    # Mirrored and turned pictures have their principal point elsewhere.
-    flipped = any(finding.code in ("pictures-mirrored", "pictures-turned") for finding in still_wrong)
+    flipped = any(finding.code in FLIPPED for finding in still_wrong)
     lens_first = misfit.share > MAX_SLIGHT_LENS_SHARE and not flipped
     return (*lens, *still_wrong) if lens_first else (*still_wrong, *lens)
+
+
+def _scaled_lens(problem: Problem) -> tuple[Finding, ...]:
+    """The finding that the given intrinsics are those of pictures of another size; what else is wrong shows later."""
+    seen, _ = observe(problem)
+    misfit = scaled_lens_misfit(problem, seen)
+    if misfit is None or problem.camera is None:
+        return ()
+    if misfit.after_px > MIN_SURE_SHARE * misfit.before_px:
+        given = evidence_of(problem, seen, problem.camera, candidate_poses(seen, problem.camera)[0][:, 0])
+        if not _agrees_better(evidence_of(problem, seen, misfit.camera, misfit.camera_T_target), given):
+            return ()
+    return lens_findings(misfit, problem.camera, agrees_better=True)
 
 
 def _agrees_better(fitting: Evidence, given: Evidence) -> bool:
@@ -144,26 +167,23 @@ def _lens_misfit(problem: Problem, prepared: PreparedSession, poses: Array) -> L
 def _findings_without_x(problem: Problem) -> tuple[Finding, ...]:
     """Findings of a session that does not determine X: another target, or another unit or convention of the poses."""
     seen, _ = observe(problem)
-    camera = problem.camera or _estimate_camera(problem)
     another_target = tuple(target_findings(problem))
-    if another_target or camera is None or len(seen) < MIN_VIEWS:
+    if another_target or len(seen) < MIN_VIEWS:
         return another_target
+    if problem.camera is not None:
+        camera = problem.camera
+    elif (found := free_camera(problem)) is not None:
+        camera = found.camera
+    else:
+        return ()
+    if scaled := _scaled_lens(problem):
+        return scaled
     if problem.camera is not None and (misfit := gross_lens_misfit(problem, seen)):
         return lens_findings(misfit, problem.camera, True)
     seen = seen.take(evenly_spaced(len(seen), MAX_VIEWS))
     return _diagnosis_findings(
         problem, evidence_of(problem, seen, camera, candidate_poses(seen, camera)[0][:, 0]), set()
     )
-
-
-def _estimate_camera(problem: Problem) -> CameraModel | None:
-    detections = [view.detection for view in problem.views if view.detection is not None]
-    few = [detections[row] for row in evenly_spaced(len(detections), MAX_VIEWS)]
-    try:
-        with np.errstate(over="raise", divide="raise", invalid="raise"):
-            return estimate_camera(problem.target, few, problem.image_size).camera
-    except (UndeterminedError, np.linalg.LinAlgError, ArithmeticError):
-        return None
 
 
 def _diagnosis_findings(

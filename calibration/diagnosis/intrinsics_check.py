@@ -1,6 +1,7 @@
 """Test of the given intrinsics against those estimated from the same views, without the robot."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from math import gcd
 
 import numpy as np
 import scipy
@@ -9,7 +10,7 @@ from calibration.camera import BROWN, CameraModel
 from calibration.diagnosis.evidence import pixel_deviation
 from calibration.errors import UndeterminedError
 from calibration.intrinsics.bundle_adjustment import adjust
-from calibration.intrinsics.estimate import estimate_camera
+from calibration.intrinsics.estimate import CameraEstimate, estimate_camera
 from calibration.linear_algebra import scaled_pseudo_inverse, scaled_solve
 from calibration.observations.observations import Observations
 from calibration.observations.reprojection import INTRINSICS, RATIONAL_INTRINSICS, pixel_statistics
@@ -33,6 +34,21 @@ MIN_GROSS_SIGMAS = 5.0
 
 MAX_RATIO_TO_SHAPE = 1.02
 """Largest ratio of the pixel deviation with other intrinsics to that with another target shape for preferring them."""
+
+
+MAX_CENTRE_OFF = 0.1
+"""Most distance of a principal point from the picture's middle, as a share of the picture's size: two deviations of
+`bundle_adjustment.CENTRE_SIGMA_OF_SIZE`. Beyond it the intrinsics may be those of pictures of another size."""
+
+SIMPLE_RATIOS = tuple(p / q for both in range(2, 18) for p in range(1, both) if gcd(p, q := both - p) == 1)
+"""Ratios of the sizes of two pictures of one camera, the simplest first."""
+
+MAX_OFF_CENTRED = 1.3
+"""Largest ratio of such a scale to the one that puts the principal point into the middle."""
+
+MAX_RATIO_TO_FREE, MIN_FREE_PX = 2.0, 0.05
+"""Largest ratio of the pixel deviation with scaled intrinsics to that with free ones, of at least so much: beyond it
+the camera is another one."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,13 +106,7 @@ def gross_lens_misfit(problem: Problem, seen: Observations, otherwise_px: float 
     None when the views do not determine intrinsics, or these do not fit clearly better.
     """
     given = problem.camera
-    detections = [view.detection for view in problem.views if view.detection is not None]
-    if given is None or given.lens_model != "pinhole" or len(detections) < MIN_VIEWS:
-        return None
-    few = [detections[row] for row in np.unique(np.linspace(0, len(detections) - 1, MAX_VIEWS).astype(np.intp))]
-    try:
-        found = estimate_camera(problem.target, few, problem.image_size)
-    except UndeterminedError:
+    if given is None or given.lens_model != "pinhole" or (found := free_camera(problem)) is None:
         return None
     focal, given_focal = found.camera.matrix[0, 0], given.matrix[0, 0]
     if abs(given_focal / focal - 1) < MIN_GROSS_SIGMAS * np.sqrt(found.covariance[0, 0]) / focal:
@@ -109,6 +119,63 @@ def gross_lens_misfit(problem: Problem, seen: Observations, otherwise_px: float 
         return None
     poses = candidate_poses(seen, found.camera)[0][:, 0]
     return LensMisfit(found.camera, poses, before, after, abs(float(given_focal / focal) - 1), True)
+
+
+def scaled_lens_misfit(problem: Problem, seen: Observations) -> LensMisfit | None:
+    """The misfit in the views `seen` of intrinsics of pictures of another size, which lie elsewhere than a principal
+    point does; None when scaled intrinsics do not fit better, or free ones fit much better still.
+
+    Of the scales that fit, the simplest ratio: pictures are halved more often than made 0.493 times as large.
+    """
+    given, (width, height) = problem.camera, problem.image_size
+    if given is None or len(seen) < MIN_VIEWS:
+        return None
+    places = (given.matrix[:2, 2] + 0.5) / (width, height)
+    if np.any(places <= 0) or np.abs(places - 0.5).max() < MAX_CENTRE_OFF:
+        return None
+    centred = float(np.mean(0.5 / places))
+    if np.abs(centred * places - 0.5).max() > MAX_CENTRE_OFF:
+        return None
+    few = seen.take(np.unique(np.linspace(0, len(seen) - 1, MAX_VIEWS).astype(np.intp)))
+
+    def deviation_px(camera: CameraModel) -> float:
+        return pixel_deviation(pixel_statistics(few, camera, candidate_poses(few, camera)[0][:, 0]))
+
+    free = free_camera(problem)
+    factors = SIMPLE_RATIOS if free is None else (*SIMPLE_RATIOS, float(free.camera.matrix[0, 0] / given.matrix[0, 0]))
+    tried = {
+        factor: deviation_px(scale_intrinsics(given, factor, problem.image_size))
+        for factor in factors
+        if max(factor / centred, centred / factor) < MAX_OFF_CENTRED
+    }
+    if not tried:
+        return None
+    fitting = MAX_RATIO_TO_SHAPE * min(tried.values())
+    factor, after = next((factor, left) for factor, left in tried.items() if left <= fitting)
+    before = min(deviation_px(given), float(np.hypot(width, height)))  # such intrinsics may leave any number
+    if after >= before or (free and after > MAX_RATIO_TO_FREE * max(deviation_px(free.camera), MIN_FREE_PX)):
+        return None
+    camera = scale_intrinsics(given, factor, problem.image_size)
+    return LensMisfit(camera, candidate_poses(seen, camera)[0][:, 0], before, after, abs(1 / factor - 1), True)
+
+
+def free_camera(problem: Problem) -> CameraEstimate | None:
+    """Intrinsics of the views alone; None when these do not determine them."""
+    detections = [view.detection for view in problem.views if view.detection is not None]
+    few = [detections[row] for row in np.unique(np.linspace(0, len(detections) - 1, MAX_VIEWS).astype(np.intp))]
+    try:
+        with np.errstate(over="raise", divide="raise", invalid="raise"):
+            return estimate_camera(problem.target, few, problem.image_size)
+    except (UndeterminedError, np.linalg.LinAlgError, ArithmeticError):
+        return None
+
+
+def scale_intrinsics(camera: CameraModel, factor: float, image_size: tuple[int, int]) -> CameraModel:
+    """The intrinsics of the same camera's pictures when these are `factor` times as large."""
+    matrix = camera.matrix.copy()
+    matrix[:2] *= factor
+    matrix[:2, 2] += 0.5 * (factor - 1)
+    return replace(camera, matrix=matrix, image_size=image_size)
 
 
 def _step_p_value(seen: Observations, camera: CameraModel, poses: Array) -> float:

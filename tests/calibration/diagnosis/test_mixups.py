@@ -1,13 +1,18 @@
 """Slips of convention and bookkeeping drawn at random: the cause is named first, with the setting to change."""
 
 import zlib
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from calibration.problem import Problem, Setup
+from calibration.camera import CameraModel
+from calibration.diagnosis.intrinsics_check import scale_intrinsics
+from calibration.problem import Detection, Problem, Setup
+from calibration.sentences.sentence import Sentence
 from calibration.solution import Finding
 from calibration.solve import solve_hand_eye
+from calibration.targets import Charuco, CircleGrid
 from calibration.transforms import rotation_from_vector, transform
 from calibration.verdict import judge
 from tests.simulated.damage import damaged_session
@@ -59,7 +64,12 @@ def test_poses_far_too_long_beside_exact_pixels_are_named() -> None:
 
 @pytest.mark.parametrize(
     ("kind", "number"),
-    [("pictures mirrored", 1), ("board one column more", 1), ("pictures turned from view k on", 0)],
+    [
+        ("pictures mirrored", 1),
+        ("board one column more", 1),
+        ("pictures turned from view k on", 0),
+        ("intrinsics of another picture size", 8),
+    ],
 )
 def test_a_lens_or_a_size_that_follows_from_the_cause_is_not_named_before_it(kind: str, number: int) -> None:
     clean = varied(np.random.default_rng((6302, 5, number))).problem
@@ -78,3 +88,51 @@ def test_pictures_are_turned_although_a_change_of_the_camera_fits_better() -> No
     fault = MIXUPS["pictures turned from view k on"](clean, np.random.default_rng(7))
     first, *_ = causes(fault.problem)
     assert first.code == "pictures-turned" and fault.says[0] in first.message
+
+
+@pytest.mark.parametrize("number", [1, 8])
+def test_pictures_turn_about_their_middle(number: int) -> None:
+    """The principal point lies 1 % of the width from it. One session has no intrinsics, one 60 views, of which 50 are
+    looked at first."""
+    clean = varied(np.random.default_rng((7401, 5, number))).problem
+    kind = "pictures turned from view k on"
+    fault = MIXUPS[kind](clean, np.random.default_rng([7401, 2, number, zlib.crc32(kind.encode())]))
+    first, *_ = causes(fault.problem)
+    assert first.code == "pictures-turned" and fault.says[0] in first.message
+
+
+@pytest.mark.parametrize("factor", [0.25, 2 / 3, 2.0])
+def test_the_factor_of_the_intrinsics_is_the_one_to_set(factor: float) -> None:
+    clean = simulated_session(np.random.default_rng(9), 8, Noise(), "eye-in-hand")
+    assert clean.camera is not None
+    other = scale_intrinsics(clean.camera, 1 / factor, clean.image_size)
+    first, *_ = causes(replace(clean, camera=other))
+    assert first.code == "intrinsics-do-not-fit"
+    assert isinstance(first.fix, Sentence) and first.fix.params["factor"] == pytest.approx(factor)
+
+
+def test_a_sensor_read_in_part_has_its_centre_elsewhere() -> None:
+    """Its intrinsics look like those of larger pictures, and fit as they are."""
+    clean = simulated_session(np.random.default_rng(9), 8, Noise(), "eye-in-hand")
+    assert clean.camera is not None
+    matrix, corner_px = clean.camera.matrix.copy(), -0.6 * clean.camera.matrix[:2, 2]
+    matrix[:2, 2] += corner_px
+    camera = CameraModel(matrix, clean.camera.distortion, clean.image_size)
+    views = tuple(
+        replace(view, detection=Detection(view.detection.ids, view.detection.corners_px + corner_px))
+        for view in clean.views
+        if view.detection is not None
+    )
+    part = replace(clean, camera=camera, views=views)
+    verdict = judge(part, solve_hand_eye(part))
+    assert verdict.accepted, verdict.findings
+
+
+@pytest.mark.parametrize("kind", ["board one column less", "board transposed", "pictures mirrored"])
+def test_a_grid_of_circles_is_mixed_up_as_well(kind: str) -> None:
+    clean = simulated_session(np.random.default_rng(11), 12, Noise(), "eye-in-hand")
+    board = clean.target
+    assert isinstance(board, Charuco)
+    circles = CircleGrid("symmetric", board.columns - 1, board.rows - 1, board.square_mm)
+    fault = MIXUPS[kind](replace(clean, target=circles), np.random.default_rng(12))
+    assert {causes(fault.problem)[0].code} == fault.codes
