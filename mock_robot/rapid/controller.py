@@ -233,6 +233,15 @@ class RapidController(Cabinet):
         with self._switching:
             super().run_program(running, now_s)
 
+    def move_pointer_to_main(self, now_s: float) -> None:
+        """PP to main at the pendant: every normal task begins at main, without its path and its interrupts."""
+        with self._switching:
+            self.unit.clear()
+            for loaded in self._loaded:
+                if loaded.plan.kind == "NORMAL":
+                    loaded.interrupts.end()
+                    loaded.task.move_pointer_to_main()
+
     def apply_panel(self, now_s: float) -> None:
         """Stop what the panel forbids; resume stopped tasks when the program is started."""
         with self._switching:
@@ -246,6 +255,8 @@ class RapidController(Cabinet):
     def stop_failed_program(self, task: ProgramTask, stopped: ProgramStopped) -> None:
         """Log a program that stopped by itself, and stop all tasks when the task is trusted."""
         with self._switching:
+            task.stop()
+            self._error.add(task.name)
             now_s = self.clock()
             self.record(now_s, stopped.code, f"{task.name} stopped at {stopped.where}: {stopped.text}")
             event = ErrorEvent(*divmod(stopped.code, 10_000), ERROR, TITLES.get(stopped.code, ""), stopped.text)
@@ -254,7 +265,6 @@ class RapidController(Cabinet):
             plan = next((loaded.plan for loaded in self._loaded if loaded.task is task), None)
             if plan is None:
                 return
-            self._error.add(task.name)
             if plan.motion:
                 self.unit.clear()
             if plan.stops_all:

@@ -46,7 +46,10 @@ Run = Callable[[Frame], Any]
 
 
 def block(context: CompileContext, statements: list[Node]) -> Run:
-    """Compile statements in sequence. The task attends between two of them; errors go to the routine's handler."""
+    """Compile statements in sequence. The task attends between two of them; errors go to the routine's handler.
+
+    A program that stops by itself stands at its statement, and tries it again when it is started.
+    """
     runs = [_KINDS[node.data](context, node) for node in statements]
     lines = [line_of(node) for node in statements]
     labels = {name(node, 0): place for place, node in enumerate(statements) if node.data == "label"}
@@ -58,32 +61,37 @@ def block(context: CompileContext, statements: list[Node]) -> Run:
         at, retries = 0, 0
         while True:
             try:
-                for place in range(at, count):
-                    at = place
-                    if task.attention:
-                        task.attend()
-                    if flow := runs[at](frame):
-                        return flow
-                return None
-            except RapidError as error:
-                error.where = error.where or f"{module}:{lines[at]}"
-                flow = handle(context, frame, error)
-            except LongJump as jump:
-                routine = context.routine
-                if in_handler or routine is None or not _lists(routine, frame, jump.number):
-                    raise
-                flow = _run_handler(context, frame, routine, jump.error)
-            except _GoTo as goto:
-                if goto.label not in labels:
-                    raise
-                at, retries = labels[goto.label], 0
-                continue
-            if flow is Flow.RETURNED:
-                return flow
-            if flow is Flow.NEXT:
-                at, retries = at + 1, 0
-            elif (retries := retries + 1) > MAX_RETRIES:
-                raise ProgramStopped(EXECUTION_ERROR, f"{module}:{lines[at]}", f"retried {MAX_RETRIES} times in vain")
+                try:
+                    for place in range(at, count):
+                        at = place
+                        if task.attention:
+                            task.attend()
+                        if flow := runs[at](frame):
+                            return flow
+                    return None
+                except RapidError as error:
+                    error.where = error.where or f"{module}:{lines[at]}"
+                    flow = handle(context, frame, error)
+                except LongJump as jump:
+                    routine = context.routine
+                    if in_handler or routine is None or not _lists(routine, frame, jump.number):
+                        raise
+                    flow = _run_handler(context, frame, routine, jump.error)
+                except _GoTo as goto:
+                    if goto.label not in labels:
+                        raise
+                    at, retries = labels[goto.label], 0
+                    continue
+                if flow is Flow.RETURNED:
+                    return flow
+                if flow is Flow.NEXT:
+                    at, retries = at + 1, 0
+                elif (retries := retries + 1) > MAX_RETRIES:
+                    text = f"retried {MAX_RETRIES} times in vain"
+                    raise ProgramStopped(EXECUTION_ERROR, f"{module}:{lines[at]}", text)
+            except ProgramStopped as stopped:
+                task.stop_by_itself(stopped)
+                retries = 0
 
     return run
 

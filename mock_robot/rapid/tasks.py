@@ -34,7 +34,7 @@ class ErrorEvent:
 
 
 class TaskOwner(Protocol):
-    """Is notified when a program stops by itself."""
+    """Stops a program that cannot go on."""
 
     def stop_failed_program(self, task: "ProgramTask", stopped: ProgramStopped) -> None: ...
 
@@ -101,14 +101,14 @@ class ProgramTask:
         self.rouse()
 
     def stop(self) -> None:
-        """Stop before the next instruction, or inside one that waits."""
+        """Stop before the next instruction, or inside one that waits; the program pointer stays."""
         with self._turn:
             self.running = False
             self._pending.clear()
         self.rouse()
 
     def move_pointer_to_main(self) -> None:
-        """Leave every routine."""
+        """Leave every routine; UNDO handlers run when the program is started."""
         with self._turn:
             self._leaving = True
         self.rouse()
@@ -136,6 +136,14 @@ class ProgramTask:
             os.write(self._mouth, b"\0")
 
     # --- called by the program ---
+
+    def stop_by_itself(self, stopped: ProgramStopped) -> None:
+        """Stop with the program pointer at the instruction that failed: a start tries it again.
+
+        RAPID reference manual, basic characteristics, Error recovery.
+        """
+        self.owner.stop_failed_program(self, stopped)
+        self.attention = True
 
     def attend(self) -> None:
         """Between two instructions: wait while stopped, run pending traps. Raises CycleLeft."""
@@ -218,8 +226,7 @@ class ProgramTask:
                 except CycleLeft:
                     continue
                 except ProgramStopped as stopped:
-                    self.running = False
-                    self.owner.stop_failed_program(self, stopped)
+                    self.stop_by_itself(stopped)
         finally:
             # -1 from now on: the numbers may be reused by other files
             ends, self._ear, self._mouth = (self._ear, self._mouth), -1, -1

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from calibration.transforms import Array, quaternion_from_rotation, rotation_from_quaternion
-from mock_robot.rapid.errors import ProgramStopped
+from mock_robot.rapid.errors import CycleLeft, ProgramStopped
 from mock_robot.rapid.scope import Slot
 from mock_robot.rapid.symbols import value_of
 from mock_robot.rapid.tasks import EXECUTION_ERROR, ProgramTask
@@ -151,7 +151,14 @@ def erase(task: ProgramTask) -> None:
 
 
 def stop_program(task: ProgramTask) -> None:
-    raise ProgramStopped(EXECUTION_ERROR, task.name, "Stop, Break or EXIT")
+    """A start goes on behind it."""
+    task.stop_by_itself(ProgramStopped(EXECUTION_ERROR, task.name, "Stop or Break"))
+
+
+def end_program(task: ProgramTask) -> None:
+    """A start begins at main."""
+    task.stop_by_itself(ProgramStopped(EXECUTION_ERROR, task.name, "EXIT"))
+    raise CycleLeft
 
 
 DOES = MappingProxyType(
@@ -180,6 +187,6 @@ DOES = MappingProxyType(
         "TPErase": erase,
         "Stop": stop_program,
         "Break": stop_program,
-        "EXIT": stop_program,
+        "EXIT": end_program,
     }
 )

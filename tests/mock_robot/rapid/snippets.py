@@ -12,14 +12,11 @@ from mock_robot.rapid.services import MAX_CLOCK_S
 from mock_robot.rapid.tasks import ProgramTask
 
 
-@dataclass
 class Nobody:
-    """Whoever would be told of a stopped program."""
-
-    failures: list[ProgramStopped] = field(default_factory=list)
+    """No controller: what stops a program by itself is raised to the test."""
 
     def stop_failed_program(self, task: ProgramTask, stopped: ProgramStopped) -> None:
-        self.failures.append(stopped)
+        raise stopped
 
 
 @dataclass

@@ -242,14 +242,47 @@ async def late(cell: RunningCell, step: str) -> AsyncIterator[None]:
         goes_on.set()
 
 
-async def test_a_line_that_cannot_be_followed_ends_in_a_motion_error_with_abbs_number_in_the_log() -> None:
+async def a_line_fails(cell: RunningCell, client: CbClient) -> None:
+    """A straight line through the arm's own column: the program stops on the way."""
     across = np.radians([175.0, 15.0, 0.0, 0.0, 65.0, 0.0])
+    cell.controller.memory["cell_box_low"].value = [-2000.0, -2000.0, 0.0]  # type: ignore[attr-defined]
+    assert await client.asks(move_to(across, kind=MoveKind.LINEAR)) == cb.MoveAccepted()
+    assert await ends_as(client, client.session.last_seq) is Status.MOTION_ERROR
+
+
+async def test_a_line_that_cannot_be_followed_ends_in_a_motion_error_with_abbs_number_in_the_log() -> None:
     async with talking() as (cell, client):
-        cell.controller.memory["cell_box_low"].value = [-2000.0, -2000.0, 0.0]  # type: ignore[attr-defined]
-        assert await client.asks(move_to(across, kind=MoveKind.LINEAR)) == cb.MoveAccepted()
-        assert await ends_as(client, client.session.last_seq) is Status.MOTION_ERROR
+        await a_line_fails(cell, client)
         assert cell.controller.log[-1].code == 50026
         assert await client.asks(cb.SetArmed(cell.controller.session, True)) == cb.Refused(Status.MOTION_ERROR)
+        await moves_again(cell, client)
+
+
+async def test_an_abort_that_comes_with_the_start_of_the_program_ends_the_old_move_alone() -> None:
+    """The traps of before are still connected then, and the program pointer is still at the move that failed."""
+    async with talking() as (cell, client):
+        controller = cell.controller
+        assert isinstance(controller, RapidController)
+        await a_line_fails(cell, client)
+        motion = next(loaded.task for loaded in controller._loaded if loaded.task.name == "T_ROB1")
+        starts = motion.start
+
+        def start_and_ring() -> None:
+            with motion._turn:  # the trap is pending before the task's first step
+                starts()
+                controller.memory.preset("cell_bell", 1.0 - controller.memory["cell_bell"].value)
+
+        motion.start = start_and_ring  # type: ignore[method-assign]
+        errors = [entry.code for entry in controller.log if entry.code == 10020]
+        await moves_again(cell, client)
+        assert [entry.code for entry in controller.log if entry.code == 10020] == errors == []
+
+
+async def test_after_a_motion_error_the_program_may_also_begin_at_main() -> None:
+    async with talking() as (cell, client):
+        assert isinstance(cell.controller, RapidController)
+        await a_line_fails(cell, client)
+        cell.controller.move_pointer_to_main(cell.cell.clock())
         await moves_again(cell, client)
 
 
