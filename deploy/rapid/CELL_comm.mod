@@ -57,6 +57,7 @@ MODULE CELL_comm
   VAR bool cell_silent := FALSE;
   VAR num cell_byte := 0;
   VAR num cell_beat_seen := 0;
+  VAR bool cell_alive := FALSE;
   VAR num cell_fault := 0;
 
   ! The frame that is being received, and the answer that is being built.
@@ -273,9 +274,21 @@ MODULE CELL_comm
     RAISE;
   ENDPROC
 
+  PROC cell_note_beat()
+    ! Every change of cell_beat is a sign of life of the motion task.
+    IF cell_beat = cell_beat_seen RETURN;
+    cell_beat_seen := cell_beat;
+    cell_alive := TRUE;
+    cell_zero cell_beaten;
+  ERROR
+    SkipWarn;
+    RAISE;
+  ENDPROC
+
   FUNC bool cell_ready()
-    ! Whether CELL_motion runs in the motion task, and not another program.
-    RETURN cell_age(cell_beaten) < CELL_BEAT_MAX;
+    ! Whether the motion task serves now: inside cell_motion, alive since it and this task run, every abort answered.
+    cell_note_beat;
+    RETURN cell_serves AND cell_alive AND (NOT cell_abort) AND cell_age(cell_beaten) < CELL_BEAT_MAX;
   ERROR
     SkipWarn;
     RAISE;
@@ -449,6 +462,8 @@ MODULE CELL_comm
     cell_zero cell_sampled;
     cell_zero cell_probed;
     cell_zero cell_beaten;
+    cell_beat_seen := cell_beat;
+    cell_alive := FALSE;
     cell_zero cell_released;
     cell_zero cell_rung;
     cell_silent := FALSE;
@@ -829,7 +844,7 @@ MODULE CELL_comm
     ! A stopped move belongs to the previous client: its end is not reported to this one, and it does not continue.
     cell_busy := FALSE;
     WaitUntil DOutput(cell_do_running) = 0 OR (NOT cell_abort) \MaxTime:=1.5 \PollRate:=0.04;
-    IF DOutput(cell_do_running) = 1 cell_await_beat;
+    IF DOutput(cell_do_running) = 1 cell_await_beat 0.3;
   ERROR
     SkipWarn;
     IF ERRNO = ERR_WAIT_MAXTIME THEN
@@ -839,10 +854,9 @@ MODULE CELL_comm
     RAISE;
   ENDPROC
 
-  PROC cell_await_beat()
+  PROC cell_await_beat(num limit)
     ! A main that calls cell_motion does so soon, if it does not work now.
-    WaitUntil cell_ready() OR cell_beat <> cell_beat_seen \MaxTime:=0.3 \PollRate:=0.04;
-    IF cell_beat <> cell_beat_seen cell_zero cell_beaten;
+    WaitUntil cell_ready() \MaxTime:=limit \PollRate:=0.04;
   ERROR
     SkipWarn;
     TRYNEXT;
@@ -958,6 +972,7 @@ MODULE CELL_comm
     ENDIF
     against := cell_forbidden();
     IF against = CB_OK against := cell_unsafe();
+    IF against = CB_OK cell_await_beat 0.5;
     IF against = CB_OK AND (NOT cell_ready()) against := CB_WRONG_MODE;
     IF against = CB_OK AND cell_u16(0) <> cell_session against := CB_NOT_ARMED;
     cell_status := against;
@@ -1160,16 +1175,14 @@ MODULE CELL_comm
   PROC cell_supervise()
     ! Supervise the motion task: permission to move, running, abort answered. The motion task supervises this one.
     cell_life := (cell_life MOD 1000000) + 1;
-    IF cell_beat <> cell_beat_seen THEN
-      cell_beat_seen := cell_beat;
-      cell_zero cell_beaten;
-    ENDIF
+    cell_note_beat;
     IF (cell_armed OR cell_busy) AND cell_forbidden() <> CB_OK THEN
       cell_halt cell_forbidden();
       IF cell_busy cell_hold;
     ENDIF
     IF (cell_armed OR cell_busy) AND (NOT cell_inputs()) cell_halt CB_INTERLOCK;
     IF DOutput(cell_do_running) = 0 THEN
+      cell_alive := FALSE;
       cell_zero cell_beaten;
       cell_take_over;
       RETURN;

@@ -42,6 +42,11 @@ MODULE CELL_motion
     ! A trap has stopped the arm and cleared its path: settle and answer the abort.
     SkipWarn;
     TRYNEXT;
+  UNDO
+    ! ExitCycle, or the program pointer moved away: nothing of ours stays behind.
+    IDelete cell_abort_intno;
+    IDelete cell_watch_intno;
+    IF cell_serves cell_leave;
   ENDPROC
 
   PROC cell_enter()
@@ -54,12 +59,14 @@ MODULE CELL_motion
     ConfL \On;
     SingArea \Off;
     VelSet 100, 1000;
+    cell_serves := TRUE;
   ERROR
     SkipWarn;
     RAISE;
   ENDPROC
 
   PROC cell_leave()
+    cell_serves := FALSE;
     IF cell_old_tool <> "" SetSysData cell_any_tool \ObjectName:=cell_old_tool;
     IF cell_old_wobj <> "" SetSysData cell_any_wobj \ObjectName:=cell_old_wobj;
     IF cell_old_load <> "" SetSysData cell_any_load \ObjectName:=cell_old_load;
@@ -297,7 +304,7 @@ MODULE CELL_motion
       cell_armed := FALSE;
       IF NOT cell_abort cell_abort_status := CB_ABORTED;
       cell_abort := TRUE;
-      ErrWrite \W, "handeyed", "the communication task shows no life: the move is ended";
+      ErrWrite \W, "handeyed", "the communication task gave it up or shows no life: the move is ended";
       StopMove;
       ClearPath;
       RAISE CELL_ERR_ABORT;

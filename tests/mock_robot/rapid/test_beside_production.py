@@ -16,7 +16,6 @@ from protocols.cb import messages as cb
 from protocols.cb.codes import Output, Status
 from tests.mock_robot.cb_client import CbClient, over_tcp
 from tests.mock_robot.controller_client import ARM, AWAY, HOME, UNUSED, move_to
-from tests.mock_robot.rapid.rapid_client import is_answered
 from tests.support.waiting import eventually
 
 SETTINGS = {"cell_address": "127.0.0.1", "cell_port": 0.0, "cell_flange": CAMERA_LOAD}
@@ -140,12 +139,50 @@ async def test_a_busy_customer_is_not_interrupted_and_arming_waits_for_it(tmp_pa
             welcome = await client.asks(cb.Hello(1, 1, 9))
             assert isinstance(welcome, cb.Welcome)
             beats = value(controller, "cell_beat")
-            # T_COMM takes the motion part as ready for the first 2 s after its start.
-            await is_answered(client, cb.SetArmed(welcome.session, True), cb.Refused(Status.WRONG_MODE), lambda: None)
+            assert await client.asks(cb.SetArmed(welcome.session, True)) == cb.Refused(Status.WRONG_MODE)
             assert value(controller, "cell_beat") == beats
             controller.memory["works"].value = False
             await eventually(lambda: value(controller, "cell_beat") > beats)
             await client.is_armed()
+            controller.memory["busy"].value = False
+            controller.memory["works"].value = True
+            assert await client.asks(cb.Bye()) == cb.Farewell()
+        await eventually(lambda: bool(value(controller, "busy")))
+        async with client_of(controller) as client:
+            welcome = await client.asks(cb.Hello(1, 1, 9))
+            assert isinstance(welcome, cb.Welcome)
+            # The signs of life of the call before are young, but they are none of this one.
+            assert await client.asks(cb.SetArmed(welcome.session, True)) == cb.Refused(Status.WRONG_MODE)
+
+
+LEAVES = """
+  TRAP customers_trap
+    ExitCycle;
+  ENDTRAP
+ENDMODULE
+"""
+
+
+async def test_a_customer_who_leaves_the_motion_part_by_exitcycle_finds_nothing_of_ours_behind(tmp_path: Path) -> None:
+    program = PRODUCTION.removesuffix("ENDMODULE\n") + LEAVES
+    program = program.replace("PROC main()\n", "VAR intnum customers;\n  PERS bool leave := FALSE;\n  PROC main()\n")
+    connects = "CONNECT customers WITH customers_trap;\n    IPers leave, customers;\n    WHILE TRUE DO\n"
+    program = program.replace("WHILE TRUE DO\n", f"IDelete customers;\n    {connects}")
+    async with running(tmp_path, production=program) as controller:
+        await eventually(lambda: value(controller, "turns") > 2 and not value(controller, "cell_abort"))
+        async with client_of(controller) as client:
+            await client.is_armed()
+            turns = value(controller, "turns")
+            controller.memory["works"].value = True
+            controller.memory["leave"].value = True
+            await eventually(lambda: value(controller, "turns") > turns and bool(value(controller, "busy")))
+            controller.memory["cell_abort"].value = True
+            controller.memory["cell_bell"].value = 5.0
+            motion = next(loaded for loaded in controller._loaded if loaded.task.name == "T_ROB1")
+            assert len(motion.interrupts._orders) == 1, "the customer's own"
+            controller.memory["works"].value = False
+            await eventually(lambda: value(controller, "cell_serves"))
+        assert error_codes(controller) == []
 
 
 BORDER = np.radians([0.2, 15.0, 0.0, -0.2, 65.0, 0.2])

@@ -82,6 +82,7 @@ class Controller:
         self.main = program.main()
         self.memory.preset("cell_address", "127.0.0.1")
         self.memory.preset("cell_port", 0.0)
+        self.memory.preset("cell_serves", True)
 
     def runs(self) -> "Controller":
         try:
