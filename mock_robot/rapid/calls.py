@@ -5,11 +5,11 @@ from typing import Any
 from lark import Token, Tree
 
 from mock_robot.rapid.errors import ProgramStopped, RaisedFurther
-from mock_robot.rapid.expressions import Evaluate, expression, reference
+from mock_robot.rapid.expressions import Evaluate, Expression, aggregate, expression, fits, reference
 from mock_robot.rapid.scope import Builtin, CompileContext, Data, Frame, Parameter, Routine, Slot
 from mock_robot.rapid.syntax import Node, line_of, name, part, parts, word
 from mock_robot.rapid.tasks import EXECUTION_ERROR
-from mock_robot.rapid.types import ANYTYPE, BOOL, CONDITION, OPEN, SWITCH, Array, Atom, Type
+from mock_robot.rapid.types import ANYTYPE, BOOL, CONDITION, SWITCH, Array, Atom
 
 WRITABLE = {"var": ("var",), "pers": ("pers",), "inout": ("var", "pers")}
 """Which data may be passed to a parameter of that mode."""
@@ -165,8 +165,8 @@ def _maker(context: CompileContext, parameter: Parameter, argument: Argument, no
     if isinstance(parameter.type, Atom) and parameter.type.device and own:
         raise context.wrong(line_of(argument), f"{parameter.type.name} can only be passed by reference")
     if isinstance(parameter.type, Array):
-        found = expression(context, argument)
-        if not _fits(parameter.type, found.type):
+        found = _array(context, argument, parameter.type)
+        if not fits(parameter.type, found.type):
             raise context.wrong(line_of(argument), f"{parameter.name} wants an array, this is {found.type.name}")
         evaluate = found.evaluate
     else:
@@ -175,6 +175,12 @@ def _maker(context: CompileContext, parameter: Parameter, argument: Argument, no
         return evaluate
     copy = parameter.type.copy
     return lambda frame: Slot(copy(evaluate(frame)))
+
+
+def _array(context: CompileContext, argument: Node, wanted: Array) -> Expression:
+    if argument.data == "aggregate":
+        return aggregate(context, argument, wanted)
+    return expression(context, argument)
 
 
 def _passed_on(context: CompileContext, parameter: Parameter, argument: Node, own: bool) -> Evaluate:
@@ -201,13 +207,6 @@ def _by_reference(context: CompileContext, parameter: Parameter, argument: Node,
         raise context.wrong(line_of(argument), why)
     if parameter.type == ANYTYPE:
         return lambda frame: (kind, slot_in(frame))
-    if kind != parameter.type and not _fits(parameter.type, kind):
+    if not fits(parameter.type, kind):
         raise context.wrong(line_of(argument), f"{parameter.name} wants {parameter.type.name}, this is {kind.name}")
     return slot_in
-
-
-def _fits(wanted: Type, given: Type) -> bool:
-    """An array of any length fits `{*}`."""
-    while isinstance(wanted, Array) and wanted.length == OPEN and isinstance(given, Array):
-        wanted, given = wanted.element, given.element
-    return wanted == given

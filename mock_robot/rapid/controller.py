@@ -173,7 +173,7 @@ class RapidController(Cabinet):
 
     def _load_task(self, plan: TaskPlan) -> Loaded:
         task = ProgramTask(plan.name, self, plan.motion, now_s=self.clock)
-        program = Program(task, self.memory, self.signals)
+        program = Program(task, self.memory, self.signals, [each.name for each in self._plans])
         program.load(plan.sources)
         interrupts = Interrupts(task)
         task.services = Services(

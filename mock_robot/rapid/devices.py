@@ -255,6 +255,14 @@ class IoDevice:
         self._carrier.carry(board.outgoing_bytes(data))
 
 
+class OpenFolder:
+    """A dir: the names in a folder that are still to be read."""
+
+    def __init__(self) -> None:
+        self.names: list[str] | None = None
+
+
+DIR = Atom("dir", OpenFolder, device=True)
 SOCKETDEV = Atom("socketdev", SocketDevice, device=True)
 IODEV = Atom("iodev", IoDevice, device=True)
-DEVICES = (SOCKETDEV, IODEV, RMQSLOT, RMQMESSAGE, TRIGGDATA, SHAPEDATA, WZSTATIONARY, WZTEMPORARY)
+DEVICES = (SOCKETDEV, IODEV, DIR, RMQSLOT, RMQMESSAGE, TRIGGDATA, SHAPEDATA, WZSTATIONARY, WZTEMPORARY)

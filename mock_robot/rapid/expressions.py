@@ -12,7 +12,7 @@ from mock_robot.rapid.operators import BINARY, COMPARISONS, MINUS
 from mock_robot.rapid.scope import Builtin, CompileContext, Data, Frame, Part, Routine, Slot
 from mock_robot.rapid.signals import number_of
 from mock_robot.rapid.syntax import Node, line_of, name, part, parts, word
-from mock_robot.rapid.types import BOOL, BYTE, DNUM, NUM, SIGNALS, STRING, Array, Record, Type
+from mock_robot.rapid.types import BOOL, BYTE, DNUM, NUM, OPEN, SIGNALS, STRING, Array, Record, Type
 from mock_robot.rapid.values import short, single
 
 Evaluate = Callable[[Frame], Any]
@@ -31,9 +31,16 @@ def expression(context: CompileContext, node: Node, wanted: Type | None = None) 
     found = _KINDS[node.data](context, node, wanted)
     if wanted is NUM:
         found = as_value(context, found)
-    if wanted is not None and found.type != wanted:
+    if wanted is not None and found.type != wanted and not fits(wanted, found.type):
         raise context.wrong(line_of(node), f"{wanted.name} is wanted here, this is {found.type.name}")
     return found
+
+
+def fits(wanted: Type, given: Type) -> bool:
+    """Whether the types are the same; an array of any length fits {*}."""
+    while isinstance(wanted, Array) and wanted.length == OPEN and isinstance(given, Array):
+        wanted, given = wanted.element, given.element
+    return wanted == given
 
 
 def as_value(context: CompileContext, found: Expression) -> Expression:
@@ -76,12 +83,15 @@ def unquote(literal: str) -> str:
     return text
 
 
-def _aggregate(context: CompileContext, node: Node, wanted: Type | None) -> Expression:
+def aggregate(context: CompileContext, node: Node, wanted: Type | None) -> Expression:
+    """Compile [...] as a record or an array; one of {*} takes the lengths that are given."""
     if not isinstance(wanted, Record | Array):
         raise context.wrong(
             line_of(node), f"an aggregate cannot be {'without a type' if wanted is None else 'a value'}"
         )
     items = parts(node)
+    if isinstance(wanted, Array) and wanted.length == OPEN:
+        wanted = _closed(wanted, node)
     if len(items) != len(wanted.parts):
         raise context.wrong(line_of(node), f"{wanted.name} has {len(wanted.parts)} parts, here are {len(items)}")
     evaluates = [expression(context, item, kind).evaluate for item, kind in zip(items, wanted.parts, strict=True)]
@@ -90,11 +100,24 @@ def _aggregate(context: CompileContext, node: Node, wanted: Type | None) -> Expr
     return Expression(wanted, lambda frame: [copy(evaluate(frame)) for copy, evaluate in pairs])
 
 
+def _closed(wanted: Array, node: Node) -> Array:
+    """An array {*} with the lengths that the aggregate has."""
+    items = parts(node)
+    element = wanted.element
+    if isinstance(element, Array) and element.length == OPEN and items:
+        element = _closed(element, items[0])
+    return Array(element, len(items))
+
+
 def _binary(context: CompileContext, node: Node, wanted: Type | None) -> Expression:
     """Operands and operators in turn, from left to right."""
     children = node.children
     wish = DNUM if wanted is DNUM else None
-    left = expression(context, part(node, 0), None if wish is None else _wish(context, part(node, 0), wish))
+    first = part(node, 0)
+    if first.data == "aggregate":  # [10, 0, 0] + point.trans
+        left = expression(context, first, expression(context, part(node, 2)).type)
+    else:
+        left = expression(context, first, None if wish is None else _wish(context, first, wish))
     for operator, operand in zip(children[1::2], children[2::2], strict=True):
         assert isinstance(operand, Tree)
         right = expression(context, operand, _wish(context, operand, left.type if left.type is DNUM else None))
@@ -252,7 +275,7 @@ _KINDS: dict[str | Token, Callable[[CompileContext, Node, Type | None], Expressi
     "string": _string,
     "true": _literal(True),
     "false": _literal(False),
-    "aggregate": _aggregate,
+    "aggregate": aggregate,
     "expr": _binary,
     "comparison": _binary,
     "sum": _binary,

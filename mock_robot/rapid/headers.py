@@ -1,6 +1,6 @@
 """Parses routine headers of modules and of system.rapid to parameters; the controller's own types and routines."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cache
 
 from mock_robot.rapid.calls import call
@@ -39,25 +39,39 @@ def _parameter(context: CompileContext, node: Node, optional: bool = False, alte
     return Parameter(name(node, 2), kind, mode, optional, alternative)
 
 
-def declare_types(context: CompileContext, module: Node, everywhere: Scope) -> None:
-    """Declare the records and aliases of a module `everywhere`, LOCAL ones in the module's scope."""
-    for node in parts(module):
-        if node.data not in ("record", "alias"):
-            continue
-        local = node.children[0] is not None and name(node, 0) == "local"
-        types = (context.scope if local else everywhere).types
-        if node.data == "record":
-            components = tuple((name(c, 1), context.require_type(name(c, 0), line_of(c))) for c in parts(node))
-            types[name(node, 1)] = Record(name(node, 1), components)
-        else:
-            types[name(node, 2)] = context.require_type(name(node, 1), line_of(node))
+def declare_types(modules: Sequence[tuple[CompileContext, Node]], everywhere: Scope) -> None:
+    """Declare the records and aliases of modules `everywhere`, LOCAL ones in the module's scope, in any order."""
+    waiting = [
+        (context, node) for context, module in modules for node in parts(module) if node.data in ("record", "alias")
+    ]
+    while waiting:
+        left, first = [], None
+        for context, node in waiting:
+            try:
+                _declare_type(context, node, everywhere)
+            except RapidProgramError as error:
+                first = first or error
+                left.append((context, node))
+        if first is not None and len(left) == len(waiting):
+            raise first
+        waiting = left
+
+
+def _declare_type(context: CompileContext, node: Node, everywhere: Scope) -> None:
+    local = node.children[0] is not None and name(node, 0) == "local"
+    types = (context.scope if local else everywhere).types
+    if node.data == "record":
+        components = tuple((name(c, 1), context.require_type(name(c, 0), line_of(c))) for c in parts(node))
+        types[name(node, 1)] = Record(name(node, 1), components)
+    else:
+        types[name(node, 2)] = context.require_type(name(node, 1), line_of(node))
 
 
 @cache
 def system_types() -> Mapping[str, Type]:
     """Types a controller provides."""
     scope = Scope(types={atom.name: atom for atom in (*ATOMS, *DEVICES)})
-    declare_types(_bare(scope), parse_system(), scope)
+    declare_types([(_bare(scope), parse_system())], scope)
     return scope.types
 
 

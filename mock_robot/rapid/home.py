@@ -5,7 +5,7 @@ with nothing but modules, which are those of the motion task.
 """
 
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
@@ -115,29 +115,48 @@ def module_text(path: Path) -> str:
 def load_problems(folder: Path) -> tuple[int, list[LoadProblem]]:
     """Number of modules below a folder, and those that do not load by themselves.
 
-    What another module of the same folder declares counts as known: all of them are declared together first where that
-    is possible.
+    What another module of the same task of a backup, or else of the same folder, declares counts as known: all of them
+    are declared together first where that is possible.
     """
-    problems, count, signals = [], 0, HomeFragments(folder, 6).signals()
+    problems, count, home = [], 0, HomeFragments(folder, 6)
+    signals, tasks = home.signals(), [each["Name"] for each in home.read("SYS").get("CAB_TASKS", []) if "Name" in each]
     for path in _files(folder, MODULES):
         count += 1
         try:
-            load_module(path, [other for other in _files(path.parent, MODULES) if other != path], signals)
+            beside = [other for other in _files(_task_folder(path), MODULES) if other != path]
+            load_module(path, beside, signals, tasks)
         except (RapidSyntaxError, RapidProgramError) as error:
             problems.append(LoadProblem(str(path.relative_to(folder)), str(error)))
     return count, problems
 
 
-def load_module(path: Path, beside: Iterable[Path] = (), signals: Mapping[str, Signal] = MappingProxyType({})) -> None:
+def _task_folder(path: Path) -> Path:
+    """The folder TASKn of a backup that the module lies in, or its own."""
+    return next((each for each in path.parents if _BACKUP_TASK.fullmatch(each.name)), path.parent)
+
+
+def load_module(
+    path: Path,
+    beside: Iterable[Path] = (),
+    signals: Mapping[str, Signal] = MappingProxyType({}),
+    tasks: Sequence[str] = (),
+) -> None:
     """Parse and compile one module with those beside it. Raises RapidSyntaxError, RapidProgramError."""
     own = Source(path.name, module_text(path))
+    if _is_encoded(own.text):
+        raise RapidProgramError(path.name, 1, "the module is encoded: only a controller reads it")
     try:
-        _compile_all([own], signals)
+        _compile_all([own], signals, tasks)
     except RapidProgramError:
         others = [source for other in beside if (source := _parsed(other)) is not None]
         if not others:
             raise
-        _compile_all([own, *others], signals, only=own)
+        _compile_all([own, *others], signals, tasks, only=own)
+
+
+def _is_encoded(text: str) -> bool:
+    """Whether more than one character in fifty is none of a text."""
+    return sum(character < " " and character not in "\t\r\n\f\v" for character in text) > 0.02 * len(text)
 
 
 def _parsed(path: Path) -> Source | None:
@@ -150,9 +169,11 @@ def _parsed(path: Path) -> Source | None:
     return source
 
 
-def _compile_all(sources: list[Source], signals: Mapping[str, Signal], only: Source | None = None) -> None:
+def _compile_all(
+    sources: list[Source], signals: Mapping[str, Signal], tasks: Sequence[str], only: Source | None = None
+) -> None:
     task = ProgramTask(FACTORY_TASK, _Nobody(), True)
-    Program(task, PersistentMemory(), signals).load(sources, only=only)
+    Program(task, PersistentMemory(), signals, tasks).load(sources, only=only)
 
 
 class _Nobody:

@@ -25,15 +25,40 @@ class Message:
         self.kind, self.value, self.sender = kind, value, sender
 
 
+class Meetings:
+    """Tasks that wait for each other, by the names of those that take part."""
+
+    def __init__(self) -> None:
+        self._turn = threading.Lock()
+        self._here: dict[frozenset[str], set[str]] = {}
+        self._held: dict[frozenset[str], int] = {}
+
+    def enter(self, names: frozenset[str], name: str) -> Callable[[], bool]:
+        """One of them waits from now on; returns what says whether all have come."""
+        with self._turn:
+            here, number = self._here.setdefault(names, set()), self._held.get(names, 0)
+            here.add(name)
+            if here == names:
+                self._here.pop(names)
+                self._held[names] = number + 1
+        return lambda: self._held.get(names, 0) > number
+
+    def leave(self, names: frozenset[str], name: str) -> None:
+        """One of them waits no longer."""
+        with self._turn:
+            self._here.get(names, set()).discard(name)
+
+
 @dataclass
 class MessageQueues:
     """Queues of a controller's tasks. `wanted`: by task and type name what to call when a message comes.
 
-    `flags`: held while TestAndSet looks and writes.
+    `flags`: held while TestAndSet looks and writes. `meetings`: of WaitSyncTask.
     """
 
     tasks: set[str] = field(default_factory=set)
     flags: Any = field(default_factory=threading.Lock)
+    meetings: Meetings = field(default_factory=Meetings)
     wanted: dict[tuple[str, str], Callable[[], None]] = field(default_factory=dict)
     _queues: dict[str, deque[Message]] = field(default_factory=dict)
     _turn: Any = field(default_factory=threading.RLock)

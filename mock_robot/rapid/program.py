@@ -1,6 +1,6 @@
 """The program of one task: declares, checks and compiles its modules; and the PERS that outlive it."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext, suppress
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -70,11 +70,12 @@ class PersistentMemory:
 
 @dataclass
 class Program:
-    """All modules of a task."""
+    """All modules of a task. `tasks`: names of the controller's tasks, each of which has a taskid."""
 
     task: ProgramTask
     memory: PersistentMemory
     signals: Mapping[str, Signal]
+    tasks: Collection[str] = ()
     scope: Scope = field(init=False)
     errors: ErrorNumbers = field(init=False)
     _scopes: dict[str, Scope] = field(default_factory=dict, init=False)
@@ -98,14 +99,18 @@ class Program:
         for signal, device in self.signals.items():
             kind = SIGNAL_TYPES[device.kind]
             self.scope.symbols[signal.casefold()] = Data(signal.casefold(), kind, "var", Slot(device))
-        for each in {FACTORY_TASK, self.task.name}:
+        for each in {FACTORY_TASK, self.task.name, *self.tasks}:
             self.scope.symbols[f"{each}id".casefold()] = Data(f"{each}id", TASKID, "var", Slot(each))
         self.scope = Scope(self.scope)
-        self.task.procedures = self._procedure
+        self.task.procedures, self.task.data = self._procedure, self._data
 
     def _procedure(self, name: str) -> Routine | None:
         found = self.scope.find(name)
         return found if isinstance(found, Routine) and found.kind == "proc" else None
+
+    def _data(self, name: str) -> Data | None:
+        found = self.scope.find(name)
+        return found if isinstance(found, Data) else None
 
     def load(self, sources: Sequence[Source], only: Source | None = None) -> None:
         """Declare every module, then compile every routine, or those of `only`.
@@ -114,16 +119,12 @@ class Program:
         """
         loaded = [(source, parse_module(source.text, source.name)) for source in sources]
         pending: list[tuple[CompileContext, Routine, Node]] = []
-        for source, module in loaded:  # a type may be of a type that a later module declares
-            with suppress(RapidProgramError):
-                declare_types(self._context(source.name), module, self.scope)
-        for source, module in loaded:
-            declare_types(self._context(source.name), module, self.scope)
+        declare_types([(self._context(source.name), module) for source, module in loaded], self.scope)
         for source, module in loaded:
             context = self._context(source.name)
             for node in parts(module):
                 local = node.data == "local"
-                inner = part(node, 0) if local else node
+                inner = part(node, 1) if local else node
                 if inner.data in ("proc", "func", "trap"):
                     with _clash_allowed(only, source):
                         pending.append((context, self._declare_routine(context, inner, local), inner))

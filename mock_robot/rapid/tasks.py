@@ -12,7 +12,7 @@ from time import monotonic
 from typing import Any, Protocol
 
 from mock_robot.rapid.errors import CycleLeft, ProgramStopped, RaisedFurther, RapidError
-from mock_robot.rapid.scope import Routine
+from mock_robot.rapid.scope import Data, Routine
 
 EXECUTION_ERROR = 10020
 """ABB's event number: execution error state."""
@@ -45,7 +45,7 @@ class ProgramTask:
 
     As on a controller, an interrupt that comes while the task is stopped is lost. `now_s` is wire time; `handled` is
     the error whose handler runs; `settings` holds C_MOTSET; `event` is what called the current trap;
-    `procedures` finds a procedure by its name;
+    `procedures` finds a procedure by its name, `data` a data object;
     `booked` counts BookErrNo; `recovery_points` say for a number whether a routine under way lists it, outermost first.
     """
 
@@ -59,6 +59,7 @@ class ProgramTask:
     running: bool = field(default=False, init=False)
     main: Callable[[], Any] | None = field(default=None, init=False)
     procedures: Callable[[str], Routine | None] = field(default=lambda name: None, init=False)
+    data: Callable[[str], Data | None] = field(default=lambda name: None, init=False)
     settings: Any = field(default=None, init=False)
     recovery_points: list[Callable[[float], bool]] = field(default_factory=list, init=False)
     event: ErrorEvent | None = field(default=None, init=False)

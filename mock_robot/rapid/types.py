@@ -104,6 +104,7 @@ TRAPDATA = Atom("trapdata", Nothing, device=True)
 MECUNIT = Atom("mecunit", Nothing, device=True)
 EGMIDENT = Atom("egmident", Nothing, device=True)
 TASKID = Atom("taskid", Nothing, device=True)
+DATAPOS = Atom("datapos", Nothing, device=True)
 SYNCIDENT = Atom("syncident", Nothing, device=True)
 ANYTYPE = Atom("anytype", Nothing)
 CONDITION = Atom("condition", Nothing)
@@ -111,5 +112,5 @@ SWITCH = Atom("switch", Nothing)
 
 ATOMS = (
     *(NUM, DNUM, BYTE, BOOL, STRING, RAWBYTES, CLOCK, *SIGNALS),
-    *(TRAPDATA, MECUNIT, EGMIDENT, TASKID, SYNCIDENT, ANYTYPE, CONDITION, SWITCH),
+    *(TRAPDATA, MECUNIT, EGMIDENT, TASKID, SYNCIDENT, DATAPOS, ANYTYPE, CONDITION, SWITCH),
 )

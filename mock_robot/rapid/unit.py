@@ -40,7 +40,8 @@ class MotionUnit:
     (or leaving the program) ends it. `egm`: sessions of the EGM identities that are
     taken. `active`: name and value of the tool, work object and load in use, by type. `forbidden`: world zones that
     the tool must not enter, each a test of a point (3,) in the world. `concurrent`: the program does
-    not wait for the move.
+    not wait for the move. `displacement` (4, 4) of targets in their work object; `external_offsets` (6,) of
+    external axes.
     """
 
     cabinet: Cabinet
@@ -56,6 +57,9 @@ class MotionUnit:
     stopped_by: set[str] = field(default_factory=set, init=False)
     concurrent: bool = field(default=False, init=False)
     held: bool = field(default=True, init=False)
+    displacement: Array | None = field(default=None, init=False)
+    external_offsets: list[float] = field(default_factory=lambda: [0.0] * 6, init=False)
+    _stored: list[tuple[MoveOrder | None, Array | None]] = field(default_factory=list, init=False)
     _order: MoveOrder | None = field(default=None, init=False)
     _left_at: Array | None = field(default=None, init=False)
     _turn: Any = field(default_factory=threading.RLock, init=False)
@@ -133,6 +137,20 @@ class MotionUnit:
             self._brake()
             self._order, self.concurrent = None, False
 
+    def store_path(self) -> None:
+        """Set the interrupted move aside, for others in between."""
+        with self._turn:
+            self._stored.append((self._order, self._left_at))
+            self._order = self._left_at = None
+
+    def restore_path(self) -> bool:
+        """Take the move set aside last up again; whether there is one."""
+        with self._turn:
+            if self._stored:
+                self._order, self._left_at = self._stored.pop()
+                return True
+            return False
+
     # --- called by the cabinet ---
 
     def hold(self) -> None:
@@ -149,7 +167,9 @@ class MotionUnit:
         """Reset at a restart of the controller: no move, no stops."""
         with self._turn:
             self.clear()
+            self._stored.clear()
             self.stopped_by.clear()
+            self.displacement, self.external_offsets = None, [0.0] * 6
 
     # --- state of the arm ---
 

@@ -150,8 +150,8 @@ def erase(task: ProgramTask) -> None:
     """The pendant is not simulated."""
 
 
-def stop_program(task: ProgramTask) -> None:
-    """A start goes on behind it."""
+def stop_program(task: ProgramTask, no_regain: bool | None = None, all_tasks: bool | None = None) -> None:
+    """A start goes on behind it. Every task that moves stops, since there is one."""
     task.stop_by_itself(ProgramStopped(EXECUTION_ERROR, task.name, "Stop or Break"))
 
 

@@ -41,7 +41,9 @@ def wait_until(
     max_time: float | None,
     time_flag: Slot | None,
     poll_rate: float | None,
+    *shown: Any,
 ) -> None:
+    """What the pendant shows meanwhile (\\Visualize) is left out."""
     poll_s = POLL_S if poll_rate is None else poll_rate
     if poll_s < single(MIN_POLL_S):
         raise RapidError("ERR_ARGVALERR", f"\\PollRate is {MIN_POLL_S} s at least")

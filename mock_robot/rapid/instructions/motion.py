@@ -15,6 +15,7 @@ from calibration.transforms import Array, inverse
 from mock_robot.rapid.errors import ProgramStopped, RapidError
 from mock_robot.rapid.instructions.conditions import POLL_S, wait_for
 from mock_robot.rapid.instructions.settings import note_move
+from mock_robot.rapid.instructions.signals import set_do
 from mock_robot.rapid.postures import flange_of, joints_rad
 from mock_robot.rapid.scope import Slot
 from mock_robot.rapid.tasks import EXECUTION_ERROR, ProgramTask
@@ -36,15 +37,15 @@ class Pace(NamedTuple):
     concurrent: bool = False
 
 
-def _flange(target: list[Any], tool: Slot, wobj: Slot | None) -> Array:
+def _flange(task: ProgramTask, target: list[Any], tool: Slot, wobj: Slot | None) -> Array:
     """world_T_flange (4, 4)."""
-    return flange_of(target, tool.value, None if wobj is None else wobj.value)
+    return flange_of(target, tool.value, None if wobj is None else wobj.value, task.services.unit.displacement)
 
 
 def _reach(task: ProgramTask, target: list[Any], tool: Slot, wobj: Slot | None) -> Any:
     unit = own_unit(task)
     try:
-        joints = unit.joints_for(_flange(target, tool, wobj), target[2], target[3])
+        joints = unit.joints_for(_flange(task, target, tool, wobj), target[2], target[3])
     except UnreachablePoseError as error:
         code = OTHER_CONFIGURATION if isinstance(error, OtherConfiguration) else OUTSIDE_REACH
         raise ProgramStopped(code, task.name, error.what) from error
@@ -56,7 +57,8 @@ def _reach(task: ProgramTask, target: list[Any], tool: Slot, wobj: Slot | None) 
 def _take_along(unit: Any, wanted: list[float]) -> None:
     """External axes; those that the controller does not have, or the target leaves out (9E9), stay."""
     unit.external = [
-        have if have >= 8.9e9 or want >= 8.9e9 else want for have, want in zip(unit.external, wanted, strict=True)
+        have if have >= 8.9e9 or want >= 8.9e9 else want + offset
+        for have, want, offset in zip(unit.external, wanted, unit.external_offsets, strict=True)
     ]
 
 
@@ -97,7 +99,7 @@ def move_c(
 def _via_mm(task: ProgramTask, via: list[Any], tool: Slot, wobj: Slot | None) -> Array:
     unit = task.services.unit
     world_T_base = unit.cabinet.mounting.reported_world_T_base(tuple(unit.external))
-    point: Array = (inverse(world_T_base) @ _flange(via, tool, wobj))[:3, 3]
+    point: Array = (inverse(world_T_base) @ _flange(task, via, tool, wobj))[:3, 3]
     return point
 
 
@@ -119,6 +121,32 @@ def move_abs_j(
     note_move(task, tool, wobj)
     _take_along(unit, target[1])
     _travel(task, joints, pace._replace(concurrent=bool(concurrent)), linear=False)
+
+
+def _move_and_set(*, linear: bool) -> Callable[..., None]:
+    """MoveJDO and MoveLDO: the output is set where the move ends."""
+
+    def move(
+        task: ProgramTask, target: list[Any], _number: float | None, speed: list[float], t: float | None,
+        _zone: list[Any], tool: Slot, wobj: Slot | None, output: Slot, value: float,
+    ) -> None:  # fmt: skip
+        _travel(task, _reach(task, target, tool, wobj), Pace(speed, None, t), linear=linear)
+        set_do(task, None, None, output, value)
+
+    return move
+
+
+def _move_and_call(*, linear: bool) -> Callable[..., None]:
+    """MoveJSync and MoveLSync: the procedure is called where the move ends."""
+
+    def move(
+        task: ProgramTask, target: list[Any], _number: float | None, speed: list[float], t: float | None,
+        _zone: list[Any], tool: Slot, wobj: Slot | None, procedure: str,
+    ) -> None:  # fmt: skip
+        _travel(task, _reach(task, target, tool, wobj), Pace(speed, None, t), linear=linear)
+        task.call(procedure)
+
+    return move
 
 
 def _trigg(*, linear: bool) -> Callable[..., None]:
@@ -266,6 +294,18 @@ def clear_path(task: ProgramTask) -> None:
     unit.clear()
 
 
+def store_path(task: ProgramTask) -> None:
+    """Set the interrupted move aside; the arm must stand."""
+    own_unit(task)
+    wait_for(task, lambda: not task.services.unit.is_moving())
+    task.services.unit.store_path()
+
+
+def restore_path(task: ProgramTask) -> None:
+    if not own_unit(task).restore_path():
+        raise ProgramStopped(EXECUTION_ERROR, task.name, "RestoPath without StorePath")
+
+
 def is_stop_move_active(task: ProgramTask, from_move_task: bool | None, from_other: bool | None) -> bool:
     unit = task.services.unit
     own = unit.task_name in unit.stopped_by
@@ -278,6 +318,10 @@ DOES = MappingProxyType(
         "MoveL": _move(linear=True),
         "MoveC": move_c,
         "MoveAbsJ": move_abs_j,
+        "MoveJDO": _move_and_set(linear=False),
+        "MoveLDO": _move_and_set(linear=True),
+        "MoveJSync": _move_and_call(linear=False),
+        "MoveLSync": _move_and_call(linear=True),
         "TriggJ": _trigg(linear=False),
         "TriggL": _trigg(linear=True),
         "TriggC": trigg_c,
@@ -285,6 +329,8 @@ DOES = MappingProxyType(
         "StopMove": stop_move,
         "StartMove": start_move,
         "ClearPath": clear_path,
+        "StorePath": store_path,
+        "RestoPath": restore_path,
         "IsStopMoveAct": is_stop_move_active,
     }
 )

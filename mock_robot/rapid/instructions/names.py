@@ -3,11 +3,10 @@
 from types import MappingProxyType
 from typing import Any
 
-from mock_robot.rapid.errors import ProgramStopped, RapidError
-from mock_robot.rapid.instructions.conditions import wait_for
+from mock_robot.rapid.errors import RapidError
 from mock_robot.rapid.instructions.poses import c_rob_t
 from mock_robot.rapid.scope import Slot
-from mock_robot.rapid.tasks import EXECUTION_ERROR, ProgramTask
+from mock_robot.rapid.tasks import ProgramTask
 from mock_robot.rapid.types import Type
 from mock_robot.rapid.values import integer, short, single
 
@@ -92,29 +91,34 @@ def _truth(text: str) -> bool:
     return text.upper() in ("", "TRUE")
 
 
+def get_data(task: ProgramTask, name: str, data: tuple[Type, Slot]) -> None:
+    """The value of the data object of that name."""
+    kind, slot = data
+    slot.value = kind.copy(_data(task, name, kind).value)
+
+
+def set_data(task: ProgramTask, name: str, data: tuple[Type, Any]) -> None:
+    kind, value = data
+    _data(task, name, kind).value = kind.copy(value)
+
+
+def _data(task: ProgramTask, name: str, kind: Type) -> Slot:
+    found = task.data(name.casefold())
+    if found is None or found.slot is None:
+        raise RapidError("ERR_SYM_ACCESS", f"no data is named {name}")
+    if found.type != kind:
+        raise RapidError("ERR_INVDIM", f"{name} is {found.type.name}, not {kind.name}")
+    return found.slot
+
+
 def call_by_number(task: ProgramTask, name: str, number: float) -> None:
     """CallByVar: the procedure of that name and number."""
     task.call(f"{name}{integer(number)}")
 
 
-def synchronize(task: ProgramTask, *arguments: Any) -> None:
-    raise ProgramStopped(EXECUTION_ERROR, task.name, "coordinated motion needs MultiMove, which the mock has not")
-
-
 def connect_sensor(task: ProgramTask, sensor: Slot, *arguments: Any) -> None:
     """No sensor answers: the mock has none at the Sensor Interface."""
     raise RapidError("ERR_COMM_INIT_FAILED", "no sensor of the Sensor Interface answers")
-
-
-def test_and_set(task: ProgramTask, flag: Slot) -> bool:
-    """Take a flag that is FALSE, in one step."""
-    with task.services.queues.flags:
-        taken, flag.value = flag.value, True
-    return not taken
-
-
-def wait_test_and_set(task: ProgramTask, flag: Slot) -> None:
-    wait_for(task, lambda: test_and_set(task, flag))
 
 
 def keep(task: ProgramTask, *settings: Any) -> None:
@@ -137,11 +141,8 @@ DOES = MappingProxyType(
         "CWObj": current_wobj,
         "ReadCfgData": read_configuration,
         "CallByVar": call_by_number,
-        "IsSyncMoveOn": lambda task: False,
-        "SyncMoveOn": synchronize,
-        "SyncMoveOff": synchronize,
-        "TestAndSet": test_and_set,
-        "WaitTestAndSet": wait_test_and_set,
+        "GetDataVal": get_data,
+        "SetDataVal": set_data,
         "MaxRobSpeed": lambda task: MAX_SPEED_MM_S,
         "MaxRobReorientSpeed": lambda task: MAX_TURN_DEG_S,
         "GetModalPayloadMode": lambda task: 1.0,
@@ -149,6 +150,8 @@ DOES = MappingProxyType(
         "PathAccLim": keep,
         "WorldAccLim": keep,
         "CirPathMode": keep,
+        "SpeedLimAxis": keep,
+        "SpeedLimCheckPoint": keep,
         "SpeedRefresh": refresh_speed,
         "SiConnect": connect_sensor,
         "SiSetCyclic": connect_sensor,

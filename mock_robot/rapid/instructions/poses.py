@@ -34,7 +34,8 @@ def c_rob_t(
     unit = _unit(task, reference, task_name)
     joints = unit.joints_now()
     world_T_flange = unit.world_T_flange(joints, unit.external_axes())
-    pose = target_at(world_T_flange, TOOL0 if tool is None else tool.value, _value(wobj))
+    displaced = unit.displacement if task.motion else None
+    pose = target_at(world_T_flange, TOOL0 if tool is None else tool.value, _value(wobj), displaced)
     return [*pose, [float(part) for part in unit.arm.configuration(joints)], unit.external_axes()]
 
 
@@ -51,7 +52,8 @@ def calc_joint_t(
     try:
         if error_number is not None:
             error_number.value = 0.0
-        joints = unit.joints_for(flange_of(target, tool.value, _value(wobj)), target[2], target[3])
+        flange = flange_of(target, tool.value, _value(wobj), unit.displacement if task.motion else None)
+        joints = unit.joints_for(flange, target[2], target[3])
         return [robax(joints), list(target[3])]
     except UnreachablePoseError as error:
         name = "ERR_OUTSIDE_REACH" if isinstance(error, OutOfReach) else "ERR_ROBLIMIT"

@@ -82,6 +82,41 @@ def make_dir(task: ProgramTask, path: str) -> None:
     task.services.disk.folders.add(_path(task, path))
 
 
+def copy_file(task: ProgramTask, old: str, new: str) -> None:
+    if _path(task, new) in task.services.disk.files:
+        raise RapidError("ERR_FILEEXIST", f"{new} is there already")
+    task.services.disk.files[_path(task, new)] = _existing(task, old)
+
+
+def rename_file(task: ProgramTask, old: str, new: str) -> None:
+    copy_file(task, old, new)
+    remove_file(task, old)
+
+
+def open_dir(task: ProgramTask, folder: Slot, path: str) -> None:
+    known, disk = _path(task, path), task.services.disk
+    if not disk.has_folder(known):
+        raise RapidError("ERR_FILEACC", f"there is no folder {path}")
+    below = (
+        each[len(known) + 1 :].split("/")[0] for each in (*disk.files, *disk.folders) if each.startswith(known + "/")
+    )
+    folder.value.names = [".", "..", *sorted(set(below))]
+
+
+def read_dir(task: ProgramTask, folder: Slot, name: Slot) -> bool:
+    """The next name; FALSE behind the last one."""
+    if folder.value.names is None:
+        raise RapidError("ERR_FILEACC", "OpenDir comes first")
+    if not folder.value.names:
+        return False
+    name.value = short(folder.value.names.pop(0))
+    return True
+
+
+def close_dir(task: ProgramTask, folder: Slot) -> None:
+    folder.value.names = None
+
+
 def _existing(task: ProgramTask, path: str) -> bytes:
     content = task.services.disk.files.get(_path(task, path))
     if content is None:
@@ -198,5 +233,10 @@ DOES = MappingProxyType(
         "FileSize": file_size,
         "RemoveFile": remove_file,
         "MakeDir": make_dir,
+        "CopyFile": copy_file,
+        "RenameFile": rename_file,
+        "OpenDir": open_dir,
+        "ReadDir": read_dir,
+        "CloseDir": close_dir,
     }
 )

@@ -88,7 +88,10 @@ def set_group(task: ProgramTask, delay: float | None, signal: Slot, value: float
     set_do(task, delay, None, signal, value)
 
 
-def wait_signal(task: ProgramTask, signal: Any, value: float, most_s: float | None, flag: Slot | None) -> None:
+def wait_signal(
+    task: ProgramTask, signal: Any, value: float, most_s: float | None, flag: Slot | None, *shown: Any
+) -> None:
+    """What the pendant shows meanwhile (\\Visualize) is left out."""
     wait_for(task, lambda: number_of(signal) == value, most_s, flag)
 
 
@@ -100,14 +103,36 @@ def wait_analogue(
     value: float,
     most_s: float | None,
     flag: Slot | None,
+    at_timeout: Slot | None,
+    *shown: Any,
 ) -> None:
     """Until it is below (\\LT), above (\\GT) or at the value."""
+    wait_group(task, signal, None, below, above, value, most_s, flag, at_timeout)
+
+
+def wait_group(
+    task: ProgramTask,
+    signal: Any,
+    other: bool | None,
+    below: bool | None,
+    above: bool | None,
+    value: float,
+    most_s: float | None,
+    flag: Slot | None,
+    at_timeout: Slot | None,
+    *shown: Any,
+) -> None:
+    """Until it differs from the value (\\NOTEQ), is below (\\LT), above (\\GT) or at it."""
 
     def holds() -> bool:
         now = number_of(signal)
-        return now < value if below else now > value if above else now == value
+        return now != value if other else now < value if below else now > value if above else now == value
 
-    wait_for(task, holds, most_s, flag)
+    try:
+        wait_for(task, holds, most_s, flag)
+    finally:
+        if at_timeout is not None and not holds():
+            at_timeout.value = number_of(signal)
 
 
 def on_digital(task: ProgramTask, once: bool | None, signal: Any, value: float, interrupt: Slot) -> None:
@@ -134,6 +159,8 @@ DOES = MappingProxyType(
         "AOutput": read,
         "GInput": read,
         "GOutput": read,
+        "GInputDnum": read,
+        "GOutputDnum": read,
         "TestDI": lambda task, signal: number_of(signal) == 1.0,
         "SetDO": set_do,
         "Set": set_output,
@@ -144,8 +171,8 @@ DOES = MappingProxyType(
         "SetGO": set_group,
         "WaitDI": wait_signal,
         "WaitDO": wait_signal,
-        "WaitGI": wait_signal,
-        "WaitGO": wait_signal,
+        "WaitGI": wait_group,
+        "WaitGO": wait_group,
         "WaitAI": wait_analogue,
         "WaitAO": wait_analogue,
         "ISignalDI": on_digital,

@@ -65,6 +65,20 @@ def listen(task: ProgramTask, slot: Slot) -> None:
     task.services.devices.note_listening()
 
 
+def connect(task: ProgramTask, slot: Slot, address: str, port: float, time: float | None) -> None:
+    """Connect to that port of the loopback address, whatever the address is: the mock sends nothing into a plant."""
+    device: SocketDevice = slot.value
+    device.require(device.state != "connected", "ERR_SOCK_IS_CONN", "the socket is connected")
+    ends_s = task.now_s() + (DEFAULT_WAIT_S if time is None else time)
+    end = device.require_open()
+    while end.connect_ex(("127.0.0.1", integer(port))) != 0:
+        if task.now_s() >= ends_s:
+            raise RapidError("ERR_SOCK_TIMEOUT", f"nobody listens at port {port:g}, asked for as {address}")
+        task.wait(0.1)
+    device.connect(end)
+    task.services.devices.add(device)
+
+
 def accept(task: ProgramTask, slot: Slot, client: Slot, address: Slot | None, time: float | None) -> None:
     device: SocketDevice = slot.value
     device.require(client.value.end is None, "ERR_SOCK_IS_CONN", "the client socket is in use: close it first")
@@ -156,6 +170,7 @@ DOES = MappingProxyType(
         "SocketCreate": create,
         "SocketBind": bind,
         "SocketListen": listen,
+        "SocketConnect": connect,
         "SocketAccept": accept,
         "SocketReceive": receive,
         "SocketSend": send,

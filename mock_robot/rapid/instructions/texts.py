@@ -63,6 +63,10 @@ def bit_check(task: ProgramTask, value: int, place: float) -> bool:
     return bool(value >> _bit(place) & 1)
 
 
+def bit_check_dnum(task: ProgramTask, value: float, place: float) -> bool:
+    return bool(integer(value) >> integer(place) - 1 & 1)
+
+
 def bit_set(task: ProgramTask, data: Slot, place: float) -> None:
     data.value = int(data.value) | 1 << _bit(place)
 
@@ -114,6 +118,7 @@ DOES = MappingProxyType(
         "DecToHex": dec_to_hex,
         "HexToDec": hex_to_dec,
         "BitCheck": bit_check,
+        "BitCheckDnum": bit_check_dnum,
         "BitSet": bit_set,
         "BitClear": bit_clear,
         "BitAnd": lambda task, first, second: first & second,
