@@ -16,6 +16,7 @@ from daemon.cell.device_watch import DeviceWatch
 from daemon.cell.devices import open_devices, open_exposure_control
 from daemon.cell.motion_rules import MotionRules
 from daemon.cell.readings import CellReadings
+from daemon.cell.recent_reading import RecentReading
 from daemon.config.settings import MAIN_CAMERA, Settings
 from daemon.drift.cell_cameras import CellCamera, CellCameras
 from daemon.drift.monitor import DriftMonitor
@@ -100,6 +101,7 @@ def build(
             pictures,
             Looks(pictures.frame.read, view.target.target(), service_workers, clock),
             DriftMonitor(view, store, events, service_workers, clock, name),
+            RecentReading(seen_by.obstacles, clock.monotonic_s),
         )
 
     cameras = CellCameras(tuple(map(camera_of, settings.camera_names)))

@@ -4,19 +4,20 @@ from calibration.documents.calibration import SentenceDocument
 from calibration.sentences.sentence import Sentence
 from daemon.api.schemas.health import Readiness, ReadyDocument
 from daemon.application import Application
+from daemon.drift.cell_cameras import CellCamera
 from daemon.errors import NoCalibration
 
 
-async def readiness(app: Application) -> ReadyDocument:
-    """Check the calibration in force, and the devices unless a run uses them."""
+async def readiness(app: Application, camera: CellCamera) -> ReadyDocument:
+    """Check the calibration in force of the camera, and robot and camera unless a run uses them."""
     run = app.supervisor.in_progress
     calibrate: list[str] = (
-        [Sentence("run-going-on", kind=str(run.kind), run=run.id)] if run else [*await app.readings.obstacles.read()]
+        [Sentence("run-going-on", kind=str(run.kind), run=run.id)] if run else [*await camera.obstacles.read()]
     )
     calibrate += (*app.supervisor.obstacles(), *app.store.obstacles())
     register: list[str] = []
     try:
-        await app.store.current()
+        await app.store.current(camera.name)
     except NoCalibration as error:
         register.append(error.what)
     warnings = [*_disk_warnings(app), *(warning for source in app.warning_sources for warning in source.warnings())]

@@ -29,7 +29,6 @@ class CellReadings:
         self.robot = RecentReading(self._read_robot, clock.monotonic_s)
         self.setup = RecentReading(self._read_setup, clock.monotonic_s)
         self._settled_pose = SharedReading(cell.read_settled_pose)
-        self.obstacles = RecentReading(cell.obstacles, clock.monotonic_s)
 
     async def flange_pose(self) -> PoseReading:
         """Pose and joints at rest, read after the call; who ask at once share it. Raises NotStill, DeviceError."""

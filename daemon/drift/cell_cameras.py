@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+from daemon.cell.recent_reading import RecentReading
 from daemon.config.settings import Settings
 from daemon.drift.monitor import DriftMonitor
 from daemon.errors import NotFound
@@ -12,7 +13,10 @@ from daemon.sessions.pictures import LivePictures
 
 @dataclass(frozen=True, eq=False)
 class CellCamera:
-    """One camera: its runs, pictures and drift chart. `settings`: with this camera in [camera]."""
+    """One camera: its runs, pictures and drift chart. `settings`: with this camera in [camera].
+
+    `obstacles`: reasons why a run with robot and this camera could not start now.
+    """
 
     name: str
     settings: Settings
@@ -20,6 +24,7 @@ class CellCamera:
     pictures: LivePictures
     looks: Looks
     drift: DriftMonitor
+    obstacles: RecentReading[tuple[str, ...]]
 
 
 @dataclass(frozen=True, eq=False)

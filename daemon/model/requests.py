@@ -132,7 +132,8 @@ class TouchRequest(Document):
     `verification`: run whose points of the target the touches name by `id`. One touch may leave `base_T_flange` out: it
     is read from the standing arm. `adds_to`: id of a touch test to which these touches are added, with its tip.
     `tolerance_mm`: largest miss; by default that of the test before, or the settings'.
-    `placing_sigma_mm`: of bringing the tip to a point, without the robot's error.
+    `placing_sigma_mm`: of bringing the tip to a point, without the robot's error. `camera`: name of one of [cameras]
+    that saw the points, by default that of the verification, or of the test before, else [camera].
     """
 
     model_config = _examples(
@@ -152,6 +153,7 @@ class TouchRequest(Document):
     ]
     placing_sigma_mm: Sigma | None = None
     tolerance_mm: Tolerance | None = None
+    camera: DeviceName | None = None
 
 
 class ScanRequest(Document):

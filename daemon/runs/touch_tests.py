@@ -13,9 +13,9 @@ from calibration.documents.validation import Document
 from calibration.errors import DocumentError, DocumentProblem
 from calibration.monitoring.touch_report import SeenPoint, TouchTestDocument, touch_test, verified_points
 from daemon.cell.cell import Cell
-from daemon.config.settings import CalibrationSettings
+from daemon.config.settings import MAIN_CAMERA, CalibrationSettings, Settings
 from daemon.errors import ToleranceLoosened
-from daemon.model.records import RunRecord
+from daemon.model.records import CalibrationRecord, RunRecord
 from daemon.model.requests import TouchRequest
 from daemon.model.run_states import RunState
 from daemon.runtime.clock import Clock
@@ -39,13 +39,13 @@ class StoredTouchTest(Document):
 
 @dataclass(frozen=True)
 class TouchTests:
-    """Evaluates and stores touch tests. `settings`: of the tolerance, where no request states one."""
+    """Evaluates and stores touch tests. `settings`: of the cell, for the tolerance of each camera."""
 
     store: Store
     cell: Cell
     workers: Workers
     clock: Clock
-    settings: CalibrationSettings
+    settings: Settings
 
     async def evaluate(self, request: TouchRequest, new_id: str) -> DocumentRecord:
         """Evaluate touches, a missing pose read from the standing arm, and store the result.
@@ -64,12 +64,12 @@ class TouchTests:
             raise _refusal("tip", "another than that of the test to be added to", "leave it out, or begin a new test")
         if earlier is not None and request.verification not in (None, earlier.verification):
             raise _refusal("verification", "another than that of the test to be added to", "begin a new test")
-        tolerance_mm = self._tolerance_mm(request, earlier)
         verification = request.verification or (None if earlier is None else earlier.verification)
         run = None if verification is None else await self._verification(verification)
-        calibration = await self._calibration(run, earlier)
+        calibration = await self._calibration(request, run, earlier)
+        tolerance_mm = _tolerance_mm(request, earlier, self._settings_of(calibration.camera))
         touches = await self._with_poses(request, earlier)
-        given = CalibrationWithArm.of(calibration, await self.store.arm(calibration.id))
+        given = CalibrationWithArm.of(calibration.document, await self.store.arm(calibration.id))
         found = await self.workers.run(_evaluate, given, tip, touches, run, tolerance_mm)
         stored = StoredTouchTest(tip=tip, touches=touches, verification=verification, result=found)
         at, actor = self.clock.timestamp(), current_audit_context().actor
@@ -77,13 +77,10 @@ class TouchTests:
         await self.store.touch_tests.save(new)
         return new
 
-    def _tolerance_mm(self, request: TouchRequest, earlier: StoredTouchTest | None) -> float | None:
-        """That of the request, else of the test to be added to, else of the settings. Raises ToleranceLoosened."""
-        of_earlier = None if earlier is None else earlier.result.tolerance_mm
-        tolerance_mm = request.tolerance_mm or of_earlier or self.settings.tolerance_mm
-        if tolerance_mm is not None and self.settings.forbids(tolerance_mm):
-            raise ToleranceLoosened(tolerance_mm, self.settings.verdict_limits().tolerance_mm)
-        return tolerance_mm
+    def _settings_of(self, camera: str) -> CalibrationSettings:
+        """[calibration] of this camera; of the first one for a camera that the settings name no more."""
+        names = self.settings.camera_names
+        return self.settings.of_camera(camera if camera in names else MAIN_CAMERA).calibration
 
     async def _verification(self, run_id: str) -> RunRecord:
         run = await self.store.run(run_id)
@@ -93,13 +90,20 @@ class TouchTests:
             raise _refusal("verification", what, "verify anew, or give the points as camera_mm")
         return run
 
-    async def _calibration(self, run: RunRecord | None, earlier: StoredTouchTest | None) -> CalibrationDocument:
-        """That of the verification, else of the test to be added to, else the one in force."""
+    async def _calibration(
+        self, request: TouchRequest, run: RunRecord | None, earlier: StoredTouchTest | None
+    ) -> CalibrationRecord:
+        """That of the verification, else of the test to be added to, else the one in force of the camera."""
         if run is not None and run.result is not None:
-            return (await self.store.calibration(run.result["calibration_id"])).document
-        if earlier is not None:
-            return (await self.store.calibration(earlier.result.calibration_id)).document
-        return (await self.store.current())[1].document
+            record = await self.store.calibration(run.result["calibration_id"])
+        elif earlier is not None:
+            record = await self.store.calibration(earlier.result.calibration_id)
+        else:
+            _, record = await self.store.current(request.camera or MAIN_CAMERA)
+        if request.camera not in (None, record.camera):
+            what = f"{request.camera!r}, but calibration {record.id} is of {record.camera!r}"
+            raise _refusal("camera", what, "leave it out, or name a verification by that camera")
+        return record
 
     async def _with_poses(self, request: TouchRequest, earlier: StoredTouchTest | None) -> TouchesDocument:
         """All touches; one without a pose gets that of the arm, which must stand and be in nobody's use."""
@@ -119,6 +123,17 @@ class TouchTests:
         if len(listed) > MAX_TOUCHES:
             raise _refusal("touches", f"{len(listed)} touches in all", f"begin a new test after {MAX_TOUCHES}")
         return TouchesDocument(placing_sigma_mm=placing, touches=listed)
+
+
+def _tolerance_mm(
+    request: TouchRequest, earlier: StoredTouchTest | None, settings: CalibrationSettings
+) -> float | None:
+    """That of the request, else of the test to be added to, else of the settings. Raises ToleranceLoosened."""
+    of_earlier = None if earlier is None else earlier.result.tolerance_mm
+    tolerance_mm = request.tolerance_mm or of_earlier or settings.tolerance_mm
+    if tolerance_mm is not None and settings.forbids(tolerance_mm):
+        raise ToleranceLoosened(tolerance_mm, settings.verdict_limits().tolerance_mm)
+    return tolerance_mm
 
 
 def _refusal(place: str, what: str, fix: str) -> DocumentError:

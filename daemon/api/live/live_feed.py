@@ -157,7 +157,7 @@ class LiveFeed:
 
     async def _read_readiness(self) -> str:
         with suppress(DaemonError, DeviceError):
-            return json_of(await readiness(self._app))
+            return json_of(await readiness(self._app, self._app.cameras.main))
         return "null"
 
     def _robot_document(self) -> RobotDocument | None:

@@ -128,7 +128,7 @@ async def _status(app: Application, camera: CellCamera) -> CalibrateStatus:
         current, in_force = None, None
     else:
         current, in_force = CalibrationSummary.of_current(record), AppliedDocument.of(applied)
-    ready = (await readiness(app)).calibrate
+    ready = (await readiness(app, camera)).calibrate
     running = app.supervisor.in_progress
     calibrations = PageFilters.of({"kind": "calibration"})
     listed, _ = split_damaged(await app.supervisor.listings(2, None, calibrations))  # one may be in progress

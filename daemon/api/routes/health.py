@@ -4,12 +4,14 @@ from typing import get_args
 
 from fastapi import APIRouter, Request, Response
 
-from daemon.api.dependencies import App
+from daemon.api.dependencies import App, WithCamera
 from daemon.api.negotiation import or_text, respond
 from daemon.api.plain_text import ready_text
+from daemon.api.problems import problem_responses
 from daemon.api.readiness import readiness
 from daemon.api.schemas.health import HealthDocument, ReadyDocument
 from daemon.application import Application
+from daemon.config.settings import MAIN_CAMERA
 from daemon.errors import NoCalibration
 from daemon.model.records import RunKind
 from daemon.model.run_states import FINAL_STATES
@@ -28,11 +30,18 @@ async def health(app: App) -> HealthDocument:
 @router.get(
     "/ready",
     response_model=ReadyDocument,
-    responses={200: or_text("Ready"), 503: {"description": "Not ready", "model": ReadyDocument}},
+    responses={
+        200: or_text("Ready"),
+        503: {"description": "Not ready", "model": ReadyDocument},
+        **problem_responses(404),
+    },
 )
-async def ready(request: Request, app: App) -> Response:
-    """Whether it could calibrate or register now, and the reasons if not. 503 when it could do neither."""
-    document = await readiness(app)
+async def ready(request: Request, app: App, camera: WithCamera) -> Response:
+    """Whether it could calibrate the camera now, or register by its calibration, and the reasons if not.
+
+    503 when it could do neither.
+    """
+    document = await readiness(app, camera)
     return respond(request, document, lambda: ready_text(document), 200 if document.ready else 503)
 
 
@@ -63,13 +72,18 @@ async def _families(app: Application) -> list[Metric]:
         *app.metrics.families(),
         *merged(family for source in app.metric_sources for family in source.families()),
     ]  # fmt: skip
-    try:
-        _, current = await app.store.current()
-    except NoCalibration:
-        return families
-    uncertainty = current.document.uncertainty
-    if uncertainty is not None:
-        families.append(Metric("handeyed_calibration_point_sigma_meters", "gauge",
-                               "One sigma of a mapped point, of the calibration in force.",
-                               {(): uncertainty.point_mm / 1e3}))  # fmt: skip
-    return families
+    return [*families, *await _uncertainties(app)]
+
+
+async def _uncertainties(app: Application) -> list[Metric]:
+    """Of the calibration in force of each camera that has one."""
+    sigma_m: dict[Labels, float] = {}
+    for name in app.settings.camera_names:
+        try:
+            _, current = await app.store.current(name)
+        except NoCalibration:
+            continue
+        if (uncertainty := current.document.uncertainty) is not None:
+            sigma_m[() if name == MAIN_CAMERA else (("camera", name),)] = uncertainty.point_mm / 1e3
+    help_text = "One sigma of a mapped point, of the calibration in force."
+    return [Metric("handeyed_calibration_point_sigma_meters", "gauge", help_text, sigma_m)] if sigma_m else []

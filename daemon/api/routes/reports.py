@@ -21,6 +21,7 @@ from calibration.documents.reports.calibration_report import calibration_report
 from calibration.documents.reports.context import Drift, DriftedPoint, Picture, ReportContext
 from calibration.documents.reports.scan_report import DeviationMap, Scan, ScannedView, scan_report
 from calibration.documents.reports.verification_report import drift_report, verification_report
+from calibration.targets import Target
 from daemon.api.dependencies import App, Identifier, WithCamera
 from daemon.api.negotiation import media_ranges
 from daemon.api.plain_text import MIN_SHOWN_CHANCE, change_text
@@ -85,7 +86,7 @@ async def report_calibration(request: Request, app: App, calibration_id: Identif
     context = await _with_history(app, context, document.id)
     if record.run_id is not None:
         folder = app.store.session_folder(record.run_id, record.camera)
-        pictures, digest = await app.service_workers.run(_session, app, folder, document)
+        pictures, digest = await app.service_workers.run(_session, _target_of(app, record.camera), folder, document)
         context = replace(context, pictures=pictures, session_sha256=digest)
     errors = await app.store.arm(document.id)
     if errors is not None:
@@ -123,10 +124,15 @@ def _drift_of(chart: DriftChart) -> Drift:
     return Drift(chart.report.calibration_id, standing, points, chart.report.alarm, words)
 
 
-def _session(app: Application, folder: Path, document: CalibrationDocument) -> tuple[tuple[Picture, ...], str | None]:
+def _target_of(app: Application, camera: str) -> Target:
+    """What this camera looks at; [target] for a camera that the settings name no more."""
+    known = camera in app.settings.camera_names
+    return (app.settings.of_camera(camera) if known else app.settings).target.target()
+
+
+def _session(target: Target, folder: Path, document: CalibrationDocument) -> tuple[tuple[Picture, ...], str | None]:
     from daemon.tools.reports.pictures import view_pictures  # loads detection, which the daemon needs for runs only
 
-    target = app.settings.target.target()
     pictures = view_pictures(document.views, target, lambda name: find_grey(folder / name))
     return pictures, session_sha256(folder)
 

@@ -25,7 +25,8 @@ router = APIRouter(tags=["calibrate"])
 async def touch(app: App, body: Annotated[TouchRequest, Depends(JsonBody(TouchRequest))]) -> Response:
     """Judge where an operator has brought a known tip to points that the camera saw: the misses, their uncertainty, the
     tolerance. Stored; Location says where. Never moves anything; 409 while a run is in progress and a pose is read."""
-    tests = TouchTests(app.store, app.cell, app.service_workers, app.clock, app.settings.calibration)
+    app.camera(body.camera)  # refuses a name that is none
+    tests = TouchTests(app.store, app.cell, app.service_workers, app.clock, app.settings)
     stored = StoredTouch.of_record(await tests.evaluate(body, app.new_id()))
     headers = {"Location": f"/touches/{stored.id}"}
     return Response(stored.model_dump_json(), 201, headers, media_type="application/json")
