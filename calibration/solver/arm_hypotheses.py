@@ -22,12 +22,15 @@ from calibration.transforms import Array
 SCALES = (0.15, 0.4, 1.0, 2.0)
 """Of the parameters' standard deviations; each has the same prior probability."""
 
+NEXT_GROUP_PROBABILITY = 0.9
+"""Prior probability that an arm with the errors up to one group has those of the next; all have gears and weight."""
+
 
 @dataclass(frozen=True)
 class Hypothesis:
     """The groups `up_to` one, whose deviations are times `scale`; without errors of the arm None and 0.
 
-    `as_described`: target and camera, not as the estimate without errors of the arm has them. `log_prior`: of that.
+    `as_described`: target and camera, not as the estimate without errors of the arm has them.
     """
 
     up_to: Group | None
@@ -74,15 +77,20 @@ class Restricted:
 
 
 def hypotheses(session: ArmSession) -> list[Hypothesis]:
-    """Those without errors of the arm first."""
-    postures, odds = session.postures, {True: 0.0}
+    """Those without errors of the arm first; prior probabilities sum to 1 with errors, and to 1 without."""
+    odds = {True: 0.0}
     if len(session.steps_as_described()[0]):
         odds = {True: float(np.log(1 - PRIOR_OFF_PROBABILITY)), False: float(np.log(PRIOR_OFF_PROBABILITY))}
-    known = [(None, 0.0), *((group, scale) for group in _known_groups(postures) for scale in SCALES)]
+    groups = _known_groups(session.postures)
+    known: list[tuple[Group | None, float, float]] = [(None, 0.0, 0.0)]
+    for place, group in enumerate(groups):
+        last = place + 1 == len(groups)
+        share = NEXT_GROUP_PROBABILITY**place * (1.0 if last else 1 - NEXT_GROUP_PROBABILITY) / len(SCALES)
+        known += [(group, scale, float(np.log(share))) for scale in SCALES]
     return [
-        Hypothesis(group, scale, as_described, log_prior)
-        for group, scale in known
-        for as_described, log_prior in odds.items()
+        Hypothesis(group, scale, as_described, log_prior + log_odds)
+        for group, scale, log_prior in known
+        for as_described, log_odds in odds.items()
     ]
 
 

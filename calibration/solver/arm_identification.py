@@ -8,7 +8,7 @@ Source of the evidence: D. J. C. MacKay, "Bayesian interpolation", Neural Comput
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,7 +33,9 @@ from calibration.transforms import Array, inverse, map_points, transform_from_ve
 MIN_LOG_EVIDENCE = 5.0
 """Exceeded by chance in less than one of 140 perfect arms (Markov's inequality)."""
 
-MAX_HOLD_OUT_RATIO = 1.0
+MAX_HOLD_OUT_SIGMAS = 1.0
+"""By how many of its standard deviations the sum over the regions of what is predicted worse may be above zero."""
+
 REGIONS, MIN_REGION_VIEWS = 6, 3
 """Groups of neighbours in joint space that are left out in turn."""
 
@@ -137,7 +139,7 @@ def identify_arm(arm: ArmErrorModel, views: Sequence[TargetViews], postures: Pos
     kept = [*np.flatnonzero(~with_errors), *likely]
     again = restrict(session, [wanted[row] for row in kept], [restricted[row].variances for row in kept])
     found = [_Candidate(one, marginalise(one.model, one.variances)) for one in again]
-    return _conclude(session, found, len({(one.up_to, one.scale) for one in wanted if one.up_to}))
+    return _conclude(session, found)
 
 
 def _step(one: Restricted) -> Array:
@@ -145,12 +147,19 @@ def _step(one: Restricted) -> Array:
 
 
 def _select(session: ArmSession) -> ArmSession:
-    """Only the views that the likeliest model explains, beginning with those used without errors of the arm."""
+    """Only the views that the likeliest model explains, beginning with those used without errors of the arm.
+
+    A model with errors is taken no narrower than an arm as delivered: the views used without errors are those that show
+    little of them, and by themselves make the arm a calibrated one, which the others then contradict.
+    """
     wanted = hypotheses(session)
     restricted = restrict(session.take(session.used), wanted)
     likeliest = int(np.argmax([one.log_likelihood() for one in restricted]))
-    (whole,) = restrict(session, [wanted[likeliest]], [restricted[likeliest].variances])
-    return session.take(select_views_with_arm(whole.model, restricted[likeliest].variances, session.used))
+    best, levels = wanted[likeliest], restricted[likeliest].variances
+    if best.up_to is not None:
+        best = replace(best, scale=max(best.scale, 1.0))
+    (whole,) = restrict(session, [best], [levels])
+    return session.take(select_views_with_arm(whole.model, levels, session.used))
 
 
 def _average(session: ArmSession, candidates: Sequence[_Candidate]) -> tuple[Array, Array]:
@@ -172,17 +181,18 @@ def _log_sum(candidates: Sequence[_Candidate]) -> float:
     return float(np.logaddexp.reduce(_logs(candidates)))
 
 
-def _conclude(session: ArmSession, candidates: list[_Candidate], models: int) -> ArmFit:
-    """The fit from the models without errors and the likely ones of `models` with errors."""
+def _conclude(session: ArmSession, candidates: list[_Candidate]) -> ArmFit:
+    """The fit from the models without errors and the likely ones with errors."""
     k, poses = len(session.arm), session.poses
     without, likely = ([one for one in candidates if one.with_errors is has] for has in (False, True))
-    gain = _log_sum(likely) - _log_sum(without) - float(np.log(models))
-    ladder = _ladder_rows(session, without, likely)
-    best = max(ladder[1:], key=lambda row: row.log_evidence)
-    taken_up = gain > MIN_LOG_EVIDENCE and best.hold_out_mm <= MAX_HOLD_OUT_RATIO * ladder[0].hold_out_mm
+    gain = _log_sum(likely) - _log_sum(without)
+    ladder, worse = _ladder_rows(session, without, likely)
+    taken_up = gain > MIN_LOG_EVIDENCE and not worse
     chosen = likely if taken_up else without
-    mean, covariance = _average(session, chosen)
     likeliest = max(chosen, key=lambda one: one.log_evidence)
+    mean, covariance = _average(session, chosen)
+    if not taken_up:
+        covariance = _about_drawing(mean, covariance, *_average(session, likely), gain)
     kept = np.r_[0:6, poses : poses + k]
     targets = np.array([chain.anchor_T_target for chain in session.chains])
     camera_T_target = np.concatenate([chain.camera_T_target() for chain in session.chains])
@@ -203,38 +213,55 @@ def _conclude(session: ArmSession, candidates: list[_Candidate], models: int) ->
     )
 
 
+def _about_drawing(drawn: Array, of_drawn: Array, built: Array, of_built: Array, gain: float) -> Array:
+    """Covariance of the truth about the estimate without errors, which may be there though they are not taken up."""
+    share = 1 / (1 + np.exp(np.clip(MIN_LOG_EVIDENCE - gain, -500.0, 500.0)))
+    off = built - drawn
+    return np.asarray((1 - share) * of_drawn + share * (of_built + np.outer(off, off)))
+
+
 def _ladder_rows(
     session: ArmSession, without: Sequence[_Candidate], likely: Sequence[_Candidate]
-) -> tuple[LadderRow, ...]:
-    """The likeliest model without errors, and the likeliest up to each group that is likely at all."""
-    none = max(without, key=lambda one: one.log_evidence)
-    rows = [LadderRow(None, 0.0, 0.0, _hold_out_mm(session, none), 0.0)]
+) -> tuple[tuple[LadderRow, ...], bool]:
+    """The likeliest model without errors, and the likeliest up to each group that is likely at all.
+
+    And whether the likeliest of them predicts the views left out worse than that without.
+    """
+    none, best_of_all = (max(some, key=lambda one: one.log_evidence) for some in (without, likely))
+    regions = _regions(session)
+    squares = {id(none): _hold_out(session, none, regions)}
+    rows = [LadderRow(None, 0.0, 0.0, _rms_mm(squares[id(none)], session), 0.0)]
     for group in GROUPS:
         own = [one for one in likely if one.of.of.up_to == group]
         if own:
             best = max(own, key=lambda one: one.log_evidence)
             share = float(np.exp(_log_sum(own) - _log_sum(likely)))
-            gain = best.log_evidence - none.log_evidence
-            rows.append(LadderRow(group, share, gain, _hold_out_mm(session, best), best.of.of.scale))
-    return tuple(rows)
+            gain = best.marginal.log_evidence - none.marginal.log_evidence
+            squares[id(best)] = _hold_out(session, best, regions)
+            rows.append(LadderRow(group, share, gain, _rms_mm(squares[id(best)], session), best.of.of.scale))
+    more = squares[id(best_of_all)] - squares[id(none)]
+    return tuple(rows), bool(more.sum() > MAX_HOLD_OUT_SIGMAS * np.sqrt(np.sum(more**2)))
 
 
-def _hold_out_mm(session: ArmSession, candidate: _Candidate) -> float:
-    """RMS prediction error of the target's middle, at views left out by region of joint space."""
+def _rms_mm(squares: Array, session: ArmSession) -> float:
+    return float(np.sqrt(squares.sum() / len(session.postures)))
+
+
+def _hold_out(session: ArmSession, candidate: _Candidate, regions: Sequence[NDArray[np.intp]]) -> Array:
+    """Sums (g,) of squared prediction errors of the target's middle, mm², at the views of each region left out."""
     model, n = candidate.of.model, len(session.postures)
-    groups = _regions(session)
     middle = session.views[0].rows.nominal_mm.mean(axis=0, keepdims=True)
     centre = np.concatenate([map_points(_flange_T_target(chain), middle)[:, 0] for chain in session.chains])
     rows = point_rows(centre)
     whole = inverse_or_pseudo_inverse(model.UU)
-    squares = 0.0
-    for group in groups:
+    squares = []
+    for region in regions:
         kept = np.ones(n, bool)
-        kept[group] = False
+        kept[region] = False
         step = solve(take_views(model, kept), candidate.marginal.variances)
-        wanted = -(whole[group] @ (model.UAy[group] @ np.append(step.b, 1.0))[..., None])
-        squares += float(np.sum((rows[group] @ wanted) ** 2))
-    return float(np.sqrt(squares / n))
+        wanted = -(whole[region] @ (model.UAy[region] @ np.append(step.b, 1.0))[..., None])
+        squares.append(float(np.sum((rows[region] @ wanted) ** 2)))
+    return np.array(squares)
 
 
 def _regions(session: ArmSession) -> list[NDArray[np.intp]]:

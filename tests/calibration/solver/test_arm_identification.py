@@ -7,6 +7,7 @@ from functools import cache
 import numpy as np
 import pytest
 
+import calibration.solver.arm_identification as arm_identification
 from calibration.documents.arm import ArmErrorsDocument, arm_document, arm_summary
 from calibration.kinematics.abb_arms import find_arm
 from calibration.kinematics.arm_errors import Postures
@@ -16,7 +17,7 @@ from calibration.solver.arm_identification import ArmFit
 from calibration.solver.registered_points import registered_points
 from calibration.transforms import Array, map_points
 from mock_robot.arm.built_arm import ArmClass, build_arm
-from tests.simulated.arms import REPEATABILITY, ArmCell, arm_cell, reachable_views, target_before
+from tests.simulated.arms import REPEATABILITY, ArmCell, arm_cell, reachable_views, target_before, target_places
 
 ARM = find_arm("IRB 2600-20/1.65")
 TARGETS = (target_before(ARM), target_before(ARM, 0.45, 0.1, 0.45), target_before(ARM, 0.5, 0.05, -0.4))
@@ -86,6 +87,28 @@ def test_views_that_only_the_arms_errors_explain_are_used_and_a_wrong_one_is_not
     moved = replace(first.views[5], joints_rad=turned, base_T_flange=ARM.forward(turned))
     spoilt = replace(first, views=(*first.views[:5], moved, *first.views[6:]))
     assert identify_arm_session(ARM, [spoilt, *others]).views == 31
+
+
+def test_a_view_that_shows_most_of_the_errors_is_not_left_out_for_it() -> None:
+    """The other eleven alone look like a calibrated arm, which the twelfth contradicts."""
+    arm, rng = find_arm("IRB 6700-200/2.60"), np.random.default_rng([1, 2])
+    targets = target_places(rng, arm, 1)
+    views = reachable_views(rng, arm, targets[0], 12)
+    cell = arm_cell(rng, build_arm(arm, "standard", 1), [views], targets)
+    assert np.count_nonzero(estimate_session(cell.problems[0])[2].used) < 12
+    assert identify_arm_session(arm, cell.problems).views == 12
+
+
+def test_errors_that_views_left_out_contradict_are_not_taken_up_but_count_in_the_uncertainty(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    cell, x, believed = identified("standard")
+    monkeypatch.setattr(arm_identification, "MAX_HOLD_OUT_SIGMAS", -np.inf)
+    fit = identify_arm_session(ARM, cell.problems)
+    _, after, covariance = errors_of(cell, fit, x)
+    assert believed.taken_up and not fit.taken_up and not np.any(fit.parameters)
+    squares = np.einsum("ni,nij,nj->n", after, np.linalg.inv(covariance), after)
+    assert 0.4 < np.sqrt(squares.mean() / 3) < 1.6
 
 
 def test_play_is_found_by_the_side_from_which_the_axes_came() -> None:
