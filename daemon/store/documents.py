@@ -4,6 +4,7 @@ import sqlite3
 from dataclasses import dataclass
 
 from daemon.errors import NotFound
+from daemon.runtime.event_bus import Publish
 from daemon.store.actor import current_audit_context, record_change
 from daemon.store.damaged_rows import Model, parse_stored
 from daemon.store.database import Database
@@ -40,10 +41,13 @@ class DocumentRecord:
 
 
 class Documents:
-    """Inserts and reads the documents of one kind. `reader`: a connection of its own for lists."""
+    """Inserts and reads the documents of one kind. `reader`: a connection of its own for lists.
 
-    def __init__(self, kind: DocumentKind, database: Database, reader: Database) -> None:
-        self._kind, self._database, self._reader = kind, database, reader
+    `publish` is called after a document was stored, with the kind's noun.
+    """
+
+    def __init__(self, kind: DocumentKind, database: Database, reader: Database, publish: Publish) -> None:
+        self._kind, self._database, self._reader, self._publish = kind, database, reader, publish
         self._select = f"SELECT id, {kind.column}, created_at, created_by, document FROM {kind.table}"
 
     async def save(self, record: DocumentRecord, **detail: object) -> None:
@@ -57,6 +61,7 @@ class Documents:
             record_change(db, context, record.created_at, kind.noun, record.id, **about, **detail)
 
         await self._database.write(insert)
+        self._publish(kind.noun, {f"{kind.noun}_id": record.id, kind.column: record.subject, "at": record.created_at})
 
     async def page(self, limit: int, before: str | None) -> list[DocumentRecord]:
         """Up to `limit` documents older than `before`, newest first. Raises CursorUnknown, StorageError."""

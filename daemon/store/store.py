@@ -59,7 +59,7 @@ RUN_BYTES = 20e6
 class Store:
     """SQLite, and large files beside it in the folders runs/ID/ and scans/ID/, which the command line reads too.
 
-    `publish` is called after a calibration was stored or applied and after a view of a scan was stored.
+    `publish` is called after a calibration was stored or applied, a view of a scan, or a document was stored.
     """
 
     def __init__(self, folder: Path, write_file: WriteFile | None = None, at: Failpoints = NO_FAILPOINTS) -> None:
@@ -81,9 +81,10 @@ class Store:
         self.browser_sessions = BrowserSessions(self._database, self._opened.key_reader)
         self.audit = AuditLog(self._database)
         self.listings = Listings(self._opened.list_reader)
-        self.acceptances = Documents(ACCEPTANCES, self._database, self._opened.list_reader)
-        self.touch_tests = Documents(TOUCH_TESTS, self._database, self._opened.list_reader)
-        self.rigs = Documents(RIGS, self._database, self._opened.list_reader)
+        self.acceptances, self.touch_tests, self.rigs = (
+            Documents(kind, self._database, self._opened.list_reader, lambda *event: self.publish(*event))  # noqa: PLW0108
+            for kind in (ACCEPTANCES, TOUCH_TESTS, RIGS)  # `publish` is set after the store is made
+        )
 
     async def close(self) -> None:
         await self._opened.list_reader.close()

@@ -10,16 +10,17 @@ import { touchRequest } from './touch_request.js';
 import { numberOf } from './typed.js';
 
 /** `verification`: the newest finished run that saw the target in the base; `last`: the newest touch test; `points_mm`: of the target. */
-export function TouchForm({ verification, last, points_mm = [], again }) {
+export function TouchForm({ verification, last, points_mm = [] }) {
   const { points, cross, calibration_id } = verification.result.verification;
-  const goes = last?.verification === verification.id;
-  const [adding, setAdding] = useState(goes);
+  const [own, setOwn] = useState(null); // the last answer to this form: `last` may be older for a moment
+  const newest = own && !(last?.created_at >= own.created_at) ? own : last;
+  const [anew, setAnew] = useState(false); // a test of its own is wanted, though one of this verification is there
   const [given, setGiven] = useState(null); // a tip.json that was chosen
   const [problem, setProblem] = useState(null);
   const [point, setPoint] = useState(null);
   const [tolerance, setTolerance] = useState('');
-  const test = adding && goes ? last : null;
-  const tip = test?.tip ?? given ?? last?.tip ?? null;
+  const test = !anew && newest?.verification === verification.id ? newest : null;
+  const tip = test?.tip ?? given ?? newest?.tip ?? null;
   const done = new Set(test?.touches.touches.map(({ id }) => id));
   const chosen = point ?? cross.find((id) => !done.has(id)) ?? cross[0];
   const tolerance_mm = numberOf(tolerance);
@@ -27,7 +28,7 @@ export function TouchForm({ verification, last, points_mm = [], again }) {
     setProblem(null);
     try {
       setGiven(tipOf(JSON.parse(await event.target.files[0].text())));
-      setAdding(false);
+      setAnew(true);
     } catch {
       setProblem(t('touch.no-tip-file'));
     }
@@ -35,10 +36,10 @@ export function TouchForm({ verification, last, points_mm = [], again }) {
   const touch = async () => {
     const body = touchRequest({ test, tip, verification: verification.id, id: chosen, tolerance_mm });
     const { data } = await ask('/touch', { method: 'POST', key: newKey(), body, limit_s: 60 });
-    note('touch');
-    again();
-    setAdding(true);
+    setOwn(data);
+    setAnew(false);
     setPoint(null);
+    note('touch');
     go('verify', data.id);
   };
   const wrong = !test && tolerance.trim() !== '' && !(tolerance_mm > 0);
@@ -51,7 +52,7 @@ export function TouchForm({ verification, last, points_mm = [], again }) {
     <h3>${t('touch.tip')}</h3>
     <p>${tip ? html`<span class="mono">${vector(tip.flange_tip_mm, 2)} mm</span>` : t('touch.no-tip')}</p>
     ${test
-      ? html`<p class="small quiet">${t('touch.adds', { count: test.touches.touches.length })}</p><div class="row"><button type="button" onClick=${() => setAdding(false)}>${t('touch.anew')}</button></div>`
+      ? html`<p class="small quiet">${t('touch.adds', { count: test.touches.touches.length })}</p><div class="row"><button type="button" onClick=${() => setAnew(true)}>${t('touch.anew')}</button></div>`
       : html`<label class="file"><span class="button">${t('touch.choose-tip')}</span><input type="file" accept=".json,application/json" onChange=${choose} /></label>
         <div><label for="touch-tolerance">${t('touch.tolerance')}</label><input id="touch-tolerance" inputmode="decimal" autocomplete="off" value=${tolerance} onInput=${(event) => setTolerance(event.target.value)} aria-invalid=${wrong} /></div>`}
     ${problem && html`<p class="note warn" role="alert"><span class="mark" aria-hidden="true">!</span> ${problem}</p>`}

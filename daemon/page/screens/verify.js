@@ -17,7 +17,7 @@ import { sentence, t } from '../state/words.js';
 const VERIFICATIONS = 5; // among the newest of them is one that saw the target's points
 
 export function Verify({ argument }) {
-  const drift = useAsked('/drift', ['drift', 'run', 'applied', 'touch']);
+  const drift = useAsked('/drift', ['drift', 'run', 'applied', 'touch', 'acceptance']);
   const runs = useAsked(`/runs?kind=verify&limit=${VERIFICATIONS}`, ['run']);
   const last = runs.data?.runs.find(({ kind }) => kind === 'verify');
   const begin = async (key) => {
@@ -63,8 +63,9 @@ function Touches({ chosen, runs, charted }) {
   const shown = chosen ? (listed ?? named.data) : tests[0];
   const verification = runs.find(({ state, result }) => state === 'finished' && result?.verification?.frame === 'base' && result.verification.base_T_flange);
   return html`
-    <${Card} title=${t('touch.title')} id="touch">${verification
-      ? html`<${TouchForm} key=${verification.id} verification=${verification} last=${tests[0]} points_mm=${arm.data?.target_points_mm} again=${list.again} />`
+    <${Card} title=${t('touch.title')} id="touch">${verification && !list.data
+      ? html`<${Missing} asked=${list} />`
+      : verification ? html`<${TouchForm} key=${verification.id} verification=${verification} last=${tests[0]} points_mm=${arm.data?.target_points_mm} />`
       : html`<p>${t('touch.about')}</p><p class="quiet">${t('touch.verify-first')}</p>`}</${Card}>
     <${Card} title=${t('touch.result')} id="touched" wide="2"><${Missing} asked=${chosen && !listed && list.data ? named : list} none=${t('touch.unknown')} />
       ${list.data && (shown ? html`<${TouchResult} test=${shown} />` : !chosen && html`<p class="quiet">${t('touch.never')}</p>`)}</${Card}>

@@ -40,6 +40,14 @@ async def test_a_cloud_is_registered_by_the_sensor_that_took_it(bench: Bench) ->
     assert listed == {"rigs": [newest.json(), stored.json()], "next": None, "damaged": []}
 
 
+async def test_every_screen_hears_of_a_new_rig(bench: Bench) -> None:
+    stored = (await bench.client.post("/rigs", json=a_rig())).json()
+    await bench.application.events.flush()
+    event = (await bench.application.store.stored_events.last())[-1]
+    assert event.kind == "rig"
+    assert event.data == {"rig_id": stored["id"], "setup": "eye-in-hand", "at": stored["created_at"]}
+
+
 @pytest.mark.parametrize(("rig", "says"), [
     (a_rig(accepted=False), "U is 3 mm"), (a_rig(setup="eye-to-hand"), "[camera] setup is eye-in-hand"),
 ])  # fmt: skip

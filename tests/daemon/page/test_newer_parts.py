@@ -1,5 +1,6 @@
 """Jogs, touch tests, rigs and the arm's own errors as people use them on the page."""
 
+import asyncio
 import json
 from collections.abc import AsyncIterator
 from pathlib import Path
@@ -207,6 +208,34 @@ async def test_points_are_touched_one_after_the_other_by_keyboard_alone(
     assert stored[0]["created_by"] == "operator"
 
 
+async def test_the_next_point_is_named_though_the_tests_are_answered_last(open_page: Opened, cell: Cell) -> None:
+    bench, _ = cell
+    cross = await touch_two_points(bench)
+    shown = asyncio.Event()
+
+    async def answer_late(route: Any) -> None:
+        await shown.wait()
+        await route.continue_()
+
+    async with open_page("operator", "help") as page:
+        await page.route("**/touches?*", answer_late)
+        await page.evaluate("location.hash = '#/verify'")
+        await page.locator("section[aria-labelledby=last] dl").wait_for(state="attached")
+        shown.set()
+        await page.get_by_role("button", name=f"The tip is at point {cross[2]}").wait_for()
+
+
+async def test_a_touch_test_of_another_person_is_shown_at_once(open_page: Opened, cell: Cell) -> None:
+    bench, _ = cell
+    await touch_two_points(bench)
+    async with open_page("viewer", "verify") as page:
+        tests = page.locator("section[aria-labelledby=touches] .timeline li")
+        await tests.first.wait_for()
+        before = await tests.count()
+        await touch_two_points(bench)
+        await tests.nth(before).wait_for()
+
+
 async def test_a_rig_is_looked_at_and_put_in_force_from_its_file(open_page: Opened, cell: Cell, tmp_path: Path) -> None:
     bench, keys = cell
     await bench.client.post("/rigs", json=a_rig(shift_mm=5.0))
@@ -312,10 +341,15 @@ async def everything_stored(bench: Bench) -> None:
         return
     for body, query in ((a_rig(accepted=False), "?despite_verdict=true"), (a_rig(), "")):
         assert (await bench.client.post(f"/rigs{query}", json=body)).status_code == 201
-    run = (await bench.client.get("/runs?kind=verify")).json()["runs"][0]["id"]
-    poses = [{"id": 0}, {"id": 10}]
-    given = [pose | {"base_T_flange": json_of(touching(pose["id"], (0.3 * pose["id"], 0, 0)))} for pose in poses]
-    made = await bench.client.post(
-        "/touch", json={"tip": TIP, "verification": run, "touches": given, "tolerance_mm": 1.0}
-    )
+    await touch_two_points(bench)
+
+
+async def touch_two_points(bench: Bench) -> list[int]:
+    """Store a touch test of the first two points of the cross; returns the points of the cross."""
+    run = (await bench.client.get("/runs?kind=verify")).json()["runs"][0]
+    cross: list[int] = run["result"]["verification"]["cross"]
+    given = [{"id": point, "base_T_flange": json_of(touching(point, (0.3 * point, 0, 0)))} for point in cross[:2]]
+    body = {"tip": TIP, "verification": run["id"], "touches": given, "tolerance_mm": 1.0}
+    made = await bench.client.post("/touch", json=body)
     assert made.status_code == 201, made.text
+    return cross
