@@ -28,10 +28,26 @@ export function rotationVector_deg([w, x, y, z]) {
   return [x, y, z].map((value) => (sign * value * angle) / length);
 }
 
+/** The turns about x, y and z of a frame, each about the axis as the one before left it, that make up a rotation; degrees. */
+export function turnsInOrder_deg([w, x, y, z]) {
+  const b = Math.asin(Math.min(1, Math.max(-1, 2 * (x * z + w * y))));
+  const a = Math.atan2(2 * (w * x - y * z), 1 - 2 * (x * x + y * y));
+  const c = Math.atan2(2 * (w * z - x * y), 1 - 2 * (y * y + z * z));
+  return [a, b, c].map((angle) => angle * (180 / Math.PI));
+}
+
 /** The way from `here` to `there`: turns about the flange's axes in degrees, shifts in the base in mm. */
 export function wayToGo(here, there) {
   return {
     turns_deg: rotationVector_deg(multiply(conjugate(here.quaternion_wxyz), there.quaternion_wxyz)),
     shifts_mm: there.translation_mm.map((value, axis) => value - here.translation_mm[axis]),
   };
+}
+
+/** The same one after the other, as whole degrees and millimetres: { turn_axis, deg } for each turn, then { shift_mm }. */
+export function stepsTo(here, there) {
+  const turns = turnsInOrder_deg(multiply(conjugate(here.quaternion_wxyz), there.quaternion_wxyz)).map(Math.round);
+  const shift_mm = wayToGo(here, there).shifts_mm.map(Math.round);
+  const steps = turns.map((deg, axis) => ({ turn_axis: 'xyz'[axis], deg })).filter(({ deg }) => deg !== 0);
+  return shift_mm.some((value) => value !== 0) ? [...steps, { shift_mm }] : steps;
 }

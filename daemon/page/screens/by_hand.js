@@ -7,6 +7,7 @@ import { JogControls } from '../parts/jog_controls.js';
 import { useAsked } from '../parts/loaded.js';
 import { LivePicture } from '../parts/live_picture.js';
 import { carriedBy, placesOf } from '../parts/places.js';
+import { stepsTo } from '../parts/pose.js';
 import { WayToGo, isNear } from '../parts/way_to_go.js';
 import { ask, newKey } from '../state/ask.js';
 import { inRow, mm, signed } from '../state/numbers.js';
@@ -46,7 +47,7 @@ export function ByHand({ shown }) {
   const off = !may('operator') || old.value || !waits;
   return html`<div class=${jogs ? 'grid by-hand' : 'grid'}>
     <${Card} title=${t('jog.title', { view: Math.min(station + 1, stations), of: stations })} id="advice" wide="3">
-      <p class="sentence" role="status">${waits || moving ? html`<${Advice} planning=${planning} />` : t(`state.${shown.state}`)}</p>
+      <p class="sentence" role="status">${waits || moving ? html`<${Advice} planning=${planning} here=${here} near=${near} />` : t(`state.${shown.state}`)}</p>
       <p class="quiet">${t(jogs ? 'jog.nothing-moves' : 'jog.pendant-only')}${planning?.now_mm ? ` ${t('jog.so-far', { U: mm(2 * planning.now_mm) })}` : ''}</p>
       ${planning?.note && html`<p class="note warn" role="alert" lang="en"><span class="mark" aria-hidden="true">!</span> ${planning.note}</p>`}
     </${Card}>
@@ -66,8 +67,11 @@ export function ByHand({ shown }) {
   </div>`;
 }
 
-function Advice({ planning }) {
-  const steps = planning?.advice_steps ?? [];
+/** What to do from where the arm stands now: the daemon's advice is of where it stood at the last view. */
+function Advice({ planning, here, near }) {
+  if (near) return t('jog.near');
+  const next = planning?.next_pose;
+  const steps = here && next ? stepsTo(here, next) : (planning?.advice_steps ?? []);
   if (!steps.length) return html`<span lang="en">${planning?.advice || ''}</span>`;
   return steps.map((step) => ('deg' in step
     ? t('jog.turn', { deg: signed(Math.round(step.deg)), axis: step.turn_axis })

@@ -5,7 +5,7 @@ import test from 'node:test';
 
 const page = join(import.meta.dirname, '..', '..', '..', '..', 'daemon', 'page');
 const { EventReader } = await import(join(page, 'state', 'sse.js'));
-const { wayToGo, compose, turn } = await import(join(page, 'parts', 'pose.js'));
+const { wayToGo, stepsTo, compose, turn } = await import(join(page, 'parts', 'pose.js'));
 const { enlargement, halfAxes, pointCovariance } = await import(join(page, 'parts', 'ellipsoid.js'));
 const { ticks, logTicks } = await import(join(page, 'parts', 'ticks.js'));
 const { joinParts, joinSurfaces, deviationEnd, boxAround, finerVoxel, boundsOf, pickPoint } = await import(join(page, 'scene', 'cloud_data.js'));
@@ -29,6 +29,17 @@ test('the way to go is in the flange for turns and in the base for shifts', () =
   const { turns_deg, shifts_mm } = wayToGo(here, { ...there, translation_mm: [11, 2, -7] });
   near(turns_deg, [0, 60, 0]);
   near(shifts_mm, [10, 0, -10]);
+});
+
+test('the steps to go are turns about the axes of the flange one after the other, and shrink while the arm is jogged', () => {
+  const about = (axis, deg) => ({ translation_mm: [0, 0, 0], quaternion_wxyz: [Math.cos(deg * Math.PI / 360), ...[0, 1, 2].map((one) => (one === axis ? Math.sin(deg * Math.PI / 360) : 0))] });
+  const here = { translation_mm: [500, 0, 700], quaternion_wxyz: [HALF, 0, HALF, 0] };
+  const turned = compose(here, about(0, -40));
+  const there = { ...compose(turned, about(2, 30)), translation_mm: [520, 0, 650] };
+  const shift = { shift_mm: [20, 0, -50] };
+  assert.deepEqual(stepsTo(here, there), [{ turn_axis: 'x', deg: -40 }, { turn_axis: 'z', deg: 30 }, shift]);
+  assert.deepEqual(stepsTo(turned, there), [{ turn_axis: 'z', deg: 30 }, shift]);
+  assert.deepEqual(stepsTo(there, there), []);
 });
 
 test('a quaternion and its negative are the same way', () => {
