@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+from calibration.documents.more_arm_views import MoreArmViewsDocument, more_arm_views_text
 from calibration.documents.reports.charts import bubble_map
 from calibration.documents.reports.markup import Markup, join, tag
 from calibration.documents.reports.numbers import significant
@@ -18,17 +19,21 @@ class FieldColumn:
 
 @dataclass(frozen=True)
 class ArmErrors:
-    """The error field of an arm: `columns` of `points` registered points, RMS over all of them before and after."""
+    """The error field of an arm: `columns` of `points` registered points, RMS over all of them before and after.
+
+    `more_views`: what further views would bring, where it was predicted.
+    """
 
     arm: str
     points: int
     columns: tuple[FieldColumn, ...]
     before_rms_mm: float
     after_rms_mm: float
+    more_views: MoreArmViewsDocument | None = None
 
 
 def arm_block(found: ArmErrors) -> Markup:
-    """What the maps show, and both of them side by side with circles of one scale."""
+    """What the maps show, both of them side by side with circles of one scale, and what more views would bring."""
     text = (
         f"The errors of the {found.arm} as built were identified from these views and are in use. At {found.points}"
         f" places around those of the views a registered point is missed by {significant(found.before_rms_mm)} mm by"
@@ -44,4 +49,5 @@ def arm_block(found: ArmErrors) -> Markup:
             (after, f"After: missed by up to {significant(max(after))} mm, the same scale."),
         )
     ]
-    return join(tag("p", text), tag("div", *maps, class_="columns"))
+    more = tag("p", f"{more_arm_views_text(found.more_views)}.") if found.more_views else ""
+    return join(tag("p", text), tag("div", *maps, class_="columns"), more)

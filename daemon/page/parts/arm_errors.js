@@ -1,6 +1,6 @@
 // The arm as built: whether its own errors were taken up, what each model explains, and the field of errors before and after.
 import { html } from '../vendor/preact.js';
-import { fixed, mm, significant } from '../state/numbers.js';
+import { fixed, mm, significant, vector } from '../state/numbers.js';
 import { t } from '../state/words.js';
 import { Card, Facts } from './card.js';
 import { ErrorField } from './error_field.js';
@@ -30,9 +30,19 @@ function Found({ arm }) {
       drawn && best && [t('arm.hold-out'), `${mm(drawn.hold_out_mm)} → ${mm(best.hold_out_mm)}`],
       [t('arm.scatter'), `${mm(arm.scatter_mm)}, ${fixed(arm.scatter_deg, 3)}°`],
     ]} />
+    ${arm.more_views && html`<${MoreViews} predicted=${arm.more_views} />`}
     <div class="table-frame" tabindex="0" role="group" aria-label=${t('arm.ladder')}><table><caption>${t('arm.ladder')}</caption>
       <thead><tr><th scope="col">${t('arm.up-to')}</th><th scope="col" class="num">${t('touch.probability')}</th><th scope="col" class="num">${t('arm.left-out')}</th></tr></thead>
       <tbody>${arm.ladder.map((row) => html`<tr><th scope="row">${t(`arm.group.${row.up_to ?? 'none'}`)}</th><td class="num">${row.up_to === null ? '—' : `${fixed(100 * row.probability, 0)} %`}</td><td class="num">${mm(row.hold_out_mm)}</td></tr>`)}</tbody></table></div>`;
+}
+
+/** What more views would leave of the error of a registered point. */
+function MoreViews({ predicted: { now_mm, after, box_mm } }) {
+  const last = after.at(-1);
+  if (!last) return null;
+  const [low, high] = box_mm.map((corner) => vector(corner, 0));
+  return html`<p><b>${t('arm.more', { more: last.more, now: mm(now_mm), then: mm(last.point_mm) })}</b></p>
+    <p class="small quiet">${after.slice(0, -1).map(({ more, point_mm }) => `${t('arm.more-after', { more, then: mm(point_mm) })} `)}${t('arm.more-box', { low, high })}</p>`;
 }
 
 /** The errors that stand out most from their uncertainty, with U (k = 2). */

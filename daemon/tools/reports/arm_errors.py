@@ -24,7 +24,14 @@ def arm_in_report(calibration: CalibrationDocument, errors: ArmErrorsDocument) -
         return None
     if field.before_rms_mm is None or field.after_rms_mm is None:
         return None
-    return ArmErrors(field.arm, len(field.points), _columns(field.points), field.before_rms_mm, field.after_rms_mm)
+    return ArmErrors(
+        field.arm,
+        len(field.points),
+        _columns(field.points),
+        field.before_rms_mm,
+        field.after_rms_mm,
+        errors.more_views,
+    )
 
 
 def _columns(points: Iterable[ArmFieldPointDocument]) -> tuple[FieldColumn, ...]:

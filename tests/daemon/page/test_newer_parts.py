@@ -11,6 +11,7 @@ import pytest
 import pytest_asyncio
 
 from calibration.documents.calibration import CalibrationFindingDocument
+from calibration.documents.more_arm_views import MoreArmViewsDocument, PointAfterViewsDocument
 from daemon.model.records import AppliedCalibration, CalibrationRecord
 from tests.daemon.access_keys import bearer, with_keys
 from tests.daemon.calibrations import an_arm, with_views
@@ -25,6 +26,14 @@ from tests.support.waiting import eventually
 pytestmark = [pytest.mark.asyncio(loop_scope="module"), pytest.mark.slow]
 
 Cell = tuple[Bench, dict[str, str]]
+
+MORE_VIEWS = MoreArmViewsDocument(
+    box_mm=((400.0, -200.0, 0.0), (800.0, 200.0, 400.0)),
+    points=64,
+    now_mm=0.42,
+    after=[PointAfterViewsDocument(more=10, point_mm=0.2), PointAfterViewsDocument(more=30, point_mm=0.15)],
+    further=[],
+)
 
 ARM_FINDING = {
     "code": "arm-errors", "severity": "info", "message": "the arm is not as drawn", "fix": "nothing to do",
@@ -43,7 +52,8 @@ async def cell(tmp_path_factory: pytest.TempPathFactory) -> AsyncIterator[Cell]:
         document = document.model_copy(update={"verdict": verdict})
         store = bench.application.store
         await store.save_calibration(
-            CalibrationRecord("cal-1", None, document.created_at, True, document), an_arm(zero_2=1e-3, link_1_tx=0.4)
+            CalibrationRecord("cal-1", None, document.created_at, True, document),
+            an_arm(zero_2=1e-3, link_1_tx=0.4).model_copy(update={"more_views": MORE_VIEWS}),
         )
         await store.apply(AppliedCalibration("cal-1", document.created_at, "test"))
         bench.client.headers.update(bearer(keys["admin"]))
@@ -267,6 +277,9 @@ async def test_the_errors_of_the_arm_are_asked_for_and_shown_before_and_after(op
         await page.get_by_text("Errors of the arm are in use.").wait_for()
         await page.get_by_text("Before: missed by, as drawn").wait_for()
         await page.get_by_text("zero_2").wait_for()
+        await page.get_by_text("30 more views would bring a registered point from 0.42 mm to 0.15 mm").wait_for()
+        report = (await bench.client.get("/calibrations/cal-1/report", headers={"Accept": "text/html"})).text
+        assert "30 views more would bring a registered point from 0.420 to 0.150 mm RMS" in report
         field = (await bench.client.get("/calibrations/cal-1/arm/field")).json()
         columns = {tuple(point["flange_mm"][:2]) for point in field["points"]}
         assert await page.locator(".field .bubble").count() == 2 * len(columns)
