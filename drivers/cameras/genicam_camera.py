@@ -3,6 +3,7 @@
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,9 @@ PRODUCERS = "GENICAM_GENTL64_PATH"
 """Folders of producers, as GenTL 1.6 section 6.1.1 says; vendors' installers set it."""
 HELD = frozenset({3, 4, 5, 6})
 """DEVICE_ACCESS_STATUS of GenTL 1.6 without the right to control: no access, busy, open elsewhere."""
+
+PART_IMAGES = frozenset({1, 5, 9})
+"""PARTDATATYPE_IDS of GenTL 1.6: an image, an image of coordinates, a confidence map."""
 
 
 class HarvestersLibrary:
@@ -146,6 +150,10 @@ class OpenGenTLCamera:
                 self._release()
 
     def _copy(self, buffer: Any) -> RawPicture:
+        if parts := [part for part in _optional(lambda: list(buffer.parts)) or () if part.data_type in PART_IMAGES]:
+            time_ns = _optional(lambda: buffer.timestamp_ns)
+            first, *others = (_copy_part(buffer, part, time_ns) for part in parts)
+            return replace(first, parts=tuple(others))
         code = _optional(lambda: buffer.pixel_format) or self._nodes.get_node("PixelFormat").get_int_value()
         width = _optional(lambda: buffer.width) or int(self.read("Width"))
         height = _optional(lambda: buffer.height) or int(self.read("Height"))
@@ -153,6 +161,13 @@ class OpenGenTLCamera:
         data = np.frombuffer(buffer.raw_buffer, np.uint8)[start:].copy()
         time_ns = _optional(lambda: buffer.timestamp_ns)
         return RawPicture(data, code, width, height, _optional(lambda: buffer.padding_x) or 0, time_ns)
+
+
+def _copy_part(buffer: Any, part: Any, time_ns: int | None) -> RawPicture:
+    """One component of a multi-part buffer (GenTL 1.6, section 6.6.8)."""
+    start = part.data_offset
+    data = np.frombuffer(buffer.raw_buffer, np.uint8)[start : start + part.data_size].copy()
+    return RawPicture(data, part.data_format, part.width, part.height, part.x_padding or 0, time_ns)
 
 
 class _Counter:

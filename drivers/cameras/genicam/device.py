@@ -38,7 +38,8 @@ class FoundCamera:
 class RawPicture:
     """A buffer as received: bytes (n,), a PFNC code, bytes after each row; `complete` False when packets are missing.
 
-    `device_time_ns`: the camera's own clock at the exposure, None where it has none.
+    `device_time_ns`: the camera's own clock at the exposure, None where it has none. `parts`: further components of the
+    same exposure, such as the intensity beside the coordinates of a 3D camera.
     """
 
     data: NDArray[np.uint8]
@@ -48,6 +49,7 @@ class RawPicture:
     padding: int = 0
     device_time_ns: int | None = None
     complete: bool = True
+    parts: tuple["RawPicture", ...] = ()
 
 
 class OpenCamera(Protocol):

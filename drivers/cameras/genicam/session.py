@@ -4,16 +4,28 @@ Blocking; every call is made in the camera's thread. Names of SFNC 1.x follow th
 """
 
 from collections.abc import Callable
+from typing import TypeVar
 
 import numpy as np
 
 from drivers.cameras.genicam.address import CameraAddress
 from drivers.cameras.genicam.device import FoundCamera, OpenCamera, RawPicture, VendorError
-from drivers.cameras.genicam.pixel_formats import find_format, read_pixels
+from drivers.cameras.genicam.pixel_formats import FORMATS, find_format, read_pixels
+from drivers.cameras.genicam.scan3d import (
+    COORDINATES,
+    SCAN3D_LENS,
+    SCAN3D_WORDS,
+    Coordinate,
+    RangeImage,
+    Scan3d,
+    points_of,
+    read_scan3d,
+)
 from drivers.cameras.pixel_depth import to_8_bit
 from drivers.errors import (
     DeviceError,
     DeviceOverheated,
+    GarbledAnswer,
     IncompletePicture,
     LinkLost,
     SettingRefused,
@@ -40,6 +52,12 @@ MAX_EXPOSURE_CHANGE = 0.05
 """Relative; cameras round an exposure time to the lines of their sensors."""
 
 
+TRUE = ("1", "true", "True")
+"""A Boolean feature that is set, as the libraries write it."""
+
+Answer = TypeVar("Answer")
+
+
 class CameraSession:
     """One open camera. A DeviceError leaves no stream running, so that no old picture is received later."""
 
@@ -64,14 +82,14 @@ class CameraSession:
         Raises StreamStalled, IncompletePicture, GarbledAnswer, DeviceOverheated, SettingRefused for an exposure that
         another program has changed, and LinkLost.
         """
-        try:
-            return self._take(limit_s)
-        except VendorError as error:
-            self._drop_stream()
-            raise self._lost(error) from error
-        except DeviceError:
-            self._drop_stream()
-            raise
+        return self._take(limit_s, self._frame)
+
+    def take_cloud(self, limit_s: float) -> RangeImage:
+        """A cloud exposed after this call: coordinates, and the intensity where the camera sends it.
+
+        Raises as `take`, GarbledAnswer for a picture without coordinates, and SettingRefused for another output mode.
+        """
+        return self._take(limit_s, self._range_image)
 
     def check(self) -> None:
         """Raises LinkLost when the camera does not answer any more."""
@@ -94,7 +112,8 @@ class CameraSession:
         abilities = tuple(name for name, feature in has.items() if feature)
         formats = self._camera.choices("PixelFormat") if self._camera.has("PixelFormat") else ()
         found = self._found
-        return DeviceIdentity(found.vendor, found.model, found.serial, found.address, (*abilities, *formats))
+        lens = self._lens_words()
+        return DeviceIdentity(found.vendor, found.model, found.serial, found.address, (*abilities, *formats, *lens))
 
     def read_exposure(self) -> tuple[Exposure, ExposureRange] | None:
         """What is set and what can be; None without the feature. Raises LinkLost."""
@@ -166,7 +185,18 @@ class CameraSession:
         self._write("TriggerSource", "Software" if self._by_software else trigger)
         self._write("TriggerMode", "On")
 
-    def _take(self, limit_s: float) -> CameraFrame:
+    def _take(self, limit_s: float, read: Callable[[RawPicture, float], Answer]) -> Answer:
+        """What `read` makes of a whole picture and the time it was asked for. Leaves no stream running on an error."""
+        try:
+            return self._take_whole(limit_s, read)
+        except VendorError as error:
+            self._drop_stream()
+            raise self._lost(error) from error
+        except DeviceError:
+            self._drop_stream()
+            raise
+
+    def _take_whole(self, limit_s: float, read: Callable[[RawPicture, float], Answer]) -> Answer:
         deadline_s = self._clock() + limit_s
         for _ in range(MAX_TRIES):
             if not self._by_software:
@@ -184,10 +214,10 @@ class CameraSession:
                     "check its trigger, the network's packet size and the firewall; the stream is started again",
                 )
             if picture.complete:
-                frame = self._frame(picture, asked_at_s)
+                answer = read(picture, asked_at_s)
                 if not self._by_software:
                     self._drop_stream()
-                return frame
+                return answer
             self._drop_stream()
         raise IncompletePicture(self._device, f"parts of {MAX_TRIES} pictures in succession are missing")
 
@@ -226,6 +256,56 @@ class CameraSession:
         self._require_exposure(capture.exposure_us)
         levels = None if image.dtype == np.uint8 else image
         return CameraFrame(to_8_bit(image, pixels.white), taken_at_s, capture=capture, levels=levels)
+
+    def _range_image(self, picture: RawPicture, taken_at_s: float) -> RangeImage:
+        self._require_cool(self._first_number(TEMPERATURE_C))
+        self._require_exposure(self._first_number(EXPOSURE_US))
+        components = (picture, *picture.parts)
+        coordinates = next((part for part in components if part.format_code in COORDINATES), None)
+        if coordinates is None:
+            what = f"{self.name} sends no coordinates, but pixels of the format 0x{picture.format_code:08x}"
+            raise GarbledAnswer(
+                self._device, what, "enable its component Range: ?ComponentSelector=Range&ComponentEnable=1"
+            )
+        size = (coordinates.width, coordinates.height)
+        intensity = next((p for p in components if p.format_code in FORMATS and (p.width, p.height) == size), None)
+        points_mm = points_of(self._device, self._read_scan3d(), coordinates)
+        if intensity is None:
+            return RangeImage(points_mm, taken_at_s)
+        pixels = FORMATS[intensity.format_code]
+        image = read_pixels(self._device, pixels, intensity.data, *size, intensity.padding)
+        return RangeImage(points_mm, taken_at_s, image)
+
+    def _lens_words(self) -> tuple[str, ...]:
+        """The intrinsics that the camera itself reports."""
+        if not all(map(self._camera.has, SCAN3D_LENS)):
+            return ()
+        focal_px, aspect, u_px, v_px = map(self._number, SCAN3D_LENS)
+        y_px = "" if abs(aspect - 1) < 1e-6 else f" (across), {focal_px * aspect:.1f} px (down)"
+        return (f"focal length {focal_px:.1f} px{y_px}, principal point ({u_px:.1f}, {v_px:.1f})",)
+
+    def _read_scan3d(self) -> Scan3d:
+        """The features that turn the camera's numbers into mm."""
+        axes = []
+        for axis in ("CoordinateA", "CoordinateB", "CoordinateC"):
+            if axis in self._choices("Scan3dCoordinateSelector"):
+                self._write("Scan3dCoordinateSelector", axis)
+            low, high = self._optional_number("Scan3dAxisMin"), self._optional_number("Scan3dAxisMax")
+            flagged = self._camera.has("Scan3dInvalidDataFlag") and self._camera.read("Scan3dInvalidDataFlag") in TRUE
+            axes.append(
+                Coordinate(
+                    self._optional_number("Scan3dCoordinateScale", 1.0),
+                    self._optional_number("Scan3dCoordinateOffset"),
+                    self._optional_number("Scan3dInvalidDataValue") if flagged else None,
+                    (low, high) if low < high else None,
+                )
+            )
+        words = {name: self._camera.read(name) for name in SCAN3D_WORDS if self._camera.has(name)}
+        lens = [self._optional_number(name, default) for name, default in SCAN3D_LENS.items()]
+        return read_scan3d(self._device, words, (axes[0], axes[1], axes[2]), lens)
+
+    def _optional_number(self, feature: str, default: float = 0.0) -> float:
+        return self._number(feature) if self._camera.has(feature) else default
 
     def _feature(self, names: tuple[str, ...]) -> str | None:
         return next((name for name in names if self._camera.has(name)), None)

@@ -1,0 +1,69 @@
+"""A GenICam 3D camera: organised clouds, with an intensity where the camera sends one."""
+
+import asyncio
+from collections.abc import Callable
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from drivers.cameras.genicam.address import CameraAddress
+from drivers.cameras.genicam.device import Library
+from drivers.cameras.genicam.opened_device import GenICamDevice
+from drivers.cameras.genicam.scan3d import RangeImage
+from drivers.cameras.genicam.session import CameraSession
+from drivers.errors import AnswerTooLarge, NothingMeasured
+from drivers.interfaces import ScannedCloud
+from drivers.scanners.cloud_files import EMPTY_FIX
+from drivers.timing import Timing
+
+LIMIT_S = 60.0
+MAX_BYTES = 2**30
+
+
+class GenICamScanner(GenICamDevice):
+    """drivers.interfaces.Scanner and IdentifiedDevice. Each cloud is exposed after it was asked for."""
+
+    def __init__(
+        self,
+        make_library: Callable[[CameraAddress], Library],
+        address: CameraAddress,
+        timing: Timing | None = None,
+        *,
+        limit_s: float = LIMIT_S,
+        max_bytes: int = MAX_BYTES,
+        name: str = "scanner",
+    ) -> None:
+        super().__init__(make_library, address, timing, limit_s=limit_s, name=name)
+        self._max_bytes = max_bytes
+
+    async def scan(self, newer_than_s: float) -> ScannedCloud:
+        """A cloud exposed after `newer_than_s`, as PCD in mm with width and height; raises a DeviceError."""
+        image = await self._take_new(newer_than_s, CameraSession.take_cloud)
+        if not np.isfinite(image.points_mm[..., 2]).any():
+            raise NothingMeasured(self.device, "the cloud has no points", EMPTY_FIX)
+        content = await asyncio.to_thread(organised_pcd, image)
+        if len(content) > self._max_bytes:
+            raise AnswerTooLarge(self.device, f"more than {self._max_bytes} bytes", "set a smaller region of interest")
+        return ScannedCloud(content, "application/x-pcd", image.taken_at_s)
+
+
+def organised_pcd(image: RangeImage) -> bytes:
+    """PCD 0.7 with a point for every pixel, row by row: x, y, z in mm, NaN for none, and intensity if there is one."""
+    height, width = image.points_mm.shape[:2]
+    columns: list[NDArray[Any]] = [image.points_mm]
+    names = ["x", "y", "z"]
+    if image.intensity is not None:
+        grey = image.intensity
+        if grey.ndim == 3:
+            grey = np.asarray(cv2.cvtColor(grey[..., :3], cv2.COLOR_BGR2GRAY))
+        columns.append(grey[..., np.newaxis].astype(np.float32))
+        names.append("intensity")
+    count = len(names)
+    header = (
+        f"# .PCD v0.7\nVERSION 0.7\nFIELDS {' '.join(names)}\nSIZE{' 4' * count}\nTYPE{' F' * count}\n"
+        f"COUNT{' 1' * count}\nWIDTH {width}\nHEIGHT {height}\nVIEWPOINT 0 0 0 1 0 0 0\n"
+        f"POINTS {width * height}\nDATA binary\n"
+    )
+    return header.encode() + np.concatenate(columns, axis=2).astype("<f4").tobytes()
