@@ -3,8 +3,9 @@
 robot:   rws://host, rws://user:password@host:port?version=2&frame=base (read only: drivers.robots.abb.rws.address),
          tcp://host:port, serial:///dev/ttyUSB0?baud=115200&rtscts=0, socket://host:port, rfc2217://host:port, loop://
 camera:  http(s)://..., video:0, video:/dev/video0, video:/path/file.mp4, rtsp://..., folder:/path,
-         basler:SERIAL, genicam:SERIAL?producer=/path.cti, aravis:SERIAL, aravis:IP: drivers.cameras.genicam.address
-scanner: http(s)://..., folder:/path
+         basler:SERIAL, genicam:SERIAL?producer=/path.cti, aravis:SERIAL, aravis:IP, realsense:SERIAL:
+         drivers.cameras.genicam.address
+scanner: http(s)://..., folder:/path; 3D cameras: genicam:, basler:, aravis:, realsense: as cameras
 """
 
 from collections.abc import Callable
@@ -22,6 +23,7 @@ from drivers.cameras.genicam.camera import GenICamCamera
 from drivers.cameras.genicam.device import Library
 from drivers.cameras.genicam_camera import HarvestersLibrary
 from drivers.cameras.http_camera import HttpCamera
+from drivers.cameras.realsense_camera import RealSenseLibrary
 from drivers.cameras.video_camera import VideoCamera
 from drivers.errors import AddressNotUnderstood
 from drivers.interfaces import Camera, MakeCamera, MakeRobot, MakeScanner, Robot, Scanner, VibrationMonitor
@@ -32,6 +34,7 @@ from drivers.robots.abb.rws.redundant_stop import RedundantStop
 from drivers.robots.abb.rws.robot import RwsRobot
 from drivers.robots.base_frame import RobotInBaseFrame
 from drivers.scanners.folder_scanner import FolderScanner
+from drivers.scanners.genicam_scanner import GenICamScanner
 from drivers.scanners.http_scanner import HttpScanner
 from drivers.timing import Timing
 from drivers.transports.serial_line import SerialTransport
@@ -225,15 +228,21 @@ CAMERAS: dict[str, tuple[Parse, MakeCamera]] = {
     "basler": (parse_camera_address, partial(GenICamCamera, lambda address: PylonLibrary())),
     "genicam": (parse_camera_address, partial(GenICamCamera, lambda address: HarvestersLibrary(address.producer))),
     "aravis": (parse_camera_address, partial(GenICamCamera, lambda address: AravisLibrary(address.name))),
+    "realsense": (parse_camera_address, partial(GenICamCamera, lambda address: RealSenseLibrary("Color"))),
 }
 LIBRARIES: dict[str, Callable[[], Library]] = {
     "basler": PylonLibrary,
     "genicam": HarvestersLibrary,
     "aravis": AravisLibrary,
+    "realsense": RealSenseLibrary,
 }
 """By scheme: what finds cameras."""
 SCANNERS: dict[str, tuple[Parse, MakeScanner]] = {
     "http": (_url, HttpScanner),
     "https": (_url, HttpScanner),
     "folder": (_folder, FolderScanner),
+    "basler": (parse_camera_address, partial(GenICamScanner, lambda address: PylonLibrary())),
+    "genicam": (parse_camera_address, partial(GenICamScanner, lambda address: HarvestersLibrary(address.producer))),
+    "aravis": (parse_camera_address, partial(GenICamScanner, lambda address: AravisLibrary(address.name))),
+    "realsense": (parse_camera_address, partial(GenICamScanner, lambda address: RealSenseLibrary("Depth"))),
 }
