@@ -3,6 +3,7 @@
 import time
 
 import numpy as np
+from numpy.typing import NDArray
 
 from calibration.kinematics.robot_accuracy import RobotNoise
 from calibration.transforms import Array, difference, inverse, map_points, rotation_from_vector, skew, transform
@@ -35,22 +36,19 @@ def _one(seed: int) -> float:
     truth, random = CellTruth.from_seed(1), np.random.default_rng(seed)
     nominal = truth.nominal
     said = [
-        nominal.base_T_part @ _looking_at(x, y) @ inverse(nominal.mount_T_camera) for y in ROWS_MM for x in COLUMNS_MM
+        nominal.base_T_part @ looking_at(x, y) @ inverse(nominal.mount_T_camera) for y in ROWS_MM for x in COLUMNS_MM
     ]
     true = [pose @ _error(random) for pose in said]
     part_T_base, x = inverse(truth.base_T_part), truth.flange_T_camera
     clouds = [scan(ScannerModel(), [part_T_base @ pose @ truth.flange_T_scanner], random) for pose in true]
-    surfaces = [
-        Surface.of(sample_points([np.ascontiguousarray(points).view(XYZ_FLOAT32.dtype)[:, 0]], XYZ_FLOAT32, 1.0))
-        for points in clouds
-    ]
+    surfaces = [surface_of(points) for points in clouds]
     plain = [pose @ x for pose in said]
     began = time.perf_counter()
     found = refine_poses(surfaces, plain, said, NOISE)
     spent = time.perf_counter() - began
     refined = [correction.motion @ pose for correction, pose in zip(found.corrections, plain, strict=True)]
     off, on, best, least = (
-        _deviation(surfaces, poses, part_T_base)
+        deviation_mm(surfaces, poses, part_T_base)
         for poses in (plain, refined, [pose @ x for pose in true], [pose @ x for pose in _at_best(said, true)])
     )
     before, after = (_pose_errors(poses, true, x) for poses in (plain, refined))
@@ -65,7 +63,12 @@ def _one(seed: int) -> float:
     return on / off
 
 
-def _looking_at(x: float, y: float) -> Array:
+def surface_of(points: NDArray[np.float32]) -> Surface:
+    """A cloud (n, 3) as the registration samples it."""
+    return Surface.of(sample_points([np.ascontiguousarray(points).view(XYZ_FLOAT32.dtype)[:, 0]], XYZ_FLOAT32, 1.0))
+
+
+def looking_at(x: float, y: float) -> Array:
     """part_T_camera at normal incidence on the skin at (x, y)."""
     aim = np.array([x, y, float(DOOR.height(np.array(x), np.array(y)))])
     out = DOOR.normal(np.array([x]), np.array([y]))[0]
@@ -95,7 +98,7 @@ def _error(random: np.random.Generator) -> Array:
     return transform(rotation, random.normal(0, NOISE.translation_mm, 3))
 
 
-def _deviation(surfaces: list[Surface], poses: list[Array], part_T_base: Array) -> float:
+def deviation_mm(surfaces: list[Surface], poses: list[Array], part_T_base: Array) -> float:
     """RMS distance of the samples from the true skin."""
     off = [
         DOOR.deviation(map_points(part_T_base @ pose, surface.points[::5]))
@@ -145,7 +148,7 @@ def _open3d(surfaces: list[Surface], poses: list[Array], part_T_base: Array, spe
     )
     theirs = time.perf_counter() - began
     placed = [node.pose @ pose for node, pose in zip(graph.nodes, poses, strict=True)]
-    off = _deviation(surfaces, placed, part_T_base)
+    off = deviation_mm(surfaces, placed, part_T_base)
     between = agreement(surfaces, placed).rms_mm or np.nan
     print(
         f"         (seed 0: Open3D's multiway took {theirs / spent:.1f} times as long; its cloud is {off:.3f} mm off, "

@@ -1,0 +1,111 @@
+"""The mock cell's door in twelve views of a standard arm: deviation from the truth by what is known of the arm.
+
+The arm is identified from a hand-eye session of its own: 12 ordinary views of the target on its table, or 40 views of
+four places, planned for the postures that see the door. The scans repeat as `tests/simulated/arms.REPEATABILITY`.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from benchmarks.registration.door import COLUMNS_MM, ROWS_MM, deviation_mm, looking_at, surface_of
+from calibration.kinematics.abb_arms import find_arm
+from calibration.kinematics.arm import Arm
+from calibration.kinematics.arm_errors import ArmErrorModel, Postures, approach_sides
+from calibration.kinematics.robot_accuracy import MIN_POSE_NOISE, RobotNoise
+from calibration.likelihood.mixed_model import Variances
+from calibration.likelihood.predicted_uncertainty import ExpectedNoise, Scene
+from calibration.planning.arm_views import ArmExperiment, PointsOfInterest
+from calibration.solve import estimate_session, identify_arm_session
+from calibration.transforms import Array, inverse, rotation_from_vector, transform
+from mock_robot.arm.built_arm import BuiltArm, build_arm
+from mock_robot.scene.scanner_view import ScannerModel, scan
+from mock_robot.truth.part_views import DISTANCE_MM
+from mock_robot.truth.truth import IRB_1600, PART_FACING_THE_ROBOT, PART_MIDDLE_MM, TARGET_FACING_UP, TARGET_MIDDLE_MM
+from registration.fusion.pose_adjustment import refine_poses
+from registration.points.surface import Surface
+from tests.simulated.arms import MOUNT_T_CAMERA, REPEATABILITY, ArmCell, arm_cell, reachable_views, target_places
+from tests.simulated.sessions import BOARD, CAMERA
+
+BASE_T_DOOR = transform(PART_FACING_THE_ROBOT, PART_MIDDLE_MM)
+BASE_T_TARGET = transform(
+    TARGET_FACING_UP, np.array(TARGET_MIDDLE_MM) - TARGET_FACING_UP @ BOARD.points_mm.mean(axis=0)
+)
+ORDINARY, PLANNED, PLACES, CANDIDATES = 12, 40, 4, 50
+
+
+def door_as_built_table(seeds: range) -> None:
+    """RMS over the arms, and the worst arm."""
+    print(f"Door of 1.2 m in 12 views, standard {IRB_1600} ({len(seeds)} arms): deviation from the truth in mm, worst")
+    print(f"{'arm from':22}{'plain':>14}{'refined':>14}{'arm':>14}{'both':>14}{'true poses':>14}")
+    for name, views in (("12 ordinary views", ORDINARY), ("40 planned views", PLANNED)):
+        rows = np.array([_deviations(views, seed) for seed in seeds])
+        cells = [f"{np.sqrt(np.mean(column**2)):.3f} {column.max():.3f}" for column in rows.T]
+        print(f"{name:22}" + "".join(f"{cell:>14}" for cell in cells), flush=True)
+
+
+def _deviations(views: int, seed: int) -> Array:
+    """Deviations (5,) plain, refined, with the arm, with both, and at the true poses."""
+    rng, arm = np.random.default_rng([seed, 11]), find_arm(IRB_1600)
+    built = build_arm(arm, "standard", seed)
+    joints = _door_joints(arm)
+    cell = _ordinary(rng, built) if views == ORDINARY else _planned(rng, built, joints)
+    best = estimate_session(max(cell.problems, key=lambda problem: len(problem.views)))[2].best
+    fit = identify_arm_session(arm, cell.problems)
+    stands, surfaces = _scanned(rng, built, joints)
+    drawn, as_built = arm.forward(joints), fit.model.forward(fit.parameters, Postures(joints))
+    plain, with_arm = drawn @ best.chain.mount_T_camera, as_built @ fit.mount_T_camera
+    refined = _refine(surfaces, plain, drawn, best.variances)
+    both = _refine(surfaces, with_arm, as_built, best.variances)
+    placed = (plain, refined, with_arm, both, stands @ MOUNT_T_CAMERA)
+    return np.array([deviation_mm(surfaces, list(poses), inverse(BASE_T_DOOR)) for poses in placed])
+
+
+def _door_joints(arm: Arm) -> Array:
+    """Joints (12, 6) row by row in alternating direction, in one posture."""
+    found: list[Array] = []
+    for row, y in enumerate(ROWS_MM):
+        for x in COLUMNS_MM if row % 2 == 0 else COLUMNS_MM[::-1]:
+            solutions = arm.inverse(BASE_T_DOOR @ looking_at(x, y) @ inverse(MOUNT_T_CAMERA))
+            before = found[-1] if found else np.zeros(6)
+            found.append(solutions[np.argmin(np.abs(solutions - before).max(axis=1))])
+    return np.array(found)
+
+
+def _scanned(rng: np.random.Generator, built: BuiltArm, joints: Array) -> tuple[Array, list[Surface]]:
+    """Where the flange truly stood (n, 4, 4), and what the scanner saw from there."""
+    n = len(joints)
+    scatter = transform(
+        rotation_from_vector(REPEATABILITY.robot_rotation_rad * rng.standard_normal((n, 3))),
+        REPEATABILITY.robot_translation_mm * rng.standard_normal((n, 3)),
+    )
+    stands = built.base_T_flange(Postures(joints, sides=approach_sides(joints))) @ scatter
+    seen_from = inverse(BASE_T_DOOR) @ stands @ MOUNT_T_CAMERA
+    return stands, [surface_of(scan(ScannerModel(), [pose], rng)) for pose in seen_from]
+
+
+def _refine(surfaces: Sequence[Surface], base_T_camera: Array, base_T_flange: Array, levels: Variances) -> Array:
+    noise = RobotNoise(
+        max(float(np.sqrt(levels.translation)), MIN_POSE_NOISE.translation_mm),
+        max(float(np.sqrt(levels.rotation)), MIN_POSE_NOISE.rotation_rad),
+    )
+    found = refine_poses(surfaces, list(base_T_camera), list(base_T_flange), noise)
+    return np.array([one.motion @ pose for one, pose in zip(found.corrections, base_T_camera, strict=True)])
+
+
+def _ordinary(rng: np.random.Generator, built: BuiltArm) -> ArmCell:
+    views = reachable_views(rng, built.drawing, BASE_T_TARGET, ORDINARY)
+    return arm_cell(rng, built, [views], [BASE_T_TARGET])
+
+
+def _planned(rng: np.random.Generator, built: BuiltArm, door_joints: Array) -> ArmCell:
+    arm = built.drawing
+    model, targets = ArmErrorModel(arm), target_places(rng, arm, PLACES)
+    points = np.tile([0.0, 0.0, DISTANCE_MM], (len(door_joints), 1))
+    candidates = [Postures(reachable_views(rng, arm, target, CANDIDATES)) for target in targets]
+    noise = ExpectedNoise(REPEATABILITY.image_px, REPEATABILITY.robot_rotation_rad, REPEATABILITY.robot_translation_mm)
+    scenes = [Scene("eye-in-hand", BOARD, CAMERA, MOUNT_T_CAMERA, target, noise) for target in targets]
+    interest = PointsOfInterest(Postures(door_joints), points)
+    plan = ArmExperiment(model, scenes, candidates, interest, model.sigmas).choose(PLANNED)
+    joints = [candidates[place].joints_rad[[row for at, row in plan.views if at == place]] for place in range(PLACES)]
+    return arm_cell(rng, built, joints, targets)
