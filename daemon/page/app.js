@@ -2,6 +2,7 @@
 import { Component, html, render, useEffect } from './vendor/preact.js';
 import { Banners } from './parts/banners.js';
 import { Header } from './parts/header.js';
+import { SensorChoice } from './parts/sensor_choice.js';
 import { Whole } from './parts/whole.js';
 import { ask } from './state/ask.js';
 import { start } from './state/live.js';
@@ -76,7 +77,7 @@ function Page() {
     <${Header} screen=${known} />
     <main id="content" tabindex="-1">
       <h1 class="sr-only" tabindex="-1">${t(`place.${wanted}`)}</h1>
-      ${session.value === null || !Screen ? html`<p class="quiet">${t('missing.wait')}</p>` : html`<${Guard} key=${`${wanted}/${argument}`}><${Whole}><${Screen} argument=${argument} /></${Whole}></${Guard}>`}
+      ${session.value === null || !Screen ? html`<p class="quiet">${t('missing.wait')}</p>` : html`<${Guard} key=${`${wanted}/${argument}`}><${Whole}><${SensorChoice} screen=${wanted} named=${wanted !== 'verify' && argument} /><${Screen} argument=${argument} /></${Whole}></${Guard}>`}
       <${Banners} />
     </main>`;
 }

@@ -26,7 +26,7 @@ _RUNS = (
     " 'scan_id', json_extract(result, '$.scan_id')) END FROM runs"
 )
 _CALIBRATIONS = (
-    "SELECT id, run_id, created_at, accepted,"
+    "SELECT id, run_id, created_at, accepted, camera,"
     " CASE WHEN json_valid(document) THEN json_extract(document, '$.uncertainty.point_mm') END,"
     " CASE WHEN json_valid(document) THEN json_type(document, '$.verdict') = 'object' ELSE 0 END FROM calibrations"
 )
@@ -67,20 +67,21 @@ class RunListing:
 
 @dataclass(frozen=True)
 class CalibrationListing:
-    """A calibration of a list. `point_mm`: one sigma of a mapped point."""
+    """A calibration of a list. `camera`: by its name in the settings; `point_mm`: one sigma of a mapped point."""
 
     id: str
     run_id: str | None
     created_at: str
     accepted: bool
+    camera: str
     point_mm: float | None
 
     @classmethod
     def of_row(cls, row: tuple[Any, ...]) -> "CalibrationListing":
-        found_id, run_id, created_at, accepted, point_mm, sound = row
+        found_id, run_id, created_at, accepted, camera, point_mm, sound = row
         if not sound:
             raise ValueError("the document is no calibration")
-        return cls(found_id, run_id, created_at, bool(accepted), point_mm)
+        return cls(found_id, run_id, created_at, bool(accepted), camera, point_mm)
 
 
 @dataclass(frozen=True)

@@ -41,7 +41,6 @@ from daemon.api.problems import problem_responses
 from daemon.api.schemas.answer import page_json
 from daemon.api.schemas.calibrations import AppliedDocument, CalibrationList, CalibrationSummary, CurrentCalibration
 from daemon.application import Application
-from daemon.config.settings import MAIN_CAMERA
 from daemon.errors import NoCalibration, NotFound
 from daemon.model.records import CalibrationRecord
 from daemon.model.requests import ApplyRequest, ObservationsRequest, SolveRequest
@@ -71,7 +70,7 @@ async def calibrations(app: App, limit: Limit = 50, before: Before = None, accep
     found = await app.store.listings.calibrations(limit + 1, before, filters)
     page, following = page_of(found, limit, "/calibrations", filters)
     history = await app.store.history(limit)
-    current = next((row.calibration_id for row in history if row.camera == MAIN_CAMERA), None)
+    current = frozenset({row.camera: row.calibration_id for row in reversed(history)}.values())
 
     def as_json() -> bytes:
         read, damaged = split_damaged(page)

@@ -10,10 +10,16 @@ from daemon.store.listings import CalibrationListing
 
 
 class CalibrationSummary(Answer):
-    """One line of the list."""
+    """One line of the list. `current`: in force for its `camera`, which is by its name in the settings."""
 
     model_config = example(
-        id=EXAMPLE_ID, run_id=EXAMPLE_ID, created_at=EXAMPLE_AT, accepted=True, current=True, point_mm=0.06
+        id=EXAMPLE_ID,
+        run_id=EXAMPLE_ID,
+        created_at=EXAMPLE_AT,
+        accepted=True,
+        current=True,
+        camera="camera",
+        point_mm=0.06,
     )
 
     id: str
@@ -21,11 +27,12 @@ class CalibrationSummary(Answer):
     created_at: str
     accepted: bool
     current: bool
+    camera: str
     point_mm: float | None
 
     @classmethod
-    def of(cls, listing: CalibrationListing, current_id: str | None) -> "CalibrationSummary":
-        return cls(**vars(listing), current=listing.id == current_id)
+    def of(cls, listing: CalibrationListing, current_ids: frozenset[str]) -> "CalibrationSummary":
+        return cls(**vars(listing), current=listing.id in current_ids)
 
     @classmethod
     def of_current(cls, record: CalibrationRecord) -> "CalibrationSummary":
@@ -33,7 +40,7 @@ class CalibrationSummary(Answer):
         uncertainty = record.document.uncertainty
         return cls(
             id=record.id, run_id=record.run_id, created_at=record.created_at, accepted=record.accepted,
-            current=True, point_mm=uncertainty.point_mm if uncertainty else None,
+            current=True, camera=record.camera, point_mm=uncertainty.point_mm if uncertainty else None,
         )  # fmt: skip
 
 

@@ -211,9 +211,18 @@ class CheckList(Answer):
     results: list[CheckDocument]
 
 
+class CellScannerDocument(Answer):
+    """A scanner by its name in the settings; `camera`: whose calibration places its clouds."""
+
+    name: str
+    camera: str
+    poses: int
+
+
 class ArmDocument(Answer):
     """What does not change while the daemon runs: the arm, its limits, the target, the poses of the settings.
 
+    `setup`, `target`, `camera` and `taught_poses` are of the camera asked for; `cameras`: the names of all of them.
     `model` and `limits_deg` (lowest and highest of each axis) are null when the settings do not name the arm.
     """
 
@@ -230,6 +239,8 @@ class ArmDocument(Answer):
     camera: CameraDocument | None
     taught_poses: list[TaughtPose]
     scan_poses: list[TaughtPose]
+    cameras: list[str]
+    scanners: list[CellScannerDocument]
 
     @classmethod
     def of_settings(cls, settings: Settings, arm: Arm | None, moves: bool) -> "ArmDocument":
@@ -249,6 +260,11 @@ class ArmDocument(Answer):
             camera=settings.camera.intrinsics,
             taught_poses=list(settings.calibration.poses),
             scan_poses=list(settings.scanner.poses) if settings.scanner else [],
+            cameras=list(settings.camera_names),
+            scanners=[
+                CellScannerDocument(name=name, camera=scanner.camera, poses=len(scanner.poses))
+                for name, scanner in settings.named_scanners().items()
+            ],
         )
 
 

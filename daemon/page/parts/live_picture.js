@@ -3,13 +3,15 @@ import { html, useEffect, useState } from '../vendor/preact.js';
 import { ask } from '../state/ask.js';
 import { lost, look, run, running } from '../state/now.js';
 import { count } from '../state/numbers.js';
+import { camera, ofCamera } from '../state/sensors.js';
 import { t } from '../state/words.js';
 import { Picture } from './picture.js';
 import { Cause } from './problem.js';
 
 const EVERY_MS = 2000;
 
-export function LivePicture() {
+/** `of`: name of the camera, by default the chosen one. */
+export function LivePicture({ of = camera.value }) {
   const [shown, setShown] = useState({ src: null, look: null, turn: 0 });
   const manual = run.value?.request?.manual && running.value;
   useEffect(() => {
@@ -19,8 +21,8 @@ export function LivePicture() {
     const next = async () => {
       if (!document.hidden && !lost.value) {
         try {
-          const seen = manual ? null : (await ask('/camera/look')).data;
-          const { data } = await ask('/camera/frame?width=960', { kind: 'blob', headers: { Accept: 'image/jpeg' } });
+          const seen = manual ? null : (await ask(ofCamera('/camera/look', of))).data;
+          const { data } = await ask(ofCamera('/camera/frame?width=960', of), { kind: 'blob', headers: { Accept: 'image/jpeg' } });
           const url = URL.createObjectURL(data);
           if (!wanted) return void URL.revokeObjectURL(url);
           if (held) URL.revokeObjectURL(held);
@@ -38,7 +40,7 @@ export function LivePicture() {
       clearTimeout(timer);
       if (held) URL.revokeObjectURL(held);
     };
-  }, [manual]);
+  }, [manual, of]);
   const seen = manual ? look.value : shown.look;
   const words = seenWords(seen);
   return html`<${Picture} src=${shown.src} size=${seen?.size ?? undefined} corners=${seen?.corners ?? []} alt=${`${t('picture.camera')} ${words}`} dim=${lost.value} />

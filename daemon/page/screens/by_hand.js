@@ -10,6 +10,7 @@ import { carriedBy, placesOf } from '../parts/places.js';
 import { stepsTo } from '../parts/pose.js';
 import { WayToGo, isNear } from '../parts/way_to_go.js';
 import { ask, newKey } from '../state/ask.js';
+import { cameraOf, ofCamera } from '../state/sensors.js';
 import { inRow, mm, signed } from '../state/numbers.js';
 import { look, may, note, old, robot } from '../state/now.js';
 import { t } from '../state/words.js';
@@ -17,8 +18,8 @@ import { t } from '../state/words.js';
 const MOVE_LIMIT_S = 600; // a jog is answered when the arm stands; all axes at the lowest speed take minutes
 
 export function ByHand({ shown }) {
-  const arm = useAsked('/arm');
-  const inForce = useAsked('/calibrations/current', ['applied']);
+  const arm = useAsked(ofCamera('/arm', cameraOf(shown)));
+  const inForce = useAsked(ofCamera('/calibrations/current', cameraOf(shown)), ['applied']);
   const { planning, station, stations } = shown;
   const now = robot.value;
   const next = planning?.next_pose;
@@ -62,7 +63,7 @@ export function ByHand({ shown }) {
     ${jogs && html`<${Card} title=${t('move.title')} id="move">
       <${JogControls} arm=${arm.data} joints_deg=${now?.joints_deg} send=${jog} busy=${waits ? '' : t(moving ? 'move.moving' : `state.${shown.state}`)} />
       <p role="status">${moving ? html`<b>● ${t('move.moving')}</b>` : waits && stands && html`<b>✓ ${t('move.done')}</b>`}</p></${Card}>`}
-    <${Card} title=${t('cell.camera')} id="camera"><${LivePicture} /></${Card}>
+    <${Card} title=${t('cell.camera')} id="camera"><${LivePicture} of=${cameraOf(shown)} /></${Card}>
     <${Card} title=${t('cell.scene')} id="scene" wide=${jogs ? '3' : undefined}><${CellScene} parts=${parts} dim=${old.value} /></${Card}>
   </div>`;
 }

@@ -10,19 +10,20 @@ import { Reasons } from '../parts/reasons.js';
 import { ask, newKey } from '../state/ask.js';
 import { fixed, mm } from '../state/numbers.js';
 import { may, note, ready, robot, running } from '../state/now.js';
+import { camera, cameraNamed, ofCamera } from '../state/sensors.js';
 import { go } from '../state/place.js';
 import { t } from '../state/words.js';
 
 export function Calibrate() {
   const [how, setHow] = useState({ way: 'daemon', until: 'settings', count: 6, tolerance_mm: 0.3, arm: false });
-  const arm = useAsked('/arm');
-  const status = useAsked('/calibrate', ['run', 'applied']);
+  const arm = useAsked(ofCamera('/arm'));
+  const status = useAsked(ofCamera('/calibrate'), ['run', 'applied']);
   const [plan, setPlan] = useState(null);
   const change = (part) => {
     setHow({ ...how, ...part });
     setPlan(null);
   };
-  const body = requestOf(how);
+  const body = { ...requestOf(how), ...cameraNamed(camera.value) };
   const off = !may('operator') || running.value || !ready.value?.calibrate?.ready;
   const begin = async (key) => {
     await ask('/calibrate', { method: 'POST', body, key });
@@ -74,7 +75,7 @@ function Stepper({ value, low, high, step, label, text, set }) {
 }
 
 function WhatMoves({ how, body, arm, plan, setPlan }) {
-  const inForce = useAsked('/calibrations/current', ['applied']);
+  const inForce = useAsked(ofCamera('/calibrations/current'), ['applied']);
   const now = robot.value;
   const places = placesOf(inForce.data?.calibration, now?.base_T_flange);
   const parts = useMemo(() => {

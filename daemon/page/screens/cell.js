@@ -10,13 +10,14 @@ import { Cause } from '../parts/problem.js';
 import { Reasons } from '../parts/reasons.js';
 import { mm, moment } from '../state/numbers.js';
 import { devices, old, robot } from '../state/now.js';
+import { ofCamera } from '../state/sensors.js';
 import { linkTo } from '../state/place.js';
 import { deviceName, t } from '../state/words.js';
 
 export function Cell() {
-  const arm = useAsked('/arm');
-  const inForce = useAsked('/calibrations/current', ['applied', 'calibration', 'run']);
-  const drift = useAsked('/drift', ['drift', 'applied', 'run']);
+  const arm = useAsked(ofCamera('/arm'));
+  const inForce = useAsked(ofCamera('/calibrations/current'), ['applied', 'calibration', 'run']);
+  const drift = useAsked(ofCamera('/drift'), ['drift', 'applied', 'run']);
   const calibration = inForce.data?.calibration;
   const now = robot.value;
   const places = placesOf(calibration, now?.base_T_flange);

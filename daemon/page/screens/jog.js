@@ -10,12 +10,13 @@ import { Cause } from '../parts/problem.js';
 import { Reasons } from '../parts/reasons.js';
 import { ask } from '../state/ask.js';
 import { note, old, ready, robot, run, running } from '../state/now.js';
+import { ofCamera } from '../state/sensors.js';
 import { fixed, vector } from '../state/numbers.js';
 import { t } from '../state/words.js';
 
 export function Jog() {
-  const arm = useAsked('/arm');
-  const inForce = useAsked('/calibrations/current', ['applied']);
+  const arm = useAsked(ofCamera('/arm'));
+  const inForce = useAsked(ofCamera('/calibrations/current'), ['applied']);
   const [last, setLast] = useState(null); // the id of the jog that was begun here
   const now = robot.value;
   const places = placesOf(inForce.data?.calibration, now?.base_T_flange);

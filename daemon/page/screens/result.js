@@ -14,22 +14,25 @@ import { ViewTable } from '../parts/view_table.js';
 import { ask } from '../state/ask.js';
 import { deg, fixed, inRow, mm, moment, vector } from '../state/numbers.js';
 import { may, note, session } from '../state/now.js';
+import { camera, cameras, ofCamera } from '../state/sensors.js';
 import { linkTo } from '../state/place.js';
-import { sentence, t } from '../state/words.js';
+import { deviceName, sentence, t } from '../state/words.js';
 
 export function Result({ argument }) {
-  const list = useAsked(argument ? null : '/calibrations?limit=1', ['calibration', 'run']);
-  const id = argument || list.data?.calibrations[0]?.id;
+  const list = useAsked('/calibrations?limit=100', ['calibration', 'run']);
+  const rows = list.data?.calibrations ?? [];
+  const id = argument || rows.find((row) => row.camera === camera.value)?.id;
+  const row = rows.find((one) => one.id === id);
   const found = useAsked(id ? `/calibrations/${encodeURIComponent(id)}` : null);
-  const current = useAsked('/calibrations/current', ['applied', 'calibration']);
+  const current = useAsked(ofCamera('/calibrations/current', row?.camera ?? camera.value), ['applied', 'calibration']);
   if (list.data && !id) {
     return html`<${Card} title=${t('place.result')} id="none"><p>${t('result.never')}</p><p><a class="button primary" href=${linkTo('calibrate')}>${t('place.calibrate')}</a></p></${Card}>`;
   }
   if (!found.data) return html`<${Missing} asked=${argument ? found : list} none=${t('result.unknown')} />`;
-  return html`<${Shown} document=${found.data} current=${current} />`;
+  return html`<${Shown} document=${found.data} current=${current} row=${row} />`;
 }
 
-function Shown({ document, current }) {
+function Shown({ document, current, row }) {
   const inForce = current.data?.applied.calibration_id === document.id;
   const path = `/calibrations/${encodeURIComponent(document.id)}`;
   const { uncertainty } = document;
@@ -37,9 +40,9 @@ function Shown({ document, current }) {
     <${Card} title=${inForce ? t('result.in-force') : t('place.result')} id="verdict"><${Verdict} document=${document} current=${current} inForce=${inForce} /></${Card}>
     <${Card} title=${t('result.found')} id="found"><${Findings} findings=${document.verdict.findings} /></${Card}>
     <${Card} title=${t('compare.title')} id="compare"><${Compare} document=${document} current=${current} inForce=${inForce} /></${Card}>
-    <${Views} document=${document} />
+    <${Views} document=${document} run=${row?.run_id ?? null} />
     ${uncertainty?.covariance && uncertainty.points.length > 0 && html`<${Card} title=${t('ellipsoid.title')} id="ellipsoids" wide="half"><${Ellipsoids} uncertainty=${uncertainty} /></${Card}>`}
-    <${Card} title=${t(document.setup === 'eye-to-hand' ? 'pose.title-stand' : 'pose.title')} id="pose" wide="half"><${PoseFacts} document=${document} /></${Card}>
+    <${Card} title=${t(document.setup === 'eye-to-hand' ? 'pose.title-stand' : 'pose.title')} id="pose" wide="half"><${PoseFacts} document=${document} camera=${row?.camera} /></${Card}>
     <${ArmErrors} document=${document} path=${path} />
     ${document.flange_T_camera || document.base_T_camera ? html`<${Card} title=${t('exports.title')} id="exports" wide="half"><${Exports} path=${path} /></${Card}>` : null}
     ${may('operator') && html`<${Card} title=${t('again.title')} id="again" wide="half"><${SolveAgain} path=${path} views=${document.views} /></${Card}>`}
@@ -101,11 +104,9 @@ function Compare({ document, current, inForce }) {
     <p class="quiet" lang=${said.lang}>${said.text}</p>`;
 }
 
-function Views({ document }) {
+function Views({ document, run }) {
   const [chosen, setChosen] = useState(null);
   const [free, setFree] = useState(false);
-  const list = useAsked(`/calibrations?limit=100`);
-  const run = list.data?.calibrations.find(({ id }) => id === document.id)?.run_id ?? null;
   const seen = useAsked(run ? `/runs/${encodeURIComponent(run)}/views` : null);
   const rows = document.views.map((view) => ({
     ...view, rms_px: view.reprojection_px, robot_mm: view.robot_correction ? Math.hypot(...view.robot_correction.translation_mm) : null,
@@ -124,12 +125,13 @@ function Views({ document }) {
     </${Card}>`;
 }
 
-function PoseFacts({ document }) {
+function PoseFacts({ document, camera: name }) {
   const pose = document.flange_T_camera ?? document.base_T_camera;
   if (!pose) return html`<p>${t('pose.none')}</p>`;
   const { uncertainty } = document;
   const U = (values) => values && html` <span class="quiet">± ${inRow(values.map((value) => fixed(2 * value, 3)))} mm</span>`;
   return html`<${Facts} rows=${[
+    cameras.value.length > 1 && name && [t('device.name.camera'), deviceName(name)],
     [t('pose.translation'), html`<span class="mono">${vector(pose.translation_mm, 3)} mm</span>${U(uncertainty?.translation_mm)}`],
     [t('pose.quaternion'), html`<span class="mono">${vector(pose.quaternion_wxyz, 7)}</span>`],
     uncertainty && [t('pose.rotation'), html`<span class="quiet">± ${inRow(uncertainty.rotation_deg.map((value) => fixed(2 * value, 4)))}°</span>`],

@@ -10,6 +10,7 @@ import { Cause } from '../parts/problem.js';
 import { ViewTable } from '../parts/view_table.js';
 import { mm, moment } from '../state/numbers.js';
 import { old, robot, run } from '../state/now.js';
+import { cameraOf, ofCamera } from '../state/sensors.js';
 import { linkTo } from '../state/place.js';
 import { t } from '../state/words.js';
 import { ByHand } from './by_hand.js';
@@ -28,9 +29,9 @@ export function Run({ argument }) {
 
 function RunShown({ shown }) {
   const [chosen, setChosen] = useState(null);
-  const arm = useAsked('/arm');
+  const arm = useAsked(ofCamera('/arm', cameraOf(shown)));
   const views = useAsked(['scan', 'jog'].includes(shown.kind) ? null : `/runs/${encodeURIComponent(shown.id)}/views`, ['run']);
-  const inForce = useAsked('/calibrations/current', ['applied']);
+  const inForce = useAsked(ofCamera('/calibrations/current', cameraOf(shown)), ['applied']);
   const rows = views.data?.views ?? [];
   const view = rows.find(({ index }) => index === chosen) ?? rows.at(-1);
   const planning = shown.planning;

@@ -10,9 +10,10 @@ import { ProblemNote } from '../parts/problem.js';
 import { ask, newKey } from '../state/ask.js';
 import { bytes, count, fixed, mm, moment } from '../state/numbers.js';
 import { may, note, ready, running } from '../state/now.js';
+import { scanner, scannerNamed, scanners } from '../state/sensors.js';
 import { go, linkTo } from '../state/place.js';
 import { upload } from '../state/upload.js';
-import { t } from '../state/words.js';
+import { deviceName, t } from '../state/words.js';
 
 const TYPES = { ply: 'application/x-ply', pcd: 'application/x-pcd', las: 'application/vnd.las', laz: 'application/vnd.laszip', e57: 'model/e57' };
 
@@ -20,11 +21,11 @@ export const Scans = ({ argument }) => (argument ? html`<${Scan} id=${argument} 
 
 function List() {
   const scans = useAsked('/scans', ['scan', 'run', 'upload']);
-  const arm = useAsked('/arm');
+  const poses = scanners.value.find((one) => one.name === scanner.value)?.poses ?? 0;
   const [name, setName] = useState('');
-  const off = !may('operator') || running.value || !ready.value?.calibrate?.ready || !arm.data?.scan_poses?.length;
+  const off = !may('operator') || running.value || !ready.value?.calibrate?.ready || !poses;
   const begin = async (key) => {
-    const body = { name: name.trim() || t('scan.unnamed'), capture: true };
+    const body = { name: name.trim() || t('scan.unnamed'), capture: true, ...scannerNamed(scanner.value) };
     await ask('/scans', { method: 'POST', key, body });
     note('run');
     go('run');
@@ -37,7 +38,7 @@ function List() {
     </${Card}>
     <${Card} title=${t('scan.new')} id="new">
       <label for="scan-name">${t('scan.name')}</label><input id="scan-name" value=${name} maxlength="60" autocomplete="off" onInput=${(event) => setName(event.target.value)} />
-      <p class="quiet">${t('scan.moves', { count: arm.data?.scan_poses?.length ?? 0 })}</p>
+      <p class="quiet">${t('scan.moves', { count: poses })}</p>
       <${HoldButton} id="hold-scan" label=${t('scan.start')} act=${begin} disabled=${off} why=${t(may('operator') ? 'scan.not-yet' : 'missing.role')} />
       <h3>${t('scan.files')}</h3><${Upload} name=${name} />
     </${Card}>
@@ -53,7 +54,7 @@ function Upload({ name, scan, done }) {
     if (!files.length) return;
     setProblem(null);
     try {
-      const id = scan ?? (await ask('/scans', { method: 'POST', key: newKey(), body: { name: name.trim() || files[0].name.slice(0, 60) } })).data.id;
+      const id = scan ?? (await ask('/scans', { method: 'POST', key: newKey(), body: { name: name.trim() || files[0].name.slice(0, 60), ...scannerNamed(scanner.value) } })).data.id;
       for (const [index, file] of files.entries()) {
         const sent = { index: index + 1, of: files.length, size: file.size };
         setState({ ...sent, share: 0 });
@@ -90,6 +91,7 @@ function Scan({ id }) {
     </${Card}>
     <${Card} title=${t('scan.about')} id="about-scan">
       <${Facts} rows=${[[t('run.since'), moment(scan.data.created_at)], [t('scan.count'), count(views.length)],
+        scanners.value.length > 1 && [t('device.name.scanner'), deviceName(scan.data.scanner)],
         quality && [t('scan.points'), count(quality.points)], quality && [t('scan.rms'), mm(quality.rms_mm.after ?? quality.rms_mm.before)]]} />
       <label class="check"><input type="checkbox" checked=${refine} onChange=${() => setRefine(!refine)} /><span>${t('scan.refine')}</span></label>
       <div class="row"><a class="button" href=${`${path}/cloud?refine=${refine}&wait=60`} download=${`${id}.ply`}>${t('download')}</a>

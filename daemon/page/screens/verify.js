@@ -11,17 +11,19 @@ import { TouchResult, signOf, verdictOf } from '../parts/touch_result.js';
 import { ask } from '../state/ask.js';
 import { count, mm, moment, vector } from '../state/numbers.js';
 import { may, note, ready, running } from '../state/now.js';
+import { camera, cameraNamed, cameras, cameraOf, ofCamera } from '../state/sensors.js';
 import { go, linkTo } from '../state/place.js';
 import { sentence, t } from '../state/words.js';
 
-const VERIFICATIONS = 5; // among the newest of them is one that saw the target's points
+const VERIFICATIONS = 5; // among the newest of them, for each camera, is one that saw the target's points
 
 export function Verify({ argument }) {
-  const drift = useAsked('/drift', ['drift', 'run', 'applied', 'touch', 'acceptance']);
-  const runs = useAsked(`/runs?kind=verify&limit=${VERIFICATIONS}`, ['run']);
-  const last = runs.data?.runs.find(({ kind }) => kind === 'verify');
+  const drift = useAsked(ofCamera('/drift'), ['drift', 'run', 'applied', 'touch', 'acceptance']);
+  const runs = useAsked(`/runs?kind=verify&limit=${VERIFICATIONS * Math.max(1, cameras.value.length)}`, ['run']);
+  const seen = runs.data?.runs.filter((run) => cameraOf(run) === camera.value) ?? [];
+  const last = seen.find(({ kind }) => kind === 'verify');
   const begin = async (key) => {
-    await ask('/verify', { method: 'POST', body: {}, key });
+    await ask('/verify', { method: 'POST', body: cameraNamed(camera.value), key });
     note('run');
     go('run');
   };
@@ -33,7 +35,7 @@ export function Verify({ argument }) {
     <${Card} title=${t('drift.title')} id="drift" wide="2"><${Missing} asked=${drift} />${drift.data && html`<${Drift} drift=${drift.data} />`}</${Card}>
     <${Card} title=${t('verify.last')} id="last" wide="2"><${Missing} asked=${runs} />${runs.data && html`<${Last} run=${last} />`}</${Card}>
     <${Card} title=${t('drift.points')} id="points"><${DriftTable} points=${drift.data?.points ?? []} /></${Card}>
-    <${Touches} chosen=${argument} runs=${runs.data?.runs ?? []} charted=${drift.data?.touch_tests ?? []} />
+    <${Touches} chosen=${argument} runs=${seen} charted=${drift.data?.touch_tests ?? []} />
   </div>`;
 }
 
@@ -56,7 +58,7 @@ function DriftTable({ points }) {
 /** Touch tests: a new touch, what the chosen test found, and all tests since the calibration is in force. */
 function Touches({ chosen, runs, charted }) {
   const list = useAsked('/touches?limit=20', ['touch']);
-  const arm = useAsked('/arm');
+  const arm = useAsked(ofCamera('/arm'));
   const tests = list.data?.touches ?? [];
   const listed = tests.find(({ id }) => id === chosen);
   const named = useAsked(chosen && list.data && !listed ? `/touches/${encodeURIComponent(chosen)}` : null);

@@ -288,7 +288,7 @@ export default {
   'way.free': 'Keine Pose ist vorgeschlagen: eine Ansicht des Targets aufnehmen, von wo Sie mögen.',
   'result.in-force': 'In Kraft',
   'result.found': 'Was gefunden wurde',
-  'result.never': 'In dieser Zelle wurde noch nie kalibriert.',
+  'result.never': 'Es wurde noch keine Kalibrierung gemacht.',
   'result.unknown': 'Diese Kalibrierung gibt es nicht.',
   'result.since': 'In Kraft seit {at}, durch {by}',
   'result.apply': 'In Kraft setzen',

@@ -298,7 +298,7 @@ export default {
 
   'result.in-force': 'In force',
   'result.found': 'What was found',
-  'result.never': 'No calibration was ever made on this cell.',
+  'result.never': 'No calibration was made yet.',
   'result.unknown': 'There is no such calibration.',
   'result.since': 'In force since {at}, by {by}',
   'result.apply': 'Put in force',

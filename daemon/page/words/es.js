@@ -288,7 +288,7 @@ export default {
   'way.free': 'No se propone ninguna pose: tome una vista del patrón desde donde quiera.',
   'result.in-force': 'En vigor',
   'result.found': 'Lo hallado',
-  'result.never': 'Esta celda nunca se ha calibrado.',
+  'result.never': 'Aún no se hizo ninguna calibración.',
   'result.unknown': 'No existe tal calibración.',
   'result.since': 'En vigor desde {at}, por {by}',
   'result.apply': 'Poner en vigor',

@@ -288,7 +288,7 @@ export default {
   'way.free': '没有建议的位姿：可从任意位置拍摄标定板。',
   'result.in-force': '当前生效',
   'result.found': '发现',
-  'result.never': '本单元从未标定。',
+  'result.never': '尚未进行任何标定。',
   'result.unknown': '没有这次标定。',
   'result.since': '自 {at} 生效，由 {by}',
   'result.apply': '使其生效',
