@@ -241,8 +241,9 @@ occurs when a view is requested by hand; the run keeps waiting, and after the fa
 CAMERA_HEADING = """
 ## Industrial cameras
 
-Faults of `genicam:`, `basler:`, `aravis:` and `realsense:` cameras, and how the next picture fails. No older picture is given
-in its place; clouds of 3D cameras by the same addresses fail alike. `pytest tests/drivers/cameras/test_camera_faults.py` tries every row at the driver, with a camera in memory.
+Faults of `genicam:`, `basler:`, `aravis:` and `realsense:` cameras, and how the next picture fails. No older picture is
+given in its place. `pytest tests/drivers/cameras/test_camera_faults.py` tries every row at the driver, with a camera in
+memory; `tests/drivers/scanners/test_genicam_scanner.py` tries some with a 3D camera as scanner.
 
 | fault | what happens | the picture | what the operator reads | what to do |
 |---|---|---|---|---|
