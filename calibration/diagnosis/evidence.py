@@ -98,11 +98,17 @@ class Pictures:
         """Poses (n, 4, 4) and covariances (n, 6, 6) of the views of `evidence` with their pictures turned about the
         middle, which is not the principal point."""
         seen = self.seen.take(np.array([self.rows[index] for index in evidence.indices.tolist()], np.intp))
+        seen = turn_pictures(seen, self.image_size, angle_rad)
         turn = rotation_from_vector(np.array([0.0, 0.0, angle_rad]))
-        middle_px = (np.array(self.image_size) - 1) / 2
-        seen = replace(seen, pixels=middle_px + (seen.pixels - middle_px) @ turn[:2, :2].T)
         poses = refine_poses(seen, self.camera, transform(turn, np.zeros(3)) @ evidence.camera_T_target)
         return poses, self.pixel_px**2 * scaled_inverse(pixel_statistics(seen, self.camera, poses).normal)
+
+
+def turn_pictures(seen: Observations, image_size: tuple[int, int], angle_rad: float) -> Observations:
+    """The corners in pictures of that size (width, height) turned about their middle."""
+    turn = rotation_from_vector(np.array([0.0, 0.0, angle_rad]))[:2, :2]
+    middle_px = (np.array(image_size) - 1) / 2
+    return replace(seen, pixels=middle_px + (seen.pixels - middle_px) @ turn.T)
 
 
 def evidence_of(problem: Problem, seen: Observations, camera: CameraModel, camera_T_target: Array) -> Evidence:

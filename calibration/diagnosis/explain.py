@@ -7,7 +7,7 @@ import numpy as np
 
 from calibration.diagnosis.diagnose import FALSE_ALARM_PROBABILITY, MAX_VIEWS, MIN_VIEWS, diagnose, evenly_spaced
 from calibration.diagnosis.effect import MappedPoint
-from calibration.diagnosis.evidence import Evidence, evidence_of, pixel_deviation
+from calibration.diagnosis.evidence import Evidence, evidence_of, pixel_deviation, turn_pictures
 from calibration.diagnosis.findings import diagnosis_findings, lens_findings, with_comparison
 from calibration.diagnosis.fit import fit
 from calibration.diagnosis.intrinsics_check import (
@@ -17,12 +17,13 @@ from calibration.diagnosis.intrinsics_check import (
     lens_misfit,
     scaled_lens_misfit,
 )
+from calibration.diagnosis.picture_hypotheses import TURNS_DEG
 from calibration.diagnosis.screening import needs_diagnosis
 from calibration.diagnosis.target_check import target_findings
 from calibration.observations.observations import observe
 from calibration.observations.reprojection import pixel_statistics
 from calibration.observations.view_poses import candidate_poses, refine_poses
-from calibration.preprocessing.prepare import PreparedSession
+from calibration.preprocessing.prepare import IMAGE_DISAGREES, PreparedSession
 from calibration.problem import Problem
 from calibration.solution import COVERAGE_FACTOR, Finding, Solution, Uncertainty
 from calibration.transforms import Array
@@ -48,6 +49,9 @@ OF_ANOTHER_SIZE = frozenset({"intrinsics-do-not-fit", "target-not-as-described"}
 
 FLIPPED = frozenset({"pictures-mirrored", "pictures-turned"})
 """Causes with which the principal point of some pictures, or of all, is elsewhere."""
+
+MAX_TURNED_RATIO = 2.0
+"""Most pixel noise of a turned picture over that of the others, and least by which it fits better than as it is."""
 
 MAX_SLIGHT_LENS_SHARE = 0.005
 """Shift of the target over its distance up to which a lens is slightly off, and any other cause is named before it."""
@@ -93,7 +97,7 @@ def _findings_with_x(problem: Problem, solution: Solution, prepared: PreparedSes
     camera, seen, poses = prepared.camera, prepared.seen, prepared.camera_T_target.copy()
     poses[:, :3, 3] /= prepared.scale  # whether the target's size is wrong is for the diagnosis to find
     used = {view.index for view in solution.views if view.status != "rejected"}
-    given = replace(evidence_of(problem, seen, camera, poses), focal_share=prepared.focal_share)
+    given = _with_turned_views(problem, prepared, poses)
     point = None if solution.mount_T_camera is None else MappedPoint.of(used, prepared.scale, camera, poses)
     another_target = tuple(target_findings(problem)) if _points_lie_elsewhere(prepared, poses) else ()
     if another_target:
@@ -120,6 +124,29 @@ def _findings_with_x(problem: Problem, solution: Solution, prepared: PreparedSes
     flipped = any(finding.code in FLIPPED for finding in still_wrong)
     lens_first = misfit.share > MAX_SLIGHT_LENS_SHARE and not flipped
     return (*lens, *still_wrong) if lens_first else (*still_wrong, *lens)
+
+
+def _with_turned_views(problem: Problem, prepared: PreparedSession, poses: Array) -> Evidence:
+    """The evidence of the views at these poses (n, 4, 4), and of those whose corners fit only in a turned picture.
+
+    Where the principal point is off the middle, those are not used, and what remains may agree.
+    """
+    seen, camera = prepared.seen, prepared.camera
+    refused = [position for position, why in prepared.unusable.items() if why.code == IMAGE_DISAGREES.code]
+    if refused:
+        every, _ = observe(problem)
+        left_out = every.take(np.isin(every.positions, refused))
+        as_seen, rms_px = candidate_poses(left_out, camera)
+        most_px = MAX_TURNED_RATIO * pixel_deviation(pixel_statistics(seen, camera, poses))
+        turned_px = [
+            candidate_poses(turn_pictures(left_out, problem.image_size, np.radians(degrees)), camera)[1][:, 0]
+            for degrees in TURNS_DEG
+        ]
+        fits = np.min(turned_px, axis=0) < np.minimum(most_px, rms_px[:, 0] / MAX_TURNED_RATIO)
+        seen, poses = seen.joined(left_out.take(fits)), np.concatenate([poses, as_seen[fits, 0]])
+        order = np.argsort(seen.positions)
+        seen, poses = seen.take(order), poses[order]
+    return replace(evidence_of(problem, seen, camera, poses), focal_share=prepared.focal_share)
 
 
 def _scaled_lens(problem: Problem) -> tuple[Finding, ...]:

@@ -52,6 +52,11 @@ class Observations:
         """Only the chosen views."""
         return Observations(*(array[chosen] for array in vars(self).values()))
 
+    def joined(self, others: "Observations") -> "Observations":
+        """These views and others of the same session after them."""
+        pairs = zip(vars(self).values(), vars(others).values(), strict=True)
+        return Observations(*(np.concatenate(pair) for pair in pairs))
+
     def with_weights(self, weights: Array) -> "Observations":
         """The same corners with other weights (n, m)."""
         return replace(self, weights=weights)
