@@ -115,7 +115,8 @@ class Operations:
         drive = partial(self._driver, request)
 
         async def prepare() -> RunPlan:
-            await self._check_ready(self.cell.capture_obstacles() if request.manual else await self.cell.obstacles())
+            obstacles = self.cell.capture_obstacles() if request.manual else await self.cell.obstacles()
+            await self._check_ready((*obstacles, *self.cell.sensor_obstacles(request.together or ())))
             poses = () if request.manual else request.poses or select_taught_poses(settings, request.count)
             if poses:
                 sequence = await self._fixed_sequence(poses)

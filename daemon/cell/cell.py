@@ -2,7 +2,7 @@
 
 import asyncio
 import logging
-from collections.abc import AsyncIterator, Mapping
+from collections.abc import AsyncIterator, Iterable, Mapping
 from contextlib import asynccontextmanager
 from copy import copy
 from dataclasses import dataclass, field, replace
@@ -48,6 +48,8 @@ MAX_STATUS_S = 1.0
 POLL_S = 0.02
 
 READ_ONLY = "robot: the arm is read, not moved, over this link: take the views by hand (--manual)"
+
+NO_SCANNER = (NoScanner().what,)
 
 AXES_NOT_MOVED = "robot: axes are moved over the CB link only"
 
@@ -316,9 +318,14 @@ class Cell:
 
     def scanner_obstacles(self, name: str = MAIN_SCANNER) -> tuple[str, ...]:
         """Reasons why the scanner could not take a cloud now."""
-        if name not in self._scanners:
-            return (NoScanner().what,)
-        return _link_obstacle(name, self._scanners[name][0])
+        return self.sensor_obstacles((name,))
+
+    def sensor_obstacles(self, names: Iterable[str]) -> tuple[str, ...]:
+        """Reasons why the cameras and scanners of these names could not look now."""
+        links = self.links()
+        return tuple(
+            reason for name in names for reason in (_link_obstacle(name, links[name]) if name in links else NO_SCANNER)
+        )
 
     def links(self) -> dict[str, Robot | Camera | Scanner]:
         """All devices by their names in the settings."""

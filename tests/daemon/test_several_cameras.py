@@ -15,7 +15,7 @@ from calibration.documents.session import CameraDocument
 from calibration.errors import DocumentError
 from calibration.transforms import difference, rotation_from_vector, transform
 from daemon.model.records import AppliedCalibration, CalibrationRecord
-from drivers.errors import DeviceUnreachable
+from drivers.errors import DeviceTimeout, DeviceUnreachable
 from protocols.plc.codes import ControlBit, StatusBit
 from protocols.plc.registers import BY_NAME
 from tests.daemon.cell_under_test import Bench, Parts, pose_json, serving, settings_for
@@ -98,6 +98,19 @@ async def test_a_camera_that_sees_nothing_is_named_and_fails_nothing_else(tmp_pa
         together = (await calibrate(bench.client, together=["wrist"]))["result"]["together"]
         assert together["rig_id"] is None
         assert "rig" in together["refused"]
+
+
+@pytest.mark.parametrize("manual", [False, True])
+async def test_nothing_moves_for_sensors_of_which_one_cannot_look(tmp_path: Path, manual: bool) -> None:
+    parts = Parts()
+    parts.cameras["wrist"] = FakeCamera(parts.robot, failing=DeviceTimeout("wrist", "no answer", "look at the cable"))
+    async with serving(settings_for(tmp_path, cameras={"wrist": wrist()}, scanner=None), parts) as bench:
+        for name, reason in (("wrist", "wrist: wrist: no answer: look at the cable"), ("scanner", "no scanner")):
+            refused = await bench.client.post("/calibrate", json={"together": [name], "manual": manual})
+            assert (refused.status_code, refused.json()["code"]) == (503, "cell-not-ready"), refused.text
+            assert reason in refused.text
+        assert bench.robot.goals == []
+        assert (await bench.client.get("/runs")).json()["runs"] == []
 
 
 async def test_pictures_and_devices_are_told_apart(tmp_path: Path) -> None:
