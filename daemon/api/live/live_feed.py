@@ -71,11 +71,15 @@ class LiveFeed:
         return listener
 
     def release(self, listener: Listener) -> None:
-        """The listener has left; with the last one the poller ends."""
+        """The listener has left; with the last one the poller ends, and nothing that it has read is kept."""
         self._listeners.discard(listener)
-        if not self._listeners and self._poller is not None:
-            self._poller.cancel()
-            self._poller, self._snapshot = None, {}
+        if self._listeners or self._poller is None:
+            return
+        for task in (self._poller, self._reading, self._looking):
+            if task is not None:
+                task.cancel()
+        self._poller = self._reading = self._looking = self._robot = None
+        self._snapshot, self._asked_at_s = {}, float("-inf")
 
     async def messages(self, listener: Listener) -> AsyncIterator[bytes]:
         """The first message is whole, the next ones have `at` and what has changed. Ends when the daemon stops."""

@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 
+from calibration.transforms import Array
 from daemon.api.live.live_feed import MAX_LISTENERS, LiveFeed
 from daemon.api.live.snapshot import message_of
 from drivers.errors import DeviceTimeout
@@ -137,6 +138,27 @@ async def test_nobody_reads_the_cell_when_nobody_listens(bench: Bench) -> None:
         await heard.next()
     await eventually(lambda: feed._poller is None)
     assert not feed._listeners
+
+
+async def test_a_reading_that_nobody_waited_for_is_not_shown_to_the_next_as_new(bench: Bench) -> None:
+    feed, gate, ask = feed_of(bench), asyncio.Event(), bench.robot.read_joints
+
+    async def late() -> Array:
+        await gate.wait()
+        return await ask()
+
+    bench.robot.read_joints = late  # type: ignore[method-assign]
+    async with listening(bench) as heard:
+        assert (await heard.next())["robot"] is None
+    await eventually(lambda: feed._poller is None)
+    gate.set()
+    readings = bench.application.readings.robot
+    before = await readings.read()
+    bench.robot.base_T_flange[0, 3] += 100.0
+    await eventually(lambda: readings._is_old(readings._reading))  # type: ignore[arg-type]
+    async with listening(bench) as heard:
+        shown = (await heard.next())["robot"]["base_T_flange"]["translation_mm"][0]
+    assert shown == pytest.approx(before.pose.base_T_flange[0, 3] + 100.0)
 
 
 async def test_as_many_listen_as_may_and_the_next_is_refused(bench: Bench) -> None:
