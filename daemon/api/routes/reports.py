@@ -35,6 +35,7 @@ from daemon.errors import NotFound
 from daemon.sessions.session_files import find_grey
 from daemon.tools.reports.arm_errors import arm_in_report
 from daemon.tools.reports.context import context_of, session_sha256, verified_points
+from daemon.tools.reports.errors import ReportTooSlow
 from daemon.tools.reports.pdf import Attached, write_pdf
 from registration.documents import RegistrationReportDocument
 from registration.fusion.merging import Merge
@@ -261,12 +262,18 @@ def _verification_of(stored: StoredAcceptance) -> ScannerVerification:
 async def _answer(
     request: Request, app: Application, html: str, form: str | None, attached: Attached | None = None
 ) -> Response:
-    """HTML, or PDF where it is asked for. The PDF is written in a worker, one at a time a thread."""
+    """HTML, or PDF where it is asked for. The PDF is written in a worker, one at a time a thread.
+
+    Raises ReportExtraMissing, WorkersBusy, ReportTooSlow.
+    """
     if (form or _preferred(request)) == "html":
         headers = {"Content-Security-Policy": policy_of(html), "Vary": "Accept"}
         return Response(html, media_type=f"{HTML}; charset=utf-8", headers=headers)
-    async with asyncio.timeout(MAX_PDF_S):
-        content = await app.service_workers.run_if_free(write_pdf, html, attached)
+    try:
+        async with asyncio.timeout(MAX_PDF_S):
+            content = await app.service_workers.run_if_free(write_pdf, html, attached)
+    except TimeoutError:
+        raise ReportTooSlow(MAX_PDF_S) from None
     return Response(content, media_type=PDF, headers={"Vary": "Accept"})
 
 

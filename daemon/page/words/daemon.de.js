@@ -433,6 +433,8 @@ export default {
   'registration-error.fix': 'die Wolken prüfen',
   'report-extra-missing.what': 'für PDF fehlt ein Zusatz',
   'report-extra-missing.fix': 'handeyed[report] einrichten oder das HTML drucken',
+  'report-too-slow.what': 'das PDF wurde nicht rechtzeitig fertig',
+  'report-too-slow.fix': 'in einigen Sekunden wieder fragen oder das HTML drucken',
   'request-in-flight.what': 'dieselbe Anfrage läuft schon',
   'request-in-flight.fix': 'auf ihr Ende warten',
   'request-malformed.what': 'die Anfrage ist nicht lesbar',

@@ -433,6 +433,8 @@ export default {
   'registration-error.fix': 'comprobar las nubes',
   'report-extra-missing.what': 'falta un complemento para PDF',
   'report-extra-missing.fix': 'instalar handeyed[report] o imprimir el HTML',
+  'report-too-slow.what': 'el PDF no se terminó a tiempo',
+  'report-too-slow.fix': 'volver a pedirlo en unos segundos o imprimir el HTML',
   'request-in-flight.what': 'la misma petición ya está en curso',
   'request-in-flight.fix': 'esperar a que termine',
   'request-malformed.what': 'la petición no se puede leer',

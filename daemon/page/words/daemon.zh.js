@@ -433,6 +433,8 @@ export default {
   'registration-error.fix': '检查点云',
   'report-extra-missing.what': '缺少 PDF 组件',
   'report-extra-missing.fix': '安装 handeyed[report] 或打印 HTML',
+  'report-too-slow.what': 'PDF 未能及时生成',
+  'report-too-slow.fix': '几秒后重试或打印 HTML',
   'request-in-flight.what': '相同请求正在进行',
   'request-in-flight.fix': '等待其结束',
   'request-malformed.what': '请求无法读取',

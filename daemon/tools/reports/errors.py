@@ -1,6 +1,6 @@
-"""The error of a report that needs WeasyPrint."""
+"""Errors of reports as PDF."""
 
-from daemon.errors import DaemonError
+from daemon.errors import DaemonError, WorkersBusy
 
 
 class ReportExtraMissing(DaemonError):
@@ -12,4 +12,15 @@ class ReportExtraMissing(DaemonError):
         super().__init__(
             "a report as PDF needs the extra `report`, which is not installed here",
             "install handeyed[report] (and Debian's libpango-1.0-0, libpangoft2-1.0-0), or print the HTML report",
+        )
+
+
+class ReportTooSlow(WorkersBusy):
+    """A PDF was not written within its limit: the PC works on others, or is busy."""
+
+    code = "report-too-slow"
+
+    def __init__(self, limit_s: float) -> None:
+        DaemonError.__init__(
+            self, f"the PDF was not written within {limit_s:g} s", "ask again in some seconds, or print the HTML report"
         )

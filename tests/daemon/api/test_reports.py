@@ -1,6 +1,7 @@
 """GET /calibrations/{id}/report, /runs/{id}/report, /drift/report, /scans/{id}/report.html."""
 
 from pathlib import Path
+from threading import Event
 
 import pytest
 
@@ -98,6 +99,26 @@ async def test_without_the_extra_a_pdf_is_refused_with_the_way_out(
     assert (refused.status_code, refused.json()["code"]) == (406, "report-extra-missing")
     assert "handeyed[report]" in refused.json()["fix"]
     assert pdf.RESOURCES == ("data",)
+
+
+async def test_a_pdf_that_takes_too_long_is_refused_and_no_defect(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    ended = Event()
+
+    def endless(*_: object) -> bytes:
+        ended.wait()
+        return b""
+
+    await apply_calibration(bench)
+    monkeypatch.setattr("daemon.api.routes.reports.write_pdf", endless)
+    monkeypatch.setattr("daemon.api.routes.reports.MAX_PDF_S", 0.0)
+    try:
+        refused = await bench.client.get("/calibrations/cal-1/report", params={"format": "pdf"})
+    finally:
+        ended.set()
+    assert (refused.status_code, refused.json()["code"]) == (429, "report-too-slow")
+    assert "Traceback" not in caplog.text
 
 
 async def test_what_has_no_report_is_refused(bench: Bench) -> None:
