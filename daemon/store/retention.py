@@ -79,7 +79,7 @@ class Retention:
         removed: list[Path] = await self.workers.run(_remove_pictures, going)
         if removed:
             log.info("%d pictures of old runs were removed", len(removed))
-        latest = [self.store.run_folder(run.id) for run in runs[:SIZE_SAMPLE_RUNS]]
+        latest = [self.store.folders_of_run(run.id) for run in runs[:SIZE_SAMPLE_RUNS]]
         self._run_bytes = await self.workers.run(_mean_bytes, latest)
         self.store.run_bytes = self._run_bytes or RUN_BYTES
         return removed
@@ -136,6 +136,11 @@ def _remove_pictures(folders: Iterable[Path]) -> list[Path]:
     return removed
 
 
-def _mean_bytes(folders: Sequence[Path]) -> float:
-    sizes = [sum(file.stat().st_size for file in folder.glob("*")) for folder in folders if folder.is_dir()]
+def _mean_bytes(runs: Sequence[Sequence[Path]]) -> float:
+    """Of the runs that have a folder, with those of all their sensors."""
+    sizes = [
+        sum(file.stat().st_size for folder in folders for file in folder.glob("*"))
+        for folders in runs
+        if folders[0].is_dir()
+    ]
     return sum(sizes) / len(sizes) if sizes else 0.0

@@ -167,6 +167,19 @@ async def test_a_full_disk_is_foreseen(tmp_path: Path, monkeypatch: pytest.Monke
     await store.close()
 
 
+async def test_a_run_of_several_sensors_takes_the_room_of_all_of_them(tmp_path: Path) -> None:
+    store, keeper = await retention(tmp_path)
+    await keeper.tidy()
+    before = store.run_bytes
+    for day in range(5):
+        beside = store.folder_beside(f"day{day}", "wrist")
+        beside.mkdir()
+        (beside / "view_000.png").write_bytes(bytes(2000))
+    await keeper.tidy()
+    assert store.run_bytes == before + 2000
+    await store.close()
+
+
 async def test_a_picture_that_was_removed_is_reported(tmp_path: Path) -> None:
     async with serving(settings_for(tmp_path, storage={"keep_runs": 1})) as bench:
         first = (await bench.client.post("/calibrate?wait=200", json={"count": 3})).json()
