@@ -236,6 +236,7 @@ class RapidController(Cabinet):
     def move_pointer_to_main(self, now_s: float) -> None:
         """PP to main at the pendant: every normal task begins at main, without its path and its interrupts."""
         with self._switching:
+            super().move_pointer_to_main(now_s)
             self.unit.clear()
             for loaded in self._loaded:
                 if loaded.plan.kind == "NORMAL":

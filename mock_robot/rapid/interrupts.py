@@ -147,6 +147,7 @@ class Interrupts:
             slot.value = 0.0
         if order is not None:
             order.end()
+            self.task.forget(order.trap)
 
     def end(self) -> None:
         """Remove all interrupts."""
@@ -155,6 +156,7 @@ class Interrupts:
             self._orders.clear()
         for order in orders:
             order.end()
+        self.task.forget()
 
 
 def _unwatch(signal: Signal, notice: Callable[[float], None]) -> None:

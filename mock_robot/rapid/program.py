@@ -247,7 +247,7 @@ def _compile(context: CompileContext, routine: Routine, node: Node) -> None:
         try:
             return run(frame)
         except (CycleLeft, LongJump):
-            undo[0](frame)
+            context.task.undo(lambda: undo[0](frame))
             raise
 
     def run_as_recovery_point(frame: Frame) -> Any:

@@ -68,6 +68,7 @@ class ProgramTask:
     _turn: Any = field(default_factory=threading.RLock, init=False)
     _pending: "deque[tuple[Routine, ErrorEvent | None]]" = field(default_factory=deque, init=False)
     _trapping: bool = field(default=False, init=False)
+    _undoing: bool = field(default=False, init=False)
     _leaving: bool = field(default=False, init=False)
     _ended: bool = field(default=False, init=False)
 
@@ -109,7 +110,7 @@ class ProgramTask:
         self.rouse()
 
     def move_pointer_to_main(self) -> None:
-        """Leave every routine; UNDO handlers run when the program is started."""
+        """Leave every routine."""
         with self._turn:
             self._leaving = True
         self.rouse()
@@ -146,9 +147,23 @@ class ProgramTask:
         self.owner.stop_failed_program(self, stopped)
         self.attention = True
 
+    def undo(self, handler: Callable[[], Any]) -> None:
+        """Run an UNDO handler: at once, though the program is stopped, and without traps."""
+        self._undoing = True
+        try:
+            handler()
+        finally:
+            self._undoing = False
+
+    def forget(self, trap: Routine | None = None) -> None:
+        """Drop the trap, by default every one, where it is still to be run."""
+        with self._turn:
+            kept = [each for each in self._pending if trap is not None and each[0] is not trap]
+            self._pending = deque(kept)
+
     def attend(self) -> None:
         """Between two instructions: wait while stopped, run pending traps. Raises CycleLeft."""
-        while True:
+        while not self._undoing:
             with self._turn:
                 if self._leaving:
                     self._leaving = False  # so that UNDO routines are not left a second time

@@ -70,6 +70,17 @@ def test_undo_runs_when_routines_are_dropped() -> None:
     assert snippet["n"] == 10
 
 
+def test_undo_runs_at_once_without_traps_though_the_program_is_stopped() -> None:
+    trap = "TRAP on_bell\nrung := rung + 1;\nENDTRAP\n"
+    begins = "CONNECT number WITH on_bell;\nIPers bell, number;\nExitCycle;"
+    inner = f"PROC Inner()\n{begins}\nUNDO\nbell := 3;\nn := 1;\nENDPROC\n"
+    around = f"VAR num n;\nVAR num rung;\nVAR intnum number;\nPERS num bell := 0;\n---\n{trap}{inner}"
+    snippet = Snippet(module("Inner;", around))
+    with pytest.raises(CycleLeft):
+        snippet.runs()
+    assert (snippet["n"], snippet["rung"]) == (1, 0)
+
+
 @pytest.mark.parametrize(
     ("body", "error"),
     [

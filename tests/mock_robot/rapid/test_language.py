@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from mock_robot.rapid.errors import ProgramStopped, RapidProgramError
 from mock_robot.rapid.program import PersistentMemory
+from mock_robot.rapid.scope import Data
 from tests.mock_robot.rapid.snippets import Snippet, module, ran, value_of
 
 
@@ -183,6 +184,17 @@ def test_an_interrupt_that_comes_while_the_task_is_stopped_is_lost() -> None:
     snippet.memory["bell"].value = 4.0
     snippet.task.attend()
     assert snippet["rung"] == 2, "for this change, and for the one the trap makes"
+
+
+def test_an_interrupt_that_was_deleted_calls_nothing_any_more() -> None:
+    snippet = Snippet(module("CONNECT number WITH on_bell;\nIPers bell, number;", TRAPPED)).runs()
+    snippet.memory["bell"].value = 4.0
+    order = snippet.program.scope.find("number")
+    assert isinstance(order, Data)
+    assert order.slot is not None
+    snippet.task.services.interrupts.delete(order.slot)
+    snippet.task.attend()
+    assert snippet["rung"] == 0
 
 
 def test_connecting_twice_is_an_error() -> None:
