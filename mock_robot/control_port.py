@@ -175,6 +175,15 @@ class ControlPort:
         self.controller.restart(self.clock())
         return self._state(fields)
 
+    def _fail_power(self, fields: Fields) -> Any:
+        """Mains off and on again: the program pointer stays, motors and program are off."""
+        self.controller.fail_power(self.clock())
+        return self._state(fields)
+
+    def _pointer_to_main(self, fields: Fields) -> Any:
+        self.controller.move_pointer_to_main(self.clock())
+        return self._state(fields)
+
 
 _ROUTES: tuple[tuple[str, re.Pattern[str], Callable[[ControlPort, Fields], Any]], ...] = tuple(
     (method, re.compile(path), handler)
@@ -191,6 +200,8 @@ _ROUTES: tuple[tuple[str, re.Pattern[str], Callable[[ControlPort, Fields], Any]]
         ("POST", "/program", ControlPort._program),
         ("POST", "/jog", ControlPort._jog),
         ("POST", "/restart", ControlPort._restart),
+        ("POST", "/power-failure", ControlPort._fail_power),
+        ("POST", "/pointer-to-main", ControlPort._pointer_to_main),
     )
 )
 

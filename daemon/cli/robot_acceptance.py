@@ -190,9 +190,16 @@ class Operator:
         ("program-start", (("POST", "/program", {"running": True}),)),
         ("pull", (("POST", "/faults/link-half-open", {}),)),
         ("plug", (("DELETE", "/faults/link-half-open", {}),)),
-        ("power-cut", (("POST", "/restart", {}),)),
+        ("power-cut", (("POST", "/power-failure", {}),)),
         ("power-on", (("POST", "/motors", {"on": True}), ("POST", "/program", {"running": True}))),
-        ("power-on-main", (("POST", "/motors", {"on": True}), ("POST", "/program", {"running": True}))),
+        (
+            "power-on-main",
+            (
+                ("POST", "/pointer-to-main", {}),
+                ("POST", "/motors", {"on": True}),
+                ("POST", "/program", {"running": True}),
+            ),
+        ),
         ("restart", (("POST", "/restart", {}), ("POST", "/program", {"running": True}))),
         (
             "event",

@@ -94,6 +94,16 @@ class Cabinet(ABC):
     def restart(self, now_s: float) -> None:
         """Warm start: new session, disarmed, program state cleared."""
 
+    def fail_power(self, now_s: float) -> None:
+        """A power failure and the start after it; motors and program are then started by hand."""
+        self.restart(now_s)
+        self.switch_motors(False, now_s)
+        self.run_program(False, now_s)
+
+    def move_pointer_to_main(self, now_s: float) -> None:
+        """PP to main at the pendant; the program must be stopped."""
+        self.record(now_s, 0, "program pointer set to main")
+
     def symbol(self, task: str, module: str, name: str) -> "CabinetSymbol | None":
         """A PERS of the program, by names in lower case; None for a program that has no RAPID."""
         return None

@@ -155,6 +155,9 @@ async def test_the_control_port_shows_the_state_and_turns_every_switch() -> None
         assert (await client.post("/emergency-stop?pressed=yes")).json()["emergency_stop"] is True
         assert (await client.post("/program?running=off")).json()["program_running"] is False
         assert (await client.post("/restart")).json()["session"] != state["session"]
+        after = (await client.post("/power-failure")).json()
+        assert (after["motors_on"], after["program_running"], after["armed"]) == (False, False, False)
+        assert (await client.post("/pointer-to-main")).json()["program_running"] is False
         assert (await client.post("/faults/link-delay", json={"strikes": 2})).json() == {"on": ["link-delay"]}
         assert (await client.get("/state")).json()["faults"] == ["link-delay"]
         assert (await client.delete("/faults")).json() == {"on": []}
