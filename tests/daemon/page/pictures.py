@@ -2,10 +2,15 @@
 
 URL is that of `make cell`, calibrated and with a scan; it is verified, a touch test and a rig are stored, and it is
 calibrated once more with the arm's errors. Writes docs/page/NAME.webp, and NAME-dark.webp for the README.
+
+`python -m tests.daemon.page.pictures URL --all FOLDER` writes each screen whole, at each width, in each theme and
+language, as FOLDER/WIDTH-THEME-LANGUAGE-NAME.png, and prints those that are wider than their window.
 """
 
+import argparse
 import sys
 from collections.abc import Iterator
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +33,9 @@ PLACES = (
 WIDTH, HEIGHT = 1280, 900
 KEPT_WIDTH = 960
 SETTLE_MS = 8000
+WIDTHS, THEMES, LANGUAGES = (360, 768, 1280, 1920), ("light", "dark"), ("en", "de", "zh", "es", "pseudo")
+SHOWN = "div.arriving"
+"""There while a screen waits for its first answers."""
 
 
 def places(url: str) -> Iterator[tuple[str, str]]:
@@ -84,6 +92,28 @@ def main(url: str) -> None:
         browser.close()
 
 
+def write_all(url: str, folder: Path) -> int:
+    """Number of pictures that are wider than their window."""
+    folder.mkdir(parents=True, exist_ok=True)
+    wide = []
+    with sync_playwright() as started:
+        browser = started.chromium.launch(executable_path=CHROMIUM, args=ARGUMENTS)
+        for width, theme, language in product(WIDTHS, THEMES, LANGUAGES):
+            page = browser.new_context(viewport={"width": width, "height": HEIGHT}).new_page()
+            page.goto(f"{url}/page/?lang={language}&theme={theme}")
+            for name, fragment in places(url):
+                page.evaluate("fragment => { location.hash = '#/' + fragment }", fragment)
+                page.locator("main .card").first.wait_for()
+                page.locator(SHOWN).wait_for(state="detached")
+                page.screenshot(path=folder / f"{width}-{theme}-{language}-{name}.png", full_page=True)
+                if page.evaluate("document.documentElement.scrollWidth > innerWidth"):
+                    wide.append(f"{width} {theme} {language} {name}")
+            page.context.close()
+        browser.close()
+    print("\n".join(wide) or "nothing is wider than its window")
+    return len(wide)
+
+
 def _write(page: Any, file: Path) -> None:
     shot = cv2.imdecode(np.frombuffer(page.screenshot(), np.uint8), cv2.IMREAD_COLOR)
     assert shot is not None
@@ -93,4 +123,8 @@ def _write(page: Any, file: Path) -> None:
 
 
 if __name__ == "__main__":
-    main(*sys.argv[1:])
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("url")
+    parser.add_argument("--all", type=Path, help="folder for every screen at every width, in every theme and language")
+    options = parser.parse_args()
+    sys.exit(write_all(options.url, options.all) if options.all else main(options.url))
