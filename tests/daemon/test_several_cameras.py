@@ -1,53 +1,28 @@
 """Two cameras by name: each with its own runs, pictures, calibration in force and chart."""
 
 import asyncio
-from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import Any
 
-import httpx
 import numpy as np
 import pytest
 
 from calibration.documents.pose import PoseDocument
-from calibration.documents.session import CameraDocument
 from calibration.errors import DocumentError
-from calibration.transforms import difference, rotation_from_vector, transform
+from calibration.transforms import difference
 from daemon.model.records import AppliedCalibration, CalibrationRecord
 from drivers.errors import DeviceTimeout, DeviceUnreachable
 from protocols.plc.codes import ControlBit, StatusBit
 from protocols.plc.registers import BY_NAME
 from tests.daemon.cell_under_test import Bench, Parts, pose_json, serving, settings_for
 from tests.daemon.clouds import PLY, POSE, cloud
-from tests.daemon.fakes import CAMERA, FLANGE_T_CAMERA, FakeCamera, ply_of, poses_around_the_target
+from tests.daemon.fakes import FLANGE_T_CAMERA, FakeCamera, ply_of
+from tests.daemon.named_cameras import WRIST, calibrate, two_cameras, wrist
 from tests.daemon.plcs import MOVING, ladder
 from tests.daemon.touches import TIP, document_with_covariance, json_of, touching
 from tests.support.waiting import LIMIT_S
 
-WRIST = FLANGE_T_CAMERA @ transform(rotation_from_vector([0.01, -0.02, 0.3]), [12.0, -7.0, 4.0])
-
 OF_A_STAND = {"base_T_camera_guess": pose_json(np.eye(4))}
-
-
-def wrist(**changes: Any) -> dict[str, Any]:
-    poses = [pose_json(pose) for pose in poses_around_the_target()]
-    return {"address": "http://wrist/frame.png", "intrinsics": CameraDocument.of(CAMERA).model_dump(),
-            "calibration": {"poses": poses, "policy": "auto"}, **changes}  # fmt: skip
-
-
-@asynccontextmanager
-async def two_cameras(folder: Path, **changes: Any) -> AsyncIterator[Bench]:
-    parts = Parts()
-    parts.cameras["wrist"] = FakeCamera(parts.robot, flange_T_camera=WRIST)
-    async with serving(settings_for(folder, cameras={"wrist": wrist()}, **changes), parts) as bench:
-        yield bench
-
-
-async def calibrate(client: httpx.AsyncClient, **body: Any) -> dict[str, Any]:
-    run: dict[str, Any] = (await client.post("/calibrate", json=body, params={"wait": LIMIT_S})).json()
-    assert run["state"] == "finished", run["cause"]
-    return run
 
 
 async def test_each_camera_has_its_own_calibration_in_force_and_chart(tmp_path: Path) -> None:

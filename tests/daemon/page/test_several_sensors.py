@@ -10,9 +10,9 @@ import pytest_asyncio
 from tests.daemon.access_keys import bearer, with_keys
 from tests.daemon.cell_under_test import Bench, Parts
 from tests.daemon.fakes import FakeCamera
+from tests.daemon.named_cameras import WRIST, calibrate, wrist
 from tests.daemon.page.conftest import Opened
 from tests.daemon.page.holding import hold_by_key, hold_until
-from tests.daemon.test_several_cameras import WRIST, calibrate, wrist
 from tests.support.waiting import eventually
 
 pytestmark = [pytest.mark.asyncio(loop_scope="module"), pytest.mark.slow]
