@@ -77,20 +77,27 @@ def reach_of(surfaces: Sequence[Surface]) -> float:
     return max(MAX_GAP_MM, 4 * max((surface.spacing_mm for surface in surfaces), default=1.0))
 
 
+def pairs_within(surfaces: Sequence[Surface], poses: Sequence[Array], reach_mm: float) -> list[tuple[int, int]]:
+    """Ordered pairs of views whose boxes in base are at most `reach_mm` apart along each axis; others cannot meet."""
+    clouds = [map_points(pose, surface.points) for surface, pose in zip(surfaces, poses, strict=True)]
+    low = np.array([cloud.min(axis=0, initial=np.inf) for cloud in clouds]).reshape(-1, 3)
+    high = np.array([cloud.max(axis=0, initial=-np.inf) for cloud in clouds]).reshape(-1, 3)
+    met = np.all(low[:, None] <= high[None] + reach_mm, axis=2)
+    first, second = np.nonzero(met & met.T & ~np.eye(len(clouds), dtype=bool))
+    return list(zip(first.tolist(), second.tolist(), strict=True))
+
+
 def agreement(surfaces: Sequence[Surface], poses: Sequence[Array]) -> Agreement:
     """Point-to-plane deviations between all overlapping pairs of views at `poses` (base_T_camera)."""
     reach_mm = reach_of(surfaces)
     squares, counts = np.zeros(len(surfaces)), np.zeros(len(surfaces))
     overlap = np.zeros(len(surfaces))
-    for index, (source, base_T_source) in enumerate(zip(surfaces, poses, strict=True)):
-        for other, (target, base_T_target) in enumerate(zip(surfaces, poses, strict=True)):
-            if other == index:
-                continue
-            pair = correspond(source, base_T_source, target, base_T_target, reach_mm)
-            if pair.enough:
-                squares[index] += float(pair.gaps @ pair.gaps)
-                counts[index] += len(pair.gaps)
-                overlap[index] = max(overlap[index], pair.fraction)
+    for index, other in pairs_within(surfaces, poses, reach_mm):
+        pair = correspond(surfaces[index], poses[index], surfaces[other], poses[other], reach_mm)
+        if pair.enough:
+            squares[index] += float(pair.gaps @ pair.gaps)
+            counts[index] += len(pair.gaps)
+            overlap[index] = max(overlap[index], pair.fraction)
     rms = [float(np.sqrt(square / count)) if count else None for square, count in zip(squares, counts, strict=True)]
     whole = float(np.sqrt(squares.sum() / counts.sum())) if counts.any() else None
     return Agreement(whole, tuple(rms), tuple(overlap.tolist()))

@@ -12,7 +12,7 @@ import numpy as np
 
 from calibration.kinematics.robot_accuracy import ABSOLUTE_NOISE, RobotNoise
 from calibration.transforms import Array, map_points, rotation_from_vector, skew, transform, vector_from_rotation
-from registration.fusion.overlap import correspond, reach_of
+from registration.fusion.overlap import correspond, pairs_within, reach_of
 from registration.fusion.pair_information import PairEvidence, evidence
 from registration.points.surface import Surface
 
@@ -105,13 +105,10 @@ def all_pairs(
 ) -> dict[tuple[int, int], PairEvidence]:
     """Evidence of every ordered pair of overlapping views."""
     pairs = {}
-    for source in range(len(surfaces)):
-        for target in range(len(surfaces)):
-            if source == target:
-                continue
-            pair = correspond(surfaces[source], poses[source], surfaces[target], poses[target], reach_mm)
-            if pair.enough and pair.fraction >= MIN_OVERLAP:
-                pairs[source, target] = evidence(pair, origin, radius_mm)
+    for source, target in pairs_within(surfaces, poses, reach_mm):
+        pair = correspond(surfaces[source], poses[source], surfaces[target], poses[target], reach_mm)
+        if pair.enough and pair.fraction >= MIN_OVERLAP:
+            pairs[source, target] = evidence(pair, origin, radius_mm)
     return pairs
 
 
