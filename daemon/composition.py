@@ -150,7 +150,7 @@ def build(
             *schedules,
             *plc,
         ),
-        warning_sources=(cell.safe_stop, monitor, webhooks, retention, *drifts, schedules[0]),
+        warning_sources=(cell.safe_stop, monitor, webhooks, retention, *drifts, *schedules),
         metric_sources=(loop_monitor, cell.safe_stop, monitor, webhooks, retention, *drifts, *plc),
     )
 

@@ -20,7 +20,8 @@ async def readiness(app: Application, camera: CellCamera) -> ReadyDocument:
         await app.store.current(camera.name)
     except NoCalibration as error:
         register.append(error.what)
-    warnings = [*_disk_warnings(app), *(warning for source in app.warning_sources for warning in source.warnings())]
+    of_sources = (warning for source in app.warning_sources for warning in source.warnings())
+    warnings = list(dict.fromkeys([*_disk_warnings(app), *of_sources]))
     return ReadyDocument(
         ready=not calibrate or not register,
         calibrate=Readiness(ready=not calibrate, reasons=calibrate, reason_details=SentenceDocument.each_of(calibrate)),

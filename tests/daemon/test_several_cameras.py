@@ -10,6 +10,7 @@ import pytest
 from calibration.documents.pose import PoseDocument
 from calibration.errors import DocumentError
 from calibration.transforms import difference
+from daemon.drift.schedule import DriftSchedule
 from daemon.model.records import AppliedCalibration, CalibrationRecord
 from drivers.errors import DeviceTimeout, DeviceUnreachable
 from protocols.plc.codes import ControlBit, StatusBit
@@ -86,6 +87,18 @@ async def test_nothing_moves_for_sensors_of_which_one_cannot_look(tmp_path: Path
             assert reason in refused.text
         assert bench.robot.goals == []
         assert (await bench.client.get("/runs")).json()["runs"] == []
+
+
+async def test_ready_says_of_each_schedule_why_it_waits_and_of_all_once(tmp_path: Path) -> None:
+    async with two_cameras(tmp_path, calibration={"policy": "auto"}, drift={"every_h": 1}) as bench:
+        (warning,) = (await bench.client.get("/ready")).json()["warnings"]
+        assert warning.startswith("the drift schedule verifies nothing until somebody starts a run")
+        run = await calibrate(bench.client)
+        assert (await bench.client.get("/ready")).json()["warnings"] == []
+        schedules = [each for each in bench.application.services if isinstance(each, DriftSchedule)]
+        schedules[1]._withdraw(run["id"], "camera wrist: no picture")
+        (warning,) = (await bench.client.get("/ready")).json()["warnings"]
+        assert warning.endswith("camera wrist: no picture")
 
 
 async def test_pictures_and_devices_are_told_apart(tmp_path: Path) -> None:
