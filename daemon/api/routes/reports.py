@@ -1,7 +1,9 @@
 """Reports as self-contained HTML or as PDF: of a calibration, a verification, the control chart, a scan, a scanner."""
 
 import asyncio
+from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from hashlib import sha256
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -92,8 +94,8 @@ async def report_calibration(request: Request, app: App, calibration_id: Identif
     errors = await app.store.arm(document.id)
     if errors is not None:
         context = replace(context, arm=await app.service_workers.run(arm_in_report, document, errors))
-    html = calibration_report(document, context)
-    return await _answer(request, app, html, form, Attached("calibration.json", content, "the calibration"))
+    report = partial(calibration_report, document, context)
+    return await _answer(request, app, report, form, Attached("calibration.json", content, "the calibration"))
 
 
 async def _with_history(app: Application, context: ReportContext, calibration_id: str) -> ReportContext:
@@ -154,7 +156,7 @@ async def report_verification(request: Request, app: App, run_id: Identifier, fo
     verified = verified_points(run)
     context = replace(context_of(app.settings), run_id=run.id, issued_at=app.clock.timestamp())
     context = replace(await _with_history(app, context, verified.calibration_id), verification=None)
-    return await _answer(request, app, verification_report(verified, context), form)
+    return await _answer(request, app, partial(verification_report, verified, context), form)
 
 
 @router.get(
@@ -168,7 +170,7 @@ async def report_drift(request: Request, app: App, camera: WithCamera, form: For
     chart = _drift_of(await camera.drift.refresh())
     if not chart.calibration_id:
         raise NotFound("no calibration is in force", "apply one, and verify it")
-    return await _answer(request, app, drift_report(chart, context_of(app.settings)), form)
+    return await _answer(request, app, partial(drift_report, chart, context_of(app.settings)), form)
 
 
 @router.get(
@@ -193,7 +195,7 @@ async def report_scan(request: Request, app: App, scan_id: Identifier, form: For
     deviations = await app.service_workers.run(_deviation_map, surfaces)
     record = await app.store.scan(scan_id)
     shown = replace(_scan_of(found, pictures, scan_id, record.name, record.created_at), deviations=deviations)
-    return await _answer(request, app, scan_report(shown, context_of(app.settings)), form)
+    return await _answer(request, app, partial(scan_report, shown, context_of(app.settings)), form)
 
 
 def _scan_of(
@@ -240,7 +242,8 @@ def _deviation_map(surfaces: list[bytes]) -> DeviationMap | None:
 async def report_acceptance(request: Request, app: App, acceptance_id: Identifier, form: Form = None) -> Response:
     """The report of a verification of the scanner with a sphere or a ball bar."""
     stored = StoredAcceptance.of_record(await app.store.acceptances.get(acceptance_id))
-    return await _answer(request, app, acceptance_report(_verification_of(stored), context_of(app.settings)), form)
+    report = partial(acceptance_report, _verification_of(stored), context_of(app.settings))
+    return await _answer(request, app, report, form)
 
 
 def _verification_of(stored: StoredAcceptance) -> ScannerVerification:
@@ -260,14 +263,15 @@ def _verification_of(stored: StoredAcceptance) -> ScannerVerification:
 
 
 async def _answer(
-    request: Request, app: Application, html: str, form: str | None, attached: Attached | None = None
+    request: Request, app: Application, report: Callable[[], str], form: str | None, attached: Attached | None = None
 ) -> Response:
-    """HTML, or PDF where it is asked for. The PDF is written in a worker, one at a time a thread.
+    """HTML, or PDF where it is asked for. Both are written in a worker, the PDF one at a time a thread.
 
     Raises ReportExtraMissing, WorkersBusy, ReportTooSlow.
     """
+    html, policy = await app.service_workers.run(_with_policy, report)
     if (form or _preferred(request)) == "html":
-        headers = {"Content-Security-Policy": policy_of(html), "Vary": "Accept"}
+        headers = {"Content-Security-Policy": policy, "Vary": "Accept"}
         return Response(html, media_type=f"{HTML}; charset=utf-8", headers=headers)
     try:
         async with asyncio.timeout(MAX_PDF_S):
@@ -275,6 +279,11 @@ async def _answer(
     except TimeoutError:
         raise ReportTooSlow(MAX_PDF_S) from None
     return Response(content, media_type=PDF, headers={"Vary": "Accept"})
+
+
+def _with_policy(report: Callable[[], str]) -> tuple[str, str]:
+    html = report()
+    return html, policy_of(html)
 
 
 def _preferred(request: Request) -> str:
