@@ -1,7 +1,8 @@
 """Whether the robot's motions determine X, and in which direction they determine it least.
 
 Rotations about one axis leave the translation along it free, pure translations leave all of it free: Tsai & Lenz 1989,
-lemmas 2 and 3. Motions that do not determine X are refused with the reason and what to do.
+lemmas 2 and 3. Motions that do not determine X are refused with the reason and what to do. An arm that cannot tilt (a
+palletiser, a SCARA) leaves that translation alone open, if it also travels across its axis (docs/decisions/0042).
 """
 
 from dataclasses import dataclass
@@ -24,6 +25,9 @@ MIN_AXIS_SPREAD = float(np.tan(MIN_AXIS_ANGLE_RAD / 2))
 
 SAME_POSE_MM, SAME_POSE_RAD = 0.5, np.radians(0.05)
 """Two stations closer than this count as one; the order of a robot's repeatability."""
+
+MIN_TRAVEL_MM = 20.0
+"""Least travel across the only axis of rotation; with less, X's rotation about it is uncertain by degrees."""
 
 MAX_VIEWS_IN_PAIRS = 24
 """More views than this are thinned before all pairs are formed."""
@@ -105,12 +109,32 @@ def require_observable(base_T_flange: Array) -> None:
             Sentence("turn-about-two-axes"),
         )
     if motion.axis_angle_rad < MIN_AXIS_ANGLE_RAD or motion.axis_spread < MIN_AXIS_SPREAD:
-        axis = describe_axis(motion.main_axis, base_T_flange)
-        raise UndeterminedError(
-            "parallel-axes",
-            Sentence("parallel-axes", axis=axis),
-            Sentence("turn-across", axis=axis),
-        )
+        raise _parallel_axes(motion.main_axis, base_T_flange)
+
+
+def _parallel_axes(axis_flange: Array, base_T_flange: Array) -> UndeterminedError:
+    """The refusal of turns about one axis (3,): which part of X is missing, and what to do."""
+    axis = describe_axis(axis_flange, base_T_flange)
+    x, y, z = np.round(axis_flange * np.sign(axis_flange[np.argmax(np.abs(axis_flange))]), 2) + 0.0  # no -0.00
+    moved = travel_across_mm(axis_flange, base_T_flange) >= MIN_TRAVEL_MM
+    return UndeterminedError(
+        "parallel-axes",
+        Sentence("parallel-axes" if moved else "parallel-axes-without-travel", axis=axis, x=x, y=y, z=z),
+        Sentence("turn-across" if moved else "turn-across-or-travel", axis=axis),
+    )
+
+
+def travel_across_mm(axis_flange: Array, base_T_flange: Array) -> float:
+    """RMS distance, across the axis (3,), of the flanges (n, 4, 4) from where turns about one fixed line put them.
+
+    X's rotation about the only axis of rotation shows in this travel alone.
+    """
+    turns = base_T_flange[:, :3, :3]
+    across = np.linalg.svd((turns @ axis_flange).mean(axis=0)[None])[2][1:]
+    centre_and_arm = np.concatenate([np.broadcast_to(across, (len(turns), 2, 3)), across @ turns], axis=2)
+    design, places = centre_and_arm.reshape(-1, 6), (base_T_flange[:, :3, 3] @ across.T).ravel()
+    missed = places - design @ np.linalg.lstsq(design, places)[0]
+    return float(np.sqrt(np.sum(missed**2) / len(turns)))
 
 
 def describe_axis(direction_flange: Array, base_T_flange: Array) -> str:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from calibration.closed_forms.observability import describe_axis, require_observable, summarise_motion
+from calibration.closed_forms.observability import require_observable
 from calibration.errors import UndeterminedError
 from calibration.pose_pairs.independent_noise import PoseFit, distances_of, fit_independent_noise, outlier_limit
 from calibration.pose_pairs.noise_marginalisation import marginalise_few
@@ -30,8 +30,6 @@ MIN_VOTERS = 6
 """Least views for a vote: of five, three are a majority that always agrees with itself."""
 
 TAILS = (np.inf, 4.0)
-MIN_AXIS_SPREAD = float(np.tan(np.radians(0.5)))
-"""Axis spread of two rotations with axes one degree apart; weighted, so that small noisy rotations count less."""
 
 MAX_SCALE_SIGMA = 0.1
 """Largest standard deviation of the scale, relative; beyond it X's translation is not determined."""
@@ -82,7 +80,7 @@ def fit_pose_pairs(pairs: PosePairs) -> tuple[PoseFit, NDArray[np.bool_]]:
     _require_poses(pairs.base_T_flange, pairs.camera_T_target)
     used = _agreeing(pairs)
     for _ in range(MAX_ROUNDS):
-        _require_axes(pairs.base_T_flange[used])
+        require_observable(pairs.base_T_flange[used])
         likeliest = _likeliest(pairs.take(used))
         distances = distances_of(pairs, likeliest)
         agreeing = distances < outlier_limit(likeliest.tail_dof, int(used.sum()))
@@ -131,16 +129,4 @@ def _require_poses(base_T_flange: Array, camera_T_target: Array) -> None:
         if len(wrong):
             what = Sentence(f"{name}-pose-not-finite", row=int(wrong[0]))
             raise UndeterminedError("bad-pose", what, Sentence("leave-pose-out"))
-    _require_axes(base_T_flange)
-
-
-def _require_axes(base_T_flange: Array) -> None:
     require_observable(base_T_flange)
-    motion = summarise_motion(base_T_flange)
-    if motion.axis_spread < MIN_AXIS_SPREAD:
-        axis = describe_axis(motion.main_axis, base_T_flange)
-        raise UndeterminedError(
-            "parallel-axes",
-            Sentence("noisy-parallel-axes", axis=axis),
-            Sentence("turn-across", axis=axis),
-        )

@@ -2,7 +2,8 @@
 
 A place {name:form} is filled by the parameter of that name, in Python's format language; `views` lists indices of
 views. Findings first; then what to do; then why a view is not used; then parts of other sentences. Those of the
-detection stand in `detection_english`, those of the cell's state in `cell_english`.
+detection stand in `detection_english`, those of the cell's state in `cell_english`, those of motions that do not
+determine X in `motion_english`.
 """
 
 from collections.abc import Mapping
@@ -10,6 +11,7 @@ from types import MappingProxyType
 
 from calibration.sentences.cell_english import CELL
 from calibration.sentences.detection_english import SEEN
+from calibration.sentences.motion_english import MOTION
 
 FINDINGS = {
     # calibration/verdict.py
@@ -57,11 +59,7 @@ FINDINGS = {
     "three-pose": "Eq. 7 gave a matrix {distance:.2g} from a rotation (Frobenius norm), which was projected to one;"
     " the axes of the two motions are {angle_deg:.1f} degrees apart; the paper's X is camera_T_flange, the inverse of"
     " the transform given here",
-    # closed_forms/observability.py, intrinsics/estimate.py, solve.py, solver: no X
-    "too-few-poses": "{poses} distinct robot poses with the target in view; X needs at least three",
-    "pure-translation": "the flange moves without turning: X's translation is not determined in any direction",
-    "too-little-rotation": "the flange turns by at most {angle_deg:.1f} degrees; X needs 10 or more",
-    "parallel-axes": "all turns are about one axis: translation along {axis} is not determined",
+    # intrinsics/estimate.py, solve.py, solver: no X
     "images-repeated": "{repeated} of {views} views show the image of another view again",
     "target-unseen": "the target was found in {found} of {views} views: {why}",
     "target-nowhere": "the target is not seen, and nothing says where it is",
@@ -98,7 +96,6 @@ FINDINGS = {
     # calibration/pose_pairs, observations/measured_poses.py, diagnosis/measured.py
     "camera-hardly-moves": "the camera hardly moves compared with its errors: how long its millimetres are is not"
     " determined",
-    "noisy-parallel-axes": "all turns are about one axis, but for noise: translation along {axis} is not determined",
     "robot-pose-not-finite": "the robot's pose {row} is not made of numbers",
     "camera-pose-not-finite": "the camera's pose {row} is not made of numbers",
     "points-noise": "measured points scatter by {across_mm:.2g} mm across the line of sight and {along_mm:.2g} mm along"
@@ -308,8 +305,6 @@ ADVICE = {
     "use-auto": "use the method auto, which is more accurate from the same views",
     "use-auto-or-other-poses": "use the method auto, or other poses",
     "add-poses": "add poses that differ by 30 degrees or more about different axes",
-    "turn-about-two-axes": "turn the flange by 30 degrees or more about two different axes between views",
-    "turn-across": "add poses turned by 30 degrees or more about an axis across {axis}",
     "take-tilted-views": "take more views of the target, tilted in different directions",
     "tilt-target": "tilt the target by 20° to 40° in several directions, or give the camera's intrinsics",
     "check-pose-convention": "check the poses' units, their convention and their order",
@@ -396,5 +391,5 @@ PARTS = {
 }
 
 ENGLISH: Mapping[str, str] = MappingProxyType(
-    {**FINDINGS, **SESSION_CAUSES, **VIEW_CAUSES, **ADVICE, **VIEWS, **PARTS, **SEEN, **CELL}
+    {**FINDINGS, **SESSION_CAUSES, **VIEW_CAUSES, **ADVICE, **VIEWS, **PARTS, **SEEN, **CELL, **MOTION}
 )

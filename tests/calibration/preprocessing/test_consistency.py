@@ -219,7 +219,10 @@ def test_motions_that_cannot_determine_x_are_refused_with_the_reason(code: str, 
     assert not verdict.accepted
     assert [finding.code for finding in verdict.findings] == [code]
     if code == "parallel-axes":
-        assert "translation along the base's z is not determined" in verdict.findings[0].message
+        assert (
+            "translation along the base's z, (0.00, 0.00, 1.00) of the flange, and rotation about it are not determined"
+            in verdict.findings[0].message
+        )
 
 
 def _looking_down(motions: list[Array], noise: CellNoise) -> Problem:
