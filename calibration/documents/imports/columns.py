@@ -123,7 +123,7 @@ class _Named:
         self.elements: dict[tuple[int, int], int] = {}
         self.plain: dict[str, int] = {}
         self.turn_words: set[str] = set()
-        self.unit: dict[Family, str] = {}
+        self.unit_of: dict[int, str] = {}
         for index, name in enumerate(names):
             self._take(index, words_of(name))
 
@@ -151,7 +151,7 @@ class _Named:
                 self.turn_words |= before
             for unit in units:
                 if (unit in ANGLES) == (family == "turn"):
-                    self.unit[family] = unit
+                    self.unit_of[index] = unit
             return
         self._take_plain(index, words, units)
 
@@ -175,7 +175,7 @@ class _Named:
             self.plain.setdefault(word, index)
             for unit in units:
                 if unit in ANGLES:
-                    self.unit.setdefault("turn", unit)
+                    self.unit_of[index] = unit
 
 
 def recognise_columns(names: Sequence[str], origin: str) -> Columns:
@@ -192,15 +192,24 @@ def recognise_columns(names: Sequence[str], origin: str) -> Columns:
         what = f"no pose among the names {', '.join(names[:12])}" + (" ..." if len(names) > 12 else "")
         fix = "name the numbers x, y, z and qw, qx, qy, qz, or rx, ry, rz, or A, B, C, or W, P, R"
         raise refusal(origin, "header", what, fix)
-    if "length" in named.unit:
-        columns.unit = UNITS[named.unit["length"]]
-        columns.scale = MM_OF.get(named.unit["length"], 1.0)
-    if "turn" in named.unit:
-        columns.degrees = ANGLES[named.unit["turn"]]
+    if (length := _unit_of(named, columns.lengths, origin)) is not None:
+        columns.unit, columns.scale = UNITS[length], MM_OF.get(length, 1.0)
+    if (turn := _unit_of(named, columns.turn, origin)) is not None:
+        columns.degrees = ANGLES[turn]
     used = {*columns.lengths, *columns.turn, *columns.pose, columns.image, columns.time, columns.label}
     columns.time = None if columns.time in columns.turn else columns.time
     columns.ignored = [index for index in range(len(names)) if index not in used]
     return columns
+
+
+def _unit_of(named: _Named, indices: Sequence[int], origin: str) -> str | None:
+    """The unit that the names of these numbers say; None for none. Raises DocumentError where they differ."""
+    said = {index: named.unit_of[index] for index in indices if index in named.unit_of}
+    meanings = {(UNITS.get(unit), MM_OF.get(unit), ANGLES.get(unit)) for unit in said.values()}
+    if len(meanings) > 1:
+        columns = ", ".join(named.names[index] for index in said)
+        raise refusal(origin, "header", f"different units in {columns}", "write them in one unit, and name it")
+    return next(iter(said.values()), None)
 
 
 def _in_order(slots: dict[str, int]) -> list[int]:
@@ -224,7 +233,7 @@ def _lengths(named: _Named) -> list[int]:
 def _set_turn(columns: Columns, named: _Named) -> None:
     slots, words = named.slots["turn"], named.turn_words
     listed = _in_order(slots)
-    if set("xyz") <= set(slots) and words & QUATERNION_WORDS and "w" in named.plain:
+    if set("xyz") <= set(slots) and words & QUATERNION_WORDS and "w" in named.plain and "w" not in slots:
         slots = slots | {"w": named.plain["w"]}
     if set("xyzw") <= set(slots):
         columns.turn = [slots[axis] for axis in "wxyz"]

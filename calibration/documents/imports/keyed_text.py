@@ -12,7 +12,11 @@ from calibration.transforms import Array
 
 _NUMBER = r"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?"
 _UR = re.compile(rf"(?:(\w+)\s*=\s*)?p\s*\[\s*({_NUMBER}(?:\s*,\s*{_NUMBER}){{5}})\s*\]")
-_PAIR = re.compile(rf"\b([A-Za-z][A-Za-z0-9]{{0,9}})\s*[=:\s]\s*({_NUMBER})\s*(mm|m|deg|°|rad)?(?=[\s,;}}\]]|$)")
+_COMMA_NUMBER = r"[-+]?\d+,\d+(?:[eE][-+]?\d+)?"
+_PAIR = re.compile(
+    rf"\b([A-Za-z][A-Za-z0-9]{{0,9}})\s*[=:\s]\s*({_COMMA_NUMBER}|{_NUMBER})\s*(mm|m|deg|°|rad)?"
+    r"(?=[\s;}\]]|,(?!\d)|$)"
+)
 
 KEYS = (
     ("X", "Y", "Z", "A", "B", "C"), ("X", "Y", "Z", "W", "P", "R"), ("X", "Y", "Z", "O", "A", "T"),
@@ -30,7 +34,7 @@ def read_keyed_text(content: bytes, origin: str) -> PoseTable:
     found: dict[str, list[float]] = {}
     units: set[str] = set()
     for key, number, unit in _PAIR.findall(text):
-        found.setdefault(key.upper(), []).append(float(number))
+        found.setdefault(key.upper(), []).append(float(number.replace(",", ".")))
         units |= {unit} - {""}
     for keys in KEYS:
         count = len(found.get("X", []))

@@ -14,6 +14,8 @@ _NUMBER = re.compile(r"[-+]?(\d+(\.\d*)?|\.\d+)([eEdD][-+]?\d+)?")
 _COMMA_NUMBER = re.compile(r"[-+]?\d+(,\d+)?([eE][-+]?\d+)?")
 _GERMAN_THOUSANDS = re.compile(r"[-+]?\d{1,3}(\.\d{3})+,\d+")
 _ENGLISH_THOUSANDS = re.compile(r"[-+]?\d{1,3}(,\d{3})+\.\d+")
+_COMMA_GROUPS = re.compile(r"[-+]?[1-9]\d{0,2}(,\d{3})+")
+_POINT_GROUPS = re.compile(r"[-+]?[1-9]\d{0,2}(\.\d{3})+")
 _STATED = re.compile(r"sep=(.)", re.IGNORECASE)
 _SEPARATORS = (";", "\t", "|", ",")
 _NOT_FINITE = ("nan", "inf", "-inf", "+inf")
@@ -106,7 +108,14 @@ class _Decimals:
             return cls(comma=True, thousands=".")
         if any(_ENGLISH_THOUSANDS.fullmatch(cell) for cell in cells):
             return cls(comma=False, thousands=",")
-        return cls(comma=any(_COMMA_NUMBER.fullmatch(cell) for cell in cells), thousands="")
+        commas = [cell for cell in cells if _COMMA_NUMBER.fullmatch(cell)]
+        points = [cell for row in rows for cell in row if "." in cell and _NUMBER.fullmatch(cell)]
+        if commas and points:  # one of the marks may stand between thousands, without decimals behind
+            of_commas = all(_COMMA_GROUPS.fullmatch(cell) for cell in commas)
+            of_points = all(_POINT_GROUPS.fullmatch(cell) for cell in points)
+            if of_commas != of_points:
+                return cls(comma=of_points, thousands="," if of_commas else ".")
+        return cls(comma=bool(commas), thousands="")
 
     def plain(self, cell: str) -> str:
         cell = cell.replace(self.thousands, "") if self.thousands else cell

@@ -63,6 +63,10 @@ def angles(scale: float = 1.0) -> Rows:
     return rows
 
 
+def in_radians(rows: Rows) -> Rows:
+    return [[*row[:3], *np.radians(row[3:]).tolist()] for row in rows]
+
+
 def text(number: float) -> str:
     return f"{number:.6f}"
 
@@ -91,6 +95,8 @@ def german(number: float) -> str:
 
 
 Q = ("x", "y", "z", "qw", "qx", "qy", "qz")
+MICRONS = ("x_um", "y_um", "z_um", *Q[3:])
+JOINTS_DEG = [10.0, -20.0, 30.0, 40.0, 50.0, -60.0]
 NUMBERS = [str(at) for at in range(1, VIEWS + 1)]
 BACKWARDS = list(reversed(quaternions()))
 STAMPS = [f"2026-11-22_10-15-{second:02}" for second in (2, 9, 17, 24, 38, 51)]
@@ -149,6 +155,23 @@ def _spelled(rows: list[str]) -> dict[str, Variant]:
         "single quotes": Variant(csv(lines(LIST, Q, cell=lambda n: f"'{text(n)}'"))),
         "pipes": Variant(csv(lines(LIST, Q, separator="|"))),
         "thousands": Variant(csv(lines(LIST, Q, separator=";", cell=lambda n: f"{n:,.6f}"))),
+        "thousands without decimals": Variant(csv(lines(quaternions(scale=1000.0), MICRONS, separator=";",
+            cell=lambda n: f"{n:,.0f}" if abs(n) > 1.5 else text(n)))),
+        "thousands without decimals, German": Variant(csv(lines(quaternions(scale=1000.0), MICRONS, separator=";",
+            cell=lambda n: f"{n:,.0f}".replace(",", ".") if abs(n) > 1.5 else german(n)))),
+        "named numbers with decimal commas": Variant(csv(
+            ["; ".join(f"{key}={german(n)}" for key, n in zip("XYZABC", row, strict=True)) for row in angles()],
+            "poses.txt")),
+        "joints in degrees beside angles in radians": Variant(csv(lines(
+            [[*JOINTS_DEG, *row] for row in in_radians(angles())],
+            [*(f"j{axis}_deg" for axis in range(1, 7)), "x", "y", "z", "A", "B", "C"]))),
+        "another pose beside": Variant(csv(lines(
+            [[*row, *other] for row, other in zip(LIST, BACKWARDS, strict=True)],
+            [f"{whose}_{name}" for whose in ("flange", "target") for name in Q]))),
+        "lengths in two units": Variant(
+            csv(lines(LIST, ["x_m", "y_mm", "z_mm", *Q[3:]])), refused=("different units in x_m, y_mm, z_mm",)),
+        "angles in two units": Variant(csv(lines(angles(), ["x", "y", "z", "rx_rad", "ry_deg", "rz_deg"])),
+            refused=("different units in rx_rad, ry_deg, rz_deg",)),
         "thousands, German": Variant(csv(lines(
             LIST, Q, separator=";", cell=lambda n: f"{n:,.6f}".translate(str.maketrans(",.", ".,"))))),
         "Unicode's minus": Variant(csv(lines(LIST, Q, cell=lambda n: text(n).replace("-", "\u2212")))),
