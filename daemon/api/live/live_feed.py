@@ -23,6 +23,7 @@ from drivers.errors import DeviceError
 log = logging.getLogger(__name__)
 
 MAX_LISTENERS = 64
+MAX_LISTENERS_OF_ADDRESS = MAX_LISTENERS // 2
 
 BEAT_S = 1.0
 """Every listener gets a message at least this often, also when nothing has changed."""
@@ -39,8 +40,9 @@ MOVES = frozenset({RunState.MOVING, RunState.WAITING})
 
 @dataclass(eq=False)
 class Listener:
-    """One listener, and what it was sent last."""
+    """One listener, the address it asks from, and what it was sent last."""
 
+    address: str
     sent: Snapshot = field(default_factory=dict)
 
 
@@ -59,11 +61,12 @@ class LiveFeed:
         self._ready = self._look_text = "null"
         self._looking: asyncio.Task[Look] | None = None
 
-    def admit(self) -> Listener:
-        """A place for one listener, until `release`. Raises TooManyListeners."""
-        if len(self._listeners) >= MAX_LISTENERS:
-            raise TooManyListeners(MAX_LISTENERS)
-        listener = Listener()
+    def admit(self, address: str) -> Listener:
+        """A place for one listener, until `release`; one address has at most half of them. Raises TooManyListeners."""
+        same = sum(listener.address == address for listener in self._listeners)
+        if len(self._listeners) >= MAX_LISTENERS or same >= MAX_LISTENERS_OF_ADDRESS:
+            raise TooManyListeners(len(self._listeners))
+        listener = Listener(address)
         self._listeners.add(listener)
         if self._poller is None or self._poller.done():
             self._readiness_at_s = float("-inf")

@@ -21,10 +21,11 @@ async def live(request: Request) -> Response:
     at the target, while a run waits for its operator.
 
     The first message is whole, later ones have `at` and what has changed: at most 5/s while the arm moves, else 1/s,
-    and one each second in any case. Ends when the daemon stops or the key ends. At most 64 listeners share one poller.
+    and one each second in any case. Ends when the daemon stops or the key ends. At most 64 listeners share one poller,
+    32 of one address.
     """
     feed: LiveFeed = request.app.state.live
-    return _LiveResponse(feed, feed.admit())
+    return _LiveResponse(feed, feed.admit(request.client.host if request.client else "unknown"))
 
 
 class _LiveResponse(StreamingResponse):

@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 
 from calibration.transforms import Array
+from daemon.api.http_errors import TooManyListeners
 from daemon.api.live.live_feed import MAX_LISTENERS, LiveFeed
 from daemon.api.live.snapshot import message_of
 from drivers.errors import DeviceTimeout
@@ -163,7 +164,7 @@ async def test_a_reading_that_nobody_waited_for_is_not_shown_to_the_next_as_new(
 
 async def test_as_many_listen_as_may_and_the_next_is_refused(bench: Bench) -> None:
     feed = feed_of(bench)
-    places = [feed.admit() for _ in range(MAX_LISTENERS)]
+    places = [feed.admit(f"192.0.2.{at}") for at in range(MAX_LISTENERS)]
     answer = await bench.client.get("/live")
     assert (answer.status_code, answer.json()["code"]) == (503, "too-many-listeners")
     assert "retry-after" in answer.headers
@@ -171,6 +172,17 @@ async def test_as_many_listen_as_may_and_the_next_is_refused(bench: Bench) -> No
         feed.release(place)
     async with listening(bench) as heard:
         await heard.next()
+
+
+async def test_one_address_takes_half_of_the_places_at_most(bench: Bench) -> None:
+    feed = feed_of(bench)
+    places = [feed.admit("192.0.2.1") for _ in range(MAX_LISTENERS // 2)]
+    with pytest.raises(TooManyListeners):
+        feed.admit("192.0.2.1")
+    async with listening(bench) as heard:
+        await heard.next()
+    for place in places:
+        feed.release(place)
 
 
 async def test_the_end_of_the_daemon_ends_the_stream(tmp_path: Path) -> None:
