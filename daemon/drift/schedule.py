@@ -94,7 +94,11 @@ class DriftSchedule:
     async def _check_cell(self) -> None:
         """Withdraw the latest run's consent when there is an obstacle to motion; a run in progress checks by itself."""
         latest = self.operations.supervisor.latest
-        if latest is None or not latest.over or self._skip_reason():
+        if latest is not None and not latest.over:
+            # What anybody sees after its end counts, also before the next check.
+            self._seen_after, self._seen = latest.id, self._see()
+            return
+        if latest is None or self._skip_reason():
             return
         if self._seen is None or self._seen_after != latest.id:
             self._seen_after, self._seen = latest.id, self._see()

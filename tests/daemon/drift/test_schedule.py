@@ -178,6 +178,18 @@ async def test_what_was_over_before_the_next_check_counts_too(
     await scheduled.schedule.stop()
 
 
+async def test_what_was_over_before_the_first_check_after_a_run_counts_too(scheduled: Scheduled) -> None:
+    scheduled.operations.latest = a_run("by somebody", RunState.MOVING)
+    await scheduled.schedule.start()
+    await scheduled.pass_s(10)
+    scheduled.operations.latest = a_run("by somebody")
+    scheduled.operations.obstacles_seen, scheduled.operations.last_obstacle = 1, "interlock gate: is 0"
+    await scheduled.pass_s(100)
+    assert scheduled.operations.asked == 0
+    assert scheduled.schedule.warnings()[0].endswith("interlock gate: is 0")
+    await scheduled.schedule.stop()
+
+
 async def test_an_obstacle_that_anybody_sees_is_counted(tmp_path: Path) -> None:
     async with serving(settings_for(tmp_path)) as bench:
         cell = bench.application.cell
