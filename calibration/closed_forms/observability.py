@@ -119,7 +119,7 @@ def _parallel_axes(axis_flange: Array, base_T_flange: Array) -> UndeterminedErro
     moved = travel_across_mm(axis_flange, base_T_flange) >= MIN_TRAVEL_MM
     return UndeterminedError(
         "parallel-axes",
-        Sentence("parallel-axes" if moved else "parallel-axes-without-travel", axis=axis, x=x, y=y, z=z),
+        Sentence("parallel-axes-with-travel" if moved else "parallel-axes-without-travel", axis=axis, x=x, y=y, z=z),
         Sentence("turn-across" if moved else "turn-across-or-travel", axis=axis),
     )
 

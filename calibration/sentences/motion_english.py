@@ -4,8 +4,8 @@ MOTION = {
     "too-few-poses": "{poses} distinct robot poses with the target in view; X needs at least three",
     "pure-translation": "the flange moves without turning: X's translation is not determined in any direction",
     "too-little-rotation": "the flange turns by at most {angle_deg:.1f} degrees; X needs 10 or more",
-    "parallel-axes": "all turns are about one axis: translation along {axis}, ({x:.2f}, {y:.2f}, {z:.2f}) of the"
-    " flange, is not determined. These motions determine the rest of X",
+    "parallel-axes-with-travel": "all turns are about one axis: translation along {axis}, ({x:.2f}, {y:.2f},"
+    " {z:.2f}) of the flange, is not determined. These motions determine the rest of X",
     "parallel-axes-without-travel": "all turns are about one line: translation along {axis}, ({x:.2f}, {y:.2f},"
     " {z:.2f}) of the flange, and rotation about it are not determined",
     "turn-about-two-axes": "turn the flange by 30 degrees or more about two different axes between views",

@@ -18,7 +18,7 @@ export default {
   'too-few-poses': '{poses} verschiedene Roboterposen mit dem Target im Bild; X braucht mindestens drei',
   'pure-translation': 'der Flansch bewegt sich, ohne sich zu drehen: die Verschiebung von X ist in keiner Richtung bestimmt',
   'too-little-rotation': 'der Flansch dreht sich um höchstens {angle_deg:.1f} Grad; X braucht 10 oder mehr',
-  'parallel-axes': 'alle Drehungen gehen um eine Achse: die Verschiebung längs {axis}, ({x:.2f}, {y:.2f}, {z:.2f}) am Flansch, ist nicht bestimmt. Den Rest von X bestimmen diese Bewegungen',
+  'parallel-axes-with-travel': 'alle Drehungen gehen um eine Achse: die Verschiebung längs {axis}, ({x:.2f}, {y:.2f}, {z:.2f}) am Flansch, ist nicht bestimmt. Den Rest von X bestimmen diese Bewegungen',
   'parallel-axes-without-travel': 'alle Drehungen gehen um eine Gerade: die Verschiebung längs {axis}, ({x:.2f}, {y:.2f}, {z:.2f}) am Flansch, und die Drehung darum sind nicht bestimmt',
   'take-eight-views': 'acht oder mehr Ansichten aufnehmen, dann wird es gemessen',
   'take-four-views': 'vier oder mehr Ansichten aufnehmen, dann wird die Lösung geprüft',

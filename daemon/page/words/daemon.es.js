@@ -18,7 +18,7 @@ export default {
   'too-few-poses': '{poses} poses distintas del robot con el patrón a la vista; X necesita al menos tres',
   'pure-translation': 'la brida se mueve sin girar: la traslación de X no queda determinada en ninguna dirección',
   'too-little-rotation': 'la brida gira como mucho {angle_deg:.1f} grados; X necesita 10 o más',
-  'parallel-axes': 'todos los giros son en torno a un eje: la traslación a lo largo de {axis}, ({x:.2f}, {y:.2f}, {z:.2f}) de la brida, no queda determinada. Estos movimientos determinan el resto de X',
+  'parallel-axes-with-travel': 'todos los giros son en torno a un eje: la traslación a lo largo de {axis}, ({x:.2f}, {y:.2f}, {z:.2f}) de la brida, no queda determinada. Estos movimientos determinan el resto de X',
   'parallel-axes-without-travel': 'todos los giros son en torno a una recta: la traslación a lo largo de {axis}, ({x:.2f}, {y:.2f}, {z:.2f}) de la brida, y la rotación en torno a él no quedan determinadas',
   'take-eight-views': 'tome ocho vistas o más para que se mida',
   'take-four-views': 'tome cuatro vistas o más para que se compruebe la solución',

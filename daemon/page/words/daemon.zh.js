@@ -18,7 +18,7 @@ export default {
   'too-few-poses': '能看到标定板的不同机器人位姿只有 {poses} 个；X 至少需要三个',
   'pure-translation': '法兰只平移不旋转：X 的平移在任何方向都无法确定',
   'too-little-rotation': '法兰最多旋转 {angle_deg:.1f} 度；X 需要 10 度或以上',
-  'parallel-axes': '所有旋转绕同一轴：沿 {axis}（法兰坐标系中为 ({x:.2f}, {y:.2f}, {z:.2f})）的平移无法确定。这些运动能确定 X 的其余部分',
+  'parallel-axes-with-travel': '所有旋转绕同一轴：沿 {axis}（法兰坐标系中为 ({x:.2f}, {y:.2f}, {z:.2f})）的平移无法确定。这些运动能确定 X 的其余部分',
   'parallel-axes-without-travel': '所有旋转绕同一直线：沿 {axis}（法兰坐标系中为 ({x:.2f}, {y:.2f}, {z:.2f})）的平移和绕它的旋转无法确定',
   'take-eight-views': '拍摄八个或更多视图即可测得',
   'take-four-views': '拍摄四个或更多视图即可检验结果',

@@ -70,7 +70,7 @@ def test_a_palletiser_that_travels_leaves_one_number_of_x_open(setup: Setup) -> 
     with pytest.raises(UndeterminedError) as refused:
         require_observable(poses)
     what, fix = as_sentence(refused.value.what), as_sentence(refused.value.fix)
-    assert (refused.value.code, what.id, fix.id) == ("parallel-axes", "parallel-axes", "turn-across")
+    assert (refused.value.code, what.id, fix.id) == ("parallel-axes", "parallel-axes-with-travel", "turn-across")
     assert what.params["axis"] == "the base's z"
     assert np.allclose([what.params[name] for name in "xyz"], [0.0, 0.0, 1.0], atol=1e-9)
     assert "(a palletiser, a SCARA), one number is missing: the camera's offset along that axis in mm" in fix
