@@ -33,7 +33,10 @@ def read_keyed_text(content: bytes, origin: str) -> PoseTable:
         return _universal_robots(origin, ur)
     found: dict[str, list[float]] = {}
     units: set[str] = set()
-    for key, number, unit in _PAIR.findall(text):
+    pairs = _PAIR.findall(text)
+    if {mark for _, number, _ in pairs for mark in ",." if mark in number} == {",", "."}:
+        raise refusal(origin, "text", "some numbers have a comma, others a point", "write decimals with one of them")
+    for key, number, unit in pairs:
         found.setdefault(key.upper(), []).append(float(number.replace(",", ".")))
         units |= {unit} - {""}
     for keys in KEYS:

@@ -162,6 +162,9 @@ def _spelled(rows: list[str]) -> dict[str, Variant]:
         "named numbers with decimal commas": Variant(csv(
             ["; ".join(f"{key}={german(n)}" for key, n in zip("XYZABC", row, strict=True)) for row in angles()],
             "poses.txt")),
+        "named numbers with commas and points": Variant(csv(
+            ["; ".join(f"{key}={text(n) if key in 'ABC' else german(n)}" for key, n in zip("XYZABC", row, strict=True))
+             for row in angles()], "poses.txt"), refused=("some numbers have a comma, others a point",)),
         "joints in degrees beside angles in radians": Variant(csv(lines(
             [[*JOINTS_DEG, *row] for row in in_radians(angles())],
             [*(f"j{axis}_deg" for axis in range(1, 7)), "x", "y", "z", "A", "B", "C"]))),
