@@ -19,7 +19,7 @@ from daemon import errors
 from daemon.access import errors as access
 from daemon.api import http_errors
 from daemon.http.problem_details import MEDIA_TYPE, PlaceProblem, Problem, reason_phrase
-from daemon.tools.reports.errors import ReportExtraMissing
+from daemon.tools.reports.errors import ReportExtraMissing, ReportTooSlow
 from drivers import errors as device
 from registration.errors import CloudIOError, CloudUnsupported, RegistrationError
 
@@ -67,6 +67,7 @@ STATUS: dict[type[Exception], int] = {
     http_errors.UnknownMediaType: 415,
     http_errors.NotAcceptable: 406,
     ReportExtraMissing: 406,
+    ReportTooSlow: 429,
     http_errors.CloudTooLarge: 413,
     http_errors.TooManyListeners: 503,
     errors.StorageFull: 507,

@@ -1,6 +1,6 @@
 """Errors of reports as PDF."""
 
-from daemon.errors import DaemonError, WorkersBusy
+from daemon.errors import DaemonError
 
 
 class ReportExtraMissing(DaemonError):
@@ -15,12 +15,11 @@ class ReportExtraMissing(DaemonError):
         )
 
 
-class ReportTooSlow(WorkersBusy):
+class ReportTooSlow(DaemonError):
     """A PDF was not written within its limit: the PC works on others, or is busy."""
 
     code = "report-too-slow"
 
     def __init__(self, limit_s: float) -> None:
-        DaemonError.__init__(
-            self, f"the PDF was not written within {limit_s:g} s", "ask again in some seconds, or print the HTML report"
-        )
+        what = f"the PDF was not written within {limit_s:g} s"
+        super().__init__(what, "ask again in some seconds, or print the HTML report")

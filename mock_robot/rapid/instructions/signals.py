@@ -95,19 +95,9 @@ def wait_signal(
     wait_for(task, lambda: number_of(signal) == value, most_s, flag)
 
 
-def wait_analogue(
-    task: ProgramTask,
-    signal: Any,
-    below: bool | None,
-    above: bool | None,
-    value: float,
-    most_s: float | None,
-    flag: Slot | None,
-    at_timeout: Slot | None,
-    *shown: Any,
-) -> None:
-    """Until it is below (\\LT), above (\\GT) or at the value."""
-    wait_group(task, signal, None, below, above, value, most_s, flag, at_timeout)
+def wait_analogue(task: ProgramTask, signal: Any, *arguments: Any) -> None:
+    """Until it is below (\\LT), above (\\GT) or at the value: as a group signal without \\NOTEQ."""
+    wait_group(task, signal, None, *arguments)
 
 
 def wait_group(
