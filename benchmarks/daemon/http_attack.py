@@ -1,6 +1,7 @@
 """Memory of the daemon, and how soon an abort is answered, beside connections without a key that cost the most.
 
-`python -m benchmarks.daemon.http_attack`, and with `--tls`. The arm stands: abort is asked for a run that is not there,
+`python -m benchmarks.daemon.http_attack`, and with `--tls`; with `--at-once` the connections of each attack stay while
+the next ones come, until all of them are there. The arm stands: abort is asked for a run that is not there,
 with a viewer's key, and must be answered 403.
 """
 
@@ -12,6 +13,7 @@ import ssl
 import sys
 import tempfile
 import time
+from collections.abc import Iterable
 from contextlib import suppress
 from pathlib import Path
 
@@ -55,12 +57,11 @@ async def abort_s(port: int, tls: ssl.SSLContext | None, key: str) -> float:
     return time.monotonic() - began_s
 
 
-async def attack(port: int, key: str, tls: ssl.SSLContext | None, pid: int, folder: Path) -> float:
-    """Attack after attack; returns the largest memory in MB."""
+async def attack(port: int, key: str, tls: ssl.SSLContext | None, pid: int, folder: Path, *, at_once: bool) -> float:
+    """Attack after attack, or `at_once`; returns the largest memory in MB."""
     print(f"before                 {resident_mb(pid):6.0f} MB")
-    most_mb = 0.0
+    most_mb, writers = 0.0, list[asyncio.StreamWriter | None]()
     for name, (content, plain_count, tls_count) in ATTACKS.items():
-        writers: list[asyncio.StreamWriter | None] = []
         aborts_s = []
         for first in range(0, tls_count if tls else plain_count, AT_ONCE):
             sources = [f"127.0.0.{1 + (first + k) % ADDRESSES}" for k in range(AT_ONCE)]
@@ -69,10 +70,18 @@ async def attack(port: int, key: str, tls: ssl.SSLContext | None, pid: int, fold
         most_mb = max(most_mb, resident_mb(pid))
         print(f"{name:<22} {resident_mb(pid):6.0f} MB, slowest of {len(aborts_s)} aborts {max(aborts_s):.2f} s, "
               f"longest turn {stall_ms(folder):.0f} ms of processor time")  # fmt: skip
-        for writer in writers:
-            if writer is not None:
-                writer.transport.abort()
+        if not at_once:
+            hang_up(writers)
+            writers.clear()
+    hang_up(writers)
     return most_mb
+
+
+def hang_up(writers: Iterable[asyncio.StreamWriter | None]) -> None:
+    """Close every connection that was opened."""
+    for writer in writers:
+        if writer is not None:
+            writer.transport.abort()
 
 
 def main() -> int:
@@ -80,6 +89,7 @@ def main() -> int:
 
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--tls", action="store_true")
+    parser.add_argument("--at-once", action="store_true", help="all attacks together, not one after the other")
     options = parser.parse_args()
     hard = resource.getrlimit(resource.RLIMIT_NOFILE)[1]
     resource.setrlimit(resource.RLIMIT_NOFILE, (min(hard, 16_384) if hard >= 0 else 16_384, hard))
@@ -88,7 +98,7 @@ def main() -> int:
         with process(daemon_process, str(folder), options.tls) as (started, pid):
             port, key = started  # type: ignore[misc] # of daemon_process
             tls = trusting(folder / "tls") if options.tls else None
-            most_mb = asyncio.run(attack(port, key, tls, pid, folder))
+            most_mb = asyncio.run(attack(port, key, tls, pid, folder, at_once=options.at_once))
     finally:
         shutil.rmtree(folder, ignore_errors=True)
     print(f"at most {most_mb:.0f} MB (bar {BAR_MB:g})")
