@@ -1,4 +1,4 @@
-"""How people hold a button of the page for a second: by mouse, finger or key."""
+"""How people press a button of the page, and how they hold one for a second: by mouse, finger or key."""
 
 import asyncio
 from collections.abc import Awaitable, Callable
@@ -7,6 +7,12 @@ from typing import Any
 from tests.support.waiting import LIMIT_S
 
 HOLD_MS = 1400
+
+
+async def press(one: Any, key: str = "Enter") -> None:
+    """Press a key on a button, link or box once it can be used: its data may still be on the way, the page old."""
+    usable = one.and_(one.page.locator(":not([aria-disabled=true], :disabled)"))
+    await usable.press(key)
 
 
 async def hold_by_mouse(page: Any, name: str) -> None:

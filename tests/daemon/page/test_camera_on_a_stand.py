@@ -22,7 +22,7 @@ from tests.daemon.fakes import (
     poses_around_the_target,
 )
 from tests.daemon.page.conftest import Opened
-from tests.daemon.page.holding import hold_by_key, hold_until
+from tests.daemon.page.holding import hold_by_key, hold_until, press
 
 pytestmark = [pytest.mark.asyncio(loop_scope="module"), pytest.mark.slow]
 
@@ -74,11 +74,11 @@ async def test_the_first_calibration_of_a_camera_on_a_stand(open_page: Opened, c
     async with open_page("operator", "cell") as page:
         await page.get_by_text("No calibration is in force").wait_for()
         await page.get_by_text("corners found").first.wait_for()
-        await page.get_by_role("link", name="Calibrate").and_(page.locator(".button.primary")).press("Enter")
+        await press(page.get_by_role("link", name="Calibrate").and_(page.locator(".button.primary")))
         await page.get_by_text("Ready.").wait_for()
         result = page.get_by_role("link", name="Result", exact=True).and_(page.locator(".button"))
         await hold_until(page, hold_by_key, "Calibrate (arm moves)", result.is_visible)
-        await result.press("Enter")
+        await press(result)
         await page.get_by_text("✓ Accepted").wait_for()
         await page.get_by_role("heading", name="Camera in the base").wait_for()
         await hold_until(page, hold_by_key, "Put in force", page.get_by_text("In force since").is_visible)

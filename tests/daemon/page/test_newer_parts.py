@@ -19,7 +19,7 @@ from tests.daemon.calibrations import an_arm, with_views
 from tests.daemon.cell_under_test import Bench
 from tests.daemon.fakes import ply_of
 from tests.daemon.page.conftest import AXE_FINDINGS, Opened
-from tests.daemon.page.holding import hold_by_key, hold_by_mouse, hold_until
+from tests.daemon.page.holding import hold_by_key, hold_by_mouse, hold_until, press
 from tests.daemon.rig_files import a_rig
 from tests.daemon.touches import TIP, document_with_covariance, json_of, touching
 from tests.support.waiting import eventually
@@ -77,7 +77,7 @@ async def test_a_jog_moves_the_flange_by_the_step_that_its_button_names(
         asked: list[Any] = []
         page.on("request", lambda request: asked.append(request) if request.url.endswith("/robot/jog") else None)
         for chip in ("Shift", "Z", "50 mm"):
-            await page.get_by_role("button", name=chip, exact=True).press("Enter")
+            await press(page.get_by_role("button", name=chip, exact=True))
         before = bench.robot.base_T_flange[2, 3]
 
         async def moved() -> bool:
@@ -109,7 +109,7 @@ async def test_a_jog_that_is_refused_says_why(open_page: Opened, cell: Cell) -> 
 
 async def take_view(page: Any, number: int) -> None:
     """Press *Take view*, and wait until the page asks for the view after it."""
-    await page.get_by_role("button", name="Take view").and_(page.locator(":not([aria-disabled])")).press("Enter")
+    await press(page.get_by_role("button", name="Take view"))
     await page.get_by_text(f"By hand: view {number + 1} of").wait_for()
     await page.get_by_role("button", name="Take view").and_(page.locator(":not([aria-disabled])")).wait_for()
 
@@ -143,7 +143,7 @@ async def test_between_two_views_by_hand_the_page_jogs_the_arm(
         await hold_until(page, hold, "Axis 1 +5°", refusal.is_visible)
 
         for chip in ("Shift", "Z", "50 mm"):
-            await page.get_by_role("button", name=chip, exact=True).press("Enter")
+            await press(page.get_by_role("button", name=chip, exact=True))
         before = bench.robot.base_T_flange[2, 3]
         await hold_until(page, hold, "Z +50 mm", lambda: _is(lambda: bench.robot.base_T_flange[2, 3] != before))
         await page.get_by_text("✓ The arm stands.").wait_for()
@@ -206,10 +206,10 @@ async def test_points_are_touched_one_after_the_other_by_keyboard_alone(
         )
         await page.get_by_label("Tolerance, mm").fill("1,0")
         bench.robot.base_T_flange = touching(0)
-        await page.get_by_role("button", name="The tip is at point 0").press("Enter")
+        await press(page.get_by_role("button", name="The tip is at point 0"))
         await page.get_by_text("✓ Within the tolerance of 1.0 mm").first.wait_for()
         bench.robot.base_T_flange = touching(10, (2.0, 0.0, 0.0))
-        await page.get_by_role("button", name="The tip is at point 10").press("Enter")
+        await press(page.get_by_role("button", name="The tip is at point 10"))
         await page.get_by_text("✕ Beyond the tolerance of 1.0 mm").first.wait_for()
         await page.get_by_role("rowheader", name="Point 10").wait_for()
         assert await page.locator("section[aria-labelledby=touches] .timeline li").count() == 2
@@ -272,8 +272,8 @@ async def test_the_errors_of_the_arm_are_asked_for_and_shown_before_and_after(op
         await page.get_by_text("Ready.").wait_for()
         asked: list[Any] = []
         await page.route("**/plan", lambda route: _refuse(route, asked))
-        await page.get_by_label("Find the errors of the arm, too").press("Space")
-        await page.get_by_role("button", name="Show the poses").press("Enter")
+        await press(page.get_by_label("Find the errors of the arm, too"), "Space")
+        await press(page.get_by_role("button", name="Show the poses"))
         await eventually(lambda: bool(asked))
         assert json.loads(asked[0]) == {"arm": True}
         await page.evaluate("location.hash = '#/result/cal-1'")

@@ -12,7 +12,7 @@ from tests.daemon.cell_under_test import Bench, Parts
 from tests.daemon.fakes import FakeCamera
 from tests.daemon.named_cameras import WRIST, calibrate, wrist
 from tests.daemon.page.conftest import Opened
-from tests.daemon.page.holding import hold_by_key, hold_until
+from tests.daemon.page.holding import hold_by_key, hold_until, press
 from tests.support.waiting import eventually
 
 pytestmark = [pytest.mark.asyncio(loop_scope="module"), pytest.mark.slow]
@@ -37,7 +37,7 @@ async def test_each_screen_asks_for_the_camera_chosen(open_page: Opened, cell: C
         asked: set[str] = set()
         page.on("request", lambda request: asked.add(request.url.removeprefix(cell[0].url)))
         await page.get_by_text("No calibration is in force").first.wait_for()
-        await page.get_by_role("button", name="wrist").press("Enter")
+        await press(page.get_by_role("button", name="wrist"))
         await page.get_by_text("No calibration is in force").wait_for(state="detached")
         await eventually(lambda: "/camera/frame?width=960&camera=wrist" in asked)
         for place, path in (
@@ -55,8 +55,8 @@ async def test_the_camera_chosen_is_planned_and_verified(open_page: Opened, cell
     async with open_page("operator", "calibrate") as page:
         asked: list[Any] = []
         page.on("request", lambda request: asked.append(request) if request.method == "POST" else None)
-        await page.get_by_role("button", name="wrist").press("Enter")
-        await page.get_by_role("button", name="Show the poses").press("Enter")
+        await press(page.get_by_role("button", name="wrist"))
+        await press(page.get_by_role("button", name="Show the poses"))
         await eventually(lambda: any(request.url.endswith("/plan") for request in asked))
         await page.evaluate("location.hash = '#/verify'")
         await hold_until(page, hold_by_key, "Verify (arm moves)", verification_asked(asked))
@@ -79,7 +79,7 @@ async def test_a_result_is_shown_and_compared_as_of_its_own_camera(open_page: Op
     assert [(row["camera"], row["current"]) for row in listed] == [("wrist", True)]
     async with open_page("viewer", "result") as page:
         await page.get_by_text("No calibration was made yet").first.wait_for()
-        await page.get_by_role("button", name="wrist").press("Enter")
+        await press(page.get_by_role("button", name="wrist"))
         await page.get_by_text("In force since").first.wait_for()
         await page.evaluate("id => { location.hash = '#/result/' + id }", listed[0]["id"])
         await page.get_by_text("In force since").first.wait_for()

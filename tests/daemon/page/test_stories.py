@@ -9,7 +9,7 @@ import pytest
 from tests.daemon.cell_under_test import Bench
 from tests.daemon.fakes import Gate, poses_around_the_target
 from tests.daemon.page.conftest import AXE_FINDINGS, Opened
-from tests.daemon.page.holding import hold_by_finger, hold_by_key, hold_by_mouse, hold_until
+from tests.daemon.page.holding import hold_by_finger, hold_by_key, hold_by_mouse, hold_until, press
 from tests.support.waiting import eventually
 
 pytestmark = [pytest.mark.asyncio(loop_scope="module"), pytest.mark.slow]
@@ -37,7 +37,7 @@ async def test_from_signing_in_to_a_calibration_in_force(
             "runs"
         ][0]
         assert newest["started_by"] == "operator"
-        await result.press("Enter")
+        await press(result)
         await page.get_by_text("✓ Accepted").wait_for()
         await hold_until(page, hold, "Put in force", page.get_by_text("In force since").is_visible)
     now = await bench.client.get("/calibrations/current", headers={"Authorization": f"Bearer {keys['viewer']}"})
@@ -58,7 +58,7 @@ async def test_what_moves_the_arm_is_held(open_page: Opened, cell: tuple[Bench, 
         await button.click()
         await button.dblclick()
         await button.click(delay=600)
-        await button.press("Enter")
+        await press(button)
         assert asked == []
 
 
