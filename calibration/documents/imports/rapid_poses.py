@@ -1,6 +1,13 @@
-"""Poses in RAPID: `robtarget` and `pose` data, alone or in a module."""
+"""Poses in RAPID: `robtarget` and `pose` data, alone or in a module.
 
+Only numbers are read. A value with an expression is refused by its name: without it, every later pose would stand
+beside another picture.
+"""
+
+import math
 import re
+from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -8,28 +15,44 @@ from calibration.documents.imports.conventions import CONVENTIONS
 from calibration.documents.imports.pose_table import PoseTable
 from calibration.documents.imports.refusal import decode, refusal
 
-_N = r"\s*[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?\s*"
-_POSE = re.compile(rf"\[\s*\[({_N},{_N},{_N})\]\s*,\s*\[({_N},{_N},{_N},{_N})\]")
-_DATA = re.compile(r"\b(?:CONST|PERS|VAR)\s+(\w+)\s+(\w+)\s*(\{[^}]*\})?\s*:=", re.IGNORECASE)
+_NUMBER = re.compile(r"\s*[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?\s*")
+_CELL = r"[^][,;]*"
+_POSE = re.compile(rf"\[\s*\[({_CELL}(?:,{_CELL}){{2}})\]\s*,\s*\[({_CELL}(?:,{_CELL}){{3}})\]")
+_DATA = re.compile(r"\b(?:CONST|PERS|VAR)\s+(\w+)\s+(\w+)\s*(?:\{([^}]*)\})?\s*:=([^;]*)", re.IGNORECASE)
+_MOVE = re.compile(r"\bMove[CJL]\w*\s*(\[\s*\[[^][]*\]\s*,\s*\[[^;]*)", re.IGNORECASE)
+_TARGET = re.compile(r"\b(?:CONST|PERS|VAR)\s+(?:robtarget|pose)\s+(\w+)", re.IGNORECASE)
+_ASSIGNED = re.compile(r"(?<![\w.])(\w+)(?:\{[^}]*\})?(?:\.\w+)*\s*:=", re.IGNORECASE)
+_COMPUTED = re.compile(r"\b(?:Offs|RelTool|CRobT|CalcRobT)\s*\(", re.IGNORECASE)
 _FRAME = re.compile(r"\\\s*WObj\s*:=\s*(\w+)|,\s*(?:fine|z\d+)\s*,\s*(\w+)", re.IGNORECASE)
 _TYPES = frozenset(("robtarget", "pose"))
+
+
+class _Data(NamedTuple):
+    """One declaration with a value: where its value begins and ends."""
+
+    kind: str
+    name: str
+    sizes: str | None
+    begins: int
+    ends: int
 
 
 def read_rapid(content: bytes, origin: str) -> PoseTable:
     """The robtargets and poses of a text in RAPID, in its order. Raises DocumentError."""
     text = "\n".join(_without_comment(line) for line in decode(content, origin).splitlines())
-    heads = [(match.start(), match[1].lower(), match[2], bool(match[3])) for match in _DATA.finditer(text)]
+    data = [_Data(match[1].lower(), match[2], match[3], match.start(4), match.end(4)) for match in _DATA.finditer(text)]
+    found = [(match, _declared(match.start(), data)) for match in _POSE.finditer(text)]
+    found = [(match, one) for match, one in found if one is None or one.kind in _TYPES]  # no tool, no work object
+    _require_values(origin, text, data, [match.start() for match, _ in found])
     labels: list[str] = []
     lengths, turns = [], []
-    for match in _POSE.finditer(text):
-        before = [head for head in heads if head[0] < match.start()]
-        kind, name, array = before[-1][1:] if before else ("", "", False)
-        if kind and kind not in _TYPES:
-            continue  # a tool, a work object
+    for match, one in found:
+        name = one.name if one else ""
         count = sum(label == name or label.startswith(f"{name}{{") for label in labels)
+        array = one is not None and one.sizes is not None
         labels.append((f"{name}{{{count + 1}}}" if array or count else name) or str(len(labels) + 1))
-        lengths.append([float(number) for number in match[1].split(",")])
-        turns.append([float(number) for number in match[2].split(",")])
+        lengths.append(_numbers(origin, labels[-1], match[1]))
+        turns.append(_numbers(origin, labels[-1], match[2]))
     if not labels:
         joints = re.search(r"\bjointtarget\b", text, re.IGNORECASE)
         what = "joint targets only" if joints else "no robtarget and no pose in it"
@@ -39,6 +62,37 @@ def read_rapid(content: bytes, origin: str) -> PoseTable:
         f"{len(labels)} robtargets or poses of RAPID", CONVENTIONS["quaternion-wxyz"], unit="mm",
         frame="base_T_flange", notes=_notes(text),
     ).checked()  # fmt: skip
+
+
+def _declared(at: int, data: Sequence[_Data]) -> _Data | None:
+    """The declaration in whose value a place of the text lies."""
+    return next((one for one in data if one.begins <= at < one.ends), None)
+
+
+def _numbers(origin: str, label: str, cells: str) -> list[float]:
+    """The numbers of a position or an orientation. Raises DocumentError for anything else, such as an expression."""
+    for cell in cells.split(","):
+        if not _NUMBER.fullmatch(cell):
+            what = f"{cell.strip()[:40]!r} is no number"
+            raise refusal(origin, f"robtarget {label}", what, "write its value, or remove it with its picture", "rapid")
+    return [float(cell.strip()) for cell in cells.split(",")]
+
+
+def _require_values(origin: str, text: str, data: Sequence[_Data], starts: Sequence[int]) -> None:
+    """Raises DocumentError for a target whose value is not written as numbers: an expression, another target's name."""
+    for one in data:
+        if one.kind not in _TYPES:
+            continue
+        count = sum(one.begins <= start < one.ends for start in starts)
+        sizes = [int(size) for size in re.findall(r"[0-9]{1,9}", one.sizes or "1")]
+        if count == 0 or count != math.prod(sizes):
+            value = " ".join(text[one.begins : one.ends].split())
+            what = f"{value[:60]!r} is not read as " + ("numbers" if count == 0 else f"{math.prod(sizes)} targets")
+            fix = "write its value in numbers, or remove it with its picture"
+            raise refusal(origin, f"{one.kind} {one.name}", what, fix, "rapid")
+    for match in _MOVE.finditer(text):
+        if match.start(1) not in starts:
+            raise refusal(origin, "text", f"{match[1][:60]!r} is not read as numbers", "write numbers", "rapid")
 
 
 def _without_comment(line: str) -> str:
@@ -51,12 +105,19 @@ def _without_comment(line: str) -> str:
 
 
 def _notes(text: str) -> tuple[str, ...]:
-    """What the moves of the module say of tool and work object, where these are not tool0 and wobj0."""
+    """What the module says of tool and work object that are not tool0 and wobj0, and of poses that it computes."""
     used = {name for match in _FRAME.finditer(text) for name in match.groups() if name}
     other = sorted(name for name in used if name.lower() not in ("tool0", "wobj0"))
-    if not other:
-        return ()
-    return (
-        f"the module moves with {', '.join(other)}: a robtarget is then that tool in that work object; "
-        "the camera's pose is found relative to that tool",
-    )
+    notes = []
+    if other:
+        notes.append(
+            f"the module moves with {', '.join(other)}: a robtarget is then that tool in that work object; "
+            "the camera's pose is found relative to that tool"
+        )
+    targets = {name.lower() for name in _TARGET.findall(text)}
+    code = _DATA.sub("", text)
+    computed = {name for name in _ASSIGNED.findall(code) if name.lower() in targets}
+    computed |= {call.rstrip("( \t") for call in _COMPUTED.findall(code)}
+    if computed:
+        notes.append(f"the program computes poses ({', '.join(sorted(computed))}): only written numbers are taken")
+    return tuple(notes)

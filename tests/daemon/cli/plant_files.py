@@ -336,6 +336,13 @@ def _filed(rows: list[str]) -> dict[str, Variant]:
         "a file a pose, 4 x 4": Variant({name: file["poses.csv"] for name, file in matrices.items()}),
         "RAPID": Variant(csv(robtargets(), "poses.mod", "\r\n")),
         "RAPID with comments": Variant(csv(robtargets(" ! geführt"), "poses.mod", "\r\n", "latin-1")),
+        "RAPID with an expression": Variant(csv([*robtargets()[:3], "  CONST robtarget p25:=p20;", *robtargets()[3:]],
+            "poses.mod"), refused=("robtarget p25", "'p20' is not read as numbers")),
+        "RAPID with a sum": Variant(csv([one.replace("p30:=[[", "p30:=[[100+") for one in robtargets()], "poses.mod"),
+            refused=("robtarget p30", "is no number")),
+        "RAPID that goes to computed places": Variant(csv([*robtargets()[:-1],
+            "PROC main() MoveL Offs(p20,0,0,50),v100,fine,tool0; ENDPROC", "ENDMODULE"], "poses.mod"),
+            said=("computes poses (Offs)",)),
         "RAPID in a text": Variant(csv(robtargets(), "poses.txt", encoding="utf-8-sig")),
         "JSON with BOM": Variant({"poses.json": json.dumps(records).encode("utf-8-sig")}),
         "JSON of texts": Variant({"poses.json": json.dumps(
