@@ -2,10 +2,11 @@
 
 `python -m benchmarks.daemon.disk_faults`
 
-A process saves a run, an image, a calibration, what is applied, a scan, a view, events and an audit row in sequence,
-and reports which were acknowledged. strace makes the n-th call of one kind fail with EIO or ENOSPC once the process has
-opened its store. Then another process checks, with a working disk: everything acknowledged is there completely,
-everything else completely or not at all, and the audit log is intact. `fsync` includes SQLite's fdatasync.
+A process saves a run, an image, a calibration, what is applied, a scan, a view, events, an audit row, keys, sessions,
+requests, webhooks and documents in sequence, and reports which were acknowledged. strace makes the n-th call of one
+kind fail with EIO or ENOSPC once the process has opened its store. Then another process checks, with a working disk:
+everything acknowledged is there completely, everything else completely or not at all, and the audit log is intact.
+`fsync` includes SQLite's fdatasync.
 """
 
 import argparse
@@ -36,7 +37,7 @@ def save_everything(folder: str, pipe: Connection) -> None:
 
 
 async def _save(folder: Path, pipe: Connection) -> None:
-    from daemon.errors import StorageError
+    from daemon.errors import NotFound, StorageError
     from daemon.store.store import Store
     from tests.daemon.save_paths import save_steps
 
@@ -49,7 +50,7 @@ async def _save(folder: Path, pipe: Connection) -> None:
         try:
             await step()
             done.append(name)
-        except StorageError as error:
+        except (StorageError, NotFound) as error:  # not found: what an earlier, refused step would have saved
             refused[name] = error.code
     for _ in range(5):  # the pipe is written to as well, but is not under test
         with suppress(OSError):

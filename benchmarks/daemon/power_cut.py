@@ -3,10 +3,11 @@
 `python -m benchmarks.daemon.power_cut`
 
 strace records every call of a process that saves a run, an image, a calibration, what is applied, a scan, a view,
-events, audit rows and the anchor, closes the store, backs it up, restores the backup and migrates an older store. After
-each of these calls the disk may hold anything between what was last synchronised (fsync of the file, and of its folder)
-and all that was written: each later write kept, dropped, or torn by sector; each later name given, taken away, or not.
-The store is started on such states: what was acknowledged is there, everything else completely or not at all.
+events, audit rows, keys, sessions, requests, webhooks, documents and the anchor, closes the store, backs it up,
+restores the backup and migrates an older store. After each of these calls the disk may hold anything between what was
+last synchronised (fsync of the file, and of its folder) and all that was written: each later write kept, dropped, or
+torn by sector; each later name given, taken away, or not. The store is started on such states: what was acknowledged is
+there, everything else completely or not at all.
 """
 
 import argparse
