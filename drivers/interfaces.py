@@ -311,9 +311,12 @@ class Scanner(Device, Protocol):
 
 
 class MakeRobot(Protocol):
-    """Constructor of a robot driver. `source`: the address as parsed by its scheme's entry in the registry."""
+    """Constructor of a robot driver. `source`: the address as parsed by its scheme's entry in the registry.
 
-    def __call__(self, source: Any, timing: Timing, /) -> Robot: ...
+    A controller that does not answer for `limit_s` is disconnected; None: the driver's own limit.
+    """
+
+    def __call__(self, source: Any, timing: Timing, /, *, limit_s: float | None = None) -> Robot: ...
 
 
 class MakeCamera(Protocol):

@@ -104,12 +104,15 @@ class LoadSettings(Document):
 class RobotSettings(Document):
     """The controller, and the limits of motion. `stop_address`: a second connection to stop the arm.
 
+    `limit_s`: a controller that does not answer for so long is disconnected; None: 2 s, over Robot Web Services 5 s.
+
     `base_frame`: world_T_base, for an arm that does not stand upright at the world's origin. `carried_mm`: points of
     camera, bracket and target farthest from the flange, in its frame.
     """
 
     address: Annotated[str, _address_validator(check_robot_address)]
     stop_address: Annotated[str, _address_validator(check_stop_address)] | None = None
+    limit_s: Annotated[float, Field(ge=0.5, le=60)] | None = None
     model: Annotated[str, AfterValidator(_validate_arm)] | None = None
     speed_mm_s: Annotated[float, Field(gt=0, le=250)] = 100.0
     box_mm: Box

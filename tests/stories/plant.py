@@ -31,6 +31,8 @@ from mock_robot.truth.truth_sheet import cell_sheet
 from tests.mock_robot.running_cell import RunningCell, running_cell
 from tests.support.waiting import LIMIT_S
 
+ANSWER_LIMIT_S = 20.0
+"""The mock controller answers at once, but not while its machine is busy with something else."""
 TEXT = {"accept": "text/plain"}
 OVER = (RunState.FINISHED, RunState.FAILED, RunState.ABORTED)
 
@@ -59,6 +61,7 @@ def settings_of(cell: Announcement, folder: Path, **changes: Any) -> Settings:
             "model": sheet["arm"],
             "box_mm": sheet["box_mm"],
             "speed_mm_s": 250,
+            "limit_s": ANSWER_LIMIT_S,
             "settling": {"gap_s": 0.01, "translation_mm": 0.5, "rotation_deg": 0.05},
         },
         "camera": {

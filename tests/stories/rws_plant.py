@@ -25,7 +25,7 @@ async def by_rws(folder: Path, version: int) -> AsyncIterator[Plant]:
         host = (urls.first, urls.second)[version - 1].partition("//")[2]
         egm = {"host": "127.0.0.1", "port": free_port(), "robot": "127.0.0.1"}
         await cell.cell.egm.start("127.0.0.1", egm["port"])
-        robot = {"address": f"rws://{host}", "egm": egm}
+        robot = {"address": f"rws://{host}", "egm": egm, "limit_s": None}
         try:
             async with daemon_for(cell, folder, robot=robot) as story:
                 cell.controller.run_program(False, cell.cell.clock())

@@ -32,6 +32,7 @@ async def test_what_a_fault_does(row: Row, tmp_path: Path) -> None:
         time_scale=40,
         truth=small_pictures(7),
         serial=row.serial,
+        robot={"limit_s": 2.0} if row.code == "link-lost" else {},
         camera={"limit_s": 5.0 if late and row.job == "calibrate" else LIMIT_S},
         scanner={"limit_s": 20.0 if late else LIMIT_S},
     ) as story:

@@ -6,7 +6,7 @@ from drivers.backoff import Backoff
 from drivers.errors import DeviceError, DeviceUnreachable, LinkLost
 from drivers.interfaces import LinkHealth
 from drivers.link_status import LinkReport
-from drivers.robots.abb.cb_session import CbConversation
+from drivers.robots.abb.cb_session import CbConversation, CbLimits
 from drivers.timing import Timing, shorten_switch_interval
 from drivers.transports.transport import Connection, Transport
 from protocols.cb.client import ClientSession
@@ -18,8 +18,9 @@ BYE_LIMIT_S = 0.5
 class CbLink:
     """Owns the connection. `conversation` is the current one; each reconnect creates a new one."""
 
-    def __init__(self, device: str, transport: Transport, timing: Timing) -> None:
+    def __init__(self, device: str, transport: Transport, timing: Timing, reply_limit_s: float) -> None:
         self._device, self._transport, self._timing = device, transport, timing
+        self._limits = CbLimits(reply_limit_s, transport.half_frame_limit_s)
         self._backoff = Backoff(timing.chance)
         self._report = LinkReport(timing.clock)
         self._conversation: CbConversation | None = None
@@ -88,8 +89,9 @@ class CbLink:
         session = ClientSession(
             resynchronise=self._transport.resynchronise, known_session=self._known_session, last_seq=self._last_seq
         )
-        limit_s = self._transport.half_frame_limit_s
-        conversation = CbConversation(self._device, connection, session, self._timing, limit_s, self._end_conversation)
+        conversation = CbConversation(
+            self._device, connection, session, self._timing, self._limits, self._end_conversation
+        )
         listening = asyncio.create_task(conversation.listen(), name=f"listens to {self._device}")
         beating = asyncio.create_task(self._greet_and_keep_alive(conversation), name=f"heartbeat to {self._device}")
         try:

@@ -19,7 +19,7 @@ from drivers.interfaces import (
 from drivers.robots.abb import cb_wire
 from drivers.robots.abb.cb_link import CbLink
 from drivers.robots.abb.cb_move_monitor import MoveMonitor
-from drivers.robots.abb.cb_session import Answered, CbConversation, OvertakenByStop
+from drivers.robots.abb.cb_session import REPLY_LIMIT_S, Answered, CbConversation, OvertakenByStop
 from drivers.robots.abb.cb_status_errors import move_failure, move_refusal, request_refusal
 from drivers.robots.abb.robtarget import POSE_CONVENTION
 from drivers.timing import Timing
@@ -51,10 +51,17 @@ POLL_S = 0.06
 class CbRobot:
     """drivers.interfaces.Robot. Raises DeviceUnreachable before `start` and while disconnected."""
 
-    def __init__(self, transport: Transport, timing: Timing | None = None, name: str = "robot") -> None:
+    def __init__(
+        self,
+        transport: Transport,
+        timing: Timing | None = None,
+        name: str = "robot",
+        *,
+        limit_s: float | None = None,
+    ) -> None:
         self._device = f"{name} {transport.address}"
         self._timing = timing or Timing()
-        self._link = CbLink(self._device, transport, self._timing)
+        self._link = CbLink(self._device, transport, self._timing, REPLY_LIMIT_S if limit_s is None else limit_s)
         self._stopping: set[asyncio.Task[None]] = set()
 
     @property

@@ -54,6 +54,14 @@ class Answered:
     asked_at_s: float
 
 
+@dataclass(frozen=True)
+class CbLimits:
+    """How long an answer may take, and how long the rest of a frame that began."""
+
+    reply_s: float
+    half_frame_s: float
+
+
 class CbConversation:
     """Exchanges over one connection. After `lose`, every request raises the error."""
 
@@ -63,11 +71,11 @@ class CbConversation:
         connection: Connection,
         session: ClientSession,
         timing: Timing,
-        half_frame_limit_s: float,
+        limits: CbLimits,
         on_lost: Callable[[DeviceError], None],
     ) -> None:
         self._device, self._connection, self._session, self._timing = device, connection, session, timing
-        self._half_frame_limit_s, self._on_lost = half_frame_limit_s, on_lost
+        self._limits, self._on_lost = limits, on_lost
         self._turnstile = PriorityLock()
         self._outcome: asyncio.Future[ExchangeResult] | None = None
         self._stopping = False
@@ -126,7 +134,7 @@ class CbConversation:
             raise LinkLost(self._device, "the link is being closed", "open it again to go on") from error
         patience_s = self._patience_s
         while not outcome.done():
-            remaining_s = asked_at_s + REPLY_LIMIT_S - self._timing.clock()
+            remaining_s = asked_at_s + self._limits.reply_s - self._timing.clock()
             if remaining_s <= 0:
                 self.lose(self._silence())
                 break
@@ -146,7 +154,7 @@ class CbConversation:
             while not self.lost.done():
                 receiving = receiving or asyncio.ensure_future(self._connection.receive())
                 if self._session.half_frame_bytes and not await self._timing.wait_until_done(
-                    receiving, self._half_frame_limit_s
+                    receiving, self._limits.half_frame_s
                 ):
                     self._take(self._session.abandon_half_frame())
                     continue
@@ -223,7 +231,7 @@ class CbConversation:
     def _silence(self) -> LinkLost:
         dirt = f", but {self._garbage_bytes} bytes that are no frames" if self._garbage_bytes else ""
         fix = "check the cable and the line's settings, and that the communication task runs"
-        return LinkLost(self._device, f"no reply for {REPLY_LIMIT_S:g} s{dirt}", fix)
+        return LinkLost(self._device, f"no reply for {self._limits.reply_s:g} s{dirt}", fix)
 
 
 def _again(error: DeviceError) -> DeviceError:

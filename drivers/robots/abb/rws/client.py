@@ -27,9 +27,9 @@ LISTENS = "check the address; on the controller: option PC Interface, the networ
 class RwsClient:
     """One session. `dialect` is None until the controller was found."""
 
-    def __init__(self, device: str, address: RwsAddress, timing: Timing) -> None:
+    def __init__(self, device: str, address: RwsAddress, timing: Timing, limit_s: float = LIMIT_S) -> None:
         self.device, self.address = device, address
-        self._timing = timing
+        self._timing, self._limit_s = timing, limit_s
         self.dialect: Dialect | None = None
         self._http: httpx.AsyncClient | None = None
         self._finding = asyncio.Lock()
@@ -186,7 +186,7 @@ class RwsClient:
             base_url=self.address.url(version),
             auth=auth,
             verify=self._tls() if version == 2 else ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT),  # RWS 1.0 is plain HTTP
-            timeout=httpx.Timeout(LIMIT_S, connect=CONNECT_LIMIT_S),
+            timeout=httpx.Timeout(self._limit_s, connect=CONNECT_LIMIT_S),
             trust_env=False,
             limits=httpx.Limits(max_connections=CONNECTIONS),
         )
@@ -251,7 +251,7 @@ class RwsClient:
         try:
             answer = await http.request(method, path, params=dict(query), headers=dict(headers), **body)
         except httpx.TimeoutException as error:
-            raise DeviceTimeout(self.device, f"{doing}: no answer in {LIMIT_S:g} s", LISTENS) from error
+            raise DeviceTimeout(self.device, f"{doing}: no answer in {self._limit_s:g} s", LISTENS) from error
         except httpx.ConnectError as error:
             raise DeviceUnreachable(self.device, f"nobody answers ({error})", LISTENS) from error
         except httpx.TransportError as error:

@@ -10,7 +10,7 @@ from drivers.interfaces import LinkHealth, MoveGoal, PoseReading, RobotCapabilit
 from drivers.robots.abb.robtarget import POSE_CONVENTION
 from drivers.robots.abb.rws import parsing
 from drivers.robots.abb.rws.address import FRAMES, RwsAddress
-from drivers.robots.abb.rws.client import RwsClient
+from drivers.robots.abb.rws.client import LIMIT_S, RwsClient
 from drivers.robots.abb.rws.link import RwsLink
 from drivers.robots.abb.rws.parsing import ControllerState, EventLogEntry
 from drivers.robots.abb.rws.rapid_data import RapidFrame
@@ -26,11 +26,18 @@ INSTEAD = (
 class RwsRobot:
     """Raises DeviceUnreachable before `start` and while disconnected."""
 
-    def __init__(self, address: RwsAddress, timing: Timing | None = None, name: str = "robot") -> None:
+    def __init__(
+        self,
+        address: RwsAddress,
+        timing: Timing | None = None,
+        name: str = "robot",
+        *,
+        limit_s: float | None = None,
+    ) -> None:
         self._device = f"{name} {address.address}"
         self._address = address
         self._timing = timing or Timing()
-        self._client = RwsClient(self._device, address, self._timing)
+        self._client = RwsClient(self._device, address, self._timing, LIMIT_S if limit_s is None else limit_s)
         self._link = RwsLink(self._client, self._timing)
 
     @property
