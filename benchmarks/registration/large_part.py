@@ -33,6 +33,7 @@ STRIP_VIEWS = 3.0
 
 NOISE = RobotNoise(0.1, float(np.deg2rad(0.01)))
 BLOCK = 1 << 20
+WAYS = {"every": "every point", "voxel": "averaged", "refine": "refined, averaged"}
 
 
 def write_part(folder: Path, views: int, points: int) -> None:
@@ -92,10 +93,11 @@ def main() -> int:
     parser.add_argument("--points", type=float, nargs="+", default=[1e6, 1e7])
     parser.add_argument("--voxel-mm", type=float, default=1.0)
     parser.add_argument("--run", type=Path, help=argparse.SUPPRESS)
-    parser.add_argument("--merge", choices=("every", "voxel", "refine"), help=argparse.SUPPRESS)
+    parser.add_argument("--ways", nargs="+", choices=WAYS, default=list(WAYS))
     options = parser.parse_args()
     if options.run is not None:
-        run(options.run, None if options.merge == "every" else options.voxel_mm, refine=options.merge == "refine")
+        (way,) = options.ways
+        run(options.run, None if way == "every" else options.voxel_mm, refine=way == "refine")
         return 0
     print(f"{options.views} views; voxels of {options.voxel_mm:g} mm")
     head = f"{'points':>9}  {'':<22}{'clock s':>9}{'CPU s':>9}{'s per 1e6':>11}"
@@ -103,15 +105,15 @@ def main() -> int:
     for points in map(int, options.points):
         with tempfile.TemporaryDirectory(prefix="handeyed-bench-", dir=os.environ.get("TMPDIR")) as temporary:
             write_part(Path(temporary), options.views, points)
-            for merge, words in (("every", "every point"), ("voxel", "averaged"), ("refine", "refined, averaged")):
-                print_row(points, words, _in_a_child(temporary, merge, options.voxel_mm))
+            for way in options.ways:
+                print_row(points, WAYS[way], _in_a_child(temporary, way, options.voxel_mm))
             shutil.rmtree(temporary, ignore_errors=True)
             Path(temporary).mkdir()
     return 0
 
 
-def _in_a_child(folder: str, merge: str, voxel_mm: float) -> dict[str, float]:
-    command = [sys.executable, "-m", "benchmarks.registration.large_part", "--run", folder, "--merge", merge,
+def _in_a_child(folder: str, way: str, voxel_mm: float) -> dict[str, float]:
+    command = [sys.executable, "-m", "benchmarks.registration.large_part", "--run", folder, "--ways", way,
                "--voxel-mm", str(voxel_mm)]  # fmt: skip
     found: dict[str, float] = json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
     return found

@@ -55,7 +55,7 @@ def merge_clouds(
     asked before each block. Raises RegistrationError's leaves.
     """
     layout, lost = common_layout(_layout(cloud.file) for cloud in clouds)
-    merger = Merger(merge, form_of(target, layout).layout)
+    merger = Merger(merge, form_of(target, layout).layout, target.parent)
     finite = FiniteBlocks(merger.shared, stopped, merge.box_mm)
     with new_cloud(target, merger.layout, calibration_id=calibration_id) as writer:
         held = Conversion.between(merger.layout, writer.form.layout)

@@ -6,6 +6,7 @@ averages, since a search tree over all points would not fit into memory.
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any, Literal, get_args
 
 import numpy as np
@@ -13,9 +14,9 @@ import scipy
 from numpy.typing import NDArray
 
 from registration.errors import ScanError
+from registration.fusion.large_grid import MOST_CELLS, LargeVoxelGrid
 from registration.points.layout import Array, Layout, Records
 from registration.points.surface import NEIGHBOURS, planes_of
-from registration.points.voxel_grid import VoxelGrid
 
 Outliers = Literal["keep", "statistical", "radius"]
 
@@ -67,10 +68,15 @@ EVERY_POINT = Merge()
 
 @dataclass(eq=False)
 class Merger:
-    """Merges the views' blocks of `shared` columns; `left_out` counts the outliers."""
+    """Merges the views' blocks of `shared` columns; `left_out` counts the outliers.
+
+    Averages of more than `most_cells` voxels are made on the disk, in `folder`.
+    """
 
     merge: Merge
     shared: Layout
+    folder: Path
+    most_cells: int = MOST_CELLS
     left_out: int = field(default=0, init=False)
     averaged: int = field(default=0, init=False)
 
@@ -84,19 +90,17 @@ class Merger:
             for blocks, _ in views:
                 yield from blocks
             return
-        grid = self._averages(views, self.merge.voxel_mm)
-        if self.layout == self.shared and self.merge.outliers == "keep":
-            yield from grid.blocks()
-            return
-        yield from self._finish(np.concatenate([*grid.blocks(), np.empty(0, grid.layout.dtype)]))
-
-    def _averages(self, views: Iterable[tuple[Iterable[Records], Array]], voxel_mm: float) -> VoxelGrid:
         fitted = self.layout != self.shared
-        grid = VoxelGrid(voxel_mm, _with_columns(self.shared, CAMERA, "f8") if fitted else self.shared)
-        for blocks, camera_mm in views:
-            for block in blocks:
-                grid.add(_with_camera_position(camera_mm, block, grid.layout) if fitted else block)
-        return grid
+        layout = _with_columns(self.shared, CAMERA, "f8") if fitted else self.shared
+        with LargeVoxelGrid(self.merge.voxel_mm, layout, self.folder, self.most_cells) as grid:
+            for blocks, camera_mm in views:
+                for block in blocks:
+                    grid.add(_with_camera_position(camera_mm, block, layout) if fitted else block)
+            if not fitted and self.merge.outliers == "keep":
+                yield from grid.blocks()
+                return
+            averages = np.concatenate([*grid.blocks(), np.empty(0, layout.dtype)])
+        yield from self._finish(averages)
 
     def _finish(self, cloud: Records) -> Iterator[Records]:
         points = np.stack([cloud[name].astype(float) for name in self.shared.xyz], axis=1)

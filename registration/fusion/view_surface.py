@@ -42,7 +42,7 @@ def view_surface(
 
 
 def _averaged(cloud: PlacedCloud, merge: Merge, stopped: Callable[[], bool]) -> Records:
-    merger = Merger(merge, XYZ_FLOAT32)
+    merger = Merger(merge, XYZ_FLOAT32, cloud.file.parent)
     blocks = FiniteBlocks(XYZ_FLOAT32, stopped, merge.box_mm).of(cloud)
     return np.concatenate([
         *merger.merge_views([(blocks, cloud.base_T_cloud[:3, 3])]), np.empty(0, merger.layout.dtype)

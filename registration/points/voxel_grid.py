@@ -1,15 +1,14 @@
 """A voxel grid: the points of a cube are replaced by their average, which merges overlapping views.
 
-Memory grows with the occupied cubes, not with the points.
+Memory grows with the occupied cubes, not with the points; `registration/fusion/large_grid.py` bounds it.
 """
 
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
 from registration.errors import ScanError
-from registration.points.hash_index import CellIndex
+from registration.points.hash_index import CellIndex, Keys
 from registration.points.layout import Array, Layout, Records
 
 CELLS = 1 << 20
@@ -44,20 +43,39 @@ class VoxelGrid:
         for start in range(0, len(block), BLOCK_POINTS):
             self._add(block[start : start + BLOCK_POINTS])
 
-    @np.errstate(all="ignore")  # sums of extreme values are infinite
     def _add(self, block: Records) -> None:
-        columns = {name: block[name].astype(float) for name in self._names}
+        finite, keys = self.located(block)
+        self.add_located(finite, keys)
+
+    def located(self, block: Records) -> tuple[Records, Keys]:
+        """The finite points of a block and the key of each one's cube. Raises ScanError for points too far away."""
         finite = self.layout.finite(block)
-        if not finite.all():
-            columns = {name: column[finite] for name, column in columns.items()}
-        cells = self._cells.numbers(self._keys(columns))
+        block = block if finite.all() else block[finite]
+        return block, self._keys({name: block[name].astype(float) for name in self.layout.xyz})
+
+    @np.errstate(all="ignore")  # sums of extreme values are infinite
+    def add_located(self, block: Records, keys: Keys) -> None:
+        """Add finite points whose cubes are known."""
+        cells = self._cells.numbers(keys)
         self._make_room()
-        for sums, column in zip(self._sums, [*columns.values(), np.ones(len(cells))], strict=True):
+        columns = [*(block[name].astype(float) for name in self._names), np.ones(len(cells))]
+        for sums, column in zip(self._sums, columns, strict=True):
             np.add.at(sums, cells, column)
 
-    def _keys(self, columns: dict[str, Array]) -> NDArray[np.int64]:
+    def sums(self) -> tuple[Keys, Array]:
+        """The keys (n,) of the occupied cubes in their order, and what their points add up to (columns and 1, n)."""
+        order = np.argsort(self._cells.keys)
+        return self._cells.keys[order], self._sums[:, order]
+
+    def restore(self, keys: Keys, sums: Array) -> None:
+        """Continue, in a grid without points, with what `sums` of another one said of some cubes."""
+        cells = self._cells.numbers(keys)
+        self._make_room()
+        self._sums[:, cells] = sums
+
+    def _keys(self, columns: dict[str, Array]) -> Keys:
         """One key per cube."""
-        keys: NDArray[np.int64] = np.zeros(len(columns[self.layout.xyz[0]]), np.int64)
+        keys: Keys = np.zeros(len(columns[self.layout.xyz[0]]), np.int64)
         for name in self.layout.xyz:
             index = np.floor(columns[name] / self._edge_mm)
             if len(index) and np.abs(index).max() >= CELLS:

@@ -8,7 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from calibration.transforms import Array
-from registration.errors import ScanError
+from registration.errors import CloudIOError, ScanError
+from registration.fusion.large_grid import LargeVoxelGrid
 from registration.fusion.merging import NORMALS, Merge, Merger
 from registration.io.reading import open_cloud
 from registration.points.hash_index import CellIndex
@@ -33,7 +34,7 @@ def sheet(seed: int = 0, strays: bool = False) -> Records:
 
 
 def merged(merge: Merge, *views: Records, layout: Layout = XYZ_FLOAT32) -> tuple[Records, Merger]:
-    merger = Merger(merge, layout)
+    merger = Merger(merge, layout, Path("never used"))
     blocks = list(merger.merge_views(((view[:9000], view[9000:]), CAMERA_MM) for view in views))
     return np.concatenate([*blocks, np.empty(0, merger.layout.dtype)]), merger
 
@@ -67,6 +68,39 @@ def test_the_bits_of_an_average_do_not_depend_on_the_blocks() -> None:
             grid.add(records[start : start + size])
         answers.append(np.concatenate(list(grid.blocks())))
     assert answers[0].tobytes() == answers[1].tobytes() == answers[2].tobytes()
+
+
+@pytest.mark.parametrize("most_cells", [40, 700])
+def test_averages_beyond_the_memory_have_the_same_bits(tmp_path: Path, most_cells: int) -> None:
+    records = cloud(RICH, 30_000)
+    for name in "xyz":
+        records[name] %= 400.0
+    records = records[np.argsort(records["x"] + np.arange(len(records)) % 7, kind="stable")]
+    known = VoxelGrid(20.0, RICH)
+    known.add(records)
+    with LargeVoxelGrid(20.0, RICH, tmp_path, most_cells) as grid:
+        for start in range(0, len(records), 1700):
+            grid.add(records[start : start + 1700])
+        answer = np.concatenate(list(grid.blocks()))
+        assert len(list(tmp_path.rglob("*"))) > 0
+    assert answer.tobytes() == np.concatenate(list(known.blocks())).tobytes()
+    assert len(answer) > 5 * most_cells
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_merge_beyond_the_memory_leaves_no_files_when_it_is_stopped(tmp_path: Path) -> None:
+    merger = Merger(Merge(2.0), XYZ_FLOAT32, tmp_path, most_cells=100)
+    blocks = merger.merge_views([([sheet()], CAMERA_MM)])
+    next(blocks)
+    assert len(list(tmp_path.iterdir())) == 1
+    blocks.close()  # type: ignore[attr-defined]
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_disk_that_cannot_hold_the_points_is_named(tmp_path: Path) -> None:
+    merger = Merger(Merge(2.0), XYZ_FLOAT32, tmp_path / "gone", most_cells=100)
+    with pytest.raises(CloudIOError, match=r"temporary files of the merge cannot be created .*larger voxels"):
+        list(merger.merge_views([([sheet()], CAMERA_MM)]))
 
 
 def test_every_point_stays_unless_asked() -> None:
