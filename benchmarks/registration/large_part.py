@@ -32,7 +32,9 @@ STRIP_VIEWS = 3.0
 """How many views see a point, about."""
 
 NOISE = RobotNoise(0.1, float(np.deg2rad(0.01)))
-BLOCK = 1 << 20
+DISTINCT = 10**8
+"""Points of a part that differ; what is larger repeats them, in multiples."""
+
 WAYS = {"every": "every point", "voxel": "averaged", "refine": "refined, averaged"}
 
 
@@ -47,12 +49,13 @@ def write_part(folder: Path, views: int, points: int) -> None:
         true = base_T_flange @ transform(
             rotation_from_vector(random.normal(0, NOISE.rotation_rad, 3)), random.normal(0, NOISE.translation_mm, 3)
         )
-        count = points // views
+        count, distinct = points // views, min(points, DISTINCT) // views
         with (folder / f"view_{index:04}.ply").open("wb") as file:
             file.write(ply.format_header(XYZ_FLOAT32, count))
-            for start in range(0, count, BLOCK):
-                seen = _plate(random, min(BLOCK, count - start), middle, width)
-                file.write(map_points(inverse(true), seen).astype("<f4").tobytes())
+            seen = _plate(random, distinct, middle, width)
+            content = map_points(inverse(true), seen).astype("<f4").tobytes()
+            for _ in range(0, count, distinct):
+                file.write(content)
         documents.append({"cloud": f"view_{index:04}.ply", "unit": "mm", "base_T_flange": pose(base_T_flange)})
     (folder / "scan.json").write_text(json.dumps({"schema_version": 1, "setup": "eye-in-hand", "views": documents}))
 

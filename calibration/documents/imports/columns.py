@@ -77,6 +77,9 @@ AXES = {"roll": "x", "pitch": "y", "yaw": "z"}
 SEQUENCES = (("a", "b", "c"), ("w", "p", "r"), ("o", "a", "t"), ("alpha", "beta", "gamma"), ("phi", "theta", "psi"))
 """Names of three angles in the order of their rotations."""
 
+JOINTS = (5, 6, 7, 8)
+"""So many numbers in sequence, such as q1 to q6, are joints: an orientation has three, four or nine."""
+
 _FRAMES = re.compile(r"[A-Za-z0-9]+_[Tt]_[A-Za-z0-9]+")
 _SHORT = re.compile(r"(q|quat|rot|rvec|r|e|euler|t|p|pos|trans|o)([xyzw]|\d)")
 _ELEMENT = re.compile(r"(?:[rmt]|mat|rot)([0-4])([0-4])")
@@ -122,10 +125,17 @@ class _Named:
         self.slots: dict[Family, dict[str, int]] = {"length": {}, "turn": {}, "pose": {}}
         self.elements: dict[tuple[int, int], int] = {}
         self.plain: dict[str, int] = {}
-        self.turn_words: set[str] = set()
+        self.turn_words: dict[str, set[str]] = {}
         self.unit_of: dict[int, str] = {}
         for index, name in enumerate(names):
             self._take(index, words_of(name))
+        self._leave_out_joints()
+
+    def _leave_out_joints(self) -> None:
+        """q1 to q6 beside an orientation are the arm's joints."""
+        turn = self.slots["turn"]
+        if len(_in_order(turn)) in JOINTS:
+            self.slots["turn"] = {slot: index for slot, index in turn.items() if not slot.isdigit()}
 
     def _take(self, index: int, words: list[str]) -> None:
         units = [word for word in words if word in UNITS or word in ANGLES]
@@ -148,7 +158,7 @@ class _Named:
         if family is not None and slot not in self.slots[family]:
             self.slots[family][slot] = index
             if family == "turn":
-                self.turn_words |= before
+                self.turn_words[slot] = before
             for unit in units:
                 if (unit in ANGLES) == (family == "turn"):
                     self.unit_of[index] = unit
@@ -231,7 +241,8 @@ def _lengths(named: _Named) -> list[int]:
 
 
 def _set_turn(columns: Columns, named: _Named) -> None:
-    slots, words = named.slots["turn"], named.turn_words
+    slots = named.slots["turn"]
+    words = set().union(*(named.turn_words[slot] for slot in slots))
     listed = _in_order(slots)
     if set("xyz") <= set(slots) and words & QUATERNION_WORDS and "w" in named.plain and "w" not in slots:
         slots = slots | {"w": named.plain["w"]}

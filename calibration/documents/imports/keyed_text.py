@@ -45,6 +45,11 @@ def read_keyed_text(content: bytes, origin: str) -> PoseTable:
             names = [f"{key} mm" if at < 3 and "mm" in units else key for at, key in enumerate(keys)]
             rows = [[found[key][at] for key in keys] for at in range(count)]
             return table_of_columns(origin, names, rows)
+    for keys in KEYS:
+        counts = {key: len(found.get(key, [])) for key in keys}
+        if all(counts.values()):
+            what = f"not as many of every number: {', '.join(f'{count} {key}' for key, count in counts.items())}"
+            raise refusal(origin, "text", what, "give every pose all numbers, and remove tools and bases")
     raise refusal(
         origin, "text", "no poses in it", "give X, Y, Z with A, B, C, with W, P, R or with q1 to q4, or a table"
     )

@@ -9,7 +9,7 @@ from pathlib import PurePosixPath
 import numpy as np
 
 from calibration.documents.imports.pose_table import PoseTable
-from calibration.documents.imports.refusal import refusal
+from calibration.documents.imports.refusal import plain, refusal
 from calibration.documents.imports.timestamps import seconds_of
 from calibration.transforms import Array
 
@@ -55,10 +55,10 @@ def pair(images: Sequence[str], table: PoseTable) -> Pairing:
 def _by_name(images: Sequence[str], table: PoseTable, wanted: Sequence[str]) -> Pairing:
     known = {image: image for image in images} | {PurePosixPath(image).name: image for image in images}
     stems = {PurePosixPath(image).stem: image for image in images}
-    lower = {PurePosixPath(image).name.lower(): image for image in images}
+    lower = {plain(PurePosixPath(image).name.lower()): image for image in images}
     found = [
         known.get(name) or known.get(_last(name)) or stems.get(PurePosixPath(_last(name)).stem)
-        or (lower.get(_last(name).lower()) if len(lower) == len(images) else None)
+        or (lower.get(plain(_last(name).lower())) if len(lower) == len(images) else None)
         for name in wanted
     ]  # fmt: skip
     missing = [name for name, image in zip(wanted, found, strict=True) if image is None]

@@ -33,6 +33,9 @@ def _yaml(content: bytes, origin: str) -> PoseTable:
 _THREE_AND_FOUR = r"\[\s*\[(?:[^][,]*,){2}[^][,]*\]\s*,\s*\[(?:[^][,]*,){3}[^][,]*\]"
 _RAPID = re.compile(rf"\b(robtarget|jointtarget)\b|\bMODULE\s|{_THREE_AND_FOUR}", re.IGNORECASE)
 _KEYED = re.compile(r"\bp\s*\[|\b[xX]\s*[=:]?\s*[-+.\d]+[^;\n]*\b[yY]\s*[=:]?\s*[-+.\d]+|^\s*[xX]\s*[=:]", re.MULTILINE)
+_DOCUMENTS = re.compile(r"^[a-z_]+:[ \t]*\n(?s:.*)^---[ \t]*$", re.MULTILINE)
+"""Messages of `ros2 topic echo`: YAML documents."""
+
 _HALCON = re.compile(r"^\s*[rt]\s+[-+.\d]|ParGroup", re.MULTILINE)
 
 
@@ -49,6 +52,8 @@ def read_any_text(content: bytes, origin: str) -> PoseTable:
         return read_rapid(content, origin)
     if _HALCON.search(text):
         return read_halcon_pose(content, origin)
+    if _DOCUMENTS.search(text):
+        return _yaml(content, origin)
     if _KEYED.search(text):
         return read_keyed_text(content, origin)
     return read_text_table(content, origin)

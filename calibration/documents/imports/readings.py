@@ -162,6 +162,9 @@ def decide(table: PoseTable, compared: Sequence[Compared], evidence: Evidence | 
         alike = " and ".join(f"{one.setup} with {one.frame}" for one in named)
         words = f"fits: {best.readings[0].convention.name}: {agreement}; but {alike} are the same equations"
         return Decision(None, words, named)
+    if not best.possible:
+        words = f"{best.readings[0].words} was stated and does not fit: {agreement} only"
+        return Decision(best.readings[0], f"{words}{_other_size(table, compared, evidence)}; compare target and pairs")
     return Decision(best.readings[0], f"fits: {best.readings[0].words}: {agreement}")
 
 

@@ -12,8 +12,11 @@ MAX_TEXT_BYTES = 32_000_000
 ZIP = b"PK\x03\x04"
 """How the sheets of spreadsheet programs begin."""
 
-PLAIN = {0x1A: None, ord("\u2212"): "-", ord("\u00a0"): " ", ord("\u202f"): " ", ord("\u2009"): " "}
-"""Ctrl-Z, which some programs of Windows write last; Unicode's minus; blanks that do not break."""
+PLAIN = {0x1A: None, ord("\u2212"): "-", **dict.fromkeys(map(ord, "\u00a0\u202f\u2009\u3000"), " ")} | {
+    wide: wide - 0xFEE0 for wide in range(0xFF01, 0xFF5F)
+}
+"""Ctrl-Z, which some programs of Windows write last; Unicode's minus; wide blanks and such that do not break; the
+full-width digits, letters and signs of East Asian keyboards."""
 
 
 def refusal(origin: str, place: str, what: str, fix: str, heading: str = "robot-poses") -> DocumentError:
@@ -21,12 +24,17 @@ def refusal(origin: str, place: str, what: str, fix: str, heading: str = "robot-
     return DocumentError(origin, [DocumentProblem(place, what, f"{fix} (docs/formats.md#{heading})")])
 
 
+def plain(text: str) -> str:
+    """The text with usual digits, signs and blanks for those that only look like them."""
+    return text.translate(PLAIN)
+
+
 def decode(content: bytes, origin: str) -> str:
     """Text of UTF-8, UTF-16, or Windows' Latin 1, without a byte order mark and what looks like a sign or a blank.
 
     Raises DocumentError.
     """
-    return _decoded(content, origin).translate(PLAIN)
+    return plain(_decoded(content, origin))
 
 
 def _decoded(content: bytes, origin: str) -> str:

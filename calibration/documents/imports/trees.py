@@ -4,6 +4,7 @@ An alias may repeat a list within a list without end; a tag may name a class. Op
 """
 
 import json
+import re
 import xml.etree.ElementTree as ElementTree
 from typing import Any
 
@@ -14,6 +15,7 @@ from calibration.documents.imports.refusal import decode, refusal
 MAX_YAML_BYTES = 4_000_000
 """PyYAML reads about 1 MB in a second."""
 
+_DOCUMENTS = re.compile(r"^---[ \t]*$", re.MULTILINE)
 OPENCV_MATRIX = "tag:yaml.org,2002:opencv-matrix"
 
 
@@ -42,14 +44,20 @@ def read_json_lines(content: bytes, origin: str) -> list[Any]:
 
 
 def read_yaml(content: bytes, origin: str) -> Any:
-    """The data of a YAML text, also one that OpenCV has written. Raises DocumentError."""
+    """The data of a YAML text, also one that OpenCV has written; a list of several documents. Raises DocumentError."""
     if len(content) > MAX_YAML_BYTES:
         what = f"{len(content) / 1e6:.0f} MB of YAML, where {MAX_YAML_BYTES // 1_000_000} MB are read"
         raise refusal(origin, "file", what, "give the poses of the views only, or write JSON")
     text = decode(content, origin)
     if text.startswith("%YAML"):
         text = text.split("\n", 1)[1] if "\n" in text else ""
-    text = "\n".join(line for line in text.splitlines() if line.strip() != "---" or not line.startswith("---"))
+    documents = [part for part in _DOCUMENTS.split(text) if part.strip()]
+    if len(documents) > 1:
+        return [_yaml_data(part, f"{origin}: document {at}") for at, part in enumerate(documents, 1)]
+    return _yaml_data(documents[0] if documents else "", origin)
+
+
+def _yaml_data(text: str, origin: str) -> Any:
     try:
         if any(isinstance(event, yaml.AliasEvent) for event in yaml.parse(text, Loader=_Loader)):
             raise refusal(origin, "file", "aliases (&name, *name) are not read", "write the values out")

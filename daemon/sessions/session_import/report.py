@@ -20,7 +20,7 @@ def report(understood: Understood, file: Path) -> str:
         f"{understood.request.folder}: {understood.imported.kind}",
         f"poses        {views}, {table.layout}",
         f"convention   {reading.convention.words}, in {reading.unit}, {reading.frame}, {reading.setup}",
-        f"evidence     {understood.words or 'none was needed: the files and options state everything'}",
+        f"evidence     {understood.words or 'none: the files and options state everything'}",
         f"pairs        {_pairs(understood)}",
     ]
     if understood.target is not None:

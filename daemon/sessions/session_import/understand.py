@@ -48,7 +48,7 @@ def understand(request: ImportRequest, progress: Progress = lambda done, of: Non
         raise refusal(request.folder.name, "target", "not stated by the folder", f"give --target: {forms}", "targets")
     readings = _readings(request, imported, is_scan=bool(images) and target is None)
     evidence, missing = None, ""
-    if len(readings) > 1 and (target is not None or seen is not None):
+    if target is not None or seen is not None:
         document = _document(images, seen, target, camera, request.cloud_unit or imported.cloud_unit, request)
         problem = _load(SessionFolder(request.folder, document), progress)
         evidence, missing = evidence_of_views(problem), _missing(problem)
@@ -62,7 +62,10 @@ def understand(request: ImportRequest, progress: Progress = lambda done, of: Non
     links = (f"{len(files.links)} links are not followed",) if files.links else ()
     small = decision.reading.unit == "mm" and request.unit is None and imported.poses.is_perhaps_in_cm()
     size = ("lengths without a unit are taken as mm; were they cm, name the columns x_cm, y_cm, z_cm",) if small else ()
-    notes = (*imported.poses.notes, *imported.notes, *size, *lens, *links)
+    still = [label for label, pose in zip(imported.poses.labels, poses, strict=True) if np.allclose(pose, np.eye(4))]
+    own = (f"pose {still[0]} is the identity: are the poses relative to it, and not to the base?",) if still else ()
+    unseen = (f"the poses are not compared with the pictures{missing}",) if evidence is None and missing else ()
+    notes = (*imported.poses.notes, *imported.notes, *size, *own, *unseen, *lens, *links)
     return Understood(
         request, imported, decision.reading, decision.words, poses, seen, images, target, camera, notes
     )  # fmt: skip

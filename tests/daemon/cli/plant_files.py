@@ -1,6 +1,7 @@
 """Folders as plants write them: six pictures, and the same six poses in many spellings."""
 
 import json
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -102,6 +103,7 @@ BACKWARDS = list(reversed(quaternions()))
 STAMPS = [f"2026-11-22_10-15-{second:02}" for second in (2, 9, 17, 24, 38, 51)]
 CLOCK = [f"{stamp[:10]}T{stamp[11:].replace('-', ':')}Z" for stamp in STAMPS]
 EPOCH_S = [f"{1_763_800_000 + 37 * at:.3f}" for at in range(VIEWS)]
+FULL_WIDTH = {ord(one): ord(one) + 0xFEE0 for one in "0123456789.-"}
 LIST = quaternions()
 ONE = text(LIST[2][1])
 """A cell of row 3."""
@@ -125,6 +127,46 @@ def robtargets(comment: str = "") -> list[str]:
         ),
         "ENDMODULE",
     ]
+
+
+def vectors() -> Rows:
+    """x, y, z (m) and a rotation vector (rad), as UR writes them."""
+    turned = Rotation.from_matrix(POSES[:, :3, :3]).as_rotvec()
+    rows: Rows = np.concatenate([POSES[:, :3, 3] / 1000, turned], axis=1).tolist()
+    return rows
+
+
+def kuka_dat(more: str = "") -> str:
+    """A data list of KRL, with what is taught beside the poses."""
+    points = [
+        f"DECL E6POS XP{at}={{X {x:.4f},Y {y:.4f},Z {z:.4f},A {a:.5f},B {b:.5f},C {c:.5f},S 2,T 35,E1 0.0,E2 0.0}}\n"
+        f'DECL FDAT FP{at}={{TOOL_NO 1,BASE_NO 0,IPO_FRAME #BASE,POINT2[] " ",TQ_STATE FALSE}}'
+        for at, (x, y, z, a, b, c) in enumerate(angles(), 1)
+    ]
+    return "\n".join(
+        ["DEFDAT CAL PUBLIC", "DECL E6AXIS XHOME={A1 0,A2 -90,A3 90,A4 0,A5 0,A6 0}", more, *points, "ENDDAT"]
+    )
+
+
+def fanuc_ls() -> str:
+    """A program of TP as it is listed."""
+    points = [
+        f"P[{at}]{{\n   GP1:\n\tUF : 0, UT : 1,\t\tCONFIG : 'N U T, 0, 0, 0',\n\tX = {x:9.3f}  mm,\tY = {y:9.3f}  mm,"
+        f"\tZ = {z:9.3f}  mm,\n\tW = {w:9.5f} deg,\tP = {p:9.5f} deg,\tR = {r:9.5f} deg\n}};"
+        for at, (x, y, z, r, p, w) in enumerate(angles(), 1)
+    ]
+    return "\n".join(["/PROG CAL", "/MN", "   1:J P[1] 100% FINE ;", "/POS", *points, "/END"])
+
+
+def ros_echo() -> str:
+    """What `ros2 topic echo` prints of PoseStamped."""
+    messages = [
+        f"header:\n  stamp:\n    sec: {at}\n    nanosec: 5\n  frame_id: base\npose:\n"
+        f"  position:\n    x: {x / 1000}\n    y: {y / 1000}\n    z: {z / 1000}\n"
+        f"  orientation:\n    x: {qx}\n    y: {qy}\n    z: {qz}\n    w: {qw}\n"
+        for at, (x, y, z, qw, qx, qy, qz) in enumerate(LIST)
+    ]
+    return "---\n".join(messages)
 
 
 def turned_matrices() -> Array:
@@ -168,6 +210,18 @@ def _spelled(rows: list[str]) -> dict[str, Variant]:
         "joints in degrees beside angles in radians": Variant(csv(lines(
             [[*JOINTS_DEG, *row] for row in in_radians(angles())],
             [*(f"j{axis}_deg" for axis in range(1, 7)), "x", "y", "z", "A", "B", "C"]))),
+        "joints q1 to q6 beside angles": Variant(csv(lines([[*JOINTS_DEG, *row] for row in angles()],
+            [*(f"q{axis}" for axis in range(1, 7)), "x", "y", "z", "rz", "ry", "rx"]))),
+        "joints q0 to q5 behind angles": Variant(csv(lines([[*row, *JOINTS_DEG] for row in angles()],
+            ["x", "y", "z", "rz", "ry", "rx", *(f"q{axis}" for axis in range(6))]))),
+        "joints before poses, without names": Variant(csv(lines([[*JOINTS_DEG, *row] for row in angles()])),
+            refused=("twelve numbers without a rotation matrix",)),
+        "full-width digits": Variant(csv(lines(LIST, Q, cell=lambda n: text(n).translate(FULL_WIDTH)))),
+        "full-width commas": Variant(csv([line.translate(FULL_WIDTH | {44: 0xFF0C}) for line in rows])),
+        "full-width digits in names": Variant(csv(lines(LIST, ("image", *Q),
+            before=[name.translate(FULL_WIDTH) for name in PICTURES]))),
+        "Arabic digits": Variant(csv(lines(LIST, Q,
+            cell=lambda n: text(n).translate({48 + at: 0x660 + at for at in range(10)})))),
         "another pose beside": Variant(csv(lines(
             [[*row, *other] for row, other in zip(LIST, BACKWARDS, strict=True)],
             [f"{whose}_{name}" for whose in ("flange", "target") for name in Q]))),
@@ -334,6 +388,25 @@ def _filed(rows: list[str]) -> dict[str, Variant]:
     return {
         "a file a pose": Variant({name: file["poses.csv"] for name, file in single.items()}),
         "a file a pose, 4 x 4": Variant({name: file["poses.csv"] for name, file in matrices.items()}),
+        "KUKA E6POS": Variant({"cal.dat": kuka_dat().encode()}),
+        "KUKA E6POS, one without C": Variant({"cal.dat": re.sub(r",C [^,]*,S", ",S", kuka_dat(), count=1).encode()},
+            refused=("not as many of every number", "5 C")),
+        "KUKA E6POS beside a tool": Variant(
+            {"cal.dat": kuka_dat("DECL FRAME TOOLX={X 1.0,Y 2.0,Z 3.0,A 0,B 0,C 0}").encode()}, refused=("pose 1",)),
+        "Fanuc .LS": Variant({"CAL.LS": fanuc_ls().encode()}),
+        "Fanuc .LS, one not taught": Variant(
+            {"CAL.LS": re.sub(r"X = +[-.\d]+", "X = ********", fanuc_ls(), count=1).encode()}, refused=("5 X",)),
+        "UR's log of joints and poses": Variant(csv(lines(
+            [[1_700_000_000.0 + at, *np.radians(JOINTS_DEG), *row] for at, row in enumerate(vectors())],
+            ["timestamp", *(f"actual_{what}_{axis}" for what in ("q", "TCP_pose") for axis in range(6))],
+            separator=" "))),
+        "ros2 topic echo": Variant({"poses.yaml": ros_echo().encode()}),
+        "ros2 topic echo in a text": Variant({"poses.txt": ros_echo().encode()}),
+        "JSON of messages": Variant({"poses.json": json.dumps(
+            [{"header": {"stamp": {"sec": at}}, "pose": {"position": dict(zip("xyz", row[:3], strict=True)),
+              "orientation": dict(zip("wxyz", row[3:], strict=True))}} for at, row in enumerate(LIST)]).encode()}),
+        "4 x 4 in a cell": Variant(csv(["image,T", *(
+            f'{name},"{json.dumps(pose.tolist())}"' for name, pose in zip(PICTURES, POSES, strict=True))])),
         "RAPID": Variant(csv(robtargets(), "poses.mod", "\r\n")),
         "RAPID with comments": Variant(csv(robtargets(" ! geführt"), "poses.mod", "\r\n", "latin-1")),
         "RAPID with an expression": Variant(csv([*robtargets()[:3], "  CONST robtarget p25:=p20;", *robtargets()[3:]],

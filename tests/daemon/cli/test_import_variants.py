@@ -7,7 +7,19 @@ import numpy as np
 import pytest
 
 from calibration.documents.pose import PoseDocument
-from tests.daemon.cli.plant_files import POSES, TARGET, VARIANTS, Variant
+from calibration.transforms import inverse
+from tests.daemon.cli.plant_files import (
+    BACKWARDS,
+    EYE_IN_HAND,
+    POSES,
+    TARGET,
+    VARIANTS,
+    Q,
+    Variant,
+    csv,
+    lines,
+    quaternions,
+)
 from tests.daemon.cli.running import Ran, handeyed
 
 ROUNDED = {"quaternions of three decimals": 2e-3}
@@ -43,3 +55,17 @@ def test_it_is_refused_with_one_error_that_says_what_to_do(name: str, tmp_path: 
     assert [words for words in VARIANTS[name].refused if words not in error] == []
     assert "docs/formats.md#" in error
     assert not (tmp_path / "s").exists()
+
+
+def test_what_is_stated_is_imported_but_said_not_to_fit(tmp_path: Path) -> None:
+    rows = csv(lines(BACKWARDS, ("x_mm", "y_mm", "z_mm", *Q[3:])))
+    ran = _import(Variant(rows, options=(*EYE_IN_HAND, "--frame", "base_T_flange")), tmp_path)
+    assert ran.status == 0
+    assert "was stated and does not fit: robot and images agree to" in ran.out
+    assert "compare target and pairs" in ran.out
+
+
+def test_poses_relative_to_the_first_are_pointed_out(tmp_path: Path) -> None:
+    ran = _import(Variant(csv(lines(quaternions(inverse(POSES[0]) @ POSES), Q))), tmp_path)
+    assert ran.status == 0
+    assert "pose 1 is the identity: are the poses relative to it" in ran.out
