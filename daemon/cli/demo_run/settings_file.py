@@ -10,6 +10,7 @@ def settings_text(announcement: dict[str, Any], port: int) -> str:
     sections: dict[str, dict[str, Any]] = {
         "robot": {
             "address": f"tcp://{robot['host']}:{robot['port']}",
+            "limit_s": 20.0,  # the mock controller is one of many programs on this PC
             "model": cell["arm"],
             "speed_mm_s": 250.0,
             "box_mm": cell["box_mm"],
