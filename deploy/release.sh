@@ -31,6 +31,8 @@ say "installing into $FOLDER ..."
 "$PYTHON" -m venv "$FOLDER"
 "$FOLDER/bin/pip" install --quiet --disable-pip-version-check --require-hashes -r "$SOURCE/deploy/requirements.lock"
 "$FOLDER/bin/pip" install --quiet --disable-pip-version-check --no-deps "$work"/handeyed-*.whl
+# Libraries of cameras (docs/cameras.md) stand outside the releases, and behind what the locks pin.
+echo /opt/handeyed/extras >"$(echo "$FOLDER"/lib/python3.*/site-packages)/handeyed-extras.pth"
 share="$FOLDER/share/handeyed" # what a plant reads, loads into the controller, PLC and MES, and gives to its Prometheus
 mkdir -p "$share/docs" "$share/deploy"
 (cd "$SOURCE/docs" && cp -R ./*.md ./*.csv ./*.json ./*.ipynb page decisions "$share/docs/")

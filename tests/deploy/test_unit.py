@@ -56,12 +56,13 @@ def test_the_unit_is_exposed_no_more_than_it_must_be() -> None:
 def test_network_serial_lines_and_cameras_still_work() -> None:
     settings = _settings()
 
-    assert {"AF_INET", "AF_INET6", "AF_UNIX"} <= set(settings["RestrictAddressFamilies"][0].split())
+    families = {"AF_INET", "AF_INET6", "AF_UNIX", "AF_NETLINK"}
+    assert families == set(settings["RestrictAddressFamilies"][0].split())
     assert {"char-ttyS rw", "char-ttyUSB rw", "char-ttyACM rw", "char-video4linux rw"} == set(settings["DeviceAllow"])
     assert settings["SupplementaryGroups"] == ["dialout video"]
     assert "PrivateNetwork" not in settings
     assert "PrivateDevices" not in settings
-    assert "192.168.0.0/16" in settings["IPAddressAllow"][0]
+    assert {"192.168.0.0/16", "255.255.255.255/32"} <= set(settings["IPAddressAllow"][0].split())
 
 
 def test_memory_has_a_limit_that_ends_the_daemon_and_starts_it_again() -> None:
