@@ -104,8 +104,8 @@ BRANDS: dict[str, Brand] = {
     "ros": Brand("a quaternion x, y, z, w, or roll, pitch, yaw", ("quaternion-xyzw", "euler-xyz-rad"), "m"),
 }
 """Brands by their name. ABB: RAPID reference, EulerZYX; KUKA: KSS, frames; the others as the hand-eye samples of Zivid
-list them (rotation_format_configuration.py, 2026-03). Staubli, Franka and ROS are not in that list, and not confirmed
-by a manual."""
+list them (rotation_format_configuration.py, 2026-03). Staubli is RoboDK's (Staubli_2_Pose). Franka and ROS are in
+neither, and not confirmed by a manual."""
 
 
 def find_conventions(name: str) -> tuple[tuple[Convention, ...], LengthUnit | None]:

@@ -141,24 +141,28 @@ def _six(pattern: str) -> Callable[[bytes], list[float]]:
     return read
 
 
+def _by_robodk(name: str, values: list[float]) -> Array:
+    """The pose of a brand's six numbers by RoboDK's formulas."""
+    convert = getattr(pytest.importorskip("robodk.robomath"), name)
+    return np.array(convert(values).rows, float)
+
+
 def kuka(content: bytes) -> Array:
-    x, y, z, a, b, c = _six(r"\$TOOL=\{X #,Y #,Z #,A #,B #,C #\}")(content)
-    return transform(Rotation.from_euler("ZYX", [a, b, c], degrees=True).as_matrix(), [x, y, z])
+    return _by_robodk("KUKA_2_Pose", _six(r"\$TOOL=\{X #,Y #,Z #,A #,B #,C #\}")(content))
 
 
 def fanuc(content: bytes) -> Array:
-    x, y, z, *wpr = _six("X=# Y=# Z=# W=# P=# R=#")(content)
-    return transform(Rotation.from_euler("xyz", wpr, degrees=True).as_matrix(), [x, y, z])
+    return _by_robodk("Fanuc_2_Pose", _six("X=# Y=# Z=# W=# P=# R=#")(content))
 
 
 def yaskawa(content: bytes) -> Array:
-    x, y, z, *angles = _six("X=# Y=# Z=# Rx=# Ry=# Rz=#")(content)
-    return transform(Rotation.from_euler("xyz", angles, degrees=True).as_matrix(), [x, y, z])
+    return _by_robodk("Motoman_2_Pose", _six("X=# Y=# Z=# Rx=# Ry=# Rz=#")(content))
 
 
 def ur(content: bytes) -> Array:
-    values = _six(r"set_tcp\(p\[#, #, #, #, #, #\]\)")(content)
-    return transform(Rotation.from_rotvec(values[3:]).as_matrix(), 1000 * np.array(values[:3]))
+    pose = _by_robodk("UR_2_Pose", _six(r"set_tcp\(p\[#, #, #, #, #, #\]\)")(content))
+    pose[:3, 3] *= 1000
+    return pose
 
 
 def csv_row(content: bytes) -> Array:

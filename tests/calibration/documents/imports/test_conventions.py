@@ -41,6 +41,18 @@ def test_a_brand_names_conventions_and_a_unit(brand: str) -> None:
     assert unit in ("m", "mm")
 
 
+@pytest.mark.parametrize(("brand", "formula"), [
+    ("kuka", "KUKA_2_Pose"), ("fanuc", "Fanuc_2_Pose"), ("yaskawa", "Motoman_2_Pose"), ("ur", "UR_2_Pose"),
+    ("staubli", "Staubli_2_Pose"), ("kawasaki", "Adept_2_Pose"),
+])  # fmt: skip
+def test_a_brand_is_robodk_s(brand: str, formula: str) -> None:
+    robomath = pytest.importorskip("robodk.robomath")
+    ((convention, *_), _) = find_conventions(brand)
+    for numbers in ANGLES / 100 if brand == "ur" else ANGLES:
+        expected = np.array(getattr(robomath, formula)([0, 0, 0, *numbers]).rows)[:3, :3]
+        np.testing.assert_allclose(rotations_of(convention, numbers[None])[0], expected, atol=1e-9)
+
+
 def test_an_unknown_name_is_answered_with_the_nearest() -> None:
     with pytest.raises(GeometryError, match="did you mean 'euler-ZYX'"):
         find_conventions("eulerZYX")
