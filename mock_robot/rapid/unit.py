@@ -243,8 +243,9 @@ class MotionUnit:
         return float(min(programmed, cap) * max(panel.speed_override, MIN_OVERRIDE))
 
     def _brake(self) -> None:
-        arm = self.cabinet.arm
+        """A move that was under way continues later; one that has arrived is over."""
+        arm, was_moving = self.cabinet.arm, self.is_moving()
         arm.stop(self.now_s())
-        if self._order is not None:
+        if self._order is not None and was_moving:
             self._left_at = arm.joints_at(arm.end_s) if self._order.departed else self._left_at
             self._order.departed = False

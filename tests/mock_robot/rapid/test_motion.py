@@ -196,6 +196,19 @@ def test_what_was_interrupted_goes_on_when_the_program_is_started_again(tmp_path
         np.testing.assert_allclose(joints_of(controller), AWAY, atol=1e-5)
 
 
+def test_a_move_that_has_arrived_is_over_though_motion_is_stopped_and_permitted_again(tmp_path: Path) -> None:
+    with running(tmp_path, program("MoveAbsJ away, v1000, fine, tool0;\n    stage := 1;")) as controller:
+        eventually_blocking(lambda: stage(controller) == 1)
+        controller.press_emergency_stop(True, monotonic())
+        controller.press_emergency_stop(False, monotonic())
+        controller.recover(monotonic())
+        for order in (1.0, 2.0):  # StopMove, then StartMove of the other task
+            controller.memory["order"].value = order
+            eventually_blocking(lambda: controller.memory["order"].value == 0)
+        assert controller.memory["count"].value == 2
+        assert controller.arm.departures == 1
+
+
 def test_another_task_holds_all_motion_until_it_lets_go(tmp_path: Path) -> None:
     body = (
         "WHILE stage = 0 DO\n      WaitTime 0.1;\n    ENDWHILE\n    MoveAbsJ away, v1000, fine, tool0;\n    stage := 2;"
