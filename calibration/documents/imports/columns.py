@@ -42,7 +42,7 @@ TIME_WORDS = frozenset((
 ))  # fmt: skip
 LABEL_WORDS = frozenset((
     "index", "idx", "id", "nr", "no", "num", "number", "view", "name", "label", "station", "target", "seq",
-    "i", "n", "count", "#",
+    "i", "n", "count", "#", "pose", "point", "shot", "sample", "capture",
     "nummer", "numero", "punkt", "punto", "序号", "编号", "番号",
 ))  # fmt: skip
 NOISE = frozenset((

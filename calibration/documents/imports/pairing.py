@@ -42,6 +42,11 @@ def pair(images: Sequence[str], table: PoseTable) -> Pairing:
     images = sorted(images, key=natural)
     if table.images is not None:
         return _by_name(images, table, table.images)
+    stems = {plain(PurePosixPath(image).stem.lower()): image for image in images}
+    if len(stems) == len(images) and set(stems) == {plain(label.lower()) for label in table.labels}:
+        return Pairing(
+            tuple(range(len(table))), tuple(stems[plain(label.lower())] for label in table.labels), "by name"
+        )
     if (numbers := _by_number(images, table)) is not None:
         return numbers
     if (times := _by_time(images, table)) is not None:
@@ -66,6 +71,10 @@ def _by_name(images: Sequence[str], table: PoseTable, wanted: Sequence[str]) -> 
         what = f"no picture of the names {shown(missing)}; there are {len(images)} ({shown(list(images))})"
         raise refusal(table.origin, "pairs", what, "name the pictures as they are called", "pairs")
     return Pairing(tuple(range(len(table))), tuple(image for image in found if image), "by the names in the table")
+
+
+def _plain_stem(image: str) -> str:
+    return plain(PurePosixPath(image).stem.lower())
 
 
 def _last(name: str) -> str:

@@ -39,6 +39,9 @@ MIN_STATED_MM = 20.0
 SMALL_ARM_MM = 200.0
 """Lengths without a unit that put the flange nearer to its base, in the median, may as well be centimetres."""
 
+LARGE_ARM_MM = 5000.0
+"""Lengths without a unit that put the flange farther from its base, in the median, may as well be in another."""
+
 
 @dataclass(frozen=True, eq=False)
 class PoseTable:
@@ -126,6 +129,13 @@ class PoseTable:
         """Whether the lengths, without a unit, would be usual ones of an arm in centimetres."""
         reach = float(np.median(np.linalg.norm(self.lengths, axis=1)))
         return self.unit is None and MIN_ARM_MM <= reach < SMALL_ARM_MM
+
+    def doubtful_reach(self, unit: LengthUnit) -> str:
+        """What to say of lengths without a unit that put the flange farther from its base than most arms; or ""."""
+        reach = float(np.median(np.linalg.norm(self.lengths, axis=1))) * MM[unit]
+        if self.unit is not None or reach <= LARGE_ARM_MM:
+            return ""
+        return f"lengths without a unit are taken as {unit}, which puts the flange {reach / 1000:.3g} m from its base"
 
     def frames(self) -> tuple[Frame, ...]:
         """The one that the source states, or both."""

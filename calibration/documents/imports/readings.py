@@ -41,6 +41,9 @@ SIZE_STEP, FINE_SIZE_STEP = 1.05, 1.002
 MIN_RESIZED_MM = 1.0
 """Disagreement of robot and images, mm, from which on other sizes are tried: robots err by less."""
 
+DOUBTFUL_SHARE = 1 / 3
+"""Of the largest possible noise of a robot: 5 mm, 0.5 degrees."""
+
 MAX_RESIZED_READINGS = 3
 """Likeliest readings with which other sizes of the target are tried."""
 
@@ -72,6 +75,15 @@ class Compared:
         most = MAX_POSSIBLE_NOISE
         return self.fit is not None and (
             self.fit.robot_translation_mm <= most.translation_mm and self.fit.robot_rotation_rad <= most.rotation_rad
+        )
+
+    @property
+    def doubtful(self) -> bool:
+        """Whether they agree worse than nearly every robot and camera: one pose in many may be wrong."""
+        most = MAX_POSSIBLE_NOISE
+        return self.fit is not None and (
+            self.fit.robot_translation_mm > DOUBTFUL_SHARE * most.translation_mm
+            or self.fit.robot_rotation_rad > DOUBTFUL_SHARE * most.rotation_rad
         )
 
 
@@ -165,7 +177,8 @@ def decide(table: PoseTable, compared: Sequence[Compared], evidence: Evidence | 
     if not best.possible:
         words = f"{best.readings[0].words} was stated and does not fit: {agreement} only"
         return Decision(best.readings[0], f"{words}{_other_size(table, compared, evidence)}; compare target and pairs")
-    return Decision(best.readings[0], f"fits: {best.readings[0].words}: {agreement}")
+    doubt = "; robots err by less: look for a wrong pose" if best.doubtful else ""
+    return Decision(best.readings[0], f"fits: {best.readings[0].words}: {agreement}{doubt}")
 
 
 def _other_size(table: PoseTable, compared: Sequence[Compared], evidence: Evidence) -> str:

@@ -1,17 +1,20 @@
 """Poses in plain data of JSON or YAML: records in a list or a mapping, each naming its numbers or listing them."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
 
-from calibration.documents.imports.columns import TURN_WORDS
+from calibration.documents.imports.columns import TURN_WORDS, words_of
 from calibration.documents.imports.number_tables import Cell, table_of_columns, table_of_rows
 from calibration.documents.imports.pose_table import PoseTable, table_of_matrices
 from calibration.documents.imports.refusal import MAX_POSES, refusal
 from calibration.transforms import Array
 
 MAX_DEPTH = 8
+POSE_NUMBERS = frozenset(("x", "y", "z", "w", "qw", "qx", "qy", "qz", "rx", "ry", "rz", "a", "b", "c"))
+"""Last words of the names of a pose's numbers."""
+
 MAX_CELLS = 200
 """Numbers of one record; a pose has 16 at most, a record may have joints and measurements besides."""
 
@@ -53,9 +56,20 @@ def table_of_data(data: Any, origin: str) -> PoseTable:
     names = [name for name in flat[0] if all(name in record for record in flat)]
     if not names:
         raise refusal(origin, "records", "they have no key in common", "give every pose the same keys")
+    _require_the_same_numbers(flat, names, origin)
     rows = [[record[name] for name in names] for record in flat]
     table = table_of_columns(origin, names, rows)
     return table if labels is None or len(set(labels)) < len(labels) else _with_labels(table, labels)
+
+
+def _require_the_same_numbers(flat: Sequence[dict[str, Cell]], names: Sequence[str], origin: str) -> None:
+    """Raises DocumentError for the first record without a number of the pose that others have."""
+    every = list(dict.fromkeys(name for record in flat for name in record))
+    lost = [name for name in every if name not in names and sum(name in record for record in flat) >= len(flat) - 1]
+    for name in lost:
+        if words_of(name)[-1:] and words_of(name)[-1] in POSE_NUMBERS:
+            at = next(at for at, record in enumerate(flat, 1) if name not in record)
+            raise refusal(origin, f"record {at}", f"without {name}, which the others have", "complete it, or remove it")
 
 
 def _with_labels(table: PoseTable, labels: list[str]) -> PoseTable:

@@ -62,10 +62,11 @@ def understand(request: ImportRequest, progress: Progress = lambda done, of: Non
     links = (f"{len(files.links)} links are not followed",) if files.links else ()
     small = decision.reading.unit == "mm" and request.unit is None and imported.poses.is_perhaps_in_cm()
     size = ("lengths without a unit are taken as mm; were they cm, name the columns x_cm, y_cm, z_cm",) if small else ()
+    far = imported.poses.doubtful_reach(decision.reading.unit) if request.unit is None else ""
     still = [label for label, pose in zip(imported.poses.labels, poses, strict=True) if np.allclose(pose, np.eye(4))]
     own = (f"pose {still[0]} is the identity: are the poses relative to it, and not to the base?",) if still else ()
     unseen = (f"the poses are not compared with the pictures{missing}",) if evidence is None and missing else ()
-    notes = (*imported.poses.notes, *imported.notes, *size, *own, *unseen, *lens, *links)
+    notes = (*imported.poses.notes, *imported.notes, *size, *filter(None, [far]), *own, *unseen, *lens, *links)
     return Understood(
         request, imported, decision.reading, decision.words, poses, seen, images, target, camera, notes
     )  # fmt: skip

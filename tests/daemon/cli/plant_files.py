@@ -331,6 +331,8 @@ def _doubtful(rows: list[str]) -> dict[str, Variant]:
         "inches": Variant(csv(lines(quaternions(scale=1 / 25.4), ("x_in", "y_in", "z_in", *Q[3:])))),
         "centimetres, unsaid": Variant(
             csv(lines(quaternions(scale=0.1), Q)), said=("name the columns x_cm",), scale=0.1),
+        "decimetres, unsaid": Variant(
+            csv(lines(quaternions(scale=0.01), Q)), said=("taken as m, which puts the flange",), scale=10.0),
         "gradians": Variant(csv(lines(angles(1 / 0.9), gradians)), refused=("gon",)),
         "degrees that are called radians": Variant(csv(lines(angles(), radians)), said=("euler-ZYX, mm",)),
         "quaternions of norm 2": Variant(csv(lines(doubled, Q)), refused=("norm",)),
@@ -353,6 +355,10 @@ def _named(rows: list[str]) -> dict[str, Variant]:
     backwards = [str(at) for at in range(12, 6, -1)]
     return {
         "several numbers in the names": Variant(csv(rows), [f"cell7_cam2_view{at}_v3.png" for at in range(7, 13)]),
+        "poses called as the pictures": Variant(
+            csv(lines(BACKWARDS, ("name", *Q), before=[f"view_{one}" for one in "fedcba"])),
+            [f"view_{one}.png" for one in "abcdef"]),
+        "a column called pose": Variant(csv(lines(BACKWARDS, ("pose", *Q), before=backwards))),
         "several numbers, the first counts": Variant(csv(lines(BACKWARDS, ("nr", *Q), before=backwards)),
                                                      [f"cell7_view{at}_cam2.png" for at in range(7, 13)]),
         "several numbers, the last counts": Variant(csv(lines(BACKWARDS, ("nr", *Q), before=backwards)),
@@ -405,6 +411,9 @@ def _filed(rows: list[str]) -> dict[str, Variant]:
         "JSON of messages": Variant({"poses.json": json.dumps(
             [{"header": {"stamp": {"sec": at}}, "pose": {"position": dict(zip("xyz", row[:3], strict=True)),
               "orientation": dict(zip("wxyz", row[3:], strict=True))}} for at, row in enumerate(LIST)]).encode()}),
+        "JSON, one record without x": Variant({"poses.json": json.dumps(
+            [{k: v for k, v in one.items() if (at, k) != (2, "x")} for at, one in enumerate(records)]).encode()},
+            refused=("record 3", "without x")),
         "4 x 4 in a cell": Variant(csv(["image,T", *(
             f'{name},"{json.dumps(pose.tolist())}"' for name, pose in zip(PICTURES, POSES, strict=True))])),
         "RAPID": Variant(csv(robtargets(), "poses.mod", "\r\n")),

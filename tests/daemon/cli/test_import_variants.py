@@ -69,3 +69,11 @@ def test_poses_relative_to_the_first_are_pointed_out(tmp_path: Path) -> None:
     ran = _import(Variant(csv(lines(quaternions(inverse(POSES[0]) @ POSES), Q))), tmp_path)
     assert ran.status == 0
     assert "pose 1 is the identity: are the poses relative to it" in ran.out
+
+
+def test_one_wrong_pose_is_pointed_out(tmp_path: Path) -> None:
+    rows = quaternions()
+    rows[2][1] = -rows[2][1]
+    ran = _import(Variant(csv(lines(rows, Q))), tmp_path)
+    assert ran.status == 0
+    assert "robots err by less: look for a wrong pose" in ran.out
