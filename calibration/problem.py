@@ -68,6 +68,20 @@ class MeasuredPoints:
 Measurement = MeasuredPose | MeasuredPoints
 
 
+@dataclass(frozen=True)
+class AxisOffset:
+    """The number that turns about one axis leave open, measured otherwise (docs/decisions/0043).
+
+    A coordinate along that axis, with one standard deviation: of the camera's centre in the mount's frame, or of the
+    target's origin in the anchor's. It counts positive where the largest component of the axis does: for an axis along
+    z it is the z of that point.
+    """
+
+    of: Literal["camera", "target"]
+    coordinate_mm: float
+    sigma_mm: float
+
+
 @dataclass(frozen=True, eq=False)
 class View:
     """One station: the robot's pose (4, 4) and the target's detection there.
@@ -93,6 +107,7 @@ class Problem:
 
     `in_space`: the views hold measurements of the target in space and no detections; intrinsics are not needed then.
     `poses_from_controller`: a driver read them, so that they are base_T_flange for certain.
+    `axis_offset`: for an arm that turns its flange about one axis only; not used where the motions determine X.
     """
 
     setup: Setup
@@ -102,6 +117,7 @@ class Problem:
     views: tuple[View, ...]
     in_space: bool = False
     poses_from_controller: bool = False
+    axis_offset: AxisOffset | None = None
 
     def anchor_T_mount(self, view: View) -> Array:
         """(4, 4) of one view."""

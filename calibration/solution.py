@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibration.camera import CameraModel
-from calibration.problem import Setup
+from calibration.problem import AxisOffset, Setup
 from calibration.transforms import Array
 
 Severity = Literal["error", "warning", "info"]
@@ -214,3 +214,4 @@ class Solution:
     findings: tuple[Finding, ...] = field(default=())
     leave_out: LeaveOut | None = None
     clock_offset: ClockOffset | None = None
+    axis_offset: AxisOffset | None = None

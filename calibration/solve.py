@@ -26,6 +26,7 @@ from calibration.solver.solution_builder import build_solution, solution_without
 from calibration.solver.systematic_error_check import (
     build_models,
     find_systematic_errors,
+    widen_by_given,
     widen_by_shared_errors,
     with_systematic_errors,
 )
@@ -104,7 +105,7 @@ def estimate_session(problem: Problem) -> tuple[PreparedSession, InitialGuess, S
     prepared = prepare(problem)
     used = agreeing_rows(prepared)
     if not np.all(used):
-        require_observable(prepared.seen.base_T_flange[used])
+        require_observable(prepared.seen.base_T_flange[used], offset_given=prepared.given is not None)
     start = find_initial_guess(prepared.take(used))
     selection = select_views(prepared, used, start.chain, start.variances)
     wider = augment_model(prepared.take(selection.used).seen, selection.best)
@@ -126,7 +127,7 @@ def estimate_session(problem: Problem) -> tuple[PreparedSession, InitialGuess, S
         selection = select_views(prepared, selection.used, selection.best.chain, levels)
         wider = augment_model(prepared.take(selection.used).seen, selection.best)
         models = build_models(prepared, wider)
-    return prepared, start, widen_by_shared_errors(prepared, selection, wider, models)
+    return prepared, start, widen_by_given(widen_by_shared_errors(prepared, selection, wider, models))
 
 
 def _reselect(prepared: PreparedSession, selection: Selection) -> Selection:

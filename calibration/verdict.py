@@ -200,13 +200,14 @@ def rejection_findings(
 
 
 def _point(problem: Problem, solution: Solution, limits: VerdictLimits) -> Iterator[Finding]:
-    return point_findings(solution, limits, Sentence("add-turned-views-or-plan"))
+    advice = "add-turned-views-or-plan" if solution.axis_offset is None else "measure-offset-or-add-views"
+    return point_findings(solution, limits, Sentence(advice))
 
 
 def _axes(problem: Problem, solution: Solution, limits: VerdictLimits) -> Iterator[Finding]:
     poses = np.array([view.base_T_flange for view in _used_views(problem, solution)])
     angle = summarise_motion(poses).axis_angle_rad
-    if angle < limits.axis_angle_rad:
+    if solution.axis_offset is None and angle < limits.axis_angle_rad:
         yield Finding(
             "axes-nearly-parallel",
             "warning",

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
-from calibration.documents.session import CameraDocument
+from calibration.documents.session import AxisOffsetDocument, CameraDocument
 from calibration.documents.target import TargetDocument
 from calibration.kinematics.arm import Arm
 from calibration.planning.next_view import StoppingRule
@@ -53,6 +53,7 @@ from daemon.runs.pose_selection import (
     adaptive_parameters,
     mount_expectation,
     planning_limits,
+    require_planned_poses,
     select_taught_poses,
 )
 from daemon.runs.pose_sequence import FixedSequence, PoseSequence
@@ -111,7 +112,8 @@ class Operations:
         self._arm(request.arm)
         settings, target = self.settings.calibration, request.target or self.settings.target
         beside = self._beside(request, target)
-        session = self._session("calibration", target, self.settings.camera.intrinsics, beside)
+        offset = request.axis_offset or settings.axis_offset
+        session = self._session("calibration", target, self.settings.camera.intrinsics, beside, offset)
         drive = partial(self._driver, request)
 
         async def prepare() -> RunPlan:
@@ -120,7 +122,9 @@ class Operations:
             poses = () if request.manual else request.poses or select_taught_poses(settings, request.count)
             if poses:
                 sequence = await self._fixed_sequence(poses)
-                return plan_sequence(len(poses), sequence, session, drive(compared=True))
+                return plan_sequence(len(poses), sequence, session, drive(compared=offset is None))
+            if not request.manual:
+                require_planned_poses(offset)
             count = request.count or settings.count
             wish = StoppingRule(
                 count, request.uncertainty_mm or settings.uncertainty_mm, request.tolerance_mm or settings.tolerance_mm
@@ -130,7 +134,7 @@ class Operations:
             if request.manual:
                 by_hand = ManualParameters(route, requests := OperatorRequestQueue(), settings.manual_wait_s)
                 sequence = partial(ManualSequence, by_hand, self.cell, self.workers)
-                begun = plan_sequence(count, sequence, session, drive(compared=True))
+                begun = plan_sequence(count, sequence, session, drive(compared=offset is None))
                 return replace(begun, first_state=RunState.WAITING, requests=requests)
             await self._check_poses()
             sequence = partial(AdaptiveSequence, route, self.cell, self.workers)
@@ -147,6 +151,8 @@ class Operations:
         settings, target = self.settings.calibration, request.target or self.settings.target
         joints = joints_rad if self.rules.arm else None
         poses = () if request.manual else request.poses or select_taught_poses(settings, request.count)
+        if not (poses or request.manual):
+            require_planned_poses(request.axis_offset or settings.axis_offset)
         if poses:
             return await self.service_workers.run_if_free(foresee_taught, self.rules, poses, joints)
         wish = StoppingRule(request.count or settings.count)
@@ -221,6 +227,7 @@ class Operations:
             poses = request.poses or select_taught_poses(settings, VERIFY_POSITIONS)
             if poses:
                 return plan_sequence(len(poses), await self._fixed_sequence(poses), session, run.drive)
+            require_planned_poses(settings.axis_offset)
             await self._check_poses()
             wish = StoppingRule(VERIFY_POSITIONS)
             route = adaptive_parameters(settings, self.rules, target, SceneGuess.from_calibration(calibration), wish)
@@ -383,7 +390,12 @@ class Operations:
         return ScannerBeside(name, settings, self.cell, self.store, log.id, self.settings.camera.setup, target)
 
     def _session(
-        self, kind: str, target: TargetDocument, camera: CameraDocument | None, beside: OpenBeside = lambda log: ()
+        self,
+        kind: str,
+        target: TargetDocument,
+        camera: CameraDocument | None,
+        beside: OpenBeside = lambda log: (),
+        axis_offset: AxisOffsetDocument | None = None,
     ) -> OpenSession:
         """A function that opens the session folder of a run."""
         intrinsics = None if camera is None else CameraDocument.of(camera.camera())
@@ -392,7 +404,7 @@ class Operations:
             source = f"{kind} run {log.id}"
             return SessionWriter(
                 self.store.run_folder(log.id), source, self.settings.camera.setup, target, intrinsics, self.store,
-                self.workers, beside(log),
+                self.workers, beside(log), axis_offset,
             )  # fmt: skip
 
         return open_session

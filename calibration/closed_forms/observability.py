@@ -29,6 +29,9 @@ SAME_POSE_MM, SAME_POSE_RAD = 0.5, np.radians(0.05)
 MIN_TRAVEL_MM = 20.0
 """Least travel across the only axis of rotation; with less, X's rotation about it is uncertain by degrees."""
 
+PARALLEL_AXES = "parallel-axes"
+"""Code of the refusal of turns about one axis."""
+
 MAX_VIEWS_IN_PAIRS = 24
 """More views than this are thinned before all pairs are formed."""
 
@@ -84,10 +87,22 @@ def summarise_motion(base_T_flange: Array) -> MotionSummary:
     return MotionSummary(len(distinct), largest, spread, float(widest), vectors[:, 2])
 
 
-def require_observable(base_T_flange: Array) -> None:
+def only_axis(base_T_flange: Array) -> Array | None:
+    """The axis (3,), in the flange's frame, of poses (n, 4, 4) that leave X's translation along it open and no more."""
+    try:
+        require_observable(base_T_flange)
+    except UndeterminedError as undetermined:
+        axis = summarise_motion(base_T_flange).main_axis
+        alone = undetermined.code == PARALLEL_AXES and travel_across_mm(axis, base_T_flange) >= MIN_TRAVEL_MM
+        return axis if alone else None
+    return None
+
+
+def require_observable(base_T_flange: Array, *, offset_given: bool = False) -> None:
     """Raises UndeterminedError when the motions between poses (n, 4, 4) do not determine X.
 
-    Codes: `too-few-poses`, `pure-translation`, `too-little-rotation`, `parallel-axes`.
+    Codes: `too-few-poses`, `pure-translation`, `too-little-rotation`, `parallel-axes`. `offset_given`: X's translation
+    along the only axis of rotation is known.
     """
     motion = summarise_motion(base_T_flange)
     if motion.distinct < 3:
@@ -109,16 +124,17 @@ def require_observable(base_T_flange: Array) -> None:
             Sentence("turn-about-two-axes"),
         )
     if motion.axis_angle_rad < MIN_AXIS_ANGLE_RAD or motion.axis_spread < MIN_AXIS_SPREAD:
-        raise _parallel_axes(motion.main_axis, base_T_flange)
+        moved = travel_across_mm(motion.main_axis, base_T_flange) >= MIN_TRAVEL_MM
+        if not (moved and offset_given):
+            raise _parallel_axes(motion.main_axis, base_T_flange, moved=moved)
 
 
-def _parallel_axes(axis_flange: Array, base_T_flange: Array) -> UndeterminedError:
+def _parallel_axes(axis_flange: Array, base_T_flange: Array, *, moved: bool) -> UndeterminedError:
     """The refusal of turns about one axis (3,): which part of X is missing, and what to do."""
     axis = describe_axis(axis_flange, base_T_flange)
     x, y, z = np.round(axis_flange * np.sign(axis_flange[np.argmax(np.abs(axis_flange))]), 2) + 0.0  # no -0.00
-    moved = travel_across_mm(axis_flange, base_T_flange) >= MIN_TRAVEL_MM
     return UndeterminedError(
-        "parallel-axes",
+        PARALLEL_AXES,
         Sentence("parallel-axes-with-travel" if moved else "parallel-axes-without-travel", axis=axis, x=x, y=y, z=z),
         Sentence("turn-across" if moved else "turn-across-or-travel", axis=axis),
     )
@@ -142,11 +158,12 @@ def describe_axis(direction_flange: Array, base_T_flange: Array) -> str:
     in_base = base_T_flange[:, :3, :3] @ direction_flange
     mean = in_base.mean(axis=0)
     if np.linalg.norm(mean) > np.cos(np.radians(5.0)) * np.linalg.norm(direction_flange):
-        return _describe("base", mean)
-    return _describe("flange", direction_flange)
+        return describe_direction("base", mean)
+    return describe_direction("flange", direction_flange)
 
 
-def _describe(frame: str, direction: Array) -> str:
+def describe_direction(frame: str, direction: Array) -> str:
+    """A direction (3,) of this frame in words."""
     direction = direction / np.linalg.norm(direction)
     axis = int(np.argmax(np.abs(direction)))
     if abs(direction[axis]) > np.cos(np.radians(15.0)):

@@ -8,7 +8,7 @@ from pydantic import JsonValue, model_validator
 
 from calibration.documents.pose import PoseDocument, Vector
 from calibration.documents.requirement import LimitsInForceDocument
-from calibration.documents.session import CameraDocument
+from calibration.documents.session import AxisOffsetDocument, CameraDocument
 from calibration.documents.validation import Document
 from calibration.documents.version_1 import upgrade_calibration
 from calibration.problem import ANCHORS, MOUNTS, Setup
@@ -237,6 +237,7 @@ class CalibrationDocument(Document):
     observability: ObservabilityDocument
     hold_out: HoldOutDocument | None
     clock_offset: ClockOffsetDocument | None = None
+    axis_offset: AxisOffsetDocument | None = None
     verdict: CalibrationVerdictDocument
 
     @property
@@ -280,6 +281,7 @@ def calibration_document(
             },
             "hold_out": solution.hold_out and vars(solution.hold_out),
             "clock_offset": solution.clock_offset and vars(solution.clock_offset),
+            "axis_offset": solution.axis_offset and vars(solution.axis_offset),
             "verdict": CalibrationVerdictDocument.of(verdict),
         }
     )

@@ -9,7 +9,7 @@ from calibration.camera import BROWN, COEFFICIENT_COUNTS, CameraModel, LensModel
 from calibration.documents.pose import PoseDocument, Vector
 from calibration.documents.target import TargetDocument
 from calibration.documents.validation import Document
-from calibration.problem import Setup
+from calibration.problem import AxisOffset, Setup
 from calibration.targets import Target, TrackedFrame
 from calibration.transforms import Array
 
@@ -136,11 +136,27 @@ MAX_ASYMMETRY = 1e-6
 """Largest relative difference of a covariance from its transpose; more is no rounding."""
 
 
+class AxisOffsetDocument(Document):
+    """The number that turns about one axis leave open: a coordinate along that axis, with one standard deviation.
+
+    of : the camera's centre in the frame of its mount (flange, or base beside the robot), or the target's origin in
+        the other one. For an axis along z it is the z of that point.
+    """
+
+    of: Literal["camera", "target"]
+    coordinate_mm: Annotated[float, Field(ge=-10_000, le=10_000)]
+    sigma_mm: Annotated[float, Field(gt=0, le=1000)]
+
+    def offset(self) -> AxisOffset:
+        return AxisOffset(self.of, self.coordinate_mm, self.sigma_mm)
+
+
 class SessionDocument(Document):
     """The whole of session.json.
 
     target : may be left out where every view holds `camera_T_target`, of a tracker without a printed target.
     camera : null where the intrinsics are estimated; may be left out where they are not needed.
+    axis_offset : for an arm that turns its flange about one axis only (a palletiser, a SCARA); for images.
     poses_from_controller : whether a driver read the poses from the controller, so that they are not inverted.
     """
 
@@ -153,11 +169,17 @@ class SessionDocument(Document):
     target: TargetDocument | None = None
     camera: CameraDocument | None = None
     image_size: tuple[Pixels, Pixels] | None = None
+    axis_offset: AxisOffsetDocument | None = None
     views: list[ViewDocument]
 
     def described_target(self) -> Target:
         """The target; a TrackedFrame where none is described."""
         return TrackedFrame() if self.target is None else self.target.target()
+
+    @property
+    def given_offset(self) -> AxisOffset | None:
+        """`axis_offset` as the solver takes it."""
+        return None if self.axis_offset is None else self.axis_offset.offset()
 
     @property
     def in_space(self) -> bool:

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from calibration.likelihood.axis_offset import GivenCoordinate
 from calibration.observations.pose_model import derivative_by_flange, derivative_by_shared, predicted_camera_T_target
 from calibration.problem import Setup, anchor_T_mount_of, base_T_flange_of
 from calibration.transforms import (
@@ -25,13 +26,17 @@ from calibration.transforms import (
 
 @dataclass(frozen=True, eq=False)
 class Chain:
-    """X (4, 4), the target's pose (4, 4), and n robot poses (n, 4, 4) with `corrections` (n, 6) [rad, mm]."""
+    """X (4, 4), the target's pose (4, 4), and n robot poses (n, 4, 4) with `corrections` (n, 6) [rad, mm].
+
+    `given`: what is known of X or the target's pose along the only axis of rotation.
+    """
 
     setup: Setup
     base_T_flange: Array
     mount_T_camera: Array
     anchor_T_target: Array
     corrections: Array
+    given: GivenCoordinate | None = None
 
     def corrected_base_T_flange(self) -> Array:
         """(n, 4, 4)"""
@@ -59,12 +64,11 @@ class Chain:
 
     def apply_step(self, step: Array, corrections: Array) -> "Chain":
         """X and Y changed by a step (..., 12), with new corrections (n, 6). A step (n, 12) gives an X for each view."""
-        return Chain(
-            self.setup,
-            self.base_T_flange,
-            self.mount_T_camera @ transform_from_vector(step[..., :6]),
-            self.anchor_T_target @ transform_from_vector(step[..., 6:]),
-            corrections,
+        return replace(
+            self,
+            mount_T_camera=self.mount_T_camera @ transform_from_vector(step[..., :6]),
+            anchor_T_target=self.anchor_T_target @ transform_from_vector(step[..., 6:]),
+            corrections=corrections,
         )
 
     def without_corrections(self) -> "Chain":

@@ -157,9 +157,12 @@ def linearise_model(statistics: PixelStatistics, chain: Chain, camera_T_target: 
     # The residual as if the corrections were zero: y = r - U c.
     by[:, :6, -1] = -(robot @ chain.corrections[..., None])[..., 0]
     sums = statistics.sums @ by
+    squares = np.swapaxes(by[:, :, 6:], 1, 2) @ sums[:, :, 6:]
+    if chain.given is not None:
+        squares += chain.given.squares(chain.mount_T_camera, chain.anchor_T_target, p) / n
     return MixedModel(
         by_robot=np.swapaxes(robot, 1, 2) @ sums[:, :6],
-        squares=np.swapaxes(by[:, :, 6:], 1, 2) @ sums[:, :, 6:],
+        squares=squares,
         count=statistics.count,
         prior_information=np.zeros(p),
         prior_offset=np.zeros(p),

@@ -43,6 +43,9 @@ EXPLORING_TURN_DEG = 30.0
 MIN_TURN_DEG = 20.0
 """Least turn advised when the limits allow none of the poses searched."""
 
+ACROSS_MM = 100.0
+"""Travel across the only axis of rotation, from view to view."""
+
 GOAL_REACHED = "that is enough: finish the run; or go on: "
 
 
@@ -76,6 +79,8 @@ def advise(
     reachable: Reachable | None = None,
 ) -> Advice:
     """The next view to take, from the flange's pose `base_T_flange_now` (4, 4). Eye-in-hand only."""
+    if problem.axis_offset is not None:
+        return _advise_about_one_axis(problem)
     try:
         belief = infer_scene(prior, problem)
     except UndeterminedError:
@@ -168,6 +173,20 @@ def _advise_without_x(problem: Problem) -> Advice:
         f"turn the flange by about {angle_deg:g} deg about its {axis}, and bring the whole target back into the picture"
     )
     return Advice(words, None, None, None, ((axis, angle_deg),))
+
+
+def _advise_about_one_axis(problem: Problem) -> Advice:
+    """Advice for an arm that turns its flange about the flange's z only."""
+    # Half of the package; the first views are taken without it.
+    from calibration.solve import solve_hand_eye
+
+    found = solve_hand_eye(problem).uncertainty if len(problem.views) > 2 else None
+    words = (
+        f"turn the flange by {EXPLORING_TURN_DEG:g} deg or more about its z, and move it by {ACROSS_MM:g} mm or more"
+        " across that axis, every second time also along it, with the whole target in the picture"
+    )
+    turns = (("z", EXPLORING_TURN_DEG),)
+    return Advice(words, None, None if found is None else found.point_mm, None, turns)
 
 
 def _axes_by_variation(taken: Array) -> list[str]:

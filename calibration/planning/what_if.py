@@ -41,12 +41,15 @@ class PlanComparison:
 
     @classmethod
     def for_session(cls, problem: Problem, solution: Solution, stated: ExpectedNoise) -> "PlanComparison | None":
-        """Conditions like those of a session, for cells that are not known; None without X or without images.
+        """Conditions like those of a session, for cells that are not known; None without X or without images, and
+        for an arm that cannot turn as planned poses do.
 
         About the session's distances from the target, and the noise estimated from it, or the `stated` one where it
         has too few views.
         """
         if solution.mount_T_camera is None or solution.anchor_T_target is None or problem.in_space:
+            return None
+        if problem.axis_offset is not None:
             return None
         poses = np.array([problem.anchor_T_mount(view) for view in problem.views if view.detection is not None])
         camera_T_target = inverse(poses @ solution.mount_T_camera) @ solution.anchor_T_target

@@ -6,9 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibration.camera import CameraModel
-from calibration.closed_forms.observability import require_observable
+from calibration.closed_forms.observability import only_axis, require_observable
 from calibration.errors import UndeterminedError
 from calibration.intrinsics.estimate import estimate_camera
+from calibration.likelihood.axis_offset import GivenCoordinate
 from calibration.likelihood.estimate import ALL_FIXED
 from calibration.likelihood.systematic_errors import NO_SYSTEMATIC_ERRORS, SystematicErrors
 from calibration.observations.observations import (
@@ -47,6 +48,7 @@ class PreparedSession:
     scale : of the target against the description.
     systematic_errors : modelled errors that all views share.
     focal_share : one standard deviation of the camera's focal length by the images, as a share of it; 0 if given.
+    given : what was measured along the only axis of rotation, None where the motions determine X.
     """
 
     setup: Setup
@@ -61,6 +63,7 @@ class PreparedSession:
     scale: float = 1.0
     systematic_errors: SystematicErrors = NO_SYSTEMATIC_ERRORS
     focal_share: float = 0.0
+    given: GivenCoordinate | None = None
 
     @property
     def anchor_T_mount(self) -> Array:
@@ -81,14 +84,14 @@ def prepare(problem: Problem) -> PreparedSession:
     """Prepare a session. Raises UndeterminedError when poses or images do not determine X or the camera."""
     seen, refused = observe(problem)
     _require_different_images(problem, seen, refused)
-    require_observable(seen.base_T_flange)
+    require_observable(seen.base_T_flange, offset_given=problem.axis_offset is not None)
     camera, free, focal_share = _camera(problem, seen)
     poses, errors = candidate_poses(seen, camera)
     clean = reject_corner_outliers(seen, camera, poses[:, 0])
     kept = np.setdiff1d(np.arange(len(seen)), clean.refused)
     refused |= {int(seen.positions[row]): IMAGE_DISAGREES for row in clean.refused}
     if len(kept) < len(seen):
-        require_observable(seen.base_T_flange[kept])
+        require_observable(seen.base_T_flange[kept], offset_given=problem.axis_offset is not None)
     seen, candidates = clean.seen.take(kept), np.stack([clean.camera_T_target, poses[:, 1]], axis=1)[kept]
     anchor_T_mount = anchor_T_mount_of(problem.setup, seen.base_T_flange)
     read = resolve_pose_ambiguity(seen, anchor_T_mount, candidates, errors[kept], problem.target.points_mm)
@@ -102,10 +105,22 @@ def prepare(problem: Problem) -> PreparedSession:
         read.board_turned,
         refused,
         focal_share=focal_share,
+        given=_given_coordinate(problem, read.seen.base_T_flange),
     )
     if shape_deviates(drawn.seen, drawn.camera, drawn.camera_T_target, free[:INTRINSICS]):
         drawn = _with_estimated_shape(drawn, free)
     return replace(drawn, seen=weight_by_view_noise(drawn.seen, drawn.camera, drawn.camera_T_target))
+
+
+def _given_coordinate(problem: Problem, base_T_flange: Array) -> GivenCoordinate | None:
+    """The session's axis_offset along the only axis of these poses (n, 4, 4); None where they turn about several."""
+    axis = None if problem.axis_offset is None else only_axis(base_T_flange)
+    if problem.axis_offset is None or axis is None:
+        return None
+    if problem.setup == "eye-to-hand":
+        axis = (base_T_flange[:, :3, :3] @ axis).mean(axis=0)
+        axis /= np.linalg.norm(axis)
+    return GivenCoordinate.along(problem.axis_offset, axis, anchor_T_mount_of(problem.setup, base_T_flange))
 
 
 def _require_different_images(problem: Problem, seen: Observations, refused: dict[int, UnusableReason]) -> None:
@@ -113,7 +128,8 @@ def _require_different_images(problem: Problem, seen: Observations, refused: dic
     repeated = [position for position, why in refused.items() if why.code == IMAGE_REPEATED]
     if len(seen) >= MIN_IMAGES or not repeated:
         return
-    require_observable(np.array([problem.views[position].base_T_flange for position in (*seen.positions, *repeated)]))
+    poses = np.array([problem.views[position].base_T_flange for position in (*seen.positions, *repeated)])
+    require_observable(poses, offset_given=problem.axis_offset is not None)
     raise UndeterminedError(
         "images-repeated",
         Sentence("images-repeated", repeated=len(repeated), views=len(repeated) + len(seen)),

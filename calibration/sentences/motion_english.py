@@ -12,8 +12,18 @@ MOTION = {
     "turn-across": "if the arm can tilt, add poses turned by 30 degrees or more about an axis across {axis}. If it"
     " cannot (a palletiser, a SCARA), one number is missing: the camera's offset along that axis in mm, from the"
     " flange, or from the base for a camera beside the robot. Touching the target with a tool of known length gives"
-    " it; its error shifts every registered point along that axis by as much. This version does not solve with that"
-    " number yet",
+    " the target's instead, which does as well; its error shifts every registered point along that axis by as much."
+    " Give it as axis_offset: in the settings, the request, or session.json",
+    "axis-offset-of-camera": "all turns are about one axis, so that the camera's coordinate along {axis} is as given,"
+    " {coordinate_mm:.2f} mm with a standard deviation of {sigma_mm:.2f} mm: no view shows it",
+    "axis-offset-of-target": "all turns are about one axis, so that the coordinate of the target's origin along {axis}"
+    " is as given, {coordinate_mm:.2f} mm with a standard deviation of {sigma_mm:.2f} mm: no view shows it",
+    "measure-offset-or-add-views": "measure the given coordinate along the axis more exactly where it is the weakest"
+    " direction; else add views turned about the axis and 100 mm or more apart across it",
+    "axis-offset-unused": "the motions determine X, and the given coordinate along one axis is not used",
+    "measure-axis-offset": "touch a point of the target, or of a registered part, with a tool of known length: an error"
+    " of this number shifts every registered point along that axis by as much",
+    "remove-axis-offset": "leave axis_offset out, or compare it with the result",
     "turn-across-or-travel": "if the arm can tilt, add poses turned by 30 degrees or more about an axis across {axis}."
     " If it cannot (a palletiser, a SCARA), add poses 100 mm apart or more across {axis}, with the same turns",
 }

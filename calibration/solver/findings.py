@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from calibration.closed_forms.observability import distinct_stations
+from calibration.closed_forms.observability import describe_direction, distinct_stations
 from calibration.closed_forms.three_pose import solve_three_pose
 from calibration.kinematics.robot_accuracy import PRIOR_NOISE
 from calibration.likelihood.noise_marginalisation import MAX_PRIOR_VIEWS
@@ -26,6 +26,7 @@ def solver_findings(
         *_images(problem, prepared),
         *_target(prepared, selection),
         *_systematic_errors(prepared, selection),
+        *_axis_offset(problem, prepared),
         *_poses(problem, prepared, selection),
         *_estimate(prepared, start, selection),
     )
@@ -94,6 +95,30 @@ def _systematic_errors(prepared: PreparedSession, selection: Selection) -> Itera
             Sentence("robot-trend", translation_mm=follows[1], rotation_deg=np.degrees(follows[0])),
             Sentence("stay-near-work"),
         )
+
+
+def _axis_offset(problem: Problem, prepared: PreparedSession) -> Iterator[Finding]:
+    """That one coordinate is as given and no view shows it, or that the motions determine it without."""
+    offset, given = problem.axis_offset, prepared.given
+    if offset is None:
+        return
+    if given is None:
+        yield Finding("axis-offset-unused", "info", Sentence("axis-offset-unused"), Sentence("remove-axis-offset"))
+        return
+    in_mount = "flange" if problem.setup == "eye-in-hand" else "base"
+    in_anchor = "base" if problem.setup == "eye-in-hand" else "flange"
+    axis, frame = (given.axis_mount, in_mount) if offset.of == "camera" else (given.axis_anchor, in_anchor)
+    yield Finding(
+        "axis-offset-given",
+        "info",
+        Sentence(
+            f"axis-offset-of-{offset.of}",
+            axis=describe_direction(frame, axis),
+            coordinate_mm=offset.coordinate_mm,
+            sigma_mm=offset.sigma_mm,
+        ),
+        Sentence("measure-axis-offset"),
+    )
 
 
 def _poses(problem: Problem, prepared: PreparedSession, selection: Selection) -> Iterator[Finding]:

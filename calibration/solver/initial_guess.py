@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from calibration.closed_forms.kronecker import as_rotation
+from calibration.closed_forms.one_axis import one_axis
 from calibration.closed_forms.registry import CLOSED_FORMS
 from calibration.errors import UndeterminedError
 from calibration.likelihood.chain import Chain
@@ -18,6 +19,9 @@ from calibration.transforms import Array, transform
 
 START_METHODS = ("kronecker", "daniilidis", "tsai", "horaud")
 """Closed forms to start from: three that solve the rotation first, one that solves both at once."""
+
+ONE_AXIS = "one-axis"
+"""Where a coordinate along the only axis of rotation is given, the closed form for such motions alone."""
 
 MAX_VIEWS = 20
 """Most views on which the starts are compared; more do not change the optimum they lead to."""
@@ -54,8 +58,8 @@ def find_initial_guess(prepared: PreparedSession) -> InitialGuess:
     statistics = pixel_statistics(few.seen, few.camera, few.camera_T_target)
     pixels = quadratic_pixels(statistics, few.camera_T_target)
     found: dict[str, Estimate] = {}
-    for name in START_METHODS:
-        chain = chain_from_mount(few, CLOSED_FORMS[name](few.anchor_T_mount, few.camera_T_target))
+    for name in START_METHODS if prepared.given is None else (ONE_AXIS,):
+        chain = chain_from_mount(few, _mount_T_camera(name, few))
         if not np.all(np.isfinite(chain.mount_T_camera)):
             continue
         if found:
@@ -78,13 +82,20 @@ def find_initial_guess(prepared: PreparedSession) -> InitialGuess:
     return InitialGuess(chain, best.variances, elsewhere, min(behind, default=np.inf) < MIN_LOG_LIKELIHOOD_LEAD)
 
 
+def _mount_T_camera(name: str, prepared: PreparedSession) -> Array:
+    """X (4, 4) by the closed form of this name."""
+    if prepared.given is not None:
+        return one_axis(prepared.anchor_T_mount, prepared.camera_T_target, prepared.given.axis_mount)
+    return CLOSED_FORMS[name](prepared.anchor_T_mount, prepared.camera_T_target)
+
+
 def chain_from_mount(prepared: PreparedSession, mount_T_camera: Array) -> Chain:
     """The chain of an X (4, 4): the target's mean pose over the views, and the corrections that explain the rest."""
     seen = prepared.anchor_T_mount @ mount_T_camera @ prepared.camera_T_target
     anchor_T_target = transform(as_rotation(seen[:, :3, :3].mean(axis=0)), seen[:, :3, 3].mean(axis=0))
     base_T_flange = prepared.seen.base_T_flange
     empty = np.zeros((len(base_T_flange), 6))
-    chain = Chain(prepared.setup, base_T_flange, mount_T_camera, anchor_T_target, empty)
+    chain = Chain(prepared.setup, base_T_flange, mount_T_camera, anchor_T_target, empty, prepared.given)
     return chain.with_corrections_from(prepared.camera_T_target)
 
 

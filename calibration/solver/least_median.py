@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibration.closed_forms.kronecker import as_rotation, kronecker
+from calibration.closed_forms.one_axis import one_axis
 from calibration.transforms import Array
 
 MIN_VIEWS = 4
@@ -25,24 +26,33 @@ OUTLIER_SIGMA = 4.0
 SEED = 1
 
 
-def agreeing_views(anchor_T_mount: Array, camera_T_target: Array, points_mm: Array) -> NDArray[np.bool_]:
+def agreeing_views(
+    anchor_T_mount: Array, camera_T_target: Array, points_mm: Array, only_axis: Array | None = None
+) -> NDArray[np.bool_]:
     """Mask (n,) of the views that agree with the best triple, refined with all that agree.
 
-    Poses (n, 4, 4); `points_mm` (k, 3) on the target, whose extreme points measure the distances.
+    Poses (n, 4, 4); `points_mm` (k, 3) on the target, whose extreme points measure the distances. `only_axis` (3,): of
+    all turns, in the mount; X's coordinate along it moves the target with the camera and changes no distance.
     """
     n = len(anchor_T_mount)
     if n < MIN_VIEWS:
         return np.ones(n, bool)
     corners = points_mm[[0, -1]] if len(points_mm) < 4 else points_mm[_extremes(points_mm)]
+
+    def solve(groups: NDArray[np.intp]) -> Array:
+        if only_axis is None:
+            return kronecker(anchor_T_mount[groups], camera_T_target[groups])
+        return np.array([one_axis(anchor_T_mount[rows], camera_T_target[rows], only_axis) for rows in groups])
+
     triples = _spread_triples(anchor_T_mount[:, :3, :3])
-    distances = _distances(anchor_T_mount, camera_T_target, triples, corners)
+    distances = _distances(anchor_T_mount, camera_T_target, triples, solve(triples), corners)
     majority = n // 2 + 1
     ranked = np.sort(distances, axis=1)[:, majority - 1]
     best = int(np.argmin(ranked))
     agreeing = _within(distances[best], n)
     for _ in range(3):
         rows = np.flatnonzero(agreeing)[None]
-        agreeing = _within(_distances(anchor_T_mount, camera_T_target, rows, corners)[0], n)
+        agreeing = _within(_distances(anchor_T_mount, camera_T_target, rows, solve(rows), corners)[0], n)
     return agreeing
 
 
@@ -74,10 +84,11 @@ def _spread_triples(rotations: Array) -> NDArray[np.intp]:
     return triples[np.argsort(-spread)[:MAX_TRIPLES]]
 
 
-def _distances(anchor_T_mount: Array, camera_T_target: Array, groups: NDArray[np.intp], corners: Array) -> Array:
-    """RMS distance (g, n) mm in the anchor between the target's corners by each view and by each group's solution."""
+def _distances(
+    anchor_T_mount: Array, camera_T_target: Array, groups: NDArray[np.intp], mount_T_camera: Array, corners: Array
+) -> Array:
+    """RMS distance (g, n) mm in the anchor between the target's corners by each view and by each group's X."""
     n, g = len(anchor_T_mount), len(groups)
-    mount_T_camera = kronecker(anchor_T_mount[groups], camera_T_target[groups])
     # The upper three rows of anchor_T_target (n, g, 3, 4), all views and groups in two products.
     rows = anchor_T_mount[:, :3].reshape(3 * n, 4) @ mount_T_camera.transpose(1, 0, 2).reshape(4, 4 * g)
     rows = rows.reshape(n, 3, g, 4).transpose(0, 2, 1, 3).reshape(n, 3 * g, 4)

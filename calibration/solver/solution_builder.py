@@ -64,6 +64,7 @@ def build_solution(
         hold_out=hold_out(rows.seen, best, own_poses) if closed_form is None else closed_form.hold_out,
         findings=findings,
         leave_out=left_out,
+        axis_offset=None if prepared.given is None else prepared.given.offset,
     )
 
 

@@ -135,6 +135,16 @@ def widen_by_shared_errors(
     return replace(selection, best=replace(best, step=replace(best.step, covariance=covariance)))
 
 
+def widen_by_given(selection: Selection) -> Selection:
+    """The same X with the variance of the coordinate that was given along the only axis of rotation."""
+    chain, step = selection.best.chain, selection.best.step
+    if chain.given is None:
+        return selection
+    covariance = step.covariance.copy()
+    covariance[:12, :12] += chain.given.covariance(chain.mount_T_camera, chain.anchor_T_target)
+    return replace(selection, best=replace(selection.best, step=replace(step, covariance=covariance)))
+
+
 def _variance_if_off(exact_model: MixedModel, off_model: MixedModel, variances: Variances) -> Array:
     """What an error adds to the covariance (12, 12) of X and the target's pose, by its posterior probability."""
     at_first_sight = restricted_log_likelihood(off_model, variances) - restricted_log_likelihood(exact_model, variances)

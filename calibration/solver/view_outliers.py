@@ -30,7 +30,8 @@ class Selection:
 
 def agreeing_rows(prepared: PreparedSession) -> NDArray[np.bool_]:
     """A first, robust choice (n,) of views before the estimate; all when no majority agrees."""
-    agreeing = agreeing_views(prepared.anchor_T_mount, prepared.camera_T_target, prepared.nominal_mm)
+    axis = None if prepared.given is None else prepared.given.axis_mount
+    agreeing = agreeing_views(prepared.anchor_T_mount, prepared.camera_T_target, prepared.nominal_mm, axis)
     return agreeing if np.count_nonzero(agreeing) >= min_remaining(len(agreeing)) else np.ones(len(agreeing), bool)
 
 

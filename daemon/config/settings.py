@@ -12,7 +12,7 @@ from pydantic import AfterValidator, Field, model_validator
 from calibration.documents.plan import LimitsDocument, NoiseExpectedDocument
 from calibration.documents.pose import PoseDocument, Vector
 from calibration.documents.requirement import PointsDocument, Tolerance, VerdictSettings
-from calibration.documents.session import CameraDocument
+from calibration.documents.session import AxisOffsetDocument, CameraDocument
 from calibration.documents.target import TargetDocument
 from calibration.documents.validation import Document, validate_document
 from calibration.errors import DocumentError, DocumentProblem, GeometryError
@@ -217,6 +217,7 @@ class CalibrationSettings(Document):
     `tolerance_mm`: largest U (k = 2) at the worst of the points that matter; a run stops when it is met.
     `requests_may_loosen`: whether a request may state a larger one than is in force without it. The guesses are
     flange_T_camera and base_T_target of an eye-in-hand cell, base_T_camera and flange_T_target of an eye-to-hand one.
+    `axis_offset`: for an arm that turns its flange about one axis only; its poses are taught, or jogged to.
     """
 
     count: Annotated[int, Field(ge=3, le=100)] = 3
@@ -231,6 +232,7 @@ class CalibrationSettings(Document):
     flange_T_target_guess: PoseDocument | None = None
     guess_mm: Annotated[float, Field(gt=0, le=1000)] = 25.0
     guess_deg: Annotated[float, Field(gt=0, le=45)] = 5.0
+    axis_offset: AxisOffsetDocument | None = None
     manual_wait_s: Annotated[float, Field(gt=0, le=86_400)] = 900.0
     limits: LimitsDocument = LimitsDocument()
     noise: NoiseExpectedDocument = NoiseExpectedDocument()
@@ -262,7 +264,10 @@ class NamedCameraSettings(CameraSettings):
     calibration: CalibrationSettings = CalibrationSettings()
 
 
-GUESSES = ("flange_T_camera_guess", "base_T_target_guess", "base_T_camera_guess", "flange_T_target_guess")
+OF_ONE_CAMERA = (
+    "flange_T_camera_guess", "base_T_target_guess", "base_T_camera_guess", "flange_T_target_guess", "axis_offset"
+)  # fmt: skip
+"""Of [calibration], what no further camera takes over, besides the poses."""
 
 
 class StorageSettings(Document):
@@ -349,7 +354,7 @@ class Settings(Document):
             return self
         camera = self.cameras[name]
         own = {field: getattr(camera.calibration, field) for field in camera.calibration.model_fields_set}
-        calibration = self.calibration.model_copy(update={**dict.fromkeys(GUESSES), "poses": (), **own})
+        calibration = self.calibration.model_copy(update={**dict.fromkeys(OF_ONE_CAMERA), "poses": (), **own})
         scanner = self.scanners.get(self.scanner_beside(name))
         update: dict[str, Any] = {"camera": camera, "target": camera.target or self.target, "calibration": calibration,
                   "scanner": scanner, "cameras": {}, "scanners": {}}  # fmt: skip

@@ -7,7 +7,7 @@ from pydantic import AfterValidator, ConfigDict, Field, model_validator
 
 from calibration.documents.pose import Vector
 from calibration.documents.requirement import Tolerance
-from calibration.documents.session import SessionDocument
+from calibration.documents.session import AxisOffsetDocument, SessionDocument
 from calibration.documents.target import TargetDocument
 from calibration.documents.tip import TipDocument
 from calibration.documents.touches import Sigma, TouchDocument
@@ -61,6 +61,7 @@ class CalibrateRequest(Document):
     this (one sigma). With either, `count` is the most.
     `manual`: the operator jogs the arm, by joystick or with POST /runs/{id}/jog, and takes each view with
     POST /runs/{id}/stations; nothing else moves it.
+    `axis_offset`: of an arm that turns its flange about one axis only, in place of the settings'.
     `arm`: the errors of the arm as built are identified, too: GET /calibrations/{id}/arm. [robot] model names the arm.
     `camera`: name of one of [cameras]; [camera] without it. `together`: names of further cameras, and of scanners with
     organised clouds, on the same mount: each looks from every station, and all are solved in one estimate (GET /rigs).
@@ -79,6 +80,7 @@ class CalibrateRequest(Document):
     arm: bool = False
     camera: DeviceName | None = None
     together: Annotated[tuple[DeviceName, ...], Field(min_length=1, max_length=3)] | None = None
+    axis_offset: AxisOffsetDocument | None = None
 
     @model_validator(mode="after")
     def _check_manual(self) -> "CalibrateRequest":

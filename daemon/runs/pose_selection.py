@@ -7,6 +7,7 @@ from calibration.camera import CameraModel
 from calibration.diagnosis.mount_check import ExpectedMount
 from calibration.documents.calibration import CalibrationDocument
 from calibration.documents.pose import PoseDocument
+from calibration.documents.session import AxisOffsetDocument
 from calibration.documents.target import TargetDocument
 from calibration.likelihood.mapped_points import NamedPoint
 from calibration.planning.next_view import StoppingRule
@@ -52,6 +53,16 @@ class SceneGuess:
         """The scene according to a calibration, for its verification."""
         camera = calibration.camera.camera() if calibration.camera else None
         return cls(calibration.setup, camera, calibration.mount_T_camera, calibration.anchor_T_target)
+
+
+def require_planned_poses(axis_offset: AxisOffsetDocument | None) -> None:
+    """Raises NoPoses for an arm that cannot tilt its flange, as every planned pose does."""
+    if axis_offset is not None:
+        raise NoPoses(
+            "planned poses tilt the flange, and axis_offset is for an arm that turns it about one axis only",
+            "teach eight poses or more: turned about that axis by 30 degrees or more, and 100 mm or more apart across"
+            " it; or calibrate by hand",
+        )
 
 
 def select_taught_poses(settings: CalibrationSettings, count: int | None) -> tuple[TaughtPose, ...]:

@@ -111,8 +111,9 @@ def load_problem(session: SessionFolder, progress: Progress = lambda done, of: N
     views = explain_missing(views, target, lambda name: read_grey(session.path / name))
     views = [replace(view, confdata=document.views[view.index].confdata) for view in views]
     return Problem(
-        document.setup, target, camera, expected, tuple(views), poses_from_controller=document.poses_from_controller
-    )
+        document.setup, target, camera, expected, tuple(views), poses_from_controller=document.poses_from_controller,
+        axis_offset=document.given_offset,
+    )  # fmt: skip
 
 
 def _problem_in_space(session: SessionFolder, target: Target, progress: Progress) -> Problem:

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 
 from calibration.documents.pose import PoseDocument
-from calibration.documents.session import CameraDocument, SessionDocument, ViewDocument
+from calibration.documents.session import AxisOffsetDocument, CameraDocument, SessionDocument, ViewDocument
 from calibration.documents.target import TargetDocument
 from calibration.errors import DetectionError
 from calibration.problem import Problem, Setup, View
@@ -41,6 +41,7 @@ class SessionWriter:
     def __init__(
         self, folder: Path, source: str, setup: Setup, target: TargetDocument, camera: CameraDocument | None,
         store: Store, workers: Workers, beside: Sequence[SensorBeside] = (),
+        axis_offset: AxisOffsetDocument | None = None,
     ) -> None:  # fmt: skip
         self.folder = folder
         self._store, self._workers, self._beside = store, workers, beside
@@ -50,7 +51,7 @@ class SessionWriter:
         self._taken: dict[int, DetectionDocument] = {}
         self._document = SessionDocument(
             schema_version=1, source=source, poses_from_controller=True, setup=setup, target=target, camera=camera,
-            views=[],
+            axis_offset=axis_offset, views=[],
         )  # fmt: skip
 
     async def add(self, frame: CameraFrame, reading: PoseReading, at: str = "") -> int:
@@ -102,7 +103,7 @@ class SessionWriter:
         camera = document.camera.camera() if document.camera else None
         return Problem(
             document.setup, document.described_target(), camera, self._image_size, tuple(views),
-            poses_from_controller=document.poses_from_controller,
+            poses_from_controller=document.poses_from_controller, axis_offset=document.given_offset,
         )  # fmt: skip
 
     def _require_size(self, frame: CameraFrame) -> None:
