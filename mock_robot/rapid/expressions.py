@@ -175,11 +175,13 @@ def _function(context: CompileContext, node: Node, wanted: Type | None) -> Expre
 
 
 def _present(context: CompileContext, node: Node) -> Expression:
+    """A parameter that is not optional is present: modules in backups of real controllers ask for one."""
     arguments = parts(node)
     target = parts(arguments[0])[0] if arguments else None
     symbol = None if target is None or target.data != "target" else context.scope.find(name(target, 0))
-    if not isinstance(symbol, Data) or not symbol.optional:
-        raise context.wrong(line_of(node), "Present asks for an optional parameter")
+    own = () if context.routine is None else context.routine.parameters
+    if not isinstance(symbol, Data) or symbol.slot is not None or all(symbol.name != each.name for each in own):
+        raise context.wrong(line_of(node), "Present asks for a parameter of its routine")
     place = symbol.place
     return Expression(BOOL, lambda frame: frame[place] is not None)
 

@@ -83,7 +83,7 @@ def test_optional_arguments_and_switches_are_there_or_not() -> None:
     around = """VAR num n;
     ---
     PROC Count(num first \\num second \\switch twice)
-      n := n + first;
+      IF Present(first) n := n + first;
       IF Present(second) n := n + second;
       IF Present(twice) n := 2 * n;
     ENDPROC"""

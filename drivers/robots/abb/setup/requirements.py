@@ -166,7 +166,7 @@ def _frames(survey: ControllerSurvey, *, load_is_default: bool) -> Iterable[Find
     if not survey.base_at_world and survey.base_frame is not None:
         shown = ", ".join(f"{value:.6g}" for value in survey.base_frame)
         what = f"the base frame is not the world frame: [{shown}]"
-        fix = "poses of the link are in world; leave [robot] model out unless the daemon knows the base frame"
+        fix = "the link gives poses in world: name it in [robot] base_frame (mm, quaternion w x y z)"
         yield Finding("base-frame", False, what, fix)
     if load_is_default:
         what = "the load of cell_flange is the 1 gram of tool0: arming is refused with NO_LOAD"
