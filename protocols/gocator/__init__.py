@@ -1,0 +1,1 @@
+"""The data channel of LMI's Gocator line profilers."""
