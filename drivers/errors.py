@@ -13,6 +13,8 @@ DeviceError
 ├── GarbledAnswer          the bytes are not of the protocol, or not an image or cloud
 │   └── IncompletePicture  parts of a picture are missing
 ├── NothingMeasured        a complete cloud without points
+├── ClocksApart            the clocks of device and daemon run apart
+├── SweepNeeded            a line profiler was asked for a whole cloud
 ├── AnswerTooLarge         more bytes than the configured limit
 ├── AddressNotUnderstood   an address that no driver can parse (a ValueError, too)
 ├── RequestRefused         the controller refused to arm or to answer; carries its status name
@@ -126,6 +128,33 @@ class NothingMeasured(DeviceError):
     """A complete cloud without points."""
 
     code = "nothing-measured"
+
+
+class ClocksApart(DeviceError):
+    """The clocks of device and daemon run apart: `by_s` since the sweep began."""
+
+    code = "clocks-apart"
+
+    def __init__(self, device: str, by_s: float) -> None:
+        self.by_s = by_s
+        super().__init__(
+            device,
+            f"its clock has moved by {by_s * 1e3:+.0f} ms against this machine's since the sweep began",
+            "let the sensor send for some seconds before a sweep, and check that its stamps are microseconds",
+        )
+
+
+class SweepNeeded(DeviceError):
+    """A line profiler was asked for a whole cloud."""
+
+    code = "sweep-needed"
+
+    def __init__(self, device: str) -> None:
+        super().__init__(
+            device,
+            "a line profiler measures one line at a time, while the arm moves",
+            "begin a sweep with POST /sweeps, move the arm, and end it",
+        )
 
 
 class AnswerTooLarge(DeviceError):

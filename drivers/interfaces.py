@@ -5,14 +5,18 @@ monotonic clock given to each driver at construction; a reading's `taken_at_s` i
 stem from, which separates stale data from fresh.
 """
 
+from collections.abc import AsyncIterator
 from dataclasses import dataclass
-from typing import Any, Literal, NamedTuple, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 
 from calibration.transforms import Array
 from drivers.timing import Timing
+
+if TYPE_CHECKING:
+    from registration.profiles.profile_block import ProfileBlock
 
 Posture = tuple[int, ...]
 """Which of the joint solutions of a pose an arm is in: four integers of its controller and its kinematics.
@@ -307,6 +311,21 @@ class Scanner(Device, Protocol):
 
     async def scan(self, newer_than_s: float) -> ScannedCloud:
         """A cloud captured after `newer_than_s`; raises a DeviceError on timeout."""
+        ...
+
+
+@runtime_checkable
+class ProfileSource(Protocol):
+    """A scanner that measures one line at a time, while the arm moves.
+
+    `lag_s`: how long after it was taken a profile may still come. `lost_profiles`: taken and not sent, if it counts.
+    """
+
+    lag_s: float
+    lost_profiles: int
+
+    def profiles(self) -> "AsyncIterator[ProfileBlock]":
+        """Profiles in their order, from now on; their times are those of the driver's clock. Ends with DeviceError."""
         ...
 
 

@@ -5,7 +5,8 @@ robot:   rws://host, rws://user:password@host:port?version=2&frame=base (read on
 camera:  http(s)://..., video:0, video:/dev/video0, video:/path/file.mp4, rtsp://..., folder:/path,
          basler:SERIAL, genicam:SERIAL?producer=/path.cti, aravis:SERIAL, aravis:IP, realsense:SERIAL:
          drivers.cameras.genicam.address
-scanner: http(s)://..., folder:/path; 3D cameras: genicam:, basler:, aravis:, realsense: as cameras
+scanner: http(s)://..., folder:/path; 3D cameras: genicam:, basler:, aravis:, realsense: as cameras;
+         line profilers: profiles://host:port, profiles:/folder
 """
 
 from collections.abc import Callable
@@ -33,9 +34,12 @@ from drivers.robots.abb.rws.address import RwsAddress
 from drivers.robots.abb.rws.redundant_stop import RedundantStop
 from drivers.robots.abb.rws.robot import RwsRobot
 from drivers.robots.base_frame import RobotInBaseFrame
+from drivers.scanners.folder_profiler import FolderProfiler
 from drivers.scanners.folder_scanner import FolderScanner
 from drivers.scanners.genicam_scanner import GenICamScanner
+from drivers.scanners.gocator_profiler import GocatorProfiler
 from drivers.scanners.http_scanner import HttpScanner
+from drivers.scanners.profiler_address import ProfilerHost, parse_profiler_address
 from drivers.timing import Timing
 from drivers.transports.serial_line import SerialTransport
 from drivers.transports.tcp import TcpTransport
@@ -213,6 +217,12 @@ def _folder(address: str) -> Path:
     return Path(path)
 
 
+def _profiler(source: ProfilerHost | Path, timing: Timing, /, *, limit_s: float, max_bytes: int) -> Scanner:
+    if isinstance(source, Path):
+        return FolderProfiler(source, timing, limit_s=limit_s, max_bytes=max_bytes)
+    return GocatorProfiler(source, timing, limit_s=limit_s, max_bytes=max_bytes)
+
+
 ROBOTS: dict[str, tuple[Parse, MakeRobot]] = {
     "tcp": (_tcp, CbRobot),
     "serial": (_serial, CbRobot),
@@ -243,6 +253,7 @@ SCANNERS: dict[str, tuple[Parse, MakeScanner]] = {
     "http": (_url, HttpScanner),
     "https": (_url, HttpScanner),
     "folder": (_folder, FolderScanner),
+    "profiles": (parse_profiler_address, _profiler),
     "basler": (parse_camera_address, partial(GenICamScanner, lambda address: PylonLibrary())),
     "genicam": (parse_camera_address, partial(GenICamScanner, lambda address: HarvestersLibrary(address.producer))),
     "aravis": (parse_camera_address, partial(GenICamScanner, lambda address: AravisLibrary(address.name))),
