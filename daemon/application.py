@@ -23,6 +23,7 @@ from daemon.runtime.metrics import Metric, Metrics
 from daemon.runtime.systemd import Systemd
 from daemon.runtime.workers import Workers
 from daemon.scans.scan_service import ScanService
+from daemon.scans.sweeps import SweepService
 from daemon.sessions.look import Looks
 from daemon.store.key_service import KeyService
 from daemon.store.key_watch import KeyWatch
@@ -90,6 +91,7 @@ class Application:
     supervisor: Supervisor
     operations: Operations
     scans: ScanService
+    sweeps: SweepService
     metrics: Metrics
     cameras: CellCameras
     key_service: KeyService

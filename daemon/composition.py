@@ -34,6 +34,7 @@ from daemon.runtime.systemd import Systemd
 from daemon.runtime.workers import Workers
 from daemon.scans.registration_jobs import RegistrationJobs
 from daemon.scans.scan_service import ScanService
+from daemon.scans.sweeps import SweepService
 from daemon.server import Announce, Server, make_announcer
 from daemon.sessions.look import Looks
 from daemon.sessions.pictures import LivePictures
@@ -72,7 +73,8 @@ def build(
     interlocks = settings.interlocks.open() if settings.interlocks else None
     devices = open_devices(settings, clock)
     exposure = open_exposure_control(settings, devices.camera, workers, clock)
-    cell = Cell(devices, settings.robot.settling, clock, interlocks, at, events.publish, exposure)
+    world_T_base = settings.robot.world_T_base
+    cell = Cell(devices, settings.robot.settling, clock, interlocks, at, events.publish, exposure, world_T_base)
     supervisor = Supervisor(cell, store, events, clock, new_id)
     scans = ScanService(
         store,
@@ -83,6 +85,7 @@ def build(
         settings.named_scanners(),
         RegistrationJobs(store, merge_workers, clock, events),
     )
+    sweeps = SweepService(cell, store, scans, service_workers, clock, new_id)
     rules = MotionRules.of(settings.robot)
     operations = Operations(
         settings, cell, store, supervisor, workers, scans, rules, clock, service_workers, merge_workers
@@ -129,6 +132,7 @@ def build(
         supervisor=supervisor,
         operations=operations,
         scans=scans,
+        sweeps=sweeps,
         metrics=metrics,
         cameras=cameras,
         key_service=KeyService(store.access_keys, clock),
@@ -146,6 +150,7 @@ def build(
             monitor,
             webhooks,
             retention,
+            sweeps,
             *drifts,
             *schedules,
             *plc,

@@ -314,6 +314,14 @@ class Scanner(Device, Protocol):
         ...
 
 
+class PathRecorder(Protocol):
+    """Reads the flange's poses along its path."""
+
+    async def read(self) -> tuple[Array, Array]:
+        """Times (n,) of the driver's clock and flange poses (n, 4, 4) since the last call. Raises DeviceError."""
+        ...
+
+
 @runtime_checkable
 class ProfileSource(Protocol):
     """A scanner that measures one line at a time, while the arm moves.

@@ -27,8 +27,18 @@ from drivers.cameras.http_camera import HttpCamera
 from drivers.cameras.realsense_camera import RealSenseLibrary
 from drivers.cameras.video_camera import VideoCamera
 from drivers.errors import AddressNotUnderstood
-from drivers.interfaces import Camera, MakeCamera, MakeRobot, MakeScanner, Robot, Scanner, VibrationMonitor
+from drivers.interfaces import (
+    Camera,
+    MakeCamera,
+    MakeRobot,
+    MakeScanner,
+    PathRecorder,
+    Robot,
+    Scanner,
+    VibrationMonitor,
+)
 from drivers.robots.abb.cb_robot import CbRobot
+from drivers.robots.abb.egm_path import EgmPath
 from drivers.robots.abb.egm_vibration import EgmAddress, EgmMonitor
 from drivers.robots.abb.rws.address import RwsAddress
 from drivers.robots.abb.rws.redundant_stop import RedundantStop
@@ -111,6 +121,14 @@ def open_vibration_monitor(host: str, port: int, robot: str | None, timing: Timi
     monitor = EgmMonitor(EgmAddress(host, port, robot), timing)
     monitor.start()
     return monitor
+
+
+def record_path(monitor: VibrationMonitor) -> PathRecorder | None:
+    """Poses in the world frame from the stream that shows vibration, from now on; None where it gives none.
+
+    Raises DeviceTimeout when the controller sends nothing.
+    """
+    return EgmPath(monitor) if isinstance(monitor, EgmMonitor) else None
 
 
 def cb_transport(address: str) -> Transport:

@@ -13,6 +13,7 @@ RegistrationError
 ├── ScanError              views that cannot be registered together
 ├── ProfileError           profiles of a laser line that cannot be used
 ├── PathError              times and poses that are not the path of a robot
+├── PathTooCoarse          the arm moves too fast, or too unevenly, for the poses of its path
 ├── PathGap                a profile was taken where the robot's poses are missing
 └── SphereError            the points are not a sphere of the stated radius
 """
@@ -108,6 +109,20 @@ class PathError(RegistrationError):
     """Times and poses that are not the path of a robot."""
 
     code = "path-unusable"
+
+
+class PathTooCoarse(RegistrationError):
+    """The arm moves too fast, or too unevenly, for the poses: at `time_s` it leaves their line by `bend_mm`."""
+
+    code = "path-too-coarse"
+
+    def __init__(self, time_s: float, bend_mm: float, max_bend_mm: float) -> None:
+        self.time_s, self.bend_mm, self.max_bend_mm = time_s, bend_mm, max_bend_mm
+        super().__init__(
+            f"at {time_s:.4f} s the sensor leaves the line between two poses by {bend_mm:.2f} mm, more than"
+            f" {max_bend_mm:g} mm",
+            "sweep more slowly, or have the robot's poses more often ([robot.egm])",
+        )
 
 
 class PathGap(RegistrationError):

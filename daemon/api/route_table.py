@@ -22,6 +22,7 @@ from daemon.api.routes import (
     runs,
     scans,
     session,
+    sweeps,
     touches,
 )
 from daemon.api.schemas.health import Welcome
@@ -91,6 +92,7 @@ ROUTERS: tuple[APIRouter, ...] = (
     live.router,
     register.router,
     scans.router,
+    sweeps.router,
     admin.router,
     session.router,
     page.router,

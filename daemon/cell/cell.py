@@ -10,8 +10,10 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from calibration.sentences.sentence import Sentence
+from calibration.transforms import Array
 from daemon.cell.camera_turns import CameraTurns
 from daemon.cell.capture_outputs import CaptureOutputs
+from daemon.cell.flange_path import PathInBase, PolledPath
 from daemon.cell.safe_stop import SafeStop
 from daemon.cell.settling import check_external_axes, check_still, read_if_standing, settle
 from daemon.cell.stale_capture import StaleCaptureDetector
@@ -27,6 +29,7 @@ from drivers.interfaces import (
     CameraFrame,
     JointGoal,
     MoveGoal,
+    PathRecorder,
     PoseReading,
     Robot,
     RobotStatus,
@@ -34,6 +37,7 @@ from drivers.interfaces import (
     Scanner,
 )
 from drivers.interlocked_robot import InterlockedRobot
+from drivers.registry import record_path
 from drivers.robots.base_frame import configured
 
 if TYPE_CHECKING:
@@ -93,11 +97,12 @@ class Cell:
         at: Failpoints = NO_FAILPOINTS,
         publish: Publish = lambda kind, data: None,
         exposure: "ExposureControl | None" = None,
+        world_T_base: Array | None = None,
     ) -> None:
         self.robot: Robot = InterlockedRobot(devices.robot, interlocks) if interlocks else devices.robot
         self._interlocks = interlocks
         self._devices, self._vibration_gate = devices, devices.vibration_gate
-        self._outputs = devices.outputs
+        self._outputs, self._world_T_base = devices.outputs, world_T_base
         self._settling, self._clock, self._at, self._exposure = settling, clock, at, exposure
         self._occupancy = _Occupancy()
         self.safe_stop = SafeStop(self.robot, clock, lambda: self._occupancy.leased, publish)
@@ -255,6 +260,14 @@ class Cell:
         check_still(before, await self.robot.read_pose(), self._settling)
         staleness.check_cloud(cloud, before)
         return cloud
+
+    async def record_path(self) -> PathRecorder:
+        """The flange's path in base from now on: of EGM where the cell has it, else of readings. Raises DeviceError."""
+        gate = self._vibration_gate
+        streamed = None if gate is None else record_path(gate.monitor)
+        if streamed is None:
+            return PolledPath(self.robot, self._clock)
+        return streamed if self._world_T_base is None else PathInBase(streamed, self._world_T_base)
 
     async def grab(self, newer_than_s: float) -> CameraFrame:
         """A frame exposed after `newer_than_s`; goes before `read_frame`. Raises DeviceError."""

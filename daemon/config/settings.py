@@ -190,6 +190,7 @@ class ScannerSettings(Document):
     """The scanner on the flange, and the poses from which a part is scanned.
 
     `camera_T_scanner` None: the clouds are in the frame of the calibrated camera, as with most scanners.
+    `clock_offset_s` of a line profiler: the robot's clock minus the sensor's, beyond what the daemon finds by itself.
     """
 
     address: Annotated[str, _address_validator(check_scanner_address)]
@@ -197,6 +198,7 @@ class ScannerSettings(Document):
     limit_s: Annotated[float, Field(gt=0, le=600)] = 60.0
     camera_T_scanner: PoseDocument | None = None
     poses: tuple[TaughtPose, ...] = ()
+    clock_offset_s: Annotated[float, Field(ge=-1, le=1)] = 0.0
 
 
 DeviceName = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_-]{0,31}$")]

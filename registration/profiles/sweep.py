@@ -7,13 +7,17 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from calibration.transforms import Array
-from registration.errors import PathGap, ProfileError
+from registration.errors import PathGap, PathTooCoarse, ProfileError
 from registration.points.rigid_motion import RigidMotion
 from registration.profiles.profile_block import ProfileBlock
 from registration.profiles.robot_path import MAX_GAP_S, RobotPath
 
 MAX_WAITING_PROFILES = 20_000
 """Profiles that wait for the robot's poses: 10 s at 2,000 a second."""
+MAX_WAITING_POSES_S = 10.0
+"""Poses older than this are forgotten where no profiles come."""
+MAX_BEND_MM = 0.25
+"""By which the sensor may leave the straight line between two poses."""
 
 
 class SweepAssembler:
@@ -35,12 +39,20 @@ class SweepAssembler:
         self._last_s = -np.inf
 
     def add_poses(self, times_s: ArrayLike, base_T_flange: ArrayLike) -> None:
-        """Poses (n, 4, 4) of the flange at times (n,) of the robot's clock, in their order. Raises PathError."""
-        times = np.concatenate([self._times, np.asarray(times_s, float)])
+        """Poses (n, 4, 4) of the flange at times (n,) of the robot's clock, in their order.
+
+        Raises PathError, and PathTooCoarse where they are too far apart for what the arm does.
+        """
+        new_s = np.atleast_1d(np.asarray(times_s, float))
+        times = np.concatenate([self._times, new_s])
         poses = np.concatenate([self._poses, np.asarray(base_T_flange, float).reshape(-1, 4, 4)])
-        if len(times) >= 2:
-            RobotPath.of(times, poses)
-        self._times, self._poses = times, poses
+        if len(times) >= 2 and len(new_s):
+            newest = slice(max(len(self._times) - 1, 0), None)
+            RobotPath.of(times[newest], poses[newest])
+        bent = slice(max(len(self._times) - 2, 0), None)
+        self._require_straight(times[bent], poses[bent])
+        recent = int(np.searchsorted(times, times[-1] - MAX_WAITING_POSES_S)) if len(times) else 0
+        self._times, self._poses = times[recent:], poses[recent:]
 
     def add_profiles(self, block: ProfileBlock) -> None:
         """Profiles later than those before. Raises ProfileError, also when too many wait for poses."""
@@ -80,6 +92,18 @@ class SweepAssembler:
             time_s = float(self._waiting[0].times_s[0]) + self._offset_s
             beyond_s = time_s - float(self._times[-1]) if len(self._times) else np.inf
             raise PathGap(time_s, beyond_s, 0.0, outside=True)
+
+    def _require_straight(self, times: Array, poses: Array) -> None:
+        """Raises PathTooCoarse. A parabola leaves its chord between two poses by a quarter of what it leaves by that
+        of twice the length at the pose in the middle."""
+        if len(times) < 3:
+            return
+        at = poses[:, :3, :3] @ self._flange_T_profiler[:3, 3] + poses[:, :3, 3]
+        along = ((times[1:-1] - times[:-2]) / (times[2:] - times[:-2]))[:, None]
+        bends_mm = np.linalg.norm(at[1:-1] - at[:-2] - along * (at[2:] - at[:-2]), axis=1) / 4
+        if bends_mm.max() > MAX_BEND_MM:
+            worst = int(np.argmax(bends_mm))
+            raise PathTooCoarse(float(times[worst + 1]), float(bends_mm[worst]), MAX_BEND_MM)
 
     def _forget_poses(self) -> None:
         """Drop the poses before the one that precedes the next profile."""

@@ -1,0 +1,107 @@
+"""Sweeps of line profilers: begun and ended by a request while somebody else moves the arm; one at a time."""
+
+import asyncio
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass, field
+
+from calibration.documents.calibration import CalibrationDocument
+from daemon.cell.cell import Cell
+from daemon.config.settings import MAIN_SCANNER
+from daemon.errors import CellNotReady, NoProfiler, NoScanner, NotFound
+from daemon.runtime.clock import Clock
+from daemon.runtime.durable_files import make_folder
+from daemon.runtime.workers import Workers
+from daemon.scans.scan_service import TRANSIT_FOLDER, ScanService
+from daemon.scans.sweep import Sweep, SweepRecorder
+from daemon.store.database import storage_errors
+from daemon.store.store import Store
+from drivers.interfaces import ProfileSource
+from registration.profiles.sweep import SweepAssembler
+
+KEPT = 8
+"""Sweeps whose points can be fetched; older ones are deleted, and all when the daemon starts."""
+
+
+@dataclass(eq=False)
+class SweepService:
+    """A BackgroundService: stopping it ends the sweep."""
+
+    cell: Cell
+    store: Store
+    scans: ScanService
+    workers: Workers
+    clock: Clock
+    new_id: Callable[[Clock], str]
+    _sweeps: dict[str, Sweep] = field(default_factory=dict)
+    _recorder: SweepRecorder | None = None
+    _task: "asyncio.Task[None] | None" = None
+
+    async def start(self) -> None:
+        """Nothing runs before the first sweep."""
+
+    async def stop(self) -> None:
+        """Break off the sweep that runs."""
+        if self._task is not None:
+            self._task.cancel()
+            await asyncio.gather(self._task, return_exceptions=True)
+
+    async def begin(self, calibration: CalibrationDocument, scanner: str = MAIN_SCANNER) -> Sweep:
+        """Begin a sweep; it runs in the background until `end`, or the first error.
+
+        Raises NoScanner, NoProfiler, CellNotReady, CellBusy, CalibrationUnusable, StorageError.
+        """
+        settings = self.scans.settings_of(scanner)
+        source = self.cell.links().get(scanner)
+        if source is None or settings is None:
+            raise NoScanner
+        if not isinstance(source, ProfileSource):
+            raise NoProfiler(scanner)
+        reasons = self.cell.sensor_obstacles(("robot", scanner))
+        if reasons:
+            raise CellNotReady(reasons)
+        offset_s = settings.clock_offset_s
+        assembler = SweepAssembler(self.scans.flange_T_scanner(calibration, scanner), offset_s)
+        await self.store.require_ready()
+        folder = self.store.folder / "scans" / TRANSIT_FOLDER
+        with storage_errors(folder):
+            await self.workers.run(make_folder, folder)
+        sweep_id = self.new_id(self.clock)
+        file = folder / f"merged-sweep-{sweep_id}.f32"
+        sweep = Sweep(sweep_id, self.clock.timestamp(), scanner, calibration.id, file)
+        recorder = SweepRecorder(sweep, source, self.cell.record_path, assembler, offset_s, self.clock, self.workers)
+        hold = self.cell.hold(f"sweep {sweep_id}")
+        await hold.__aenter__()
+
+        async def run_and_release() -> None:
+            try:
+                await recorder.run()
+            finally:
+                await hold.__aexit__(None, None, None)
+
+        self._recorder, self._sweeps[sweep_id] = recorder, sweep
+        self._task = asyncio.create_task(run_and_release(), name=f"sweep {sweep_id}")
+        await self._forget_old()
+        return sweep
+
+    def get(self, sweep_id: str) -> Sweep:
+        """Raises NotFound."""
+        try:
+            return self._sweeps[sweep_id]
+        except KeyError:
+            what = f"there is no sweep {sweep_id!r}; the last {KEPT} are kept, until the daemon ends"
+            raise NotFound(what, "begin one with POST /sweeps") from None
+
+    async def end(self, sweep_id: str) -> Sweep:
+        """End a sweep, and wait until all points are there; one that is over stays as it is. Raises NotFound."""
+        sweep = self.get(sweep_id)
+        if self._recorder is not None and self._recorder.sweep is sweep and self._task is not None:
+            self._recorder.end()
+            await asyncio.wait([self._task])
+        return sweep
+
+    async def _forget_old(self) -> None:
+        while len(self._sweeps) > KEPT:
+            oldest = self._sweeps.pop(next(iter(self._sweeps)))
+            with suppress(OSError):
+                await self.workers.run(oldest.file.unlink, missing_ok=True)
