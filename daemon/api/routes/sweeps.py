@@ -1,6 +1,7 @@
 """Routes of /sweeps: a line profiler's profiles in base while the arm moves."""
 
 from collections.abc import AsyncIterator
+from pathlib import Path
 from typing import Annotated, BinaryIO
 
 from fastapi import APIRouter, Depends, Response
@@ -79,7 +80,9 @@ async def _points(app: Application, sweep: Sweep) -> AsyncIterator[bytes]:
                     await sweep.grown.wait()
             if sweep.points == sent:
                 break
-            file = file or await app.service_workers.run(sweep.file.open, "rb")
+            if file is None:
+                opened = await app.service_workers.run(_open, sweep.file)
+                file = opened
             wanted = min((sweep.points - sent) * POINT_BYTES, CHUNK_BYTES)
             piece = await app.service_workers.run(file.read, wanted)
             sent += len(piece) // POINT_BYTES
@@ -89,3 +92,7 @@ async def _points(app: Application, sweep: Sweep) -> AsyncIterator[bytes]:
     finally:
         if file is not None:
             file.close()
+
+
+def _open(file: Path) -> BinaryIO:
+    return file.open("rb")

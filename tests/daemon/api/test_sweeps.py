@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from calibration.transforms import transform
+from daemon.cli.checks import _check_scanner
 from daemon.model.records import AppliedCalibration, CalibrationRecord
 from drivers.errors import DeviceError, LinkLost, SweepNeeded
 from drivers.interfaces import LinkHealth, PoseReading, ScannedCloud
@@ -258,3 +259,8 @@ async def test_stopping_the_daemon_breaks_a_sweep_off(tmp_path: Path) -> None:
         sweep = cell.bench.application.sweeps.get(begun["id"])
     async with asyncio.timeout(LIMIT_S):
         await eventually(lambda: sweep.state == "failed")
+
+
+async def test_check_names_a_line_profiler() -> None:
+    found = await _check_scanner("laser", FakeProfiler())
+    assert (found.ok, found.what) == (True, "a line profiler: connected")
