@@ -57,6 +57,8 @@ ERROR_CODES: dict[str, tuple[int, str]] = {
     "stream-stalled": (48, "the camera is connected and sends no pictures"),
     "incomplete-picture": (49, "parts of a picture are missing"),
     "device-overheated": (59, "a device is too hot to measure"),
+    "clocks-apart": (66, "the clock of a line profiler runs apart from the daemon's"),
+    "sweep-needed": (67, "the scanner is a line profiler: it makes no whole clouds, but sweeps"),
     # what was seen
     "target-not-seen": (50, "too few stations saw the target"),
     "target-not-found": (51, "the target was not found in a picture"),
