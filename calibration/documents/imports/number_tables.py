@@ -49,10 +49,13 @@ def table_of_columns(origin: str, names: Sequence[str], rows: Sequence[Sequence[
             origin, labels, values[:, :3], values[:, 3:], kind, layout,  # type: ignore[arg-type]
             _with_degrees(columns, values[:, 3:]), columns.by_axis,
         )  # fmt: skip
-    return PoseTable(
+    table = PoseTable(
         origin, table.labels, table.lengths, table.numbers, table.kind, layout, table.convention, table.by_axis,
         columns.unit, table.frame, images, times if times is not None else table.times_s, notes,
     ).checked()  # fmt: skip
+    if columns.unit is not None:
+        table.require_reach(columns.unit, "header")
+    return table
 
 
 def _require_reach(origin: str, lengths: Array, columns: Columns) -> None:

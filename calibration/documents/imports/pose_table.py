@@ -137,6 +137,13 @@ class PoseTable:
             return ""
         return f"lengths without a unit are taken as {unit}, which puts the flange {reach / 1000:.3g} m from its base"
 
+    def require_reach(self, unit: LengthUnit, said_by: str) -> None:
+        """Raises DocumentError when a stated unit puts the poses farther from the base than any arm reaches."""
+        reach = float(np.median(np.linalg.norm(self.lengths, axis=1))) * MM[unit]
+        if reach > MAX_ARM_MM:
+            what = f"in {unit} as stated, the poses are {reach / 1000:.3g} m from the base"
+            raise refusal(self.origin, said_by, what, "correct the unit")
+
     def frames(self) -> tuple[Frame, ...]:
         """The one that the source states, or both."""
         return ("base_T_flange", "flange_T_base") if self.frame is None else (self.frame,)

@@ -161,6 +161,8 @@ def _readings(request: ImportRequest, imported: ImportedSet, *, is_scan: bool) -
     elif is_scan and table.convention is None and table.kind == "angles":
         raise refusal(table.origin, "--convention", "missing, and clouds without a target do not decide it", "give it",
                       "conventions")  # fmt: skip
+    if request.unit is not None and table.unit is None:
+        table.require_reach(request.unit, "--unit")
     frame = request.frame or ("base_T_flange" if is_scan and table.frame is None else None)
     setups = SETUPS if setup is None else (setup,)
     return readings_of(table, setups, conventions, table.unit or request.unit, frame)

@@ -325,6 +325,13 @@ def _doubtful(rows: list[str]) -> dict[str, Variant]:
         "metres": Variant(csv(lines(quaternions(scale=1e-3), Q)), said=("in m,",)),
         "metres that are called mm": Variant(csv(lines(quaternions(scale=1e-3), ("x_mm", "y_mm", "z_mm", *Q[3:]))),
                                              refused=("mm",)),
+        "millimetres that are called m": Variant(csv(lines(LIST, ("x_m", "y_m", "z_m", *Q[3:]))),
+            refused=("header: in m as stated", "m from the base")),
+        "millimetres that are said to be m": Variant(csv(rows), options=(*EYE_IN_HAND, "--unit", "m"),
+            refused=("--unit: in m as stated", "correct the unit")),
+        "RAPID array with another target": Variant(csv(["MODULE poses", f"CONST robtarget p{{{VIEWS}}}:=[", ",\n".join(
+            "home" if at == 2 else one.split(":=")[1].rstrip(";") for at, one in enumerate(robtargets()[1:-1])),
+            "];", "ENDMODULE"], "poses.mod"), refused=("robtarget p", f"not read as {VIEWS} targets")),
         "half in metres": Variant(csv(lines(mixed, Q)), refused=("pose 4", "unit")),
         "centimetres": Variant(csv(lines(quaternions(scale=0.1), ("x_cm", "y_cm", "z_cm", *Q[3:])))),
         "micrometres": Variant(csv(lines(quaternions(scale=1e3), ("x [µm]", "y [µm]", "z [µm]", *Q[3:])))),
