@@ -37,7 +37,7 @@ class LargeVoxelGrid:
 
     def __init__(self, edge_mm: float, layout: Layout, folder: Path, most_cells: int = MOST_CELLS) -> None:
         self.layout = layout
-        self._edge_mm, self._folder, self._most_cells = edge_mm, folder, most_cells
+        self.edge_mm, self._folder, self._most_cells = edge_mm, folder, most_cells
         self._grid = VoxelGrid(edge_mm, layout)
         self._ranges: _Ranges | None = None
 
@@ -64,7 +64,7 @@ class LargeVoxelGrid:
 
     def _divide(self) -> None:
         keys, sums = self._grid.sums()
-        self._grid = VoxelGrid(self._edge_mm, self.layout)
+        self._grid = VoxelGrid(self.edge_mm, self.layout)
         self._ranges = _Ranges(self._folder, self.layout, keys)
         self._ranges.start(keys, sums)
 
@@ -74,7 +74,7 @@ class LargeVoxelGrid:
             yield from self._grid.blocks()
             return
         for number in self._ranges.numbers():
-            with LargeVoxelGrid(self._edge_mm, self.layout, self._ranges.folder, self._most_cells) as grid:
+            with LargeVoxelGrid(self.edge_mm, self.layout, self._ranges.folder, self._most_cells) as grid:
                 for keys, sums in self._ranges.take_sums(number):
                     grid._restore(keys, sums)
                 for block in self._ranges.take_points(number):

@@ -5,6 +5,7 @@ averages, since a search tree over all points would not fit into memory.
 """
 
 from collections.abc import Iterable, Iterator
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal, get_args
@@ -17,6 +18,7 @@ from registration.errors import ScanError
 from registration.fusion.large_grid import MOST_CELLS, LargeVoxelGrid
 from registration.points.layout import Array, Layout, Records
 from registration.points.surface import NEIGHBOURS, planes_of
+from registration.points.voxel_grid import VoxelGrid
 
 Outliers = Literal["keep", "statistical", "radius"]
 
@@ -42,12 +44,14 @@ Box = tuple[Corner, Corner]
 
 @dataclass(frozen=True)
 class Merge:
-    """Settings of a merge. `voxel_mm` None keeps every point; `box_mm`: only points within it. Raises ScanError."""
+    """Settings of a merge. `voxel_mm` None keeps every point; `box_mm`: only points within it; `most`: the voxels' edge
+    is doubled until there are no more points than that. Raises ScanError."""
 
     voxel_mm: float | None = None
     normals: bool = False
     outliers: Outliers = "keep"
     box_mm: Box | None = None
+    most: int | None = None
 
     def __post_init__(self) -> None:
         if self.outliers not in get_args(Outliers):
@@ -55,6 +59,9 @@ class Merge:
         if self.voxel_mm is None and (self.normals or self.outliers != "keep"):
             what = "normals and outliers are judged on averaged points, but no voxel is stated"
             raise ScanError(what, "state its edge, about the points' spacing, such as 0.5 mm")
+        if self.voxel_mm is None and self.most is not None:
+            what = f"at most {self.most} points are wanted, but no voxel is stated"
+            raise ScanError(what, "state the smallest edge, which is doubled until there are no more points")
 
     def layout(self, shared: Layout) -> Layout:
         """Layout of the merged cloud: measured normals are kept, otherwise fitted ones are added."""
@@ -68,9 +75,9 @@ EVERY_POINT = Merge()
 
 @dataclass(eq=False)
 class Merger:
-    """Merges the views' blocks of `shared` columns; `left_out` counts the outliers.
+    """Merges the views' blocks of `shared` columns; `left_out` counts the outliers, `edge_mm` is of the voxels.
 
-    Averages of more than `most_cells` voxels are made on the disk, in `folder`.
+    Averages of more than `most_cells` voxels are made on the disk, in `folder`, unless the merge limits their number.
     """
 
     merge: Merge
@@ -79,6 +86,7 @@ class Merger:
     most_cells: int = MOST_CELLS
     left_out: int = field(default=0, init=False)
     averaged: int = field(default=0, init=False)
+    edge_mm: float = field(default=0.0, init=False)
 
     @property
     def layout(self) -> Layout:
@@ -92,7 +100,7 @@ class Merger:
             return
         fitted = self.layout != self.shared
         layout = _with_columns(self.shared, CAMERA, "f8") if fitted else self.shared
-        with LargeVoxelGrid(self.merge.voxel_mm, layout, self.folder, self.most_cells) as grid:
+        with self._grid(self.merge.voxel_mm, layout) as grid:
             for blocks, camera_mm in views:
                 for block in blocks:
                     grid.add(_with_camera_position(camera_mm, block, layout) if fitted else block)
@@ -100,7 +108,13 @@ class Merger:
                 yield from grid.blocks()
                 return
             averages = np.concatenate([*grid.blocks(), np.empty(0, layout.dtype)])
+            self.edge_mm = grid.edge_mm
         yield from self._finish(averages)
+
+    def _grid(self, voxel_mm: float, layout: Layout) -> AbstractContextManager[VoxelGrid | LargeVoxelGrid]:
+        if self.merge.most is not None:
+            return nullcontext(VoxelGrid(voxel_mm, layout, self.merge.most))
+        return LargeVoxelGrid(voxel_mm, layout, self.folder, self.most_cells)
 
     def _finish(self, cloud: Records) -> Iterator[Records]:
         points = np.stack([cloud[name].astype(float) for name in self.shared.xyz], axis=1)
@@ -126,8 +140,7 @@ class Merger:
             return np.ones(len(points), bool)
         tree = scipy.spatial.cKDTree(points)
         if self.merge.outliers == "radius":
-            assert self.merge.voxel_mm is not None
-            within = RADIUS_EDGES * self.merge.voxel_mm
+            within = RADIUS_EDGES * self.edge_mm
             distances = _distances(tree, points, MIN_NEIGHBOURS, within)
             return np.isfinite(distances[:, -1])
         distances = _distances(tree, points, min(NEIGHBOURS, len(points) - 1)).mean(axis=1)

@@ -14,21 +14,26 @@ from registration.points.layout import Array, Layout, Records
 CELLS = 1 << 20
 """Cubes along each axis on either side of the origin."""
 
+AXIS_BITS = 21
+"""Of a key, for each axis: cubes on both sides of the origin."""
+
 BLOCK_POINTS = 1 << 15
 
 
 class VoxelGrid:
     """Averages every column; normals keep unit length. Non-finite points are dropped.
 
-    Each cube's points are added in order of arrival, so the result does not depend on the blocks.
+    Each cube's points are added in order of arrival, so the result does not depend on the blocks. `most`: as soon as
+    there are more cubes, their edge is doubled, so that memory stays bounded for a part of any size.
     """
 
-    def __init__(self, edge_mm: float, layout: Layout) -> None:
+    def __init__(self, edge_mm: float, layout: Layout, most: int | None = None) -> None:
         if not 0 < edge_mm < np.inf:
             raise ScanError(
                 f"a voxel of {edge_mm} mm is too small", "give an edge above 0 mm, such as the points' spacing"
             )
-        self._edge_mm = edge_mm
+        self.edge_mm = edge_mm
+        self._most = most
         self.layout = layout
         self._names = layout.dtype.names or ()
         self._cells = CellIndex()
@@ -61,6 +66,22 @@ class VoxelGrid:
         columns = [*(block[name].astype(float) for name in self._names), np.ones(len(cells))]
         for sums, column in zip(self._sums, columns, strict=True):
             np.add.at(sums, cells, column)
+        while self._most is not None and len(self) > self._most:
+            self._double_edge()
+
+    def _double_edge(self) -> None:
+        """Join the eight cubes of each cube of twice the edge."""
+        keys, coarse = self._cells.keys, np.zeros(len(self), np.int64)
+        for shift in (2 * AXIS_BITS, AXIS_BITS, 0):
+            index = ((keys >> shift) & (2 * CELLS - 1)) - CELLS
+            coarse = (coarse << AXIS_BITS) | ((index >> 1) + CELLS)
+        fine = self._sums[:, : len(keys)]
+        self.edge_mm *= 2
+        self._cells = CellIndex()
+        joined = self._cells.numbers(coarse)
+        self._sums = np.zeros((len(fine), len(self._cells)))
+        for sums, column in zip(self._sums, fine, strict=True):
+            np.add.at(sums, joined, column)
 
     def sums(self) -> tuple[Keys, Array]:
         """The keys (n,) of the occupied cubes in their order, and what their points add up to (columns and 1, n)."""
@@ -77,12 +98,12 @@ class VoxelGrid:
         """One key per cube."""
         keys: Keys = np.zeros(len(columns[self.layout.xyz[0]]), np.int64)
         for name in self.layout.xyz:
-            index = np.floor(columns[name] / self._edge_mm)
+            index = np.floor(columns[name] / self.edge_mm)
             if len(index) and np.abs(index).max() >= CELLS:
                 raise ScanError(
-                    f"points lie more than {CELLS} voxels of {self._edge_mm} mm from the origin", "use larger voxels"
+                    f"points lie more than {CELLS} voxels of {self.edge_mm} mm from the origin", "use larger voxels"
                 )
-            keys = (keys << 21) | (index.astype(np.int64) + CELLS)
+            keys = (keys << AXIS_BITS) | (index.astype(np.int64) + CELLS)
         return keys
 
     def _make_room(self) -> None:

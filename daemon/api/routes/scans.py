@@ -152,6 +152,8 @@ SurfaceView = Annotated[int, Query(ge=0, description="which view, from 0"), IN_W
 SurfaceVoxel = Annotated[float, Query(gt=0, le=1e4, description="edge of the cubes"), IN_DIGITS]
 OCTETS = "application/octet-stream"
 BOX = "only points within this box of the base, mm: least x, y, z, largest x, y, z, with commas"
+MOST = "double the edge of the cubes until there are no more points than these; needs voxel_mm"
+MostPoints = Annotated[int | None, Query(ge=1, le=4_000_000, description=MOST), IN_WHOLE_DIGITS]
 BoxQuery = Annotated[str | None, Query(pattern=BOX_PATTERN, max_length=100, description=BOX)]
 STILL: dict[int | str, dict[str, Any]] = {
     202: {"description": "It is still in progress: ask again", "model": RegistrationState}
@@ -197,10 +199,11 @@ async def cloud(
     normals: Normals = False,
     outliers: Strays = "keep",
     box: BoxQuery = None,
+    max_points: MostPoints = None,
     wait: Patience = 30.0,
 ) -> Response:
     """All views in one cloud, or one of them, in the robot's base frame: by the robot's poses, or refined."""
-    merge = Merge(voxel_mm, normals, outliers, box_of(box))
+    merge = Merge(voxel_mm, normals, outliers, box_of(box), max_points)
     media_type = choose_media_type(request)
     used = await calibration_of_scan(app, scan_id, calibration)
     found = None

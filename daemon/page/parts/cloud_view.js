@@ -3,7 +3,7 @@ import { html, useEffect, useRef, useState } from '../vendor/preact.js';
 import { ask } from '../state/ask.js';
 import { bytes, count, fixed, mm } from '../state/numbers.js';
 import { t } from '../state/words.js';
-import { FIRST_VOXEL_MM, MAX_SURFACE_POINTS, boxAround, deviationEnd, finerVoxel, joinParts, joinSurfaces } from '../scene/cloud_data.js';
+import { FIRST_VOXEL_MM, MAX_POINTS, MAX_SURFACE_POINTS, boxAround, deviationEnd, finerVoxel, joinParts, joinSurfaces, shareOf } from '../scene/cloud_data.js';
 import { ProblemNote } from './problem.js';
 
 const COLOURINGS = ['view', 'height', 'deviation', 'normal'];
@@ -34,13 +34,13 @@ export function CloudView({ scan, views }) {
       scene.current = createCloudScene(canvas.current, { onPick: (point) => setPicked((before) => [...before.slice(-1), point]), onRest: (part) => rest.current(part) });
       if (!scene.current) return setState({ words: t('scene.no-webgl') });
       try {
-        const first = await fetchCloud(scan, views, FIRST_VOXEL_MM);
+        const first = await fetchCloud(scan, views, FIRST_VOXEL_MM, MAX_POINTS.first);
         if (!wanted) return undefined;
         setBounds(scene.current.show(first.cloud));
         setState({ points: first.cloud.points, first: first.cloud.points, fetched: first.fetched, voxel: FIRST_VOXEL_MM });
         const finer = finerVoxel(FIRST_VOXEL_MM, first.cloud.points);
         if (finer > 0.8 * FIRST_VOXEL_MM) return undefined;
-        const second = await fetchCloud(scan, views, finer);
+        const second = await fetchCloud(scan, views, finer, MAX_POINTS.finer);
         if (!wanted) return undefined;
         setBounds(scene.current.show(second.cloud, true));
         setState({ points: second.cloud.points, first: first.cloud.points, fetched: first.fetched + second.fetched, voxel: finer });
@@ -58,7 +58,7 @@ export function CloudView({ scan, views }) {
     const whole = Math.hypot(...bounds[0].map((low, axis) => bounds[1][axis] - low)) / 2;
     const asked = (detailAsked.current += 1);
     try {
-      const { cloud, fetched } = await fetchCloud(scan, views, Number(Math.max(LEAST_VOXEL_MM, (voxel * reach) / whole).toPrecision(2)), boxAround(middle, reach));
+      const { cloud, fetched } = await fetchCloud(scan, views, Number(Math.max(LEAST_VOXEL_MM, (voxel * reach) / whole).toPrecision(2)), MAX_POINTS.finer, boxAround(middle, reach));
       if (asked !== detailAsked.current || !scene.current || cloud.points === 0) return;
       scene.current.showDetail(cloud);
       setState((before) => ({ ...before, fetched: before.fetched + fetched, detail: cloud.points }));
@@ -118,11 +118,11 @@ async function fetchSurfaces(scan, views, voxel_mm) {
   return { cloud: joinSurfaces(parts), fetched };
 }
 
-async function fetchCloud(scan, views, voxel_mm, box) {
+async function fetchCloud(scan, views, voxel_mm, most, box) {
   const parts = [];
   let fetched = 0;
   for (const { view } of views) {
-    const path = `/scans/${encodeURIComponent(scan)}/cloud?view=${view}&voxel_mm=${voxel_mm}&wait=50${box ? `&box=${box}` : ''}`;
+    const path = `/scans/${encodeURIComponent(scan)}/cloud?view=${view}&voxel_mm=${voxel_mm}&max_points=${shareOf(most, views.length)}&wait=50${box ? `&box=${box}` : ''}`;
     const { data, status } = await ask(path, { kind: 'bytes', headers: { Accept: 'application/octet-stream' }, limit_s: 60 });
     if (status === 202) continue;
     fetched += data.byteLength;

@@ -1,7 +1,11 @@
 // Points of a merged cloud, view by view, first coarse and then finer within a budget (pure but for `fetchPart`).
 
 export const FIRST_VOXEL_MM = 8;
-export const MAX_POINTS = 700_000; // 8.4 MB at 12 bytes a point
+export const AIMED_POINTS = 500_000; // 6 MB at 12 bytes a point
+export const MAX_POINTS = { first: 250_000, finer: 700_000 }; // 11.4 MB for both, however large the part
+
+/** The most points of one of `views` views, which the daemon keeps to. */
+export const shareOf = (most, views) => Math.max(1, Math.floor(most / views));
 
 /** One array of coordinates and one of view indices from the parts' float32 x, y, z. */
 export function joinParts(parts) {
@@ -49,7 +53,7 @@ export function deviationEnd(deviation) {
 export const boxAround = (middle, reach) => [-1, 1].flatMap((sign) => middle.map((value) => (value + sign * reach).toFixed(2))).join(',');
 
 /** The edge of the cubes with which `points` at `voxel_mm` become about `budget`: the number goes with the edge squared. */
-export function finerVoxel(voxel_mm, points, budget = MAX_POINTS) {
+export function finerVoxel(voxel_mm, points, budget = AIMED_POINTS) {
   return Math.max(0.3, Number((voxel_mm * Math.sqrt(points / budget)).toPrecision(2)));
 }
 

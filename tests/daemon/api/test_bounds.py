@@ -77,7 +77,8 @@ def test_few_media_ranges_are_read() -> None:
 
 NOT_NUMBERS = ["1_000", "١٢٣", "0x10", "+", "1e", "1e1000", "infinity", "nan", "²", "1٫5", "", "5\n"]
 NUMERIC = [("/runs", "limit"), ("/runs/x", "wait"), ("/drift", "limit"), ("/audit", "before"),
-           ("/scans/x/cloud", "view"), ("/scans/x/cloud", "voxel_mm"), ("/scans/x/report", "wait")]  # fmt: skip
+           ("/scans/x/cloud", "view"), ("/scans/x/cloud", "voxel_mm"), ("/scans/x/cloud", "max_points"),
+           ("/scans/x/report", "wait")]  # fmt: skip
 
 
 async def test_numbers_in_queries_are_digits(bench: Bench) -> None:

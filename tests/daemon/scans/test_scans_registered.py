@@ -205,7 +205,14 @@ async def test_a_cloud_is_averaged_cleaned_and_given_normals_as_asked(bench: Ben
     assert whole.count == 3 * len(surface()) == 3 * (view.count or 0)
     assert 0.2 * (whole.count or 0) < (averaged.count or 0) < 0.6 * (whole.count or 0)
     assert {"nx", "ny", "nz"} <= set(averaged.layout.dtype.names or ())
-    for query, status in (({"view": 3}, 404), ({"normals": True}, 422), ({"voxel_mm": 0}, 422)):
+    few = parse_header((await bench.client.get(link, params={"voxel_mm": 5, "max_points": 40})).content, "answer")
+    assert few is not None and 0 < (few.count or 0) <= 40
+    for query, status in (
+        ({"view": 3}, 404),
+        ({"max_points": 40}, 422),
+        ({"normals": True}, 422),
+        ({"voxel_mm": 0}, 422),
+    ):
         refused = await bench.client.get(link, params=query)
         assert refused.status_code == status, refused.text
         assert refused.json()["fix"]

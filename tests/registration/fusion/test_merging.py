@@ -184,3 +184,23 @@ def test_a_scan_is_written_whole_and_view_by_view(tmp_path: Path, suffix: str) -
 def read(path: Path) -> Array:
     with open_cloud(path) as source:
         return np.concatenate([xyz(block) for block in source.blocks()])
+
+
+@pytest.mark.parametrize("pieces", [1, 7])
+def test_a_grid_of_limited_size_is_that_of_a_larger_edge(pieces: int) -> None:
+    """On both sides of the origin, and however the points come."""
+    points = sheet()
+    limited, plain = VoxelGrid(1.0, XYZ_FLOAT32, most=900), VoxelGrid(8.0, XYZ_FLOAT32)
+    for block in np.array_split(points, pieces):
+        limited.add(block)
+    plain.add(points)
+    assert limited.edge_mm == 8.0
+    assert len(limited) <= 900
+    found, expected = (np.concatenate([*grid.blocks()]) for grid in (limited, plain))
+    assert np.allclose(xyz(found), xyz(expected), atol=1e-4)
+
+
+def test_at_most_so_many_points_are_merged() -> None:
+    assert len(merged(Merge(1.0, most=900), sheet(), sheet(1))[0]) <= 900
+    with pytest.raises(ScanError, match="no voxel is stated"):
+        Merge(most=900)

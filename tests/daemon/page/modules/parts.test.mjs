@@ -8,7 +8,7 @@ const { EventReader } = await import(join(page, 'state', 'sse.js'));
 const { wayToGo, stepsTo, compose, turn } = await import(join(page, 'parts', 'pose.js'));
 const { enlargement, halfAxes, pointCovariance } = await import(join(page, 'parts', 'ellipsoid.js'));
 const { ticks, logTicks } = await import(join(page, 'parts', 'ticks.js'));
-const { joinParts, joinSurfaces, deviationEnd, boxAround, finerVoxel, boundsOf, pickPoint } = await import(join(page, 'scene', 'cloud_data.js'));
+const { joinParts, joinSurfaces, deviationEnd, boxAround, finerVoxel, boundsOf, pickPoint, MAX_POINTS, shareOf } = await import(join(page, 'scene', 'cloud_data.js'));
 
 const near = (found, expected, off = 1e-9) => found.forEach((value, index) => assert.ok(Math.abs(value - expected[index]) < off, `${found}`));
 const HALF = Math.SQRT1_2;
@@ -66,6 +66,13 @@ test('a cloud keeps the view of each point, its bounds, and the point that was p
 test('finer cubes spend the budget', () => {
   assert.equal(finerVoxel(8, 43750, 700000), 2);
   assert.equal(finerVoxel(8, 10, 700000), 0.3);
+});
+
+test('the first look at a cloud fetches at most 12 MB, however many views it has', () => {
+  for (const views of [1, 7, 24, 1000]) {
+    const points = views * (shareOf(MAX_POINTS.first, views) + shareOf(MAX_POINTS.finer, views));
+    assert.ok(12 * points <= 12e6, `${views} views`);
+  }
 });
 
 test('the ellipsoid of a point: a turn moves it across the sight, a shift everywhere', () => {
