@@ -58,6 +58,12 @@ CameraName = Annotated[
 ]
 
 
+ScannerName = Annotated[
+    str | None,
+    Query(min_length=1, max_length=32, description="name of one of [scanners]; 'scanner' is the one of [scanner]"),
+]
+
+
 async def _camera(request: Request, camera: CameraName = None) -> CellCamera:
     """Raises NotFound."""
     application: Application = request.app.state.application

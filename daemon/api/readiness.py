@@ -1,24 +1,39 @@
 """Whether the daemon could calibrate or register now."""
 
+import numpy as np
+
 from calibration.documents.calibration import SentenceDocument
 from calibration.sentences.sentence import Sentence
 from daemon.api.schemas.health import Readiness, ReadyDocument
 from daemon.application import Application
 from daemon.drift.cell_cameras import CellCamera
-from daemon.errors import NoCalibration
+from daemon.errors import NoCalibration, NotFound
+from daemon.scans.rig_sensors import RigSensors
 
 
-async def readiness(app: Application, camera: CellCamera) -> ReadyDocument:
-    """Check the calibration in force of the camera, and robot and camera unless a run uses them."""
+async def scanner_readiness(app: Application, scanner: str) -> ReadyDocument:
+    """As `readiness`, of the camera beside this scanner and of registering with the scanner. Raises NotFound."""
+    app.scans.settings_of(scanner)
+    return await readiness(app, app.camera(app.settings.camera_beside(scanner)), scanner)
+
+
+async def readiness(app: Application, camera: CellCamera, scanner: str | None = None) -> ReadyDocument:
+    """Check the calibration in force of the camera, and robot and camera unless a run uses them.
+
+    With a `scanner`: whether it answers, and the rig in force where that gives its place.
+    """
     run = app.supervisor.in_progress
     calibrate: list[str] = (
         [Sentence("run-going-on", kind=str(run.kind), run=run.id)] if run else [*await camera.obstacles.read()]
     )
     calibrate += (*app.supervisor.obstacles(), *app.store.obstacles())
-    register: list[str] = []
+    register = [] if scanner is None else [*app.cell.scanner_obstacles(scanner)]
     try:
-        await app.store.current(camera.name)
-    except NoCalibration as error:
+        if scanner is not None and app.settings.placed_by_rig(scanner):
+            await RigSensors(app.store, app.clock, app.settings.camera.setup).base_T_sensor(scanner, np.eye(4))
+        else:
+            await app.store.current(camera.name)
+    except (NoCalibration, NotFound) as error:
         register.append(error.what)
     of_sources = (warning for source in app.warning_sources for warning in source.warnings())
     warnings = list(dict.fromkeys([*_disk_warnings(app), *of_sources]))

@@ -341,6 +341,10 @@ class Settings(Document):
         main = {} if self.scanner is None else {MAIN_SCANNER: NamedScannerSettings(**dict(self.scanner))}
         return {**main, **self.scanners}
 
+    def placed_by_rig(self, scanner: str) -> bool:
+        """Whether the rig in force gives this scanner's place: a further one without `camera_T_scanner`."""
+        return scanner in self.scanners and self.scanners[scanner].camera_T_scanner is None
+
     def camera_beside(self, scanner: str) -> str:
         """Name of the camera whose calibration places the clouds of this scanner."""
         return self.scanners[scanner].camera if scanner in self.scanners else MAIN_CAMERA

@@ -20,6 +20,7 @@ from tests.daemon.clouds import PLY, POSE, cloud
 from tests.daemon.fakes import FLANGE_T_CAMERA, FakeCamera, ply_of
 from tests.daemon.named_cameras import WRIST, calibrate, two_cameras, wrist
 from tests.daemon.plcs import MOVING, ladder
+from tests.daemon.rig_files import a_rig
 from tests.daemon.touches import TIP, document_with_covariance, json_of, touching
 from tests.support.waiting import LIMIT_S
 
@@ -118,7 +119,7 @@ async def test_pictures_and_devices_are_told_apart(tmp_path: Path) -> None:
     ("GET", "/camera/frame?camera=nose", None), ("GET", "/drift?camera=nose", None),
     ("GET", "/calibrate?camera=nose", None), ("POST", "/calibrate", {"camera": "nose"}),
     ("POST", "/calibrate", {"together": ["nose"]}), ("POST", "/verify", {"camera": "nose"}),
-    ("POST", "/scans", {"scanner": "nose"}),
+    ("POST", "/scans", {"scanner": "nose"}), ("GET", "/ready?scanner=nose", None),
 ])  # fmt: skip
 async def test_a_name_that_is_not_there_is_answered_with_those_that_are(
     bench: Bench, method: str, path: str, sent: dict[str, Any] | None
@@ -141,6 +142,28 @@ async def test_a_scanner_is_placed_by_the_calibration_of_its_camera_only(tmp_pat
             "/register", params={**query, "calibration": wrong}, content=content, headers=PLY
         )
         assert (refused.status_code, refused.json()["code"]) == (409, "calibration-unusable")
+
+
+async def test_each_scanner_is_ready_by_what_places_its_clouds(tmp_path: Path) -> None:
+    by_camera = {"address": "http://door/cloud.ply", "camera": "wrist", "camera_T_scanner": pose_json(np.eye(4))}
+    by_rig = {"address": "http://roof/cloud.ply"}
+    scanners = {"door": by_camera, "roof": by_rig}
+    async with two_cameras(tmp_path, scanners=scanners, calibration={"policy": "auto"}) as bench:
+
+        async def register(name: str) -> Any:
+            return (await bench.client.get("/ready", params={"scanner": name})).json()["register"]
+
+        assert [(await register(name))["ready"] for name in scanners] == [False, False]
+        await calibrate(bench.client, camera="wrist")
+        assert (await register("door"))["ready"]
+        assert (await register("roof"))["reasons"] == ["no rig is in force"]
+        rig = a_rig()
+        rig["sensors"][1]["name"] = "roof"
+        assert (await bench.client.post("/rigs", json=rig)).status_code == 201
+        assert (await register("roof"))["ready"]
+        both = await bench.client.get("/ready", params={"scanner": "door", "camera": "wrist"})
+        assert both.status_code == 422
+        assert "name its camera" in both.text
 
 
 async def test_a_plc_names_the_camera_by_its_number(tmp_path: Path) -> None:

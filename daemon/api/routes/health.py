@@ -4,11 +4,12 @@ from typing import get_args
 
 from fastapi import APIRouter, Request, Response
 
-from daemon.api.dependencies import App, WithCamera
+from calibration.errors import DocumentError, DocumentProblem
+from daemon.api.dependencies import App, CameraName, ScannerName
 from daemon.api.negotiation import or_text, respond
 from daemon.api.plain_text import ready_text
 from daemon.api.problems import problem_responses
-from daemon.api.readiness import readiness
+from daemon.api.readiness import readiness, scanner_readiness
 from daemon.api.schemas.health import HealthDocument, ReadyDocument
 from daemon.application import Application
 from daemon.config.settings import MAIN_CAMERA
@@ -36,12 +37,18 @@ async def health(app: App) -> HealthDocument:
         **problem_responses(404),
     },
 )
-async def ready(request: Request, app: App, camera: WithCamera) -> Response:
+async def ready(request: Request, app: App, camera: CameraName = None, scanner: ScannerName = None) -> Response:
     """Whether it could calibrate the camera now, or register by its calibration, and the reasons if not.
 
-    503 when it could do neither.
+    503 when it could do neither. With `scanner`, of the camera beside it: `camera` is left out then.
     """
-    document = await readiness(app, camera)
+    if scanner is None:
+        document = await readiness(app, app.camera(camera))
+    elif camera is None:
+        document = await scanner_readiness(app, scanner)
+    else:
+        problem = DocumentProblem("camera", "the scanner's settings name its camera", "leave it out, or scanner")
+        raise DocumentError("query", [problem])
     return respond(request, document, lambda: ready_text(document), 200 if document.ready else 503)
 
 

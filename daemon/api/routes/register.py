@@ -55,8 +55,7 @@ async def register(
     scanner of the settings that gives its camera_T_scanner goes by the calibration of its camera.
     """
     media_type = media_type_of(request)
-    named_scanner = app.settings.scanners.get(scanner) if scanner is not None else None
-    by_rig = scanner is not None and (named_scanner is None or named_scanner.camera_T_scanner is None)
+    by_rig = scanner is not None and (scanner not in app.settings.scanners or app.settings.placed_by_rig(scanner))
     if by_rig and calibration != "current":
         problem = DocumentProblem("calibration", "a sensor of a rig needs none", "leave it out, or leave scanner out")
         raise DocumentError("query", [problem])
