@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibration.camera import CameraModel
-from calibration.linear_algebra import scaled_inverse
+from calibration.linear_algebra import scaled_inverse, scaled_solve
 from calibration.observations.observations import Observations
 from calibration.observations.reprojection import PixelStatistics, pixel_statistics
 from calibration.observations.view_poses import refine_poses
@@ -29,7 +29,8 @@ class Evidence:
     covariance : (n, 6, 6) of exp(.) @ camera_T_target, [rad, mm].
     redundancy : (n,) pixel coordinates less the six parameters of a pose: degrees of freedom of the covariance.
     joints_rad : (n, axes) as the robot reported them; None where they were not recorded with every view.
-    focal_share : one standard deviation of the focal length as a share of it, 0 where it was given.
+    by_camera : (n, 6, k) change of the poses by each of k independent errors of an estimated camera, one standard
+        deviation each; all views share them. None where the camera was given.
     pictures : the corners themselves, None where the poses are not of pictures.
     """
 
@@ -40,7 +41,7 @@ class Evidence:
     covariance: Array
     redundancy: Array
     joints_rad: Array | None = None
-    focal_share: float = 0.0
+    by_camera: Array | None = None
     pictures: "Pictures | None" = None
 
     def __len__(self) -> int:
@@ -56,7 +57,7 @@ class Evidence:
             self.covariance[chosen],
             self.redundancy[chosen],
             None if self.joints_rad is None else self.joints_rad[chosen],
-            self.focal_share,
+            None if self.by_camera is None else self.by_camera[chosen],
             self.pictures,
         )
 
@@ -81,7 +82,9 @@ class Evidence:
         grow = np.repeat([1.0, factor], 3)
         camera_T_target = self.camera_T_target.copy()
         camera_T_target[:, :3, 3] *= factor
-        return replace(self, camera_T_target=camera_T_target, covariance=grow[:, None] * self.covariance * grow)
+        by_camera = None if self.by_camera is None else grow[:, None] * self.by_camera
+        covariance = grow[:, None] * self.covariance * grow
+        return replace(self, camera_T_target=camera_T_target, covariance=covariance, by_camera=by_camera)
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,8 +114,17 @@ def turn_pictures(seen: Observations, image_size: tuple[int, int], angle_rad: fl
     return replace(seen, pixels=middle_px + (seen.pixels - middle_px) @ turn.T)
 
 
-def evidence_of(problem: Problem, seen: Observations, camera: CameraModel, camera_T_target: Array) -> Evidence:
-    """The evidence of corners and each view's own pose (n, 4, 4), with the pixel noise from their residuals."""
+def evidence_of(
+    problem: Problem,
+    seen: Observations,
+    camera: CameraModel,
+    camera_T_target: Array,
+    camera_covariance: Array | None = None,
+) -> Evidence:
+    """The evidence of corners and each view's own pose (n, 4, 4), with the pixel noise from their residuals.
+
+    `camera_covariance`: see `PreparedSession`.
+    """
     statistics = pixel_statistics(seen, camera, camera_T_target)
     pixel = pixel_deviation(statistics)
     covariance = pixel**2 * scaled_inverse(statistics.normal)
@@ -127,8 +139,19 @@ def evidence_of(problem: Problem, seen: Observations, camera: CameraModel, camer
         covariance,
         redundancy,
         recorded_joints(problem, seen.positions),
+        None if camera_covariance is None else _by_camera(seen, camera, camera_T_target, camera_covariance),
         pictures=Pictures(rows, seen, camera, problem.image_size, pixel),
     )
+
+
+def _by_camera(seen: Observations, camera: CameraModel, camera_T_target: Array, covariance: Array) -> Array:
+    """`Evidence.by_camera`: each view's pose follows the intrinsics so that its corners fit."""
+    free = np.diagonal(covariance) > 0
+    variances, directions = np.linalg.eigh(covariance[np.ix_(free, free)])
+    errors = directions * np.sqrt(np.maximum(variances, 0.0))
+    normal = pixel_statistics(seen, camera, camera_T_target, free_intrinsics=free).normal
+    by_camera: Array = -scaled_solve(normal[:, :6, :6], normal[:, :6, 6:] @ errors)
+    return by_camera
 
 
 def recorded_joints(problem: Problem, positions: NDArray[np.intp]) -> Array | None:

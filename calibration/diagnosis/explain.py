@@ -146,7 +146,7 @@ def _with_turned_views(problem: Problem, prepared: PreparedSession, poses: Array
         seen, poses = seen.joined(left_out.take(fits)), np.concatenate([poses, as_seen[fits, 0]])
         order = np.argsort(seen.positions)
         seen, poses = seen.take(order), poses[order]
-    return replace(evidence_of(problem, seen, camera, poses), focal_share=prepared.focal_share)
+    return evidence_of(problem, seen, camera, poses, prepared.camera_covariance)
 
 
 def _scaled_lens(problem: Problem) -> tuple[Finding, ...]:

@@ -59,7 +59,8 @@ class _Candidate:
 def pose_entry_results(evidence: Evidence, suspects: Sequence[int], baseline: float) -> Iterator[HypothesisResult]:
     """Results for the most likely suspects: a wrong pose, or one wrong number if that explains the view."""
     n = len(evidence)
-    others = fits([evidence.take(np.delete(np.arange(n), row)) for row in suspects])
+    remaining = [evidence.take(np.delete(np.arange(n), row)) for row in suspects]
+    others = fits(remaining)
     views = [evidence.take(np.array([row])) for row in suspects]
     # The log-likelihood without a view's residual.
     without = [fitted.log_likelihood - 0.5 * _own(view, fitted) for view, fitted in zip(views, others, strict=True)]
@@ -67,7 +68,8 @@ def pose_entry_results(evidence: Evidence, suspects: Sequence[int], baseline: fl
         if few_views_factor(n, 0) * (without[suspect] - baseline) < price_of(n, 0, 7 * n):
             return  # no explanation of it could exceed its penalty, nor of the following ones
         view, fitted = views[suspect], others[suspect]
-        rest = HeldOutView(view, fitted, NoisePosterior.of(fitted).outside_view(apply_fit(view, fitted)), n)
+        posterior = NoisePosterior.of(fitted, remaining[suspect].by_camera)
+        rest = HeldOutView(view, fitted, posterior.outside_view(apply_fit(view, fitted), view.by_camera), n)
         numbers = [*_numbers(rest), *_signs(rest)]
         best = _best(_whole_pose(rest), numbers)
         raw = without[suspect] - 0.5 * best.misfit - baseline

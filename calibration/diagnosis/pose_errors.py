@@ -48,31 +48,31 @@ def p_value_beside_all_errors(
 ) -> float:
     """p value of `value` (d,), the fit's `by_unknowns` (d, p) @ shared unknowns, when the truth is zero.
 
-    `is_size`: the value is the logarithm of the target's size, which an arm with links of other lengths changes, and an
-    estimated focal length, by as large a share.
+    `is_size`: the value is the logarithm of the target's size, which an arm with links of other lengths changes.
 
     The larger one of that beside independent errors of the robot and, where those say it is small, of that beside
-    errors that follow the pose.
+    errors that follow the pose and those of an estimated camera.
     """
-    by_focal = evidence.focal_share**2 if is_size else 0.0
-    chance = NoisePosterior.of(fitted).p_value_of(value, by_unknowns, by_focal)
+    chance = NoisePosterior.of(fitted, evidence.by_camera).p_value_of(value, by_unknowns)
     if chance > MAX_SMALL_CHANCE:
         return chance
     by_travel = 1 / _mean_square_travel(evidence) if is_size else 0.0
-    return max(chance, p_value_beside_pose_errors(evidence, fitted, value, by_unknowns, by_travel, by_focal))
+    return max(chance, p_value_beside_pose_errors(evidence, fitted, value, by_unknowns, by_travel))
 
 
 def p_value_beside_pose_errors(
-    evidence: Evidence, fitted: Fit, value: Array, by_unknowns: Array, by_travel: float, by_focal: float
+    evidence: Evidence, fitted: Fit, value: Array, by_unknowns: Array, by_travel: float
 ) -> float:
     """p value of `value` (d,), the fit's `by_unknowns` (d, p) @ shared unknowns, when the truth is zero.
 
     `by_travel`: variance of the value by errors that follow the pose, over the robot's variance in mm², in 1/mm².
-    `by_focal`: variance of the value by an estimated focal length.
     0 where no covariance can be factored, of numbers that no cell has.
     """
     n, _, p = fitted.by_shared.shape
     by_images = scipy.linalg.block_diag(*fitted.image_covariance)
+    if evidence.by_camera is not None:
+        by_camera = evidence.by_camera.reshape(6 * n, -1)
+        by_images += by_camera @ by_camera.T
     both = np.concatenate([fitted.by_shared, fitted.residuals[..., None]], axis=2).reshape(6 * n, p + 1)
     logs = 0.5 * np.log(np.maximum(fitted.variances, MIN_VARIANCES)) + np.array(list(product(LEVELS, LEVELS)))
     stated = -0.5 * np.sum(((logs - np.log(PRIOR_NOISE.levels())) / np.log(PRIOR_FACTOR)) ** 2, axis=1)
@@ -93,7 +93,7 @@ def p_value_beside_pose_errors(
             determinant = 2 * np.log(np.diagonal(root)).sum() + log_determinant
             likely.append(np.log(prior) + known - 0.5 * (determinant + square))
             alike = min(by_travel * levels[1], MAX_TRAVEL_SHARE**2) if follows else 0.0
-            spread = by_unknowns @ shared @ by_unknowns.T + (alike + by_focal) * np.eye(len(value))
+            spread = by_unknowns @ shared @ by_unknowns.T + alike * np.eye(len(value))
             distance = squared_distances(value + by_unknowns @ step, spread)
             chances.append(scipy.special.chdtrc(len(value), distance))
     if not likely:

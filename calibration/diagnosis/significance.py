@@ -41,7 +41,8 @@ class NoisePosterior:
 
     weights : (k,) probabilities of the pairs.
     variances : (k, 2) rad², mm².
-    steps, shared : steps of the shared unknowns (k, p) from the fit, and their covariance (k, p, p).
+    steps, shared : steps of the shared unknowns (k, p) from the fit, and their covariance (k, p, p). Errors of an
+        estimated camera, whose prior standard deviations are 1, follow the unknowns of the fit.
     """
 
     fitted: Fit
@@ -51,32 +52,33 @@ class NoisePosterior:
     shared: Array
 
     @classmethod
-    def of(cls, fitted: Fit) -> "NoisePosterior":
-        """The posterior on grids about the fit's levels."""
+    def of(cls, fitted: Fit, by_camera: Array | None) -> "NoisePosterior":
+        """The posterior on grids about the fit's levels; `by_camera`: see `Evidence`."""
         centre = 0.5 * np.log(np.maximum(fitted.variances, MIN_VARIANCES))
         reach = np.outer(np.array([-0.5, 0.5]) * (GRIDS[0] - 1) * FIRST_STEP, np.ones(2))
         for nodes in GRIDS:
             axes = np.linspace(centre + reach[0], centre + reach[1], nodes)
             logs = np.array(list(product(*axes.T)))
-            found = cls._at(fitted, logs)
+            found = cls._at(fitted, by_camera, logs)
             centre = found.weights @ logs
             spread = np.sqrt(found.weights @ (logs - centre) ** 2)
             reach = np.outer(REACH, np.maximum(spread, MIN_RESOLUTION * (axes[1] - axes[0])))
         return found
 
     @classmethod
-    def _at(cls, fitted: Fit, logs: Array) -> "NoisePosterior":
+    def _at(cls, fitted: Fit, by_camera: Array | None, logs: Array) -> "NoisePosterior":
         """The posterior at standard deviations with logarithms `logs` (k, 2)."""
         variances = np.maximum(np.exp(2 * logs), MIN_VARIANCES)
         spread = fitted.by_robot * np.sqrt(np.repeat(variances, 3, axis=1))[:, None, None]
         covariance = fitted.image_covariance + spread @ np.swapaxes(spread, -1, -2)
-        by_shared = fitted.by_shared
+        by_shared = _with_camera(fitted.by_shared, by_camera)
         n, _, p = by_shared.shape
+        known = np.diag((np.arange(p) >= fitted.by_shared.shape[2]).astype(float))
         # Views stacked: (k, p, 6 n) @ (6 n, p + 1)
         information = inverse_or_pseudo_inverse(covariance)
         weighted = np.swapaxes((information @ by_shared).reshape(len(logs), 6 * n, p), 1, 2)
         both = weighted @ np.concatenate([by_shared, fitted.residuals[..., None]], axis=2).reshape(6 * n, p + 1)
-        normal, gradient = both[:, :, :p], both[:, :, p]
+        normal, gradient = both[:, :, :p] + known, both[:, :, p]
         shared, log_determinant = scaled_inverse_and_log_determinant(normal)
         steps = -(shared @ gradient[..., None])[..., 0]
         weighted_residuals = (information @ fitted.residuals[..., None])[..., 0]
@@ -87,21 +89,20 @@ class NoisePosterior:
         weights = np.exp(likely - likely.max())
         return cls(fitted, weights / weights.sum(), variances, steps, shared)
 
-    def p_value_of(self, value: Array, by_unknowns: Array, elsewhere: float = 0.0) -> float:
-        """p value of `value` (d,), the fit's `by_unknowns` (d, p) @ shared unknowns, when the truth is zero.
-
-        `elsewhere`: variance of the value by what the fit does not contain.
-        """
-        off = value + self.steps @ by_unknowns.T
-        return self._p_value(off, by_unknowns @ self.shared @ by_unknowns.T + elsewhere * np.eye(len(value)))
+    def p_value_of(self, value: Array, by_unknowns: Array) -> float:
+        """p value of `value` (d,), the fit's `by_unknowns` (d, p) @ shared unknowns, when the truth is zero."""
+        p = by_unknowns.shape[1]
+        off = value + self.steps[:, :p] @ by_unknowns.T
+        return self._p_value(off, by_unknowns @ self.shared[:, :p, :p] @ by_unknowns.T)
 
     def _p_value(self, off: Array, covariance: Array) -> float:
         """p value of values (k, d) with covariances (k, d, d) at the k pairs of levels."""
         return float(self.weights @ scipy.special.chdtrc(off.shape[1], squared_distances(off, covariance)))
 
-    def outside_view(self, seen: Fit) -> "OutsideView":
-        """A view that is not part of the fit; `seen` is its `fit.apply_fit`."""
-        by_shared, spread = seen.by_shared[0], seen.by_robot[0] * np.sqrt(np.repeat(self.variances, 3, axis=1))[:, None]
+    def outside_view(self, seen: Fit, by_camera: Array | None) -> "OutsideView":
+        """A view that is not part of the fit; `seen` is its `fit.apply_fit`, `by_camera` that of its evidence."""
+        by_shared = _with_camera(seen.by_shared, by_camera)[0]
+        spread = seen.by_robot[0] * np.sqrt(np.repeat(self.variances, 3, axis=1))[:, None]
         own = seen.image_covariance[0] + spread @ np.swapaxes(spread, 1, 2)
         return OutsideView(
             self, seen.residuals[0], self.steps @ by_shared.T, own + by_shared @ self.shared @ by_shared.T
@@ -155,3 +156,8 @@ class OutsideView:
         mean = weights @ self.steps
         off = self.steps - mean
         return mean, np.tensordot(weights, self.covariances, 1) + (weights[:, None] * off).T @ off
+
+
+def _with_camera(by_shared: Array, by_camera: Array | None) -> Array:
+    """Derivatives (n, 6, p) of the residuals by the unknowns of a fit and by the errors of an estimated camera."""
+    return by_shared if by_camera is None else np.concatenate([by_shared, by_camera], axis=2)

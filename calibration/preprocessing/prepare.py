@@ -47,7 +47,7 @@ class PreparedSession:
     shape : deviation of the target from the description, None where it is not significant.
     scale : of the target against the description.
     systematic_errors : modelled errors that all views share.
-    focal_share : one standard deviation of the camera's focal length by the images, as a share of it; 0 if given.
+    camera_covariance : (9, 9) or (12, 12) of the intrinsics by the images, see `CameraEstimate`; None if given.
     given : what was measured along the only axis of rotation, None where the motions determine X.
     """
 
@@ -62,7 +62,7 @@ class PreparedSession:
     shape: TargetShape | None = None
     scale: float = 1.0
     systematic_errors: SystematicErrors = NO_SYSTEMATIC_ERRORS
-    focal_share: float = 0.0
+    camera_covariance: Array | None = None
     given: GivenCoordinate | None = None
 
     @property
@@ -85,7 +85,7 @@ def prepare(problem: Problem) -> PreparedSession:
     seen, refused = observe(problem)
     _require_different_images(problem, seen, refused)
     require_observable(seen.base_T_flange, offset_given=problem.axis_offset is not None)
-    camera, free, focal_share = _camera(problem, seen)
+    camera, free, camera_covariance = _camera(problem, seen)
     poses, errors = candidate_poses(seen, camera)
     clean = reject_corner_outliers(seen, camera, poses[:, 0])
     kept = np.setdiff1d(np.arange(len(seen)), clean.refused)
@@ -104,7 +104,7 @@ def prepare(problem: Problem) -> PreparedSession:
         read.camera_T_target,
         read.board_turned,
         refused,
-        focal_share=focal_share,
+        camera_covariance=camera_covariance,
         given=_given_coordinate(problem, read.seen.base_T_flange),
     )
     if shape_deviates(drawn.seen, drawn.camera, drawn.camera_T_target, free[:INTRINSICS]):
@@ -151,12 +151,11 @@ def _with_estimated_shape(prepared: PreparedSession, free: NDArray[np.bool_]) ->
     return replace(prepared, seen=real.seen, camera=real.camera, camera_T_target=real.camera_T_target, shape=real.shape)
 
 
-def _camera(problem: Problem, seen: Observations) -> tuple[CameraModel, NDArray[np.bool_], float]:
-    """The given camera with no free intrinsics, or one estimated from all views with all of them free; the standard
-    deviation of its focal length as a share of it."""
+def _camera(problem: Problem, seen: Observations) -> tuple[CameraModel, NDArray[np.bool_], Array | None]:
+    """The given camera with no free intrinsics, or one estimated from all views with all of them free; the
+    covariance of what was estimated."""
     if problem.camera is not None:
-        return problem.camera, ALL_FIXED, 0.0
+        return problem.camera, ALL_FIXED, None
     detections = [problem.views[position].detection for position in seen.positions]
     found = estimate_camera(problem.target, [d for d in detections if d is not None], problem.image_size)
-    focal_share = float(np.sqrt(found.covariance[0, 0])) / float(found.camera.matrix[0, 0])
-    return found.camera, np.concatenate([np.ones(INTRINSICS, bool), [False]]), focal_share
+    return found.camera, np.concatenate([np.ones(INTRINSICS, bool), [False]]), found.covariance

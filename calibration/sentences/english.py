@@ -254,8 +254,8 @@ VIEW_CAUSES = {
     " the views on one side",
     "fasten-camera-tool0": "fasten the camera, make tool0 active in every view, and take the views again, or keep only"
     " the views on one side",
-    "read-pose-again": "read that pose on the controller again; if it is right, the arm had not settled, or the image"
-    " is bad",
+    "read-pose-again": "read that pose on the controller again; if it is right, the arm had not settled, or stood"
+    " in another posture than in the other views, or the image is bad",
 }
 
 ADVICE = {

@@ -12,7 +12,8 @@ from calibration.diagnosis.view_hypotheses import CHANGE_CODES
 from calibration.observations.measured_poses import measured_views
 from calibration.solve import solve_hand_eye
 from calibration.transforms import rotation_from_vector, transform
-from tests.simulated.faults import poses_of, with_poses
+from tests.simulated.faults import moved, poses_of, with_poses
+from tests.simulated.imperfect_sessions import IMPERFECTIONS, imperfect_cell
 from tests.simulated.measured_sessions import measured_cell, tracker
 from tests.simulated.two_postures import CENTRE_MM, two_postures
 from tests.simulated.varied_sessions import varied
@@ -62,6 +63,23 @@ def test_a_focal_length_that_is_estimated_a_little_off_is_no_other_pitch(seed: t
         poses[:, :3, 3] *= factor
         findings = solve_hand_eye(with_poses(session, poses)).findings
         assert any(finding.code in SIZE_CODES for finding in findings) == is_named
+
+
+@pytest.mark.parametrize("session", ["varied", "imperfect"])
+def test_what_an_estimated_camera_errs_by_in_all_views_is_neither_a_move_nor_a_mistyped_pose(session: str) -> None:
+    """Exact robots: nothing but the camera disagrees with them, by up to 0.05 mm."""
+    problem = (
+        varied(np.random.default_rng((7511, 5, 5))).problem
+        if session == "varied"
+        else imperfect_cell((5077, 4, 186), IMPERFECTIONS["exact robot"]).cell.problem
+    )
+    assert problem.camera is None
+    side = "tool" if problem.setup == "eye-in-hand" else "base"
+    slipped = moved(problem, np.random.default_rng(3), side).at(0.5).problem
+    for given, is_named in ((problem, False), (slipped, True)):
+        codes = {finding.code for finding in solve_hand_eye(given).findings}
+        assert bool(codes & CHANGE_CODES) == is_named
+        assert "pose-mistyped" not in codes
 
 
 def test_joints_of_views_that_measure_in_space_are_evidence() -> None:
