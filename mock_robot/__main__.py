@@ -46,6 +46,9 @@ def _parser() -> argparse.ArgumentParser:
         "or a fast equivalent in Python",
     )
     run.add_argument("--egm", type=_address, metavar="HOST:PORT", help="send EGM there, 250 packets a second")
+    run.add_argument(
+        "--profiler-port", type=_port, help="a line profiler in the scanner's place; 0: chosen by the system"
+    )
     run.add_argument("--robot-only", action="store_true", help="without camera and scanner")
     run.add_argument(
         "--serial", action="store_true", help="open a serial line (a pty): with RAPID in place of the socket"

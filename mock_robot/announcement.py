@@ -21,6 +21,7 @@ class Announcement:
     control_url: str
     sheet: dict[str, Any]
     rws: RwsUrls | None = None
+    profiler: str | None = None
 
     def document(self) -> dict[str, Any]:
         """The announcement as a JSON document."""
@@ -31,6 +32,7 @@ class Announcement:
             "robot": {"host": self.robot_host, "port": self.robot_port, "serial": self.serial_path},
             "camera": self._device("camera/snapshot.png"),
             "scanner": self._device("scanner/cloud.ply"),
+            "profiler": self.profiler,
             "rws": None if self.rws is None else {"1.0": self.rws.first, "2.0": self.rws.second},
             "control": self.control_url,
             "cell": self.sheet,

@@ -54,7 +54,7 @@ class Ports:
 
     `serial` opens a pty: beside the socket with the Python program, instead of it with RAPID, as on a real controller.
     `devices` None: no camera and scanner. `rws` None: no Robot Web Services, otherwise the ports of 1.0 and 2.0.
-    `egm`: host and port to send EGM to.
+    `egm`: host and port to send EGM to. `profiler`: of a line profiler in the scanner's place; None: there is none.
     """
 
     host: str = LOOPBACK
@@ -64,6 +64,7 @@ class Ports:
     serial: bool = False
     rws: tuple[int, int] | None = None
     egm: tuple[str, int] | None = None
+    profiler: int | None = None
 
 
 class MockCell:
@@ -110,7 +111,9 @@ class MockCell:
         if ports.egm is not None:
             await self.egm.start(*ports.egm)
             self._closing.push_async_callback(self.egm.close)
-        return Announcement(self.truth.seed, host, port, serial, devices, control, cell_sheet(self.truth), rws)
+        profiler = None if ports.profiler is None else await self._start_profiler(ports.host, ports.profiler)
+        sheet = cell_sheet(self.truth)
+        return Announcement(self.truth.seed, host, port, serial, devices, control, sheet, rws, profiler)
 
     async def close(self) -> None:
         """Close all interfaces."""
@@ -118,10 +121,14 @@ class MockCell:
 
     def flange_now(self) -> FlangeNow:
         """Flange pose as camera and scanner see it."""
-        robot_s = self.controller.robot_s(self.clock())
-        arm = self.controller.arm
+        now_s = self.clock()
+        return FlangeNow(self.flange_at(now_s), self.controller.arm.is_moving_at(self.controller.robot_s(now_s)))
+
+    def flange_at(self, now_s: float) -> Array:
+        """True flange pose (4, 4) at a time since the current move began."""
         start_T_base = self.controller.mounting.start_T_base(self.controller.external_axes)
-        return FlangeNow(start_T_base @ arm.true_base_T_flange(robot_s), arm.is_moving_at(robot_s))
+        seen: Array = start_T_base @ self.controller.arm.true_base_T_flange(self.controller.robot_s(now_s))
+        return seen
 
     def inject_fault(
         self, fault: str, *, strikes: int | None = None, only: Command | None = None, after_moves: int = 0
@@ -147,6 +154,14 @@ class MockCell:
         application = create_app(self.truth, self.flange_now)
         self.faults = replace(self.faults, devices=application.faults, device_rows=DEVICE_FAULTS)
         return application
+
+    async def _start_profiler(self, host: str, port: int) -> str:
+        from mock_robot.devices.profiler import MockProfiler  # imports the ray caster only when needed
+
+        profiler = MockProfiler(self.truth, self.flange_at, self.clock)
+        self._closing.push_async_callback(profiler.close)
+        found, listening = await profiler.start(host, port)
+        return f"profiles://{found}:{listening}"
 
     async def _serve(self, application: object, host: str, port: int) -> str:
         server = HttpServer(application)

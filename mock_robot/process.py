@@ -40,6 +40,7 @@ async def _run(options: argparse.Namespace) -> int:
         options.serial,
         (options.rws_port, options.rws2_port),
         options.egm,
+        options.profiler_port,
     )
     try:
         announcement = await cell.start(ports)

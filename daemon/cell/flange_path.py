@@ -16,15 +16,17 @@ class PolledPath:
     """drivers.interfaces.PathRecorder of a robot that answers when asked: a pose is taken midway of its round trip."""
 
     def __init__(self, robot: Robot, clock: Clock) -> None:
-        self._robot, self._clock = robot, clock
+        self._robot, self._clock, self._last_s = robot, clock, -np.inf
 
     async def read(self) -> tuple[Array, Array]:
-        """One pose, or none when its answer came late. Raises DeviceError."""
+        """One pose; none when its answer came late, or where the clock has not moved on. Raises DeviceError."""
         reading = await self._robot.read_pose()
         took_s = self._clock.monotonic_s() - reading.taken_at_s
-        if took_s > MAX_ROUND_TRIP_S:
+        time_s = reading.taken_at_s + took_s / 2
+        if took_s > MAX_ROUND_TRIP_S or time_s <= self._last_s:
             return np.empty(0), np.empty((0, 4, 4))
-        return np.array([reading.taken_at_s + took_s / 2]), reading.base_T_flange[None]
+        self._last_s = time_s
+        return np.array([time_s]), reading.base_T_flange[None]
 
 
 class PathInBase:
