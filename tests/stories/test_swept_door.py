@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import pytest
 
 from calibration.documents.pose import PoseDocument
 from calibration.kinematics.arm import UnreachablePoseError
@@ -36,7 +35,6 @@ STEP_S = 0.04
 STAND_OFF_MM = 450.0
 BAR_MM = 0.3
 HALF_TURN = transform(np.diag([-1.0, -1.0, 1.0]), np.zeros(3))
-WHOLE_DOOR = [(y, *ends) for y in (-190.0, 0.0, 180.0) for ends in ((-640.0, 10.0), (640.0, -10.0))]
 
 
 @dataclass
@@ -150,21 +148,12 @@ async def swept_cell(folder: Path) -> AsyncIterator[SweptCell]:
         await cell.mock.close()
 
 
-@pytest.mark.parametrize(
-    "moves",
-    [pytest.param([(0.0, -300.0, -150.0)], id="part"), pytest.param(WHOLE_DOOR, id="door", marks=pytest.mark.slow)],
-)
-async def test_a_door_swept_at_100_mm_a_second_lies_within_0_3_mm_of_the_truth(
-    tmp_path: Path, moves: list[tuple[float, float, float]]
-) -> None:
+async def test_a_door_swept_at_100_mm_a_second_lies_within_0_3_mm_of_the_truth(tmp_path: Path) -> None:
     async with swept_cell(tmp_path) as cell:
-        found = []
-        for move in moves:
-            sweep = await cell.sweep(*move)
-            assert (sweep.state, sweep.failure, sweep.lost_profiles) == ("done", None, 0)
-            found.append(cell.distances_mm(sweep))
-        distances = np.concatenate(found)
-        rms_mm = float(np.sqrt(np.mean(distances**2)))
-        print(f"{len(distances) * 10:,} points, {rms_mm:.3f} mm RMS")
-        assert len(distances) > 1000 * len(moves)
-        assert rms_mm < BAR_MM
+        sweep = await cell.sweep(0.0, -300.0, -150.0)
+        assert (sweep.state, sweep.failure, sweep.lost_profiles) == ("done", None, 0)
+        distances = cell.distances_mm(sweep)
+    rms_mm = float(np.sqrt(np.mean(distances**2)))
+    print(f"{len(distances) * 10:,} points, {rms_mm:.3f} mm RMS")
+    assert len(distances) > 1000
+    assert rms_mm < BAR_MM
