@@ -1,11 +1,13 @@
 """Routes of /sweeps: a line profiler's profiles in base while the arm moves."""
 
+import logging
 from collections.abc import AsyncIterator
 from pathlib import Path
 from typing import Annotated, BinaryIO
 
 from fastapi import APIRouter, Depends, Response
 from fastapi.responses import StreamingResponse
+from starlette.types import Send
 
 from daemon.api.dependencies import App, Identifier, JsonBody
 from daemon.api.problems import problem_responses
@@ -17,6 +19,10 @@ from daemon.config.settings import MAIN_SCANNER
 from daemon.errors import DaemonError
 from daemon.model.requests import SweepRequest
 from daemon.scans.sweep import POINT_BYTES, Sweep
+from drivers.errors import DeviceError
+from registration.errors import RegistrationError
+
+log = logging.getLogger(__name__)
 
 router = APIRouter(prefix="/sweeps", tags=["scans"])
 
@@ -66,7 +72,17 @@ async def points(app: App, sweep_id: Identifier) -> Response:
     connection is closed before the answer's end, and GET /sweeps/{id} names the error."""
     sweep = app.sweeps.get(sweep_id)
     headers = {"Handeyed-Calibration": sweep.calibration_id, "Handeyed-Frame": "base"}
-    return StreamingResponse(_points(app, sweep), media_type=OCTETS, headers=headers)
+    return PointsResponse(_points(app, sweep), media_type=OCTETS, headers=headers)
+
+
+class PointsResponse(StreamingResponse):
+    """Its end is sent only for a sweep that did not fail, so that clients detect one that did."""
+
+    async def stream_response(self, send: Send) -> None:
+        try:
+            await super().stream_response(send)
+        except (DeviceError, RegistrationError, DaemonError) as error:
+            log.warning("the points of a sweep were cut off: %s", error)
 
 
 async def _points(app: Application, sweep: Sweep) -> AsyncIterator[bytes]:

@@ -195,7 +195,9 @@ async def _move_unevenly(cell: Sweeping) -> None:
     ],
     ids=["sensor lost", "robot lost", "times go back", "poses missing", "too fast for the poses"],
 )
-async def test_what_goes_wrong_ends_the_sweep_with_its_name(sweeping: Sweeping, trouble: Any, code: str) -> None:
+async def test_what_goes_wrong_ends_the_sweep_with_its_name(
+    sweeping: Sweeping, trouble: Any, code: str, caplog: pytest.LogCaptureFixture
+) -> None:
     begun = await sweeping.begin()
     await trouble(sweeping)
     with pytest.raises(httpx.RemoteProtocolError):
@@ -203,6 +205,7 @@ async def test_what_goes_wrong_ends_the_sweep_with_its_name(sweeping: Sweeping, 
     found = (await sweeping.bench.client.get(begun["links"]["self"])).json()
     assert (found["state"], found["problem"]["code"]) == ("failed", code)
     assert sweeping.bench.application.cell.holder is None
+    assert not [record for record in caplog.records if record.exc_info]
 
 
 async def test_clocks_that_do_not_overlap_are_named(sweeping: Sweeping) -> None:
