@@ -94,6 +94,7 @@ class VoxelGrid:
         self._make_room()
         self._sums[:, cells] = sums
 
+    @np.errstate(all="ignore")  # an infinite number of cubes is too many
     def _keys(self, columns: dict[str, Array]) -> Keys:
         """One key per cube."""
         keys: Keys = np.zeros(len(columns[self.layout.xyz[0]]), np.int64)

@@ -27,7 +27,7 @@ async def test_every_query_and_body_is_answered_in_words_and_moves_nothing(bench
     content = cloud(100).astype("<f4").tobytes()
     await bench.client.post(scan["links"]["views"], params={"pose": POSE}, content=content, headers=OCTETS)
     ids = {"calibration_id": "cal-1", "scan_id": scan["id"], "k": "0"}
-    ids |= dict.fromkeys(("run_id", "acceptance_id", "touch_id", "rig_id", "name", "code"), "x")
+    ids |= dict.fromkeys(("run_id", "acceptance_id", "touch_id", "rig_id", "sweep_id", "name", "code"), "x")
     asked = 0
     for method, path, operation in _operations():
         url = path.format(export_format="rapid", **ids)
