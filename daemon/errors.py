@@ -30,9 +30,6 @@ DaemonError
 ├── CalibrationUnusable   a calibration must not, or cannot, be applied
 ├── TargetNotSeen         too few stations saw the target
 ├── NoScanner             the settings name no scanner
-├── NoProfiler            the scanner takes whole clouds, it is no line profiler
-├── NothingOnPath         no profile of a sweep lies on the robot's path; `profiles`, `left_out`
-├── SweepTooLong          a sweep was not ended in time
 ├── ScanEmpty             the scan has no views
 ├── WorkersBusy           too many merges and registrations wait already
 ├── StorageError          the store could not be read or written; nothing stored before is lost
@@ -327,41 +324,6 @@ class NoScanner(DaemonError):
 
     def __init__(self) -> None:
         super().__init__("the settings name no scanner", "add [scanner] with its address, or send the cloud yourself")
-
-
-class NoProfiler(DaemonError):
-    """The scanner takes whole clouds, it is no line profiler."""
-
-    code = "no-profiler"
-
-    def __init__(self, scanner: str) -> None:
-        super().__init__(
-            f"{scanner} takes whole clouds, it is no line profiler",
-            "scan with POST /scans, or set a profiles: address for it",
-        )
-
-
-class NothingOnPath(DaemonError):
-    """No profile of a sweep lies on the robot's path: `left_out` of `profiles` lie before or after it."""
-
-    code = "nothing-on-path"
-
-    def __init__(self, profiles: int, left_out: int) -> None:
-        self.profiles, self.left_out = profiles, left_out
-        super().__init__(
-            f"of {profiles} profiles no point lies on the robot's path, {left_out} were taken before or after it",
-            "check the clock of the sensor, clock_offset_s in the settings, and that the part is within its range",
-        )
-
-
-class SweepTooLong(DaemonError):
-    """A sweep was not ended within `limit_s`."""
-
-    code = "sweep-too-long"
-
-    def __init__(self, limit_s: float) -> None:
-        self.limit_s = limit_s
-        super().__init__(f"the sweep was not ended in {limit_s:g} s", "end each sweep with POST /sweeps/{id}/end")
 
 
 class ScanEmpty(DaemonError):

@@ -1,11 +1,11 @@
 """The operations of the cell, called by the REST interface, the PLC gateway and the drift schedule."""
 
-from collections.abc import Awaitable, Callable, Mapping, Sequence
+from collections.abc import Awaitable, Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
-from calibration.documents.session import AxisOffsetDocument, CameraDocument
+from calibration.documents.session import CameraDocument
 from calibration.documents.target import TargetDocument
 from calibration.kinematics.arm import Arm
 from calibration.planning.next_view import StoppingRule
@@ -59,7 +59,7 @@ from daemon.runs.pose_selection import (
 from daemon.runs.pose_sequence import FixedSequence, PoseSequence
 from daemon.runs.run_log import RunLog
 from daemon.runs.scan_run import ScanRun
-from daemon.runs.sequence_plan import Drive, MakeSequence, OpenSession, plan_sequence
+from daemon.runs.sequence_plan import Drive, MakeSequence, OpenBeside, RunSessions, plan_sequence
 from daemon.runs.supervisor import RunPlan, RunResult, Supervisor
 from daemon.runs.together import CameraBeside, ScannerBeside, TogetherRun
 from daemon.runs.verification_run import VerificationRun, WithoutFirstView
@@ -73,8 +73,6 @@ from drivers.interfaces import PoseReading
 
 VERIFY_POSITIONS = 3
 """As the seed's Tab. 1."""
-
-OpenBeside = Callable[[RunLog], Sequence[SensorBeside]]
 
 
 @dataclass(frozen=True)
@@ -103,6 +101,10 @@ class Operations:
         """What is stored, and what is in force for this camera."""
         return Calibrations(self.store, self.clock, self.camera)
 
+    @property
+    def _sessions(self) -> RunSessions:
+        return RunSessions(self.store, self.workers, self.settings.camera.setup)
+
     async def calibrate(self, request: CalibrateRequest) -> RunRecord:
         """Start a calibration run.
 
@@ -112,8 +114,8 @@ class Operations:
         self._arm(request.arm)
         settings, target = self.settings.calibration, request.target or self.settings.target
         beside = self._beside(request, target)
-        offset = request.axis_offset or settings.axis_offset
-        session = self._session("calibration", target, self.settings.camera.intrinsics, beside, offset)
+        lens, offset = self.settings.camera.intrinsics, request.axis_offset or settings.axis_offset
+        session = self._sessions.prepare("calibration", target, lens, beside, offset)
         drive = partial(self._driver, request)
 
         async def prepare() -> RunPlan:
@@ -223,7 +225,7 @@ class Operations:
             require_setup(calibration, self.settings.camera.setup)
             await self._check_ready(await self.cell.obstacles())
             run = VerificationRun(self.workers, given, request.tolerance_mm or settings.tolerance_mm)
-            session = self._session("verify", target, calibration.camera)
+            session = self._sessions.prepare("verify", target, calibration.camera)
             poses = request.poses or select_taught_poses(settings, VERIFY_POSITIONS)
             if poses:
                 return plan_sequence(len(poses), await self._fixed_sequence(poses), session, run.drive)
@@ -388,23 +390,3 @@ class Operations:
         if settings is None:
             raise NoScanner
         return ScannerBeside(name, settings, self.cell, self.store, log.id, self.settings.camera.setup, target)
-
-    def _session(
-        self,
-        kind: str,
-        target: TargetDocument,
-        camera: CameraDocument | None,
-        beside: OpenBeside = lambda log: (),
-        axis_offset: AxisOffsetDocument | None = None,
-    ) -> OpenSession:
-        """A function that opens the session folder of a run."""
-        intrinsics = None if camera is None else CameraDocument.of(camera.camera())
-
-        def open_session(log: RunLog) -> SessionWriter:
-            source = f"{kind} run {log.id}"
-            return SessionWriter(
-                self.store.run_folder(log.id), source, self.settings.camera.setup, target, intrinsics, self.store,
-                self.workers, beside(log), axis_offset,
-            )  # fmt: skip
-
-        return open_session

@@ -8,6 +8,18 @@ from tests import structure
 from tests.conftest import ROOT
 
 GRAPH = structure.import_graph()
+MODULES = (
+    "benchmarks",
+    "calibration",
+    "daemon",
+    "drivers",
+    "handeyed",
+    "mock_robot",
+    "protocols",
+    "registration",
+    "tests",
+)
+MAX_LINES = 400
 
 
 @pytest.mark.parametrize("room", structure.ROOMS)
@@ -22,6 +34,11 @@ def test_a_room_has_few_units_at_its_root(room: str, limit: int) -> None:
 
 def test_no_files_import_each_other_in_a_circle() -> None:
     assert structure.cycles_of(GRAPH) == []
+
+
+def test_no_module_is_longer_than_contributing_says() -> None:
+    lengths = {file: len(file.read_text().splitlines()) for room in MODULES for file in (ROOT / room).rglob("*.py")}
+    assert {str(file): length for file, length in lengths.items() if length > MAX_LINES} == {}
 
 
 def test_functions_are_verbs() -> None:

@@ -19,6 +19,7 @@ from daemon import errors
 from daemon.access import errors as access
 from daemon.api import http_errors
 from daemon.http.problem_details import MEDIA_TYPE, PlaceProblem, Problem, reason_phrase
+from daemon.scans import errors as sweeps
 from daemon.tools.reports.errors import ReportExtraMissing, ReportTooSlow
 from drivers import errors as device
 from registration.errors import CloudIOError, CloudUnsupported, RegistrationError
@@ -34,9 +35,9 @@ STATUS: dict[type[Exception], int] = {
     errors.CalibrationUnusable: 409,
     errors.NoScanner: 409,
     errors.ScanEmpty: 409,
-    errors.NoProfiler: 409,
-    errors.NothingOnPath: 422,
-    errors.SweepTooLong: 409,
+    sweeps.NoProfiler: 409,
+    sweeps.NothingOnPath: 422,
+    sweeps.SweepTooLong: 409,
     errors.NoPoses: 409,
     errors.ArmUnknown: 409,
     errors.NotStill: 409,

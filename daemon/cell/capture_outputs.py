@@ -5,7 +5,7 @@ import logging
 from collections.abc import Awaitable, Callable
 from typing import Literal, Protocol
 
-from daemon.config.settings import OutputSettings
+from daemon.config.robot_settings import OutputSettings
 from daemon.runtime.clock import Clock
 from drivers.errors import DeviceError
 from drivers.interfaces import CameraFrame

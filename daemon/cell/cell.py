@@ -18,7 +18,8 @@ from daemon.cell.safe_stop import SafeStop
 from daemon.cell.settling import check_external_axes, check_still, read_if_standing, settle
 from daemon.cell.stale_capture import StaleCaptureDetector
 from daemon.cell.vibration import VibrationGate
-from daemon.config.settings import MAIN_CAMERA, MAIN_SCANNER, SettlingSettings
+from daemon.config.robot_settings import SettlingSettings
+from daemon.config.settings import MAIN_CAMERA, MAIN_SCANNER
 from daemon.errors import CellBusy, CellNotReady, InterlockOpen, NoScanner
 from daemon.runtime.clock import Clock
 from daemon.runtime.event_bus import Publish

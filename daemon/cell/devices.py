@@ -4,7 +4,8 @@ from daemon.cell.capture_outputs import CaptureOutputs
 from daemon.cell.cell import Devices
 from daemon.cell.exposure_control import ExposureControl, ExposureLimits
 from daemon.cell.vibration import VibrationGate
-from daemon.config.settings import CameraSettings, EgmSettings, ScannerSettings, Settings
+from daemon.config.robot_settings import EgmSettings
+from daemon.config.settings import CameraSettings, ScannerSettings, Settings
 from daemon.runtime.clock import Clock
 from daemon.runtime.workers import Workers
 from drivers.interfaces import Camera, Scanner

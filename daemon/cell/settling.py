@@ -12,7 +12,7 @@ from calibration.transforms import (
     rotation_angle_rad,
     rotation_from_quaternion,
 )
-from daemon.config.settings import SettlingSettings
+from daemon.config.robot_settings import SettlingSettings
 from daemon.errors import NotStill, PoseMismatch
 from daemon.runtime.clock import Clock
 from drivers.interfaces import PoseReading, Robot

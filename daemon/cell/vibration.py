@@ -4,7 +4,7 @@ import asyncio
 from dataclasses import dataclass
 from math import degrees
 
-from daemon.config.settings import EgmSettings
+from daemon.config.robot_settings import EgmSettings
 from daemon.errors import NotStill
 from daemon.runtime.clock import Clock
 from drivers.interfaces import Vibration, VibrationMonitor

@@ -1,14 +1,21 @@
 """The plan of a run that takes its views along one sequence of poses, into a session of its own."""
 
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Sequence
+from dataclasses import dataclass
 
+from calibration.documents.session import AxisOffsetDocument, CameraDocument
+from calibration.documents.target import TargetDocument
+from calibration.problem import Setup
 from daemon.runs.pose_sequence import PoseSequence
 from daemon.runs.run_log import RunLog
 from daemon.runs.supervisor import RunPlan, RunResult
-from daemon.sessions.session_writer import SessionWriter
+from daemon.runtime.workers import Workers
+from daemon.sessions.session_writer import SensorBeside, SessionWriter
+from daemon.store.store import Store
 
 MakeSequence = Callable[[SessionWriter, RunLog], PoseSequence]
 OpenSession = Callable[[RunLog], SessionWriter]
+OpenBeside = Callable[[RunLog], Sequence[SensorBeside]]
 Drive = Callable[[PoseSequence, RunLog], Awaitable[RunResult]]
 
 
@@ -19,3 +26,32 @@ def plan_sequence(stations: int, sequence: MakeSequence, session: OpenSession, d
         return await drive(sequence(session(log), log), log)
 
     return RunPlan(stations, drive_sequence)
+
+
+@dataclass(frozen=True)
+class RunSessions:
+    """Prepares the session folders of runs with one camera."""
+
+    store: Store
+    workers: Workers
+    setup: Setup
+
+    def prepare(
+        self,
+        kind: str,
+        target: TargetDocument,
+        camera: CameraDocument | None,
+        beside: OpenBeside = lambda log: (),
+        axis_offset: AxisOffsetDocument | None = None,
+    ) -> OpenSession:
+        """A function that opens the session folder of a run; `beside`: opens those of the sensors beside the camera."""
+        intrinsics = None if camera is None else CameraDocument.of(camera.camera())
+
+        def open_session(log: RunLog) -> SessionWriter:
+            source = f"{kind} run {log.id}"
+            return SessionWriter(
+                self.store.run_folder(log.id), source, self.setup, target, intrinsics, self.store, self.workers,
+                beside(log), axis_offset,
+            )  # fmt: skip
+
+        return open_session

@@ -10,10 +10,11 @@ from typing import BinaryIO, Literal
 import numpy as np
 
 from calibration.transforms import Array
-from daemon.errors import DaemonError, NothingOnPath, SweepTooLong
+from daemon.errors import DaemonError
 from daemon.runtime.clock import Clock
 from daemon.runtime.durable_files import create_file
 from daemon.runtime.workers import Workers
+from daemon.scans.errors import NothingOnPath, SweepTooLong
 from daemon.store.database import storage_errors
 from drivers.errors import DeviceError, errors_of
 from drivers.interfaces import PathRecorder, ProfileSource

@@ -8,10 +8,11 @@ from dataclasses import dataclass, field
 from calibration.documents.calibration import CalibrationDocument
 from daemon.cell.cell import Cell
 from daemon.config.settings import MAIN_SCANNER
-from daemon.errors import CellNotReady, NoProfiler, NoScanner, NotFound
+from daemon.errors import CellNotReady, NoScanner, NotFound
 from daemon.runtime.clock import Clock
 from daemon.runtime.durable_files import make_folder
 from daemon.runtime.workers import Workers
+from daemon.scans.errors import NoProfiler
 from daemon.scans.scan_service import TRANSIT_FOLDER, ScanService
 from daemon.scans.sweep import Sweep, SweepRecorder
 from daemon.store.database import storage_errors

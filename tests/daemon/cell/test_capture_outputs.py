@@ -6,7 +6,8 @@ from typing import Any
 import pytest
 
 from daemon.cell.capture_outputs import CaptureOutputs
-from daemon.config.settings import OutputSettings, RobotSettings
+from daemon.config.robot_settings import OutputSettings
+from daemon.config.settings import RobotSettings
 from drivers.errors import DeviceTimeout
 
 FAILURE = DeviceTimeout("camera", "no frame", "look at its cable")

@@ -6,7 +6,7 @@ import pytest
 
 from calibration.transforms import transform_from_quaternion
 from daemon.cell.settling import check_arrival, check_still, settle
-from daemon.config.settings import SettlingSettings
+from daemon.config.robot_settings import SettlingSettings
 from daemon.errors import NotStill, PoseMismatch
 from daemon.runtime.clock import Clock
 from drivers.interfaces import PoseReading

@@ -7,7 +7,7 @@ import pytest
 
 from daemon.cell.cell import Cell, Devices
 from daemon.cell.vibration import VibrationGate
-from daemon.config.settings import EgmSettings, SettlingSettings
+from daemon.config.robot_settings import EgmSettings, SettlingSettings
 from daemon.errors import NotStill
 from daemon.runtime.clock import Clock
 from drivers.errors import DeviceTimeout

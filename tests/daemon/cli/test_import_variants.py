@@ -8,18 +8,8 @@ import pytest
 
 from calibration.documents.pose import PoseDocument
 from calibration.transforms import inverse
-from tests.daemon.cli.plant_files import (
-    BACKWARDS,
-    EYE_IN_HAND,
-    POSES,
-    TARGET,
-    VARIANTS,
-    Q,
-    Variant,
-    csv,
-    lines,
-    quaternions,
-)
+from tests.daemon.cli.plant_files import VARIANTS, Variant
+from tests.daemon.cli.plant_notations import BACKWARDS, EYE_IN_HAND, POSES, TARGET, Q, csv, lines, quaternions
 from tests.daemon.cli.running import Ran, handeyed
 
 ROUNDED = {"quaternions of three decimals": 2e-3}

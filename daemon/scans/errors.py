@@ -1,0 +1,44 @@
+"""Errors of sweeps.
+
+DaemonError
+├── NoProfiler      the scanner takes whole clouds, it is no line profiler
+├── NothingOnPath   no profile of a sweep lies on the robot's path
+└── SweepTooLong    a sweep was not ended in time
+"""
+
+from daemon.errors import DaemonError
+
+
+class NoProfiler(DaemonError):
+    """The scanner takes whole clouds, it is no line profiler."""
+
+    code = "no-profiler"
+
+    def __init__(self, scanner: str) -> None:
+        super().__init__(
+            f"{scanner} takes whole clouds, it is no line profiler",
+            "scan with POST /scans, or set a profiles: address for it",
+        )
+
+
+class NothingOnPath(DaemonError):
+    """No profile of a sweep lies on the robot's path: `left_out` of `profiles` lie before or after it."""
+
+    code = "nothing-on-path"
+
+    def __init__(self, profiles: int, left_out: int) -> None:
+        self.profiles, self.left_out = profiles, left_out
+        super().__init__(
+            f"of {profiles} profiles no point lies on the robot's path, {left_out} were taken before or after it",
+            "check the clock of the sensor, clock_offset_s in the settings, and that the part is within its range",
+        )
+
+
+class SweepTooLong(DaemonError):
+    """A sweep was not ended within `limit_s`."""
+
+    code = "sweep-too-long"
+
+    def __init__(self, limit_s: float) -> None:
+        self.limit_s = limit_s
+        super().__init__(f"the sweep was not ended in {limit_s:g} s", "end each sweep with POST /sweeps/{id}/end")
