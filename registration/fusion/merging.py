@@ -42,6 +42,10 @@ Box = tuple[Corner, Corner]
 """Least and largest x, y, z in base."""
 
 
+MIN_MOST = 8
+"""However large voxels are, eight of them meet at the origin."""
+
+
 @dataclass(frozen=True)
 class Merge:
     """Settings of a merge. `voxel_mm` None keeps every point; `box_mm`: only points within it; `most`: the voxels' edge
@@ -59,6 +63,10 @@ class Merge:
         if self.voxel_mm is None and (self.normals or self.outliers != "keep"):
             what = "normals and outliers are judged on averaged points, but no voxel is stated"
             raise ScanError(what, "state its edge, about the points' spacing, such as 0.5 mm")
+        if self.most is not None and self.most < MIN_MOST:
+            raise ScanError(
+                f"at most {self.most} points are wanted", f"want {MIN_MOST} or more: as many voxels meet at the origin"
+            )
         if self.voxel_mm is None and self.most is not None:
             what = f"at most {self.most} points are wanted, but no voxel is stated"
             raise ScanError(what, "state the smallest edge, which is doubled until there are no more points")

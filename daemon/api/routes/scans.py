@@ -153,7 +153,7 @@ SurfaceVoxel = Annotated[float, Query(gt=0, le=1e4, description="edge of the cub
 OCTETS = "application/octet-stream"
 BOX = "only points within this box of the base, mm: least x, y, z, largest x, y, z, with commas"
 MOST = "double the edge of the cubes until there are no more points than these; needs voxel_mm"
-MostPoints = Annotated[int | None, Query(ge=1, le=4_000_000, description=MOST), IN_WHOLE_DIGITS]
+MostPoints = Annotated[int | None, Query(ge=8, le=4_000_000, description=MOST), IN_WHOLE_DIGITS]
 BoxQuery = Annotated[str | None, Query(pattern=BOX_PATTERN, max_length=100, description=BOX)]
 STILL: dict[int | str, dict[str, Any]] = {
     202: {"description": "It is still in progress: ask again", "model": RegistrationState}

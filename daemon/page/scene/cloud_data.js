@@ -5,7 +5,7 @@ export const AIMED_POINTS = 500_000; // 6 MB at 12 bytes a point
 export const MAX_POINTS = { first: 250_000, finer: 700_000 }; // 11.4 MB for both, however large the part
 
 /** The most points of one of `views` views, which the daemon keeps to. */
-export const shareOf = (most, views) => Math.max(1, Math.floor(most / views));
+export const shareOf = (most, views) => Math.max(8, Math.floor(most / views));
 
 /** One array of coordinates and one of view indices from the parts' float32 x, y, z. */
 export function joinParts(parts) {

@@ -204,3 +204,10 @@ def test_at_most_so_many_points_are_merged() -> None:
     assert len(merged(Merge(1.0, most=900), sheet(), sheet(1))[0]) <= 900
     with pytest.raises(ScanError, match="no voxel is stated"):
         Merge(most=900)
+
+
+def test_eight_voxels_are_the_fewest_and_seven_are_refused() -> None:
+    """Doubling an edge joins no points on both sides of the origin, so that fewer would never be reached."""
+    assert len(merged(Merge(1.0, most=8), sheet(), sheet(1))[0]) <= 8
+    with pytest.raises(ScanError, match="want 8 or more"):
+        Merge(1.0, most=7)
