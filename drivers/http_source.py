@@ -130,6 +130,12 @@ class HttpSource(PolledDevice):
             async with self._answer() as answer:
                 self._raise_for_status(answer)
                 content = await self._read_bounded_body(answer)
+        except httpx.ConnectTimeout as error:
+            what = f"no connection in {CONNECT_LIMIT_S:g} s"
+            self._report.down(what)
+            raise DeviceUnreachable(
+                self.device, what, "check that the device is on, the address and the port"
+            ) from error
         except httpx.TimeoutException as error:
             raise self._no_answer() from error
         except (httpx.RemoteProtocolError, httpx.DecodingError, httpx.UnsupportedProtocol) as error:

@@ -12,10 +12,10 @@ import pytest
 
 from drivers.cameras.http_camera import HttpCamera
 from drivers.errors import AnswerTooLarge, DeviceTimeout, DeviceUnreachable, GarbledAnswer
-from drivers.http_source import age_s, tls_trust
+from drivers.http_source import HttpSource, age_s, tls_trust
 from tests.drivers.http_devices import Answer, http_device
 from tests.drivers.pictures import PNG
-from tests.support.waiting import LIMIT_S, SkippableTime, eventually
+from tests.support.waiting import LIMIT_S, FakeTime, SkippableTime, eventually
 
 BOMB = gzip.compress(gzip.compress(bytes(50_000_000)))
 """Some hundred bytes that unpack to 50 MB."""
@@ -148,3 +148,24 @@ def test_from_plain_http_at_a_port_of_its_own_nobody_is_trusted() -> None:
     trust = tls_trust(httpx.URL("http://camera:8080/now"))
     assert isinstance(trust, ssl.SSLContext)
     assert (trust.verify_mode, trust.check_hostname, trust.get_ca_certs()) == (ssl.CERT_REQUIRED, True, [])
+
+
+async def test_a_device_whose_connection_takes_too_long_is_asked_again() -> None:
+    """A busy machine accepts late: until the picture's own limit that is no reason to give up."""
+    fake = FakeTime()
+    asked: list[httpx.Request] = []
+
+    def answer(request: httpx.Request) -> httpx.Response:
+        asked.append(request)
+        if len(asked) < 3:
+            raise httpx.ConnectTimeout("", request=request)
+        return httpx.Response(200, stream=httpx.ByteStream(PNG), headers={"Content-Type": "image/png"})
+
+    source = HttpSource("http://camera/now", fake.timing, name="camera", limit_s=60.0, max_bytes=4096)
+    source._client = httpx.AsyncClient(transport=httpx.MockTransport(answer))
+    fetching = asyncio.create_task(source.fetch(-1.0))
+    while not fetching.done():
+        await fake.advance(1.0)
+    assert (await fetching).content == PNG
+    assert len(asked) == 3
+    await source.close()
