@@ -212,6 +212,7 @@ async def test_points_are_touched_one_after_the_other_by_keyboard_alone(
         await press(page.get_by_role("button", name="The tip is at point 10"))
         await page.get_by_text("✕ Beyond the tolerance of 1.0 mm").first.wait_for()
         await page.get_by_role("rowheader", name="Point 10").wait_for()
+        await page.locator("section[aria-labelledby=touches] .timeline li").nth(1).wait_for()
         assert await page.locator("section[aria-labelledby=touches] .timeline li").count() == 2
         await page.locator("section[aria-labelledby=touches] svg .alarm-dot").wait_for()
     bench.robot.base_T_flange = stood
