@@ -131,11 +131,7 @@ class HttpSource(PolledDevice):
                 self._raise_for_status(answer)
                 content = await self._read_bounded_body(answer)
         except httpx.ConnectTimeout as error:
-            what = f"no connection in {CONNECT_LIMIT_S:g} s"
-            self._report.down(what)
-            raise DeviceUnreachable(
-                self.device, what, "check that the device is on, the address and the port"
-            ) from error
+            raise self._unreachable(f"no connection in {CONNECT_LIMIT_S:g} s") from error
         except httpx.TimeoutException as error:
             raise self._no_answer() from error
         except (httpx.RemoteProtocolError, httpx.DecodingError, httpx.UnsupportedProtocol) as error:
@@ -143,11 +139,7 @@ class HttpSource(PolledDevice):
             what = f"no whole HTTP answer ({excerpt(error)})"
             raise GarbledAnswer(self.device, what, "check the device and the URL") from error
         except httpx.TransportError as error:
-            what = f"nobody answers ({excerpt(error) or type(error).__name__})"
-            self._report.down(what)
-            raise DeviceUnreachable(
-                self.device, what, "check that the device is on, the address and the port"
-            ) from error
+            raise self._unreachable(f"nobody answers ({excerpt(error) or type(error).__name__})") from error
         try:
             taken_at_s = asked_at_s - age_s(answer.headers)
         except (ValueError, TypeError) as error:
@@ -207,6 +199,10 @@ class HttpSource(PolledDevice):
         if answer.status_code >= 500:
             raise DeviceUnreachable(self.device, what, "the device is not ready; look at it")
         raise GarbledAnswer(self.device, what, "check the URL, and user and password in it")
+
+    def _unreachable(self, what: str) -> DeviceUnreachable:
+        self._report.down(what)
+        return DeviceUnreachable(self.device, what, "check that the device is on, the address and the port")
 
     def _no_answer(self) -> DeviceTimeout:
         what = f"no answer in {self._limit_s:g} s"

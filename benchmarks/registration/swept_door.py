@@ -2,7 +2,7 @@
 
 `python -m benchmarks.registration.swept_door`
 
-Robot poses over the CB link every 10 ms, profiles over the sensor's protocol with a clock of its own, the true X. Lanes
+Robot poses over the CB link 40 ms apart, profiles over the sensor's protocol with a clock of its own, the true X. Lanes
 that the arm cannot reach without turning over are named.
 """
 

@@ -6,8 +6,6 @@ from calibration.transforms import Array, inverse
 from daemon.runtime.clock import Clock
 from drivers.interfaces import PathRecorder, Robot
 
-READ_GAP_S = 0.01
-"""Between two readings; at 100 mm/s the flange moves 1 mm in it."""
 MAX_ROUND_TRIP_S = 0.05
 """A pose whose answer took longer was taken at a time that is too uncertain, and is left out."""
 

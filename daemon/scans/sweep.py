@@ -25,7 +25,7 @@ from registration.profiles.sweep import SweepAssembler
 SweepState = Literal["running", "done", "failed"]
 
 PACE_S = 0.02
-"""Between two readings of the path: 50 steps a second, each of 40 profiles at 2,000 a second."""
+"""Between two readings of the path: at most 50 a second, with 40 profiles each at 2,000 a second, 2 mm at 100 mm/s."""
 MAX_SWEEP_S = 600.0
 MAX_WAITING_BLOCKS = 64
 POINT_BYTES = 12

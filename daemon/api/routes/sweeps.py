@@ -40,7 +40,7 @@ async def begin(
     app: App, body: Annotated[SweepRequest, Depends(JsonBody(SweepRequest))], calibration: Which = "current"
 ) -> Response:
     """Begin a sweep of a line profiler. Nothing moves: move the arm by its own program, then end the sweep. No run
-    starts meanwhile. Poses come from EGM where [robot.egm] is set, else from readings 10 ms apart."""
+    starts meanwhile. Poses come from EGM where [robot.egm] is set, else from readings, at most 50 a second."""
     name = body.scanner or MAIN_SCANNER
     beside = app.settings.camera_beside(name) if app.settings.cameras or app.settings.scanners else None
     used = await app.operations.calibrations.find(calibration, beside)

@@ -250,6 +250,8 @@ class RwsClient:
         body = {"data": dict(form)} if form else {"content": content} if content is not None else {}
         try:
             answer = await http.request(method, path, params=dict(query), headers=dict(headers), **body)
+        except httpx.ConnectTimeout as error:
+            raise DeviceUnreachable(self.device, f"no connection in {CONNECT_LIMIT_S:g} s", LISTENS) from error
         except httpx.TimeoutException as error:
             raise DeviceTimeout(self.device, f"{doing}: no answer in {self._limit_s:g} s", LISTENS) from error
         except httpx.ConnectError as error:
