@@ -19,10 +19,10 @@ from registration.calibrate.profiler import ArtefactSweep, solve_profiler
 from registration.profiles.profile_block import ProfileBlock
 from registration.profiles.robot_path import RobotPath
 from registration.profiles.sweep import SweepAssembler
+from tests.simulated.door_sweeps import STAND_OFF_MM, base_T_profiler_before_door
 
 SPEED_MM_S = 100.0
 PROFILES_HZ, POSES_HZ = 100.0, 50.0
-STAND_OFF_MM = 450.0
 RADIUS_MM = 40.0
 OFFSET_S = 0.042
 JITTER_S = 0.0005
@@ -108,7 +108,7 @@ class _Cell:
         found = []
         for y in ROWS_MM:
             for begin, end in HALVES_MM:
-                ends = [self._facing(x, y) for x in (begin, end)]
+                ends = [base_T_profiler_before_door(self.truth, x, y) for x in (begin, end)]
                 sweep = self._drive(ends) or self._drive([pose @ HALF_TURN for pose in ends])
                 if sweep is None:
                     print(f"         (the arm cannot sweep row {y:g} mm from {begin:g} to {end:g} mm)")
@@ -131,16 +131,6 @@ class _Cell:
                     squares.append(DOOR.deviation(map_points(part_T_base, points[::40])) ** 2)
             assembler.require_finished()
         return float(np.sqrt(np.mean(np.concatenate(squares)))), count
-
-    def _facing(self, x: float, y: float) -> Array:
-        """base_T_profiler before the door at (x, y), the laser line up the door, by the nominal rack."""
-        slope_y = -y / DOOR.radius_up
-        out = np.array([0.0, -slope_y, 1.0]) / np.hypot(slope_y, 1.0)
-        along = np.array([1.0, 0.0, 0.0])
-        rotation = np.column_stack([np.cross(along, -out), along, -out])
-        aim = np.array([x, y, float(DOOR.height(np.array(x), np.array(y)))])
-        base_T_profiler: Array = self.truth.nominal.base_T_part @ transform(rotation, aim + STAND_OFF_MM * out)
-        return base_T_profiler
 
     def _drive(self, ends: list[Array]) -> tuple[Array, RobotPath, Array] | None:
         """Sensor times (n,), the reported path, and the true base_T_profiler (n, 4, 4) of one straight move.

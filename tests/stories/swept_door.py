@@ -27,12 +27,12 @@ from mock_robot.devices.profiler import SENSOR_AHEAD_S
 from mock_robot.scene.part import DOOR
 from mock_robot.truth.truth import CellTruth
 from tests.daemon.touches import document_with_covariance
+from tests.simulated.door_sweeps import base_T_profiler_before_door
 from tests.stories.plant import settings_of
 from tests.support.waiting import LIMIT_S, eventually
 
 SPEED_MM_S = 100.0
 STEP_S = 0.04
-STAND_OFF_MM = 450.0
 HALF_TURN = transform(np.diag([-1.0, -1.0, 1.0]), np.zeros(3))
 
 
@@ -99,7 +99,8 @@ class SweptCell:
         arm = self.mock.controller.arm.arm
         for turn in (np.eye(4), HALF_TURN):
             first, last = (
-                self._facing(x, y) @ turn @ inverse(self.truth.nominal.mount_T_camera) for x in (x_begin, x_end)
+                base_T_profiler_before_door(self.truth, x, y) @ turn @ inverse(self.truth.nominal.mount_T_camera)
+                for x in (x_begin, x_end)
             )
             try:
                 begin = min(arm.inverse(first), key=lambda joints: float(np.abs(joints).max()))
@@ -107,16 +108,6 @@ class SweptCell:
             except UnreachablePoseError:
                 continue
         raise AssertionError("the arm cannot sweep there")
-
-    def _facing(self, x: float, y: float) -> Array:
-        """base_T_profiler before the door at (x, y), the laser line up the door, by the nominal rack."""
-        slope = -y / DOOR.radius_up
-        out = np.array([0.0, -slope, 1.0]) / np.hypot(slope, 1.0)
-        along = np.array([1.0, 0.0, 0.0])
-        rotation = np.column_stack([np.cross(along, -out), along, -out])
-        aim = np.array([x, y, float(DOOR.height(np.array(x), np.array(y)))])
-        pose: Array = self.truth.nominal.base_T_part @ transform(rotation, aim + STAND_OFF_MM * out)
-        return pose
 
     def distances_mm(self, sweep: Sweep) -> Array:
         """Of every tenth point from the true skin."""
