@@ -10,7 +10,7 @@ from typing import BinaryIO, Literal
 import numpy as np
 
 from calibration.transforms import Array
-from daemon.errors import DaemonError
+from daemon.errors import DaemonError, StorageFull
 from daemon.runtime.clock import Clock
 from daemon.runtime.durable_files import create_file
 from daemon.runtime.workers import Workers
@@ -61,13 +61,14 @@ class SweepRecorder:
         source: ProfileSource,
         open_path: Callable[[], Awaitable[PathRecorder]],
         assembler: SweepAssembler,
+        has_room: Callable[[], bool],
         clock_offset_s: float,
         clock: Clock,
         workers: Workers,
     ) -> None:
         self.sweep = sweep
         self._source, self._open_path, self._assembler = source, open_path, assembler
-        self._offset_s, self._clock, self._workers = clock_offset_s, clock, workers
+        self._has_room, self._offset_s, self._clock, self._workers = has_room, clock_offset_s, clock, workers
         self._arrived: asyncio.Queue[ProfileBlock] = asyncio.Queue(MAX_WAITING_BLOCKS)
         self._first_s = self._last_pose_s = self._last_profile_s = -np.inf
         self._end_s = np.inf
@@ -135,7 +136,7 @@ class SweepRecorder:
         return self._last_profile_s >= self._end_s or self._clock.monotonic_s() > self._end_s + self._source.lag_s
 
     def _advance(self, times_s: Array, poses: Array, blocks: list[ProfileBlock], out: BinaryIO) -> None:
-        """Raises RegistrationError, StorageError."""
+        """Raises RegistrationError, StorageError; StorageFull before a sweep takes the room of a run."""
         sweep = self.sweep
         if len(times_s):
             if sweep.poses:
@@ -152,6 +153,8 @@ class SweepRecorder:
             sweep.profiles += len(block)
             sweep.left_out_profiles += len(block) - len(kept)
             self._assembler.add_profiles(kept)
+        if not self._has_room():
+            raise StorageFull(f"the disk of {sweep.file.parent} keeps room for a run only", "free some space there")
         for points in self._assembler.blocks():
             with storage_errors(sweep.file):
                 out.write(np.ascontiguousarray(points, "<f4").data)

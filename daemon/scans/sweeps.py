@@ -70,7 +70,9 @@ class SweepService:
         sweep_id = self.new_id(self.clock)
         file = folder / f"merged-sweep-{sweep_id}.f32"
         sweep = Sweep(sweep_id, self.clock.timestamp(), scanner, calibration.id, file)
-        recorder = SweepRecorder(sweep, source, self.cell.record_path, assembler, offset_s, self.clock, self.workers)
+        recorder = SweepRecorder(
+            sweep, source, self.cell.record_path, assembler, self._has_room, offset_s, self.clock, self.workers
+        )
         hold = self.cell.hold(f"sweep {sweep_id}")
         await hold.__aenter__()
 
@@ -100,6 +102,9 @@ class SweepService:
             self._recorder.end()
             await asyncio.wait([self._task])
         return sweep
+
+    def _has_room(self) -> bool:
+        return self.store.free_bytes() >= self.store.run_bytes
 
     async def _forget_old(self) -> None:
         while len(self._sweeps) > KEPT:

@@ -216,6 +216,15 @@ async def test_clocks_that_do_not_overlap_are_named(sweeping: Sweeping) -> None:
     assert (ended["state"], ended["problem"]["code"]) == ("failed", "nothing-on-path")
 
 
+async def test_a_sweep_ends_before_it_takes_the_room_of_a_run(sweeping: Sweeping) -> None:
+    begun = await sweeping.begin()
+    store = sweeping.bench.application.store
+    store.run_bytes = store.free_bytes() + 10**12
+    await sweeping.until(begun, lambda sweep: False)
+    found = (await sweeping.bench.client.get(begun["links"]["self"])).json()
+    assert (found["state"], found["problem"]["code"]) == ("failed", "storage-full")
+
+
 async def test_a_sweep_that_nobody_ends_is_broken_off(sweeping: Sweeping) -> None:
     begun = await sweeping.begin()
     sweeping.robot.now_s += 1000.0
