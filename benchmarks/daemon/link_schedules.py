@@ -16,6 +16,7 @@ import numpy as np
 
 from calibration.kinematics.abb_arms import find_arm
 from calibration.kinematics.arm import Configuration
+from daemon.runtime.loop_monitor import EventLoopMonitor
 from drivers.errors import DeviceError
 from drivers.interfaces import MoveGoal
 from drivers.robots.abb.cb_robot import CbRobot
@@ -113,6 +114,7 @@ class Schedule:
     seed: int
     cell: MockCell
     port: int
+    loop: EventLoopMonitor
     stage: str = "arming"
 
     def __post_init__(self) -> None:
@@ -169,6 +171,7 @@ class Schedule:
         )
         lines = [
             f"{self}: {self.stage} for more than {SCHEDULE_LIMIT_S:g} s: {error!r}",
+            f"one turn of the event loop took up to {self.loop.longest().wall_s:.1f} s",
             f"{controller.panel}, settles {controller.settles}, {controller.unit}",
             ", ".join(f"{name} {controller.memory[name].value}" for name in names.split()),
             *(f"{task}: {' <- '.join(where) or 'no thread'}" for task, where in controller.whereabouts().items()),
@@ -182,12 +185,15 @@ async def schedules(count: int, seed: int, cells: int = CELLS) -> Tally:
     """Run several cells side by side, since a schedule mostly waits for timeouts."""
     tally = Tally()
     numbers = iter(range(count))
-    await asyncio.gather(*(_work(numbers, seed, tally) for _ in range(min(cells, count))))
+    loop = EventLoopMonitor()
+    await loop.start()
+    await asyncio.gather(*(_work(numbers, seed, tally, loop) for _ in range(min(cells, count))))
+    await loop.stop()
     faulthandler.cancel_dump_traceback_later()
     return tally
 
 
-async def _work(numbers: Any, seed: int, tally: Tally) -> None:
+async def _work(numbers: Any, seed: int, tally: Tally, loop: EventLoopMonitor) -> None:
     """Use one cell after another: a new one when a schedule has left the last one in an unusable state."""
     sound = False
     while not sound:
@@ -198,7 +204,7 @@ async def _work(numbers: Any, seed: int, tally: Tally) -> None:
             assert wire.robot_port is not None
             for number in numbers:
                 faulthandler.dump_traceback_later(FROZEN_S, exit=True)
-                sound = await Schedule(number, seed, cell, wire.robot_port).run(tally)
+                sound = await Schedule(number, seed, cell, wire.robot_port, loop).run(tally)
                 if not sound:
                     break
         finally:
