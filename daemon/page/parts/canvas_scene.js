@@ -18,7 +18,7 @@ export function CanvasScene({ create, show, shown, said, alt, dim }) {
     whenIdle(() => wanted && create().then((made) => {
       if (!wanted) return;
       scene.current = made(canvas.current);
-      setState(scene.current ? 'ready' : 'no-webgl');
+      setState(scene.current ? 'ready' : 'no-drawing');
     }).catch(() => wanted && setState('failed')));
     return () => {
       wanted = false;
@@ -31,7 +31,7 @@ export function CanvasScene({ create, show, shown, said, alt, dim }) {
   }, [state, shown, dark]);
   return html`<figure class="scene ${dim ? 'dimmed' : ''}">
     <div class="frame"><canvas ref=${canvas} tabindex="0" role="img" aria-label="${alt} ${said}"></canvas>
-      ${['no-webgl', 'failed'].includes(state) && html`<p class="cover quiet">${t(`scene.${state}`)}</p>`}</div>
-    <figcaption class="small quiet">${said} <span class="keys">${t('scene.keys')}</span></figcaption>
+      ${['no-drawing', 'failed'].includes(state) && html`<p class="cover quiet">${t(`scene.${state}`)}</p>`}</div>
+    <figcaption class="small quiet">${said} <span class="keys">${t(scene.current?.flat ? 'scene.flat' : 'scene.keys')}</span></figcaption>
   </figure>`;
 }

@@ -32,7 +32,7 @@ export function CloudView({ scan, views }) {
       if (!wanted) return undefined;
       if (!createCloudScene) return setState({ words: t('scene.failed') });
       scene.current = createCloudScene(canvas.current, { onPick: (point) => setPicked((before) => [...before.slice(-1), point]), onRest: (part) => rest.current(part) });
-      if (!scene.current) return setState({ words: t('scene.no-webgl') });
+      if (!scene.current) return setState({ words: t('scene.no-drawing') });
       try {
         const first = await fetchCloud(scan, views, FIRST_VOXEL_MM, MAX_POINTS.first);
         if (!wanted) return undefined;
@@ -94,7 +94,7 @@ export function CloudView({ scan, views }) {
   const [a, b] = picked;
   const apart = b && Math.hypot(...a.point.map((value, axis) => value - b.point[axis]));
   return html`<figure class="scene cloud"><div class="frame"><canvas ref=${canvas} tabindex="0" role="img" aria-label=${t('cloud.alt', { count: count(state.points ?? 0) })}></canvas></div>
-      <figcaption class="small quiet" role="status">${state.words ?? (state.points ? t('cloud.points', { count: count(state.points + (state.detail ?? 0)), bytes: bytes(state.fetched) }) : '')} <span class="keys">${t('scene.keys')}</span></figcaption></figure>
+      <figcaption class="small quiet" role="status">${state.words ?? (state.points ? t('cloud.points', { count: count(state.points + (state.detail ?? 0)), bytes: bytes(state.fetched) }) : '')} <span class="keys">${t(scene.current?.flat ? 'scene.flat' : 'scene.keys')}</span></figcaption></figure>
     ${state.problem && html`<${ProblemNote} problem=${state.problem} />`}
     <div class="row" role="group" aria-label=${t('cloud.colour')}>
       ${COLOURINGS.map((name) => html`<button type="button" class="chip" aria-pressed=${colouring === name} onClick=${() => colour(name)}>${t(`cloud.${name}`)}</button>`)}
@@ -103,7 +103,7 @@ export function CloudView({ scan, views }) {
     ${colouring === 'deviation' && state.coarse && html`<p class="small quiet scale-words">${state.span ? html`<span class="ramp" aria-hidden="true"></span>${t('cloud.deviation-scale', { end: mm(state.span, 1) })}` : t('cloud.deviation-none')}</p>`}
     <div role="status">${picked.map(({ point, view }, index) => html`<p class="small">${index + 1}: <span class="mono">(${point.map((value) => fixed(value, 2)).join(', ')}) mm</span> · ${t('view.title', { view })}</p>`)}
       ${apart !== undefined && html`<p><b>${t('cloud.apart', { mm: mm(apart, 5) })}</b></p>`}</div>
-    ${picked.length ? html`<button type="button" onClick=${() => { setPicked([]); scene.current?.clear(); }}>${t('cloud.clear')}</button>` : html`<p class="small quiet">${t('cloud.pick')}</p>`}`;
+    ${picked.length ? html`<button type="button" onClick=${() => { setPicked([]); scene.current?.clear(); }}>${t('cloud.clear')}</button>` : !scene.current?.flat && html`<p class="small quiet">${t('cloud.pick')}</p>`}`;
 }
 
 async function fetchSurfaces(scan, views, voxel_mm) {

@@ -8,7 +8,7 @@ const COLOURS = {
   dark: { grid: 0x6a747e, arm: 0x8f99a3, seen: 0xdfe5ea, next: 0x8ec2ff, target: 0xf4f6f8, edge: 0xc3ccd4, box: 0x98a3ad },
 };
 
-/** A scene on `canvas`, or null without WebGL 2. `show(parts, dark)` replaces what has changed. */
+/** A scene on `canvas`, or null where nothing can be drawn. `show(parts, dark)` replaces what has changed. */
 export function createCellScene(canvas) {
   const view = createView(canvas);
   if (!view) return null;
@@ -25,6 +25,7 @@ export function createCellScene(canvas) {
     view.draw();
   };
   return {
+    flat: view.flat,
     show({ skeleton_mm, box_mm, target, outline_mm, views = [], planned = [], next, here, ghost_mm, carried = 'camera' }, dark) {
       const colour = dark ? COLOURS.dark : COLOURS.light;
       const of = (value) => `${dark}${JSON.stringify(value ?? null)}`;

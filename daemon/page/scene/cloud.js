@@ -21,10 +21,36 @@ const VERTEX = `
   }`;
 const FRAGMENT = `in vec3 shade; out vec4 colour; void main() { colour = vec4(shade, 1.0); }`;
 
+/** What VERTEX does, of one point: its colour in [r, g, b] to 255; null when it is cut off. */
+export function shadeOf({ colouring, low, high, cut, span }, { position, view, deviation, facing }, index) {
+  const z = position.getZ(index);
+  if (z > cut.value) return null;
+  const shades = [
+    () => hue(view.getX(index) * 0.381966),
+    () => ramp(Math.min(1, Math.max(0, (z - low.value) / Math.max(1e-3, high.value - low.value)))),
+    () => apart(deviation.getX(index), span.value),
+    () => [facing.getX(index), facing.getY(index), facing.getZ(index)].map((value) => 0.5 + 0.5 * value),
+  ];
+  return shades[colouring.value]().map((value) => Math.round(255 * Math.min(1, Math.max(0, value))));
+}
+
+const mix = (from, to, share) => from.map((value, channel) => value + share * (to[channel] - value));
+const hue = (turn) => mix([0.62, 0.62, 0.62], [0, 2 / 3, 1 / 3].map((shift) => Math.min(1, Math.max(0, Math.abs(((turn + shift) % 1) * 6 - 3) - 1))), 0.62).map((value) => 0.92 * value);
+const smooth = (from, to, value) => {
+  const share = Math.min(1, Math.max(0, (value - from) / (to - from)));
+  return share * share * (3 - 2 * share);
+};
+const ramp = (s) => [0.16 + 0.79 * smooth(0.3, 1, s), 0.22 + 0.62 * s, 0.48 + 0.2 * Math.sin(Math.PI * s) - 0.28 * smooth(0.6, 1, s)];
+const apart = (deviation, span) => {
+  if (deviation > 1e8) return [0.55, 0.55, 0.55];
+  const s = Math.min(1, Math.max(-1, deviation / span));
+  return mix([0.93, 0.93, 0.93], s < 0 ? [0.08, 0.3, 0.65] : [0.75, 0.18, 0.05], Math.abs(s));
+};
+
 const REST_MS = 700;
 const UNKNOWN = 1e9; // a deviation that is not known: NaN does not pass every driver
 
-/** Null without WebGL 2. `onPick({ point, view })` for a chosen point; `onRest({ middle, reach })` for what is looked at, mm. */
+/** Null where nothing can be drawn. `onPick({ point, view })` for a chosen point; `onRest({ middle, reach })` for what is looked at, mm. */
 export function createCloudScene(canvas, { onPick, onRest }) {
   const view = createView(canvas);
   if (!view) return null;
@@ -32,6 +58,7 @@ export function createCloudScene(canvas, { onPick, onRest }) {
     vertexShader: VERTEX, fragmentShader: FRAGMENT, glslVersion: GLSL3,
     uniforms: { colouring: { value: 0 }, low: { value: 0 }, high: { value: 1 }, cut: { value: 1e9 }, size: { value: 2 }, span: { value: 1 } },
   });
+  material.userData.shade = (attributes, index) => shadeOf(material.uniforms, attributes, index);
   let points = null;
   let detail = null;
   let data = null;
@@ -63,7 +90,7 @@ export function createCloudScene(canvas, { onPick, onRest }) {
   };
   const ray = new Raycaster();
   const pickAt = (x, y) => {
-    if (!data) return;
+    if (!data || view.flat) return;
     ray.setFromCamera(new Vector2(x, y), view.camera);
     const index = pickPoint(data.xyz, ray.ray.origin.toArray(), ray.ray.direction.toArray(), 0.006);
     if (index < 0) return;
@@ -87,13 +114,16 @@ export function createCloudScene(canvas, { onPick, onRest }) {
       onRest({ middle: controls.target.toArray(), reach: far * Math.tan((camera.fov * Math.PI) / 360) * Math.max(1, camera.aspect) });
     }, REST_MS);
   };
-  view.controls.addEventListener('change', onMove);
-  view.controls.zoomToCursor = true;
+  if (!view.flat) {
+    view.controls.addEventListener('change', onMove);
+    view.controls.zoomToCursor = true;
+  }
   const onKey = ({ key }) => key === 'Enter' && pickAt(0, 0);
   canvas.addEventListener('pointerdown', onDown);
   canvas.addEventListener('pointerup', onUp);
   canvas.addEventListener('keydown', onKey);
   return {
+    flat: view.flat,
     /** The cloud of `joinParts` or `joinSurfaces`; `keep`: the camera stays where it is. Returns the bounds. */
     show(cloud, keep) {
       data = cloud;

@@ -1,16 +1,14 @@
 // A canvas with three.js: camera, light, drawing on demand, keys. Everything is in the robot's base, mm, z up.
 import { DirectionalLight, HemisphereLight, OrbitControls, PerspectiveCamera, Scene, Vector3, WebGLRenderer } from '../vendor/three.js';
+import { createFlatView } from './flat_view.js';
 
 const STEP_RAD = 0.12;
 
-/** Draws `scene` on `canvas` whenever `draw` is called; arrows turn, + and − come nearer, Home goes back. Null without WebGL 2. */
+/** Draws `scene` on `canvas` whenever `draw` is called; arrows turn, + and − come nearer, Home goes back. Three flat pictures without WebGL 2. */
 export function createView(canvas, { from = [2600, -2200, 1700], at = [500, 0, 500], onDraw } = {}) {
-  let renderer;
-  try {
-    renderer = new WebGLRenderer({ canvas, antialias: true, alpha: true });
-  } catch {
-    return null;
-  }
+  const context = canvas.getContext('webgl2', { alpha: true, antialias: true, stencil: false });
+  if (!context) return createFlatView(canvas, { onDraw });
+  const renderer = new WebGLRenderer({ canvas, context });
   renderer.setPixelRatio(Math.min(devicePixelRatio, 2));
   const scene = new Scene();
   const camera = new PerspectiveCamera(38, 1.6, 5, 60000);
