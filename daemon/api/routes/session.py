@@ -65,6 +65,7 @@ async def session(request: Request, app: App) -> SessionDocument:
             "cell": app.settings.report.cell or socket.gethostname(),
             "software": SOFTWARE,
             "languages": LANGUAGES,
+            "last_event_id": None if caller.role is Role.NOBODY else app.events.last,
         }
     )
 

@@ -72,11 +72,13 @@ class SessionDocument(Answer):
     """Who is signed in, and what is asked for. `role`: "nobody" when nobody is; `expires_at`: of a browser's session.
 
     `asked`: "nobody" is asked on this machine, "setup-code" makes the first key, or a "key" or pairing code signs in.
+    `last_event_id`: of GET /events; a stream from it misses nothing that happens after this answer. Null when nobody is
+    signed in.
     """
 
     model_config = example(
         name="Ann", role="operator", expires_at=EXAMPLE_AT, asked="key", cell="cell-7", software="handeyed 0.1.0",
-        languages=["en"],
+        languages=["en"], last_event_id=412,
     )  # fmt: skip
 
     name: str
@@ -86,6 +88,7 @@ class SessionDocument(Answer):
     cell: str
     software: str
     languages: list[str]
+    last_event_id: int | None
 
 
 class PairingDocument(Answer):

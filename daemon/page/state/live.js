@@ -137,14 +137,27 @@ function followLive(signal, heard) {
   });
 }
 
+/** From the event that was the last when the session was asked for, so that nothing is missed between the first answers and this stream. */
 async function followEvents(signal) {
+  const { last_event_id: first } = await known(now.session);
+  const after = lastEvent || String(first ?? '');
   await followStream('/events', {
     signal,
-    headers: lastEvent ? { 'Last-Event-ID': lastEvent } : {},
+    headers: after ? { 'Last-Event-ID': after } : {},
     take: ({ kind, id }) => {
       lastEvent = id || lastEvent;
       if (kind) pass({ kind: 'event', event: kind });
     },
+  });
+}
+
+/** The first value of the signal that is not null. */
+function known(signal) {
+  return new Promise((resolve) => {
+    const stop = signal.subscribe((value) => value !== null && queueMicrotask(() => {
+      stop();
+      resolve(value);
+    }));
   });
 }
 

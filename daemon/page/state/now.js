@@ -1,7 +1,7 @@
 // What the page knows at this moment. Screens read these signals; `live.js` and `session.js` write them.
 import { computed, signal } from '../vendor/preact.js';
 
-export const session = signal(null); // { name, role, asked, cell, software, languages }
+export const session = signal(null); // { name, role, asked, cell, software, languages, last_event_id }
 export const robot = signal(null);
 export const run = signal(null); // the run in progress, or the last one heard of
 export const ready = signal(null);

@@ -76,9 +76,14 @@ async def test_who_is_signed_in_and_what_is_asked(bench: Bench, tmp_path: Path) 
     key = await key_of(bench, "Ann", Role.VIEWER)
     stranger = (await bench.client.get("/session")).json()
     assert (stranger["asked"], stranger["role"], stranger["name"]) == ("key", "nobody", "")
+    assert stranger["last_event_id"] is None
     signed_in = (await (await sign_in(bench, key=key)).ask("GET", "/session")).json()
     assert (signed_in["name"], signed_in["role"]) == ("Ann", "viewer")
     assert signed_in["expires_at"] > bench.application.clock.timestamp()
+    bench.application.events.publish("run", {})
+    await bench.application.events.flush()
+    again = (await (await sign_in(bench, key=key)).ask("GET", "/session")).json()
+    assert again["last_event_id"] == bench.application.events.last > signed_in["last_event_id"]
 
 
 CSRF: dict[str, tuple[dict[str, str], int]] = {

@@ -250,6 +250,27 @@ async def test_a_touch_test_of_another_person_is_shown_at_once(open_page: Opened
         await tests.nth(before).wait_for()
 
 
+async def test_a_touch_test_made_before_the_stream_is_open_is_shown(open_page: Opened, cell: Cell) -> None:
+    bench, _ = cell
+    await touch_two_points(bench)
+    made = asyncio.Event()
+
+    async def open_late(route: Any) -> None:
+        await made.wait()
+        await route.continue_()
+
+    async with open_page("viewer", "help") as page:
+        await page.route("**/events", open_late)
+        await page.evaluate("location.hash = '#/verify'")
+        await page.reload()
+        tests = page.locator("section[aria-labelledby=touches] .timeline li")
+        await tests.first.wait_for()
+        before = await tests.count()
+        await touch_two_points(bench)
+        made.set()
+        await tests.nth(before).wait_for()
+
+
 async def test_a_rig_is_looked_at_and_put_in_force_from_its_file(open_page: Opened, cell: Cell, tmp_path: Path) -> None:
     bench, keys = cell
     await bench.client.post("/rigs", json=a_rig(shift_mm=5.0))
