@@ -35,6 +35,9 @@ MAX_TRANSLATION_MM = 1e9
 MAX_LEFT_OUT_SHARE = 0.1
 """Share of the corners from which their places on the target are doubted."""
 
+MAX_BENT_SHARE = 0.03
+"""Deviation of points from the drawing, as a share of the target's diagonal, from which their places are doubted."""
+
 MISPLACED_PX = 5.0
 """Pixel noise from which the target is doubted; wrong intrinsics and bent boards mostly leave less."""
 
@@ -169,7 +172,10 @@ def _agrees_better(fitting: Evidence, given: Evidence) -> bool:
 
 def _points_lie_elsewhere(prepared: PreparedSession, poses: Array) -> bool:
     """Whether the corners fit so badly that they may be those of another target."""
-    seen = prepared.seen
+    seen, shape = prepared.seen, prepared.shape
+    diagonal_mm = float(np.linalg.norm(np.ptp(prepared.nominal_mm, axis=0)))
+    if shape is not None and np.hypot(shape.in_plane_mm, shape.out_of_plane_mm) > MAX_BENT_SHARE * diagonal_mm:
+        return True
     left_out = np.count_nonzero((seen.weights == 0) & (seen.present > 0))
     if left_out > MAX_LEFT_OUT_SHARE * np.count_nonzero(seen.present):
         return True

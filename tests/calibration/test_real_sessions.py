@@ -1,13 +1,16 @@
 """Photographs and rendered images that nobody made for this solver."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from calibration.problem import Problem
 from calibration.solution import Solution
 from calibration.solve import solve_hand_eye
+from calibration.targets import Chessboard
 from calibration.transforms import difference, transform_from_quaternion
 from daemon.sessions.session_reader import load_problem, open_session
 
@@ -25,10 +28,15 @@ def test_views_left_out_are_predicted(real_data: Path, name: str, base_error_mm:
     assert held.base_error_mm <= base_error_mm
 
 
-def test_the_rendered_cell_is_near_its_truth(real_data: Path) -> None:
+@pytest.fixture(scope="module")
+def rendered(real_data: Path) -> Problem:
+    return load_problem(open_session(real_data / "metric_1"))
+
+
+def test_the_rendered_cell_is_near_its_truth(real_data: Path, rendered: Problem) -> None:
     pose = json.loads((real_data / "metric_1" / "truth.json").read_text())["base_T_camera"]
     truth = transform_from_quaternion(pose["translation_mm"], pose["quaternion_wxyz"])
-    solution = solved(real_data / "metric_1")
+    solution = solve_hand_eye(rendered)
     assert solution.mount_T_camera is not None and solution.uncertainty is not None
     translation_mm, rotation_rad = difference(truth, solution.mount_T_camera)
     assert translation_mm <= 0.6
@@ -36,3 +44,12 @@ def test_the_rendered_cell_is_near_its_truth(real_data: Path) -> None:
     # Its principal point is given a pixel off in both directions.
     assert "principal-point-off" in {finding.code for finding in solution.findings}
     assert translation_mm < 3 * np.linalg.norm(solution.uncertainty.translation_mm)
+
+
+def test_a_board_that_would_have_to_be_bent_is_another_board(rendered: Problem) -> None:
+    """In 20 of these views five columns fit a board whose points are 15 mm out of its plane."""
+    clean = solve_hand_eye(rendered)
+    agreeing = {view.index for view in clean.views if view.status != "rejected"}
+    views = tuple(view for view in rendered.views if view.index in agreeing)[40:60]
+    described = replace(rendered, views=views, camera=clean.camera, target=Chessboard(5, 3, 50.0))
+    assert "target-not-as-described" in {finding.code for finding in solve_hand_eye(described).findings}
