@@ -7,7 +7,7 @@ A unit is a module or package at the root of a room; an arrow is an import from 
 import ast
 import re
 from collections import defaultdict
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -45,10 +45,42 @@ def python_files(*folders: str) -> Iterator[Path]:
         yield from sorted((ROOT / folder).rglob("*.py"))
 
 
+def nodes_of(file: Path) -> Iterator[ast.AST]:
+    """All nodes of a file's syntax tree."""
+    return ast.walk(ast.parse(file.read_text(encoding="utf-8")))
+
+
+@dataclass(frozen=True)
+class Outline:
+    """The names that a file's `import` and `from ... import` statements give, and of its functions, at any depth."""
+
+    imported: frozenset[str]
+    imported_from: frozenset[tuple[str, str]]
+    functions: tuple[str, ...]
+
+
 @cache
-def nodes_of(file: Path) -> tuple[ast.AST, ...]:
-    """All nodes of a file's syntax tree; each file is parsed once."""
-    return tuple(ast.walk(ast.parse(file.read_text(encoding="utf-8"))))
+def outline_of(file: Path) -> Outline:
+    """Its outline; each file is parsed once; the tree, far larger, is not kept."""
+    nodes = list(_statements(ast.parse(file.read_text(encoding="utf-8"))))
+    return Outline(
+        frozenset(alias.name for node in nodes if isinstance(node, ast.Import) for alias in node.names),
+        frozenset(
+            (node.module, alias.name)
+            for node in nodes
+            if isinstance(node, ast.ImportFrom) and node.module
+            for alias in node.names
+        ),
+        tuple(node.name for node in nodes if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)),
+    )
+
+
+def _statements(node: ast.AST) -> Iterator[ast.AST]:
+    """The statements below `node` at any depth; expressions, nine of ten nodes, hold none."""
+    for block in ("body", "orelse", "handlers", "finalbody", "cases"):
+        for inner in getattr(node, block, ()):
+            yield inner
+            yield from _statements(inner)
 
 
 def module_name(file: Path) -> str:
@@ -56,18 +88,16 @@ def module_name(file: Path) -> str:
     return ".".join(file.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")
 
 
-def imports_of(file: Path, modules: Iterable[str]) -> set[str]:
-    """Those of `modules` that `file` imports, at any depth of its code."""
-    known, found = set(modules), set()
-    for node in nodes_of(file):
-        if isinstance(node, ast.ImportFrom) and node.module:
-            for alias in node.names:
-                found.add(next((name for name in (f"{node.module}.{alias.name}", node.module) if name in known), ""))
-        elif isinstance(node, ast.Import):
-            found |= {alias.name for alias in node.names} & known
+def imports_of(file: Path, modules: Collection[str]) -> set[str]:
+    """Those of `modules`, a set or the keys of a mapping, that `file` imports, at any depth of its code."""
+    outline = outline_of(file)
+    found = {name for name in outline.imported if name in modules}
+    for module, name in outline.imported_from:
+        found |= {next((each for each in (f"{module}.{name}", module) if each in modules), "")}
     return found - {""}
 
 
+@cache
 def import_graph() -> Graph:
     """Imports between all modules of the rooms."""
     files = {module_name(file): file for file in python_files(*ROOMS)}
@@ -105,11 +135,11 @@ def participle_functions(folder: str) -> tuple[list[str], int]:
     """`file:function` of each function of `folder` named by a past participle first, and the number of functions."""
     names, total = [], 0
     for file in python_files(folder):
-        for node in nodes_of(file):
-            if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
-                total += 1
-                if is_participle(node.name.strip("_").split("_")[0]):
-                    names.append(f"{file.relative_to(ROOT)}:{node.name}")
+        functions = outline_of(file).functions
+        total += len(functions)
+        names += [
+            f"{file.relative_to(ROOT)}:{each}" for each in functions if is_participle(each.strip("_").split("_")[0])
+        ]
     return names, total
 
 

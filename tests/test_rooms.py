@@ -7,7 +7,6 @@ import pytest
 from tests import structure
 from tests.conftest import ROOT
 
-GRAPH = structure.import_graph()
 MODULES = (
     "benchmarks",
     "calibration",
@@ -24,16 +23,16 @@ MAX_LINES = 400
 
 @pytest.mark.parametrize("room", structure.ROOMS)
 def test_no_units_of_a_room_import_each_other_in_a_circle(room: str) -> None:
-    assert structure.room_of(GRAPH, room).cycles == []
+    assert structure.room_of(structure.import_graph(), room).cycles == []
 
 
 @pytest.mark.parametrize(("room", "limit"), structure.MAX_UNITS.items())
 def test_a_room_has_few_units_at_its_root(room: str, limit: int) -> None:
-    assert structure.room_of(GRAPH, room).units <= limit
+    assert structure.room_of(structure.import_graph(), room).units <= limit
 
 
 def test_no_files_import_each_other_in_a_circle() -> None:
-    assert structure.cycles_of(GRAPH) == []
+    assert structure.cycles_of(structure.import_graph()) == []
 
 
 def test_no_module_is_longer_than_contributing_says() -> None:

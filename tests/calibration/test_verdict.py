@@ -15,12 +15,10 @@ from calibration.solution import (
     Solution,
     Uncertainty,
 )
-from calibration.solve import solve_hand_eye
 from calibration.verdict import VerdictLimits, judge, weigh
-from tests.simulated.spoiled_sessions import cell
+from tests.simulated.spoiled_sessions import solved_session
 
-GOOD = cell(21, 10)
-SOLVED = solve_hand_eye(GOOD.problem)
+PROBLEM, SOLVED = solved_session()
 PLACE = (0.0, 0.0, 500.0)
 
 
@@ -83,7 +81,7 @@ ROWS: dict[str, tuple[Solution, str | None, bool]] = {
 @pytest.mark.parametrize("what", ROWS)
 def test_what_is_said_of_a_solution(what: str) -> None:
     solution, code, accepted = ROWS[what]
-    verdict = judge(GOOD.problem, solution)
+    verdict = judge(PROBLEM, solution)
     said = {finding.code for finding in verdict.findings}
     assert verdict.accepted is accepted
     assert said >= ({code} if code else set())
@@ -93,7 +91,7 @@ def test_what_is_said_of_a_solution(what: str) -> None:
 
 
 def test_limits_can_be_set() -> None:
-    assert not judge(GOOD.problem, uncertain(0.49), VerdictLimits(tolerance_mm=0.3, point_warning_mm=0.1)).accepted
+    assert not judge(PROBLEM, uncertain(0.49), VerdictLimits(tolerance_mm=0.3, point_warning_mm=0.1)).accepted
 
 
 @pytest.mark.parametrize(
@@ -102,7 +100,7 @@ def test_limits_can_be_set() -> None:
 )
 def test_a_stated_tolerance_decides(sigma_mm: float, tolerance_mm: float | None, accepted: bool, warned: bool) -> None:
     limits = VerdictLimits().with_tolerance(tolerance_mm)
-    verdict = judge(GOOD.problem, uncertain(sigma_mm), limits)
+    verdict = judge(PROBLEM, uncertain(sigma_mm), limits)
     assert (verdict.accepted, bool(verdict.findings)) == (accepted, warned)
     assert verdict.limits is limits
 
@@ -151,7 +149,7 @@ def test_a_finding_is_an_error_only_beyond_a_limit_in_force(
 def test_from_which_probability_parting_is_mentioned_is_a_limit() -> None:
     solution = replace(SOLVED, leave_out=LeaveOut(0.8, 4.0, 6.0, 0.6, "image", 4))
     for probability, mentioned in ((0.5, True), (0.7, False)):
-        findings = judge(GOOD.problem, solution, VerdictLimits(leave_out_probability=probability)).findings
+        findings = judge(PROBLEM, solution, VerdictLimits(leave_out_probability=probability)).findings
         assert ("leave-out-larger" in {finding.code for finding in findings}) is mentioned
 
 
@@ -181,8 +179,8 @@ def of_points(expanded_mm: float, worst_mm: float) -> Uncertainty:
 
 def test_the_verdict_says_when_leaving_views_out_parts_from_the_model() -> None:
     parted = LeaveOut(0.8, 4.0, 6.0, 0.9, "image", 4)
-    said = [f for f in judge(GOOD.problem, replace(SOLVED, leave_out=parted)).findings if f.code == "leave-out-larger"]
+    said = [f for f in judge(PROBLEM, replace(SOLVED, leave_out=parted)).findings if f.code == "leave-out-larger"]
     assert [finding.severity for finding in said] == ["info"] and "2 times as far" in said[0].message
     agreeing = replace(parted, ratio=1.1, share=0.1)
-    codes = [finding.code for finding in judge(GOOD.problem, replace(SOLVED, leave_out=agreeing)).findings]
+    codes = [finding.code for finding in judge(PROBLEM, replace(SOLVED, leave_out=agreeing)).findings]
     assert "leave-out-larger" not in codes

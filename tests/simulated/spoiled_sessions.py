@@ -2,10 +2,13 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 
 from calibration.problem import Detection, Problem, View
+from calibration.solution import Solution
+from calibration.solve import solve_hand_eye
 from calibration.transforms import Array, difference, rotation_from_vector, transform
 from tests.simulated.sessions import Cell, CellNoise, random_cell
 
@@ -15,6 +18,13 @@ ORDINARY = CellNoise()
 
 def cell(seed: int, views: int, noise: CellNoise = ORDINARY, **options: object) -> Cell:
     return random_cell(np.random.default_rng(seed), views, noise, **options)  # type: ignore[arg-type]
+
+
+@cache
+def solved_session() -> tuple[Problem, Solution]:
+    """An ordinary session of ten views and its solution, for tests of what is said of a solution; not to be changed."""
+    problem = cell(21, 10).problem
+    return problem, solve_hand_eye(problem)
 
 
 def with_view(problem: Problem, index: int, change: Callable[[View], View]) -> Problem:

@@ -13,14 +13,12 @@ from calibration.documents.validation import parse_document
 from calibration.errors import DocumentError
 from calibration.likelihood.mapped_points import point_sigmas_mm
 from calibration.sentences.sentence import AS_WRITTEN, text_of
-from calibration.solve import solve_hand_eye
 from calibration.transforms import transform_from_vector
 from calibration.verdict import VerdictLimits, judge
 from tests.calibration.documents.schema_file import FILE, calibration_schema
-from tests.simulated.spoiled_sessions import cell
+from tests.simulated.spoiled_sessions import solved_session
 
-PROBLEM = cell(21, 10).problem
-SOLVED = solve_hand_eye(PROBLEM)
+PROBLEM, SOLVED = solved_session()
 LIMITS = VerdictLimits().with_tolerance(0.001)
 DOCUMENT = calibration_document(
     SOLVED, judge(PROBLEM, SOLVED, LIMITS), calibration_id="c1", created_at="now", software="handeyed 0"

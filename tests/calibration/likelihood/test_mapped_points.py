@@ -8,12 +8,10 @@ import pytest
 from calibration.likelihood.mapped_points import NamedPoint, at_points, box_points, point_sigmas_mm
 from calibration.problem import Problem, Setup
 from calibration.solution import Solution
-from calibration.solve import solve_hand_eye
 from calibration.transforms import Array, inverse, map_points, transform_from_vector
-from tests.simulated.spoiled_sessions import cell
+from tests.simulated.spoiled_sessions import solved_session
 
-PROBLEM = cell(21, 10).problem
-SOLVED = solve_hand_eye(PROBLEM)
+PROBLEM, SOLVED = solved_session()
 
 
 def drawn_errors_mm(solution: Solution, point_mm: Array, count: int = 4000) -> Array:

@@ -10,13 +10,11 @@ from calibration.documents.pose import PoseDocument
 from calibration.errors import ComparisonError
 from calibration.monitoring.comparison import compare, comparison_text
 from calibration.sentences.sentence import text_of
-from calibration.solve import solve_hand_eye
 from calibration.transforms import Array, transform_from_vector
 from calibration.verdict import judge
-from tests.simulated.spoiled_sessions import cell
+from tests.simulated.spoiled_sessions import solved_session
 
-PROBLEM = cell(21, 10).problem
-SOLVED = solve_hand_eye(PROBLEM)
+PROBLEM, SOLVED = solved_session()
 A = calibration_document(SOLVED, judge(PROBLEM, SOLVED), calibration_id="a", created_at="now", software="handeyed 0")
 VERSION_1 = CalibrationDocument.model_validate_json(
     (Path(__file__).parents[1] / "documents" / "calibration_version_1.json").read_bytes()
