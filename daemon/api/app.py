@@ -2,12 +2,13 @@
 
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
+from functools import cache
 
 import httpx
-from fastapi import Depends, FastAPI, Request, Response
+from fastapi import APIRouter, Depends, FastAPI, Request, Response
 from fastapi.exceptions import RequestValidationError
 from starlette.exceptions import HTTPException
-from starlette.routing import Match
+from starlette.routing import BaseRoute, Match
 from starlette.types import ASGIApp
 
 from calibration.errors import CalibrationError
@@ -59,9 +60,7 @@ def routes(application: Application | None) -> FastAPI:
         docs_url=None,  # its pages load scripts from other servers
         redoc_url=None,
         redirect_slashes=False,  # one spelling per path; redirections are not problem documents
-        dependencies=[Depends(check_query_names)],
-        responses=problems.problem_responses(422, 500),
-        generate_unique_id_function=lambda route: f"{route.tags[0]}.{route.name}" if route.tags else route.name,
+        routes=_routes(),
         license_info={"name": "Apache-2.0", "identifier": "Apache-2.0"},
     )
     app.state.application = application
@@ -69,14 +68,25 @@ def routes(application: Application | None) -> FastAPI:
         app.state.live = LiveFeed(application)
         app.state.robot_documents = RobotDocuments(application)
     app.state.page_files = PageFiles()
-    for router in ROUTERS:
-        app.include_router(router)
     for kind in (DaemonError, CalibrationError, DeviceError, RegistrationError, Exception):
         app.add_exception_handler(kind, problems.handle)
     app.add_exception_handler(RequestValidationError, problems.handle_validation)
     app.add_exception_handler(HTTPException, _http_error)
     app.openapi = lambda: openapi.build_openapi(app)  # type: ignore[method-assign]
     return app
+
+
+@cache
+def _routes() -> list[BaseRoute]:
+    """The routes, the same for every application; FastAPI computes what it needs of them once, at the first request."""
+    table = APIRouter(
+        dependencies=[Depends(check_query_names)],
+        responses=problems.problem_responses(422, 500),
+        generate_unique_id_function=lambda route: f"{route.tags[0]}.{route.name}" if route.tags else route.name,
+    )
+    for router in ROUTERS:
+        table.include_router(router)
+    return table.routes
 
 
 async def prepare(app: FastAPI) -> None:

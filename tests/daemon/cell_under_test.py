@@ -48,7 +48,7 @@ def settings_for(folder: Path, **changes: Any) -> Settings:
     return validate_document(Settings, sections, "test settings")
 
 
-@dataclass
+@dataclass(repr=False)  # asyncio's repr of the fixture's task would write all of it with each signal handler
 class Bench:
     """A running daemon with fake devices, and a client that talks to it over a socket."""
 
