@@ -53,9 +53,10 @@ def computed_each_time(computed_results: list[ComputedOnce]) -> Iterator[None]:
 
 
 @pytest.fixture
-def heap_of_a_new_process() -> Iterator[None]:
-    """Without what other tests left behind, which the garbage collector would look through on the loop."""
+def heap_of_a_new_process() -> None:
+    """Without what other tests left behind, which the garbage collector would look through on the loop.
+
+    It stays out of later collections: to unfreeze it would give them all modules and tests to look through.
+    """
     gc.collect()
     gc.freeze()
-    yield
-    gc.unfreeze()
