@@ -100,8 +100,8 @@ async def test_a_link_that_cannot_be_opened_is_tried_again_each_second(tmp_path:
             other.close()
             await asyncio.to_thread(controller.await_link)
             controller.devices.network = False
-            async with over_tcp(port_of(controller)) as cut:
-                with pytest.raises(ConnectionError):
+            with pytest.raises(ConnectionError):  # refused, or cut when the port is closed a moment later
+                async with over_tcp(port_of(controller)) as cut:
                     await cut.hears()
             controller.devices.network = True
             await eventually(lambda: connects(port_of(controller)))
