@@ -74,6 +74,7 @@ def run(code: str, *arguments: str) -> subprocess.CompletedProcess[str]:
     )  # fmt: skip
 
 
+@pytest.mark.slow
 def test_session_to_report_without_posix(tmp_path: Path) -> None:
     session, out = with_corners(tmp_path / "session"), tmp_path / "calibration.json"
     steps = [

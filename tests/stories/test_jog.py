@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 
 from tests.stories.plant import Plant, plant
 from tests.support.waiting import LIMIT_S, eventually
@@ -58,6 +59,7 @@ async def test_angles_of_an_unknown_arm_that_lead_out_of_the_box_are_refused_by_
         assert not story.cell.controller.armed
 
 
+@pytest.mark.slow
 async def test_angles_of_an_unknown_arm_are_refused_where_the_controllers_box_is_the_larger_one(tmp_path: Path) -> None:
     box = ((-500.0, -1000.0, 200.0), (950.0, 1000.0, 1500.0))
     async with plant(tmp_path, planned=True, robot={"model": None, "box_mm": box}) as story:
@@ -69,6 +71,7 @@ async def test_angles_of_an_unknown_arm_are_refused_where_the_controllers_box_is
         assert (await jogs(story, shift_mm=[0.0, 0.0, 5.0]))["state"] == "finished"
 
 
+@pytest.mark.slow
 async def test_in_a_calibration_by_hand_the_run_jogs_between_views_and_aborting_it_stops_the_arm(
     tmp_path: Path,
 ) -> None:

@@ -65,6 +65,7 @@ def test_another_marker_is_not_taken_for_this_one(described: ArucoMarker) -> Non
     assert refusal.value.code == "not-found"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("target", [GRID, pytest.param(MARKER, marks=pytest.mark.slow)], ids=str)
 def test_a_session_of_markers_is_solved(target: Target) -> None:
     flange_T_camera = transform(rotation_from_vector([0.1, -0.2, 1.4]), [35.0, -20.0, 90.0])

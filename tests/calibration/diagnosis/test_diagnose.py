@@ -71,6 +71,7 @@ def test_where_the_base_frame_stands_changes_nothing(turn: list[float], shift: l
     assert fit(moved).log_likelihood == pytest.approx(fit(spoilt).log_likelihood, abs=0.1)
 
 
+@pytest.mark.slow
 @settings(max_examples=5, deadline=None)
 @given(st.permutations(range(12)))
 def test_the_order_of_the_views_does_not_matter_to_a_mistyped_pose(order: list[int]) -> None:

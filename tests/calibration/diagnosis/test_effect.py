@@ -39,6 +39,7 @@ def test_a_certain_change_that_moves_next_to_nothing_is_information_with_its_siz
     assert found[0].effect_mm <= 2 * solution.uncertainty.point_mm
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("setup", CHANGES_OF_X)
 def test_the_same_change_is_an_error_beside_a_small_tolerance_and_a_large_one_beside_any(setup: Setup) -> None:
     assert not judged(moved_camera(0.5, setup), VerdictLimits().with_tolerance(0.2)).accepted

@@ -74,6 +74,7 @@ def test_a_perfect_arm_is_left_alone(seed: int) -> None:
     assert rms(after) < 1.05 * rms(before)
 
 
+@pytest.mark.slow
 def test_views_that_only_the_arms_errors_explain_are_used_and_a_wrong_one_is_not() -> None:
     """Without the arm's errors the estimate leaves out one of the right views."""
     cell = draw_cell("standard", 1, (14, 10, 8))

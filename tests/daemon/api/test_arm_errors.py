@@ -48,6 +48,7 @@ async def posted(bench: Bench, body: dict[str, Any]) -> dict[str, Any]:
     return found
 
 
+@pytest.mark.slow
 async def test_the_arms_errors_are_identified_stored_and_in_force_with_the_calibration(
     tmp_path: Path, cell: ArmCell
 ) -> None:
@@ -114,6 +115,7 @@ PLY = {"content-type": "application/x-ply"}
 SIX = ",".join
 
 
+@pytest.mark.slow
 async def test_clouds_are_placed_by_the_arm_as_built(tmp_path: Path, cell: ArmCell) -> None:
     """At postures that the session has not seen; the truth is the built arm's flange."""
     rng, zero = np.random.default_rng(9), np.zeros(6)

@@ -45,6 +45,7 @@ def test_joints_of_one_view_of_three_are_not_outvoted() -> None:
         given.base_T_flange(list(POSES), [JOINTS[0], JOINTS[1], wrong])
 
 
+@pytest.mark.slow
 async def test_a_view_that_is_stored_is_answered_so_even_if_its_scan_cannot_be_refined(bench: Bench) -> None:
     await apply_with_arm(bench)
     scan, content = await a_scan(bench, refine=True), ply_of(cloud(100))

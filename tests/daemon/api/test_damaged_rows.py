@@ -74,6 +74,7 @@ def damage(folder: Path, column: str, row: str, value: Any) -> Any:
     return before
 
 
+@pytest.mark.slow
 async def test_a_damaged_row_is_told_and_the_others_are_read(tmp_path: Path) -> None:
     async with serving(settings_for(tmp_path)) as bench:
         ids = await two_of_each(bench)

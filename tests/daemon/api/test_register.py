@@ -50,6 +50,7 @@ async def test_pose_now_is_where_the_arm_stands(bench: Bench) -> None:
     np.testing.assert_allclose(points_of(answer.content), expected, atol=1e-3)
 
 
+@pytest.mark.slow
 async def test_a_client_that_sends_everything_before_it_reads_gets_50_mb_back(bench: Bench) -> None:
     """httpx, requests and most others: without a spool both ends would wait for each other for ever."""
     await apply_calibration(bench)

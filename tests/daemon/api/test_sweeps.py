@@ -144,6 +144,7 @@ async def test_profiles_come_out_in_base_while_the_sweep_runs(sweeping: Sweeping
     assert found["largest_gap_s"] == pytest.approx(0.02)
 
 
+@pytest.mark.slow
 async def test_the_cell_is_held_and_free_again(sweeping: Sweeping) -> None:
     begun = await sweeping.begin()
     second = await sweeping.bench.client.post("/sweeps", json={})

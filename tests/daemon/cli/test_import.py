@@ -54,6 +54,7 @@ def test_a_csv_without_a_header_becomes_a_session(euler: Path, tmp_path: Path) -
     np.testing.assert_allclose(seen, POSES[:, :3, 3], atol=1e-6)
 
 
+@pytest.mark.slow
 def test_what_was_imported_is_solved(euler: Path, tmp_path: Path) -> None:
     camera = _camera(tmp_path)
     given = ("--target", TARGET, "--setup", "eye-in-hand", "--camera", camera)
@@ -211,6 +212,7 @@ def test_clouds_without_a_target_become_a_scan(tmp_path: Path) -> None:
 CONVENTION_NAMES = ("euler-ZYX", "euler-xyz-rad", "euler-ZYZ", "rotation-vector-deg", "quaternion-xyzw")
 
 
+@pytest.mark.slow
 @pytest.mark.data
 def test_the_convention_of_a_real_session_is_found(real_data: Path, tmp_path: Path) -> None:
     session = open_session(real_data / "ic_circles")

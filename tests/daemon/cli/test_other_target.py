@@ -45,6 +45,7 @@ def test_a_covered_target_is_no_other_target(tmp_path: Path) -> None:
     assert "differs" not in ran.err
 
 
+@pytest.mark.slow
 @pytest.mark.data
 @pytest.mark.parametrize(
     ("slip", "settings"), [("swapped", "set columns = 5, rows = 7"), ("wrongdict", 'set dictionary = "DICT_6X6')]

@@ -26,6 +26,7 @@ def session(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.mark.slow
 def test_the_arm_is_written_beside_the_calibration(session: Path, tmp_path: Path) -> None:
     solved = handeyed("solve", session, "--arm", "irb 2600-20/1.65", "--out", tmp_path / "calibration.json")
     assert solved.status in (0, 3), solved.err
@@ -48,6 +49,7 @@ def test_more_views_are_predicted_in_the_box_of_at(session: Path, tmp_path: Path
     assert [one.more for one in more.after] == [10, 20, 30]
 
 
+@pytest.mark.slow
 def test_confdata_stands_for_joints_that_were_not_recorded(session: Path, tmp_path: Path) -> None:
     """The session's postures are drawn at random, so that the least travel finds others."""
     document = json.loads((session / "session.json").read_text())

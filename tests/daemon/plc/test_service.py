@@ -260,6 +260,7 @@ async def test_the_word_order_is_the_settings(tmp_path: Path, order: WordOrder) 
         assert value_of(image, "map_version") == 1
 
 
+@pytest.mark.slow
 async def test_the_heartbeat_goes_on(tmp_path: Path) -> None:
     async with serving(settings_for(tmp_path, plc=MOVING)) as bench, ladder(bench) as plc:
         counts = set()

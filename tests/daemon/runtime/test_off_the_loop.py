@@ -73,6 +73,7 @@ async def test_the_checks_of_a_run_and_of_a_jog(tmp_path: Path, watched: Watched
     assert not watched.on_the_loop
 
 
+@pytest.mark.slow
 async def test_the_small_turns_of_a_first_look(tmp_path: Path, watched: Watched) -> None:
     async with serving(settings_for(tmp_path, robot=ARM, calibration={"poses": []})) as bench:
         watched.watch(Arm, "nearest", "all_matching")

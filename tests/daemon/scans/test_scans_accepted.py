@@ -44,6 +44,7 @@ async def test_a_ball_bar_in_three_positions_gives_probing_and_spacing_errors(be
     assert number(stored["acceptance"]["probing_form_mm"], 4) in report.text
 
 
+@pytest.mark.slow
 async def test_a_position_without_the_artefact_is_named(bench: Bench) -> None:
     scan_id = await scan_of(bench, bar(1), ball(np.array([0.0, 0, 500]), 1))
     answer = await bench.client.post("/verify", json={"scan_id": scan_id, "artefact": BAR})

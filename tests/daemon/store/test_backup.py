@@ -38,6 +38,7 @@ async def answers(bench: Bench, key: str) -> dict[str, Any]:
     return found
 
 
+@pytest.mark.slow
 async def test_a_restored_store_gives_the_same_answers(tmp_path: Path) -> None:
     here, there, file = config_in(tmp_path / "here"), config_in(tmp_path / "there"), tmp_path / "all.tar"
     async with serving(settings_for(tmp_path / "here" / "store", calibration={"policy": "auto"})) as bench:

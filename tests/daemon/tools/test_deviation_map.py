@@ -18,6 +18,7 @@ def surface(deviations: list[float]) -> bytes:
     return found.tobytes()
 
 
+@pytest.mark.slow
 def test_points_are_counted_by_their_deviation_and_coloured_to_the_end_of_the_scale() -> None:
     found = deviation_map([surface([-0.4, 0.0]), surface([0.0, 0.4, np.nan])], SURFACE)
     assert found is not None

@@ -34,6 +34,7 @@ def test_the_same_report_gives_the_same_bytes() -> None:
     assert written() == written()
 
 
+@pytest.mark.slow
 def test_the_pdf_says_what_the_report_says_and_holds_the_calibration() -> None:
     pypdf = pytest.importorskip("pypdf")
     content = written()

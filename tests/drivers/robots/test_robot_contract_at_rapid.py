@@ -154,6 +154,7 @@ async def test_a_pose_that_is_none_is_refused_and_the_link_stays(cell):
     assert robot.link.connected
 
 
+@pytest.mark.slow
 async def test_closing_says_bye_disarms_and_stops(cell):
     robot, running = cell
     await robot.set_armed(True)

@@ -9,6 +9,7 @@ from time import monotonic
 from typing import Any
 
 import numpy as np
+import pytest
 
 from mock_robot.arm.simulated_arm import ArmNoise, SimulatedArm
 from mock_robot.links.wires import CAMERA_LOAD
@@ -105,6 +106,7 @@ def value(controller: RapidController, name: str) -> Any:
     return controller.memory[name].value
 
 
+@pytest.mark.slow
 async def test_a_customers_main_finds_everything_as_it_was_before(tmp_path: Path) -> None:
     async with running(tmp_path, production=PRODUCTION) as controller:
         await eventually(lambda: value(controller, "turns") > 2 and not value(controller, "cell_abort"))
@@ -166,6 +168,7 @@ ENDMODULE
 """
 
 
+@pytest.mark.slow
 async def test_a_customer_who_leaves_the_motion_part_by_exitcycle_finds_nothing_of_ours_behind(tmp_path: Path) -> None:
     program = PRODUCTION.removesuffix("ENDMODULE\n") + LEAVES
     program = program.replace("PROC main()\n", "VAR intnum customers;\n  PERS bool leave := FALSE;\n  PROC main()\n")
@@ -276,6 +279,7 @@ async def test_a_name_the_controller_does_not_know_arms_nothing_and_says_so_in_t
         assert any("a signal that CELL_shared names" in entry.text for entry in controller.log)
 
 
+@pytest.mark.slow
 async def test_after_a_power_failure_motion_is_held_until_the_motion_task_has_dropped_the_move(tmp_path: Path) -> None:
     async with running(tmp_path, time_scale=1.0) as controller:
         async with client_of(controller) as client:
@@ -304,6 +308,7 @@ async def test_after_a_power_failure_motion_is_held_until_the_motion_task_has_dr
             assert await client.moves(move_to(AWAY, 1000.0)) is Status.OK
 
 
+@pytest.mark.slow
 async def test_position_streams_while_the_motion_part_is_called_and_no_identity_stays_taken(tmp_path: Path) -> None:
     production = PRODUCTION.replace("cell_motion;", "cell_motion_egm;")
     async with running(tmp_path, production=production, egm=True) as controller:

@@ -116,6 +116,7 @@ def test_any_bytes_as_lzf_end_or_are_reported(data: bytes) -> None:
         assert len(b"".join(decompress(reader(data), len(data)))) <= 300 * 264
 
 
+@pytest.mark.slow
 def test_compressed_pcd_is_read_in_blocks(tmp_path: Path) -> None:
     records = cloud(PCL, 40_000)
     records["x"] = np.repeat(np.arange(400, dtype=np.float32), 100)

@@ -53,6 +53,7 @@ def test_a_damaged_file_is_refused_or_read(case: str, data: st.DataObject) -> No
     attempt(name, bytes(damaged))
 
 
+@pytest.mark.slow
 @settings(max_examples=150, deadline=None)
 @given(suffix=st.sampled_from(sorted(FAMILIES)), content=st.one_of(st.binary(max_size=300), st.text().map(str.encode)))
 def test_anything_at_all_is_refused_or_read(suffix: str, content: bytes) -> None:
