@@ -46,9 +46,7 @@ async def _struck_by(row: Row, story: Plant) -> dict[str, Any]:
     """The run when it has ended; the fault struck after its first station."""
     run = await _begun(row, story)
     await story.operator.waits_until_station(run, 1)
-    # A restart between two requests ends the run at its next request, by another error.
-    strikes_in_a_move = row.fault.startswith("robot") or row.fault == "link-restart"
-    story.cell.inject_fault(row.fault, after_moves=1 if strikes_in_a_move else 0)
+    story.cell.inject_fault(row.fault, after_moves=1 if row.fault.startswith("robot") else 0)
     return await story.operator.waits_for_the_end_of(run)
 
 

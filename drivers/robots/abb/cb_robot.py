@@ -62,6 +62,7 @@ class CbRobot:
         self._device = f"{name} {transport.address}"
         self._timing = timing or Timing()
         self._link = CbLink(self._device, transport, self._timing, REPLY_LIMIT_S if limit_s is None else limit_s)
+        self._armed_in: CbConversation | None = None
         self._stopping: set[asyncio.Task[None]] = set()
 
     @property
@@ -113,12 +114,14 @@ class CbRobot:
         conversation = self._link.conversation()
         if not armed:
             await self._read(_set_armed(conversation, False), "disarming", conversation, urgent=True)
+            self._armed_in = None
             return
         try:
             answered = await conversation.ask(_set_armed(conversation, True))
         except OvertakenByStop:
             raise request_refusal(self._device, "arming", Refused(Status.ABORTED)) from None
         self._require_accepted(answered, "arming")
+        self._armed_in = conversation
 
     async def stop_and_disarm(self) -> None:
         """Stop and disarm now; overtakes every other request."""
@@ -126,6 +129,7 @@ class CbRobot:
         stopped, disarmed = await conversation.ask_in_turn(Stop(), _set_armed(conversation, False))
         self._require_accepted(stopped, "the stop")
         self._require_accepted(disarmed, "disarming")
+        self._armed_in = None
 
     async def read_standstill(self) -> Standstill:
         """Whether the arm stands, without a move in progress or pending, and is disarmed; urgent."""
@@ -138,7 +142,8 @@ class CbRobot:
         await self._move(cb_wire.move_of(self._device, goal))
 
     async def _move(self, move: Move | MoveJoints) -> None:
-        conversation = self._link.conversation()
+        # A link that was lost since the arming ends the move as LinkLost; the new one would refuse it as not armed.
+        conversation = self._armed_in or self._link.conversation()
         try:
             await self._arrive(conversation, await self._begin(conversation, move))
         except BaseException as error:
@@ -149,6 +154,9 @@ class CbRobot:
             stopping.add_done_callback(self._stopping.discard)
             await asyncio.shield(stopping)
             raise
+        finally:
+            if conversation.lost.done():
+                self._armed_in = None
 
     async def move_to_joints(self, goal: JointGoal) -> None:
         """Move all axes to their angles (MoveAbsJ); otherwise as `move_to`."""
