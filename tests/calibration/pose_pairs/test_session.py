@@ -8,7 +8,6 @@ import pytest
 
 from calibration.diagnosis.convention_hypotheses import change_quaternion_order
 from calibration.diagnosis.orientation_readings import euler_numbers, rotation_from_euler
-from calibration.pose_pairs.session import solve_measured_session
 from calibration.problem import MeasuredPoints, MeasuredPose, Problem, Setup
 from calibration.solution import Solution
 from calibration.solve import solve_hand_eye
@@ -67,11 +66,10 @@ def test_a_few_views_and_lengths_a_little_off_are_not_taken_for_drift(views: int
 @pytest.mark.parametrize("measure", MEASURES.values(), ids=MEASURES)
 @pytest.mark.parametrize("views", [6, 12, 24])
 def test_errors_have_the_size_that_is_claimed(measure: Measure, setup: Setup, views: int) -> None:
-    """Normalised errors of 12 calibrations: 72 degrees of freedom. The solution is that without causes of findings."""
     squares = []
-    for seed in range(12):
+    for seed in range(20):
         cell = measured_cell(np.random.default_rng([7, seed]), views, measure, setup=setup)
-        solution = solve_measured_session(cell.problem).solution
+        solution = solve_hand_eye(cell.problem)
         assert solution.mount_T_camera is not None
         assert solution.uncertainty is not None
         error = cell.error(solution.mount_T_camera)
