@@ -4,11 +4,16 @@ import { createFlatView } from './flat_view.js';
 
 const STEP_RAD = 0.12;
 
-/** Draws `scene` on `canvas` whenever `draw` is called; arrows turn, + and − come nearer, Home goes back. Three flat pictures without WebGL 2. */
+/** Draws `scene` on `canvas` whenever `draw` is called; arrows turn, + and − come nearer, Home goes back. Three flat pictures without WebGL 2; null when three.js cannot draw. */
 export function createView(canvas, { from = [2600, -2200, 1700], at = [500, 0, 500], onDraw } = {}) {
   const context = canvas.getContext('webgl2', { alpha: true, antialias: true, stencil: false });
   if (!context) return createFlatView(canvas, { onDraw });
-  const renderer = new WebGLRenderer({ canvas, context });
+  let renderer;
+  try {
+    renderer = new WebGLRenderer({ canvas, context });
+  } catch {
+    return null; // a canvas with a context of WebGL, even a lost one, gives none for flat pictures
+  }
   renderer.setPixelRatio(Math.min(devicePixelRatio, 2));
   const scene = new Scene();
   const camera = new PerspectiveCamera(38, 1.6, 5, 60000);

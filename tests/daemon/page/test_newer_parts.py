@@ -225,14 +225,8 @@ async def test_points_are_touched_one_after_the_other_by_keyboard_alone(
 async def test_the_next_point_is_named_though_the_tests_are_answered_last(open_page: Opened, cell: Cell) -> None:
     bench, _ = cell
     cross = await touch_two_points(bench)
-    shown = asyncio.Event()
-
-    async def answer_late(route: Any) -> None:
-        await shown.wait()
-        await route.continue_()
-
     async with open_page("operator", "help") as page:
-        await page.route("**/touches?*", answer_late)
+        shown = await hold_requests(page, "**/touches?*")
         await page.evaluate("location.hash = '#/verify'")
         await page.locator("section[aria-labelledby=last] dl").wait_for(state="attached")
         shown.set()
@@ -253,14 +247,8 @@ async def test_a_touch_test_of_another_person_is_shown_at_once(open_page: Opened
 async def test_a_touch_test_made_before_the_stream_is_open_is_shown(open_page: Opened, cell: Cell) -> None:
     bench, _ = cell
     await touch_two_points(bench)
-    made = asyncio.Event()
-
-    async def open_late(route: Any) -> None:
-        await made.wait()
-        await route.continue_()
-
     async with open_page("viewer", "help") as page:
-        await page.route("**/events", open_late)
+        made = await hold_requests(page, "**/events")
         await page.evaluate("location.hash = '#/verify'")
         await page.reload()
         tests = page.locator("section[aria-labelledby=touches] .timeline li")
@@ -333,6 +321,18 @@ WATCH_PROGRESS = """() => {
         if (bar) shares.push(bar.value);
     }).observe(document.body, { subtree: true, childList: true, attributes: true, characterData: true });
 }"""
+
+
+async def hold_requests(page: Any, pattern: str) -> asyncio.Event:
+    """Requests of the page to such addresses wait until the event is set."""
+    released = asyncio.Event()
+
+    async def answer_late(route: Any) -> None:
+        await released.wait()
+        await route.continue_()
+
+    await page.route(pattern, answer_late)
+    return released
 
 
 async def _refuse(route: Any, asked: list[Any]) -> None:
