@@ -10,13 +10,14 @@ Both set-ups are one problem. The camera is fixed in its *mount*, the target in 
 so a solver uses `anchor_T_mount` only, and X is `mount_T_camera`. (The X of Song et al. is its inverse.)
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from calibration.camera import CameraModel
+from calibration.kinematics.external_axis import ExternalAxis
 from calibration.targets import Target
 from calibration.transforms import Array, inverse
 
@@ -89,6 +90,7 @@ class View:
     `detection` is None when the target was not found; `missing` is then the reason: a code and a sentence.
     `measured`: the target measured in space instead of detected in an image. `joints_rad` (n,): the arm's axes, where
     they were recorded; nothing is computed from them. `confdata`: ABB's cf1, cf4, cf6, cfx of the pose, likewise.
+    `axis_reading`: where the problem's external axis stood, mm or rad.
     """
 
     index: int
@@ -99,6 +101,7 @@ class View:
     measured: Measurement | None = None
     joints_rad: Array | None = None
     confdata: tuple[int, int, int, int] | None = None
+    axis_reading: float | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,6 +111,7 @@ class Problem:
     `in_space`: the views hold measurements of the target in space and no detections; intrinsics are not needed then.
     `poses_from_controller`: a driver read them, so that they are base_T_flange for certain.
     `axis_offset`: for an arm that turns its flange about one axis only; not used where the motions determine X.
+    `external_axis`: a track or turntable, roughly; every view has its reading then, and poses are as reported there.
     """
 
     setup: Setup
@@ -118,7 +122,16 @@ class Problem:
     in_space: bool = False
     poses_from_controller: bool = False
     axis_offset: AxisOffset | None = None
+    external_axis: ExternalAxis | None = None
 
     def anchor_T_mount(self, view: View) -> Array:
         """(4, 4) of one view."""
         return anchor_T_mount_of(self.setup, view.base_T_flange)
+
+    def with_axis_at_zero(self, axis: ExternalAxis) -> "Problem":
+        """The problem as if the axis had stood at its zero in every view, and there were none."""
+        views = tuple(
+            replace(view, base_T_flange=axis.at_zero(view.base_T_flange, view.axis_reading or 0.0), axis_reading=None)
+            for view in self.views
+        )
+        return replace(self, views=views, external_axis=None)

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibration.camera import CameraModel
+from calibration.kinematics.external_axis import ExternalAxis
 from calibration.problem import AxisOffset, Setup
 from calibration.transforms import Array
 
@@ -197,6 +198,29 @@ class ClockOffset:
 
 
 @dataclass(frozen=True, eq=False)
+class ExternalAxisEstimate:
+    """The axis found with X; poses, target and X of the solution are those with the axis at its zero.
+
+    covariance : (12, 12) of X @ exp(.) and [direction, point_mm] of the axis, which vary across the direction only.
+    readings : lowest and highest of the views, mm or rad.
+    sigma_mm : largest standard deviation, over three axes, of a point of the working volume registered at a view's
+        reading and pose: of X and the axis together.
+    off_rad : angle between the direction given and the one found.
+    """
+
+    axis: ExternalAxis
+    covariance: Array
+    readings: tuple[float, float]
+    sigma_mm: float
+    off_rad: float
+
+    @property
+    def expanded_mm(self) -> float:
+        """U, k = 2."""
+        return COVERAGE_FACTOR * self.sigma_mm
+
+
+@dataclass(frozen=True, eq=False)
 class Solution:
     """The result of a solve; frames as in `calibration.problem`. `mount_T_camera` is None when it is not determined."""
 
@@ -215,3 +239,4 @@ class Solution:
     leave_out: LeaveOut | None = None
     clock_offset: ClockOffset | None = None
     axis_offset: AxisOffset | None = None
+    external_axis: ExternalAxisEstimate | None = None

@@ -13,6 +13,7 @@ from calibration.errors import GeometryError, UndeterminedError
 from calibration.kinematics.abb_arms import ARMS
 from calibration.kinematics.arm import Arm
 from calibration.kinematics.arm_errors import AXES, NO_LOAD, ArmErrorModel, Load, Postures, approach_sides
+from calibration.kinematics.external_axis import ExternalAxis
 from calibration.kinematics.joint_check import require_consistent_joints
 from calibration.likelihood.augmented_model import augment_model
 from calibration.preprocessing.prepare import PreparedSession, prepare, update_target_shape
@@ -21,6 +22,7 @@ from calibration.sentences.sentence import Sentence
 from calibration.solution import Solution
 from calibration.solver.arm_identification import ArmFit, UnusualArm, identify_arm
 from calibration.solver.arm_session import TargetViews
+from calibration.solver.external_axis import AxisFit, find_axis, fit_axis, readings_of
 from calibration.solver.initial_guess import InitialGuess, find_initial_guess
 from calibration.solver.solution_builder import build_solution, solution_without_x
 from calibration.solver.systematic_error_check import (
@@ -41,6 +43,8 @@ METHODS = ("auto", *CLOSED_FORMS)
 
 MAX_ROUNDS = 3
 """Rounds in which target shape and camera are estimated in turn, the camera with the robot's poses."""
+
+SessionEstimate = tuple[PreparedSession, InitialGuess, Selection]
 
 CONTRADICTORY = (
     "contradictory-input",
@@ -68,15 +72,40 @@ def solve_hand_eye(problem: Problem, method: str = "auto") -> Solution:
 
 def _solve_images(problem: Problem, method: str) -> Solution:
     """The solution of a session of images."""
+    given, fit = problem.external_axis, None
     try:
         with np.errstate(over="raise", divide="raise", invalid="raise"):
-            prepared, start, selection = estimate_session(problem)
+            if given is None:
+                prepared, start, selection = estimate_session(problem)
+            else:
+                problem, (prepared, start, selection), fit = _estimate_with_axis(problem, given)
             solution = build_solution(problem, method, prepared, start, selection)
+            if given is not None and fit is not None:
+                solution = replace(solution, external_axis=fit.estimate(given, solution))
     except UndeterminedError as undetermined:
         return diagnose_solution(problem, solution_without_x(problem, method, undetermined))
     except (np.linalg.LinAlgError, ArithmeticError):
         return diagnose_solution(problem, solution_without_x(problem, method, UndeterminedError(*CONTRADICTORY)))
     return diagnose_solution(problem, solution, prepared)
+
+
+def _estimate_with_axis(problem: Problem, given: ExternalAxis) -> tuple[Problem, SessionEstimate, AxisFit]:
+    """The problem with the axis at zero, its estimate, and the last step of the axis. Raises UndeterminedError."""
+    readings, axis = readings_of(problem), find_axis(problem, given)
+    for _ in range(MAX_ROUNDS):
+        at_zero = problem.with_axis_at_zero(axis)
+        prepared, start, selection = estimate_session(at_zero)
+        fit = fit_axis(axis, readings[prepared.seen.positions], prepared, selection)
+        if fit.settled:
+            break
+        axis = fit.axis
+    return at_zero, (prepared, start, fit.widen(selection)), fit
+
+
+def poses_at_zero(problem: Problem, solution: Solution) -> Problem:
+    """The problem whose poses the solution is of: with its external axis at zero, where it has one."""
+    found = solution.external_axis
+    return problem if found is None else problem.with_axis_at_zero(found.axis)
 
 
 def _solve_in_space(problem: Problem) -> Solution:
@@ -100,7 +129,7 @@ def _solve_in_space(problem: Problem) -> Solution:
     return replace(found.solution, findings=(*found.solution.findings, *causes))
 
 
-def estimate_session(problem: Problem) -> tuple[PreparedSession, InitialGuess, Selection]:
+def estimate_session(problem: Problem) -> SessionEstimate:
     """The prepared session, the initial guess, and the estimate with its views. Raises UndeterminedError."""
     prepared = prepare(problem)
     used = agreeing_rows(prepared)

@@ -84,6 +84,9 @@ Data that are inverted leave about the scatter that their inverses need, right o
 
 INVERTED_CAUSES = frozenset({"poses-inverted", "setup-swapped"})
 
+MAX_AXIS_OFF_RAD = float(np.radians(5.0))
+"""Largest usual angle between a direction as drawn and as built; more is a wrong sign or another axis."""
+
 Rule = Callable[[Problem, Solution, VerdictLimits], Iterator[Finding]]
 
 
@@ -315,6 +318,22 @@ def _expected_hold_out_mm(solution: Solution) -> float | None:
     return float(np.sqrt(np.mean(np.square(errors)))) / (1 - 2 / len(errors))
 
 
+def _external_axis(problem: Problem, solution: Solution, limits: VerdictLimits) -> Iterator[Finding]:
+    """What the axis is and how uncertain it leaves a registered point; far from the given one is a warning."""
+    found = solution.external_axis
+    if found is None:
+        return
+    kind, (x, y, z) = found.axis.kind, found.axis.direction.tolist()
+    severity: Severity = "info"
+    fix = Sentence("none-needed")
+    if found.off_rad > MAX_AXIS_OFF_RAD:
+        severity, fix = "warning", Sentence("correct-the-direction")
+    if not found.expanded_mm <= limits.tolerance_mm:
+        severity, fix = "error", Sentence(f"move-the-{kind}")
+    message = Sentence(f"{kind}-found", x=x, y=y, z=z, off_deg=degrees(found.off_rad), expanded_mm=found.expanded_mm)
+    yield Finding("external-axis", severity, message, fix)
+
+
 RULES: tuple[Rule, ...] = (
-    _contradiction, _point, _axes, _inverted, _robot, _image, _rejections, _hold_out, _leave_out,
+    _contradiction, _point, _axes, _inverted, _robot, _image, _rejections, _hold_out, _leave_out, _external_axis,
 )  # fmt: skip

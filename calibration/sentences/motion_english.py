@@ -26,4 +26,16 @@ MOTION = {
     "remove-axis-offset": "leave axis_offset out, or compare it with the result",
     "turn-across-or-travel": "if the arm can tilt, add poses turned by 30 degrees or more about an axis across {axis}."
     " If it cannot (a palletiser, a SCARA), add poses 100 mm apart or more across {axis}, with the same turns",
+    "track-not-moved": "all {views} views were taken at one position of the track: its direction shows in none of them",
+    "turntable-not-moved": "all {views} views were taken at one angle of the turntable: its axis shows in none of them",
+    "move-the-track": "take views at two positions of the track or more, as far apart as it is used, the target in view"
+    " from each",
+    "move-the-turntable": "take views at two angles of the turntable or more, 60 degrees or more apart, with the target"
+    " on it",
+    "track-found": "the track moves the base along ({x:.5f}, {y:.5f}, {z:.5f}), {off_deg:.2f} degrees from the given"
+    " direction; over the views' positions a registered point is uncertain by U = {expanded_mm:.2g} mm",
+    "turntable-found": "the turntable turns about ({x:.5f}, {y:.5f}, {z:.5f}), {off_deg:.2f} degrees from the given"
+    " direction; over the views' angles a registered point is uncertain by U = {expanded_mm:.2g} mm",
+    "correct-the-direction": "correct direction in external_axis: it is the way the base moves, or about which the part"
+    " turns right-handed, as the reading grows; and see that number is the axis that moved",
 }
