@@ -6,6 +6,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 from pydantic import JsonValue, model_validator
 
+from calibration.documents.external_axis import FoundAxisDocument
 from calibration.documents.pose import PoseDocument, Vector
 from calibration.documents.requirement import LimitsInForceDocument
 from calibration.documents.session import AxisOffsetDocument, CameraDocument
@@ -238,6 +239,7 @@ class CalibrationDocument(Document):
     hold_out: HoldOutDocument | None
     clock_offset: ClockOffsetDocument | None = None
     axis_offset: AxisOffsetDocument | None = None
+    external_axis: FoundAxisDocument | None = None
     verdict: CalibrationVerdictDocument
 
     @property
@@ -282,6 +284,7 @@ def calibration_document(
             "hold_out": solution.hold_out and vars(solution.hold_out),
             "clock_offset": solution.clock_offset and vars(solution.clock_offset),
             "axis_offset": solution.axis_offset and vars(solution.axis_offset),
+            "external_axis": solution.external_axis and FoundAxisDocument.of(solution.external_axis),
             "verdict": CalibrationVerdictDocument.of(verdict),
         }
     )

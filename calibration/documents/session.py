@@ -6,9 +6,11 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from calibration.camera import BROWN, COEFFICIENT_COUNTS, CameraModel, LensModel
+from calibration.documents.external_axis import ExternalAxes, ExternalAxisDocument
 from calibration.documents.pose import PoseDocument, Vector
 from calibration.documents.target import TargetDocument
 from calibration.documents.validation import Document
+from calibration.kinematics.external_axis import ExternalAxis
 from calibration.problem import AxisOffset, Setup
 from calibration.targets import Target, TrackedFrame
 from calibration.transforms import Array
@@ -70,6 +72,7 @@ class ViewDocument(Document):
     """One station: an image, or the detection or measurement already made.
 
     joints_deg : the arm's axes, where they were recorded; they are copied into calibration.json.
+    external_axes : the controller's axes beside the arm at the pose, mm or degrees; null for one that it does not have.
     confdata : the posture of the pose where joints were not recorded, as in a robtarget: cf1, cf4, cf6, cfx.
     image : name of a file beside session.json.
     corners_px : [id, u, v] of the target's points in the image.
@@ -83,6 +86,7 @@ class ViewDocument(Document):
 
     base_T_flange: PoseDocument
     joints_deg: Annotated[tuple[float, ...], Field(min_length=1, max_length=12)] | None = None
+    external_axes: ExternalAxes | None = None
     confdata: tuple[Quarter, Quarter, Quarter, Annotated[int, Field(ge=0, le=7)]] | None = None
     image: str | None = None
     corners_px: list[tuple[int, float, float]] | None = None
@@ -157,6 +161,8 @@ class SessionDocument(Document):
     target : may be left out where every view holds `camera_T_target`, of a tracker without a printed target.
     camera : null where the intrinsics are estimated; may be left out where they are not needed.
     axis_offset : for an arm that turns its flange about one axis only (a palletiser, a SCARA); for images.
+    external_axis : a track or turntable that the controller leaves out of its poses, roughly; its reading is in
+        `external_axes` of every view, and it is found with X; for images.
     poses_from_controller : whether a driver read the poses from the controller, so that they are not inverted.
     """
 
@@ -170,6 +176,7 @@ class SessionDocument(Document):
     camera: CameraDocument | None = None
     image_size: tuple[Pixels, Pixels] | None = None
     axis_offset: AxisOffsetDocument | None = None
+    external_axis: ExternalAxisDocument | None = None
     views: list[ViewDocument]
 
     def described_target(self) -> Target:
@@ -180,6 +187,15 @@ class SessionDocument(Document):
     def given_offset(self) -> AxisOffset | None:
         """`axis_offset` as the solver takes it."""
         return None if self.axis_offset is None else self.axis_offset.offset()
+
+    @property
+    def rough_axis(self) -> ExternalAxis | None:
+        """`external_axis` as the solver takes it."""
+        return None if self.external_axis is None else self.external_axis.axis()
+
+    def axis_reading(self, index: int) -> float | None:
+        """Reading, mm or rad, of the external axis in that view; None without one."""
+        return None if self.external_axis is None else self.external_axis.reading(self.views[index].external_axes)
 
     @property
     def in_space(self) -> bool:

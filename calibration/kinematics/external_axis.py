@@ -64,7 +64,7 @@ class ExternalAxis:
         moved: Array = self.motion(readings) @ base_T_flange
         return moved
 
-    def moved(self, step: Array) -> "ExternalAxis":
+    def apply_step(self, step: Array) -> "ExternalAxis":
         """The axis changed by its unknowns (2,) or (4,): rad along the tangents, then mm along them."""
         across = self.tangents
         direction = self.direction + across @ step[:2]
@@ -81,7 +81,7 @@ class ExternalAxis:
         for place in range(self.unknowns):
             step = np.zeros(self.unknowns)
             step[place] = STEPS[place]
-            ahead, behind = (self.moved(s).motion(readings) @ back for s in (step, -step))
+            ahead, behind = (self.apply_step(s).motion(readings) @ back for s in (step, -step))
             columns.append((vector_from_transform(here @ ahead) - vector_from_transform(here @ behind)) / 2)
         derivative: Array = np.stack(columns, axis=-1) / STEPS[: self.unknowns]
         return derivative

@@ -78,7 +78,7 @@ def _fit_poses(problem: Problem, axis: ExternalAxis) -> tuple[float, ExternalAxi
 
     def residuals(unknowns: Array) -> Array:
         X, target = first_X @ transform_from_vector(unknowns[:6]), first_target @ transform_from_vector(unknowns[6:12])
-        at_zero = axis.moved(unknowns[12:]).at_zero(reported, readings)
+        at_zero = axis.apply_step(unknowns[12:]).at_zero(reported, readings)
         anchor_T_target = anchor_T_mount_of(problem.setup, at_zero) @ X @ rows.camera_T_target
         return np.asarray((vector_from_transform(inverse(target) @ anchor_T_target) * weights).ravel())
 
@@ -86,7 +86,7 @@ def _fit_poses(problem: Problem, axis: ExternalAxis) -> tuple[float, ExternalAxi
     fit = scipy.optimize.least_squares(
         residuals, np.zeros(12 + axis.unknowns), loss="soft_l1", x_scale=scale[: 12 + axis.unknowns]
     )
-    return float(fit.cost), axis.moved(fit.x[12:])
+    return float(fit.cost), axis.apply_step(fit.x[12:])
 
 
 @dataclass(frozen=True, eq=False)
@@ -161,7 +161,7 @@ def fit_axis(axis: ExternalAxis, readings: Array, prepared: PreparedSession, sel
     step, spread = whole.b[own], whole.covariance[np.ix_(own, own)]
     together = np.r_[np.arange(6), own]
     return AxisFit(
-        axis=axis.moved(step),
+        axis=axis.apply_step(step),
         settled=bool(step @ np.linalg.solve(spread, step) < SETTLED_SIGMA**2 * len(step)),
         widening=whole.covariance[:12, :12] - first.covariance[:12, :12],
         covariance=whole.covariance[np.ix_(together, together)],

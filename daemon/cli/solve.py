@@ -192,7 +192,7 @@ def solve_session(
     from calibration.documents.plan import NoiseExpectedDocument
     from calibration.likelihood.mapped_points import at_points
     from calibration.planning.what_if import PlanComparison
-    from calibration.solve import solve_hand_eye
+    from calibration.solve import poses_at_zero, solve_hand_eye
     from calibration.verdict import judge
     from daemon.runtime.clock import Clock, time_ordered_id
     from daemon.runtime.version import SOFTWARE
@@ -208,7 +208,9 @@ def solve_session(
     for line in (*find_repeated_poses(session.document), *symmetry_lines(problem), *missing_target_lines(problem)):
         print_error(f"{session.file}: {line}")
     limits, points = required
-    solution = at_points(problem, solve_hand_eye(problem, method=method), points)
+    first = solve_hand_eye(problem, method=method)
+    problem = poses_at_zero(problem, first)
+    solution = at_points(problem, first, points)
     verdict = judge(problem, solution, limits)
     if (better := PlanComparison.for_session(problem, solution, NoiseExpectedDocument().noise())) is not None:
         verdict = replace(verdict, findings=(*verdict.findings, *better.findings(problem, solution)))

@@ -78,9 +78,11 @@ class CalibrationRun:
     def solve(self, problem: Problem, calibration_id: str, created_at: str, method: str = "auto") -> Solved:
         """Solve, judge and document, as `handeyed solve` does; with the arm's errors as `handeyed solve --arm`."""
         from calibration.documents.identified_arm import identify_with_findings  # see run_modules
-        from calibration.solve import solve_hand_eye
+        from calibration.solve import poses_at_zero, solve_hand_eye
 
-        solution = at_points(problem, solve_hand_eye(problem, method), self.points)
+        first = solve_hand_eye(problem, method)
+        problem = poses_at_zero(problem, first)
+        solution = at_points(problem, first, self.points)
         verdict = judge(problem, solution, self.limits)
         findings = verdict.findings
         if self.expected is not None and solution.mount_T_camera is not None:

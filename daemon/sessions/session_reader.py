@@ -109,10 +109,13 @@ def load_problem(session: SessionFolder, progress: Progress = lambda done, of: N
         raise DocumentError(str(session.file), with_heading(SessionDocument, [missing]))
     views = [view for _, (view, _) in sorted(seen.items())]
     views = explain_missing(views, target, lambda name: read_grey(session.path / name))
-    views = [replace(view, confdata=document.views[view.index].confdata) for view in views]
+    views = [
+        replace(view, confdata=document.views[view.index].confdata, axis_reading=document.axis_reading(view.index))
+        for view in views
+    ]
     return Problem(
         document.setup, target, camera, expected, tuple(views), poses_from_controller=document.poses_from_controller,
-        axis_offset=document.given_offset,
+        axis_offset=document.given_offset, external_axis=document.rough_axis,
     )  # fmt: skip
 
 
@@ -236,7 +239,27 @@ def _check_observations(document: SessionDocument) -> list[DocumentProblem]:
     return problems
 
 
-_CHECKS = (_check_views, _check_observations, _check_sizes, _check_image_names, _check_corners)
+def _check_external_axis(document: SessionDocument) -> list[DocumentProblem]:
+    """The axis goes with images, a turntable with a target beside the robot, and every view has its reading."""
+    axis = document.external_axis
+    if axis is None:
+        return []
+    if document.in_space:
+        fix = "leave it out, and give poses that include the axis"
+        return [DocumentProblem("external_axis", "it is found from images only", fix)]
+    if axis.kind == "turntable" and document.setup == "eye-to-hand":
+        fix = "leave it out: the target is on the flange, and a turntable moves neither it nor the camera"
+        return [DocumentProblem("external_axis", "a turntable carries the target, beside the robot", fix)]
+    unit = "mm" if axis.kind == "track" else "degrees"
+    what, fix = f"it holds no axis {axis.number}", f"give the reading of the {axis.kind} in every view, {unit}"
+    return [
+        DocumentProblem(f"views[{index}].external_axes", what, fix)
+        for index in range(len(document.views))
+        if document.axis_reading(index) is None
+    ]
+
+
+_CHECKS = (_check_views, _check_observations, _check_external_axis, _check_sizes, _check_image_names, _check_corners)
 """Checks of a session beyond its types."""
 
 

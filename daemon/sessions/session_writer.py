@@ -1,12 +1,14 @@
 """Write a session folder: pictures and poses are stored before use, so that `handeyed solve` reproduces the result."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Protocol
 
 import cv2
 import numpy as np
 
+from calibration.documents.external_axis import ExternalAxisDocument, external_axes_of
 from calibration.documents.pose import PoseDocument
 from calibration.documents.session import AxisOffsetDocument, CameraDocument, SessionDocument, ViewDocument
 from calibration.documents.target import TargetDocument
@@ -41,7 +43,7 @@ class SessionWriter:
     def __init__(
         self, folder: Path, source: str, setup: Setup, target: TargetDocument, camera: CameraDocument | None,
         store: Store, workers: Workers, beside: Sequence[SensorBeside] = (),
-        axis_offset: AxisOffsetDocument | None = None,
+        axis_offset: AxisOffsetDocument | None = None, external_axis: ExternalAxisDocument | None = None,
     ) -> None:  # fmt: skip
         self.folder = folder
         self._store, self._workers, self._beside = store, workers, beside
@@ -51,7 +53,7 @@ class SessionWriter:
         self._taken: dict[int, DetectionDocument] = {}
         self._document = SessionDocument(
             schema_version=1, source=source, poses_from_controller=True, setup=setup, target=target, camera=camera,
-            axis_offset=axis_offset, views=[],
+            axis_offset=axis_offset, external_axis=external_axis, views=[],
         )  # fmt: skip
 
     async def add(self, frame: CameraFrame, reading: PoseReading, at: str = "") -> int:
@@ -66,7 +68,8 @@ class SessionWriter:
         await self._store.write_file(self.folder / name, [content])
         joints = None if reading.joints_rad is None else tuple(np.degrees(reading.joints_rad).round(6).tolist())
         pose = PoseDocument.of(reading.base_T_flange)
-        view = ViewDocument(base_T_flange=pose, joints_deg=joints, image=name)
+        axes = external_axes_of(reading.external_axes)
+        view = ViewDocument(base_T_flange=pose, joints_deg=joints, external_axes=axes, image=name)
         document = self._document.model_copy(update={"views": [*self._document.views, view]})
         await self._store.write_file(self.folder / SESSION_FILE, [document.model_dump_json(indent=1).encode()])
         self._document = document
@@ -101,9 +104,11 @@ class SessionWriter:
         document = self._document
         assert self._image_size is not None  # the first picture set it
         camera = document.camera.camera() if document.camera else None
+        views = [replace(view, axis_reading=document.axis_reading(view.index)) for view in views]
         return Problem(
             document.setup, document.described_target(), camera, self._image_size, tuple(views),
             poses_from_controller=document.poses_from_controller, axis_offset=document.given_offset,
+            external_axis=document.rough_axis,
         )  # fmt: skip
 
     def _require_size(self, frame: CameraFrame) -> None:

@@ -33,7 +33,7 @@ def axis_cell(
     """Views spread over three positions of the axis; the session gives it as drawn."""
     rng = np.random.default_rng(seed)
     drawn = DRAWN[kind]
-    built = drawn.moved(np.r_[OFF_RAD * rng.standard_normal(2), OFF_MM * rng.standard_normal(2)])
+    built = drawn.apply_step(np.r_[OFF_RAD * rng.standard_normal(2), OFF_MM * rng.standard_normal(2)])
     cell = random_cell(rng, views, CellNoise(), setup=setup)
     readings = READINGS[kind][np.arange(views) % 3]
     reported = tuple(

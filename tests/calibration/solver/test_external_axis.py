@@ -121,7 +121,7 @@ def test_the_derivatives_are_those_of_the_motion() -> None:
     at_zero = axis.at_zero(pose, 0.7)
     jacobian = axis.jacobian(at_zero[None], np.array([0.7]))[0]
     for place in range(4):
-        moved = axis.moved(step * np.eye(4)[place]).at_zero(pose, 0.7)
+        moved = axis.apply_step(step * np.eye(4)[place]).at_zero(pose, 0.7)
         assert np.allclose(
             vector_from_transform(inverse(at_zero) @ moved) / step, jacobian[:, place], rtol=1e-3, atol=1e-3
         )

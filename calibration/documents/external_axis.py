@@ -1,0 +1,110 @@
+"""A track or turntable as documents have it: readings and zero in mm, of a turntable in degrees, as controllers do."""
+
+from collections.abc import Sequence
+from math import degrees, radians
+from typing import Annotated, Any
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from calibration.documents.pose import Vector
+from calibration.documents.validation import Document
+from calibration.kinematics.external_axis import AxisKind, ExternalAxis
+from calibration.solution import ExternalAxisEstimate
+from calibration.transforms import Array
+
+MIN_DIRECTION = 1e-3
+"""Least length of a direction that is given; it is made 1."""
+
+Reading = Annotated[float, Field(ge=-1e6, le=1e6)]
+ExternalAxes = Annotated[tuple[Reading | None, ...], Field(min_length=1, max_length=6)]
+"""The controller's external axes from the first, mm or degrees; null for one that it does not have."""
+
+MIN_UNUSED = 8.9e9
+"""ABB gives 9E9 for an axis that does not exist."""
+
+
+def external_axes_of(values: Sequence[float]) -> tuple[float | None, ...] | None:
+    """The axes of a pose reading, None where it has none."""
+    axes = tuple(None if value >= MIN_UNUSED else round(float(value), 6) for value in values)
+    return axes if any(value is not None for value in axes) else None
+
+
+class ExternalAxisDocument(Document):
+    """A track under the arm, or a turntable under the part, that the controller leaves out of the arm's poses.
+
+    direction : in the base, the way the base moves, or about which the part turns right-handed, as the reading grows.
+    point_mm : on a turntable's axis, in the base; a track has none.
+    zero : the reading at which base and part stand where all results have them.
+    """
+
+    kind: AxisKind
+    number: Annotated[int, Field(ge=1, le=6)] = 1
+    direction: Vector
+    point_mm: Vector | None = None
+    zero: Reading = 0.0
+
+    @model_validator(mode="after")
+    def _check_geometry(self) -> "ExternalAxisDocument":
+        if np.linalg.norm(self.direction) < MIN_DIRECTION:
+            raise ValueError("direction is a vector, such as [0, 1, 0]")
+        if (self.kind == "turntable") != (self.point_mm is not None):
+            raise ValueError("a turntable has point_mm, a point on its axis in the base; a track has none")
+        return self
+
+    def axis(self) -> ExternalAxis:
+        """As the solver takes it."""
+        direction = np.array(self.direction) / np.linalg.norm(self.direction)
+        point_mm = np.array(self.point_mm or (0.0, 0.0, 0.0))
+        return ExternalAxis(self.kind, self.number, direction, point_mm, self._inside(self.zero))
+
+    def reading(self, external_axes: Sequence[float | None] | None) -> float | None:
+        """This axis's reading, mm or rad, of all axes; None where they do not hold it."""
+        if external_axes is None or len(external_axes) < self.number:
+            return None
+        value = external_axes[self.number - 1]
+        return None if value is None else self._inside(value)
+
+    def _inside(self, value: float) -> float:
+        return value if self.kind == "track" else radians(value)
+
+
+Twelve = Annotated[tuple[float, ...], Field(min_length=12, max_length=12)]
+
+
+class FoundAxisDocument(ExternalAxisDocument):
+    """The axis as it was found from the views.
+
+    readings : lowest and highest of the views.
+    off_deg : of the direction from the given one.
+    sigma_mm, expanded_mm : of a registered point, over three axes, at its worst over the views' readings; U, k = 2.
+    covariance : 12 x 12 of X @ exp(.), see `uncertainty`, and [direction, point_mm], which vary across the axis only.
+    """
+
+    readings: tuple[float, float]
+    off_deg: float
+    sigma_mm: float
+    expanded_mm: float
+    covariance: Annotated[tuple[Twelve, ...], Field(min_length=12, max_length=12)]
+
+    @classmethod
+    def of(cls, found: ExternalAxisEstimate) -> "FoundAxisDocument":
+        axis, outside = found.axis, float if found.axis.kind == "track" else degrees
+        low, high = found.readings
+        values: dict[str, Any] = {
+            "kind": axis.kind,
+            "number": axis.number,
+            "direction": axis.direction.tolist(),
+            "point_mm": None if axis.kind == "track" else axis.point_mm.tolist(),
+            "zero": outside(axis.zero),
+            "readings": (outside(low), outside(high)),
+            "off_deg": degrees(found.off_rad),
+            "sigma_mm": found.sigma_mm,
+            "expanded_mm": found.expanded_mm,
+            "covariance": found.covariance.tolist(),
+        }
+        return cls.model_validate(values)
+
+    def at_zero(self, base_T_flange: Array, reading: float) -> Array:
+        """The pose (4, 4) reported at this reading, mm or rad, as if the axis stood at zero."""
+        return self.axis().at_zero(base_T_flange, reading)
