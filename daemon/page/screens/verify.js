@@ -10,8 +10,8 @@ import { TouchForm } from '../parts/touch_test.js';
 import { TouchResult, signOf, verdictOf } from '../parts/touch_result.js';
 import { ask } from '../state/ask.js';
 import { count, fixed, mm, moment, vector } from '../state/numbers.js';
-import { may, note, ready, running } from '../state/now.js';
-import { camera, cameraNamed, cameras, cameraOf, ofCamera } from '../state/sensors.js';
+import { may, note, running } from '../state/now.js';
+import { camera, cameraNamed, cameras, cameraOf, ofCamera, readyWith } from '../state/sensors.js';
 import { go, linkTo } from '../state/place.js';
 import { sentence, t } from '../state/words.js';
 
@@ -27,7 +27,7 @@ export function Verify({ argument }) {
     note('run');
     go('run');
   };
-  const off = !may('operator') || running.value || !ready.value?.calibrate?.ready || drift.data?.calibration_id === null;
+  const off = !may('operator') || running.value || !readyWith()?.calibrate?.ready || drift.data?.calibration_id === null;
   return html`<div class="grid">
     <${Card} title=${t('verify.title')} id="hold"><${Reasons} /><p>${t('verify.about')}</p>
       <${HoldButton} id="hold-verify" label=${t('verify.start')} act=${begin} disabled=${off} why=${t(may('operator') ? 'verify.not-yet' : 'missing.role')} />
