@@ -74,7 +74,10 @@ def build(
     devices = open_devices(settings, clock)
     exposure = open_exposure_control(settings, devices.camera, workers, clock)
     world_T_base = settings.robot.world_T_base
-    cell = Cell(devices, settings.robot.settling, clock, interlocks, at, events.publish, exposure, world_T_base)
+    cell = Cell(
+        devices, settings.robot.settling, clock, interlocks, at, events.publish, exposure, world_T_base,
+        settings.robot.external_axis,
+    )  # fmt: skip
     supervisor = Supervisor(cell, store, events, clock, new_id)
     scans = ScanService(
         store,

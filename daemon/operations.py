@@ -53,6 +53,7 @@ from daemon.runs.pose_selection import (
     adaptive_parameters,
     mount_expectation,
     planning_limits,
+    require_by_hand,
     require_planned_poses,
     select_taught_poses,
 )
@@ -103,7 +104,8 @@ class Operations:
 
     @property
     def _sessions(self) -> RunSessions:
-        return RunSessions(self.store, self.workers, self.settings.camera.setup)
+        robot = self.settings.robot
+        return RunSessions(self.store, self.workers, self.settings.camera.setup, robot.external_axis)
 
     async def calibrate(self, request: CalibrateRequest) -> RunRecord:
         """Start a calibration run.
@@ -112,6 +114,7 @@ class Operations:
         """
         self._check_tolerance(request.tolerance_mm)
         self._arm(request.arm)
+        require_by_hand(self.settings.robot.external_axis, request)
         settings, target = self.settings.calibration, request.target or self.settings.target
         beside = self._beside(request, target)
         lens, offset = self.settings.camera.intrinsics, request.axis_offset or settings.axis_offset
@@ -232,7 +235,10 @@ class Operations:
             require_planned_poses(settings.axis_offset)
             await self._check_poses()
             wish = StoppingRule(VERIFY_POSITIONS)
-            route = adaptive_parameters(settings, self.rules, target, SceneGuess.from_calibration(calibration), wish)
+            known = SceneGuess.from_calibration(calibration)
+            route = adaptive_parameters(settings, self.rules, target, known, wish)
+            if (axis := calibration.external_axis) is not None:
+                route = route.at_reading(axis, await self.cell.robot.read_pose())
 
             def make_sequence(session: SessionWriter, log: RunLog) -> PoseSequence:
                 return WithoutFirstView(AdaptiveSequence(route, self.cell, self.workers, session, log))

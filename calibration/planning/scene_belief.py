@@ -15,6 +15,7 @@ from calibration.closed_forms.kronecker import kronecker
 from calibration.closed_forms.observability import summarise_motion
 from calibration.errors import DetectionError, UndeterminedError
 from calibration.intrinsics.zhang_init import DEFAULT_FOCAL_OF_WIDTH
+from calibration.kinematics.external_axis import ExternalAxis
 from calibration.likelihood.mapped_points import NamedPoint, with_points
 from calibration.likelihood.predicted_uncertainty import ExpectedNoise, Scene, predict, view_information
 from calibration.linear_algebra import covariance_or_inf
@@ -66,6 +67,13 @@ class ScenePrior:
     rotation_rad: float = PRIOR_SIGMA_RAD
     translation_mm: float = PRIOR_SIGMA_MM
     points: tuple[NamedPoint, ...] = ()
+
+    def at_reading(self, axis: ExternalAxis, reading: float) -> "ScenePrior":
+        """What is stated with the axis at its zero, in the base where it stands at this reading."""
+        back = inverse(axis.motion(reading))
+        if self.setup == "eye-in-hand":
+            return replace(self, anchor_T_target=None if self.anchor_T_target is None else back @ self.anchor_T_target)
+        return replace(self, mount_T_camera=None if self.mount_T_camera is None else back @ self.mount_T_camera)
 
     def covariance(self) -> Array:
         """Covariance (6, 6) of [rad, mm] of either pose."""

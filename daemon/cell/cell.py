@@ -42,6 +42,7 @@ from drivers.registry import record_path
 from drivers.robots.base_frame import configured
 
 if TYPE_CHECKING:
+    from calibration.documents.external_axis import ExternalAxisDocument
     from daemon.cell.exposure_control import ExposureControl
     from drivers.interlocks import Interlocks
 
@@ -99,13 +100,14 @@ class Cell:
         publish: Publish = lambda kind, data: None,
         exposure: "ExposureControl | None" = None,
         world_T_base: Array | None = None,
+        external_axis: "ExternalAxisDocument | None" = None,
     ) -> None:
         self.robot: Robot = InterlockedRobot(devices.robot, interlocks) if interlocks else devices.robot
         self._interlocks = interlocks
         self._devices, self._vibration_gate = devices, devices.vibration_gate
         self._outputs, self._world_T_base = devices.outputs, world_T_base
         self._settling, self._clock, self._at, self._exposure = settling, clock, at, exposure
-        self._occupancy = _Occupancy()
+        self._occupancy, self._external_axis = _Occupancy(), external_axis
         self.safe_stop = SafeStop(self.robot, clock, lambda: self._occupancy.leased, publish)
         self._look_through(MAIN_CAMERA, devices.camera)
         main = {} if devices.scanner is None else {MAIN_SCANNER: devices.scanner}
@@ -220,10 +222,13 @@ class Cell:
         return replace(reading, joints_rad=await self.robot.read_joints())
 
     def _on_the_same_base(self, reading: PoseReading) -> PoseReading:
-        """The reading, when external axes stand where they stood at the holder's first one. Raises NotStill."""
+        """The reading, when external axes stand where they stood at the holder's first one, but for the declared one.
+
+        Raises NotStill, CellNotReady.
+        """
         if self.holder is not None:
             self._occupancy.external_axes = self._occupancy.external_axes or reading.external_axes
-            check_external_axes(self._occupancy.external_axes, reading.external_axes)
+            check_external_axes(self._occupancy.external_axes, reading.external_axes, self._external_axis)
         return reading
 
     async def capture_view(self) -> tuple[PoseReading, CameraFrame]:

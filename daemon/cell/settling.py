@@ -5,6 +5,8 @@ from math import degrees, radians
 
 import numpy as np
 
+from calibration.documents.external_axis import ExternalAxisDocument, external_axes_of
+from calibration.sentences.sentence import Sentence
 from calibration.transforms import (
     Array,
     difference,
@@ -13,7 +15,7 @@ from calibration.transforms import (
     rotation_from_quaternion,
 )
 from daemon.config.robot_settings import SettlingSettings
-from daemon.errors import NotStill, PoseMismatch
+from daemon.errors import CellNotReady, NotStill, PoseMismatch
 from daemon.runtime.clock import Clock
 from drivers.interfaces import PoseReading, Robot
 
@@ -26,20 +28,25 @@ MAX_EXTERNAL_MOVE = 0.05
 
 @dataclass(frozen=True)
 class PoseDelta:
-    """The difference of two pose readings."""
+    """The difference of two pose readings; `external`: the most that an external axis moved, mm or deg."""
 
     translation_mm: float
     rotation_rad: float
+    external: float = 0.0
 
     @classmethod
     def between(cls, before: PoseReading, after: PoseReading) -> "PoseDelta":
-        return cls(*difference(before.base_T_flange, after.base_T_flange))
+        axes = zip(before.external_axes, after.external_axes, strict=False)
+        external = max((abs(now - then) for then, now in axes), default=0.0)
+        return cls(*difference(before.base_T_flange, after.base_T_flange), external)
 
     def within(self, settling: SettlingSettings) -> bool:
-        return self.translation_mm <= settling.translation_mm and self.rotation_rad <= settling.rotation_rad
+        stands = self.translation_mm <= settling.translation_mm and self.rotation_rad <= settling.rotation_rad
+        return stands and self.external <= MAX_EXTERNAL_MOVE
 
     def __str__(self) -> str:
-        return f"{self.translation_mm:.3f} mm and {degrees(self.rotation_rad):.4f}°"
+        beside = f", an external axis by {self.external:.2f}" if self.external > MAX_EXTERNAL_MOVE else ""
+        return f"{self.translation_mm:.3f} mm and {degrees(self.rotation_rad):.4f}°{beside}"
 
 
 async def settle(robot: Robot, settling: SettlingSettings, clock: Clock) -> PoseReading:
@@ -78,14 +85,24 @@ async def read_if_standing(robot: Robot, settling: SettlingSettings, clock: Cloc
     )
 
 
-def check_external_axes(first: tuple[float, ...], now: tuple[float, ...]) -> None:
-    """Raises NotStill when a track moved since the first reading: only some controllers include it in their poses."""
+def check_external_axes(
+    first: tuple[float, ...], now: tuple[float, ...], declared: ExternalAxisDocument | None = None
+) -> None:
+    """Raises NotStill when a track moved since the first reading: only some controllers include it in their poses.
+
+    The axis `declared` in [robot.external_axis] may move; raises CellNotReady when the controller does not report it.
+    """
+    if declared is not None and declared.reading(external_axes_of(now)) is None:
+        raise CellNotReady((Sentence("external-axis-missing", number=declared.number),))
     for number, (before, after) in enumerate(zip(first, now, strict=False), 1):
+        if declared is not None and number == declared.number:
+            continue
         if abs(after - before) > MAX_EXTERNAL_MOVE:
             raise NotStill(
                 f"external axis {number} moved from {before:.2f} to {after:.2f} since the first pose: the base may have"
                 " moved with it, and whether the reported pose includes that is the controller's configuration",
-                f"bring it back to {before:.2f}, or begin anew with the track where it is",
+                f"bring it back to {before:.2f}, or begin anew with the track where it is; or declare it in"
+                " [robot.external_axis], if the controller leaves it out of its poses",
             )
 
 

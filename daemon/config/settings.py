@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import AfterValidator, Field, model_validator
 
+from calibration.documents.external_axis import ExternalAxisDocument
 from calibration.documents.plan import LimitsDocument, NoiseExpectedDocument
 from calibration.documents.pose import PoseDocument, Vector
 from calibration.documents.requirement import PointsDocument, Tolerance, VerdictSettings
@@ -64,7 +65,8 @@ class RobotSettings(Document):
     `limit_s`: a controller that does not answer for so long is disconnected; None: 2 s, over Robot Web Services 5 s.
 
     `base_frame`: world_T_base, for an arm that does not stand upright at the world's origin. `carried_mm`: points of
-    camera, bracket and target farthest from the flange, in its frame.
+    camera, bracket and target farthest from the flange, in its frame. `external_axis`: a track or turntable that the
+    controller leaves out of its poses, found by a calibration by hand.
     """
 
     address: Annotated[str, _address_validator(check_robot_address)]
@@ -80,6 +82,7 @@ class RobotSettings(Document):
     settling: SettlingSettings = SettlingSettings()
     egm: EgmSettings | None = None
     outputs: OutputSettings | None = None
+    external_axis: ExternalAxisDocument | None = None
 
     @model_validator(mode="after")
     def _outputs_have_a_link(self) -> "RobotSettings":
@@ -329,6 +332,9 @@ class Settings(Document):
         for name in (f"{MOUNTS[other]}_T_camera_guess", f"{ANCHORS[other]}_T_target_guess"):
             if getattr(self.calibration, name) is not None:
                 raise ValueError(f"[calibration] {name} belongs to {other}, but [camera] setup is {setup}")
+        axis = self.robot.external_axis
+        if setup == "eye-to-hand" and axis is not None and axis.kind == "turntable":
+            raise ValueError("[robot.external_axis] a turntable carries the target, but it is on the flange here")
         if setup == "eye-to-hand" and self.scanner is not None and self.scanner.poses:
             raise ValueError("[scanner] poses are for a scanner on the flange, but [camera] setup is eye-to-hand")
         return self

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from calibration.documents.external_axis import FoundAxisDocument, external_axes_of
 from calibration.documents.pose import PoseDocument
 from calibration.errors import UndeterminedError
 from calibration.planning.exploration import Exploration, turn_flange
@@ -29,7 +30,7 @@ from daemon.runs.pose_sequence import check_detections
 from daemon.runs.run_log import RunLog
 from daemon.runtime.workers import Workers
 from daemon.sessions.session_writer import SessionWriter
-from drivers.interfaces import Robot
+from drivers.interfaces import PoseReading, Robot
 
 MAX_MISSES = 3
 """The run fails when the target was not found in more planned views than this."""
@@ -46,6 +47,11 @@ class AdaptiveParameters:
     wish: StoppingRule
     rules: MotionRules
     assumed: str = ""
+
+    def at_reading(self, axis: FoundAxisDocument, here: PoseReading) -> "AdaptiveParameters":
+        """With the guess in the base where it stands now."""
+        reading = axis.reading(external_axes_of(here.external_axes))
+        return self if reading is None else replace(self, guess=self.guess.at_reading(axis.axis(), reading))
 
 
 def goal_of(wish: StoppingRule) -> dict[str, Any]:
@@ -150,7 +156,7 @@ class AdaptiveSequence:
         rules, at = self.parameters.rules, self._progress
         joints = await robot.read_joints() if rules.arm else None
         here = (await robot.read_pose()).base_T_flange
-        problem = self.session.problem(at.views)
+        problem = self.session.problem_here(at.views)
         try:
             found: NextView = await self.workers.run(
                 next_view, self.parameters.guess, problem, self.parameters.limits, at.wish,
@@ -171,7 +177,7 @@ class AdaptiveSequence:
         joints = await robot.read_joints() if rules.arm else None
         arm, sight = rules.arm, self._sight()
         reachable = None if arm is None or joints is None else reachable_by(arm, joints, sight=sight)
-        problem = self.session.problem(at.views)
+        problem = self.session.problem_here(at.views)
         ahead = asyncio.create_task(
             self.workers.run(plan_ahead, found, problem, self.parameters.limits, at.wish, reachable=reachable)
         )

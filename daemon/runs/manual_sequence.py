@@ -149,6 +149,8 @@ class ManualSequence:
 
     def _check_new_pose(self, reading: PoseReading) -> None:
         for number, view in enumerate(self._progress.views_with_target, start=1):
+            if self.session.axis_moved_since(view.index, reading):
+                continue
             off_mm, off_rad = difference(view.base_T_flange, reading.base_T_flange)
             if off_mm < SAME_POSE_MM and off_rad < SAME_POSE_RAD:
                 raise SamePose(
@@ -163,7 +165,8 @@ class ManualSequence:
             planning.wish, views_left=max(planning.wish.views_left - len(self._progress.views_with_target), 0)
         )
         return await self.workers.run(
-            advise, planning.guess, self.session.problem(self._progress.views), planning.limits, wish,
+            advise, self.session.guess_here(planning.guess), self.session.problem_here(self._progress.views),
+            planning.limits, wish,
             base_T_flange_now=reading.base_T_flange, reachable=planning.rules.reachable_from(joints),
         )  # fmt: skip
 

@@ -6,6 +6,7 @@ from math import radians
 from calibration.camera import CameraModel
 from calibration.diagnosis.mount_check import ExpectedMount
 from calibration.documents.calibration import CalibrationDocument
+from calibration.documents.external_axis import ExternalAxisDocument
 from calibration.documents.pose import PoseDocument
 from calibration.documents.session import AxisOffsetDocument
 from calibration.documents.target import TargetDocument
@@ -17,6 +18,7 @@ from calibration.problem import Setup
 from daemon.cell.motion_rules import MotionRules
 from daemon.config.settings import CalibrationSettings, TaughtPose
 from daemon.errors import NoPoses
+from daemon.model.requests import CalibrateRequest
 from daemon.runs.adaptive_sequence import AdaptiveParameters
 
 
@@ -62,6 +64,23 @@ def require_planned_poses(axis_offset: AxisOffsetDocument | None) -> None:
             "planned poses tilt the flange, and axis_offset is for an arm that turns it about one axis only",
             "teach eight poses or more: turned about that axis by 30 degrees or more, and 100 mm or more apart across"
             " it; or calibrate by hand",
+        )
+
+
+def require_by_hand(axis: ExternalAxisDocument | None, request: CalibrateRequest) -> None:
+    """Raises NoPoses for a run that would drive the arm where the axis has to move, too, and would not see it."""
+    if axis is None:
+        return
+    if not request.manual:
+        raise NoPoses(
+            f"[robot.external_axis] is a {axis.kind}: its axis shows in views at two of its positions or more, and the"
+            " daemon moves the arm only",
+            'calibrate by hand ({"manual": true}), and move the axis between views',
+        )
+    if request.together or request.arm:
+        raise NoPoses(
+            "several sensors together, and an arm's errors, are not found while an external axis moves",
+            "leave together and arm out",
         )
 
 

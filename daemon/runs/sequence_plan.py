@@ -3,6 +3,7 @@
 from collections.abc import Awaitable, Callable, Sequence
 from dataclasses import dataclass
 
+from calibration.documents.external_axis import ExternalAxisDocument
 from calibration.documents.session import AxisOffsetDocument, CameraDocument
 from calibration.documents.target import TargetDocument
 from calibration.problem import Setup
@@ -35,6 +36,7 @@ class RunSessions:
     store: Store
     workers: Workers
     setup: Setup
+    external_axis: ExternalAxisDocument | None = None
 
     def prepare(
         self,
@@ -51,7 +53,7 @@ class RunSessions:
             source = f"{kind} run {log.id}"
             return SessionWriter(
                 self.store.run_folder(log.id), source, self.setup, target, intrinsics, self.store, self.workers,
-                beside(log), axis_offset,
+                beside(log), axis_offset, self.external_axis,
             )  # fmt: skip
 
         return open_session

@@ -153,7 +153,7 @@ def _evaluate(
 
 
 def _as_built(given: CalibrationWithArm, touches: TouchesDocument) -> TouchesDocument:
-    if given.arm is None:
+    if given.arm is None and given.document.external_axis is None:
         return touches
 
     def placed(pose: PoseDocument | None) -> PoseDocument | None:

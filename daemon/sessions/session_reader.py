@@ -12,6 +12,7 @@ from pathlib import Path, PurePosixPath
 
 import numpy as np
 
+from calibration.documents.external_axis import UNITS
 from calibration.documents.session import FILES, SessionDocument, ViewDocument
 from calibration.documents.validation import limit_problems, parse_document, with_heading
 from calibration.errors import DetectionError, DocumentError, DocumentProblem
@@ -110,12 +111,9 @@ def load_problem(session: SessionFolder, progress: Progress = lambda done, of: N
     views = [view for _, (view, _) in sorted(seen.items())]
     views = explain_missing(views, target, lambda name: read_grey(session.path / name))
     views = [
-        replace(
-            view, confdata=recorded.confdata, axis_reading=document.axis_reading(view.index),
-            camera_temperature_c=recorded.camera_temperature_c,
-        )
-        for view, recorded in ((view, document.views[view.index]) for view in views)
-    ]  # fmt: skip
+        replace(view, confdata=document.views[view.index].confdata, axis_reading=document.axis_reading(view.index))
+        for view in views
+    ]
     return Problem(
         document.setup, target, camera, expected, tuple(views), poses_from_controller=document.poses_from_controller,
         axis_offset=document.given_offset, external_axis=document.rough_axis,
@@ -253,8 +251,8 @@ def _check_external_axis(document: SessionDocument) -> list[DocumentProblem]:
     if axis.kind == "turntable" and document.setup == "eye-to-hand":
         fix = "leave it out: the target is on the flange, and a turntable moves neither it nor the camera"
         return [DocumentProblem("external_axis", "a turntable carries the target, beside the robot", fix)]
-    unit = "mm" if axis.kind == "track" else "degrees"
-    what, fix = f"it holds no axis {axis.number}", f"give the reading of the {axis.kind} in every view, {unit}"
+    what = f"it holds no axis {axis.number}"
+    fix = f"give the reading of the {axis.kind} in every view, {UNITS[axis.kind]}"
     return [
         DocumentProblem(f"views[{index}].external_axes", what, fix)
         for index in range(len(document.views))

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import cv2
 import numpy as np
@@ -25,8 +25,15 @@ from drivers.cameras.decoding import PNG_MAGIC
 from drivers.cameras.pixel_depth import to_8_bit
 from drivers.interfaces import CameraFrame, PoseReading
 
+if TYPE_CHECKING:
+    from calibration.planning.scene_belief import ScenePrior
+
 FAST_PNG = (cv2.IMWRITE_PNG_COMPRESSION, 1)
 """Level 1: lossless as every level, several times faster and slightly larger."""
+
+
+SAME_READING = 1e-3
+"""mm, rad: an external axis that moved by less stands where it stood."""
 
 
 class SensorBeside(Protocol):
@@ -69,10 +76,7 @@ class SessionWriter:
         joints = None if reading.joints_rad is None else tuple(np.degrees(reading.joints_rad).round(6).tolist())
         pose = PoseDocument.of(reading.base_T_flange)
         axes = external_axes_of(reading.external_axes)
-        temperature_c = None if frame.capture is None else frame.capture.temperature_c
-        view = ViewDocument(
-            base_T_flange=pose, camera_temperature_c=temperature_c, joints_deg=joints, external_axes=axes, image=name
-        )
+        view = ViewDocument(base_T_flange=pose, joints_deg=joints, external_axes=axes, image=name)
         document = self._document.model_copy(update={"views": [*self._document.views, view]})
         await self._store.write_file(self.folder / SESSION_FILE, [document.model_dump_json(indent=1).encode()])
         self._document = document
@@ -114,6 +118,24 @@ class SessionWriter:
             external_axis=document.rough_axis,
         )  # fmt: skip
 
+    def problem_here(self, views: list[View]) -> Problem:
+        """For planning: the problem as if its external axis had stood in every view where it stands in the last."""
+        problem, here = self.problem(views), self._document.axis_reading(-1)
+        if problem.external_axis is None or here is None:
+            return problem
+        return problem.with_axis_at_zero(replace(problem.external_axis, zero=here))
+
+    def guess_here(self, guess: "ScenePrior") -> "ScenePrior":
+        """What is stated of the scene, in the base where it stands in the last view."""
+        axis, here = self._document.rough_axis, self._document.axis_reading(-1)
+        return guess if axis is None or here is None else guess.at_reading(axis, here)
+
+    def axis_moved_since(self, index: int, reading: PoseReading) -> bool:
+        """Whether the external axis stood elsewhere in that view."""
+        declared, then = self._document.external_axis, self._document.axis_reading(index)
+        now = None if declared is None else declared.reading(external_axes_of(reading.external_axes))
+        return then is not None and now is not None and abs(now - then) > SAME_READING
+
     def _require_size(self, frame: CameraFrame) -> None:
         size = (int(frame.image.shape[1]), int(frame.image.shape[0]))
         if self._image_size is None:
@@ -152,18 +174,15 @@ def _detect_view(folder: Path, document: SessionDocument, index: int, target_see
 
     view = document.views[index]
     name = view.image or ""
-    taken = View(
-        index, view.base_T_flange.transform(), None, name, joints_rad=view.joints_rad,
-        camera_temperature_c=view.camera_temperature_c,
-    )  # fmt: skip
-    target = document.described_target()
+    pose, target = view.base_T_flange.transform(), document.described_target()
     levels = read_levels(folder / name)
     found = detect_in_levels(levels, target)
     seen = None if isinstance(found, DetectionError) else found.corners_px
     sharpness = measure_quality(to_8_bit(levels), seen).sharpness
     if isinstance(found, DetectionError):
-        missed = replace(taken, missing=(found.code, with_fix(found.what, found.fix)))
+        missing = found.code, with_fix(found.what, found.fix)
+        missed = View(index, pose, None, name, missing=missing, joints_rad=view.joints_rad)
         if not target_seen:
             missed = explain_missing([missed], target, lambda file: read_grey(folder / file))[0]
         return missed, sharpness
-    return replace(taken, detection=found), sharpness
+    return View(index, pose, found, name, joints_rad=view.joints_rad), sharpness

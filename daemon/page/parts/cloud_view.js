@@ -31,10 +31,8 @@ export function CloudView({ scan, views }) {
       const { createCloudScene } = await import('../scene/cloud.js').catch(() => ({}));
       if (!wanted) return undefined;
       if (!createCloudScene) return setState({ words: t('scene.failed') });
-      const made = await createCloudScene(canvas.current, { onPick: (point) => setPicked((before) => [...before.slice(-1), point]), onRest: (part) => rest.current(part) });
-      if (!wanted) return void made?.dispose();
-      if (!made) return setState({ words: t('scene.no-drawing') });
-      scene.current = made;
+      scene.current = createCloudScene(canvas.current, { onPick: (point) => setPicked((before) => [...before.slice(-1), point]), onRest: (part) => rest.current(part) });
+      if (!scene.current) return setState({ words: t('scene.no-drawing') });
       try {
         const first = await fetchCloud(scan, views, FIRST_VOXEL_MM, MAX_POINTS.first);
         if (!wanted) return undefined;

@@ -4,13 +4,14 @@ from dataclasses import dataclass, field, replace
 
 import pytest
 
+from calibration.documents.external_axis import ExternalAxisDocument
 from calibration.transforms import transform_from_quaternion
-from daemon.cell.settling import check_arrival, check_still, settle
+from daemon.cell.settling import check_arrival, check_external_axes, check_still, settle
 from daemon.config.robot_settings import SettlingSettings
-from daemon.errors import NotStill, PoseMismatch
+from daemon.errors import CellNotReady, NotStill, PoseMismatch
 from daemon.runtime.clock import Clock
 from drivers.interfaces import PoseReading
-from drivers.robots.abb.robtarget import POSE_CONVENTION
+from drivers.robots.abb.robtarget import POSE_CONVENTION, UNUSED_AXIS
 from tests.daemon.fakes import FakeRobot, pose_reading
 
 SETTLING = SettlingSettings()
@@ -96,3 +97,27 @@ def test_a_pose_that_is_not_where_the_arm_was_sent(told: PoseReading, fix: str) 
 
 def test_a_controller_stops_within_its_own_resolution() -> None:
     check_arrival(SENT, read_as([515.3, -20.0, 712.2], [0.7, 0.1001, 0.7, -0.1]), POSE_CONVENTION)
+
+
+TRACK = ExternalAxisDocument(kind="track", number=2, direction=(0.0, 1.0, 0.0))
+
+
+def axes(first: float, second: float) -> tuple[float, ...]:
+    return (first, second, *(UNUSED_AXIS,) * 4)
+
+
+def test_a_track_that_creeps_is_not_still_although_the_pose_does_not_show_it() -> None:
+    before = replace(pose_reading(0), external_axes=axes(UNUSED_AXIS, 100.0))
+    after = replace(before, external_axes=axes(UNUSED_AXIS, 100.1))
+    with pytest.raises(NotStill, match=r"an external axis by 0\.10"):
+        check_still(before, after, SETTLING)
+
+
+def test_the_declared_axis_may_move_between_views_and_no_other() -> None:
+    check_external_axes(axes(10.0, 0.0), axes(10.0, 900.0), TRACK)
+    with pytest.raises(NotStill, match="external axis 1 moved"):
+        check_external_axes(axes(10.0, 0.0), axes(30.0, 900.0), TRACK)
+    with pytest.raises(NotStill, match=r"declare it in \[robot.external_axis\]"):
+        check_external_axes(axes(10.0, 0.0), axes(10.0, 900.0))
+    with pytest.raises(CellNotReady, match="no external axis 2"):
+        check_external_axes(axes(10.0, 0.0), axes(10.0, UNUSED_AXIS), TRACK)
