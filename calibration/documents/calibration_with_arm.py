@@ -44,12 +44,29 @@ class CalibrationWithArm:
         seen_rad = np.radians([errors.lowest_joints_deg, errors.highest_joints_deg])
         return cls(document.model_copy(update={name: errors.mount_T_camera}), errors.estimate(), seen_rad)
 
-    def base_T_flange(self, reported: Sequence[Array], joints_rad: Sequence[Array | None]) -> Array:
+    def reading(self, external_axes: Sequence[float | None] | None) -> float | None:
+        """Of the calibration's external axis, mm or rad, in the controller's axes; None without either."""
+        found = self.document.external_axis
+        return None if found is None else found.reading(external_axes)
+
+    def base_T_flange(
+        self,
+        reported: Sequence[Array],
+        joints_rad: Sequence[Array | None],
+        readings: Sequence[float | None] | None = None,
+    ) -> Array:
         """Poses (n, 4, 4) of the flange: as reported (4, 4) of an arm as drawn, else of the arm as built at its joints.
 
-        Poses without joints get theirs by the drawing's inverse kinematics. Raises JointsDisagree for joints of any
-        view that are not those of its pose, UnreachablePoseError.
+        Poses without joints get theirs by the drawing's inverse kinematics. With an external axis, which stood at the
+        `readings` (mm or rad), they are as if it stood at its zero. Raises JointsDisagree for joints of any view that
+        are not those of its pose, UnreachablePoseError, DocumentError for a pose without its reading.
         """
+        poses = self._at_joints(reported, joints_rad)
+        found = self.document.external_axis
+        return poses if found is None else found.at_zero(poses, readings or [None] * len(poses))
+
+    def _at_joints(self, reported: Sequence[Array], joints_rad: Sequence[Array | None]) -> Array:
+        """As `base_T_flange`, on the base where it stood."""
         if self.arm is None:
             return np.array(reported)
         drawing = self.arm.model.arm
@@ -67,9 +84,13 @@ class CalibrationWithArm:
     def correct(self, problem: Problem) -> Problem:
         """The problem with the poses of the arm as built. Raises as `base_T_flange`."""
         views = problem.views
-        poses = self.base_T_flange([view.base_T_flange for view in views], [view.joints_rad for view in views])
-        moved = (replace(view, base_T_flange=pose) for view, pose in zip(views, poses, strict=True))
-        return replace(problem, views=tuple(moved))
+        poses = self.base_T_flange(
+            [view.base_T_flange for view in views],
+            [view.joints_rad for view in views],
+            [view.axis_reading for view in views],
+        )
+        moved = (replace(view, base_T_flange=pose, axis_reading=None) for view, pose in zip(views, poses, strict=True))
+        return replace(problem, views=tuple(moved), external_axis=None)
 
     def findings(self, joints_rad: Sequence[Array | None]) -> list[FindingDocument]:
         """The warning POSE_WITHOUT_JOINTS, where the arm's errors are in use and some poses have no joints."""

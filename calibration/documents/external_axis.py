@@ -9,6 +9,7 @@ from pydantic import Field, model_validator
 
 from calibration.documents.pose import Vector
 from calibration.documents.validation import Document
+from calibration.errors import DocumentError, DocumentProblem
 from calibration.kinematics.external_axis import AxisKind, ExternalAxis
 from calibration.solution import ExternalAxisEstimate
 from calibration.transforms import Array
@@ -19,6 +20,8 @@ MIN_DIRECTION = 1e-3
 Reading = Annotated[float, Field(ge=-1e6, le=1e6)]
 ExternalAxes = Annotated[tuple[Reading | None, ...], Field(min_length=1, max_length=6)]
 """The controller's external axes from the first, mm or degrees; null for one that it does not have."""
+
+UNITS: dict[AxisKind, str] = {"track": "mm", "turntable": "degrees"}
 
 MIN_UNUSED = 8.9e9
 """ABB gives 9E9 for an axis that does not exist."""
@@ -105,6 +108,16 @@ class FoundAxisDocument(ExternalAxisDocument):
         }
         return cls.model_validate(values)
 
-    def at_zero(self, base_T_flange: Array, reading: float) -> Array:
-        """The pose (4, 4) reported at this reading, mm or rad, as if the axis stood at zero."""
-        return self.axis().at_zero(base_T_flange, reading)
+    def at_zero(self, base_T_flange: Array, readings: Sequence[float | None]) -> Array:
+        """Poses (n, 4, 4) reported at these readings, mm or rad, as if the axis stood at zero.
+
+        Raises DocumentError for a pose without its reading.
+        """
+        known = [reading for reading in readings if reading is not None]
+        if len(known) < len(readings):
+            what = (
+                f"the calibration has a {self.kind}, external axis {self.number}, and a pose comes without its reading"
+            )
+            fix = f"give external_axes beside the pose, {UNITS[self.kind]}; or let the pose be read from the robot"
+            raise DocumentError("pose", [DocumentProblem("external_axes", what, fix)])
+        return self.axis().at_zero(base_T_flange, known)

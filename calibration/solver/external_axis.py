@@ -10,7 +10,6 @@ the lens, a trend) is added to X alone.
 from dataclasses import dataclass, replace
 
 import numpy as np
-import scipy
 
 from calibration.closed_forms.registry import CLOSED_FORMS
 from calibration.errors import UndeterminedError
@@ -67,6 +66,8 @@ def find_axis(problem: Problem, axis: ExternalAxis) -> ExternalAxis:
 
 def _fit_poses(problem: Problem, axis: ExternalAxis) -> tuple[float, ExternalAxis]:
     """The cost and the axis of the least squares that start from `axis`."""
+    import scipy  # for such sessions only
+
     rows = prepare(problem.with_axis_at_zero(axis))
     readings = readings_of(problem)[rows.seen.positions]
     require_positions(axis, readings)

@@ -7,6 +7,7 @@ from typing import Any, Literal
 import numpy as np
 
 from calibration.documents.calibration import CalibrationDocument
+from calibration.documents.external_axis import external_axes_of
 from calibration.documents.pose import PoseDocument
 from calibration.transforms import Array
 from daemon.config.settings import MAIN_CAMERA, MAIN_SCANNER
@@ -165,16 +166,22 @@ class ScanRecord:
 
 @dataclass(frozen=True)
 class FlangePose:
-    """Where the arm stands by its controller: base_T_flange, and its joints (6) in degrees where they are known."""
+    """Where the arm stands by its controller: base_T_flange, and its joints (6) in degrees where they are known.
+
+    `external_axes`: the controller's axes beside it, mm or degrees, where it has any.
+    """
 
     base_T_flange: PoseDocument
     joints_deg: tuple[float, ...] | None = None
+    external_axes: tuple[float | None, ...] | None = None
 
     @classmethod
     def of(cls, reading: PoseReading) -> "FlangePose":
         joints = reading.joints_rad
         return cls(
-            PoseDocument.of(reading.base_T_flange), None if joints is None else tuple(np.degrees(joints).tolist())
+            PoseDocument.of(reading.base_T_flange),
+            None if joints is None else tuple(np.degrees(joints).tolist()),
+            external_axes_of(reading.external_axes),
         )
 
     @property
@@ -193,7 +200,8 @@ class ScanViewRecord:
     base_T_flange: PoseDocument
     created_at: str
     joints_deg: tuple[float, ...] | None = None
+    external_axes: tuple[float | None, ...] | None = None
 
     @property
     def pose(self) -> FlangePose:
-        return FlangePose(self.base_T_flange, self.joints_deg)
+        return FlangePose(self.base_T_flange, self.joints_deg, self.external_axes)

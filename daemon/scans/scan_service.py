@@ -197,7 +197,8 @@ class ScanService:
         rows = await self._views(scan_id)
         folder, joints = self.store.scan_folder(scan_id), [row.pose.joints_rad for row in rows]
         reported = [row.base_T_flange.transform() for row in rows]
-        poses = await self.workers.run(calibration.base_T_flange, reported, joints)
+        readings = [calibration.reading(row.external_axes) for row in rows]
+        poses = await self.workers.run(calibration.base_T_flange, reported, joints, readings)
         views = [ScanView(folder / row.file, row.unit, pose) for row, pose in zip(rows, poses, strict=True)]
         scanner = (await self.store.scan(scan_id)).scanner
         flange_T_scanner = self.flange_T_scanner(calibration.document, scanner)
@@ -229,7 +230,9 @@ class ScanService:
         mount_T_scanner = self._mount_T_scanner(calibration.document, scanner)
         if calibration.document.setup == "eye-to-hand":
             return mount_T_scanner
-        (base_T_flange,) = calibration.base_T_flange([pose.base_T_flange.transform()], [pose.joints_rad])
+        (base_T_flange,) = calibration.base_T_flange(
+            [pose.base_T_flange.transform()], [pose.joints_rad], [calibration.reading(pose.external_axes)]
+        )
         placed: Array = base_T_flange @ mount_T_scanner
         return placed
 
@@ -272,7 +275,8 @@ class ScanService:
 def _view_json(view: ScanViewRecord) -> dict[str, Any]:
     """A view of scan.json."""
     found = {"cloud": view.file, "unit": view.unit, "base_T_flange": view.base_T_flange.model_dump(mode="json")}
-    return found if view.joints_deg is None else {**found, "joints_deg": view.joints_deg}
+    beside = {"joints_deg": view.joints_deg, "external_axes": view.external_axes}
+    return {**found, **{name: values for name, values in beside.items() if values is not None}}
 
 
 def _remove_partial_files(scans: Path) -> None:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from calibration.documents.calibration import CalibrationDocument
 from daemon.cell.cell import Cell
 from daemon.config.settings import MAIN_SCANNER
-from daemon.errors import CellNotReady, NoScanner, NotFound
+from daemon.errors import CalibrationUnusable, CellNotReady, NoScanner, NotFound
 from daemon.runtime.clock import Clock
 from daemon.runtime.durable_files import make_folder
 from daemon.runtime.workers import Workers
@@ -61,6 +61,9 @@ class SweepService:
         reasons = self.cell.sensor_obstacles(("robot", scanner))
         if reasons:
             raise CellNotReady(reasons)
+        if calibration.external_axis is not None:
+            what = f"calibration {calibration.id} has an external axis, whose reading a sweep does not record"
+            raise CalibrationUnusable(what, "scan from standing views")
         offset_s = settings.clock_offset_s
         assembler = SweepAssembler(self.scans.flange_T_scanner(calibration, scanner), offset_s)
         await self.store.require_ready()

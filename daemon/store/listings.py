@@ -34,7 +34,8 @@ _SCANS = "SELECT * FROM scans"
 
 
 SCAN_VIEWS = (
-    "SELECT view, file, unit, base_T_flange, created_at, joints_deg FROM scan_views WHERE scan_id = ? ORDER BY view"
+    "SELECT view, file, unit, base_T_flange, created_at, joints_deg, external_axes FROM scan_views"
+    " WHERE scan_id = ? ORDER BY view"
 )
 
 
@@ -86,10 +87,13 @@ class CalibrationListing:
 
 @dataclass(frozen=True)
 class ScanListing:
-    """A scan of a list. `views`: view, file, unit, base_T_flange (JSON), created_at, joints_deg (JSON) of each."""
+    """A scan of a list.
+
+    `views`: view, file, unit, base_T_flange (JSON), created_at, joints_deg (JSON), external_axes (JSON) of each.
+    """
 
     scan: ScanRecord
-    views: tuple[tuple[int, str, str, str, str, str | None], ...]
+    views: tuple[tuple[int, str, str, str, str, str | None, str | None], ...]
 
     @property
     def id(self) -> str:
@@ -133,9 +137,10 @@ class Listings:
             def listing(row: tuple[Any, ...]) -> ScanListing:
                 scan_id, created_at, name, refine, *scanner = row
                 views = db.execute(SCAN_VIEWS, (scan_id,)).fetchall()
-                for _, _, _, base_T_flange, _, joints_deg in views:
+                for _, _, _, base_T_flange, _, *axes in views:
                     PoseDocument.model_validate_json(base_T_flange)
-                    json.loads(joints_deg or "null")
+                    for values in axes:
+                        json.loads(values or "null")
                 return ScanListing(ScanRecord(scan_id, created_at, name, bool(refine), *scanner), tuple(views))
 
             return parse_each(listing, read_page(db, _SCANS, "scans", limit, before, filters))

@@ -35,6 +35,13 @@ def read_scan(row: tuple[Any, ...]) -> ScanRecord:
 
 def read_scan_view(row: tuple[Any, ...]) -> ScanViewRecord:
     """The record of a row. Raises ValueError for a damaged one."""
-    view, file, unit, pose, created_at, joints = row
-    joints_deg = joints and tuple(json.loads(joints))
-    return ScanViewRecord(view, file, unit, PoseDocument.model_validate_json(pose), created_at, joints_deg)
+    view, file, unit, pose, created_at, *axes = row
+    joints_deg, external_axes = (values and tuple(json.loads(values)) for values in axes)
+    at = PoseDocument.model_validate_json(pose)
+    return ScanViewRecord(view, file, unit, at, created_at, joints_deg, external_axes)
+
+
+def scan_view_row(scan_id: str, view: ScanViewRecord) -> tuple[Any, ...]:
+    """The row of a record."""
+    axes = (None if values is None else json.dumps(values) for values in (view.joints_deg, view.external_axes))
+    return (scan_id, view.view, view.file, view.unit, view.base_T_flange.model_dump_json(), view.created_at, *axes)

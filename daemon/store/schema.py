@@ -193,6 +193,9 @@ MIGRATIONS: tuple[str, ...] = (
             'camera', NEW.camera));
     END;
     """,
+    """
+    ALTER TABLE scan_views ADD COLUMN external_axes TEXT; -- null where the controller has none
+    """,
 )
 
 SCHEMA_VERSION = len(MIGRATIONS)

@@ -4,7 +4,6 @@ Documents are parsed in the database's thread: twenty verifications would keep t
 """
 
 import asyncio
-import json
 import logging
 import shutil
 import sqlite3
@@ -41,7 +40,7 @@ from daemon.store.idempotency_keys import IdempotencyKeys
 from daemon.store.listings import SCAN_VIEWS, Listings, read_page
 from daemon.store.opening import LockedStore
 from daemon.store.outbox import Outbox
-from daemon.store.rows import read_calibration, read_run_or_failed, read_scan, read_scan_view
+from daemon.store.rows import read_calibration, read_run_or_failed, read_scan, read_scan_view, scan_view_row
 
 log = logging.getLogger(__name__)
 
@@ -351,11 +350,11 @@ class Store:
         def insert(db: sqlite3.Connection) -> ScanViewRecord:
             count = db.execute("SELECT COUNT(*) FROM scan_views WHERE scan_id = ?", (scan_id,)).fetchone()[0]
             file = f"view_{count:03d}{suffix}"
-            view = ScanViewRecord(count, file, unit, pose.base_T_flange, created_at, pose.joints_deg)
+            view = ScanViewRecord(
+                count, file, unit, pose.base_T_flange, created_at, pose.joints_deg, pose.external_axes
+            )
             rename_durably(upload, upload.with_name(view.file), self._at)
-            joints = None if pose.joints_deg is None else json.dumps(pose.joints_deg)
-            row = (scan_id, view.view, file, unit, pose.base_T_flange.model_dump_json(), created_at, joints)
-            db.execute("INSERT INTO scan_views VALUES (?, ?, ?, ?, ?, ?, ?)", row)
+            db.execute("INSERT INTO scan_views VALUES (?, ?, ?, ?, ?, ?, ?, ?)", scan_view_row(scan_id, view))
             record_change(db, context, created_at, "view", f"{scan_id} {view.view}")
             return view
 

@@ -11,6 +11,7 @@ from daemon.api.routes.rigs import sensors_of
 from daemon.api.streaming.cloud_request import (
     CLOUD_CONTENT,
     TAKES_A_CLOUD,
+    ExternalAxesQuery,
     JointsQuery,
     PoseQuery,
     UnitQuery,
@@ -22,6 +23,7 @@ from daemon.api.streaming.cloud_response import CloudResponse
 from daemon.api.streaming.request_body import body_chunks
 from daemon.api.streaming.temporary_file import TemporaryFileResponse
 from daemon.config.settings import MAIN_SCANNER
+from daemon.errors import CalibrationUnusable
 from daemon.scans.upload import LAZ
 from registration.io.stream import CloudStream
 
@@ -45,6 +47,7 @@ async def register(
     unit: UnitQuery = "mm",
     calibration: Which = "current",
     joints: JointsQuery = None,
+    external_axes: ExternalAxesQuery = None,
     scanner: Sensor = None,
 ) -> Response:
     """The cloud in the robot's base frame, in mm, in the format it came in, answered while it still comes in.
@@ -61,14 +64,17 @@ async def register(
         raise DocumentError("query", [problem])
     if by_rig:
         assert scanner is not None
-        at = await flange_pose_of(app, pose, joints)
+        if app.settings.robot.external_axis is not None:
+            what = "a rig is placed without the external axis that [robot.external_axis] declares"
+            raise CalibrationUnusable(what, f"give [scanners.{scanner}] camera_T_scanner, and leave the rig out")
+        at = await flange_pose_of(app, pose, joints, external_axes)
         rig_id, base_T_scanner = await sensors_of(app).base_T_sensor(scanner, at.base_T_flange.transform())
         named = {"Handeyed-Rig": rig_id}
     else:
         by_name = scanner or MAIN_SCANNER
         beside = app.settings.camera_beside(by_name) if app.settings.cameras else None
         used = await app.operations.calibrations.with_arm(await app.operations.calibrations.find(calibration, beside))
-        at = await flange_pose_of(app, pose, joints)
+        at = await flange_pose_of(app, pose, joints, external_axes)
         base_T_scanner = await app.service_workers.run(app.scans.base_T_scanner, used, at, by_name)
         named = {"Handeyed-Calibration": used.document.id, **arm_headers(used, [at])}
     numbers = (*at.base_T_flange.translation_mm, *at.base_T_flange.quaternion_wxyz)

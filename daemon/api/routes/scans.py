@@ -40,6 +40,7 @@ from daemon.api.streaming.cloud_request import (
     BINARY,
     JSON,
     TAKES_A_CLOUD,
+    ExternalAxesQuery,
     JointsQuery,
     PoseQuery,
     UnitQuery,
@@ -124,13 +125,14 @@ async def add_view(
     pose: PoseQuery = "now",
     unit: UnitQuery = "mm",
     joints: JointsQuery = None,
+    external_axes: ExternalAxesQuery = None,
 ) -> ScanViewDocument:
     """A cloud seen from `pose`; without a body the daemon's scanner takes one where the arm stands."""
     await app.store.scan(scan_id)
     if _has_no_body(request):
         view = await app.operations.scan_here(scan_id)
     else:
-        media_type, at = media_type_of(request), await flange_pose_of(app, pose, joints)
+        media_type, at = media_type_of(request), await flange_pose_of(app, pose, joints, external_axes)
         view = await app.scans.add_view(scan_id, request.stream(), media_type, unit, at)
     return ScanViewDocument.of(view)
 

@@ -31,7 +31,6 @@ class RunViewDocument(Answer):
     rms_px: float | None
     rms_px_free: float | None
     sharpness: float | None
-    camera_temperature_c: float | None
     picture: str
 
     @classmethod
@@ -52,7 +51,6 @@ class RunViewDocument(Answer):
             rms_px=view.rms_px,
             rms_px_free=view.rms_px_free,
             sharpness=view.sharpness,
-            camera_temperature_c=view.view.camera_temperature_c,
             picture=f"/runs/{run_id}/frames/{view.index}",
         )
 

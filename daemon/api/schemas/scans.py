@@ -11,7 +11,7 @@ from daemon.store.listings import ScanListing
 
 
 class ScanViewDocument(Answer):
-    """One cloud of a scan. `joints_deg`: the arm's axes, null where the pose came without."""
+    """One cloud of a scan. `joints_deg`: the arm's axes, null where the pose came without; `external_axes` likewise."""
 
     view: int
     file: str
@@ -19,6 +19,7 @@ class ScanViewDocument(Answer):
     base_T_flange: PoseDocument
     created_at: str
     joints_deg: list[float] | None
+    external_axes: list[float | None] | None = None
 
     @classmethod
     def of(cls, view: ScanViewRecord) -> "ScanViewDocument":
@@ -90,9 +91,12 @@ def listing_json(listing: ScanListing) -> str:
     return f'{rest[:-1]},"views":[{views}]}}'
 
 
-def _view_json(view: int, file: str, unit: str, base_T_flange: str, created_at: str, joints_deg: str | None) -> str:
+def _view_json(
+    view: int, file: str, unit: str, base_T_flange: str, created_at: str, joints_deg: str | None, axes: str | None
+) -> str:
     given = json.dumps({"view": view, "file": file, "unit": unit, "created_at": created_at})
-    return f'{given[:-1]},"base_T_flange":{base_T_flange},"joints_deg":{joints_deg or "null"}}}'
+    beside = f'"joints_deg":{joints_deg or "null"},"external_axes":{axes or "null"}'
+    return f'{given[:-1]},"base_T_flange":{base_T_flange},{beside}}}'
 
 
 class ScanList(Answer):

@@ -22,6 +22,8 @@ POSE = "base_T_flange as x,y,z,qw,qx,qy,qz (mm, w first), or 'now': where the ar
 PoseQuery = Annotated[str, Query(max_length=300, description=POSE, examples=["now"])]
 JOINTS = "the arm's axes 1 to 6 at a given pose, degrees, with commas; where the arm's errors are in force"
 JointsQuery = Annotated[str | None, Query(max_length=200, description=JOINTS)]
+AXES_BESIDE = "the controller's external axes from the first at a given pose, mm or degrees, with commas"
+ExternalAxesQuery = Annotated[str | None, Query(max_length=200, description=AXES_BESIDE)]
 UnitQuery = Annotated[Literal["mm", "m"], Query(description="unit of the cloud's coordinates")]
 
 SYNONYMS = {"application/ply": "application/x-ply", "model/ply": "application/x-ply",
@@ -72,17 +74,28 @@ def _matches(media: str, kind: str) -> bool:
     return media in ("*/*", kind.split("/")[0] + "/*", kind)
 
 
-async def flange_pose_of(app: Application, pose: str, joints: str | None) -> FlangePose:
-    """Pose and joints of a request, or where the arm stands.
+async def flange_pose_of(app: Application, pose: str, joints: str | None, beside: str | None = None) -> FlangePose:
+    """Pose and axes of a request, or where the arm stands.
 
     Raises InvalidRequest, DocumentError, NotStill, DeviceError.
     """
     if pose == "now":
-        if joints is not None:
-            fix = "leave joints out, or give the pose, too"
-            raise InvalidRequest([DocumentProblem("query.joints", "with pose=now the daemon reads them", fix)])
+        for name, given in (("joints", joints), ("external_axes", beside)):
+            if given is not None:
+                fix = f"leave {name} out, or give the pose, too"
+                raise InvalidRequest([DocumentProblem(f"query.{name}", "with pose=now the daemon reads them", fix)])
         return FlangePose.of(await app.readings.flange_pose())
-    return FlangePose(parse_pose(pose), None if joints is None else _parse_joints(joints))
+    axes = None if beside is None else _parse_external_axes(beside)
+    return FlangePose(parse_pose(pose), None if joints is None else _parse_joints(joints), axes)
+
+
+def _parse_external_axes(text: str) -> tuple[float, ...]:
+    parts = text.split(",")
+    axes = tuple(float(part.replace(" ", "+")) for part in parts if DECIMAL.fullmatch(part))
+    if not len(parts) == len(axes) <= AXES or max(map(abs, axes)) > MAX_TRANSLATION_MM:
+        problem = DocumentProblem("query.external_axes", f"{text[:60]!r} is not up to six axes", f"give {AXES_BESIDE}")
+        raise InvalidRequest([problem])
+    return axes
 
 
 def _parse_joints(text: str) -> tuple[float, ...]:
