@@ -4,6 +4,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from calibration.kinematics.external_axis import ExternalAxis
 from calibration.transforms import Array, inverse, transform
 
 
@@ -13,12 +14,14 @@ class Mounting:
 
     `track`: direction in the world of a track that the first external axis (mm) moves the base along; None without
     one. `integrated`: the controller knows it (base_frame_coordinated) and reports poses that include it; otherwise
-    only the arm moves with it, and the reported pose does not.
+    only the arm moves with it, and the reported pose does not. `beside`: a track or turntable as built, that the
+    controller leaves out of its poses.
     """
 
     world_T_base: Array = field(default_factory=lambda: np.eye(4))
     track: tuple[float, float, float] | None = None
     integrated: bool = True
+    beside: ExternalAxis | None = None
 
     def true_world_T_base(self, external_axes: tuple[float, ...]) -> Array:
         """Where the base stands."""
@@ -29,8 +32,13 @@ class Mounting:
         return self._moved(external_axes) if self.integrated else self.world_T_base
 
     def start_T_base(self, external_axes: tuple[float, ...]) -> Array:
-        """The base now in the base where its track is at 0: what camera and target see of the track."""
-        return inverse(self.world_T_base) @ self.true_world_T_base(external_axes)
+        """The base now, where the track is at 0 and as a turntable sees it: what camera and target see."""
+        start_T_base = inverse(self.world_T_base) @ self.true_world_T_base(external_axes)
+        if self.beside is None:
+            return start_T_base
+        reading = self.beside.reading_of(external_axes[self.beside.number - 1])
+        moved: Array = self.beside.motion(reading) @ start_T_base
+        return moved
 
     def _moved(self, external_axes: tuple[float, ...]) -> Array:
         if self.track is None or external_axes[0] >= 8.9e9:

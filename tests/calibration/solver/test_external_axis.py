@@ -115,6 +115,12 @@ def test_zero_is_the_reading_at_which_nothing_moves() -> None:
     assert np.array_equal(axis.motion(5250.0)[:3, 3], [0.0, 250.0, 0.0])
 
 
+def test_a_point_of_a_turned_table_is_mapped_to_where_it_was() -> None:
+    axis = ExternalAxis("turntable", 1, np.array([0.0, 0.0, 1.0]), np.array([1000.0, 100.0, 0.0]))
+    quarter_turn_on = np.array([[900.0, 350.0, 80.0]])
+    assert np.allclose(map_points(axis.motion(np.pi / 2), quarter_turn_on), [[1250.0, 200.0, 80.0]])
+
+
 def test_the_derivatives_are_those_of_the_motion() -> None:
     step, pose = 1e-4, transform(rotation_from_vector([0.3, -0.2, 0.5]), [900.0, 100.0, 400.0])
     axis = ExternalAxis("turntable", 1, np.array([0.0, 0.6, 0.8]), np.array([1000.0, 30.0, 0.0]))

@@ -323,16 +323,6 @@ WATCH_PROGRESS = """() => {
 }"""
 
 
-async def test_a_rig_of_another_person_is_shown_at_once(open_page: Opened, cell: Cell) -> None:
-    bench, _ = cell
-    await bench.client.post("/rigs", json=a_rig())
-    earlier = len((await bench.client.get("/rigs")).json()["rigs"]) - 1
-    async with open_page("viewer", "devices") as page:
-        await page.locator("section[aria-labelledby=rig]").get_by_text("scanner in camera").first.wait_for()
-        await bench.client.post("/rigs", json=a_rig(shift_mm=7.0))
-        await page.get_by_text(f"Earlier ones: {earlier + 1}").wait_for()
-
-
 async def hold_requests(page: Any, pattern: str) -> asyncio.Event:
     """Requests of the page to such addresses wait until the event is set."""
     released = asyncio.Event()
