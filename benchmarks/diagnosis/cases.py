@@ -25,6 +25,9 @@ CAUSES |= {"poses-off-by-one", "poses-swapped", "pose-mistyped", "board-turned",
 NOTHING = "nothing"
 """The kind of a session without a fault: right when no cause is named."""
 
+POSTURE = "stood in another posture, which poses without joints do not show"
+"""Words by which the sentence `pose-mistyped-or-posture` is recognised."""
+
 SIZE = frozenset({"wrong-pitch", "target-scale"})
 CAUSES |= SIZE
 
@@ -64,7 +67,7 @@ def results_of(case: Case) -> list[Result]:
     if case.kind == NOTHING:
         found = causes(problem)
         said = " | ".join(f"{finding.code}: {finding.message}" for finding in found)
-        return [Result("wrong" if found else "right", said=said)]
+        return [Result(_outcome_of_nothing(found, case.session), said=said)]
     if case.kind in OF_INTRINSICS and problem.camera is None:
         return [Result("none", detectable=False)]
     if put := (GROSS | MIXUPS).get(case.kind):
@@ -79,6 +82,15 @@ def results_of(case: Case) -> list[Result]:
         seen = _result(slip.at(size * reach.deviation), before) if reach.told_apart else Result("none")
         results.append(replace(seen, power=reach.power(size), deviations=size, detectable=reach.told_apart))
     return results
+
+
+def _outcome_of_nothing(found: list[Finding], session: Session) -> str:
+    """Either, when all that is named is a view that the arm took in another posture than the others, and that is said
+    as one of two causes."""
+    if not found:
+        return "right"
+    posture = all(POSTURE in finding.message and _views(finding) <= session.turned_back for finding in found)
+    return "either" if posture else "wrong"
 
 
 def with_corrected_size(session: Session) -> Session:

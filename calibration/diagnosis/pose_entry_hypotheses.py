@@ -1,6 +1,6 @@
 """Hypotheses about a single wrong robot pose: the pose as a whole, or one of its seven numbers."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -9,7 +9,9 @@ import numpy as np
 from calibration.diagnosis.evidence import Evidence
 from calibration.diagnosis.fit import Fit, apply_fit, fits, predict_base_T_flange
 from calibration.diagnosis.hypothesis import Hypothesis, HypothesisResult, few_views_factor, price_of
+from calibration.diagnosis.pose_errors import MAX_SMALL_CHANCE, p_value_of_view
 from calibration.diagnosis.significance import NoisePosterior, OutsideView
+from calibration.kinematics.robot_accuracy import ABSOLUTE_NOISE
 from calibration.sentences.sentence import Sentence
 from calibration.transforms import Array, quaternion_from_rotation, rotation_from_quaternion, transform
 
@@ -23,6 +25,9 @@ MIN_DISTANCE_GAP = 6.0
 
 MAX_ELEMENT_ERROR = 0.1
 """Largest error of a quaternion element; a larger one breaks the norm, and the pose is refused on reading."""
+
+POSTURE_FACTOR = 4.0
+"""Between two postures of an arm, in deviations of its absolute accuracy per axis."""
 
 STEPS = np.array([1e-2] * 3 + [1e-5] * 4)
 """Steps of the numeric derivatives, in mm and in quaternion elements."""
@@ -76,7 +81,7 @@ def pose_entry_results(evidence: Evidence, suspects: Sequence[int], baseline: fl
         gain = few_views_factor(n, best.unknowns) * raw - price_of(n, best.unknowns, best.alternatives)
         hypothesis = Hypothesis("pose-mistyped", (int(view.indices[0]),), view, view, best.message, FIX)
         slopes = np.array([number.slope for number in numbers if number.slope is not None])
-        chance = partial(_p_value, rest, slopes)
+        chance = partial(_p_value, rest, slopes, partial(p_value_of_view, evidence, fitted, suspects[suspect]))
         yield HypothesisResult(hypothesis, gain, fitted.robot_translation_mm, fitted.robot_rotation_rad, chance)
 
 
@@ -87,10 +92,17 @@ def _own(view: Evidence, fitted: Fit) -> float:
     return float(np.linalg.slogdet(apply_fit(view, fitted).covariance[0])[1])
 
 
-def _p_value(rest: HeldOutView, slopes: Array) -> float:
-    """p value of the view, corrected for two tests (any change, one number) of every view."""
+def _p_value(rest: HeldOutView, slopes: Array, beside_posture: Callable[[], float]) -> float:
+    """p value of the view, corrected for two tests (any change, one number) of every view.
+
+    Where the joints are known and it is small, the larger one of that and of the p value beside errors that follow the
+    posture: a view in a posture of its own is off by them. Poses do not show the posture.
+    """
     by_number = 7 * rest.views * float(rest.outsider.p_values_along(slopes).min())
-    return min(2 * by_number, 2 * rest.views * rest.outsider.p_value_off(), 1.0)
+    chance = min(2 * by_number, 2 * rest.views * rest.outsider.p_value_off(), 1.0)
+    if chance > MAX_SMALL_CHANCE or rest.view.joints_rad is None:
+        return chance
+    return max(chance, min(2 * rest.views * beside_posture(), 1.0))
 
 
 def _best(whole: _Candidate, numbers: list[_Candidate]) -> _Candidate:
@@ -109,8 +121,16 @@ def _whole_pose(rest: HeldOutView) -> _Candidate:
     turn = np.degrees(
         np.arccos(np.clip((np.trace(expected[:3, :3].T @ rest.view.base_T_flange[0, :3, :3]) - 1) / 2, -1, 1))
     )
-    message = Sentence("pose-mistyped", view=where, off_mm=np.linalg.norm(off), off_deg=turn)
+    by_posture = rest.view.joints_rad is None and _postures_can_differ_by(float(np.linalg.norm(off)), np.radians(turn))
+    sentence_id = "pose-mistyped-or-posture" if by_posture else "pose-mistyped"
+    message = Sentence(sentence_id, view=where, off_mm=np.linalg.norm(off), off_deg=turn)
     return _Candidate(0.0, True, FREE_POSE, rest.views, message)
+
+
+def _postures_can_differ_by(off_mm: float, turn_rad: float) -> bool:
+    """Whether an arm that is not calibrated can be off by so much more in one posture than in another."""
+    most = POSTURE_FACTOR * ABSOLUTE_NOISE.levels()
+    return bool(turn_rad < most[0] and off_mm < most[1])
 
 
 def _numbers(rest: HeldOutView) -> Iterator[_Candidate]:

@@ -8,13 +8,14 @@ length are as unknown as the levels are, and the p value is averaged over all of
 """
 
 from collections.abc import Iterator
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
 import scipy
 
 from calibration.diagnosis.evidence import Evidence
-from calibration.diagnosis.fit import MIN_VARIANCES, Fit
+from calibration.diagnosis.fit import MIN_VARIANCES, Fit, apply_fit
 from calibration.diagnosis.significance import NoisePosterior
 from calibration.kinematics.robot_accuracy import PRIOR_FACTOR, PRIOR_NOISE
 from calibration.linear_algebra import scaled_inverse_and_log_determinant, squared_distances
@@ -58,6 +59,15 @@ def p_value_beside_all_errors(
         return chance
     by_travel = 1 / _mean_square_travel(evidence) if is_size else 0.0
     return max(chance, p_value_beside_pose_errors(evidence, fitted, value, by_unknowns, by_travel))
+
+
+def p_value_of_view(evidence: Evidence, fitted: Fit, row: int) -> float:
+    """p value of one view, which is not part of the fit, when it has no error but those that follow the posture."""
+    seen = apply_fit(evidence, fitted)
+    n, _, p = seen.by_shared.shape
+    own = np.eye(n)[:, row, None, None] * np.eye(6)
+    extended = replace(seen, by_shared=np.concatenate([seen.by_shared, own], axis=2))
+    return p_value_beside_pose_errors(evidence, extended, np.zeros(6), np.eye(6, p + 6, p), 0.0)
 
 
 def p_value_beside_pose_errors(

@@ -242,6 +242,8 @@ VIEW_CAUSES = {
     " the views before and after it agree among themselves",
     "view-or": "{view} (or {others:, })",
     "pose-mistyped": "the pose of view {view} disagrees with all others by {off_mm:.2f} mm and {off_deg:.2f} deg",
+    "pose-mistyped-or-posture": "the pose of view {view} disagrees with all others by {off_mm:.2f} mm and {off_deg:.2f}"
+    " deg: it is mistyped, or the arm stood in another posture, which poses without joints do not show",
     "pose-length-mistyped": "the pose of view {view} has a wrong number: {name} is {given:.2f} and should be about"
     " {right:.2f}",
     "pose-element-mistyped": "the pose of view {view} has a wrong number: {name} is {given:.5f} and should be about"

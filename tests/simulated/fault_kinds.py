@@ -50,11 +50,15 @@ LEAST_SHARE = 2 * MIN_SCALE_ERROR
 
 @dataclass(frozen=True, eq=False)
 class Session:
-    """`noise`: the true levels, None for a real one; `before`: what is said of it while nothing is wrong."""
+    """`noise`: the true levels, None for a real one; `before`: what is said of it while nothing is wrong;
+
+    `turned_back`: the views, fewer than one in five, that the arm took with axis 1 turned back.
+    """
 
     problem: Problem
     noise: Noise | None
     before: frozenset[str] = frozenset()
+    turned_back: frozenset[int] = frozenset()
 
 
 @dataclass(frozen=True)

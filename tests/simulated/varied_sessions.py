@@ -50,16 +50,23 @@ MIDDLE = np.array([0.0, 0.2, 0.1, 0.0, 0.9, 0.0])
 MAX_TRIES_OF_VIEW = 30
 
 
-def varied(rng: np.random.Generator) -> Session:
-    """A session without a fault besides those of its arm."""
+def varied(rng: np.random.Generator, share_joints: float = SHARE_JOINTS) -> Session:
+    """A session without a fault besides those of its arm; `share_joints`: the chance that its joints are recorded."""
     while True:
-        drawn = _varied(rng)
+        drawn = _varied(rng, share_joints)
         if drawn is not None:
-            return Session(drawn, None)
+            problem, joints = drawn
+            return Session(problem, None, turned_back=_turned_back(joints))
 
 
-def _varied(rng: np.random.Generator) -> Problem | None:
-    """None where the arm reaches too few of the views."""
+def _turned_back(joints: Array) -> frozenset[int]:
+    """The views whose axis 1 is more than 90 degrees from its median, when they are fewer than one in five."""
+    rows = np.flatnonzero(np.abs(joints[:, 0] - np.median(joints[:, 0])) > np.pi / 2)
+    return frozenset(rows.tolist()) if 5 * len(rows) < len(joints) else frozenset()
+
+
+def _varied(rng: np.random.Generator, share_joints: float) -> tuple[Problem, Array] | None:
+    """The session and its joints (n, 6); None where the arm reaches too few of the views."""
     arm, board = find_arm(str(rng.choice(ARMS))), BOARDS[rng.integers(len(BOARDS))]
     setup, n = SETUPS[rng.integers(2)], int(rng.choice(VIEWS))
     built = build_arm(arm, CLASSES[rng.integers(len(CLASSES))], int(rng.integers(2**31)))
@@ -85,7 +92,7 @@ def _varied(rng: np.random.Generator) -> Problem | None:
     )
     stands = built.base_T_flange(Postures(np.array(joints))) @ scatter
     seen = inverse(anchor_T_mount_of(setup, stands) @ X) @ Y
-    image_px, recorded = float(np.exp(rng.uniform(np.log(0.03), np.log(0.3)))), bool(rng.random() < SHARE_JOINTS)
+    image_px, recorded = float(np.exp(rng.uniform(np.log(0.03), np.log(0.3)))), bool(rng.random() < share_joints)
     views = []
     for row in range(n):
         pixels = camera.project(map_points(seen[row], board.points_mm))
@@ -93,7 +100,7 @@ def _varied(rng: np.random.Generator) -> Problem | None:
         found = Detection(np.arange(len(pixels)), pixels)
         views.append(View(row, arm.forward(joints[row]), found, joints_rad=joints[row] if recorded else None))
     given = bool(rng.random() < SHARE_GIVEN) or n < MIN_VIEWS_FREE
-    return Problem(setup, board, camera if given else None, camera.image_size, tuple(views))
+    return Problem(setup, board, camera if given else None, camera.image_size, tuple(views)), np.array(joints)
 
 
 def _joints_at(arm: Arm, base_T_flange: Array) -> Array:

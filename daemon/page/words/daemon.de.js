@@ -142,6 +142,7 @@ export default {
   'board-or-tool-changed': 'ab Ansicht {view} sitzt die Tafel anders am Flansch, oder ein anderes Werkzeug war aktiv: die Ansichten davor und danach stimmen je unter sich überein',
   'view-or': '{view} (oder {others:, })',
   'pose-mistyped': 'die Pose der Ansicht {view} weicht um {off_mm:.2f} mm und {off_deg:.2f} Grad von allen übrigen ab',
+  'pose-mistyped-or-posture': 'die Pose der Ansicht {view} weicht um {off_mm:.2f} mm und {off_deg:.2f} Grad von allen übrigen ab: sie ist vertippt, oder der Arm stand in einer anderen Stellung, was Posen ohne Achswinkel nicht zeigen',
   'pose-length-mistyped': 'die Pose der Ansicht {view} hat eine falsche Zahl: {name} ist {given:.2f} und sollte etwa {right:.2f} sein',
   'pose-element-mistyped': 'die Pose der Ansicht {view} hat eine falsche Zahl: {name} ist {given:.5f} und sollte etwa {right:.5f} sein',
   'exchange-poses': 'die beiden Posen tauschen',

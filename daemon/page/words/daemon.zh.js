@@ -142,6 +142,7 @@ export default {
   'board-or-tool-changed': '从视图 {view} 起标定板在法兰上的位置改变，或激活了另一工具：其前后各自一致',
   'view-or': '{view}（或 {others:, }）',
   'pose-mistyped': '视图 {view} 的位姿与其余相差 {off_mm:.2f} mm 和 {off_deg:.2f} 度',
+  'pose-mistyped-or-posture': '视图 {view} 的位姿与所有其他视图相差 {off_mm:.2f} mm 和 {off_deg:.2f} 度：位姿输入有误，或机械臂处于另一种姿态，而没有关节角的位姿无法显示这一点',
   'pose-length-mistyped': '视图 {view} 的位姿有错误数字：{name} 为 {given:.2f}，应约为 {right:.2f}',
   'pose-element-mistyped': '视图 {view} 的位姿有错误数字：{name} 为 {given:.5f}，应约为 {right:.5f}',
   'exchange-poses': '交换这两个位姿',
