@@ -25,8 +25,8 @@ CAUSES |= {"poses-off-by-one", "poses-swapped", "pose-mistyped", "board-turned",
 NOTHING = "nothing"
 """The kind of a session without a fault: right when no cause is named."""
 
-POSTURE = "stood in another posture, which poses without joints do not show"
-"""Words by which the sentence `pose-mistyped-or-posture` is recognised."""
+POSTURES = ("stood in another posture", "no other view has its posture")
+"""Words by which the sentences are recognised that name the posture as the other of two causes."""
 
 SIZE = frozenset({"wrong-pitch", "target-scale"})
 CAUSES |= SIZE
@@ -89,8 +89,9 @@ def _outcome_of_nothing(found: list[Finding], session: Session) -> str:
     as one of two causes."""
     if not found:
         return "right"
-    posture = all(POSTURE in finding.message and _views(finding) <= session.turned_back for finding in found)
-    return "either" if posture else "wrong"
+    views = {view for finding in found for view in _views(finding)}
+    both = all(any(words in finding.message for words in POSTURES) for finding in found)
+    return "either" if both and views <= session.turned_back else "wrong"
 
 
 def with_corrected_size(session: Session) -> Session:

@@ -29,6 +29,9 @@ MAX_ELEMENT_ERROR = 0.1
 POSTURE_FACTOR = 4.0
 """Between two postures of an arm, in deviations of its absolute accuracy per axis."""
 
+MIN_OTHER_POSTURE_RAD = float(np.radians(45.0))
+"""Least difference of one of the axes 1 to 3 in another posture."""
+
 STEPS = np.array([1e-2] * 3 + [1e-5] * 4)
 """Steps of the numeric derivatives, in mm and in quaternion elements."""
 
@@ -39,12 +42,14 @@ MAX_SUSPECTS = 4
 
 @dataclass(frozen=True, eq=False)
 class HeldOutView:
-    """One view against the fit of the others; `views`: the number of all views."""
+    """One view against the fit of the others; `views`: the number of all views; `alone`: whether no other one has its
+    posture, None where the joints are not known."""
 
     view: Evidence
     fitted: Fit
     outsider: OutsideView
     views: int
+    alone: bool | None
 
 
 @dataclass(frozen=True)
@@ -74,7 +79,8 @@ def pose_entry_results(evidence: Evidence, suspects: Sequence[int], baseline: fl
             return  # no explanation of it could exceed its penalty, nor of the following ones
         view, fitted = views[suspect], others[suspect]
         posterior = NoisePosterior.of(fitted, remaining[suspect].by_camera)
-        rest = HeldOutView(view, fitted, posterior.outside_view(apply_fit(view, fitted), view.by_camera), n)
+        outsider = posterior.outside_view(apply_fit(view, fitted), view.by_camera)
+        rest = HeldOutView(view, fitted, outsider, n, _is_alone(view, remaining[suspect]))
         numbers = [*_numbers(rest), *_signs(rest)]
         best = _best(_whole_pose(rest), numbers)
         raw = without[suspect] - 0.5 * best.misfit - baseline
@@ -121,10 +127,22 @@ def _whole_pose(rest: HeldOutView) -> _Candidate:
     turn = np.degrees(
         np.arccos(np.clip((np.trace(expected[:3, :3].T @ rest.view.base_T_flange[0, :3, :3]) - 1) / 2, -1, 1))
     )
-    by_posture = rest.view.joints_rad is None and _postures_can_differ_by(float(np.linalg.norm(off)), np.radians(turn))
-    sentence_id = "pose-mistyped-or-posture" if by_posture else "pose-mistyped"
+    by_posture = _postures_can_differ_by(float(np.linalg.norm(off)), np.radians(turn))
+    sentence_id = BY_POSTURE[rest.alone] if by_posture else "pose-mistyped"
     message = Sentence(sentence_id, view=where, off_mm=np.linalg.norm(off), off_deg=turn)
     return _Candidate(0.0, True, FREE_POSE, rest.views, message)
+
+
+BY_POSTURE = {None: "pose-mistyped-or-posture", True: "pose-mistyped-or-geometry", False: "pose-mistyped"}
+"""What is said of a pose that is off by what postures differ by, by whether no other view has its posture."""
+
+
+def _is_alone(view: Evidence, others: Evidence) -> bool | None:
+    """Whether each other view has one of the axes 1 to 3 far from the view's; None where the joints are not known."""
+    if view.joints_rad is None or others.joints_rad is None:
+        return None
+    apart = np.abs(view.joints_rad[:, :3] - others.joints_rad[:, :3]).max(axis=1)
+    return bool(apart.min() > MIN_OTHER_POSTURE_RAD)
 
 
 def _postures_can_differ_by(off_mm: float, turn_rad: float) -> bool:
