@@ -55,3 +55,15 @@ async def hold_until(page: Any, hold: Any, name: str, taken: Callable[[], Awaita
             if await button.count():
                 await hold(page, name)
             await page.wait_for_timeout(500)
+
+
+async def hold_requests(page: Any, pattern: str) -> asyncio.Event:
+    """Requests of the page to such addresses wait until the event is set."""
+    released = asyncio.Event()
+
+    async def answer_late(route: Any) -> None:
+        await released.wait()
+        await route.continue_()
+
+    await page.route(pattern, answer_late)
+    return released

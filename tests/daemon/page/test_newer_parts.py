@@ -1,6 +1,5 @@
 """Jogs, touch tests, rigs and the arm's own errors as people use them on the page."""
 
-import asyncio
 import json
 import re
 from collections.abc import AsyncIterator
@@ -19,7 +18,7 @@ from tests.daemon.calibrations import an_arm, with_views
 from tests.daemon.cell_under_test import Bench
 from tests.daemon.fakes import ply_of
 from tests.daemon.page.conftest import AXE_FINDINGS, Opened
-from tests.daemon.page.holding import hold_by_key, hold_by_mouse, hold_until, press
+from tests.daemon.page.holding import hold_by_key, hold_by_mouse, hold_requests, hold_until, press
 from tests.daemon.rig_files import a_rig
 from tests.daemon.touches import TIP, document_with_covariance, json_of, touching
 from tests.support.waiting import eventually
@@ -323,16 +322,14 @@ WATCH_PROGRESS = """() => {
 }"""
 
 
-async def hold_requests(page: Any, pattern: str) -> asyncio.Event:
-    """Requests of the page to such addresses wait until the event is set."""
-    released = asyncio.Event()
-
-    async def answer_late(route: Any) -> None:
-        await released.wait()
-        await route.continue_()
-
-    await page.route(pattern, answer_late)
-    return released
+async def test_a_rig_of_another_person_is_shown_at_once(open_page: Opened, cell: Cell) -> None:
+    bench, _ = cell
+    await bench.client.post("/rigs", json=a_rig())
+    earlier = len((await bench.client.get("/rigs")).json()["rigs"]) - 1
+    async with open_page("viewer", "devices") as page:
+        await page.locator("section[aria-labelledby=rig]").get_by_text("scanner in camera").first.wait_for()
+        await bench.client.post("/rigs", json=a_rig(shift_mm=7.0))
+        await page.get_by_text(f"Earlier ones: {earlier + 1}").wait_for()
 
 
 async def _refuse(route: Any, asked: list[Any]) -> None:
