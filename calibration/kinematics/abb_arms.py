@@ -18,6 +18,7 @@ from typing import Literal
 from calibration.errors import GeometryError
 from calibration.kinematics.arm import Arm
 from calibration.kinematics.arm_row import SLOWEST, read_arm_row
+from calibration.kinematics.seven_axes import IRB_14050, SevenAxisArm
 
 _SHEET = """
 name                | forward height  lower  elbow forearm flange | axes 1 to 6
@@ -158,14 +159,26 @@ def _arm(line: str) -> Arm:
 ARMS: Mapping[str, Arm] = MappingProxyType({arm.name: arm for arm in map(_arm, _SHEET.splitlines()[2:])})
 
 
+SEVEN_AXIS_ARMS: Mapping[str, SevenAxisArm] = MappingProxyType({IRB_14050.name: IRB_14050})
+
+
 def find_arm(name: str) -> Arm:
-    """The arm of that name, ignoring case, spaces and trailing zeros, or of that line (`read_arm_row`).
+    """The arm with six axes of that name, ignoring case, spaces and trailing zeros, or of that line (`read_arm_row`).
 
     Raises GeometryError with the nearest names, or with what is wrong in the line.
     """
+    found = find_any_arm(name)
+    if isinstance(found, SevenAxisArm):
+        raise GeometryError(f"{found.name} has seven axes, and six are needed here: its poses are taught, not planned")
+    return found
+
+
+def find_any_arm(name: str) -> Arm | SevenAxisArm:
+    """As `find_arm`, with the arms that have seven axes."""
     if "|" in name:
         return replace(read_arm_row(name), row=name)
-    known = {_plain(each): arm for each, arm in ARMS.items()}
+    listed: dict[str, Arm | SevenAxisArm] = {**ARMS, **SEVEN_AXIS_ARMS}
+    known = {_plain(each): arm for each, arm in listed.items()}
     try:
         return known[_plain(name)]
     except KeyError:

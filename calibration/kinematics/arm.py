@@ -338,11 +338,11 @@ class Arm:
         return OutOfReach(self.name, max(far, near), too_near=near > far)
 
 
-def checked_joints(joints_rad: ArrayLike) -> Array:
-    """Joints (..., 6). Raises GeometryError."""
+def checked_joints(joints_rad: ArrayLike, axes: int = 6) -> Array:
+    """Joints (..., axes). Raises GeometryError."""
     joints = np.asarray(joints_rad, float)
-    if joints.shape[-1:] != (6,):
-        raise GeometryError(f"joints must be (..., 6) in rad, got shape {joints.shape}")
+    if joints.shape[-1:] != (axes,):
+        raise GeometryError(f"joints must be (..., {axes}) in rad, got shape {joints.shape}")
     if not np.all(np.isfinite(joints)):
         raise GeometryError("joints must be finite")
     return joints
