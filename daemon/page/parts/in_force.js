@@ -16,9 +16,18 @@ export function expanded(document) {
   };
 }
 
+const VOLUME = ['near', 'middle', 'far', 'top', 'bottom', 'left', 'right'];
+
+/** The name of a point in words: those of the working volume in this language, a user's own as it is. */
+function PointName({ name }) {
+  const parts = name.split(' ');
+  if (parts.length !== 3 || !parts.every((part) => VOLUME.includes(part))) return html`<span lang="">${name}</span>`;
+  return html`<span>${parts.map((part) => t(`volume.${part}`)).join(' ')}</span>`;
+}
+
 export function Uncertainty({ document }) {
   const { U_mm, point, limit_mm, warning_mm } = expanded(document);
   return html`<p class="figure">${U_mm === null ? '—' : `± ${mm(U_mm)}`}</p>
-    <p class="quiet">${t('U.of')}${point ? ` · ${t('U.at')} ` : ''}${point && html`<span lang="en">${point}</span>`}</p>
+    <p class="quiet">${t('U.of')}${point ? ` · ${t('U.at')} ` : ''}${point && html`<${PointName} name=${point} />`}</p>
     ${limit_mm && html`<${Scale} value=${U_mm} warning=${warning_mm} limit=${limit_mm} />`}`;
 }

@@ -109,6 +109,7 @@ export default {
   'force.by': 'Von',
   'U.of': 'ein abgebildeter Punkt, 95 % oder mehr (k = 2)',
   'U.at': 'schlechtester der wichtigen Punkte:',
+  'volume.near': 'nah', 'volume.middle': 'Mitte', 'volume.far': 'fern', 'volume.top': 'oben', 'volume.bottom': 'unten', 'volume.left': 'links', 'volume.right': 'rechts',
   'U.predicted': 'vorhergesagt für einen abgebildeten Punkt, 95 % oder mehr (k = 2)',
   'scale.alt': 'Unsicherheit {value}; Warnung ab {warning}, Grenze {limit}',
   'scale.warning': 'Warnung ab',

@@ -114,6 +114,7 @@ export default {
   'force.by': 'By',
   'U.of': 'a mapped point, 95 % or more (k = 2)',
   'U.at': 'worst of the points that matter:',
+  'volume.near': 'near', 'volume.middle': 'middle', 'volume.far': 'far', 'volume.top': 'top', 'volume.bottom': 'bottom', 'volume.left': 'left', 'volume.right': 'right',
   'U.predicted': 'predicted for a mapped point, 95 % or more (k = 2)',
   'scale.alt': 'Uncertainty {value}; warning from {warning}, limit {limit}',
   'scale.warning': 'warning from',

@@ -109,6 +109,7 @@ export default {
   'force.by': 'Por',
   'U.of': 'un punto transformado, 95 % o más (k = 2)',
   'U.at': 'el peor de los puntos que importan:',
+  'volume.near': 'cerca', 'volume.middle': 'centro', 'volume.far': 'lejos', 'volume.top': 'arriba', 'volume.bottom': 'abajo', 'volume.left': 'izquierda', 'volume.right': 'derecha',
   'U.predicted': 'previsto para un punto transformado, 95 % o más (k = 2)',
   'scale.alt': 'Incertidumbre {value}; aviso desde {warning}, límite {limit}',
   'scale.warning': 'aviso desde',

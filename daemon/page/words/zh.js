@@ -109,6 +109,7 @@ export default {
   'force.by': '由',
   'U.of': '一个映射点，95 % 或以上 (k = 2)',
   'U.at': '关键点中最差的：',
+  'volume.near': '近', 'volume.middle': '中', 'volume.far': '远', 'volume.top': '上', 'volume.bottom': '下', 'volume.left': '左', 'volume.right': '右',
   'U.predicted': '对映射点的预测，95 % 或以上 (k = 2)',
   'scale.alt': '不确定度 {value}；自 {warning} 起警告，限值 {limit}',
   'scale.warning': '警告自',
