@@ -22,7 +22,7 @@ from calibration.errors import DocumentError, DocumentProblem
 from calibration.likelihood.predicted_uncertainty import predict
 from calibration.planning.plan import plan_poses
 from calibration.problem import Detection, Problem, Setup, View
-from calibration.solve import solve_hand_eye
+from calibration.solve import poses_at_zero, solve_hand_eye
 from calibration.transforms import Array, map_points
 from calibration.verdict import judge
 from daemon.runtime.version import SOFTWARE
@@ -109,7 +109,7 @@ def solve(session: Session, *, tolerance_mm: float | None = None, method: str = 
     the motions do not determine it. `result.model_dump_json()` is calibration.json.
     """
     solution = solve_hand_eye(session.problem, method=method)
-    verdict = judge(session.problem, solution, VerdictSettings().limits(tolerance_mm))
+    verdict = judge(poses_at_zero(session.problem, solution), solution, VerdictSettings().limits(tolerance_mm))
     now = datetime.now(UTC)
     return calibration_document(
         solution,
@@ -138,10 +138,17 @@ def assess(question: dict[str, Any], base_T_flange: ArrayLike) -> PredictedDocum
     return PredictedDocument.of(predict(asked.scene(), np.asarray(base_T_flange, float)))
 
 
-def register(points_mm: ArrayLike, calibration: CalibrationDocument, base_T_flange: ArrayLike | None = None) -> Array:
+def register(
+    points_mm: ArrayLike,
+    calibration: CalibrationDocument,
+    base_T_flange: ArrayLike | None = None,
+    *,
+    external_axes: Sequence[float | None] | None = None,
+) -> Array:
     """Points (n, 3) of the camera's frame in the robot's base (n, 3), mm.
 
     base_T_flange : the arm's pose (4, 4) when they were measured; needed for a camera on the flange.
+    external_axes : the controller's axes beside the arm then, mm or degrees; where the calibration has one.
 
     Raises DocumentError for a calibration without X, or without the pose that it needs.
     """
@@ -150,7 +157,10 @@ def register(points_mm: ArrayLike, calibration: CalibrationDocument, base_T_flan
     if calibration.flange_T_camera is None or base_T_flange is None:
         what = "the calibration has no transform" if base_T_flange is not None else "the pose of the flange is missing"
         raise DocumentError("register", [DocumentProblem("base_T_flange", what, "give what is missing")])
-    base_T_camera = np.asarray(base_T_flange, float) @ calibration.flange_T_camera.transform()
+    pose, axis = np.asarray(base_T_flange, float), calibration.external_axis
+    if axis is not None:
+        (pose,) = axis.at_zero(pose[None], [axis.reading(external_axes)])
+    base_T_camera = pose @ calibration.flange_T_camera.transform()
     return map_points(base_T_camera, points_mm)
 
 

@@ -6,6 +6,7 @@ from pydantic import Field
 from typing_extensions import TypedDict
 
 from calibration.documents.calibration import CorrectionDocument, VerdictDocument
+from calibration.documents.external_axis import ExternalAxes
 from calibration.documents.pose import PoseDocument
 from calibration.documents.validation import Document
 from calibration.problem import Setup
@@ -13,12 +14,16 @@ from registration.points.rigid_motion import Unit
 
 
 class ScanViewDocument(Document):
-    """One cloud, its unit (never guessed), its flange pose, and the arm's axes there where they are known."""
+    """One cloud, its unit (never guessed), its flange pose, and the arm's axes there where they are known.
+
+    `external_axes`: the controller's axes beside the arm, mm or degrees; needed where the calibration has one.
+    """
 
     cloud: str
     unit: Unit
     base_T_flange: PoseDocument
     joints_deg: Annotated[tuple[float, ...], Field(min_length=1, max_length=12)] | None = None
+    external_axes: ExternalAxes | None = None
 
 
 class ScanDocument(Document):

@@ -5,7 +5,7 @@ it prints X). Refinement puts a small motion before it.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -34,7 +34,7 @@ DOCUMENT_LIMIT = 1 << 26
 class ScanView:
     """A cloud file with its unit and its flange pose `base_T_flange` (4, 4). The part stands, or is on the flange.
 
-    `joints_rad`: of the arm at that pose, where they are known.
+    `joints_rad`: of the arm at that pose, where they are known; `external_axes` beside it likewise, mm or degrees.
     """
 
     path: Path
@@ -42,6 +42,7 @@ class ScanView:
     base_T_flange: Array
     setup: Setup = "eye-in-hand"
     joints_rad: Array | None = None
+    external_axes: tuple[float | None, ...] | None = None
 
     @property
     def anchor_T_mount(self) -> Array:
@@ -96,9 +97,23 @@ def read_scan(folder: Path) -> list[ScanView]:
             view.base_T_flange.transform(),
             document.setup,
             None if view.joints_deg is None else np.radians(view.joints_deg),
+            view.external_axes,
         )
         for view in document.views
     ]
+
+
+def poses_at_zero(views: Sequence[ScanView], calibration: CalibrationDocument) -> list[ScanView]:
+    """The views as if the calibration's external axis, where it has one, had stood at its zero.
+
+    Raises DocumentError for a view without its reading.
+    """
+    axis = calibration.external_axis
+    if axis is None:
+        return list(views)
+    readings = [axis.reading(view.external_axes) for view in views]
+    poses = axis.at_zero(np.array([view.base_T_flange for view in views]), readings)
+    return [replace(view, base_T_flange=pose) for view, pose in zip(views, poses, strict=True)]
 
 
 def setup_of(views: Sequence[ScanView]) -> Setup:

@@ -49,7 +49,7 @@ def register(
     from daemon.runtime.bounded_read import read_document
     from registration.fusion.merging import Merge
     from registration.report import register_scan
-    from registration.scan import read_scan, scanner_mount_of
+    from registration.scan import poses_at_zero, read_scan, scanner_mount_of
 
     document = parse_document(CalibrationDocument, read_document(calibration), str(calibration))
     merge = Merge(voxel_mm, normals, cast("Outliers", outliers))
@@ -60,6 +60,8 @@ def register(
     further: list[FindingDocument] = []
     if arm is not None:
         scanned, hand, further = _as_built(arm, document, scanned)
+    else:
+        scanned = poses_at_zero(scanned, document)
     report = register_scan(
         scanned,
         hand,
@@ -95,7 +97,8 @@ def _as_built(
     try:
         given = CalibrationWithArm.of(document, errors)
         joints = [view.joints_rad for view in views]
-        poses = given.base_T_flange([view.base_T_flange for view in views], joints)
+        readings = [given.reading(view.external_axes) for view in views]
+        poses = given.base_T_flange([view.base_T_flange for view in views], joints, readings)
     except CalibrationError as error:
         raise CommandError(str(file), str(error), "correct the joints, or register without --arm",
                            ExitStatus.UNREADABLE) from None  # fmt: skip

@@ -138,6 +138,9 @@ def solve(
             raise CommandError("--pictures", *FOR_IMAGES, ExitStatus.UNREADABLE)
         if pictures is not None and shown is not None:
             _write_pictures(pictures if len(folders) == 1 else pictures / name, document, *shown)
+    if (arm is not None or together) and any(solution.external_axis for _, _, solution in solved):
+        what = "an arm's errors, and sensors together, are not found while an external axis moves"
+        raise CommandError("--arm" if arm else "--together", what, "leave it out", ExitStatus.UNREADABLE)
     if arm is not None:
         if artefact is not None or len(solved) < len(folders):
             raise CommandError("--arm", "it needs every folder's images", "leave it out", ExitStatus.UNREADABLE)

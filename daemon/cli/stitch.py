@@ -29,10 +29,11 @@ def stitch(
     """
     from daemon.cli.compare import read_calibration
     from registration.report import stitch_views
-    from registration.scan import read_scan, scanner_mount_of
+    from registration.scan import poses_at_zero, read_scan, scanner_mount_of
 
     require_finite(tolerance_mm=tolerance_mm, reach_mm=reach_mm)
-    found = stitch_views(read_scan(folder), scanner_mount_of(read_calibration(calibration)), reach_mm)
+    document = read_calibration(calibration)
+    found = stitch_views(poses_at_zero(read_scan(folder), document), scanner_mount_of(document), reach_mm)
     typer.echo(found.model_dump_json() if json else "\n".join(map(_line, found.pairs)))
     within = tolerance_mm is None or found.largest_mm <= tolerance_mm
     raise typer.Exit(ExitStatus.OK if within else ExitStatus.NOT_ACCEPTED)

@@ -71,6 +71,9 @@ def _seen(folder: Path, calibration: "CalibrationDocument") -> "dict[int, SeenPo
         problem = load_problem(open_session(folder), progress)
     camera = problem.camera or (calibration.camera.camera() if calibration.camera else None)
     pose = calibration.mount_T_camera
+    if calibration.external_axis is not None:
+        what = "its calibration has an external axis, and touches do not record where it stood"
+        raise DocumentError(str(folder), [DocumentProblem("session", what, "touch by a calibration without one")])
     if calibration.setup != "eye-in-hand" or pose is None or camera is None or problem.in_space:
         what = "its target's points cannot be touched: that needs pictures by a camera on the flange"
         raise DocumentError(str(folder), [DocumentProblem("session", what, "give camera_mm in touches.json")])

@@ -78,8 +78,9 @@ def _run_view(
     if result is not None and result.reason == "board-turned":
         calibration = None  # its points were numbered anew
     correction = None if result is None else result.robot_correction
-    reported = _residuals(calibration, target, pose, ids, pixels, None)
-    free = None if correction is None else _residuals(calibration, target, pose, ids, pixels, correction)
+    at_zero = _at_zero(view, calibration)
+    reported = _residuals(calibration, target, at_zero, ids, pixels, None)
+    free = None if correction is None else _residuals(calibration, target, at_zero, ids, pixels, correction)
     return RunView(
         index=index,
         at=found.at,
@@ -92,6 +93,15 @@ def _run_view(
         rms_px_free=None if free is None else root_mean_square(free),
         sharpness=found.sharpness,
     )
+
+
+def _at_zero(view: ViewDocument, calibration: CalibrationDocument | None) -> Array:
+    """The view's pose (4, 4), as if the calibration's external axis, where it has one, had stood at its zero."""
+    pose = view.base_T_flange.transform()
+    axis = None if calibration is None else calibration.external_axis
+    reading = None if axis is None else axis.reading(view.external_axes)
+    at_zero: Array = pose if axis is None or reading is None else axis.at_zero(pose[None], [reading])[0]
+    return at_zero
 
 
 def _residuals(

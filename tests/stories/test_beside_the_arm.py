@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from calibration.documents.external_axis import FoundAxisDocument
+from calibration.documents.pose import PoseDocument
 from calibration.kinematics.arm import UnreachablePoseError
 from calibration.kinematics.external_axis import AxisKind, ExternalAxis
 from calibration.transforms import Array, inverse, map_points
@@ -32,6 +33,7 @@ SEED = 7
 VIEWS_EACH = 3
 POINTS = np.array([[0.0, 0, 600], [50, -20, 580], [-80, 40, 620]])
 PART_MM = 0.5
+WIDE_MM = ((-2000.0, -2000.0, 0.0), (2000.0, 2000.0, 2500.0))
 OFF = np.radians([0.3, -0.2])
 """Of the axis as built from the one as drawn."""
 
@@ -95,8 +97,12 @@ def turn_axis(cell: RunningCell, number: int, to: float) -> None:
 @asynccontextmanager
 async def in_manual_mode(folder: Path, beside: Beside) -> AsyncIterator[Cell]:
     """A cell with the axis as built, which its key switch leaves to the operator, and a daemon that has the drawing."""
-    async with plant(folder, planned=True, truth=small_pictures(SEED), robot={"external_axis": beside.drawn}) as story:
+    async with plant(
+        folder, planned=True, truth=small_pictures(SEED), robot={"external_axis": beside.drawn, "box_mm": WIDE_MM}
+    ) as story:
         axis = beside.built()
+        memory = story.cell.controller.memory  # type: ignore[attr-defined]
+        memory["cell_box_low"].value, memory["cell_box_high"].value = map(list, WIDE_MM)
         story.cell.controller.mounting = Mounting(beside=axis)
         turn_axis(story.cell, axis.number, 0.0)
         story.cell.controller.switch_mode(Mode.MANR, story.cell.cell.clock())
@@ -114,6 +120,10 @@ async def test_it_is_calibrated_by_hand_and_a_part_comes_out_where_it_is(tmp_pat
         point_mm = [await register(cell, reading) for reading in beside.readings]
         print(f"{kind}: points registered at {beside.readings} off by {np.round(point_mm, 2)} mm")
         assert max(point_mm) < found.expanded_mm
+
+        target_mm = await verify(cell, beside)
+        print(f"{kind}: the target verified from the first and the last reading off by {np.round(target_mm, 2)} mm")
+        assert max(target_mm) < found.expanded_mm
 
         part = await scan(cell, beside)
         print(f"{kind}: a part scanned at {beside.scanned_at} off by {part['rms_mm']:.3f} mm RMS,"
@@ -158,6 +168,27 @@ async def register(cell: Cell, reading: float) -> float:
     assert np.allclose(points_of(given.content), points_of(answer.content), atol=0.05)
     truth = map_points(cell.story.cell.cell.flange_now().base_T_flange @ cell.story.truth.mount_T_scanner, POINTS)
     return float(np.linalg.norm(points_of(answer.content) - truth, axis=1).max())
+
+
+async def verify(cell: Cell, beside: Beside) -> list[float]:
+    """How far the target is seen from the truth, from the first and from the last reading."""
+    cabinet, now_s, truth, off_mm = cell.story.cell.controller, cell.story.cell.cell.clock, cell.story.truth, []
+    cabinet.switch_mode(Mode.AUTO, now_s())
+    cabinet.switch_motors(True, now_s())
+    cabinet.run_program(True, now_s())
+    await cell.story.operator.waits_until_ready()
+    for reading in (beside.readings[0], beside.readings[-1]):
+        first, *_, last = cell.within_reach(reading)
+        await cell.stands(reading, first)
+        poses = [PoseDocument.of(cell.reported(reading, pose)).model_dump(mode="json") for pose in (first, last)]
+        asked = {"poses": poses}
+        run = (await cell.story.operator.client.post("/verify", json=asked, params={"wait": LIMIT_S})).json()
+        assert run.get("state") == "finished", run
+        points = run["result"]["verification"]["points"]
+        seen_mm = np.array([np.mean(point["base_mm"], axis=0) for point in points])
+        truth_mm = map_points(truth.base_T_target, truth.target.points_mm[[point["id"] for point in points]])
+        off_mm.append(float(np.linalg.norm((seen_mm - truth_mm).mean(axis=0))))
+    return off_mm
 
 
 async def scan(cell: Cell, beside: Beside) -> dict[str, Any]:

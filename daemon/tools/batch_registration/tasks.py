@@ -15,7 +15,7 @@ from registration.documents import ScanDocument
 from registration.errors import RegistrationError
 from registration.fusion.merging import Merge
 from registration.report import register_scan
-from registration.scan import ScannerMount, ScanView, read_scan, scanner_mount_of
+from registration.scan import ScannerMount, ScanView, poses_at_zero, read_scan, scanner_mount_of
 
 SCAN, MERGED, REPORT = "scan.json", "merged.ply", "report.json"
 
@@ -70,7 +70,7 @@ def _register_scan(task: RegistrationTask) -> OutcomeDocument:
     calibration = parse_document(CalibrationDocument, task.calibration.encode(), "calibration")
     names = _file_names(source)
     with source.fetch(names) as folder:
-        views = read_scan(folder)
+        views = poses_at_zero(read_scan(folder), calibration)
         for view in views:
             if not view.path.is_file():
                 raise FileNotFoundError(f"{task.scan}/{view.path.name} is missing")

@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 
 from calibration.kinematics.external_axis import AxisKind, ExternalAxis
+from calibration.likelihood.predicted_uncertainty import ExpectedNoise
+from calibration.planning.scene_belief import ScenePrior
 from calibration.problem import Setup
 from calibration.solution import Solution
 from calibration.solve import poses_at_zero, solve_hand_eye
@@ -119,6 +121,16 @@ def test_a_point_of_a_turned_table_is_mapped_to_where_it_was() -> None:
     axis = ExternalAxis("turntable", 1, np.array([0.0, 0.0, 1.0]), np.array([1000.0, 100.0, 0.0]))
     quarter_turn_on = np.array([[900.0, 350.0, 80.0]])
     assert np.allclose(map_points(axis.motion(np.pi / 2), quarter_turn_on), [[1250.0, 200.0, 80.0]])
+
+
+def test_the_target_is_planned_for_where_it_is_seen_from_the_moved_base() -> None:
+    given = axis_cell("track", 1).problem
+    axis = ExternalAxis("track", 1, np.array([0.0, 1.0, 0.0]), np.zeros(3))
+    guess = ScenePrior("eye-in-hand", given.target, None, np.eye(4), np.eye(4), ExpectedNoise(0.05, 1e-4, 0.05))
+    there = guess.at_reading(axis, 500.0)
+    assert there.mount_T_camera is guess.mount_T_camera
+    assert there.anchor_T_target is not None
+    assert np.array_equal(there.anchor_T_target[:3, 3], [0.0, -500.0, 0.0])
 
 
 def test_the_derivatives_are_those_of_the_motion() -> None:

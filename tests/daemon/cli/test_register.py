@@ -64,6 +64,33 @@ def test_views_fall_onto_each_other_in_the_base_frame(tmp_path: Path, calibratio
     assert np.abs(points.reshape(6, 500, -1)[..., :3] - POINTS_BASE).max() < 2e-3
 
 
+TRACK = {
+    "kind": "track", "number": 1, "direction": [0.0, 0.8, 0.6], "zero": 100.0, "readings": [0.0, 2000.0],
+    "off_deg": 0.3, "sigma_mm": 0.1, "expanded_mm": 0.2, "covariance": np.zeros((12, 12)).tolist(),
+}  # fmt: skip
+
+
+def test_views_from_along_a_track_fall_onto_each_other(tmp_path: Path, calibration: Path) -> None:
+    change(calibration, external_axis=TRACK)
+    folder = scan(tmp_path / "scan")
+    views = json.loads((folder / "scan.json").read_text())["views"]
+    for number, view in enumerate(views):
+        pose = PoseDocument.model_validate(view["base_T_flange"]).transform()
+        pose[:3, 3] -= (300.0 * number - 100.0) * np.array([0.0, 0.8, 0.6])
+        view["base_T_flange"] = PoseDocument.of(pose).model_dump(mode="json")
+    options = "--calibration", calibration, "--out", tmp_path / "a.npy", "--json"
+    change(folder / "scan.json", views=views)
+    refused = handeyed("register", folder, *options)
+    assert (refused.status, "external_axes" in refused.err) == (2, True)
+    for number, view in enumerate(views):
+        view["external_axes"] = [300.0 * number]
+    change(folder / "scan.json", views=views)
+    assert handeyed("register", folder, *options).status == 0
+    merged = np.load(tmp_path / "a.npy")
+    points = np.column_stack([merged[name] for name in "xyz"]) if merged.dtype.names else merged
+    assert np.abs(points.reshape(6, 500, -1)[..., :3] - POINTS_BASE).max() < 2e-3
+
+
 def test_the_flange_is_placed_where_the_arm_as_built_has_it(tmp_path: Path, calibration: Path) -> None:
     """An arm whose axis 2 is 5 mm further out: axis 1 at zero, every point is 5 mm further along x."""
     arm, joints = find_arm("IRB 1600-6/1.45"), np.radians([[0.0, 20, 10, 0, 40, 0], [0.0, 25, 5, 5, 45, 10]])
