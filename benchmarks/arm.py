@@ -1,8 +1,8 @@
 """The arm's own errors: a registered point before and after they are identified, on simulated arms as built.
 
-`python -m benchmarks.arm [--arms N] [--seed FIRST] [--only TABLE]`. Held-out poses are anywhere in a box of a third by
-0.7 by 0.4 of the reach; the registered point is 450 to 650 mm before the camera. Arms, pixels (0.05 px) and scatter
-(0.02 mm, 0.002 degrees per axis) as in `tests/simulated/arms.py`.
+`python -m benchmarks.arm [--arms N] [--seed FIRST] [--only TABLE] [--size ARM]`. Held-out poses are anywhere
+in a box of a third by 0.7 by 0.4 of the reach; the registered point is 450 to 650 mm before the camera. Arms, pixels
+(0.05 px) and scatter (0.02 mm, 0.002 degrees per axis) as in `tests/simulated/arms.py`.
 """
 
 import argparse
@@ -62,7 +62,9 @@ def main() -> None:
     parser.add_argument(
         "--only", choices=("planned", "ordinary", "perfect", "joint", "more", "door", "speed"), help="one of the tables"
     )
+    parser.add_argument("--size", choices=SIZES, action="append", help="only this arm, may be repeated")
     options = parser.parse_args()
+    sizes = options.size or SIZES
     tables = {
         "planned": planned_table,
         "ordinary": ordinary_table,
@@ -74,16 +76,16 @@ def main() -> None:
     }
     for name, table in tables.items():
         if options.only in (None, name):
-            table(range(options.seed, options.seed + options.arms))
+            table(range(options.seed, options.seed + options.arms), sizes)
 
 
-def planned_table(seeds: range) -> None:
+def planned_table(seeds: range, sizes: Sequence[str]) -> None:
     """40 planned views of a target at four unknown places."""
     print(
         f"Standard arms, 40 planned views of {PLACES} unknown places ({len(seeds)} arms a row): RMS in mm over the box"
     )
     print(f"{'arm':20} {'taken up':>8} {'before':>7} {'after':>7} {'times':>6} {'bound':>7} {'/bound':>6} {'z':>5}")
-    for name in SIZES:
+    for name in sizes:
         rows = [_planned(find_arm(name), seed) for seed in seeds]
         before, after, bound = (
             _rms([getattr(row, part) for row in rows]) for part in ("before_mm", "after_mm", "bound_mm")
@@ -96,13 +98,13 @@ def planned_table(seeds: range) -> None:
         )
 
 
-def ordinary_table(seeds: range) -> None:
+def ordinary_table(seeds: range, sizes: Sequence[str]) -> None:
     """12 views of an ordinary hand-eye session."""
     print(f"Standard arms, 12 ordinary views of one place ({len(seeds)} arms a row): RMS in mm there, and over the box")
     print(
         f"{'arm':20} {'taken up':>8} {'not worse':>9} {'median times':>12} {'z seen':>6} {'z box':>6} {'box times':>9}"
     )
-    for name in SIZES:
+    for name in sizes:
         rows = [_ordinary(find_arm(name), "standard", seed) for seed in seeds]
         times = np.array([row.seen_before_mm / row.seen_after_mm for row in rows])
         in_box = np.array([row.before_mm / row.after_mm for row in rows])
@@ -112,20 +114,20 @@ def ordinary_table(seeds: range) -> None:
         print(f"{z_seen:6.2f} {z_box:6.2f} {np.median(in_box):9.2f}", flush=True)
 
 
-def perfect_table(seeds: range) -> None:
+def perfect_table(seeds: range, sizes: Sequence[str]) -> None:
     """Arms that are as drawn."""
     print(f"Perfect arms, 12 ordinary views ({5 * len(seeds)} arms a row)")
     print(f"{'arm':20} {'not taken up':>12} {'point error / without':>22}")
-    for name in SIZES:
+    for name in sizes:
         rows = [_ordinary(find_arm(name), "perfect", seed) for seed in range(seeds.start, seeds.start + 5 * len(seeds))]
         left = np.mean([not row.taken_up for row in rows])
         ratio = _rms([row.before_mm for row in rows])
         print(f"{name:20} {left:12.1%} {_rms([row.after_mm for row in rows]) / ratio:22.3f}", flush=True)
 
 
-def speed_table(_: range) -> None:
+def speed_table(_: range, sizes: Sequence[str]) -> None:
     """Time of the identification with 200 views, without and with what a solve takes anyway."""
-    arm, rng = find_arm(SIZES[1]), np.random.default_rng(0)
+    arm, rng = find_arm(sizes[len(sizes) // 2]), np.random.default_rng(0)
     target = target_places(rng, arm, 1)
     cell = arm_cell(rng, build_arm(arm, "standard", 0), [reachable_views(rng, arm, target[0], 200)], target)
     start = time.perf_counter()
@@ -139,13 +141,13 @@ def speed_table(_: range) -> None:
     )
 
 
-def joint_table(seeds: range) -> None:
+def joint_table(seeds: range, sizes: Sequence[str]) -> None:
     """One axis's zero moved by 0.02 degrees between two verifications of five stations."""
     print(f"Zero of one axis moved by 0.02 deg, camera or target by 0.3 mm, nothing ({len(seeds)} arms a row): named")
     changes = [Change(axis=axis, zero_rad=float(np.radians(0.02))) for axis in range(1, 7)]
     changes += [Change(camera_mm=0.3), Change(target_mm=0.3), Change()]
     print(f"{'arm':20}" + "".join(f"{change!s:>9}" for change in changes))
-    for name in SIZES:
+    for name in sizes:
         right = []
         for change in changes:
             found = [changes_of(find_arm(name), change, seed)[0] for seed in seeds]
@@ -154,11 +156,11 @@ def joint_table(seeds: range) -> None:
         print(f"{name:20}" + "".join(f"{share:9.0%}" for share in right), flush=True)
 
 
-def more_table(seeds: range) -> None:
+def more_table(seeds: range, sizes: Sequence[str]) -> None:
     """What more views were predicted to bring, and what they brought."""
     print(f"Standard arms, registered points after more views ({len(seeds)} arms a row): RMS in mm, predicted/reached")
     print(f"{'arm':20} {'places':>6} {'arms':>5}" + "".join(f"{f'+{count}':>14}" for count in MORE_COUNTS))
-    for name, places in ((name, places) for name in SIZES for places in (1, 3)):
+    for name, places in ((name, places) for name in sizes for places in (1, 3)):
         every = [predict_and_reach(find_arm(name), places, seed, MORE_COUNTS) for seed in seeds]
         rows = [row for row in every if row is not None]
         print(f"{name:20} {places:6} {len(rows):5}", end="")

@@ -100,7 +100,7 @@ class Operations:
     @property
     def calibrations(self) -> Calibrations:
         """What is stored, and what is in force for this camera."""
-        return Calibrations(self.store, self.clock, self.camera)
+        return Calibrations(self.store, self.clock, self.service_workers, self.camera)
 
     @property
     def _sessions(self) -> RunSessions:

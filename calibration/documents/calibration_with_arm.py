@@ -7,12 +7,15 @@ import numpy as np
 
 from calibration.documents.arm import ArmErrorsDocument
 from calibration.documents.calibration import CalibrationDocument, CalibrationFindingDocument, FindingDocument
+from calibration.documents.uncertainty_with_arm import uncertainty_with_arm, working_volume_mm
 from calibration.kinematics.arm_estimate import ArmEstimate
 from calibration.kinematics.joint_check import require_consistent_joints
 from calibration.kinematics.joints_of_poses import joints_in_range
+from calibration.kinematics.robot_accuracy import RobotNoise
 from calibration.problem import Problem
 from calibration.sentences.sentence import Sentence
 from calibration.solution import Finding
+from calibration.solver.registered_points import NO_SCATTER, point_variances
 from calibration.transforms import Array
 
 POSE_WITHOUT_JOINTS = "pose-without-joints"
@@ -22,18 +25,34 @@ AS_BUILT = "as-built"
 """Of results: the poses are those of the arm with its errors."""
 
 
+@dataclass(frozen=True)
+class Placement:
+    """How well points are placed from some poses with the arm as built.
+
+    point_mm : one standard deviation over three axes, RMS over the working volume, at the worst of the poses; of X, of
+        what is not known of the arm there, and of its scatter.
+    seen : all joints are within the range of the session.
+    """
+
+    point_mm: float
+    seen: bool
+
+
 @dataclass(frozen=True, eq=False)
 class CalibrationWithArm:
     """A calibration in use.
 
-    document : its X is the one identified with the arm, where the arm's errors were taken up.
+    document : its X, with uncertainty and the robot's noise, is the one identified with the arm, where the arm's errors
+        were taken up.
     arm : the arm as built; None for one as drawn.
     seen_rad : (2, 6) lowest and highest joints of the session, in which a pose without joints is taken to be.
+    scatter : of the arm as built about one pose.
     """
 
     document: CalibrationDocument
     arm: ArmEstimate | None = None
     seen_rad: Array = field(default_factory=lambda: np.zeros((2, 6)))
+    scatter: RobotNoise = NO_SCATTER
 
     @classmethod
     def of(cls, document: CalibrationDocument, errors: ArmErrorsDocument | None) -> "CalibrationWithArm":
@@ -41,8 +60,15 @@ class CalibrationWithArm:
         if errors is None or not errors.taken_up:
             return cls(document)
         name = "flange_T_camera" if document.setup == "eye-in-hand" else "base_T_camera"
-        seen_rad = np.radians([errors.lowest_joints_deg, errors.highest_joints_deg])
-        return cls(document.model_copy(update={name: errors.mount_T_camera}), errors.estimate(), seen_rad)
+        seen_rad, estimate = np.radians([errors.lowest_joints_deg, errors.highest_joints_deg]), errors.estimate()
+        levels = {"robot_rotation_deg": errors.scatter_deg, "robot_translation_mm": errors.scatter_mm}
+        with_arm = {
+            name: errors.mount_T_camera,
+            "uncertainty": uncertainty_with_arm(document, estimate, _joints_of(document, seen_rad)),
+            "noise": document.noise.model_copy(update=levels),
+        }
+        scatter = RobotNoise(errors.scatter_mm, float(np.radians(errors.scatter_deg)))
+        return cls(document.model_copy(update=with_arm), estimate, seen_rad, scatter)
 
     def reading(self, external_axes: Sequence[float | None] | None) -> float | None:
         """Of the calibration's external axis, mm or rad, in the controller's axes; None without either."""
@@ -69,17 +95,20 @@ class CalibrationWithArm:
         """As `base_T_flange`, on the base where it stood."""
         if self.arm is None:
             return np.array(reported)
-        drawing = self.arm.model.arm
-        joints = np.array(
-            [
-                joints_in_range(drawing, pose, *self.seen_rad) if known is None else known
-                for pose, known in zip(reported, joints_rad, strict=True)
-            ]
-        )
+        drawing, joints = self.arm.model.arm, self._joints_by(self.arm, reported, joints_rad)
         for row, known in enumerate(joints_rad):
             if known is not None:
                 require_consistent_joints(drawing, joints[row : row + 1], np.array(reported[row : row + 1]))
         return self.arm.base_T_flange(joints)
+
+    def _joints_by(self, arm: ArmEstimate, reported: Sequence[Array], joints_rad: Sequence[Array | None]) -> Array:
+        """Joints (n, 6) as known, else by inverse kinematics of the drawing."""
+        return np.array(
+            [
+                joints_in_range(arm.model.arm, pose, *self.seen_rad) if known is None else known
+                for pose, known in zip(reported, joints_rad, strict=True)
+            ]
+        )
 
     def correct(self, problem: Problem) -> Problem:
         """The problem with the poses of the arm as built. Raises as `base_T_flange`."""
@@ -92,6 +121,19 @@ class CalibrationWithArm:
         moved = (replace(view, base_T_flange=pose, axis_reading=None) for view, pose in zip(views, poses, strict=True))
         return replace(problem, views=tuple(moved), external_axis=None)
 
+    def placement(self, reported: Sequence[Array], joints_rad: Sequence[Array | None]) -> "Placement | None":
+        """How well points are placed from these poses; None of an arm as drawn, and of a camera beside the robot.
+
+        Raises UnreachablePoseError.
+        """
+        if self.arm is None or self.document.setup == "eye-to-hand":
+            return None
+        joints = self._joints_by(self.arm, reported, joints_rad)
+        variances = point_variances(self.arm, joints, working_volume_mm(self.document), self.scatter)
+        lowest, highest = self.seen_rad
+        seen = bool(np.all((joints >= lowest) & (joints <= highest)))
+        return Placement(float(np.sqrt(variances.mean(axis=1).max())), seen)
+
     def findings(self, joints_rad: Sequence[Array | None]) -> list[FindingDocument]:
         """The warning POSE_WITHOUT_JOINTS, where the arm's errors are in use and some poses have no joints."""
         without = sum(joints is None for joints in joints_rad)
@@ -101,3 +143,10 @@ class CalibrationWithArm:
         finding = Finding(POSE_WITHOUT_JOINTS, "warning", message, Sentence("record-joints"))
         whole = CalibrationFindingDocument.of(finding)
         return [FindingDocument(code=whole.code, severity=whole.severity, message=whole.message, fix=whole.fix)]
+
+
+def _joints_of(document: CalibrationDocument, seen_rad: Array) -> Array:
+    """Joints (n, 6) of the views that were used; without any, the middle of the session's."""
+    known = [view.joints_deg for view in document.views if view.joints_deg and view.status != "rejected"]
+    found: Array = np.radians(np.array(known)) if known else seen_rad.mean(axis=0)[None]
+    return found

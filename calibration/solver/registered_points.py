@@ -2,10 +2,13 @@
 
 import numpy as np
 
-from calibration.kinematics.arm_errors import Postures
+from calibration.kinematics.arm_errors import AXES, Postures
 from calibration.kinematics.arm_estimate import ArmEstimate
+from calibration.kinematics.robot_accuracy import RobotNoise
 from calibration.likelihood.mapped_points import point_rows
 from calibration.transforms import Array, map_points
+
+NO_SCATTER = RobotNoise(0.0, 0.0)
 
 
 def registered_points(estimate: ArmEstimate, postures: Postures, points_mm: Array) -> tuple[Array, Array]:
@@ -13,11 +16,58 @@ def registered_points(estimate: ArmEstimate, postures: Postures, points_mm: Arra
 
     For a camera on the flange. Not contained: by what the arm scatters about one pose.
     """
-    flange, x = estimate.model.forward(estimate.parameters, postures), estimate.mount_T_camera
-    on_flange = map_points(x, points_mm)
-    base_R_flange = flange[:, :3, :3]
-    by_x = base_R_flange @ x[:3, :3] @ point_rows(points_mm)
-    by_arm = base_R_flange @ point_rows(on_flange) @ estimate.model.jacobian(estimate.parameters, postures)
-    rows = np.concatenate([by_x, by_arm], axis=-1)
-    covariance: Array = rows @ estimate.covariance @ np.swapaxes(rows, 1, 2)
+    return _register(estimate, postures, points_mm, _pose_covariances(estimate, postures))
+
+
+def place_points(
+    estimate: ArmEstimate, joints_rad: Array, points_mm: Array, scatter: RobotNoise
+) -> tuple[Array, Array]:
+    """As `registered_points`, at joints (n, 6) of which nothing else is known.
+
+    The covariances contain by what the arm scatters about one pose, and its play, whose side is not known.
+    """
+    return _register(estimate, Postures(joints_rad), points_mm, _covariances_at(estimate, joints_rad, scatter))
+
+
+def point_variances(
+    estimate: ArmEstimate, joints_rad: Array, points_mm: Array, scatter: RobotNoise = NO_SCATTER
+) -> Array:
+    """Variances (n, m), mm², over three axes, of points (m, 3) of the camera's frame placed at each of the joints."""
+    covariances, rows = _covariances_at(estimate, joints_rad, scatter), _rows(estimate, points_mm)
+    variances: Array = np.einsum("mij,njk,mik->nm", rows, covariances, rows, optimize=True)
+    return variances
+
+
+def _register(estimate: ArmEstimate, postures: Postures, points_mm: Array, covariances: Array) -> tuple[Array, Array]:
+    flange = estimate.model.forward(estimate.parameters, postures)
+    rows = flange[:, :3, :3] @ _rows(estimate, points_mm)
+    on_flange = map_points(estimate.mount_T_camera, points_mm)
+    covariance: Array = rows @ covariances @ np.swapaxes(rows, 1, 2)
     return map_points(flange, on_flange[:, None])[:, 0], covariance
+
+
+def _rows(estimate: ArmEstimate, points_mm: Array) -> Array:
+    """Derivative (n, 3, 12) of points (n, 3), in the flange's axes, by X and the flange's pose, each times exp(.)."""
+    x = estimate.mount_T_camera
+    return np.concatenate([x[:3, :3] @ point_rows(points_mm), point_rows(map_points(x, points_mm))], axis=-1)
+
+
+def _pose_covariances(estimate: ArmEstimate, postures: Postures) -> Array:
+    """Covariance (n, 12, 12) of [X, the flange's pose at each posture], as rotation rad and translation mm each."""
+    jacobian = estimate.model.jacobian(estimate.parameters, postures)
+    by = np.zeros((len(postures), 12, len(estimate.covariance)))
+    by[:, :6, :6] = np.eye(6)
+    by[:, 6:, 6:] = jacobian
+    covariances: Array = by @ estimate.covariance @ np.swapaxes(by, 1, 2)
+    return covariances
+
+
+def _covariances_at(estimate: ArmEstimate, joints_rad: Array, scatter: RobotNoise) -> Array:
+    """As `_pose_covariances`, with the scatter about one pose and the play of axes that came from an unknown side."""
+    found, play = _pose_covariances(estimate, Postures(joints_rad)), estimate.model.indices("play")
+    from_below = Postures(joints_rad, sides=np.ones((len(joints_rad), AXES)))
+    by_play = estimate.model.jacobian(estimate.parameters, from_below)[:, :, play]
+    squares = estimate.parameters[play] ** 2 + np.diagonal(estimate.covariance)[6 + play]
+    found[:, 6:, 6:] += (by_play * squares) @ np.swapaxes(by_play, 1, 2)
+    found[:, 6:, 6:] += np.diag(np.repeat(scatter.levels() ** 2, 3))
+    return found

@@ -2,13 +2,16 @@
 
 import asyncio
 import logging
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 
+from calibration.documents.calibration import CalibrationDocument
+from calibration.documents.calibration_with_arm import CalibrationWithArm
+from calibration.errors import CalibrationError
 from daemon.config.settings import MAIN_CAMERA, Settings
 from daemon.drift.chart import DriftChart, DriftReport, chart_of
-from daemon.drift.samples import VerificationHistory
+from daemon.drift.samples import ChartEntry, VerificationHistory
 from daemon.errors import DaemonError, NoCalibration, NotFound
 from daemon.model.records import RunRecord
 from daemon.runtime.clock import Clock
@@ -97,7 +100,7 @@ class DriftMonitor:
             raise NotFound(f"calibration {calibration_id} was never in force", "GET /calibrations lists what was")
         verifications = VerificationHistory(self.store, self.workers, self.settings.target.target().points_mm)
         entries = await verifications.of(applied[-1])
-        return await self.workers.run(chart_of, entries, document, self.settings)
+        return await self._chart_of(entries, document)
 
     async def report_after(self, run: RunRecord) -> DriftReport:
         """The evaluation including this finished run; the previous one if the store fails."""
@@ -141,5 +144,14 @@ class DriftMonitor:
             return DriftChart()
         if record.document.mount_T_camera is None:
             return DriftChart(DriftReport(calibration_id=record.id))
-        entries = await self._verifications.of(applied)
-        return await self.workers.run(chart_of, entries, record.document, self.settings)
+        return await self._chart_of(await self._verifications.of(applied), record.document)
+
+    async def _chart_of(self, entries: Sequence[ChartEntry], document: CalibrationDocument) -> DriftChart:
+        """By the errors of the arm that were in force with the calibration."""
+        errors = await self.store.arm(document.id)
+        try:
+            used = (await self.workers.run(CalibrationWithArm.of, document, errors)).document
+        except CalibrationError as error:
+            log.warning("drift is judged by the arm as drawn: %s", error)
+            used = document
+        return await self.workers.run(chart_of, entries, used, self.settings)

@@ -230,6 +230,7 @@ class PlcGateway:
         document = (await operations.store.calibration(run.result["calibration_id"])).document
         if command is PlcCommand.CALIBRATE:
             return calibration_result(run, document, now)
+        document = (await operations.calibrations.with_arm(document)).document
         drifts = bool((await camera.drift.report_after(run)).alarm)
         met = run.result["verification"]["within_tolerance"] is not False
         return verification_result(run, document, now, holds=met and not drifts)

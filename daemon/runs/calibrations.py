@@ -11,15 +11,17 @@ from daemon.errors import CalibrationUnusable
 from daemon.model.records import AppliedCalibration, CalibrationRecord
 from daemon.model.requests import ApplyRequest
 from daemon.runtime.clock import Clock
+from daemon.runtime.workers import Workers
 from daemon.store.store import Store
 
 
 @dataclass(frozen=True)
 class Calibrations:
-    """`camera`: whose calibration "current" means."""
+    """`camera`: whose calibration "current" means. `workers`: compute the uncertainty with the arm."""
 
     store: Store
     clock: Clock
+    workers: Workers
     camera: str = MAIN_CAMERA
 
     async def apply(
@@ -66,7 +68,10 @@ class Calibrations:
 
     async def with_arm(self, calibration: CalibrationDocument) -> CalibrationWithArm:
         """The calibration with the errors of the arm identified with it. Raises StorageError, GeometryError."""
-        return CalibrationWithArm.of(calibration, await self.store.arm(calibration.id))
+        errors = await self.store.arm(calibration.id)
+        if errors is None:
+            return CalibrationWithArm(calibration)
+        return await self.workers.run(CalibrationWithArm.of, calibration, errors)
 
 
 def check_usable(calibration: CalibrationRecord, request: ApplyRequest) -> None:

@@ -69,7 +69,8 @@ class TouchTests:
         calibration = await self._calibration(request, run, earlier)
         tolerance_mm = _tolerance_mm(request, earlier, self._settings_of(calibration.camera))
         touches = await self._with_poses(request, earlier)
-        given = CalibrationWithArm.of(calibration.document, await self.store.arm(calibration.id))
+        errors = await self.store.arm(calibration.id)
+        given = await self.workers.run(CalibrationWithArm.of, calibration.document, errors)
         found = await self.workers.run(_evaluate, given, tip, touches, run, tolerance_mm)
         stored = StoredTouchTest(tip=tip, touches=touches, verification=verification, result=found)
         at, actor = self.clock.timestamp(), current_audit_context().actor

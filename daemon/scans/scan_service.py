@@ -214,7 +214,8 @@ class ScanService:
             settings = self.settings_of(scan.scanner)
             _, current = await self.store.current(settings.camera if settings else MAIN_CAMERA)
             if current.document.flange_T_camera is not None:
-                calibration = CalibrationWithArm.of(current.document, await self.store.arm(current.id))
+                errors = await self.store.arm(current.id)
+                calibration = await self.workers.run(CalibrationWithArm.of, current.document, errors)
                 wanted = await self._registration_request(scan.id, calibration, refine=True)
                 self.registration_jobs.start(wanted, only_if_free=False)
         except NoCalibration:

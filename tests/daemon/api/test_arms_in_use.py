@@ -24,10 +24,13 @@ JOINTS = np.radians([[0.0, 20, 10, 0, 40, 0], [10.0, 20, 10, 5, 40, 0], [20.0, 2
 POSES = ARM.forward(JOINTS)
 
 
-async def apply_with_arm(bench: Bench, **errors: float) -> None:
-    document = document_with_covariance()
+async def apply_with_arm(bench: Bench, *, x_sigma_mm: float = 0.0, **errors: float) -> None:
+    document, arm = document_with_covariance(), an_arm(**errors)
+    covariance = np.array(arm.covariance)
+    covariance[3:6, 3:6] = x_sigma_mm**2 * np.eye(3)
+    arm = arm.model_copy(update={"covariance": covariance.tolist()})
     record = CalibrationRecord(document.id, None, document.created_at, True, document)
-    await bench.application.store.save_calibration(record, an_arm(**errors))
+    await bench.application.store.save_calibration(record, arm)
     await bench.application.store.apply(AppliedCalibration(document.id, document.created_at, "test"))
 
 
@@ -83,6 +86,14 @@ async def test_the_event_loop_computes_no_kinematics(bench: Bench, monkeypatch: 
     assert (await bench.client.get(scan["links"]["cloud"])).status_code == 200
     assert threads
     assert threading.get_ident() not in threads
+
+
+async def test_a_verification_states_the_uncertainty_of_the_x_that_it_used(bench: Bench) -> None:
+    """That of the X identified with the arm, not of the one without in the same calibration (0.2 mm)."""
+    await apply_with_arm(bench, x_sigma_mm=0.5)
+    await bench.verify()
+    run = (await bench.client.get("/runs")).json()["runs"][0]
+    assert run["result"]["verification"]["expected_point_mm"] == pytest.approx(0.5 * np.sqrt(3))
 
 
 async def test_tip_and_camera_are_compared_on_the_same_arm(bench: Bench) -> None:

@@ -1,0 +1,61 @@
+"""What a calibration says of itself while the errors of its arm are in force: X, its uncertainty, the robot's noise."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from calibration.documents.arm import ArmErrorsDocument
+from calibration.documents.calibration import CalibrationDocument, UncertaintyDocument, calibration_document
+from calibration.documents.calibration_with_arm import CalibrationWithArm
+from calibration.documents.identified_arm import identify_arm_document
+from calibration.kinematics.abb_arms import find_arm
+from calibration.solve import solve_hand_eye
+from calibration.transforms import inverse, vector_from_transform
+from calibration.verdict import judge
+from mock_robot.arm.built_arm import build_arm
+from tests.simulated.arms import ArmCell, arm_cell, reachable_views, target_before
+
+ARM = find_arm("IRB 2600-20/1.65")
+
+
+@cache
+def session() -> tuple[ArmCell, CalibrationDocument, ArmErrorsDocument]:
+    """Twelve views of a standard arm, its calibration.json and its arm.json."""
+    rng, target = np.random.default_rng(0), target_before(ARM)
+    cell = arm_cell(rng, build_arm(ARM, "standard", 0), [reachable_views(rng, ARM, target, 12)], [target])
+    solution, made = solve_hand_eye(cell.problems[0]), {"created_at": "2026-11-23T12:00:00Z", "software": "handeyed 0"}
+    document = calibration_document(solution, judge(cell.problems[0], solution), calibration_id="cal-1", **made)
+    return cell, document, identify_arm_document(ARM, cell.problems, **made)
+
+
+def uncertainty_of(document: CalibrationDocument) -> UncertaintyDocument:
+    assert document.uncertainty is not None
+    return document.uncertainty
+
+
+def test_x_of_the_arm_as_built_has_its_own_covariance_points_and_noise() -> None:
+    _, drawn, errors = session()
+    given = CalibrationWithArm.of(drawn, errors)
+    before, after = uncertainty_of(drawn), uncertainty_of(given.document)
+    np.testing.assert_allclose(after.matrix(), np.array(errors.covariance)[:6, :6])
+    assert given.document.noise.robot_translation_mm == errors.scatter_mm
+    assert given.document.noise.image_px == drawn.noise.image_px
+    assert [point.name for point in after.points] == [point.name for point in before.points]
+    nearest, farthest = (after.points[row] for row in (0, -1))
+    assert nearest.sigma_mm != before.points[0].sigma_mm
+    assert farthest.expanded_mm == pytest.approx(2 * farthest.sigma_mm)
+    assert nearest.sigma_mm / 2 < after.point_mm < max(point.sigma_mm for point in after.points)
+
+
+def test_the_error_of_x_fits_the_covariance_that_is_given_with_it() -> None:
+    cell, drawn, errors = session()
+    document = CalibrationWithArm.of(drawn, errors).document
+    assert document.mount_T_camera is not None
+    off = vector_from_transform(inverse(document.mount_T_camera.transform()) @ cell.mount_T_camera)
+    assert float(off @ np.linalg.solve(uncertainty_of(document).matrix(), off)) < 22.5  # chi², 6 dof, 99.9 %
+
+
+def test_an_arm_whose_errors_are_not_taken_up_changes_nothing() -> None:
+    _, drawn, errors = session()
+    assert CalibrationWithArm.of(drawn, errors.model_copy(update={"taken_up": False})).document is drawn
