@@ -100,7 +100,8 @@ class Operations:
     @property
     def calibrations(self) -> Calibrations:
         """What is stored, and what is in force for this camera."""
-        return Calibrations(self.store, self.clock, self.service_workers, self.camera)
+        axis = self.settings.robot.external_axis
+        return Calibrations(self.store, self.clock, self.service_workers, self.camera, axis)
 
     @property
     def _sessions(self) -> RunSessions:

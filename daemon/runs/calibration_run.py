@@ -6,6 +6,7 @@ from pathlib import Path
 from calibration.diagnosis.mount_check import ExpectedMount, mount_findings
 from calibration.documents.arm import ArmErrorsDocument
 from calibration.documents.calibration import CalibrationDocument, calibration_document
+from calibration.errors import DocumentError, DocumentProblem
 from calibration.kinematics.arm import Arm
 from calibration.likelihood.mapped_points import NamedPoint, at_points
 from calibration.planning.what_if import PlanComparison
@@ -111,4 +112,7 @@ def solve_without(
 
 def solve_session_of(session: ObservationsRequest, run: CalibrationRun, calibration_id: str, created_at: str) -> Solved:
     """Solve a session that needs no file. Raises DocumentError."""
+    if run.arm is not None and session.external_axis is not None:
+        what = "an arm's errors are not found while an external axis moves"
+        raise DocumentError("request body", [DocumentProblem("arm", what, "leave it out")])
     return run.solve(problem_without_files(session, "request body"), calibration_id, created_at)

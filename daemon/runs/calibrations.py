@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 from calibration.documents.calibration import CalibrationDocument
 from calibration.documents.calibration_with_arm import CalibrationWithArm
+from calibration.documents.external_axis import ExternalAxisDocument
 from calibration.problem import Setup
 from daemon.config.settings import MAIN_CAMERA
 from daemon.errors import CalibrationUnusable
@@ -17,12 +18,16 @@ from daemon.store.store import Store
 
 @dataclass(frozen=True)
 class Calibrations:
-    """`camera`: whose calibration "current" means. `workers`: compute the uncertainty with the arm."""
+    """`camera`: whose calibration "current" means. `workers`: compute the uncertainty with the arm.
+
+    `declared`: the cell's external axis, which a calibration then needs.
+    """
 
     store: Store
     clock: Clock
     workers: Workers
     camera: str = MAIN_CAMERA
+    declared: ExternalAxisDocument | None = None
 
     async def apply(
         self, calibration_id: str, request: ApplyRequest, expected: Sequence[int] | None = None
@@ -67,7 +72,16 @@ class Calibrations:
         return document
 
     async def with_arm(self, calibration: CalibrationDocument) -> CalibrationWithArm:
-        """The calibration with the errors of the arm identified with it. Raises StorageError, GeometryError."""
+        """The calibration with the errors of the arm identified with it.
+
+        Raises CalibrationUnusable for one without the cell's external axis, StorageError, GeometryError.
+        """
+        if self.declared is not None and calibration.external_axis is None and calibration.setup == "eye-in-hand":
+            raise CalibrationUnusable(
+                f"calibration {calibration.id} was made without the {self.declared.kind} of [robot.external_axis]: what"
+                " it places is right only where that stood",
+                "calibrate by hand from two of its positions or more",
+            )
         errors = await self.store.arm(calibration.id)
         if errors is None:
             return CalibrationWithArm(calibration)

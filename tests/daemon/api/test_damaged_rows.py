@@ -30,6 +30,7 @@ COLUMNS: list[tuple[str, str, list[Any]]] = [
     ("runs", "runs.planning", [NOT_JSON, A_LIST, NO_TEXT]),
     ("scans", "scan_views.base_T_flange", DOCUMENTS),
     ("scans", "scan_views.joints_deg", [NOT_JSON, NO_TEXT]),
+    ("scans", "scan_views.external_axes", [NOT_JSON, NO_TEXT]),
 ]
 CASES = [(noun, column, value) for noun, column, values in COLUMNS for value in values]
 

@@ -6,10 +6,12 @@ import numpy as np
 import pytest
 
 from calibration.documents.pose import PoseDocument
+from calibration.documents.session import CameraDocument
 from calibration.problem import MeasuredPoints, MeasuredPose, Problem
 from daemon.api.dependencies import MAX_JSON_VALUES
 from daemon.api.routes.calibrations import MAX_SESSION_VALUES
 from tests.daemon.cell_under_test import Bench, pose_json
+from tests.simulated.external_axes import axis_cell
 from tests.simulated.measured_sessions import Measure, measured_cell, points, tracker
 from tests.simulated.sessions import CellNoise, random_cell
 
@@ -103,3 +105,17 @@ async def test_a_session_may_have_more_values_than_other_bodies_and_not_any_numb
     for values, status in ((MAX_JSON_VALUES + 1, 422), (MAX_SESSION_VALUES + 1, 400)):
         refused = await bench.client.post("/calibrations", json=[0] * (values + 1))
         assert refused.status_code == status, refused.text
+
+
+async def test_a_session_on_a_track_gives_its_direction(bench: Bench) -> None:
+    given = axis_cell("track", 1, views=9).problem
+    body = body_of(given) | {"external_axis": {"kind": "track", "direction": [0.0, 1.0, 0.0]}}
+    for one, view in zip(body["views"], given.views, strict=True):
+        one["external_axes"] = [view.axis_reading]
+    assert given.camera is not None
+    body["camera"] = CameraDocument.of(given.camera).model_dump(mode="json")
+    made = await bench.client.post("/calibrations", json=body)
+    assert made.status_code == 201, made.text
+    found = made.json()["external_axis"]
+    assert (found["kind"], found["readings"]) == ("track", [0.0, 2000.0])
+    assert found["expanded_mm"] < 0.5

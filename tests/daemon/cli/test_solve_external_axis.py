@@ -58,3 +58,9 @@ def test_what_is_missing_is_named(tmp_path: Path, axis: dict[str, Any], place: s
     assert ran.status == 2
     assert place in ran.err
     assert what in ran.err
+
+
+def test_the_errors_of_an_arm_are_not_found_while_an_axis_moves(tmp_path: Path) -> None:
+    ran = handeyed("solve", with_corners(tmp_path / "a", on_a_track()), "--arm", "IRB 1600-6/1.45")
+    assert ran.status == 2
+    assert "not found while an external axis moves" in ran.err
