@@ -52,7 +52,9 @@ async def register(
 ) -> Response:
     """The cloud in the robot's base frame, in mm, in the format it came in, answered while it still comes in.
 
-    Where the errors of the arm are in force the flange is where the arm as built has it: `Handeyed-Arm: as-built`. A
+    Where the errors of the arm are in force the flange is where the arm as built has it: `Handeyed-Arm: as-built`, with
+    one standard deviation of a point there (`Handeyed-Point-Sigma-Mm`) and whether the joints are within the range of
+    the session (`Handeyed-Joints-Seen`). A
     given pose without `joints` gets them by inverse kinematics, with `Handeyed-Warning: pose-without-joints`.
     With `scanner` by that sensor of the rig in force (POST /rigs), named by Handeyed-Rig, and the reported pose; a
     scanner of the settings that gives its camera_T_scanner goes by the calibration of its camera.
@@ -76,7 +78,8 @@ async def register(
         used = await app.operations.calibrations.with_arm(await app.operations.calibrations.find(calibration, beside))
         at = await flange_pose_of(app, pose, joints, external_axes)
         base_T_scanner = await app.service_workers.run(app.scans.base_T_scanner, used, at, by_name)
-        named = {"Handeyed-Calibration": used.document.id, **arm_headers(used, [at])}
+        of_arm = await app.service_workers.run(arm_headers, used, [at])
+        named = {"Handeyed-Calibration": used.document.id, **of_arm}
     numbers = (*at.base_T_flange.translation_mm, *at.base_T_flange.quaternion_wxyz)
     headers = {"Handeyed-Pose": ",".join(f"{x!r}" for x in numbers), **named}
     if media_type == LAZ:  # its index is at the end, so it cannot be streamed

@@ -220,7 +220,7 @@ async def cloud(
     document = used.document
     merged = await app.scans.merge_views(scan_id, clouds, document.id, ANSWER_SUFFIXES[media_type], merge)
     headers = {"Handeyed-Calibration": document.id, "Handeyed-Frame": "base", "Vary": "Accept"}
-    headers |= arm_headers(used, poses)
+    headers |= await app.service_workers.run(arm_headers, used, poses)
     if media_type != JSON:
         return TemporaryFileResponse(merged, media_type=media_type, headers=headers)
     try:

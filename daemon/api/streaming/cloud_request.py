@@ -113,11 +113,21 @@ def _parse_joints(text: str) -> tuple[float, ...]:
 
 
 def arm_headers(calibration: CalibrationWithArm, poses: Sequence[FlangePose]) -> dict[str, str]:
-    """Headers of a cloud in base: whether the arm's errors are in it, and a warning for poses without joints."""
-    if calibration.arm is None or calibration.document.setup == "eye-to-hand":
+    """Headers of a cloud in base: whether the arm's errors are in it, how well it is placed by them at these poses, and
+    a warning for poses without joints.
+
+    Takes inverse kinematics: for a worker thread. Raises UnreachablePoseError.
+    """
+    reported, joints = [pose.base_T_flange.transform() for pose in poses], [pose.joints_rad for pose in poses]
+    placement = calibration.placement(reported, joints)
+    if placement is None:
         return {}
-    found = {"Handeyed-Arm": AS_BUILT}
-    if calibration.findings([pose.joints_rad for pose in poses]):
+    found = {
+        "Handeyed-Arm": AS_BUILT,
+        "Handeyed-Point-Sigma-Mm": f"{placement.point_mm:.4f}",
+        "Handeyed-Joints-Seen": str(placement.seen).lower(),
+    }
+    if calibration.findings(joints):
         found["Handeyed-Warning"] = POSE_WITHOUT_JOINTS
     return found
 

@@ -9,13 +9,14 @@ import pytest
 from calibration.documents.calibration_with_arm import CalibrationWithArm
 from calibration.documents.pose import PoseDocument
 from calibration.kinematics.abb_arms import find_arm
+from calibration.kinematics.arm_errors import ArmErrorModel
 from calibration.kinematics.joint_check import JointsDisagree
 from calibration.transforms import Array
 from daemon.model.records import AppliedCalibration, CalibrationRecord
 from tests.daemon.calibrations import a_calibration, an_arm, apply_calibration
 from tests.daemon.cell_under_test import Bench
 from tests.daemon.clouds import PLY, POSE, cloud
-from tests.daemon.fakes import ply_of
+from tests.daemon.fakes import FLANGE_T_CAMERA, ply_of
 from tests.daemon.scans.scan_folders import a_scan
 from tests.daemon.touches import TIP, document_with_covariance, json_of, touching
 
@@ -24,14 +25,27 @@ JOINTS = np.radians([[0.0, 20, 10, 0, 40, 0], [10.0, 20, 10, 5, 40, 0], [20.0, 2
 POSES = ARM.forward(JOINTS)
 
 
-async def apply_with_arm(bench: Bench, *, x_sigma_mm: float = 0.0, **errors: float) -> None:
+ZERO_2 = ArmErrorModel(ARM).index("zero_2")
+
+
+async def apply_with_arm(
+    bench: Bench, *, x_sigma_mm: float = 0.0, zero_2_sigma_rad: float = 0.0, **errors: float
+) -> None:
     document, arm = document_with_covariance(), an_arm(**errors)
     covariance = np.array(arm.covariance)
     covariance[3:6, 3:6] = x_sigma_mm**2 * np.eye(3)
+    covariance[6 + ZERO_2, 6 + ZERO_2] = zero_2_sigma_rad**2
     arm = arm.model_copy(update={"covariance": covariance.tolist()})
     record = CalibrationRecord(document.id, None, document.created_at, True, document)
     await bench.application.store.save_calibration(record, arm)
     await bench.application.store.apply(AppliedCalibration(document.id, document.created_at, "test"))
+
+
+def query_at(joints_rad: Array) -> dict[str, str]:
+    """Pose and joints of the arm as drawn."""
+    pose = PoseDocument.of(ARM.forward(joints_rad))
+    numbers = {"pose": (*pose.translation_mm, *pose.quaternion_wxyz), "joints": np.degrees(joints_rad).tolist()}
+    return {name: ",".join(map(repr, values)) for name, values in numbers.items()}
 
 
 def query_of(row: int, joints_rad: Array | None = None) -> dict[str, str]:
@@ -94,6 +108,25 @@ async def test_a_verification_states_the_uncertainty_of_the_x_that_it_used(bench
     await bench.verify()
     run = (await bench.client.get("/runs")).json()["runs"][0]
     assert run["result"]["verification"]["expected_point_mm"] == pytest.approx(0.5 * np.sqrt(3))
+
+
+async def test_a_cloud_says_how_well_it_is_placed_at_its_joints(bench: Bench) -> None:
+    """A zero of axis 2 known to 1 mrad moves the camera by its distance from that axis, beside scatter (an_arm)."""
+    await apply_with_arm(bench, zero_2_sigma_rad=1e-3)
+    stretched, content = np.radians([0.0, 80, -70, 0, 40, 0]), ply_of(cloud(100))
+    for joints, seen in (
+        (JOINTS[0], "true"),
+        (stretched, "true"),
+        (JOINTS[0] + np.radians([95.0, 0, 0, 0, 0, 0]), "false"),
+    ):
+        turned = joints + 1e-3 * np.eye(6)[1]
+        there, moved = (ARM.forward(one) @ FLANGE_T_CAMERA for one in (joints, turned))
+        by_scatter = 3 * 0.05**2 + 2 * (np.radians(0.002) * np.linalg.norm(FLANGE_T_CAMERA[:3, 3])) ** 2
+        expected = np.sqrt(np.sum((moved - there)[:3, 3] ** 2) + by_scatter)
+        answer = await bench.client.post("/register", params=query_at(joints), content=content, headers=PLY)
+        assert answer.status_code == 200, answer.text
+        assert float(answer.headers["handeyed-point-sigma-mm"]) == pytest.approx(expected, rel=2e-3)
+        assert answer.headers["handeyed-joints-seen"] == seen
 
 
 async def test_tip_and_camera_are_compared_on_the_same_arm(bench: Bench) -> None:
