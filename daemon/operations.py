@@ -40,12 +40,12 @@ from daemon.model.requests import (
     SolveRequest,
     VerifyRequest,
 )
-from daemon.model.run_states import RunEvent, RunState
+from daemon.model.run_states import RunState
 from daemon.runs.adaptive_sequence import AdaptiveSequence
 from daemon.runs.calibration_run import CalibrationRun, Solved, solve_session_of, solve_without
 from daemon.runs.calibrations import Calibrations, require_setup
 from daemon.runs.foresight import Foresight, foresee, foresee_taught
-from daemon.runs.jog import Jog, result_of
+from daemon.runs.jog import Jog, SmallMove
 from daemon.runs.manual_sequence import ManualParameters, ManualSequence
 from daemon.runs.operator_requests import OperatorAction, OperatorRequestQueue
 from daemon.runs.pose_selection import (
@@ -61,7 +61,7 @@ from daemon.runs.pose_sequence import FixedSequence, PoseSequence
 from daemon.runs.run_log import RunLog
 from daemon.runs.scan_run import ScanRun
 from daemon.runs.sequence_plan import Drive, MakeSequence, OpenBeside, RunSessions, plan_sequence
-from daemon.runs.supervisor import RunPlan, RunResult, Supervisor
+from daemon.runs.supervisor import RunPlan, Supervisor
 from daemon.runs.together import CameraBeside, ScannerBeside, TogetherRun
 from daemon.runs.verification_run import VerificationRun, WithoutFirstView
 from daemon.runtime.clock import Clock
@@ -273,18 +273,18 @@ class Operations:
         return created[0], run
 
     async def jog(self, request: JogRequest) -> RunRecord:
-        """Start one small move of the arm. Raises RunInProgress, CellNotReady, PoseRefused, DeviceError."""
-        jog = Jog(self.cell, self.rules, request)
+        """Start one small move of the arm. Raises as `move_once`."""
+        return await self.move_once(Jog(self.cell, self.rules, request))
 
-        async def drive(log: RunLog) -> RunResult:
-            return RunEvent.STANDS, result_of(await jog.carry_out(f"run {log.id}"))
+    async def move_once(self, move: SmallMove) -> RunRecord:
+        """Start a run of this move alone. Raises RunInProgress, CellNotReady, PoseRefused, DeviceError."""
 
         async def prepare() -> RunPlan:
             await self._check_ready(await self.cell.robot_obstacles())
-            await jog.goal()
-            return RunPlan(0, drive)
+            await move.goal()
+            return RunPlan(0, move.drive)
 
-        return await self._start("jog", request, prepare)
+        return await self._start("jog", move.request, prepare)
 
     async def scan_here(self, scan_id: str) -> ScanViewRecord:
         """Add a view with the daemon's scanner from where the arm stands.

@@ -104,6 +104,16 @@ def touch_test(
         return _evaluate(calibration, tip, touches, points, mount_T_camera, covariance, tolerance_mm)
 
 
+def seen_point_mm(
+    calibration: CalibrationDocument, touch: TouchDocument, seen: Mapping[int, SeenPoint], origin: str = "touches"
+) -> Array:
+    """Where the camera saw the point of a touch, (3,) in the base, mean over its looks. Raises as `touch_test`."""
+    mount_T_camera, _ = _mapping(calibration)
+    (point,) = _seen((touch,), seen, calibration, origin)
+    mean: Array = seen_points_mm(point.base_T_mount, mount_T_camera, point.camera_mm).mean(axis=0)
+    return mean
+
+
 def _evaluate(
     calibration: CalibrationDocument,
     tip: TipDocument,

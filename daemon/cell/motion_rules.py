@@ -119,6 +119,14 @@ class MotionRules:
         farthest_mm = float(np.linalg.norm(np.vstack(points), axis=-1).max())
         return self.robot.speed_mm_s * max(1.0, farthest_mm / reach_mm)
 
+    def speed_mm_s(self, asked: float | None, usual: float) -> float:
+        """Speed of a small move: as asked, else the usual one within the settings'. Raises PoseRefused."""
+        allowed = self.robot.speed_mm_s
+        if asked is not None and asked > allowed:
+            what = f"{asked:g} mm/s is faster than the settings' {allowed:g} mm/s"
+            raise PoseRefused(0, what, "ask for less, or raise [robot] speed_mm_s")
+        return min(usual, allowed) if asked is None else asked
+
     def warnings(self) -> list[str]:
         """What these rules cannot check, for GET /calibrate."""
         return [] if self.arm else [GOALS_ONLY]

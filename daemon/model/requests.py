@@ -27,6 +27,12 @@ _POSE = {"translation_mm": [900.0, -250.0, 900.0], "quaternion_wxyz": [0.0, 0.6,
 MAX_JOG_MM, MAX_JOG_DEG = 100.0, 30.0
 """Limits of one jog, of the flange and of an axis."""
 
+MAX_TOUCH_STEP_MM = 5.0
+"""Limit of one step towards a point that is to be touched."""
+
+MIN_DIRECTION = 1e-3
+"""Shortest vector that gives a direction."""
+
 Degrees = Annotated[float, Field(ge=-720, le=720)]
 Stations = Annotated[tuple[TaughtPose, ...], Field(min_length=1, max_length=100)]
 
@@ -156,6 +162,40 @@ class TouchRequest(Document):
     placing_sigma_mm: Sigma | None = None
     tolerance_mm: Tolerance | None = None
     camera: DeviceName | None = None
+
+
+class ApproachRequest(Document):
+    """The arm brings the tip before a point that the camera has seen, or one step nearer. Each request is one consent.
+
+    The flange keeps its orientation, and the tip moves on straight lines. Without `step_mm`: to `stand_off_mm` before
+    the point, first back along the approach where the tip is nearer than that. With `step_mm`: so far towards the
+    point, and never beyond where it was seen. `along`: direction of the approach in the base, else the flange's z axis.
+    `touch`: the point, by `id` or `camera_mm`; `tip`, `verification`, `adds_to` and `camera` as of a touch test.
+    `speed_mm_s`: by default 50 to the stand-off and 5 in a step, at most [robot] speed_mm_s.
+    """
+
+    model_config = _examples(
+        {"adds_to": "20261121-093000-5b2c7d", "touch": {"id": 10}},
+        {"adds_to": "20261121-093000-5b2c7d", "touch": {"id": 10}, "step_mm": 2.0},
+    )
+
+    tip: TipDocument | None = None
+    verification: Annotated[str, Field(min_length=1, max_length=64)] | None = None
+    adds_to: Annotated[str, Field(min_length=1, max_length=64)] | None = None
+    touch: TouchDocument
+    stand_off_mm: Annotated[float, Field(ge=5, le=100)] = 20.0
+    step_mm: Annotated[float, Field(gt=0, le=MAX_TOUCH_STEP_MM)] | None = None
+    along: Vector | None = None
+    speed_mm_s: Annotated[float, Field(ge=1, le=250)] | None = None
+    camera: DeviceName | None = None
+
+    @model_validator(mode="after")
+    def _check_approach(self) -> "ApproachRequest":
+        if self.touch.base_T_flange is not None or any(self.touch.miss_mm):
+            raise ValueError("the touch names the point only: leave base_T_flange and miss_mm out")
+        if self.along is not None and not math.hypot(*self.along) > MIN_DIRECTION:
+            raise ValueError("along has no direction")
+        return self
 
 
 class ScanRequest(Document):

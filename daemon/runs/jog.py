@@ -1,11 +1,12 @@
 """A jog: one small move of the flange in base or flange, a turn of one axis, or all axes to their angles."""
 
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
 from calibration.documents.pose import PoseDocument
+from calibration.documents.validation import Document
 from calibration.transforms import Array, rotation_from_vector, transform
 from daemon.cell.cell import AXES_NOT_MOVED, READ_ONLY, Cell
 from daemon.cell.motion_rules import MotionRules
@@ -13,6 +14,9 @@ from daemon.cell.settling import check_arrival
 from daemon.config.settings import TaughtPose
 from daemon.errors import CellNotReady, PoseRefused
 from daemon.model.requests import JogRequest
+from daemon.model.run_states import RunEvent
+from daemon.runs.run_log import RunLog
+from daemon.runs.supervisor import RunResult
 from drivers.interfaces import JointGoal, MoveGoal, PoseReading
 from drivers.robots.base_frame import configured
 
@@ -23,6 +27,21 @@ MAX_TRAVEL_DEG = 60.0
 """Limit of joint travel in a step of the flange: near a singularity a small step can turn an axis over."""
 
 NO_STATION = 0
+
+
+class SmallMove(Protocol):
+    """A move that somebody asks for, and a run of its own."""
+
+    @property
+    def request(self) -> Document: ...
+
+    async def goal(self) -> MoveGoal | JointGoal:
+        """The checked first move from the present pose; nothing moves."""
+        ...
+
+    async def drive(self, log: RunLog) -> RunResult:
+        """Move, and stop and disarm in every case."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -37,7 +56,7 @@ class Jog:
         """The checked move from the present pose. Raises CellNotReady, PoseRefused, DeviceError; nothing moves."""
         if not self.cell.robot.capabilities.moves:
             raise CellNotReady((READ_ONLY,))
-        speed_mm_s = self._speed()
+        speed_mm_s = self.rules.speed_mm_s(self.request.speed_mm_s, SPEED_MM_S)
         if self.request.shift_mm is not None or self.request.turn_deg is not None:
             here = await self.cell.robot.read_pose()
             pose = TaughtPose.of(_stepped(here.base_T_flange, self.request))
@@ -51,6 +70,10 @@ class Jog:
         end_rad = _turned(start_rad, self.request)
         self.rules.check_joint_move(here, start_rad, end_rad)
         return JointGoal(end_rad, here.external_axes, speed_mm_s)
+
+    async def drive(self, log: RunLog) -> RunResult:
+        """The run of a jog alone. Raises as `carry_out`."""
+        return RunEvent.STANDS, result_of(await self.carry_out(f"run {log.id}"))
 
     async def carry_out(self, holder: str) -> PoseReading:
         """Move, and stop and disarm in every case; returns the pose and joints at rest. Raises as `goal`, CellBusy."""
@@ -68,13 +91,6 @@ class Jog:
             reading = await self.cell.read_settled_pose()
             check_arrival(goal.base_T_flange, reading, robot.capabilities.pose_convention)
             return reading
-
-    def _speed(self) -> float:
-        allowed, asked = self.rules.robot.speed_mm_s, self.request.speed_mm_s
-        if asked is not None and asked > allowed:
-            what = f"{asked:g} mm/s is faster than the settings' {allowed:g} mm/s"
-            raise PoseRefused(NO_STATION, what, "ask for less, or raise [robot] speed_mm_s")
-        return min(SPEED_MM_S, allowed) if asked is None else asked
 
 
 def result_of(reading: PoseReading) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""Touch tests over REST: an operator brings the tip to each point, and the pose is read or given. Nothing moves."""
+"""Touch tests over REST: the tip is brought to each point, and the pose is read or given. Nothing moves here."""
 
 from dataclasses import dataclass
 
@@ -11,12 +11,13 @@ from calibration.documents.tip import TipDocument
 from calibration.documents.touches import TouchesDocument
 from calibration.documents.validation import Document
 from calibration.errors import DocumentError, DocumentProblem
-from calibration.monitoring.touch_report import SeenPoint, TouchTestDocument, touch_test, verified_points
+from calibration.monitoring.touch_report import SeenPoint, TouchTestDocument, seen_point_mm, touch_test, verified_points
+from calibration.transforms import Array
 from daemon.cell.cell import Cell
 from daemon.config.settings import MAIN_CAMERA, CalibrationSettings, Settings
 from daemon.errors import ToleranceLoosened
 from daemon.model.records import CalibrationRecord, RunRecord
-from daemon.model.requests import TouchRequest
+from daemon.model.requests import ApproachRequest, TouchRequest
 from daemon.model.run_states import RunState
 from daemon.runtime.clock import Clock
 from daemon.runtime.workers import Workers
@@ -37,6 +38,26 @@ class StoredTouchTest(Document):
     result: TouchTestDocument
 
 
+@dataclass(frozen=True, eq=False)
+class PointToTouch:
+    """Where the camera saw a point, (3,) in the base, and the tip (3,) in the flange. `given`: by which calibration."""
+
+    point_mm: Array
+    tip_mm: Array
+    given: CalibrationWithArm
+
+
+@dataclass(frozen=True)
+class _Basis:
+    """What a request refers to: the test it adds to, the tip, the verification, the calibration with its arm."""
+
+    earlier: StoredTouchTest | None
+    tip: TipDocument
+    run: RunRecord | None
+    calibration: CalibrationRecord
+    given: CalibrationWithArm
+
+
 @dataclass(frozen=True)
 class TouchTests:
     """Evaluates and stores touch tests. `settings`: of the cell, for the tolerance of each camera."""
@@ -53,6 +74,30 @@ class TouchTests:
         Raises NotFound, NoCalibration, DocumentError, GeometryError, CellBusy, NotStill, ToleranceLoosened,
         DeviceError, StorageError.
         """
+        base = await self._basis(request)
+        calibration = base.calibration
+        tolerance_mm = _tolerance_mm(request, base.earlier, self._settings_of(calibration.camera))
+        touches = await self._with_poses(request, base.earlier)
+        found = await self.workers.run(_evaluate, base.given, base.tip, touches, base.run, tolerance_mm)
+        verification = None if base.run is None else base.run.id
+        stored = StoredTouchTest(tip=base.tip, touches=touches, verification=verification, result=found)
+        at, actor = self.clock.timestamp(), current_audit_context().actor
+        new = DocumentRecord(new_id, calibration.id, at, actor, stored.model_dump_json())
+        await self.store.touch_tests.save(new)
+        return new
+
+    async def find(self, request: ApproachRequest) -> "PointToTouch":
+        """The point of an approach. Raises NotFound, NoCalibration, DocumentError, GeometryError, StorageError."""
+        base = await self._basis(request)
+        given = base.given
+        seen = {} if base.run is None else _seen_by(base.run, given.document)
+        built = _as_built(given, TouchesDocument(touches=(request.touch,))).touches[0]
+        anywhere = PoseDocument.of(np.eye(4))  # a touch has a pose, which says nothing of where the point was seen
+        point_mm = seen_point_mm(given.document, built.model_copy(update={"base_T_flange": anywhere}), seen, ORIGIN)
+        return PointToTouch(point_mm, np.array(base.tip.flange_tip_mm), given)
+
+    async def _basis(self, request: TouchRequest | ApproachRequest) -> "_Basis":
+        """What a request refers to. Raises NotFound, NoCalibration, DocumentError, StorageError."""
         earlier = None
         if request.adds_to is not None:
             record = await self.store.touch_tests.get(request.adds_to)
@@ -66,17 +111,10 @@ class TouchTests:
             raise _refusal("verification", "another than that of the test to be added to", "begin a new test")
         verification = request.verification or (None if earlier is None else earlier.verification)
         run = None if verification is None else await self._verification(verification)
-        calibration = await self._calibration(request, run, earlier)
-        tolerance_mm = _tolerance_mm(request, earlier, self._settings_of(calibration.camera))
-        touches = await self._with_poses(request, earlier)
+        calibration = await self._calibration(request.camera, run, earlier)
         errors = await self.store.arm(calibration.id)
         given = await self.workers.run(CalibrationWithArm.of, calibration.document, errors)
-        found = await self.workers.run(_evaluate, given, tip, touches, run, tolerance_mm)
-        stored = StoredTouchTest(tip=tip, touches=touches, verification=verification, result=found)
-        at, actor = self.clock.timestamp(), current_audit_context().actor
-        new = DocumentRecord(new_id, calibration.id, at, actor, stored.model_dump_json())
-        await self.store.touch_tests.save(new)
-        return new
+        return _Basis(earlier, tip, run, calibration, given)
 
     def _settings_of(self, camera: str) -> CalibrationSettings:
         """[calibration] of this camera; of the first one for a camera that the settings name no more."""
@@ -92,7 +130,7 @@ class TouchTests:
         return run
 
     async def _calibration(
-        self, request: TouchRequest, run: RunRecord | None, earlier: StoredTouchTest | None
+        self, camera: str | None, run: RunRecord | None, earlier: StoredTouchTest | None
     ) -> CalibrationRecord:
         """That of the verification, else of the test to be added to, else the one in force of the camera."""
         if run is not None and run.result is not None:
@@ -100,9 +138,9 @@ class TouchTests:
         elif earlier is not None:
             record = await self.store.calibration(earlier.result.calibration_id)
         else:
-            _, record = await self.store.current(request.camera or MAIN_CAMERA)
-        if request.camera not in (None, record.camera):
-            what = f"{request.camera!r}, but calibration {record.id} is of {record.camera!r}"
+            _, record = await self.store.current(camera or MAIN_CAMERA)
+        if camera not in (None, record.camera):
+            what = f"{camera!r}, but calibration {record.id} is of {record.camera!r}"
             raise _refusal("camera", what, "leave it out, or name a verification by that camera")
         return record
 

@@ -1,16 +1,20 @@
-"""POST /touch, GET /touches: where a known tip touches what the camera has seen."""
+"""POST /touch, POST /touch/approach, GET /touches: where a known tip touches what the camera has seen."""
 
 from typing import Annotated
 
 from fastapi import APIRouter, Depends, Request, Response
 
 from calibration.monitoring.touch_report import touch_test_text
-from daemon.api.dependencies import App, Before, Identifier, JsonBody, Limit, page_of, respond_page
+from daemon.api.dependencies import App, Before, Identifier, JsonBody, Limit, Wait, page_of, respond_page
 from daemon.api.negotiation import or_text, respond
 from daemon.api.problems import problem_responses
+from daemon.api.routes.runs import STARTED, answer_run_start
 from daemon.api.schemas.answer import documents_json
+from daemon.api.schemas.runs import RunDocument
 from daemon.api.schemas.touches import StoredTouch, TouchList
-from daemon.model.requests import TouchRequest
+from daemon.application import Application
+from daemon.model.requests import ApproachRequest, TouchRequest
+from daemon.runs.touch_approach import TouchApproach
 from daemon.runs.touch_tests import TouchTests
 
 router = APIRouter(tags=["calibrate"])
@@ -25,11 +29,22 @@ router = APIRouter(tags=["calibrate"])
 async def touch(app: App, body: Annotated[TouchRequest, Depends(JsonBody(TouchRequest))]) -> Response:
     """Judge where an operator has brought a known tip to points that the camera saw: the misses, their uncertainty, the
     tolerance. Stored; Location says where. Never moves anything; 409 while a run is in progress and a pose is read."""
-    app.camera(body.camera)  # refuses a name that is none
-    tests = TouchTests(app.store, app.cell, app.service_workers, app.clock, app.settings)
-    stored = StoredTouch.of_record(await tests.evaluate(body, app.new_id()))
+    stored = StoredTouch.of_record(await _touch_tests(app, body.camera).evaluate(body, app.new_id()))
     headers = {"Location": f"/touches/{stored.id}"}
     return Response(stored.model_dump_json(), 201, headers, media_type="application/json")
+
+
+@router.post("/touch/approach", response_model=RunDocument, responses=STARTED)
+async def approach(
+    request: Request, app: App, body: Annotated[ApproachRequest, Depends(JsonBody(ApproachRequest))], wait: Wait = 0.0
+) -> Response:
+    """Move the arm: the tip to a stand-off before a point that the camera saw, or one step nearer, never beyond it.
+
+    A run of kind "jog", one for each request: followed, stopped and audited as every run. Judge with POST /touch.
+    """
+    point = await _touch_tests(app, body.camera).find(body)
+    move = TouchApproach(app.cell, app.operations.rules, body, point)
+    return await answer_run_start(request, app, await app.operations.move_once(move), wait)
 
 
 @router.get("/touches", response_model=TouchList)
@@ -46,3 +61,9 @@ async def touch_of(request: Request, app: App, touch_id: Identifier) -> Response
     """One touch test."""
     stored = StoredTouch.of_record(await app.store.touch_tests.get(touch_id))
     return respond(request, stored, lambda: touch_test_text(stored.result))
+
+
+def _touch_tests(app: Application, camera: str | None) -> TouchTests:
+    """Raises NotFound for a name that is no camera's."""
+    app.camera(camera)
+    return TouchTests(app.store, app.cell, app.service_workers, app.clock, app.settings)

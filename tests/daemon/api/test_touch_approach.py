@@ -1,0 +1,179 @@
+"""POST /touch/approach: the arm brings the tip before a point, then nearer by steps, one request for each move."""
+
+import asyncio
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from calibration.transforms import Array, map_points
+from daemon.model.records import AppliedCalibration, CalibrationRecord
+from tests.daemon.cell_under_test import Bench, Parts, serving, settings_for
+from tests.daemon.fakes import Gate
+from tests.daemon.touches import TIP, TIP_MM, document_with_covariance, json_of, pose_at, touching
+from tests.support.waiting import LIMIT_S
+
+SEEN_MM = np.array([800.0, 60.0, 300.0])
+
+
+base_R_flange = pose_at(SEEN_MM)[:3, :3]
+"""Of all poses here: the tool points down, slightly tilted."""
+
+
+def beside(x_mm: float, y_mm: float, before_mm: float) -> Array:
+    """base_T_flange (4, 4) with the tip so far beside the point, and before it, along the flange's axes."""
+    return pose_at(SEEN_MM + base_R_flange @ [x_mm, y_mm, -before_mm])
+
+
+FROM = beside(0.0, 0.0, 400.0)
+"""Where the camera saw the point from."""
+
+
+def point_to_touch(seen_from: Array = FROM) -> dict[str, Any]:
+    document = document_with_covariance()
+    assert document.mount_T_camera is not None
+    camera_mm = map_points(np.linalg.inv(seen_from @ document.mount_T_camera.transform()), SEEN_MM[None])[0]
+    return {"camera_mm": camera_mm.tolist(), "seen_from": json_of(seen_from)}
+
+
+async def apply_with_covariance(bench: Bench) -> None:
+    document = document_with_covariance()
+    store = bench.application.store
+    await store.save_calibration(CalibrationRecord("cal-1", None, document.created_at, True, document))
+    await store.apply(AppliedCalibration("cal-1", document.created_at, "test"))
+
+
+async def approaches(bench: Bench, **body: Any) -> dict[str, Any]:
+    """The answer: the finished run, or why not."""
+    asked = {"tip": TIP, "touch": point_to_touch(), **body}
+    answer = await bench.client.post("/touch/approach", params={"wait": LIMIT_S}, json=asked)
+    found: dict[str, Any] = answer.json()
+    return found
+
+
+def tips_of(bench: Bench) -> Array:
+    """At the end of each move: how far the tip was beside the point (x, y), and before it."""
+    tips = [map_points(goal.base_T_flange, TIP_MM[None])[0] - SEEN_MM for goal in bench.robot.goals]
+    return np.array(tips) @ base_R_flange * [1, 1, -1]
+
+
+async def test_to_the_stand_off_then_by_steps_and_never_beyond_the_point(bench: Bench) -> None:
+    await apply_with_covariance(bench)
+    bench.robot.base_T_flange = beside(30.0, -20.0, 90.0)
+    run = await approaches(bench)
+    assert (run["kind"], run["state"]) == ("jog", "finished"), run
+    np.testing.assert_allclose(tips_of(bench), [[0, 0, 20]], atol=1e-6)
+    assert run["result"]["touch"]["left_mm"] == pytest.approx(20.0, abs=1e-3)
+    for expected_mm in (15.0, 10.0, 5.0, 0.0):
+        stepped = await approaches(bench, step_mm=5.0)
+        assert stepped["result"]["touch"]["left_mm"] == pytest.approx(expected_mm, abs=1e-3)
+    refused = await approaches(bench, step_mm=0.5)
+    assert (refused["status"], "no step goes beyond it" in refused["detail"]) == (422, True), refused
+    np.testing.assert_allclose(tips_of(bench)[-1], [0, 0, 0], atol=1e-6)
+    assert {goal.path for goal in bench.robot.goals} == {"linear"}
+    assert [goal.speed_mm_s for goal in bench.robot.goals] == [50.0, *[5.0] * 4]
+    assert not bench.robot.armed
+
+    turned = bench.robot.goals[0].base_T_flange[:3, :3]
+    assert all(np.allclose(goal.base_T_flange[:3, :3], turned, atol=1e-12) for goal in bench.robot.goals)
+    rows = (await bench.client.get("/audit")).json()["rows"]
+    assert [row["action"] for row in rows].count("run") == len(bench.robot.goals)
+
+
+async def test_the_last_step_is_as_long_as_what_is_left(bench: Bench) -> None:
+    await apply_with_covariance(bench)
+    bench.robot.base_T_flange = beside(0.0, 0.0, 1.5)
+    assert (await approaches(bench, step_mm=4.0))["result"]["touch"]["left_mm"] == pytest.approx(0.0, abs=1e-3)
+
+
+async def test_from_a_touched_point_the_tip_goes_back_before_it_crosses(bench: Bench) -> None:
+    """No way between the two leads nearer than the stand-off."""
+    await apply_with_covariance(bench)
+    bench.robot.base_T_flange = beside(60.0, 0.0, -0.3)
+    assert (await approaches(bench, stand_off_mm=30.0))["state"] == "finished"
+    np.testing.assert_allclose(tips_of(bench), [[60, 0, 30], [0, 0, 30]], atol=1e-6)
+
+
+async def test_along_a_surfaces_normal(bench: Bench) -> None:
+    await apply_with_covariance(bench)
+    bench.robot.base_T_flange = beside(-50.0, 10.0, 40.0)
+    assert (await approaches(bench, along=(3 * base_R_flange[:, 0]).tolist()))["state"] == "finished"
+    np.testing.assert_allclose(tips_of(bench), [[-20, 0, 0]], atol=1e-6)
+
+
+AWAY = beside(30.0, 0.0, 90.0)
+REFUSALS: list[tuple[Array, dict[str, Any], int, str]] = [
+    (AWAY, {"step_mm": 1.0}, 422, "go to the stand-off first"),
+    (beside(5.0, 0.0, 10.0), {"step_mm": 1.0}, 422, "beside the approach"),
+    (beside(0.0, 0.0, -200.0), {}, 422, "beyond the point"),
+    (AWAY, {"step_mm": 5.1}, 422, "step_mm"),
+    (AWAY, {"stand_off_mm": 1.0}, 422, "stand_off_mm"),
+    (AWAY, {"along": [0.0, 0.0, 0.0]}, 422, "no direction"),
+    (AWAY, {"speed_mm_s": 101}, 422, "faster than the settings"),
+    (AWAY, {"tip": None}, 422, "tip"),
+    (AWAY, {"touch": {"id": 0}}, 422, "point 0 was not seen"),
+    (AWAY, {"touch": point_to_touch() | {"miss_mm": [0, 0, 1]}}, 422, "names the point only"),
+    (AWAY, {"verification": "nowhere"}, 404, "nowhere"),
+]
+
+
+async def test_what_is_refused_moves_nothing(bench: Bench) -> None:
+    await apply_with_covariance(bench)
+    for stands, body, status, why in REFUSALS:
+        bench.robot.base_T_flange = stands
+        refused = await approaches(bench, **body)
+        assert (refused["status"], why in str(refused)) == (status, True), refused
+    assert not bench.robot.goals
+    assert not (await bench.client.get("/runs")).json()["runs"]
+
+
+async def test_a_stand_off_outside_the_box_is_refused(tmp_path: Path) -> None:
+    flange_mm = beside(0.0, 0.0, 20.0)[2, 3]
+    box = {"box_mm": [[-2000, -2000, float(flange_mm) + 5.0], [2000, 2000, 2500]]}
+    async with serving(settings_for(tmp_path, robot=box), Parts()) as bench:
+        await apply_with_covariance(bench)
+        bench.robot.base_T_flange = AWAY
+        assert "outside the box" in (await approaches(bench))["detail"]
+        assert not bench.robot.goals
+
+
+async def test_an_abort_ends_the_approach_and_nothing_moves_until_it_is_asked_for_again(tmp_path: Path) -> None:
+    parts = Parts()
+    parts.robot.before_move = gate = Gate(1)
+    async with serving(settings_for(tmp_path), parts) as bench:
+        await apply_with_covariance(bench)
+        bench.robot.base_T_flange = beside(60.0, 0.0, 0.0)
+        run = (await bench.client.post("/touch/approach", json={"tip": TIP, "touch": point_to_touch()})).json()
+        await asyncio.wait_for(gate.reached.wait(), LIMIT_S)
+        aborted = (await bench.client.post(f"/runs/{run['id']}/abort")).json()
+        assert (aborted["state"], bench.robot.armed) == ("aborted", False)
+        gate.open.set()
+        goals = len(bench.robot.goals)
+        assert goals <= 1, "of the way back and the way across only the first was begun"
+        assert (await bench.client.get("/runs")).json()["runs"][0]["id"] == run["id"]
+        assert len(bench.robot.goals) == goals
+
+
+async def test_a_repeated_request_moves_once(bench: Bench) -> None:
+    await apply_with_covariance(bench)
+    bench.robot.base_T_flange = beside(0.0, 0.0, 20.0)
+    body, key = {"tip": TIP, "touch": point_to_touch(), "step_mm": 2.0}, {"idempotency-key": "one"}
+    first, again = [
+        (await bench.client.post("/touch/approach", params={"wait": LIMIT_S}, json=body, headers=key)).json()
+        for _ in range(2)
+    ]
+    assert first["id"] == again["id"]
+    assert len(bench.robot.goals) == 1
+
+
+async def test_points_of_a_verification_by_their_id(bench: Bench) -> None:
+    await apply_with_covariance(bench)
+    await bench.verify()
+    run = (await bench.client.get("/runs")).json()["runs"][0]["id"]
+    bench.robot.base_T_flange = touching(10, (0.0, 0.0, 100.0))
+    moved = len(bench.robot.goals)
+    found = await approaches(bench, verification=run, touch={"id": 10}, along=[0.0, 0.0, -1.0])
+    assert found["state"] == "finished", found
+    assert len(bench.robot.goals) == moved + 1
+    np.testing.assert_allclose(bench.robot.base_T_flange[:3, 3], touching(10, (0.0, 0.0, 20.0))[:3, 3], atol=0.2)
