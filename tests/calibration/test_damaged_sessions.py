@@ -14,23 +14,42 @@ from tests.simulated.damage import DISTANCE_MM, DamagedSession, damaged_session
 from tests.support.cases import cases
 
 COVERAGE_FACTOR = 3.0
+MAX_WORSE = 1.05
+"""Of the undamaged views' own error, where that is beyond three uncertainties."""
 
 
 @pytest.mark.slow
 @settings(max_examples=cases(30), phases=(Phase.explicit, Phase.generate), deadline=None, derandomize=True)
 @given(st.integers(0, 2**32 - 1))
 def test_damage_ends_in_a_refusal_or_in_an_answer_within_its_uncertainty(seed: int) -> None:
-    """`HANDEYED_CASES=20000 pytest tests/calibration/test_damaged_sessions.py` is the long run."""
+    """`HANDEYED_CASES=20000 pytest tests/calibration/test_damaged_sessions.py` is the long run.
+
+    Of clean sessions one in a thousand is off by three uncertainties by chance: an answer that is off by more is no
+    worse than that of the undamaged views alone.
+    """
     session = damaged_session(np.random.default_rng(seed))
     solution = solve_hand_eye(session.problem)
     verdict = judge(session.problem, solution)
     assert verdict.accepted or [finding for finding in verdict.findings if finding.severity == "error"]
     if verdict.accepted:
-        assert excess(session, solution) < COVERAGE_FACTOR, (session.damages, verdict.findings)
+        found, nearest = excess(session, solution)
+        assert found < max(COVERAGE_FACTOR, MAX_WORSE * intact_excess(session, nearest)), (
+            session.damages,
+            verdict.findings,
+        )
 
 
-def excess(session: DamagedSession, solution: Solution) -> float:
-    """The RMS error of mapped points by X over their standard deviation; of the truth that is nearest."""
+def test_what_chance_is_off_by_in_undamaged_views_is_not_laid_to_the_damage() -> None:
+    """Three of ten poses are exchanged and left out; the other seven are off by 3.4 uncertainties without them, too."""
+    session = damaged_session(np.random.default_rng(7102978))
+    found, nearest = excess(session, solve_hand_eye(session.problem))
+    assert found > COVERAGE_FACTOR
+    assert [view.index for view in session.intact[nearest].views] == [0, 1, 2, 3, 4, 6, 8]
+    assert found == pytest.approx(intact_excess(session, nearest), rel=1e-3)
+
+
+def excess(session: DamagedSession, solution: Solution) -> tuple[float, int]:
+    """The RMS error of mapped points by X over their standard deviation, of the truth that is nearest; which it is."""
     assert solution.mount_T_camera is not None and solution.uncertainty is not None and solution.camera is not None
     points_mm = working_points_mm(solution.camera, DISTANCE_MM)
     seen_mm = map_points(solution.mount_T_camera, points_mm)
@@ -38,4 +57,11 @@ def excess(session: DamagedSession, solution: Solution) -> float:
         float(np.sqrt(np.mean(np.sum((seen_mm - map_points(truth, points_mm)) ** 2, axis=1))))
         for truth in session.truths
     ]
-    return min(errors_mm) / solution.uncertainty.point_mm
+    nearest = int(np.argmin(errors_mm))
+    return errors_mm[nearest] / solution.uncertainty.point_mm, nearest
+
+
+def intact_excess(session: DamagedSession, which: int) -> float:
+    """`excess` of the undamaged views alone, over their own uncertainty; 0 where they have no X."""
+    solution = solve_hand_eye(session.intact[which])
+    return 0.0 if solution.mount_T_camera is None else excess(session, solution)[0]

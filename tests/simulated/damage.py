@@ -27,11 +27,15 @@ Poses = Callable[[Array, np.random.Generator], Array]
 
 @dataclass(frozen=True, eq=False)
 class DamagedSession:
-    """A session after the `damages` (names); `truths`: the X (4, 4) that an accepted answer may have."""
+    """A session after the `damages` (names).
+
+    `truths`: the X (4, 4) that an accepted answer may have; `intact`: for each the session of its undamaged views.
+    """
 
     problem: Problem
     truths: tuple[Array, ...]
     damages: tuple[str, ...]
+    intact: tuple[Problem, ...]
 
 
 def damaged_session(rng: np.random.Generator) -> DamagedSession:
@@ -44,7 +48,23 @@ def damaged_session(rng: np.random.Generator) -> DamagedSession:
     for name in names:
         problem = DAMAGES[name](problem, other.problem, rng)
     views = tuple(replace(view, index=index) for index, view in enumerate(problem.views))
-    return DamagedSession(replace(problem, views=views), (truth.mount_T_camera, other.mount_T_camera), names)
+    return DamagedSession(
+        replace(problem, views=views),
+        (truth.mount_T_camera, other.mount_T_camera),
+        names,
+        (_intact(truth.problem, problem), _intact(other.problem, problem)),
+    )
+
+
+def _intact(before: Problem, after: Problem) -> Problem:
+    """The part of a session whose views are as they were; none when its camera or target is another."""
+    same = after.camera is before.camera and after.target is before.target
+    kept = [view for view in before.views if same and any(_is_same(view, seen) for seen in after.views)]
+    return replace(before, views=tuple(kept))
+
+
+def _is_same(view: View, seen: View) -> bool:
+    return seen.detection is view.detection and np.array_equal(seen.base_T_flange, view.base_T_flange)
 
 
 def _cell(rng: np.random.Generator, setup: Setup, noise: CellNoise, camera_given: bool) -> Cell:
@@ -121,6 +141,10 @@ def _shift(poses: Array, rng: np.random.Generator) -> Array:
 def _misread(poses: Array, rng: np.random.Generator) -> Array:
     orders = ("XYZ", "ZYX", "ZYZ", "ZXZ", "xyz", "zyx")
     read, written = rng.choice(orders, 2, replace=False)
+    with np.errstate(over="ignore", invalid="ignore"):
+        is_rotation = np.abs(np.linalg.det(poses[:, :3, :3]) - 1) < 0.5
+    if not np.all(is_rotation):
+        return poses  # of extreme numbers: no program writes angles of these
     numbers = Rotation.from_matrix(poses[:, :3, :3]).as_euler(written)
     turned = Rotation.from_rotvec(numbers) if rng.random() < 0.3 else Rotation.from_euler(read, numbers)
     return transform(turned.as_matrix(), poses[:, :3, 3])
