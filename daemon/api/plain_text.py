@@ -165,6 +165,10 @@ def drift_text(chart: DriftDocument) -> str:
     return "\n".join(lines)
 
 
+def _numbers(values: list[float | None]) -> str:
+    return ", ".join("none" if value is None else f"{value:.3f}" for value in values)
+
+
 def robot_text(robot: RobotDocument) -> str:
     """GET /robot."""
     pose = robot.base_T_flange
@@ -178,5 +182,6 @@ def robot_text(robot: RobotDocument) -> str:
         *([] if robot.frame_warning is None else [f"warning: {robot.frame_warning}"]),
         f"confdata {[*robot.configuration]}",
         f"joints {', '.join(f'{angle:.3f}' for angle in robot.joints_deg)} deg",
+        *([] if robot.external_axes is None else [f"external axes {_numbers(robot.external_axes)}"]),
         f"{', '.join(on) or 'nothing is on'}; held by {robot.held_by or 'nobody'}",
     ])  # fmt: skip

@@ -121,6 +121,9 @@ async def test_it_is_calibrated_by_hand_and_a_part_comes_out_where_it_is(tmp_pat
         print(f"{kind}: points registered at {beside.readings} off by {np.round(point_mm, 2)} mm")
         assert max(point_mm) < found.expanded_mm
 
+        robot = (await ask.get("/robot")).json()
+        assert robot["external_axes"][cell.axis.number - 1] == pytest.approx(beside.readings[-1], abs=0.01)
+
         target_mm = await verify(cell, beside)
         print(f"{kind}: the target verified from the first and the last reading off by {np.round(target_mm, 2)} mm")
         assert max(target_mm) < found.expanded_mm

@@ -6,6 +6,7 @@ from typing import Literal
 from pydantic import JsonValue
 
 from calibration.documents.calibration import SentenceDocument
+from calibration.documents.external_axis import external_axes_of
 from calibration.documents.pose import PoseDocument, Vector
 from calibration.documents.session import CameraDocument
 from calibration.documents.target import TargetDocument
@@ -26,6 +27,7 @@ from drivers.interfaces import Robot
 class RobotDocument(Answer):
     """The pose of the arm and the status of the controller.
 
+    `external_axes`: the controller's axes beside the arm, mm or degrees, null where it has none.
     `skeleton_mm`: base, shoulder, elbow, wrist and flange in the base frame; null, as `model`, when the settings do not
     name the arm. `mode`: "manual" whenever the controller is not in automatic mode. `frame`: the frame of the pose;
     "world" where the controller gives that one and [robot] base_frame does not say where the base stands in it: the two
@@ -37,6 +39,7 @@ class RobotDocument(Answer):
     base_T_flange: PoseDocument
     configuration: tuple[int, int, int, int]
     joints_deg: list[float]
+    external_axes: list[float | None] | None
     still: bool
     motors_on: bool
     automatic: bool
@@ -56,12 +59,14 @@ class RobotDocument(Answer):
     def of(cls, reading: RobotReading, robot: Robot, holder: str | None, arm: Arm | None) -> "RobotDocument":
         status, pose, link = reading.status, reading.pose, robot.link
         cf1, cf4, cf6, cfx = pose.posture
+        axes = external_axes_of(pose.external_axes)
         return cls(
             connected=link.connected,
             detail=link.detail,
             base_T_flange=PoseDocument.of(pose.base_T_flange),
             configuration=(cf1, cf4, cf6, cfx),
             joints_deg=[math.degrees(angle) for angle in reading.joints],
+            external_axes=None if axes is None else list(axes),
             still=pose.still,
             motors_on=status.motors_on,
             automatic=status.automatic,

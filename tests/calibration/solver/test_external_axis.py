@@ -78,6 +78,16 @@ def test_the_stated_uncertainty_is_right(kind: AxisKind) -> None:
     assert 0.6 < np.mean(errors) < 1.4  # 160 values: 1 +- 0.11
 
 
+def test_a_view_with_a_mistyped_reading_is_left_out() -> None:
+    given = axis_cell("track", 2, views=9)
+    views = list(given.problem.views)
+    views[4] = replace(views[4], axis_reading=(views[4].axis_reading or 0.0) + 30.0)
+    solution = solve_hand_eye(replace(given.problem, views=tuple(views)))
+    assert [view.index for view in solution.views if view.status == "rejected"] == [4]
+    assert solution.external_axis is not None
+    assert direction_off_deg(solution.external_axis.axis.direction, given.axis.direction) < 0.01
+
+
 @pytest.mark.parametrize("kind", KINDS)
 def test_one_position_is_refused_with_what_to_do(kind: AxisKind) -> None:
     given = axis_cell(kind, 1)
