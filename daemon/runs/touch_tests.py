@@ -98,6 +98,9 @@ class TouchTests:
 
     async def _basis(self, request: TouchRequest | ApproachRequest) -> "_Basis":
         """What a request refers to. Raises NotFound, NoCalibration, DocumentError, StorageError."""
+        if (axis := self.settings.robot.external_axis) is not None:
+            what = f"the cell has a {axis.kind} beside its poses, and a touch does not record where it stands"
+            raise _refusal("touches", what, "compare registered points with the part by other means")
         earlier = None
         if request.adds_to is not None:
             record = await self.store.touch_tests.get(request.adds_to)

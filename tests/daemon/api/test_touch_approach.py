@@ -177,3 +177,12 @@ async def test_points_of_a_verification_by_their_id(bench: Bench) -> None:
     assert found["state"] == "finished", found
     assert len(bench.robot.goals) == moved + 1
     np.testing.assert_allclose(bench.robot.base_T_flange[:3, 3], touching(10, (0.0, 0.0, 20.0))[:3, 3], atol=0.2)
+
+
+async def test_nothing_is_touched_beside_a_track_that_the_poses_leave_out(tmp_path: Path) -> None:
+    track = {"external_axis": {"kind": "track", "direction": [0.0, 1.0, 0.0]}}
+    async with serving(settings_for(tmp_path, robot=track), Parts()) as bench:
+        await apply_with_covariance(bench)
+        refused = await approaches(bench)
+        assert "a track beside its poses" in refused["detail"]
+        assert bench.robot.goals == []
