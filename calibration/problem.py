@@ -91,6 +91,7 @@ class View:
     `measured`: the target measured in space instead of detected in an image. `joints_rad` (n,): the arm's axes, where
     they were recorded; nothing is computed from them. `confdata`: ABB's cf1, cf4, cf6, cfx of the pose, likewise.
     `axis_reading`: where the problem's external axis stood, mm or rad.
+    `camera_temperature_c`: of the camera when it took the picture, where it reports one.
     """
 
     index: int
@@ -102,6 +103,7 @@ class View:
     joints_rad: Array | None = None
     confdata: tuple[int, int, int, int] | None = None
     axis_reading: float | None = None
+    camera_temperature_c: float | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -62,6 +62,7 @@ class ViewResult:
     robot_correction : estimated error of its pose, (3,) mm and rotation vector (3,) rad.
     points : None when there is no estimate, or the view does not enter it.
     joints_rad : (n,) the arm's axes, where they were recorded.
+    camera_temperature_c : of the camera, where it was recorded.
     """
 
     index: int
@@ -74,6 +75,7 @@ class ViewResult:
     points: PointResiduals | None = None
     why: str | None = None
     joints_rad: Array | None = None
+    camera_temperature_c: float | None = None
 
 
 COVERAGE_FACTOR = 2.0

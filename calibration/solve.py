@@ -9,6 +9,7 @@ import numpy as np
 from calibration.closed_forms.observability import require_observable
 from calibration.closed_forms.registry import CLOSED_FORMS
 from calibration.diagnosis.explain import diagnose_solution
+from calibration.diagnosis.warming import warming_findings
 from calibration.errors import GeometryError, UndeterminedError
 from calibration.kinematics.abb_arms import ARMS
 from calibration.kinematics.arm import Arm
@@ -66,8 +67,17 @@ def solve_hand_eye(problem: Problem, method: str = "auto") -> Solution:
     if problem.in_space and method != "auto":
         raise ValueError(f"{method!r} is for images: poses and points in space are solved by maximum likelihood")
     solution = _solve_in_space(problem) if problem.in_space else _solve_images(problem, method)
-    joints = {view.index: view.joints_rad for view in problem.views}
-    return replace(solution, views=tuple(replace(view, joints_rad=joints[view.index]) for view in solution.views))
+    taken = {view.index: view for view in problem.views}
+    views = tuple(
+        replace(view, joints_rad=taken[view.index].joints_rad,
+                camera_temperature_c=taken[view.index].camera_temperature_c)
+        for view in solution.views
+    )  # fmt: skip
+    return replace(
+        solution,
+        views=views,
+        findings=(*solution.findings, *warming_findings(poses_at_zero(problem, solution), solution)),
+    )
 
 
 def _solve_images(problem: Problem, method: str) -> Solution:

@@ -25,6 +25,7 @@ RETRY_S = 0.05
 HTTP_DATE_STEP_S = 1.0
 """HTTP dates and Age have a resolution of one second: content may be older by that much."""
 EXACT_AGE = "x-taken-at-age-s"
+TEMPERATURE = "x-camera-temperature-c"
 MAX_REDIRECTS = 5
 MAX_EXCERPT = 80
 """Characters of a foreign answer that an error shows at most."""
@@ -32,11 +33,15 @@ MAX_EXCERPT = 80
 
 @dataclass(frozen=True)
 class Fetched:
-    """A response body, its media type without parameters, and the earliest moment the body can stem from."""
+    """A response body, its media type without parameters, and the earliest moment the body can stem from.
+
+    `temperature_c`: of the device, by the header X-Camera-Temperature-C; None without it.
+    """
 
     content: bytes
     media_type: str
     taken_at_s: float
+    temperature_c: float | None = None
 
 
 def excerpt(text: object) -> str:
@@ -50,6 +55,15 @@ def age_s(headers: httpx.Headers) -> float:
     if not math.isfinite(age):
         raise ValueError(f"{age:g} s")
     return age
+
+
+def stated_temperature_c(headers: httpx.Headers) -> float | None:
+    """The device's temperature; None where the header is missing or no finite number."""
+    try:
+        stated = float(headers[TEMPERATURE])
+    except (KeyError, ValueError):
+        return None
+    return stated if math.isfinite(stated) else None
 
 
 def _stated_age_s(headers: httpx.Headers) -> float:
@@ -149,7 +163,7 @@ class HttpSource(PolledDevice):
             ) from error
         self._report.up("it answers")
         media_type = excerpt(answer.headers.get("content-type", "").partition(";")[0].strip().lower())
-        return Fetched(content, media_type, taken_at_s)
+        return Fetched(content, media_type, taken_at_s, stated_temperature_c(answer.headers))
 
     @asynccontextmanager
     async def _answer(self) -> AsyncIterator[httpx.Response]:

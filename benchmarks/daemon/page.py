@@ -41,13 +41,15 @@ FIRST_PAINT_BAR_S, LAYOUT_SHIFT_BAR, LIVE_BAR_BYTES_S, RUN_BAR = 1.0, 0.1, 2000.
 def judge(lighthouse: str, url: str, place: str) -> dict[str, float]:
     """Scores from 0 to 100, first paint in seconds and layout shift of one screen, as Lighthouse gives them."""
     flags = " ".join(["--headless=new", *RENDERER, *([] if os.geteuid() else ["--no-sandbox"])])
+    environment = {**os.environ, "CHROME_PATH": CHROMIUM}
     asked = [lighthouse, f"{url}/page/?lang=en#/{place}", "--quiet", "--output=json", "--preset=desktop"]
     asked += [f"--only-categories={','.join(CATEGORIES)}", f"--chrome-flags={flags}"]
-    environment = {**os.environ, "CHROME_PATH": CHROMIUM}
-    answer = subprocess.run(asked, check=False, capture_output=True, text=True, env=environment)
-    if answer.returncode:
-        raise SystemExit(f"lighthouse failed on {place}: {answer.stderr[-500:]}")
-    report: dict[str, Any] = json.loads(answer.stdout)
+    with tempfile.NamedTemporaryFile(suffix=".json") as written:  # through a pipe it ends after 64 KiB now and then
+        asked += [f"--output-path={written.name}"]
+        answer = subprocess.run(asked, check=False, capture_output=True, text=True, env=environment)
+        if answer.returncode:
+            raise SystemExit(f"lighthouse failed on {place}: {answer.stderr[-500:]}")
+        report: dict[str, Any] = json.loads(Path(written.name).read_text())
     audits = report["audits"]
     return {
         **{name: 100 * report["categories"][name]["score"] for name in CATEGORIES},

@@ -127,7 +127,7 @@ class ReasonDocument(SentenceDocument):
 
 
 class ViewResultDocument(Document):
-    """How one view fits. `reason`: the code of `reason_detail`. `joints_deg`: where they were recorded."""
+    """How one view fits. `reason`: the code of `reason_detail`. The last two: where they were recorded."""
 
     index: int
     image: str | None
@@ -138,6 +138,7 @@ class ViewResultDocument(Document):
     base_error_mm: float | None
     robot_correction: CorrectionDocument | None
     joints_deg: tuple[float, ...] | None = None
+    camera_temperature_c: float | None = None
 
 
 class ObservabilityDocument(Document):
@@ -329,6 +330,7 @@ def _view(view: ViewResult) -> dict[str, object]:
         "base_error_mm": view.base_error_mm,
         "robot_correction": _correction(view.robot_correction),
         "joints_deg": None if view.joints_rad is None else np.degrees(view.joints_rad).round(6).tolist(),
+        "camera_temperature_c": view.camera_temperature_c,
     }
 
 

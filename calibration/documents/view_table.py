@@ -6,22 +6,27 @@ import numpy as np
 
 from calibration.documents.calibration import CalibrationDocument, ViewResultDocument
 
-HEADER = ("view", "image", "status", "px", "mm", "robot mm", "robot deg", "reason")
+TEMPERATURE = "camera C"
+"""A column only where the temperature is known."""
+
+HEADER = ("view", "image", "status", "px", "mm", "robot mm", "robot deg", TEMPERATURE, "reason")
 LEGEND = (
     "px: RMS of predicted minus found points; mm: RMS in the anchor by the robot's pose as reported;"
     " robot: the estimated error of its pose"
 )
-RIGHT_ALIGNED = frozenset({"view", "px", "mm", "robot mm", "robot deg"})
+RIGHT_ALIGNED = frozenset({"view", "px", "mm", "robot mm", "robot deg", TEMPERATURE})
 
 
 def view_table(document: CalibrationDocument) -> str:
     """One line a view: those without an estimate, then the rejected, then the others, each kind the worst first."""
-    rows = [HEADER, *(_cells(view) for view in worst_first(document.views))]
-    widths = [max(len(row[column]) for row in rows) for column in range(len(HEADER))]
+    warm = any(view.camera_temperature_c is not None for view in document.views)
+    header = HEADER if warm else tuple(name for name in HEADER if name != TEMPERATURE)
+    rows = [header, *(_cells(view, header) for view in worst_first(document.views))]
+    widths = [max(len(row[column]) for row in rows) for column in range(len(header))]
     lines = [
         "  ".join(
             cell.rjust(width) if name in RIGHT_ALIGNED else cell.ljust(width)
-            for name, cell, width in zip(HEADER, row, widths, strict=True)
+            for name, cell, width in zip(header, row, widths, strict=True)
         ).rstrip()
         for row in rows
     ]
@@ -48,18 +53,21 @@ def _median(values: Sequence[float | None]) -> float:
     return max(float(np.median(known)), 1e-12) if known else 1.0
 
 
-def _cells(view: ViewResultDocument) -> tuple[str, ...]:
+def _cells(view: ViewResultDocument, header: tuple[str, ...]) -> tuple[str, ...]:
     correction = view.robot_correction
     size = (None, None) if correction is None else (correction.translation_mm, correction.rotation_deg)
-    return (
+    temperature_c = view.camera_temperature_c
+    cells = (
         str(view.index),
         view.image or "-",
         view.status,
         _number(view.reprojection_px),
         _number(view.base_error_mm),
         *(_number(None if vector is None else float(np.linalg.norm(vector))) for vector in size),
+        "-" if temperature_c is None else f"{temperature_c:.1f}",
         view.reason or "",
     )
+    return tuple(cell for name, cell in zip(HEADER, cells, strict=True) if name in header)
 
 
 def _number(value: float | None) -> str:

@@ -31,9 +31,21 @@ CELL = {
     "schedule-moved-by-hand": "in run {run} the arm was moved by hand",
     "drift-moved": "drift: the fixed target seems to have moved by {drift_mm:.3f} mm, by chance at most"
     " {limit_mm:.3f} mm: {fix}",
+    "drift-moved-with-temperature": "drift: the fixed target seems to have moved by {drift_mm:.3f} mm, by chance at"
+    " most {limit_mm:.3f} mm; the camera has {now_c:.1f} °C, in the first verifications it had {before_c:.1f} °C:"
+    " {fix}",
+    "verify-at-usual-temperature": "wait until the camera has the temperature at which it works and verify again;"
+    " calibrate when the drift stays",
     "drift-scatter": "drift: the target scatters by {scatter_mm:.3f} mm over the positions, the calibration explains"
     " at most {limit_mm:.3f} mm: {fix}",
     "calibrate-or-look": "calibrate before parts go wrong, see docs/plc.md; or look whether the target was moved",
+    # calibration/diagnosis/warming.py
+    "still-warming": "the camera was between {low_c:.1f} and {high_c:.1f} °C, and with its temperature the picture"
+    " shifted by {shift_px:.2g} px, {shift_mm:.2g} mm at the target",
+    "still-warming-looks": "{views:views} were taken from one pose, and the picture shifted by {shift_px:.2g} px"
+    " between them, {shift_mm:.2g} mm at the target ({sigma_px:.2g} px by chance, one standard deviation): the camera"
+    " was warming up, or something moved",
+    "let-camera-warm-up": "wait {minutes} minutes with the camera switched on and taking pictures, and calibrate again",
     # daemon/api/device_checks.py
     "check-robot-not-ready": "answers, but {reasons:; }",
     "check-robot-moves": "answers and could move; the flange stands at ({x_mm:.1f}, {y_mm:.1f}, {z_mm:.1f}) mm",

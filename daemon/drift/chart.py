@@ -24,6 +24,11 @@ REPEATABILITY_MM, REPEATABILITY_RAD = 0.02, float(np.radians(0.002))
 
 CALIBRATE = Sentence("calibrate-or-look")
 
+VERIFY_WARM = Sentence("verify-at-usual-temperature")
+
+MIN_OTHER_TEMPERATURE_K = 3.0
+"""From which difference of the camera's temperature on an alarm names it."""
+
 Vector = tuple[float, float, float]
 
 
@@ -52,7 +57,7 @@ class DriftReport:
 class DriftPoint:
     """One verification in the base frame: displacement of the target from its learnt position, and its moving average.
 
-    `limit_mm` is None while the chart learns the target's position.
+    `limit_mm` is None while the chart learns the target's position. `camera_temperature_c`: mean, where it is known.
     """
 
     run_id: str
@@ -63,6 +68,7 @@ class DriftPoint:
     drift_mm: float
     limit_mm: float | None
     scatter_mm: float
+    camera_temperature_c: float | None = None
 
 
 @dataclass(frozen=True)
@@ -96,7 +102,7 @@ def chart_of(entries: Sequence[ChartEntry], document: CalibrationDocument, setti
         points[-1].limit_mm,
         points[-1].scatter_mm,
         None if limit_mm is None else round(limit_mm, 6),
-        _alarm(last, scatter_mm, limit_mm),
+        _alarm(last, scatter_mm, limit_mm, _temperatures(entries, rules)),
     )
     return DriftChart(report, points, tuple(_changes(entries, document, settings)))
 
@@ -129,6 +135,7 @@ def _point(entry: ChartEntry, drawn: ChartPoint) -> DriftPoint:
         round(drawn.drift_mm, 6),
         None if drawn.standing is DriftStanding.LEARNING else round(drawn.limit_mm, 6),
         round(entry.sample.scatter_mm, 6),
+        entry.camera_temperature_c,
     )
 
 
@@ -154,7 +161,24 @@ def _max_scatter_mm(
     )
 
 
-def _alarm(last: ChartPoint, scatter_mm: float, limit_mm: float | None) -> str | None:
+def _temperatures(entries: Sequence[ChartEntry], rules: DriftRules) -> tuple[float, float] | None:
+    """Of the camera in the verifications of the reference and in the last one; None where they are alike or unknown."""
+    reference = [entry.camera_temperature_c for entry in entries[: rules.learn]]
+    known, now = [one for one in reference if one is not None], entries[-1].camera_temperature_c
+    if not known or now is None or abs(now - float(np.mean(known))) < MIN_OTHER_TEMPERATURE_K:
+        return None
+    return float(np.mean(known)), now
+
+
+def _alarm(
+    last: ChartPoint, scatter_mm: float, limit_mm: float | None, temperatures: tuple[float, float] | None
+) -> str | None:
+    if last.standing is DriftStanding.DRIFTING and temperatures is not None:
+        before_c, now_c = temperatures
+        return Sentence(
+            "drift-moved-with-temperature", drift_mm=last.drift_mm, limit_mm=last.limit_mm, before_c=before_c,
+            now_c=now_c, fix=VERIFY_WARM,
+        )  # fmt: skip
     if last.standing is DriftStanding.DRIFTING:
         return Sentence("drift-moved", drift_mm=last.drift_mm, limit_mm=last.limit_mm, fix=CALIBRATE)
     if limit_mm is not None and scatter_mm > limit_mm:

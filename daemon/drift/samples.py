@@ -32,12 +32,13 @@ PAGE_RUNS = 20
 
 @dataclass(frozen=True, eq=False)
 class ChartEntry:
-    """One verification of the chart. `seen`: its stations, where their joints are known."""
+    """One verification of the chart. `seen`: its stations, where their joints are known; the camera's temperature."""
 
     run_id: str
     at: str
     sample: ChartSample
     seen: SeenTarget | None = None
+    camera_temperature_c: float | None = None
 
 
 def belongs_to_chart(run: RunRecord, applied: AppliedCalibration, target_points: int) -> bool:
@@ -64,7 +65,8 @@ def chart_entry(run: RunRecord, target_points_mm: Array) -> ChartEntry:
     ids = [point["id"] for point in points]
     anchor_mm = np.array([point[f"{frame}_mm"] for point in points]).transpose(1, 0, 2)
     sample = sample_of(anchor_mm, target_points_mm[ids], target_points_mm.mean(axis=0))
-    return ChartEntry(run.id, run.updated_at, sample, _seen(verification, anchor_mm, target_points_mm[ids]))
+    seen = _seen(verification, anchor_mm, target_points_mm[ids])
+    return ChartEntry(run.id, run.updated_at, sample, seen, verification.get("camera_temperature_c"))
 
 
 def _seen(verification: dict[str, Any], anchor_mm: Array, target_mm: Array) -> SeenTarget | None:

@@ -51,9 +51,17 @@ class VerificationRun:
         log.conclude()
         calibration = self.given.document
         document = document_of(found, calibration, self.tolerance_mm)
+        if (temperature_c := mean_temperature_c(problem)) is not None:
+            document["camera_temperature_c"] = temperature_c
         if self.given.arm is not None:
             document["arm"] = AS_BUILT
         return E.SOLVED, {"calibration_id": calibration.id, "verification": document}
+
+
+def mean_temperature_c(problem: Problem) -> float | None:
+    """Of the camera over the views that have one, rounded to 0.01 K; None without any."""
+    known = [view.camera_temperature_c for view in problem.views if view.camera_temperature_c is not None]
+    return round(float(np.mean(known)), 2) if known else None
 
 
 def _verify(problem: Problem, given: CalibrationWithArm) -> Verification:

@@ -111,9 +111,12 @@ def load_problem(session: SessionFolder, progress: Progress = lambda done, of: N
     views = [view for _, (view, _) in sorted(seen.items())]
     views = explain_missing(views, target, lambda name: read_grey(session.path / name))
     views = [
-        replace(view, confdata=document.views[view.index].confdata, axis_reading=document.axis_reading(view.index))
-        for view in views
-    ]
+        replace(
+            view, confdata=recorded.confdata, axis_reading=document.axis_reading(view.index),
+            camera_temperature_c=recorded.camera_temperature_c,
+        )
+        for view, recorded in ((view, document.views[view.index]) for view in views)
+    ]  # fmt: skip
     return Problem(
         document.setup, target, camera, expected, tuple(views), poses_from_controller=document.poses_from_controller,
         axis_offset=document.given_offset, external_axis=document.rough_axis,

@@ -76,7 +76,10 @@ class SessionWriter:
         joints = None if reading.joints_rad is None else tuple(np.degrees(reading.joints_rad).round(6).tolist())
         pose = PoseDocument.of(reading.base_T_flange)
         axes = external_axes_of(reading.external_axes)
-        view = ViewDocument(base_T_flange=pose, joints_deg=joints, external_axes=axes, image=name)
+        temperature_c = None if frame.capture is None else frame.capture.temperature_c
+        view = ViewDocument(
+            base_T_flange=pose, camera_temperature_c=temperature_c, joints_deg=joints, external_axes=axes, image=name
+        )
         document = self._document.model_copy(update={"views": [*self._document.views, view]})
         await self._store.write_file(self.folder / SESSION_FILE, [document.model_dump_json(indent=1).encode()])
         self._document = document
@@ -174,15 +177,18 @@ def _detect_view(folder: Path, document: SessionDocument, index: int, target_see
 
     view = document.views[index]
     name = view.image or ""
-    pose, target = view.base_T_flange.transform(), document.described_target()
+    taken = View(
+        index, view.base_T_flange.transform(), None, name, joints_rad=view.joints_rad,
+        camera_temperature_c=view.camera_temperature_c,
+    )  # fmt: skip
+    target = document.described_target()
     levels = read_levels(folder / name)
     found = detect_in_levels(levels, target)
     seen = None if isinstance(found, DetectionError) else found.corners_px
     sharpness = measure_quality(to_8_bit(levels), seen).sharpness
     if isinstance(found, DetectionError):
-        missing = found.code, with_fix(found.what, found.fix)
-        missed = View(index, pose, None, name, missing=missing, joints_rad=view.joints_rad)
+        missed = replace(taken, missing=(found.code, with_fix(found.what, found.fix)))
         if not target_seen:
             missed = explain_missing([missed], target, lambda file: read_grey(folder / file))[0]
         return missed, sharpness
-    return View(index, pose, found, name, joints_rad=view.joints_rad), sharpness
+    return replace(taken, detection=found), sharpness

@@ -50,6 +50,11 @@ def decode(device: str, encoded: bytes, image_size: tuple[int, int] | None = Non
     return to_8_bit(np.asarray(image))
 
 
+def file_bits(encoded: bytes) -> int:
+    """Bits of a grey level in a whole PNG or JPEG: 8 or 16 (PNG specification, 11.2.1 IHDR)."""
+    return 16 if encoded.startswith(PNG_MAGIC) and encoded[24] == 16 else 8
+
+
 def is_truncated(encoded: bytes) -> bool:
     """True for a PNG or JPEG that is truncated, damaged or of too many pixels, False for every other file.
 

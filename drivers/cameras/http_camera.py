@@ -2,9 +2,9 @@
 
 import asyncio
 
-from drivers.cameras.decoding import decode
+from drivers.cameras.decoding import decode, file_bits
 from drivers.http_source import HttpSource
-from drivers.interfaces import CameraFrame
+from drivers.interfaces import CameraFrame, CaptureSettings
 from drivers.timing import Timing
 
 LIMIT_S = 5.0
@@ -12,7 +12,10 @@ MAX_BYTES = 64 * 2**20
 
 
 class HttpCamera(HttpSource):
-    """drivers.interfaces.Camera. The response may state an image's age; otherwise it was taken after the request."""
+    """drivers.interfaces.Camera. The response may state an image's age; otherwise it was taken after the request.
+
+    It may state the camera's temperature, too.
+    """
 
     def __init__(
         self,
@@ -31,4 +34,8 @@ class HttpCamera(HttpSource):
         """An image taken after `newer_than_s`; raises a DeviceError."""
         fetched = await self.fetch(newer_than_s)
         image = await asyncio.to_thread(decode, self.device, fetched.content, self._image_size)
-        return CameraFrame(image, fetched.taken_at_s, fetched.content)
+        temperature_c = fetched.temperature_c
+        capture = (
+            None if temperature_c is None else CaptureSettings(file_bits(fetched.content), temperature_c=temperature_c)
+        )
+        return CameraFrame(image, fetched.taken_at_s, fetched.content, capture)

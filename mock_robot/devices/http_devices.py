@@ -3,7 +3,7 @@
 GET /camera/snapshot.png and /scanner/cloud.ply, and of further ones /cameras/NAME/snapshot.png and
 /scanners/NAME/cloud.pcd (an organised cloud of the target), capture on request at the flange's true pose. Responses
 carry `X-Taken-At-Age-S` (age of the capture when the request arrived; 0 for one made on request) and `X-Capture-Id`
-(a counter per device).
+(a counter per device); those of a camera that warms up and reports its temperature, `X-Camera-Temperature-C`.
 """
 
 import asyncio
@@ -25,6 +25,7 @@ from mock_robot.faults.device_faults import Device, DeviceFault, DeviceFaultBoar
 from mock_robot.scene.organised_view import organised_pcd
 from mock_robot.scene.scanner_view import ScannerModel, cloud_ply
 from mock_robot.truth.truth import CellTruth
+from mock_robot.truth.warming import CameraWarming
 
 EXPOSURE_S: dict[Device, float] = {"camera": 0.008, "scanner": 0.15}
 RANGE_OF_TARGET_MM = (200.0, 1500.0)
@@ -33,7 +34,8 @@ RANGE_OF_TARGET_MM = (200.0, 1500.0)
 MEDIA_TYPES: dict[Device, str] = {"camera": "image/png", "scanner": "application/x-ply"}
 
 Message = MutableMapping[str, Any]
-Develop = Callable[[Exposure, tuple[DeviceFault, ...], np.random.Generator], bytes]
+Develop = Callable[[Exposure, tuple[DeviceFault, ...], np.random.Generator, int], bytes]
+"""The file of an exposure, with these faults, and the number of the capture."""
 
 
 class FlangePose(Protocol):
@@ -59,7 +61,8 @@ class DeviceApp:
         self.faults = DeviceFaultBoard()
 
         def station(device: Device, develop: Develop, number: int = 0, media_type: str | None = None) -> _Station:
-            return _Station(device, truth.seed + number, flange_now, self.faults, develop, media_type)
+            warming = truth.warming if device == "camera" else None
+            return _Station(device, truth.seed + number, flange_now, self.faults, develop, media_type, warming)
 
         stations = {
             "/camera/snapshot.png": station("camera", _camera(truth)),
@@ -98,7 +101,9 @@ class _Station:
         faults: DeviceFaultBoard,
         develop: Develop,
         media_type: str | None = None,
+        warming: CameraWarming | None = None,
     ) -> None:
+        self._warming = warming
         self._media_type = media_type or MEDIA_TYPES[device]
         self._device, self._seed, self._flange_now = device, seed, flange_now
         self._faults, self._develop = faults, develop
@@ -120,6 +125,8 @@ class _Station:
         age_s = 0.0 if lying else max(0.0, asked_s - capture.began_s)
         number = self._captures if lying else capture.number
         headers = {"X-Taken-At-Age-S": f"{age_s:.4f}", "X-Capture-Id": str(number), "Cache-Control": "no-store"}
+        if self._warming is not None and self._warming.reported:
+            headers["X-Camera-Temperature-C"] = f"{self._warming.temperature_c(capture.number):.2f}"
         return Response(capture.content, media_type=self._media_type, headers=headers)
 
     async def _capture(self, struck: tuple[DeviceFault, ...]) -> Capture:
@@ -131,14 +138,14 @@ class _Station:
         await asyncio.sleep(EXPOSURE_S[self._device])
         exposure = Exposure(begin, self._flange_now().base_T_flange)
         rng = np.random.default_rng([self._seed, len(self._device), number])
-        content = await asyncio.to_thread(self._develop, exposure, struck, rng)
+        content = await asyncio.to_thread(self._develop, exposure, struck, rng, number)
         self._last = Capture(content, began_s, number)
         return self._last
 
 
 def _camera(truth: CellTruth) -> Develop:
-    def develop(exposure: Exposure, struck: tuple[DeviceFault, ...], rng: np.random.Generator) -> bytes:
-        image = picture(truth, exposure, any(fault.hides_target for fault in struck), rng)
+    def develop(exposure: Exposure, struck: tuple[DeviceFault, ...], rng: np.random.Generator, number: int) -> bytes:
+        image = picture(truth.at_picture(number), exposure, any(fault.hides_target for fault in struck), rng)
         image = reduce(lambda now, spoil: spoil(now), [f.picture for f in struck if f.picture], image)
         return _on_its_way(png(image), struck)
 
@@ -146,7 +153,7 @@ def _camera(truth: CellTruth) -> Develop:
 
 
 def _scanner(truth: CellTruth) -> Develop:
-    def develop(exposure: Exposure, struck: tuple[DeviceFault, ...], rng: np.random.Generator) -> bytes:
+    def develop(exposure: Exposure, struck: tuple[DeviceFault, ...], rng: np.random.Generator, number: int) -> bytes:
         points = cloud(truth, exposure, rng)
         points = reduce(lambda now, spoil: spoil(now), [f.points for f in struck if f.points], points)
         return _on_its_way(cloud_ply(points), struck)
@@ -155,7 +162,7 @@ def _scanner(truth: CellTruth) -> Develop:
 
 
 def _scanner_of_target(truth: CellTruth, name: str) -> Develop:
-    def develop(exposure: Exposure, struck: tuple[DeviceFault, ...], rng: np.random.Generator) -> bytes:
+    def develop(exposure: Exposure, struck: tuple[DeviceFault, ...], rng: np.random.Generator, number: int) -> bytes:
         scanner_T_target = truth.scanner_T_target(name, exposure.end_base_T_flange)
         model = ScannerModel(range_mm=RANGE_OF_TARGET_MM, noise_mm=truth.noise.scanner_mm)
         return _on_its_way(organised_pcd(model, truth.target, scanner_T_target, truth.optics, rng, truth.sheet), struck)

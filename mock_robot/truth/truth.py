@@ -16,6 +16,7 @@ from calibration.transforms import Array, inverse, rotation_from_vector, transfo
 from mock_robot.arm.built_arm import ArmClass, BuiltArm, build_arm
 from mock_robot.scene.optics import Optics
 from mock_robot.scene.printed_target import PrintOptions, print_target
+from mock_robot.truth.warming import CameraWarming
 
 IRB_1600 = "IRB 1600-6/1.45"
 
@@ -69,6 +70,7 @@ class CellTruth:
 
     `mount_T_camera`, `anchor_T_target`: as in `calibration.problem`, by the set-up. `further_cameras`: mount_T_camera
     of cameras of the same lens, by name; `further_scanners`: mount_T_scanner of scanners that see the target, by name.
+    `warming`: of the camera, None for one that is warm.
     """
 
     seed: int
@@ -87,6 +89,7 @@ class CellTruth:
     arm_class: ArmClass = "perfect"
     further_cameras: Mapping[str, Array] = field(default_factory=dict)
     further_scanners: Mapping[str, Array] = field(default_factory=dict)
+    warming: CameraWarming | None = None
 
     @classmethod
     def from_seed(
@@ -147,6 +150,10 @@ class CellTruth:
     def of_camera(self, name: str) -> "CellTruth":
         """The cell with this further camera in the place of its camera."""
         return replace(self, mount_T_camera=self.further_cameras[name])
+
+    def at_picture(self, number: int) -> "CellTruth":
+        """The cell with its camera as warm as it is while it takes picture `number`."""
+        return self if self.warming is None else replace(self, camera=self.warming.camera(self.camera, number))
 
     def scanner_T_target(self, name: str, base_T_flange: Array) -> Array:
         """(4, 4) of a further scanner, while the flange is there."""

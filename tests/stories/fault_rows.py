@@ -1,6 +1,6 @@
 """Every named fault of the mock cell: what the operator sees, within which time, and where it leaves the arm.
 
-`python -m tests.stories.fault_rows` prints docs/faults.md; tests/stories/test_faults.py tries every row.
+`python -m tests.stories.fault_rows` prints docs/faults.md; the tests that the page names try every row.
 """
 
 from collections.abc import Mapping
@@ -9,6 +9,7 @@ from typing import Any, Literal
 
 from mock_robot.faults.device_faults import DEVICE_FAULTS
 from mock_robot.faults.robot_faults import FAULTS
+from tests.stories.camera_fault_rows import camera_page
 
 SUMMARIES: Mapping[str, str] = {
     fault.name: fault.summary
@@ -156,61 +157,6 @@ VIEW_ROWS = (
 )
 
 
-@dataclass(frozen=True)
-class CameraRow:
-    """A fault of an industrial camera: how the next picture fails. `code` None: the picture comes all the same."""
-
-    fault: str
-    happens: str
-    code: str | None
-    tells: str
-    fix: str = ""
-    address: str = "genicam:S1"
-
-
-CAMERA_ROWS = (
-    CameraRow("lost", "power or cable is away", "device-unreachable", "no camera answers discovery", "check power"),
-    CameraRow("back", "it is away for a moment", None, "nothing: it is opened again"),
-    CameraRow("taken", "another program controls it", "device-taken", "controlled by another program", "close the"),
-    CameraRow("exchanged", "another camera has its place", "wrong-device", "no camera is S1", "correct the serial"),
-    CameraRow(
-        "format-refused",
-        "it does not have the pixel format of the settings",
-        "setting-refused",
-        "refuses PixelFormat = Mono14",
-        "write one of Mono8, Mono12",
-        "genicam:S1?pixel_format=Mono14",
-    ),
-    CameraRow("format-unknown", "its pictures have a format without a name", "garbled-answer", "pixel format", "Mono8"),
-    CameraRow("incomplete-once", "parts of two pictures are lost", None, "nothing: the picture is taken again"),
-    CameraRow("incomplete", "parts of every picture are lost", "incomplete-picture", "parts of 3", "packet_bytes"),
-    CameraRow("stalled", "it is connected and sends nothing", "stream-stalled", "has sent no picture", "check its"),
-    CameraRow(
-        "hot",
-        "it is hotter than `max_temperature_c` of its address",
-        "device-overheated",
-        "is too hot at 88",
-        "cool it",
-        "genicam:S1?max_temperature_c=80",
-    ),
-    CameraRow("overheated", "it reports its over-temperature state", "device-overheated", "is too hot", "cool it"),
-    CameraRow(
-        "exposure-refused",
-        "the exposure of the settings is beyond its range",
-        "setting-refused",
-        "refuses ExposureTime = 1",
-        "a number from 10 to",
-        "genicam:S1?exposure_us=1",
-    ),
-    CameraRow(
-        "exposure-changed",
-        "another program changes its exposure",
-        "setting-refused",
-        "exposes for 9000 us, 1000 us were set",
-        "end the program",
-    ),
-)
-
 HEADING = """# Faults, and what handeyed reports
 
 Each fault can be set on the mock cell when it starts (`handeyed mock run --fault NAME`) and while it runs
@@ -238,28 +184,11 @@ occurs when a view is requested by hand; the run keeps waiting, and after the fa
 """
 
 
-CAMERA_HEADING = """
-## Industrial cameras
-
-Faults of `genicam:`, `basler:`, `aravis:` and `realsense:` cameras, and how the next picture fails. No older picture is
-given in its place. `pytest tests/drivers/cameras/test_camera_faults.py` tries every row at the driver, with a camera in
-memory; `tests/drivers/scanners/test_genicam_scanner.py` tries some with a 3D camera as scanner.
-
-| fault | what happens | the picture | what the operator reads | what to do |
-|---|---|---|---|---|
-"""
-
-
 def page() -> str:
     """docs/faults.md."""
     rows = "".join(f"{_line(row)}\n" for row in ROWS)
     services = "".join(f"{_view_line(row)}\n" for row in VIEW_ROWS)
-    return HEADING + rows + VIEW_HEADING + services + CAMERA_HEADING + "".join(map(_camera_line, CAMERA_ROWS))
-
-
-def _camera_line(row: CameraRow) -> str:
-    ends = f"fails: `{row.code}`" if row.code else "comes"
-    return f"| `{row.fault}` | {row.happens} | {ends} | {row.tells} | {row.fix} |\n"
+    return HEADING + rows + VIEW_HEADING + services + camera_page()
 
 
 def _view_line(row: ViewRow) -> str:

@@ -6,27 +6,22 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 
-from calibration.transforms import map_points
 from drivers import registry
 from drivers.cameras.basler_camera import OpenPylonCamera, PylonLibrary
 from drivers.cameras.genicam.address import parse_camera_address
 from drivers.cameras.genicam.camera import GenICamCamera
 from drivers.cameras.genicam.device import FoundCamera
-from mock_robot.truth.score import score_calibration
-from tests.daemon.clouds import PLY
-from tests.daemon.fakes import ply_of, points_of
 from tests.mock_robot.running_cell import running_cell
-from tests.stories.plant import daemon_for, poses_taught_for, small_pictures
+from tests.stories.plant import small_pictures
+from tests.stories.vendor_camera import calibrate_and_register
 from tests.support.vendor_cameras import require_pylon
 from tests.support.waiting import LIMIT_S
 
 pytestmark = pytest.mark.slow
 
 SEED = 7
-POINT_MM = 0.4
 
 
 class CellBeforePylon(PylonLibrary):
@@ -66,21 +61,5 @@ async def test_a_calibration_with_pylons_emulation(tmp_path: Path, monkeypatch: 
         await asyncio.to_thread(library.show)
         open_camera: Any = partial(GenICamCamera, lambda address: library)
         monkeypatch.setitem(registry.CAMERAS, "basler", (parse_camera_address, open_camera))
-        settings = {"camera": {"address": address}, "calibration": {"poses": poses_taught_for(SEED)[:5]}}
-        async with daemon_for(cell, tmp_path / "store", **settings) as story:
-            run = (await story.operator.client.post("/calibrate", params={"wait": LIMIT_S})).json()
-            assert run["state"] == "finished", run["cause"]
-            document = (await story.application.store.current())[1].document
-            look = (await story.operator.client.get("/camera/look")).json()
-            points = np.array([[0.0, 0, 600], [50, -20, 580], [-80, 40, 620]])
-            answer = await story.operator.client.post(
-                "/register", params={"pose": "now"}, content=ply_of(points), headers=PLY
-            )
-            expected = map_points(cell.cell.flange_now().base_T_flange @ truth.mount_T_scanner, points)
-            off_mm = np.linalg.norm(points_of(answer.content) - expected, axis=1)
-    assert document.mount_T_camera is not None
-    point_mm = score_calibration(truth, document.mount_T_camera.transform())["point_rms_mm"]
-    print("story: a point off by", round(point_mm, 3), "mm RMS, registered ones by", off_mm.round(3), "mm")
-    assert point_mm < POINT_MM
-    assert off_mm.max() < 2 * POINT_MM
-    assert look["exposure_us"] > 0
+        found = await calibrate_and_register(cell, truth, address, tmp_path / "store")
+    assert found.exposure_us is not None and found.exposure_us > 0

@@ -63,20 +63,36 @@ def gigabit_camera(lost_per_thousand: int = 0) -> Iterator[subprocess.Popen[byte
             stop(camera)
 
 
+@contextlib.contextmanager
+def gigabit_scene(url: str) -> Iterator[subprocess.Popen[bytes]]:
+    """A GigE Vision camera as `gigabit_camera`, whose pictures are those of `url`. Skips without libaravis."""
+    if not _has_aravis():
+        pytest.skip("aravis is not installed: apt install libaravis-0.8-0")
+    with _one_at_a_time():
+        camera = _start([sys.executable, "-m", "tests.support.gigabit_scene", SERIAL, url])
+        try:
+            yield camera
+        finally:
+            stop(camera)
+
+
 def start_gigabit_camera(lost_per_thousand: int = 0) -> subprocess.Popen[bytes]:
     """Start the program and wait until it listens."""
-    command = [FAKE, "-i", "127.0.0.1", "-s", SERIAL, "-r", str(lost_per_thousand)]
-    camera = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    return _start([FAKE, "-i", "127.0.0.1", "-s", SERIAL, "-r", str(lost_per_thousand)])
+
+
+def _start(command: list[str]) -> subprocess.Popen[bytes]:
+    camera = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     eventually_blocking(lambda: _listens() or camera.poll() is not None)
     if camera.poll() is not None:
-        pytest.skip(f"{FAKE} does not start here")
+        pytest.skip(f"{command[0]} does not start here")
     return camera
 
 
 def stop(camera: subprocess.Popen[bytes]) -> None:
     """End the program."""
     camera.send_signal(signal.SIGKILL)
-    camera.wait()
+    camera.communicate()
 
 
 def _listens() -> bool:

@@ -170,8 +170,19 @@ def _target_pose(document: CalibrationDocument, name: str) -> Markup | None:
 
 
 def _views(document: CalibrationDocument, context: ReportContext) -> Markup:
-    head = ("view", "picture", "status", "corners / px", "in base / mm", "robot by / mm", "robot by / \u00b0")
-    rows = [_view_row(view) for view in document.views]
+    head: tuple[str, ...] = (
+        "view",
+        "picture",
+        "status",
+        "corners / px",
+        "in base / mm",
+        "robot by / mm",
+        "robot by / \u00b0",
+    )
+    rows: list[tuple[Any, ...]] = [_view_row(view) for view in document.views]
+    if any(view.camera_temperature_c is not None for view in document.views):
+        head = (*head, "camera / \u00b0C")
+        rows = [(*row, _temperature(view)) for row, view in zip(rows, document.views, strict=True)]
     bars = [
         Bar(str(view.index), view.base_error_mm, view.status == "rejected")
         for view in document.views
@@ -193,6 +204,10 @@ def _view_row(view: ViewResultDocument) -> tuple[Any, ...]:
     moved, errors = view.robot_correction, (view.reprojection_px, view.base_error_mm)
     by = (DASH, DASH) if moved is None else (_length(moved.translation_mm), _length(moved.rotation_deg))
     return (view.index, view.image or DASH, view.status, *(significant(error) for error in errors), *by)
+
+
+def _temperature(view: ViewResultDocument) -> str:
+    return DASH if view.camera_temperature_c is None else f"{view.camera_temperature_c:.1f}"
 
 
 def _length(vector: tuple[float, float, float]) -> str:

@@ -13,6 +13,7 @@ from daemon.api.schemas.cell import LiveDevice, LookDocument, RobotDocument
 from daemon.api.schemas.runs import RunDocument
 from daemon.application import Application
 from daemon.cell.readings import RobotReading
+from daemon.drift.cell_cameras import CellCamera
 from daemon.errors import DaemonError
 from daemon.model.records import RunRecord
 from daemon.model.run_states import RunState
@@ -59,6 +60,7 @@ class LiveFeed:
         self._robot: RobotReading | None = None
         self._robot_at_s = self._asked_at_s = self._readiness_at_s = self._beat_at_s = float("-inf")
         self._ready = self._look_text = "null"
+        self._ready_of = "{}"
         self._looking: asyncio.Task[Look] | None = None
 
     def admit(self, address: str) -> Listener:
@@ -119,7 +121,8 @@ class LiveFeed:
         fast = (run is not None and run.state in MOVES) or (self._robot is not None and self._robot.status.moving)
         await self._read_robot(now_s, FAST_S if fast else BEAT_S)
         if now_s - self._readiness_at_s >= 0.99 * BEAT_S:
-            self._readiness_at_s, self._ready = now_s, await self._read_readiness()
+            self._readiness_at_s = now_s
+            self._ready, self._ready_of = await self._read_readiness()
         await self._look_at_target(run)
         snapshot = self._take(self._robot_document())
         changed = {**snapshot, "at": ""} != {**self._snapshot, "at": ""}
@@ -162,9 +165,14 @@ class LiveFeed:
                 self._look_text = "null"
                 self._app.device_watch.note("camera", error)
 
-    async def _read_readiness(self) -> str:
+    async def _read_readiness(self) -> tuple[str, str]:
+        """Readiness of the first camera, and an object with that of each further one by its name."""
+        main, *further = [(camera.name, await self._readiness_of(camera)) for camera in self._app.cameras.cameras]
+        return main[1], f"{{{','.join(f'{json_of(name)}:{text}' for name, text in further)}}}"
+
+    async def _readiness_of(self, camera: CellCamera) -> str:
         with suppress(DaemonError, DeviceError):
-            return json_of(await readiness(self._app, self._app.cameras.main))
+            return json_of(await readiness(self._app, camera))
         return "null"
 
     def _robot_document(self) -> RobotDocument | None:
@@ -183,6 +191,7 @@ class LiveFeed:
             "run": json_of(None if run is None else RunDocument.of(run)),
             "devices": json_of([LiveDevice.of(state) for state in app.device_watch.states()]),
             "ready": self._ready,
+            "ready_of": self._ready_of,
             "holder": json_of(app.cell.holder),
             "look": self._look_text,
         }

@@ -18,7 +18,7 @@ router = APIRouter(tags=["events"])
 )  # fmt: skip
 async def live(request: Request) -> Response:
     """The cell now: `robot`, `run` in progress, `devices`, `ready`, `holder`, `software`, each null if unknown; `look`
-    at the target, while a run waits for its operator.
+    at the target, while a run waits for its operator; `ready_of` has each further camera's readiness by its name.
 
     The first message is whole, later ones have `at` and what has changed: at most 5/s while the arm moves, else 1/s,
     and one each second in any case. Ends when the daemon stops or the key ends. At most 64 listeners share one poller,

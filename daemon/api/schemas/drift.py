@@ -28,6 +28,7 @@ class DriftPointDocument(Answer):
     """One verification, in base: displacement of the target from its learnt position, and the moving average of that.
 
     `drift_mm` is the average's length, and `limit_mm` its limit by chance, null while the chart still learns.
+    `camera_temperature_c`: mean over the pictures, null for a camera that does not report it.
     """
 
     run_id: str
@@ -38,6 +39,7 @@ class DriftPointDocument(Answer):
     drift_mm: float
     limit_mm: float | None
     scatter_mm: float
+    camera_temperature_c: float | None = None
 
 
 class DriftTouchDocument(OfRecord):

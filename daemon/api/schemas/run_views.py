@@ -31,6 +31,7 @@ class RunViewDocument(Answer):
     rms_px: float | None
     rms_px_free: float | None
     sharpness: float | None
+    camera_temperature_c: float | None
     picture: str
 
     @classmethod
@@ -51,6 +52,7 @@ class RunViewDocument(Answer):
             rms_px=view.rms_px,
             rms_px_free=view.rms_px_free,
             sharpness=view.sharpness,
+            camera_temperature_c=view.view.camera_temperature_c,
             picture=f"/runs/{run_id}/frames/{view.index}",
         )
 

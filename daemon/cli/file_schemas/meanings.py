@@ -230,6 +230,7 @@ DOCUMENTS: Mapping[str, str] = {
     "CorrectionDocument.translation_mm": "Error of the translation x, y, z, mm.",
     "CorrectionDocument.rotation_deg": "Error of the rotation as a rotation vector, degrees.",
     "joints_deg": "Joint angles where they were recorded, degrees.",
+    "camera_temperature_c": "Temperature of the camera where it was recorded, degrees Celsius.",
     "views_used": "Number of views used.",
     "max_rotation_deg": "Largest turn between two views, degrees.",
     "axis_spread": "0: parallel axes, 1: evenly spread. No unit.",

@@ -1,13 +1,13 @@
 // A scene on a canvas whose place is reserved; its module, and three.js with it, is fetched when the rest is drawn.
 import { html, useEffect, useRef, useState } from '../vendor/preact.js';
 import { theme } from '../state/choices.js';
+import { idle } from '../state/idle.js';
 import { t } from '../state/words.js';
 
 const night = matchMedia('(prefers-color-scheme: dark)');
-const whenIdle = (act) => (window.requestIdleCallback ? requestIdleCallback(act, { timeout: 2000 }) : setTimeout(act, 200));
 const isDark = () => (theme.value === 'auto' ? night.matches : theme.value === 'dark');
 
-/** `create()`: of a module, to a function that makes a scene on a canvas or null; `show(scene, dark)` when `shown` changes. `said`: the same in text. */
+/** `create(canvas)`: to a scene on it, or to null; `show(scene, dark)` when `shown` changes. `said`: the same in text. */
 export function CanvasScene({ create, show, shown, said, alt, dim }) {
   const canvas = useRef(null);
   const scene = useRef(null);
@@ -15,9 +15,9 @@ export function CanvasScene({ create, show, shown, said, alt, dim }) {
   const dark = isDark();
   useEffect(() => {
     let wanted = true;
-    whenIdle(() => wanted && create().then((made) => {
-      if (!wanted) return;
-      scene.current = made(canvas.current);
+    idle().then(() => wanted && create(canvas.current).then((made) => {
+      if (!wanted) return void made?.dispose();
+      scene.current = made;
       setState(scene.current ? 'ready' : 'no-drawing');
     }).catch(() => wanted && setState('failed')));
     return () => {

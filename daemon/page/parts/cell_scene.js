@@ -4,7 +4,7 @@ import { mm } from '../state/numbers.js';
 import { t } from '../state/words.js';
 import { CanvasScene } from './canvas_scene.js';
 
-const create = () => import('../scene/cell.js').then(({ createCellScene }) => createCellScene);
+const create = (canvas) => import('../scene/cell.js').then(({ createCellScene }) => createCellScene(canvas));
 
 /** `parts`: as `show` of scene/cell.js takes them. `words`: the same in text, for who does not see the picture. */
 export function CellScene({ parts, words, dim }) {

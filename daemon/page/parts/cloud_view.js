@@ -31,8 +31,10 @@ export function CloudView({ scan, views }) {
       const { createCloudScene } = await import('../scene/cloud.js').catch(() => ({}));
       if (!wanted) return undefined;
       if (!createCloudScene) return setState({ words: t('scene.failed') });
-      scene.current = createCloudScene(canvas.current, { onPick: (point) => setPicked((before) => [...before.slice(-1), point]), onRest: (part) => rest.current(part) });
-      if (!scene.current) return setState({ words: t('scene.no-drawing') });
+      const made = await createCloudScene(canvas.current, { onPick: (point) => setPicked((before) => [...before.slice(-1), point]), onRest: (part) => rest.current(part) });
+      if (!wanted) return void made?.dispose();
+      if (!made) return setState({ words: t('scene.no-drawing') });
+      scene.current = made;
       try {
         const first = await fetchCloud(scan, views, FIRST_VOXEL_MM, MAX_POINTS.first);
         if (!wanted) return undefined;

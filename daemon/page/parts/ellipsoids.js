@@ -5,7 +5,7 @@ import { t } from '../state/words.js';
 import { CanvasScene } from './canvas_scene.js';
 import { enlargement, halfAxes, pointCovariance } from './ellipsoid.js';
 
-const create = () => import('../scene/ellipsoids.js').then(({ createEllipsoidScene }) => createEllipsoidScene);
+const create = (canvas) => import('../scene/ellipsoids.js').then(({ createEllipsoidScene }) => createEllipsoidScene(canvas));
 const SHARE = 0.12; // of the distance: the longest half axis as drawn, at most
 
 /** `uncertainty` of a calibration with its covariance and points. */

@@ -1,12 +1,13 @@
 // Whether a run may start, as a list of what to do first.
 import { html } from '../vendor/preact.js';
-import { ready, run, running } from '../state/now.js';
+import { run, running } from '../state/now.js';
 import { timeOfDay } from '../state/numbers.js';
 import { linkTo } from '../state/place.js';
+import { readyWith } from '../state/sensors.js';
 import { sentences, t } from '../state/words.js';
 
 export function Reasons({ kind = 'calibrate' }) {
-  const now = ready.value?.[kind];
+  const now = readyWith()?.[kind];
   if (running.value) {
     const { started_by, created_at, kind: what } = run.value;
     return html`<p class="note info"><span class="mark" aria-hidden="true">i</span> ${t('reasons.running', { what: t(`kind.${what}`), name: started_by ?? '—', at: timeOfDay(created_at) })} <a href=${linkTo('run')}>${t('reasons.look')}</a></p>`;

@@ -9,8 +9,8 @@ const COLOURS = {
 };
 
 /** A scene on `canvas`, or null where nothing can be drawn. `show(parts, dark)` replaces what has changed. */
-export function createCellScene(canvas) {
-  const view = createView(canvas);
+export async function createCellScene(canvas) {
+  const view = await createView(canvas);
   if (!view) return null;
   const shown = new Map();
   let framed = '';

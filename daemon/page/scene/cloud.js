@@ -51,8 +51,8 @@ const REST_MS = 700;
 const UNKNOWN = 1e9; // a deviation that is not known: NaN does not pass every driver
 
 /** Null where nothing can be drawn. `onPick({ point, view })` for a chosen point; `onRest({ middle, reach })` for what is looked at, mm. */
-export function createCloudScene(canvas, { onPick, onRest }) {
-  const view = createView(canvas);
+export async function createCloudScene(canvas, { onPick, onRest }) {
+  const view = await createView(canvas);
   if (!view) return null;
   const material = new ShaderMaterial({
     vertexShader: VERTEX, fragmentShader: FRAGMENT, glslVersion: GLSL3,

@@ -8,8 +8,8 @@ const COLOURS = { light: { camera: 0x2b3137, points: 0x7d8893, worst: 0x0a5299 }
 const THINNEST = 0.006; // of the distance: thinner is not seen
 
 /** A scene on `canvas`, or null where nothing can be drawn. `show(points, times, dark)`: points as [{ camera_mm, axes, worst }]. */
-export function createEllipsoidScene(canvas) {
-  const view = createView(canvas);
+export async function createEllipsoidScene(canvas) {
+  const view = await createView(canvas);
   if (!view) return null;
   let group = null;
   const upright = ([x, y, z]) => [x, z, -y]; // the camera's x right, y down, z ahead, with z up

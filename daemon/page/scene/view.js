@@ -1,20 +1,29 @@
 // A canvas with three.js: camera, light, drawing on demand, keys. Everything is in the robot's base, mm, z up.
 import { DirectionalLight, HemisphereLight, OrbitControls, PerspectiveCamera, Scene, Vector3, WebGLRenderer } from '../vendor/three.js';
+import { idle } from '../state/idle.js';
 import { createFlatView } from './flat_view.js';
 
 const STEP_RAD = 0.12;
 
-/** Draws `scene` on `canvas` whenever `draw` is called; arrows turn, + and − come nearer, Home goes back. Three flat pictures without WebGL 2; null when three.js cannot draw. */
-export function createView(canvas, { from = [2600, -2200, 1700], at = [500, 0, 500], onDraw } = {}) {
+/**
+ * Draws `scene` on `canvas` whenever `draw` is called; arrows turn, + and − come nearer, Home goes back. Three flat pictures without
+ * WebGL 2; null when three.js cannot draw. Made in steps, each while the page has nothing else to do.
+ */
+export async function createView(canvas, { from = [2600, -2200, 1700], at = [500, 0, 500], onDraw } = {}) {
+  await idle();
+  const ratio = Math.min(devicePixelRatio, 2);
+  Object.assign(canvas, { width: canvas.clientWidth * ratio, height: canvas.clientHeight * ratio }); // before: a buffer is made once
   const context = canvas.getContext('webgl2', { alpha: true, antialias: true, stencil: false });
   if (!context) return createFlatView(canvas, { onDraw });
+  await idle();
   let renderer;
   try {
     renderer = new WebGLRenderer({ canvas, context });
   } catch {
     return null; // a canvas with a context of WebGL, even a lost one, gives none for flat pictures
   }
-  renderer.setPixelRatio(Math.min(devicePixelRatio, 2));
+  renderer.setPixelRatio(ratio);
+  await idle();
   const scene = new Scene();
   const camera = new PerspectiveCamera(38, 1.6, 5, 60000);
   camera.up.set(0, 0, 1);
@@ -93,6 +102,7 @@ export function createView(canvas, { from = [2600, -2200, 1700], at = [500, 0, 5
       goHome();
     },
     dispose() {
+      cancelAnimationFrame(wanted);
       sizes.disconnect();
       canvas.removeEventListener('keydown', onKey);
       controls.dispose();

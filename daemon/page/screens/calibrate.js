@@ -9,8 +9,8 @@ import { carriedBy, placesOf } from '../parts/places.js';
 import { Reasons } from '../parts/reasons.js';
 import { ask, newKey } from '../state/ask.js';
 import { fixed, mm } from '../state/numbers.js';
-import { may, note, ready, robot, running } from '../state/now.js';
-import { camera, cameraNamed, ofCamera } from '../state/sensors.js';
+import { may, note, robot, running } from '../state/now.js';
+import { camera, cameraNamed, ofCamera, readyWith } from '../state/sensors.js';
 import { go } from '../state/place.js';
 import { t } from '../state/words.js';
 
@@ -24,7 +24,7 @@ export function Calibrate() {
     setPlan(null);
   };
   const body = { ...requestOf(how), ...cameraNamed(camera.value) };
-  const off = !may('operator') || running.value || !ready.value?.calibrate?.ready;
+  const off = !may('operator') || running.value || !readyWith()?.calibrate?.ready;
   const begin = async (key) => {
     await ask('/calibrate', { method: 'POST', body, key });
     note('run');

@@ -9,8 +9,8 @@ import { placesOf } from '../parts/places.js';
 import { Cause } from '../parts/problem.js';
 import { Reasons } from '../parts/reasons.js';
 import { ask } from '../state/ask.js';
-import { note, old, ready, robot, run, running } from '../state/now.js';
-import { ofCamera } from '../state/sensors.js';
+import { note, old, robot, run, running } from '../state/now.js';
+import { ofCamera, readyWith } from '../state/sensors.js';
 import { fixed, vector } from '../state/numbers.js';
 import { t } from '../state/words.js';
 
@@ -44,7 +44,7 @@ function Outcome({ last }) {
   const asked = useAsked(last && `/runs/${encodeURIComponent(last)}`, ['run'], { late: true });
   const shown = running.value && run.value.id === last ? run.value : asked.data;
   if (running.value && run.value.id !== last) return html`<${Reasons} />`;
-  if (!shown) return ready.value?.calibrate?.ready === false ? html`<${Reasons} />` : null;
+  if (!shown) return readyWith()?.calibrate?.ready === false ? html`<${Reasons} />` : null;
   const sign = { finished: '✓', failed: '✕', aborted: '■' }[shown.state] ?? '●';
   return html`<p role="status"><b>${sign} ${t(shown.state === 'finished' ? 'move.done' : shown.over ? `state.${shown.state}` : 'move.moving')}</b></p>
     ${shown.cause && html`<div class="note warn"><${Cause} cause=${shown.cause} /></div>`}`;

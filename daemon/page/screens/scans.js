@@ -9,8 +9,8 @@ import { Missing, useAsked } from '../parts/loaded.js';
 import { ProblemNote } from '../parts/problem.js';
 import { ask, newKey } from '../state/ask.js';
 import { bytes, count, fixed, mm, moment } from '../state/numbers.js';
-import { may, note, ready, running } from '../state/now.js';
-import { scanner, scannerNamed, scanners } from '../state/sensors.js';
+import { may, note, running } from '../state/now.js';
+import { readyWith, scanner, scannerNamed, scanners } from '../state/sensors.js';
 import { go, linkTo } from '../state/place.js';
 import { upload } from '../state/upload.js';
 import { deviceName, t } from '../state/words.js';
@@ -21,9 +21,9 @@ export const Scans = ({ argument }) => (argument ? html`<${Scan} id=${argument} 
 
 function List() {
   const scans = useAsked('/scans', ['scan', 'run', 'upload']);
-  const poses = scanners.value.find((one) => one.name === scanner.value)?.poses ?? 0;
+  const { poses = 0, camera } = scanners.value.find((one) => one.name === scanner.value) ?? {};
   const [name, setName] = useState('');
-  const off = !may('operator') || running.value || !ready.value?.calibrate?.ready || !poses;
+  const off = !may('operator') || running.value || !readyWith(camera)?.calibrate?.ready || !poses;
   const begin = async (key) => {
     const body = { name: name.trim() || t('scan.unnamed'), capture: true, ...scannerNamed(scanner.value) };
     await ask('/scans', { method: 'POST', key, body });

@@ -9,9 +9,9 @@ import { Reasons } from '../parts/reasons.js';
 import { TouchForm } from '../parts/touch_test.js';
 import { TouchResult, signOf, verdictOf } from '../parts/touch_result.js';
 import { ask } from '../state/ask.js';
-import { count, mm, moment, vector } from '../state/numbers.js';
-import { may, note, ready, running } from '../state/now.js';
-import { camera, cameraNamed, cameras, cameraOf, ofCamera } from '../state/sensors.js';
+import { count, fixed, mm, moment, vector } from '../state/numbers.js';
+import { may, note, running } from '../state/now.js';
+import { camera, cameraNamed, cameras, cameraOf, ofCamera, readyWith } from '../state/sensors.js';
 import { go, linkTo } from '../state/place.js';
 import { sentence, t } from '../state/words.js';
 
@@ -27,7 +27,7 @@ export function Verify({ argument }) {
     note('run');
     go('run');
   };
-  const off = !may('operator') || running.value || !ready.value?.calibrate?.ready || drift.data?.calibration_id === null;
+  const off = !may('operator') || running.value || !readyWith()?.calibrate?.ready || drift.data?.calibration_id === null;
   return html`<div class="grid">
     <${Card} title=${t('verify.title')} id="hold"><${Reasons} /><p>${t('verify.about')}</p>
       <${HoldButton} id="hold-verify" label=${t('verify.start')} act=${begin} disabled=${off} why=${t(may('operator') ? 'verify.not-yet' : 'missing.role')} />
@@ -51,8 +51,10 @@ function Drift({ drift }) {
 
 function DriftTable({ points }) {
   if (!points.length) return html`<p class="quiet">${t('drift.none')}</p>`;
-  return html`<div class="table-frame" tabindex="0" role="group" aria-label=${t('drift.points')}><table><thead><tr><th scope="col">${t('drift.at')}</th><th scope="col" class="num">${t('drift.average')}</th><th scope="col" class="num">${t('drift.scatter')}</th></tr></thead>
-    <tbody>${points.toReversed().map((point) => html`<tr><th scope="row"><a href=${linkTo('run', point.run_id)}>${moment(point.at)}</a></th><td class="num">${point.standing === 'learning' ? '—' : mm(point.drift_mm)}</td><td class="num">${mm(point.scatter_mm)}</td></tr>`)}</tbody></table></div>`;
+  const warm = points.some(({ camera_temperature_c }) => camera_temperature_c != null);
+  const temperature = ({ camera_temperature_c: value }) => (value == null ? '—' : `${fixed(value, 1)} °C`);
+  return html`<div class="table-frame" tabindex="0" role="group" aria-label=${t('drift.points')}><table><thead><tr><th scope="col">${t('drift.at')}</th><th scope="col" class="num">${t('drift.average')}</th><th scope="col" class="num">${t('drift.scatter')}</th>${warm && html`<th scope="col" class="num">${t('drift.temperature')}</th>`}</tr></thead>
+    <tbody>${points.toReversed().map((point) => html`<tr><th scope="row"><a href=${linkTo('run', point.run_id)}>${moment(point.at)}</a></th><td class="num">${point.standing === 'learning' ? '—' : mm(point.drift_mm)}</td><td class="num">${mm(point.scatter_mm)}</td>${warm && html`<td class="num">${temperature(point)}</td>`}</tr>`)}</tbody></table></div>`;
 }
 
 /** Touch tests: a new touch, what the chosen test found, and all tests since the calibration is in force. */

@@ -80,6 +80,7 @@ function takeLive(data) {
   for (const name of ['robot', 'run', 'ready', 'devices', 'holder', 'look']) {
     if (name in data) now[name].value = data[name];
   }
+  if ('ready_of' in data) now.readyOf.value = data.ready_of;
 }
 
 async function lead(steal = false) {

@@ -4,7 +4,8 @@ import { computed, signal } from '../vendor/preact.js';
 export const session = signal(null); // { name, role, asked, cell, software, languages, last_event_id }
 export const robot = signal(null);
 export const run = signal(null); // the run in progress, or the last one heard of
-export const ready = signal(null);
+export const ready = signal(null); // of the first camera
+export const readyOf = signal({}); // of each further camera, by its name
 export const devices = signal([]);
 export const holder = signal(null);
 export const look = signal(null);

@@ -1,5 +1,6 @@
 // Which camera and which scanner of the cell the screens show and drive: the first ones until another is chosen in this tab.
 import { computed, signal } from '../vendor/preact.js';
+import { ready, readyOf } from './now.js';
 
 const MAIN = { camera: 'camera', scanner: 'scanner' };
 
@@ -33,3 +34,6 @@ export function ofCamera(path, name = camera.value) {
 
 /** The camera of a run or of what asked for one. */
 export const cameraOf = (run) => run?.request?.camera ?? MAIN.camera;
+
+/** Whether a run with the camera `name`, by default the chosen one, may start, and why not; null while that is not known. */
+export const readyWith = (name = camera.value) => (name === MAIN.camera ? ready.value : (readyOf.value[name] ?? null));

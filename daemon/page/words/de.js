@@ -399,6 +399,7 @@ export default {
   'drift.points': 'Prüfungen',
   'drift.at': 'Wann',
   'drift.scatter': 'Streuung',
+  'drift.temperature': 'Kamera',
   'touch.title': 'Antasttest',
   'touch.about': 'Eine bekannte Spitze an Punkte bringen, die die Kamera gesehen hat: Der Abstand, der bleibt, ist der Fehler von allem zusammen. Sie verfahren den Arm; nichts bewegt sich von selbst.',
   'touch.verify-first': 'Zuerst mit einer Kamera am Flansch prüfen: Die abgeschlossene Prüfung gibt die Punkte.',

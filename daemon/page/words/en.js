@@ -409,6 +409,7 @@ export default {
   'drift.points': 'Verifications',
   'drift.at': 'When',
   'drift.scatter': 'scatter',
+  'drift.temperature': 'camera',
   'touch.title': 'Touch test',
   'touch.about': 'Bring a known tip to points that the camera has seen: the distance that is left is the error of everything together. Jog the arm; nothing moves by itself.',
   'touch.verify-first': 'Verify first with a camera on the flange: its finished verification gives the points.',

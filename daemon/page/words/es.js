@@ -399,6 +399,7 @@ export default {
   'drift.points': 'Verificaciones',
   'drift.at': 'Cuándo',
   'drift.scatter': 'dispersión',
+  'drift.temperature': 'cámara',
   'touch.title': 'Prueba de contacto',
   'touch.about': 'Lleve una punta conocida a puntos que la cámara ha visto: la distancia que queda es el error de todo junto. Usted mueve el brazo; nada se mueve solo.',
   'touch.verify-first': 'Verifique primero con una cámara en la brida: la verificación terminada da los puntos.',

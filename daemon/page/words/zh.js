@@ -399,6 +399,7 @@ export default {
   'drift.points': '验证',
   'drift.at': '时间',
   'drift.scatter': '散布',
+  'drift.temperature': '相机',
   'touch.title': '触碰测试',
   'touch.about': '把已知的尖端移到相机看过的点：剩下的距离就是全部误差之和。由您点动机械臂；没有自动运动。',
   'touch.verify-first': '请先用法兰上的相机验证：完成的验证给出各点。',

@@ -13,12 +13,13 @@ from calibration.transforms import Array
 from daemon.api.http_errors import TooManyListeners
 from daemon.api.live.live_feed import MAX_LISTENERS, LiveFeed
 from daemon.api.live.snapshot import message_of
-from drivers.errors import DeviceTimeout
+from drivers.errors import DeviceTimeout, DeviceUnreachable
 from tests.daemon.cell_under_test import Bench, serving, settings_for
 from tests.daemon.fakes import Gate
+from tests.daemon.named_cameras import two_cameras
 from tests.support.waiting import LIMIT_S, eventually
 
-KEYS = {"at", "software", "robot", "run", "devices", "ready", "holder", "look"}
+KEYS = {"at", "software", "robot", "run", "devices", "ready", "ready_of", "holder", "look"}
 
 
 class Listening:
@@ -79,6 +80,18 @@ async def test_the_first_message_is_whole_and_the_next_have_what_has_changed(tmp
         assert not changed["robot"]["motors_on"]
         assert "software" not in changed
         await heard.until("run", None)
+
+
+async def test_each_camera_has_its_own_readiness(tmp_path: Path) -> None:
+    async with two_cameras(tmp_path) as bench, listening(bench) as heard:
+        first = await heard.next()
+        assert first["ready"]["calibrate"]["ready"] and first["ready_of"]["wrist"]["calibrate"]["ready"]
+        bench.camera.failing = DeviceUnreachable("camera", "it does not answer", "switch it on")
+        changed = await heard.next()
+        while "ready" not in changed:
+            changed = await heard.next()
+        assert not changed["ready"]["calibrate"]["ready"]
+        assert "ready_of" not in changed
 
 
 async def test_an_idle_cell_costs_few_bytes_and_one_reading_a_beat(bench: Bench) -> None:

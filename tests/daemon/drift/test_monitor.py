@@ -9,16 +9,20 @@ from typing import Any
 import numpy as np
 import pytest
 
-from calibration.monitoring.control_chart import DriftStanding
+from calibration.documents.calibration import calibration_document
+from calibration.monitoring.control_chart import ChartSample, DriftStanding
 from calibration.transforms import transform
+from calibration.verdict import judge
+from daemon.drift.chart import chart_of
 from daemon.drift.monitor import DriftMonitor
-from daemon.drift.samples import VerificationHistory, belongs_to_chart
+from daemon.drift.samples import ChartEntry, VerificationHistory, belongs_to_chart
 from daemon.model.records import AppliedCalibration, RunRecord
 from daemon.model.run_states import RunState
 from protocols.plc.codes import ControlBit, DriftState, PlcVerdict, StatusBit
 from tests.daemon.cell_under_test import Bench, serving, settings_for
 from tests.daemon.knocked_camera import QUICK, calibrated
 from tests.daemon.plcs import MOVING, ladder, value_of
+from tests.simulated.spoiled_sessions import solved_session
 from tests.support.waiting import LIMIT_S, eventually
 
 
@@ -190,3 +194,23 @@ def test_what_belongs_to_a_chart(changes: dict[str, Any], expected: bool) -> Non
         belongs_to_chart(verification(**changes), AppliedCalibration("c", "2026-11-21T09:00:00.000Z", "x"), 88)
         is expected
     )
+
+
+@pytest.mark.parametrize(("now_c", "named"), [(47.0, True), (33.0, False), (None, False)])
+def test_the_alarm_names_the_cameras_temperature_where_it_is_another(
+    tmp_path: Path, now_c: float | None, named: bool
+) -> None:
+    centres_x_mm = [*(0.02 * (-1) ** number for number in range(8)), 3.0, 3.0, 3.0]
+    entries = [
+        ChartEntry(str(number), "", ChartSample(np.array([x, 0.0, 0.0]), 0.05, 3), None, 32.0)
+        for number, x in enumerate(centres_x_mm)
+    ]
+    entries[-1] = replace(entries[-1], camera_temperature_c=now_c)
+    problem, solution = solved_session()
+    document = calibration_document(
+        solution, judge(problem, solution), calibration_id="c", created_at="now", software="handeyed 0"
+    )
+    drawn = chart_of(entries, document, settings_for(tmp_path))
+    assert drawn.points[-1].camera_temperature_c == now_c
+    assert drawn.report.alarm is not None
+    assert ("the camera has 47.0 °C, in the first verifications it had 32.0 °C" in drawn.report.alarm) is named

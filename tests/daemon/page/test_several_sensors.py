@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 import pytest_asyncio
 
+from drivers.errors import DeviceUnreachable
 from tests.daemon.access_keys import bearer, with_keys
 from tests.daemon.cell_under_test import Bench, Parts
 from tests.daemon.fakes import FakeCamera
@@ -71,6 +72,20 @@ def verification_asked(asked: list[Any]) -> Callable[[], Awaitable[bool]]:
         return any(request.url.endswith("/verify") for request in asked)
 
     return is_among
+
+
+async def test_a_camera_that_does_not_answer_hinders_no_run_with_the_other(open_page: Opened, cell: Cell) -> None:
+    camera = cell[0].camera
+    async with open_page("operator", "verify") as page:
+        reasons = page.locator("section[aria-labelledby=hold]")
+        camera.failing = DeviceUnreachable("camera", "it does not answer", "switch it on")
+        try:
+            await reasons.get_by_text("it does not answer").wait_for()
+            await press(page.get_by_role("button", name="wrist"))
+            await reasons.get_by_text("it does not answer").wait_for(state="detached")
+            await page.get_by_role("button", name="Verify (arm moves)", disabled=False).wait_for()
+        finally:
+            camera.failing = None
 
 
 async def test_a_result_is_shown_and_compared_as_of_its_own_camera(open_page: Opened, cell: Cell) -> None:

@@ -14,7 +14,7 @@ from drivers.cameras.folder_camera import FolderCamera
 from drivers.cameras.http_camera import HttpCamera
 from drivers.cameras.video_camera import VideoCamera
 from drivers.errors import DeviceError, DeviceTimeout, DeviceUnreachable, GarbledAnswer
-from drivers.interfaces import Camera
+from drivers.interfaces import Camera, CaptureSettings
 from tests.drivers.http_devices import Answer, http_device
 from tests.support.waiting import LIMIT_S, eventually, patiently
 
@@ -190,6 +190,17 @@ async def test_a_camera_that_is_not_there(make, tmp_path, capfd):
     assert not camera.link.connected
     await camera.close()
     assert capfd.readouterr().err == ""
+
+
+@pytest.mark.parametrize(
+    ("stated", "capture"),
+    [("41.5", CaptureSettings(8, temperature_c=41.5)), ("warm", None), ("nan", None)],
+)
+async def test_a_temperature_that_comes_with_the_picture(stated, capture):
+    with http_device(Answer(png(), headers={"X-Camera-Temperature-C": stated})) as device:
+        camera = HttpCamera(device.url, limit_s=LIMIT_S)
+        assert (await camera.grab(0.0)).capture == capture
+        await camera.close()
 
 
 async def test_a_camera_that_comes_back_is_found(tmp_path):

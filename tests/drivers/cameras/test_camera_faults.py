@@ -1,17 +1,20 @@
 """Each fault of an industrial camera: what its next picture fails with, and that an older one never takes its place."""
 
+import ast
 import asyncio
 import re
 from collections.abc import Callable
+from pathlib import Path
 
 import pytest
 
+from drivers import errors
 from drivers.cameras.genicam.address import parse_camera_address
 from drivers.cameras.genicam.camera import GenICamCamera
 from drivers.cameras.genicam.device import FoundCamera
 from drivers.errors import DeviceError
 from tests.drivers.cameras.genicam_fake import FakeDevice, FakeLibrary
-from tests.stories.fault_rows import CAMERA_ROWS, CameraRow
+from tests.stories.camera_fault_rows import CAMERA_ROWS, VENDOR_ROWS, VENDOR_TESTS, CameraRow, VendorRow
 from tests.support.waiting import LIMIT_S, eventually, quick_timing
 
 OLD, NEW = 90, 200
@@ -75,3 +78,11 @@ async def test_what_a_fault_does(row: CameraRow) -> None:
 
 def test_every_fault_has_its_row() -> None:
     assert set(FAULTS) <= {row.fault for row in CAMERA_ROWS}
+
+
+@pytest.mark.parametrize("row", VENDOR_ROWS, ids=lambda row: f"{row.family}: {row.happens}")
+def test_a_row_of_the_vendors_libraries_names_a_test_that_expects_its_error(row: VendorRow) -> None:
+    module = ast.parse((Path(__file__).parent / VENDOR_TESTS[row.family]).read_text())
+    tests = {node.name: node for node in module.body if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)}
+    names = {node.id for node in ast.walk(tests[row.test]) if isinstance(node, ast.Name)}
+    assert names & {kind.__name__ for kind in vars(errors).values() if getattr(kind, "code", None) == row.error}

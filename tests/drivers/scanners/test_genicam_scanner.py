@@ -1,6 +1,8 @@
 """A GenICam 3D camera as scanner, with a library in memory: organised clouds, and each fault its error."""
 
+import asyncio
 import contextlib
+import re
 from dataclasses import dataclass
 
 import numpy as np
@@ -8,20 +10,13 @@ import pytest
 
 from drivers.cameras.genicam.address import parse_camera_address
 from drivers.cameras.genicam.device import FoundCamera, RawPicture
-from drivers.errors import (
-    AnswerTooLarge,
-    DeviceTaken,
-    GarbledAnswer,
-    NothingMeasured,
-    SettingRefused,
-    StreamStalled,
-    WrongDevice,
-)
+from drivers.errors import DeviceError
 from drivers.scanners.cloud_files import whole_cloud
 from drivers.scanners.genicam_scanner import GenICamScanner
 from registration.io.organised import read_organised
 from tests.drivers.cameras.genicam_fake import MONO8, FakeDevice, FakeLibrary, FakeOpenCamera
-from tests.support.waiting import LIMIT_S, quick_timing
+from tests.stories.camera_fault_rows import SCANNER_ROWS
+from tests.support.waiting import LIMIT_S, eventually, quick_timing
 
 ABC32F = 0x026000C0
 OF_AXES = {"Scan3dCoordinateScale": ("1", "1", "0.5"), "Scan3dCoordinateOffset": ("0", "0", "10")}
@@ -33,6 +28,7 @@ class Fake3dDevice(FakeDevice):
 
     numbers: np.ndarray | None = None
     has_intensity: bool = True
+    torn: bool = False
 
 
 class Open3dCamera(FakeOpenCamera):
@@ -53,11 +49,12 @@ class Open3dCamera(FakeOpenCamera):
     def next_picture(self, limit_s):
         seen = super().next_picture(limit_s)
         device = self._device
-        if seen is None or device.numbers is None:
+        if seen is None or not seen.complete or device.numbers is None:
             return seen
         height, width = device.numbers.shape[:2]
         intensity = RawPicture(np.full(height * width, device.shade, np.uint8), MONO8, width, height)
         data = device.numbers.astype("<f4").reshape(-1).view(np.uint8)
+        data = data[:20] if device.torn else data
         parts = (intensity,) if device.has_intensity else ()
         return RawPicture(data, ABC32F, width, height, parts=parts)
 
@@ -122,25 +119,60 @@ async def test_a_cloud_is_of_what_is_there_now():
 
 
 FAULTS = {
-    "another serial number": (lambda d: setattr(d, "found", FoundCamera("A", "M", "S2", "10.0.0.2", "b")), WrongDevice),
-    "taken": (lambda d: setattr(d, "taken", True), DeviceTaken),
-    "stalled": (lambda d: setattr(d, "stalled", True), StreamStalled),
-    "no coordinates": (lambda d: setattr(d, "numbers", None), GarbledAnswer),
-    "nothing in range": (lambda d: setattr(d, "numbers", np.zeros((3, 4, 3))), NothingMeasured),
-    "profiles": (lambda d: d.features.update(Scan3dOutputMode="CalibratedAC_Linescan"), SettingRefused),
+    "lost": lambda device: spoil(device, present=False),
+    "back": lambda device: spoil(device, present=False),
+    "taken": lambda device: spoil(device, present=False, taken=True),
+    "exchanged": lambda device: spoil(device, present=False, found=FoundCamera("Acme", "M1", "S2", "10.0.0.1", "acme")),
+    "incomplete-once": lambda device: spoil(device, incomplete=2),
+    "incomplete": lambda device: spoil(device, incomplete=1000),
+    "torn": lambda device: spoil(device, torn=True),
+    "stalled": lambda device: spoil(device, stalled=True),
+    "overheated": lambda device: device.features.update(TemperatureState="Error"),
+    "no-coordinates": lambda device: spoil(device, numbers=None),
+    "nothing-in-range": lambda device: spoil(device, numbers=np.zeros((3, 4, 3))),
+    "profiles": lambda device: device.features.update(Scan3dOutputMode="CalibratedAC_Linescan"),
+    "cylindrical": lambda device: device.features.update(Scan3dCoordinateSystem="Cylindrical"),
+    "unit": lambda device: device.features.update(Scan3dDistanceUnit="Furlong"),
+    "depth-without-lens": lambda device: device.features.update(Scan3dOutputMode="ProjectedC"),
+    "too-large": lambda device: spoil(device, numbers=np.ones((3, 400, 3))),
 }
+"""What happens to a scanner that has given a cloud."""
+OPENED_AGAIN = ("taken", "exchanged", "back")
+"""It is away until that is noticed, and then there again."""
+MAX_BYTES = 2_000
+FAIL_S = 1.0
 
 
-@pytest.mark.parametrize(("spoil", "error"), FAULTS.values(), ids=FAULTS)
-async def test_each_fault_has_its_error(spoil, error):
+def spoil(device, **changes):
+    for name, value in changes.items():
+        setattr(device, name, value)
+
+
+@pytest.mark.parametrize("row", SCANNER_ROWS, ids=lambda row: row.fault)
+async def test_what_a_fault_does(row):
     device = device_3d()
-    spoil(device)
-    async with scanner_of(device, limit_s=0.3) as scanner:
-        with pytest.raises(error):
+    limit_s = FAIL_S if row.fault in ("lost", "stalled") else LIMIT_S
+    async with (
+        scanner_of(device, row.address, limit_s=limit_s, max_bytes=MAX_BYTES) as scanner,
+        asyncio.timeout(LIMIT_S),
+    ):
+        await eventually(lambda: scanner.link.connected)
+        first = await scanner.scan(0.0)
+        device.numbers = numbers() + np.array([0.0, 0.0, 40.0])
+        FAULTS[row.fault](device)
+        if row.fault in OPENED_AGAIN:
+            await eventually(lambda: not scanner.link.connected)
+            device.present = True
+        if row.fault == "lost":
+            await eventually(lambda: "discovery" in scanner.link.detail)
+        if row.code is None:
+            assert (await scanner.scan(0.0)).content != first.content
+            return
+        with pytest.raises(DeviceError, match=re.escape(row.tells)) as raised:
             await scanner.scan(0.0)
+    assert raised.value.code == row.code
+    assert row.fix in raised.value.fix
 
 
-async def test_a_cloud_over_the_limit_is_refused():
-    async with scanner_of(device_3d(), max_bytes=100) as scanner:
-        with pytest.raises(AnswerTooLarge):
-            await scanner.scan(0.0)
+def test_every_fault_has_its_row():
+    assert set(FAULTS) == {row.fault for row in SCANNER_ROWS}

@@ -1,0 +1,39 @@
+"""The start of a scene in three dimensions: in steps, so that the page answers between them."""
+
+import pytest
+
+from tests.daemon.page.conftest import Opened
+
+pytestmark = [pytest.mark.asyncio(loop_scope="module"), pytest.mark.slow]
+
+COUNT_IDLE_PERIODS = """
+window.idlePeriods = 0;
+window.began = {};
+const request = window.requestIdleCallback;
+window.requestIdleCallback = (act, options) => request((deadline) => {
+  window.idlePeriods += 1;
+  act(deadline);
+}, options);
+const first = (step) => (window.began[step] ??= window.idlePeriods);
+const getContext = HTMLCanvasElement.prototype.getContext;
+HTMLCanvasElement.prototype.getContext = function (...asked) {
+  if (asked[0] === 'webgl2') first('context');
+  return getContext.apply(this, asked);
+};
+for (const [name, step] of [['getContextAttributes', 'renderer'], ['linkProgram', 'shaders']]) {
+  const inner = WebGL2RenderingContext.prototype[name];
+  WebGL2RenderingContext.prototype[name] = function (...given) {
+    first(step);
+    return inner.apply(this, given);
+  };
+}
+"""
+
+
+async def test_context_renderer_and_shaders_are_made_in_idle_periods_of_their_own(open_page: Opened) -> None:
+    async with open_page("viewer", "cell") as page:
+        await page.add_init_script(COUNT_IDLE_PERIODS)
+        await page.reload()
+        await page.wait_for_function("() => window.began?.shaders !== undefined")
+        began = await page.evaluate("window.began")
+        assert 0 < began["context"] < began["renderer"] < began["shaders"]
