@@ -3,9 +3,12 @@
 CONTENT_SECURITY_POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob:; connect-src 'self';"
     " font-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none';"
-    " require-trusted-types-for 'script'; trusted-types 'none'"
+    " require-trusted-types-for 'script'; trusted-types graphics-worker"
 )
-"""Content Security Policy Level 3 with Trusted Types: files of this daemon only, and no text becomes a script."""
+"""Content Security Policy Level 3 with Trusted Types: files of this daemon only, and no text becomes a script.
+
+The one policy, `graphics-worker` of daemon/page/scene/graphics.js, gives one address whatever it is given.
+"""
 
 SECURITY_HEADERS: dict[bytes, bytes] = {
     b"content-security-policy": CONTENT_SECURITY_POLICY.encode(),

@@ -14,6 +14,7 @@ export async function createCellScene(canvas) {
   if (!view) return null;
   const shown = new Map();
   let framed = '';
+  let added = false;
   const put = (name, key, make) => {
     const before = shown.get(name);
     if (before?.key === key) return;
@@ -22,7 +23,7 @@ export async function createCellScene(canvas) {
     for (const part of make()) group.add(part);
     view.scene.add(group);
     shown.set(name, { key, group });
-    view.draw();
+    added = true;
   };
   return {
     flat: view.flat,
@@ -46,6 +47,8 @@ export async function createCellScene(canvas) {
         const high = box_mm[1].map((value, axis) => Math.max(value, [250, 250, 900][axis]));
         view.frame(low, high);
       }
+      if (added) view.drawAdded();
+      added = false;
     },
     dispose() {
       for (const { group } of shown.values()) discard(group);

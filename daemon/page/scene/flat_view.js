@@ -34,7 +34,7 @@ export function createFlatView(canvas, { onDraw } = {}) {
   });
   sizes.observe(canvas);
   return {
-    scene, draw, flat: true,
+    scene, draw, drawAdded: draw, flat: true,
     frame(low, high) {
       bounds = [low, high];
       draw();

@@ -2,14 +2,17 @@
 import { DirectionalLight, HemisphereLight, OrbitControls, PerspectiveCamera, Scene, Vector3, WebGLRenderer } from '../vendor/three.js';
 import { idle } from '../state/idle.js';
 import { createFlatView } from './flat_view.js';
+import { graphicsStarted } from './graphics.js';
 
 const STEP_RAD = 0.12;
+const COMPILE_MS = 20; // between two looks whether the shaders are compiled
 
 /**
  * Draws `scene` on `canvas` whenever `draw` is called; arrows turn, + and − come nearer, Home goes back. Three flat pictures without
  * WebGL 2; null when three.js cannot draw. Made in steps, each while the page has nothing else to do.
  */
 export async function createView(canvas, { from = [2600, -2200, 1700], at = [500, 0, 500], onDraw } = {}) {
+  await graphicsStarted();
   await idle();
   const ratio = Math.min(devicePixelRatio, 2);
   Object.assign(canvas, { width: canvas.clientWidth * ratio, height: canvas.clientHeight * ratio }); // before: a buffer is made once
@@ -36,12 +39,24 @@ export async function createView(canvas, { from = [2600, -2200, 1700], at = [500
   scene.add(sun);
 
   let wanted = 0;
+  let compiling = 0;
   const draw = () => {
     wanted ||= requestAnimationFrame(() => {
       wanted = 0;
+      if (compiling) return;
       renderer.render(scene, camera);
       onDraw?.();
     });
+  };
+  /** Draw what was added once its shaders are compiled, which happens beside the page; drawn at once, it would wait for them. */
+  const drawAdded = () => {
+    const materials = [...renderer.compile(scene, camera)];
+    clearTimeout(compiling);
+    const wait = () => {
+      compiling = materials.every((material) => renderer.properties.get(material).currentProgram?.isReady() ?? true) ? 0 : setTimeout(wait, COMPILE_MS);
+      if (!compiling) draw();
+    };
+    wait();
   };
   const home = { from: new Vector3(...from), at: new Vector3(...at) };
   const goHome = () => {
@@ -86,7 +101,7 @@ export async function createView(canvas, { from = [2600, -2200, 1700], at = [500
   sizes.observe(canvas);
   goHome();
   return {
-    scene, camera, controls, renderer, draw,
+    scene, camera, controls, renderer, draw, drawAdded,
     /** Look at the box of these corners from the front, above; the whole box is in view. */
     frame(low, high, direction = [0.75, -1, 0.6]) {
       home.at.set(...low.map((value, axis) => (value + high[axis]) / 2));
@@ -102,6 +117,7 @@ export async function createView(canvas, { from = [2600, -2200, 1700], at = [500
       goHome();
     },
     dispose() {
+      clearTimeout(compiling);
       cancelAnimationFrame(wanted);
       sizes.disconnect();
       canvas.removeEventListener('keydown', onKey);

@@ -37,3 +37,36 @@ async def test_context_renderer_and_shaders_are_made_in_idle_periods_of_their_ow
         await page.wait_for_function("() => window.began?.shaders !== undefined")
         began = await page.evaluate("window.began")
         assert 0 < began["context"] < began["renderer"] < began["shaders"]
+
+
+NOTE_WORKER = """
+window.asked = [];
+const Before = window.Worker;
+window.Worker = class extends Before {
+  constructor(address) {
+    super(address);
+    window.asked.push('worker');
+    this.addEventListener('message', () => window.asked.push('started'));
+  }
+};
+const getContext = HTMLCanvasElement.prototype.getContext;
+HTMLCanvasElement.prototype.getContext = function (...given) {
+  if (given[0] === 'webgl2') window.asked.push('context');
+  return getContext.apply(this, given);
+};
+"""
+
+
+async def test_a_worker_waits_for_the_graphics_process_before_the_page_asks_for_a_context(open_page: Opened) -> None:
+    async with open_page("viewer", "cell") as page:
+        await page.add_init_script(NOTE_WORKER)
+        await page.reload()
+        await page.wait_for_function("() => window.asked?.includes('context')")
+        assert (await page.evaluate("window.asked"))[:3] == ["worker", "started", "context"]
+
+
+async def test_without_workers_the_scene_is_drawn_all_the_same(open_page: Opened) -> None:
+    async with open_page("viewer", "cell") as page:
+        await page.add_init_script(f"delete window.Worker; {COUNT_IDLE_PERIODS}")
+        await page.reload()
+        await page.wait_for_function("() => window.began?.shaders !== undefined")
