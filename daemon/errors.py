@@ -153,10 +153,13 @@ class ArmUnknown(DaemonError):
 
     code = "arm-unknown"
 
-    def __init__(self) -> None:
+    def __init__(self, seven: str | None = None) -> None:
+        """`seven`: name of the cell's arm with seven axes."""
         super().__init__(
-            "the errors of an arm are identified by its drawing, and the settings do not name the arm",
-            "set [robot] model to a name of 'handeyed arms', or leave \"arm\" out",
+            f"the errors of an arm are identified for six axes, and {seven} has seven"
+            if seven
+            else "the errors of an arm are identified by its drawing, and the settings do not name the arm",
+            'leave "arm" out' if seven else "set [robot] model to a name of 'handeyed arms', or leave \"arm\" out",
         )
 
 

@@ -130,7 +130,7 @@ class Operations:
                 sequence = await self._fixed_sequence(poses)
                 return plan_sequence(len(poses), sequence, session, drive(compared=offset is None))
             if not request.manual:
-                require_planned_poses(offset)
+                require_planned_poses(offset, self.rules)
             count = request.count or settings.count
             wish = StoppingRule(
                 count, request.uncertainty_mm or settings.uncertainty_mm, request.tolerance_mm or settings.tolerance_mm
@@ -158,7 +158,7 @@ class Operations:
         joints = joints_rad if self.rules.arm else None
         poses = () if request.manual else request.poses or select_taught_poses(settings, request.count)
         if not (poses or request.manual):
-            require_planned_poses(request.axis_offset or settings.axis_offset)
+            require_planned_poses(request.axis_offset or settings.axis_offset, self.rules)
         if poses:
             return await self.service_workers.run_if_free(foresee_taught, self.rules, poses, joints)
         wish = StoppingRule(request.count or settings.count)
@@ -233,7 +233,7 @@ class Operations:
             poses = request.poses or select_taught_poses(settings, VERIFY_POSITIONS)
             if poses:
                 return plan_sequence(len(poses), await self._fixed_sequence(poses), session, run.drive)
-            require_planned_poses(settings.axis_offset)
+            require_planned_poses(settings.axis_offset, self.rules)
             await self._check_poses()
             wish = StoppingRule(VERIFY_POSITIONS)
             known = SceneGuess.from_calibration(calibration)
@@ -310,7 +310,7 @@ class Operations:
     def _arm(self, wanted: bool) -> Arm | None:
         """The cell's arm, when its errors are wanted. Raises ArmUnknown."""
         if wanted and self.rules.arm is None:
-            raise ArmUnknown
+            raise ArmUnknown(self.rules.seven.name if self.rules.seven else None)
         return self.rules.arm if wanted else None
 
     async def _store_solved(self, solved: Solved, run_id: str | None) -> CalibrationRecord:

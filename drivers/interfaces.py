@@ -56,8 +56,8 @@ class Device(Protocol):
 class PoseReading:
     """Flange pose in the robot's base frame. `still`: the controller reports standstill.
 
-    `external_axes`: values of axes other than the arm's, in the controller's order. `joints_rad` (6,): the arm's
-    axes at rest there, None in a reading of the pose alone.
+    `external_axes`: values of axes other than the arm's, in the controller's order. `joints_rad` (n,): the arm's
+    axes at rest there, None in a reading of the pose alone. `arm_angle_deg`: of an arm with seven axes.
     """
 
     base_T_flange: Array
@@ -66,6 +66,7 @@ class PoseReading:
     still: bool
     taken_at_s: float
     joints_rad: Array | None = None
+    arm_angle_deg: float | None = None
 
 
 @dataclass(frozen=True)
@@ -95,7 +96,7 @@ class Standstill:
 class MoveGoal:
     """Target of a move: joint interpolation to a stop point unless `path` is linear.
 
-    `external_axes` as in PoseReading; empty when there are none.
+    `external_axes` and `arm_angle_deg` as in PoseReading; `external_axes` empty when there are none.
     """
 
     base_T_flange: Array
@@ -103,11 +104,15 @@ class MoveGoal:
     external_axes: tuple[float, ...] = ()
     speed_mm_s: float = 100.0
     path: Literal["joint", "linear"] = "joint"
+    arm_angle_deg: float | None = None
 
 
 @dataclass(frozen=True, eq=False)
 class JointGoal:
-    """Axis angles (6,) in rad to move to, for the first pose and for jogging; `speed_mm_s` of the flange."""
+    """Axis angles (n,) in rad to move to, for the first pose and for jogging; `speed_mm_s` of the flange.
+
+    External axes stay where they are when `external_axes` is empty.
+    """
 
     joints_rad: Array
     external_axes: tuple[float, ...] = ()
@@ -167,7 +172,7 @@ class Robot(Device, Protocol):
     async def read_pose(self) -> PoseReading: ...
 
     async def read_joints(self) -> Array:
-        """Axis angles (6,) in rad."""
+        """Angles of the arm's axes (6,) or (7,) in rad."""
         ...
 
     async def read_status(self) -> RobotStatus: ...
@@ -340,10 +345,11 @@ class ProfileSource(Protocol):
 class MakeRobot(Protocol):
     """Constructor of a robot driver. `source`: the address as parsed by its scheme's entry in the registry.
 
-    A controller that does not answer for `limit_s` is disconnected; None: the driver's own limit.
+    A controller that does not answer for `limit_s` is disconnected; None: the driver's own limit. `axes`: of the arm,
+    6 or 7.
     """
 
-    def __call__(self, source: Any, timing: Timing, /, *, limit_s: float | None = None) -> Robot: ...
+    def __call__(self, source: Any, timing: Timing, /, *, limit_s: float | None = None, axes: int = 6) -> Robot: ...
 
 
 class MakeCamera(Protocol):

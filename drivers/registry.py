@@ -70,17 +70,18 @@ def open_robot(
     stop_address: str | None = None,
     world_T_base: Array | None = None,
     limit_s: float | None = None,
+    axes: int = 6,
 ) -> Robot:
     """The robot at an address, connecting in the background; `stop_address`: a second way to stop it, over RWS.
 
     `world_T_base` (4, 4): its base frame, for a controller that gives poses in the world frame; None: they are one.
-    `limit_s`: how long a controller may take for an answer; None: the driver's own limit.
+    `limit_s`: how long a controller may take for an answer; None: the driver's own limit. `axes`: of the arm, 6 or 7.
 
     Raises AddressNotUnderstood; needs a running loop.
     """
     timing = timing or Timing()
     parse, make = _look_up(ROBOTS, "robot", address)
-    robot = make(parse(address), timing, limit_s=limit_s)
+    robot = make(parse(address), timing, limit_s=limit_s, axes=axes)
     if stop_address is not None:
         second = RwsRobot(_stop_address(stop_address), timing, name="second way to stop")
         robot = RedundantStop(robot, second, timing)

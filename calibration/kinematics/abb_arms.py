@@ -18,7 +18,7 @@ from typing import Literal
 from calibration.errors import GeometryError
 from calibration.kinematics.arm import Arm
 from calibration.kinematics.arm_row import SLOWEST, read_arm_row
-from calibration.kinematics.seven_axes import IRB_14050, SevenAxisArm
+from calibration.kinematics.seven_axes import IRB_14050, AnyArm, SevenAxisArm
 
 _SHEET = """
 name                | forward height  lower  elbow forearm flange | axes 1 to 6
@@ -173,11 +173,11 @@ def find_arm(name: str) -> Arm:
     return found
 
 
-def find_any_arm(name: str) -> Arm | SevenAxisArm:
+def find_any_arm(name: str) -> AnyArm:
     """As `find_arm`, with the arms that have seven axes."""
     if "|" in name:
         return replace(read_arm_row(name), row=name)
-    listed: dict[str, Arm | SevenAxisArm] = {**ARMS, **SEVEN_AXIS_ARMS}
+    listed: dict[str, AnyArm] = {**ARMS, **SEVEN_AXIS_ARMS}
     known = {_plain(each): arm for each, arm in listed.items()}
     try:
         return known[_plain(name)]

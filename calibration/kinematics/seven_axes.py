@@ -17,6 +17,7 @@ from calibration.kinematics.arm import (
     LIMIT_SLACK_RAD,
     QUADRANT_SLACK_RAD,
     TOOL0_IN_AXIS_6,
+    Arm,
     Configuration,
     OtherConfiguration,
     OutOfReach,
@@ -228,6 +229,9 @@ class SevenAxisArm:
     def _excess_rad(self, joints: Array) -> Array:
         excess: Array = np.maximum(np.array(self.lower_rad) - joints, joints - np.array(self.upper_rad))
         return excess
+
+
+AnyArm = Arm | SevenAxisArm
 
 
 def _nearest(found: Array, near: Array) -> Array:

@@ -16,6 +16,6 @@ class RobotDocuments:
         """The document of a reading of at most the last 0.1 s. Raises DeviceError."""
         reading = await self._app.readings.robot.read()
         if self._last is None or self._last[0] is not reading:
-            cell, arm = self._app.cell, self._app.operations.rules.arm
+            cell, arm = self._app.cell, self._app.operations.rules.model
             self._last = reading, RobotDocument.of(reading, cell.robot, cell.holder, arm)
         return self._last[1]

@@ -23,6 +23,7 @@ def open_devices(settings: Settings, clock: Clock) -> Devices:
         stop_address=settings.robot.stop_address,
         world_T_base=settings.robot.world_T_base,
         limit_s=settings.robot.limit_s,
+        axes=settings.robot.axes,
     )
     program = configured(robot)
     outputs = settings.robot.outputs

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calibration.kinematics.arm import Arm
+from calibration.kinematics.seven_axes import AnyArm
 from calibration.transforms import Array, difference, inverse
 from drivers.interfaces import PoseReading
 
@@ -31,8 +31,8 @@ class FrameDifference:
         return self.off_mm <= MAX_OFF_MM and self.off_rad <= MAX_OFF_RAD
 
 
-def frame_difference(arm: Arm, joints_rad: Array, here: PoseReading) -> FrameDifference:
-    """Compare FK of joints (6,) with the pose read at the same place."""
+def frame_difference(arm: AnyArm, joints_rad: Array, here: PoseReading) -> FrameDifference:
+    """Compare FK of joints (6,) or (7,) with the pose read at the same place."""
     base_T_flange = arm.forward(joints_rad)
     off_mm, off_rad = difference(base_T_flange, here.base_T_flange)
     found = FrameDifference(here.base_T_flange @ inverse(base_T_flange), off_mm, off_rad)

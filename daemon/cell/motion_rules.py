@@ -8,9 +8,10 @@ from itertools import product
 
 import numpy as np
 
-from calibration.kinematics.abb_arms import find_arm
+from calibration.kinematics.abb_arms import find_any_arm
 from calibration.kinematics.arm import Arm, UnreachablePoseError
 from calibration.kinematics.joint_path import Box, leaves_box
+from calibration.kinematics.seven_axes import AnyArm, SevenAxisArm
 from calibration.planning.line_of_sight import LineOfSight
 from calibration.planning.reachability import reachable_by
 from calibration.planning.viewpoint_selection import Reachable
@@ -31,20 +32,33 @@ GOALS_ONLY = (
     " Choose poses between which the arm stays inside, or set [robot] model"
 )
 
+SEVEN_GOALS_ONLY = (
+    "{arm} has seven axes: poses are taught, not planned, and the box is checked at goals only, not on the way between"
+    " them. Choose poses between which the arm stays inside"
+)
+
 
 @dataclass(frozen=True)
 class MotionRules:
     """The checks before each move; the controller makes its own as well.
 
-    Of a known arm the whole path of the flange is checked, of another one the goal only.
+    Of a known arm the whole path of the flange is checked, of another one the goal only. `seven`: an arm with seven
+    axes, whose paths are not computed; `arm` is None then.
     """
 
     robot: RobotSettings
     arm: Arm | None
+    seven: SevenAxisArm | None = None
 
     @classmethod
     def of(cls, robot: RobotSettings) -> "MotionRules":
-        return cls(robot, find_arm(robot.model) if robot.model else None)
+        found = find_any_arm(robot.model) if robot.model else None
+        return cls(robot, None, found) if isinstance(found, SevenAxisArm) else cls(robot, found)
+
+    @property
+    def model(self) -> AnyArm | None:
+        """The known arm, with six axes or seven."""
+        return self.arm or self.seven
 
     def check_poses(self, poses: tuple[TaughtPose, ...], joints_now_rad: Array | None) -> None:
         """Check all poses and, for a known arm, where it stands and every move from one pose to the next.
@@ -54,6 +68,7 @@ class MotionRules:
         if self.arm is not None and joints_now_rad is not None:
             self._check_path(1, self.arm, joints_now_rad, joints_now_rad)
         for station, pose in enumerate(poses, start=1):
+            self._check_arm_angle(station, pose)
             self.check_inside_box(station, pose)
             if self.arm is not None and joints_now_rad is not None:
                 joints_now_rad = self._check_move(station, pose, self.arm, joints_now_rad)
@@ -61,17 +76,18 @@ class MotionRules:
     def check_joint_move(self, here: PoseReading, start_rad: Array, end_rad: Array) -> None:
         """Check a move from `here`, joints `start_rad` (n,), to joints `end_rad` (n,): travel, limits and path.
 
-        Of an arm that is not known, only travel. Raises PoseRefused.
+        Of an arm that is not known, only travel; of one with seven axes, not the path. Raises PoseRefused.
         """
         self._check_travel(0, start_rad, end_rad)
-        if self.arm is None:
+        if self.model is None:
             return
-        self._check_model(0, self.arm, start_rad, here)
+        self._check_model(0, self.model, start_rad, here)
         try:
-            self.arm.require_within_limits(end_rad)
+            self.model.require_within_limits(end_rad)
         except UnreachablePoseError as error:
             raise PoseRefused(0, error.what, error.fix) from None
-        self._check_path(0, self.arm, start_rad, end_rad)
+        if self.arm is not None:
+            self._check_path(0, self.arm, start_rad, end_rad)
 
     def check_controllers_box(self, low_mm: Sequence[float], high_mm: Sequence[float]) -> None:
         """Before a joint move of an arm that is not known, whose goal only the controller can check, by its own box.
@@ -129,10 +145,21 @@ class MotionRules:
 
     def warnings(self) -> list[str]:
         """What these rules cannot check, for GET /calibrate."""
+        if self.seven is not None:
+            return [SEVEN_GOALS_ONLY.format(arm=self.seven.name)]
         return [] if self.arm else [GOALS_ONLY]
+
+    def _check_arm_angle(self, station: int, pose: TaughtPose) -> None:
+        if pose.arm_angle_deg is not None and self.seven is None:
+            raise PoseRefused(
+                station,
+                "the pose has an arm angle, and [robot] model names no arm with seven axes",
+                "leave arm_angle_deg out, or correct [robot] model",
+            )
 
     async def goal(self, station: int, pose: TaughtPose, robot: Robot) -> MoveGoal:
         """The move from the present pose to `pose`. Raises PoseRefused, DeviceError."""
+        self._check_arm_angle(station, pose)
         self.check_inside_box(station, pose)
         here = await robot.read_pose()
         return MoveGoal(
@@ -140,6 +167,7 @@ class MotionRules:
             posture=await self._posture(station, pose, robot, here),
             external_axes=here.external_axes,
             speed_mm_s=self.robot.speed_mm_s,
+            arm_angle_deg=here.arm_angle_deg if pose.arm_angle_deg is None else pose.arm_angle_deg,
         )
 
     async def _posture(self, station: int, pose: TaughtPose, robot: Robot, here: PoseReading) -> Posture:
@@ -147,14 +175,16 @@ class MotionRules:
 
         Computed in a thread: a wrist without a common point of its axes takes 30 ms.
         """
-        if self.arm is None:
+        if self.model is None:
             return pose.configuration or here.posture
         joints_now_rad = await robot.read_joints()
-        self._check_model(station, self.arm, joints_now_rad, here)
+        self._check_model(station, self.model, joints_now_rad, here)
+        if self.arm is None:
+            return pose.configuration or here.posture
         joints = await asyncio.to_thread(self._check_move, station, pose, self.arm, joints_now_rad)
         return pose.configuration or self.arm.configuration(joints)
 
-    def _check_model(self, station: int, arm: Arm, joints_now_rad: Array, here: PoseReading) -> None:
+    def _check_model(self, station: int, arm: AnyArm, joints_now_rad: Array, here: PoseReading) -> None:
         """Raises PoseRefused when the arm's axes and its flange contradict the model, with which paths are computed."""
         found = frame_difference(arm, joints_now_rad, here)
         if not found.agrees:

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from calibration.kinematics.abb_arms import find_arm
+from calibration.kinematics.abb_arms import find_any_arm
 from calibration.transforms import difference as pose_difference
 from calibration.transforms import quaternion_from_rotation
 from daemon.cell.cell import motion_obstacles
@@ -39,7 +39,7 @@ async def check_robot(robot: Robot, settings: Settings) -> CheckResult:
     if frame_problem is not None:
         return CheckResult("robot", False, *frame_problem)
     if settings.robot.model is not None:
-        difference = frame_difference(find_arm(settings.robot.model), await robot.read_joints(), pose)
+        difference = frame_difference(find_any_arm(settings.robot.model), await robot.read_joints(), pose)
         if not difference.agrees:
             return CheckResult("robot", False, difference.what, difference.fix)
     setup = await _setup_of(robot)

@@ -16,7 +16,8 @@ from calibration.documents.session import AxisOffsetDocument, CameraDocument
 from calibration.documents.target import TargetDocument
 from calibration.documents.validation import Document, validate_document
 from calibration.errors import DocumentError, DocumentProblem, GeometryError
-from calibration.kinematics.abb_arms import find_arm
+from calibration.kinematics.abb_arms import find_any_arm
+from calibration.kinematics.seven_axes import SevenAxisArm
 from calibration.problem import ANCHORS, MOUNTS, Setup
 from calibration.transforms import Array
 from calibration.verdict import VerdictLimits
@@ -43,20 +44,26 @@ def _address_validator(check: Callable[[str], None]) -> AfterValidator:
 
 
 QuarterTurn = Annotated[int, Field(ge=-32, le=32)]
+Cfx = Annotated[int, Field(ge=-32, le=9999)]
+"""0 to 7, and up to four digits of an arm with seven axes."""
 Box = tuple[Vector, Vector]
 
 
 def _validate_arm(name: str) -> str:
     try:
-        return find_arm(name).identifier
+        return find_any_arm(name).identifier
     except GeometryError as error:
         raise ValueError(f"{error}; leave it out for any other") from None
 
 
 class TaughtPose(PoseDocument):
-    """base_T_flange, with ABB's confdata when the posture matters: paste both from the robtarget."""
+    """base_T_flange, with ABB's confdata when the posture matters: paste both from the robtarget.
 
-    configuration: tuple[QuarterTurn, QuarterTurn, QuarterTurn, QuarterTurn] | None = None
+    `arm_angle_deg`: eax_a of the robtarget of an arm with seven axes; without it the arm keeps the angle that it has.
+    """
+
+    configuration: tuple[QuarterTurn, QuarterTurn, QuarterTurn, Cfx] | None = None
+    arm_angle_deg: Annotated[float, Field(ge=-360, le=360)] | None = None
 
 
 class RobotSettings(Document):
@@ -100,7 +107,12 @@ class RobotSettings(Document):
     @property
     def model_name(self) -> str | None:
         """Name of the arm, without the line that describes one of one's own."""
-        return None if self.model is None else find_arm(self.model).name
+        return None if self.model is None else find_any_arm(self.model).name
+
+    @property
+    def axes(self) -> int:
+        """Number of the arm's axes; 6 for an arm that is not known."""
+        return 7 if self.model is not None and isinstance(find_any_arm(self.model), SevenAxisArm) else 6
 
     @property
     def world_T_base(self) -> Array | None:

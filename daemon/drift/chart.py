@@ -111,7 +111,14 @@ def _changes(entries: Sequence[ChartEntry], document: CalibrationDocument, setti
     """What may have changed between the verifications of the reference and the last one."""
     now, x = entries[-1].seen, document.mount_T_camera
     before = [entry.seen for entry in entries[:-1][: settings.drift.learn] if entry.seen is not None]
-    if not settings.robot.model or not before or now is None or x is None or document.camera is None:
+    if (
+        not settings.robot.model
+        or settings.robot.axes != 6
+        or not before
+        or now is None
+        or x is None
+        or document.camera is None
+    ):
         return []
     image_px = document.noise.image_px or settings.calibration.noise.image_px
     noise = ExpectedNoise(image_px, REPEATABILITY_RAD, REPEATABILITY_MM)

@@ -69,7 +69,7 @@ class Jog:
         start_rad, here = await self.cell.robot.read_joints(), await self.cell.robot.read_pose()
         end_rad = _turned(start_rad, self.request)
         self.rules.check_joint_move(here, start_rad, end_rad)
-        return JointGoal(end_rad, here.external_axes, speed_mm_s)
+        return JointGoal(end_rad, speed_mm_s=speed_mm_s)
 
     async def drive(self, log: RunLog) -> RunResult:
         """The run of a jog alone. Raises as `carry_out`."""

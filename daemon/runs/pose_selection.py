@@ -57,8 +57,13 @@ class SceneGuess:
         return cls(calibration.setup, camera, calibration.mount_T_camera, calibration.anchor_T_target)
 
 
-def require_planned_poses(axis_offset: AxisOffsetDocument | None) -> None:
-    """Raises NoPoses for an arm that cannot tilt its flange, as every planned pose does."""
+def require_planned_poses(axis_offset: AxisOffsetDocument | None, rules: MotionRules) -> None:
+    """Raises NoPoses for an arm with seven axes, and for one that cannot tilt its flange as planned poses do."""
+    if rules.seven is not None:
+        raise NoPoses(
+            f"{rules.seven.name} has seven axes: poses are taught, not planned",
+            "teach eight poses or more, each with its configuration and arm_angle_deg; or calibrate by hand",
+        )
     if axis_offset is not None:
         raise NoPoses(
             "planned poses tilt the flange, and axis_offset is for an arm that turns it about one axis only",

@@ -39,7 +39,7 @@ class RobotInBaseFrame:
         return replace(reading, base_T_flange=inverse(self.world_T_base) @ reading.base_T_flange)
 
     async def read_joints(self) -> Array:
-        """Axis angles (6,) in rad."""
+        """Angles of the arm's axes (6,) or (7,) in rad."""
         return await self.robot.read_joints()
 
     async def read_status(self) -> RobotStatus:

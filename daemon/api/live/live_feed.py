@@ -179,7 +179,7 @@ class LiveFeed:
         if self._robot is None:
             return None
         cell = self._app.cell
-        return RobotDocument.of(self._robot, cell.robot, cell.holder, self._app.operations.rules.arm)
+        return RobotDocument.of(self._robot, cell.robot, cell.holder, self._app.operations.rules.model)
 
     def _take(self, robot: RobotDocument | None) -> Snapshot:
         app = self._app

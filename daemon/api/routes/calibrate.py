@@ -171,7 +171,7 @@ async def _fastest_mm_s(app: Application, camera: CellCamera, applied: PoseDocum
 
 async def _frame_warnings(app: Application) -> list[str]:
     """What the axes of a known arm say against the pose that its controller reports."""
-    arm = app.operations.rules.arm
+    arm = app.operations.rules.model
     if arm is None or not app.cell.robot.link.connected:
         return []
     try:

@@ -36,7 +36,7 @@ async def robot(request: Request, app: App) -> Response:
 @router.get("/arm", response_model=ArmDocument, responses=problem_responses(404))
 async def arm(app: App, camera: WithCamera) -> ArmDocument:
     """The arm, its limits, the target and the poses of the settings: the same until the daemon starts again."""
-    return ArmDocument.of_settings(camera.settings, app.operations.rules.arm, app.cell.robot.capabilities.moves)
+    return ArmDocument.of_settings(camera.settings, app.operations.rules.model, app.cell.robot.capabilities.moves)
 
 
 @router.get("/devices", response_model=list[DeviceDocument])

@@ -84,6 +84,6 @@ async def _poses(app: Application, calibration_id: str) -> PoseList:
         raise NotFound(f"calibration {calibration_id} was made by no run", "export the poses of its session.json")
     content = await app.store.read_file(app.store.session_folder(record.run_id, record.camera) / SESSION_FILE)
     session = parse_document(SessionDocument, content, SESSION_FILE)
-    model = app.settings.robot.model
+    model = app.settings.robot.model if app.settings.robot.axes == 6 else None
     poses = np.array([view.base_T_flange.transform() for view in session.views]).reshape(-1, 4, 4)
     return pose_list(f"calibration {calibration_id}", poses, find_arm(model) if model else None)

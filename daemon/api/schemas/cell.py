@@ -10,7 +10,7 @@ from calibration.documents.external_axis import external_axes_of
 from calibration.documents.pose import PoseDocument, Vector
 from calibration.documents.session import CameraDocument
 from calibration.documents.target import TargetDocument
-from calibration.kinematics.arm import Arm
+from calibration.kinematics.seven_axes import AnyArm
 from calibration.problem import Setup
 from calibration.sentences.sentence import as_sentence
 from daemon.api.schemas.answer import EXAMPLE_AT, Answer, example
@@ -32,6 +32,7 @@ class RobotDocument(Answer):
     name the arm. `mode`: "manual" whenever the controller is not in automatic mode. `frame`: the frame of the pose;
     "world" where the controller gives that one and [robot] base_frame does not say where the base stands in it: the two
     are taken for one. `frame_warning`: what the axes of a known arm say against the pose, with the likely cause.
+    `arm_angle_deg`: of an arm with seven axes, else null.
     """
 
     connected: bool
@@ -40,6 +41,7 @@ class RobotDocument(Answer):
     configuration: tuple[int, int, int, int]
     joints_deg: list[float]
     external_axes: list[float | None] | None
+    arm_angle_deg: float | None
     still: bool
     motors_on: bool
     automatic: bool
@@ -56,7 +58,7 @@ class RobotDocument(Answer):
     frame_warning: str | None
 
     @classmethod
-    def of(cls, reading: RobotReading, robot: Robot, holder: str | None, arm: Arm | None) -> "RobotDocument":
+    def of(cls, reading: RobotReading, robot: Robot, holder: str | None, arm: AnyArm | None) -> "RobotDocument":
         status, pose, link = reading.status, reading.pose, robot.link
         cf1, cf4, cf6, cfx = pose.posture
         axes = external_axes_of(pose.external_axes)
@@ -67,6 +69,7 @@ class RobotDocument(Answer):
             configuration=(cf1, cf4, cf6, cfx),
             joints_deg=[math.degrees(angle) for angle in reading.joints],
             external_axes=None if axes is None else list(axes),
+            arm_angle_deg=pose.arm_angle_deg,
             still=pose.still,
             motors_on=status.motors_on,
             automatic=status.automatic,
@@ -84,7 +87,7 @@ class RobotDocument(Answer):
         )
 
 
-def frame_warning(arm: Arm | None, reading: RobotReading) -> str | None:
+def frame_warning(arm: AnyArm | None, reading: RobotReading) -> str | None:
     """How far the reported pose of a standing arm is from the one by its axes, and why; None when they agree."""
     if arm is None or not reading.pose.still:
         return None
@@ -248,7 +251,7 @@ class ArmDocument(Answer):
     scanners: list[CellScannerDocument]
 
     @classmethod
-    def of_settings(cls, settings: Settings, arm: Arm | None, moves: bool) -> "ArmDocument":
+    def of_settings(cls, settings: Settings, arm: AnyArm | None, moves: bool) -> "ArmDocument":
         robot, points = settings.robot, settings.target.target().points_mm
         bounds = None if arm is None else zip(arm.lower_rad, arm.upper_rad, strict=True)
         return cls(

@@ -2,6 +2,7 @@
 
 import asyncio
 import contextlib
+from dataclasses import replace
 from typing import Literal
 
 from calibration.transforms import Array
@@ -58,9 +59,10 @@ class CbRobot:
         name: str = "robot",
         *,
         limit_s: float | None = None,
+        axes: int = 6,
     ) -> None:
         self._device = f"{name} {transport.address}"
-        self._timing = timing or Timing()
+        self._timing, self._axes = timing or Timing(), axes
         self._link = CbLink(self._device, transport, self._timing, REPLY_LIMIT_S if limit_s is None else limit_s)
         self._armed_in: CbConversation | None = None
         self._stopping: set[asyncio.Task[None]] = set()
@@ -92,13 +94,16 @@ class CbRobot:
         """Pose of tool0 in wobj0, whatever tool and work object are selected at the controller."""
         answered = await self._read(GetPose(), "reading the pose")
         assert isinstance(answered.reply, Pose)
-        return cb_wire.pose_reading(self._device, answered.reply, answered.asked_at_s)
+        return cb_wire.pose_reading(self._device, answered.reply, answered.asked_at_s, self._axes)
 
     async def read_joints(self) -> Array:
-        """Axis angles (6,) in rad."""
+        """Angles of the arm's axes (6,) or (7,) in rad."""
+        return cb_wire.joints_rad(self._device, await self._read_jointtarget(), self._axes)
+
+    async def _read_jointtarget(self) -> Joints:
         answered = await self._read(GetJoints(), "reading the axes")
         assert isinstance(answered.reply, Joints)
-        return cb_wire.joints_rad(self._device, answered.reply)
+        return answered.reply
 
     async def read_status(self) -> RobotStatus:
         """State of the controller."""
@@ -160,7 +165,9 @@ class CbRobot:
 
     async def move_to_joints(self, goal: JointGoal) -> None:
         """Move all axes to their angles (MoveAbsJ); otherwise as `move_to`."""
-        await self._move(cb_wire.joint_move_of(self._device, goal))
+        if not goal.external_axes:  # of a jointtarget: where a robtarget has the arm angle, it has axis 7
+            goal = replace(goal, external_axes=(await self._read_jointtarget()).external_axes)
+        await self._move(cb_wire.joint_move_of(self._device, goal, self._axes))
 
     async def read_setup(self) -> RobotSetup:
         """The load on the flange and the limits that the modules hold moves to. Raises RequestRefused for old ones."""

@@ -9,12 +9,20 @@ from calibration.kinematics.arm import Configuration
 from calibration.transforms import Array, quaternion_from_rotation, rotation_from_quaternion, transform
 from drivers.errors import GarbledAnswer, MoveRefused
 from drivers.interfaces import JointGoal, MoveGoal, PoseReading, Posture, RobotSetup, RobotStatus, Standstill
-from drivers.robots.abb.robtarget import UNUSED_AXES, UNUSED_AXIS, external_axis
+from drivers.robots.abb.robtarget import (
+    MIN_UNUSED_AXIS,
+    SEVEN,
+    UNUSED_AXES,
+    UNUSED_AXIS,
+    external_axis,
+    split_arm_angle,
+)
 from protocols.cb.codes import Flag, MoveKind, Status
 from protocols.cb.errors import FieldOutOfRange
 from protocols.cb.layouts import pack
 from protocols.cb.messages import Joints, Move, MoveJoints, Pose, Report, Setup
 
+NO_AXIS_7 = "no axis 7 (eax_a is not used): [robot] model names an arm with seven axes, and this one has six"
 ROTATION_TOLERANCE = 1e-6
 MAX_POSITION_MM = 1e5
 MAX_CONFIGURATION = 2**15
@@ -23,7 +31,7 @@ STANDS_PER_MILLE = 1000
 KINDS = {"joint": MoveKind.JOINT, "linear": MoveKind.LINEAR}
 
 
-def pose_reading(device: str, pose: Pose, taken_at_s: float) -> PoseReading:
+def pose_reading(device: str, pose: Pose, taken_at_s: float, axes: int = 6) -> PoseReading:
     """Convert a pose reply; raises GarbledAnswer for NaN or a quaternion whose norm is off by more than 2e-3."""
     if not np.all(np.isfinite([*pose.position_mm, *pose.quaternion_wxyz, *pose.external_axes])):
         raise _garbage_error(
@@ -34,20 +42,25 @@ def pose_reading(device: str, pose: Pose, taken_at_s: float) -> PoseReading:
         base_R_flange = rotation_from_quaternion(quaternion_wxyz)
     except GeometryError as error:
         raise _garbage_error(device, str(error)) from error
+    arm_angle_deg, external_axes = split_arm_angle(tuple(map(external_axis, pose.external_axes)), axes)
     return PoseReading(
         base_T_flange=transform(base_R_flange, pose.position_mm),
         posture=Configuration(*pose.configuration),
-        external_axes=tuple(external_axis(value) for value in pose.external_axes),
+        external_axes=external_axes,
         still=bool(pose.flags & Flag.IN_POSITION) and not pose.flags & Flag.MOVING,
         taken_at_s=taken_at_s,
+        arm_angle_deg=arm_angle_deg,
     )
 
 
-def joints_rad(device: str, joints: Joints) -> Array:
-    """Axis angles (6,) in rad; raises GarbledAnswer."""
-    if not np.all(np.isfinite(joints.axes_deg)):
-        raise _garbage_error(device, f"axis angles with a number that is none: {_format(joints.axes_deg)}")
-    angles_rad: Array = np.radians(np.array(joints.axes_deg, float))
+def joints_rad(device: str, joints: Joints, axes: int = 6) -> Array:
+    """Angles (axes,) of the arm's 6 or 7 axes in rad; raises GarbledAnswer."""
+    axes_deg = (*joints.axes_deg, *joints.external_axes[: axes - 6])
+    if not np.all(np.isfinite(axes_deg)):
+        raise _garbage_error(device, f"axis angles with a number that is none: {_format(axes_deg)}")
+    if max(axes_deg) >= MIN_UNUSED_AXIS:
+        raise _garbage_error(device, NO_AXIS_7)
+    angles_rad: Array = np.radians(np.array(axes_deg, float))
     return angles_rad
 
 
@@ -89,7 +102,7 @@ def move_of(device: str, goal: MoveGoal) -> Move:
         position_mm=(float(position[0]), float(position[1]), float(position[2])),
         quaternion_wxyz=(float(quaternion[0]), float(quaternion[1]), float(quaternion[2]), float(quaternion[3])),
         configuration=_confdata(goal.posture),
-        external_axes=_six(goal.external_axes or UNUSED_AXES),
+        external_axes=_six(_with_first(goal.external_axes or UNUSED_AXES, goal.arm_angle_deg)),
         speed_mm_s=float(goal.speed_mm_s),
         kind=KINDS[goal.path],
     )
@@ -100,16 +113,17 @@ def move_of(device: str, goal: MoveGoal) -> Move:
     return move
 
 
-def joint_move_of(device: str, goal: JointGoal) -> MoveJoints:
-    """Request for axis angles; raises MoveRefused (BAD_FIELD) for a goal that cannot be encoded."""
+def joint_move_of(device: str, goal: JointGoal, axes: int = 6) -> MoveJoints:
+    """Request for the arm's 6 or 7 axis angles; raises MoveRefused (BAD_FIELD) for a goal that cannot be encoded."""
     axes_deg = np.degrees(np.asarray(goal.joints_rad, float))
-    if axes_deg.shape != (6,) or not np.all(np.isfinite(axes_deg)):
-        raise _goal_error(device, f"axes {goal.joints_rad}; six angles are wanted")
+    if axes_deg.shape != (axes,) or not np.all(np.isfinite(axes_deg)):
+        raise _goal_error(device, f"axes {goal.joints_rad}; {axes} angles are wanted")
     if not (math.isfinite(goal.speed_mm_s) and goal.speed_mm_s > 0):
         raise _goal_error(device, f"a speed of {goal.speed_mm_s} mm/s")
     if len(goal.external_axes) not in (0, 6) or not np.all(np.isfinite(goal.external_axes)):
         raise _goal_error(device, f"external axes {goal.external_axes}")
-    return MoveJoints(_six(tuple(axes_deg)), _six(goal.external_axes or UNUSED_AXES), float(goal.speed_mm_s))
+    external_axes = _with_first(goal.external_axes or UNUSED_AXES, float(axes_deg[6]) if axes == SEVEN else None)
+    return MoveJoints(_six(tuple(axes_deg[:6])), _six(external_axes), float(goal.speed_mm_s))
 
 
 def robot_setup(setup: Setup) -> RobotSetup:
@@ -138,6 +152,8 @@ def _goal_problem(goal: MoveGoal) -> str:
         return f"a speed of {goal.speed_mm_s} mm/s"
     if len(goal.external_axes) not in (0, 6) or not np.all(np.isfinite(goal.external_axes)):
         return f"external axes {goal.external_axes}; six numbers are wanted, {UNUSED_AXIS:g} where there is none"
+    if goal.arm_angle_deg is not None and not math.isfinite(goal.arm_angle_deg):
+        return f"an arm angle of {goal.arm_angle_deg} deg"
     if len(goal.posture) != 4 or any(abs(quarter) >= MAX_CONFIGURATION for quarter in goal.posture):
         return f"the configuration {tuple(goal.posture)}"
     return "" if goal.path in KINDS else f"the path {goal.path!r}; joint or linear"
@@ -146,6 +162,11 @@ def _goal_problem(goal: MoveGoal) -> str:
 def _confdata(posture: Posture) -> Configuration:
     cf1, cf4, cf6, cfx = posture
     return Configuration(cf1, cf4, cf6, cfx)
+
+
+def _with_first(external_axes: tuple[float, ...], value: float | None) -> tuple[float, ...]:
+    """The external axes with axis 7 or the arm angle, where there is one, in their first place."""
+    return external_axes if value is None else (value, *external_axes[1:])
 
 
 def _six(axes: tuple[float, ...]) -> tuple[float, float, float, float, float, float]:

@@ -9,6 +9,17 @@ MIN_UNUSED_AXIS = 8.9e9
 POSE_CONVENTION = "tool0 in wobj0, in millimetres, with ABB's quaternion (q1, the scalar part, first)"
 
 
+SEVEN = 7
+"""Axes of an arm whose axis 7 stands as eax_a in a jointtarget, and whose arm angle stands there in a robtarget."""
+
+
 def external_axis(value: float) -> float:
     """`value`, or exactly UNUSED_AXIS for an axis that does not exist."""
     return UNUSED_AXIS if value >= MIN_UNUSED_AXIS else value
+
+
+def split_arm_angle(external_axes: tuple[float, ...], axes: int) -> tuple[float | None, tuple[float, ...]]:
+    """Arm angle in degrees and external axes of a robtarget, for an arm with so many axes; None for six axes."""
+    if axes < SEVEN or external_axes[0] == UNUSED_AXIS:
+        return None, external_axes
+    return external_axes[0], (UNUSED_AXIS, *external_axes[1:])

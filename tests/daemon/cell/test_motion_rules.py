@@ -1,12 +1,13 @@
 """Which moves are refused, and where on their way, before anything moves."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 import pytest
 
 from calibration.kinematics.abb_arms import find_arm
+from calibration.kinematics.seven_axes import IRB_14050
 from calibration.transforms import Array, rotation_from_vector, transform
 from daemon.cell.motion_rules import GOALS_ONLY, MotionRules
 from daemon.config.settings import RobotSettings, TaughtPose
@@ -135,3 +136,43 @@ def test_what_the_planner_may_choose_is_not_refused_afterwards() -> None:
             assert not may
     assert chosen.sum() > 30
     assert refused > 30
+
+
+YUMI = "IRB 14050-0.5/0.5"
+
+
+@dataclass
+class SevenAxisRobot(FakeRobot):
+    """Reports the arm angle of where its joints are."""
+
+    joints: Array = field(default_factory=lambda: np.radians([0.0, -60, 30, 0, 40, 0, 0]))
+
+    async def read_pose(self) -> PoseReading:
+        self.base_T_flange = IRB_14050.forward(self.joints)
+        angle_deg = float(np.degrees(IRB_14050.arm_angle_rad(self.joints)))
+        return replace(await super().read_pose(), arm_angle_deg=angle_deg)
+
+    async def read_joints(self) -> Array:
+        return self.joints
+
+
+async def test_a_taught_pose_of_an_arm_with_seven_axes_keeps_its_arm_angle() -> None:
+    robot, rules = SevenAxisRobot(), rules_with(2000, YUMI)
+    here = await robot.read_pose()
+    taught = TaughtPose.of(here.base_T_flange).model_copy(update={"arm_angle_deg": 12.5, "configuration": (0, 0, 0, 4)})
+    goal = await rules.goal(1, taught, robot)
+    assert (goal.arm_angle_deg, goal.posture) == (12.5, (0, 0, 0, 4))
+    assert (await rules.goal(1, TaughtPose.of(here.base_T_flange), robot)).arm_angle_deg == here.arm_angle_deg
+    assert "poses are taught, not planned" in rules.warnings()[0]
+    with pytest.raises(PoseRefused, match="names no arm with seven axes"):
+        rules_with(2000).check_poses((taught,), None)
+
+
+async def test_joints_of_seven_axes_are_held_to_their_limits_and_to_the_reported_pose() -> None:
+    robot, rules = SevenAxisRobot(), rules_with(2000, YUMI)
+    here = await robot.read_pose()
+    rules.check_joint_move(here, robot.joints, robot.joints + 0.1)
+    with pytest.raises(PoseRefused, match="axis 7 of IRB 14050"):
+        rules.check_joint_move(here, robot.joints, robot.joints + np.radians([0, 0, 0, 0, 0, 0, 170]))
+    with pytest.raises(PoseRefused, match="by the axes of IRB 14050"):
+        rules.check_joint_move(here, robot.joints + 0.2, robot.joints)

@@ -12,7 +12,7 @@ from calibration.kinematics.arm import Configuration
 from calibration.transforms import Array, difference, rotation_from_quaternion, transform
 from drivers.errors import GarbledAnswer
 from drivers.interfaces import PoseReading, RobotStatus
-from drivers.robots.abb.robtarget import external_axis
+from drivers.robots.abb.robtarget import MIN_UNUSED_AXIS, SEVEN, external_axis, split_arm_angle
 
 STILL_MM, STILL_RAD = 0.02, math.radians(0.005)
 """Two readings further apart than this are taken for motion."""
@@ -45,18 +45,20 @@ class EventLogEntry:
     description: str
 
 
-def pose(device: str, values: Values, taken_at_s: float) -> PoseReading:
+def pose(device: str, values: Values, taken_at_s: float, axes: int = 6) -> PoseReading:
     """Convert a robtarget, with `still` False, since one reading cannot show standstill. Raises GarbledAnswer."""
     base_T_flange = frame(device, values)
     quarters = _numbers(device, values, ("cf1", "cf4", "cf6", "cfx"))
     spelled = "eax_" if "eax_a" in values else "eax"
-    axes = _numbers(device, values, tuple(f"{spelled}{letter}" for letter in AXES))
+    external = _numbers(device, values, tuple(f"{spelled}{letter}" for letter in AXES))
+    arm_angle_deg, external_axes = split_arm_angle(tuple(map(external_axis, external)), axes)
     return PoseReading(
         base_T_flange=base_T_flange,
         posture=Configuration(*(int(quarter) for quarter in quarters)),
-        external_axes=tuple(external_axis(axis) for axis in axes),
+        external_axes=external_axes,
         still=False,
         taken_at_s=taken_at_s,
+        arm_angle_deg=arm_angle_deg,
     )
 
 
@@ -75,9 +77,12 @@ def with_standstill(before: PoseReading, after: PoseReading) -> PoseReading:
     return replace(after, still=off_mm <= STILL_MM and off_rad <= STILL_RAD)
 
 
-def joints_rad(device: str, values: Values) -> Array:
-    """Axis angles (6,) in rad. Raises GarbledAnswer."""
-    degrees = _numbers(device, values, tuple(f"rax_{axis}" for axis in range(1, 7)))
+def joints_rad(device: str, values: Values, axes: int = 6) -> Array:
+    """Angles (axes,) of the arm's 6 or 7 axes in rad. Raises GarbledAnswer."""
+    names = tuple(f"rax_{axis}" for axis in range(1, 7))
+    degrees = _numbers(device, values, (*names, "eax_a") if axes == SEVEN else names)
+    if max(degrees) >= MIN_UNUSED_AXIS:
+        raise _garbage_error(device, "no axis 7 (eax_a is not used), and [robot] model names an arm with seven axes")
     angles_rad: Array = np.radians(np.array(degrees))
     return angles_rad
 

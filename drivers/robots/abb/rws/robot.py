@@ -33,9 +33,10 @@ class RwsRobot:
         name: str = "robot",
         *,
         limit_s: float | None = None,
+        axes: int = 6,
     ) -> None:
         self._device = f"{name} {address.address}"
-        self._address = address
+        self._address, self._axes = address, axes
         self._timing = timing or Timing()
         self._client = RwsClient(self._device, address, self._timing, LIMIT_S if limit_s is None else limit_s)
         self._link = RwsLink(self._client, self._timing)
@@ -92,9 +93,9 @@ class RwsRobot:
         return parsing.frame(self._device, await self._link.one(path))
 
     async def read_joints(self) -> Array:
-        """Axis angles (6,) in rad."""
+        """Angles of the arm's axes (6,) or (7,) in rad."""
         values = await self._link.one(f"/rw/motionsystem/mechunits/{self._address.mechunit}/jointtarget")
-        return parsing.joints_rad(self._device, values)
+        return parsing.joints_rad(self._device, values, self._axes)
 
     async def read_state(self) -> ControllerState:
         """Panel, program and speed ratio in the controller's words."""
@@ -167,5 +168,5 @@ class RwsRobot:
         query = {"tool": "tool0", "wobj": "wobj0", "coordinate": FRAMES[self._address.frame]}
         path = f"/rw/motionsystem/mechunits/{self._address.mechunit}/robtarget"
         values = await self._link.one(path, query, urgent=urgent)
-        now = parsing.pose(self._device, values, asked_at_s)
+        now = parsing.pose(self._device, values, asked_at_s, self._axes)
         return parsing.with_standstill(before, now) if before is not None else now
