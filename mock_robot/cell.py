@@ -11,7 +11,8 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from calibration.kinematics.abb_arms import find_arm
+from calibration.kinematics.abb_arms import find_any_arm
+from calibration.kinematics.seven_axes import SevenAxisArm
 from calibration.transforms import Array
 from mock_robot.announcement import Announcement
 from mock_robot.arm.simulated_arm import ArmNoise, SimulatedArm
@@ -19,6 +20,7 @@ from mock_robot.cabinet.cabinet import MotionBox
 from mock_robot.control_port import ControlPort
 from mock_robot.devices.egm import EgmSender
 from mock_robot.devices.http_server import HttpServer
+from mock_robot.errors import MockError
 from mock_robot.faults.boards import FaultBoards
 from mock_robot.links.wires import PythonWires, RapidWires, Wires
 from mock_robot.rapid.controller import DEPLOYED
@@ -80,8 +82,10 @@ class MockCell:
         program: RobotProgram = "python",
         home: Path | None = None,
     ) -> None:
-        arm = find_arm(truth.arm)
+        arm = find_any_arm(truth.arm)
         noise = ArmNoise(truth.noise.robot_translation_mm, np.radians(truth.noise.robot_rotation_deg), truth.seed)
+        if isinstance(arm, SevenAxisArm) and (program != "python" or home is not None):
+            raise MockError(f"{arm.name} has seven axes: only the Python program moves it, the interpreter moves six")
         self.truth, self.clock = truth, clock
         kind = _WIRES[program] if home is None else partial(RapidWires, home=home)
         self._wires: Wires = kind(

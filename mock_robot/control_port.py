@@ -163,13 +163,13 @@ class ControlPort:
                 joints: Array = np.radians(
                     [_number(angle, "joints_deg", -1000, 1000) for angle in fields["joints_deg"]]
                 )
-                if joints.shape != (6,):
+                if joints.shape != (len(arm.arm.lower_rad),):
                     raise ValueError(joints.shape)
                 return joints
             pose = PoseDocument.model_validate(fields.get("base_T_flange"))
             return arm.arm.nearest(pose.transform(), arm.joints_at(robot_s))
         except (TypeError, ValueError, GeometryError):
-            raise JogRefused("give joints_deg, six angles, or base_T_flange, a pose in mm") from None
+            raise JogRefused("give joints_deg, one angle for each axis, or base_T_flange, a pose in mm") from None
 
     def _restart(self, fields: Fields) -> Any:
         self.controller.restart(self.clock())

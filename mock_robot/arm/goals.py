@@ -6,16 +6,21 @@ from itertools import product
 import numpy as np
 
 from calibration.kinematics.arm import Arm, OtherConfiguration, UnreachablePoseError
+from calibration.kinematics.seven_axes import AnyArm, SevenAxisArm
 from calibration.transforms import Array, rotation_angle_rad
 
 Confdata = tuple[int, int, int, int]
 
 
-def goal_joints(arm: Arm, base_T_flange: Array, configuration: Confdata, here_rad: Array) -> Array:
+def goal_joints(
+    arm: AnyArm, base_T_flange: Array, configuration: Confdata, here_rad: Array, arm_angle_deg: float = 0.0
+) -> Array:
     """Joints (6,) in that configuration, or in the neighbouring one with the least joint travel (cell_found_near).
 
-    Raises UnreachablePoseError.
+    Of an arm with seven axes (7,), with that arm angle and in that configuration. Raises UnreachablePoseError.
     """
+    if isinstance(arm, SevenAxisArm):
+        return arm.matching(base_T_flange, float(np.radians(arm_angle_deg)), configuration, here_rad)
     try:
         joints: Array = arm.matching(base_T_flange, configuration, near_rad=here_rad)
         return joints

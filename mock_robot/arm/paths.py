@@ -6,7 +6,8 @@ from typing import Protocol
 
 import numpy as np
 
-from calibration.kinematics.arm import Arm, UnreachablePoseError
+from calibration.kinematics.arm import UnreachablePoseError
+from calibration.kinematics.seven_axes import AnyArm
 from calibration.transforms import Array, rotation_from_vector, transform, vector_from_rotation
 
 LINE_STEPS = 24
@@ -41,7 +42,7 @@ class JointPath:
 class _FlangePath:
     """A path of the flange, which rotates about one fixed axis; blocked where the arm cannot follow."""
 
-    arm: Arm
+    arm: AnyArm
     start: Array
     end: Array
 

@@ -9,8 +9,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from calibration.kinematics.arm import Arm
 from calibration.kinematics.arm_errors import Postures
+from calibration.kinematics.seven_axes import AnyArm
 from calibration.transforms import Array, rotation_angle_rad, rotation_from_vector, transform
 from mock_robot.arm.built_arm import BuiltArm, warmth_k
 from mock_robot.arm.paths import CirclePath, JointPath, LinePath, Path
@@ -70,7 +70,7 @@ class ArmMotion:
 
 
 def plan_motion(
-    arm: Arm,
+    arm: AnyArm,
     start: Array,
     end: Array,
     speed_mm_s: float,
@@ -104,7 +104,7 @@ class SimulatedArm:
     """Owner of the arm's position. Times are the robot's own seconds and must not decrease."""
 
     def __init__(
-        self, arm: Arm, joints: Array, noise: ArmNoise, now_s: float = 0.0, built: BuiltArm | None = None
+        self, arm: AnyArm, joints: Array, noise: ArmNoise, now_s: float = 0.0, built: BuiltArm | None = None
     ) -> None:
         arm.require_within_limits(joints)
         self.arm = arm

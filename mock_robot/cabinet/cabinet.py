@@ -10,6 +10,7 @@ from typing import Protocol
 
 import numpy as np
 
+from calibration.kinematics.seven_axes import SevenAxisArm
 from calibration.transforms import Array
 from mock_robot.arm.simulated_arm import SimulatedArm
 from mock_robot.cabinet.disk import Disk
@@ -81,6 +82,19 @@ class Cabinet(ABC):
     def world_T_base(self) -> Array:
         """Base frame (4, 4) by which the controller reports poses now."""
         return self.mounting.reported_world_T_base(self.external_axes)
+
+    def robtarget_axes(self, robot_s: float) -> tuple[float, ...]:
+        """External axes as of a robtarget: the arm angle in degrees first, for an arm with seven axes."""
+        arm = self.arm.arm
+        if not isinstance(arm, SevenAxisArm):
+            return self.external_axes
+        return float(np.degrees(arm.arm_angle_rad(self.arm.joints_at(robot_s)))), *self.external_axes[1:]
+
+    def jointtarget_axes(self, robot_s: float) -> tuple[float, ...]:
+        """External axes as of a jointtarget: axis 7 in degrees first, for an arm with seven axes."""
+        if not isinstance(self.arm.arm, SevenAxisArm):
+            return self.external_axes
+        return float(np.degrees(self.arm.joints_at(robot_s)[6])), *self.external_axes[1:]
 
     @abstractmethod
     def tick(self, now_s: float) -> list[cb.Answer]:

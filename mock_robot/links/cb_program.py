@@ -11,6 +11,7 @@ import numpy as np
 
 from calibration.errors import GeometryError
 from calibration.kinematics.arm import OtherConfiguration, UnreachablePoseError
+from calibration.kinematics.seven_axes import SevenAxisArm
 from calibration.transforms import Array, inverse, quaternion_from_rotation, transform_from_quaternion
 from mock_robot.arm.goals import goal_joints, speeds_sharing
 from mock_robot.arm.simulated_arm import IN_POSITION_S
@@ -129,14 +130,15 @@ class Controller(Cabinet):
             position_mm=float32_tuple(pose[:3, 3]),
             quaternion_wxyz=float32_tuple(quaternion_from_rotation(pose[:3, :3])),
             configuration=self.arm.arm.configuration(self.arm.joints_at(robot_s)),
-            external_axes=float32_tuple(self.external_axes),
+            external_axes=float32_tuple(self.robtarget_axes(robot_s)),
             t_ms=self._t_ms(now_s),
             flags=self.flags(now_s),
         )
 
     def _joints(self, seq: int, request: cb.GetJoints, now_s: float) -> cb.Reply:
-        axes_deg = np.degrees(self.arm.joints_at(self.robot_s(now_s)))
-        return cb.Joints(float32_tuple(axes_deg), float32_tuple(self.external_axes))
+        robot_s = self.robot_s(now_s)
+        axes_deg = np.degrees(self.arm.joints_at(robot_s))[:6]
+        return cb.Joints(float32_tuple(axes_deg), float32_tuple(self.jointtarget_axes(robot_s)))
 
     def _status(self, seq: int, request: cb.GetStatus, now_s: float) -> cb.Reply:
         return self._report(now_s)
@@ -187,7 +189,7 @@ class Controller(Cabinet):
         base_T_flange = inverse(world_T_base) @ world_T_flange
         here = self.arm.joints_at(self.robot_s(now_s))
         try:
-            there = goal_joints(self.arm.arm, base_T_flange, request.configuration, here)
+            there = goal_joints(self.arm.arm, base_T_flange, request.configuration, here, request.external_axes[0])
         except UnreachablePoseError as error:
             code = 50080 if isinstance(error, OtherConfiguration) else 50050
             return self._refuse(now_s, Status.UNREACHABLE, error.what, code)
@@ -199,7 +201,8 @@ class Controller(Cabinet):
             return refused
         if not np.all(np.isfinite([*request.axes_deg, *request.external_axes])):
             return self._refuse(now_s, Status.BAD_FIELD, "an axis is not finite")
-        there = np.radians(request.axes_deg)
+        seventh = request.external_axes[:1] if isinstance(self.arm.arm, SevenAxisArm) else ()
+        there = np.radians([*request.axes_deg, *seventh])
         try:
             self.arm.arm.require_within_limits(there)
         except UnreachablePoseError as error:

@@ -70,7 +70,9 @@ class MotionUnit:
     @property
     def arm(self) -> Arm:
         """Kinematics of the arm."""
-        return self.cabinet.arm.arm
+        arm = self.cabinet.arm.arm
+        assert isinstance(arm, Arm), "the interpreter moves six axes"
+        return arm
 
     @property
     def time_scale(self) -> float:

@@ -36,7 +36,7 @@ def execution(context: RequestContext, parts: Parts) -> Reply:
 
 def robtarget(context: RequestContext, parts: Parts) -> Reply:
     position, quaternion = _pose(context, parts)
-    axes = [format_axis(axis, context.dialect.unused_axis) for axis in context.world.cabinet.external_axes]
+    axes = [format_axis(axis, context.dialect.unused_axis) for axis in context.world.robtarget_axes]
     values = {
         **_name_components(position, quaternion),
         **_configuration(context, ("cf1", "cf4", "cf6", "cfx")),
@@ -54,7 +54,7 @@ def cartesian(context: RequestContext, parts: Parts) -> Reply:
 
 def jointtarget(context: RequestContext, parts: Parts) -> Reply:
     _require_mechunit(parts)
-    axes = [format_axis(axis, context.dialect.unused_axis) for axis in context.world.cabinet.external_axes]
+    axes = [format_axis(axis, context.dialect.unused_axis) for axis in context.world.jointtarget_axes]
     values = {
         **{f"rax_{number}": format_float(angle) for number, angle in enumerate(context.world.joints_deg, start=1)},
         **{f"eax_{letter}": axis for letter, axis in zip(AXES, axes, strict=True)},

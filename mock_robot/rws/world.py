@@ -91,8 +91,18 @@ class World:
     @property
     def joints_deg(self) -> Array:
         """Axes (6,) now."""
-        degrees: Array = np.degrees(self.cabinet.arm.joints_at(self._robot_s))
+        degrees: Array = np.degrees(self.cabinet.arm.joints_at(self._robot_s))[:6]
         return degrees
+
+    @property
+    def robtarget_axes(self) -> tuple[float, ...]:
+        """eax_a to eax_f of a robtarget."""
+        return self.cabinet.robtarget_axes(self._robot_s)
+
+    @property
+    def jointtarget_axes(self) -> tuple[float, ...]:
+        """eax_a to eax_f of a jointtarget."""
+        return self.cabinet.jointtarget_axes(self._robot_s)
 
     @property
     def configuration(self) -> tuple[int, int, int, int]:

@@ -2,13 +2,16 @@
 
 import numpy as np
 
-from calibration.kinematics.arm import Arm, UnreachablePoseError
+from calibration.kinematics.arm import UnreachablePoseError
+from calibration.kinematics.seven_axes import AnyArm, SevenAxisArm
 from calibration.transforms import Array, inverse, map_points, rotation_from_vector, transform
 from mock_robot.scene.printed_target import print_target
 from mock_robot.truth.truth import CellTruth
 
 START_DISTANCE_MM = 600.0
 ROLLS = 24
+SEVEN_AXES_USUAL_RAD = np.radians([0.0, -60.0, 0.0, 0.0, 60.0, 0.0, 0.0])
+"""Near the middle of the ranges: elbow up, wrist bent."""
 
 
 def target_middle_mm(truth: CellTruth) -> Array:
@@ -35,8 +38,10 @@ def _looking(truth: CellTruth, roll_rad: float) -> Array:
     return truth.mount_T_camera @ camera_T_target @ inverse(truth.anchor_T_target)
 
 
-def start_joints(arm: Arm, truth: CellTruth) -> Array:
-    """Joints (6,) for that view, at the roll farthest from limits and singularities."""
+def start_joints(arm: AnyArm, truth: CellTruth) -> Array:
+    """Joints (6,) for that view, at the roll farthest from limits and singularities; (7,) of an arm with seven axes."""
+    if isinstance(arm, SevenAxisArm):
+        return arm.nearest(_looking(truth, 0.0), SEVEN_AXES_USUAL_RAD)
     middle_rad = (np.array(arm.lower_rad) + np.array(arm.upper_rad)) / 2
     half_rad = (np.array(arm.upper_rad) - np.array(arm.lower_rad)) / 2
 
