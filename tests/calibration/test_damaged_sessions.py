@@ -5,12 +5,10 @@ import pytest
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
-from calibration.likelihood.predicted_uncertainty import working_points_mm
-from calibration.solution import Solution
 from calibration.solve import solve_hand_eye
-from calibration.transforms import map_points
 from calibration.verdict import judge
-from tests.simulated.damage import DISTANCE_MM, DamagedSession, damaged_session
+from tests.simulated.damage import damaged_session
+from tests.simulated.damage_excess import excess, intact_excess
 from tests.support.cases import cases
 
 COVERAGE_FACTOR = 3.0
@@ -46,22 +44,3 @@ def test_what_chance_is_off_by_in_undamaged_views_is_not_laid_to_the_damage() ->
     assert found > COVERAGE_FACTOR
     assert [view.index for view in session.intact[nearest].views] == [0, 1, 2, 3, 4, 6, 8]
     assert found == pytest.approx(intact_excess(session, nearest), rel=1e-3)
-
-
-def excess(session: DamagedSession, solution: Solution) -> tuple[float, int]:
-    """The RMS error of mapped points by X over their standard deviation, of the truth that is nearest; which it is."""
-    assert solution.mount_T_camera is not None and solution.uncertainty is not None and solution.camera is not None
-    points_mm = working_points_mm(solution.camera, DISTANCE_MM)
-    seen_mm = map_points(solution.mount_T_camera, points_mm)
-    errors_mm = [
-        float(np.sqrt(np.mean(np.sum((seen_mm - map_points(truth, points_mm)) ** 2, axis=1))))
-        for truth in session.truths
-    ]
-    nearest = int(np.argmin(errors_mm))
-    return errors_mm[nearest] / solution.uncertainty.point_mm, nearest
-
-
-def intact_excess(session: DamagedSession, which: int) -> float:
-    """`excess` of the undamaged views alone, over their own uncertainty; 0 where they have no X."""
-    solution = solve_hand_eye(session.intact[which])
-    return 0.0 if solution.mount_T_camera is None else excess(session, solution)[0]
