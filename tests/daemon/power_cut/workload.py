@@ -58,7 +58,7 @@ def make_old_store(folder: Path) -> None:
     with closing(sqlite3.connect(folder / DATABASE_NAME)) as old:
         for number, migration in enumerate(MIGRATIONS[:-1], start=1):
             old.executescript(f"BEGIN; {migration} PRAGMA user_version = {number}; COMMIT;")
-        old.execute("INSERT INTO scans VALUES ('s', ?, 'door', 0)", (AT,))
+        old.execute("INSERT INTO scans (id, created_at, name, refine) VALUES ('s', ?, 'door', 0)", (AT,))
         old.commit()
     fsync_folder(folder)
 
