@@ -22,7 +22,7 @@ from calibration.problem import Problem
 from calibration.sentences.sentence import Sentence
 from calibration.solution import Solution
 from calibration.solver.arm_identification import ArmFit, UnusualArm, identify_arm
-from calibration.solver.arm_session import TargetViews
+from calibration.solver.arm_session import KnownDistance, TargetViews
 from calibration.solver.external_axis import AxisFit, find_axis, fit_axis, readings_of
 from calibration.solver.initial_guess import InitialGuess, find_initial_guess
 from calibration.solver.solution_builder import build_solution, solution_without_x
@@ -192,21 +192,24 @@ def solve_rig(problems: Mapping[str, Problem]) -> "RigSolution":
     return solve_sensors(sensors)
 
 
-def identify_arm_session(arm: Arm, problems: Sequence[Problem], load: Load = NO_LOAD) -> ArmFit:
+def identify_arm_session(
+    arm: Arm, problems: Sequence[Problem], load: Load = NO_LOAD, distances: Sequence[KnownDistance] = ()
+) -> ArmFit:
     """The arm's errors, X and their covariance from sessions of images: of one target, at a place for each session.
 
-    All views hold joints. Raises UndeterminedError where a session does not determine X without errors of the arm,
-    GeometryError for views without joints, JointsDisagree for joints that are not this arm's, UnusualArm for errors
-    that arms do not have.
+    `distances`: known ones between the target's places, which are counted as the problems are. All views hold joints.
+    Raises UndeterminedError where a session does not determine X without errors of the arm, GeometryError for views
+    without joints, JointsDisagree for joints that are not this arm's, UnusualArm for errors that arms do not have.
     """
     found = []
     for problem in problems:
         prepared, _, selection = estimate_session(_with_own_joints(arm, problem))
         found.append((TargetViews(prepared, selection.used, selection.best), _standstills_of(problem, prepared)))
-    found.sort(key=lambda views: -int(np.count_nonzero(views[0].used)))
-    views, standstills = zip(*found, strict=True)
+    order = sorted(range(len(found)), key=lambda row: -int(np.count_nonzero(found[row][0].used)))
+    views, standstills = zip(*(found[row] for row in order), strict=True)
+    known = [replace(one, first=order.index(one.first), second=order.index(one.second)) for one in distances]
     joints, sides = (np.concatenate(parts) for parts in zip(*standstills, strict=True))
-    fit = identify_arm(ArmErrorModel(arm), views, Postures(joints, load, sides))
+    fit = identify_arm(ArmErrorModel(arm), views, Postures(joints, load, sides), known)
     if unusual := fit.beyond_usual():
         raise UnusualArm(arm.name, unusual)
     return fit

@@ -12,15 +12,23 @@ from calibration.problem import Problem
 from calibration.sentences.sentence import Sentence, as_sentence
 from calibration.solution import Finding
 from calibration.solve import identify_arm_session
+from calibration.solver.arm_session import KnownDistance
 from calibration.transforms import Array
 
 
 def identify_arm_document(
-    arm: Arm, problems: Sequence[Problem], *, created_at: str, software: str, box_mm: Array | None = None
+    arm: Arm,
+    problems: Sequence[Problem],
+    *,
+    created_at: str,
+    software: str,
+    box_mm: Array | None = None,
+    distances: Sequence[KnownDistance] = (),
 ) -> ArmErrorsDocument:
     """The errors of the arm from sessions of images, each with the target at another place.
 
     `box_mm` (2, 3) of the base: where `more_views` predicts registered points; without it, around those of the views.
+    `distances`: known ones between the places, counted as the problems are.
     Views without joints get those of their poses. Raises as `identify_arm_session`, GeometryError for sessions without
     images, UnreachablePoseError for poses that the arm does not reach.
     """
@@ -28,7 +36,7 @@ def identify_arm_document(
         raise GeometryError("the errors of an arm are identified from images only, these views hold poses or points")
     without = sum(view.joints_rad is None for problem in problems for view in problem.views)
     whole = [_with_joints(arm, problem) for problem in problems]
-    fit = identify_arm_session(arm, whole)
+    fit = identify_arm_session(arm, whole, distances=distances)
     more = more_arm_views_document(fit, problems[0].target, box_mm)
     return arm_document(
         fit, whole, created_at=created_at, software=software, joints_from_poses=without, more_views=more

@@ -157,6 +157,17 @@ class AxisOffsetDocument(Document):
         return AxisOffset(self.of, self.coordinate_mm, self.sigma_mm)
 
 
+class KnownDistanceDocument(Document):
+    """A known distance, with one standard deviation, from the target's middle here to its middle in another session.
+
+    to : name of the other session's folder.
+    """
+
+    to: Annotated[str, Field(min_length=1, max_length=255)]
+    distance_mm: Annotated[float, Field(gt=0, le=100_000)]
+    sigma_mm: Annotated[float, Field(gt=0, le=1000)]
+
+
 class SessionDocument(Document):
     """The whole of session.json.
 
@@ -165,6 +176,7 @@ class SessionDocument(Document):
     axis_offset : for an arm that turns its flange about one axis only (a palletiser, a SCARA); for images.
     external_axis : a track or turntable that the controller leaves out of its poses, roughly; its reading is in
         `external_axes` of every view, and it is found with X; for images.
+    distances : known ones to the target's places in other sessions of the arm, for `solve --arm`.
     poses_from_controller : whether a driver read the poses from the controller, so that they are not inverted.
     """
 
@@ -179,6 +191,7 @@ class SessionDocument(Document):
     image_size: tuple[Pixels, Pixels] | None = None
     axis_offset: AxisOffsetDocument | None = None
     external_axis: ExternalAxisDocument | None = None
+    distances: tuple[KnownDistanceDocument, ...] = ()
     views: list[ViewDocument]
 
     def described_target(self) -> Target:

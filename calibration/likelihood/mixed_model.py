@@ -53,7 +53,8 @@ class MixedModel:
     `by_robot` (n, 6, 6 + p + 1): U' [U, A, y]; `squares` (n, q + 1, q + 1): [A, y]' [A, y], without the trend.
     `prior_information` (p,): inverse variances of the prior of b, whose mean is `-prior_offset` (p,). A part of the
     robot's corrections follows the `basis` (n, m) over the views; its 6 m coefficients are the last elements of b,
-    and their variances are noise levels.
+    and their variances are noise levels. `direct` (p + 1, p + 1): [G, g]' [G, g] of observations g + G b = -e of b
+    alone, each over its standard deviation; for a model without a trend.
     """
 
     by_robot: Array
@@ -62,6 +63,7 @@ class MixedModel:
     prior_information: Array
     prior_offset: Array
     basis: Array
+    direct: Array | None = None
 
     @property
     def unknowns(self) -> int:
@@ -125,6 +127,14 @@ class MixedModel:
                 np.tile(1 / variances.trend_variances(), self.trend_terms),
             ]
         )
+
+    def beside_views(self, variances: Variances) -> Array:
+        """Normal equations (p + 1, p + 1), as [A, y]' V^-1 [A, y], of the prior and of the observations of b alone."""
+        known = self.full_prior_information(variances)
+        weighed = known * self.prior_offset
+        squares = np.diag(np.append(known, np.sum(weighed * self.prior_offset)))
+        squares[:-1, -1] = squares[-1, :-1] = weighed
+        return squares if self.direct is None else squares + self.direct
 
     def corrections(self, K: Array, b: Array) -> Array:
         """The prediction (n, 6) of every correction given b (p,)."""
@@ -205,9 +215,8 @@ def solve(model: MixedModel, variances: Variances) -> Step:
     p = model.unknowns
     KUAy = K @ model.UAy
     marginal = (model.total - sum_products(model.UAy, KUAy)) / variances.pixel
-    known = model.full_prior_information(variances)
-    information = marginal[:p, :p] + np.diag(known)
-    gradient = marginal[:p, p] + known * model.prior_offset
+    beside = model.beside_views(variances)
+    information, gradient = marginal[:p, :p] + beside[:p, :p], marginal[:p, p] + beside[:p, p]
     covariance = covariance_of(information)
     return Step(-covariance @ gradient, information, gradient, covariance, K, KUAy)
 

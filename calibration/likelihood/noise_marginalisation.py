@@ -127,17 +127,13 @@ def _at_levels(model: MixedModel, variances: Variances, deviations: Array) -> _A
     K = spread * np.linalg.inv(scaled) * spread_t / pixel  # (k, n, 6, 6)
     p, columns, total = model.unknowns, model.UAy, model.total
     explained = sum_products(columns, K @ columns)
-    known = model.full_prior_information(variances)
-    information = (total[:p, :p] - explained[:, :p, :p]) / pixel + np.diag(known)
-    gradient = (total[:p, p] - explained[:, :p, p]) / pixel + known * model.prior_offset
+    beside = model.beside_views(variances)
+    information = (total[:p, :p] - explained[:, :p, :p]) / pixel + beside[:p, :p]
+    gradient = (total[:p, p] - explained[:, :p, p]) / pixel + beside[:p, p]
     covariance, log_S = scaled_inverse_and_log_determinant(information, MIN_EIGENVALUE)
     b = -(covariance @ gradient[..., None])[..., 0]
     log_V = np.linalg.slogdet(scaled)[1].sum(axis=1)
-    quadratic = (
-        (total[p, p] - explained[:, p, p]) / pixel
-        + np.sum(known * model.prior_offset**2)
-        + np.sum(b * gradient, axis=1)
-    )
+    quadratic = (total[p, p] - explained[:, p, p]) / pixel + beside[p, p] + np.sum(b * gradient, axis=1)
     return _AtLevels(-0.5 * (log_V + log_S + quadratic), b, covariance)
 
 

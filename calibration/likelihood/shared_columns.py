@@ -56,6 +56,15 @@ def join_places(models: Sequence[MixedModel]) -> MixedModel:
     )
 
 
+def with_distances(model: MixedModel, rows: Array, misses: Array, sigmas: Array) -> MixedModel:
+    """The model with observed lengths: derivatives (d, p) by the unknowns, present lengths less those known (d,).
+
+    `sigmas` (d,): one standard deviation of each. For a model without a trend.
+    """
+    weighed = np.column_stack([rows, misses]) / sigmas[:, None]
+    return replace(model, direct=weighed.T @ weighed)
+
+
 def _spread(columns: Array, own: NDArray[np.intp], width: int) -> Array:
     """Columns (..., q) at places `own` (q,) of (..., width), zeros elsewhere."""
     wide = np.zeros((*columns.shape[:-1], width))
@@ -77,6 +86,7 @@ def fix_unknowns(model: MixedModel, fixed: NDArray[np.intp], step: Array) -> Mix
         squares=mapped.T @ model.squares @ mapped,
         prior_information=model.prior_information[kept],
         prior_offset=model.prior_offset[kept],
+        direct=None if model.direct is None else mapped.T @ model.direct @ mapped,
     )
 
 

@@ -68,7 +68,7 @@ def redundancy(model: MixedModel, variances: Variances) -> Redundancy:
     pixel_quadratic = (ee - np.sum(KUe * (model.UAy @ b1 + pixel * u))) / pixel**2
     effective = np.sum(UUK * np.eye(6))
     # A' V^-1 V^-1 A
-    AVVA = step.information - np.diag(model.full_prior_information(variances)) - sum_products(step.KUAy[:, :, :p], WA)
+    AVVA = step.information - model.beside_views(variances)[:p, :p] - sum_products(step.KUAy[:, :, :p], WA)
     pixel_trace = (model.count.sum() - effective - np.sum(S_inv * AVVA)) / pixel
     return Redundancy(
         quadratic,

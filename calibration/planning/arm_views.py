@@ -71,11 +71,15 @@ class ArmExperiment:
 
     def point_mm(self, chosen: Sequence[int]) -> float:
         """RMS error of the points after these views (positions among all candidates), for an efficient estimate."""
+        return float(np.sqrt(np.sum(self._weights * self.covariance(chosen))))
+
+    def covariance(self, chosen: Sequence[int]) -> Array:
+        """Covariance (p, p) of [X, places, errors] after these views, for an efficient estimate."""
         if not len(chosen):
-            return float(np.sqrt(np.sum(self._weights * self._prior)))
+            return self._prior
         by, noise = self._by[list(chosen)], self._noise[list(chosen)]
         information = np.linalg.inv(self._prior) + np.einsum("nip,nij,njq->pq", by, np.linalg.inv(noise), by)
-        return float(np.sqrt(np.sum(self._weights * np.linalg.inv(information))))
+        return np.linalg.inv(information)
 
     def choose(self, count: int) -> ArmViewPlan:
         """`count` views, or all candidates if fewer; MIN_PLACE_VIEWS of every place that no earlier view saw."""

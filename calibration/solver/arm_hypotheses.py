@@ -109,7 +109,7 @@ def restrict(
     model = _with_prior_size(session, session.linearise())
     others, k = model.unknowns, len(session.arm)
     jacobian = session.arm.jacobian(session.parameters, session.postures)
-    whole = with_arm(model, jacobian, session.arm.sigmas**-2.0, session.parameters)
+    whole = session.add_distances(with_arm(model, jacobian, session.arm.sigmas**-2.0, session.parameters))
     found, variances = [], replace(session.best.variances, trend_rotation=0.0, trend_translation=0.0)
     for row, one in enumerate(wanted):
         columns = session.arm.indices(*(GROUPS[: GROUPS.index(one.up_to) + 1] if one.up_to else ()))

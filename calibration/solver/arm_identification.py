@@ -26,7 +26,7 @@ from calibration.likelihood.shared_columns import take_views
 from calibration.linear_algebra import inverse_or_pseudo_inverse
 from calibration.problem import Setup
 from calibration.solver.arm_hypotheses import Restricted, hypotheses, restrict
-from calibration.solver.arm_session import ArmSession, TargetViews, begin_arm_session
+from calibration.solver.arm_session import ArmSession, KnownDistance, TargetViews, begin_arm_session
 from calibration.solver.arm_view_selection import select_views_with_arm
 from calibration.transforms import Array, inverse, map_points, transform_from_vector
 
@@ -122,13 +122,15 @@ class _Candidate:
         return self.marginal.log_evidence + self.of.of.log_prior
 
 
-def identify_arm(arm: ArmErrorModel, views: Sequence[TargetViews], postures: Postures) -> ArmFit:
+def identify_arm(
+    arm: ArmErrorModel, views: Sequence[TargetViews], postures: Postures, distances: Sequence[KnownDistance] = ()
+) -> ArmFit:
     """The arm's errors from views of the target at one place or several, which need not be known.
 
     `views`: the place with most views first; camera and noise levels start from its estimate. `postures`: of all views,
-    one place after the other.
+    one place after the other. `distances`: known ones between the places.
     """
-    session = _select(begin_arm_session(arm, views, postures))
+    session = _select(begin_arm_session(arm, views, postures, distances))
     wanted = hypotheses(session)
     restricted = restrict(session, wanted)
     logs = np.array([one.log_likelihood() for one in restricted])

@@ -9,15 +9,16 @@ from numpy.typing import NDArray
 from calibration.kinematics.arm_errors import ArmErrorModel, Postures
 from calibration.likelihood.chain import Chain
 from calibration.likelihood.estimate import Estimate, exact_pixels, linearise
+from calibration.likelihood.mapped_points import point_rows
 from calibration.likelihood.mixed_model import MixedModel
-from calibration.likelihood.shared_columns import join_places
+from calibration.likelihood.shared_columns import join_places, with_distances
 from calibration.likelihood.systematic_errors import CENTRE_INDICES, SystematicErrors
 from calibration.observations.observations import scale_target
 from calibration.observations.reprojection import INTRINSICS
 from calibration.observations.view_poses import refine_poses
 from calibration.preprocessing.prepare import PreparedSession
 from calibration.problem import anchor_T_mount_of
-from calibration.transforms import Array
+from calibration.transforms import Array, map_points
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,11 +41,22 @@ class TargetViews:
         return replace(self, rows=self.rows.take(chosen), used=np.ones(int(np.count_nonzero(chosen)), bool))
 
 
+@dataclass(frozen=True)
+class KnownDistance:
+    """A distance, with one standard deviation, between the middles of the target at two places, counted from 0."""
+
+    first: int
+    second: int
+    distance_mm: float
+    sigma_mm: float
+
+
 @dataclass(frozen=True, eq=False)
 class ArmSession:
     """The views of m places, with their chains, and the errors (k,) that the chains' poses contain.
 
     The unknowns are X (6), the places (6 m), what is unknown of camera and target's size, and the arm's errors (k).
+    `distances`: known ones between the places, in the order of `views`.
     """
 
     arm: ArmErrorModel
@@ -52,6 +64,7 @@ class ArmSession:
     views: Sequence[TargetViews]
     chains: Sequence[Chain]
     parameters: Array
+    distances: Sequence[KnownDistance] = ()
 
     @property
     def places(self) -> NDArray[np.intp]:
@@ -102,6 +115,23 @@ class ArmSession:
         centre_off = SystematicErrors(self.views[0].rows.systematic_errors.given_camera)
         return centre_off.apply(model, best.free, best.camera, chain.base_T_flange)
 
+    def add_distances(self, model: MixedModel) -> MixedModel:
+        """The model with the known distances; its first unknowns are X, the places, and those of camera and size."""
+        if not self.distances:
+            return model
+        middle = self.best.scale * self.views[0].rows.nominal_mm.mean(axis=0)
+        rows, misses = np.zeros((len(self.distances), model.unknowns)), np.zeros(len(self.distances))
+        for row, known in enumerate(self.distances):
+            first, second = (self.chains[place].anchor_T_target for place in (known.first, known.second))
+            between = map_points(second, middle[None])[0] - map_points(first, middle[None])[0]
+            length = float(np.linalg.norm(between))
+            along, misses[row] = between / length, length - known.distance_mm
+            for place, pose, sign in ((known.first, first, -1.0), (known.second, second, 1.0)):
+                towards = sign * along @ pose[:3, :3]
+                rows[row, 6 + 6 * place : 12 + 6 * place] = towards @ point_rows(middle[None])[0]
+                rows[row, self.size_place()] += towards @ middle
+        return with_distances(model, rows, misses, np.array([known.sigma_mm for known in self.distances]))
+
     def size_place(self) -> NDArray[np.intp]:
         """Place of the target's size among the unknowns, where the estimate has taken up another one (0 or 1,)."""
         free = np.flatnonzero(self.best.free)
@@ -118,8 +148,15 @@ class ArmSession:
         return places, steps
 
 
-def begin_arm_session(arm: ArmErrorModel, views: Sequence[TargetViews], postures: Postures) -> ArmSession:
-    """The session at the drawing; X is that of the first place, and every target where its first view has it."""
+def begin_arm_session(
+    arm: ArmErrorModel, views: Sequence[TargetViews], postures: Postures, distances: Sequence[KnownDistance] = ()
+) -> ArmSession:
+    """The session at the drawing; X is that of the first place, and every target where its first view has it.
+
+    With known distances the target's size may be another one: they separate it from lengths of the arm.
+    """
+    if distances:
+        views = [_with_free_size(one) for one in views]
     drawn = np.split(arm.forward(np.zeros(len(arm)), postures), np.cumsum([len(one.rows.seen) for one in views])[:-1])
     x, chains = views[0].best.chain.mount_T_camera, []
     for one, base_T_flange in zip(views, drawn, strict=True):
@@ -130,4 +167,10 @@ def begin_arm_session(arm: ArmErrorModel, views: Sequence[TargetViews], postures
             target = (anchor_T_mount_of(one.rows.setup, base_T_flange[first]) @ x @ seen_T[first])[0]
         chain = Chain(one.rows.setup, base_T_flange, x, target, np.zeros((len(seen_T), 6)))
         chains.append(chain.with_corrections_from(seen_T))
-    return ArmSession(arm, postures, views, chains, np.zeros(len(arm)))
+    return ArmSession(arm, postures, views, chains, np.zeros(len(arm)), tuple(distances))
+
+
+def _with_free_size(views: TargetViews) -> TargetViews:
+    free = views.best.free.copy()
+    free[INTRINSICS] = True
+    return replace(views, best=replace(views.best, free=free))

@@ -100,7 +100,7 @@ def solve(
     from calibration.errors import DocumentError
     from calibration.solve import METHODS
     from daemon.cli.camera_file import read_camera
-    from daemon.cli.solve_arm import solve_arm
+    from daemon.cli.solve_arm import known_distances, solve_arm
     from daemon.cli.solve_scan import check_options, solve_scan
     from daemon.cli.solve_together import solve_together
     from registration.errors import RegistrationError
@@ -115,7 +115,7 @@ def solve(
             raise CommandError(name, "clouds have no images", "leave it out", ExitStatus.UNREADABLE)
     intrinsics = None if camera is None else read_camera(camera)
     required = requirement_of(tolerance, at)
-    status, solved = ExitStatus.OK, []
+    status, solved, sessions = ExitStatus.OK, [], []
     for folder in folders:
         try:
             if artefact is None:
@@ -134,6 +134,7 @@ def solve(
             write_document(out if len(folders) == 1 else out / name / RESULT_FILE, document)
         if shown is not None:
             solved.append((folder, *shown[1:]))
+            sessions.append(shown[0])
         if pictures is not None and shown is not None and shown[1].in_space:
             raise CommandError("--pictures", *FOR_IMAGES, ExitStatus.UNREADABLE)
         if pictures is not None and shown is not None:
@@ -146,7 +147,7 @@ def solve(
             raise CommandError("--arm", "it needs every folder's images", "leave it out", ExitStatus.UNREADABLE)
         problems = [problem for _, problem, _ in solved]
         folder_out = out if out is None else (out.parent if len(folders) == 1 else out)
-        solve_arm(arm, problems, folder_out, _box_of(at), json=json)
+        solve_arm(arm, problems, folder_out, _box_of(at), known_distances(sessions), json=json)
     if together:
         if len(solved) < max(len(folders), 2):
             raise CommandError(

@@ -1,6 +1,6 @@
 """The arm's errors from ordinary and from several targets: what was learnt helps, what was not stays uncertain."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cache
 
@@ -13,7 +13,7 @@ from calibration.kinematics.abb_arms import find_arm
 from calibration.kinematics.arm_errors import Postures
 from calibration.kinematics.joint_check import JointsDisagree
 from calibration.solve import estimate_session, identify_arm_session
-from calibration.solver.arm_identification import ArmFit
+from calibration.solver.arm_identification import ArmFit, UnusualArm
 from calibration.solver.registered_points import registered_points
 from calibration.transforms import Array, map_points
 from mock_robot.arm.built_arm import ArmClass, build_arm
@@ -165,3 +165,32 @@ def test_joints_of_another_arm_are_refused_not_fitted() -> None:
     cell, _, _ = identified("standard")
     with pytest.raises(JointsDisagree, match="IRB 2600"):
         identify_arm_session(find_arm("IRB 6700-200/2.60"), cell.problems)
+
+
+@pytest.mark.parametrize(
+    ("mistaken", "code"),
+    [
+        (lambda q: q[[0, 1, 2, 4, 3, 5]], "joints-in-other-order"),
+        (np.radians, "joints-in-radians"),
+        (lambda q: q * [1, 1, -1, 1, -1, 1], "joints-with-other-signs"),
+        (lambda q: q + np.radians([0, 90, 0, 0, 0, 0]), "joints-with-shifted-zeros"),
+        (lambda q: q * [-1, 1, 1, -1, 1, -1] + np.radians([0, -90, 90, 0, 0, 0]), "joints-of-another-maker"),
+    ],
+)
+def test_joints_of_another_convention_are_refused_not_fitted(mistaken: Callable[[Array], Array], code: str) -> None:
+    (problem,) = draw_cell("standard", 0, (12,)).problems
+    views = [replace(view, joints_rad=mistaken(np.array(view.joints_rad))) for view in problem.views]
+    with pytest.raises(JointsDisagree) as refused:
+        identify_arm_session(ARM, [replace(problem, views=tuple(views))])
+    assert refused.value.mistake.code == code
+
+
+def test_a_zero_that_is_off_by_a_degree_is_no_error_of_an_arm() -> None:
+    """The revolution counters are wrong: correcting the arm would hide it."""
+    built = build_arm(ARM, "perfect", 0)
+    errors = np.radians(1.0) * (np.arange(len(built.errors)) == built.model.index("zero_3"))
+    rng = np.random.default_rng(0)
+    joints = [reachable_views(rng, ARM, target, 8) for target in TARGETS]
+    with pytest.raises(UnusualArm, match="revolution counters") as refused:
+        identify_arm_session(ARM, arm_cell(rng, replace(built, errors=errors), joints, TARGETS).problems)
+    assert refused.value.parameters[0] == "zero_3"

@@ -71,3 +71,12 @@ def test_another_arms_name_is_refused_with_the_right_one(session: Path, tmp_path
     assert solved.status == 2
     assert "the session is of an IRB 2600-" in solved.err
     assert not (tmp_path / "arm.json").exists()
+
+
+def test_a_distance_to_a_folder_that_is_not_named_is_refused(session: Path, tmp_path: Path) -> None:
+    document = json.loads((session / "session.json").read_text())
+    document["distances"] = [{"to": "left", "distance_mm": 1000.0, "sigma_mm": 0.02}]
+    (tmp_path / "session.json").write_text(json.dumps(document))
+    solved = handeyed("solve", tmp_path, "--arm", ARM.name)
+    assert solved.status == 2
+    assert "'left' is not the name of one other folder of the command" in solved.err
