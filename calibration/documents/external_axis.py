@@ -1,7 +1,7 @@
 """A track or turntable as documents have it: readings and zero in mm, of a turntable in degrees, as controllers do."""
 
 from collections.abc import Sequence
-from math import degrees, radians
+from math import degrees
 from typing import Annotated, Any
 
 import numpy as np
@@ -10,7 +10,7 @@ from pydantic import Field, model_validator
 from calibration.documents.pose import Vector
 from calibration.documents.validation import Document
 from calibration.errors import DocumentError, DocumentProblem
-from calibration.kinematics.external_axis import AxisKind, ExternalAxis
+from calibration.kinematics.external_axis import AxisKind, ExternalAxis, reading_of
 from calibration.solution import ExternalAxisEstimate
 from calibration.transforms import Array
 
@@ -59,17 +59,14 @@ class ExternalAxisDocument(Document):
         """As the solver takes it."""
         direction = np.array(self.direction) / np.linalg.norm(self.direction)
         point_mm = np.array(self.point_mm or (0.0, 0.0, 0.0))
-        return ExternalAxis(self.kind, self.number, direction, point_mm, self._inside(self.zero))
+        return ExternalAxis(self.kind, self.number, direction, point_mm, reading_of(self.kind, self.zero))
 
     def reading(self, external_axes: Sequence[float | None] | None) -> float | None:
         """This axis's reading, mm or rad, of all axes; None where they do not hold it."""
         if external_axes is None or len(external_axes) < self.number:
             return None
         value = external_axes[self.number - 1]
-        return None if value is None else self._inside(value)
-
-    def _inside(self, value: float) -> float:
-        return value if self.kind == "track" else radians(value)
+        return None if value is None else reading_of(self.kind, value)
 
 
 Twelve = Annotated[tuple[float, ...], Field(min_length=12, max_length=12)]

@@ -24,6 +24,11 @@ STEPS = np.array([1e-5, 1e-5, 1e-2, 1e-2])
 """rad, mm: of the differences by which the poses' derivatives are taken."""
 
 
+def reading_of(kind: AxisKind, value: float) -> float:
+    """A reading, mm or rad, of the controller's value, mm or degrees."""
+    return value if kind == "track" else radians(value)
+
+
 @dataclass(frozen=True, eq=False)
 class ExternalAxis:
     """An axis beside the arm, in the frame of its base.
@@ -93,7 +98,3 @@ class ExternalAxis:
         if self.kind == "turntable":
             by[3:, 2:] = self.tangents
         return by
-
-    def reading_of(self, value: float) -> float:
-        """A reading, mm or rad, of the controller's value, mm or degrees."""
-        return value if self.kind == "track" else radians(value)

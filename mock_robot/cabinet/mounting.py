@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from calibration.kinematics.external_axis import ExternalAxis
+from calibration.kinematics.external_axis import ExternalAxis, reading_of
 from calibration.transforms import Array, inverse, transform
 
 
@@ -36,7 +36,7 @@ class Mounting:
         start_T_base = inverse(self.world_T_base) @ self.true_world_T_base(external_axes)
         if self.beside is None:
             return start_T_base
-        reading = self.beside.reading_of(external_axes[self.beside.number - 1])
+        reading = reading_of(self.beside.kind, external_axes[self.beside.number - 1])
         moved: Array = self.beside.motion(reading) @ start_T_base
         return moved
 

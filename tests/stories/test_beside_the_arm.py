@@ -15,7 +15,7 @@ import pytest
 from calibration.documents.external_axis import FoundAxisDocument
 from calibration.documents.pose import PoseDocument
 from calibration.kinematics.arm import UnreachablePoseError
-from calibration.kinematics.external_axis import AxisKind, ExternalAxis
+from calibration.kinematics.external_axis import AxisKind, ExternalAxis, reading_of
 from calibration.transforms import Array, inverse, map_points
 from daemon.config.settings import TaughtPose
 from mock_robot.cabinet.mounting import Mounting
@@ -74,7 +74,7 @@ class Cell:
 
     def reported(self, reading: float, at_zero: Array) -> Array:
         """Where the controller says that the flange stands then."""
-        there: Array = inverse(self.axis.motion(self.axis.reading_of(reading))) @ at_zero
+        there: Array = inverse(self.axis.motion(reading_of(self.axis.kind, reading))) @ at_zero
         return there
 
     def within_reach(self, reading: float) -> list[Array]:
