@@ -80,8 +80,22 @@ def solve_hand_eye(problem: Problem, method: str = "auto") -> Solution:
     )
 
 
+def estimate_hand_eye(problem: Problem) -> Solution:
+    """As `solve_hand_eye` of images, without its diagnosis, which takes half of the time and may widen the uncertainty.
+
+    For plans between two views; the result of a session is `solve_hand_eye`'s.
+    """
+    return _estimate_images(problem, "auto")[1]
+
+
 def _solve_images(problem: Problem, method: str) -> Solution:
-    """The solution of a session of images."""
+    """The solution of a session of images, with its diagnosis."""
+    return diagnose_solution(*_estimate_images(problem, method))
+
+
+def _estimate_images(problem: Problem, method: str) -> tuple[Problem, Solution, PreparedSession | None]:
+    """The problem, with an external axis at its zero, and its solution; without the prepared session where X is not
+    determined."""
     given, fit = problem.external_axis, None
     try:
         with np.errstate(over="raise", divide="raise", invalid="raise"):
@@ -93,10 +107,10 @@ def _solve_images(problem: Problem, method: str) -> Solution:
             if given is not None and fit is not None:
                 solution = replace(solution, external_axis=fit.estimate(given, solution))
     except UndeterminedError as undetermined:
-        return diagnose_solution(problem, solution_without_x(problem, method, undetermined))
+        return problem, solution_without_x(problem, method, undetermined), None
     except (np.linalg.LinAlgError, ArithmeticError):
-        return diagnose_solution(problem, solution_without_x(problem, method, UndeterminedError(*CONTRADICTORY)))
-    return diagnose_solution(problem, solution, prepared)
+        return problem, solution_without_x(problem, method, UndeterminedError(*CONTRADICTORY)), None
+    return problem, solution, prepared
 
 
 def _estimate_with_axis(problem: Problem, given: ExternalAxis) -> tuple[Problem, SessionEstimate, AxisFit]:

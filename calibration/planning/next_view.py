@@ -88,6 +88,8 @@ def next_view(
     """
     caution = 1.5**misses
     belief = infer_scene(prior, problem, caution=caution)
+    if stop.met_by(belief):
+        belief = infer_scene(prior, problem, caution=caution, diagnosed=True)
     now_mm = belief.predicted_mm if np.isfinite(belief.predicted_mm) else None
     if stop.met_by(belief) or stop.views_left <= 0:
         return NextView(None, now_mm, None, 0)
@@ -103,10 +105,10 @@ def plan_ahead(
 ) -> Plan | None:
     """The plan after the view that the arm is moving to, computed meanwhile as if that view showed what is expected.
 
-    None before X is determined, and when no view is left. `stop.views_left` includes the view under way.
+    None when no view is left. `stop.views_left` includes the view under way.
     """
     belief, views_left = found.belief, stop.views_left - 1
-    if belief is None or found.base_T_flange is None or views_left <= 0 or not np.isfinite(belief.estimated_mm):
+    if belief is None or found.base_T_flange is None or views_left <= 0:
         return None
     taken = np.concatenate([_poses_with_target(problem), found.base_T_flange[None]])
     try:

@@ -97,9 +97,10 @@ class SceneBelief:
     predicted_worst_mm: float = inf
 
 
-def infer_scene(prior: ScenePrior, problem: Problem, *, caution: float = 1.0) -> SceneBelief:
+def infer_scene(prior: ScenePrior, problem: Problem, *, caution: float = 1.0, diagnosed: bool = False) -> SceneBelief:
     """The scene from the prior and the views of `problem` so far. `caution`: factor on the spread of the alternatives.
 
+    `diagnosed`: the uncertainty is widened by what a diagnosis finds, which takes twice the time.
     Raises UndeterminedError when prior and views together do not determine where camera and target are.
     """
     seen = _usable_views(problem)
@@ -107,9 +108,10 @@ def infer_scene(prior: ScenePrior, problem: Problem, *, caution: float = 1.0) ->
     if not seen:
         return _belief_of_prior(prior, camera, caution)
     if len(seen) >= 3:
-        from calibration.solve import solve_hand_eye  # half of the package: not for the first views
+        from calibration.solve import estimate_hand_eye, solve_hand_eye  # half of the package: not for the first views
 
-        solution = solve_hand_eye(replace(problem, camera=prior.camera))
+        whole = diagnosed or problem.in_space
+        solution = (solve_hand_eye if whole else estimate_hand_eye)(replace(problem, camera=prior.camera))
         if solution.mount_T_camera is not None and solution.uncertainty is not None:
             return _belief_of_solution(prior, problem, seen, solution, caution)
     return _rough_belief(prior, problem, seen, camera, caution)

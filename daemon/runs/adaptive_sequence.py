@@ -13,7 +13,6 @@ from calibration.planning.exploration import Exploration, turn_flange
 from calibration.planning.line_of_sight import LineOfSight
 from calibration.planning.next_view import NextView, StoppingRule, next_view, plan_ahead
 from calibration.planning.plan import Plan, PlanningError
-from calibration.planning.reachability import reachable_by
 from calibration.planning.scene_belief import SceneBelief, ScenePrior
 from calibration.planning.viewpoints import ViewpointLimits
 from calibration.problem import MOUNTS, Problem, View
@@ -175,8 +174,8 @@ class AdaptiveSequence:
         rules, at, pose = self.parameters.rules, self._progress, found.base_T_flange
         assert pose is not None
         joints = await robot.read_joints() if rules.arm else None
-        arm, sight = rules.arm, self._sight()
-        reachable = None if arm is None or joints is None else reachable_by(arm, joints, sight=sight)
+        there = rules.joints_along(pose[None], joints)[0]
+        reachable = rules.reachable_from(there, self._sight())
         problem = self.session.problem_here(at.views)
         ahead = asyncio.create_task(
             self.workers.run(plan_ahead, found, problem, self.parameters.limits, at.wish, reachable=reachable)

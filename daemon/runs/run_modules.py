@@ -6,8 +6,11 @@ from daemon.runtime.module_names import module_name
 
 RUN_MODULES = ("calibration.detection.detect", "calibration.documents.identified_arm", "calibration.planning.next_view")
 
+LOADED_ON_FIRST_USE = ("scipy.linalg", "scipy.optimize", "scipy.special")
+"""Parts of SciPy that `import scipy` leaves to the first call."""
+
 
 def load_run_modules() -> None:
     """Import what a run needs. Before the arm is armed: an import keeps the interpreter, and the link's heartbeats."""
-    for name in RUN_MODULES:
-        import_module(module_name(name))
+    for name in (*map(module_name, RUN_MODULES), *LOADED_ON_FIRST_USE):
+        import_module(name)

@@ -18,7 +18,6 @@ from calibration.transforms import (
     difference,
     inverse,
     rotation_angle_rad,
-    rotation_from_vector,
     transform,
 )
 from tests.calibration.planning.scenes import (
@@ -187,10 +186,30 @@ def test_what_was_foreseen_while_the_arm_moved_is_taken_when_the_view_shows_what
     np.testing.assert_array_equal(told.base_T_flange, anew.base_T_flange)
 
 
-def test_nothing_is_foreseen_before_x_is_known_or_after_the_last_view():
+def test_a_view_is_foreseen_before_x_is_known_and_none_after_the_last():
     guess = guess_off(5.0, 1.0)
     first = next_view(guess, problem_of([LOOK]), WIDE, StoppingRule(4), base_T_flange_now=LOOK)
-    assert plan_ahead(first, problem_of([LOOK]), WIDE, StoppingRule(4)) is None
-    poses = [LOOK, *(LOOK @ transform(rotation_from_vector(v), [0.0, 0, 0]) for v in ([0.1, 0, 0.2], [0, 0.2, -0.2]))]
+    assert first.now_mm is None
+    foreseen = plan_ahead(first, problem_of([LOOK]), WIDE, StoppingRule(4))
+    assert foreseen is not None
+    assert len(foreseen.base_T_flange) == 3
+    poses = [LOOK, first.base_T_flange]
+    second = next_view(guess, problem_of(poses), WIDE, StoppingRule(3), base_T_flange_now=poses[-1], prepared=foreseen)
+    np.testing.assert_array_equal(second.base_T_flange, foreseen.base_T_flange[0])
+
     last = next_view(guess, problem_of(poses), WIDE, StoppingRule(1), base_T_flange_now=poses[-1])
     assert plan_ahead(last, problem_of(poses), WIDE, StoppingRule(1)) is None
+
+
+def test_a_run_ends_by_the_uncertainty_that_a_diagnosis_has_widened(monkeypatch):
+    poses, _ = taken_step_by_step(guess_off(5.0, 1.0), StoppingRule(5))
+    guess, problem, wish = guess_off(5.0, 1.0), problem_of(poses), StoppingRule(3, uncertainty_mm=0.2)
+    assert next_view(guess, problem, WIDE, wish, base_T_flange_now=poses[-1]).base_T_flange is None
+
+    def solve_widened(problem):
+        found = solve_hand_eye(problem)
+        assert found.uncertainty is not None
+        return replace(found, uncertainty=replace(found.uncertainty, point_mm=0.5))
+
+    monkeypatch.setattr("calibration.solve.solve_hand_eye", solve_widened)
+    assert next_view(guess, problem, WIDE, wish, base_T_flange_now=poses[-1]).base_T_flange is not None
