@@ -18,36 +18,54 @@ from pathlib import Path
 HERE = Path(__file__).resolve().parent
 
 QUICK: dict[str, tuple[str, ...]] = {
-    "registration.archive": ("--scans", "8"),
-    "registration.archive_faults": ("--scans", "20", "--points", "500"),
-    "registration.large_part": ("--views", "8", "--points", "1e5"),
-    "registration.profiled_door": ("--cells", "1"),
-    "detection": ("--views", "4"),
+    "arm": ("--arms", "1"),
+    "daemon.abort": ("--aborts", "4", "--viewers", "300"),
+    "daemon.camera_stream": ("--requests", "200"),
     "daemon.disk_faults": ("--every", "40"),
     "daemon.drift": ("--cells", "30"),
     "daemon.egm": ("--seconds", "5"),
-    "hand_eye": ("--cells", "500"),
-    "hand_eye.peers": ("--cells", "20"),
+    "daemon.half_open": ("--connections", "200", "--requests", "100"),
     "daemon.http": ("--rounds", "8"),
+    "daemon.http_fuzz": ("--streams", "1000"),
     "daemon.link": ("--schedules", "10", "--reads", "10", "--reconnects", "50"),
+    "daemon.page": ("--runs", "1", "--idle", "10"),
+    "daemon.page_cloud": ("--points", "1e6", "--views", "4", "--area", "2"),
+    "daemon.page_hours": ("--hours", "1"),
+    "daemon.power_cut": ("--every", "40", "--states", "4"),
     "daemon.readers": ("--readers", "100", "--rounds", "3"),
     "daemon.restart": ("--starts", "5"),
     "daemon.schemathesis": ("--cases", "300"),
     "daemon.soak": ("--minutes", "1"),
     "daemon.torture": ("--rounds", "20"),
+    "detection": ("--views", "4"),
+    "diagnosis": ("--sessions", "4", "--real", "2", "--clean", "50", "--factors", "1", "1.5"),
+    "diagnosis.damaged": ("--sessions", "100"),
+    "diagnosis.postures": ("--sessions", "2"),
+    "diagnosis.warming": ("--sessions", "4"),
+    "hand_eye": ("--cells", "500"),
+    "hand_eye.peers": ("--cells", "20"),
     "hand_eye.vision_calibration": ("--cells", "4"),
+    "registration.archive": ("--scans", "8"),
+    "registration.archive_faults": ("--scans", "20", "--points", "500"),
+    "registration.large_part": ("--views", "8", "--points", "1e5"),
+    "registration.profiled_door": ("--cells", "1"),
+    "run_time": ("--runs", "1"),
 }
 FULL: dict[str, tuple[str, ...]] = {
-    "hand_eye": ("--cells", "1000"),
-    "hand_eye.peers": ("--cells", "200"),
     "daemon.modbus": ("--frames", "1000000"),
-    "hand_eye.kinhec": ("--tier", "small"),
     "daemon.soak": ("--minutes", "120"),
     "daemon.torture": ("--rounds", "1000"),
+    "diagnosis.damaged": ("--sessions", "20000"),
+    "hand_eye": ("--cells", "1000"),
+    "hand_eye.kinhec": ("--tier", "small"),
+    "hand_eye.peers": ("--cells", "200"),
     "hand_eye.vision_calibration": ("--cells", "50"),
 }
 BY_NAME_ONLY = frozenset({"hand_eye.peers"})
 """Needs an OpenCV with calibrateHandEye: `make bench` runs it in the other environment."""
+
+STARTED_BY_OTHERS = frozenset({"daemon.floods"})
+"""Programs here that benchmarks start with arguments of their own."""
 
 QUICK_LIMIT_S, FULL_LIMIT_S = 900.0, 3 * 3600.0
 
@@ -83,7 +101,8 @@ def available() -> list[str]:
     """Dotted names of the modules and packages in this folder that run as programs, sorted."""
     files = [file for file in HERE.rglob("*.py") if file != HERE / "__main__.py"]
     runnable = [file for file in files if '__name__ == "__main__"' in file.read_text(encoding="utf-8")]
-    return sorted(".".join(file.relative_to(HERE).with_suffix("").parts).removesuffix(".__main__") for file in runnable)
+    names = {".".join(file.relative_to(HERE).with_suffix("").parts).removesuffix(".__main__") for file in runnable}
+    return sorted(names - STARTED_BY_OTHERS)
 
 
 def run(name: str, arguments: tuple[str, ...], limit_s: float) -> tuple[str, str]:

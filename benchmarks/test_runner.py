@@ -52,3 +52,8 @@ def test_wrong_arguments_are_a_named_failure() -> None:
 def test_one_that_takes_too_long_is_stopped() -> None:
     _, trouble = runner.run("hand_eye", (), 0.01)
     assert trouble == "stopped after 0 s"
+
+
+def test_the_tiers_name_benchmarks_that_are_there() -> None:
+    assert {*runner.QUICK, *runner.FULL, *runner.BY_NAME_ONLY} <= set(runner.available())
+    assert runner.STARTED_BY_OTHERS.isdisjoint(runner.available())
