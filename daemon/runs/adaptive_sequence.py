@@ -174,11 +174,9 @@ class AdaptiveSequence:
         rules, at, pose = self.parameters.rules, self._progress, found.base_T_flange
         assert pose is not None
         joints = await robot.read_joints() if rules.arm else None
-        there = rules.joints_along(pose[None], joints)[0]
-        reachable = rules.reachable_from(there, self._sight())
         problem = self.session.problem_here(at.views)
         ahead = asyncio.create_task(
-            self.workers.run(plan_ahead, found, problem, self.parameters.limits, at.wish, reachable=reachable)
+            self.workers.run(_plan_from_there, self.parameters, found, problem, at.wish, joints, self._sight())
         )
         try:
             view = await self._visit(robot, pose)
@@ -227,6 +225,22 @@ class AdaptiveSequence:
         self._progress.stations += 1
         if self._progress.misses > MAX_MISSES:
             check_detections(self._progress.views, len(self._progress.views))
+
+
+def _plan_from_there(
+    parameters: AdaptiveParameters,
+    found: NextView,
+    problem: Problem,
+    wish: StoppingRule,
+    joints_now_rad: Array | None,
+    sight: LineOfSight | None,
+) -> Plan | None:
+    """The plan after `found`, within what the arm can do from there."""
+    assert found.base_T_flange is not None
+    rules = parameters.rules
+    (there,) = rules.joints_along(found.base_T_flange[None], joints_now_rad)
+    reachable = rules.reachable_from(there, sight)
+    return plan_ahead(found, problem, parameters.limits, wish, reachable=reachable)
 
 
 def _with_joints(rules: MotionRules, base_T_flange: Array, joints_now_rad: Array | None) -> tuple[dict[str, Any], ...]:
