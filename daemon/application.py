@@ -20,6 +20,7 @@ from daemon.runtime.clock import Clock
 from daemon.runtime.event_bus import EventBus
 from daemon.runtime.loop_monitor import EventLoopMonitor
 from daemon.runtime.metrics import Metric, Metrics
+from daemon.runtime.recent_log import RecentLog
 from daemon.runtime.systemd import Systemd
 from daemon.runtime.workers import Workers
 from daemon.scans.scan_service import ScanService
@@ -100,6 +101,7 @@ class Application:
     device_watch: DeviceWatch
     systemd: Systemd
     loop_monitor: EventLoopMonitor
+    recent_log: RecentLog
     services: tuple[BackgroundService, ...] = ()
     warning_sources: tuple[WarningSource, ...] = ()
     metric_sources: tuple[MetricSource, ...] = ()

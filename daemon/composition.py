@@ -30,6 +30,7 @@ from daemon.runtime.logs import log_to_stdout
 from daemon.runtime.loop_monitor import EventLoopMonitor
 from daemon.runtime.memory_trim import MemoryTrim
 from daemon.runtime.metrics import Metrics
+from daemon.runtime.recent_log import RecentLog
 from daemon.runtime.systemd import Systemd
 from daemon.runtime.workers import Workers
 from daemon.scans.registration_jobs import RegistrationJobs
@@ -115,7 +116,7 @@ def build(
     operations, drifts = cameras.main.operations, [camera.drift for camera in cameras.cameras]
     webhooks = WebhookDispatcher(settings.webhooks, store.outbox, clock, random.random)
     retention = Retention(store, service_workers, clock, settings.storage)
-    monitor, loop_monitor = StoreMonitor(store, events), EventLoopMonitor()
+    monitor, loop_monitor, recent_log = StoreMonitor(store, events), EventLoopMonitor(), RecentLog()
     device_watch = DeviceWatch(cell, clock, events.publish)
     key_watch = KeyWatch(store.access_keys, store.browser_sessions, clock)
     every_s = 3600 * settings.drift.every_h
@@ -144,7 +145,9 @@ def build(
         device_watch=device_watch,
         systemd=systemd or Systemd.of(os.environ, os.getpid()),
         loop_monitor=loop_monitor,
+        recent_log=recent_log,
         services=(
+            recent_log,
             loop_monitor,
             MemoryTrim(),
             cell.safe_stop,

@@ -18,6 +18,7 @@ POLICY: tuple[tuple[str, str, Role], ...] = (
     ("POST", "/keys", Role.ADMIN),
     ("POST", "/keys/*", Role.ADMIN),
     ("GET", "/settings", Role.ADMIN),
+    ("POST", "/support-bundle", Role.ADMIN),
     ("GET", ANY, Role.VIEWER),
     ("HEAD", ANY, Role.VIEWER),
     ("OPTIONS", ANY, Role.VIEWER),

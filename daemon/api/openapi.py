@@ -10,7 +10,7 @@ from pydantic.json_schema import models_json_schema
 from daemon.access.policy import role_for
 from daemon.access.roles import Role
 from daemon.api.dependencies import JsonBody
-from daemon.api.middleware.idempotency import KEY_PATTERN, MAX_KEY_LENGTH, SHOWN_ONCE
+from daemon.api.middleware.idempotency import KEY_PATTERN, MAX_KEY_LENGTH, NOT_STORED
 from daemon.api.openapi_examples import example_of
 from daemon.api.route_table import ROUTERS, TAGS
 from daemon.api.schemas.answer import Answer
@@ -123,7 +123,7 @@ def _finish(document: dict[str, Any], bodies: dict[tuple[str, str], type[BaseMod
             needed = role_for(method.upper(), path)
             operation["x-role"] = needed.word
             operation["security"] = [] if needed is Role.NOBODY else [{"key": []}, {"session": []}]
-            if method == "post" and not SHOWN_ONCE.fullmatch(path):
+            if method == "post" and not NOT_STORED.fullmatch(path):
                 reference = {"$ref": "#/components/parameters/IdempotencyKey"}
                 operation.setdefault("parameters", []).append(reference)
             refused = () if needed is Role.NOBODY else (401, 403) if needed > Role.VIEWER else (401,)

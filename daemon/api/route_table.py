@@ -22,6 +22,7 @@ from daemon.api.routes import (
     runs,
     scans,
     session,
+    support,
     sweeps,
     touches,
 )
@@ -94,6 +95,7 @@ ROUTERS: tuple[APIRouter, ...] = (
     scans.router,
     sweeps.router,
     admin.router,
+    support.router,
     session.router,
     page.router,
     keys.router,

@@ -26,9 +26,9 @@ def support_bundle(
 
     at = datetime.now(UTC)
     target = out or Path(f"handeyed-support-{at:%Y%m%d-%H%M%S}.tar.gz")
-    bundle = gather(config, at, log)
+    bundle = gather(config, log)
     size = bundle.write(target, at)
     if as_json:
-        typer.echo(dumps({"file": str(target), "bytes": size, "contents": list(bundle.files)}))
+        typer.echo(dumps({"file": str(target), "bytes": size, "contents": ["README.txt", *bundle.files]}))
         return
-    typer.echo(f"{target}: {size / 1e3:.0f} kB, {len(bundle.files)} files; look at it before you send it")
+    typer.echo(f"{target}: {size / 1e3:.0f} kB, {1 + len(bundle.files)} files; look at it before you send it")

@@ -283,6 +283,14 @@ class SetupRequest(Document):
     ] = "admin"
 
 
+class SupportBundleRequest(Document):
+    """What a support bundle holds beside texts; {} for texts alone. `pictures`: those of the newest run."""
+
+    model_config = _examples({"pictures": False})
+
+    pictures: bool = False
+
+
 class SessionRequest(Document):
     """An API key, or a pairing code from a screen that is signed in."""
 

@@ -35,8 +35,8 @@ STREAMED_PATHS = ("/register",)
 """Paths whose answers are too large to store: their inputs are stored, and the answer is computed again."""
 
 
-SHOWN_ONCE = re.compile(r"/setup|/session(?:/.*)?|/keys(?:/.*)?")
-"""Paths whose answers hold a key, a cookie or a code in clear text, and are not stored."""
+NOT_STORED = re.compile(r"/setup|/session(?:/.*)?|/keys(?:/.*)?|/support-bundle")
+"""Paths whose answers hold a key, a cookie or a code in clear text, or megabytes, and are not stored."""
 
 
 class Idempotency:
@@ -48,7 +48,7 @@ class Idempotency:
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         given = [value for name, value in scope.get("headers", ()) if name == HEADER]
-        if scope["type"] != "http" or scope["method"] != "POST" or not given or SHOWN_ONCE.fullmatch(scope["path"]):
+        if scope["type"] != "http" or scope["method"] != "POST" or not given or NOT_STORED.fullmatch(scope["path"]):
             await self._app(scope, receive, send)
             return
         try:

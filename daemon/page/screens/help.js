@@ -14,18 +14,26 @@ export function Help({ argument }) {
   return html`<div class="grid">
     ${argument && html`<${Code} code=${argument} />`}
     <${Card} title=${t('help.title')} id="rules" wide="2"><dl class="rules">${RULES.map((name) => html`<div><dt>${t(`help.${name}`)}</dt><dd>${t(`help.${name}.about`)}</dd></div>`)}</dl></${Card}>
-    ${may('admin') && html`<${Card} title=${t('help.bundle')} id="bundle"><p>${t('help.bundle.about')}</p><${Act} label=${t('download')} act=${bundle} /></${Card}>`}
+    ${may('admin') && html`<${Bundle} />`}
     <${Codes} />
   </div>`;
 }
 
-async function bundle() {
-  const { data } = await ask('/support-bundle', { method: 'POST', kind: 'blob', limit_s: 120 });
-  const link = document.createElement('a');
-  link.href = URL.createObjectURL(data);
-  link.download = 'handeyed-support.zip';
-  link.click();
-  URL.revokeObjectURL(link.href);
+const KEPT_MS = 60_000; // until then the browser has taken what it downloads
+
+function Bundle() {
+  const [pictures, setPictures] = useState(false);
+  const download = async () => {
+    const { data } = await ask('/support-bundle', { method: 'POST', body: { pictures }, headers: { Accept: 'application/gzip' }, kind: 'blob', limit_s: 120 });
+    const link = document.createElement('a');
+    link.href = URL.createObjectURL(data);
+    link.download = `handeyed-support-${new Date().toISOString().slice(0, 19).replace(/[-:]/g, '').replace('T', '-')}.tar.gz`;
+    link.click();
+    setTimeout(() => URL.revokeObjectURL(link.href), KEPT_MS);
+  };
+  return html`<${Card} title=${t('help.bundle')} id="bundle"><p>${t('help.bundle.about')}</p>
+    <label class="check"><input type="checkbox" checked=${pictures} onChange=${() => setPictures(!pictures)} /><span>${t('help.bundle.pictures')}</span></label>
+    <${Act} label=${t('download')} act=${download} /></${Card}>`;
 }
 
 function Code({ code }) {

@@ -533,5 +533,6 @@ export default {
   'help.find': 'Suchen',
   'help.unknown': 'Diesen Code kennt diese Version nicht.',
   'help.bundle': 'Paket für den Support',
-  'help.bundle.about': 'Logs, Einstellungen ohne Geheimnisse und der Zustand des Speichers, für den, der hilft.',
+  'help.bundle.about': 'Logs, Einstellungen, Läufe und der Zustand des Speichers in einer Datei, ohne Schlüssel und Passwörter, für den, der hilft. Vor dem Versenden ansehen.',
+  'help.bundle.pictures': 'Mit den Bildern des letzten Laufs',
 };

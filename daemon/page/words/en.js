@@ -546,5 +546,6 @@ export default {
   'help.find': 'Find',
   'help.unknown': 'This code is not known to this version.',
   'help.bundle': 'Support bundle',
-  'help.bundle.about': 'Logs, settings without secrets, and the state of the store, for whoever helps.',
+  'help.bundle.about': 'Logs, settings, runs and the state of the store in one file, without keys and passwords, for whoever helps. Look at it before you send it.',
+  'help.bundle.pictures': 'With the pictures of the last run',
 };

@@ -533,5 +533,6 @@ export default {
   'help.find': 'Buscar',
   'help.unknown': 'Esta versión no conoce este código.',
   'help.bundle': 'Paquete de asistencia',
-  'help.bundle.about': 'Diarios, ajustes sin secretos y estado del almacén, para quien ayude.',
+  'help.bundle.about': 'Diarios, ajustes, ejecuciones y estado del almacén en un archivo, sin claves ni contraseñas, para quien ayude. Revíselo antes de enviarlo.',
+  'help.bundle.pictures': 'Con las imágenes de la última ejecución',
 };

@@ -533,5 +533,6 @@ export default {
   'help.find': '查找',
   'help.unknown': '此版本不认识这个代码。',
   'help.bundle': '支持包',
-  'help.bundle.about': '日志、不含机密的设置和存储状态，供协助者使用。',
+  'help.bundle.about': '日志、设置、运行记录和存储状态合为一个文件，不含密钥和密码，供协助者使用。发送前请先查看。',
+  'help.bundle.pictures': '包含最近一次运行的图片',
 };

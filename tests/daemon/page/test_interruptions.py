@@ -1,6 +1,7 @@
 """What the page shows when something fails under it: daemon, robot, clock, calibration; files sent and fetched."""
 
 import asyncio
+import tarfile
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ from tests.daemon.clouds import cloud
 from tests.daemon.fakes import Gate, ply_of
 from tests.daemon.knocked_camera import calibrated
 from tests.daemon.page.conftest import AXE_FINDINGS, Opened, page_of
+from tests.daemon.page.holding import press
 from tests.support.waiting import LIMIT_S
 
 pytestmark = [pytest.mark.asyncio(loop_scope="module"), pytest.mark.slow]
@@ -132,3 +134,16 @@ async def test_a_result_is_reported_exported_and_solved_again(
         await page.get_by_text("4 of 5 views are used").wait_for()
         await page.get_by_role("button", name="Solve again").click()
         await page.get_by_text("4 / 5").or_(page.get_by_text("4 / 4")).wait_for()
+
+
+async def test_a_support_bundle_is_downloaded_with_the_pictures_asked_for(open_page: Opened, tmp_path: Path) -> None:
+    async with open_page("admin", "help") as page:
+        await page.get_by_label("With the pictures of the last run").check()
+        async with page.expect_download() as begun, page.expect_request("**/support-bundle") as asked:
+            await press(page.locator("section[aria-labelledby=bundle]").get_by_role("button", name="Download"))
+        assert (await asked.value).post_data_json == {"pictures": True}
+        bundle = await begun.value
+        assert bundle.suggested_filename.endswith(".tar.gz")
+        await bundle.save_as(tmp_path / "bundle.tar.gz")
+    with tarfile.open(tmp_path / "bundle.tar.gz") as files:
+        assert "handeyed-support/settings.json" in files.getnames()

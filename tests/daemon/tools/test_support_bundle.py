@@ -3,20 +3,25 @@
 import gzip
 import io
 import json
+import logging
+import re
 import sqlite3
 import tarfile
 from contextlib import closing
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
 
 import pytest
 from typer.testing import CliRunner
 
 from daemon.cli.main import app
+from daemon.errors import StorageError
 from daemon.tools.support_bundle.bundle import gather
-from daemon.tools.support_bundle.redaction import REMOVED, redact, redact_values
-from tests.daemon.cell_under_test import serving, settings_for
+from daemon.tools.support_bundle.redaction import PIECE, REMOVED, redact, redact_lines, redact_values
+from tests.daemon.cell_under_test import Bench, serving, settings_for
 from tests.drivers.http_devices import Answer, http_device
+from tests.support.waiting import LIMIT_S
 
 NOW = datetime(2026, 11, 21, 9, tzinfo=UTC)
 
@@ -74,9 +79,13 @@ def filled(text: str) -> str:
 
 
 def contents(archive: bytes) -> dict[str, str]:
+    return {name: content.decode() for name, content in contents_of(archive).items()}
+
+
+def contents_of(archive: bytes) -> dict[str, bytes]:
     with tarfile.open(fileobj=io.BytesIO(archive), mode="r:gz") as files:
         return {
-            member.name.removeprefix("handeyed-support/"): (files.extractfile(member) or io.BytesIO()).read().decode()
+            member.name.removeprefix("handeyed-support/"): (files.extractfile(member) or io.BytesIO()).read()
             for member in files.getmembers()
         }
 
@@ -103,7 +112,7 @@ async def a_cell_with_secrets(folder: Path) -> Path:
 async def test_no_planted_secret_leaves_the_cell(tmp_path: Path) -> None:
     config = await a_cell_with_secrets(tmp_path)
     target = tmp_path / "bundle.tar.gz"
-    bundle = gather(config, NOW, tmp_path / "handeyed.log")
+    bundle = gather(config, tmp_path / "handeyed.log")
     assert bundle.write(target, NOW) == target.stat().st_size
     found = contents(target.read_bytes())
     for file, text in found.items():
@@ -113,7 +122,7 @@ async def test_no_planted_secret_leaves_the_cell(tmp_path: Path) -> None:
 
 async def test_what_an_engineer_needs_is_inside(tmp_path: Path) -> None:
     config = await a_cell_with_secrets(tmp_path)
-    found = gather(config, NOW, tmp_path / "handeyed.log").files
+    found = gather(config, tmp_path / "handeyed.log").files
     settings = json.loads(found["settings.json"])
     assert settings["robot"]["address"] == "tcp://192.0.2.7:5020"
     assert settings["camera"]["address"].startswith(f"http://{REMOVED}@192.0.2.20/frame.png")
@@ -131,6 +140,56 @@ async def test_what_an_engineer_needs_is_inside(tmp_path: Path) -> None:
     assert "no answer" in found["daemon-health.txt"]
 
 
+async def test_the_daemon_makes_one_itself_of_what_it_has_loaded_and_logged(tmp_path: Path) -> None:
+    camera = {"address": filled("http://{camera user}:{camera password}@192.0.2.20/frame.png?token={query token}")}
+    async with serving(settings_for(tmp_path, camera=camera)) as bench:
+        logging.getLogger("daemon.test").warning(filled("Authorization: Bearer {bearer}; code {setup code}; hello"))
+        answer = await bench.client.post("/support-bundle")
+    found = contents(answer.content)
+    assert answer.headers["content-type"] == "application/gzip"
+    assert re.fullmatch(
+        r'attachment; filename="handeyed-support-[0-9-]{15}\.tar\.gz"', answer.headers["content-disposition"]
+    )
+    with closing(sqlite3.connect(tmp_path / "handeyed.sqlite")) as db:
+        assert ("POST", "/support-bundle") in db.execute("SELECT action, subject FROM audit").fetchall()
+    settings = json.loads(found["settings.json"])
+    assert settings["target"]["columns"] == 11
+    assert settings["drift"]["learn"] == 5, "also what the file does not name"
+    assert json.loads(found["daemon-health.txt"])["status"] == "alive"
+    assert json.loads(found["daemon-ready-camera.txt"])["register"]["ready"] is False
+    assert "handeyed_run_in_progress 0" in found["daemon-metrics.txt"]
+    assert '"name": "robot"' in found["daemon-devices.txt"]
+    assert found["log-since-start.txt"].endswith("; hello")
+    assert json.loads(found["audit.json"])["whole"] is True
+    for file, text in found.items():
+        for name, secret in PLANTED.items():
+            assert secret not in file + text, f"{name} is in {file}"
+
+
+async def test_pictures_are_in_it_only_when_asked_for(bench: Bench) -> None:
+    run = (await bench.client.post("/calibrate", params={"wait": LIMIT_S})).json()
+    await bench.application.events.flush()
+    without = contents_of((await bench.client.post("/support-bundle")).content)
+    found = contents_of((await bench.client.post("/support-bundle", json={"pictures": True})).content)
+    assert set(found) - set(without) == {f"pictures/{run['id']}/view_{k:03d}.png" for k in range(run["station"])}
+    assert found[f"pictures/{run['id']}/view_000.png"].startswith(b"\x89PNG")
+    assert "No pictures" in without["README.txt"].decode()
+    events = json.loads(without["events.json"])
+    assert {"run", "calibration"} <= {event["kind"] for event in events}
+    assert events[0]["number"] > events[-1]["number"]
+
+
+async def test_what_the_daemon_cannot_answer_is_replaced_by_the_reason(bench: Bench) -> None:
+    async def unreadable(_camera: str) -> Any:
+        raise StorageError("the disk does not answer", "look at its cable")
+
+    bench.application.store.current = unreadable  # type: ignore[method-assign]
+    found = contents((await bench.client.post("/support-bundle")).content)
+    assert found["daemon-ready-camera.txt"] == found["daemon-metrics.txt"]
+    assert "the disk does not answer" in found["daemon-metrics.txt"]
+    assert json.loads(found["daemon-health.txt"])["status"] == "alive"
+
+
 @pytest.mark.slow
 def test_another_program_at_the_daemons_port_does_not_fill_the_bundle(tmp_path: Path) -> None:
     bomb = gzip.compress(bytes(60_000_000))
@@ -138,7 +197,7 @@ def test_another_program_at_the_daemons_port_does_not_fill_the_bundle(tmp_path: 
         device.answers["/metrics"] = Answer(b"x" * 6_000_000)
         config = tmp_path / "handeyed.toml"
         config.write_text(filled(SETTINGS).replace("{{folder}}", "store").replace("port = 1", f"port = {device.port}"))
-        found = gather(config, NOW).files
+        found = gather(config).files
     assert len(found["daemon-health.txt"]) <= 2 * len(bomb)
     assert found["daemon-metrics.txt"] == f"200\n{REMOVED}"
 
@@ -146,12 +205,12 @@ def test_another_program_at_the_daemons_port_does_not_fill_the_bundle(tmp_path: 
 def test_settings_that_cannot_be_loaded_are_no_reason_to_stop(tmp_path: Path) -> None:
     config = tmp_path / "broken.toml"
     config.write_text('[robot]\naddress = "tcp://r:1"\npassword = "s3cr3t-of-the-camera"\n')
-    found = gather(config, NOW).files
+    found = gather(config).files
     assert "camera: missing: add it" in found["settings-problems.txt"]
     assert json.loads(found["settings.json"])["robot"] == {"address": "tcp://r:1", "password": REMOVED}
     config.write_bytes(b"\xff not TOML")
-    assert "could not be gathered" in gather(config, NOW).files["settings.json"]
-    assert "could not be gathered" in gather(tmp_path / "none.toml", NOW).files["settings.json"]
+    assert "could not be gathered" in gather(config).files["settings.json"]
+    assert "could not be gathered" in gather(tmp_path / "none.toml").files["settings.json"]
 
 
 def test_the_command(tmp_path: Path) -> None:
@@ -187,6 +246,14 @@ def test_a_hostile_log_takes_no_quadratic_time(word: str) -> None:
 )  # fmt: skip
 def test_what_is_no_secret_is_kept(kept: str) -> None:
     assert redact(kept) == kept
+
+
+def test_a_long_log_is_redacted_in_pieces_of_whole_lines_and_a_key_over_many_lines_as_a_whole() -> None:
+    filling = "a line of the log\n" * (PIECE // 20)
+    key = "-----BEGIN PRIVATE KEY-----\n" + "MII/EvQ/IBADANBgkq\n" * 9000 + "-----END PRIVATE KEY-----\n"
+    line = "Authorization: Bearer abcdef"
+    shown = redact_lines(f"{filling}{key}{filling}{line}\n{filling}")
+    assert shown == f"{filling}{REMOVED}\n{filling}{redact(line)}\n{filling}"
 
 
 def test_secret_keys_are_known_by_name_wherever_they_stand() -> None:
