@@ -7,15 +7,12 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import Field, model_validator
 
-from calibration.documents.pose import Vector
+from calibration.documents.pose import Vector, is_direction
 from calibration.documents.validation import Document
 from calibration.errors import DocumentError, DocumentProblem
 from calibration.kinematics.external_axis import AxisKind, ExternalAxis, reading_of
 from calibration.solution import ExternalAxisEstimate
 from calibration.transforms import Array
-
-MIN_DIRECTION = 1e-3
-"""Least length of a direction that is given; it is made 1."""
 
 Reading = Annotated[float, Field(ge=-1e6, le=1e6)]
 ExternalAxes = Annotated[tuple[Reading | None, ...], Field(min_length=1, max_length=6)]
@@ -49,7 +46,7 @@ class ExternalAxisDocument(Document):
 
     @model_validator(mode="after")
     def _check_geometry(self) -> "ExternalAxisDocument":
-        if np.linalg.norm(self.direction) < MIN_DIRECTION:
+        if not is_direction(self.direction):
             raise ValueError("direction is a vector, such as [0, 1, 0]")
         if (self.kind == "turntable") != (self.point_mm is not None):
             raise ValueError("a turntable has point_mm, a point on its axis in the base; a track has none")

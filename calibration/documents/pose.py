@@ -14,6 +14,8 @@ from calibration.transforms import (
 )
 
 Vector = tuple[float, float, float]
+MIN_DIRECTION, MAX_DIRECTION = 1e-3, 1e6
+"""Length of a vector that gives a direction; the square of a much longer one is infinite."""
 
 
 def _unit(quaternion: tuple[float, float, float, float]) -> tuple[float, float, float, float]:
@@ -24,6 +26,11 @@ def _unit(quaternion: tuple[float, float, float, float]) -> tuple[float, float, 
 
 
 Quaternion = Annotated[tuple[float, float, float, float], AfterValidator(_unit)]
+
+
+def is_direction(vector: Vector) -> bool:
+    """Whether a direction can be taken from it, whatever its length."""
+    return MIN_DIRECTION < math.hypot(*vector) < MAX_DIRECTION
 
 
 class PoseDocument(Document):

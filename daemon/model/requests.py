@@ -5,7 +5,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, ConfigDict, Field, model_validator
 
-from calibration.documents.pose import Vector
+from calibration.documents.pose import Vector, is_direction
 from calibration.documents.requirement import Tolerance
 from calibration.documents.session import AxisOffsetDocument, SessionDocument
 from calibration.documents.target import TargetDocument
@@ -29,9 +29,6 @@ MAX_JOG_MM, MAX_JOG_DEG = 100.0, 30.0
 
 MAX_TOUCH_STEP_MM = 5.0
 """Limit of one step towards a point that is to be touched."""
-
-MIN_DIRECTION = 1e-3
-"""Shortest vector that gives a direction."""
 
 Degrees = Annotated[float, Field(ge=-720, le=720)]
 Stations = Annotated[tuple[TaughtPose, ...], Field(min_length=1, max_length=100)]
@@ -193,7 +190,7 @@ class ApproachRequest(Document):
     def _check_approach(self) -> "ApproachRequest":
         if self.touch.base_T_flange is not None or any(self.touch.miss_mm):
             raise ValueError("the touch names the point only: leave base_T_flange and miss_mm out")
-        if self.along is not None and not math.hypot(*self.along) > MIN_DIRECTION:
+        if self.along is not None and not is_direction(self.along):
             raise ValueError("along has no direction")
         return self
 

@@ -110,6 +110,7 @@ REFUSALS: list[tuple[Array, dict[str, Any], int, str]] = [
     (AWAY, {"step_mm": 5.1}, 422, "step_mm"),
     (AWAY, {"stand_off_mm": 1.0}, 422, "stand_off_mm"),
     (AWAY, {"along": [0.0, 0.0, 0.0]}, 422, "no direction"),
+    (AWAY, {"along": [1e200, 0.0, 0.0]}, 422, "no direction"),
     (AWAY, {"speed_mm_s": 101}, 422, "faster than the settings"),
     (AWAY, {"tip": None}, 422, "tip"),
     (AWAY, {"touch": {"id": 0}}, 422, "point 0 was not seen"),

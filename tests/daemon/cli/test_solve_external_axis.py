@@ -50,6 +50,7 @@ def test_the_direction_is_in_the_calibration_and_said(tmp_path: Path) -> None:
     [
         ({"number": 3}, "views[5].external_axes", "it holds no axis 3"),
         ({"direction": [0, 0, 0]}, "external_axis", "direction is a vector"),
+        ({"direction": [1e200, 0, 0]}, "external_axis", "direction is a vector"),
         ({"kind": "turntable"}, "external_axis", "point_mm"),
     ],
 )
