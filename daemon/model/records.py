@@ -192,7 +192,11 @@ class FlangePose:
 
 @dataclass(frozen=True)
 class ScanViewRecord:
-    """One view of a scan: the cloud's file in the scan's folder, and the pose of the arm."""
+    """One view of a scan: the cloud's file in the scan's folder, and the pose of the arm.
+
+    `points`, with those that are not finite, and `bytes` are None, and `created_by` is empty, in views from before
+    these were stored.
+    """
 
     view: int
     file: str
@@ -201,6 +205,9 @@ class ScanViewRecord:
     created_at: str
     joints_deg: tuple[float, ...] | None = None
     external_axes: tuple[float | None, ...] | None = None
+    points: int | None = None
+    bytes: int | None = None
+    created_by: str = ""
 
     @property
     def pose(self) -> FlangePose:

@@ -97,7 +97,9 @@ class ScanService:
         scan = await self.store.scan(scan_id)
         folder = self.store.scan_folder(scan_id)
         async with receive_upload(body, folder, self.new_id(self.clock), media_type, unit, self.workers) as upload:
-            view = await self.store.add_scan_view(scan_id, upload, upload.suffix, unit, pose, self.clock.timestamp())
+            view = await self.store.add_scan_view(
+                scan_id, upload.file, unit, pose, self.clock.timestamp(), points=upload.points
+            )
         await self._update_document(scan_id)
         if scan.refine:
             await self._start_refinement(scan)
@@ -112,9 +114,9 @@ class ScanService:
         """
         name, folder = self.new_id(self.clock), self.store.folder / "scans" / TRANSIT_FOLDER
         async with receive_upload(body, folder, name, media_type, unit, self.workers) as upload:
-            target = folder / f"merged-{name}{upload.suffix}"
+            target = folder / f"merged-{name}{upload.file.suffix}"
             motion = RigidMotion.of(base_T_scanner, unit)
-            moved = await self.workers.run(partial(move_file, upload, target, motion, durable=False))
+            moved = await self.workers.run(partial(move_file, upload.file, target, motion, durable=False))
         return target, moved.points
 
     async def start_registration(self, scan_id: str, calibration: CalibrationWithArm, refine: bool) -> ReportTask:

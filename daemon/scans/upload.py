@@ -2,6 +2,7 @@
 
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager, suppress
+from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO
 
@@ -25,11 +26,19 @@ SUFFIXES = {
 ORIGIN = "request body"
 
 
+@dataclass(frozen=True)
+class Upload:
+    """A complete cloud on the disk, and how many points it has, with those that are not finite."""
+
+    file: Path
+    points: int
+
+
 @asynccontextmanager
 async def receive_upload(
     body: AsyncIterator[bytes], folder: Path, name: str, media_type: str, unit: str, workers: Workers
-) -> AsyncIterator[Path]:
-    """Yield the complete cloud as a file in `folder`, deleted afterwards unless it was renamed.
+) -> AsyncIterator[Upload]:
+    """Yield the complete cloud in a file of `folder`, which is deleted afterwards unless it was renamed.
 
     Raises CloudError, StorageError.
     """
@@ -42,9 +51,7 @@ async def receive_upload(
                 await workers.run(_append, out, file, stream, chunk)
             if stream is not None:
                 stream.finish()
-        if stream is None:
-            await workers.run(_read_through, file)
-        yield file
+        yield Upload(file, await workers.run(_read_through, file) if stream is None else stream.points)
     finally:
         with suppress(OSError):
             await workers.run(file.unlink, missing_ok=True)
@@ -68,8 +75,7 @@ def _append(out: BinaryIO, file: Path, stream: CloudStream | None, chunk: bytes)
         out.write(chunk)
 
 
-def _read_through(file: Path) -> None:
-    """Check a LAZ file by reading all its blocks."""
+def _read_through(file: Path) -> int:
+    """Check a LAZ file by reading all its blocks; returns the number of points."""
     with open_cloud(file, ORIGIN) as cloud:
-        for _ in cloud.blocks():
-            pass
+        return sum(len(block) for block in cloud.blocks())

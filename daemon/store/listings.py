@@ -34,7 +34,8 @@ _SCANS = "SELECT * FROM scans"
 
 
 SCAN_VIEWS = (
-    "SELECT view, file, unit, base_T_flange, created_at, joints_deg, external_axes FROM scan_views"
+    "SELECT view, file, unit, base_T_flange, created_at, joints_deg, external_axes, points, bytes, created_by FROM"
+    " scan_views"
     " WHERE scan_id = ? ORDER BY view"
 )
 
@@ -89,11 +90,12 @@ class CalibrationListing:
 class ScanListing:
     """A scan of a list.
 
-    `views`: view, file, unit, base_T_flange (JSON), created_at, joints_deg (JSON), external_axes (JSON) of each.
+    `views`: view, file, unit, base_T_flange (JSON), created_at, joints_deg (JSON), external_axes (JSON), points, bytes
+    and created_by of each.
     """
 
     scan: ScanRecord
-    views: tuple[tuple[int, str, str, str, str, str | None, str | None], ...]
+    views: tuple[tuple[int, str, str, str, str, str | None, str | None, int | None, int | None, str], ...]
 
     @property
     def id(self) -> str:
@@ -137,7 +139,7 @@ class Listings:
             def listing(row: tuple[Any, ...]) -> ScanListing:
                 scan_id, created_at, name, refine, *scanner = row
                 views = db.execute(SCAN_VIEWS, (scan_id,)).fetchall()
-                for _, _, _, base_T_flange, _, *axes in views:
+                for _, _, _, base_T_flange, _, *axes, _, _, _ in views:
                     PoseDocument.model_validate_json(base_T_flange)
                     for values in axes:
                         json.loads(values or "null")

@@ -35,13 +35,14 @@ def read_scan(row: tuple[Any, ...]) -> ScanRecord:
 
 def read_scan_view(row: tuple[Any, ...]) -> ScanViewRecord:
     """The record of a row. Raises ValueError for a damaged one."""
-    view, file, unit, pose, created_at, *axes = row
+    view, file, unit, pose, created_at, *axes, points, size_bytes, created_by = row
     joints_deg, external_axes = (values and tuple(json.loads(values)) for values in axes)
     at = PoseDocument.model_validate_json(pose)
-    return ScanViewRecord(view, file, unit, at, created_at, joints_deg, external_axes)
+    return ScanViewRecord(view, file, unit, at, created_at, joints_deg, external_axes, points, size_bytes, created_by)
 
 
 def scan_view_row(scan_id: str, view: ScanViewRecord) -> tuple[Any, ...]:
     """The row of a record."""
     axes = (None if values is None else json.dumps(values) for values in (view.joints_deg, view.external_axes))
-    return (scan_id, view.view, view.file, view.unit, view.base_T_flange.model_dump_json(), view.created_at, *axes)
+    return (scan_id, view.view, view.file, view.unit, view.base_T_flange.model_dump_json(), view.created_at, *axes,
+            view.points, view.bytes, view.created_by)  # fmt: skip

@@ -196,6 +196,11 @@ MIGRATIONS: tuple[str, ...] = (
     """
     ALTER TABLE scan_views ADD COLUMN external_axes TEXT; -- null where the controller has none
     """,
+    """
+    ALTER TABLE scan_views ADD COLUMN points INTEGER; -- null in views from before this was stored, as bytes
+    ALTER TABLE scan_views ADD COLUMN bytes INTEGER;
+    ALTER TABLE scan_views ADD COLUMN created_by TEXT NOT NULL DEFAULT '';
+    """,
 )
 
 SCHEMA_VERSION = len(MIGRATIONS)

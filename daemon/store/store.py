@@ -342,19 +342,20 @@ class Store:
         return [DocumentRecord(*row) for row in rows[::-1]]
 
     async def add_scan_view(
-        self, scan_id: str, upload: Path, suffix: str, unit: Unit, pose: FlangePose, created_at: str
+        self, scan_id: str, upload: Path, unit: Unit, pose: FlangePose, created_at: str, *, points: int
     ) -> ScanViewRecord:
         """Append the uploaded file to the scan as its next view; the file is on the disk before its row."""
         context = current_audit_context()
 
         def insert(db: sqlite3.Connection) -> ScanViewRecord:
             count = db.execute("SELECT COUNT(*) FROM scan_views WHERE scan_id = ?", (scan_id,)).fetchone()[0]
-            file = f"view_{count:03d}{suffix}"
+            file = f"view_{count:03d}{upload.suffix}"
             view = ScanViewRecord(
-                count, file, unit, pose.base_T_flange, created_at, pose.joints_deg, pose.external_axes
-            )
+                count, file, unit, pose.base_T_flange, created_at, pose.joints_deg, pose.external_axes,
+                points, upload.stat().st_size, context.actor,
+            )  # fmt: skip
             rename_durably(upload, upload.with_name(view.file), self._at)
-            db.execute("INSERT INTO scan_views VALUES (?, ?, ?, ?, ?, ?, ?, ?)", scan_view_row(scan_id, view))
+            db.execute("INSERT INTO scan_views VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)", scan_view_row(scan_id, view))
             record_change(db, context, created_at, "view", f"{scan_id} {view.view}")
             return view
 

@@ -40,7 +40,7 @@ def save_steps(store: Store) -> dict[str, Step]:
     """What saves one record of each kind, by name and in order."""
     run, scan = a_run("r"), ScanRecord("s", AT, "door")
     calibration = CalibrationRecord("c", "r", AT, True, a_calibration("c"))
-    upload, pose, cloud = store.scan_folder("s") / ".upload", PoseDocument.of(np.eye(4)), ply_of(np.ones((500, 3)))
+    upload, pose, cloud = store.scan_folder("s") / ".upload.ply", PoseDocument.of(np.eye(4)), ply_of(np.ones((500, 3)))
 
     async def view() -> None:
         try:
@@ -48,7 +48,7 @@ def save_steps(store: Store) -> dict[str, Step]:
             upload.write_bytes(cloud)
         except OSError as error:
             raise StorageError(str(error), "") from None
-        await store.add_scan_view("s", upload, ".ply", "mm", FlangePose(pose), AT)
+        await store.add_scan_view("s", upload, "mm", FlangePose(pose), AT, points=500)
 
     return {
         "run": lambda: store.save_run(run),

@@ -11,7 +11,11 @@ from daemon.store.listings import ScanListing
 
 
 class ScanViewDocument(Answer):
-    """One cloud of a scan. `joints_deg`: the arm's axes, null where the pose came without; `external_axes` likewise."""
+    """One cloud of a scan. `joints_deg`: the arm's axes, null where the pose came without; `external_axes` likewise.
+
+    `points`, with those that are not finite, and `bytes` of the file: null, and `created_by` empty, in views from
+    before these were stored. `created_by`: the key's name, or who sent it without one.
+    """
 
     view: int
     file: str
@@ -20,6 +24,9 @@ class ScanViewDocument(Answer):
     created_at: str
     joints_deg: list[float] | None
     external_axes: list[float | None] | None = None
+    points: int | None = None
+    bytes: int | None = None
+    created_by: str = ""
 
     @classmethod
     def of(cls, view: ScanViewRecord) -> "ScanViewDocument":
@@ -92,9 +99,11 @@ def listing_json(listing: ScanListing) -> str:
 
 
 def _view_json(
-    view: int, file: str, unit: str, base_T_flange: str, created_at: str, joints_deg: str | None, axes: str | None
-) -> str:
-    given = json.dumps({"view": view, "file": file, "unit": unit, "created_at": created_at})
+    view: int, file: str, unit: str, base_T_flange: str, created_at: str, joints_deg: str | None, axes: str | None,
+    points: int | None, size_bytes: int | None, created_by: str,
+) -> str:  # fmt: skip
+    plain = {"view": view, "file": file, "unit": unit, "created_at": created_at}
+    given = json.dumps({**plain, "points": points, "bytes": size_bytes, "created_by": created_by})
     beside = f'"joints_deg":{joints_deg or "null"},"external_axes":{axes or "null"}'
     return f'{given[:-1]},"base_T_flange":{base_T_flange},{beside}}}'
 

@@ -8,7 +8,7 @@ import { HoldButton } from '../parts/hold_button.js';
 import { Missing, useAsked } from '../parts/loaded.js';
 import { ProblemNote } from '../parts/problem.js';
 import { ask, newKey } from '../state/ask.js';
-import { bytes, count, fixed, mm, moment } from '../state/numbers.js';
+import { about, bytes, count, fixed, mm, moment } from '../state/numbers.js';
 import { may, note, running } from '../state/now.js';
 import { readyWith, scanner, scannerNamed, scanners } from '../state/sensors.js';
 import { go, linkTo } from '../state/place.js';
@@ -18,6 +18,18 @@ import { deviceName, t } from '../state/words.js';
 const TYPES = { ply: 'application/x-ply', pcd: 'application/x-pcd', las: 'application/vnd.las', laz: 'application/vnd.laszip', e57: 'model/e57' };
 
 export const Scans = ({ argument }) => (argument ? html`<${Scan} id=${argument} />` : html`<${List} />`);
+
+/** The sum of a number of each view; null where a view from before it was stored has none. */
+const sumOf = (views, name) => views.reduce((sum, view) => (sum === null || view[name] === null ? null : sum + view[name]), 0);
+
+const makersOf = (views) => [...new Set(views.map((view) => view.created_by).filter(Boolean))].join(', ');
+
+/** How many views, points and bytes, and who made them, as far as that is known. */
+function inWords(views) {
+  const points = sumOf(views, 'points');
+  const size = views.length > 0 && points !== null && t('scan.size-of', { points: about(points), bytes: bytes(sumOf(views, 'bytes')) });
+  return [t('scan.views', { count: views.length }), size, makersOf(views)].filter(Boolean).join(' · ');
+}
 
 function List() {
   const scans = useAsked('/scans', ['scan', 'run', 'upload']);
@@ -34,7 +46,7 @@ function List() {
     <${Card} title=${t('place.scans')} id="scans" wide="2"><${Missing} asked=${scans} />
       ${scans.data && !scans.data.scans.length && html`<p class="quiet">${t('scans.none')}</p>`}
       <ul class="timeline">${scans.data?.scans.map((scan) => html`<li key=${scan.id}><a href=${linkTo('scans', scan.id)}><span class="sign" aria-hidden="true">◇</span><span class="when">${moment(scan.created_at)}</span>
-        <span class="what"><b>${scan.name}</b> ${t('scan.views', { count: scan.views.length })}</span></a></li>`)}</ul>
+        <span class="what"><b>${scan.name}</b> ${inWords(scan.views)}</span></a></li>`)}</ul>
     </${Card}>
     <${Card} title=${t('scan.new')} id="new">
       <label for="scan-name">${t('scan.name')}</label><input id="scan-name" value=${name} maxlength="60" autocomplete="off" onInput=${(event) => setName(event.target.value)} />
@@ -90,9 +102,10 @@ function Scan({ id }) {
       ${views.length ? html`<${CloudView} scan=${id} views=${views} />` : html`<p class="quiet">${t('scan.empty')}</p>`}
     </${Card}>
     <${Card} title=${t('scan.about')} id="about-scan">
-      <${Facts} rows=${[[t('run.since'), moment(scan.data.created_at)], [t('scan.count'), count(views.length)],
+      <${Facts} rows=${[[t('run.since'), moment(scan.data.created_at)], [t('scan.count'), count(views.length)], makersOf(views) && [t('scan.made-by'), makersOf(views)],
+        views.length > 0 && sumOf(views, 'bytes') !== null && [t('scan.size'), bytes(sumOf(views, 'bytes'))],
         scanners.value.length > 1 && [t('device.name.scanner'), deviceName(scan.data.scanner)],
-        quality && [t('scan.points'), count(quality.points)], quality && [t('scan.rms'), mm(quality.rms_mm.after ?? quality.rms_mm.before)]]} />
+        (quality || sumOf(views, 'points') !== null) && [t('scan.points'), count(quality?.points ?? sumOf(views, 'points'))], quality && [t('scan.rms'), mm(quality.rms_mm.after ?? quality.rms_mm.before)]]} />
       <label class="check"><input type="checkbox" checked=${refine} onChange=${() => setRefine(!refine)} /><span>${t('scan.refine')}</span></label>
       <div class="row"><a class="button" href=${`${path}/cloud?refine=${refine}&wait=60`} download=${`${id}.ply`}>${t('download')}</a>
         <a class="button" href=${`${path}/report.html`} target="_blank" rel="noreferrer">${t('result.report')}</a></div>

@@ -45,9 +45,13 @@ export const inRow = (texts) => texts.join(commaIsDecimal() ? '; ' : ', ');
 
 export const count = (value) => plain(value, {});
 
+/** A large number in three significant digits: "12.3m", "1230万". */
+export const about = (value) => plain(value, { notation: 'compact', maximumSignificantDigits: 3 });
+
 export function bytes(value) {
   if (value === null || value === undefined) return '—';
-  return value < 1e6 ? `${significant(value / 1e3, 2)} kB` : `${significant(value / 1e6, 2)} MB`;
+  const [unit, name] = value < 1e6 ? [1e3, 'kB'] : value < 1e9 ? [1e6, 'MB'] : [1e9, 'GB'];
+  return `${significant(value / unit, 2)} ${name}`;
 }
 
 const asDate = (text) => (text ? new Date(text) : null);

@@ -1,6 +1,7 @@
 """What the page shows when something fails under it: daemon, robot, clock, calibration; files sent and fetched."""
 
 import asyncio
+import re
 import tarfile
 from pathlib import Path
 from typing import Any
@@ -112,6 +113,9 @@ async def test_clouds_sent_from_the_page_are_placed_and_shown(
         await page.get_by_role("button", name="By deviation").click()
         await page.get_by_text("in front of them").wait_for()
         await page.get_by_role("button", name="By normal").click()
+        await page.locator("dd").get_by_text("8,000", exact=True).wait_for()
+        await page.evaluate("location.hash = '#/scans'")
+        await page.get_by_text(re.compile(r"2 views · 8k points, [0-9]+ kB · operator")).wait_for()
 
 
 async def test_a_result_is_reported_exported_and_solved_again(

@@ -41,6 +41,10 @@ async def test_views_sent_from_several_poses_become_one_cloud(bench: Bench, tmp_
         ("view_000.ply", "mm"),
         ("view_001.f32", "m"),
     ]
+    stored = [(tmp_path / "scans" / scan["id"] / view["file"]).stat().st_size for view in seen["views"]]
+    kept = [(view["points"], view["bytes"], view["created_by"]) for view in seen["views"]]
+    assert kept == [(3000, stored[0], "local"), (500, stored[1], "local")]
+    assert (await bench.client.get("/scans")).json()["scans"][0]["views"] == seen["views"]
     assert len(read_scan(tmp_path / "scans" / scan["id"])) == 2
     assert sorted(names(tmp_path / "scans" / scan["id"])) == ["scan.json", "view_000.ply", "view_001.f32"]
 

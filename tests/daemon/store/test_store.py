@@ -150,7 +150,7 @@ async def test_a_view_whose_row_cannot_be_written_leaves_no_number_behind(tmp_pa
     upload = tmp_path / "upload"
     upload.write_bytes(b"cloud")
     with pytest.raises(StorageError):
-        await store.add_scan_view("no such scan", upload, ".ply", "mm", FlangePose(PoseDocument.of(np.eye(4))), AT)
+        await store.add_scan_view("no such scan", upload, "mm", FlangePose(PoseDocument.of(np.eye(4))), AT, points=1)
     assert await store.scan_views("no such scan") == []
     await store.close()
 
