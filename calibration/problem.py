@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from calibration.camera import CameraModel
 from calibration.kinematics.external_axis import ExternalAxis
+from calibration.kinematics.load import Load
 from calibration.targets import Target
 from calibration.transforms import Array, inverse
 
@@ -113,6 +114,7 @@ class Problem:
     `in_space`: the views hold measurements of the target in space and no detections; intrinsics are not needed then.
     `poses_from_controller`: a driver read them, so that they are base_T_flange for certain.
     `axis_offset`: for an arm that turns its flange about one axis only; not used where the motions determine X.
+    `load`: on the flange, where it is known.
     `external_axis`: a track or turntable, roughly; every view has its reading then, and poses are as reported there.
     """
 
@@ -125,6 +127,7 @@ class Problem:
     poses_from_controller: bool = False
     axis_offset: AxisOffset | None = None
     external_axis: ExternalAxis | None = None
+    load: Load | None = None
 
     def anchor_T_mount(self, view: View) -> Array:
         """(4, 4) of one view."""

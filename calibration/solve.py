@@ -13,9 +13,10 @@ from calibration.diagnosis.warming import warming_findings
 from calibration.errors import GeometryError, UndeterminedError
 from calibration.kinematics.abb_arms import ARMS
 from calibration.kinematics.arm import Arm
-from calibration.kinematics.arm_errors import AXES, NO_LOAD, ArmErrorModel, Load, Postures, approach_sides
+from calibration.kinematics.arm_errors import AXES, ArmErrorModel, Postures, approach_sides
 from calibration.kinematics.external_axis import ExternalAxis
 from calibration.kinematics.joint_check import require_consistent_joints
+from calibration.kinematics.load import NO_LOAD, Load
 from calibration.likelihood.augmented_model import augment_model
 from calibration.preprocessing.prepare import PreparedSession, prepare, update_target_shape
 from calibration.problem import Problem
@@ -206,16 +207,15 @@ def solve_rig(problems: Mapping[str, Problem]) -> "RigSolution":
     return solve_sensors(sensors)
 
 
-def identify_arm_session(
-    arm: Arm, problems: Sequence[Problem], load: Load = NO_LOAD, distances: Sequence[KnownDistance] = ()
-) -> ArmFit:
+def identify_arm_session(arm: Arm, problems: Sequence[Problem], distances: Sequence[KnownDistance] = ()) -> ArmFit:
     """The arm's errors, X and their covariance from sessions of images: of one target, at a place for each session.
 
     `distances`: known ones between the target's places, which are counted as the problems are. All views hold joints.
     Raises UndeterminedError where a session does not determine X without errors of the arm, GeometryError for views
-    without joints, JointsDisagree for joints that are not this arm's, UnusualArm for errors that arms do not have.
+    without joints or of different loads, JointsDisagree for joints that are not this arm's, UnusualArm for errors that
+    arms do not have.
     """
-    found = []
+    load, found = _load_of(problems), []
     for problem in problems:
         prepared, _, selection = estimate_session(_with_own_joints(arm, problem))
         found.append((TargetViews(prepared, selection.used, selection.best), _standstills_of(problem, prepared)))
@@ -223,10 +223,23 @@ def identify_arm_session(
     views, standstills = zip(*(found[row] for row in order), strict=True)
     known = [replace(one, first=order.index(one.first), second=order.index(one.second)) for one in distances]
     joints, sides = (np.concatenate(parts) for parts in zip(*standstills, strict=True))
-    fit = identify_arm(ArmErrorModel(arm), views, Postures(joints, load, sides), known)
+    fit = identify_arm(ArmErrorModel(arm), views, Postures(joints, load or NO_LOAD, sides), known)
     if unusual := fit.beyond_usual():
         raise UnusualArm(arm.name, unusual)
     return fit
+
+
+def _load_of(problems: Sequence[Problem]) -> Load | None:
+    """What the flange carried in all of them, None where any of them does not state it. Raises GeometryError."""
+    loads = [problem.load for problem in problems]
+    known = [load for load in loads if load is not None]
+    for other in known[1:]:
+        if not other.is_as(known[0]):
+            raise GeometryError(
+                f"the sessions carried {known[0].mass_kg:g} and {other.mass_kg:g} kg, or another centre: the errors of"
+                " an arm are identified with one load"
+            )
+    return known[0] if known and len(known) == len(loads) else None
 
 
 def _with_own_joints(arm: Arm, problem: Problem) -> Problem:

@@ -100,13 +100,13 @@ class Operations:
     @property
     def calibrations(self) -> Calibrations:
         """What is stored, and what is in force for this camera."""
-        axis = self.settings.robot.external_axis
-        return Calibrations(self.store, self.clock, self.service_workers, self.camera, axis)
+        robot, workers = self.settings.robot, self.service_workers
+        return Calibrations(self.store, self.clock, workers, self.camera, robot.external_axis, robot.carried)
 
     @property
     def _sessions(self) -> RunSessions:
         robot = self.settings.robot
-        return RunSessions(self.store, self.workers, self.settings.camera.setup, robot.external_axis)
+        return RunSessions(self.store, self.workers, self.settings.camera.setup, robot.external_axis, robot.carried)
 
     async def calibrate(self, request: CalibrateRequest) -> RunRecord:
         """Start a calibration run.

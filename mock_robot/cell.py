@@ -12,6 +12,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from calibration.kinematics.abb_arms import find_any_arm
+from calibration.kinematics.load import Load
 from calibration.kinematics.seven_axes import SevenAxisArm
 from calibration.transforms import Array
 from mock_robot.announcement import Announcement
@@ -22,6 +23,7 @@ from mock_robot.devices.egm import EgmSender
 from mock_robot.devices.http_server import HttpServer
 from mock_robot.errors import MockError
 from mock_robot.faults.boards import FaultBoards
+from mock_robot.links.cb_program import CAMERA_LOAD
 from mock_robot.links.wires import PythonWires, RapidWires, Wires
 from mock_robot.rapid.controller import DEPLOYED
 from mock_robot.rws.station import RwsStation
@@ -89,7 +91,7 @@ class MockCell:
         self.truth, self.clock = truth, clock
         kind = _WIRES[program] if home is None else partial(RapidWires, home=home)
         self._wires: Wires = kind(
-            SimulatedArm(arm, start_joints(arm, truth), noise, built=truth.built_arm()),
+            SimulatedArm(arm, start_joints(arm, truth), noise, built=truth.built_arm(), load=Load(*CAMERA_LOAD)),
             session=session or Random().randrange(1, 65536),
             time_scale=time_scale,
             started_at_s=clock(),

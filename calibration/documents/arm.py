@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from pydantic import Field
 
+from calibration.documents.load import LoadDocument
 from calibration.documents.more_arm_views import Joints, MoreArmViewsDocument, more_arm_views_text, six
 from calibration.documents.pose import PoseDocument
 from calibration.documents.validation import Document
@@ -13,6 +14,7 @@ from calibration.errors import GeometryError
 from calibration.kinematics.abb_arms import find_arm
 from calibration.kinematics.arm_errors import ArmErrorModel, Group
 from calibration.kinematics.arm_estimate import ArmEstimate
+from calibration.kinematics.load import NO_LOAD
 from calibration.problem import Problem, Setup
 
 if TYPE_CHECKING:
@@ -40,7 +42,10 @@ class ArmLadderDocument(Document):
 
 
 class ArmErrorsDocument(Document):
-    """arm.json. `covariance`: of [rotation rad and translation mm of mount_T_camera @ exp(.), the parameters]."""
+    """arm.json. `covariance`: of [rotation rad and translation mm of mount_T_camera @ exp(.), the parameters].
+
+    `load`: what the flange carried; None where the sessions do not state it.
+    """
 
     heading = "armjson"
 
@@ -61,6 +66,7 @@ class ArmErrorsDocument(Document):
     views: int = Field(ge=0)
     joints_from_poses: int = Field(default=0, ge=0)
     places: int = Field(ge=1)
+    load: LoadDocument | None = None
     lowest_joints_deg: Joints
     highest_joints_deg: Joints
     more_views: MoreArmViewsDocument | None = None
@@ -74,7 +80,8 @@ class ArmErrorsDocument(Document):
         if covariance.shape != (size, size) or not np.all(np.isfinite(covariance)):
             raise GeometryError(f"arm.json: covariance must be {size} x {size} finite numbers")
         values = np.array([one.value for one in self.parameters])
-        return ArmEstimate(model, values, covariance, self.mount_T_camera.transform())
+        load = NO_LOAD if self.load is None else self.load.load()
+        return ArmEstimate(model, values, covariance, self.mount_T_camera.transform(), load=load)
 
 
 def arm_document(
@@ -121,6 +128,7 @@ def arm_document(
         views=len(joints),
         joints_from_poses=joints_from_poses,
         places=len(problems),
+        load=LoadDocument.of(None if fit.load == NO_LOAD else fit.load),
         lowest_joints_deg=six(joints.min(axis=0)),
         highest_joints_deg=six(joints.max(axis=0)),
         more_views=more_views,

@@ -12,7 +12,6 @@ from calibration.documents.pose import Vector
 from calibration.documents.validation import Document
 from calibration.errors import GeometryError
 from calibration.kinematics.arm_box import box_around, grid_in, joints_at_places, middle_of
-from calibration.kinematics.arm_errors import Postures
 from calibration.kinematics.arm_estimate import ArmEstimate
 from calibration.solver.registered_points import registered_points
 from calibration.transforms import Array, map_points
@@ -73,7 +72,7 @@ def arm_field(
     lowest, highest = np.radians([errors.lowest_joints_deg, errors.highest_joints_deg])
     joints = joints_at_places(arm, middle_of(views), grid_in(box_mm, steps), (lowest, highest))
     drawn, point = arm.forward(joints), np.array([[0.0, 0.0, distance_mm]])
-    found, covariances = registered_points(estimate, Postures(joints), np.tile(point, (len(joints), 1)))
+    found, covariances = registered_points(estimate, estimate.postures(joints), np.tile(point, (len(joints), 1)))
     missed = map_points(drawn @ drawn_x, point)[:, 0] - found
     left = np.trace(covariances, axis1=1, axis2=2)
     squares = np.sum(missed**2, axis=1) + left

@@ -7,10 +7,12 @@ import numpy as np
 
 from calibration.documents.arm import ArmErrorsDocument
 from calibration.documents.calibration import CalibrationDocument, CalibrationFindingDocument, FindingDocument
+from calibration.documents.load import LoadDocument
 from calibration.documents.uncertainty_with_arm import uncertainty_with_arm, working_volume_mm
 from calibration.kinematics.arm_estimate import ArmEstimate
 from calibration.kinematics.joint_check import require_consistent_joints
 from calibration.kinematics.joints_of_poses import joints_in_range
+from calibration.kinematics.load import Load
 from calibration.kinematics.robot_accuracy import RobotNoise
 from calibration.problem import Problem
 from calibration.sentences.sentence import Sentence
@@ -20,6 +22,9 @@ from calibration.transforms import Array
 
 POSE_WITHOUT_JOINTS = "pose-without-joints"
 """Code of the warning that joints were computed from poses."""
+
+OTHER_LOAD = "arm-other-load"
+"""Code of the warning that the flange carries another load than when the arm's errors were identified."""
 
 AS_BUILT = "as-built"
 """Of results: the poses are those of the arm with its errors."""
@@ -47,20 +52,31 @@ class CalibrationWithArm:
     arm : the arm as built; None for one as drawn.
     seen_rad : (2, 6) lowest and highest joints of the session, in which a pose without joints is taken to be.
     scatter : of the arm as built about one pose.
+    identified_with : the load with which the arm was identified, where the flange carries another one now.
     """
 
     document: CalibrationDocument
     arm: ArmEstimate | None = None
     seen_rad: Array = field(default_factory=lambda: np.zeros((2, 6)))
     scatter: RobotNoise = NO_SCATTER
+    identified_with: Load | None = None
 
     @classmethod
-    def of(cls, document: CalibrationDocument, errors: ArmErrorsDocument | None) -> "CalibrationWithArm":
-        """With arm.json, where that was identified and took errors up. Raises GeometryError for a damaged one."""
+    def of(
+        cls, document: CalibrationDocument, errors: ArmErrorsDocument | None, carried: LoadDocument | None = None
+    ) -> "CalibrationWithArm":
+        """With arm.json, where that was identified and took errors up. Raises GeometryError for a damaged one.
+
+        `carried`: what the flange carries now. The sag under another load than arm.json's is computed for it, with what
+        is known of the compliances; where either is not known it is taken for the same.
+        """
         if errors is None or not errors.taken_up:
             return cls(document)
         name = "flange_T_camera" if document.setup == "eye-in-hand" else "base_T_camera"
         seen_rad, estimate = np.radians([errors.lowest_joints_deg, errors.highest_joints_deg]), errors.estimate()
+        identified_with = None
+        if errors.load is not None and carried is not None and not carried.load().is_as(errors.load.load()):
+            identified_with, estimate = estimate.load, replace(estimate, load=carried.load())
         levels = {"robot_rotation_deg": errors.scatter_deg, "robot_translation_mm": errors.scatter_mm}
         with_arm = {
             name: errors.mount_T_camera,
@@ -68,7 +84,7 @@ class CalibrationWithArm:
             "noise": document.noise.model_copy(update=levels),
         }
         scatter = RobotNoise(errors.scatter_mm, float(np.radians(errors.scatter_deg)))
-        return cls(document.model_copy(update=with_arm), estimate, seen_rad, scatter)
+        return cls(document.model_copy(update=with_arm), estimate, seen_rad, scatter, identified_with)
 
     def reading(self, external_axes: Sequence[float | None] | None) -> float | None:
         """Of the calibration's external axis, mm or rad, in the controller's axes; None without either."""
@@ -135,14 +151,21 @@ class CalibrationWithArm:
         return Placement(float(np.sqrt(variances.mean(axis=1).max())), seen)
 
     def findings(self, joints_rad: Sequence[Array | None]) -> list[FindingDocument]:
-        """The warning POSE_WITHOUT_JOINTS, where the arm's errors are in use and some poses have no joints."""
+        """Warnings on the arm's errors in use: POSE_WITHOUT_JOINTS where some poses have none, and OTHER_LOAD."""
         without = sum(joints is None for joints in joints_rad)
-        if self.arm is None or not without:
+        if self.arm is None:
             return []
-        message = Sentence("arm-joints-from-poses", views=without)
-        finding = Finding(POSE_WITHOUT_JOINTS, "warning", message, Sentence("record-joints"))
-        whole = CalibrationFindingDocument.of(finding)
-        return [FindingDocument(code=whole.code, severity=whole.severity, message=whole.message, fix=whole.fix)]
+        found = []
+        if without:
+            message = Sentence("arm-joints-from-poses", views=without)
+            found.append(Finding(POSE_WITHOUT_JOINTS, "warning", message, Sentence("record-joints")))
+        if self.identified_with is not None:
+            loads = {"before_kg": self.identified_with.mass_kg, "now_kg": self.arm.load.mass_kg}
+            found.append(Finding(OTHER_LOAD, "warning", Sentence(OTHER_LOAD, **loads), Sentence("identify-arm-again")))
+        return [
+            FindingDocument(code=one.code, severity=one.severity, message=one.message, fix=one.fix)
+            for one in map(CalibrationFindingDocument.of, found)
+        ]
 
 
 def _joints_of(document: CalibrationDocument, seen_rad: Array) -> Array:

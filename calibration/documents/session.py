@@ -7,10 +7,12 @@ from pydantic import Field, model_validator
 
 from calibration.camera import BROWN, COEFFICIENT_COUNTS, CameraModel, LensModel
 from calibration.documents.external_axis import ExternalAxes, ExternalAxisDocument
+from calibration.documents.load import LoadDocument
 from calibration.documents.pose import PoseDocument, Vector
 from calibration.documents.target import TargetDocument
 from calibration.documents.validation import Document
 from calibration.kinematics.external_axis import ExternalAxis
+from calibration.kinematics.load import Load
 from calibration.problem import AxisOffset, Setup
 from calibration.targets import Target, TrackedFrame
 from calibration.transforms import Array
@@ -176,6 +178,7 @@ class SessionDocument(Document):
     axis_offset : for an arm that turns its flange about one axis only (a palletiser, a SCARA); for images.
     external_axis : a track or turntable that the controller leaves out of its poses, roughly; its reading is in
         `external_axes` of every view, and it is found with X; for images.
+    load : what the flange carried, for the sag of an arm whose errors are identified.
     distances : known ones to the target's places in other sessions of the arm, for `solve --arm`.
     poses_from_controller : whether a driver read the poses from the controller, so that they are not inverted.
     """
@@ -191,6 +194,7 @@ class SessionDocument(Document):
     image_size: tuple[Pixels, Pixels] | None = None
     axis_offset: AxisOffsetDocument | None = None
     external_axis: ExternalAxisDocument | None = None
+    load: LoadDocument | None = None
     distances: tuple[KnownDistanceDocument, ...] = ()
     views: list[ViewDocument]
 
@@ -207,6 +211,11 @@ class SessionDocument(Document):
     def rough_axis(self) -> ExternalAxis | None:
         """`external_axis` as the solver takes it."""
         return None if self.external_axis is None else self.external_axis.axis()
+
+    @property
+    def carried(self) -> Load | None:
+        """`load` as the solver takes it."""
+        return None if self.load is None else self.load.load()
 
     def axis_reading(self, index: int) -> float | None:
         """Reading, mm or rad, of the external axis in that view; None without one."""

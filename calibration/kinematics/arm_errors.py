@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibration.kinematics.arm import Arm
+from calibration.kinematics.load import NO_LOAD, Load
 from calibration.transforms import Array, adjoint, inverse, map_points, rotation_from_vector, transform
 
 Group = Literal["zeros", "links", "gears", "sag", "play", "warmth"]
@@ -69,17 +70,6 @@ class ErrorParameter:
     unit: str
     axis: int
     sigma: float
-
-
-@dataclass(frozen=True)
-class Load:
-    """What the flange carries: mass, and centre of mass (3,) in the flange's frame."""
-
-    mass_kg: float = 0.0
-    centre_mm: tuple[float, float, float] = (0.0, 0.0, 0.0)
-
-
-NO_LOAD = Load()
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,12 +3,13 @@
 A place {name:form} is filled by the parameter of that name, in Python's format language; `views` lists indices of
 views. Findings first; then what to do; then why a view is not used; then parts of other sentences. Those of the
 detection stand in `detection_english`, those of the cell's state in `cell_english`, those of motions that do not
-determine X in `motion_english`.
+determine X in `motion_english`, those of an arm's own errors in `arm_english`.
 """
 
 from collections.abc import Mapping
 from types import MappingProxyType
 
+from calibration.sentences.arm_english import ARM
 from calibration.sentences.cell_english import CELL
 from calibration.sentences.detection_english import SEEN
 from calibration.sentences.motion_english import MOTION
@@ -87,12 +88,6 @@ FINDINGS = {
     "better-poses": "{poses} planned poses would leave {planned_mm:.2g} mm in a mapped point, these {taken} leave"
     " {taken_mm:.2g} mm",
     "better-poses-open": "{poses} planned poses would leave {planned_mm:.2g} mm in a mapped point, these leave X open",
-    # calibration/documents/identified_arm.py
-    "arm-errors": "the arm is not as drawn: with its own errors views left out by region of the joints are missed by"
-    " {after_mm:.2g} mm instead of {before_mm:.2g} mm",
-    "arm-as-drawn": "these views show no errors of the arm",
-    "arm-joints-from-poses": "the joints of {views} views were computed from their poses",
-    "arm-not-identified": "the arm's own errors are not identified: {why}",
     # calibration/pose_pairs, observations/measured_poses.py, diagnosis/measured.py
     "camera-hardly-moves": "the camera hardly moves compared with its errors: how long its millimetres are is not"
     " determined",
@@ -395,5 +390,5 @@ PARTS = {
 }
 
 ENGLISH: Mapping[str, str] = MappingProxyType(
-    {**FINDINGS, **SESSION_CAUSES, **VIEW_CAUSES, **ADVICE, **VIEWS, **PARTS, **SEEN, **CELL, **MOTION}
+    {**FINDINGS, **SESSION_CAUSES, **VIEW_CAUSES, **ADVICE, **VIEWS, **PARTS, **SEEN, **CELL, **MOTION, **ARM}
 )

@@ -212,6 +212,7 @@ def _conclude(session: ArmSession, candidates: list[_Candidate]) -> ArmFit:
         target_scale=likeliest.of.target_scale(likeliest.marginal.b, session),
         seen=ArmViews(session.views[0].rows.setup, session.postures, camera_T_target, session.best.camera),
         ladder=ladder,
+        load=session.postures.load,
     )
 
 

@@ -26,7 +26,7 @@ def place_points(
 
     The covariances contain by what the arm scatters about one pose, and its play, whose side is not known.
     """
-    return _register(estimate, Postures(joints_rad), points_mm, _covariances_at(estimate, joints_rad, scatter))
+    return _register(estimate, estimate.postures(joints_rad), points_mm, _covariances_at(estimate, joints_rad, scatter))
 
 
 def point_variances(
@@ -64,8 +64,8 @@ def _pose_covariances(estimate: ArmEstimate, postures: Postures) -> Array:
 
 def _covariances_at(estimate: ArmEstimate, joints_rad: Array, scatter: RobotNoise) -> Array:
     """As `_pose_covariances`, with the scatter about one pose and the play of axes that came from an unknown side."""
-    found, play = _pose_covariances(estimate, Postures(joints_rad)), estimate.model.indices("play")
-    from_below = Postures(joints_rad, sides=np.ones((len(joints_rad), AXES)))
+    found, play = _pose_covariances(estimate, estimate.postures(joints_rad)), estimate.model.indices("play")
+    from_below = estimate.postures(joints_rad, np.ones((len(joints_rad), AXES)))
     by_play = estimate.model.jacobian(estimate.parameters, from_below)[:, :, play]
     squares = estimate.parameters[play] ** 2 + np.diagonal(estimate.covariance)[6 + play]
     found[:, 6:, 6:] += (by_play * squares) @ np.swapaxes(by_play, 1, 2)

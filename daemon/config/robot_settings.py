@@ -5,6 +5,7 @@ from typing import Annotated
 
 from pydantic import Field
 
+from calibration.documents.load import LoadDocument
 from calibration.documents.pose import Vector
 from calibration.documents.validation import Document
 
@@ -44,9 +45,7 @@ class OutputSettings(Document):
     trigger_s: Annotated[float, Field(ge=0.01, le=1)] | None = None
 
 
-class LoadSettings(Document):
+class LoadSettings(LoadDocument):
     """The load on the flange, camera and bracket: mass, centre of gravity from the flange, moments of inertia."""
 
-    mass_kg: Annotated[float, Field(ge=0.01, le=1000)]
-    centre_mm: Vector = (0.0, 0.0, 0.0)
     inertia_kg_m2: Vector = (0.0, 0.0, 0.0)

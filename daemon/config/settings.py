@@ -9,6 +9,7 @@ import numpy as np
 from pydantic import AfterValidator, Field, model_validator
 
 from calibration.documents.external_axis import ExternalAxisDocument
+from calibration.documents.load import LoadDocument
 from calibration.documents.plan import LimitsDocument, NoiseExpectedDocument
 from calibration.documents.pose import PoseDocument, Vector
 from calibration.documents.requirement import PointsDocument, Tolerance, VerdictSettings
@@ -118,6 +119,11 @@ class RobotSettings(Document):
     def world_T_base(self) -> Array | None:
         """`base_frame` as (4, 4); None where world and base are one."""
         return None if self.base_frame is None else self.base_frame.transform()
+
+    @property
+    def carried(self) -> LoadDocument | None:
+        """`load` without its moments of inertia."""
+        return None if self.load is None else LoadDocument.of(self.load.load())
 
     @property
     def points_mm(self) -> Array:

@@ -148,9 +148,9 @@ class DriftMonitor:
 
     async def _chart_of(self, entries: Sequence[ChartEntry], document: CalibrationDocument) -> DriftChart:
         """By the errors of the arm that were in force with the calibration."""
-        errors = await self.store.arm(document.id)
+        errors, carried = await self.store.arm(document.id), self.settings.robot.carried
         try:
-            used = (await self.workers.run(CalibrationWithArm.of, document, errors)).document
+            used = (await self.workers.run(CalibrationWithArm.of, document, errors, carried)).document
         except CalibrationError as error:
             log.warning("drift is judged by the arm as drawn: %s", error)
             used = document

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from calibration.documents.calibration import CalibrationDocument
 from calibration.documents.calibration_with_arm import CalibrationWithArm
 from calibration.documents.external_axis import ExternalAxisDocument
+from calibration.documents.load import LoadDocument
 from calibration.problem import Setup
 from daemon.config.settings import MAIN_CAMERA
 from daemon.errors import CalibrationUnusable
@@ -20,7 +21,7 @@ from daemon.store.store import Store
 class Calibrations:
     """`camera`: whose calibration "current" means. `workers`: compute the uncertainty with the arm.
 
-    `declared`: the cell's external axis, which a calibration then needs.
+    `declared`: the cell's external axis, which a calibration then needs. `carried`: the load on the flange.
     """
 
     store: Store
@@ -28,6 +29,7 @@ class Calibrations:
     workers: Workers
     camera: str = MAIN_CAMERA
     declared: ExternalAxisDocument | None = None
+    carried: LoadDocument | None = None
 
     async def apply(
         self, calibration_id: str, request: ApplyRequest, expected: Sequence[int] | None = None
@@ -85,7 +87,7 @@ class Calibrations:
         errors = await self.store.arm(calibration.id)
         if errors is None:
             return CalibrationWithArm(calibration)
-        return await self.workers.run(CalibrationWithArm.of, calibration, errors)
+        return await self.workers.run(CalibrationWithArm.of, calibration, errors, self.carried)
 
 
 def check_usable(calibration: CalibrationRecord, request: ApplyRequest) -> None:

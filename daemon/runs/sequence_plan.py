@@ -4,6 +4,7 @@ from collections.abc import Awaitable, Callable, Sequence
 from dataclasses import dataclass
 
 from calibration.documents.external_axis import ExternalAxisDocument
+from calibration.documents.load import LoadDocument
 from calibration.documents.session import AxisOffsetDocument, CameraDocument
 from calibration.documents.target import TargetDocument
 from calibration.problem import Setup
@@ -37,6 +38,7 @@ class RunSessions:
     workers: Workers
     setup: Setup
     external_axis: ExternalAxisDocument | None = None
+    load: LoadDocument | None = None
 
     def prepare(
         self,
@@ -53,7 +55,7 @@ class RunSessions:
             source = f"{kind} run {log.id}"
             return SessionWriter(
                 self.store.run_folder(log.id), source, self.setup, target, intrinsics, self.store, self.workers,
-                beside(log), axis_offset, self.external_axis,
+                beside(log), axis_offset, self.external_axis, self.load,
             )  # fmt: skip
 
         return open_session

@@ -12,6 +12,7 @@ from typing import Any
 
 from calibration.documents.calibration import CalibrationDocument
 from calibration.documents.calibration_with_arm import CalibrationWithArm
+from calibration.documents.load import LoadDocument
 from calibration.errors import CalibrationError
 from calibration.transforms import Array
 from daemon.config.settings import MAIN_CAMERA, MAIN_SCANNER, NamedScannerSettings
@@ -48,7 +49,7 @@ MAX_RECENT_SCANS = 10
 
 @dataclass(frozen=True)
 class ScanService:
-    """The scans in the store."""
+    """The scans in the store. `carried`: the load on the flange."""
 
     store: Store
     workers: Workers
@@ -57,6 +58,7 @@ class ScanService:
     new_id: Callable[[Clock], str]
     scanners: Mapping[str, NamedScannerSettings]
     registration_jobs: RegistrationJobs
+    carried: LoadDocument | None = None
 
     async def recover(self) -> None:
         """Remove partial files of a killed daemon, and update scan.json of the latest scans. Raises StorageError.
@@ -217,7 +219,7 @@ class ScanService:
             _, current = await self.store.current(settings.camera if settings else MAIN_CAMERA)
             if current.document.flange_T_camera is not None:
                 errors = await self.store.arm(current.id)
-                calibration = await self.workers.run(CalibrationWithArm.of, current.document, errors)
+                calibration = await self.workers.run(CalibrationWithArm.of, current.document, errors, self.carried)
                 wanted = await self._registration_request(scan.id, calibration, refine=True)
                 self.registration_jobs.start(wanted, only_if_free=False)
         except NoCalibration:

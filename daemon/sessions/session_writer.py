@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 
 from calibration.documents.external_axis import ExternalAxisDocument, external_axes_of
+from calibration.documents.load import LoadDocument
 from calibration.documents.pose import PoseDocument
 from calibration.documents.session import AxisOffsetDocument, CameraDocument, SessionDocument, ViewDocument
 from calibration.documents.target import TargetDocument
@@ -51,6 +52,7 @@ class SessionWriter:
         self, folder: Path, source: str, setup: Setup, target: TargetDocument, camera: CameraDocument | None,
         store: Store, workers: Workers, beside: Sequence[SensorBeside] = (),
         axis_offset: AxisOffsetDocument | None = None, external_axis: ExternalAxisDocument | None = None,
+        load: LoadDocument | None = None,
     ) -> None:  # fmt: skip
         self.folder = folder
         self._store, self._workers, self._beside = store, workers, beside
@@ -60,7 +62,7 @@ class SessionWriter:
         self._taken: dict[int, DetectionDocument] = {}
         self._document = SessionDocument(
             schema_version=1, source=source, poses_from_controller=True, setup=setup, target=target, camera=camera,
-            axis_offset=axis_offset, external_axis=external_axis, views=[],
+            axis_offset=axis_offset, external_axis=external_axis, load=load, views=[],
         )  # fmt: skip
 
     async def add(self, frame: CameraFrame, reading: PoseReading, at: str = "") -> int:
@@ -118,7 +120,7 @@ class SessionWriter:
         return Problem(
             document.setup, document.described_target(), camera, self._image_size, tuple(views),
             poses_from_controller=document.poses_from_controller, axis_offset=document.given_offset,
-            external_axis=document.rough_axis,
+            external_axis=document.rough_axis, load=document.carried,
         )  # fmt: skip
 
     def problem_here(self, views: list[View]) -> Problem:

@@ -9,7 +9,7 @@ from typing import Literal, get_args
 import numpy as np
 
 from calibration.kinematics.arm import Arm
-from calibration.kinematics.arm_errors import NO_LOAD, ArmErrorModel, Group, Load, Postures
+from calibration.kinematics.arm_errors import ArmErrorModel, Group, Postures
 from calibration.transforms import Array
 
 ArmClass = Literal["perfect", "calibrated", "standard", "worn"]
@@ -47,11 +47,6 @@ class BuiltArm:
     def base_T_flange(self, postures: Postures) -> Array:
         """Where the flange truly is (n, 4, 4)."""
         return self.model.forward(self.errors, postures)
-
-    def flange_T_built(self, joints_rad: Array, sides: Array | None = None, load: Load = NO_LOAD) -> Array:
-        """(4, 4): from the flange as reported for joints (6,) to where it is; `sides` (6,) of the last approach."""
-        postures = Postures(joints_rad[None], load, None if sides is None else sides[None])
-        return np.linalg.solve(self.drawing.forward(joints_rad), self.base_T_flange(postures)[0])
 
 
 def build_arm(drawing: Arm, arm_class: ArmClass, seed: int) -> BuiltArm:

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from calibration.kinematics.arm_errors import Postures
+from calibration.kinematics.load import NO_LOAD, Load
 from calibration.kinematics.seven_axes import AnyArm
 from calibration.transforms import Array, rotation_angle_rad, rotation_from_vector, transform
 from mock_robot.arm.built_arm import BuiltArm, warmth_k
@@ -104,11 +105,17 @@ class SimulatedArm:
     """Owner of the arm's position. Times are the robot's own seconds and must not decrease."""
 
     def __init__(
-        self, arm: AnyArm, joints: Array, noise: ArmNoise, now_s: float = 0.0, built: BuiltArm | None = None
+        self,
+        arm: AnyArm,
+        joints: Array,
+        noise: ArmNoise,
+        now_s: float = 0.0,
+        built: BuiltArm | None = None,
+        load: Load = NO_LOAD,
     ) -> None:
         arm.require_within_limits(joints)
         self.arm = arm
-        self._noise, self._built, self._switched_on_s = noise, built, now_s
+        self._noise, self._built, self._load, self._switched_on_s = noise, built, load, now_s
         self.lost_rad: Array = np.zeros(len(joints))
         """By how much each axis truly stands beyond what is reported: a zero lost after a collision or a new motor."""
         self._sides: Array = np.ones(len(joints))  # from which each axis last came: 1 from below
@@ -196,7 +203,7 @@ class SimulatedArm:
         stands = self.arm.forward(joints)
         if self._built is not None:
             warmth = np.array([warmth_k(now_s - self._switched_on_s)])
-            stands = self._built.base_T_flange(Postures(joints[None], sides=self._sides[None], warmth_k=warmth))[0]
+            stands = self._built.base_T_flange(Postures(joints[None], self._load, self._sides[None], warmth))[0]
         return stands @ self._noise.flange_T_true(self._departures)
 
     def _come_from(self, here: Array, there: Array) -> None:

@@ -9,7 +9,8 @@ import numpy as np
 from calibration.documents.pose import PoseDocument
 from calibration.documents.session import CameraDocument
 from calibration.kinematics.arm import Arm, UnreachablePoseError
-from calibration.kinematics.arm_errors import NO_LOAD, Load, Postures
+from calibration.kinematics.arm_errors import Postures
+from calibration.kinematics.load import NO_LOAD, Load
 from calibration.problem import Detection, Problem, View
 from calibration.transforms import Array, inverse, map_points, rotation_from_vector, transform
 from mock_robot.arm.built_arm import BuiltArm
@@ -87,7 +88,8 @@ def arm_cell(
         pixels = pixels + noise.image_px * rng.standard_normal(pixels.shape)
         ids, poses = np.arange(pixels.shape[1]), built.drawing.forward(joints)
         views = [View(row, poses[row], Detection(ids, pixels[row]), joints_rad=joints[row]) for row in range(n)]
-        problems.append(Problem("eye-in-hand", BOARD, CAMERA, CAMERA.image_size, tuple(views)))
+        known = None if load == NO_LOAD else load
+        problems.append(Problem("eye-in-hand", BOARD, CAMERA, CAMERA.image_size, tuple(views), load=known))
     return ArmCell(built, tuple(problems), MOUNT_T_CAMERA)
 
 

@@ -5,7 +5,7 @@ from typing import Annotated, Any, Literal
 
 from fastapi import Query, Request
 
-from calibration.documents.calibration_with_arm import AS_BUILT, POSE_WITHOUT_JOINTS, CalibrationWithArm
+from calibration.documents.calibration_with_arm import AS_BUILT, CalibrationWithArm
 from calibration.documents.pose import PoseDocument
 from calibration.documents.validation import validate_document
 from calibration.errors import DocumentProblem
@@ -114,7 +114,7 @@ def _parse_joints(text: str) -> tuple[float, ...]:
 
 def arm_headers(calibration: CalibrationWithArm, poses: Sequence[FlangePose]) -> dict[str, str]:
     """Headers of a cloud in base: whether the arm's errors are in it, how well it is placed by them at these poses, and
-    a warning for poses without joints.
+    a warning for poses without joints and for another load.
 
     Takes inverse kinematics: for a worker thread. Raises UnreachablePoseError.
     """
@@ -127,8 +127,8 @@ def arm_headers(calibration: CalibrationWithArm, poses: Sequence[FlangePose]) ->
         "Handeyed-Point-Sigma-Mm": f"{placement.point_mm:.4f}",
         "Handeyed-Joints-Seen": str(placement.seen).lower(),
     }
-    if calibration.findings(joints):
-        found["Handeyed-Warning"] = POSE_WITHOUT_JOINTS
+    if warnings := calibration.findings(joints):
+        found["Handeyed-Warning"] = ", ".join(warning.code for warning in warnings)
     return found
 
 

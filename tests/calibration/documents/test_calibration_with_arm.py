@@ -9,7 +9,9 @@ from calibration.documents.arm import ArmErrorsDocument
 from calibration.documents.calibration import CalibrationDocument, UncertaintyDocument, calibration_document
 from calibration.documents.calibration_with_arm import CalibrationWithArm
 from calibration.documents.identified_arm import identify_arm_document
+from calibration.documents.load import LoadDocument
 from calibration.kinematics.abb_arms import find_arm
+from calibration.kinematics.load import Load
 from calibration.solve import solve_hand_eye
 from calibration.transforms import inverse, vector_from_transform
 from calibration.verdict import judge
@@ -21,9 +23,10 @@ ARM = find_arm("IRB 2600-20/1.65")
 
 @cache
 def session() -> tuple[ArmCell, CalibrationDocument, ArmErrorsDocument]:
-    """Twelve views of a standard arm, its calibration.json and its arm.json."""
+    """Twelve views of a standard arm with 10 kg on its flange, its calibration.json and its arm.json."""
     rng, target = np.random.default_rng(0), target_before(ARM)
-    cell = arm_cell(rng, build_arm(ARM, "standard", 0), [reachable_views(rng, ARM, target, 12)], [target])
+    joints = [reachable_views(rng, ARM, target, 12)]
+    cell = arm_cell(rng, build_arm(ARM, "standard", 0), joints, [target], load=Load(10.0, (0.0, 0.0, 80.0)))
     solution, made = solve_hand_eye(cell.problems[0]), {"created_at": "2026-11-23T12:00:00Z", "software": "handeyed 0"}
     document = calibration_document(solution, judge(cell.problems[0], solution), calibration_id="cal-1", **made)
     return cell, document, identify_arm_document(ARM, cell.problems, **made)
@@ -54,6 +57,30 @@ def test_the_error_of_x_fits_the_covariance_that_is_given_with_it() -> None:
     assert document.mount_T_camera is not None
     off = vector_from_transform(inverse(document.mount_T_camera.transform()) @ cell.mount_T_camera)
     assert float(off @ np.linalg.solve(uncertainty_of(document).matrix(), off)) < 22.5  # chi², 6 dof, 99.9 %
+
+
+def test_under_another_load_the_arm_sags_for_that_and_the_answer_warns() -> None:
+    _, drawn, errors = session()
+    unknown = errors.model_copy(update={"load": None})
+    joints = np.radians([[10.0, 45.0, -10.0, 20.0, 40.0, 0.0]])
+    pose = ARM.forward(joints)
+
+    def place(errors: ArmErrorsDocument, carried: float | None) -> tuple[list[str], float, float]:
+        """Codes of the warnings, height of the flange and standard deviation of a point, mm."""
+        load = None if carried is None else LoadDocument(mass_kg=carried, centre_mm=(0.0, 0.0, 80.0))
+        given = CalibrationWithArm.of(drawn, errors, load)
+        placement = given.placement(pose, joints)
+        assert placement is not None
+        height_mm = float(given.base_T_flange(pose, joints)[0, 2, 3])
+        return [finding.code for finding in given.findings(joints)], height_mm, placement.point_mm
+
+    quiet, height_mm, sigma_mm = place(errors, 10.5)
+    assert (quiet, height_mm) == place(errors, None)[:2] == ([], place(errors, 10.0)[1])
+    warned, lower_mm, wider_mm = place(errors, 20.0)
+    assert warned == ["arm-other-load"]
+    assert abs(lower_mm - height_mm) > 1e-6
+    assert wider_mm > sigma_mm
+    assert place(unknown, 20.0)[0] == []
 
 
 def test_an_arm_whose_errors_are_not_taken_up_changes_nothing() -> None:

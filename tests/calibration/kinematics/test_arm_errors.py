@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from calibration.kinematics.abb_arms import ARMS, find_arm
-from calibration.kinematics.arm_errors import GROUPS, ArmErrorModel, Load, Postures
+from calibration.kinematics.arm_errors import GROUPS, ArmErrorModel, Postures
+from calibration.kinematics.load import Load
 from calibration.transforms import adjoint, inverse, vector_from_transform
 
 SMALL = "IRB 120-3/0.6"

@@ -10,6 +10,7 @@ import pytest
 from calibration.documents.calibration import CalibrationDocument
 from calibration.documents.session import ViewDocument
 from calibration.kinematics.abb_arms import find_arm
+from calibration.kinematics.load import Load
 from calibration.problem import Problem
 from daemon.sessions.session_reader import load_problem, open_session
 from tests.daemon.cell_under_test import serving, settings_for
@@ -25,13 +26,15 @@ def read_session(folder: Path) -> tuple[list[dict[str, Any]], Problem]:
     return json.loads(file.read_text())["views"], problem
 
 
-async def test_the_joints_of_each_station_are_kept_with_session_and_calibration(tmp_path: Path) -> None:
-    async with serving(settings_for(tmp_path)) as bench:
+async def test_joints_of_each_station_and_the_load_are_kept_with_session_and_calibration(tmp_path: Path) -> None:
+    load = {"mass_kg": 1.5, "centre_mm": [0.0, 0.0, 60.0], "inertia_kg_m2": [0.01, 0.01, 0.01]}
+    async with serving(settings_for(tmp_path, robot={"load": load})) as bench:
         run = (await bench.client.post("/calibrate", params={"wait": LIMIT_S})).json()
         calibration = CalibrationDocument.model_validate_json(
             (await bench.client.get(run["links"]["calibration"])).content
         )
     written, problem = read_session(tmp_path)
+    assert problem.load == Load(1.5, (0.0, 0.0, 60.0))
     arm = find_arm("IRB 1600-6/1.45")
     for view, document, read in zip(calibration.views, written, problem.views, strict=True):
         assert view.joints_deg is not None and read.joints_rad is not None

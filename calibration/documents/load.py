@@ -1,0 +1,25 @@
+"""The load on the flange as documents have it: kg and mm."""
+
+from typing import Annotated
+
+from pydantic import Field
+
+from calibration.documents.pose import Vector
+from calibration.documents.validation import Document
+from calibration.kinematics.load import Load
+
+
+class LoadDocument(Document):
+    """What the flange carries, camera and bracket: mass, and centre of gravity from the flange, in its frame."""
+
+    mass_kg: Annotated[float, Field(ge=0.01, le=1000)]
+    centre_mm: Vector = (0.0, 0.0, 0.0)
+
+    def load(self) -> Load:
+        """As the solver takes it."""
+        return Load(self.mass_kg, self.centre_mm)
+
+    @classmethod
+    def of(cls, load: Load | None) -> "LoadDocument | None":
+        """None for a load that is not known."""
+        return None if load is None else LoadDocument(mass_kg=load.mass_kg, centre_mm=load.centre_mm)

@@ -1,0 +1,12 @@
+"""English sentences on the errors of an arm as built (documents identified_arm, calibration_with_arm)."""
+
+ARM = {
+    "arm-errors": "the arm is not as drawn: with its own errors views left out by region of the joints are missed by"
+    " {after_mm:.2g} mm instead of {before_mm:.2g} mm",
+    "arm-as-drawn": "these views show no errors of the arm",
+    "arm-other-load": "the arm's errors were identified with {before_kg:g} kg on the flange, which"
+    " carries {now_kg:g} kg: the sag is computed for that by what is known of the arm's compliance",
+    "arm-joints-from-poses": "the joints of {views} views were computed from their poses",
+    "arm-not-identified": "the arm's own errors are not identified: {why}",
+    "identify-arm-again": "calibrate again, with the arm's errors and this load, or correct [robot.load]",
+}
