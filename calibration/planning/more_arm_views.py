@@ -10,7 +10,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from calibration.kinematics.arm_box import box_around, grid_in, joints_at_places, joints_within_reach, middle_of
-from calibration.kinematics.arm_errors import Postures
 from calibration.likelihood.predicted_uncertainty import ExpectedNoise, Scene
 from calibration.planning.arm_views import ArmExperiment, PointsOfInterest
 from calibration.planning.scene_belief import MIN_IMAGE_NOISE_PX
@@ -74,10 +73,10 @@ def plan_more_arm_views(
     for scene in scenes:
         poses = flange_poses(scene, random_viewpoints(limits, CANDIDATES, rng))
         poses = poses[within_limits(scene, limits, poses)]
-        postures.append(Postures(joints_within_reach(arm, poses, range_rad), fit.seen.postures.load))
+        postures.append(fit.postures(joints_within_reach(arm, poses, range_rad)))
     if not len(at) or not all(len(each) for each in postures):
         return None
-    interest = PointsOfInterest(Postures(at), np.tile(point, (len(at), 1)))
+    interest = PointsOfInterest(fit.postures(at), np.tile(point, (len(at), 1)))
     experiment = ArmExperiment(fit.model, scenes, postures, interest, fit.model.sigmas, fit.covariance_with_places)
     plan = experiment.choose(count)
     return MoreArmViews(
