@@ -88,6 +88,7 @@ def build(
         new_id,
         settings.named_scanners(),
         RegistrationJobs(store, merge_workers, clock, events),
+        events.publish,
         settings.robot.carried,
     )
     sweeps = SweepService(cell, store, scans, service_workers, clock, new_id)

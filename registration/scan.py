@@ -6,6 +6,7 @@ it prints X). Refinement puts a small motion before it.
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -17,8 +18,9 @@ from calibration.problem import Setup, anchor_T_mount_of
 from calibration.transforms import Array
 from registration.documents import ScanDocument
 from registration.errors import ScanError
+from registration.fusion.concatenation import OnProgress, ignore_progress, size_of
 from registration.fusion.overlap import Agreement, agreement
-from registration.fusion.pose_adjustment import Refinement, refine_poses
+from registration.fusion.pose_adjustment import MAX_ITERATIONS, Refinement, refine_poses
 from registration.io.columns import common_layout
 from registration.io.convert import move_file
 from registration.io.durable_file import GuardedFile
@@ -148,17 +150,32 @@ class ViewSample:
     non_finite: int
 
 
-def sample_views(views: Sequence[ScanView]) -> list[ViewSample]:
-    """Read a bounded sample of every view. Raises CloudError's leaves, UnitUnknown, ScanError."""
+def sample_views(views: Sequence[ScanView], on_progress: OnProgress = ignore_progress) -> list[ViewSample]:
+    """Read a bounded sample of every view. Raises CloudError's leaves, UnitUnknown, ScanError.
+
+    `on_progress` is called with the share of the files' bytes that is read. A file that does not say how many points it
+    has counts when it is read.
+    """
     if not views:
         raise ScanError("there are no views", "add at least one")
-    return [_sample(view) for view in views]
+    samples: list[ViewSample] = []
+    sizes = [size_of(view.path) for view in views]
+    for index, view in enumerate(views):
+        before, size, whole = sum(sizes[:index]), sizes[index], max(sum(sizes), 1)
+        samples.append(_sample(view, partial(_report_read, on_progress, before / whole, size / whole)))
+        on_progress((before + size) / whole)
+    return samples
 
 
-def _sample(view: ScanView) -> ViewSample:
+def _report_read(on_progress: OnProgress, before: float, share: float, read: float) -> None:
+    on_progress(before + share * read)
+
+
+def _sample(view: ScanView, on_read: OnProgress) -> ViewSample:
+    """`on_read` is called with the share of the points that is read."""
     scale = scale_to_mm(view.unit)
     with open_cloud(view.path) as cloud:
-        blocks = _CountedBlocks(cloud.blocks(), cloud.layout)
+        blocks = _CountedBlocks(cloud.blocks(), cloud.layout, cloud.count, on_read)
         points = sample_points(blocks, cloud.layout, scale)
         if not len(points) and blocks.points > blocks.non_finite:
             what = f"{view.path.name}: no point lies within {MAX_RANGE_MM / 1e6:g} km of the scanner"
@@ -167,9 +184,18 @@ def _sample(view: ScanView) -> ViewSample:
 
 
 def register_views(
-    views: Sequence[ScanView], samples: Sequence[ViewSample], hand: ScannerMount, *, refine: bool = False
+    views: Sequence[ScanView],
+    samples: Sequence[ViewSample],
+    hand: ScannerMount,
+    *,
+    refine: bool = False,
+    on_progress: OnProgress = ignore_progress,
 ) -> Registration:
-    """Poses of the views by the basic formula, or refined. Raises MotionError, ScanError."""
+    """Poses of the views by the basic formula, or refined. Raises MotionError, ScanError.
+
+    `on_progress` is called with the share that is done: each iteration of a refinement, of as many as it may take, and
+    the agreement before and after it count the same.
+    """
     if any(view.setup == "eye-to-hand" for view in views):
         raise ScanError(
             "the camera stands in the cell and the part moves with the flange: its views have no common place in base",
@@ -182,7 +208,13 @@ def register_views(
     before = agreement(surfaces, poses)
     refinement, after = None, None
     if refine:
-        refinement = refine_poses(surfaces, poses, [view.base_T_flange for view in views], hand.noise)
+        refinement = refine_poses(
+            surfaces,
+            poses,
+            [view.base_T_flange for view in views],
+            hand.noise,
+            lambda iteration: on_progress(iteration / (2 + MAX_ITERATIONS)),
+        )
         poses = [found.motion @ pose for found, pose in zip(refinement.corrections, poses, strict=True)]
         after = agreement(surfaces, poses)
     placed = tuple(
@@ -193,16 +225,18 @@ def register_views(
 
 
 class _CountedBlocks:
-    """Blocks whose points are counted while they pass."""
+    """Blocks whose points are counted while they pass; `on_read` is called with the share of `count` that has."""
 
-    def __init__(self, blocks: Iterator[Records], layout: Layout) -> None:
-        self._blocks, self._layout = blocks, layout
+    def __init__(self, blocks: Iterator[Records], layout: Layout, count: int | None, on_read: OnProgress) -> None:
+        self._blocks, self._layout, self._count, self._on_read = blocks, layout, count, on_read
         self.points = self.non_finite = 0
 
     def __iter__(self) -> Iterator[Records]:
         for block in self._blocks:
             self.points += len(block)
             self.non_finite += len(block) - int(np.count_nonzero(self._layout.finite(block)))
+            if self._count:
+                self._on_read(min(self.points / self._count, 1.0))
             yield block
 
 

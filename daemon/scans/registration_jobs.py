@@ -8,6 +8,7 @@ import asyncio
 import logging
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any, Literal
 
@@ -20,8 +21,10 @@ from daemon.errors import NotFound, WorkersBusy
 from daemon.runtime.clock import Clock
 from daemon.runtime.event_bus import EventBus
 from daemon.runtime.workers import Workers
+from daemon.scans.progress import ProgressReports
 from daemon.store.store import Store
 from registration.documents import RegistrationReportDocument
+from registration.fusion.concatenation import size_of
 from registration.report import column_findings, report_of
 from registration.scan import ScannerMount, ScanView, layout_of_views, register_views, sample_views, scanner_mount_of
 
@@ -60,6 +63,20 @@ class RegistrationRequest:
         return same_hand and same_work and stored.refined == self.refine
 
 
+@dataclass
+class _Where:
+    """Where a job is: its state and the views read, and the share of all that is done."""
+
+    stage: tuple[str, int] = ("reading", 0)
+    progress: float = 0.0
+
+
+OnStage = Callable[[str, int, float], None]
+
+READING, READING_TO_REFINE = 0.9, 0.6
+"""Share of a job that is done when every view is read, without and with a refinement."""
+
+
 @dataclass(eq=False)
 class RegistrationJobs:
     """The registrations in progress; equal requests share one job. `workers`: those of merges and registrations."""
@@ -71,6 +88,7 @@ class RegistrationJobs:
     _jobs: dict[tuple[str, int, str, bool], asyncio.Task[RegistrationReportDocument]] = field(
         default_factory=dict, init=False
     )
+    _where: dict[tuple[str, int, str, bool], _Where] = field(default_factory=dict, init=False)
 
     def start(
         self, wanted: RegistrationRequest, *, only_if_free: bool = True
@@ -81,9 +99,14 @@ class RegistrationJobs:
         """
         job = self._jobs.get(wanted.key)
         if job is None:
+            self._where[wanted.key] = _Where()
             job = self._jobs[wanted.key] = asyncio.create_task(self._run_job(wanted, only_if_free))
             job.add_done_callback(lambda done: self._finish_job(wanted, done))
         return job
+
+    def progress_of(self, job: "asyncio.Task[RegistrationReportDocument]") -> float:
+        """The share of a job that is done, 0 to 1."""
+        return next((self._where[key].progress for key, one in self._jobs.items() if one is job), 1.0)
 
     async def find_report(self, wanted: RegistrationRequest) -> RegistrationReportDocument | None:
         """The stored report if it matches this request, else None."""
@@ -108,11 +131,12 @@ class RegistrationJobs:
             return earlier
         loop = asyncio.get_running_loop()
 
-        def on_progress(state: str, views_read: int) -> None:
-            loop.call_soon_threadsafe(self._publish, wanted, state, {"views_read": views_read})
+        def on_stage(state: str, views_read: int, progress: float) -> None:
+            loop.call_soon_threadsafe(self._publish_stage, wanted, (state, views_read), progress)
 
+        on_progress = ProgressReports(partial(self._publish_stage, wanted, None), self.clock.monotonic_s)
         run = self.workers.run_if_free if only_if_free else self.workers.run
-        report = await run(_register, wanted, self.clock.monotonic_s, on_progress)
+        report = await run(_register, wanted, self.clock.monotonic_s, on_stage, on_progress)
         document = StoredRegistration(
             refined=wanted.refine, flange_T_scanner=PoseDocument.of(wanted.flange_T_scanner), report=report
         )
@@ -121,16 +145,26 @@ class RegistrationJobs:
 
     def _finish_job(self, wanted: RegistrationRequest, job: "asyncio.Task[RegistrationReportDocument]") -> None:
         del self._jobs[wanted.key]
+        del self._where[wanted.key]
         if job.cancelled():
             return
         error = job.exception()
         if isinstance(error, WorkersBusy):
             return
         if error is None:
-            self._publish(wanted, "finished", {"rms_mm": job.result().rms_mm.model_dump()})
+            self._publish(wanted, "finished", {"rms_mm": job.result().rms_mm.model_dump(), "progress": 1.0})
         else:
             log.warning("scan %s could not be registered: %s", wanted.scan_id, error)
             self._publish(wanted, "failed", {"cause": str(error)})
+
+    def _publish_stage(self, wanted: RegistrationRequest, stage: tuple[str, int] | None, progress: float) -> None:
+        """Publish a new stage, its state and the views read, or how far the present one is."""
+        where = self._where.get(wanted.key)
+        if where is None:  # the daemon stops, and its thread is not done yet
+            return
+        where.stage, where.progress = stage or where.stage, progress
+        state, views_read = where.stage
+        self._publish(wanted, state, {"views_read": views_read, "progress": round(progress, 3)})
 
     def _publish(self, wanted: RegistrationRequest, state: str, more: dict[str, Any]) -> None:
         about = {"scan_id": wanted.scan_id, "calibration_id": wanted.calibration.id, "refine": wanted.refine}
@@ -142,19 +176,32 @@ class RegistrationJobs:
 
 
 def _register(
-    wanted: RegistrationRequest, clock: Callable[[], float], on_progress: Callable[[str, int], None]
+    wanted: RegistrationRequest, clock: Callable[[], float], on_stage: OnStage, on_progress: Callable[[float], None]
 ) -> RegistrationReportDocument:
-    """Register the views and return the report; writes nothing. Raises RegistrationError."""
-    began, samples = clock(), []
+    """Register the views and return the report; writes nothing. Raises RegistrationError.
+
+    `on_stage` is called when a view is read and when they are registered, with the state, the views read and the share
+    of all that is done; `on_progress` between them, with the share alone.
+    """
+    began, samples, done = clock(), [], 0.0
+    reading = READING_TO_REFINE if wanted.refine else READING
+    whole = max(sum(size_of(view.path) for view in wanted.views), 1)
     for count, view in enumerate(wanted.views):
-        on_progress("reading", count)
-        samples += sample_views([view])
-    on_progress("registering", len(samples))
+        on_stage("reading", count, done)
+        share = reading * size_of(view.path) / whole
+        samples += sample_views([view], partial(_report_part, on_progress, done, share))
+        done += share
+    on_stage("registering", len(samples), reading)
     read = clock()
     given = scanner_mount_of(wanted.calibration)
     hand = ScannerMount(given.calibration_id, wanted.flange_T_scanner, given.noise)
-    registration = register_views(wanted.views, samples, hand, refine=wanted.refine)
+    rest = partial(_report_part, on_progress, reading, 1 - reading)
+    registration = register_views(wanted.views, samples, hand, refine=wanted.refine, on_progress=rest)
     _, lost = layout_of_views(registration.views)
     points = sum(view.points - view.non_finite for view in registration.views)
     seconds = {"read": read - began, "register": clock() - read, "write": 0.0}
     return report_of(registration, hand, points, seconds, [*wanted.findings, *column_findings(lost)])  # type: ignore[arg-type]
+
+
+def _report_part(on_progress: Callable[[float], None], before: float, share: float, part: float) -> None:
+    on_progress(before + share * part)

@@ -20,7 +20,9 @@ from daemon.errors import CalibrationUnusable, NoCalibration, NotFound, ScanEmpt
 from daemon.model.records import FlangePose, ScanRecord, ScanViewRecord, Unit
 from daemon.model.requests import ArtefactRequest
 from daemon.runtime.clock import Clock
+from daemon.runtime.event_bus import Publish
 from daemon.runtime.workers import Workers
+from daemon.scans.progress import ProgressReports
 from daemon.scans.registration_jobs import RegistrationJobs, RegistrationRequest
 from daemon.scans.scanner_acceptance import AcceptanceDocument, assess_scanner
 from daemon.scans.upload import receive_upload
@@ -58,6 +60,7 @@ class ScanService:
     new_id: Callable[[Clock], str]
     scanners: Mapping[str, NamedScannerSettings]
     registration_jobs: RegistrationJobs
+    publish: Publish
     carried: LoadDocument | None = None
 
     async def recover(self) -> None:
@@ -143,16 +146,19 @@ class ScanService:
         calibration_id: str,
         suffix: str = ".ply",
         merge: Merge = EVERY_POINT,
+        view: int | None = None,
     ) -> Path:
         """Merge the clouds into a new file in the base frame, which the caller deletes; cancelled, it leaves none.
+
+        `view`: the only one whose cloud this is, for the events that say how far it is.
 
         Raises RegistrationError, WorkersBusy.
         """
         target = self.store.scan_folder(scan_id) / f"merged-{self.new_id(self.clock)}{suffix}"
-        stop = threading.Event()
+        stop, on_progress = threading.Event(), self._progress_of("merge", scan_id, view)
 
         def merge_until_stopped() -> None:
-            merge_clouds(clouds, target, calibration_id, merge, stop.is_set)
+            merge_clouds(clouds, target, calibration_id, merge, stop.is_set, on_progress)
             if stop.is_set():
                 target.unlink(missing_ok=True)
 
@@ -165,16 +171,27 @@ class ScanService:
         return target
 
     async def view_surface(
-        self, clouds: list[PlacedCloud], view: int, voxel_mm: float, box_mm: Box | None = None
+        self, scan_id: str, clouds: list[PlacedCloud], view: int, voxel_mm: float, box_mm: Box | None = None
     ) -> bytes:
         """One view's averaged points as records of `view_surface.SURFACE`. Raises RegistrationError, WorkersBusy."""
-        stop = threading.Event()
+        stop, on_progress = threading.Event(), self._progress_of("surface", scan_id, view)
         try:
-            found = await self.merge_workers.run_if_free(view_surface, clouds, view, voxel_mm, box_mm, stop.is_set)
+            found = await self.merge_workers.run_if_free(
+                view_surface, clouds, view, voxel_mm, box_mm, stop.is_set, on_progress
+            )
         except asyncio.CancelledError:
             stop.set()
             raise
         return found.tobytes()
+
+    def _progress_of(self, work: str, scan_id: str, view: int | None) -> ProgressReports:
+        """Publishes how far a merge or a surface is, of one view or (None) of all."""
+
+        def publish(progress: float) -> None:
+            about = {"scan_id": scan_id, "work": work, "view": view}
+            self.publish("cloud", {**about, "progress": round(progress, 3)})
+
+        return ProgressReports(publish, self.clock.monotonic_s)
 
     async def assess_scanner(self, scan_id: str, artefact: ArtefactRequest) -> AcceptanceDocument:
         """The scanner's errors from a scan of an artefact.

@@ -42,21 +42,34 @@ class MergedCloud:
     columns_lost: tuple[str, ...]
 
 
+OnProgress = Callable[[float], None]
+"""Takes how far something is: 0 to 1, or the bytes read, as the function that calls it says."""
+
+AVERAGING = 0.9
+"""Share of a merge by voxels that is done when every point is read; the rest is outliers, normals and writing."""
+
+
+def ignore_progress(_so_far: float) -> None:
+    """Does nothing."""
+
+
 def merge_clouds(
     clouds: Sequence[PlacedCloud],
     target: Path,
     calibration_id: str | None = None,
     merge: Merge = EVERY_POINT,
     stopped: Callable[[], bool] = lambda: False,
+    on_progress: OnProgress = ignore_progress,
 ) -> MergedCloud:
     """Every finite point, or their averages, into `target`, by its suffix; whole under its name, or not there.
 
     `calibration_id`: the file says, where its format can, that it is in base, and by which calibration. `stopped` is
-    asked before each block. Raises RegistrationError's leaves.
+    asked before each block, `on_progress` called with the share that is done. Raises RegistrationError's leaves.
     """
     layout, lost = common_layout(_layout(cloud.file) for cloud in clouds)
     merger = Merger(merge, form_of(target, layout).layout, target.parent)
-    finite = FiniteBlocks(merger.shared, stopped, merge.box_mm)
+    share_of_byte = (1.0 if merge.voxel_mm is None else AVERAGING) / max(bytes_of(clouds), 1)
+    finite = FiniteBlocks(merger.shared, stopped, merge.box_mm, lambda read: on_progress(read * share_of_byte))
     with new_cloud(target, merger.layout, calibration_id=calibration_id) as writer:
         held = Conversion.between(merger.layout, writer.form.layout)
         for block in merger.merge_views((finite.of(cloud), cloud.base_T_cloud[:3, 3]) for cloud in clouds):
@@ -70,29 +83,53 @@ def merge_clouds(
 class FiniteBlocks:
     """The finite points of clouds as blocks of `layout`, in base, in mm; `dropped` counts the others.
 
-    With `box_mm` only those within it. Raises MergeStopped.
+    With `box_mm` only those within it. `on_read` is called with the bytes read so far of all these files; a file that
+    does not say how many points it has counts when it is read. Raises MergeStopped.
     """
 
-    def __init__(self, layout: Layout, stopped: Callable[[], bool], box_mm: Box | None = None) -> None:
-        self._layout, self._stopped, self._box_mm = layout, stopped, box_mm
+    def __init__(
+        self,
+        layout: Layout,
+        stopped: Callable[[], bool],
+        box_mm: Box | None = None,
+        on_read: OnProgress = ignore_progress,
+    ) -> None:
+        self._layout, self._stopped, self._box_mm, self._on_read = layout, stopped, box_mm, on_read
+        self._bytes_before = 0
         self.dropped = 0
 
     def of(self, cloud: PlacedCloud) -> Iterator[Records]:
         motion = RigidMotion.of(cloud.base_T_cloud, cloud.unit)
+        size, points = size_of(cloud.file), 0
         with open_cloud(cloud.file) as source:
             for block in move_blocks(source, motion, self._layout):
                 if self._stopped():
                     raise MergeStopped
+                points += len(block)
+                if source.count:
+                    self._on_read(self._bytes_before + size * min(points / source.count, 1.0))
                 finite = self._layout.finite(block)
                 kept = block if finite.all() else block[finite]
                 self.dropped += len(block) - len(kept)
                 yield kept if self._box_mm is None else kept[self._inside(kept, self._box_mm)]
+        self._bytes_before += size
+        self._on_read(self._bytes_before)
 
     def _inside(self, block: Records, box_mm: Box) -> NDArray[np.bool_]:
         inside = np.ones(len(block), bool)
         for name, low, high in zip(self._layout.xyz, *box_mm, strict=True):
             inside &= (block[name] >= low) & (block[name] <= high)
         return inside
+
+
+def bytes_of(clouds: Sequence[PlacedCloud]) -> int:
+    """The size of all files."""
+    return sum(size_of(cloud.file) for cloud in clouds)
+
+
+def size_of(file: Path) -> int:
+    """Its bytes; 0 of one that is not there, which `open_cloud` refuses in words."""
+    return file.stat().st_size if file.is_file() else 0
 
 
 def _layout(file: Path) -> Layout:

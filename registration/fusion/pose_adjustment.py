@@ -5,7 +5,7 @@ robot's rotation and translation error at the flange) and solves. Views without 
 surface determines, keep the robot's pose, since only the prior constrains them.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -50,8 +50,9 @@ def refine_poses(
     base_T_camera: Sequence[Array],
     base_T_flange: Sequence[Array],
     noise: RobotNoise = ABSOLUTE_NOISE,
+    at_iteration: Callable[[int], None] = lambda iteration: None,
 ) -> Refinement:
-    """Corrections that align the views as far as the robot's noise allows."""
+    """Corrections that align the views as far as the robot's noise allows. `at_iteration`: called before each."""
     motions = [np.eye(4) for _ in surfaces]
     origin = origin_of(surfaces, base_T_camera)
     radius_mm = radius_of(surfaces, base_T_camera, origin)
@@ -60,6 +61,7 @@ def refine_poses(
     pairs: dict[tuple[int, int], PairEvidence] = {}
     while iteration < MAX_ITERATIONS and not settled:
         iteration += 1
+        at_iteration(iteration)
         poses = [motion @ pose for motion, pose in zip(motions, base_T_camera, strict=True)]
         pairs = all_pairs(surfaces, poses, origin, radius_mm, reach_mm)
         seen, seen_gradient, prior, prior_gradient = normal_equations(

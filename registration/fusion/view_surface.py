@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 import scipy
 
-from registration.fusion.concatenation import FiniteBlocks, PlacedCloud
+from registration.fusion.concatenation import FiniteBlocks, OnProgress, PlacedCloud, bytes_of, ignore_progress
 from registration.fusion.merging import NORMALS, Box, Merge, Merger
 from registration.points.layout import XYZ_FLOAT32, Array, Records
 from registration.points.surface import NEIGHBOURS, planes_of
@@ -19,6 +19,9 @@ NEAR_EDGES = 3.0
 
 BLOCK_POINTS = 1 << 15
 
+READING = 0.8
+"""Share of the work that is done when every view is read."""
+
 
 def view_surface(
     clouds: Sequence[PlacedCloud],
@@ -26,35 +29,50 @@ def view_surface(
     voxel_mm: float,
     box_mm: Box | None = None,
     stopped: Callable[[], bool] = lambda: False,
+    on_progress: OnProgress = ignore_progress,
 ) -> Records:
     """The points of `clouds[view]` as SURFACE records (n,). Memory grows with the occupied voxels, not with the points.
 
-    Raises RegistrationError's leaves, MergeStopped.
+    `on_progress` is called with the share that is done. Raises RegistrationError's leaves, MergeStopped.
     """
-    own = _averaged(clouds[view], Merge(voxel_mm, normals=True, box_mm=box_mm), stopped)
+    own_bytes, share_of_byte = bytes_of([clouds[view]]), READING / max(bytes_of(clouds), 1)
+    own = _averaged(
+        clouds[view],
+        Merge(voxel_mm, normals=True, box_mm=box_mm),
+        stopped,
+        lambda read: on_progress(read * share_of_byte),
+    )
     found = np.empty(len(own), SURFACE)
     for name in own.dtype.names or ():
         found[name] = own[name]
     points, normals = (np.stack([found[name] for name in names], axis=1) for names in (XYZ_FLOAT32.xyz, NORMALS))
     others = [cloud for index, cloud in enumerate(clouds) if index != view]
-    found["deviation"] = _deviations(points, normals, _points_of(others, voxel_mm, box_mm, stopped), voxel_mm)
+    points_of_others = _points_of(
+        others, voxel_mm, box_mm, stopped, lambda read: on_progress((own_bytes + read) * share_of_byte)
+    )
+    found["deviation"] = _deviations(points, normals, points_of_others, voxel_mm, on_progress)
     return found
 
 
-def _averaged(cloud: PlacedCloud, merge: Merge, stopped: Callable[[], bool]) -> Records:
+def _averaged(cloud: PlacedCloud, merge: Merge, stopped: Callable[[], bool], on_read: OnProgress) -> Records:
     merger = Merger(merge, XYZ_FLOAT32, cloud.file.parent)
-    blocks = FiniteBlocks(XYZ_FLOAT32, stopped, merge.box_mm).of(cloud)
+    blocks = FiniteBlocks(XYZ_FLOAT32, stopped, merge.box_mm, on_read).of(cloud)
     return np.concatenate([
         *merger.merge_views([(blocks, cloud.base_T_cloud[:3, 3])]), np.empty(0, merger.layout.dtype)
     ])  # fmt: skip
 
 
 def _points_of(
-    clouds: Sequence[PlacedCloud], voxel_mm: float, box_mm: Box | None, stopped: Callable[[], bool]
+    clouds: Sequence[PlacedCloud],
+    voxel_mm: float,
+    box_mm: Box | None,
+    stopped: Callable[[], bool],
+    on_read: OnProgress,
 ) -> Array:
     """The averaged points (n, 3) of all these clouds, also of those a little outside the box."""
     grid = VoxelGrid(voxel_mm, XYZ_FLOAT32)
-    blocks = FiniteBlocks(XYZ_FLOAT32, stopped, None if box_mm is None else _grown(box_mm, NEAR_EDGES * voxel_mm))
+    grown = None if box_mm is None else _grown(box_mm, NEAR_EDGES * voxel_mm)
+    blocks = FiniteBlocks(XYZ_FLOAT32, stopped, grown, on_read)
     for cloud in clouds:
         for block in blocks.of(cloud):
             grid.add(block)
@@ -67,7 +85,7 @@ def _grown(box_mm: Box, margin_mm: float) -> Box:
     return (low[0], low[1], low[2]), (high[0], high[1], high[2])
 
 
-def _deviations(points: Array, normals: Array, others: Array, voxel_mm: float) -> Array:
+def _deviations(points: Array, normals: Array, others: Array, voxel_mm: float, on_progress: OnProgress) -> Array:
     """Signed distances (n,) from the planes through the nearest points of the others, along the own normal."""
     found = np.full(len(points), np.nan)
     count = min(NEIGHBOURS, len(others))
@@ -82,4 +100,5 @@ def _deviations(points: Array, normals: Array, others: Array, voxel_mm: float) -
         planes = np.where(np.sum(planes * normals[piece], axis=1, keepdims=True) < 0, -planes, planes)
         offsets = np.sum((points[piece] - patches.mean(axis=1)) * planes, axis=1)
         found[piece] = np.where(distances[:, 0] <= NEAR_EDGES * voxel_mm, offsets, np.nan)
+        on_progress(READING + (1 - READING) * min(start + BLOCK_POINTS, len(points)) / len(points))
     return found

@@ -190,7 +190,8 @@ async def report_scan(request: Request, app: App, scan_id: Identifier, form: For
     finally:
         await app.service_workers.run(merged.unlink, missing_ok=True)
     surfaces = [
-        await app.scans.view_surface(clouds, index, MAP_VOXEL_MM) for index in range(min(len(clouds), MAX_MAPPED_VIEWS))
+        await app.scans.view_surface(scan_id, clouds, index, MAP_VOXEL_MM)
+        for index in range(min(len(clouds), MAX_MAPPED_VIEWS))
     ]
     deviations = await app.service_workers.run(_deviation_map, surfaces)
     record = await app.store.scan(scan_id)

@@ -179,7 +179,7 @@ async def report(
     job = await app.scans.start_registration(scan_id, await calibration_of_scan(app, scan_id, calibration), refine)
     found = await _wait_for_report(job, wait)
     if found is None:
-        return _in_progress(scan_id, refine)
+        return _in_progress(app, job, scan_id, refine)
     return Response(found.model_dump_json(), media_type=JSON)
 
 
@@ -210,15 +210,16 @@ async def cloud(
     used = await calibration_of_scan(app, scan_id, calibration)
     found = None
     if refine:
-        found = await _wait_for_report(await app.scans.start_registration(scan_id, used, refine), wait)
+        job = await app.scans.start_registration(scan_id, used, refine)
+        found = await _wait_for_report(job, wait)
         if found is None:
-            return _in_progress(scan_id, refine)
+            return _in_progress(app, job, scan_id, refine)
     clouds = await app.scans.clouds(scan_id, used, found)
     poses = [row.pose for row in await app.store.scan_views(scan_id)][: len(clouds)]
     if view is not None:
         clouds, poses = [_one_of(clouds, view, scan_id)], poses[view : view + 1]
     document = used.document
-    merged = await app.scans.merge_views(scan_id, clouds, document.id, ANSWER_SUFFIXES[media_type], merge)
+    merged = await app.scans.merge_views(scan_id, clouds, document.id, ANSWER_SUFFIXES[media_type], merge, view)
     headers = {"Handeyed-Calibration": document.id, "Handeyed-Frame": "base", "Vary": "Accept"}
     headers |= await app.service_workers.run(arm_headers, used, poses)
     if media_type != JSON:
@@ -245,7 +246,7 @@ async def surface(
     views: positive towards the camera, NaN where no other view is near."""
     clouds = await app.scans.clouds(scan_id, await calibration_of_scan(app, scan_id, calibration))
     _one_of(clouds, view, scan_id)
-    content = await app.scans.view_surface(clouds, view, voxel_mm, box_of(box))
+    content = await app.scans.view_surface(scan_id, clouds, view, voxel_mm, box_of(box))
     return Response(content, media_type=OCTETS)
 
 
@@ -272,9 +273,10 @@ async def _wait_for_report(job: ReportTask, seconds: float) -> RegistrationRepor
     return job.result() if done else None
 
 
-def _in_progress(scan_id: str, refine: bool) -> Response:
+def _in_progress(app: Application, job: ReportTask, scan_id: str, refine: bool) -> Response:
     link = f"/scans/{scan_id}/report" + ("?refine=true" if refine else "")
-    state = RegistrationState(state="in progress", links={"self": link, "events": "/events"})
+    progress = round(app.scans.registration_jobs.progress_of(job), 3)
+    state = RegistrationState(state="in progress", progress=progress, links={"self": link, "events": "/events"})
     return Response(state.model_dump_json(), 202, {"Location": link, "Retry-After": "1"}, media_type=JSON)
 
 

@@ -76,9 +76,10 @@ class ScanDocument(Answer):
 
 
 class RegistrationState(Answer):
-    """A registration in progress; `links.self` answers its report when it is done."""
+    """A registration in progress: `progress`, 0 to 1, is done; `links.self` answers its report when all is."""
 
     state: Literal["in progress"]
+    progress: float = 0.0
     links: dict[str, str]
 
 

@@ -1,10 +1,12 @@
 // The merged cloud of a scan: coarse at once, then finer; coloured by view, height, deviation or normal; the part looked at finer still; a point picked, two measured, the top cut off.
 import { html, useEffect, useRef, useState } from '../vendor/preact.js';
 import { ask } from '../state/ask.js';
+import { progress } from '../state/now.js';
 import { bytes, count, fixed, mm } from '../state/numbers.js';
 import { t } from '../state/words.js';
-import { FIRST_VOXEL_MM, MAX_POINTS, MAX_SURFACE_POINTS, boxAround, deviationEnd, finerVoxel, joinParts, joinSurfaces, shareOf } from '../scene/cloud_data.js';
+import { FIRST_VOXEL_MM, MAX_POINTS, MAX_SURFACE_POINTS, boxAround, deviationEnd, finerVoxel, joinParts, joinSurfaces, shareOf, shareOfParts } from '../scene/cloud_data.js';
 import { ProblemNote } from './problem.js';
+import { Progress } from './progress.js';
 
 const COLOURINGS = ['view', 'height', 'deviation', 'normal'];
 const DETAIL_SHARE = 0.25; // of the cloud's diagonal: who looks at more than that sees the whole
@@ -18,6 +20,7 @@ export function CloudView({ scan, views }) {
   const [picked, setPicked] = useState([]);
   const [bounds, setBounds] = useState(null);
   const [cut, setCut] = useState(1);
+  const [part, setPart] = useState(null); // of the views asked for, the one on its way: { index, of, view, work, before: the last event of a cloud when it was asked for }
 
   useEffect(() => {
     let wanted = true;
@@ -36,7 +39,8 @@ export function CloudView({ scan, views }) {
       if (!made) return setState({ words: t('scene.no-drawing') });
       scene.current = made;
       try {
-        const first = await fetchCloud(scan, views, FIRST_VOXEL_MM, MAX_POINTS.first);
+        const first = await fetchCloud(scan, views, FIRST_VOXEL_MM, MAX_POINTS.first, null, setPart);
+        setPart(null);
         if (!wanted) return undefined;
         setBounds(scene.current.show(first.cloud));
         setState({ points: first.cloud.points, first: first.cloud.points, fetched: first.fetched, voxel: FIRST_VOXEL_MM });
@@ -47,6 +51,7 @@ export function CloudView({ scan, views }) {
         setBounds(scene.current.show(second.cloud, true));
         setState({ points: second.cloud.points, first: first.cloud.points, fetched: first.fetched + second.fetched, voxel: finer });
       } catch (problem) {
+        setPart(null);
         if (wanted) setState({ problem });
       }
       return undefined;
@@ -75,13 +80,15 @@ export function CloudView({ scan, views }) {
     if (['deviation', 'normal'].includes(name) && !state.coarse) {
       setState((before) => ({ ...before, words: t('missing.wait') }));
       try {
-        const { cloud, fetched } = await fetchSurfaces(scan, views, finerVoxel(FIRST_VOXEL_MM, state.first, MAX_SURFACE_POINTS));
+        const { cloud, fetched } = await fetchSurfaces(scan, views, finerVoxel(FIRST_VOXEL_MM, state.first, MAX_SURFACE_POINTS), setPart);
+        setPart(null);
         if (!scene.current) return;
         const span = deviationEnd(cloud.deviation);
         scene.current.show(cloud, true);
         scene.current.set('span', span ?? 1);
         setState((before) => ({ ...before, words: null, points: cloud.points, fetched: before.fetched + fetched, coarse: true, span, detail: 0 }));
       } catch (problem) {
+        setPart(null);
         setState((before) => ({ ...before, words: null, problem }));
         return;
       }
@@ -95,7 +102,8 @@ export function CloudView({ scan, views }) {
   };
   const [a, b] = picked;
   const apart = b && Math.hypot(...a.point.map((value, axis) => value - b.point[axis]));
-  return html`<figure class="scene cloud"><div class="frame"><canvas ref=${canvas} tabindex="0" role="img" aria-label=${t('cloud.alt', { count: count(state.points ?? 0) })}></canvas></div>
+  return html`<figure class="scene cloud"><div class="frame"><canvas ref=${canvas} tabindex="0" role="img" aria-label=${t('cloud.alt', { count: count(state.points ?? 0) })}></canvas>
+      ${part && html`<${Progress} share=${shareOfParts(part, scan, progress.value.cloud)} words=${['cloud.progress', { view: part.index + 1, of: part.of }]} />`}</div>
       <figcaption class="small quiet" role="status">${state.words ?? (state.points ? t('cloud.points', { count: count(state.points + (state.detail ?? 0)), bytes: bytes(state.fetched) }) : '')} <span class="keys">${t(scene.current?.flat ? 'scene.flat' : 'scene.keys')}</span></figcaption></figure>
     ${state.problem && html`<${ProblemNote} problem=${state.problem} />`}
     <div class="row" role="group" aria-label=${t('cloud.colour')}>
@@ -108,10 +116,11 @@ export function CloudView({ scan, views }) {
     ${picked.length ? html`<button type="button" onClick=${() => { setPicked([]); scene.current?.clear(); }}>${t('cloud.clear')}</button>` : !scene.current?.flat && html`<p class="small quiet">${t('cloud.pick')}</p>`}`;
 }
 
-async function fetchSurfaces(scan, views, voxel_mm) {
+async function fetchSurfaces(scan, views, voxel_mm, begin) {
   const parts = [];
   let fetched = 0;
-  for (const { view } of views) {
+  for (const [index, { view }] of views.entries()) {
+    begin({ index, of: views.length, view, work: 'surface', before: progress.value.cloud });
     const path = `/scans/${encodeURIComponent(scan)}/surface?view=${view}&voxel_mm=${voxel_mm}`;
     const { data } = await ask(path, { kind: 'bytes', headers: { Accept: 'application/octet-stream' }, limit_s: 120 });
     fetched += data.byteLength;
@@ -120,10 +129,11 @@ async function fetchSurfaces(scan, views, voxel_mm) {
   return { cloud: joinSurfaces(parts), fetched };
 }
 
-async function fetchCloud(scan, views, voxel_mm, most, box) {
+async function fetchCloud(scan, views, voxel_mm, most, box, begin) {
   const parts = [];
   let fetched = 0;
-  for (const { view } of views) {
+  for (const [index, { view }] of views.entries()) {
+    begin?.({ index, of: views.length, view, work: 'merge', before: progress.value.cloud });
     const path = `/scans/${encodeURIComponent(scan)}/cloud?view=${view}&voxel_mm=${voxel_mm}&max_points=${shareOf(most, views.length)}&wait=50${box ? `&box=${box}` : ''}`;
     const { data, status } = await ask(path, { kind: 'bytes', headers: { Accept: 'application/octet-stream' }, limit_s: 60 });
     if (status === 202) continue;

@@ -8,6 +8,12 @@ export const MAX_POINTS = { first: 250_000, finer: 700_000 }; // 11.4 MB for bot
 export const shareOf = (most, views) => Math.max(8, Math.floor(most / views));
 
 /** One array of coordinates and one of view indices from the parts' float32 x, y, z. */
+/** How far a cloud is that is fetched view by view; `event`: the last one that says how far a view of some scan is. */
+export function shareOfParts({ index, of, view, work, before }, scan, event) {
+  const mine = event && event !== before && event.scan_id === scan && event.view === view && event.work === work;
+  return (index + (mine ? event.progress : 0)) / of;
+}
+
 export function joinParts(parts) {
   const total = parts.reduce((sum, { xyz }) => sum + xyz.length / 3, 0);
   const xyz = new Float32Array(3 * total);

@@ -1,5 +1,5 @@
 // Scans: the list, a new one from the scanner or from files, and one scan with its cloud in 3D.
-import { html, useState } from '../vendor/preact.js';
+import { html, useEffect, useState } from '../vendor/preact.js';
 import { Act } from '../parts/act.js';
 import { Card, Facts } from '../parts/card.js';
 import { CloudView } from '../parts/cloud_view.js';
@@ -7,9 +7,10 @@ import { Findings } from '../parts/findings.js';
 import { HoldButton } from '../parts/hold_button.js';
 import { Missing, useAsked } from '../parts/loaded.js';
 import { ProblemNote } from '../parts/problem.js';
+import { Progress } from '../parts/progress.js';
 import { ask, newKey } from '../state/ask.js';
 import { about, bytes, count, fixed, mm, moment } from '../state/numbers.js';
-import { may, note, running } from '../state/now.js';
+import { may, note, progress, running } from '../state/now.js';
 import { readyWith, scanner, scannerNamed, scanners } from '../state/sensors.js';
 import { go, linkTo } from '../state/place.js';
 import { upload } from '../state/upload.js';
@@ -89,12 +90,22 @@ function Upload({ name, scan, done }) {
     ${problem && html`<${ProblemNote} problem=${problem} />`}`;
 }
 
+const stageWords = (step, of) => (step?.state === 'reading' ? ['scan.reading', { view: step.views_read + 1, of }] : ['scan.registering', {}]);
+
 function Scan({ id }) {
   const path = `/scans/${encodeURIComponent(id)}`;
   const scan = useAsked(path, ['scan', 'run', 'upload']);
   const [refine, setRefine] = useState(false);
   const views = scan.data?.views ?? [];
   const report = useAsked(views.length ? `${path}/report?refine=${refine}&wait=15` : null, [], { late: true });
+  const told = progress.value.registration;
+  const step = told?.scan_id === id && told.refine === refine ? told : null;
+  const over = ['finished', 'failed'].includes(step?.state);
+  const waiting = Boolean(report.data) && !report.data.views;
+  const fitting = waiting || (!report.data && !report.error && step && !over);
+  useEffect(() => {
+    if (waiting && over) report.again();
+  }, [waiting, over]);
   if (!scan.data) return html`<${Missing} asked=${scan} none=${t('scan.unknown')} />`;
   const quality = report.data?.views ? report.data : null;
   return html`<div class="grid">
@@ -111,8 +122,9 @@ function Scan({ id }) {
         <a class="button" href=${`${path}/report.html`} target="_blank" rel="noreferrer">${t('result.report')}</a></div>
       <h3>${t('scan.more')}</h3><${Upload} scan=${id} done=${scan.again} />
     </${Card}>
-    <${Card} title=${t('scan.registration')} id="registration" wide="2"><${Missing} asked=${report} />
-      ${report.data && !quality && html`<p class="quiet">${t('missing.wait')}</p><${Act} label=${t('problem.again')} act=${async () => report.again()} />`}
+    <${Card} title=${t('scan.registration')} id="registration" wide="2">
+      ${fitting ? html`<${Progress} share=${Math.max(report.data?.progress ?? 0, step?.progress ?? 0)} words=${stageWords(step, views.length)} />` : html`<${Missing} asked=${report} />`}
+      ${waiting && html`<${Act} label=${t('problem.again')} act=${async () => report.again()} />`}
       ${quality && html`<div class="table-frame" tabindex="0" role="group" aria-label=${t('scan.registration')}><table><thead><tr><th scope="col">${t('views.view')}</th><th scope="col" class="num">${t('scan.points')}</th><th scope="col" class="num">${t('scan.overlap')}</th><th scope="col" class="num">${t('scan.rms')}</th></tr></thead>
         <tbody>${quality.views.map((view) => html`<tr><th scope="row">${view.index}</th><td class="num">${count(view.points)}</td><td class="num">${fixed(100 * view.overlap, 0)} %</td><td class="num">${mm(view.rms_mm)}</td></tr>`)}</tbody></table></div>`}
     </${Card}>

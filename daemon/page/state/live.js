@@ -68,7 +68,7 @@ function pass(message) {
 function take(message) {
   batch(() => {
     if (message.kind === 'live') takeLive(message.data);
-    else if (message.kind === 'event') now.note(message.event);
+    else if (message.kind === 'event') now.note(message.event, message.data);
     else if (message.kind === 'refused') now.refused.value = message.problem;
   });
 }
@@ -145,9 +145,9 @@ async function followEvents(signal) {
   await followStream('/events', {
     signal,
     headers: after ? { 'Last-Event-ID': after } : {},
-    take: ({ kind, id }) => {
+    take: ({ kind, id, data }) => {
       lastEvent = id || lastEvent;
-      if (kind) pass({ kind: 'event', event: kind });
+      if (kind) pass({ kind: 'event', event: kind, data });
     },
   });
 }

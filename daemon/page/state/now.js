@@ -28,6 +28,9 @@ export const running = computed(() => run.value !== null && !run.value.over);
 const RANK = { nobody: 0, viewer: 1, operator: 2, admin: 3 };
 export const may = (role) => (RANK[session.value?.role] ?? 0) >= RANK[role];
 
-export function note(kind) {
+export const progress = signal({}); // of each kind of event that says how far something is: the data of the last one
+
+export function note(kind, data) {
+  if (data?.progress !== undefined) progress.value = { ...progress.value, [kind]: data };
   changed.value = { ...changed.value, [kind]: (changed.value[kind] ?? 0) + 1 };
 }

@@ -113,6 +113,15 @@ async def test_clouds_sent_from_the_page_are_placed_and_shown(
         await page.get_by_role("button", name="By deviation").click()
         await page.get_by_text("in front of them").wait_for()
         await page.get_by_role("button", name="By normal").click()
+        await page.route(
+            "**/report?*",
+            lambda route: route.fulfill(status=202, json={"state": "in progress", "progress": 0.3, "links": {}}),
+        )
+        await page.get_by_label("Fit the views to each other").check()
+        await page.get_by_text("Fitting the views together: 30 % is done.").wait_for()
+        await page.unroute("**/report?*")
+        await press(page.get_by_role("button", name="Try again"))
+        await page.get_by_role("columnheader", name="Overlap").wait_for()
         await page.locator("dd").get_by_text("8,000", exact=True).wait_for()
         await page.evaluate("location.hash = '#/scans'")
         await page.get_by_text(re.compile(r"2 views · 8k points, [0-9]+ kB · operator")).wait_for()

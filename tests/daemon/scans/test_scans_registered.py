@@ -59,9 +59,14 @@ async def test_a_scan_asked_to_refine_does_so_while_views_come_and_reports_how_f
     assert all(view["correction"] for view in report["views"])
     told = await asyncio.wait_for(registrations_told(bench, views=3), LIMIT_S)
     assert {event["scan_id"] for event in told} == {scan["id"]}
-    whole = [event["state"] for event in told if event["views"] == 3]
-    assert whole[:4] == ["reading", "reading", "reading", "registering"]
-    assert whole[-1] == "finished"
+    whole = [event for event in told if event["views"] == 3]
+    stages = [(event["state"], event.get("views_read")) for event in whole]
+    assert list(dict.fromkeys(stages)) == [
+        ("reading", 0), ("reading", 1), ("reading", 2), ("registering", 3), ("finished", None),
+    ]  # fmt: skip
+    shares = [event["progress"] for event in whole]
+    assert shares == sorted(shares)
+    assert (shares[0], shares[-1]) == (0.0, 1.0)
 
 
 async def registrations_told(bench: Bench, views: int) -> list[dict[str, Any]]:
@@ -115,6 +120,7 @@ async def test_who_does_not_wait_learns_where_to_ask_again(bench: Bench) -> None
     await send_views(bench, scan["links"]["views"])
     answer = await bench.client.get(scan["links"]["cloud"], params={"refine": True, "wait": 0})
     assert (answer.status_code, answer.json()["state"]) == (202, "in progress")
+    assert 0.0 <= answer.json()["progress"] < 1.0
     later = await bench.client.get(answer.headers["location"])
     assert later.json()["rms_mm"]["after"] is not None
 

@@ -8,7 +8,7 @@ const { EventReader } = await import(join(page, 'state', 'sse.js'));
 const { wayToGo, stepsTo, compose, turn } = await import(join(page, 'parts', 'pose.js'));
 const { enlargement, halfAxes, pointCovariance } = await import(join(page, 'parts', 'ellipsoid.js'));
 const { ticks, logTicks } = await import(join(page, 'parts', 'ticks.js'));
-const { joinParts, joinSurfaces, deviationEnd, boxAround, finerVoxel, boundsOf, pickPoint, MAX_POINTS, shareOf } = await import(join(page, 'scene', 'cloud_data.js'));
+const { joinParts, joinSurfaces, deviationEnd, boxAround, finerVoxel, boundsOf, pickPoint, MAX_POINTS, shareOf, shareOfParts } = await import(join(page, 'scene', 'cloud_data.js'));
 
 const near = (found, expected, off = 1e-9) => found.forEach((value, index) => assert.ok(Math.abs(value - expected[index]) < off, `${found}`));
 const HALF = Math.SQRT1_2;
@@ -101,4 +101,13 @@ test('the scale of deviations is round and holds nine of ten', () => {
   const deviations = Float32Array.from({ length: 100 }, (_, index) => (index === 0 ? -40 : (index - 50) / 1000));
   assert.deepEqual([deviationEnd(deviations), deviationEnd(new Float32Array([NaN]))], [0.05, null]);
   assert.equal(boxAround([1, 2, -3], 1.5), '-0.50,0.50,-4.50,2.50,3.50,-1.50');
+});
+
+test('a cloud is as far as its views are fetched, and the one on its way by an event that came since', () => {
+  const before = { scan_id: 's', work: 'merge', view: 1, progress: 0.9 };
+  const part = { index: 1, of: 4, view: 1, work: 'merge', before };
+  const of = (event) => shareOfParts(part, 's', event);
+  assert.deepEqual([of(undefined), of(before)], [0.25, 0.25]);
+  assert.equal(of({ ...before, progress: 0.5 }), 0.375);
+  for (const other of [{ scan_id: 'x' }, { view: 0 }, { view: null }, { work: 'surface' }]) assert.equal(of({ ...before, progress: 0.5, ...other }), 0.25);
 });
