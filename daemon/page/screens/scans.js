@@ -16,7 +16,7 @@ import { go, linkTo } from '../state/place.js';
 import { upload } from '../state/upload.js';
 import { deviceName, t } from '../state/words.js';
 
-const TYPES = { ply: 'application/x-ply', pcd: 'application/x-pcd', las: 'application/vnd.las', laz: 'application/vnd.laszip', e57: 'model/e57' };
+const TYPES = { ply: 'application/x-ply', pcd: 'application/x-pcd', laz: 'application/vnd.laszip' };
 
 export const Scans = ({ argument }) => (argument ? html`<${Scan} id=${argument} />` : html`<${List} />`);
 
@@ -83,7 +83,7 @@ function Upload({ name, scan, done }) {
     setState(null);
   };
   if (!may('operator')) return html`<p class="quiet">${t('missing.role')}</p>`;
-  return html`<label class="file"><span class="button">${t('scan.choose')}</span><input type="file" multiple accept=".ply,.pcd,.las,.laz,.e57" onChange=${send} /></label>
+  return html`<label class="file"><span class="button">${t('scan.choose')}</span><input type="file" multiple accept=${Object.keys(TYPES).map((suffix) => `.${suffix}`).join()} onChange=${send} /></label>
     <p class="small quiet" role="status">${state ? t('scan.sending', state) : t('scan.pose-now')}</p>
     ${state && html`<div class="sent"><progress max="1" value=${state.share} aria-label=${t('scan.sending', state)}></progress>
       <span>${state.share < 1 ? t('scan.part', { percent: fixed(100 * state.share, 0), bytes: bytes(state.size) }) : t('scan.taking')}</span></div>`}

@@ -459,7 +459,7 @@ export default {
   'scan.not-yet': 'Noch nicht: Scanner, seine Posen und eine bereite Zelle sind nötig.',
   'scan.files': 'Oder aus Dateien',
   'scan.choose': 'Wolken wählen',
-  'scan.pose-now': 'PLY, PCD, LAS, LAZ oder E57; jede gilt als von dort gesehen, wo der Arm jetzt steht.',
+  'scan.pose-now': 'PLY, PCD oder LAZ; jede gilt als von dort gesehen, wo der Arm jetzt steht.',
   'scan.sending': 'Sendet {index} von {of} …',
   'scan.part': '{percent} % von {bytes}',
   'scan.taking': 'Gesendet. Der Dienst liest und speichert …',

@@ -470,7 +470,7 @@ export default {
   'scan.not-yet': 'Not yet: scanner, its poses, and a ready cell are needed.',
   'scan.files': 'Or from files',
   'scan.choose': 'Choose clouds',
-  'scan.pose-now': 'PLY, PCD, LAS, LAZ or E57; each is taken as seen from where the arm stands now.',
+  'scan.pose-now': 'PLY, PCD or LAZ; each is taken as seen from where the arm stands now.',
   'scan.sending': 'Sending {index} of {of} …',
   'scan.part': '{percent} % of {bytes}',
   'scan.taking': 'Sent. The daemon reads and stores it …',

@@ -459,7 +459,7 @@ export default {
   'scan.not-yet': 'Aún no: hacen falta el escáner, sus poses y la celda lista.',
   'scan.files': 'O desde archivos',
   'scan.choose': 'Elegir nubes',
-  'scan.pose-now': 'PLY, PCD, LAS, LAZ o E57; cada una vale como vista desde donde está ahora el brazo.',
+  'scan.pose-now': 'PLY, PCD o LAZ; cada una vale como vista desde donde está ahora el brazo.',
   'scan.sending': 'Enviando {index} de {of} …',
   'scan.part': '{percent} % de {bytes}',
   'scan.taking': 'Enviado. El servicio lo lee y guarda …',

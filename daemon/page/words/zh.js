@@ -459,7 +459,7 @@ export default {
   'scan.not-yet': '还不行：需要扫描仪、其位姿和就绪的单元。',
   'scan.files': '或从文件',
   'scan.choose': '选择点云',
-  'scan.pose-now': 'PLY、PCD、LAS、LAZ 或 E57；每个都视为从机械臂当前位置所见。',
+  'scan.pose-now': 'PLY、PCD 或 LAZ；每个都视为从机械臂当前位置所见。',
   'scan.sending': '正在发送 {index} / {of} …',
   'scan.part': '{bytes} 的 {percent} %',
   'scan.taking': '已发送。守护进程正在读取并保存…',

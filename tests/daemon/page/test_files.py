@@ -9,6 +9,7 @@ import httpx
 import pytest
 
 from daemon.page import FOLDER, PageFiles
+from daemon.scans.upload import SUFFIXES
 from tests.daemon.cell_under_test import Bench
 
 
@@ -16,6 +17,14 @@ async def test_a_browser_is_sent_to_the_page(bench: Bench) -> None:
     sent = await bench.client.get("/", headers={"Accept": "text/html,*/*"})
     assert (sent.status_code, sent.headers["Location"]) == (303, "/page/")
     assert (await bench.client.get("/")).json()["software"]
+
+
+def test_the_page_offers_the_clouds_that_the_daemon_takes() -> None:
+    (named,) = re.findall(r"const TYPES = \{(.*)\}", (FOLDER / "screens" / "scans.js").read_text())
+    offered = dict(re.findall(r"(\w+): '([^']+)'", named))
+    assert {f".{suffix}": media_type for suffix, media_type in offered.items()} == {
+        suffix: media_type for media_type, suffix in SUFFIXES.items() if suffix != ".f32"
+    }
 
 
 async def test_the_index_is_asked_anew_and_the_files_are_kept(bench: Bench) -> None:
