@@ -1,5 +1,6 @@
 """The stored calibrations: the one in force of a camera, one by its id, and putting one in force."""
 
+import logging
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -7,14 +8,17 @@ from calibration.documents.calibration import CalibrationDocument
 from calibration.documents.calibration_with_arm import CalibrationWithArm
 from calibration.documents.external_axis import ExternalAxisDocument
 from calibration.documents.load import LoadDocument
+from calibration.errors import CalibrationError
 from calibration.problem import Setup
 from daemon.config.settings import MAIN_CAMERA
-from daemon.errors import CalibrationUnusable
+from daemon.errors import CalibrationUnusable, StorageInconsistent
 from daemon.model.records import AppliedCalibration, CalibrationRecord
 from daemon.model.requests import ApplyRequest
 from daemon.runtime.clock import Clock
 from daemon.runtime.workers import Workers
 from daemon.store.store import Store
+
+log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -88,6 +92,17 @@ class Calibrations:
         if errors is None:
             return CalibrationWithArm(calibration)
         return await self.workers.run(CalibrationWithArm.of, calibration, errors, self.carried)
+
+    async def point_mm(self, calibration: CalibrationDocument) -> float | None:
+        """One sigma of a mapped point, with the arm's errors where they were taken up; None where X is not determined.
+
+        That of the calibration alone, where it or its arm.json cannot be used. Raises StorageError.
+        """
+        try:
+            calibration = (await self.with_arm(calibration)).document
+        except (CalibrationUnusable, CalibrationError, StorageInconsistent) as error:
+            log.warning("the uncertainty of calibration %s is stated without its arm: %s", calibration.id, error)
+        return None if calibration.uncertainty is None else calibration.uncertainty.point_mm
 
 
 def check_usable(calibration: CalibrationRecord, request: ApplyRequest) -> None:

@@ -1,5 +1,6 @@
 """GET /calibrations, one of them, the one in force, and applying one."""
 
+from dataclasses import replace
 from typing import Annotated
 
 from fastapi import APIRouter, Depends, Query, Request, Response
@@ -41,10 +42,11 @@ from daemon.api.problems import problem_responses
 from daemon.api.schemas.answer import page_json
 from daemon.api.schemas.calibrations import AppliedDocument, CalibrationList, CalibrationSummary, CurrentCalibration
 from daemon.application import Application
-from daemon.errors import NoCalibration, NotFound
+from daemon.errors import NoCalibration, NotFound, StorageInconsistent
 from daemon.model.records import CalibrationRecord
 from daemon.model.requests import ApplyRequest, ObservationsRequest, SolveRequest
 from daemon.store.damaged_rows import split_damaged
+from daemon.store.listings import CalibrationListing
 from daemon.store.page_filters import PageFilters
 
 MAX_SESSION_VALUES = 40_000
@@ -71,14 +73,24 @@ async def calibrations(app: App, limit: Limit = 50, before: Before = None, accep
     page, following = page_of(found, limit, "/calibrations", filters)
     history = await app.store.history(limit)
     current = frozenset({row.camera: row.calibration_id for row in reversed(history)}.values())
+    read, damaged = split_damaged(page)
+    read = [await _as_in_force(app, listing) if listing.id in current else listing for listing in read]
 
     def as_json() -> bytes:
-        read, damaged = split_damaged(page)
         found = (CalibrationSummary.of(listing, current).model_dump_json() for listing in read)
         applied = (AppliedDocument.of(row).model_dump_json() for row in history)
         return page_json("calibrations", found, following, damaged, applied=applied)
 
     return await respond_page(app, as_json)
+
+
+async def _as_in_force(app: Application, listing: CalibrationListing) -> CalibrationListing:
+    """With the uncertainty that holds while the errors of its arm are taken out; as it is where it cannot be read."""
+    try:
+        document = (await app.store.calibration(listing.id)).document
+    except StorageInconsistent:
+        return listing
+    return replace(listing, point_mm=await app.operations.calibrations.point_mm(document))
 
 
 @router.post(

@@ -83,14 +83,14 @@ async def _families(app: Application) -> list[Metric]:
 
 
 async def _uncertainties(app: Application) -> list[Metric]:
-    """Of the calibration in force of each camera that has one."""
+    """Of the calibration in force of each camera that has one, with its arm's errors where they were taken up."""
     sigma_m: dict[Labels, float] = {}
     for name in app.settings.camera_names:
         try:
             _, current = await app.store.current(name)
         except NoCalibration:
             continue
-        if (uncertainty := current.document.uncertainty) is not None:
-            sigma_m[() if name == MAIN_CAMERA else (("camera", name),)] = uncertainty.point_mm / 1e3
+        if (point_mm := await app.operations.calibrations.point_mm(current.document)) is not None:
+            sigma_m[() if name == MAIN_CAMERA else (("camera", name),)] = point_mm / 1e3
     help_text = "One sigma of a mapped point, of the calibration in force."
     return [Metric("handeyed_calibration_point_sigma_meters", "gauge", help_text, sigma_m)] if sigma_m else []

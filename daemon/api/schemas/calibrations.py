@@ -35,12 +35,11 @@ class CalibrationSummary(Answer):
         return cls(**vars(listing), current=listing.id in current_ids)
 
     @classmethod
-    def of_current(cls, record: CalibrationRecord) -> "CalibrationSummary":
+    def of_current(cls, record: CalibrationRecord, point_mm: float | None) -> "CalibrationSummary":
         """Of the calibration in force."""
-        uncertainty = record.document.uncertainty
         return cls(
             id=record.id, run_id=record.run_id, created_at=record.created_at, accepted=record.accepted,
-            current=True, camera=record.camera, point_mm=uncertainty.point_mm if uncertainty else None,
+            current=True, camera=record.camera, point_mm=point_mm,
         )  # fmt: skip
 
 
