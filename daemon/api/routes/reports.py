@@ -10,6 +10,7 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 from fastapi import APIRouter, Query, Request, Response
+from numpy.typing import NDArray
 
 from calibration.documents.calibration import CalibrationDocument
 from calibration.documents.reports.acceptance_report import (
@@ -24,16 +25,18 @@ from calibration.documents.reports.context import Drift, DriftedPoint, Picture, 
 from calibration.documents.reports.scan_report import DeviationMap, Scan, ScannedView, scan_report
 from calibration.documents.reports.verification_report import drift_report, verification_report
 from calibration.targets import Target
-from daemon.api.dependencies import App, Identifier, WithCamera
-from daemon.api.negotiation import media_ranges
+from daemon.api.dependencies import App, Identifier, WidthQuery, WithCamera
+from daemon.api.negotiation import choose_picture_type, media_ranges
 from daemon.api.plain_text import MIN_SHOWN_CHANCE, change_text
 from daemon.api.problems import problem_responses
+from daemon.api.routes.cell import PICTURES
 from daemon.api.routes.scans import calibration_of_scan
 from daemon.api.schemas.acceptances import StoredAcceptance
 from daemon.api.schemas.drift import DriftChangeDocument
 from daemon.application import Application
 from daemon.drift.chart import DriftChart
 from daemon.errors import NotFound
+from daemon.sessions.pictures import PictureType, encode_picture
 from daemon.sessions.session_files import find_grey
 from daemon.tools.reports.arm_errors import arm_in_report
 from daemon.tools.reports.context import context_of, session_sha256, verified_points
@@ -53,6 +56,8 @@ MAP_VOXEL_MM = 4.0
 MAX_MAPPED_VIEWS = 24
 OCTETS = ".bin"
 MAX_HISTORY = 500
+
+Side = Annotated[Literal["above", "front", "side"], Query(alias="from", description="where it is looked at from")]
 
 Form = Annotated[
     Literal["html", "pdf"] | None, Query(alias="format", description="html or pdf; without it, as Accept prefers")
@@ -199,6 +204,31 @@ async def report_scan(request: Request, app: App, scan_id: Identifier, form: For
     return await _answer(request, app, partial(scan_report, shown, context_of(app.settings)), form)
 
 
+@router.get(
+    "/scans/{scan_id}/picture",
+    tags=["scans"],
+    response_class=Response,
+    responses={200: PICTURES, **problem_responses(404, 406, 409, 413, 415, 429, 500, 507)},
+)
+async def picture_scan(
+    request: Request, app: App, scan_id: Identifier, side: Side = "front", width: WidthQuery = None
+) -> Response:
+    """The merged cloud from one side, the nearer the lighter, as Accept prefers.
+
+    480 pixels wide without `width`, 960 at the most; by the calibration in force, each time anew.
+    """
+    media_type = choose_picture_type(request)
+    used = await calibration_of_scan(app, scan_id, "current")
+    clouds = await app.scans.clouds(scan_id, used, None)
+    merge = Merge(PICTURE_VOXEL_MM, most=MAX_PICTURED_POINTS)
+    merged = await app.scans.merge_views(scan_id, clouds, used.document.id, OCTETS, merge)
+    try:
+        content = await app.service_workers.run(_draw, merged, side, media_type, min(width or 480, 960))
+    finally:
+        await app.service_workers.run(merged.unlink, missing_ok=True)
+    return Response(content, media_type=media_type, headers={"Vary": "Accept"})
+
+
 def _scan_of(
     found: RegistrationReportDocument, pictures: tuple[Picture, ...], scan_id: str, name: str, at: str
 ) -> Scan:
@@ -222,10 +252,21 @@ def _cloud_pictures(file: Path) -> tuple[Picture, ...]:
     """Of a file of float32 x, y, z; an even choice of its points."""
     from daemon.tools.reports.pictures import cloud_pictures
 
+    return cloud_pictures(_points_of(file))
+
+
+def _draw(file: Path, side: str, media_type: PictureType, px: int) -> bytes:
+    from daemon.tools.reports.pictures import draw_cloud
+
+    return encode_picture(draw_cloud(_points_of(file), side, px)[0], media_type, None)
+
+
+def _points_of(file: Path) -> NDArray[np.float32]:
+    """An even choice of its points (n, 3)."""
     if file.stat().st_size < 12:
-        return ()
+        return np.empty((0, 3), np.float32)
     points = np.memmap(file, np.float32, "r").reshape(-1, 3)
-    return cloud_pictures(np.array(points[:: max(1, len(points) // MAX_PICTURED_POINTS)]))
+    return np.array(points[:: max(1, len(points) // MAX_PICTURED_POINTS)])
 
 
 def _deviation_map(surfaces: list[bytes]) -> DeviationMap | None:

@@ -23,7 +23,11 @@ WIDTH_PX = 1000
 MAX_PICTURES = 2
 JPEG = (cv2.IMWRITE_JPEG_QUALITY, 82)
 CLOUD_PX = 420
-SIDES = (("from above (x, y)", 0, 1, 2), ("from the front (x, z)", 0, 2, 1), ("from the side (y, z)", 1, 2, 0))
+SIDES = {
+    "above": ("from above (x, y)", 0, 1, 2),
+    "front": ("from the front (x, z)", 0, 2, 1),
+    "side": ("from the side (y, z)", 1, 2, 0),
+}
 """Caption, axes across and up, and the axis of depth."""
 
 LOW, HIGH = np.array([107, 79, 47.0]), np.array([214, 224, 236.0])
@@ -85,21 +89,29 @@ def cloud_pictures(points_mm: NDArray[np.float32]) -> tuple[Picture, ...]:
     """Points (n, 3) in the base from three sides, the nearer the lighter, the same scale in each."""
     if len(points_mm) == 0:
         return ()
+    return tuple(_side(points_mm, side) for side in SIDES)
+
+
+def _side(points_mm: NDArray[np.float32], side: str) -> Picture:
+    image, width_mm = draw_cloud(points_mm, side, CLOUD_PX)
+    _, content = cv2.imencode(".png", image)
+    return Picture(_data("png", content.tobytes()), CLOUD_PX, CLOUD_PX, f"{SIDES[side][0]}, width {width_mm:.0f} mm")
+
+
+def draw_cloud(points_mm: NDArray[np.float32], side: str, px: int) -> tuple[Levels, float]:
+    """Points (n, 3) seen from one of SIDES, the nearer the lighter: an image (px, px, 3), and its width in mm."""
+    image = np.full((px, px, 3), 255, np.uint8)
+    if len(points_mm) == 0:
+        return image, 0.0
+    _, across, up, depth = SIDES[side]
     low, high = np.percentile(points_mm, 0.1, axis=0), np.percentile(points_mm, 99.9, axis=0)
-    span = max(float((high - low).max()), 1e-6)
-    return tuple(_side(points_mm, (low + high) / 2, span, *side) for side in SIDES)
-
-
-def _side(points: NDArray[np.float32], centre: NDArray[np.floating], span: float, caption: str, across: int, up: int,
-          depth: int) -> Picture:  # fmt: skip
-    scale = 0.94 * CLOUD_PX / span
-    x = np.round((points[:, across] - centre[across]) * scale + CLOUD_PX / 2).astype(int)
-    y = np.round(CLOUD_PX / 2 - (points[:, up] - centre[up]) * scale).astype(int)
-    inside = (x >= 0) & (x < CLOUD_PX) & (y >= 0) & (y < CLOUD_PX)
-    nearness = points[inside, depth] if depth == 2 else -points[inside, depth]
+    centre, span = (low + high) / 2, max(float((high - low).max()), 1e-6)
+    scale = 0.94 * px / span
+    x = np.round((points_mm[:, across] - centre[across]) * scale + px / 2).astype(int)
+    y = np.round(px / 2 - (points_mm[:, up] - centre[up]) * scale).astype(int)
+    inside = (x >= 0) & (x < px) & (y >= 0) & (y < px)
+    nearness = points_mm[inside, depth] if depth == 2 else -points_mm[inside, depth]
     order = np.argsort(nearness)
     shade = (nearness - nearness.min()) / max(float(np.ptp(nearness)), 1e-9) if len(order) else nearness
-    image = np.full((CLOUD_PX, CLOUD_PX, 3), 255, np.uint8)
     image[y[inside][order], x[inside][order]] = (LOW + shade[order, None] * (HIGH - LOW)).astype(np.uint8)
-    _, content = cv2.imencode(".png", image)
-    return Picture(_data("png", content.tobytes()), CLOUD_PX, CLOUD_PX, f"{caption}, width {span / 0.94:.0f} mm")
+    return image, span / 0.94

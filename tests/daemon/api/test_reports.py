@@ -3,6 +3,8 @@
 from pathlib import Path
 from threading import Event
 
+import cv2
+import numpy as np
 import pytest
 
 from calibration.documents.reports.numbers import number
@@ -64,6 +66,18 @@ async def test_a_scan_is_shown_from_three_sides_with_its_deviations(bench: Bench
             scan["links"]["views"], params={"pose": pose, "unit": "mm"}, content=ply_of(cloud(3000)), headers=PLY
         )
         assert sent.status_code == 201, sent.text
+    for side, width, accept, size in (
+        ("front", None, "image/png", 480),
+        ("above", 240, "image/webp", 240),
+        ("side", 1920, "image/jpeg", 960),
+    ):
+        asked = {"from": side} | ({} if width is None else {"width": width})
+        picture = await bench.client.get(f"/scans/{scan['id']}/picture", params=asked, headers={"Accept": accept})
+        assert (picture.status_code, picture.headers["content-type"]) == (200, accept)
+        image = cv2.imdecode(np.frombuffer(picture.content, np.uint8), cv2.IMREAD_COLOR)
+        assert image is not None
+        assert image.shape == (size, size, 3)
+        assert (image < 230).any(axis=2).sum() > 500, "points are drawn"
     report = await bench.client.get(f"/scans/{scan['id']}/report.html")
     assert report.status_code == 200, report.text
     assert report.text.count("data:image/png;base64,") == 4  # three sides, and the map of deviations
