@@ -33,7 +33,7 @@ function inWords(views) {
 }
 
 function List() {
-  const scans = useAsked('/scans', ['scan', 'run', 'upload']);
+  const scans = useAsked('/scans', ['scan', 'run']);
   const { poses = 0, camera } = scanners.value.find((one) => one.name === scanner.value) ?? {};
   const [name, setName] = useState('');
   const off = !may('operator') || running.value || !readyWith(camera)?.calibrate?.ready || !poses;
@@ -94,7 +94,7 @@ const stageWords = (step, of) => (step?.state === 'reading' ? ['scan.reading', {
 
 function Scan({ id }) {
   const path = `/scans/${encodeURIComponent(id)}`;
-  const scan = useAsked(path, ['scan', 'run', 'upload']);
+  const scan = useAsked(path, ['scan', 'run']);
   const [refine, setRefine] = useState(false);
   const views = scan.data?.views ?? [];
   const report = useAsked(views.length ? `${path}/report?refine=${refine}&wait=15` : null, [], { late: true });

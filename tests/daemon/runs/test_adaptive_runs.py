@@ -72,6 +72,8 @@ async def test_a_run_that_plans_shows_what_it_expects_and_keeps_every_picture(tm
         assert [name for name in run["links"] if name.startswith("frame")] == [f"frame {k}" for k in range(5)]
         told = [event.data["predicted"] for event in bench.application.events._kept if event.kind == "run"]
         assert any(words and re.fullmatch(r"predicted 0\.\d+ -> 0\.\d+ mm", words) for words in told), told
+        assert run["planning"]["goal"]["views"] == 4
+        assert [row["station"] for row in run["planning"]["history"]] == [0, 1, 2, 3, 4]
         again = (await bench.client.get(run["links"]["self"], headers=TEXT)).text
         assert f"predicted {run['planning']['now_mm']:.2g} mm" in again
 

@@ -80,6 +80,7 @@ async def test_advice_leads_on_from_nothing_known_to_enough(tmp_path: Path) -> N
     async with by_hand(tmp_path) as hand:
         first = (await hand.takes(POSES[0])).json()["planning"]
         assert first["advice"].startswith("turn the flange by about 30 deg about its z")
+        assert first["advice_steps"][0] == {"turn_axis": "z", "deg": 30.0}
         assert first["next_pose"] is None
         second = (await hand.takes(POSES[0] @ transform(rotation_from_vector([0, 0, 0.4]), [0, 0, 0]))).json()
         assert "about its z" not in second["planning"]["advice"]
@@ -89,6 +90,14 @@ async def test_advice_leads_on_from_nothing_known_to_enough(tmp_path: Path) -> N
         fourth = await hand.takes(target)
         assert fourth.status_code == 200, "the advice leads to where the target is in the picture"
         assert fourth.json()["planning"]["now_mm"] == pytest.approx(third["planned_mm"], rel=0.5)
+        steps = fourth.json()["planning"]["advice_steps"]
+        assert {*map(frozenset, steps)} <= {frozenset(("turn_axis", "deg")), frozenset(("shift_mm",))}
+        history = fourth.json()["planning"]["history"]
+        assert [row["station"] for row in history] == [1, 2, 3, 4]
+        assert [row["now_mm"] for row in history[2:]] == [third["now_mm"], fourth.json()["planning"]["now_mm"]]
+        await hand.bench.application.events.flush()
+        last = [event.data for event in hand.bench.application.events._kept if event.kind == "run"][-1]
+        assert (last["now_mm"], last["station"]) == (history[-1]["now_mm"], 4)
         words = (await hand.bench.client.get(hand.run["links"]["self"], headers=TEXT)).text
         assert f"next: {fourth.json()['planning']['advice']}" in words
         assert "stations" in words
