@@ -111,13 +111,13 @@ class CalibrationWithArm:
         """As `base_T_flange`, on the base where it stood."""
         if self.arm is None:
             return np.array(reported)
-        drawing, joints = self.arm.model.arm, self._joints_by(self.arm, reported, joints_rad)
+        drawing, joints = self.arm.model.arm, self.joints_by(self.arm, reported, joints_rad)
         for row, known in enumerate(joints_rad):
             if known is not None:
                 require_consistent_joints(drawing, joints[row : row + 1], np.array(reported[row : row + 1]))
         return self.arm.base_T_flange(joints)
 
-    def _joints_by(self, arm: ArmEstimate, reported: Sequence[Array], joints_rad: Sequence[Array | None]) -> Array:
+    def joints_by(self, arm: ArmEstimate, reported: Sequence[Array], joints_rad: Sequence[Array | None]) -> Array:
         """Joints (n, 6) as known, else by inverse kinematics of the drawing."""
         return np.array(
             [
@@ -144,7 +144,7 @@ class CalibrationWithArm:
         """
         if self.arm is None or self.document.setup == "eye-to-hand":
             return None
-        joints = self._joints_by(self.arm, reported, joints_rad)
+        joints = self.joints_by(self.arm, reported, joints_rad)
         variances = point_variances(self.arm, joints, working_volume_mm(self.document), self.scatter)
         lowest, highest = self.seen_rad
         seen = bool(np.all((joints >= lowest) & (joints <= highest)))

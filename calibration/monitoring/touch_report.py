@@ -13,6 +13,8 @@ from calibration.documents.tip import TipDocument
 from calibration.documents.touches import TouchDocument, TouchesDocument
 from calibration.documents.validation import Document
 from calibration.errors import DocumentError, DocumentProblem
+from calibration.kinematics.arm_errors import Postures
+from calibration.kinematics.arm_estimate import ArmEstimate
 from calibration.monitoring.touch_misses import (
     Conformance,
     SharedError,
@@ -23,13 +25,15 @@ from calibration.monitoring.touch_misses import (
     seen_points_mm,
     tip_error,
 )
+from calibration.solver.registered_points import play_covariances
 from calibration.transforms import Array, inverse, map_points
 
 
 class TouchedPointDocument(Document):
     """One point in the base, and `miss_mm`: touched less seen.
 
-    `expanded_mm`: U (k = 2) of the miss by tip, robot and placing; `claimed_mm`: with X's. `outlying`: this miss alone
+    `expanded_mm`: U (k = 2) of the miss by tip, robot and placing; `claimed_mm`: with X's, and the arm's where its
+    errors were taken up. `outlying`: this miss alone
     is larger than all of that explains. `base_T_flange`: in which the tip touched it.
     """
 
@@ -77,6 +81,27 @@ class SeenPoint:
     sigma_mm: float = 0.0
 
 
+@dataclass(frozen=True, eq=False)
+class TouchingArm:
+    """The arm as built whose flange poses are given, with its joints, rad.
+
+    touched_rad : (n, 6) where the tip touched. seen_rad : (k, 6) of the k looks at each point; none of a camera beside
+    the robot.
+    """
+
+    estimate: ArmEstimate
+    touched_rad: Array
+    seen_rad: Sequence[Array]
+
+    def rows(self, base_T_flange: Array, flange_mm: Array, joints_rad: Array) -> Array:
+        """Derivative (n, 3, k) of points (n, 3) of the flange's frame, in the base, by the arm's errors."""
+        postures = Postures(joints_rad, self.estimate.load)
+        found: Array = pose_error(base_T_flange, flange_mm, 0.0, 0.0).rows @ self.estimate.model.jacobian(
+            self.estimate.parameters, postures
+        )
+        return found
+
+
 def verified_points(
     ids: Sequence[int], base_T_mount: Array, mount_T_camera: Array, base_mm: Array
 ) -> dict[int, SeenPoint]:
@@ -92,8 +117,11 @@ def touch_test(
     seen: Mapping[int, SeenPoint],
     tolerance_mm: float | None = None,
     origin: str = "touches",
+    arm: TouchingArm | None = None,
 ) -> TouchTestDocument:
     """Evaluate the touches; `seen`: the target's points by id. `origin` names the touches in errors.
+
+    `arm`: of poses that are those of the arm as built; what is not known of it counts with X's error.
 
     Raises DocumentError for a calibration without X or its covariance, points that were not seen, and poses that are
     missing or too many; GeometryError as `evaluate_touch_test`.
@@ -101,7 +129,7 @@ def touch_test(
     mount_T_camera, covariance = _mapping(calibration)
     points = _seen(touches.touches, seen, calibration, origin)
     with np.errstate(over="ignore", invalid="ignore"):  # numbers beyond all measure are refused where they arrive
-        return _evaluate(calibration, tip, touches, points, mount_T_camera, covariance, tolerance_mm)
+        return _evaluate(calibration, tip, touches, points, mount_T_camera, covariance, tolerance_mm, arm)
 
 
 def seen_point_mm(
@@ -122,15 +150,25 @@ def _evaluate(
     mount_T_camera: Array,
     covariance: Array,
     tolerance_mm: float | None,
+    arm: TouchingArm | None,
 ) -> TouchTestDocument:
-    seen_mm, mapping, looks = _in_base(points, mount_T_camera, covariance, calibration)
+    seen_mm, mapping, looks = _in_base(points, mount_T_camera, covariance, calibration, arm)
     base_T_flange = np.array([touch.base_T_flange.transform() for touch in touches.touches if touch.base_T_flange])
     tips_mm = np.broadcast_to(np.array(tip.flange_tip_mm), (len(points), 3))
     touched_mm = map_points(base_T_flange, tips_mm[:, None])[:, 0] + [touch.miss_mm for touch in touches.touches]
-    own = _own(points, base_T_flange, tip, touches.placing_sigma_mm, calibration)
+    if arm is not None:
+        mapping = _subtract_touch(mapping, arm.rows(base_T_flange, tips_mm, arm.touched_rad))
+    own = _own(points, base_T_flange, tip, touches.placing_sigma_mm, calibration, arm)
     shared = [tip_error(base_T_flange, tip.covariance_matrix()), *looks]
     found = evaluate_touch_test(seen_mm, touched_mm, mapping, shared, own, tolerance_mm)
     return _document(found, calibration.id, tip, touches.touches, seen_mm, touched_mm)
+
+
+def _subtract_touch(seen: SharedError, touched_rows: Array) -> SharedError:
+    """The error of seen less touched points by [X, the arm's errors], which move both."""
+    rows = seen.rows.copy()
+    rows[:, :, 6:] -= touched_rows
+    return SharedError(rows, seen.covariance)
 
 
 def _mapping(calibration: CalibrationDocument) -> tuple[Array, Array]:
@@ -170,24 +208,39 @@ def _seen(
 
 
 def _in_base(
-    points: Sequence[SeenPoint], mount_T_camera: Array, covariance: Array, calibration: CalibrationDocument
+    points: Sequence[SeenPoint],
+    mount_T_camera: Array,
+    covariance: Array,
+    calibration: CalibrationDocument,
+    arm: TouchingArm | None,
 ) -> tuple[Array, SharedError, list[SharedError]]:
-    """The points (n, 3) in the base, each the mean over its looks, and their errors: of X, and of each look's pose."""
+    """The points (n, 3) in the base, each the mean over its looks, and their errors: of X, and of each look's pose.
+
+    With an arm as built the first is that of [X, the arm's errors], and the pose's contains its play.
+    """
     counts = [len(point.camera_mm) for point in points]
     mean = np.repeat(np.eye(len(points)) / counts, counts, axis=1)  # (n, m) over all looks at all points
     poses = np.concatenate([point.base_T_mount for point in points])
     camera_mm = np.concatenate([point.camera_mm for point in points])
     seen_mm = mean @ seen_points_mm(poses, mount_T_camera, camera_mm)
     mapping = mapping_error(poses, mount_T_camera, camera_mm, covariance)
-    looks: list[SharedError] = []
+    rows, looks = mapping.rows, list[SharedError]()
+    if arm is not None:
+        covariance = arm.estimate.covariance
+        rows = np.concatenate([rows, np.zeros((len(rows), 3, len(arm.estimate.model)))], axis=-1)
     if calibration.setup == "eye-in-hand":
-        error = pose_error(poses, map_points(mount_T_camera, camera_mm), *_robot_noise(calibration))
+        flange_mm = map_points(mount_T_camera, camera_mm)
+        error, plays = pose_error(poses, flange_mm, *_robot_noise(calibration)), np.zeros((len(poses), 6, 6))
+        if arm is not None:
+            joints_rad = np.concatenate(list(arm.seen_rad))
+            rows[:, :, 6:] = arm.rows(poses, flange_mm, joints_rad)
+            plays = play_covariances(arm.estimate, joints_rad)
         _, look_of = np.unique(poses.reshape(-1, 16).round(9), axis=0, return_inverse=True)
         for look in range(int(look_of.max()) + 1):
             own = look_of.ravel() == look
-            rows = np.einsum("nm,mij->nij", mean[:, own], error.rows[own])
-            looks.append(SharedError(rows, error.covariance))
-    return seen_mm, SharedError(np.einsum("nm,mij->nij", mean, mapping.rows), covariance), looks
+            of_look = np.einsum("nm,mij->nij", mean[:, own], error.rows[own])
+            looks.append(SharedError(of_look, error.covariance + plays[np.argmax(own)]))
+    return seen_mm, SharedError(np.einsum("nm,mij->nij", mean, rows), covariance), looks
 
 
 def _robot_noise(calibration: CalibrationDocument, otherwise_mm: float = 0.0) -> tuple[float, float]:
@@ -202,6 +255,7 @@ def _own(
     tip: TipDocument,
     placing_sigma_mm: float | None,
     calibration: CalibrationDocument,
+    arm: TouchingArm | None,
 ) -> Array:
     """Errors (n, 3, 3) that no two points share: of the robot when it touches, of placing the tip, of the camera.
 
@@ -209,7 +263,11 @@ def _own(
     """
     tip_mm = np.array([tip.flange_tip_mm])
     noise = _robot_noise(calibration, tip.placing_sigma_mm)
-    robot = np.array([pose_error(pose[None], tip_mm, *noise).of_points() for pose in base_T_flange])
+    errors = [pose_error(pose[None], tip_mm, *noise) for pose in base_T_flange]
+    if arm is not None:
+        plays = play_covariances(arm.estimate, arm.touched_rad)
+        errors = [SharedError(error.rows, error.covariance + play) for error, play in zip(errors, plays, strict=True)]
+    robot = np.array([error.of_points() for error in errors])
     if placing_sigma_mm is None:
         by_robot = np.trace(robot, axis1=1, axis2=2) / 3
         placing = np.maximum(tip.placing_sigma_mm**2 - by_robot, 0.0)

@@ -64,10 +64,16 @@ def _pose_covariances(estimate: ArmEstimate, postures: Postures) -> Array:
 
 def _covariances_at(estimate: ArmEstimate, joints_rad: Array, scatter: RobotNoise) -> Array:
     """As `_pose_covariances`, with the scatter about one pose and the play of axes that came from an unknown side."""
-    found, play = _pose_covariances(estimate, estimate.postures(joints_rad)), estimate.model.indices("play")
-    from_below = estimate.postures(joints_rad, np.ones((len(joints_rad), AXES)))
+    found = _pose_covariances(estimate, Postures(joints_rad, estimate.load))
+    found[:, 6:, 6:] += play_covariances(estimate, joints_rad) + np.diag(np.repeat(scatter.levels() ** 2, 3))
+    return found
+
+
+def play_covariances(estimate: ArmEstimate, joints_rad: Array) -> Array:
+    """Covariances (n, 6, 6) of the flange's pose, times exp(.), at joints (n, 6) whose axes came from unknown sides."""
+    play = estimate.model.indices("play")
+    from_below = Postures(joints_rad, estimate.load, np.ones((len(joints_rad), AXES)))
     by_play = estimate.model.jacobian(estimate.parameters, from_below)[:, :, play]
     squares = estimate.parameters[play] ** 2 + np.diagonal(estimate.covariance)[6 + play]
-    found[:, 6:, 6:] += (by_play * squares) @ np.swapaxes(by_play, 1, 2)
-    found[:, 6:, 6:] += np.diag(np.repeat(scatter.levels() ** 2, 3))
+    found: Array = (by_play * squares) @ np.swapaxes(by_play, 1, 2)
     return found

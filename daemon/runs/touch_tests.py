@@ -11,7 +11,15 @@ from calibration.documents.tip import TipDocument
 from calibration.documents.touches import TouchesDocument
 from calibration.documents.validation import Document
 from calibration.errors import DocumentError, DocumentProblem
-from calibration.monitoring.touch_report import SeenPoint, TouchTestDocument, seen_point_mm, touch_test, verified_points
+from calibration.kinematics.arm_estimate import ArmEstimate
+from calibration.monitoring.touch_report import (
+    SeenPoint,
+    TouchingArm,
+    TouchTestDocument,
+    seen_point_mm,
+    touch_test,
+    verified_points,
+)
 from calibration.transforms import Array
 from daemon.cell.cell import Cell
 from daemon.config.settings import MAIN_CAMERA, CalibrationSettings, Settings
@@ -191,7 +199,40 @@ def _evaluate(
 ) -> TouchTestDocument:
     """The test, where the arm's errors are in force by the arm as built, as the verification has seen the points."""
     seen = {} if run is None else _seen_by(run, given.document)
-    return touch_test(given.document, tip, _as_built(given, touches), seen, tolerance_mm, ORIGIN)
+    arm = None if given.arm is None else _arm_at_touches(given, given.arm, touches, run)
+    return touch_test(given.document, tip, _as_built(given, touches), seen, tolerance_mm, ORIGIN, arm)
+
+
+def _arm_at_touches(
+    given: CalibrationWithArm, arm: ArmEstimate, touches: TouchesDocument, run: RunRecord | None
+) -> TouchingArm | None:
+    """The arm at its joints; those that are not recorded by the poses. None where touches lack poses, which is refused.
+
+    Raises UnreachablePoseError.
+    """
+    verified = np.zeros((0, 6)) if run is None else _station_joints(given, arm, run)
+    touched = [touch.base_T_flange for touch in touches.touches]
+    poses = [pose.transform() for pose in touched if pose is not None]
+    if len(poses) < len(touched):
+        return None
+    looks = (
+        []
+        if given.document.setup == "eye-to-hand"
+        else [
+            verified if touch.seen_from is None else given.joints_by(arm, [touch.seen_from.transform()], [None])
+            for touch in touches.touches
+        ]
+    )
+    return TouchingArm(arm, given.joints_by(arm, poses, [None] * len(poses)), looks)
+
+
+def _station_joints(given: CalibrationWithArm, arm: ArmEstimate, run: RunRecord) -> Array:
+    """Joints (n, 6) at the stations of a verification."""
+    assert run.result is not None
+    table = run.result["verification"]
+    poses = [PoseDocument.model_validate(pose).transform() for pose in table["base_T_flange"]]
+    recorded = table.get("joints_deg") or [None] * len(poses)
+    return given.joints_by(arm, poses, [None if joints is None else np.radians(joints) for joints in recorded])
 
 
 def _as_built(given: CalibrationWithArm, touches: TouchesDocument) -> TouchesDocument:

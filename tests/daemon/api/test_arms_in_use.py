@@ -163,3 +163,16 @@ async def gauge_mm(bench: Bench) -> float:
     lines = (await bench.client.get("/metrics")).text.splitlines()
     (value,) = (line.split()[1] for line in lines if line.startswith("handeyed_calibration_point_sigma_meters "))
     return 1e3 * float(value)
+
+
+@pytest.mark.parametrize(("sigma_rad", "least_mm", "most_mm"), [(0.0, 0.0, 2.0), (0.1, 5.0, 500.0)])
+async def test_a_touch_is_judged_with_what_is_not_known_of_the_arm(
+    bench: Bench, sigma_rad: float, least_mm: float, most_mm: float
+) -> None:
+    """Verified from poses in which axis 2 lies otherwise than where the tip touches."""
+    await apply_with_arm(bench, zero_2_sigma_rad=sigma_rad)
+    await bench.verify()
+    run = (await bench.client.get("/runs")).json()["runs"][0]
+    body = {"tip": TIP, "verification": run["id"], "touches": [{"id": 0, "base_T_flange": json_of(touching(0))}]}
+    (point,) = (await bench.client.post("/touch", json=body)).json()["result"]["points"]
+    assert least_mm < point["claimed_mm"] < most_mm
