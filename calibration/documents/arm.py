@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from pydantic import Field
 
+from calibration.documents.calibration import CalibrationFindingDocument
+from calibration.documents.calibration_text import finding_line
 from calibration.documents.load import LoadDocument
 from calibration.documents.more_arm_views import Joints, MoreArmViewsDocument, more_arm_views_text, six
 from calibration.documents.pose import PoseDocument
@@ -16,6 +18,7 @@ from calibration.kinematics.arm_errors import ArmErrorModel, Group
 from calibration.kinematics.arm_estimate import ArmEstimate
 from calibration.kinematics.load import NO_LOAD
 from calibration.problem import Problem, Setup
+from calibration.solution import Finding
 
 if TYPE_CHECKING:
     from calibration.solver.arm_identification import ArmFit
@@ -70,6 +73,7 @@ class ArmErrorsDocument(Document):
     lowest_joints_deg: Joints
     highest_joints_deg: Joints
     more_views: MoreArmViewsDocument | None = None
+    findings: list[CalibrationFindingDocument] = Field(default_factory=list)
 
     def estimate(self) -> ArmEstimate:
         """The arm and X as numbers. Raises GeometryError for another arm's or damaged parameters."""
@@ -93,6 +97,7 @@ def arm_document(
     joints_from_poses: int = 0,
     serial: str | None = None,
     more_views: MoreArmViewsDocument | None = None,
+    findings: Sequence[Finding] = (),
 ) -> ArmErrorsDocument:
     """The document of a fit from these sessions, whose views all hold joints, some of them `joints_from_poses`."""
     every = [view.joints_rad for problem in problems for view in problem.views]
@@ -132,6 +137,7 @@ def arm_document(
         lowest_joints_deg=six(joints.min(axis=0)),
         highest_joints_deg=six(joints.max(axis=0)),
         more_views=more_views,
+        findings=[CalibrationFindingDocument.of(finding) for finding in findings],
     )
 
 
@@ -147,6 +153,7 @@ def arm_summary(document: ArmErrorsDocument) -> str:
         sized = sorted(document.parameters, key=lambda one: -abs(one.value) / max(one.sigma, 1e-300))
         lines += [f"  {one.name:16} {one.value:11.3g} ± {one.sigma:.2g} {one.unit}" for one in sized[:5] if one.value]
     lines.append(f"  scatter about the model: {document.scatter_mm:.3f} mm, {document.scatter_deg:.4f} deg")
+    lines += [f"  {finding_line(finding)}" for finding in document.findings]
     if document.more_views is not None:
         lines.append(f"  {more_arm_views_text(document.more_views)}")
     return "\n".join(lines)

@@ -12,8 +12,14 @@ from calibration.problem import Problem
 from calibration.sentences.sentence import Sentence, as_sentence
 from calibration.solution import Finding
 from calibration.solve import identify_arm_session
-from calibration.solver.arm_session import KnownDistance
+from calibration.solver.arm_session import CheckedDistance, KnownDistance
 from calibration.transforms import Array
+
+DISTANCE_DISAGREES = "distance-disagrees"
+"""Code of the warning that a known distance is not the one found."""
+
+MAX_DISTANCE_SIGMAS = 3.0
+"""Standard deviations of both together by which they may differ: exceeded by chance in 3 of 1000."""
 
 
 def identify_arm_document(
@@ -39,8 +45,32 @@ def identify_arm_document(
     fit = identify_arm_session(arm, whole, distances=distances)
     more = more_arm_views_document(fit, problems[0].target, box_mm)
     return arm_document(
-        fit, whole, created_at=created_at, software=software, joints_from_poses=without, more_views=more
+        fit,
+        whole,
+        created_at=created_at,
+        software=software,
+        joints_from_poses=without,
+        more_views=more,
+        findings=disagreements(fit.distances),
     )
+
+
+def disagreements(distances: Sequence[CheckedDistance]) -> list[Finding]:
+    """The warning DISTANCE_DISAGREES of each known distance that differs from the estimate by more than both know."""
+    return [
+        Finding(
+            DISTANCE_DISAGREES,
+            "warning",
+            Sentence(
+                DISTANCE_DISAGREES, known_mm=one.known_mm, known_sigma_mm=one.known_sigma_mm, found_mm=one.found_mm,
+                found_sigma_mm=one.found_sigma_mm, percent=100 * (one.found_mm / one.known_mm - 1),
+            ),
+            Sentence("check-distance"),
+            effect_mm=abs(one.found_mm - one.known_mm),
+        )
+        for one in distances
+        if one.sigmas > MAX_DISTANCE_SIGMAS
+    ]  # fmt: skip
 
 
 def identify_with_findings(

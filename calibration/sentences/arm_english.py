@@ -8,5 +8,9 @@ ARM = {
     " carries {now_kg:g} kg: the sag is computed for that by what is known of the arm's compliance",
     "arm-joints-from-poses": "the joints of {views} views were computed from their poses",
     "arm-not-identified": "the arm's own errors are not identified: {why}",
+    "distance-disagrees": "a distance of {known_mm:.3f} ± {known_sigma_mm:.2g} mm between places of the target is found"
+    " as {found_mm:.3f} ± {found_sigma_mm:.2g} mm, {percent:.3f} %: points are registered at that scale",
+    "check-distance": "measure the distance and the target's pitch again; if both are right, state the distance as"
+    " exactly as it is known, or take views of more places",
     "identify-arm-again": "calibrate again, with the arm's errors and this load, or correct [robot.load]",
 }

@@ -26,7 +26,7 @@ from calibration.likelihood.shared_columns import take_views
 from calibration.linear_algebra import inverse_or_pseudo_inverse
 from calibration.problem import Setup
 from calibration.solver.arm_hypotheses import Restricted, hypotheses, restrict
-from calibration.solver.arm_session import ArmSession, KnownDistance, TargetViews, begin_arm_session
+from calibration.solver.arm_session import ArmSession, CheckedDistance, KnownDistance, TargetViews, begin_arm_session
 from calibration.solver.arm_view_selection import select_views_with_arm
 from calibration.transforms import Array, inverse, map_points, transform_from_vector
 
@@ -75,6 +75,7 @@ class ArmFit(ArmEstimate):
     target_scale : of the target against the description.
     views : number of those that agree.
     seen : those views.
+    distances : the known ones, in their order, beside those found.
     """
 
     taken_up: bool
@@ -86,6 +87,7 @@ class ArmFit(ArmEstimate):
     target_scale: float
     seen: ArmViews
     ladder: tuple[LadderRow, ...]
+    distances: tuple[CheckedDistance, ...] = ()
 
     def beyond_usual(self) -> list[str]:
         """Names of parameters above MAX_USUAL_SIGMAS, the largest first: no arm's errors."""
@@ -197,7 +199,9 @@ def _conclude(session: ArmSession, candidates: list[_Candidate]) -> ArmFit:
         covariance = _about_drawing(mean, covariance, *_average(session, likely), gain)
     kept = np.r_[0:6, poses : poses + k]
     targets = np.array([chain.anchor_T_target for chain in session.chains])
+    targets = targets @ transform_from_vector(mean[6:poses].reshape(-1, 6))
     camera_T_target = np.concatenate([chain.camera_T_target() for chain in session.chains])
+    scale = likeliest.of.target_scale(likeliest.marginal.b, session)
     return ArmFit(
         model=session.arm,
         taken_up=taken_up,
@@ -207,11 +211,12 @@ def _conclude(session: ArmSession, candidates: list[_Candidate]) -> ArmFit:
         covariance=covariance[np.ix_(kept, kept)],
         covariance_with_places=covariance,
         mount_T_camera=session.chains[0].mount_T_camera @ transform_from_vector(mean[:6]),
-        anchor_T_target=targets @ transform_from_vector(mean[6:poses].reshape(-1, 6)),
+        anchor_T_target=targets,
         variances=likeliest.marginal.variances,
-        target_scale=likeliest.of.target_scale(likeliest.marginal.b, session),
+        target_scale=scale,
         seen=ArmViews(session.views[0].rows.setup, session.postures, camera_T_target, session.best.camera),
         ladder=ladder,
+        distances=session.check_distances(targets, scale, covariance[6:poses, 6:poses]),
         load=session.postures.load,
     )
 

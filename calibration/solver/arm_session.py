@@ -51,6 +51,21 @@ class KnownDistance:
     sigma_mm: float
 
 
+@dataclass(frozen=True)
+class CheckedDistance:
+    """A known distance beside the one of the estimate, each with one standard deviation, mm."""
+
+    known_mm: float
+    known_sigma_mm: float
+    found_mm: float
+    found_sigma_mm: float
+
+    @property
+    def sigmas(self) -> float:
+        """By how many standard deviations of both together they differ."""
+        return abs(self.found_mm - self.known_mm) / float(np.hypot(self.known_sigma_mm, self.found_sigma_mm))
+
+
 @dataclass(frozen=True, eq=False)
 class ArmSession:
     """The views of m places, with their chains, and the errors (k,) that the chains' poses contain.
@@ -121,16 +136,21 @@ class ArmSession:
             return model
         middle = self.best.scale * self.views[0].rows.nominal_mm.mean(axis=0)
         rows, misses = np.zeros((len(self.distances), model.unknowns)), np.zeros(len(self.distances))
+        places = [chain.anchor_T_target for chain in self.chains]
         for row, known in enumerate(self.distances):
-            first, second = (self.chains[place].anchor_T_target for place in (known.first, known.second))
-            between = map_points(second, middle[None])[0] - map_points(first, middle[None])[0]
-            length = float(np.linalg.norm(between))
-            along, misses[row] = between / length, length - known.distance_mm
-            for place, pose, sign in ((known.first, first, -1.0), (known.second, second, 1.0)):
-                towards = sign * along @ pose[:3, :3]
-                rows[row, 6 + 6 * place : 12 + 6 * place] = towards @ point_rows(middle[None])[0]
-                rows[row, self.size_place()] += towards @ middle
+            length, by_places, by_size = _length_between(places, known, middle)
+            rows[row, 6 : self.poses], misses[row] = by_places, length - known.distance_mm
+            rows[row, self.size_place()] = by_size
         return with_distances(model, rows, misses, np.array([known.sigma_mm for known in self.distances]))
+
+    def check_distances(self, anchor_T_target: Array, scale: float, covariance: Array) -> tuple[CheckedDistance, ...]:
+        """The known distances beside those between places (m, 4, 4) of covariance (6 m, 6 m); size taken as known."""
+        middle, found = scale * self.views[0].rows.nominal_mm.mean(axis=0), []
+        for known in self.distances:
+            length, by_places, _ = _length_between(anchor_T_target, known, middle)
+            sigma = float(np.sqrt(by_places @ covariance @ by_places))
+            found.append(CheckedDistance(known.distance_mm, known.sigma_mm, length, sigma))
+        return tuple(found)
 
     def size_place(self) -> NDArray[np.intp]:
         """Place of the target's size among the unknowns, where the estimate has taken up another one (0 or 1,)."""
@@ -146,6 +166,21 @@ class ArmSession:
             places = np.concatenate([centre, places])
             steps = np.concatenate([given.matrix[:2, 2] - best.camera.matrix[:2, 2], steps])
         return places, steps
+
+
+def _length_between(
+    anchor_T_target: Sequence[Array] | Array, known: KnownDistance, middle_mm: Array
+) -> tuple[float, Array, float]:
+    """The distance between the two middles, its derivatives (6 m,) by the m places and by the target's size."""
+    first, second = (anchor_T_target[place] for place in (known.first, known.second))
+    between = map_points(second, middle_mm[None])[0] - map_points(first, middle_mm[None])[0]
+    length = float(np.linalg.norm(between))
+    by_places, by_size = np.zeros((len(anchor_T_target), 6)), 0.0
+    for place, pose, sign in ((known.first, first, -1.0), (known.second, second, 1.0)):
+        towards = sign * between / length @ pose[:3, :3]
+        by_places[place] = towards @ point_rows(middle_mm[None])[0]
+        by_size += float(towards @ middle_mm)
+    return length, by_places.ravel(), by_size
 
 
 def begin_arm_session(

@@ -115,4 +115,7 @@ def solve_session_of(session: ObservationsRequest, run: CalibrationRun, calibrat
     if run.arm is not None and session.external_axis is not None:
         what = "an arm's errors are not found while an external axis moves"
         raise DocumentError("request body", [DocumentProblem("arm", what, "leave it out")])
+    if run.arm is not None and session.distances:
+        what, fix = "they lead to other sessions, and a request holds one", "solve the folders by handeyed solve --arm"
+        raise DocumentError("request body", [DocumentProblem("distances", what, fix)])
     return run.solve(problem_without_files(session, "request body"), calibration_id, created_at)

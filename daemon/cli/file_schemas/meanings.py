@@ -72,6 +72,7 @@ DOCUMENTS: Mapping[str, str] = {
     "places": "Number of places of the target.",
     "lowest_joints_deg": "Least angle of axes 1 to 6 among the views, degrees: beyond them nothing was learnt.",
     "highest_joints_deg": "Greatest angle of axes 1 to 6 among the views, degrees.",
+    "ArmErrorsDocument.findings": "Known distances that disagree with the estimate by more than both know.",
     "more_views": "What views more would bring; null where no errors were taken up, for a camera beside the robot, and"
     " for a box out of reach.",
     "MoreArmViewsDocument.box_mm": "Least and largest x, y, z of the registered points in the base, mm.",
@@ -101,6 +102,9 @@ DOCUMENTS: Mapping[str, str] = {
     "KnownDistanceDocument.to": "Name of the other session's folder.",
     "KnownDistanceDocument.distance_mm": "Between the two middles, mm.",
     "KnownDistanceDocument.sigma_mm": "One standard deviation of it, mm.",
+    "load": "What the flange carries; null where it is not known.",
+    "LoadDocument.mass_kg": "Its mass, kg.",
+    "LoadDocument.centre_mm": "Its centre of mass in the frame of the flange, mm.",
     "external_axis": "A track or turntable that the controller leaves out of its poses; else null.",
     "external_axes": "The controller's axes beside the arm at the pose, mm or degrees; null for one it does not have.",
     "ExternalAxisDocument.kind": "track: it moves the base; turntable: it turns the part.",

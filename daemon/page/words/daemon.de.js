@@ -596,6 +596,8 @@ export default {
   'arm-joints-from-poses': 'die Gelenkwinkel von {views} Ansichten wurden aus ihren Posen berechnet',
   'arm-not-identified': 'die eigenen Fehler des Arms sind nicht bestimmt: {why}',
   'correct-arm-session': 'das Genannte berichtigen und neu lösen; die Kalibrierung gilt für den Arm wie gezeichnet',
+  'distance-disagrees': 'ein Abstand von {known_mm:.3f} ± {known_sigma_mm:.2g} mm zwischen Orten des Targets wird als {found_mm:.3f} ± {found_sigma_mm:.2g} mm gefunden, {percent:.3f} %: in diesem Maßstab werden Punkte registriert',
+  'check-distance': 'den Abstand und die Teilung des Targets nachmessen; sind beide richtig, den Abstand so genau angeben, wie er bekannt ist, oder Ansichten von mehr Orten aufnehmen',
   'identify-arm-again': 'die Fehler des Arms mit dieser Last neu bestimmen (mit Arm kalibrieren), oder [robot.load] berichtigen',
   'record-joints': 'die Gelenkwinkel mit jeder Ansicht aufnehmen: eine Pose wird in mehreren Stellungen erreicht',
   'arm-unknown.what': 'die Einstellungen nennen keinen Arm, nach dessen Fehlern gefragt wurde',

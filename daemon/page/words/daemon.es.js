@@ -596,6 +596,8 @@ export default {
   'arm-joints-from-poses': 'los ejes de {views} vistas se calcularon a partir de sus poses',
   'arm-not-identified': 'los errores propios del brazo no están identificados: {why}',
   'correct-arm-session': 'corrija lo indicado y resuelva de nuevo; la calibración vale para el brazo según el plano',
+  'distance-disagrees': 'una distancia de {known_mm:.3f} ± {known_sigma_mm:.2g} mm entre lugares del patrón se encuentra como {found_mm:.3f} ± {found_sigma_mm:.2g} mm, {percent:.3f} %: los puntos se registran a esa escala',
+  'check-distance': 'mida de nuevo la distancia y el paso del patrón; si ambos son correctos, indique la distancia con la exactitud con que se conoce, o tome vistas de más lugares',
   'identify-arm-again': 'identifique de nuevo los errores del brazo con esta carga (calibrar con brazo), o corrija [robot.load]',
   'record-joints': 'registre los ejes con cada vista: una pose se alcanza en varias posturas',
   'arm-unknown.what': 'la configuración no nombra el brazo cuyos errores se pidieron',

@@ -6,13 +6,14 @@ from functools import cache
 import numpy as np
 import pytest
 
+from calibration.documents.identified_arm import disagreements
 from calibration.kinematics.abb_arms import find_arm
 from calibration.kinematics.arm_errors import ArmErrorModel, Postures
 from calibration.likelihood.shared_columns import fix_unknowns
 from calibration.problem import Problem
 from calibration.solve import estimate_session, identify_arm_session
 from calibration.solver.arm_identification import ArmFit
-from calibration.solver.arm_session import KnownDistance, TargetViews, begin_arm_session
+from calibration.solver.arm_session import CheckedDistance, KnownDistance, TargetViews, begin_arm_session
 from calibration.transforms import Array, map_points, transform_from_vector
 from mock_robot.arm.built_arm import BuiltArm
 from tests.simulated.arms import ArmCell, arm_cell, reachable_views, target_before
@@ -96,8 +97,9 @@ def test_a_distance_is_observed_by_the_places_and_the_size_of_the_target() -> No
 def test_a_bar_shows_that_all_lengths_are_a_thousandth_too_long_as_well_as_it_is_known() -> None:
     cell, problems, bar = longer_arm()
     worse = replace(bar, sigma_mm=2.5 * BAR_SIGMA_MM)
-    without, found, less_known = (
-        identify_arm_session(ARM, problems, distances=known) for known in ((), (bar,), (worse,))
+    poor = replace(bar, sigma_mm=0.1)
+    without, found, less_known, poorly_known = (
+        identify_arm_session(ARM, problems, distances=known) for known in ((), (bar,), (worse,), (poor,))
     )
     assert scale_of(without.parameters) < -0.9 * LONGER
     assert found.taken_up
@@ -108,3 +110,24 @@ def test_a_bar_shows_that_all_lengths_are_a_thousandth_too_long_as_well_as_it_is
     assert off_mm[1] < off_mm[0] / 3
     assert abs(scale_of(less_known.parameters)) < 3 * scale_sigma(less_known)
     assert scale_sigma(less_known) > 1.5 * sigma
+    assert [disagreements(fit.distances) for fit in (without, found, less_known)] == [[], [], []]
+    (ignored,) = disagreements(poorly_known.distances)
+    assert ignored.effect_mm == pytest.approx(LONGER * bar.distance_mm, rel=0.2)
+
+
+@pytest.mark.parametrize(
+    ("known", "sentences"),
+    [
+        (CheckedDistance(990.0, 0.1, 989.7, 0.02), []),
+        (CheckedDistance(990.0, 0.1, 989.0, 0.6), []),
+        (
+            CheckedDistance(990.0, 0.1, 989.01, 0.02),
+            ["a distance of 990.000 ± 0.1 mm between places of the target is found as 989.010 ± 0.02 mm, -0.100 %:"
+             " points are registered at that scale"],
+        ),
+    ],
+)  # fmt: skip
+def test_a_distance_disagrees_when_it_is_off_by_more_than_both_know(
+    known: CheckedDistance, sentences: list[str]
+) -> None:
+    assert [str(finding.message) for finding in disagreements([known])] == sentences

@@ -225,6 +225,14 @@ async def test_a_run_identifies_the_arm_that_it_moves_and_solves_again_with_it(t
         assert (await bench.client.get(f"/calibrations/{again['id']}/arm")).json()["views"] == 4
 
 
+async def test_distances_to_other_sessions_are_refused_where_there_is_one(tmp_path: Path, cell: ArmCell) -> None:
+    known = {"to": "another", "distance_mm": 990.0, "sigma_mm": 0.1}
+    async with serving(settings_for(tmp_path, robot={"model": ARM.name})) as bench:
+        refused = await bench.client.post("/calibrations", json=session_of(cell, distances=[known]))
+    assert refused.status_code == 422, refused.text
+    assert [problem["place"] for problem in refused.json()["problems"]] == ["distances"]
+
+
 async def test_without_a_known_arm_it_is_refused_before_anything_moves(bench: Bench, cell: ArmCell) -> None:
     for path, body in (("/calibrate", {"arm": True}), ("/calibrations", session_of(cell))):
         refused = await bench.client.post(path, json=body)
