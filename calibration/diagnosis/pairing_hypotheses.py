@@ -11,7 +11,7 @@ from calibration.diagnosis.evidence import Evidence
 from calibration.diagnosis.hypothesis import Hypothesis
 from calibration.sentences.sentence import Sentence
 
-MIN_VIEWS = 5
+MIN_VIEWS = 4
 """Least views that have an image and the pose that a pairing gives it."""
 
 MAX_VIEWS = 60
