@@ -8,6 +8,7 @@ from calibration.documents.calibration import CalibrationDocument
 from calibration.documents.pose import PoseDocument
 from calibration.transforms import Array, map_points, rotation_from_vector, transform
 from tests.daemon.calibrations import a_calibration
+from tests.daemon.cell_under_test import Bench
 from tests.daemon.fakes import BASE_T_TARGET, BOARD
 
 TIP_MM = np.array([5.0, -10.0, 200.0])
@@ -35,3 +36,14 @@ def document_with_covariance() -> CalibrationDocument:
     covariance = np.diag([1e-7] * 3 + [0.01] * 3).tolist()
     claimed = document.uncertainty.model_copy(update={"covariance": tuple(map(tuple, covariance))})
     return document.model_copy(update={"uncertainty": claimed})
+
+
+async def touch_two_points(bench: Bench) -> list[int]:
+    """Store a touch test of the first two points of the cross; returns the points of the cross."""
+    run = (await bench.client.get("/runs?kind=verify")).json()["runs"][0]
+    cross: list[int] = run["result"]["verification"]["cross"]
+    given = [{"id": point, "base_T_flange": json_of(touching(point, (0.3 * point, 0, 0)))} for point in cross[:2]]
+    body = {"tip": TIP, "verification": run["id"], "touches": given, "tolerance_mm": 1.0}
+    made = await bench.client.post("/touch", json=body)
+    assert made.status_code == 201, made.text
+    return cross

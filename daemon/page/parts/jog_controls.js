@@ -3,6 +3,7 @@ import { html, useState } from '../vendor/preact.js';
 import { may } from '../state/now.js';
 import { fixed, signed } from '../state/numbers.js';
 import { t } from '../state/words.js';
+import { Chips } from './chips.js';
 import { HoldButton } from './hold_button.js';
 import { MODES, SPEEDS_MM_S, STEPS_DEG, STEPS_MM, anglesOf, axesOf, axisName, requestOf, unitOf } from './jog_step.js';
 
@@ -44,8 +45,3 @@ export function JogControls({ arm, joints_deg = [], send, busy = '' }) {
 }
 
 const withUnit = (value, mode, text = (one) => fixed(one, 0)) => `${text(value)}${mode === 'shift' ? ' ' : ''}${unitOf(mode)}`;
-
-function Chips({ label, values, chosen, text, choose }) {
-  return html`<div class="chips" role="group" aria-label=${label}><span class="small quiet" aria-hidden="true">${label}</span>
-    <div class="row">${values.map((value) => html`<button type="button" class="chip" key=${value} aria-pressed=${value === chosen} onClick=${() => choose(value)}>${text(value)}</button>`)}</div></div>`;
-}

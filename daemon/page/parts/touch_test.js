@@ -6,11 +6,12 @@ import { moment, vector } from '../state/numbers.js';
 import { go } from '../state/place.js';
 import { t } from '../state/words.js';
 import { Act } from './act.js';
+import { Approach } from './approach.js';
 import { touchRequest } from './touch_request.js';
 import { numberOf } from './typed.js';
 
-/** `verification`: the newest finished run that saw the target in the base; `last`: the newest touch test; `points_mm`: of the target. */
-export function TouchForm({ verification, last, points_mm = [] }) {
+/** `verification`: the newest finished run that saw the target in the base; `last`: the newest touch test; `points_mm`: of the target; `moves`: whether the daemon moves the robot. */
+export function TouchForm({ verification, last, points_mm = [], moves }) {
   const { points, cross, calibration_id } = verification.result.verification;
   const [own, setOwn] = useState(null); // the last answer to this form: `last` may be older for a moment
   const newest = own && !(last?.created_at >= own.created_at) ? own : last;
@@ -56,6 +57,8 @@ export function TouchForm({ verification, last, points_mm = [] }) {
       : html`<label class="file"><span class="button">${t('touch.choose-tip')}</span><input type="file" accept=".json,application/json" onChange=${choose} /></label>
         <div><label for="touch-tolerance">${t('touch.tolerance')}</label><input id="touch-tolerance" inputmode="decimal" autocomplete="off" value=${tolerance} onInput=${(event) => setTolerance(event.target.value)} aria-invalid=${wrong} /></div>`}
     ${problem && html`<p class="note warn" role="alert"><span class="mark" aria-hidden="true">!</span> ${problem}</p>`}
+    <${Approach} key=${chosen} test=${test} tip=${tip} verification=${verification.id} id=${chosen} moves=${moves} />
+    <h3>${t('touch.read')}</h3>
     <${Act} label=${t('touch.take', { point: chosen })} primary disabled=${off} act=${touch} />
     <p class="small quiet">${t(may('operator') ? (tip ? 'touch.reads' : 'touch.tip-first') : 'missing.role')}</p>`;
 }

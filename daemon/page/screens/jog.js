@@ -5,8 +5,8 @@ import { CellScene } from '../parts/cell_scene.js';
 import { JogControls } from '../parts/jog_controls.js';
 import { LivePicture } from '../parts/live_picture.js';
 import { Missing, useAsked } from '../parts/loaded.js';
+import { MoveOutcome, useMove } from '../parts/move_outcome.js';
 import { placesOf } from '../parts/places.js';
-import { Cause } from '../parts/problem.js';
 import { Reasons } from '../parts/reasons.js';
 import { ask } from '../state/ask.js';
 import { note, old, robot, run, running } from '../state/now.js';
@@ -41,13 +41,10 @@ export function Jog() {
 
 /** What became of the last jog; while another run is in progress, which one that is. */
 function Outcome({ last }) {
-  const asked = useAsked(last && `/runs/${encodeURIComponent(last)}`, ['run'], { late: true });
-  const shown = running.value && run.value.id === last ? run.value : asked.data;
+  const shown = useMove(last);
   if (running.value && run.value.id !== last) return html`<${Reasons} />`;
   if (!shown) return readyWith()?.calibrate?.ready === false ? html`<${Reasons} />` : null;
-  const sign = { finished: '✓', failed: '✕', aborted: '■' }[shown.state] ?? '●';
-  return html`<p role="status"><b>${sign} ${t(shown.state === 'finished' ? 'move.done' : shown.over ? `state.${shown.state}` : 'move.moving')}</b></p>
-    ${shown.cause && html`<div class="note warn"><${Cause} cause=${shown.cause} /></div>`}`;
+  return html`<${MoveOutcome} run=${shown} />`;
 }
 
 /** Where the arm stands: each axis within its limits, and the flange in the base. */

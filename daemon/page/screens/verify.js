@@ -69,7 +69,7 @@ function Touches({ chosen, runs, charted }) {
   return html`
     <${Card} title=${t('touch.title')} id="touch">${verification && !list.data
       ? html`<${Missing} asked=${list} />`
-      : verification ? html`<${TouchForm} key=${verification.id} verification=${verification} last=${tests[0]} points_mm=${arm.data?.target_points_mm} />`
+      : verification ? html`<${TouchForm} key=${verification.id} verification=${verification} last=${tests[0]} points_mm=${arm.data?.target_points_mm} moves=${arm.data?.moves} />`
       : html`<p>${t('touch.about')}</p><p class="quiet">${t('touch.verify-first')}</p>`}</${Card}>
     <${Card} title=${t('touch.result')} id="touched" wide="2"><${Missing} asked=${chosen && !listed && list.data ? named : list} none=${t('touch.unknown')} />
       ${list.data && (shown ? html`<${TouchResult} test=${shown} />` : !chosen && html`<p class="quiet">${t('touch.never')}</p>`)}</${Card}>

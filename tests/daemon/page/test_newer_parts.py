@@ -20,7 +20,7 @@ from tests.daemon.fakes import ply_of
 from tests.daemon.page.conftest import AXE_FINDINGS, Opened
 from tests.daemon.page.holding import hold_by_key, hold_by_mouse, hold_requests, hold_until, press
 from tests.daemon.rig_files import a_rig
-from tests.daemon.touches import TIP, document_with_covariance, json_of, touching
+from tests.daemon.touches import TIP, document_with_covariance, touch_two_points, touching
 from tests.support.waiting import eventually
 
 pytestmark = [pytest.mark.asyncio(loop_scope="module"), pytest.mark.slow]
@@ -377,14 +377,3 @@ async def everything_stored(bench: Bench) -> None:
     for body, query in ((a_rig(accepted=False), "?despite_verdict=true"), (a_rig(), "")):
         assert (await bench.client.post(f"/rigs{query}", json=body)).status_code == 201
     await touch_two_points(bench)
-
-
-async def touch_two_points(bench: Bench) -> list[int]:
-    """Store a touch test of the first two points of the cross; returns the points of the cross."""
-    run = (await bench.client.get("/runs?kind=verify")).json()["runs"][0]
-    cross: list[int] = run["result"]["verification"]["cross"]
-    given = [{"id": point, "base_T_flange": json_of(touching(point, (0.3 * point, 0, 0)))} for point in cross[:2]]
-    body = {"tip": TIP, "verification": run["id"], "touches": given, "tolerance_mm": 1.0}
-    made = await bench.client.post("/touch", json=body)
-    assert made.status_code == 201, made.text
-    return cross
