@@ -211,12 +211,15 @@ def _findings_without_x(problem: Problem) -> tuple[Finding, ...]:
         return ()
     if scaled := _scaled_lens(problem):
         return scaled
-    if problem.camera is not None and (misfit := gross_lens_misfit(problem, seen)):
-        return lens_findings(misfit, problem.camera, True)
-    seen = seen.take(evenly_spaced(len(seen), MAX_VIEWS))
-    return _diagnosis_findings(
-        problem, evidence_of(problem, seen, camera, candidate_poses(seen, camera)[0][:, 0]), set()
-    )
+    misfit = None if problem.camera is None else gross_lens_misfit(problem, seen)
+    kept, lens = evenly_spaced(len(seen), MAX_VIEWS), tuple[Finding, ...]()
+    if misfit is None or problem.camera is None:
+        poses = candidate_poses(seen.take(kept), camera)[0][:, 0]
+    else:
+        # No intrinsics leave X undetermined: a unit or convention that does is named before them.
+        lens = lens_findings(misfit, problem.camera, True)
+        camera, poses = misfit.camera, misfit.camera_T_target[kept]
+    return (*_diagnosis_findings(problem, evidence_of(problem, seen.take(kept), camera, poses), set()), *lens)
 
 
 def _diagnosis_findings(

@@ -97,6 +97,14 @@ def test_a_lens_that_is_slightly_off_is_named_after_the_cause() -> None:
     assert codes.index("pose-mistyped") < codes.index("intrinsics-do-not-fit")
 
 
+@pytest.mark.parametrize("code", ["poses-in-micrometres", "radians-read-as-degrees"])
+def test_what_leaves_x_undetermined_is_named_before_intrinsics_that_do_not_fit(code: str) -> None:
+    other_lens = focal_wrong(session(4, n=15), np.random.default_rng(0)).at(0.03).problem
+    fault = in_convention(code)(other_lens, np.random.default_rng(0))
+    both = (code, "intrinsics-do-not-fit")
+    assert tuple(found.code for found in solve_hand_eye(fault.problem).findings if found.code in both) == both
+
+
 def test_the_number_that_was_mistyped_is_reported_with_what_it_should_be() -> None:
     clean = session(5)
     poses = poses_of(clean)
