@@ -113,9 +113,9 @@ def _diagnose_convention(evidence: Evidence, further: FurtherHypotheses) -> Diag
         if _is_observable(hypothesis.evidence.base_T_flange)
     ]
     uncorrected = likeliest_fit(sample)
-    results = _best_of_each(evaluate(hypotheses, sample, uncorrected))
+    results = evaluate(hypotheses, sample, uncorrected)
     possible = [result for result in results if _is_possible(result, uncorrected, False)]
-    return _diagnosis(uncorrected, [result for result in possible if _is_significant(result, 1, 1)])
+    return _diagnosis(uncorrected, [result for result in _best_of_each(possible) if _is_significant(result, 1, 1)])
 
 
 def _best_explanation(

@@ -21,6 +21,9 @@ ORDERS = ("XYZ", "XZY", "YXZ", "YZX", "ZXY", "ZYX", "XYX", "XZX", "YXY", "YZY", 
 MIN_LOCK_SINE = 0.01
 """Sine of the angle from gimbal lock below which two of the numbers are not determined; such views are left out."""
 
+MIN_SMALL_LOCK_SINE = 0.002
+"""The same where radians were read as degrees, and all angles are small: 6 decimals of a quaternion are 0.8° then."""
+
 MAX_SCREENED_VIEWS = 12
 """Views by whose angles the readings are compared first."""
 
@@ -114,7 +117,7 @@ def readings_of(rotations: Array) -> Iterator[Reading]:
             Sentence("euler-radians-read-as-degrees", read=read),
             Sentence("undo-euler-radians-read-as-degrees"),
             rotation_from_euler(np.degrees(numbers[:, :1]), read),
-            determined,
+            euler_numbers(rotations, read, MIN_SMALL_LOCK_SINE)[1],
         )
     vectors = _both_vectors(rotations)
     for true in ORDERS:
@@ -136,13 +139,15 @@ def rotation_from_euler(angles_rad: Array, order: str) -> Array:
     return rotation
 
 
-def euler_numbers(rotations: Array, order: str) -> tuple[Array, NDArray[np.bool_]]:
+def euler_numbers(
+    rotations: Array, order: str, min_lock_sine: float = MIN_LOCK_SINE
+) -> tuple[Array, NDArray[np.bool_]]:
     """Both triples of intrinsic Euler angles (n, 2, 3) rad of rotations (n, 3, 3), and whether they are determined."""
     a, b, c = euler_angles(rotations, order).T
     if order[0] == order[2]:
-        other, determined = -b, np.abs(np.sin(b)) > MIN_LOCK_SINE
+        other, determined = -b, np.abs(np.sin(b)) > min_lock_sine
     else:
-        other, determined = np.pi - b, np.abs(np.cos(b)) > MIN_LOCK_SINE
+        other, determined = np.pi - b, np.abs(np.cos(b)) > min_lock_sine
     both = np.stack([np.stack([a, b, c], axis=1), np.stack([a + np.pi, other, c + np.pi], axis=1)], axis=1)
     return (both + np.pi) % (2 * np.pi) - np.pi, determined
 

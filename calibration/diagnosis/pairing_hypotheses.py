@@ -10,6 +10,7 @@ from calibration.diagnosis.angle_agreement import angles_between, angles_between
 from calibration.diagnosis.evidence import Evidence
 from calibration.diagnosis.hypothesis import Hypothesis
 from calibration.sentences.sentence import Sentence
+from calibration.transforms import Array
 
 MIN_VIEWS = 4
 """Least views that have an image and the pose that a pairing gives it."""
@@ -20,11 +21,11 @@ MAX_VIEWS = 60
 MAX_SHIFT = 3
 """Rows by which all poses may be off."""
 
-MAX_PAIRINGS = 6
+MAX_PAIRINGS = 20
 """Pairings fitted in full: those that agree best in the angles between views."""
 
-MIN_MISMATCH_RAD = float(np.radians(0.5))
-"""Mean mismatch of the angles between views as paired below which no other pairing is compared."""
+MIN_MISMATCH_RAD = float(np.radians(1.0))
+"""RMS mismatch of the angles between views that a pairing may leave in any case: poor robots do."""
 
 MAX_MISMATCH_SHARE = 0.5
 """Share of the mismatch as paired that another pairing may leave."""
@@ -42,7 +43,10 @@ class Pairing:
 
 
 def pairing_hypotheses(evidence: Evidence, views: int) -> list[Hypothesis]:
-    """The pairings of the session's `views` that agree best in the angles between views; none when all is well."""
+    """The pairings of the session's `views` that agree best in the angles between views.
+
+    Where neighbouring views have one orientation, angles do not show that they were exchanged, and do not exclude it.
+    """
     last = min(views, MAX_VIEWS)
     row_of = np.full(views, -1, np.intp)
     row_of[evidence.indices] = np.arange(len(evidence))
@@ -55,10 +59,8 @@ def pairing_hypotheses(evidence: Evidence, views: int) -> list[Hypothesis]:
         images, poses = row_of[images[poses >= 0]], poses[poses >= 0]
         if len(images) < MIN_VIEWS:
             continue
-        left, given = (
-            float(np.abs(robot[np.ix_(rows, rows)] - seen[np.ix_(images, images)]).mean()) for rows in (poses, images)
-        )
-        if given < MIN_MISMATCH_RAD or left > MAX_MISMATCH_SHARE * given:
+        left, given = (_rms(robot[np.ix_(rows, rows)] - seen[np.ix_(images, images)]) for rows in (poses, images))
+        if left > max(MAX_MISMATCH_SHARE * given, MIN_MISMATCH_RAD):
             continue
         baseline = evidence.take(images)
         corrected = baseline.with_robot_poses(evidence.base_T_flange[poses])
@@ -68,6 +70,10 @@ def pairing_hypotheses(evidence: Evidence, views: int) -> list[Hypothesis]:
         )  # fmt: skip
         found.append((left, hypothesis))
     return [hypothesis for _, hypothesis in sorted(found, key=lambda one: one[0])[:MAX_PAIRINGS]]
+
+
+def _rms(values: Array) -> float:
+    return float(np.sqrt(np.mean(values**2)))
 
 
 def pairings_of(views: int, last: int) -> Iterator[Pairing]:
