@@ -316,7 +316,7 @@ async def test_a_large_cloud_shows_how_much_of_it_was_sent(open_page: Opened, tm
 WATCH_PROGRESS = """() => {
     window.shares = [];
     new MutationObserver(() => {
-        const bar = document.querySelector('progress');
+        const bar = document.querySelector('section[aria-labelledby=new] progress');
         if (bar) shares.push(bar.value);
     }).observe(document.body, { subtree: true, childList: true, attributes: true, characterData: true });
 }"""
