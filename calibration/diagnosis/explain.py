@@ -47,11 +47,11 @@ MAX_USUAL_PX = 1.0
 MIN_SURE_SHARE = 0.5
 """Share of the pixels' deviation below which other intrinsics are believed without the robot's agreement."""
 
-OF_ANOTHER_SIZE = frozenset({"intrinsics-do-not-fit", "target-not-as-described"})
-"""Causes with which the target appears larger or smaller than it is."""
-
 FLIPPED = frozenset({"pictures-mirrored", "pictures-turned"})
 """Causes with which the principal point of some pictures, or of all, is elsewhere."""
+
+OF_ANOTHER_SIZE = FLIPPED | {"intrinsics-do-not-fit", "target-not-as-described"}
+"""Causes with which the target appears larger or smaller than it is."""
 
 MAX_TURNED_RATIO = 2.0
 """Most pixel noise of a turned picture over that of the others, and least by which it fits better than as it is."""
