@@ -142,9 +142,9 @@ def _best_explanation(
         *evaluate(hypotheses, sample, uncorrected),
         *pose_entry_results(sample, among, uncorrected.log_likelihood),
     ]
-    # The views left out of the sample count as alternatives.
     majority = _robot_can_err(suspects.half.robot_translation_mm, suspects.half.robot_rotation_rad)
     possible = [result for result in results if _is_possible(result, uncorrected, majority)]
+    # The views left out of the sample count as alternatives.
     found = [result for result in _best_of_each(possible) if _is_significant(result, len(evidence), len(sample))]
     if not found and not _robot_can_err(uncorrected.robot_translation_mm, uncorrected.robot_rotation_rad):
         results = evaluate(list(wrapped_hypotheses(sample)), sample, uncorrected)

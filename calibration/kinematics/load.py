@@ -4,7 +4,8 @@ from dataclasses import dataclass
 from math import dist
 
 SAME_SHARE, SAME_MM = 0.1, 20.0
-"""Within these of mass and of centre of mass two loads count as one: the sag by the rest is hardly ever 0.02 mm."""
+"""Within these of mass and of centre of mass two loads count as one. By one standard deviation of its compliance a
+tenth of the largest load sags an IRB 2600 by 0.02 mm, an IRB 6700 by 0.1 mm."""
 
 
 @dataclass(frozen=True)

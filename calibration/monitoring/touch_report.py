@@ -13,7 +13,6 @@ from calibration.documents.tip import TipDocument
 from calibration.documents.touches import TouchDocument, TouchesDocument
 from calibration.documents.validation import Document
 from calibration.errors import DocumentError, DocumentProblem
-from calibration.kinematics.arm_errors import Postures
 from calibration.kinematics.arm_estimate import ArmEstimate
 from calibration.monitoring.touch_misses import (
     Conformance,
@@ -95,7 +94,7 @@ class TouchingArm:
 
     def rows(self, base_T_flange: Array, flange_mm: Array, joints_rad: Array) -> Array:
         """Derivative (n, 3, k) of points (n, 3) of the flange's frame, in the base, by the arm's errors."""
-        postures = Postures(joints_rad, self.estimate.load)
+        postures = self.estimate.postures(joints_rad)
         found: Array = pose_error(base_T_flange, flange_mm, 0.0, 0.0).rows @ self.estimate.model.jacobian(
             self.estimate.parameters, postures
         )

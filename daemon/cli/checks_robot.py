@@ -5,6 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from calibration.kinematics.abb_arms import find_any_arm
+from calibration.kinematics.load import Load
 from calibration.transforms import difference as pose_difference
 from calibration.transforms import quaternion_from_rotation
 from daemon.cell.cell import motion_obstacles
@@ -17,8 +18,6 @@ from drivers.robots.base_frame import configured, read_base_frame
 
 MIN_LOAD_KG = 0.01
 """A load below this is the 1 gram of tool0: nobody measured it."""
-LOAD_SHARE, LOAD_MM = 0.1, 20.0
-"""Differences of mass and centre between settings and controller that are named."""
 MAX_FRAME_MM, MAX_FRAME_RAD = 1.0, np.radians(0.1)
 """Differences between the base frame of settings and controller that are named."""
 IDENTIFY = (
@@ -89,9 +88,8 @@ def setup_problems(setup: RobotSetup, robot: RobotSettings) -> Iterator[tuple[st
     if setup.load_kg < MIN_LOAD_KG:
         yield f"the load on the flange is the 1 gram of tool0 ({setup.load_kg:g} kg): the arm is not armed", IDENTIFY
     if robot.load is not None:
-        off_kg = abs(setup.load_kg - robot.load.mass_kg)
         off_mm = float(np.linalg.norm(np.subtract(setup.load_centre_mm, robot.load.centre_mm)))
-        if off_kg > LOAD_SHARE * robot.load.mass_kg or off_mm > LOAD_MM:
+        if not robot.load.load().is_as(Load(setup.load_kg, setup.load_centre_mm)):
             yield (
                 f"the controller moves with a load of {setup.load_kg:g} kg; that of [robot.load] is"
                 f" {robot.load.mass_kg:g} kg, and its centre {off_mm:.0f} mm away",
