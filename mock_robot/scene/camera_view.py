@@ -30,9 +30,14 @@ def render(
     optics: Optics,
     rng: np.random.Generator,
     sheet: PrintOptions | None = None,
+    surroundings: np.random.Generator | None = None,
 ) -> NDArray[np.uint8]:
-    """Image (h, w). The target may lie partly or wholly outside it, behind the camera, or show its back."""
-    return expose(scene_reflectance(camera, print_target(target, sheet), camera_T_target, optics, rng), optics, rng)
+    """Image (h, w). The target may lie partly or wholly outside it, behind the camera, or show its back.
+
+    `surroundings`: what lies around the target is drawn from it, by default from `rng`, as the noise is.
+    """
+    printed = print_target(target, sheet)
+    return expose(scene_reflectance(camera, printed, camera_T_target, optics, surroundings or rng), optics, rng)
 
 
 def render_smeared(
@@ -42,13 +47,14 @@ def render_smeared(
     optics: Optics,
     rng: np.random.Generator,
     sheet: PrintOptions | None = None,
+    surroundings: np.random.Generator | None = None,
 ) -> NDArray[np.uint8]:
     """Image (h, w) exposed while the target passes through these poses, evenly in time."""
-    surroundings = int(rng.integers(2**32))
+    around = int((surroundings or rng).integers(2**32))
     sheet_printed = print_target(target, sheet)
     total: Picture = np.zeros(camera.image_size[::-1], np.float32)
     for pose in camera_T_target:
-        total += scene_reflectance(camera, sheet_printed, pose, optics, np.random.default_rng(surroundings))
+        total += scene_reflectance(camera, sheet_printed, pose, optics, np.random.default_rng(around))
     return expose(total / np.float32(len(camera_T_target)), optics, rng)
 
 
