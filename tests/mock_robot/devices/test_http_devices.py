@@ -115,8 +115,8 @@ async def test_every_capture_says_its_age_and_number_and_has_its_own_noise(at: A
 async def test_two_pictures_of_a_standing_camera_differ_by_their_noise_alone(at: At) -> None:
     cell = at(looking_at_the_target)
     pictures = [await cell.picture(), await cell.picture()]
-    first, second = (cv2.GaussianBlur(one, (0, 0), 3.0).astype(float) for one in pictures)
-    assert np.abs(first - second).max() < 5.0  # a box somewhere else around the target: tens of grey levels
+    first, second = (cv2.GaussianBlur(one.astype(float), (0, 0), 6.0) for one in pictures)
+    assert np.abs(first - second).max() < 8.0  # 3 are measured; other surroundings: tens
 
 
 async def test_a_picture_taken_in_motion_is_smeared(at: At) -> None:
