@@ -93,6 +93,7 @@ class View:
     they were recorded; nothing is computed from them. `confdata`: ABB's cf1, cf4, cf6, cfx of the pose, likewise.
     `axis_reading`: where the problem's external axis stood, mm or rad.
     `camera_temperature_c`: of the camera when it took the picture, where it reports one.
+    `arm_temperature_c`: of the arm's links then, where it is known.
     """
 
     index: int
@@ -105,6 +106,7 @@ class View:
     confdata: tuple[int, int, int, int] | None = None
     axis_reading: float | None = None
     camera_temperature_c: float | None = None
+    arm_temperature_c: float | None = None
 
 
 @dataclass(frozen=True, eq=False)

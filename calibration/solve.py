@@ -222,11 +222,13 @@ def identify_arm_session(arm: Arm, problems: Sequence[Problem], distances: Seque
     order = sorted(range(len(found)), key=lambda row: -int(np.count_nonzero(found[row][0].used)))
     views, standstills = zip(*(found[row] for row in order), strict=True)
     known = [replace(one, first=order.index(one.first), second=order.index(one.second)) for one in distances]
-    joints, sides = (np.concatenate(parts) for parts in zip(*standstills, strict=True))
-    fit = identify_arm(ArmErrorModel(arm), views, Postures(joints, load or NO_LOAD, sides), known)
+    joints, sides, temperatures_c = (np.concatenate(parts) for parts in zip(*standstills, strict=True))
+    mean_c = round(float(temperatures_c.mean()), 2)  # a step of 0.01 K moves no point by a micrometre
+    warmth_k = None if np.isnan(mean_c) else temperatures_c - mean_c
+    fit = identify_arm(ArmErrorModel(arm), views, Postures(joints, load or NO_LOAD, sides, warmth_k), known)
     if unusual := fit.beyond_usual():
         raise UnusualArm(arm.name, unusual)
-    return fit
+    return fit if warmth_k is None else replace(fit, temperature_c=mean_c)
 
 
 def _load_of(problems: Sequence[Problem]) -> Load | None:
@@ -252,8 +254,12 @@ def _with_own_joints(arm: Arm, problem: Problem) -> Problem:
     return problem
 
 
-def _standstills_of(problem: Problem, rows: PreparedSession) -> tuple[Array, Array]:
-    """Joints (n, 6) of the views, and the sides (n, 6) from which the axes came if the arm went from view to view."""
+def _standstills_of(problem: Problem, rows: PreparedSession) -> tuple[Array, Array, Array]:
+    """Joints (n, 6) of the views, sides (n, 6) of their approach, and the arm's temperatures (n,).
+
+    The sides are those of an arm that went from view to view; temperatures in °C, NaN where they are not known.
+    """
     joints = np.array([view.joints_rad for view in problem.views])
+    temperatures_c = np.array([view.arm_temperature_c for view in problem.views], float)
     positions = rows.seen.positions
-    return joints[positions], approach_sides(joints)[positions]
+    return joints[positions], approach_sides(joints)[positions], temperatures_c[positions]

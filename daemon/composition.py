@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import uvloop
 
 from daemon.application import Application
+from daemon.cell.arm_conditions import ArmConditionsNow
 from daemon.cell.cell import Cell, Devices
 from daemon.cell.device_watch import DeviceWatch
 from daemon.cell.devices import open_devices, open_exposure_control
@@ -75,9 +76,12 @@ def build(
     devices = open_devices(settings, clock)
     exposure = open_exposure_control(settings, devices.camera, workers, clock)
     world_T_base = settings.robot.world_T_base
+    arm_conditions = ArmConditionsNow(
+        settings.robot.carried, 60 * settings.robot.temperature_minutes, clock.monotonic_s
+    )
     cell = Cell(
         devices, settings.robot.settling, clock, interlocks, at, events.publish, exposure, world_T_base,
-        settings.robot.external_axis,
+        settings.robot.external_axis, arm_conditions,
     )  # fmt: skip
     supervisor = Supervisor(cell, store, events, clock, new_id)
     scans = ScanService(
@@ -89,7 +93,7 @@ def build(
         settings.named_scanners(),
         RegistrationJobs(store, merge_workers, clock, events),
         events.publish,
-        settings.robot.carried,
+        arm_conditions.read,
     )
     sweeps = SweepService(cell, store, scans, service_workers, clock, new_id)
     rules = MotionRules.of(settings.robot)
@@ -109,7 +113,7 @@ def build(
             replace(operations, settings=view, cell=seen_by, camera=name, others=by_name),
             pictures,
             Looks(pictures.frame.read, view.target.target(), service_workers, clock),
-            DriftMonitor(view, store, events, service_workers, clock, name),
+            DriftMonitor(view, store, events, service_workers, clock, name, arm_conditions.read),
             RecentReading(seen_by.obstacles, clock.monotonic_s),
         )
 

@@ -100,13 +100,13 @@ class Operations:
     @property
     def calibrations(self) -> Calibrations:
         """What is stored, and what is in force for this camera."""
-        robot, workers = self.settings.robot, self.service_workers
-        return Calibrations(self.store, self.clock, workers, self.camera, robot.external_axis, robot.carried)
+        robot, workers, conditions = self.settings.robot, self.service_workers, self.cell.arm_conditions.read
+        return Calibrations(self.store, self.clock, workers, self.camera, robot.external_axis, conditions)
 
     @property
     def _sessions(self) -> RunSessions:
-        robot = self.settings.robot
-        return RunSessions(self.store, self.workers, self.settings.camera.setup, robot.external_axis, robot.carried)
+        robot, setup, conditions = self.settings.robot, self.settings.camera.setup, self.cell.arm_conditions.read
+        return RunSessions(self.store, self.workers, setup, robot.external_axis, conditions)
 
     async def calibrate(self, request: CalibrateRequest) -> RunRecord:
         """Start a calibration run.

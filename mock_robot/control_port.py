@@ -87,6 +87,7 @@ class ControlPort:
         flags = controller.flags(now_s)
         return {
             "joints_deg": [round(float(angle), 4) for angle in np.degrees(controller.arm.joints_at(robot_s))],
+            "arm_temperature_c": round(controller.arm.temperature_c(robot_s), 2),
             "moving": controller.arm.is_moving_at(robot_s),
             "in_position": bool(flags & Flag.IN_POSITION),
             "armed": controller.armed,

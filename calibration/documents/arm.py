@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from pydantic import Field
 
+from calibration.documents.arm_conditions import ArmTemperature, LoadDocument
 from calibration.documents.calibration import CalibrationFindingDocument
 from calibration.documents.calibration_text import finding_line
-from calibration.documents.load import LoadDocument
 from calibration.documents.more_arm_views import Joints, MoreArmViewsDocument, more_arm_views_text, six
 from calibration.documents.pose import PoseDocument
 from calibration.documents.validation import Document
@@ -47,7 +47,8 @@ class ArmLadderDocument(Document):
 class ArmErrorsDocument(Document):
     """arm.json. `covariance`: of [rotation rad and translation mm of mount_T_camera @ exp(.), the parameters].
 
-    `load`: what the flange carried; None where the sessions do not state it.
+    `load`: what the flange carried; None where the sessions do not state it. `temperature_c`: of the arm at which the
+    parameters hold, the mean over the views; None where not all of them have it.
     """
 
     heading = "armjson"
@@ -70,6 +71,7 @@ class ArmErrorsDocument(Document):
     joints_from_poses: int = Field(default=0, ge=0)
     places: int = Field(ge=1)
     load: LoadDocument | None = None
+    temperature_c: ArmTemperature | None = None
     lowest_joints_deg: Joints
     highest_joints_deg: Joints
     more_views: MoreArmViewsDocument | None = None
@@ -85,7 +87,8 @@ class ArmErrorsDocument(Document):
             raise GeometryError(f"arm.json: covariance must be {size} x {size} finite numbers")
         values = np.array([one.value for one in self.parameters])
         load = NO_LOAD if self.load is None else self.load.load()
-        return ArmEstimate(model, values, covariance, self.mount_T_camera.transform(), load=load)
+        mount_T_camera = self.mount_T_camera.transform()
+        return ArmEstimate(model, values, covariance, mount_T_camera, load=load, temperature_c=self.temperature_c)
 
 
 def arm_document(
@@ -134,6 +137,7 @@ def arm_document(
         joints_from_poses=joints_from_poses,
         places=len(problems),
         load=LoadDocument.of(None if fit.load == NO_LOAD else fit.load),
+        temperature_c=fit.temperature_c,
         lowest_joints_deg=six(joints.min(axis=0)),
         highest_joints_deg=six(joints.max(axis=0)),
         more_views=more_views,

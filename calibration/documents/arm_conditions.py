@@ -1,4 +1,4 @@
-"""The load on the flange as documents have it: kg and mm."""
+"""What an arm's errors depend on as documents have it: the load on the flange in kg and mm, the temperature in °C."""
 
 from typing import Annotated
 
@@ -7,6 +7,9 @@ from pydantic import Field
 from calibration.documents.pose import Vector
 from calibration.documents.validation import Document
 from calibration.kinematics.load import Load
+
+ArmTemperature = Annotated[float, Field(ge=0, le=100)]
+"""Of the arm's links, in °C."""
 
 
 class LoadDocument(Document):

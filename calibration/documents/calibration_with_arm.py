@@ -7,12 +7,11 @@ import numpy as np
 
 from calibration.documents.arm import ArmErrorsDocument
 from calibration.documents.calibration import CalibrationDocument, CalibrationFindingDocument, FindingDocument
-from calibration.documents.load import LoadDocument
 from calibration.documents.uncertainty_with_arm import uncertainty_with_arm, working_volume_mm
+from calibration.kinematics.arm_conditions import NOT_KNOWN, ArmConditions
 from calibration.kinematics.arm_estimate import ArmEstimate
 from calibration.kinematics.joint_check import require_consistent_joints
 from calibration.kinematics.joints_of_poses import joints_in_range
-from calibration.kinematics.load import Load
 from calibration.kinematics.robot_accuracy import RobotNoise
 from calibration.problem import Problem
 from calibration.sentences.sentence import Sentence
@@ -25,6 +24,9 @@ POSE_WITHOUT_JOINTS = "pose-without-joints"
 
 OTHER_LOAD = "arm-other-load"
 """Code of the warning that the flange carries another load than when the arm's errors were identified."""
+
+UNKNOWN_TEMPERATURE = "arm-temperature-unknown"
+"""Code of the warning that the arm's temperature, with which its errors were identified, is not known now."""
 
 AS_BUILT = "as-built"
 """Of results: the poses are those of the arm with its errors."""
@@ -52,31 +54,32 @@ class CalibrationWithArm:
     arm : the arm as built; None for one as drawn.
     seen_rad : (2, 6) lowest and highest joints of the session, in which a pose without joints is taken to be.
     scatter : of the arm as built about one pose.
-    identified_with : the load with which the arm was identified, where the flange carries another one now.
+    of_conditions : findings on the arm's load and temperature, where they are others than when it was identified.
     """
 
     document: CalibrationDocument
     arm: ArmEstimate | None = None
     seen_rad: Array = field(default_factory=lambda: np.zeros((2, 6)))
     scatter: RobotNoise = NO_SCATTER
-    identified_with: Load | None = None
+    of_conditions: tuple[Finding, ...] = ()
 
     @classmethod
     def of(
-        cls, document: CalibrationDocument, errors: ArmErrorsDocument | None, carried: LoadDocument | None = None
+        cls,
+        document: CalibrationDocument,
+        errors: ArmErrorsDocument | None,
+        conditions: ArmConditions = NOT_KNOWN,
     ) -> "CalibrationWithArm":
         """With arm.json, where that was identified and took errors up. Raises GeometryError for a damaged one.
 
-        `carried`: what the flange carries now. The sag under another load than arm.json's is computed for it, with what
-        is known of the compliances; where either is not known it is taken for the same.
+        `conditions`: load and temperature of the arm now. The sag and the growth by others than arm.json's are computed
+        with what is known of the arm; see `ArmEstimate.under` for what is not known.
         """
         if errors is None or not errors.taken_up:
             return cls(document)
         name = "flange_T_camera" if document.setup == "eye-in-hand" else "base_T_camera"
-        seen_rad, estimate = np.radians([errors.lowest_joints_deg, errors.highest_joints_deg]), errors.estimate()
-        identified_with = None
-        if errors.load is not None and carried is not None and not carried.load().is_as(errors.load.load()):
-            identified_with, estimate = estimate.load, replace(estimate, load=carried.load())
+        seen_rad, identified = np.radians([errors.lowest_joints_deg, errors.highest_joints_deg]), errors.estimate()
+        estimate = identified.under(conditions)
         levels = {"robot_rotation_deg": errors.scatter_deg, "robot_translation_mm": errors.scatter_mm}
         with_arm = {
             name: errors.mount_T_camera,
@@ -84,7 +87,8 @@ class CalibrationWithArm:
             "noise": document.noise.model_copy(update=levels),
         }
         scatter = RobotNoise(errors.scatter_mm, float(np.radians(errors.scatter_deg)))
-        return cls(document.model_copy(update=with_arm), estimate, seen_rad, scatter, identified_with)
+        findings = _of_conditions(identified, estimate)
+        return cls(document.model_copy(update=with_arm), estimate, seen_rad, scatter, findings)
 
     def reading(self, external_axes: Sequence[float | None] | None) -> float | None:
         """Of the calibration's external axis, mm or rad, in the controller's axes; None without either."""
@@ -151,7 +155,7 @@ class CalibrationWithArm:
         return Placement(float(np.sqrt(variances.mean(axis=1).max())), seen)
 
     def findings(self, joints_rad: Sequence[Array | None]) -> list[FindingDocument]:
-        """Warnings on the arm's errors in use: POSE_WITHOUT_JOINTS where some poses have none, and OTHER_LOAD."""
+        """Warnings on the arm's errors in use: POSE_WITHOUT_JOINTS where some poses have none, and `of_conditions`."""
         without = sum(joints is None for joints in joints_rad)
         if self.arm is None:
             return []
@@ -159,13 +163,22 @@ class CalibrationWithArm:
         if without:
             message = Sentence("arm-joints-from-poses", views=without)
             found.append(Finding(POSE_WITHOUT_JOINTS, "warning", message, Sentence("record-joints")))
-        if self.identified_with is not None:
-            loads = {"before_kg": self.identified_with.mass_kg, "now_kg": self.arm.load.mass_kg}
-            found.append(Finding(OTHER_LOAD, "warning", Sentence(OTHER_LOAD, **loads), Sentence("identify-arm-again")))
         return [
             FindingDocument(code=one.code, severity=one.severity, message=one.message, fix=one.fix)
-            for one in map(CalibrationFindingDocument.of, found)
+            for one in map(CalibrationFindingDocument.of, (*found, *self.of_conditions))
         ]
+
+
+def _of_conditions(identified: ArmEstimate, now: ArmEstimate) -> tuple[Finding, ...]:
+    """The warnings OTHER_LOAD and UNKNOWN_TEMPERATURE on the same arm, when it was identified and now."""
+    found = []
+    if now.load != identified.load:
+        loads = {"before_kg": identified.load.mass_kg, "now_kg": now.load.mass_kg}
+        found.append(Finding(OTHER_LOAD, "warning", Sentence(OTHER_LOAD, **loads), Sentence("identify-arm-again")))
+    if now.warmth_sigma_k and now.temperature_c is not None:
+        message = Sentence(UNKNOWN_TEMPERATURE, before_c=now.temperature_c, sigma_k=now.warmth_sigma_k)
+        found.append(Finding(UNKNOWN_TEMPERATURE, "warning", message, Sentence("state-arm-temperature")))
+    return tuple(found)
 
 
 def _joints_of(document: CalibrationDocument, seen_rad: Array) -> Array:

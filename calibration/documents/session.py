@@ -6,8 +6,8 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from calibration.camera import BROWN, COEFFICIENT_COUNTS, CameraModel, LensModel
+from calibration.documents.arm_conditions import ArmTemperature, LoadDocument
 from calibration.documents.external_axis import ExternalAxes, ExternalAxisDocument
-from calibration.documents.load import LoadDocument
 from calibration.documents.pose import PoseDocument, Vector
 from calibration.documents.target import TargetDocument
 from calibration.documents.validation import Document
@@ -76,6 +76,7 @@ class ViewDocument(Document):
     joints_deg : the arm's axes, where they were recorded; they are copied into calibration.json.
     external_axes : the controller's axes beside the arm at the pose, mm or degrees; null for one that it does not have.
     camera_temperature_c : of the camera when it took the picture, where it reports one.
+    arm_temperature_c : of the arm's links at the pose, where it is known, for an arm whose errors are identified.
     confdata : the posture of the pose where joints were not recorded, as in a robtarget: cf1, cf4, cf6, cfx.
     image : name of a file beside session.json.
     corners_px : [id, u, v] of the target's points in the image.
@@ -89,6 +90,7 @@ class ViewDocument(Document):
 
     base_T_flange: PoseDocument
     camera_temperature_c: Annotated[float, Field(ge=-100, le=200)] | None = None
+    arm_temperature_c: ArmTemperature | None = None
     joints_deg: Annotated[tuple[float, ...], Field(min_length=1, max_length=12)] | None = None
     external_axes: ExternalAxes | None = None
     confdata: tuple[Quarter, Quarter, Quarter, Annotated[int, Field(ge=0, le=7)]] | None = None

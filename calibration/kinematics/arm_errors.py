@@ -25,7 +25,7 @@ from calibration.transforms import Array, adjoint, inverse, map_points, rotation
 
 Group = Literal["zeros", "links", "gears", "sag", "play", "warmth"]
 
-GROUPS: tuple[Group, ...] = ("zeros", "links", "gears", "sag", "play", "warmth")
+LADDER: tuple[Group, ...] = ("zeros", "links", "gears", "sag", "play")
 """From what explains most in ordinary arms to what explains least; a model has the groups up to one of them."""
 
 AXES = 6

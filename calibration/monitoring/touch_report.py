@@ -24,7 +24,7 @@ from calibration.monitoring.touch_misses import (
     seen_points_mm,
     tip_error,
 )
-from calibration.solver.registered_points import play_covariances
+from calibration.solver.registered_points import unknown_covariances
 from calibration.transforms import Array, inverse, map_points
 
 
@@ -233,7 +233,7 @@ def _in_base(
         if arm is not None:
             joints_rad = np.concatenate(list(arm.seen_rad))
             rows[:, :, 6:] = arm.rows(poses, flange_mm, joints_rad)
-            plays = play_covariances(arm.estimate, joints_rad)
+            plays = unknown_covariances(arm.estimate, joints_rad)
         _, look_of = np.unique(poses.reshape(-1, 16).round(9), axis=0, return_inverse=True)
         for look in range(int(look_of.max()) + 1):
             own = look_of.ravel() == look
@@ -264,7 +264,7 @@ def _own(
     noise = _robot_noise(calibration, tip.placing_sigma_mm)
     errors = [pose_error(pose[None], tip_mm, *noise) for pose in base_T_flange]
     if arm is not None:
-        plays = play_covariances(arm.estimate, arm.touched_rad)
+        plays = unknown_covariances(arm.estimate, arm.touched_rad)
         errors = [SharedError(error.rows, error.covariance + play) for error, play in zip(errors, plays, strict=True)]
     robot = np.array([error.of_points() for error in errors])
     if placing_sigma_mm is None:

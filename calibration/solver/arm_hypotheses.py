@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from calibration.kinematics.arm_errors import GROUPS, Group, Postures
+from calibration.kinematics.arm_errors import LADDER, Group, Postures
 from calibration.likelihood.mixed_model import MixedModel, Variances
 from calibration.likelihood.noise_marginalisation import restricted_log_likelihood
 from calibration.likelihood.shared_columns import fix_unknowns, with_arm
@@ -29,6 +29,8 @@ NEXT_GROUP_PROBABILITY = 0.9
 @dataclass(frozen=True)
 class Hypothesis:
     """The groups `up_to` one, whose deviations are times `scale`; without errors of the arm None and 0.
+
+    Where its temperatures are known the growth by them is among the errors in any case: all arms grow, by as much.
 
     `as_described`: target and camera, not as the estimate without errors of the arm has them.
     """
@@ -81,7 +83,7 @@ def hypotheses(session: ArmSession) -> list[Hypothesis]:
     odds = {True: 0.0}
     if len(session.steps_as_described()[0]):
         odds = {True: float(np.log(1 - PRIOR_OFF_PROBABILITY)), False: float(np.log(PRIOR_OFF_PROBABILITY))}
-    groups = _known_groups(session.postures)
+    groups = [group for group in LADDER if group != "play" or session.postures.sides is not None]
     known: list[tuple[Group | None, float, float]] = [(None, 0.0, 0.0)]
     for place, group in enumerate(groups):
         last = place + 1 == len(groups)
@@ -92,11 +94,6 @@ def hypotheses(session: ArmSession) -> list[Hypothesis]:
         for group, scale, log_prior in known
         for as_described, log_odds in odds.items()
     ]
-
-
-def _known_groups(postures: Postures) -> list[Group]:
-    unknown = {"play": postures.sides is None, "warmth": postures.warmth_k is None}
-    return [group for group in GROUPS if not unknown.get(group, False)]
 
 
 def restrict(
@@ -112,18 +109,25 @@ def restrict(
     whole = session.add_distances(with_arm(model, jacobian, session.arm.sigmas**-2.0, session.parameters))
     found, variances = [], replace(session.best.variances, trend_rotation=0.0, trend_translation=0.0)
     for row, one in enumerate(wanted):
-        columns = session.arm.indices(*(GROUPS[: GROUPS.index(one.up_to) + 1] if one.up_to else ()))
+        columns = session.arm.indices(*_groups_of(one, session.postures))
         absent = np.setdiff1d(np.arange(k), columns)
         fixed, steps = others + absent, -session.parameters[absent]
         if one.as_described:
             described, back = session.steps_as_described()
             fixed, steps = np.concatenate([described, fixed]), np.concatenate([back, steps])
         known = whole.prior_information.copy()
-        known[others:] /= max(one.scale, 1e-9) ** 2
+        known[others + session.arm.indices(*LADDER)] /= max(one.scale, 1e-9) ** 2
         restricted = fix_unknowns(replace(whole, prior_information=known), fixed, steps)
         variances = estimate_variances(restricted, levels[row] if levels else variances)
         found.append(Restricted(one, columns, restricted, variances))
     return found
+
+
+def _groups_of(one: Hypothesis, postures: Postures) -> tuple[Group, ...]:
+    if one.up_to is None:
+        return ()
+    groups = LADDER[: LADDER.index(one.up_to) + 1]
+    return groups if postures.warmth_k is None else (*groups, "warmth")
 
 
 def _with_prior_size(session: ArmSession, model: MixedModel) -> MixedModel:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from calibration.camera import CameraModel
 from calibration.errors import CalibrationError
-from calibration.kinematics.arm_errors import GROUPS, MAX_USUAL_SIGMAS, ArmErrorModel, Group, Postures
+from calibration.kinematics.arm_errors import LADDER, MAX_USUAL_SIGMAS, ArmErrorModel, Group, Postures
 from calibration.kinematics.arm_estimate import ArmEstimate
 from calibration.likelihood.chain import Chain
 from calibration.likelihood.leave_groups_out import split
@@ -239,7 +239,7 @@ def _ladder_rows(
     regions = _regions(session)
     squares = {id(none): _hold_out(session, none, regions)}
     rows = [LadderRow(None, 0.0, 0.0, _rms_mm(squares[id(none)], session), 0.0)]
-    for group in GROUPS:
+    for group in LADDER:
         own = [one for one in likely if one.of.of.up_to == group]
         if own:
             best = max(own, key=lambda one: one.log_evidence)

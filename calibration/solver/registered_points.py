@@ -24,7 +24,8 @@ def place_points(
 ) -> tuple[Array, Array]:
     """As `registered_points`, at joints (n, 6) of which nothing else is known.
 
-    The covariances contain by what the arm scatters about one pose, and its play, whose side is not known.
+    The covariances contain by what the arm scatters about one pose, and what is not known of it: the side of its play,
+    and its temperature by `warmth_sigma_k`.
     """
     return _register(estimate, estimate.postures(joints_rad), points_mm, _covariances_at(estimate, joints_rad, scatter))
 
@@ -63,17 +64,20 @@ def _pose_covariances(estimate: ArmEstimate, postures: Postures) -> Array:
 
 
 def _covariances_at(estimate: ArmEstimate, joints_rad: Array, scatter: RobotNoise) -> Array:
-    """As `_pose_covariances`, with the scatter about one pose and the play of axes that came from an unknown side."""
-    found = _pose_covariances(estimate, Postures(joints_rad, estimate.load))
-    found[:, 6:, 6:] += play_covariances(estimate, joints_rad) + np.diag(np.repeat(scatter.levels() ** 2, 3))
+    """As `_pose_covariances`, with the scatter about one pose and what is not known of it."""
+    found = _pose_covariances(estimate, estimate.postures(joints_rad))
+    found[:, 6:, 6:] += unknown_covariances(estimate, joints_rad) + np.diag(np.repeat(scatter.levels() ** 2, 3))
     return found
 
 
-def play_covariances(estimate: ArmEstimate, joints_rad: Array) -> Array:
-    """Covariances (n, 6, 6) of the flange's pose, times exp(.), at joints (n, 6) whose axes came from unknown sides."""
-    play = estimate.model.indices("play")
-    from_below = Postures(joints_rad, estimate.load, np.ones((len(joints_rad), AXES)))
-    by_play = estimate.model.jacobian(estimate.parameters, from_below)[:, :, play]
-    squares = estimate.parameters[play] ** 2 + np.diagonal(estimate.covariance)[6 + play]
-    found: Array = (by_play * squares) @ np.swapaxes(by_play, 1, 2)
+def unknown_covariances(estimate: ArmEstimate, joints_rad: Array) -> Array:
+    """Covariances (n, 6, 6) of the flange's pose, times exp(.), by what is not known of a standstill at joints (n, 6).
+
+    These are the sides from which the axes came, and the arm's temperature by `warmth_sigma_k`.
+    """
+    unknown, n = estimate.model.indices("play", "warmth"), len(joints_rad)
+    from_below = Postures(joints_rad, estimate.load, np.ones((n, AXES)), np.full(n, estimate.warmth_sigma_k))
+    by_unknown = estimate.model.jacobian(estimate.parameters, from_below)[:, :, unknown]
+    squares = estimate.parameters[unknown] ** 2 + np.diagonal(estimate.covariance)[6 + unknown]
+    found: Array = (by_unknown * squares) @ np.swapaxes(by_unknown, 1, 2)
     return found

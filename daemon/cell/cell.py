@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from calibration.sentences.sentence import Sentence
 from calibration.transforms import Array
+from daemon.cell.arm_conditions import ArmConditionsNow
 from daemon.cell.camera_turns import CameraTurns
 from daemon.cell.capture_outputs import CaptureOutputs
 from daemon.cell.flange_path import PathInBase, PolledPath
@@ -101,7 +102,9 @@ class Cell:
         exposure: "ExposureControl | None" = None,
         world_T_base: Array | None = None,
         external_axis: "ExternalAxisDocument | None" = None,
+        arm_conditions: ArmConditionsNow | None = None,
     ) -> None:
+        self.arm_conditions = arm_conditions or ArmConditionsNow(None, 0.0, clock.monotonic_s)
         self.robot: Robot = InterlockedRobot(devices.robot, interlocks) if interlocks else devices.robot
         self._interlocks = interlocks
         self._devices, self._vibration_gate = devices, devices.vibration_gate

@@ -38,6 +38,9 @@ def register(
     arm: Annotated[
         Path | None, typer.Option(help="arm.json of solve --arm: place the flange where the arm as built has it.")
     ] = None,
+    arm_temperature: Annotated[
+        float | None, typer.Option(help="With --arm: of the arm's links, in °C, when the scan was taken.")
+    ] = None,
     json: Json = False,
 ) -> None:
     """Put every cloud of a scan into the robot's base frame, in mm, and write them as one.
@@ -59,7 +62,7 @@ def register(
     hand = scanner_mount_of(document)
     further: list[FindingDocument] = []
     if arm is not None:
-        scanned, hand, further = _as_built(arm, document, scanned)
+        scanned, hand, further = _as_built(arm, document, scanned, arm_temperature)
     else:
         scanned = poses_at_zero(scanned, document)
     report = register_scan(
@@ -80,13 +83,14 @@ def register(
 
 
 def _as_built(
-    file: Path, document: "CalibrationDocument", views: "list[ScanView]"
+    file: Path, document: "CalibrationDocument", views: "list[ScanView]", temperature_c: float | None
 ) -> "tuple[list[ScanView], ScannerMount, list[FindingDocument]]":
     """The views with the flange of the arm as built, X identified with it, and findings. Raises CommandError."""
     from calibration.documents.arm import ArmErrorsDocument
     from calibration.documents.calibration_with_arm import CalibrationWithArm
     from calibration.documents.validation import parse_document
     from calibration.errors import CalibrationError
+    from calibration.kinematics.arm_conditions import ArmConditions
     from daemon.runtime.bounded_read import read_document
     from registration.scan import scanner_mount_of
 
@@ -95,7 +99,7 @@ def _as_built(
         what = f"it is of an {errors.setup} cell, the calibration of an {document.setup} one"
         raise CommandError(str(file), what, "name the arm.json of the same session", ExitStatus.UNREADABLE)
     try:
-        given = CalibrationWithArm.of(document, errors)
+        given = CalibrationWithArm.of(document, errors, ArmConditions(temperature_c=temperature_c))
         joints = [view.joints_rad for view in views]
         readings = [given.reading(view.external_axes) for view in views]
         poses = given.base_T_flange([view.base_T_flange for view in views], joints, readings)

@@ -5,7 +5,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from calibration.documents.load import LoadDocument
+from calibration.documents.arm_conditions import LoadDocument
 from calibration.documents.pose import Vector
 from calibration.documents.validation import Document
 

@@ -9,7 +9,6 @@ import numpy as np
 from pydantic import AfterValidator, Field, model_validator
 
 from calibration.documents.external_axis import ExternalAxisDocument
-from calibration.documents.load import LoadDocument
 from calibration.documents.plan import LimitsDocument, NoiseExpectedDocument
 from calibration.documents.pose import PoseDocument, Vector
 from calibration.documents.requirement import PointsDocument, Tolerance, VerdictSettings
@@ -18,6 +17,7 @@ from calibration.documents.target import TargetDocument
 from calibration.documents.validation import Document, validate_document
 from calibration.errors import DocumentError, DocumentProblem, GeometryError
 from calibration.kinematics.abb_arms import find_any_arm
+from calibration.kinematics.load import Load
 from calibration.kinematics.seven_axes import SevenAxisArm
 from calibration.problem import ANCHORS, MOUNTS, Setup
 from calibration.transforms import Array
@@ -74,7 +74,8 @@ class RobotSettings(Document):
 
     `base_frame`: world_T_base, for an arm that does not stand upright at the world's origin. `carried_mm`: points of
     camera, bracket and target farthest from the flange, in its frame. `external_axis`: a track or turntable that the
-    controller leaves out of its poses, found by a calibration by hand.
+    controller leaves out of its poses, found by a calibration by hand. `temperature_minutes`: how long a temperature of
+    the arm holds that was stated by POST /arm/temperature.
     """
 
     address: Annotated[str, _address_validator(check_robot_address)]
@@ -91,6 +92,7 @@ class RobotSettings(Document):
     egm: EgmSettings | None = None
     outputs: OutputSettings | None = None
     external_axis: ExternalAxisDocument | None = None
+    temperature_minutes: Annotated[float, Field(gt=0, le=1440)] = 15.0
 
     @model_validator(mode="after")
     def _outputs_have_a_link(self) -> "RobotSettings":
@@ -121,9 +123,9 @@ class RobotSettings(Document):
         return None if self.base_frame is None else self.base_frame.transform()
 
     @property
-    def carried(self) -> LoadDocument | None:
+    def carried(self) -> Load | None:
         """`load` without its moments of inertia."""
-        return None if self.load is None else LoadDocument.of(self.load.load())
+        return None if self.load is None else self.load.load()
 
     @property
     def points_mm(self) -> Array:

@@ -2,13 +2,14 @@
 
 import asyncio
 import logging
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 
 from calibration.documents.calibration import CalibrationDocument
 from calibration.documents.calibration_with_arm import CalibrationWithArm
 from calibration.errors import CalibrationError
+from calibration.kinematics.arm_conditions import ArmConditions
 from daemon.config.settings import MAIN_CAMERA, Settings
 from daemon.drift.chart import DriftChart, DriftReport, chart_of
 from daemon.drift.samples import ChartEntry, VerificationHistory
@@ -29,7 +30,10 @@ MAX_HISTORY = 10_000
 
 @dataclass(eq=False)
 class DriftMonitor:
-    """Background service: recomputes the chart of one camera from the store after each verification."""
+    """Background service: recomputes the chart of one camera from the store after each verification.
+
+    `conditions`: of the arm now.
+    """
 
     settings: Settings
     store: Store
@@ -37,6 +41,7 @@ class DriftMonitor:
     workers: Workers
     clock: Clock
     camera: str = MAIN_CAMERA
+    conditions: Callable[[], ArmConditions] = ArmConditions
     chart: DriftChart = field(default_factory=DriftChart, init=False)
     _verifications: VerificationHistory = field(init=False)
     _task: asyncio.Task[None] | None = field(default=None, init=False)
@@ -148,9 +153,9 @@ class DriftMonitor:
 
     async def _chart_of(self, entries: Sequence[ChartEntry], document: CalibrationDocument) -> DriftChart:
         """By the errors of the arm that were in force with the calibration."""
-        errors, carried = await self.store.arm(document.id), self.settings.robot.carried
+        errors = await self.store.arm(document.id)
         try:
-            used = (await self.workers.run(CalibrationWithArm.of, document, errors, carried)).document
+            used = (await self.workers.run(CalibrationWithArm.of, document, errors, self.conditions())).document
         except CalibrationError as error:
             log.warning("drift is judged by the arm as drawn: %s", error)
             used = document

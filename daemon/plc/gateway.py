@@ -56,6 +56,9 @@ log = logging.getLogger(__name__)
 
 BEAT_S, POLL_S, PROGRESS_S = 0.5, 1.0, 0.2
 
+MAX_TEMPERATURE = 1000
+"""Of the register arm_temperature; larger values are no arm's."""
+
 EXPECTED_ERRORS = (DaemonError, DeviceError, CalibrationError, RegistrationError)
 
 FALLBACK_CODES: tuple[tuple[type[Exception], str], ...] = (
@@ -140,6 +143,8 @@ class PlcGateway:
             log.info("%s sets %s", self._by, ", ".join(bit.name.lower() for bit in rising if bit.name))
         held = self._state.abort_writers
         self._take(RegistersWritten(words, client))
+        if 0 < (tenths := self._state.input("arm_temperature")) <= MAX_TEMPERATURE:
+            self.operations.cell.arm_conditions.state_temperature(tenths / 10)
         if self._state.abort_writers != held:
             self.operations.supervisor.hold_abort([f"{PLC_CLIENT} {each}" for each in self._state.abort_writers])
 

@@ -1,14 +1,14 @@
 """The stored calibrations: the one in force of a camera, one by its id, and putting one in force."""
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from calibration.documents.calibration import CalibrationDocument
 from calibration.documents.calibration_with_arm import CalibrationWithArm
 from calibration.documents.external_axis import ExternalAxisDocument
-from calibration.documents.load import LoadDocument
 from calibration.errors import CalibrationError
+from calibration.kinematics.arm_conditions import ArmConditions
 from calibration.problem import Setup
 from daemon.config.settings import MAIN_CAMERA
 from daemon.errors import CalibrationUnusable, StorageInconsistent
@@ -25,7 +25,7 @@ log = logging.getLogger(__name__)
 class Calibrations:
     """`camera`: whose calibration "current" means. `workers`: compute the uncertainty with the arm.
 
-    `declared`: the cell's external axis, which a calibration then needs. `carried`: the load on the flange.
+    `declared`: the cell's external axis, which a calibration then needs. `conditions`: of the arm now.
     """
 
     store: Store
@@ -33,7 +33,7 @@ class Calibrations:
     workers: Workers
     camera: str = MAIN_CAMERA
     declared: ExternalAxisDocument | None = None
-    carried: LoadDocument | None = None
+    conditions: Callable[[], ArmConditions] = ArmConditions
 
     async def apply(
         self, calibration_id: str, request: ApplyRequest, expected: Sequence[int] | None = None
@@ -91,7 +91,7 @@ class Calibrations:
         errors = await self.store.arm(calibration.id)
         if errors is None:
             return CalibrationWithArm(calibration)
-        return await self.workers.run(CalibrationWithArm.of, calibration, errors, self.carried)
+        return await self.workers.run(CalibrationWithArm.of, calibration, errors, self.conditions())
 
     async def point_mm(self, calibration: CalibrationDocument) -> float | None:
         """One sigma of a mapped point, with the arm's errors where they were taken up; None where X is not determined.

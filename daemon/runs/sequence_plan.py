@@ -4,9 +4,9 @@ from collections.abc import Awaitable, Callable, Sequence
 from dataclasses import dataclass
 
 from calibration.documents.external_axis import ExternalAxisDocument
-from calibration.documents.load import LoadDocument
 from calibration.documents.session import AxisOffsetDocument, CameraDocument
 from calibration.documents.target import TargetDocument
+from calibration.kinematics.arm_conditions import ArmConditions
 from calibration.problem import Setup
 from daemon.runs.pose_sequence import PoseSequence
 from daemon.runs.run_log import RunLog
@@ -32,13 +32,13 @@ def plan_sequence(stations: int, sequence: MakeSequence, session: OpenSession, d
 
 @dataclass(frozen=True)
 class RunSessions:
-    """Prepares the session folders of runs with one camera."""
+    """Prepares the session folders of runs with one camera. `conditions`: of the arm now."""
 
     store: Store
     workers: Workers
     setup: Setup
     external_axis: ExternalAxisDocument | None = None
-    load: LoadDocument | None = None
+    conditions: Callable[[], ArmConditions] = ArmConditions
 
     def prepare(
         self,
@@ -55,7 +55,7 @@ class RunSessions:
             source = f"{kind} run {log.id}"
             return SessionWriter(
                 self.store.run_folder(log.id), source, self.setup, target, intrinsics, self.store, self.workers,
-                beside(log), axis_offset, self.external_axis, self.load,
+                beside(log), axis_offset, self.external_axis, self.conditions,
             )  # fmt: skip
 
         return open_session

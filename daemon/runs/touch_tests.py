@@ -124,7 +124,8 @@ class TouchTests:
         run = None if verification is None else await self._verification(verification)
         calibration = await self._calibration(request.camera, run, earlier)
         errors = await self.store.arm(calibration.id)
-        given = await self.workers.run(CalibrationWithArm.of, calibration.document, errors, self.settings.robot.carried)
+        conditions = self.cell.arm_conditions.read()
+        given = await self.workers.run(CalibrationWithArm.of, calibration.document, errors, conditions)
         return _Basis(earlier, tip, run, calibration, given)
 
     def _settings_of(self, camera: str) -> CalibrationSettings:

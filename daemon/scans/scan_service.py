@@ -12,8 +12,8 @@ from typing import Any
 
 from calibration.documents.calibration import CalibrationDocument
 from calibration.documents.calibration_with_arm import CalibrationWithArm
-from calibration.documents.load import LoadDocument
 from calibration.errors import CalibrationError
+from calibration.kinematics.arm_conditions import ArmConditions
 from calibration.transforms import Array
 from daemon.config.settings import MAIN_CAMERA, MAIN_SCANNER, NamedScannerSettings
 from daemon.errors import CalibrationUnusable, NoCalibration, NotFound, ScanEmpty, StorageError
@@ -51,7 +51,7 @@ MAX_RECENT_SCANS = 10
 
 @dataclass(frozen=True)
 class ScanService:
-    """The scans in the store. `carried`: the load on the flange."""
+    """The scans in the store. `conditions`: of the arm now."""
 
     store: Store
     workers: Workers
@@ -61,7 +61,7 @@ class ScanService:
     scanners: Mapping[str, NamedScannerSettings]
     registration_jobs: RegistrationJobs
     publish: Publish
-    carried: LoadDocument | None = None
+    conditions: Callable[[], ArmConditions] = ArmConditions
 
     async def recover(self) -> None:
         """Remove partial files of a killed daemon, and update scan.json of the latest scans. Raises StorageError.
@@ -236,7 +236,7 @@ class ScanService:
             _, current = await self.store.current(settings.camera if settings else MAIN_CAMERA)
             if current.document.flange_T_camera is not None:
                 errors = await self.store.arm(current.id)
-                calibration = await self.workers.run(CalibrationWithArm.of, current.document, errors, self.carried)
+                calibration = await self.workers.run(CalibrationWithArm.of, current.document, errors, self.conditions())
                 wanted = await self._registration_request(scan.id, calibration, refine=True)
                 self.registration_jobs.start(wanted, only_if_free=False)
         except NoCalibration:

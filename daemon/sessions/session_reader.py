@@ -113,7 +113,7 @@ def load_problem(session: SessionFolder, progress: Progress = lambda done, of: N
     views = [
         replace(
             view, confdata=recorded.confdata, axis_reading=document.axis_reading(view.index),
-            camera_temperature_c=recorded.camera_temperature_c,
+            camera_temperature_c=recorded.camera_temperature_c, arm_temperature_c=recorded.arm_temperature_c,
         )
         for view, recorded in ((view, document.views[view.index]) for view in views)
     ]  # fmt: skip

@@ -1,6 +1,6 @@
 """Write a session folder: pictures and poses are stored before use, so that `handeyed solve` reproduces the result."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
@@ -8,12 +8,13 @@ from typing import TYPE_CHECKING, Protocol
 import cv2
 import numpy as np
 
+from calibration.documents.arm_conditions import LoadDocument
 from calibration.documents.external_axis import ExternalAxisDocument, external_axes_of
-from calibration.documents.load import LoadDocument
 from calibration.documents.pose import PoseDocument
 from calibration.documents.session import AxisOffsetDocument, CameraDocument, SessionDocument, ViewDocument
 from calibration.documents.target import TargetDocument
 from calibration.errors import DetectionError
+from calibration.kinematics.arm_conditions import ArmConditions
 from calibration.problem import Problem, Setup, View
 from calibration.sentences.sentence import with_fix
 from daemon.errors import PictureUnusable
@@ -46,23 +47,26 @@ class SensorBeside(Protocol):
 
 
 class SessionWriter:
-    """Writes the session folder of one run. `beside`: sensors that look after each picture, from the same pose."""
+    """Writes the session folder of one run. `beside`: sensors that look after each picture, from the same pose.
+
+    `conditions`: of the arm now; its load is that of the session, its temperature that of each view.
+    """
 
     def __init__(
         self, folder: Path, source: str, setup: Setup, target: TargetDocument, camera: CameraDocument | None,
         store: Store, workers: Workers, beside: Sequence[SensorBeside] = (),
         axis_offset: AxisOffsetDocument | None = None, external_axis: ExternalAxisDocument | None = None,
-        load: LoadDocument | None = None,
+        conditions: Callable[[], ArmConditions] = ArmConditions,
     ) -> None:  # fmt: skip
         self.folder = folder
-        self._store, self._workers, self._beside = store, workers, beside
+        self._store, self._workers, self._beside, self._conditions = store, workers, beside, conditions
         self._image_size = camera.image_size if camera else None
         self._target_seen = False
         self._detections = DetectionsDocument()
         self._taken: dict[int, DetectionDocument] = {}
         self._document = SessionDocument(
             schema_version=1, source=source, poses_from_controller=True, setup=setup, target=target, camera=camera,
-            axis_offset=axis_offset, external_axis=external_axis, load=load, views=[],
+            axis_offset=axis_offset, external_axis=external_axis, load=LoadDocument.of(conditions().load), views=[],
         )  # fmt: skip
 
     async def add(self, frame: CameraFrame, reading: PoseReading, at: str = "") -> int:
@@ -80,8 +84,9 @@ class SessionWriter:
         axes = external_axes_of(reading.external_axes)
         temperature_c = None if frame.capture is None else frame.capture.temperature_c
         view = ViewDocument(
-            base_T_flange=pose, camera_temperature_c=temperature_c, joints_deg=joints, external_axes=axes, image=name
-        )
+            base_T_flange=pose, camera_temperature_c=temperature_c, arm_temperature_c=self._conditions().temperature_c,
+            joints_deg=joints, external_axes=axes, image=name,
+        )  # fmt: skip
         document = self._document.model_copy(update={"views": [*self._document.views, view]})
         await self._store.write_file(self.folder / SESSION_FILE, [document.model_dump_json(indent=1).encode()])
         self._document = document
@@ -181,7 +186,7 @@ def _detect_view(folder: Path, document: SessionDocument, index: int, target_see
     name = view.image or ""
     taken = View(
         index, view.base_T_flange.transform(), None, name, joints_rad=view.joints_rad,
-        camera_temperature_c=view.camera_temperature_c,
+        camera_temperature_c=view.camera_temperature_c, arm_temperature_c=view.arm_temperature_c,
     )  # fmt: skip
     target = document.described_target()
     levels = read_levels(folder / name)

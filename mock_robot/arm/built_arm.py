@@ -23,6 +23,9 @@ _SHARES: dict[ArmClass, dict[Group, float]] = {
 }
 """Standard deviations of each group in units of those of an arm as delivered. `standard`: 0.5 to 1 mm at the flange."""
 
+SWITCHED_ON_C = 20.0
+"""Temperature at which an arm is switched on, and has the errors that were drawn."""
+
 MAX_WARMTH_K, WARMING_S = 10.0, 3600.0
 """By how much an arm that runs gets warmer, and after which time it is at 63 % of that; assumed."""
 

@@ -13,7 +13,7 @@ from calibration.kinematics.arm_errors import Postures
 from calibration.kinematics.load import NO_LOAD, Load
 from calibration.kinematics.seven_axes import AnyArm
 from calibration.transforms import Array, rotation_angle_rad, rotation_from_vector, transform
-from mock_robot.arm.built_arm import BuiltArm, warmth_k
+from mock_robot.arm.built_arm import SWITCHED_ON_C, BuiltArm, warmth_k
 from mock_robot.arm.paths import CirclePath, JointPath, LinePath, Path
 from mock_robot.arm.speed_profile import Braked, Profile, Trapezoid
 
@@ -202,9 +202,13 @@ class SimulatedArm:
         joints = self.joints_at(now_s) + self.lost_rad
         stands = self.arm.forward(joints)
         if self._built is not None:
-            warmth = np.array([warmth_k(now_s - self._switched_on_s)])
+            warmth = np.array([self.temperature_c(now_s) - SWITCHED_ON_C])
             stands = self._built.base_T_flange(Postures(joints[None], self._load, self._sides[None], warmth))[0]
         return stands @ self._noise.flange_T_true(self._departures)
+
+    def temperature_c(self, now_s: float) -> float:
+        """Of its links, as a thermometer on them shows."""
+        return SWITCHED_ON_C + warmth_k(now_s - self._switched_on_s)
 
     def _come_from(self, here: Array, there: Array) -> None:
         """Note the side from which each axis comes; an axis that stands keeps its own."""

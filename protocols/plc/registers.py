@@ -65,6 +65,10 @@ _DEVIATION = (
 )
 
 _TOLERANCE = "U (k = 2) of the next calibrate or verify; 0: as in the settings"
+_ARM_TEMPERATURE = (
+    "of the arm's links, 1 to 1000, others: not known; each write of any register states it again, as POST"
+    " /arm/temperature does"
+)
 _CAMERA = (
     "0: [camera]; n: the nth of [cameras] in the settings, or the scanner beside it; calibration_age, drift_state,"
     " drift_shift and their bits are of this camera"
@@ -77,6 +81,7 @@ REGISTERS: tuple[Register, ...] = (
     Register(3, "part_id", Kind.UINT32, "", "any number of the PLC's; it comes back with the result", True),
     Register(5, "tolerance_wanted", Kind.UINT16, "µm", _TOLERANCE, True),
     Register(6, "camera_wanted", Kind.UINT16, "", _CAMERA, True),
+    Register(7, "arm_temperature", Kind.UINT16, "0.1 °C", _ARM_TEMPERATURE, True),
     Register(16, "status", Kind.BITS, "", "see its bits"),
     Register(17, "command", Kind.UINT16, "", "the command in progress, or the last: 1 calibrate, 2 verify, 3 register"),
     Register(18, "error_code", Kind.UINT16, "", "set while the error bit is: see the table of codes"),

@@ -13,7 +13,7 @@ from calibration.kinematics.arm_errors import Postures
 from calibration.kinematics.load import NO_LOAD, Load
 from calibration.problem import Detection, Problem, View
 from calibration.transforms import Array, inverse, map_points, rotation_from_vector, transform
-from mock_robot.arm.built_arm import BuiltArm
+from mock_robot.arm.built_arm import SWITCHED_ON_C, BuiltArm
 from tests.simulated.sessions import BOARD, CAMERA, CellNoise, looking
 
 REPEATABILITY = CellNoise(0.05, float(np.radians(0.002)), 0.02)
@@ -72,22 +72,32 @@ def arm_cell(
     base_T_targets: Sequence[Array] | Array,
     noise: CellNoise = REPEATABILITY,
     load: Load = NO_LOAD,
+    temperatures_c: Sequence[Array] | None = None,
 ) -> ArmCell:
-    """The views from joints (n, 6) of each target (4, 4); axes come to a view from the one before."""
+    """The views from joints (n, 6) of each target (4, 4); axes come to a view from the one before.
+
+    `temperatures_c` (n,) of the arm, which is as built at SWITCHED_ON_C; not known, and that, by default.
+    """
     problems = []
-    for joints, base_T_target in zip(joints_rad, base_T_targets, strict=True):
+    for place, (joints, base_T_target) in enumerate(zip(joints_rad, base_T_targets, strict=True)):
         approached = np.sign(np.diff(joints, axis=0, prepend=joints[:1] - 1.0))
         n = len(joints)
         scatter = transform(
             rotation_from_vector(noise.robot_rotation_rad * rng.standard_normal((n, 3))),
             noise.robot_translation_mm * rng.standard_normal((n, 3)),
         )
-        stands = built.base_T_flange(Postures(joints, load, approached)) @ scatter
+        warm_c = None if temperatures_c is None else temperatures_c[place]
+        warmth_k = None if warm_c is None else warm_c - SWITCHED_ON_C
+        stands = built.base_T_flange(Postures(joints, load, approached, warmth_k)) @ scatter
         seen = inverse(stands @ MOUNT_T_CAMERA) @ base_T_target
         pixels = CAMERA.project(map_points(seen, BOARD.points_mm).reshape(-1, 3)).reshape(n, -1, 2)
         pixels = pixels + noise.image_px * rng.standard_normal(pixels.shape)
         ids, poses = np.arange(pixels.shape[1]), built.drawing.forward(joints)
-        views = [View(row, poses[row], Detection(ids, pixels[row]), joints_rad=joints[row]) for row in range(n)]
+        known_c = [None] * n if warm_c is None else [float(one) for one in warm_c]
+        views = [
+            View(row, poses[row], Detection(ids, pixels[row]), joints_rad=joints[row], arm_temperature_c=known_c[row])
+            for row in range(n)
+        ]
         known = None if load == NO_LOAD else load
         problems.append(Problem("eye-in-hand", BOARD, CAMERA, CAMERA.image_size, tuple(views), load=known))
     return ArmCell(built, tuple(problems), MOUNT_T_CAMERA)

@@ -8,7 +8,16 @@ from daemon.api.negotiation import PICTURE_TYPES, choose_picture_type, or_text, 
 from daemon.api.plain_text import robot_text
 from daemon.api.problems import problem_responses
 from daemon.api.robot_documents import RobotDocuments
-from daemon.api.schemas.cell import ArmDocument, CheckList, DeviceDocument, LiveDevice, LookDocument, RobotDocument
+from daemon.api.schemas.cell import (
+    ArmDocument,
+    ArmTemperatureDocument,
+    ArmTemperatureRequest,
+    CheckList,
+    DeviceDocument,
+    LiveDevice,
+    LookDocument,
+    RobotDocument,
+)
 from daemon.application import Application
 from daemon.config.settings import MAIN_CAMERA
 from daemon.drift.cell_cameras import CellCamera
@@ -37,6 +46,24 @@ async def robot(request: Request, app: App) -> Response:
 async def arm(app: App, camera: WithCamera) -> ArmDocument:
     """The arm, its limits, the target and the poses of the settings: the same until the daemon starts again."""
     return ArmDocument.of_settings(camera.settings, app.operations.rules.model, app.cell.robot.capabilities.moves)
+
+
+@router.get("/arm/temperature", response_model=ArmTemperatureDocument)
+async def arm_temperature(app: App) -> ArmTemperatureDocument:
+    """The temperature of the arm's links as stated last; null where it was not, or too long ago."""
+    now = app.cell.arm_conditions
+    return ArmTemperatureDocument(temperature_c=now.read().temperature_c, age_s=now.temperature_age_s)
+
+
+@router.post("/arm/temperature", response_model=ArmTemperatureDocument, responses=problem_responses(400))
+async def state_arm_temperature(body: ArmTemperatureRequest, app: App) -> ArmTemperatureDocument:
+    """State the temperature of the arm's links, which holds for `[robot] temperature_minutes`.
+
+    Views are recorded with it, and with an arm whose errors were identified with its temperatures points are placed for
+    this one.
+    """
+    app.cell.arm_conditions.state_temperature(body.temperature_c)
+    return await arm_temperature(app)
 
 
 @router.get("/devices", response_model=list[DeviceDocument])

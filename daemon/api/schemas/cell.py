@@ -5,11 +5,13 @@ from typing import Literal
 
 from pydantic import JsonValue
 
+from calibration.documents.arm_conditions import ArmTemperature
 from calibration.documents.calibration import SentenceDocument
 from calibration.documents.external_axis import external_axes_of
 from calibration.documents.pose import PoseDocument, Vector
 from calibration.documents.session import CameraDocument
 from calibration.documents.target import TargetDocument
+from calibration.documents.validation import Document
 from calibration.kinematics.seven_axes import AnyArm
 from calibration.problem import Setup
 from calibration.sentences.sentence import as_sentence
@@ -93,6 +95,19 @@ def frame_warning(arm: AnyArm | None, reading: RobotReading) -> str | None:
         return None
     found = frame_difference(arm, reading.joints, reading.pose)
     return None if found.agrees else f"{found.what}: {found.fix}"
+
+
+class ArmTemperatureRequest(Document):
+    """The temperature of the arm's links, in °C."""
+
+    temperature_c: ArmTemperature
+
+
+class ArmTemperatureDocument(Answer):
+    """The temperature of the arm's links in °C, and seconds since it was stated; null where it is not known."""
+
+    temperature_c: float | None
+    age_s: float | None
 
 
 class MissingDocument(Answer):

@@ -103,6 +103,8 @@ DOCUMENTS: Mapping[str, str] = {
     "KnownDistanceDocument.distance_mm": "Between the two middles, mm.",
     "KnownDistanceDocument.sigma_mm": "One standard deviation of it, mm.",
     "load": "What the flange carries; null where it is not known.",
+    "ArmErrorsDocument.temperature_c": "Of the arm where the parameters hold, degrees Celsius; null where not known.",
+    "arm_temperature_c": "Temperature of the arm's links at the pose, degrees Celsius; null where it is not known.",
     "LoadDocument.mass_kg": "Its mass, kg.",
     "LoadDocument.centre_mm": "Its centre of mass in the frame of the flange, mm.",
     "external_axis": "A track or turntable that the controller leaves out of its poses; else null.",

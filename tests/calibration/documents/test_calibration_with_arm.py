@@ -9,8 +9,8 @@ from calibration.documents.arm import ArmErrorsDocument
 from calibration.documents.calibration import CalibrationDocument, UncertaintyDocument, calibration_document
 from calibration.documents.calibration_with_arm import CalibrationWithArm
 from calibration.documents.identified_arm import identify_arm_document
-from calibration.documents.load import LoadDocument
 from calibration.kinematics.abb_arms import find_arm
+from calibration.kinematics.arm_conditions import ArmConditions
 from calibration.kinematics.load import Load
 from calibration.solve import solve_hand_eye
 from calibration.transforms import inverse, vector_from_transform
@@ -67,8 +67,8 @@ def test_under_another_load_the_arm_sags_for_that_and_the_answer_warns() -> None
 
     def place(errors: ArmErrorsDocument, carried: float | None) -> tuple[list[str], float, float]:
         """Codes of the warnings, height of the flange and standard deviation of a point, mm."""
-        load = None if carried is None else LoadDocument(mass_kg=carried, centre_mm=(0.0, 0.0, 80.0))
-        given = CalibrationWithArm.of(drawn, errors, load)
+        load = None if carried is None else Load(carried, (0.0, 0.0, 80.0))
+        given = CalibrationWithArm.of(drawn, errors, ArmConditions(load))
         placement = given.placement(pose, joints)
         assert placement is not None
         height_mm = float(given.base_T_flange(pose, joints)[0, 2, 3])
@@ -81,6 +81,21 @@ def test_under_another_load_the_arm_sags_for_that_and_the_answer_warns() -> None
     assert abs(lower_mm - height_mm) > 1e-6
     assert wider_mm > sigma_mm
     assert place(unknown, 20.0)[0] == []
+
+
+def test_an_arm_whose_temperature_was_known_and_is_not_now_is_warned_of() -> None:
+    _, drawn, errors = session()
+    joints = np.radians([[10.0, 45.0, -10.0, 20.0, 40.0, 0.0]])
+
+    def warnings(identified_c: float | None, now_c: float | None) -> list[str]:
+        stated = errors.model_copy(update={"temperature_c": identified_c})
+        given = CalibrationWithArm.of(drawn, stated, ArmConditions(Load(10.0, (0.0, 0.0, 80.0)), now_c))
+        return [finding.message for finding in given.findings(joints)]
+
+    assert warnings(None, None) == warnings(None, 30.0) == warnings(24.0, 30.0) == []
+    (warned,) = warnings(24.0, None)
+    assert "24.0 °C" in warned
+    assert "5 K" in warned
 
 
 def test_an_arm_whose_errors_are_not_taken_up_changes_nothing() -> None:

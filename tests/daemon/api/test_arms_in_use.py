@@ -16,7 +16,7 @@ from daemon.model.records import AppliedCalibration, CalibrationRecord
 from tests.daemon.calibrations import a_calibration, an_arm, apply_calibration
 from tests.daemon.cell_under_test import Bench
 from tests.daemon.clouds import PLY, POSE, cloud
-from tests.daemon.fakes import FLANGE_T_CAMERA, ply_of
+from tests.daemon.fakes import FLANGE_T_CAMERA, ply_of, points_of
 from tests.daemon.scans.scan_folders import a_scan
 from tests.daemon.touches import TIP, document_with_covariance, json_of, touching
 
@@ -29,13 +29,18 @@ ZERO_2 = ArmErrorModel(ARM).index("zero_2")
 
 
 async def apply_with_arm(
-    bench: Bench, *, x_sigma_mm: float = 0.0, zero_2_sigma_rad: float = 0.0, **errors: float
+    bench: Bench,
+    *,
+    x_sigma_mm: float = 0.0,
+    zero_2_sigma_rad: float = 0.0,
+    at_c: float | None = None,
+    **errors: float,
 ) -> None:
     document, arm = document_with_covariance(), an_arm(**errors)
     covariance = np.array(arm.covariance)
     covariance[3:6, 3:6] = x_sigma_mm**2 * np.eye(3)
     covariance[6 + ZERO_2, 6 + ZERO_2] = zero_2_sigma_rad**2
-    arm = arm.model_copy(update={"covariance": covariance.tolist()})
+    arm = arm.model_copy(update={"covariance": covariance.tolist(), "temperature_c": at_c})
     record = CalibrationRecord(document.id, None, document.created_at, True, document)
     await bench.application.store.save_calibration(record, arm)
     await bench.application.store.apply(AppliedCalibration(document.id, document.created_at, "test"))
@@ -82,6 +87,24 @@ async def test_a_single_view_has_the_warning_of_its_own_pose(bench: Bench) -> No
         for view in (0, 1)
     ]
     assert warned == [False, True]
+
+
+async def test_an_arm_grows_by_the_temperature_that_is_stated_and_is_warned_of_without(bench: Bench) -> None:
+    await apply_with_arm(bench, at_c=20.0, expansion=1e-5)
+    content = ply_of(np.array([[0.0, 0.0, 500.0]], np.float32))
+
+    async def registered() -> tuple[float, bool]:
+        """Farthest coordinate from the base, mm, and whether the answer warns."""
+        answer = await bench.client.post("/register", params=query_of(0, JOINTS[0]), content=content, headers=PLY)
+        return float(np.linalg.norm(points_of(answer.content))), "handeyed-warning" in answer.headers
+
+    at_20, warned = await registered()
+    assert warned
+    for celsius in (20.0, 70.0):
+        await bench.client.post("/arm/temperature", json={"temperature_c": celsius})
+    grown, warned = await registered()
+    assert not warned
+    assert grown - at_20 == pytest.approx(0.7, abs=0.3)  # 50 K of 1e-5 over 1 to 2 m
 
 
 async def test_the_event_loop_computes_no_kinematics(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:

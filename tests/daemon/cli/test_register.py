@@ -111,6 +111,12 @@ def test_the_flange_is_placed_where_the_arm_as_built_has_it(tmp_path: Path, cali
     codes = [{finding["code"] for finding in json.loads(ran.out)["verdict"]["findings"]} for ran in (drawn, built)]
     assert ["pose-without-joints" in one for one in codes] == [False, True]
 
+    (tmp_path / "warm.json").write_text(errors.model_copy(update={"temperature_c": 24.0}).model_dump_json())
+    for stated, warned in (((), True), (("--arm-temperature", "30"), False)):
+        warm = handeyed(*files, tmp_path / "warm.npy", "--arm", tmp_path / "warm.json", *stated, "--json")
+        codes_of_warm = {finding["code"] for finding in json.loads(warm.out)["verdict"]["findings"]}
+        assert ("arm-temperature-unknown" in codes_of_warm) is warned
+
     views[0]["joints_deg"][1] += 30
     change(folder / "scan.json", views=views)
     refused = handeyed(*files, tmp_path / "again.npy", "--arm", tmp_path / "arm.json")

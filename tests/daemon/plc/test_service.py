@@ -184,11 +184,23 @@ async def test_without_the_words_in_the_settings_nobody_writes_and_nothing_moves
         assert not bench.robot.goals
 
 
+async def test_the_arm_s_temperature_is_stated_with_each_write(tmp_path: Path) -> None:
+    async with serving(settings_for(tmp_path, plc=MOVING)) as bench, ladder(bench) as plc:
+        temperature = BY_NAME["arm_temperature"].address
+        known = bench.application.cell.arm_conditions
+        await plc.client.write_register(temperature, 315)
+        assert known.read().temperature_c == 31.5
+        for none in (0, 1001, 65535):
+            known.state_temperature(20.0)
+            await plc.client.write_register(temperature, none)
+            assert known.read().temperature_c == 20.0
+
+
 async def test_only_listed_registers_are_written(tmp_path: Path) -> None:
     async with serving(settings_for(tmp_path, plc=MOVING)) as bench, ladder(bench) as plc:
-        for address in (7, 15, 16, 20, RESULT, SIZE - 1, SIZE, 65535):
+        for address in (8, 15, 16, 20, RESULT, SIZE - 1, SIZE, 65535):
             assert (await plc.client.write_register(address, 1)).exception_code == 2
-        assert (await plc.client.write_registers(6, [1, 2])).exception_code == 2
+        assert (await plc.client.write_registers(7, [1, 2])).exception_code == 2
         assert value_of(await plc.image(), "part_id") == 0
         assert (await plc.client.read_holding_registers(SIZE, count=1)).exception_code == 2
 

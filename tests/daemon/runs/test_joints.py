@@ -26,9 +26,11 @@ def read_session(folder: Path) -> tuple[list[dict[str, Any]], Problem]:
     return json.loads(file.read_text())["views"], problem
 
 
-async def test_joints_of_each_station_and_the_load_are_kept_with_session_and_calibration(tmp_path: Path) -> None:
+async def test_joints_load_and_temperature_are_kept_with_session_and_calibration(tmp_path: Path) -> None:
     load = {"mass_kg": 1.5, "centre_mm": [0.0, 0.0, 60.0], "inertia_kg_m2": [0.01, 0.01, 0.01]}
     async with serving(settings_for(tmp_path, robot={"load": load})) as bench:
+        stated = await bench.client.post("/arm/temperature", json={"temperature_c": 31.5})
+        assert stated.json() == {"temperature_c": 31.5, "age_s": pytest.approx(0.0, abs=LIMIT_S)}
         run = (await bench.client.post("/calibrate", params={"wait": LIMIT_S})).json()
         calibration = CalibrationDocument.model_validate_json(
             (await bench.client.get(run["links"]["calibration"])).content
@@ -38,6 +40,7 @@ async def test_joints_of_each_station_and_the_load_are_kept_with_session_and_cal
     arm = find_arm("IRB 1600-6/1.45")
     for view, document, read in zip(calibration.views, written, problem.views, strict=True):
         assert view.joints_deg is not None and read.joints_rad is not None
+        assert read.arm_temperature_c == document["arm_temperature_c"] == 31.5
         assert list(view.joints_deg) == document["joints_deg"] == pytest.approx(np.degrees(read.joints_rad))
         np.testing.assert_allclose(arm.forward(np.radians(view.joints_deg)), read.base_T_flange, atol=1e-2)
 
