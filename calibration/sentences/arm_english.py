@@ -15,5 +15,6 @@ ARM = {
     "check-distance": "measure the distance and the target's pitch again; if both are right, state the distance as"
     " exactly as it is known, or take views of more places",
     "identify-arm-again": "calibrate again, with the arm's errors and this load, or correct [robot.load]",
-    "state-arm-temperature": "state it: POST /arm/temperature, which holds for [robot] temperature_minutes",
+    "state-arm-temperature": "state it: POST /arm/temperature, which holds for [robot] temperature_minutes, or"
+    " register --arm-temperature",
 }

@@ -30,5 +30,6 @@ class ArmConditionsNow:
 
     def read(self) -> ArmConditions:
         """The load as set, and the temperature; None where it was not stated, or too long ago."""
-        known = self._stated is not None and self.temperature_age_s is not None
-        return ArmConditions(self._load, self._stated[0] if self._stated is not None and known else None)
+        if self._stated is None or self.temperature_age_s is None:
+            return ArmConditions(self._load)
+        return ArmConditions(self._load, self._stated[0])

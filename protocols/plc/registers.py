@@ -66,8 +66,8 @@ _DEVIATION = (
 
 _TOLERANCE = "U (k = 2) of the next calibrate or verify; 0: as in the settings"
 _ARM_TEMPERATURE = (
-    "of the arm's links, 1 to 1000, others: not known; each write of any register states it again, as POST"
-    " /arm/temperature does"
+    "of the arm's links, 1 to 1000; other values state none and forget none; each write of any register states it"
+    " again, as POST /arm/temperature does"
 )
 _CAMERA = (
     "0: [camera]; n: the nth of [cameras] in the settings, or the scanner beside it; calibration_age, drift_state,"

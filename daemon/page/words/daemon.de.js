@@ -600,7 +600,7 @@ export default {
   'distance-disagrees': 'ein Abstand von {known_mm:.3f} ± {known_sigma_mm:.2g} mm zwischen Orten des Targets wird als {found_mm:.3f} ± {found_sigma_mm:.2g} mm gefunden, {percent:.3f} %: in diesem Maßstab werden Punkte registriert',
   'check-distance': 'den Abstand und die Teilung des Targets nachmessen; sind beide richtig, den Abstand so genau angeben, wie er bekannt ist, oder Ansichten von mehr Orten aufnehmen',
   'identify-arm-again': 'die Fehler des Arms mit dieser Last neu bestimmen (mit Arm kalibrieren), oder [robot.load] berichtigen',
-  'state-arm-temperature': 'sie angeben: POST /arm/temperature; sie gilt [robot] temperature_minutes lang',
+  'state-arm-temperature': 'sie angeben: POST /arm/temperature; sie gilt [robot] temperature_minutes lang; oder register --arm-temperature',
   'record-joints': 'die Gelenkwinkel mit jeder Ansicht aufnehmen: eine Pose wird in mehreren Stellungen erreicht',
   'arm-unknown.what': 'die Einstellungen nennen keinen Arm, nach dessen Fehlern gefragt wurde',
   'arm-unknown.fix': '[robot] model setzen (handeyed arms zeigt die Namen), oder "arm" weglassen',

@@ -600,7 +600,7 @@ export default {
   'distance-disagrees': 'una distancia de {known_mm:.3f} ± {known_sigma_mm:.2g} mm entre lugares del patrón se encuentra como {found_mm:.3f} ± {found_sigma_mm:.2g} mm, {percent:.3f} %: los puntos se registran a esa escala',
   'check-distance': 'mida de nuevo la distancia y el paso del patrón; si ambos son correctos, indique la distancia con la exactitud con que se conoce, o tome vistas de más lugares',
   'identify-arm-again': 'identifique de nuevo los errores del brazo con esta carga (calibrar con brazo), o corrija [robot.load]',
-  'state-arm-temperature': 'indíquela: POST /arm/temperature; vale durante [robot] temperature_minutes',
+  'state-arm-temperature': 'indíquela: POST /arm/temperature; vale durante [robot] temperature_minutes; o register --arm-temperature',
   'record-joints': 'registre los ejes con cada vista: una pose se alcanza en varias posturas',
   'arm-unknown.what': 'la configuración no nombra el brazo cuyos errores se pidieron',
   'arm-unknown.fix': 'ponga [robot] model (handeyed arms muestra los nombres), o quite "arm"',

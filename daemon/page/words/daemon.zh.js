@@ -600,7 +600,7 @@ export default {
   'distance-disagrees': '标定板两处之间的距离 {known_mm:.3f} ± {known_sigma_mm:.2g} mm 被测得为 {found_mm:.3f} ± {found_sigma_mm:.2g} mm，{percent:.3f} %：点按此比例配准',
   'check-distance': '重新测量该距离和标定板的间距；若两者无误，请按已知精度注明距离，或在更多位置拍摄视图',
   'identify-arm-again': '请以该负载重新辨识机械臂误差（带机械臂标定），或更正 [robot.load]',
-  'state-arm-temperature': '请给出温度：POST /arm/temperature，有效期为 [robot] temperature_minutes',
+  'state-arm-temperature': '请给出温度：POST /arm/temperature，有效期为 [robot] temperature_minutes；或用 register --arm-temperature',
   'record-joints': '请随每个视图记录关节角：同一位姿可由多种姿态到达',
   'arm-unknown.what': '设置中未指明要求其误差的机械臂',
   'arm-unknown.fix': '设置 [robot] model（handeyed arms 列出名称），或去掉 "arm"',

@@ -56,7 +56,7 @@ def test_the_growth_of_a_warm_arm_is_found_and_how_well_is_claimed() -> None:
     print(f"points of an arm at {HOT_C:g} °C: {without:.3f} mm without its temperatures, {known:.3f} mm with them,"
           f" {claimed:.2f} of what is claimed")  # fmt: skip
     assert known < 0.8 * without
-    assert 0.85 < claimed < 1.25  # 1.11 on 40 arms, and 1.14 on the same 40 that stay cold
+    assert 0.85 < claimed < 1.25  # 1.15 measured, good to about 0.1
 
 
 def test_temperatures_are_used_where_all_views_have_them() -> None:
