@@ -20,7 +20,7 @@ from calibration.likelihood.predicted_uncertainty import ExpectedNoise, Scene
 from calibration.planning.arm_views import ArmExperiment, PointsOfInterest
 from calibration.solve import estimate_session, identify_arm_session
 from calibration.solver.registered_points import registered_points
-from calibration.transforms import Array, map_points
+from calibration.transforms import map_points
 from mock_robot.arm.built_arm import ArmClass, build_arm
 from tests.simulated.arms import (
     MOUNT_T_CAMERA,
@@ -28,7 +28,10 @@ from tests.simulated.arms import (
     ArmCell,
     arm_cell,
     box_postures,
+    draw_points,
+    normalised_rms,
     reachable_views,
+    rms_length,
     target_places,
 )
 from tests.simulated.changed_cells import Change, changes_of
@@ -193,7 +196,7 @@ def _ordinary(arm: Arm, arm_class: ArmClass, seed: int) -> Row:
     rng = np.random.default_rng([seed, 2])
     target = target_places(rng, arm, 1)
     cell = arm_cell(rng, build_arm(arm, arm_class, seed), [reachable_views(rng, arm, target[0], 12)], target)
-    seen = PointsOfInterest(Postures(reachable_views(rng, arm, target[0], HELD_OUT)), _points(rng))
+    seen = PointsOfInterest(Postures(reachable_views(rng, arm, target[0], HELD_OUT)), draw_points(rng, HELD_OUT))
     return _measure(cell, _interest(rng, arm), np.nan, seen)
 
 
@@ -207,8 +210,7 @@ def _measure(cell: ArmCell, interest: PointsOfInterest, bound_mm: float, seen: P
         drawn = arm.forward(at.postures.joints_rad) @ plain.best.chain.mount_T_camera
         before = map_points(drawn, at.points_mm[:, None])[:, 0] - truth
         found, covariance = registered_points(fit, at.postures, at.points_mm)
-        squares = np.einsum("ni,nij,nj->n", found - truth, np.linalg.inv(covariance), found - truth)
-        return _length(before), _length(found - truth), float(np.sqrt(squares.mean() / 3))
+        return rms_length(before), rms_length(found - truth), normalised_rms(found - truth, covariance)
 
     before, after, normalised = compare(interest)
     row = Row(fit.taken_up, before, after, bound_mm, normalised)
@@ -219,15 +221,7 @@ def _measure(cell: ArmCell, interest: PointsOfInterest, bound_mm: float, seen: P
 
 
 def _interest(rng: np.random.Generator, arm: Arm) -> PointsOfInterest:
-    return PointsOfInterest(Postures(box_postures(rng, arm, HELD_OUT)), _points(rng))
-
-
-def _points(rng: np.random.Generator) -> Array:
-    return np.column_stack([rng.uniform(-100, 100, (HELD_OUT, 2)), rng.uniform(450, 650, HELD_OUT)])
-
-
-def _length(errors: Array) -> float:
-    return float(np.sqrt(np.mean(np.sum(errors**2, axis=1))))
+    return PointsOfInterest(Postures(box_postures(rng, arm, HELD_OUT)), draw_points(rng, HELD_OUT))
 
 
 def _rms(values: Sequence[float]) -> float:

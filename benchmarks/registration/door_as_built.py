@@ -1,7 +1,7 @@
 """The mock cell's door in twelve views of a standard arm: deviation from the truth by what is known of the arm.
 
-The arm is identified from a hand-eye session of its own: 12 ordinary views of the target on its table, or 40 views of
-four places, planned for the postures that see the door. The scans repeat as `tests/simulated/arms.REPEATABILITY`.
+The arm is identified from a hand-eye session of its own: 12 ordinary views of the target on its table, or 12 or 40
+views of four places, planned for the postures that see the door. The scans repeat as REPEATABILITY says.
 `bound`: by the Cramer-Rao bound of X and the arm's errors, how far the middles of the views are off along the door's
 normal in an unbiased estimate from the same views; without the scatter of the scans, which `true poses` shows.
 """
@@ -21,39 +21,50 @@ from calibration.likelihood.predicted_uncertainty import ExpectedNoise, Scene
 from calibration.planning.arm_views import ArmExperiment, PointsOfInterest
 from calibration.solve import estimate_session, identify_arm_session
 from calibration.solver.registered_points import registered_points
-from calibration.transforms import Array, inverse, rotation_from_vector, transform
+from calibration.transforms import Array, inverse, transform
 from mock_robot.arm.built_arm import BuiltArm, build_arm
 from mock_robot.scene.scanner_view import ScannerModel, scan
 from mock_robot.truth.part_views import DISTANCE_MM
 from mock_robot.truth.truth import IRB_1600, PART_FACING_THE_ROBOT, PART_MIDDLE_MM, TARGET_FACING_UP, TARGET_MIDDLE_MM
 from registration.fusion.pose_adjustment import refine_poses
 from registration.points.surface import Surface
-from tests.simulated.arms import MOUNT_T_CAMERA, REPEATABILITY, ArmCell, arm_cell, reachable_views, target_places
+from tests.simulated.arms import (
+    MOUNT_T_CAMERA,
+    REPEATABILITY,
+    ArmCell,
+    arm_cell,
+    draw_scatter,
+    reachable_views,
+    target_places,
+)
 from tests.simulated.sessions import BOARD, CAMERA
 
 BASE_T_DOOR = transform(PART_FACING_THE_ROBOT, PART_MIDDLE_MM)
 BASE_T_TARGET = transform(
     TARGET_FACING_UP, np.array(TARGET_MIDDLE_MM) - TARGET_FACING_UP @ BOARD.points_mm.mean(axis=0)
 )
-ORDINARY, PLANNED, PLACES, CANDIDATES = 12, 40, 4, 50
+ORDINARY, PLACES, CANDIDATES = 12, 4, 50
+
+SESSIONS = {"12 ordinary views": None, "12 planned views": 12, "40 planned views": 40}
+"""By name the number of views that are planned for the door."""
 
 
 def door_as_built_table(seeds: range, _: Sequence[str] = ()) -> None:
     """RMS over the arms, and the worst arm."""
     print(f"Door of 1.2 m in 12 views, standard {IRB_1600} ({len(seeds)} arms): deviation from the truth in mm, worst")
     print(f"{'arm from':22}{'plain':>14}{'refined':>14}{'arm':>14}{'both':>14}{'true poses':>14}{'bound':>14}")
-    for name, views in (("12 ordinary views", ORDINARY), ("40 planned views", PLANNED)):
-        rows = np.array([_deviations(views, seed) for seed in seeds])
+    for name, planned in SESSIONS.items():
+        rows = np.array([_deviations(planned, seed) for seed in seeds])
         cells = [f"{np.sqrt(np.mean(column**2)):.3f} {column.max():.3f}" for column in rows.T]
         print(f"{name:22}" + "".join(f"{cell:>14}" for cell in cells), flush=True)
 
 
-def _deviations(views: int, seed: int) -> Array:
+def _deviations(planned: int | None, seed: int) -> Array:
     """Deviations (5,) plain, refined, with the arm, with both, and at the true poses; and the bound."""
     rng, arm = np.random.default_rng([seed, 11]), find_arm(IRB_1600)
     built = build_arm(arm, "standard", seed)
     joints = _door_joints(arm)
-    cell = _ordinary(rng, built) if views == ORDINARY else _planned(rng, built, joints)
+    cell = _ordinary(rng, built) if planned is None else _planned(rng, built, joints, planned)
     best = estimate_session(max(cell.problems, key=lambda problem: len(problem.views)))[2].best
     fit = identify_arm_session(arm, cell.problems)
     stands, surfaces = _scanned(rng, built, joints)
@@ -100,10 +111,7 @@ def _door_joints(arm: Arm) -> Array:
 def _scanned(rng: np.random.Generator, built: BuiltArm, joints: Array) -> tuple[Array, list[Surface]]:
     """Where the flange truly stood (n, 4, 4), and what the scanner saw from there."""
     n = len(joints)
-    scatter = transform(
-        rotation_from_vector(REPEATABILITY.robot_rotation_rad * rng.standard_normal((n, 3))),
-        REPEATABILITY.robot_translation_mm * rng.standard_normal((n, 3)),
-    )
+    scatter = draw_scatter(rng, n)
     stands = built.base_T_flange(Postures(joints, sides=approach_sides(joints))) @ scatter
     seen_from = inverse(BASE_T_DOOR) @ stands @ MOUNT_T_CAMERA
     return stands, [surface_of(scan(ScannerModel(), [pose], rng)) for pose in seen_from]
@@ -123,13 +131,13 @@ def _ordinary(rng: np.random.Generator, built: BuiltArm) -> ArmCell:
     return arm_cell(rng, built, [views], [BASE_T_TARGET])
 
 
-def _planned(rng: np.random.Generator, built: BuiltArm, door_joints: Array) -> ArmCell:
+def _planned(rng: np.random.Generator, built: BuiltArm, door_joints: Array, views: int) -> ArmCell:
     arm = built.drawing
     model, targets = ArmErrorModel(arm), target_places(rng, arm, PLACES)
     points = np.tile([0.0, 0.0, DISTANCE_MM], (len(door_joints), 1))
     candidates = [Postures(reachable_views(rng, arm, target, CANDIDATES)) for target in targets]
     scenes = [Scene("eye-in-hand", BOARD, CAMERA, MOUNT_T_CAMERA, target, _expected_noise()) for target in targets]
     interest = PointsOfInterest(Postures(door_joints), points)
-    plan = ArmExperiment(model, scenes, candidates, interest, model.sigmas).choose(PLANNED)
+    plan = ArmExperiment(model, scenes, candidates, interest, model.sigmas).choose(views)
     joints = [candidates[place].joints_rad[[row for at, row in plan.views if at == place]] for place in range(PLACES)]
     return arm_cell(rng, built, joints, targets)

@@ -82,10 +82,7 @@ def arm_cell(
     for place, (joints, base_T_target) in enumerate(zip(joints_rad, base_T_targets, strict=True)):
         approached = np.sign(np.diff(joints, axis=0, prepend=joints[:1] - 1.0))
         n = len(joints)
-        scatter = transform(
-            rotation_from_vector(noise.robot_rotation_rad * rng.standard_normal((n, 3))),
-            noise.robot_translation_mm * rng.standard_normal((n, 3)),
-        )
+        scatter = draw_scatter(rng, n, noise)
         warm_c = None if temperatures_c is None else temperatures_c[place]
         warmth_k = None if warm_c is None else warm_c - SWITCHED_ON_C
         stands = built.base_T_flange(Postures(joints, load, approached, warmth_k)) @ scatter
@@ -101,6 +98,28 @@ def arm_cell(
         known = None if load == NO_LOAD else load
         problems.append(Problem("eye-in-hand", BOARD, CAMERA, CAMERA.image_size, tuple(views), load=known))
     return ArmCell(built, tuple(problems), MOUNT_T_CAMERA)
+
+
+def draw_scatter(rng: np.random.Generator, count: int, noise: CellNoise = REPEATABILITY) -> Array:
+    """Motions (count, 4, 4) of the flange about the pose at which it would stand, in its own frame."""
+    turns = rotation_from_vector(noise.robot_rotation_rad * rng.standard_normal((count, 3)))
+    return transform(turns, noise.robot_translation_mm * rng.standard_normal((count, 3)))
+
+
+def draw_points(rng: np.random.Generator, count: int) -> Array:
+    """Points (count, 3) of the camera's frame at the distance at which it looks, mm."""
+    return np.column_stack([rng.uniform(-100, 100, (count, 2)), rng.uniform(450, 650, count)])
+
+
+def rms_length(errors_mm: Array) -> float:
+    """RMS of the lengths of errors (n, 3)."""
+    return float(np.sqrt(np.mean(np.sum(errors_mm**2, axis=1))))
+
+
+def normalised_rms(errors_mm: Array, covariances: Array) -> float:
+    """RMS of errors (n, 3) in units of what their covariances (n, 3, 3) claim: 1 where these hold."""
+    squares = np.einsum("ni,nij,nj->n", errors_mm, np.linalg.inv(covariances), errors_mm)
+    return float(np.sqrt(squares.mean() / 3))
 
 
 def session_document(problem: Problem) -> dict[str, Any]:

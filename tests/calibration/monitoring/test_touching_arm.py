@@ -14,10 +14,17 @@ from calibration.kinematics.arm_errors import AXES, ArmErrorModel, Postures
 from calibration.kinematics.arm_estimate import ArmEstimate
 from calibration.monitoring.touch_report import TouchingArm, TouchTestDocument, touch_test
 from calibration.solve import solve_hand_eye
-from calibration.transforms import Array, inverse, map_points, rotation_from_vector, transform
+from calibration.transforms import Array, inverse, map_points
 from calibration.verdict import judge
 from mock_robot.arm.built_arm import build_arm
-from tests.simulated.arms import REPEATABILITY, ArmCell, arm_cell, box_postures, reachable_views, target_places
+from tests.simulated.arms import (
+    ArmCell,
+    arm_cell,
+    box_postures,
+    draw_scatter,
+    reachable_views,
+    target_places,
+)
 
 ARM = find_arm("IRB 2600-20/1.65")
 ARMS, TOUCHES = 20, 6
@@ -32,10 +39,7 @@ TIP = TipDocument.model_validate(
 def draw_stands(rng: np.random.Generator, cell: ArmCell, joints_rad: Array) -> Array:
     """Where the flange truly is (n, 4, 4), with play of either side and scatter."""
     n = len(joints_rad)
-    scatter = transform(
-        rotation_from_vector(REPEATABILITY.robot_rotation_rad * rng.standard_normal((n, 3))),
-        REPEATABILITY.robot_translation_mm * rng.standard_normal((n, 3)),
-    )
+    scatter = draw_scatter(rng, n)
     return cell.built.base_T_flange(Postures(joints_rad, sides=rng.choice([-1.0, 1.0], (n, AXES)))) @ scatter
 
 

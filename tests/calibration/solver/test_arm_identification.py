@@ -17,7 +17,16 @@ from calibration.solver.arm_identification import ArmFit, UnusualArm
 from calibration.solver.registered_points import registered_points
 from calibration.transforms import Array, map_points
 from mock_robot.arm.built_arm import ArmClass, build_arm
-from tests.simulated.arms import REPEATABILITY, ArmCell, arm_cell, reachable_views, target_before, target_places
+from tests.simulated.arms import (
+    REPEATABILITY,
+    ArmCell,
+    arm_cell,
+    normalised_rms,
+    reachable_views,
+    rms_length,
+    target_before,
+    target_places,
+)
 
 ARM = find_arm("IRB 2600-20/1.65")
 TARGETS = (target_before(ARM), target_before(ARM, 0.45, 0.1, 0.45), target_before(ARM, 0.5, 0.05, -0.4))
@@ -52,18 +61,13 @@ def errors_of(cell: ArmCell, fit: ArmFit, x: Array) -> tuple[Array, Array, Array
     return before - truth, after - truth, covariance
 
 
-def rms(errors: Array) -> float:
-    return float(np.sqrt(np.mean(np.sum(errors**2, axis=1))))
-
-
 @pytest.mark.parametrize("seed", range(3))
 def test_ordinary_views_of_a_standard_arm_make_points_better_and_say_how_good(seed: int) -> None:
     cell, x, fit = identified("standard", seed)
     before, after, covariance = errors_of(cell, fit, x)
     assert fit.taken_up
-    assert rms(after) < 0.85 * rms(before)
-    squares = np.einsum("ni,nij,nj->n", after, np.linalg.inv(covariance), after)
-    assert 0.4 < np.sqrt(squares.mean() / 3) < 1.6
+    assert rms_length(after) < 0.85 * rms_length(before)
+    assert 0.4 < normalised_rms(after, covariance) < 1.6
 
 
 @pytest.mark.parametrize("seed", range(2))
@@ -71,7 +75,7 @@ def test_a_perfect_arm_is_left_alone(seed: int) -> None:
     cell, x, fit = identified("perfect", seed)
     before, after, _ = errors_of(cell, fit, x)
     assert not fit.taken_up and not np.any(fit.parameters)
-    assert rms(after) < 1.05 * rms(before)
+    assert rms_length(after) < 1.05 * rms_length(before)
 
 
 @pytest.mark.slow
@@ -108,8 +112,7 @@ def test_errors_that_views_left_out_contradict_are_not_taken_up_but_count_in_the
     fit = identify_arm_session(ARM, cell.problems)
     _, after, covariance = errors_of(cell, fit, x)
     assert believed.taken_up and not fit.taken_up and not np.any(fit.parameters)
-    squares = np.einsum("ni,nij,nj->n", after, np.linalg.inv(covariance), after)
-    assert 0.4 < np.sqrt(squares.mean() / 3) < 1.6
+    assert 0.4 < normalised_rms(after, covariance) < 1.6
 
 
 def test_play_is_found_by_the_side_from_which_the_axes_came() -> None:

@@ -9,9 +9,18 @@ from calibration.kinematics.robot_accuracy import RobotNoise
 from calibration.solve import identify_arm_session
 from calibration.solver.arm_identification import ArmFit
 from calibration.solver.registered_points import place_points, point_variances
-from calibration.transforms import Array, map_points, rotation_from_vector, transform
+from calibration.transforms import Array, map_points
 from mock_robot.arm.built_arm import build_arm
-from tests.simulated.arms import REPEATABILITY, ArmCell, arm_cell, box_postures, reachable_views, target_places
+from tests.simulated.arms import (
+    ArmCell,
+    arm_cell,
+    box_postures,
+    draw_points,
+    draw_scatter,
+    normalised_rms,
+    reachable_views,
+    target_places,
+)
 
 ARM = find_arm("IRB 2600-20/1.65")
 ARMS, HELD_OUT = 8, 50
@@ -28,16 +37,12 @@ def identified(seed: int) -> tuple[np.random.Generator, ArmCell, ArmFit, Array]:
 def normalised_square(rng: np.random.Generator, cell: ArmCell, fit: ArmFit, joints: Array) -> float:
     """Mean square of the errors of points, over their standard deviations, that arms with play and scatter make."""
     n = len(joints)
-    points = np.column_stack([rng.uniform(-100, 100, (n, 2)), rng.uniform(450, 650, n)])
-    scatter = transform(
-        rotation_from_vector(REPEATABILITY.robot_rotation_rad * rng.standard_normal((n, 3))),
-        REPEATABILITY.robot_translation_mm * rng.standard_normal((n, 3)),
-    )
+    points, scatter = draw_points(rng, n), draw_scatter(rng, n)
     stands = cell.built.base_T_flange(Postures(joints, sides=rng.choice([-1.0, 1.0], (n, AXES)))) @ scatter
     levels = RobotNoise(float(np.sqrt(fit.variances.translation)), float(np.sqrt(fit.variances.rotation)))
     found, covariances = place_points(fit, joints, points, levels)
     off = found - map_points(stands @ cell.mount_T_camera, points[:, None])[:, 0]
-    return float(np.mean(np.einsum("ni,nij,nj->n", off, np.linalg.inv(covariances), off)) / 3)
+    return normalised_rms(off, covariances) ** 2
 
 
 @pytest.mark.slow
