@@ -51,8 +51,8 @@ COMPLIANCE_SIGMA = 2e-6
 """rad/(N m) of an axis of an arm of 1 m reach; it falls with the third power of the reach."""
 PLAY_SIGMA_RAD = 4e-5
 """Half the play of an axis."""
-EXPANSION_SIGMA = 1.5e-5
-"""1/K: between cast iron and aluminium."""
+EXPANSION_MEAN, EXPANSION_SIGMA = 1.7e-5, 0.4e-5
+"""1/K: cast iron has 1.1e-5, aluminium 2.3e-5; every arm gets longer as it gets warmer."""
 
 MIN_APPROACH_RAD = float(np.radians(0.05))
 """Travel beyond which an axis has taken up its play."""
@@ -63,13 +63,18 @@ MAX_USUAL_SIGMAS = 6.0
 
 @dataclass(frozen=True)
 class ErrorParameter:
-    """One error: `name` without spaces, its group, unit, the axis (1 to 6) it belongs to, its standard deviation."""
+    """One error: `name` without spaces, its group, unit, the axis (1 to 6) it belongs to.
+
+    sigma : its standard deviation among arms as delivered.
+    mean : its mean among them.
+    """
 
     name: str
     group: Group
     unit: str
     axis: int
     sigma: float
+    mean: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,6 +116,7 @@ class ArmErrorModel:
         self.arm = arm
         self.parameters = _parameters(arm)
         self.sigmas: Array = np.array([parameter.sigma for parameter in self.parameters])
+        self.means: Array = np.array([parameter.mean for parameter in self.parameters])
         tool = arm.forward(np.zeros(AXES))[:3, :3]
         elbow = np.array([arm.forearm_mm, 0.0, arm.elbow_up_mm])
         shoulder = np.array([arm.shoulder_forward_mm, 0.0, arm.shoulder_height_mm])
@@ -252,5 +258,5 @@ def _parameters(arm: Arm) -> tuple[ErrorParameter, ...]:
         sigma = COMPLIANCE_SIGMA / reach_m**3 if loaded else OWN_SAG_SIGMA_RAD
         found.append(ErrorParameter(f"sag_{name}", "sag", "rad/(N m)" if loaded else "rad", int(name[0]), sigma))
     found += [ErrorParameter(f"play_{axis}", "play", "rad", axis, PLAY_SIGMA_RAD) for axis in range(1, AXES + 1)]
-    found.append(ErrorParameter("expansion", "warmth", "1/K", 1, EXPANSION_SIGMA))
+    found.append(ErrorParameter("expansion", "warmth", "1/K", 1, EXPANSION_SIGMA, EXPANSION_MEAN))
     return tuple(found)

@@ -30,7 +30,7 @@ NEXT_GROUP_PROBABILITY = 0.9
 class Hypothesis:
     """The groups `up_to` one, whose deviations are times `scale`; without errors of the arm None and 0.
 
-    Where its temperatures are known the growth by them is among the errors in any case: all arms grow, by as much.
+    Where its temperatures are known the growth by them is among the errors in any case: all arms grow.
 
     `as_described`: target and camera, not as the estimate without errors of the arm has them.
     """
@@ -58,7 +58,9 @@ class Restricted:
         """The step of X and the places, and all errors of the arm (6 + 6m + k,), after a step b (p,)."""
         first, found = self.model.unknowns - len(self.errors), np.zeros(session.poses + len(session.arm))
         found[: session.poses] = b[: session.poses]
-        found[session.poses + self.errors] = b[first:] + self.model.prior_offset[first:]
+        found[session.poses + self.errors] = (
+            b[first:] + self.model.prior_offset[first:] + session.arm.means[self.errors]
+        )
         return found
 
     def target_scale(self, b: Array, session: ArmSession) -> float:
@@ -106,7 +108,8 @@ def restrict(
     model = _with_prior_size(session, session.linearise())
     others, k = model.unknowns, len(session.arm)
     jacobian = session.arm.jacobian(session.parameters, session.postures)
-    whole = session.add_distances(with_arm(model, jacobian, session.arm.sigmas**-2.0, session.parameters))
+    from_prior = session.parameters - session.arm.means
+    whole = session.add_distances(with_arm(model, jacobian, session.arm.sigmas**-2.0, from_prior))
     found, variances = [], replace(session.best.variances, trend_rotation=0.0, trend_translation=0.0)
     for row, one in enumerate(wanted):
         columns = session.arm.indices(*_groups_of(one, session.postures))

@@ -91,7 +91,7 @@ class ArmFit(ArmEstimate):
 
     def beyond_usual(self) -> list[str]:
         """Names of parameters above MAX_USUAL_SIGMAS, the largest first: no arm's errors."""
-        sizes = np.abs(self.parameters) / self.model.sigmas
+        sizes = np.abs(self.parameters - self.model.means) / self.model.sigmas
         return [self.model.parameters[row].name for row in np.argsort(-sizes) if sizes[row] > MAX_USUAL_SIGMAS]
 
 

@@ -57,4 +57,4 @@ def build_arm(drawing: Arm, arm_class: ArmClass, seed: int) -> BuiltArm:
     model = ArmErrorModel(drawing)
     draw = np.random.default_rng([seed, 19]).standard_normal(len(model))
     shares = np.array([_SHARES[arm_class].get(parameter.group, 0.0) for parameter in model.parameters])
-    return BuiltArm(model, shares * model.sigmas * draw)
+    return BuiltArm(model, shares * (model.means + model.sigmas * draw))

@@ -62,7 +62,7 @@ def test_the_growth_of_a_warm_arm_is_found_and_how_well_is_claimed() -> None:
     print(f"points of an arm at {HOT_C:g} °C: {without:.3f} mm without its temperatures, {known:.3f} mm with them,"
           f" {claimed:.2f} of what is claimed")  # fmt: skip
     assert known < 0.8 * without
-    assert 0.85 < claimed < 1.25  # 1.15 measured, good to about 0.1
+    assert 0.85 < claimed < 1.25  # 1.11 measured, good to about 0.1
 
 
 def test_temperatures_are_used_where_all_views_have_them() -> None:
@@ -79,5 +79,4 @@ def test_temperatures_are_used_where_all_views_have_them() -> None:
         return float(np.sqrt(np.mean([np.trace(one) for one in place_points(at, held_out, points, NO_SCATTER)[1]])))
 
     as_then, hot, unknown = (sigma_mm(fit, temperature_c) for temperature_c in (26.0, 46.0, None))
-    assert hot > 1.1 * as_then
-    assert as_then < unknown < hot
+    assert min(hot, unknown) > 1.1 * as_then
