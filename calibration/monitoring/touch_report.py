@@ -73,11 +73,15 @@ class TouchTestDocument(Document):
 
 @dataclass(frozen=True, eq=False)
 class SeenPoint:
-    """A point as seen from k poses: base_T_mount (k, 4, 4), camera_mm (k, 3), `sigma_mm` of their mean per axis."""
+    """A point as seen from k poses: base_T_mount (k, 4, 4), camera_mm (k, 3), `sigma_mm` of their mean per axis.
+
+    joints_rad : (k, 6) of the arm there; None where they are not needed.
+    """
 
     base_T_mount: Array
     camera_mm: Array
     sigma_mm: float = 0.0
+    joints_rad: Array | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,11 +106,16 @@ class TouchingArm:
 
 
 def verified_points(
-    ids: Sequence[int], base_T_mount: Array, mount_T_camera: Array, base_mm: Array
+    ids: Sequence[int], base_T_mount: Array, mount_T_camera: Array, base_mm: Array, joints_rad: Array | None = None
 ) -> dict[int, SeenPoint]:
-    """The target's points by id, from a verification's base_mm (k, n, 3) and its poses base_T_mount (k, 4, 4)."""
+    """The target's points by id, from a verification's base_mm (k, n, 3) and its poses base_T_mount (k, 4, 4).
+
+    `joints_rad`: (k, 6) of its poses, for an arm as built.
+    """
     camera_mm = map_points(inverse(base_T_mount @ mount_T_camera), base_mm)
-    return {point: SeenPoint(base_T_mount, camera_mm[:, column]) for column, point in enumerate(ids)}
+    return {
+        point: SeenPoint(base_T_mount, camera_mm[:, column], joints_rad=joints_rad) for column, point in enumerate(ids)
+    }
 
 
 def touch_test(

@@ -86,20 +86,12 @@ def _as_built(
     file: Path, document: "CalibrationDocument", views: "list[ScanView]", temperature_c: float | None
 ) -> "tuple[list[ScanView], ScannerMount, list[FindingDocument]]":
     """The views with the flange of the arm as built, X identified with it, and findings. Raises CommandError."""
-    from calibration.documents.arm import ArmErrorsDocument
-    from calibration.documents.calibration_with_arm import CalibrationWithArm
-    from calibration.documents.validation import parse_document
     from calibration.errors import CalibrationError
-    from calibration.kinematics.arm_conditions import ArmConditions
-    from daemon.runtime.bounded_read import read_document
+    from daemon.cli.arm_file import read_with_arm
     from registration.scan import scanner_mount_of
 
-    errors = parse_document(ArmErrorsDocument, read_document(file), str(file))
-    if errors.setup != document.setup:
-        what = f"it is of an {errors.setup} cell, the calibration of an {document.setup} one"
-        raise CommandError(str(file), what, "name the arm.json of the same session", ExitStatus.UNREADABLE)
+    given = read_with_arm(document, file, temperature_c)
     try:
-        given = CalibrationWithArm.of(document, errors, ArmConditions(temperature_c=temperature_c))
         joints = [view.joints_rad for view in views]
         readings = [given.reading(view.external_axes) for view in views]
         poses = given.base_T_flange([view.base_T_flange for view in views], joints, readings)

@@ -10,6 +10,7 @@ from daemon.cli.output import Json, progress_bar, write_document
 
 if TYPE_CHECKING:
     from calibration.documents.calibration import CalibrationDocument
+    from calibration.documents.calibration_with_arm import CalibrationWithArm
     from calibration.monitoring.touch_report import SeenPoint
 
 
@@ -23,6 +24,10 @@ def touch(
     session: Annotated[
         Path | None, typer.Option(help="Session that looked at the target whose points were touched, by id.")
     ] = None,
+    arm: Annotated[
+        Path | None, typer.Option(help="arm.json of solve --arm: the poses are those of the arm as built.")
+    ] = None,
+    arm_temperature: Annotated[float | None, typer.Option(help="With --arm: of the arm's links, in °C.")] = None,
     tolerance_mm: Annotated[
         float | None, typer.Option(min=1e-6, help="Largest miss, decided with its uncertainty.")
     ] = None,
@@ -38,18 +43,20 @@ def touch(
     from calibration.documents.touches import TouchesDocument
     from calibration.documents.validation import parse_document
     from calibration.errors import GeometryError
-    from calibration.monitoring.touch_report import touch_test, touch_test_text
+    from calibration.kinematics.arm import UnreachablePoseError
+    from calibration.monitoring.touch_report import touch_test_text
+    from calibration.monitoring.touch_with_arm import touch_test_with_arm
     from daemon.cli.compare import read_calibration
     from daemon.runtime.bounded_read import read_document
 
-    require_finite(tolerance_mm=tolerance_mm)
-    document = read_calibration(calibration)
+    require_finite(tolerance_mm=tolerance_mm, arm_temperature=arm_temperature)
+    given = _given(read_calibration(calibration), arm, arm_temperature)
     known_tip = parse_document(TipDocument, read_document(tip), str(tip))
     points = parse_document(TouchesDocument, read_document(touches), str(touches))
-    seen = {} if session is None else _seen(session, document)
+    seen = {} if session is None else _seen(session, given)
     try:
-        found = touch_test(document, known_tip, points, seen, tolerance_mm, str(touches))
-    except GeometryError as error:
+        found = touch_test_with_arm(given, known_tip, points, seen, tolerance_mm, str(touches))
+    except (GeometryError, UnreachablePoseError) as error:
         fix = f"correct it, or {tip.name}"
         raise CommandError(str(touches), str(error), fix, ExitStatus.UNREADABLE) from None
     typer.echo(found.model_dump_json() if json else touch_test_text(found))
@@ -58,17 +65,29 @@ def touch(
     raise typer.Exit(ExitStatus.OK if found.accepted else ExitStatus.NOT_ACCEPTED)
 
 
-def _seen(folder: Path, calibration: "CalibrationDocument") -> "dict[int, SeenPoint]":
-    """The target's points by id, as the session's views see them. Raises DocumentError, VerificationError."""
+def _given(calibration: "CalibrationDocument", arm: Path | None, temperature_c: float | None) -> "CalibrationWithArm":
+    """Raises DocumentError, CommandError."""
+    from calibration.documents.calibration_with_arm import CalibrationWithArm
+    from daemon.cli.arm_file import read_with_arm
+
+    return CalibrationWithArm(calibration) if arm is None else read_with_arm(calibration, arm, temperature_c)
+
+
+def _seen(folder: Path, given: "CalibrationWithArm") -> "dict[int, SeenPoint]":
+    """The target's points by id, as the session's views see them. Raises CalibrationError."""
     from dataclasses import replace
+
+    import numpy as np
 
     from calibration.errors import DocumentError, DocumentProblem
     from calibration.monitoring.target_scatter import verify
     from calibration.monitoring.touch_report import verified_points
+    from calibration.monitoring.touch_with_arm import with_joints
     from daemon.sessions.session_reader import load_problem, open_session
 
     with progress_bar(folder.resolve().name) as progress:
         problem = load_problem(open_session(folder), progress)
+    calibration = given.document
     camera = problem.camera or (calibration.camera.camera() if calibration.camera else None)
     pose = calibration.mount_T_camera
     if calibration.external_axis is not None:
@@ -77,5 +96,7 @@ def _seen(folder: Path, calibration: "CalibrationDocument") -> "dict[int, SeenPo
     if calibration.setup != "eye-in-hand" or pose is None or camera is None or problem.in_space:
         what = "its target's points cannot be touched: that needs pictures by a camera on the flange"
         raise DocumentError(str(folder), [DocumentProblem("session", what, "give camera_mm in touches.json")])
-    found = verify(replace(problem, camera=camera), calibration)
-    return verified_points(found.ids.tolist(), found.base_T_flange, pose.transform(), found.points_mm)
+    problem = with_joints(given, replace(problem, camera=camera))
+    found = verify(given.correct(problem), calibration)
+    joints_rad = None if given.arm is None else np.array(found.joints_rad)
+    return verified_points(found.ids.tolist(), found.base_T_flange, pose.transform(), found.points_mm, joints_rad)

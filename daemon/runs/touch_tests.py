@@ -4,22 +4,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calibration.documents.calibration import CalibrationDocument
 from calibration.documents.calibration_with_arm import CalibrationWithArm
 from calibration.documents.pose import PoseDocument
 from calibration.documents.tip import TipDocument
 from calibration.documents.touches import TouchesDocument
 from calibration.documents.validation import Document
 from calibration.errors import DocumentError, DocumentProblem
-from calibration.kinematics.arm_estimate import ArmEstimate
 from calibration.monitoring.touch_report import (
     SeenPoint,
-    TouchingArm,
     TouchTestDocument,
     seen_point_mm,
-    touch_test,
     verified_points,
 )
+from calibration.monitoring.touch_with_arm import touch_test_with_arm, touches_as_built
 from calibration.transforms import Array
 from daemon.cell.cell import Cell
 from daemon.config.settings import MAIN_CAMERA, CalibrationSettings, Settings
@@ -98,8 +95,8 @@ class TouchTests:
         """The point of an approach. Raises NotFound, NoCalibration, DocumentError, GeometryError, StorageError."""
         base = await self._basis(request)
         given = base.given
-        seen = {} if base.run is None else _seen_by(base.run, given.document)
-        built = _as_built(given, TouchesDocument(touches=(request.touch,))).touches[0]
+        seen = {} if base.run is None else _seen_by(base.run, given)
+        built = touches_as_built(given, TouchesDocument(touches=(request.touch,))).touches[0]
         anywhere = PoseDocument.of(np.eye(4))  # a touch has a pose, which says nothing of where the point was seen
         point_mm = seen_point_mm(given.document, built.model_copy(update={"base_T_flange": anywhere}), seen, ORIGIN)
         return PointToTouch(point_mm, np.array(base.tip.flange_tip_mm), given)
@@ -198,64 +195,22 @@ def _evaluate(
     run: RunRecord | None,
     tolerance_mm: float | None,
 ) -> TouchTestDocument:
-    """The test, where the arm's errors are in force by the arm as built, as the verification has seen the points."""
-    seen = {} if run is None else _seen_by(run, given.document)
-    arm = None if given.arm is None else _arm_at_touches(given, given.arm, touches, run)
-    return touch_test(given.document, tip, _as_built(given, touches), seen, tolerance_mm, ORIGIN, arm)
+    """The test, of the points as the verification has seen them."""
+    seen = {} if run is None else _seen_by(run, given)
+    return touch_test_with_arm(given, tip, touches, seen, tolerance_mm, ORIGIN)
 
 
-def _arm_at_touches(
-    given: CalibrationWithArm, arm: ArmEstimate, touches: TouchesDocument, run: RunRecord | None
-) -> TouchingArm | None:
-    """The arm at its joints; those that are not recorded by the poses. None where touches lack poses, which is refused.
-
-    Raises UnreachablePoseError.
-    """
-    verified = np.zeros((0, 6)) if run is None else _station_joints(given, arm, run)
-    touched = [touch.base_T_flange for touch in touches.touches]
-    poses = [pose.transform() for pose in touched if pose is not None]
-    if len(poses) < len(touched):
-        return None
-    looks = (
-        []
-        if given.document.setup == "eye-to-hand"
-        else [
-            verified if touch.seen_from is None else given.joints_by(arm, [touch.seen_from.transform()], [None])
-            for touch in touches.touches
-        ]
-    )
-    return TouchingArm(arm, given.joints_by(arm, poses, [None] * len(poses)), looks)
-
-
-def _station_joints(given: CalibrationWithArm, arm: ArmEstimate, run: RunRecord) -> Array:
-    """Joints (n, 6) at the stations of a verification."""
+def _seen_by(run: RunRecord, given: CalibrationWithArm) -> dict[int, SeenPoint]:
+    """The target's points as a verification saw them, with its joints where the arm's errors are in force."""
     assert run.result is not None
-    table = run.result["verification"]
-    poses = [PoseDocument.model_validate(pose).transform() for pose in table["base_T_flange"]]
-    recorded = table.get("joints_deg") or [None] * len(poses)
-    return given.joints_by(arm, poses, [None if joints is None else np.radians(joints) for joints in recorded])
-
-
-def _as_built(given: CalibrationWithArm, touches: TouchesDocument) -> TouchesDocument:
-    if given.arm is None and given.document.external_axis is None:
-        return touches
-
-    def placed(pose: PoseDocument | None) -> PoseDocument | None:
-        return None if pose is None else PoseDocument.of(given.base_T_flange([pose.transform()], [None])[0])
-
-    moved = [
-        touch.model_copy(update={"base_T_flange": placed(touch.base_T_flange), "seen_from": placed(touch.seen_from)})
-        for touch in touches.touches
-    ]
-    return touches.model_copy(update={"touches": tuple(moved)})
-
-
-def _seen_by(run: RunRecord, calibration: CalibrationDocument) -> dict[int, SeenPoint]:
-    """The target's points as a verification saw them."""
-    assert run.result is not None
-    table, x = run.result["verification"], calibration.mount_T_camera
+    table, x = run.result["verification"], given.document.mount_T_camera
     if x is None:
         return {}
     poses = np.array([PoseDocument.model_validate(pose).transform() for pose in table["base_T_flange"]])
     base_mm = np.array([point["base_mm"] for point in table["points"]]).transpose(1, 0, 2)
-    return verified_points([point["id"] for point in table["points"]], poses, x.transform(), base_mm)
+    joints_rad = None
+    if given.arm is not None:
+        recorded = table.get("joints_deg") or [None] * len(poses)
+        known = [None if joints is None else np.radians(joints) for joints in recorded]
+        joints_rad = given.joints_by(given.arm, list(poses), known)
+    return verified_points([point["id"] for point in table["points"]], poses, x.transform(), base_mm, joints_rad)

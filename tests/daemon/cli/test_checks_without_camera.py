@@ -8,7 +8,10 @@ import numpy as np
 import pytest
 
 from calibration.documents.pose import PoseDocument
+from calibration.kinematics.abb_arms import find_arm
+from calibration.kinematics.arm_errors import ArmErrorModel, Postures
 from calibration.transforms import Array, inverse, map_points, rotation_from_vector, transform
+from tests.daemon.calibrations import an_arm
 from tests.daemon.cli.running import Ran, handeyed
 from tests.daemon.cli.sessions import BASE_T_TARGET, TARGET, TILTS_RAD, base_T_flange, with_corners
 from tests.daemon.fakes import ply_of
@@ -167,6 +170,27 @@ def test_a_camera_beside_the_robot_needs_no_pose_of_the_look(tmp_path: Path, tip
     ran = handeyed("touch", tmp_path / "touches.json", "--calibration", calibration, "--tip", tip, "--json")
     assert (ran.status, ran.err) == (0, "")
     assert json.loads(ran.out)["largest_mm"] < 0.3
+
+
+def test_touches_are_judged_by_the_arm_as_built(tmp_path: Path, tip: Path, calibration: Path) -> None:
+    """The zero of its axis 5 is off by 0.05 rad, which moves camera and tip in other directions in other postures."""
+    arm = find_arm("IRB 1600-6/1.45")
+    joints = np.radians([[0.0, 20, 10, 0, 40, 0], [0.0, 25, 5, 80, 45, 10]])
+    model = ArmErrorModel(arm)
+    stood = model.forward(0.05 * np.eye(len(model))[model.index("zero_5")], Postures(joints))
+    x = PoseDocument.model_validate(json.loads(calibration.read_bytes())["flange_T_camera"])
+    tip_mm = map_points(stood[1], TIP[None])[0]
+    camera_mm = map_points(inverse(stood[0] @ x.transform()), tip_mm[None])[0]
+    looked, touched = (PoseDocument.of(arm.forward(one)).model_dump(mode="json") for one in joints)
+    touch_of_hole = {"camera_mm": camera_mm.tolist(), "seen_from": looked, "base_T_flange": touched}
+    (tmp_path / "touches.json").write_text(json.dumps({"touches": [touch_of_hole]}))
+    errors = an_arm(zero_5=0.05).model_copy(update={"mount_T_camera": x})
+    (tmp_path / "arm.json").write_text(errors.model_dump_json())
+    asked = ("touch", tmp_path / "touches.json", "--calibration", calibration, "--tip", tip, "--json")
+    drawn, built = (json.loads(handeyed(*asked, *more).out) for more in ((), ("--arm", tmp_path / "arm.json")))
+    assert built["largest_mm"] < 0.5 < 5.0 < drawn["largest_mm"]
+    missing = handeyed(*asked, "--arm", tip)
+    assert missing.status == 2
 
 
 def a_scan(folder: Path, *clouds: Array) -> Path:
