@@ -5,7 +5,6 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
-from calibration.documents.session import CameraDocument
 from calibration.documents.target import TargetDocument
 from calibration.kinematics.arm import Arm
 from calibration.planning.next_view import StoppingRule
@@ -388,10 +387,7 @@ class Operations:
 
     def _sensor_beside(self, name: str, target: TargetDocument, log: RunLog) -> SensorBeside:
         if (other := self.others.get(name)) is not None:
-            folder, camera = self.store.folder_beside(log.id, name), other.settings.camera
-            intrinsics = None if camera.intrinsics is None else CameraDocument.of(camera.intrinsics.camera())
-            source = f"calibration run {log.id}, {name}"
-            writer = SessionWriter(folder, source, camera.setup, target, intrinsics, self.store, self.workers)
+            writer = other._sessions.open_beside(name, target, other.settings.camera.intrinsics, log)
             return CameraBeside(other.cell, writer)
         settings = self.scans.settings_of(name)
         if settings is None:

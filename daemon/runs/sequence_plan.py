@@ -2,6 +2,7 @@
 
 from collections.abc import Awaitable, Callable, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 from calibration.documents.external_axis import ExternalAxisDocument
 from calibration.documents.session import AxisOffsetDocument, CameraDocument
@@ -49,13 +50,31 @@ class RunSessions:
         axis_offset: AxisOffsetDocument | None = None,
     ) -> OpenSession:
         """A function that opens the session folder of a run; `beside`: opens those of the sensors beside the camera."""
-        intrinsics = None if camera is None else CameraDocument.of(camera.camera())
 
         def open_session(log: RunLog) -> SessionWriter:
-            source = f"{kind} run {log.id}"
-            return SessionWriter(
-                self.store.run_folder(log.id), source, self.setup, target, intrinsics, self.store, self.workers,
-                beside(log), axis_offset, self.external_axis, self.conditions,
-            )  # fmt: skip
+            folder, source = self.store.run_folder(log.id), f"{kind} run {log.id}"
+            return self._writer(folder, source, target, camera, beside(log), axis_offset)
 
         return open_session
+
+    def open_beside(
+        self, name: str, target: TargetDocument, camera: CameraDocument | None, log: RunLog
+    ) -> SessionWriter:
+        """The session of this camera in a calibration run of another one, in the folder of its name."""
+        folder, source = self.store.folder_beside(log.id, name), f"calibration run {log.id}, {name}"
+        return self._writer(folder, source, target, camera)
+
+    def _writer(
+        self,
+        folder: Path,
+        source: str,
+        target: TargetDocument,
+        camera: CameraDocument | None,
+        beside: Sequence[SensorBeside] = (),
+        axis_offset: AxisOffsetDocument | None = None,
+    ) -> SessionWriter:
+        intrinsics = None if camera is None else CameraDocument.of(camera.camera())
+        return SessionWriter(
+            folder, source, self.setup, target, intrinsics, self.store, self.workers, beside, axis_offset,
+            self.external_axis, self.conditions,
+        )  # fmt: skip

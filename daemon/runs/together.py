@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from calibration.documents.arm_conditions import LoadDocument
 from calibration.documents.pose import PoseDocument
 from calibration.documents.rig import RigDocument, rig_document
 from calibration.documents.session import SessionDocument, ViewDocument
@@ -62,11 +63,15 @@ class ScannerBeside:
         file = f"view_{len(self._views):03d}{SUFFIXES[cloud.media_type]}"
         await self.store.write_file(folder / file, [cloud.content])
         joints = None if reading.joints_rad is None else tuple(np.degrees(reading.joints_rad).round(6).tolist())
-        pose = PoseDocument.of(reading.base_T_flange)
-        self._views.append(ViewDocument(base_T_flange=pose, joints_deg=joints, cloud=file, unit=self.settings.unit))
+        pose, conditions = PoseDocument.of(reading.base_T_flange), self.cell.arm_conditions.read()
+        view = ViewDocument(
+            base_T_flange=pose, joints_deg=joints, arm_temperature_c=conditions.temperature_c, cloud=file,
+            unit=self.settings.unit,
+        )  # fmt: skip
+        self._views.append(view)
         document = SessionDocument(
             schema_version=1, source=f"{self.name}, run {self.run_id}, {at}", poses_from_controller=True,
-            setup=self.setup, target=self.target, views=self._views,
+            setup=self.setup, target=self.target, load=LoadDocument.of(conditions.load), views=self._views,
         )  # fmt: skip
         await self.store.write_file(folder / SESSION_FILE, [document.model_dump_json(indent=1).encode()])
 

@@ -1,6 +1,7 @@
 """Two cameras by name: each with its own runs, pictures, calibration in force and chart."""
 
 import asyncio
+import json
 from pathlib import Path
 from typing import Any
 
@@ -60,11 +61,16 @@ async def test_each_camera_has_its_own_calibration_in_force_and_chart(tmp_path: 
 
 async def test_one_run_calibrates_both_and_solves_them_together(tmp_path: Path) -> None:
     async with two_cameras(tmp_path, calibration={"policy": "auto"}) as bench:
+        await bench.client.post("/arm/temperature", json={"temperature_c": 31.5})
         run = await calibrate(bench.client, together=["wrist"])
         together = run["result"]["together"]
         assert together["calibrations"]["wrist"]["calibration_id"] == f"{run['id']}-wrist"
         assert "accepted" in together["rig"]  # how exactly: tests/stories/test_several_sensors.py
-        assert (tmp_path / "runs" / f"{run['id']}-wrist" / "view_004.png").is_file()
+        folders = [tmp_path / "runs" / name for name in (run["id"], f"{run['id']}-wrist")]
+        for folder in folders:
+            views = json.loads((folder / "session.json").read_bytes())["views"]
+            assert [view["arm_temperature_c"] for view in views] == [31.5] * 5
+            assert (folder / "view_004.png").is_file()
         assert (await bench.client.get(f"/calibrations/{run['id']}-wrist/report")).status_code == 200
 
 
