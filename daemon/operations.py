@@ -50,9 +50,9 @@ from daemon.runs.operator_requests import OperatorAction, OperatorRequestQueue
 from daemon.runs.pose_selection import (
     SceneGuess,
     adaptive_parameters,
+    complete_request,
     mount_expectation,
     planning_limits,
-    require_by_hand,
     require_planned_poses,
     select_taught_poses,
 )
@@ -112,9 +112,9 @@ class Operations:
 
         Raises RunInProgress, CellNotReady, NoPoses, PoseRefused, ToleranceLoosened, ArmUnknown, StorageError.
         """
+        request = complete_request(self.settings, request)
         self._check_tolerance(request.tolerance_mm)
         self._arm(request.arm)
-        require_by_hand(self.settings.robot.external_axis, request)
         settings, target = self.settings.calibration, request.target or self.settings.target
         beside = self._beside(request, target)
         lens, offset = self.settings.camera.intrinsics, request.axis_offset or settings.axis_offset
@@ -306,7 +306,7 @@ class Operations:
         if tolerance_mm is not None and settings.forbids(tolerance_mm):
             raise ToleranceLoosened(tolerance_mm, settings.verdict_limits().tolerance_mm)
 
-    def _arm(self, wanted: bool) -> Arm | None:
+    def _arm(self, wanted: bool | None) -> Arm | None:
         """The cell's arm, when its errors are wanted. Raises ArmUnknown."""
         if wanted and self.rules.arm is None:
             raise ArmUnknown(self.rules.seven.name if self.rules.seven else None)

@@ -17,6 +17,7 @@ from calibration.documents.target import TargetDocument
 from calibration.documents.validation import Document, validate_document
 from calibration.errors import DocumentError, DocumentProblem, GeometryError
 from calibration.kinematics.abb_arms import find_any_arm
+from calibration.kinematics.arm_errors import AXES
 from calibration.kinematics.load import Load
 from calibration.kinematics.seven_axes import SevenAxisArm
 from calibration.problem import ANCHORS, MOUNTS, Setup
@@ -200,6 +201,7 @@ class CalibrationSettings(Document):
     `requests_may_loosen`: whether a request may state a larger one than is in force without it. The guesses are
     flange_T_camera and base_T_target of an eye-in-hand cell, base_T_camera and flange_T_target of an eye-to-hand one.
     `axis_offset`: for an arm that turns its flange about one axis only; its poses are taught, or jogged to.
+    `arm`: whether a run identifies the arm's errors, too, where its request does not say.
     """
 
     count: Annotated[int, Field(ge=3, le=100)] = 3
@@ -215,6 +217,7 @@ class CalibrationSettings(Document):
     guess_mm: Annotated[float, Field(gt=0, le=1000)] = 25.0
     guess_deg: Annotated[float, Field(gt=0, le=45)] = 5.0
     axis_offset: AxisOffsetDocument | None = None
+    arm: bool = False
     manual_wait_s: Annotated[float, Field(gt=0, le=86_400)] = 900.0
     limits: LimitsDocument = LimitsDocument()
     noise: NoiseExpectedDocument = NoiseExpectedDocument()
@@ -352,6 +355,8 @@ class Settings(Document):
         for name in (f"{MOUNTS[other]}_T_camera_guess", f"{ANCHORS[other]}_T_target_guess"):
             if getattr(self.calibration, name) is not None:
                 raise ValueError(f"[calibration] {name} belongs to {other}, but [camera] setup is {setup}")
+        if self.calibration.arm and (self.robot.model is None or self.robot.axes != AXES):
+            raise ValueError("[calibration] arm is for an arm of six axes that [robot] model names")
         axis = self.robot.external_axis
         if setup == "eye-to-hand" and axis is not None and axis.kind == "turntable":
             raise ValueError("[robot.external_axis] a turntable carries the target, but it is on the flange here")

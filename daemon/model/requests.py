@@ -66,6 +66,7 @@ class CalibrateRequest(Document):
     POST /runs/{id}/stations; nothing else moves it.
     `axis_offset`: of an arm that turns its flange about one axis only, in place of the settings'.
     `arm`: the errors of the arm as built are identified, too: GET /calibrations/{id}/arm. [robot] model names the arm.
+    Without it as [calibration] arm says.
     `camera`: name of one of [cameras]; [camera] without it. `together`: names of further cameras, and of scanners with
     organised clouds, on the same mount: each looks from every station, and all are solved in one estimate (GET /rigs).
     """
@@ -80,7 +81,7 @@ class CalibrateRequest(Document):
     tolerance_mm: Tolerance | None = None
     target: TargetDocument | None = None
     manual: bool = False
-    arm: bool = False
+    arm: bool | None = None
     camera: DeviceName | None = None
     together: Annotated[tuple[DeviceName, ...], Field(min_length=1, max_length=3)] | None = None
     axis_offset: AxisOffsetDocument | None = None

@@ -16,7 +16,7 @@ from calibration.planning.scene_belief import ScenePrior
 from calibration.planning.viewpoints import ViewpointLimits
 from calibration.problem import Setup
 from daemon.cell.motion_rules import MotionRules
-from daemon.config.settings import CalibrationSettings, TaughtPose
+from daemon.config.settings import CalibrationSettings, Settings, TaughtPose
 from daemon.errors import NoPoses
 from daemon.model.requests import CalibrateRequest
 from daemon.runs.adaptive_sequence import AdaptiveParameters
@@ -70,6 +70,17 @@ def require_planned_poses(axis_offset: AxisOffsetDocument | None, rules: MotionR
             "teach eight poses or more: turned about that axis by 30 degrees or more, and 100 mm or more apart across"
             " it; or calibrate by hand",
         )
+
+
+def complete_request(settings: Settings, request: CalibrateRequest) -> CalibrateRequest:
+    """The request, with what the settings say of the arm's errors where it does not, and where they can be found.
+
+    Raises NoPoses as `require_by_hand`.
+    """
+    axis = settings.robot.external_axis
+    require_by_hand(axis, request)
+    found = settings.calibration.arm and not request.together and axis is None
+    return request if request.arm is not None else request.model_copy(update={"arm": found})
 
 
 def require_by_hand(axis: ExternalAxisDocument | None, request: CalibrateRequest) -> None:

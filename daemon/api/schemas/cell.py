@@ -247,6 +247,7 @@ class ArmDocument(Answer):
 
     `setup`, `target`, `camera` and `taught_poses` are of the camera asked for; `cameras`: the names of all of them.
     `model` and `limits_deg` (lowest and highest of each axis) are null when the settings do not name the arm.
+    `identifies_arm`: whether a calibration finds the arm's errors, too, where its request does not say.
     """
 
     model: str | None
@@ -261,6 +262,7 @@ class ArmDocument(Answer):
     target_points_mm: list[Vector]
     camera: CameraDocument | None
     taught_poses: list[TaughtPose]
+    identifies_arm: bool
     scan_poses: list[TaughtPose]
     cameras: list[str]
     scanners: list[CellScannerDocument]
@@ -282,6 +284,7 @@ class ArmDocument(Answer):
             target_points_mm=[(float(x), float(y), float(z)) for x, y, z in points],
             camera=settings.camera.intrinsics,
             taught_poses=list(settings.calibration.poses),
+            identifies_arm=settings.calibration.arm,
             scan_poses=list(settings.scanner.poses) if settings.scanner else [],
             cameras=list(settings.camera_names),
             scanners=[

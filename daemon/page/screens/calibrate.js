@@ -15,7 +15,7 @@ import { go } from '../state/place.js';
 import { t } from '../state/words.js';
 
 export function Calibrate() {
-  const [how, setHow] = useState({ way: 'daemon', until: 'settings', count: 6, tolerance_mm: 0.3, arm: false });
+  const [how, setHow] = useState({ way: 'daemon', until: 'settings', count: 6, tolerance_mm: 0.3, arm: null });
   const arm = useAsked(ofCamera('/arm'));
   const status = useAsked(ofCamera('/calibrate'), ['run', 'applied']);
   const [plan, setPlan] = useState(null);
@@ -33,7 +33,7 @@ export function Calibrate() {
   return html`<div class="grid steps">
     <${Card} title=${t('calibrate.1')} id="step-1"><${Reasons} /><${Missing} asked=${status} />
       ${status.data && html`<p class="quiet">${t(`policy.${status.data.policy}`)}</p>`}</${Card}>
-    <${Card} title=${t('calibrate.2')} id="step-2"><${How} how=${how} change=${change} taught=${arm.data?.taught_poses?.length ?? 0} model=${arm.data?.model} /></${Card}>
+    <${Card} title=${t('calibrate.2')} id="step-2"><${How} how=${how} change=${change} taught=${arm.data?.taught_poses?.length ?? 0} model=${arm.data?.model} armByDefault=${arm.data?.identifies_arm ?? false} /></${Card}>
     <${Card} title=${t('calibrate.3')} id="step-3" wide="2"><${WhatMoves} how=${how} body=${body} arm=${arm.data} plan=${plan} setPlan=${setPlan} /></${Card}>
     <${Card} title=${t('calibrate.4')} id="step-4">
       ${how.way === 'manual'
@@ -46,10 +46,11 @@ export function Calibrate() {
 /** The body of POST /calibrate and POST /plan for what was chosen; what is not chosen is as the settings say. */
 export function requestOf({ way, until, count, tolerance_mm, arm }) {
   const wanted = { count: { count }, tolerance: { tolerance_mm }, settings: {} }[until];
-  return { ...wanted, ...(way === 'manual' ? { manual: true } : {}), ...(arm ? { arm: true } : {}) };
+  return { ...wanted, ...(way === 'manual' ? { manual: true } : {}), ...(arm === null ? {} : { arm }) };
 }
 
-function How({ how, change, taught, model }) {
+function How({ how, change, taught, model, armByDefault }) {
+  const arm = how.arm ?? armByDefault;
   const radio = (name, value, label, about) => html`<label class="radio"><input type="radio" name=${name} value=${value} checked=${how[name] === value} onChange=${() => change({ [name]: value })} /><span><b>${label}</b>${about && html`<br /><span class="small quiet">${about}</span>`}</span></label>`;
   return html`<fieldset><legend>${t('how.way')}</legend>
       ${taught > 0 ? radio('way', 'daemon', t('how.taught'), t('how.taught-about', { count: taught })) : radio('way', 'daemon', t('how.planned'), t('how.planned-about'))}
@@ -63,7 +64,7 @@ function How({ how, change, taught, model }) {
       ${how.until === 'tolerance' && html`<${Stepper} value=${how.tolerance_mm} low=${0.05} high=${5} step=${0.05} label=${t('how.tolerance')} text=${`± ${mm(how.tolerance_mm)}`} set=${(value) => change({ tolerance_mm: value })} />`}
     </fieldset>
     <fieldset><legend>${t('how.arm')}</legend>
-      <label class="check"><input type="checkbox" checked=${how.arm} disabled=${!model} onChange=${() => change({ arm: !how.arm })} /><span><b>${t('how.arm-errors')}</b><br /><span class="small quiet">${model ? t('how.arm-about', { model }) : t('how.arm-unknown')}</span></span></label>
+      <label class="check"><input type="checkbox" checked=${arm} disabled=${!model} onChange=${() => change({ arm: !arm })} /><span><b>${t('how.arm-errors')}</b><br /><span class="small quiet">${model ? t('how.arm-about', { model }) : t('how.arm-unknown')}</span></span></label>
     </fieldset>`;
 }
 

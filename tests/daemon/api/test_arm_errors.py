@@ -225,6 +225,16 @@ async def test_a_run_identifies_the_arm_that_it_moves_and_solves_again_with_it(t
         assert (await bench.client.get(f"/calibrations/{again['id']}/arm")).json()["views"] == 4
 
 
+async def test_runs_identify_the_arm_where_the_settings_say_so_and_the_request_does_not(tmp_path: Path) -> None:
+    asked = {"robot": {"model": "IRB 1600-6/1.45"}, "calibration": {"arm": True}}
+    async with serving(settings_for(tmp_path, **asked)) as bench:
+        assert (await bench.client.get("/arm")).json()["identifies_arm"]
+        for body, status in (({}, 200), ({"arm": False}, 404)):
+            run = (await bench.client.post("/calibrate", json=body, params={"wait": LIMIT_S})).json()
+            assert run["state"] == "finished", run["cause"]
+            assert (await bench.client.get(f"{run['links']['calibration']}/arm")).status_code == status
+
+
 async def test_distances_to_other_sessions_are_refused_where_there_is_one(tmp_path: Path, cell: ArmCell) -> None:
     known = {"to": "another", "distance_mm": 990.0, "sigma_mm": 0.1}
     async with serving(settings_for(tmp_path, robot={"model": ARM.name})) as bench:

@@ -105,6 +105,13 @@ def test_a_guess_of_the_other_set_up_is_refused(setup: str, name: str) -> None:
         parse_settings(text.encode(), "settings")
 
 
+@pytest.mark.parametrize("model", ["", 'model = "IRB 14050-0.5/0.5"'])
+def test_the_errors_of_an_arm_that_is_not_known_by_six_axes_are_not_asked_for(model: str) -> None:
+    text = SMALLEST.replace("[robot]", f"[robot]\n{model}") + "[calibration]\narm = true\n"
+    with pytest.raises(DocumentError, match="six axes"):
+        parse_settings(text.encode(), "settings")
+
+
 @pytest.mark.parametrize(
     ("change", "place", "says"),
     [

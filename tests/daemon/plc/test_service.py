@@ -90,6 +90,18 @@ async def test_a_plc_states_the_tolerance(tmp_path: Path, tolerance_um: int, ver
         assert value_of(image, "u_worst_um") == round(1e3 * worst_mm)
 
 
+async def test_a_plc_s_calibration_identifies_the_arm_where_the_settings_say_so(tmp_path: Path) -> None:
+    settings = settings_for(
+        tmp_path, plc=MOVING, robot={"model": "IRB 1600-6/1.45"}, calibration={"arm": True, "policy": "auto"}
+    )
+    async with serving(settings) as bench, ladder(bench) as plc:
+        await plc.sets(C(0))
+        await plc.waits(S.READY | S.ONLINE)
+        assert not await plc.triggers(C.TRIGGER_CALIBRATE) & S.ERROR
+        found = await bench.client.get(f"/calibrations/{value_of(await plc.result(), 'run_id')}/arm")
+        assert (found.status_code, found.json()["arm"]) == (200, "IRB 1600-6/1.45")
+
+
 REFUSALS = {
     "motors off": ({"motors_on": False}, C.TRIGGER_CALIBRATE, 12, 503, "/calibrate"),
     "emergency stop": ({"emergency_stop": True}, C.TRIGGER_REGISTER, 12, 503, "/scans"),
@@ -184,12 +196,17 @@ async def test_without_the_words_in_the_settings_nobody_writes_and_nothing_moves
         assert not bench.robot.goals
 
 
-async def test_the_arm_s_temperature_is_stated_with_each_write(tmp_path: Path) -> None:
+async def test_the_arm_s_temperature_is_stated_with_each_write_of_it(tmp_path: Path) -> None:
     async with serving(settings_for(tmp_path, plc=MOVING)) as bench, ladder(bench) as plc:
         temperature = BY_NAME["arm_temperature"].address
         known = bench.application.cell.arm_conditions
         await plc.client.write_register(temperature, 315)
         assert known.read().temperature_c == 31.5
+        known.state_temperature(20.0)
+        await plc.client.write_register(BY_NAME["heartbeat_in"].address, 7)
+        assert known.read().temperature_c == 20.0, "a heartbeat does not say that the arm is as warm as before"
+        await plc.client.write_registers(0, [0, 8, 0, 0, 0, 0, 0, 320])
+        assert known.read().temperature_c == 32.0
         for none in (0, 1001, 65535):
             known.state_temperature(20.0)
             await plc.client.write_register(temperature, none)
