@@ -5,6 +5,7 @@ import logging
 from collections.abc import Coroutine
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any
 
 from calibration.documents.validation import validate_document
@@ -49,6 +50,7 @@ from protocols.plc.events import (
 )
 from protocols.plc.handshake import Handshake, Rules, react
 from protocols.plc.image import register_image
+from protocols.plc.registers import BY_NAME, CONTROL
 from protocols.plc.results import CommandResult
 from registration.errors import RegistrationError
 
@@ -58,6 +60,8 @@ BEAT_S, POLL_S, PROGRESS_S = 0.5, 1.0, 0.2
 
 MAX_TEMPERATURE = 1000
 """Of the register arm_temperature; larger values are no arm's."""
+
+ARM_TEMPERATURE = BY_NAME["arm_temperature"].address
 
 EXPECTED_ERRORS = (DaemonError, DeviceError, CalibrationError, RegistrationError)
 
@@ -109,7 +113,7 @@ class PlcGateway:
 
     def bank(self, client: str, may_write: bool) -> PlcBank:
         """The register bank for one client."""
-        return PlcBank(lambda: self._image_for(client), lambda words: self._write(words, client), may_write)
+        return PlcBank(lambda: self._image_for(client), partial(self._write, client), may_write)
 
     def image(self) -> Words:
         """The current register values."""
@@ -117,7 +121,7 @@ class PlcGateway:
 
     def bank_for_repetitions(self, client: str, may_write: bool) -> PlcBank:
         """As `bank`, for older requests that come again after newer ones: of what they write only abort counts."""
-        return PlcBank(lambda: self._image_for(client), lambda words: self._write_again(words, client), may_write)
+        return PlcBank(lambda: self._image_for(client), partial(self._write_again, client), may_write)
 
     def _image_for(self, client: str) -> Words:
         """The register values with the control register as `client` left it: it holds abort by itself, or not."""
@@ -136,23 +140,24 @@ class PlcGateway:
             task.cancel()
         await asyncio.gather(*self._tasks, return_exceptions=True)
 
-    def _write(self, words: Words, client: str) -> None:
+    def _write(self, client: str, words: Words, written: range) -> None:
         rising = ControlBit(words[0]) & ~ControlBit(self._state.written_by(client)[0])
         if rising:
             self._by = f"{PLC_CLIENT} {client}"
             log.info("%s sets %s", self._by, ", ".join(bit.name.lower() for bit in rising if bit.name))
         held = self._state.abort_writers
         self._take(RegistersWritten(words, client))
-        if 0 < (tenths := self._state.input("arm_temperature")) <= MAX_TEMPERATURE:
+        tenths = self._state.input("arm_temperature")
+        if ARM_TEMPERATURE in written and 0 < tenths <= MAX_TEMPERATURE:
             self.operations.cell.arm_conditions.state_temperature(tenths / 10)
         if self._state.abort_writers != held:
             self.operations.supervisor.hold_abort([f"{PLC_CLIENT} {each}" for each in self._state.abort_writers])
 
-    def _write_again(self, words: Words, client: str) -> None:
+    def _write_again(self, client: str, words: Words, _: range) -> None:
         log.warning("%s %s repeats an older write after newer ones: it is ignored", PLC_CLIENT, client)
         if ControlBit(words[0]) & ControlBit.ABORT:
             control, *others = self._state.written_by(client)
-            self._write((control | ControlBit.ABORT, *others), client)
+            self._write(client, (control | ControlBit.ABORT, *others), range(CONTROL, CONTROL + 1))
 
     def _take(self, event: HandshakeEvent) -> None:
         reaction = react(self._state, event)

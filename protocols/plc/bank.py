@@ -14,10 +14,10 @@ BITS = 16
 
 @dataclass(frozen=True)
 class PlcBank:
-    """`image` returns the current registers; `write` receives the writable ones."""
+    """`image` returns the current registers; `write` receives the writable ones and which addresses were written."""
 
     image: Callable[[], Words]
-    write: Callable[[Words], None]
+    write: Callable[[Words, range], None]
     may_write: bool
 
     def words(self, function: Function, address: int, count: int) -> Sequence[int]:
@@ -38,9 +38,9 @@ class PlcBank:
             raise ModbusException(
                 ExceptionCode.ILLEGAL_DATA_ADDRESS, f"{address} and {len(values) - 1} more: read only"
             )
-        now = list(self.image()[: len(WRITABLE)])
+        now, written = list(self.image()[: len(WRITABLE)]), range(address, address + len(values))
         now[address : address + len(values)] = values
-        self.write(tuple(now))
+        self.write(tuple(now), written)
 
     def write_bits(self, address: int, values: Sequence[bool]) -> None:
         """Write bits, all or none. Raises ModbusException."""

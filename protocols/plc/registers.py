@@ -66,7 +66,7 @@ _DEVIATION = (
 
 _TOLERANCE = "U (k = 2) of the next calibrate or verify; 0: as in the settings"
 _ARM_TEMPERATURE = (
-    "of the arm's links, 1 to 1000; other values state none and forget none; each write of any register states it"
+    "of the arm's links, 1 to 1000; other values state none and forget none; each write of this register states it"
     " again, as POST /arm/temperature does"
 )
 _CAMERA = (

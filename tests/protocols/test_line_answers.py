@@ -213,7 +213,7 @@ class Plc:
 
     def request(self, pdu: bytes) -> bytes:
         bank = PlcBank(
-            lambda: register_image(self.state), lambda words: self.take(RegistersWritten(words)), may_write=True
+            lambda: register_image(self.state), lambda words, _: self.take(RegistersWritten(words)), may_write=True
         )
         return respond(pdu, bank, Identification("v", "p", "1"))
 

@@ -38,7 +38,7 @@ class Registers:
         self.state = react(Handshake(Rules(motion_allowed=False)), CellStatus(ready=True)).state
         self.image = register_image(self.state)
 
-    def write(self, words: Words) -> None:
+    def write(self, words: Words, _: range) -> None:
         self.state = react(self.state, RegistersWritten(words)).state
         self.image = register_image(self.state)
 
