@@ -301,8 +301,7 @@ class Store:
         """The runs that the calibrations in force of all cameras come from."""
         query = """SELECT run_id FROM calibrations WHERE run_id IS NOT NULL AND id IN (
             SELECT calibration_id FROM applied WHERE sequence IN (SELECT max(sequence) FROM applied GROUP BY camera))"""
-        rows = await self._database.read(lambda db: db.execute(query).fetchall())
-        return frozenset(run_id for (run_id,) in rows)
+        return frozenset(run_id for (run_id,) in await self._database.read(lambda db: db.execute(query).fetchall()))
 
     # scans
 
@@ -318,6 +317,7 @@ class Store:
             record_change(db, context, scan.created_at, "scan", scan.id, name=scan.name)
 
         await self._database.write(insert)
+        self.publish("scan", {"scan_id": scan.id, "at": scan.created_at})
 
     async def scan(self, scan_id: str) -> ScanRecord:
         """The scan with this id. Raises NotFound."""

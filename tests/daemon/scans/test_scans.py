@@ -49,6 +49,19 @@ async def test_views_sent_from_several_poses_become_one_cloud(bench: Bench, tmp_
     assert sorted(names(tmp_path / "scans" / scan["id"])) == ["scan.json", "view_000.ply", "view_001.f32"]
 
 
+async def test_a_new_scan_and_each_of_its_views_are_told_to_those_who_listen(bench: Bench) -> None:
+    scan = await a_scan(bench)
+    sent = {"params": {"pose": POSES[0]}, "content": ply_of(cloud(100)), "headers": PLY}
+    assert (await bench.client.post(scan["links"]["views"], **sent)).status_code == 201
+    told = []
+    async for event in bench.application.events.listen(0, 0.0):
+        if event is None:
+            break
+        if event.kind == "scan":
+            told.append((event.data["scan_id"], event.data.get("view")))
+    assert told == [(scan["id"], None), (scan["id"], 0)]
+
+
 async def test_a_damaged_view_is_refused_and_leaves_nothing(bench: Bench, tmp_path: Path) -> None:
     scan = await a_scan(bench)
     answer = await bench.client.post(
