@@ -74,7 +74,7 @@ class Server(uvicorn.Server):
         self._tls: ssl.SSLContext | None = None
 
     async def prepare(self) -> None:
-        """Do before the first request what would keep the event loop then: routes, openapi.json, garbage collection."""
+        """Do before the first request what would keep the event loop then: routes, garbage collection."""
         sys.setswitchinterval(SWITCH_S)
         await prepare(self._routes)
         gc.collect()

@@ -59,6 +59,7 @@ def routes(application: Application | None) -> FastAPI:
         lifespan=lifespan,
         docs_url=None,  # its pages load scripts from other servers
         redoc_url=None,
+        openapi_url=None,  # made on the event loop by FastAPI
         redirect_slashes=False,  # one spelling per path; redirections are not problem documents
         routes=_routes(),
         license_info={"name": "Apache-2.0", "identifier": "Apache-2.0"},
@@ -67,6 +68,7 @@ def routes(application: Application | None) -> FastAPI:
     if application is not None:
         app.state.live = LiveFeed(application)
         app.state.robot_documents = RobotDocuments(application)
+        app.add_route(openapi.PATH, openapi.OpenApiRoute(app, application.service_workers).respond)
     app.state.page_files = PageFiles()
     for kind in (DaemonError, CalibrationError, DeviceError, RegistrationError, Exception):
         app.add_exception_handler(kind, problems.handle)
@@ -90,8 +92,7 @@ def _routes() -> list[BaseRoute]:
 
 
 async def prepare(app: FastAPI) -> None:
-    """Compute what the first requests would compute, 0.3 s on the event loop: the table of routes and openapi.json."""
-    app.openapi()
+    """Compute what the first request would compute on the event loop: the table of routes."""
     async with httpx.AsyncClient(transport=httpx.ASGITransport(app), base_url="http://localhost") as client:
         await client.get("/nowhere")
 

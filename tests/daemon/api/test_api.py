@@ -28,6 +28,13 @@ def test_the_committed_openapi_is_what_is_served() -> None:
     assert json.loads(OPENAPI.read_text()) == json.loads(json.dumps(routes(None).openapi())), HERE
 
 
+async def test_openapi_is_made_when_it_is_asked_for_and_once(bench: Bench) -> None:
+    answers = await asyncio.gather(*[bench.client.get("/openapi.json") for _ in range(3)])
+    assert {answer.headers["content-type"] for answer in answers} == {"application/json"}
+    (served,) = {answer.content for answer in answers}
+    assert json.loads(served) == json.loads(OPENAPI.read_text())
+
+
 def operations() -> list[tuple[str, str, dict[str, Any]]]:
     document = json.loads(OPENAPI.read_text())
     return [(path, method, spec) for path, item in document["paths"].items() for method, spec in item.items()]
