@@ -111,8 +111,8 @@ format: $(VENV)/developing
 	$(BIN)/ruff check --fix .
 
 bench: $(VENV)/measuring $(OPENCV4)/installed
-	$(BIN)/python -m benchmarks --out docs/benchmarks.md
-	$(OPENCV4)/bin/python -m benchmarks hand_eye.peers --out docs/benchmarks.md
+	$(BIN)/python -m benchmarks --out docs/benchmarks.md; failed=$$?; \
+	$(OPENCV4)/bin/python -m benchmarks hand_eye.peers --out docs/benchmarks.md && exit $$failed
 
 $(VENV)/measuring: $(VENV)/developing
 	@echo "Installing the peers to measure against ..."

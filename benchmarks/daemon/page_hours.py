@@ -181,8 +181,8 @@ def main() -> int:
         over, error = growth(column)
         middle = float(np.median(column))
         grown |= over > max(MAX_GROWTH * middle, 2 * error)
-        print(f"{name:28} median {middle:8.1f}, growth {over:+7.2f} +- {error:.2f} over the last {len(column)} h "
-              f"(bar {MAX_GROWTH:.0%} of it)")  # fmt: skip
+        found = f"growth {over:+7.2f} +- {error:.2f} over the last {len(column)} h (bar {MAX_GROWTH:.0%} of it)"
+        print(f"{name:28} median {middle:8.1f}, {found if np.isfinite(over) else 'too few hours to tell its growth'}")
     return int(grown)
 
 
