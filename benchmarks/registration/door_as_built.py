@@ -1,7 +1,7 @@
 """The mock cell's door in twelve views of a standard arm: deviation from the truth by what is known of the arm.
 
-The arm is identified from a hand-eye session of its own: 12 ordinary views of the target on its table, or 12 or 40
-views of four places, planned for the postures that see the door. The scans repeat as REPEATABILITY says.
+The arm is identified from a hand-eye session of its own: 12 ordinary views of the target on its table, or 40 views
+of four places, planned for the postures that see the door. The scans repeat as REPEATABILITY says.
 `bound`: by the Cramer-Rao bound of X and the arm's errors, how far the middles of the views are off along the door's
 normal in an unbiased estimate from the same views; without the scatter of the scans, which `true poses` shows.
 """
@@ -45,7 +45,7 @@ BASE_T_TARGET = transform(
 )
 ORDINARY, PLACES, CANDIDATES = 12, 4, 50
 
-SESSIONS = {"12 ordinary views": None, "12 planned views": 12, "40 planned views": 40}
+SESSIONS = {"12 ordinary views": None, "40 planned views": 40}
 """By name the number of views that are planned for the door."""
 
 
