@@ -29,6 +29,7 @@ def settings_text(announcement: dict[str, Any], port: int) -> str:
         },
         "server": {"port": port},
         "storage": {"folder": "store", "reserve_mb": 50.0},
+        "report": {"cell": "Mock cell"},
     }
     return "\n".join(f"[{name}]\n{_lines(values)}\n" for name, values in sections.items())
 

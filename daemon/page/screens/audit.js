@@ -16,7 +16,7 @@ export function Audit() {
     </${Card}>
     <${Card} title=${t('place.audit')} id="audit" wide="3"><${Missing} asked=${rows} />
       ${rows.data && html`<div class="table-frame" tabindex="0" role="group" aria-label=${t('place.audit')}><table><thead><tr><th scope="col" class="num">${t('audit.number')}</th><th scope="col">${t('drift.at')}</th><th scope="col">${t('audit.who')}</th><th scope="col">${t('audit.what')}</th><th scope="col">${t('audit.subject')}</th></tr></thead>
-        <tbody>${rows.data.rows.map((row) => html`<tr><th scope="row" class="num">${row.sequence}</th><td>${moment(row.at)}</td><td>${row.actor} <span class="quiet">${row.role}</span></td><td>${row.action}</td><td class="mono nowrap">${row.subject}</td></tr>`)}</tbody></table></div>
+        <tbody>${rows.data.rows.map((row) => html`<tr><th scope="row" class="num">${row.sequence}</th><td class="moment">${moment(row.at)}</td><td>${row.actor} <span class="quiet">${row.role}</span></td><td>${row.action}</td><td class="mono nowrap">${row.subject}</td></tr>`)}</tbody></table></div>
         <div class="row">${rows.data.next && html`<button type="button" onClick=${() => setLink(rows.data.next)}>${t('audit.older')}</button>`}
         ${link !== '/audit?limit=50' && html`<button type="button" onClick=${() => setLink('/audit?limit=50')}>${t('audit.newest')}</button>`}
         <a class="button" href=${link} download="audit.json">${t('download')}</a></div>`}

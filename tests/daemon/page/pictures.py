@@ -32,8 +32,13 @@ PLACES = (
 )  # fmt: skip
 WIDTH, HEIGHT = 1280, 900
 KEPT_WIDTH = 960
+HEADER_PX = 145
+"""Of the top of a window, that stays while it is scrolled."""
 SETTLE_MS = 8000
 WIDTHS, THEMES, LANGUAGES = (360, 768, 1280, 1920), ("light", "dark"), ("en", "de", "zh", "es", "pseudo")
+FARTHER_DOWN = {"rig": ("devices", "#rig"), "touch": ("verify", "#touch")}
+"""Further pictures: of a screen's lower parts, by the first card in them."""
+
 SHOWN = "div.arriving"
 """There while a screen waits for its first answers."""
 
@@ -89,6 +94,14 @@ def main(url: str) -> None:
                     page.goto(f"{url}/page/?lang=en&theme={theme}#/{fragment}")
                     page.wait_for_timeout(SETTLE_MS)
                     _write(page, FOLDER / f"{name}{'' if names is None else '-dark'}.webp")
+            for name, (place, card) in FARTHER_DOWN.items() if names is None else ():
+                page.goto("about:blank")
+                page.goto(f"{url}/page/?lang=en&theme={theme}#/{place}")
+                page.wait_for_timeout(SETTLE_MS)
+                page.locator(card).evaluate(
+                    "(card, above) => { card.scrollIntoView(); scrollBy(0, -above); }", HEADER_PX
+                )
+                _write(page, FOLDER / f"{name}.webp")
         browser.close()
 
 
