@@ -27,8 +27,9 @@ def calibrate(
         bool, typer.Option("--manual", help="You jog the arm and take each view with Enter; nothing else moves it.")
     ] = False,
     arm: Annotated[
-        bool, typer.Option("--arm", help="Identify the errors of the arm as built, too; the settings name the arm.")
-    ] = False,
+        bool | None,
+        typer.Option("--arm/--no-arm", help="Identify the errors of the arm as built, too; else as the settings say."),
+    ] = None,
     request: Annotated[
         Path | None, typer.Option("--request", help="A JSON file with the whole request: poses, count, target.")
     ] = None,
@@ -47,7 +48,7 @@ def calibrate(
     from daemon.cli.rest_client import DaemonClient
 
     given = {"count": count, "uncertainty_mm": uncertainty, "tolerance_mm": tolerance}
-    given |= {"manual": manual or None, "arm": arm or None}
+    given |= {"manual": manual or None, "arm": arm}
     body = _request_body(request, given)
     with DaemonClient(url) as daemon:
         run = calibrate_manually(daemon, body) if body.get("manual") else daemon.run("/calibrate", body, _show_progress)
