@@ -86,7 +86,7 @@ class AxisOffset:
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """One station: the robot's pose (4, 4) and the target's detection there.
+    """One station: the robot's pose (4, 4) and the target's detection there; `index`: its row in the session.
 
     `detection` is None when the target was not found; `missing` is then the reason: a code and a sentence.
     `measured`: the target measured in space instead of detected in an image. `joints_rad` (n,): the arm's axes, where
@@ -130,6 +130,11 @@ class Problem:
     axis_offset: AxisOffset | None = None
     external_axis: ExternalAxis | None = None
     load: Load | None = None
+
+    @property
+    def rows(self) -> int:
+        """Number of the session's rows, with those before the last view that are not among the views."""
+        return 1 + max((view.index for view in self.views), default=-1)
 
     def anchor_T_mount(self, view: View) -> Array:
         """(4, 4) of one view."""

@@ -92,7 +92,7 @@ def diagnose(
     """The cause of the inconsistency; None when no known cause is significant.
 
     `target_centre_mm` (3,): the middle of the target, about which a board may have been turned; `views`: number of
-    views of the session, with those in which the target was not found; `further`: hypotheses besides those of all
+    the session's rows, with those in which the target was not found; `further`: hypotheses besides those of all
     sessions.
     """
     if len(evidence) < MIN_VIEWS:

@@ -228,7 +228,7 @@ def _diagnosis_findings(
     evidence = evidence.take(np.max(np.abs(evidence.base_T_flange[:, :3, 3]), axis=1) < MAX_TRANSLATION_MM)
     if len(evidence) < MIN_VIEWS or not needs_diagnosis(evidence, fit(evidence)):
         return ()
-    diagnosis = diagnose(evidence, problem.target.points_mm.mean(axis=0), len(problem.views))
+    diagnosis = diagnose(evidence, problem.target.points_mm.mean(axis=0), problem.rows)
     if diagnosis is None:
         return ()
     return diagnosis_findings(diagnosis, used, None if point is None else point.shift_mm(diagnosis.cause))

@@ -53,7 +53,7 @@ def measured_findings(
     if len(evidence) < MIN_VIEWS or not needs_diagnosis(evidence, fit(evidence)):
         return ()
     centre = problem.target.points_mm.mean(axis=0)
-    diagnosis = diagnose(evidence, centre, len(problem.views), camera_pose_hypotheses)
+    diagnosis = diagnose(evidence, centre, problem.rows, camera_pose_hypotheses)
     if diagnosis is None or diagnosis.cause.code == UNKNOWN_SIZE or (drifting and diagnosis.cause.code in CHANGE_CODES):
         return ()
     if diagnosis.cause.code == "setup-swapped":
