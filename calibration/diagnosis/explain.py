@@ -20,10 +20,11 @@ from calibration.diagnosis.intrinsics_check import (
 from calibration.diagnosis.picture_hypotheses import TURNS_DEG
 from calibration.diagnosis.screening import needs_diagnosis
 from calibration.diagnosis.target_check import target_findings
+from calibration.errors import UndeterminedError
 from calibration.observations.observations import observe
 from calibration.observations.reprojection import pixel_statistics
 from calibration.observations.view_poses import candidate_poses, refine_poses
-from calibration.preprocessing.prepare import IMAGE_DISAGREES, PreparedSession
+from calibration.preprocessing.prepare import IMAGE_DISAGREES, PreparedSession, prepare
 from calibration.problem import Problem
 from calibration.solution import COVERAGE_FACTOR, Finding, Solution, Uncertainty
 from calibration.transforms import Array
@@ -43,6 +44,9 @@ MISPLACED_PX = 5.0
 
 MAX_USUAL_PX = 1.0
 """Pixel noise from which intrinsics are sought far from the given ones."""
+
+MAX_STEP_SHARE = 0.1
+"""Shift of the target over its distance from which intrinsics reached from the given ones may not be the best ones."""
 
 MIN_SURE_SHARE = 0.5
 """Share of the pixels' deviation below which other intrinsics are believed without the robot's agreement."""
@@ -97,7 +101,7 @@ def _widen(uncertainty: Uncertainty | None, findings: Sequence[Finding]) -> Unce
 
 
 def _findings_with_x(problem: Problem, solution: Solution, prepared: PreparedSession) -> tuple[Finding, ...]:
-    camera, seen, poses = prepared.camera, prepared.seen, prepared.camera_T_target.copy()
+    camera, poses = prepared.camera, prepared.camera_T_target.copy()
     poses[:, :3, 3] /= prepared.scale  # whether the target's size is wrong is for the diagnosis to find
     used = {view.index for view in solution.views if view.status != "rejected"}
     given = _with_turned_views(problem, prepared, poses)
@@ -115,8 +119,7 @@ def _findings_with_x(problem: Problem, solution: Solution, prepared: PreparedSes
         return ()
     if any(finding.code in FLIPPED for finding in as_given):
         return as_given  # other intrinsics fit since the principal point is elsewhere in such pictures
-    drawn = replace(seen, points_mm=prepared.nominal_mm[seen.ids])
-    fitting = evidence_of(problem, drawn, misfit.camera, misfit.camera_T_target)
+    fitting = _fitting_evidence(problem, prepared, misfit)
     if misfit.after_px > MIN_SURE_SHARE * misfit.before_px and not _agrees_better(fitting, given):
         # The pixels show the target's shape or the light: with those intrinsics the poses would be wrong.
         lens = lens_findings(misfit, camera, agrees_better=False) if misfit.significant else ()
@@ -127,6 +130,19 @@ def _findings_with_x(problem: Problem, solution: Solution, prepared: PreparedSes
     flipped = any(finding.code in FLIPPED for finding in still_wrong)
     lens_first = misfit.share > MAX_SLIGHT_LENS_SHARE and not flipped
     return (*lens, *still_wrong) if lens_first else (*still_wrong, *lens)
+
+
+def _fitting_evidence(problem: Problem, prepared: PreparedSession, misfit: LensMisfit) -> Evidence:
+    """The evidence with the intrinsics that fit; with those far from the given ones that of a session without any,
+    where other corners are outliers and the camera's errors are unknowns."""
+    if misfit.share > MAX_STEP_SHARE:
+        try:
+            free = prepare(replace(problem, camera=None))
+            return evidence_of(problem, free.seen, free.camera, free.camera_T_target, free.camera_covariance)
+        except UndeterminedError:
+            pass
+    drawn = replace(prepared.seen, points_mm=prepared.nominal_mm[prepared.seen.ids])
+    return evidence_of(problem, drawn, misfit.camera, misfit.camera_T_target)
 
 
 def _with_turned_views(problem: Problem, prepared: PreparedSession, poses: Array) -> Evidence:
@@ -190,11 +206,15 @@ def _lens_misfit(problem: Problem, prepared: PreparedSession, poses: Array) -> L
         drawn, as_shaped = replace(prepared.seen, points_mm=prepared.nominal_mm[prepared.seen.ids]), as_seen
         poses = refine_poses(drawn, prepared.camera, poses)
     misfit = lens_misfit(drawn, prepared.camera, poses, FALSE_ALARM_PROBABILITY, as_shaped)
-    if misfit is None and (
-        as_seen > MAX_USUAL_PX or abs(prepared.scale - 1) > DEFAULT_VERDICT_LIMITS.print_scale_share
-    ):
-        return gross_lens_misfit(problem, drawn, as_shaped)
-    return misfit
+    of_another_size = abs(prepared.scale - 1) > DEFAULT_VERDICT_LIMITS.print_scale_share
+    if misfit is not None:
+        is_far = misfit.share > MAX_STEP_SHARE
+    else:  # other points of the target, or another size of it, may fit in place of a lens that no step reaches
+        is_far = as_seen > MAX_USUAL_PX or of_another_size or prepared.shape is not None
+    if not is_far:
+        return misfit
+    both = [found for found in (misfit, gross_lens_misfit(problem, drawn, as_shaped)) if found is not None]
+    return min(both, key=lambda found: found.after_px, default=None)
 
 
 def _findings_without_x(problem: Problem) -> tuple[Finding, ...]:

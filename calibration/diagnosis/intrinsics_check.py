@@ -83,14 +83,14 @@ def lens_misfit(
     before = pixel_deviation(pixel_statistics(few, camera, poses))
     after = pixel_deviation(pixel_statistics(few, found.camera, found.poses))
     by_chance = _p_value(few, before**2, after**2)
-    moved = refine_poses(seen, found.camera, camera_T_target)
-    shift = np.linalg.norm(moved[:, :3, 3] - camera_T_target[:, :3, 3], axis=1)
-    share = float(np.median(shift / np.linalg.norm(camera_T_target[:, :3, 3], axis=1)))
+    shift = np.linalg.norm(found.poses[:, :3, 3] - poses[:, :3, 3], axis=1)
+    share = float(np.median(shift / np.linalg.norm(poses[:, :3, 3], axis=1)))
     if by_chance > max_p_value or after > MAX_RATIO_TO_SHAPE * otherwise_px:
         return None
     # The shift along the axis is as uncertain as the focal length.
     focal_sigma = float(np.sqrt(found.covariance[0, 0]) / found.camera.matrix[0, 0])
     significant = share > max(MIN_REPORTED_SHARE, focal_sigma) or before > MIN_REPORTED_RATIO * after
+    moved = refine_poses(seen, found.camera, camera_T_target)
     return LensMisfit(found.camera, moved, before, after, share, significant)
 
 

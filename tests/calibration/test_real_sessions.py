@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from calibration.camera import CameraModel
 from calibration.problem import Problem
 from calibration.solution import Solution
 from calibration.solve import solve_hand_eye
@@ -33,6 +34,14 @@ def rendered(real_data: Path) -> Problem:
     return load_problem(open_session(real_data / "metric_1"))
 
 
+@pytest.fixture(scope="module")
+def agreeing(rendered: Problem) -> Problem:
+    """The views that agree, with the camera that fits."""
+    clean = solve_hand_eye(rendered)
+    used = {view.index for view in clean.views if view.status != "rejected"}
+    return replace(rendered, views=tuple(view for view in rendered.views if view.index in used), camera=clean.camera)
+
+
 def test_the_rendered_cell_is_near_its_truth(real_data: Path, rendered: Problem) -> None:
     pose = json.loads((real_data / "metric_1" / "truth.json").read_text())["base_T_camera"]
     truth = transform_from_quaternion(pose["translation_mm"], pose["quaternion_wxyz"])
@@ -46,10 +55,20 @@ def test_the_rendered_cell_is_near_its_truth(real_data: Path, rendered: Problem)
     assert translation_mm < 3 * np.linalg.norm(solution.uncertainty.translation_mm)
 
 
-def test_a_board_that_would_have_to_be_bent_is_another_board(rendered: Problem) -> None:
+@pytest.mark.parametrize(("first", "factor"), [(17, 2.0), (48, 0.7), (40, 2.0)])
+def test_a_lens_is_another_one_although_other_points_of_the_board_fit(
+    agreeing: Problem, first: int, factor: float
+) -> None:
+    """Twenty views of a small board leave 0.06 px with its points moved by 0.5 mm, and 0.02 px with the right lens."""
+    assert agreeing.camera is not None
+    matrix = np.diag([factor, factor, 1.0]) @ agreeing.camera.matrix
+    matrix[:2, 2] = agreeing.camera.matrix[:2, 2] + (-12.0, 20.0)
+    camera = CameraModel(matrix, agreeing.camera.distortion, agreeing.camera.image_size)
+    other = replace(agreeing, views=agreeing.views[first : first + 20], camera=camera)
+    assert "intrinsics-do-not-fit" in {finding.code for finding in solve_hand_eye(other).findings}
+
+
+def test_a_board_that_would_have_to_be_bent_is_another_board(agreeing: Problem) -> None:
     """In 20 of these views five columns fit a board whose points are 15 mm out of its plane."""
-    clean = solve_hand_eye(rendered)
-    agreeing = {view.index for view in clean.views if view.status != "rejected"}
-    views = tuple(view for view in rendered.views if view.index in agreeing)[40:60]
-    described = replace(rendered, views=views, camera=clean.camera, target=Chessboard(5, 3, 50.0))
+    described = replace(agreeing, views=agreeing.views[40:60], target=Chessboard(5, 3, 50.0))
     assert "target-not-as-described" in {finding.code for finding in solve_hand_eye(described).findings}

@@ -18,6 +18,7 @@ from calibration.verdict import judge
 from tests.simulated.damage import damaged_session
 from tests.simulated.fault_kinds import GROSS
 from tests.simulated.faults import SETUPS, Noise, simulated_session, with_poses
+from tests.simulated.imperfect_sessions import Imperfection, imperfect_cell
 from tests.simulated.mixups import MIXUPS
 from tests.simulated.varied_sessions import varied
 
@@ -75,6 +76,17 @@ def test_a_lens_or_a_size_that_follows_from_the_cause_is_not_named_before_it(kin
     clean = varied(np.random.default_rng((6302, 5, number))).problem
     fault = MIXUPS[kind](clean, np.random.default_rng([6302, 2, number, zlib.crc32(kind.encode())]))
     assert {causes(fault.problem)[0].code} == fault.codes
+
+
+def test_a_small_board_through_a_far_lens_is_not_seen_in_turned_pictures() -> None:
+    """From intrinsics twice as long as the lens, the poses of some of these 101 views diverge."""
+    small = Imperfection(lens=True, light=True, small_board=True)
+    clean = imperfect_cell((2, 5), small).cell.problem
+    fault = MIXUPS["intrinsics of another camera"](
+        clean, np.random.default_rng([2, 5, zlib.crc32(b"intrinsics of another camera")])
+    )
+    found = {finding.code for finding in causes(fault.problem)} - RULES
+    assert found == {"intrinsics-do-not-fit"}
 
 
 def test_corners_that_overflow_the_lens_are_refused() -> None:
