@@ -1,7 +1,7 @@
 """Hypotheses about a single wrong robot pose: the pose as a whole, or one of its seven numbers."""
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -22,6 +22,9 @@ MIN_PLAUSIBLE_P_VALUE = 1e-3
 
 MIN_DISTANCE_GAP = 6.0
 """Least difference of squared distances by which one number explains the view and another does not."""
+
+MAX_LEFT_SHARE = 0.5
+"""Largest share of a view's squared distance that a lost sign leaves when most of it is said to be the sign's."""
 
 MAX_ELEMENT_ERROR = 0.1
 """Largest error of a quaternion element; a larger one breaks the norm, and the pose is refused on reading."""
@@ -61,7 +64,7 @@ class _Candidate:
     plausible: bool
     unknowns: int
     alternatives: int
-    message: str
+    message: Sentence
     number: int | None = None
     slope: Array | None = None
 
@@ -82,7 +85,7 @@ def pose_entry_results(evidence: Evidence, suspects: Sequence[int], baseline: fl
         outsider = posterior.outside_view(apply_fit(view, fitted), view.by_camera)
         rest = HeldOutView(view, fitted, outsider, n, _is_alone(view, remaining[suspect]))
         numbers = [*_numbers(rest), *_signs(rest)]
-        best = _best(_whole_pose(rest), numbers)
+        best = _best(rest, numbers)
         raw = without[suspect] - 0.5 * best.misfit - baseline
         gain = few_views_factor(n, best.unknowns) * raw - price_of(n, best.unknowns, best.alternatives)
         hypothesis = Hypothesis("pose-mistyped", (int(view.indices[0]),), view, view, best.message, FIX)
@@ -111,13 +114,26 @@ def _p_value(rest: HeldOutView, slopes: Array, beside_posture: Callable[[], floa
     return max(chance, min(2 * rest.views * beside_posture(), 1.0))
 
 
-def _best(whole: _Candidate, numbers: list[_Candidate]) -> _Candidate:
+def _best(rest: HeldOutView, numbers: list[_Candidate]) -> _Candidate:
     """The one number that explains the view, if no other number does as well; else the pose as a whole."""
     by_price = sorted(numbers, key=lambda candidate: candidate.misfit + 2 * price_of(1, candidate.unknowns, 1))
     first = by_price[0]
     # A lost sign and a small error of the same element concern one number.
     second = next(candidate for candidate in by_price if candidate.number != first.number)
-    return first if first.plausible and second.misfit > first.misfit + MIN_DISTANCE_GAP else whole
+    alone = second.misfit > first.misfit + MIN_DISTANCE_GAP
+    if alone and first.plausible:
+        return first
+    whole = _whole_pose(rest)
+    is_sign = alone and first.unknowns == 0
+    return _with_sign(rest, whole, first) if is_sign else whole
+
+
+def _with_sign(rest: HeldOutView, whole: _Candidate, sign: _Candidate) -> _Candidate:
+    """The pose as a whole, its message naming a lost sign that explains most of it: the view is off besides."""
+    (as_given,) = rest.outsider.squares(rest.outsider.residual[None])
+    if sign.misfit > MAX_LEFT_SHARE * as_given:
+        return whole
+    return replace(whole, message=Sentence("pose-mistyped-by-sign", **sign.message.params | {"pose": whole.message}))
 
 
 def _whole_pose(rest: HeldOutView) -> _Candidate:

@@ -241,6 +241,7 @@ VIEW_CAUSES = {
     " deg: it is mistyped, or the arm stood in another posture, which poses without joints do not show",
     "pose-mistyped-or-geometry": "the pose of view {view} disagrees with all others by {off_mm:.2f} mm and"
     " {off_deg:.2f} deg: it is mistyped, or this is an error of the arm's geometry, for no other view has its posture",
+    "pose-mistyped-by-sign": "{pose}; most of that is one sign: {name} is {given:.5f} and should be about {right:.5f}",
     "pose-length-mistyped": "the pose of view {view} has a wrong number: {name} is {given:.2f} and should be about"
     " {right:.2f}",
     "pose-element-mistyped": "the pose of view {view} has a wrong number: {name} is {given:.5f} and should be about"

@@ -147,6 +147,7 @@ export default {
   'pose-mistyped': 'die Pose der Ansicht {view} weicht um {off_mm:.2f} mm und {off_deg:.2f} Grad von allen übrigen ab',
   'pose-mistyped-or-posture': 'die Pose der Ansicht {view} weicht um {off_mm:.2f} mm und {off_deg:.2f} Grad von allen übrigen ab: sie ist vertippt, oder der Arm stand in einer anderen Stellung, was Posen ohne Achswinkel nicht zeigen',
   'pose-mistyped-or-geometry': 'die Pose der Ansicht {view} weicht um {off_mm:.2f} mm und {off_deg:.2f} Grad von allen übrigen ab: sie ist vertippt, oder das ist ein Fehler der Geometrie des Arms, denn keine andere Ansicht hat ihre Stellung',
+  'pose-mistyped-by-sign': '{pose}; das meiste davon macht ein Vorzeichen: {name} ist {given:.5f} und sollte etwa {right:.5f} sein',
   'pose-length-mistyped': 'die Pose der Ansicht {view} hat eine falsche Zahl: {name} ist {given:.2f} und sollte etwa {right:.2f} sein',
   'pose-element-mistyped': 'die Pose der Ansicht {view} hat eine falsche Zahl: {name} ist {given:.5f} und sollte etwa {right:.5f} sein',
   'exchange-poses': 'die beiden Posen tauschen',

@@ -147,6 +147,7 @@ export default {
   'pose-mistyped': 'la pose de la vista {view} discrepa de todas las demás en {off_mm:.2f} mm y {off_deg:.2f} grados',
   'pose-mistyped-or-posture': 'la pose de la vista {view} discrepa de todas las demás en {off_mm:.2f} mm y {off_deg:.2f} grados: está mal escrita, o el brazo estaba en otra configuración, lo que las poses sin ángulos de los ejes no muestran',
   'pose-mistyped-or-geometry': 'la pose de la vista {view} discrepa de todas las demás en {off_mm:.2f} mm y {off_deg:.2f} grados: está mal escrita, o es un error de la geometría del brazo, pues ninguna otra vista tiene su configuración',
+  'pose-mistyped-by-sign': '{pose}; la mayor parte se debe a un signo: {name} es {given:.5f} y debería ser cerca de {right:.5f}',
   'pose-length-mistyped': 'la pose de la vista {view} tiene un número erróneo: {name} es {given:.2f} y debería ser cerca de {right:.2f}',
   'pose-element-mistyped': 'la pose de la vista {view} tiene un número erróneo: {name} es {given:.5f} y debería ser cerca de {right:.5f}',
   'exchange-poses': 'intercambiar las dos poses',

@@ -147,6 +147,7 @@ export default {
   'pose-mistyped': '视图 {view} 的位姿与其余相差 {off_mm:.2f} mm 和 {off_deg:.2f} 度',
   'pose-mistyped-or-posture': '视图 {view} 的位姿与其余相差 {off_mm:.2f} mm 和 {off_deg:.2f} 度：位姿输入有误，或机械臂处于另一种姿态，而没有关节角的位姿无法显示这一点',
   'pose-mistyped-or-geometry': '视图 {view} 的位姿与其余相差 {off_mm:.2f} mm 和 {off_deg:.2f} 度：位姿输入有误，或这是机械臂的几何误差，因为没有其他视图处于同样的姿态',
+  'pose-mistyped-by-sign': '{pose}；其中大部分出自一个符号：{name} 为 {given:.5f}，应约为 {right:.5f}',
   'pose-length-mistyped': '视图 {view} 的位姿有错误数字：{name} 为 {given:.2f}，应约为 {right:.2f}',
   'pose-element-mistyped': '视图 {view} 的位姿有错误数字：{name} 为 {given:.5f}，应约为 {right:.5f}',
   'exchange-poses': '交换这两个位姿',

@@ -10,6 +10,7 @@ from calibration.problem import Problem, Setup
 from calibration.solution import Finding
 from calibration.solve import solve_hand_eye
 from calibration.targets import Charuco
+from calibration.transforms import quaternion_from_rotation, rotation_from_quaternion
 from calibration.verdict import judge
 from tests.simulated.fault_kinds import GROSS, KINDS, Session
 from tests.simulated.faults import (
@@ -114,6 +115,17 @@ def test_the_number_that_was_mistyped_is_reported_with_what_it_should_be() -> No
     assert f"the pose of view 7 has a wrong number: y is {right + 20:.2f} and should be about" in message
     told = float(message.split("should be about ")[1].split(" ")[0].rstrip("."))
     assert told == pytest.approx(right, abs=1.0)
+
+
+def test_a_lost_sign_is_reported_in_a_pose_that_is_off_besides() -> None:
+    clean = session(5, n=15, noise=Noise(0.05, 0.5, 0.05))
+    poses = poses_of(clean)
+    quaternion = quaternion_from_rotation(poses[7, :3, :3])
+    right, quaternion[3] = quaternion[3], -quaternion[3]
+    poses[7, :3, :3] = rotation_from_quaternion(quaternion)
+    poses[7, :3, 3] += [3.0, -3.0, 2.5]
+    message = finding(with_poses(clean, poses), frozenset({"pose-mistyped"})).message
+    assert f"most of that is one sign: q4 (z) is {-right:.5f} and should be about {right:.5f}" in message
 
 
 def test_one_mistyped_pose_does_not_condemn_the_rest() -> None:
