@@ -79,16 +79,23 @@ def diagnose_solution(problem: Problem, solution: Solution, prepared: PreparedSe
         # Seen through another lens, or with corners numbered otherwise, a target has another size.
         others = tuple(finding for finding in solution.findings if finding.code != "target-scale")
         solution = replace(solution, findings=others)
-    known = {finding.code for finding in solution.findings}
-    more = {SOLVER_FINDINGS[finding.code]: finding for finding in found if SOLVER_FINDINGS.get(finding.code) in known}
-    extended = (
-        with_comparison(finding, more[finding.code]) if finding.code in more else finding
-        for finding in solution.findings
-    )
-    added = (finding for finding in found if SOLVER_FINDINGS.get(finding.code) not in known)
     if not found:
         return solution
-    return replace(solution, findings=(*extended, *added), uncertainty=_widen(solution.uncertainty, found))
+    findings = _in_order(solution.findings, found)
+    return replace(solution, findings=findings, uncertainty=_widen(solution.uncertainty, found))
+
+
+def _in_order(solver: Sequence[Finding], found: Sequence[Finding]) -> tuple[Finding, ...]:
+    """The solver's findings with the figures of the diagnosis, then those that it adds.
+
+    A size of the target comes after another cause: the diagnosis weighed it as well, and it often follows from that.
+    """
+    known = {finding.code for finding in solver}
+    more = {SOLVER_FINDINGS[finding.code]: finding for finding in found if SOLVER_FINDINGS.get(finding.code) in known}
+    extended = [with_comparison(finding, more[finding.code]) if finding.code in more else finding for finding in solver]
+    added = [finding for finding in found if SOLVER_FINDINGS.get(finding.code) not in known]
+    weighed = any(finding.code != "intrinsics-do-not-fit" for finding in added)
+    return tuple(sorted((*extended, *added), key=lambda finding: weighed and finding.code == "target-scale"))
 
 
 def _widen(uncertainty: Uncertainty | None, findings: Sequence[Finding]) -> Uncertainty | None:

@@ -14,6 +14,7 @@ from calibration.solve import solve_hand_eye
 from calibration.targets import Chessboard
 from calibration.transforms import difference, transform_from_quaternion
 from daemon.sessions.session_reader import load_problem, open_session
+from tests.simulated.faults import moved
 
 pytestmark = [pytest.mark.data, pytest.mark.timeout(900), pytest.mark.slow]
 
@@ -66,6 +67,13 @@ def test_a_lens_is_another_one_although_other_points_of_the_board_fit(
     camera = CameraModel(matrix, agreeing.camera.distortion, agreeing.camera.image_size)
     other = replace(agreeing, views=agreeing.views[first : first + 20], camera=camera)
     assert "intrinsics-do-not-fit" in {finding.code for finding in solve_hand_eye(other).findings}
+
+
+def test_a_move_is_named_before_the_size_that_seems_to_follow_from_it(agreeing: Problem) -> None:
+    part = replace(agreeing, views=agreeing.views[33:53])
+    slipped = moved(part, np.random.default_rng(1), "base").at(1.5).problem
+    both = ("camera-moved", "target-scale")
+    assert tuple(finding.code for finding in solve_hand_eye(slipped).findings if finding.code in both) == both
 
 
 def test_a_board_that_would_have_to_be_bent_is_another_board(agreeing: Problem) -> None:
