@@ -30,6 +30,7 @@ from calibration.diagnosis.view_hypotheses import (
     change_message,
     change_points,
     find_suspects,
+    or_another_posture,
     pose_swap_hypotheses,
 )
 from calibration.diagnosis.wrapped_angles import wrapped_hypotheses
@@ -156,6 +157,8 @@ def _best_explanation(
         if found[0].hypothesis.code in CHANGE_CODES:
             found[0] = _with_alternative_views(found[0], results)
             found[0] = replace(found[0], hypothesis=turned_instead(found[0].hypothesis))
+        if found[0].hypothesis.code in CHANGE_CODES:
+            found[0] = replace(found[0], hypothesis=or_another_posture(found[0].hypothesis))
             found[1:] = [result for result in found[1:] if result.hypothesis.code != found[0].hypothesis.code]
     return _diagnosis(uncorrected, found)
 

@@ -11,7 +11,7 @@ from calibration.diagnosis.fit import Fit, apply_fit, fits, predict_base_T_flang
 from calibration.diagnosis.hypothesis import Hypothesis, HypothesisResult, few_views_factor, price_of
 from calibration.diagnosis.pose_errors import MAX_SMALL_CHANCE, p_value_of_view
 from calibration.diagnosis.significance import NoisePosterior, OutsideView
-from calibration.kinematics.robot_accuracy import ABSOLUTE_NOISE
+from calibration.kinematics.robot_accuracy import postures_can_differ_by
 from calibration.sentences.sentence import Sentence
 from calibration.transforms import Array, quaternion_from_rotation, rotation_from_quaternion, transform
 
@@ -28,9 +28,6 @@ MAX_LEFT_SHARE = 0.5
 
 MAX_ELEMENT_ERROR = 0.1
 """Largest error of a quaternion element; a larger one breaks the norm, and the pose is refused on reading."""
-
-POSTURE_FACTOR = 4.0
-"""Between two postures of an arm, in deviations of its absolute accuracy per axis."""
 
 MIN_OTHER_POSTURE_RAD = float(np.radians(45.0))
 """Least difference of one of the axes 1 to 3 in another posture."""
@@ -143,7 +140,7 @@ def _whole_pose(rest: HeldOutView) -> _Candidate:
     turn = np.degrees(
         np.arccos(np.clip((np.trace(expected[:3, :3].T @ rest.view.base_T_flange[0, :3, :3]) - 1) / 2, -1, 1))
     )
-    by_posture = _postures_can_differ_by(float(np.linalg.norm(off)), np.radians(turn))
+    by_posture = postures_can_differ_by(float(np.linalg.norm(off)), np.radians(turn))
     sentence_id = BY_POSTURE[rest.alone] if by_posture else "pose-mistyped"
     message = Sentence(sentence_id, view=where, off_mm=np.linalg.norm(off), off_deg=turn)
     return _Candidate(0.0, True, FREE_POSE, rest.views, message)
@@ -159,12 +156,6 @@ def _is_alone(view: Evidence, others: Evidence) -> bool | None:
         return None
     apart = np.abs(view.joints_rad[:, :3] - others.joints_rad[:, :3]).max(axis=1)
     return bool(apart.min() > MIN_OTHER_POSTURE_RAD)
-
-
-def _postures_can_differ_by(off_mm: float, turn_rad: float) -> bool:
-    """Whether an arm that is not calibrated can be off by so much more in one posture than in another."""
-    most = POSTURE_FACTOR * ABSOLUTE_NOISE.levels()
-    return bool(turn_rad < most[0] and off_mm < most[1])
 
 
 def _numbers(rest: HeldOutView) -> Iterator[_Candidate]:

@@ -1,18 +1,26 @@
 """Hypotheses about one view, two views, or every view from one on."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
 
 from calibration.diagnosis.evidence import Evidence
-from calibration.diagnosis.fit import Fit, fits
+from calibration.diagnosis.fit import Fit, fit, fits
 from calibration.diagnosis.hypothesis import Hypothesis
 from calibration.diagnosis.pose_errors import p_value_beside_all_errors
+from calibration.kinematics.robot_accuracy import postures_can_differ_by
 from calibration.sentences.sentence import Sentence
-from calibration.transforms import Array, inverse, transform, vector_from_transform
+from calibration.transforms import (
+    Array,
+    inverse,
+    map_points,
+    rotation_angle_rad,
+    transform,
+    vector_from_transform,
+)
 
 MAX_SUSPECTS = 10
 """Views that fit worst, among which mistyped and swapped poses are searched."""
@@ -174,6 +182,25 @@ def change_message(change: Change, views: Sequence[int]) -> Sentence:
     others = sorted(views[1:])
     view = Sentence("view-or", view=views[0], others=others) if others else views[0]
     return Sentence(change.code, view=view)
+
+
+def or_another_posture(change: Hypothesis) -> Hypothesis:
+    """The change, its message naming another posture of the arm as well where it is no larger than postures differ by.
+
+    Where the joints are known, its p value is the one beside errors that follow the posture, and nothing is added.
+    """
+    if change.evidence.joints_rad is not None:
+        return change
+    of_target, fitted = change.x_labels is None, fit(change.evidence, change.x_labels, change.y_labels)
+    before, after = fitted.anchor_T_target if of_target else fitted.mount_T_camera
+    by = after @ inverse(before)  # of the base for what stands in the cell, of the flange for what it carries
+    in_cell = of_target == (change.evidence.setup == "eye-in-hand")
+    flange_mm = change.evidence.base_T_flange[:, :3, 3].mean(axis=0) if in_cell else np.zeros(3)
+    off_mm = float(np.linalg.norm(map_points(by, flange_mm[None]) - flange_mm))
+    if not postures_can_differ_by(off_mm, float(rotation_angle_rad(by[:3, :3]))):
+        return change
+    message, fix = Sentence("change-or-posture", change=change.message), Sentence("fix-or-joints", fix=change.fix)
+    return replace(change, message=message, fix=fix)
 
 
 def x_change_p_value(evidence: Evidence, fitted: Fit) -> float:

@@ -54,5 +54,14 @@ MAX_USUAL_NOISE = RobotNoise(1.0, float(np.radians(0.1)))
 ABSOLUTE_NOISE = RobotNoise(1.0, float(np.radians(0.15)))
 """Absolute accuracy of articulated robots over a metre: 0.5 to 2 mm on real data."""
 
+POSTURE_FACTOR = 4.0
+"""Between two postures of an arm, in deviations of its absolute accuracy per axis."""
+
 MAX_POSSIBLE_NOISE = RobotNoise(15.0, float(np.radians(1.5)))
 """Four times the errors of the worst real session at hand (3.8 mm, 0.34 degrees)."""
+
+
+def postures_can_differ_by(translation_mm: float, rotation_rad: float) -> bool:
+    """Whether an arm that is not calibrated can be off by so much more in one posture than in another."""
+    most = POSTURE_FACTOR * ABSOLUTE_NOISE.levels()
+    return bool(rotation_rad < most[0] and translation_mm < most[1])

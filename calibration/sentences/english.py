@@ -235,6 +235,9 @@ VIEW_CAUSES = {
     " the views before and after it agree among themselves",
     "board-or-tool-changed": "from view {view} on the board sits elsewhere on the flange, or another tool was active:"
     " the views before and after it agree among themselves",
+    "change-or-posture": "{change}; or the arm stood in another posture from there on, which poses without joints do"
+    " not show",
+    "fix-or-joints": "{fix}; if nothing moved, record the joints with every view (joints_deg)",
     "view-or": "{view} (or {others:, })",
     "pose-mistyped": "the pose of view {view} disagrees with all others by {off_mm:.2f} mm and {off_deg:.2f} deg",
     "pose-mistyped-or-posture": "the pose of view {view} disagrees with all others by {off_mm:.2f} mm and {off_deg:.2f}"

@@ -143,6 +143,8 @@ export default {
   'camera-moved': 'die Kamera wurde vor Ansicht {view} bewegt: die Ansichten davor und danach stimmen je unter sich überein',
   'camera-or-tool-changed': 'ab Ansicht {view} sitzt die Kamera anders am Flansch, oder ein anderes Werkzeug war aktiv: die Ansichten davor und danach stimmen je unter sich überein',
   'board-or-tool-changed': 'ab Ansicht {view} sitzt die Tafel anders am Flansch, oder ein anderes Werkzeug war aktiv: die Ansichten davor und danach stimmen je unter sich überein',
+  'change-or-posture': '{change}; oder der Arm stand von da an in einer anderen Stellung, was Posen ohne Achswinkel nicht zeigen',
+  'fix-or-joints': '{fix}; hat sich nichts bewegt, mit jeder Ansicht die Achswinkel aufzeichnen (joints_deg)',
   'view-or': '{view} (oder {others:, })',
   'pose-mistyped': 'die Pose der Ansicht {view} weicht um {off_mm:.2f} mm und {off_deg:.2f} Grad von allen übrigen ab',
   'pose-mistyped-or-posture': 'die Pose der Ansicht {view} weicht um {off_mm:.2f} mm und {off_deg:.2f} Grad von allen übrigen ab: sie ist vertippt, oder der Arm stand in einer anderen Stellung, was Posen ohne Achswinkel nicht zeigen',

@@ -143,6 +143,8 @@ export default {
   'camera-moved': 'la cámara se movió antes de la vista {view}: las vistas de antes y de después concuerdan entre sí',
   'camera-or-tool-changed': 'desde la vista {view} la cámara está en otro sitio de la brida, o estaba activa otra herramienta: las vistas de antes y de después concuerdan entre sí',
   'board-or-tool-changed': 'desde la vista {view} el tablero está en otro sitio de la brida, o estaba activa otra herramienta: las vistas de antes y de después concuerdan entre sí',
+  'change-or-posture': '{change}; o el brazo estaba desde ahí en otra configuración, lo que las poses sin ángulos de los ejes no muestran',
+  'fix-or-joints': '{fix}; si nada se ha movido, registrar los ángulos de los ejes con cada vista (joints_deg)',
   'view-or': '{view} (o {others:, })',
   'pose-mistyped': 'la pose de la vista {view} discrepa de todas las demás en {off_mm:.2f} mm y {off_deg:.2f} grados',
   'pose-mistyped-or-posture': 'la pose de la vista {view} discrepa de todas las demás en {off_mm:.2f} mm y {off_deg:.2f} grados: está mal escrita, o el brazo estaba en otra configuración, lo que las poses sin ángulos de los ejes no muestran',

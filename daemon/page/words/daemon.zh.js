@@ -143,6 +143,8 @@ export default {
   'camera-moved': '视图 {view} 之前相机被移动：其前后各自一致',
   'camera-or-tool-changed': '从视图 {view} 起相机在法兰上的位置改变，或激活了另一工具：其前后各自一致',
   'board-or-tool-changed': '从视图 {view} 起标定板在法兰上的位置改变，或激活了另一工具：其前后各自一致',
+  'change-or-posture': '{change}；或者机械臂从那里起处于另一种姿态，而没有关节角的位姿无法显示这一点',
+  'fix-or-joints': '{fix}；如果没有任何移动，请在每个视图中记录关节角 (joints_deg)',
   'view-or': '{view}（或 {others:, }）',
   'pose-mistyped': '视图 {view} 的位姿与其余相差 {off_mm:.2f} mm 和 {off_deg:.2f} 度',
   'pose-mistyped-or-posture': '视图 {view} 的位姿与其余相差 {off_mm:.2f} mm 和 {off_deg:.2f} 度：位姿输入有误，或机械臂处于另一种姿态，而没有关节角的位姿无法显示这一点',

@@ -28,11 +28,26 @@ def named(evidence: Evidence) -> str | None:
     return None if found is None else found.cause.code
 
 
+def said(evidence: Evidence) -> str:
+    found = diagnose(evidence, CENTRE_MM, len(evidence))
+    assert found is not None
+    return found.cause.message
+
+
 @pytest.mark.parametrize("seed", [2, 3])
 def test_errors_of_another_posture_are_no_move(seed: int) -> None:
     evidence = two_postures(seed)
     assert named(evidence) not in CHANGE_CODES
     assert named(replace(evidence, joints_rad=None)) in CHANGE_CODES, "nothing else shows the posture"
+
+
+@pytest.mark.parametrize("seed", [2, 3])
+def test_without_joints_a_small_move_may_be_another_posture(seed: int) -> None:
+    evidence = replace(two_postures(seed), joints_rad=None)
+    assert "or the arm stood in another posture" in said(evidence)
+    seen = evidence.camera_T_target.copy()
+    seen[8:] = seen[8:] @ transform(np.eye(3), np.array([20.0, 0.0, 0.0]))
+    assert "posture" not in said(evidence.with_camera_poses(seen))
 
 
 @pytest.mark.parametrize(("change", "code"), [("camera", "camera-or-tool-changed"), ("board", "board-moved")])
