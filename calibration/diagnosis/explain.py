@@ -21,7 +21,7 @@ from calibration.diagnosis.picture_hypotheses import TURNS_DEG
 from calibration.diagnosis.screening import needs_diagnosis
 from calibration.diagnosis.target_check import target_findings
 from calibration.errors import UndeterminedError
-from calibration.observations.observations import observe
+from calibration.observations.observations import Observations, observe
 from calibration.observations.reprojection import pixel_statistics
 from calibration.observations.view_poses import candidate_poses, refine_poses
 from calibration.preprocessing.prepare import IMAGE_DISAGREES, PreparedSession, prepare
@@ -75,6 +75,9 @@ def diagnose_solution(problem: Problem, solution: Solution, prepared: PreparedSe
     # Contradictory numbers may overflow in any hypothesis.
     with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
         found = _findings_without_x(problem) if prepared is None else _findings_with_x(problem, solution, prepared)
+    if any(f.code == "pictures-turned" for f in found):
+        others = tuple(finding for finding in solution.findings if finding.code != "board-turned")
+        solution = replace(solution, findings=others)
     if any(f.code in OF_ANOTHER_SIZE and f.severity == "error" and exceeds_limit(f) for f in found):
         # Seen through another lens, or with corners numbered otherwise, a target has another size.
         others = tuple(finding for finding in solution.findings if finding.code != "target-scale")
@@ -118,6 +121,10 @@ def _findings_with_x(problem: Problem, solution: Solution, prepared: PreparedSes
         return another_target
     if scaled := _scaled_lens(problem):
         return scaled
+    if np.any(prepared.board_turned):
+        as_read = _diagnosis_findings(problem, _as_read(problem, prepared, poses), used, point)
+        if any(finding.code in FLIPPED for finding in as_read):
+            return as_read
     misfit = None if problem.camera is None else _lens_misfit(problem, prepared, poses)
     if misfit is None:
         return _diagnosis_findings(problem, given, used, point)
@@ -169,10 +176,27 @@ def _with_turned_views(problem: Problem, prepared: PreparedSession, poses: Array
             for degrees in TURNS_DEG
         ]
         fits = np.min(turned_px, axis=0) < np.minimum(most_px, rms_px[:, 0] / MAX_TURNED_RATIO)
-        seen, poses = seen.joined(left_out.take(fits)), np.concatenate([poses, as_seen[fits, 0]])
-        order = np.argsort(seen.positions)
-        seen, poses = seen.take(order), poses[order]
+        seen, poses = _joined(seen, poses, left_out.take(fits), as_seen[fits, 0])
     return evidence_of(problem, seen, camera, poses, prepared.camera_covariance)
+
+
+def _as_read(problem: Problem, prepared: PreparedSession, poses: Array) -> Evidence:
+    """The evidence with the corners as they were numbered where they have been renumbered.
+
+    A symmetric board in a picture turned by 180 degrees looks like one that was read the wrong way round.
+    """
+    seen, kept = prepared.seen, ~prepared.board_turned
+    every, _ = observe(problem)
+    read = every.take(np.isin(every.positions, seen.positions[prepared.board_turned]))
+    seen, poses = _joined(seen.take(kept), poses[kept], read, candidate_poses(read, prepared.camera)[0][:, 0])
+    return evidence_of(problem, seen, prepared.camera, poses, prepared.camera_covariance)
+
+
+def _joined(seen: Observations, poses: Array, more: Observations, more_poses: Array) -> tuple[Observations, Array]:
+    """Both with their poses (n, 4, 4), in the session's order."""
+    seen, poses = seen.joined(more), np.concatenate([poses, more_poses])
+    order = np.argsort(seen.positions)
+    return seen.take(order), poses[order]
 
 
 def _scaled_lens(problem: Problem) -> tuple[Finding, ...]:

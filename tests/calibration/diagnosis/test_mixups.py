@@ -113,6 +113,16 @@ def test_pictures_turn_about_their_middle(seed: int, number: int) -> None:
     assert first.code == "pictures-turned" and fault.says[0] in first.message
 
 
+@pytest.mark.parametrize("number", [13, 22])
+def test_a_symmetric_board_in_turned_pictures_is_not_read_the_wrong_way_round(number: int) -> None:
+    clean = varied(np.random.default_rng((81003, 5, number))).problem
+    kind = "pictures turned from view k on"
+    fault = MIXUPS[kind](clean, np.random.default_rng([81003, 2, number, zlib.crc32(kind.encode())]))
+    codes = [finding.code for finding in solve_hand_eye(fault.problem).findings]
+    assert "pictures-turned" in codes
+    assert not {"board-turned", "poses-swapped"}.intersection(codes)
+
+
 @pytest.mark.parametrize("factor", [0.25, 2 / 3, 2.0])
 def test_the_factor_of_the_intrinsics_is_the_one_to_set(factor: float) -> None:
     clean = simulated_session(np.random.default_rng(9), 8, Noise(), "eye-in-hand")
