@@ -153,8 +153,8 @@ def _fitting_evidence(problem: Problem, prepared: PreparedSession, misfit: LensM
         try:
             free = prepare(replace(problem, camera=None))
             return evidence_of(problem, free.seen, free.camera, free.camera_T_target, free.camera_covariance)
-        except UndeterminedError:
-            pass
+        except (UndeterminedError, np.linalg.LinAlgError, ArithmeticError):
+            pass  # the views do not determine intrinsics by themselves
     drawn = replace(prepared.seen, points_mm=prepared.nominal_mm[prepared.seen.ids])
     return evidence_of(problem, drawn, misfit.camera, misfit.camera_T_target)
 
