@@ -85,6 +85,14 @@ class SeenPoint:
 
 
 @dataclass(frozen=True, eq=False)
+class Sighting:
+    """Where the camera saw a point, (3,) in the base, and the unit directions (k, 3) in which it looked at it."""
+
+    point_mm: Array
+    sights: Array
+
+
+@dataclass(frozen=True, eq=False)
 class TouchingArm:
     """The arm as built whose flange poses are given, with its joints, rad.
 
@@ -140,14 +148,22 @@ def touch_test(
         return _evaluate(calibration, tip, touches, points, mount_T_camera, covariance, tolerance_mm, arm)
 
 
-def seen_point_mm(
+def sighting_of(
     calibration: CalibrationDocument, touch: TouchDocument, seen: Mapping[int, SeenPoint], origin: str = "touches"
-) -> Array:
-    """Where the camera saw the point of a touch, (3,) in the base, mean over its looks. Raises as `touch_test`."""
+) -> Sighting:
+    """Where the camera saw the point of a touch, mean over its looks. Raises as `touch_test`, and DocumentError for a
+    point that no camera sees: behind it."""
     mount_T_camera, _ = _mapping(calibration)
     (point,) = _seen((touch,), seen, calibration, origin)
-    mean: Array = seen_points_mm(point.base_T_mount, mount_T_camera, point.camera_mm).mean(axis=0)
-    return mean
+    if not (point.camera_mm[:, 2] > 0).all():
+        problem = DocumentProblem(
+            "touch.camera_mm", "the point lies behind the camera", "its z axis looks at the point"
+        )
+        raise DocumentError(origin, [problem])
+    base_R_camera = point.base_T_mount[:, :3, :3] @ mount_T_camera[:3, :3]
+    looks = np.einsum("kij,kj->ki", base_R_camera, point.camera_mm)
+    seen_mm = seen_points_mm(point.base_T_mount, mount_T_camera, point.camera_mm)
+    return Sighting(seen_mm.mean(axis=0), looks / np.linalg.norm(looks, axis=1, keepdims=True))
 
 
 def _evaluate(

@@ -27,8 +27,8 @@ _POSE = {"translation_mm": [900.0, -250.0, 900.0], "quaternion_wxyz": [0.0, 0.6,
 MAX_JOG_MM, MAX_JOG_DEG = 100.0, 30.0
 """Limits of one jog, of the flange and of an axis."""
 
-MAX_TOUCH_STEP_MM = 5.0
-"""Limit of one step towards a point that is to be touched."""
+MAX_TOUCH_STEP_MM, MAX_TOUCH_SPEED_MM_S = 5.0, 10.0
+"""Limits of one step towards a point that is to be touched: the tip may meet it."""
 
 Degrees = Annotated[float, Field(ge=-720, le=720)]
 Stations = Annotated[tuple[TaughtPose, ...], Field(min_length=1, max_length=100)]
@@ -167,9 +167,13 @@ class ApproachRequest(Document):
 
     The flange keeps its orientation, and the tip moves on straight lines. Without `step_mm`: to `stand_off_mm` before
     the point, first back along the approach where the tip is nearer than that. With `step_mm`: so far towards the
-    point, and never beyond where it was seen. `along`: direction of the approach in the base, else the flange's z axis.
-    `touch`: the point, by `id` or `camera_mm`; `tip`, `verification`, `adds_to` and `camera` as of a touch test.
-    `speed_mm_s`: by default 50 to the stand-off and 5 in a step, at most [robot] speed_mm_s.
+    point, and never beyond where it was seen. `along`: direction of the approach in the base, else the flange's z axis;
+    it is at most 60 degrees from the line of sight of each view that saw the point. Nothing moves when the tip stands
+    beyond the point, or flange, camera or a point of [robot] carried_mm would come nearer to it than the tip.
+    `touch`: the point, by `id` or `camera_mm`; `tip`, `verification`, `adds_to` and `camera` as of a touch test, the
+    verification at most 8 hours old and of the calibration in force. `short_tip`: the tip is within 5 mm of the
+    flange's centre. `speed_mm_s`: by default 50 to the stand-off and 5 in a step; at most [robot] speed_mm_s, and 10 in
+    a step.
     """
 
     model_config = _examples(
@@ -184,6 +188,7 @@ class ApproachRequest(Document):
     stand_off_mm: Annotated[float, Field(ge=5, le=100)] = 20.0
     step_mm: Annotated[float, Field(gt=0, le=MAX_TOUCH_STEP_MM)] | None = None
     along: Vector | None = None
+    short_tip: bool = False
     speed_mm_s: Annotated[float, Field(ge=1, le=250)] | None = None
     camera: DeviceName | None = None
 
@@ -193,6 +198,8 @@ class ApproachRequest(Document):
             raise ValueError("the touch names the point only: leave base_T_flange and miss_mm out")
         if self.along is not None and not is_direction(self.along):
             raise ValueError("along has no direction")
+        if self.step_mm is not None and (self.speed_mm_s or 0.0) > MAX_TOUCH_SPEED_MM_S:
+            raise ValueError(f"speed_mm_s of a step is at most {MAX_TOUCH_SPEED_MM_S:g}")
         return self
 
 

@@ -1,5 +1,6 @@
 """The arm brings a tip before a point that the camera has seen, then nearer by single steps; each move is asked for."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -21,17 +22,21 @@ from drivers.interfaces import MoveGoal, PoseReading
 STAND_OFF_SPEED_MM_S, STEP_SPEED_MM_S = 50.0, 5.0
 """Of a request that states none."""
 
-MAX_BACK_MM = 150.0
-"""Longest way back along the approach before the tip crosses to the stand-off."""
+MAX_BEYOND_MM = 0.5
+"""A tip that has touched the point is reported on either side of it, and may go back."""
+
+MAX_FROM_SIGHT_DEG = 60.0
+"""Between the approach and each line of sight. A camera sees a surface within 60 degrees of its normal, so that a
+surface's normal is within that; and the stand-off is before the point for the camera, too, by half of it."""
 
 MAX_BESIDE_MM = 2.0
 """A step is made from the line of the approach only, and the tip may be this far beside it."""
 
 NEAR_MM = 0.5
-"""How far nearer than the stand-off the tip may be without going back first, and farther before a step."""
+"""How far before the stand-off the tip may be when a step begins."""
 
 MIN_STEP_MM = 0.01
-"""Less than this is left: the tip is where the point was seen."""
+"""Less than this is left: the tip is where the point was seen. No way back, or aside, is made for less."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,18 +58,36 @@ class Approach:
     def beside_mm(self) -> float:
         return float(np.linalg.norm(self.point_mm - self.tip_mm - self.left_mm * self.direction))
 
-    def shifts_mm(self, stand_off_mm: float) -> list[Array]:
-        """The ways (3,) of the tip to the stand-off: back first where it is too near. Raises PoseRefused."""
+    def require_in_sight(self, sights: Array) -> None:
+        """Raises PoseRefused for a direction that leads through the part: not that of the looks `sights` (k, 3)."""
+        farthest_deg = float(np.degrees(np.arccos(np.clip(sights @ self.direction, -1.0, 1.0)).max()))
+        if farthest_deg > MAX_FROM_SIGHT_DEG:
+            what = f"the approach is {farthest_deg:.0f}° from the line of sight in which the camera saw the point"
+            fix = f"give along, from the tip to the point, at most {MAX_FROM_SIGHT_DEG:g}° from each line of sight"
+            raise PoseRefused(NO_STATION, what, fix)
+
+    def require_tip_first(self, carried_mm: Mapping[str, Array]) -> None:
+        """Raises PoseRefused when anything carried (3,) in the base is nearer to the point's plane than the tip."""
+        for name, at_mm in carried_mm.items():
+            ahead_mm = float((at_mm - self.tip_mm) @ self.direction)
+            if ahead_mm > MIN_STEP_MM:
+                what = f"{name} would come {ahead_mm:.1f} mm nearer along the approach than the tip"
+                fix = "correct tip (in mm, in the flange's frame) or along, or turn the flange by a jog"
+                raise PoseRefused(NO_STATION, what, fix)
+
+    def to_stand_off_mm(self, stand_off_mm: float) -> list[Array]:
+        """Where the tip goes, (3,) each: back first where it is too near. Raises PoseRefused beyond the point."""
+        if self.left_mm < -MAX_BEYOND_MM:
+            what = f"the tip stands {-self.left_mm:.1f} mm beyond the point along the approach"
+            fix = "go to the stand-off of the point that it touched, or jog it to before this one; or correct along"
+            raise PoseRefused(NO_STATION, what, fix)
         back_mm = stand_off_mm - self.left_mm
-        if back_mm > MAX_BACK_MM:
-            what = f"the tip stands {-self.left_mm:.0f} mm beyond the point along the approach"
-            raise PoseRefused(NO_STATION, what, "jog it to before the point, or give along")
-        back = -back_mm * self.direction if back_mm > NEAR_MM else np.zeros(3)
-        across = self.point_mm - stand_off_mm * self.direction - self.tip_mm - back
-        return [back, across] if back.any() else [across]
+        stand_off = self.point_mm - stand_off_mm * self.direction
+        straight = min(back_mm, self.beside_mm) <= MIN_STEP_MM
+        return [stand_off] if straight else [self.tip_mm - back_mm * self.direction, stand_off]
 
     def step_mm(self, longest_mm: float, stand_off_mm: float) -> Array:
-        """The way (3,) of one step, at most to the point. Raises PoseRefused away from the line, or at the point."""
+        """Where the tip goes, (3,), by one step, at most to the point. Raises PoseRefused off the line, or there."""
         if self.beside_mm > MAX_BESIDE_MM or self.left_mm > stand_off_mm + NEAR_MM:
             what = f"the tip is {self.left_mm:.1f} mm before the point and {self.beside_mm:.1f} mm beside the approach"
             raise PoseRefused(NO_STATION, what, "go to the stand-off first: the same request without step_mm")
@@ -74,7 +97,7 @@ class Approach:
                 "the tip is where the point was seen, and no step goes beyond it",
                 "measure what is left as miss_mm, or jog",
             )
-        return min(longest_mm, self.left_mm) * self.direction
+        return self.tip_mm + min(longest_mm, self.left_mm) * self.direction
 
 
 @dataclass(frozen=True)
@@ -90,18 +113,17 @@ class TouchApproach:
         """The first move, checked; nothing moves. Raises CellNotReady, PoseRefused, DeviceError."""
         if not self.cell.robot.capabilities.moves:
             raise CellNotReady((READ_ONLY,))
-        here = await self.cell.robot.read_pose()
-        return await self._goal(here, self._shifts_mm(here)[0])
+        return await self._goal(self._flanges(await self.cell.robot.read_pose())[0])
 
     async def drive(self, log: RunLog) -> RunResult:
         """Move, stop and disarm in every case; where arm and tip stand. Raises as `goal`, CellBusy, NotStill."""
         async with self.cell.hold(f"run {log.id}"), self.cell.armed() as robot:
-            for shift_mm in self._shifts_mm(await robot.read_pose()):
-                goal = await self._goal(await robot.read_pose(), shift_mm)
+            for base_T_flange in self._flanges(await robot.read_pose()):
+                goal = await self._goal(base_T_flange)
                 await self.cell.move_to(goal)
                 reading = await self.cell.read_settled_pose()
                 check_arrival(goal.base_T_flange, reading, robot.capabilities.pose_convention)
-        at = self._approach(reading)
+        at = self._approach(self._as_built(reading))
         return RunEvent.STANDS, {
             **result_of(reading),
             "touch": {
@@ -110,24 +132,39 @@ class TouchApproach:
             },
         }  # fmt: skip
 
-    def _approach(self, here: PoseReading) -> Approach:
-        base_T_flange = self.point.given.base_T_flange([here.base_T_flange], [here.joints_rad])[0]
+    def _as_built(self, here: PoseReading) -> Array:
+        """base_T_flange (4, 4) by the calibration's arm."""
+        found: Array = self.point.given.base_T_flange([here.base_T_flange], [here.joints_rad])[0]
+        return found
+
+    def _approach(self, base_T_flange: Array) -> Approach:
         along = base_T_flange[:3, 2] if self.request.along is None else np.array(self.request.along)
         tip_mm = map_points(base_T_flange, self.point.tip_mm[None])[0]
-        return Approach(self.point.point_mm, along / np.linalg.norm(along), tip_mm)
+        return Approach(self.point.seen.point_mm, along / np.linalg.norm(along), tip_mm)
 
-    def _shifts_mm(self, here: PoseReading) -> list[Array]:
-        at = self._approach(here)
+    def _flanges(self, here: PoseReading) -> list[Array]:
+        """The reported poses (4, 4) to go to, in order. Raises PoseRefused for a way that could meet the part."""
+        base_T_flange = self._as_built(here)
+        at = self._approach(base_T_flange)
+        at.require_in_sight(self.point.seen.sights)
+        carried = {f"carried_mm[{index}]": point for index, point in enumerate(self.rules.robot.points_mm[1:])}
+        carried |= {"the flange": np.zeros(3), **self.point.carried_mm()}
+        at.require_tip_first({name: map_points(base_T_flange, mm[None])[0] for name, mm in carried.items()})
         if self.request.step_mm is None:
-            return at.shifts_mm(self.request.stand_off_mm)
-        return [at.step_mm(self.request.step_mm, self.request.stand_off_mm)]
+            tips_mm = at.to_stand_off_mm(self.request.stand_off_mm)
+        else:
+            tips_mm = [at.step_mm(self.request.step_mm, self.request.stand_off_mm)]
+        flanges = []
+        for tip_mm in tips_mm:
+            shifted = here.base_T_flange.copy()
+            shifted[:3, 3] += tip_mm - at.tip_mm
+            flanges.append(shifted)
+        return flanges
 
-    async def _goal(self, here: PoseReading, shift_mm: Array) -> MoveGoal:
-        """The straight move that shifts the flange. Raises PoseRefused, DeviceError."""
-        shifted = here.base_T_flange.copy()
-        shifted[:3, 3] += shift_mm
+    async def _goal(self, base_T_flange: Array) -> MoveGoal:
+        """The straight move of the flange there. Raises PoseRefused, DeviceError."""
         rules = self.rules.with_travel_below(MAX_TRAVEL_DEG)
-        goal = await rules.goal(NO_STATION, TaughtPose.of(shifted), self.cell.robot)
+        goal = await rules.goal(NO_STATION, TaughtPose.of(base_T_flange), self.cell.robot)
         return replace(goal, speed_mm_s=self._speed(), path="linear")
 
     def _speed(self) -> float:

@@ -1,6 +1,7 @@
 """Touch tests over REST: the tip is brought to each point, and the pose is read or given. Nothing moves here."""
 
 from dataclasses import dataclass
+from datetime import datetime
 
 import numpy as np
 
@@ -12,8 +13,9 @@ from calibration.documents.validation import Document
 from calibration.errors import DocumentError, DocumentProblem
 from calibration.monitoring.touch_report import (
     SeenPoint,
+    Sighting,
     TouchTestDocument,
-    seen_point_mm,
+    sighting_of,
     verified_points,
 )
 from calibration.monitoring.touch_with_arm import touch_test_with_arm, touches_as_built
@@ -33,6 +35,12 @@ from daemon.store.store import Store
 ORIGIN = "request body"
 MAX_TOUCHES = 100
 
+MAX_AGE_H = 8.0
+"""Of a verification whose points the arm may approach: one shift, in which nobody has moved the target."""
+
+MIN_TIP_MM = 5.0
+"""A tip nearer to the flange's centre is usually one in metres."""
+
 
 class StoredTouchTest(Document):
     """A touch test with what it was made from, so that touches can be added to it. `verification`: id of the run."""
@@ -45,11 +53,16 @@ class StoredTouchTest(Document):
 
 @dataclass(frozen=True, eq=False)
 class PointToTouch:
-    """Where the camera saw a point, (3,) in the base, and the tip (3,) in the flange. `given`: by which calibration."""
+    """Where the camera saw a point, and the tip (3,) in the flange. `given`: by which calibration."""
 
-    point_mm: Array
+    seen: Sighting
     tip_mm: Array
     given: CalibrationWithArm
+
+    def carried_mm(self) -> dict[str, Array]:
+        """What the calibration knows to be carried beside the tip, by name, (3,) in the flange: the camera."""
+        x = self.given.document.flange_T_camera
+        return {} if x is None else {"the camera": x.transform()[:3, 3]}
 
 
 @dataclass(frozen=True)
@@ -92,14 +105,36 @@ class TouchTests:
         return new
 
     async def find(self, request: ApproachRequest) -> "PointToTouch":
-        """The point of an approach. Raises NotFound, NoCalibration, DocumentError, GeometryError, StorageError."""
+        """The point of an approach, of the calibration in force.
+
+        Raises NotFound, NoCalibration, DocumentError, GeometryError, StorageError.
+        """
         base = await self._basis(request)
         given = base.given
+        await self._require_current(base)
+        tip_mm = np.array(base.tip.flange_tip_mm)
+        if np.linalg.norm(tip_mm) < MIN_TIP_MM and not request.short_tip:
+            what = f"it lies {np.linalg.norm(tip_mm):.3g} mm from the flange's centre"
+            raise _refusal("tip.flange_tip_mm", what, "give it in mm; or, if the tool is so short, add short_tip: true")
         seen = {} if base.run is None else _seen_by(base.run, given)
         built = touches_as_built(given, TouchesDocument(touches=(request.touch,))).touches[0]
         anywhere = PoseDocument.of(np.eye(4))  # a touch has a pose, which says nothing of where the point was seen
-        point_mm = seen_point_mm(given.document, built.model_copy(update={"base_T_flange": anywhere}), seen, ORIGIN)
-        return PointToTouch(point_mm, np.array(base.tip.flange_tip_mm), given)
+        touch = built.model_copy(update={"base_T_flange": anywhere})
+        return PointToTouch(sighting_of(given.document, touch, seen, ORIGIN), tip_mm, given)
+
+    async def _require_current(self, base: "_Basis") -> None:
+        """Raises DocumentError for a calibration that is no longer in force, and an old verification."""
+        used = base.calibration
+        _, in_force = await self.store.current(used.camera)
+        if in_force.id != used.id:
+            what = f"the point was seen with calibration {used.id}, and {in_force.id} is in force"
+            raise _refusal("verification", what, "verify anew, and begin a new test")
+        if base.run is None:
+            return
+        age = self.clock.utc_now() - datetime.fromisoformat(base.run.updated_at)
+        if abs(age.total_seconds()) > MAX_AGE_H * 3600:  # a clock that was set back says nothing of the age either
+            what = f"run {base.run.id} ended at {base.run.updated_at}, more than {MAX_AGE_H:g} h from now"
+            raise _refusal("verification", what, "verify anew")
 
     async def _basis(self, request: TouchRequest | ApproachRequest) -> "_Basis":
         """What a request refers to. Raises NotFound, NoCalibration, DocumentError, StorageError."""

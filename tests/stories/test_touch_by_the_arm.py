@@ -90,6 +90,11 @@ async def test_three_points_are_touched_with_each_move_asked_for(tmp_path: Path)
         last = await approaches(story, step_mm=5.0, verification=verified["id"], touch={"id": IDS[-1]})
         assert last["result"]["touch"]["left_mm"] == pytest.approx(0.0, abs=0.3), "as long as what was left"
 
+        higher = await approaches(story, verification=verified["id"], touch={"id": IDS[0]})
+        assert "beyond the point along the approach" in higher["detail"], "the board is tilted"
+        back = await approaches(story, verification=verified["id"], touch={"id": IDS[-1]})
+        assert back["state"] == "finished", back
+
         story.cell.inject_fault("robot-override-zero")  # the move begins, and the arm stands until somebody acts
         stood_mm = true_tip_mm(story)
         body = {"tip": TIP, "along": DOWN, "verification": verified["id"], "touch": {"id": IDS[0]}}

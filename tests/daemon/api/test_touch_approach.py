@@ -1,14 +1,20 @@
 """POST /touch/approach: the arm brings the tip before a point, then nearer by steps, one request for each move."""
 
 import asyncio
+from contextlib import nullcontext
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from calibration.errors import DocumentError
 from calibration.transforms import Array, map_points
 from daemon.model.records import AppliedCalibration, CalibrationRecord
+from daemon.model.requests import ApproachRequest
+from daemon.runs.touch_tests import TouchTests
+from daemon.runtime.clock import Clock
 from tests.daemon.cell_under_test import Bench, Parts, serving, settings_for
 from tests.daemon.fakes import Gate
 from tests.daemon.touches import TIP, TIP_MM, document_with_covariance, json_of, pose_at, touching
@@ -37,11 +43,11 @@ def point_to_touch(seen_from: Array = FROM) -> dict[str, Any]:
     return {"camera_mm": camera_mm.tolist(), "seen_from": json_of(seen_from)}
 
 
-async def apply_with_covariance(bench: Bench) -> None:
-    document = document_with_covariance()
+async def apply_with_covariance(bench: Bench, calibration_id: str = "cal-1") -> None:
+    document = document_with_covariance().model_copy(update={"id": calibration_id})
     store = bench.application.store
-    await store.save_calibration(CalibrationRecord("cal-1", None, document.created_at, True, document))
-    await store.apply(AppliedCalibration("cal-1", document.created_at, "test"))
+    await store.save_calibration(CalibrationRecord(calibration_id, None, document.created_at, True, document))
+    await store.apply(AppliedCalibration(calibration_id, document.created_at, "test"))
 
 
 async def approaches(bench: Bench, **body: Any) -> dict[str, Any]:
@@ -98,8 +104,88 @@ async def test_from_a_touched_point_the_tip_goes_back_before_it_crosses(bench: B
 async def test_along_a_surfaces_normal(bench: Bench) -> None:
     await apply_with_covariance(bench)
     bench.robot.base_T_flange = beside(-50.0, 10.0, 40.0)
-    assert (await approaches(bench, along=(3 * base_R_flange[:, 0]).tolist()))["state"] == "finished"
-    np.testing.assert_allclose(tips_of(bench), [[-20, 0, 0]], atol=1e-6)
+    assert (await approaches(bench, along=(3 * base_R_flange @ [0.6, 0.0, 0.8]).tolist()))["state"] == "finished"
+    np.testing.assert_allclose(tips_of(bench), [[-12, 0, 16]], atol=1e-6)
+
+
+async def test_no_direction_drives_the_tip_through_the_part(bench: Bench) -> None:
+    """Where `along` leads away from the camera's look, "back" would be forward."""
+    await apply_with_covariance(bench)
+    for before_mm in (0.3, 20.0, 100.0):
+        bench.robot.base_T_flange = beside(0.0, 0.0, before_mm)
+        for along in (-base_R_flange[:, 2], base_R_flange[:, 0], base_R_flange @ [0.9, 0.0, 0.4]):
+            refused = await approaches(bench, along=along.tolist())
+            assert (refused["status"], "line of sight" in refused["detail"]) == (422, True), refused
+    assert not bench.robot.goals
+
+
+async def test_a_tip_in_metres_is_refused_and_a_short_one_is_stated_to_be_so(bench: Bench) -> None:
+    await apply_with_covariance(bench)
+    for flange_tip_mm in ((TIP_MM / 1000).tolist(), [0.0, 0.0, 0.0], [0.0, 3.0, 3.9]):
+        refused = await approaches(bench, tip=TIP | {"flange_tip_mm": flange_tip_mm})
+        assert (refused["status"], "short_tip" in str(refused)) == (422, True), refused
+        before = await approaches(bench, tip=TIP | {"flange_tip_mm": flange_tip_mm}, short_tip=True)
+        assert (before["status"], "the camera would come" in before["detail"]) == (422, True), before
+    assert not bench.robot.goals
+
+
+async def test_carried_points_are_held_against_the_point(tmp_path: Path) -> None:
+    """A bracket that reaches further than the tip would meet the part before it."""
+    for end_mm, refused in ((199.0, False), (201.0, True)):
+        carried = {"carried_mm": [[0.0, 0.0, 50.0], [60.0, 40.0, end_mm]]}
+        async with serving(settings_for(tmp_path / str(end_mm), robot=carried), Parts()) as bench:
+            await apply_with_covariance(bench)
+            bench.robot.base_T_flange = AWAY
+            answer = await approaches(bench)
+            assert ("carried_mm[1] would come 1.0 mm nearer" in answer.get("detail", "")) == refused, answer
+            assert bool(bench.robot.goals) != refused
+
+
+async def test_a_step_has_a_speed_of_its_own(bench: Bench) -> None:
+    await apply_with_covariance(bench)
+    bench.robot.base_T_flange = beside(0.0, 0.0, 15.0)
+    refused = await approaches(bench, step_mm=1.0, speed_mm_s=11)
+    assert (refused["status"], "of a step is at most 10" in str(refused)) == (422, True), refused
+    assert (await approaches(bench, step_mm=1.0, speed_mm_s=10))["state"] == "finished"
+    assert (await approaches(bench, speed_mm_s=60))["state"] == "finished"
+    assert [goal.speed_mm_s for goal in bench.robot.goals] == [10.0, 60.0]
+
+
+async def test_a_point_of_an_old_verification_is_refused(bench: Bench) -> None:
+    await apply_with_covariance(bench)
+    await bench.verify()
+    run = (await bench.client.get("/runs")).json()["runs"][0]["id"]
+    asked = ApproachRequest.model_validate({"tip": TIP, "verification": run, "touch": {"id": 10}})
+    application = bench.application
+    for hours, refused in ((0.1, False), (7.9, False), (8.1, True), (-8.1, True)):
+        clock = Clock(utc_now=lambda: datetime.now(UTC) + timedelta(hours=hours))  # noqa: B023 - used in this turn
+        tests = TouchTests(
+            application.store, application.cell, application.service_workers, clock, application.settings
+        )
+        with pytest.raises(DocumentError, match="verify anew") if refused else nullcontext():
+            await tests.find(asked)
+
+
+async def test_a_point_of_a_calibration_that_is_no_longer_in_force_is_refused(bench: Bench) -> None:
+    await apply_with_covariance(bench)
+    await bench.verify()
+    run = (await bench.client.get("/runs")).json()["runs"][0]["id"]
+    test_id = (await touched(bench, run))["id"]
+    await apply_with_covariance(bench, "cal-2")
+    moved = len(bench.robot.goals)
+    bench.robot.base_T_flange = touching(10, (0.0, 0.0, 100.0))
+    for of in ({"verification": run, "touch": {"id": 10}}, {"tip": None, "adds_to": test_id}):
+        refused = await approaches(bench, **of)
+        assert (refused["status"], "cal-2 is in force" in str(refused)) == (422, True), refused
+    assert len(bench.robot.goals) == moved
+
+
+async def touched(bench: Bench, run: str) -> dict[str, Any]:
+    """A touch test of one point."""
+    touch = {"id": 10, "base_T_flange": json_of(touching(10))}
+    answer = await bench.client.post("/touch", json={"tip": TIP, "verification": run, "touches": [touch]})
+    found: dict[str, Any] = answer.json()
+    return found
 
 
 AWAY = beside(30.0, 0.0, 90.0)
@@ -114,6 +200,7 @@ REFUSALS: list[tuple[Array, dict[str, Any], int, str]] = [
     (AWAY, {"speed_mm_s": 101}, 422, "faster than the settings"),
     (AWAY, {"tip": None}, 422, "tip"),
     (AWAY, {"touch": {"id": 0}}, 422, "point 0 was not seen"),
+    (AWAY, {"touch": point_to_touch() | {"camera_mm": [0.0, 0.0, -300.0]}}, 422, "behind the camera"),
     (AWAY, {"touch": point_to_touch() | {"miss_mm": [0, 0, 1]}}, 422, "names the point only"),
     (AWAY, {"verification": "nowhere"}, 404, "nowhere"),
 ]
