@@ -247,14 +247,14 @@ class RunOver(DaemonError):
 
 
 class StopUnconfirmed(DaemonError):
-    """The run has ended, but the controller has not confirmed that the arm is stopped and disarmed."""
+    """The run is ended, but the controller has not confirmed that the arm is stopped and disarmed."""
 
     code = "stop-unconfirmed"
 
     def __init__(self, run_id: str, warning: str, *, stopped: bool, disarmed: bool) -> None:
         self.holder, self.stopped, self.disarmed = run_id, stopped, disarmed
         super().__init__(
-            f"run {run_id} has ended, but {warning}",
+            f"run {run_id} is ended, but {warning}",
             "press the emergency stop; the daemon goes on trying, see GET /ready",
         )
 

@@ -56,6 +56,7 @@ class SafeStop:
         self._watching: asyncio.Task[None] | None = None
         self._unconfirmed: StopReport | None = None
         self._pending = False
+        self._begun_s = 0.0
 
     @property
     def unconfirmed(self) -> StopReport | None:
@@ -79,13 +80,15 @@ class SafeStop:
         """Send stop and disarm now, unless an attempt is in progress."""
         self._pending = True
         if self._stopping is None or self._stopping.done():
+            self._begun_s = self._clock.monotonic_s()
             self._stopping = asyncio.create_task(self._repeat_until_confirmed(), name="stops and disarms the arm")
 
     async def stop_and_disarm(self) -> StopReport | None:
-        """Stop and disarm; None when both are confirmed, otherwise what is known after MAX_ATTEMPT_S."""
+        """Stop and disarm; None when both are confirmed, otherwise what is known MAX_ATTEMPT_S after the stop began."""
         self.begin()
         assert self._stopping is not None
-        await asyncio.wait([self._stopping], timeout=MAX_ATTEMPT_S)
+        left_s = self._begun_s + MAX_ATTEMPT_S - self._clock.monotonic_s()
+        await asyncio.wait([self._stopping], timeout=max(left_s, 0.0))
         return self.unconfirmed
 
     def warnings(self) -> list[str]:

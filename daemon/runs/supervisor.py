@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from daemon.cell.cell import Cell
+from daemon.cell.safe_stop import MAX_ATTEMPT_S
 from daemon.errors import (
     AbortHeld,
     CellBusy,
@@ -38,6 +39,9 @@ log = logging.getLogger(__name__)
 
 MAX_STEP_S = 1800.0
 """A step that takes longer hangs: every driver has a limit of its own, the longest 10 minutes for a scanner."""
+
+MAX_ABORT_S = MAX_ATTEMPT_S + 0.5
+"""An abort is answered after this at the latest where the stop is not confirmed, whatever the run still waits for."""
 
 RunResult = tuple[RunEvent, dict[str, Any]]
 """The event that finishes a run, and its result."""
@@ -186,7 +190,7 @@ class Supervisor:
         """Begin to end the run and to stop the arm, at once; awaited it gives the aborted run.
 
         When it returns, the controller has confirmed that the arm is stopped and disarmed. Raises StopUnconfirmed when
-        the run has ended and that is not known; the daemon then goes on trying. Raises RunOver, NotFound.
+        that is not known MAX_ABORT_S later; the daemon then goes on trying. Raises RunOver, NotFound.
         """
         current = self._current
         if current is None or current.log.id != run_id or current.log.run.over:
@@ -203,7 +207,10 @@ class Supervisor:
         raise RunOver(f"run {run.id} has {run.state} already", "there is nothing to stop")
 
     async def _wait_for_abort(self, current: _InProgress) -> RunRecord:
-        await asyncio.wait([current.task])
+        await asyncio.wait([current.task], timeout=MAX_ABORT_S)
+        if not current.task.done():
+            self._require_stopped(current.log.id)
+            await asyncio.wait([current.task])  # the arm stands; its end is being stored, or a result computed
         run = current.log.run
         self._require_stopped(run.id)
         if run.state is not RunState.ABORTED:

@@ -48,6 +48,22 @@ async def test_an_aborted_run_moves_nothing_afterwards(tmp_path: Path) -> None:
         assert not (await story.operator.client.get("/robot")).json()["armed"]
 
 
+async def test_an_abort_at_a_frozen_controller_does_not_wait_for_its_limit(tmp_path: Path) -> None:
+    patient = {"limit_s": 20.0}
+    async with plant(tmp_path, time_scale=5, truth=small_pictures(7), robot=patient) as story:
+        run = await story.operator.starts("/calibrate", count=8)
+        await story.operator.waits_until_station(run, 1)
+        await eventually(lambda: story.cell.moving)
+        story.cell.inject_fault("link-half-open")
+        answer = await story.operator.client.post(run["links"]["abort"])
+        assert (answer.status_code, answer.json()["code"]) == (502, "stop-unconfirmed"), answer.text
+        assert story.application.cell.robot.link.connected, "the limit is not over"
+        assert (await story.operator.waits_for_the_end_of(run))["state"] == "aborted"
+        story.cell.clear_faults()
+        await eventually(lambda: not story.cell.controller.armed)
+        await eventually(lambda: story.application.cell.safe_stop.unconfirmed is None)
+
+
 async def test_a_second_calibrate_is_refused_with_who_holds_the_cell(tmp_path: Path) -> None:
     async with plant(tmp_path, truth=small_pictures(7)) as story:
         run = await story.operator.starts("/calibrate", count=3)

@@ -1,4 +1,4 @@
-"""Ends the work for a request whose client has disconnected, or whose key has ended.
+"""Ends the work for a request whose client has disconnected, whose key has ended, or that outlasts the daemon.
 
 A GET is cancelled as a whole, with the reading, computation or wait it is in. Other methods change something, and are
 carried out; only the waits among them end (`Client.until_disconnected`).
@@ -14,7 +14,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from daemon.access.errors import KeyMissing
 from daemon.api.problems import answer, problem_of
-from daemon.errors import DaemonError
+from daemon.errors import DaemonError, Stopping
 
 WATCH_AFTER_S = 0.05
 """Most requests are answered earlier, and need no task that listens for the disconnect."""
@@ -46,6 +46,10 @@ class Disconnects:
                 await self._app(scope, client.receive, client.send)
         except KeyMissing as error:
             await client.refuse(scope, error)
+        except asyncio.CancelledError:  # at shutdown the server cancels what is still not answered
+            if client.begun:
+                raise
+            await client.refuse(scope, Stopping())
         finally:
             client.close()
 
@@ -62,7 +66,7 @@ class Client:
         self._receive, self._send = receive, send
         self._discards_body = discards_body
         self._receiving = self._body_read = self._answered = False
-        self._begun = self._sized = False
+        self.begun = self._sized = False
         self._end: ClientDisconnect | KeyMissing | None = None
         self._gone = asyncio.Event()
         self._listener: asyncio.Task[None] | None = None
@@ -87,7 +91,7 @@ class Client:
     async def send(self, message: Message) -> None:
         """Send a part of the answer."""
         if message["type"] == "http.response.start":
-            self._begun = True
+            self.begun = True
             self._sized = any(name.lower() == b"content-length" for name, _ in message.get("headers", ()))
         elif not message.get("more_body", False):
             self._answered = True  # the server reports a disconnect then, too
@@ -123,9 +127,9 @@ class Client:
         if not self._sized:
             self._finish(reason)
 
-    async def refuse(self, scope: Scope, error: KeyMissing) -> None:
-        """Answer a key that has ended, or end the event stream."""
-        if self._begun:
+    async def refuse(self, scope: Scope, error: DaemonError) -> None:
+        """Answer why the work has ended, or end the event stream."""
+        if self.begun:
             await self.send({"type": "http.response.body", "body": b"", "more_body": False})
         else:
             await answer(problem_of(error), {"Connection": "close"})(scope, self.receive, self.send)

@@ -48,6 +48,9 @@ from protocols.cb.messages import (
 
 POLL_S = 0.06
 
+STOP_WAIT_S = 0.5
+"""How long a move that ends on the way waits for its STOP to be answered; sending it goes on. Normally milliseconds."""
+
 
 class CbRobot:
     """drivers.interfaces.Robot. Raises DeviceUnreachable before `start` and while disconnected."""
@@ -143,7 +146,8 @@ class CbRobot:
         return cb_wire.standstill(report)
 
     async def move_to(self, goal: MoveGoal) -> None:
-        """Move and return when the arm stands at the goal. Cancellation or an error on the way stops the arm."""
+        """Move and return when the arm stands at the goal. Cancellation or an error on the way stops the arm, and is
+        raised after STOP_WAIT_S at most, whether or not a frozen controller has answered."""
         await self._move(cb_wire.move_of(self._device, goal))
 
     async def _move(self, move: Move | MoveJoints) -> None:
@@ -157,7 +161,7 @@ class CbRobot:
             stopping = asyncio.create_task(_stop_quietly(conversation), name=f"stops {self._device}")
             self._stopping.add(stopping)
             stopping.add_done_callback(self._stopping.discard)
-            await asyncio.shield(stopping)
+            await self._timing.wait_until_done(stopping, STOP_WAIT_S)
             raise
         finally:
             if conversation.lost.done():

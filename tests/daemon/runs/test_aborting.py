@@ -74,6 +74,71 @@ async def test_an_abort_that_the_controller_does_not_confirm_says_so_until_it_do
         assert (await bench.client.post("/calibrate", params={"wait": LIMIT_S})).json()["state"] == "finished"
 
 
+async def test_an_abort_is_answered_while_the_run_still_waits_for_a_frozen_robot(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("daemon.cell.safe_stop.MAX_ATTEMPT_S", 0.1)
+    monkeypatch.setattr("daemon.runs.supervisor.MAX_ABORT_S", 0.2)
+    parts = Parts()
+    parts.robot.before_move = frozen = Frozen()
+    parts.robot.deaf = True
+    async with serving(settings_for(tmp_path), parts) as bench:
+        run = (await bench.client.post("/calibrate")).json()
+        await asyncio.wait_for(frozen.reached.wait(), LIMIT_S)
+        for _ in range(2):
+            answer = await bench.client.post(f"/runs/{run['id']}/abort")
+            assert (answer.status_code, answer.json()["code"]) == (502, "stop-unconfirmed"), answer.text
+            assert bench.application.supervisor.in_progress is not None
+        frozen.thawed.set()
+        assert (await bench.run_over(run["links"]["self"]))["state"] == "aborted"
+        parts.robot.deaf = False
+        await eventually(lambda: not bench.robot.armed)
+
+
+async def test_a_jog_that_outlasts_the_daemon_is_answered(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("daemon.server.GRACE_S", 0.1)
+    parts = Parts()
+    parts.robot.before_move = frozen = Frozen()
+    async with serving(settings_for(tmp_path), parts) as bench:
+        run = (await bench.client.post("/calibrate", json={"manual": True})).json()
+        jogging = asyncio.create_task(bench.client.post(run["links"]["jog"], json={"shift_mm": [0, 0, 5]}))
+        await asyncio.wait_for(frozen.reached.wait(), LIMIT_S)
+        bench.server.should_exit = True
+        bench.application.begin_stop("the test")
+        answer = await jogging
+        assert (answer.status_code, answer.json()["code"]) == (503, "stopping"), answer.text
+        frozen.thawed.set()
+
+
+async def test_a_jog_that_the_daemons_end_aborts_is_answered_so(tmp_path: Path) -> None:
+    parts = Parts()
+    parts.robot.before_move = gate = Gate(1)
+    async with serving(settings_for(tmp_path), parts) as bench:
+        run = (await bench.client.post("/calibrate", json={"manual": True})).json()
+        jogging = asyncio.create_task(bench.client.post(run["links"]["jog"], json={"shift_mm": [0, 0, 5]}))
+        await asyncio.wait_for(gate.reached.wait(), LIMIT_S)
+        bench.server.should_exit = True
+        bench.application.begin_stop("the test")
+        answer = await jogging
+        assert (answer.status_code, answer.json()["code"]) == (409, "run-over"), answer.text
+        assert not bench.robot.armed
+
+
+class Frozen:
+    """A move that ends neither by arriving nor by being cancelled, until the controller has thawed."""
+
+    def __init__(self) -> None:
+        self.reached, self.thawed = asyncio.Event(), asyncio.Event()
+
+    async def __call__(self, move: int) -> None:
+        self.reached.set()
+        try:
+            await self.thawed.wait()
+        except asyncio.CancelledError:
+            await self.thawed.wait()
+            raise
+
+
 async def test_two_who_abort_at_once_both_get_the_confirmation(tmp_path: Path) -> None:
     parts = Parts()
     parts.robot.before_move = gate = Gate(2)

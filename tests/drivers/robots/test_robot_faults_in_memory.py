@@ -61,9 +61,9 @@ class MemoryLine:
 
 
 @contextlib.asynccontextmanager
-async def on_a_memory_line(controller=None):
+async def on_a_memory_line(controller=None, limit_s=None):
     line, fake = MemoryLine(controller or FakeController()), FakeTime()
-    robot = CbRobot(line, fake.timing)
+    robot = CbRobot(line, fake.timing, limit_s=limit_s)
     robot.start()
     await settle()
     yield robot, line, fake
@@ -241,6 +241,25 @@ async def test_stop_disarm_and_their_confirmation_go_before_a_thousand_readers()
         assert heard[stopped - 1 : stopped + 3] == [GetPose, Stop, SetArmed, GetStatus]
         for reader in readers:
             reader.cancel()
+
+
+async def test_a_move_cancelled_at_a_frozen_controller_waits_half_a_second_and_its_stop_goes_on():
+    controller = FakeController()
+    controller.arm.polls_per_move = None
+    async with on_a_memory_line(controller, limit_s=20.0) as (robot, line, fake):
+        await robot.set_armed(True)
+        moving = asyncio.create_task(robot.move_to(GOAL))
+        await fake.advance(0.1)
+        line.deaf = True
+        await fake.advance(0.1)
+        moving.cancel()
+        await fake.advance(0.49)
+        assert not moving.done()
+        await fake.advance(0.02)
+        assert moving.cancelled()
+        line.deaf = False
+        await fake.advance(1.0)
+        assert controller.arm.count(Stop) == 1
 
 
 async def test_a_reader_that_is_cancelled_leaves_the_queue():

@@ -22,6 +22,8 @@ log = logging.getLogger(__name__)
 
 OWN_LIMIT_S = 0.1
 """Time for the robot's own link to answer a stop. Without any stop the arm stops after 2 s of silence."""
+SECOND_WAIT_S = 0.5
+"""How long a move that failed waits for the second way's answer; sending it goes on."""
 LINK_FAILED = (LinkLost, DeviceTimeout, DeviceUnreachable, GarbledAnswer)
 
 
@@ -113,7 +115,7 @@ class RedundantStop:
         stopping = asyncio.create_task(self._stop_the_second_way(), name="stops the second way")
         self._stopping.add(stopping)
         stopping.add_done_callback(self._stopping.discard)
-        await asyncio.shield(stopping)
+        await self._timing.wait_until_done(stopping, SECOND_WAIT_S)
 
     async def _stop_the_second_way(self) -> None:
         try:
