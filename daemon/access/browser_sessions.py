@@ -27,7 +27,8 @@ RandomToken = Callable[[int], str]
 class BrowserSession:
     """The stored record of a session. `role`: at most this one; `touched_at`: when somebody last acted at the screen.
 
-    `paired`: it was begun with a pairing code. Times are ISO timestamps in UTC.
+    `paired`: it was begun with a pairing code; `parent`: hash of the session that made the code, with which this one
+    ends, None for a code made with a key. Times are ISO timestamps in UTC.
     """
 
     hash: str
@@ -38,6 +39,7 @@ class BrowserSession:
     touched_at: str
     peer: str
     paired: bool
+    parent: str | None = None
 
     @property
     def id(self) -> str:
@@ -55,11 +57,11 @@ class BrowserSession:
             role = Role.VIEWER
         return Caller(key.name, role, key.id, self.id)
 
-    def limited_by(self, key: KeyRecord) -> "BrowserSession":
-        """The session, which ends with its key at the latest."""
-        if key.expires_at is None or key.expires_at > self.expires_at:
+    def limited_by(self, owner: "KeyRecord | BrowserSession") -> "BrowserSession":
+        """The session, which ends with its key, or its parent, at the latest."""
+        if owner.expires_at is None or owner.expires_at > self.expires_at:
             return self
-        return replace(self, expires_at=key.expires_at)
+        return replace(self, expires_at=owner.expires_at)
 
 
 def hash_token(token: str) -> str:

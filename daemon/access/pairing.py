@@ -17,12 +17,16 @@ MAX_GUESSES = 5
 
 @dataclass(frozen=True)
 class Pairing:
-    """An open code: whose key it stands for, up to which role, and until when on the monotonic clock."""
+    """An open code: whose key it stands for, up to which role, and until when on the monotonic clock.
+
+    `parent`: hash of the session that made it; None when a key did.
+    """
 
     code: str
     key_id: str
     role: Role
     ends_s: float
+    parent: str | None = None
 
 
 class PairingCodes:
@@ -33,13 +37,13 @@ class PairingCodes:
         self._open: dict[str, Pairing] = {}
         self._guesses_left = MAX_GUESSES
 
-    def begin(self, key_id: str, role: Role) -> str:
+    def begin(self, key_id: str, role: Role, parent: str | None = None) -> str:
         """A new code for this key, as "ABCD-EFGH"; an earlier one of the key ends."""
         if not self._open:
             self._guesses_left = MAX_GUESSES
         letters = "".join(self._choice(ALPHABET) for _ in range(LETTERS))
         code = f"{letters[:4]}-{letters[4:]}"
-        self._open[key_id] = Pairing(code, key_id, role, self._monotonic_s() + MAX_PAIRING_S)
+        self._open[key_id] = Pairing(code, key_id, role, self._monotonic_s() + MAX_PAIRING_S, parent)
         return code
 
     def redeem(self, given: str) -> Pairing | None:

@@ -9,7 +9,14 @@ from daemon.runtime.shared_reading import SharedReading
 from daemon.store.actor import AuditContext, append_audit
 from daemon.store.database import Database
 
-_COLUMNS = "hash, key_id, role, created_at, expires_at, touched_at, peer, paired"
+_COLUMNS = "hash, key_id, role, created_at, expires_at, touched_at, peer, paired, parent"
+
+_WITH_CHILDREN = """
+    WITH RECURSIVE ended (hash) AS (
+        SELECT hash FROM browser_sessions WHERE hash = ?
+        UNION SELECT child.hash FROM browser_sessions AS child JOIN ended ON child.parent = ended.hash
+    ) SELECT hash FROM ended
+"""
 
 
 class BrowserSessions:
@@ -33,7 +40,9 @@ class BrowserSessions:
                 " WHERE key_id = ? ORDER BY rowid DESC LIMIT ?)",
                 (session.key_id, session.key_id, MAX_SESSIONS_PER_KEY - 1),
             )
-            db.execute(f"INSERT INTO browser_sessions ({_COLUMNS}) VALUES (?, ?, ?, ?, ?, ?, ?, ?)", astuple(session))
+            db.execute(
+                f"INSERT INTO browser_sessions ({_COLUMNS}) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)", astuple(session)
+            )
             context = AuditContext(name, session.role, session.key_id, session=session.id)
             append_audit(db, context, session.created_at, "session begun", session.id, peer=session.peer,
                          paired=session.paired, until=session.expires_at)  # fmt: skip
@@ -41,11 +50,13 @@ class BrowserSessions:
         await self._database.write(insert)
 
     async def end(self, session_hash: str, at: str, context: AuditContext) -> None:
-        """Remove a session, if it is there."""
+        """Remove a session, if it is there, and with it those that it has paired, and so on."""
 
         def remove(db: sqlite3.Connection) -> None:
-            if db.execute("DELETE FROM browser_sessions WHERE hash = ?", (session_hash,)).rowcount:
-                append_audit(db, context, at, "session ended", session_hash[:8])
+            ended = db.execute(_WITH_CHILDREN, (session_hash,)).fetchall()
+            db.execute("DELETE FROM browser_sessions WHERE hash = ?", (session_hash,))  # the others by their parent
+            for (each,) in ended:
+                append_audit(db, context, at, "session ended", each[:8])
 
         await self._database.write(remove)
 
@@ -58,4 +69,4 @@ class BrowserSessions:
 
 def _all(db: sqlite3.Connection) -> list[BrowserSession]:
     rows = db.execute(f"SELECT {_COLUMNS} FROM browser_sessions").fetchall()
-    return [BrowserSession(*(*row[:-1], bool(row[-1]))) for row in rows]
+    return [BrowserSession(*(*row[:-2], bool(row[-2]), row[-1])) for row in rows]

@@ -201,6 +201,10 @@ MIGRATIONS: tuple[str, ...] = (
     ALTER TABLE scan_views ADD COLUMN bytes INTEGER;
     ALTER TABLE scan_views ADD COLUMN created_by TEXT NOT NULL DEFAULT '';
     """,
+    """
+    DELETE FROM browser_sessions WHERE paired; -- of which it is not known with whose end they should end
+    ALTER TABLE browser_sessions ADD COLUMN parent TEXT REFERENCES browser_sessions (hash) ON DELETE CASCADE;
+    """,
 )
 
 SCHEMA_VERSION = len(MIGRATIONS)

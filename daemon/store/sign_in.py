@@ -15,7 +15,7 @@ from daemon.access.browser_sessions import (
 )
 from daemon.access.errors import KeyMissing, PairingRefused, RoleTooLow, TooManyAttempts
 from daemon.access.keys import KeyRecord
-from daemon.access.pairing import MAX_PAIRING_S, PairingCodes
+from daemon.access.pairing import MAX_PAIRING_S, Pairing, PairingCodes
 from daemon.access.roles import ROLES, Caller, Role
 from daemon.errors import StorageError
 from daemon.runtime.clock import Clock
@@ -52,25 +52,33 @@ class SignIn:
         record = await self.keys.find(key.strip())
         if record is None:
             raise KeyMissing("this key is not known")
-        return await self._begin(self._require_valid(record), ROLES[record.role], peer, paired=False)
+        return await self._begin(self._require_valid(record), ROLES[record.role], peer)
 
     async def with_code(self, code: str, peer: str, network: str) -> tuple[str, BrowserSession, KeyRecord]:
-        """As `with_key`, for the key of who made the pairing code. Raises PairingRefused, too."""
+        """As `with_key`, for the key of who made the pairing code. Raises PairingRefused, too.
+
+        The session ends with the one that made the code, and no later.
+        """
         self._count_attempt(network)
         pairing = self.pairing.redeem(code)
         records = {record.id: record for record in await self.keys.all()}
-        if pairing is None or (record := records.get(pairing.key_id)) is None:
+        parents: dict[str | None, BrowserSession | None] = {None: None}
+        parents.update(await self.sessions.all())
+        if pairing is None or (record := records.get(pairing.key_id)) is None or pairing.parent not in parents:
             raise PairingRefused("this code is not open", "make another on the screen that is signed in")
-        return await self._begin(self._require_valid(record), pairing.role, peer, paired=True)
+        return await self._begin(self._require_valid(record), pairing.role, peer, pairing, parents[pairing.parent])
 
-    def pair(self, caller: Caller, role: Role | None) -> tuple[str, str, Role]:
-        """A code for another screen, when it ends, and up to which role. Raises PairingRefused, RoleTooLow."""
+    def pair(self, caller: Caller, session: BrowserSession | None, role: Role | None) -> tuple[str, str, Role]:
+        """A code for another screen, when it ends, and up to which role. `session`: of the caller, None with a key.
+
+        Raises PairingRefused, RoleTooLow.
+        """
         if not caller.key_id:
             raise PairingRefused("there are no keys: nobody is asked on this machine", "make a key first: POST /setup")
         wanted = caller.role if role is None else role
         if wanted > caller.role:
             raise RoleTooLow(caller.name, caller.role.word, wanted.word)
-        code = self.pairing.begin(caller.key_id, wanted)
+        code = self.pairing.begin(caller.key_id, wanted, None if session is None else session.hash)
         return code, timestamp_of(self.clock.utc_now(), MAX_PAIRING_S), wanted
 
     async def find(self, token: str) -> tuple[BrowserSession, KeyRecord]:
@@ -101,11 +109,19 @@ class SignIn:
         await self.sessions.end(hash_token(token), self.clock.timestamp(), context)
 
     async def _begin(
-        self, key: KeyRecord, role: Role, peer: str, *, paired: bool
+        self,
+        key: KeyRecord,
+        role: Role,
+        peer: str,
+        pairing: Pairing | None = None,
+        parent: BrowserSession | None = None,
     ) -> tuple[str, BrowserSession, KeyRecord]:
         token, now = self.random_token(TOKEN_BYTES), self.clock.timestamp()
         ends = timestamp_of(self.clock.utc_now(), MAX_SESSION_S)
-        session = BrowserSession(hash_token(token), key.id, role.word, now, ends, now, peer, paired).limited_by(key)
+        session = BrowserSession(
+            hash_token(token), key.id, role.word, now, ends, now, peer,
+            paired=pairing is not None, parent=None if parent is None else parent.hash,
+        ).limited_by(parent or key).limited_by(key)  # fmt: skip
         await self.sessions.begin(session, key.name)
         return token, session, key
 

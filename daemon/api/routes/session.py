@@ -108,9 +108,12 @@ async def touch(request: Request, app: App) -> Response:
 async def pair(
     request: Request, app: App, body: Annotated[PairingRequest, Depends(JsonBody(PairingRequest))]
 ) -> PairingDocument:
-    """A code that signs another screen in, once, within five minutes, up to the caller's role."""
+    """A code that signs another screen in, once, within five minutes, up to the caller's role.
+
+    Made by a browser session, the other one ends no later than this one, and with it.
+    """
     role = None if body.role is None else ROLES[body.role]
-    code, expires_at, given = app.sign_in.pair(caller_of(request), role)
+    code, expires_at, given = app.sign_in.pair(caller_of(request), session_of(request), role)
     return PairingDocument.model_validate({"code": code, "expires_at": expires_at, "role": given.word})
 
 

@@ -185,6 +185,46 @@ async def test_a_signed_in_screen_signs_another_one_in_once(bench: Bench) -> Non
     assert (await tablet.ask("GET", "/runs")).status_code == 401
 
 
+async def pairs(browser: Browser) -> Browser:
+    code = (await browser.ask("POST", "/session/pairing", json={})).json()["code"]
+    return await sign_in(browser.bench, code=code)
+
+
+async def test_a_chain_of_paired_sessions_ends_with_the_first(bench: Bench) -> None:
+    key = await key_of(bench, "Ann", Role.OPERATOR)
+    other, first = await sign_in(bench, key=key), await sign_in(bench, key=key)
+    second = await pairs(first)
+    third = await pairs(second)
+    stream = await RawRequest.send(bench, f"GET /live\nCookie: {third.cookie}\nConnection: close")
+    assert b" 200 " in await stream.reader.readline()
+    open_code = (await first.ask("POST", "/session/pairing", json={})).json()["code"]
+    await first.ask("DELETE", "/session")
+    async with asyncio.timeout(LIMIT_S):
+        assert (await stream.reader.read()).endswith(b"0\r\n\r\n")
+    await stream.hang_up()
+    asked = [(await each.ask("GET", "/runs")).status_code for each in (first, second, third, other)]
+    assert asked == [401, 401, 401, 200]
+    refused = await bench.client.post("/session", json={"code": open_code})
+    assert (refused.status_code, refused.json()["code"]) == (403, "pairing-refused")
+    admin = await key_of(bench, "admin", Role.ADMIN)
+    rows = (await bench.client.get("/audit", headers=bearer(admin))).json()["rows"]
+    assert [row["action"] for row in rows].count("session ended") == 3
+
+
+async def test_a_paired_session_ends_no_later_than_its_parent(tmp_path: Path) -> None:
+    now = [datetime.now(UTC)]
+    async with serving(settings_for(tmp_path)) as bench:
+        sign = bench.application.sign_in
+        sign.clock = Clock(utc_now=lambda: now[0])
+        first = await sign_in(bench, key=await key_of(bench, "Ann", Role.OPERATOR))
+        ends = (await first.ask("GET", "/session")).json()["expires_at"]
+        last = first
+        for _ in range(3):
+            now[0] += timedelta(minutes=14)
+            last = await pairs(last)
+            assert (await last.ask("GET", "/session")).json()["expires_at"] == ends
+
+
 async def test_without_keys_there_is_nothing_to_pair(bench: Bench) -> None:
     assert (await bench.client.post("/session/pairing")).json()["code"] == "pairing-refused"
 
