@@ -20,7 +20,8 @@ help:
 	@echo "make check    formatting, lint, types, import contracts"
 	@echo "make bench    measure for half an hour, and write docs/benchmarks.md"
 	@echo "make deb      build the Debian package into dist/; deploy/deb/try.sh installs and removes it in a chroot"
-	@echo "make torture  kill -9 at random and at every failpoint, 1000 times (ROUNDS=200 for fewer)"
+	@echo "make torture  kill -9 at random and at every failpoint, 1000 times, and 2000 histories of everything that can happen"
+	@echo "              at a cell, in any order (ROUNDS=200 HISTORIES=100 for fewer)"
 	@echo "make sbom     what the daemon is made of: CycloneDX, in build/sbom.cdx.json"
 	@echo "make page-vendor  build the libraries of the operator's page anew (npm); they are committed"
 	@echo "make lock     pin the dependencies for deployment (deploy/*.lock)"
@@ -132,8 +133,9 @@ deb:
 	@if command -v lintian >/dev/null; then lintian --fail-on error,warning dist/handeyed_*.deb; else echo "lintian is not here: not checked"; fi
 
 ROUNDS ?= 1000
+HISTORIES ?= 2000
 torture: $(VENV)/developing
-	$(BIN)/python -m benchmarks.daemon.torture --rounds $(ROUNDS)
+	$(BIN)/python -m benchmarks.daemon.torture --rounds $(ROUNDS) --histories $(HISTORIES)
 
 sbom: $(VENV)/developing
 	@mkdir -p build

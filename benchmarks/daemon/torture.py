@@ -4,9 +4,13 @@ Each round starts a daemon on the store of the last one, checks that everything 
 half there, repeats the request that got no answer, continues, and is killed. Devices are fakes; server, store, files
 and failpoints are real. kill -9 keeps the system's buffers; losses as by a power cut are tested by `python -m
 benchmarks.daemon.disk_faults`, the time until a new process is ready by `python -m benchmarks.daemon.restart`.
+
+Then the one model of tests/stories/one_model: `--histories` histories of everything that can happen at a cell, in any
+order, each at a mock cell and with a daemon of its own.
 """
 
 import argparse
+import multiprocessing
 import random
 import shutil
 import signal
@@ -16,11 +20,12 @@ import tempfile
 import threading
 import time
 from collections import Counter
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from pathlib import Path
 
 from tests.daemon.torture.ledger import Lost
 from tests.daemon.torture.torture import Torture, TortureReport
+from tests.stories.one_model.model import run_histories
 
 READY_BAR_S = 5.0
 
@@ -52,23 +57,42 @@ def report(reports: list[TortureReport], took_s: float) -> None:
     print(f"ready again, forked: median {middle:.2f} s, slowest {slowest:.2f} s (bar {READY_BAR_S:g} s)")
 
 
+def live_histories(histories: int, seed: int, lanes: int) -> None:
+    """Live so many histories, some at a time, and print what happened in them. Raises what was wrong in one."""
+    began_s, counts = time.monotonic(), Counter[str]()
+    with ProcessPoolExecutor(lanes, multiprocessing.get_context("spawn")) as processes:
+        for one in processes.map(run_histories, shares(histories, lanes), range(seed, seed + lanes)):
+            counts.update(one)
+    print(f"{counts.pop('histories', 0)} histories in {time.monotonic() - began_s:.0f} s,"
+          f" {counts.pop('runs', 0)} runs, {counts.pop('departures', 0)} departures:"
+          " nothing moved, armed, applied or forgotten otherwise than was asked for")  # fmt: skip
+    for what, count in sorted(counts.items()):
+        print(f"  {what:<51}{count:6}")
+
+
+def shares(count: int, lanes: int) -> list[int]:
+    return [count // lanes + (lane < count % lanes) for lane in range(lanes)]
+
+
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--rounds", type=int, default=200)
+    parser.add_argument("--histories", type=int, default=0)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--side-by-side", type=int, default=2, help="tortures at a time, each with its own store")
     options = parser.parse_args()
     lanes, stopped, began_s = options.side_by_side, threading.Event(), time.monotonic()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stopped.set())
-    shares = [options.rounds // lanes + (lane < options.rounds % lanes) for lane in range(lanes)]
     with ThreadPoolExecutor(lanes) as threads:
         seeds = range(options.seed, options.seed + lanes)
-        reports = list(threads.map(run_torture, shares, seeds, [stopped] * lanes))
+        reports = list(threads.map(run_torture, shares(options.rounds, lanes), seeds, [stopped] * lanes))
     lost = [one.lost for one in reports if one.lost]
     print("\n".join(lost), end="")
     if not lost:
         report(reports, time.monotonic() - began_s)
+    if options.histories and not lost and not stopped.is_set():
+        live_histories(options.histories, options.seed, lanes)
     return 1 if lost else 0
 
 
