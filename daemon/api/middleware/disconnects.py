@@ -6,7 +6,7 @@ carried out; only the waits among them end (`Client.until_disconnected`).
 
 import asyncio
 from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager
+from contextlib import asynccontextmanager, suppress
 from typing import Any
 
 from starlette.requests import ClientDisconnect, Request
@@ -14,7 +14,9 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from daemon.access.errors import KeyMissing
 from daemon.api.problems import answer, problem_of
+from daemon.application import Application
 from daemon.errors import DaemonError, Stopping
+from daemon.model.records import RunRecord
 
 WATCH_AFTER_S = 0.05
 """Most requests are answered earlier, and need no task that listens for the disconnect."""
@@ -166,3 +168,11 @@ def client_of(request: Request) -> Client:
     """The client of a request."""
     client: Client = request.scope["state"]["connection"]
     return client
+
+
+async def wait_for_run(request: Request, app: Application, run_id: str, wait: float) -> RunRecord:
+    """The run when it is over, or as it stands after `wait` seconds, or when the client of a POST has disconnected."""
+    with suppress(ClientDisconnect):
+        async with client_of(request).until_disconnected():
+            return await app.supervisor.wait(run_id, wait)
+    return await app.supervisor.run(run_id)

@@ -1,4 +1,5 @@
-"""Idempotency-Key on every POST: a repeated request receives the first answer and has no further effect.
+"""Idempotency-Key on every POST: a repeated request receives the first answer and has no further effect. One that
+started a run receives that run as it is now, and waits for its end as long as the repetition's own `wait` says.
 
 After the IETF draft "The Idempotency-Key HTTP Header Field" (draft-ietf-httpapi-idempotency-key-header). An error that
 had no effect is not stored, so the same request can be repeated when its cause is corrected.
@@ -11,13 +12,17 @@ import re
 from dataclasses import replace
 from urllib.parse import parse_qsl, urlencode
 
-from starlette.requests import ClientDisconnect
+from pydantic import TypeAdapter, ValidationError
+from starlette.requests import ClientDisconnect, Request
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from calibration.errors import DocumentProblem
+from daemon.api.dependencies import Wait
 from daemon.api.http_errors import InvalidRequest, KeyReused, RequestInFlight
+from daemon.api.middleware.disconnects import wait_for_run
 from daemon.api.middleware.idempotency_replay import rebuild_answer
 from daemon.api.problems import answer, problem_of
+from daemon.api.run_answers import answer_started
 from daemon.api.streaming.request_body import body_chunks
 from daemon.application import Application
 from daemon.errors import DaemonError, StorageError
@@ -117,6 +122,9 @@ class Idempotency:
             return
         if digest.hexdigest() != earlier.body:
             raise KeyReused
+        if (effect := earlier.effect or "").startswith("run "):
+            await self._answer_run(scope, receive, send, effect.removeprefix("run "))
+            return
         if earlier.status is None:
             assert earlier.effect is not None
             reply = await rebuild_answer(self._application, earlier.effect)
@@ -127,6 +135,13 @@ class Idempotency:
         pairs = [(name.lower().encode(), value.encode("latin-1")) for name, value in sent.items()]
         await send({"type": "http.response.start", "status": status, "headers": pairs})
         await send({"type": "http.response.body", "body": content})
+
+    async def _answer_run(self, scope: Scope, receive: Receive, send: Send, run_id: str) -> None:
+        request = Request(scope, receive)
+        run = await wait_for_run(request, self._application, run_id, wait_of(request))
+        reply = await answer_started(request, self._application, run)
+        reply.headers[REPLAYED] = "true"
+        await reply(scope, receive, send)
 
     async def _process_again(self, scope: Scope, receive: Receive, send: Send, earlier: StoredRequest) -> None:
         """Process a repeated cloud with the calibration and the pose of the first request."""
@@ -188,6 +203,16 @@ def key_of(given: list[bytes]) -> str:
         fix = f"send one, of 1 to {MAX_KEY_LENGTH} visible ASCII characters, such as a UUID"
         raise InvalidRequest([DocumentProblem("header.Idempotency-Key", "not one usable key", fix)])
     return key[1].strip('"')
+
+
+def wait_of(request: Request) -> float:
+    """The query's `wait` in s. Raises InvalidRequest."""
+    given = request.query_params.get("wait", "0")
+    try:
+        return float(TypeAdapter(Wait).validate_python(given))
+    except ValidationError:
+        problem = DocumentProblem("query.wait", f"{given[:20]!r} is no number of seconds", "give 0 to 3600")
+        raise InvalidRequest([problem]) from None
 
 
 def head_of(scope: Scope) -> str:

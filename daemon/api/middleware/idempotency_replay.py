@@ -6,7 +6,6 @@ from pydantic import BaseModel
 
 from daemon.api.schemas.calibrations import AppliedDocument
 from daemon.api.schemas.rigs import StoredRig
-from daemon.api.schemas.runs import RunDocument
 from daemon.api.schemas.scans import ScanDocument, ScanViewDocument
 from daemon.api.schemas.touches import StoredTouch
 from daemon.application import Application
@@ -15,7 +14,7 @@ Answer = tuple[int, dict[str, str], bytes]
 
 
 async def rebuild_answer(app: Application, effect: str) -> Answer:
-    """The answer from the stored effect, such as "run ID". Raises NotFound, StorageError."""
+    """The answer from the stored effect, such as "scan ID"; not of a run. Raises NotFound, StorageError."""
     kind, _, subject = effect.partition(" ")
     return await _REBUILDERS[kind](app, subject)
 
@@ -23,11 +22,6 @@ async def rebuild_answer(app: Application, effect: str) -> Answer:
 def _json(status: int, document: BaseModel, location: str) -> Answer:
     headers = {"content-type": "application/json", "location": location}
     return status, headers, document.model_dump_json().encode()
-
-
-async def _run(app: Application, run_id: str) -> Answer:
-    run = await app.supervisor.run(run_id)
-    return _json(200 if run.over else 202, RunDocument.of(run), f"/runs/{run_id}")
 
 
 async def _scan(app: Application, scan_id: str) -> Answer:
@@ -62,7 +56,6 @@ async def _rig(app: Application, rig_id: str) -> Answer:
 
 
 _REBUILDERS: dict[str, Callable[[Application, str], Awaitable[Answer]]] = {
-    "run": _run,
     "scan": _scan,
     "view": _view,
     "apply": _apply,

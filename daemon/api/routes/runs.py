@@ -1,10 +1,8 @@
 """GET /runs, one of them, its pictures; aborting it, jogging in it, taking a view, finishing it."""
 
-from contextlib import suppress
 from typing import Annotated
 
 from fastapi import APIRouter, Depends, Path, Request, Response
-from starlette.requests import ClientDisconnect
 
 from calibration.documents.calibration import CalibrationDocument
 from daemon.api.dependencies import (
@@ -22,11 +20,11 @@ from daemon.api.dependencies import (
     respond_page,
 )
 from daemon.api.middleware.abort_first import abort_of
-from daemon.api.middleware.disconnects import client_of
-from daemon.api.negotiation import choose_picture_type, or_text, respond
-from daemon.api.plain_text import run_text
+from daemon.api.middleware.disconnects import wait_for_run
+from daemon.api.negotiation import choose_picture_type, or_text
 from daemon.api.problems import problem_responses
 from daemon.api.routes.cell import PICTURES, stored_picture
+from daemon.api.run_answers import answer_run, answer_started
 from daemon.api.schemas.answer import page_json
 from daemon.api.schemas.run_views import RunViewsDocument
 from daemon.api.schemas.runs import RunDocument, RunList, listing_json
@@ -41,10 +39,6 @@ from daemon.store.damaged_rows import split_damaged
 from daemon.store.page_filters import PageFilters
 
 router = APIRouter(prefix="/runs", tags=["runs"])
-
-POLL_S = 1
-"""Retry-After of a run in progress: a station takes seconds."""
-
 
 STARTED = {200: or_text("The finished run, when `wait` was long enough"),
            202: {"description": "Started; follow Location", "model": RunDocument,
@@ -176,28 +170,6 @@ async def frame(
     return Response(content, media_type=media_type, headers=headers)
 
 
-async def wait_for_run(request: Request, app: Application, run_id: str, wait: float) -> RunRecord:
-    """The run when it is over, or as it stands after `wait` seconds, or when the client of a POST has disconnected."""
-    with suppress(ClientDisconnect):
-        async with client_of(request).until_disconnected():
-            return await app.supervisor.wait(run_id, wait)
-    return await app.supervisor.run(run_id)
-
-
-async def answer_run(
-    request: Request, app: Application, run: RunRecord, status: int = 200, headers: dict[str, str] | None = None
-) -> Response:
-    """A run as JSON or text, with its calibration."""
-    calibration: CalibrationDocument | None = None
-    if run.result is not None and run.kind == "calibration":
-        calibration = (await app.store.calibration(run.result["calibration_id"])).document
-    every = dict(headers or {})
-    if not run.over:
-        every["Retry-After"] = str(POLL_S)
-    return respond(request, RunDocument.of(run), lambda: run_text(run, calibration), status, every)
-
-
 async def answer_run_start(request: Request, app: Application, run: RunRecord, wait: float) -> Response:
     """Answer 202 with Location, or 200 with the run when it is over within `wait` seconds."""
-    run = await wait_for_run(request, app, run.id, wait)
-    return await answer_run(request, app, run, 200 if run.over else 202, {"Location": f"/runs/{run.id}"})
+    return await answer_started(request, app, await wait_for_run(request, app, run.id, wait))

@@ -23,9 +23,9 @@ from daemon.api.dependencies import (
     respond_page,
 )
 from daemon.api.http_errors import CloudTooLarge
+from daemon.api.middleware.disconnects import wait_for_run
 from daemon.api.problems import problem_responses
 from daemon.api.routes.register import Which
-from daemon.api.routes.runs import wait_for_run
 from daemon.api.schemas.answer import page_json
 from daemon.api.schemas.scans import (
     CloudDocument,

@@ -23,11 +23,16 @@ def replayed(answer: httpx.Response) -> bool:
     return answer.headers.get("idempotency-replayed") == "true"
 
 
-async def test_a_retry_is_answered_with_the_same_run(bench: Bench) -> None:
+async def test_a_retry_is_answered_with_the_same_run_as_it_is_now(bench: Bench) -> None:
     first = await bench.client.post("/calibrate", headers=KEY, json={"count": 3})
-    await bench.run_over(first.headers["location"])
-    again = await bench.client.post("/calibrate?wait=5", headers=KEY, json={"count": 3})
-    assert (again.status_code, again.content) == (first.status_code, first.content)
+    assert (first.status_code, first.json()["over"]) == (202, False)
+    again = await bench.client.post("/calibrate?wait=200", headers=KEY, json={"count": 3})
+    assert (again.status_code, again.json()["state"]) == (200, "finished")
+    assert again.json() == (await bench.client.get(first.headers["location"])).json()
+    text = await bench.client.post("/calibrate", headers={**KEY, "accept": "text/plain"}, json={"count": 3})
+    assert (text.status_code, first.json()["id"] in text.text, replayed(text)) == (200, True, True)
+    unusable = await bench.client.post("/calibrate?wait=soon", headers=KEY, json={"count": 3})
+    assert (unusable.status_code, unusable.json()["problems"][0]["place"]) == (422, "query.wait")
     assert again.headers["location"] == first.headers["location"]
     assert (replayed(first), replayed(again)) == (False, True)
     other = await bench.client.post("/calibrate?wait=200", headers=OTHER, json={"count": 3})
