@@ -55,7 +55,7 @@ def validate_document(model: type[Model], data: Any, origin: str) -> Model:
     try:
         return model.model_validate(data)
     except ValidationError as error:
-        details = error.errors(include_url=False, include_context=False)
+        details = error.errors(include_url=False)
         raise DocumentError(origin, with_heading(model, _problems(model, details))) from None
 
 
@@ -84,7 +84,7 @@ def validate_json(model: type[Model], data: Any, origin: str) -> Model:
     except RecursionError:
         raise DocumentError(origin, [DocumentProblem(TOP, "it nests too deep", "send less")]) from None
     except ValidationError as error:
-        details = error.errors(include_url=False, include_context=False)
+        details = error.errors(include_url=False)
         raise DocumentError(origin, _problems(model, details)) from None
 
 
@@ -111,15 +111,41 @@ def limit_problems(problems: Sequence[DocumentProblem], count: int) -> list[Docu
 
 def _problem(known: dict[str, set[str]], detail: Any) -> DocumentProblem:
     """`known`: the keys that may stand in each place, for an unknown one."""
-    location = detail["loc"]
-    match detail["type"]:
-        case "extra_forbidden":
-            return DocumentProblem(_place(location), "unknown key", _mend(known, location))
-        case "missing":
-            return DocumentProblem(_place(location), "missing", "add it")
-        case _:
-            what = f"{_shown(detail['input'])}: {detail['msg'][:1].lower()}{detail['msg'][1:]}"
-            return DocumentProblem(_place(location), what, "correct the value")
+    if detail["type"] == "extra_forbidden":
+        return DocumentProblem(_place(detail["loc"]), "unknown key", _mend(known, detail["loc"]))
+    return problem_of_detail(detail)
+
+
+def problem_of_detail(detail: Any) -> DocumentProblem:
+    """One of pydantic's details, with what to do about it."""
+    place = _place(detail["loc"])
+    if detail["type"] == "missing":
+        return DocumentProblem(place, "missing", "add it")
+    what = f"{_shown(detail['input'])}: {detail['msg'][:1].lower()}{detail['msg'][1:]}"
+    limits = {
+        name: int(x) if isinstance(x, float) and x.is_integer() else x for name, x in detail.get("ctx", {}).items()
+    }
+    return DocumentProblem(place, what, _FIXES.get(detail["type"], "change what the message names").format(**limits))
+
+
+_NUMBER, _WHOLE, _LIST, _OBJECT = "give a number", "give a whole number", "give a list", "give an object"
+
+_FIXES = {
+    "greater_than": "give more than {gt}", "greater_than_equal": "give {ge} or more",
+    "less_than": "give less than {lt}", "less_than_equal": "give {le} or less",
+    "literal_error": "give {expected}", "union_tag_invalid": "give one of {expected_tags}",
+    "int_type": _WHOLE, "int_parsing": _WHOLE, "int_from_float": _WHOLE,
+    "float_type": _NUMBER, "float_parsing": _NUMBER, "finite_number": _NUMBER,
+    "bool_type": "give true or false", "bool_parsing": "give true or false", "string_type": "give text",
+    "string_too_long": "give at most {max_length} characters",
+    "string_too_short": "give at least {min_length} characters",
+    "string_pattern_mismatch": "give what matches {pattern}",
+    "list_type": _LIST, "tuple_type": _LIST, "dict_type": _OBJECT, "model_type": _OBJECT,
+    "model_attributes_type": _OBJECT,
+    "too_long": "give at most {max_length}", "too_short": "give at least {min_length}",
+    "none_required": "leave it out",
+}  # fmt: skip
+"""What to do by pydantic's type of error; of any other the message says what is wrong."""
 
 
 def _place(location: tuple[int | str, ...]) -> str:

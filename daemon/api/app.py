@@ -31,7 +31,7 @@ from registration.errors import RegistrationError
 
 ABOUT = (
     "Eye-in-hand calibration of an ABB robot cell, and point clouds in the robot's base frame. Lengths mm, angles deg,"
-    " quaternions w first. Errors are application/problem+json with `code` and `fix`."
+    " quaternions w first. Errors are application/problem+json with `code` and `fix`, or text where Accept prefers it."
 )
 
 

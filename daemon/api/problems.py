@@ -1,23 +1,26 @@
 """Map errors to problem details (RFC 9457): the status from one table, code and fix from the error."""
 
+from dataclasses import replace
 from typing import Any, Literal
 
 from fastapi import Request, Response
 from fastapi.exceptions import RequestValidationError
 from starlette.exceptions import HTTPException
+from starlette.types import Receive, Scope, Send
 
+from calibration.documents.validation import problem_of_detail
 from calibration.errors import (
     CalibrationError,
     ComparisonError,
     DetectionError,
     DocumentError,
-    DocumentProblem,
     ExportRefused,
     UndeterminedError,
 )
 from daemon import errors
 from daemon.access import errors as access
 from daemon.api import http_errors
+from daemon.api.negotiation import TEXT, wants_text
 from daemon.http.problem_details import MEDIA_TYPE, PlaceProblem, Problem, reason_phrase
 from daemon.scans import errors as sweeps
 from daemon.tools.reports.errors import ReportExtraMissing, ReportTooSlow
@@ -102,16 +105,26 @@ STATUS: dict[type[Exception], int] = {
 """Status by error class; the nearest base class decides."""
 
 RETRY_AFTER_S = {429: "5", 503: "2", 504: "2"}
+"""Retry-After by status."""
+
+PASSING = frozenset(
+    {errors.RunInProgress.code, errors.CellBusy.code, errors.NotStill.code, http_errors.RequestInFlight.code}
+)
+"""Codes of a 409 that passes by itself, with BUSY_S as Retry-After: no other one is mended by waiting."""
+
+BUSY_S = "2"
 
 HTTP_CODES = {404: ("no-such-page", "GET / lists what there is"), 405: ("method-not-allowed", "use one of: {allow}")}
 
 
 def problem_responses(*statuses: int) -> dict[int | str, dict[str, Any]]:
     """The `responses` of a route for statuses with a Problem."""
+    retry_after = {"headers": {"Retry-After": {"schema": {"type": "integer"}, "description": "s, when it passes"}}}
     return {
         status: {
             "description": reason_phrase(status),
             "content": {MEDIA_TYPE: {"schema": {"$ref": "#/components/schemas/Problem"}}},
+            **(retry_after if status in (409, *RETRY_AFTER_S) else {}),
         }
         for status in statuses
     }
@@ -178,15 +191,36 @@ def _words(error: Exception) -> tuple[str, str, str]:
             )
 
 
+class ProblemResponse(Response):
+    """A problem as JSON, or as text where Accept prefers that."""
+
+    def __init__(self, problem: Problem, headers: dict[str, str]) -> None:
+        super().__init__(problem.model_dump_json(exclude_none=True), problem.status, headers, media_type=MEDIA_TYPE)
+        self._problem, self._given = problem, headers
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        if not wants_text(Request(scope)):
+            await super().__call__(scope, receive, send)
+            return
+        words = Response(problem_text(self._problem), self._problem.status, self._given, media_type=TEXT)
+        await words(scope, receive, send)
+
+
+def problem_text(problem: Problem) -> str:
+    """The problem in words: code and what, each place, and what to do; ends with a newline."""
+    places = [f"  {each.place}: {each.what}: {each.fix}" for each in problem.problems or ()]
+    return "\n".join([f"{problem.status} {problem.code}: {problem.detail}", *places, f"do:   {problem.fix}", ""])
+
+
 def answer(problem: Problem, headers: dict[str, str] | None = None) -> Response:
     """The HTTP response of a problem."""
-    every = dict(headers or {})
+    every = {**(headers or {}), "Vary": "Accept"}
     if problem.status == 401:
         every["WWW-Authenticate"] = 'Bearer realm="handeyed"'
-    if problem.status in RETRY_AFTER_S:
-        every["Retry-After"] = RETRY_AFTER_S[problem.status]
-    content = problem.model_dump_json(exclude_none=True)
-    return Response(content, problem.status, every, media_type=MEDIA_TYPE)
+    retry_after_s = BUSY_S if problem.code in PASSING else RETRY_AFTER_S.get(problem.status)
+    if retry_after_s is not None:
+        every["Retry-After"] = retry_after_s
+    return ProblemResponse(problem, every)
 
 
 async def handle(_request: Request, error: Exception) -> Response:
@@ -198,7 +232,7 @@ async def handle_validation(_request: Request, error: Exception) -> Response:
     """Exception handler for query and path parameters that FastAPI refuses."""
     assert isinstance(error, RequestValidationError)
     problems = [
-        DocumentProblem(".".join(str(part) for part in detail["loc"]), detail["msg"], "correct the value")
+        replace(problem_of_detail(detail), place=".".join(str(part) for part in detail["loc"]))
         for detail in error.errors()
     ]
     return answer(problem_of(http_errors.InvalidRequest(problems)))

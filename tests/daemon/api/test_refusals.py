@@ -1,0 +1,76 @@
+"""What a refusal says: words where they are asked for, when to come again, and what to do about each value."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.daemon.cell_under_test import Bench, Parts, serving, settings_for
+from tests.daemon.fakes import Gate
+
+TEXT = {"accept": "text/plain"}
+
+
+@pytest.mark.parametrize(
+    ("method", "path", "body", "begins"),
+    [
+        ("GET", "/runs/nowhere", None, "404 not-found: "),
+        ("GET", "/nowhere", None, "404 no-such-page: "),
+        ("POST", "/calibrate", {"count": 1}, "422 document-refused: "),
+        ("POST", "/verify", {}, "409 no-calibration: "),
+        ("GET", "/runs?limit=0", None, "422 request-refused: "),
+        ("POST", "/calibrate?count=3", "not JSON", "4"),
+    ],
+)
+async def test_errors_are_words_where_words_are_asked_for(
+    bench: Bench, method: str, path: str, body: Any, begins: str
+) -> None:
+    answer = await bench.client.request(method, path, json=body, headers=TEXT)
+    assert answer.headers["content-type"] == "text/plain; charset=utf-8"
+    assert answer.text.startswith(begins), answer.text
+    assert "\ndo:   " in answer.text
+    assert answer.text.endswith("\n")
+    json = await bench.client.request(method, path, json=body)
+    assert json.headers["content-type"] == "application/problem+json"
+    assert f"{json.json()['status']} {json.json()['code']}: " in answer.text
+
+
+async def test_what_passes_by_itself_says_when_to_come_again(tmp_path: Path) -> None:
+    parts = Parts()
+    parts.robot.before_move = gate = Gate(1)
+    async with serving(settings_for(tmp_path), parts) as bench:
+        run = (await bench.client.post("/calibrate")).json()
+        await gate.reached.wait()
+        busy = await bench.client.post("/calibrate")
+        assert (busy.status_code, busy.json()["code"]) == (409, "run-in-progress")
+        assert int(busy.headers["retry-after"]) > 0
+        await bench.client.post(run["links"]["abort"])
+        gate.open.set()
+        bench.robot.status["motors_on"] = False
+        off = await bench.client.post("/calibrate")
+        assert (off.status_code, int(off.headers["retry-after"]) > 0) == (503, True)
+        never = await bench.client.post("/verify")
+        assert (never.json()["code"], "retry-after" in never.headers) == ("no-calibration", False)
+
+
+@pytest.mark.parametrize(
+    ("path", "body", "place", "fix"),
+    [
+        ("/calibrate", {"count": 2}, "count", "give 3 or more"),
+        ("/calibrate", {"count": "many"}, "count", "give a whole number"),
+        ("/robot/jog", {"axis": 6, "by_deg": 31}, "by_deg", "give 30 or less"),
+        ("/scans", {"name": "x" * 201}, "name", "give at most 200 characters"),
+        ("/calibrate", {"manual": "yes"}, "manual", "give true or false"),
+        ("/calibrate", {"poses": 3}, "poses", "give a list"),
+        ("/calibrations/current/solve", {"method": "best"}, "method", "give 'auto', 'three-pose'"),
+        ("/touch", {}, "touches", "add it"),
+        ("/calibrate?wait=-1", {}, "query.wait", "give 0 or more"),
+        ("/calibrate?wait=soon", {}, "query.wait", "change what the message names"),
+    ],
+)
+async def test_a_value_that_is_refused_says_what_to_give(
+    bench: Bench, path: str, body: dict[str, Any], place: str, fix: str
+) -> None:
+    problem = (await bench.client.post(path, json=body)).json()
+    assert fix in problem["fix"], problem
+    assert any(each["place"] == place for each in problem.get("problems", [{"place": place}])), problem
