@@ -20,6 +20,7 @@ from daemon.api.middleware.authentication import Authentication
 from daemon.api.middleware.disconnects import Disconnects
 from daemon.api.middleware.idempotency import Idempotency
 from daemon.api.middleware.request_checks import RequestChecks
+from daemon.api.operation_names import operation_name
 from daemon.api.robot_documents import RobotDocuments
 from daemon.api.route_table import ROUTERS
 from daemon.application import Application
@@ -84,7 +85,7 @@ def _routes() -> list[BaseRoute]:
     table = APIRouter(
         dependencies=[Depends(check_query_names)],
         responses=problems.problem_responses(422, 500),
-        generate_unique_id_function=lambda route: f"{route.tags[0]}.{route.name}" if route.tags else route.name,
+        generate_unique_id_function=operation_name,
     )
     for router in ROUTERS:
         table.include_router(router)

@@ -12,6 +12,7 @@ import pytest
 from daemon.api.app import routes
 from daemon.api.middleware.request_checks import MAX_JSON_BYTES
 from daemon.api.negotiation import wants_text
+from daemon.api.operation_names import NAMES
 from daemon.http.problem_details import reason_phrase
 from daemon.model.records import CalibrationRecord
 from tests.daemon.api.event_stream import read_events
@@ -51,6 +52,12 @@ def test_every_operation_says_what_it_does_and_every_answer_has_a_meaning(
         assert answer["description"], (path, method, status)
         if status.isdigit() and int(status) >= 400 and path != "/ready":
             assert list(answer["content"]) == ["application/problem+json"]
+
+
+def test_every_operation_has_the_name_that_a_generated_client_calls() -> None:
+    named = {f"{method.upper()} {path}": spec["operationId"] for path, method, spec in operations()}
+    assert named == NAMES
+    assert len(set(named.values())) == len(named)
 
 
 def test_every_reference_in_openapi_leads_somewhere() -> None:

@@ -4,10 +4,10 @@ library(openapi, lib.loc = arguments[[2]])
 
 client <- ApiClient$new(base_path = arguments[[1]])
 calibrations <- CalibrationsApi$new(client)
-health <- HealthApi$new(client)$HealthHealth()
-listed <- calibrations$CalibrationsCalibrations()
+health <- HealthApi$new(client)$GetHealth()
+listed <- calibrations$ListCalibrations()
 ids <- sapply(listed$calibrations, function(each) each$id)
-one <- calibrations$CalibrationsCalibration(ids[[1]])
+one <- calibrations$GetCalibration(ids[[1]])
 answer <- list(
   status = jsonlite::unbox(health$status),
   listed = ids,

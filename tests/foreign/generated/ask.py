@@ -14,9 +14,9 @@ def operation(name: str) -> Any:
 
 
 with import_module("generated").Client(base_url=url, raise_on_unexpected_status=True) as client:
-    health = operation("health.health_health")(client=client)
-    listed = operation("calibrations.calibrations_calibrations")(client=client)
-    one = operation("calibrations.calibrations_calibration")(client=client, calibration_id=listed.calibrations[0].id)
+    health = operation("health.get_health")(client=client)
+    listed = operation("calibrations.list_calibrations")(client=client)
+    one = operation("calibrations.get_calibration")(client=client, calibration_id=listed.calibrations[0].id)
 answer = {
     "status": health.status,
     "listed": [each.id for each in listed.calibrations],
