@@ -9,6 +9,7 @@ import numpy as np
 from calibration.closed_forms.observability import require_observable
 from calibration.closed_forms.registry import CLOSED_FORMS
 from calibration.diagnosis.explain import diagnose_solution
+from calibration.diagnosis.plausibility import check_plausibility
 from calibration.diagnosis.warming import warming_findings
 from calibration.errors import GeometryError, UndeterminedError
 from calibration.kinematics.abb_arms import ARMS
@@ -68,6 +69,7 @@ def solve_hand_eye(problem: Problem, method: str = "auto") -> Solution:
     if problem.in_space and method != "auto":
         raise ValueError(f"{method!r} is for images: poses and points in space are solved by maximum likelihood")
     solution = _solve_in_space(problem) if problem.in_space else _solve_images(problem, method)
+    solution = check_plausibility(poses_at_zero(problem, solution), solution)
     taken = {view.index: view for view in problem.views}
     views = tuple(
         replace(view, joints_rad=taken[view.index].joints_rad,

@@ -86,6 +86,9 @@ class PlanDocument(Document):
                 if (getattr(self, name) is not None) != (setup == self.setup):
                     needed = "is missing" if setup == self.setup else f"belongs to {setup}"
                     raise ValueError(f"{name} {needed}: the set-up is {self.setup}")
+        scene = self.scene()
+        if np.allclose([scene.mount_T_camera, scene.anchor_T_target], np.eye(4), rtol=0, atol=1e-9):
+            raise ValueError("both guesses are the identity, which no cell is: measure them with a ruler")
         return self
 
     def scene(self) -> Scene:

@@ -3,7 +3,8 @@
 A place {name:form} is filled by the parameter of that name, in Python's format language; `views` lists indices of
 views. Findings first; then what to do; then why a view is not used; then parts of other sentences. Those of the
 detection stand in `detection_english`, those of the cell's state in `cell_english`, those of motions that do not
-determine X in `motion_english`, those of an arm's own errors in `arm_english`.
+determine X in `motion_english`, those of what is no measurement in `plausibility_english`, those of an arm's own
+errors in `arm_english`.
 """
 
 from collections.abc import Mapping
@@ -13,6 +14,7 @@ from calibration.sentences.arm_english import ARM
 from calibration.sentences.cell_english import CELL
 from calibration.sentences.detection_english import SEEN
 from calibration.sentences.motion_english import MOTION
+from calibration.sentences.plausibility_english import PLAUSIBILITY
 
 FINDINGS = {
     # calibration/verdict.py
@@ -394,5 +396,5 @@ PARTS = {
 }
 
 ENGLISH: Mapping[str, str] = MappingProxyType(
-    {**FINDINGS, **SESSION_CAUSES, **VIEW_CAUSES, **ADVICE, **VIEWS, **PARTS, **SEEN, **CELL, **MOTION, **ARM}
+    FINDINGS | SESSION_CAUSES | VIEW_CAUSES | ADVICE | VIEWS | PARTS | SEEN | CELL | MOTION | PLAUSIBILITY | ARM
 )

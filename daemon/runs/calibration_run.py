@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from calibration.diagnosis.mount_check import ExpectedMount, mount_findings
+from calibration.diagnosis.plausibility import leave_out_settled
 from calibration.documents.arm import ArmErrorsDocument
 from calibration.documents.calibration import CalibrationDocument, calibration_document
 from calibration.errors import DocumentError, DocumentProblem
@@ -11,6 +12,7 @@ from calibration.kinematics.arm import Arm
 from calibration.likelihood.mapped_points import NamedPoint, at_points
 from calibration.planning.what_if import PlanComparison
 from calibration.problem import Problem
+from calibration.solution import Finding
 from calibration.verdict import DEFAULT_VERDICT_LIMITS, VerdictLimits, judge
 from daemon.access.actor_names import AUTO_POLICY
 from daemon.config.settings import MAIN_CAMERA
@@ -84,10 +86,12 @@ class CalibrationRun:
         first = solve_hand_eye(problem, method)
         problem = poses_at_zero(problem, first)
         solution = at_points(problem, first, self.points)
-        verdict = judge(problem, solution, self.limits)
-        findings = verdict.findings
+        elsewhere: tuple[Finding, ...] = ()
         if self.expected is not None and solution.mount_T_camera is not None:
-            findings += mount_findings(solution.mount_T_camera, self.expected)
+            elsewhere = mount_findings(solution.mount_T_camera, self.expected)
+            solution = solution if elsewhere else leave_out_settled(solution)
+        verdict = judge(problem, solution, self.limits)
+        findings = verdict.findings + elsewhere
         if self.better is not None:
             findings += tuple(self.better.findings(problem, solution))
         arm = None

@@ -5,6 +5,8 @@ from pathlib import Path
 
 import numpy as np
 
+from calibration.diagnosis.evidence import Evidence
+from calibration.diagnosis.plausibility import circle_of
 from calibration.documents.imports.conventions import Convention, LengthUnit
 from calibration.documents.imports.pose_table import PoseTable
 from calibration.documents.imports.readings import Decision, Reading, compare, decide, readings_of
@@ -57,6 +59,7 @@ def understand(request: ImportRequest, progress: Progress = lambda done, of: Non
     if decision.reading is None:
         raise _undecided(imported.poses, readings, decision, missing)
     poses = imported.poses.poses(decision.reading.convention, decision.reading.unit, decision.reading.frame)
+    _require_two_sides(imported, evidence, poses)
     unused = imported.camera is not None and camera is None and bool(images) and request.camera is None
     lens = ("the set's intrinsics state no distortion and are not used; --camera uses them",) if unused else ()
     links = (f"{len(files.links)} links are not followed",) if files.links else ()
@@ -78,6 +81,15 @@ def _require_motion(table: PoseTable) -> None:
     if len(numbers) > 1 and np.all(numbers == numbers[0]):
         what = f"all {len(numbers)} poses are the same"
         raise refusal(table.origin, "poses", what, "give the pose of the flange at each picture")
+
+
+def _require_two_sides(imported: ImportedSet, evidence: Evidence | None, base_T_flange: Array) -> None:
+    """Raises DocumentError when the robot's poses are the camera's own."""
+    if evidence is None:
+        return
+    finding = circle_of(evidence.with_robot_poses(base_T_flange[evidence.indices]))
+    if finding is not None:
+        raise refusal(imported.poses.origin, "poses", finding.message, finding.fix)
 
 
 def _load(session: SessionFolder, progress: Progress) -> Problem:

@@ -193,6 +193,16 @@ def test_samples_of_easy_handeye_need_no_option(tmp_path: Path) -> None:
     assert set(document["views"][0]) == {"base_T_flange", "camera_T_target"}
 
 
+def test_one_file_for_both_sides_is_no_measurement(tmp_path: Path) -> None:
+    (tmp_path / "in").mkdir()
+    np.save(tmp_path / "in" / "poses.npy", POSES)
+    both = ("--poses", "poses.npy", "--camera-poses", "poses.npy")
+    for setup in ("eye-in-hand", "eye-to-hand"):
+        ran = handeyed("import", tmp_path / "in", *both, "--setup", setup, "--out", tmp_path / "s")
+        assert ran.status == 2
+        assert "the robot's poses are the camera's own poses of the target" in ran.err
+
+
 def test_clouds_without_a_target_become_a_scan(tmp_path: Path) -> None:
     folder = tmp_path / "scan"
     folder.mkdir()

@@ -4,6 +4,7 @@ import json
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from calibration.documents.plan import AssessedDocument, PlannedDocument
@@ -98,3 +99,14 @@ def test_assess_needs_poses(tmp_path: Path) -> None:
     ran = handeyed("assess", question(tmp_path))
 
     assert (ran.status, ran.errors) == (2, [f"{tmp_path / 'plan.json'}: views: missing: add the poses to assess"])
+
+
+def test_guesses_that_say_nothing_are_refused(tmp_path: Path) -> None:
+    still = PoseDocument.of(np.eye(4)).model_dump(mode="json")
+    ordinary = [pose_json(tilt) for tilt in TILTS_RAD]
+    ran = handeyed(
+        "assess", question(tmp_path, views=ordinary, flange_T_camera_guess=still, base_T_target_guess=still)
+    )
+
+    assert ran.status == 2
+    assert "both guesses are the identity" in ran.err
