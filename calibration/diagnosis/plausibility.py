@@ -56,8 +56,8 @@ MIN_SURE_VIEWS = 6
 MAX_STAND_MM = 7200.0
 """Distance of a standing camera from the base: the reach of the longest arm (4.2 m), and 3 m."""
 
-FLANGE_RADIUS_MM, MIN_BEHIND_MM = 25.0, 30.0
-"""Of the smallest flange's face; a camera less far behind it may look past its edge."""
+FLANGE_RADIUS_MM, MIN_STEEPNESS = 25.0, float(np.cos(np.radians(45.0)))
+"""Of the smallest flange's face; a camera that looks at it more aslant may look past its edge."""
 
 MOVED_MM, MOVED_RAD = 1.0, float(np.radians(0.1))
 """Least motion of the target in the camera between two views for one that was not the robot's scatter."""
@@ -241,12 +241,13 @@ def _sight(session: _Session) -> Iterator[Finding]:
         return
     flange_T_camera = session.chain[0]
     behind_mm = -float(flange_T_camera[2, 3])
-    if behind_mm < MIN_BEHIND_MM:
+    if behind_mm <= 0:
         return
-    targets = map_points(flange_T_camera @ session.evidence.camera_T_target, session.centre_mm)[:, 0]
-    way = targets[:, 2] + behind_mm
-    crossing = flange_T_camera[:3, 3] + (targets - flange_T_camera[:3, 3]) * (behind_mm / way)[:, None]
-    if np.all((targets[:, 2] > 0) & (np.linalg.norm(crossing[:, :2], axis=1) < FLANGE_RADIUS_MM)):
+    sights = map_points(flange_T_camera @ session.evidence.camera_T_target, session.centre_mm)[:, 0]
+    sights -= flange_T_camera[:3, 3]
+    crossings = flange_T_camera[:3, 3] + sights * (behind_mm / sights[:, 2:])
+    steep = sights[:, 2] > np.maximum(MIN_STEEPNESS * np.linalg.norm(sights, axis=1), behind_mm)
+    if np.all(steep & (np.linalg.norm(crossings[:, :2], axis=1) < FLANGE_RADIUS_MM)):
         message = Sentence("flange-in-sight", behind_mm=behind_mm)
         yield Finding("flange-in-sight", "error", message, Sentence("check-setup-and-units"))
 

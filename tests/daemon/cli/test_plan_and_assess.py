@@ -104,9 +104,7 @@ def test_assess_needs_poses(tmp_path: Path) -> None:
 def test_guesses_that_say_nothing_are_refused(tmp_path: Path) -> None:
     still = PoseDocument.of(np.eye(4)).model_dump(mode="json")
     ordinary = [pose_json(tilt) for tilt in TILTS_RAD]
-    ran = handeyed(
-        "assess", question(tmp_path, views=ordinary, flange_T_camera_guess=still, base_T_target_guess=still)
-    )
+    ran = handeyed("assess", question(tmp_path, views=ordinary, flange_T_camera_guess=still, base_T_target_guess=still))
 
     assert ran.status == 2
     assert "both guesses are the identity" in ran.err
