@@ -13,6 +13,7 @@ import numpy as np
 from calibration.closed_forms.inverted_poses import ALWAYS_AGREEING
 from calibration.closed_forms.observability import SAME_POSE_MM, SAME_POSE_RAD, distinct_stations
 from calibration.closed_forms.park import park
+from calibration.closed_forms.shah import shah
 from calibration.diagnosis.convention_hypotheses import MIN_SETUP_RATIO
 from calibration.diagnosis.evidence import Evidence, evidence_of
 from calibration.errors import UndeterminedError
@@ -145,7 +146,7 @@ def _session(problem: Problem, solution: Solution) -> _Session | None:
         evidence = Evidence(problem.setup, indices, measured.base_T_flange, measured.camera_T_target,
                             np.zeros((n, 6, 6)), np.ones(n))  # fmt: skip
         return _Session(problem, solution, evidence, None)
-    camera = solution.camera or problem.camera
+    camera = problem.camera or solution.camera
     seen, _ = observe(problem)
     if camera is None or not len(seen):
         return None
@@ -169,9 +170,13 @@ def _circle(session: _Session) -> Iterator[Finding]:
     if chain is None or len(evidence) < ALWAYS_AGREEING:
         return
     fix = Sentence("give-robots-poses")
-    predicted = predicted_camera_T_target(evidence.anchor_T_mount(), *chain)
-    errors = vector_from_transform(evidence.camera_T_target @ inverse(predicted))
-    shift_mm = float(np.sqrt(np.mean(np.sum((evidence.camera_T_target - predicted)[:, :3, 3] ** 2, axis=1))))
+    moved, seen = evidence.anchor_T_mount(), evidence.camera_T_target
+    if session.noisy_px is not None:  # a circle is exact with the intrinsics as given, and with its own X
+        X = shah(moved, seen)
+        chain = X, (moved @ X @ seen)[0]
+    predicted = predicted_camera_T_target(moved, *chain)
+    errors = vector_from_transform(seen @ inverse(predicted))
+    shift_mm = float(np.sqrt(np.mean(np.sum((seen - predicted)[:, :3, 3] ** 2, axis=1))))
     turn_rad = float(np.sqrt(np.mean(np.sum(errors[:, :3] ** 2, axis=1))))
     if session.noisy_px is None:
         if shift_mm <= MAX_EXACT_MM and turn_rad <= MAX_EXACT_RAD:
