@@ -11,16 +11,15 @@ from tokenize import TokenError
 
 import numpy as np
 
-from calibration.documents.imports.conventions import CONVENTIONS
+from calibration.documents.imports.leaves import table_of_array, table_of_data
 from calibration.documents.imports.pose_table import PoseTable
-from calibration.documents.imports.records import table_of_array
-from calibration.documents.imports.refusal import MAX_POSES, refusal
+from calibration.documents.imports.refusal import refusal
+from calibration.errors import DocumentError
 from calibration.transforms import Array
 
 MAX_ARRAY_BYTES = 64_000_000
 """Bytes of an array with poses."""
 
-POSE_SHAPES = ((4, 4), (3, 4), (16,), (12,), (7,), (6,))
 DAMAGED = (
     ValueError, EOFError, OSError, OverflowError, SyntaxError, LookupError, TypeError, AttributeError, MemoryError,
     RecursionError, TokenError,
@@ -34,10 +33,10 @@ FIX = "save an array n x 4 x 4, n x 7 or n x 6 of floats"
 
 def read_npy(content: bytes, origin: str) -> PoseTable:
     """The poses of a .npy file. Raises DocumentError."""
-    return table_of_array(_load(content, origin), origin)
+    return table_of_array(load_npy(content, origin), origin)
 
 
-def _load(content: bytes, origin: str) -> Array:
+def load_npy(content: bytes, origin: str) -> Array:
     """A numeric array of at most MAX_ARRAY_BYTES. Raises DocumentError."""
     try:
         stream = io.BytesIO(content)
@@ -58,19 +57,12 @@ def _load(content: bytes, origin: str) -> Array:
 def read_npz(content: bytes, origin: str) -> PoseTable:
     """The poses of a .npz file. Raises DocumentError."""
     arrays = unpack_npz(content, origin)
-    poses = {name: array for name, array in arrays.items() if array.shape[1:] in POSE_SHAPES and array.ndim > 1}
-    turns = [array for array in arrays.values() if array.ndim == 3 and array.shape[1:] == (3, 3)]
-    lengths = [a.reshape(len(a), 3) for a in arrays.values() if a.ndim > 1 and a.size == 3 * len(a) and len(a) > 0]
-    if len(poses) == 1:
-        return table_of_array(next(iter(poses.values())), origin)
-    if not poses and len(turns) == len(lengths) == 1 and len(turns[0]) == len(lengths[0]) <= MAX_POSES:
-        labels = tuple(str(at + 1) for at in range(len(turns[0])))
-        return PoseTable(
-            origin, labels, lengths[0], turns[0].reshape(-1, 9), "matrix", "arrays of rotations and translations",
-            CONVENTIONS["matrix"],
-        ).checked()  # fmt: skip
-    have = ", ".join(f"{name} {array.shape}" for name, array in list(arrays.items())[:8])
-    raise refusal(origin, "arrays", f"not one array of poses among {have or 'none'}", FIX)
+    try:
+        return table_of_data(dict(arrays), origin)
+    except DocumentError as error:
+        have = ", ".join(f"{name} {array.shape}" for name, array in list(arrays.items())[:8])
+        what = f"not one array of poses among {have or 'none'} ({error.problems[0].what})"
+        raise refusal(origin, "arrays", what, FIX) from None
 
 
 def unpack_npz(content: bytes, origin: str) -> dict[str, Array]:
@@ -83,4 +75,4 @@ def unpack_npz(content: bytes, origin: str) -> dict[str, Array]:
             packed = {member.filename.removesuffix(".npy"): archive.read(member) for member in members}
     except DAMAGED_ARCHIVE as error:
         raise refusal(origin, "file", f"no .npz file ({str(error)[:80]})", FIX) from None
-    return {name: _load(array, f"{origin}: {name}") for name, array in packed.items()}
+    return {name: load_npy(array, f"{origin}: {name}") for name, array in packed.items()}

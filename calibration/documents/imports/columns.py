@@ -18,16 +18,18 @@ Family = Literal["length", "turn", "pose"]
 LENGTH_WORDS = frozenset((
     "t", "p", "pos", "position", "trans", "translation", "translational", "tvec", "xyz", "location", "origin",
     "coord",
+    "tvecs", "translations", "positions",
     "posicion", "posizione", "posicao", "lage", "ort", "坐标", "座標", "位置",
 ))  # fmt: skip
 TURN_WORDS = frozenset((
     "q", "quat", "quaternion", "orientation", "rotation", "rot", "ori", "r", "e", "euler", "eul", "angle",
     "ang", "theta", "rvec", "rotvec", "axisangle", "rodrigues", "rpy", "wxyz", "xyzw",
+    "rvecs", "rotations", "orientations", "quaternions", "quats", "rmat",
     "drehung", "winkel", "orientierung", "giro", "angulo", "orientacion", "rotazione", "angolo", "vridning", "vinkel",
     "旋转", "旋轉", "角度", "姿态", "回転", "姿勢",
 ))  # fmt: skip
-QUATERNION_WORDS = frozenset(("q", "quat", "quaternion"))
-VECTOR_WORDS = frozenset(("rvec", "rotvec", "axisangle", "rodrigues"))
+QUATERNION_WORDS = frozenset(("q", "quat", "quaternion", "quats", "quaternions"))
+VECTOR_WORDS = frozenset(("rvec", "rvecs", "rotvec", "axisangle", "rodrigues"))
 POSE_WORDS = frozenset((
     "pose", "poses", "matrix", "transform", "transformation", "tf", "homogeneous", "mat", "values", "data",
     "h",
@@ -77,6 +79,9 @@ AXES = {"roll": "x", "pitch": "y", "yaw": "z"}
 SEQUENCES = (("a", "b", "c"), ("w", "p", "r"), ("o", "a", "t"), ("alpha", "beta", "gamma"), ("phi", "theta", "psi"))
 """Names of three angles in the order of their rotations."""
 
+JOINT_WORDS = frozenset(("joint", "joints", "axis", "j", "q", "theta", "angle", "angles", "jnt"))
+"""Before the numbers of six joints."""
+
 JOINTS = (5, 6, 7, 8)
 """So many numbers in sequence, such as q1 to q6, are joints: an orientation has three, four or nine."""
 
@@ -90,12 +95,14 @@ class Columns:
     """Where what stands among the named numbers: indices, and what the names say of unit and convention.
 
     lengths : three; turn: the numbers of the orientation, in their order; by_axis: named after the axes x, y, z.
+    joints : six, where there is no pose.
     pose : a whole pose as a list of numbers, instead of the two.
     """
 
     lengths: list[int] = field(default_factory=list)
     turn: list[int] = field(default_factory=list)
     pose: list[int] = field(default_factory=list)
+    joints: list[int] = field(default_factory=list)
     by_axis: bool = False
     convention: Convention | None = None
     unit: LengthUnit | None = None
@@ -199,6 +206,8 @@ def recognise_columns(names: Sequence[str], origin: str) -> Columns:
         columns.lengths = _lengths(named)
         _set_turn(columns, named)
     if not columns.pose and not (len(columns.lengths) == 3 and columns.turn):
+        columns.joints = joints_of(names)
+    if not columns.joints and not columns.pose and not (len(columns.lengths) == 3 and columns.turn):
         what = f"no pose among the names {', '.join(names[:12])}" + (" ..." if len(names) > 12 else "")
         fix = "name the numbers x, y, z and qw, qx, qy, qz, or rx, ry, rz, or A, B, C, or W, P, R"
         raise refusal(origin, "header", what, fix)
@@ -206,10 +215,34 @@ def recognise_columns(names: Sequence[str], origin: str) -> Columns:
         columns.unit, columns.scale = UNITS[length], MM_OF.get(length, 1.0)
     if (turn := _unit_of(named, columns.turn, origin)) is not None:
         columns.degrees = ANGLES[turn]
-    used = {*columns.lengths, *columns.turn, *columns.pose, columns.image, columns.time, columns.label}
+    if columns.joints:
+        columns.lengths, columns.turn = [], []
+        said = {ANGLES[word] for index in columns.joints for word in words_of(names[index]) if word in ANGLES}
+        columns.degrees = said.pop() if len(said) == 1 else None
+    used = {*columns.lengths, *columns.turn, *columns.pose, *columns.joints, columns.image, columns.time, columns.label}
     columns.time = None if columns.time in columns.turn else columns.time
     columns.ignored = [index for index in range(len(names)) if index not in used]
     return columns
+
+
+def text_columns(names: Sequence[str]) -> Columns:
+    """Where a picture's name, a time and a label stand, which belong to the poses of both sides."""
+    columns = _Named(names).columns
+    used = (columns.image, columns.time, columns.label)
+    columns.ignored = [index for index in range(len(names)) if index not in used]
+    return columns
+
+
+def joints_of(names: Sequence[str]) -> list[int]:
+    """Indices of six joints, numbered in sequence: joint1 to joint6, j1_deg, actual_q_0; [] where there are none."""
+    found: dict[str, int] = {}
+    for index, name in enumerate(names):
+        words = [word for word in words_of(name) if word not in ANGLES]
+        numbered = re.fullmatch(r"(\D*?)_*(\d+)", "_".join(words))
+        if numbered and set(re.split(r"_+", numbered[1])) & JOINT_WORDS:
+            found.setdefault(numbered[2], index)
+    listed = _in_order(found)
+    return listed if len(listed) == 6 else []
 
 
 def _unit_of(named: _Named, indices: Sequence[int], origin: str) -> str | None:

@@ -23,7 +23,7 @@ from calibration.transforms import (
     rotation_from_vector,
 )
 
-Kind = Literal["quaternion", "angles", "matrix"]
+Kind = Literal["quaternion", "angles", "matrix", "joints"]
 LengthUnit = Literal["m", "mm"]
 
 MAX_MATRIX_ERROR = 5e-3
@@ -32,7 +32,7 @@ MAX_MATRIX_ERROR = 5e-3
 
 @dataclass(frozen=True)
 class Convention:
-    """How the numbers of an orientation are meant; `kind` says how many there are: 4, 3, or 9 row by row."""
+    """How the numbers of an orientation are meant; `kind` says how many there are: 4, 3, 9 row by row, or six joints."""
 
     name: str
     kind: Kind
@@ -48,6 +48,8 @@ class Convention:
             case "matrix":
                 return "a matrix" if self.order == "rows" else "a matrix, column by column"
         unit = "degrees" if self.degrees else "radians"
+        if self.kind == "joints":
+            return f"joints in {unit}"
         if self.order == "vector":
             return f"a rotation vector in {unit}"
         if self.order.isupper():
@@ -65,6 +67,8 @@ CONVENTIONS: dict[str, Convention] = {
     **_named("quaternion-xyzw", "quaternion", "xyzw"),
     **_named("matrix", "matrix", "rows"),
     **_named("matrix-columns", "matrix", "columns"),
+    **_named("joints", "joints", "joints", degrees=True),
+    **_named("joints-rad", "joints", "joints"),
     **_named("rotation-vector", "angles", "vector"),
     **_named("rotation-vector-deg", "angles", "vector", degrees=True),
     **{
@@ -77,7 +81,7 @@ CONVENTIONS: dict[str, Convention] = {
 }
 """Every convention by its name: Euler angles are degrees, with `-rad` radians."""
 
-NUMBERS: dict[Kind, int] = {"quaternion": 4, "angles": 3, "matrix": 9}
+NUMBERS: dict[Kind, int] = {"quaternion": 4, "angles": 3, "matrix": 9, "joints": 6}
 
 
 @dataclass(frozen=True)
@@ -167,7 +171,7 @@ def allowed_conventions(kind: Kind, numbers: Array, *, by_axis: bool = False) ->
     ones, which are the intrinsic ones reversed.
     """
     found: Sequence[Convention] = [convention for convention in CONVENTIONS.values() if convention.kind == kind]
-    if kind == "angles":
+    if kind in ("angles", "joints"):
         if np.max(np.abs(numbers), initial=0.0) > MAX_ANGLE_RAD:
             found = [convention for convention in found if convention.degrees]
         if by_axis:

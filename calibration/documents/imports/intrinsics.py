@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from calibration.camera import COEFFICIENT_COUNTS, LensModel
-from calibration.documents.imports.records import array_of, number_of
+from calibration.documents.imports.leaves import array_of, number_of
 from calibration.documents.imports.refusal import decode, refusal
 from calibration.documents.imports.trees import read_json, read_xml, read_yaml
 from calibration.documents.session import CameraDocument

@@ -4,13 +4,16 @@ Without names the number of columns says what stands there: 6, 7, 8 (with a time
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
-from calibration.documents.imports.columns import Columns, recognise_columns
+from calibration.documents.imports.columns import Columns, recognise_columns, text_columns
 from calibration.documents.imports.conventions import CONVENTIONS, Convention
+from calibration.documents.imports.pairs import columns_as_pairs
 from calibration.documents.imports.pose_table import MIN_STATED_MM, MM, PoseTable, table_of_matrices
 from calibration.documents.imports.refusal import MAX_POSES, refusal
+from calibration.documents.imports.sides import build_by_sides
 from calibration.documents.imports.timestamps import seconds_of
 from calibration.transforms import QUATERNION_NORM_TOLERANCE, Array
 
@@ -26,22 +29,30 @@ TURN_FIRST = "the orientation stands before the place: the last three numbers of
 
 
 def table_of_columns(origin: str, names: Sequence[str], rows: Sequence[Sequence[Cell]]) -> PoseTable:
-    """The table of rows with named columns. Raises DocumentError."""
-    columns = recognise_columns(names, origin)
+    """The table of rows with named columns, with the camera's poses where they name both. Raises DocumentError."""
     _require_rows(origin, rows)
-    numbers = [*columns.lengths, *columns.turn, *columns.pose]
+
+    def build(indices: Sequence[int]) -> PoseTable:
+        return table_of_one_side(origin, [names[at] for at in indices], [[row[at] for at in indices] for row in rows])
+
+    found = text_columns(names)
+    shared = [index for index in (found.image, found.time, found.label) if index is not None]
+    return build_by_sides(names, shared, build)
+
+
+def table_of_one_side(origin: str, names: Sequence[str], rows: Sequence[Sequence[Cell]]) -> PoseTable:
+    """The table of rows with named columns, whosever they are. Raises DocumentError."""
+    columns = recognise_columns(names, origin)
+    numbers = [*columns.lengths, *columns.turn, *columns.pose, *columns.joints]
     values = _numbers(origin, names, rows, numbers)
     values[:, : len(columns.lengths)] *= columns.scale
     _require_reach(origin, values[:, : len(columns.lengths)], columns)
-    labels = _labels(columns, rows)
-    ignored = [names[index] for index in columns.ignored]
-    notes = (f"not used: {', '.join(ignored)}",) if ignored else ()
-    images = None
-    if columns.image is not None and all(isinstance(row[columns.image], str) for row in rows):
-        images = tuple(str(row[columns.image]).strip() for row in rows)
-    times = None if columns.time is None else _times([row[columns.time] for row in rows])
+    labels = tuple(str(at + 1) for at in range(len(rows)))
     layout = "columns " + ", ".join(names[index] for index in numbers[:8]) + (" ..." if len(numbers) > 8 else "")
-    if columns.pose:
+    if columns.joints:
+        table = table_of_joints(origin, labels, values, layout)
+        table = replace(table, convention=None if columns.degrees is None else JOINTS[columns.degrees])
+    elif columns.pose:
         table = table_of_rows(origin, values, labels, layout)
     else:
         kind = {3: "angles", 4: "quaternion", 9: "matrix"}[len(columns.turn)]
@@ -49,13 +60,36 @@ def table_of_columns(origin: str, names: Sequence[str], rows: Sequence[Sequence[
             origin, labels, values[:, :3], values[:, 3:], kind, layout,  # type: ignore[arg-type]
             _with_degrees(columns, values[:, 3:]), columns.by_axis,
         )  # fmt: skip
-    table = PoseTable(
-        origin, table.labels, table.lengths, table.numbers, table.kind, layout, table.convention, table.by_axis,
-        columns.unit, table.frame, images, times if times is not None else table.times_s, notes,
-    ).checked()  # fmt: skip
+    table = replace(table, layout=layout, unit=table.unit or columns.unit).checked()
     if columns.unit is not None:
         table.require_reach(columns.unit, "header")
-    return table
+    return with_names(table, columns, names, rows)
+
+
+def with_names(table: PoseTable, columns: Columns, names: Sequence[str], rows: Sequence[Sequence[Cell]]) -> PoseTable:
+    """The table with the labels, pictures and times of the rows, and a note of the columns that are not used."""
+    ignored = [names[index] for index in columns.ignored]
+    images, times = table.images, table.times_s
+    if columns.image is not None and all(isinstance(row[columns.image], str) for row in rows):
+        images = tuple(str(row[columns.image]).strip() for row in rows)
+    if columns.time is not None:
+        found = _times([row[columns.time] for row in rows])
+        times = times if found is None else found
+    notes = (f"not used: {', '.join(ignored)}",) if ignored else ()
+    labels = _labels(columns, rows) or table.labels
+    return replace(table, labels=labels, images=images, times_s=times, notes=(*table.notes, *notes))
+
+
+JOINTS = {True: CONVENTIONS["joints"], False: CONVENTIONS["joints-rad"]}
+"""Joints in degrees, and in rad."""
+
+
+def table_of_joints(origin: str, labels: Sequence[str], joints: Array, layout: str) -> PoseTable:
+    """The table of joints (n, 6), from which poses follow when the arm is known."""
+    return PoseTable(
+        origin, tuple(labels), np.zeros((len(joints), 3)), joints, "joints", f"joints: {layout}", unit="mm",
+        frame="base_T_flange",
+    ).checked()  # fmt: skip
 
 
 def _require_reach(origin: str, lengths: Array, columns: Columns) -> None:
@@ -104,13 +138,14 @@ def _numbers(origin: str, names: Sequence[str], rows: Sequence[Sequence[Cell]], 
     return values
 
 
-def _labels(columns: Columns, rows: Sequence[Sequence[Cell]]) -> tuple[str, ...]:
+def _labels(columns: Columns, rows: Sequence[Sequence[Cell]]) -> tuple[str, ...] | None:
+    """What the rows call themselves; None where nothing differs from row to row."""
     for index in (columns.label, columns.image):
         if index is not None:
             named = tuple(_text(row[index]) for row in rows)
             if len(set(named)) == len(named):
                 return named
-    return tuple(str(at + 1) for at in range(len(rows)))
+    return None
 
 
 def _text(cell: Cell) -> str:
@@ -160,11 +195,13 @@ def _turn_stands_first(rows: Array) -> bool:
 def _twelve(origin: str, labels: Sequence[str], rows: Array, layout: str) -> PoseTable:
     """3 x 4 row by row; or nine numbers of the rotation before or after the translation: what is a rotation decides."""
     matrices = rows.reshape(-1, 3, 4)
-    if _are_rotations(matrices[:, :, :3]):
+    if are_rotations(matrices[:, :, :3]):
         return table_of_matrices(origin, labels, matrices, layout)
     for turn, length in ((rows[:, :9], rows[:, 9:]), (rows[:, 3:], rows[:, :3])):
-        if _are_rotations(turn.reshape(-1, 3, 3)):
+        if are_rotations(turn.reshape(-1, 3, 3)):
             return PoseTable(origin, tuple(labels), length, turn, "matrix", layout).checked()
+    if (pairs := columns_as_pairs(origin, rows)) is not None:
+        return pairs
     raise refusal(origin, "pose 1", "twelve numbers without a rotation matrix among them", f"give {WIDTHS}")
 
 
@@ -178,7 +215,8 @@ def _unit_norms(numbers: Array) -> bool:
     return bool(np.all(np.abs(norms - 1) <= 2 * QUATERNION_NORM_TOLERANCE))
 
 
-def _are_rotations(matrices: Array) -> bool:
+def are_rotations(matrices: Array) -> bool:
+    """Whether all of (n, 3, 3) are rotations, about."""
     with np.errstate(over="ignore", invalid="ignore"):
         squares = matrices @ np.swapaxes(matrices, 1, 2)
     return bool(np.all(np.abs(squares - np.eye(3)) < 0.02))

@@ -7,9 +7,9 @@ from pathlib import PurePath
 from calibration.documents.imports.arrays import read_npy, read_npz
 from calibration.documents.imports.halcon_pose import read_halcon_pose
 from calibration.documents.imports.keyed_text import read_keyed_text
+from calibration.documents.imports.leaves import table_of_data
 from calibration.documents.imports.pose_table import PoseTable
 from calibration.documents.imports.rapid_poses import read_rapid
-from calibration.documents.imports.records import table_of_data
 from calibration.documents.imports.refusal import decode, refusal
 from calibration.documents.imports.text_tables import read_text_table
 from calibration.documents.imports.trees import read_json, read_json_lines, read_yaml
@@ -68,6 +68,7 @@ FAMILIES: dict[str, Reader] = {
     ".ndjson": _json_lines,
     ".yaml": _yaml,
     ".yml": _yaml,
+    ".samples": _yaml,
     ".npy": read_npy,
     ".npz": read_npz,
     ".mod": read_any_text,

@@ -17,9 +17,12 @@ from calibration.documents.imports.conventions import (
 )
 from calibration.documents.imports.refusal import MAX_POSES, refusal
 from calibration.errors import GeometryError
+from calibration.kinematics.arm import Arm
+from calibration.problem import Setup
 from calibration.transforms import QUATERNION_NORM_TOLERANCE, Array, inverse, transform
 
 Frame = Literal["base_T_flange", "flange_T_base"]
+Side = Literal["robot", "camera"]
 
 MM: dict[LengthUnit, float] = {"m": 1000.0, "mm": 1.0}
 
@@ -53,6 +56,11 @@ class PoseTable:
     convention : of the numbers, None where the source does not say it; by_axis: see `conventions`.
     images : (n,) names of the pictures, where the source names them; times_s: (n,) likewise.
     layout : what was understood, in words.
+    side, named_frame : whose poses the names say they are, and in which direction; the evidence may contradict it.
+    camera : the camera's poses of the same rows, where the source has both sides.
+    setup : where the camera is, as the source states it.
+    external_axes : (n, k) of the controller's axes beside the arm, mm or degrees, NaN where there is none.
+    arm : of joints, which stand in `numbers`; `lengths` are empty then.
     """
 
     origin: str
@@ -68,6 +76,12 @@ class PoseTable:
     images: tuple[str, ...] | None = None
     times_s: Array | None = None
     notes: tuple[str, ...] = ()
+    side: Side | None = None
+    named_frame: Frame | None = None
+    camera: "PoseTable | None" = None
+    setup: Setup | None = None
+    external_axes: Array | None = None
+    arm: Arm | None = None
 
     def __len__(self) -> int:
         return len(self.labels)
@@ -97,7 +111,7 @@ class PoseTable:
     def _require_one_unit(self) -> None:
         """Raises DocumentError when some poses are in metres and others in mm."""
         reach = np.linalg.norm(self.lengths, axis=1)
-        near = reach < reach.max() / MIXED_RATIO
+        near = reach < reach.max(initial=0.0) / MIXED_RATIO
         if near.any() and np.median(reach[near]) > 0.0 and 1 / 5 < 1000 * np.median(reach[near]) / reach.max() < 5:
             row = int(near.argmax())
             what = f"{reach[row]:.4g} from the base, where others are up to {reach.max():.4g}: another unit"
@@ -150,8 +164,12 @@ class PoseTable:
 
     def poses(self, convention: Convention, unit: LengthUnit, frame: Frame) -> Array:
         """base_T_flange (n, 4, 4) in mm. Raises GeometryError that names the pose."""
-        rotations = rotations_of(convention, self.numbers, by_axis=self.by_axis)
-        poses = transform(rotations, self.lengths * MM[unit])
+        if self.kind == "joints":
+            if self.arm is None:
+                raise GeometryError("joints are poses of a known arm only")
+            poses = self.arm.forward(np.radians(self.numbers) if convention.degrees else self.numbers)
+        else:
+            poses = transform(rotations_of(convention, self.numbers, by_axis=self.by_axis), self.lengths * MM[unit])
         return poses if frame == "base_T_flange" else inverse(poses)
 
     def take(self, rows: Sequence[int]) -> "PoseTable":
@@ -164,6 +182,8 @@ class PoseTable:
             numbers=self.numbers[chosen],
             images=None if self.images is None else tuple(self.images[row] for row in chosen),
             times_s=None if self.times_s is None else self.times_s[chosen],
+            camera=None if self.camera is None else self.camera.take(chosen),
+            external_axes=None if self.external_axes is None else self.external_axes[chosen],
         )
 
 
@@ -187,7 +207,17 @@ def concatenate(tables: Sequence[PoseTable], labels: Sequence[str], origin: str)
         layout=f"{len(tables)} files with one pose each: {first.layout}",
         images=None,
         times_s=None,
-    ).checked()
+        camera=None if first.camera is None else concatenate([_camera_of(one) for one in tables], labels, origin),
+        external_axes=None if first.external_axes is None else np.concatenate(
+            [one.external_axes for one in tables if one.external_axes is not None]),
+    ).checked()  # fmt: skip
+
+
+def _camera_of(table: PoseTable) -> PoseTable:
+    """Raises DocumentError for a file without the camera's pose that others have."""
+    if table.camera is None:
+        raise refusal(table.origin, "file", "without the camera's pose that the others have", "write all poses alike")
+    return table.camera
 
 
 def table_of_matrices(origin: str, labels: Sequence[str], matrices: Array, layout: str) -> PoseTable:

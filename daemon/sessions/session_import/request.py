@@ -8,8 +8,7 @@ from calibration.documents.imports.intrinsics import Intrinsics
 from calibration.documents.imports.pose_table import Frame
 from calibration.documents.imports.readings import Reading
 from calibration.documents.imports.refusal import refusal
-from calibration.documents.imports.sets.folder import Chosen
-from calibration.documents.imports.sets.imported import ImportedSet
+from calibration.documents.imports.sets.folder import Chosen, ImportedSet
 from calibration.documents.session import CameraDocument
 from calibration.documents.target import TargetDocument
 from calibration.problem import Setup

@@ -8,10 +8,11 @@ import numpy as np
 from calibration.diagnosis.evidence import Evidence
 from calibration.diagnosis.plausibility import circle_of
 from calibration.documents.imports.conventions import Convention, LengthUnit
+from calibration.documents.imports.pairs import equal_sides
 from calibration.documents.imports.pose_table import PoseTable
 from calibration.documents.imports.readings import Decision, Reading, compare, decide, readings_of
 from calibration.documents.imports.refusal import refusal
-from calibration.documents.imports.sets.imported import CLOUDS, ImportedSet
+from calibration.documents.imports.sets.folder import CLOUDS, ImportedSet
 from calibration.documents.imports.sets.kinds import read_set
 from calibration.documents.imports.target_text import FORMS, example, target_of_data
 from calibration.documents.imports.view_evidence import evidence_of_views
@@ -41,6 +42,9 @@ def understand(request: ImportRequest, progress: Progress = lambda done, of: Non
     files = FolderFiles.of(request.folder)
     imported = read_set(files, request.part, request.chosen, request.arm)
     _require_motion(imported.poses)
+    if imported.camera_poses is not None and equal_sides(imported.poses, imported.camera_poses):
+        what = f"the robot's poses ({imported.poses.layout}) and the camera's are the same numbers"
+        raise refusal(imported.poses.origin, "pairs", what, "give the poses that the robot reported", "pose-pairs")
     images = tuple(files.path(name).absolute() for name in imported.images)
     target = _target(request, imported)
     camera = _camera(request, imported, images)

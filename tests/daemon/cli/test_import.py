@@ -200,7 +200,7 @@ def test_one_file_for_both_sides_is_no_measurement(tmp_path: Path) -> None:
     for setup in ("eye-in-hand", "eye-to-hand"):
         ran = handeyed("import", tmp_path / "in", *both, "--setup", setup, "--out", tmp_path / "s")
         assert ran.status == 2
-        assert "the robot's poses are the camera's own poses of the target" in ran.err
+        assert "are the same numbers: give the poses that the robot reported" in ran.err
 
 
 def test_clouds_without_a_target_become_a_scan(tmp_path: Path) -> None:

@@ -1,32 +1,49 @@
-"""Any folder: pictures or clouds, and poses in one file or one file a pose; the last of the kinds."""
+"""Any folder: its pictures or clouds, the robot's poses, and the camera's where there are any, in whatever files."""
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from fnmatch import fnmatchcase
 from pathlib import PurePosixPath
+from typing import Any, Protocol
 
-import numpy as np
-
+from calibration.documents.imports.arrays import load_npy
+from calibration.documents.imports.conventions import LengthUnit
 from calibration.documents.imports.intrinsics import Intrinsics, read_intrinsics
+from calibration.documents.imports.leaves import table_of_data
 from calibration.documents.imports.pairing import natural, pair, shown
+from calibration.documents.imports.pairs import equal_sides, rows_as_pairs
 from calibration.documents.imports.pose_files import FAMILIES, read_poses
-from calibration.documents.imports.pose_table import PoseTable
+from calibration.documents.imports.pose_table import PoseTable, Side, concatenate
 from calibration.documents.imports.refusal import refusal
-from calibration.documents.imports.sets.imported import (
-    CLOUDS,
-    PICTURES,
-    Files,
-    ImportedSet,
-    matching,
-    of_suffix,
-    read_one_each,
-)
+from calibration.documents.imports.sides import relation_of
 from calibration.errors import DocumentError
+from calibration.problem import Setup
 
+PICTURES = frozenset((".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp", ".pgm", ".ppm"))
+CLOUDS = frozenset((".pcd", ".ply", ".npz"))
 CAMERA_SUFFIXES = frozenset((".yaml", ".yml", ".xml", ".json"))
 SHEETS = frozenset((".xlsx", ".xls", ".xlsm", ".ods"))
 MAX_CANDIDATES = 2000
 """Files that are tried for poses when none are named."""
+
+
+class Files(Protocol):
+    """The files of a folder: their names relative to it, with slashes, and their content."""
+
+    @property
+    def origin(self) -> str:
+        """The folder's name, for messages."""
+        ...
+
+    @property
+    def names(self) -> Sequence[str]:
+        """Regular files, in natural order."""
+        ...
+
+    def read(self, name: str) -> bytes:
+        """The content of a file. Raises DocumentError."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -38,92 +55,177 @@ class Chosen:
     camera_poses: str | None = None
 
 
+@dataclass(frozen=True, eq=False)
+class ImportedSet:
+    """The content of a set.
+
+    images : pictures or clouds, one for each pose once `pairing` says how they were paired; else those of the folder.
+    camera_poses : the target's pose in the camera, one for each pose; a PoseTable of camera_T_target.
+    target : as in session.json; cloud_unit: of the clouds' points, where the set states it.
+    """
+
+    kind: str
+    poses: PoseTable
+    images: tuple[str, ...] = ()
+    pairing: str = ""
+    camera_poses: PoseTable | None = None
+    target: dict[str, Any] | None = None
+    camera: Intrinsics | None = None
+    setup: Setup | None = None
+    notes: tuple[str, ...] = ()
+    cloud_unit: LengthUnit | None = None
+
+
+def of_suffix(names: Sequence[str], suffixes: frozenset[str]) -> tuple[str, ...]:
+    """The names with one of the suffixes."""
+    return tuple(name for name in names if PurePosixPath(name).suffix.lower() in suffixes)
+
+
+def matching(names: Sequence[str], pattern: str) -> tuple[str, ...]:
+    """The names that a glob fits, whole or in their last part, in natural order."""
+    found = [name for name in names if fnmatchcase(name, pattern) or fnmatchcase(PurePosixPath(name).name, pattern)]
+    return tuple(sorted(found, key=natural))
+
+
+def read_one_each(files: Files, names: Sequence[str]) -> PoseTable:
+    """One table of files with a pose each; one error when they are wrong alike. Raises DocumentError."""
+    if not names:
+        raise refusal(files.origin, "poses", "no files with poses", "give them by --poses")
+    tables = [read_poses(name, files.read(name)) for name in names]
+    return concatenate(tables, [PurePosixPath(name).stem for name in names], files.origin)
+
+
 def read(files: Files, chosen: Chosen) -> ImportedSet:
-    """Poses and pictures of a folder, paired. Raises DocumentError."""
-    poses = _poses(files, chosen.poses) if chosen.poses else find_poses(files)
+    """Poses and pictures of a folder, paired; or pairs of poses. Raises DocumentError."""
+    poses = _poses(files, chosen.poses, "robot") if chosen.poses else find_poses(files, chosen.camera_poses)
     if chosen.camera_poses:
-        return _pose_pairs(poses, _poses(files, chosen.camera_poses))
-    images = _images(files, chosen.images)
-    paired = pair(images, poses)
-    return ImportedSet("folder", poses.take(paired.rows), paired.images, paired.words, camera=_camera(files))
-
-
-def _pose_pairs(poses: PoseTable, seen: PoseTable) -> ImportedSet:
-    if len(seen) != len(poses):
+        poses = replace(poses, camera=_poses(files, chosen.camera_poses, "camera"))
+    pictures = () if chosen.camera_poses and not chosen.images else _images(files, chosen.images)
+    if not pictures and poses.camera is None:
+        poses = rows_as_pairs(poses) or poses
+    camera, seen = _camera(files), poses.camera
+    if seen is not None and len(seen) != len(poses):
         what = f"{len(poses)} poses of the robot and {len(seen)} of the camera"
         raise refusal(poses.origin, "pairs", what, "give one of each for every view", "pairs")
-    return ImportedSet("folder", poses, pairing="in the order of the files", camera_poses=seen)
+    if seen is not None and not pictures:
+        words = "in the order of the files" if chosen.camera_poses else f"by {poses.origin}"
+        return ImportedSet("samples of pose pairs", poses, pairing=words, camera_poses=seen, setup=poses.setup)
+    if not pictures:
+        raise refusal(files.origin, "images", "no pictures and no clouds", "name them by --images", "pairs")
+    paired = pair(pictures, poses)
+    taken = poses.take(paired.rows)
+    return ImportedSet(
+        "folder", taken, paired.images, paired.words, taken.camera, camera=camera, setup=poses.setup
+    )  # fmt: skip
 
 
 def _images(files: Files, pattern: str | None) -> Sequence[str]:
+    """The pictures or clouds; none where the folder has none."""
     if pattern is not None:
         if found := matching(files.names, pattern):
             return found
         raise refusal(files.origin, "--images", f"no file fits {pattern}", "check the pattern", "pairs")
     images = of_suffix(files.names, PICTURES) or of_suffix(files.names, CLOUDS - {".npz"})
     folders = {str(PurePosixPath(name).parent) for name in images}
-    if not images:
-        raise refusal(files.origin, "images", "no pictures and no clouds", "name them by --images", "pairs")
     if len(folders) > 1:
         what = f"pictures in {len(folders)} folders ({shown(sorted(folders))})"
         raise refusal(files.origin, "images", what, "name those of the views: --images 'FOLDER/*'", "pairs")
     return images
 
 
-def _poses(files: Files, pattern: str) -> PoseTable:
+def _poses(files: Files, pattern: str, side: Side) -> PoseTable:
+    """The poses of one side in the named files, which may hold the other's as well."""
     names = matching(files.names, pattern)
+    option = "--poses" if side == "robot" else "--camera-poses"
     if not names:
-        raise refusal(files.origin, "--poses", f"no file fits {pattern}", "check the pattern")
-    return read_poses(names[0], files.read(names[0])) if len(names) == 1 else read_one_each(files, names)
+        raise refusal(files.origin, option, f"no file fits {pattern}", "check the pattern")
+    table = read_poses(names[0], files.read(names[0])) if len(names) == 1 else read_one_each(files, names)
+    return table.camera if side == "camera" and table.camera is not None else table
 
 
-def find_poses(files: Files) -> PoseTable:
-    """The only poses of a folder: one file with several, or files with one each. Raises DocumentError."""
+def find_poses(files: Files, but: str | None = None) -> PoseTable:
+    """The poses of a folder: one file with several, files with one each, or a file for each side; none that `but`, a
+    glob, names. Raises DocumentError."""
     several: list[PoseTable] = []
     single: dict[tuple[str, str], list[str]] = {}
     refused: list[tuple[str, DocumentError]] = []
-    for name in [name for name in files.names if PurePosixPath(name).suffix.lower() in FAMILIES][:MAX_CANDIDATES]:
+    others = set() if but is None else set(matching(files.names, but))
+    candidates = [name for name in files.names if PurePosixPath(name).suffix.lower() in FAMILIES and name not in others]
+    for name in candidates[:MAX_CANDIDATES]:
         try:
             table = read_poses(name, files.read(name))
         except DocumentError as error:
             refused.append((name, error))
             continue
         if len(table) > 1:
-            if not any(_are_same(table, other) for other in several):
+            if not any(equal_sides(table, other) for other in several):
                 several.append(table)
         else:
             path = PurePosixPath(name)
             stem = re.sub(r"\d+", "", path.stem)
             single.setdefault((f"{path.parent}/{stem}", path.suffix), []).append(name)
     groups = sorted((names for names in single.values() if len(names) > 1), key=len)
-    if len(several) + len(groups) == 1:
-        return several[0] if several else read_one_each(files, sorted(groups[0], key=natural))
-    if several or groups:
+    tables = [*several, *(read_one_each(files, sorted(names, key=natural)) for names in groups)]
+    if len(tables) == 1:
+        return tables[0]
+    if (both := _both_sides(tables)) is not None:
+        return both
+    if tables:
         found = [table.origin for table in several] + [f"{names[0]} ..." for names in groups]
         what = f"poses in several files ({shown(found)})"
         raise refusal(files.origin, "poses", what, "name those of the robot by --poses")
-    if refused:
-        raise refused[0][1]
+    arrays = {
+        PurePosixPath(name).stem: load_npy(files.read(name), name) for name in candidates if name.endswith(".npy")
+    }
+    if len(arrays) > 1:
+        return table_of_data(arrays, files.origin)
+    raise _nearest(files, refused)
+
+
+def _both_sides(tables: Sequence[PoseTable]) -> PoseTable | None:
+    """The robot's table with the camera's, of two files whose names or columns say whose they are; else None."""
+    if len(tables) != 2 or len(tables[0]) != len(tables[1]) or any(table.camera is not None for table in tables):
+        return None
+    said = [relation_of(PurePosixPath(table.origin).stem) for table in tables]
+    sides = [
+        table.side if one is None or one.side is None else one.side for table, one in zip(tables, said, strict=True)
+    ]
+    if sides[0] == sides[1] or "camera" not in sides:
+        return None
+    robot, camera = (tables[sides.index("camera") ^ 1], tables[sides.index("camera")])
+    return replace(robot, side="robot", camera=replace(camera, side="camera"))
+
+
+def _nearest(files: Files, refused: Sequence[tuple[str, DocumentError]]) -> DocumentError:
+    """The error of the file that is nearest to being one of poses: intrinsics are none."""
+    ranked = []
+    for name, error in refused:
+        is_intrinsics = (
+            PurePosixPath(name).suffix.lower() in CAMERA_SUFFIXES and find_intrinsics(files, name) is not None
+        )
+        likely = bool(re.search(r"pose|robot|tcp|arm|joint|flange|hand|sample|pair", name, re.IGNORECASE))
+        if not is_intrinsics:
+            ranked.append((not likely, error))
+    if ranked:
+        return min(ranked, key=lambda one: one[0])[1]
     sheets = [name for name in files.names if PurePosixPath(name).suffix.lower() in SHEETS]
     if sheets:
-        raise refusal(sheets[0], "file", "poses are not read from a sheet", "save it as CSV")
-    raise refusal(files.origin, "poses", "no file with poses", "name it by --poses")
+        return refusal(sheets[0], "file", "poses are not read from a sheet", "save it as CSV")
+    texts = [name for name in files.names if PurePosixPath(name).suffix.lower() not in PICTURES | CLOUDS]
+    what = "no file with poses" + (f" among {shown(texts)}" if texts else "")
+    return refusal(files.origin, "poses", what, "name it by --poses")
 
 
-def _are_same(one: PoseTable, other: PoseTable) -> bool:
-    """Whether two files hold the same numbers, such as poses.txt and poses.npz."""
-    if one.kind != other.kind or len(one) != len(other):
-        return False
-    pairs = ((one.lengths, other.lengths), (one.numbers, other.numbers))
-    return all(np.allclose(mine, its, rtol=1e-5, atol=1e-6) for mine, its in pairs)
+def find_intrinsics(files: Files, name: str) -> Intrinsics | None:
+    """The intrinsics of a file; None where it holds none."""
+    try:
+        return read_intrinsics(name, files.read(name))
+    except DocumentError:
+        return None
 
 
 def _camera(files: Files) -> Intrinsics | None:
     """The only intrinsics in the folder."""
-    found = []
-    for name in of_suffix(files.names, CAMERA_SUFFIXES)[:MAX_CANDIDATES]:
-        try:
-            found.append(read_intrinsics(name, files.read(name)))
-        except DocumentError:
-            continue
+    names = of_suffix(files.names, CAMERA_SUFFIXES)[:MAX_CANDIDATES]
+    found = [one for name in names if (one := find_intrinsics(files, name)) is not None]
     return found[0] if len(found) == 1 else None

@@ -1,52 +1,377 @@
-"""The table of whole sets: how each is recognised and read; a folder that is none of them is read as any folder."""
+"""The table of whole sets, and those that state their poses themselves; a folder that is none is read as any folder.
 
-from collections.abc import Callable
-from dataclasses import dataclass
+Sources: METRIC, the README of davidea97/Multi-Camera-Hand-Eye-Calibration. BOP, docs/bop_datasets_format.md of
+thodan/bop_toolkit: cam_R_w2c, cam_t_w2c in mm. RWHE, the README of amy-tabb/RWHEC-Tabb-AhmadYousef and OpenCV's test of
+calibrateRobotWorldHandEye: the base in the hand, inner corners. ViSP, tutorial-calibration-extrinsic-eye-in-hand.dox:
+rPe is the end effector in the robot's frame, cPo the target in the camera. Zivid, zivid-python-samples,
+verify_hand_eye_with_visualization.py and save_load_matrix.py. industrial_calibration,
+docs/page_extrinsic_hand_eye_calibration.dox. dataset_spec, VitalyVorobyev/calibration-rs, app/src/schemas.
+"""
 
-from calibration.documents.imports.sets import (
-    bop,
-    dataset_spec,
-    folder,
-    industrial_calibration,
-    joint_states,
-    metric,
-    own,
-    pose_pairs,
-    tabb,
-    visp,
-    zivid,
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import PurePosixPath
+from typing import Any
+
+import numpy as np
+
+from calibration.documents.imports.conventions import CONVENTIONS, LengthUnit
+from calibration.documents.imports.intrinsics import intrinsics_of, read_intrinsics
+from calibration.documents.imports.leaves import array_of, number_of, setup_of, table_of_array, table_of_data
+from calibration.documents.imports.number_tables import table_of_rows
+from calibration.documents.imports.pairing import natural, pair
+from calibration.documents.imports.pose_files import read_poses
+from calibration.documents.imports.pose_table import Frame, PoseTable, concatenate
+from calibration.documents.imports.refusal import decode, refusal
+from calibration.documents.imports.sets import folder
+from calibration.documents.imports.sets.folder import (
+    CLOUDS,
+    PICTURES,
+    Files,
+    ImportedSet,
+    matching,
+    of_suffix,
+    read_one_each,
 )
-from calibration.documents.imports.sets.imported import Files, ImportedSet
+from calibration.documents.imports.text_tables import read_named_columns
+from calibration.documents.imports.trees import read_json, read_json_lines, read_yaml
+from calibration.errors import GeometryError
+from calibration.kinematics.abb_arms import find_arm
+
+Described = dict[str, Any]
+"""Further fields of an ImportedSet: target, camera, setup, notes."""
+
+PART = r"(?P<part>[^/]+)"
 
 
 @dataclass(frozen=True)
-class SetKind:
-    """A kind of set; `read` takes the files and the part, such as a camera's folder."""
+class Layout:
+    """A set by the names of its files: regular expressions, in which {part} is a camera's or scene's folder.
+
+    marker : a file that every such set has. parts : names whose group `part` is one of several parts, `example` one.
+    poses, seen : files of the robot's poses, and of the camera's where there are no pictures.
+    """
 
     name: str
-    recognise: Callable[[Files], bool]
-    read: Callable[[Files, str | None], ImportedSet]
+    marker: str
+    poses: str
+    images: str
+    unit: LengthUnit
+    heading: str
+    frame: Frame = "base_T_flange"
+    convention: str | None = None
+    parts: str | None = None
+    example: str = ""
+    seen: str | None = None
+    describe: Callable[[Files, str], Described] = lambda files, part: {}
+
+    def recognise(self, files: Files) -> bool:
+        return any(re.search(self.marker, name) for name in files.names)
+
+    def read(self, files: Files, part: str | None) -> ImportedSet:
+        """The set; `part` names one of several parts. Raises DocumentError."""
+        chosen = self._part(files, part)
+        names = {
+            key: self._named(files, pattern, chosen)
+            for key, pattern in (("poses", self.poses), ("images", self.images))
+        }
+        poses = self._table(files, names["poses"])
+        images = of_suffix(names["images"], PICTURES) or _of_one_suffix(of_suffix(names["images"], CLOUDS))
+        described = self.describe(files, chosen)
+        if self.seen is not None and not images and (seen := self._named(files, self.seen, chosen)):
+            return ImportedSet(
+                self.name, poses, pairing="by number", camera_poses=self._table(files, seen), **described
+            )
+        if not images and of_suffix(names["images"], frozenset((".zdf",))):
+            what, fix = "only .zdf, the camera's own format", "save PNG, PLY or NPZ beside them with Zivid's SDK"
+            raise refusal(files.origin, "images", what, fix, self.heading)
+        paired = pair(images, poses)
+        return ImportedSet(self.name, poses.take(paired.rows), paired.images, paired.words, **described)
+
+    def _part(self, files: Files, part: str | None) -> str:
+        if self.parts is None:
+            return ""
+        found = [match["part"] or "" for name in files.names if (match := re.search(self.parts, name))]
+        parts = tuple(dict.fromkeys(found))
+        chosen = part.strip("/") if part else parts[0] if len(parts) == 1 else None
+        if chosen not in parts:
+            kind, listed = ("cameras" if "camera" in self.example else "scenes"), ", ".join(parts[:6])
+            what = f"{len(parts)} {kind} ({listed})"
+            raise refusal(files.origin, "--part", what, f"name one: --part {self.example}", self.heading)
+        return str(chosen)
+
+    def _named(self, files: Files, pattern: str, part: str) -> list[str]:
+        inside = pattern.replace("{part}/", f"{re.escape(part)}/" if part else "")
+        return [name for name in files.names if re.search(inside, name)]
+
+    def _table(self, files: Files, names: Sequence[str]) -> PoseTable:
+        table = read_poses(names[0], files.read(names[0])) if len(names) == 1 else read_one_each(files, names)
+        convention = table.convention if self.convention is None else CONVENTIONS[self.convention]
+        return replace(table, unit=self.unit, frame=self.frame, convention=convention, side=None, named_frame=None)
 
 
-KINDS = (
-    SetKind("industrial_calibration", industrial_calibration.recognise, industrial_calibration.read),
-    SetKind("dataset_spec", dataset_spec.recognise, dataset_spec.read),
-    SetKind("METRIC", metric.recognise, metric.read),
-    SetKind("BOP", bop.recognise, bop.read),
-    SetKind("RWHE", tabb.recognise, tabb.read),
-    SetKind("ViSP", visp.recognise, visp.read),
-    SetKind("Zivid", zivid.recognise, zivid.read),
-    SetKind("samples of pose pairs", pose_pairs.recognise, pose_pairs.read),
-    SetKind("handeyed", own.recognise, own.read),
+def _of_one_suffix(names: Sequence[str]) -> list[str]:
+    return [name for name in names if PurePosixPath(name).suffix == PurePosixPath(names[0]).suffix]
+
+
+def _metric(files: Files, part: str) -> Described:
+    data = read_yaml(files.read("CalibrationInfo.yaml"), "CalibrationInfo.yaml")
+    info: dict[str, Any] = data if isinstance(data, dict) else {}
+    lens = f"{part}/intrinsic_pars_file.yaml"
+    size, target = number_of(info.get("size")), None
+    if info.get("pattern_type") == "checkerboard" and size is not None:
+        counts = {"columns": info.get("number_of_columns"), "rows": info.get("number_of_rows")}
+        target = {"kind": "chessboard", **counts, "pitch_mm": round(1000 * size, 9)}
+    return {
+        "target": target,
+        "camera": read_intrinsics(lens, files.read(lens)) if lens in files.names else None,
+        "setup": "eye-to-hand" if number_of(info.get("calibration_setup")) else "eye-in-hand",
+    }
+
+
+def _rwhe(files: Files, part: str) -> Described:
+    name = "calibration_object.txt"
+    text = decode(files.read(name), name) if name in files.names else ""
+    said, target = dict(re.findall(r"(chess_\w+)\s+([-+.\d]+)", text)), None
+    if {"chess_mm_width", "chess_width", "chess_height"} <= set(said):
+        counts = {"columns": said["chess_width"], "rows": said["chess_height"]}
+        target = {"kind": "chessboard", **counts, "pitch_mm": said["chess_mm_width"]}
+    return {"target": target, "setup": "eye-in-hand"}
+
+
+def _bop(files: Files, part: str) -> Described:
+    origin = f"{part}/scene_camera.json" if part else "scene_camera.json"
+    data = read_json(files.read(origin), origin)
+    note = "the camera's pose in the world is taken as the flange's in the base"
+    camera = intrinsics_of(data[min(data, key=natural)], origin) if isinstance(data, dict) and data else None
+    return {"camera": camera, "setup": "eye-in-hand", "notes": (note,)}
+
+
+def _visp(files: Files, part: str) -> Described:
+    for name in files.names:
+        if name.endswith(".xml") and (found := folder.find_intrinsics(files, name)) is not None:
+            return {"camera": found}
+    return {}
+
+
+LAYOUTS = (
+    Layout("METRIC", r"^CalibrationInfo\.yaml$", r"^{part}/pose/", r"^{part}/", "m", "metric",
+           parts=rf"^{PART}/pose/", example="camera1", describe=_metric),
+    Layout("BOP", r"(^|/)scene_camera\.json$", r"^{part}/scene_camera\.json$", r"^{part}/(rgb|gray|grey)/", "mm", "bop",
+           "flange_T_base", "matrix", r"^(?:(?P<part>.*)/)?scene_camera\.json$", "000001", describe=_bop),
+    Layout("RWHE", r"^robot_cali\.txt$", r"^robot_cali\.txt$", r"^(?!internal_images/)(.*/)?{part}/[^/]*$", "mm",
+           "rwhe", "flange_T_base", example="camera0", describe=_rwhe,
+           parts=rf"^(?!internal_images/)(?:.*/)?{PART}/[^/]+\.(?:png|jpe?g|tiff?|bmp|p[gp]m)$"),
+    Layout("ViSP", r"rPe_?\d+\.ya?ml$", r"rPe_?\d+\.ya?ml$", r"", "m", "pose-pairs", convention="rotation-vector",
+           seen=r"cPo_?\d+\.ya?ml$", describe=_visp),
+    Layout("Zivid", r"(^|/)(pos|robot_pose_)_?\d+\.ya?ml$", r"(^|/)(pos|robot_pose_)_?\d+\.ya?ml$",
+           r"(^|/)(img|capture_)_?\d+\.\w+$", "mm", "zivid"),
+)  # fmt: skip
+
+CONFIGURATION = "cal_data.yaml"
+DICTIONARIES = (
+    *(f"DICT_{bits}X{bits}_{count}" for bits in (4, 5, 6, 7) for count in (50, 100, 250, 1000)),
+    "DICT_ARUCO_ORIGINAL",
 )
+"""OpenCV's predefined dictionaries by their number."""
+
+
+def _industrial_calibration(files: Files, part: str | None) -> ImportedSet:
+    """cal_data.yaml with a pose file and an image for each view: metres, qx, qy, qz, qw."""
+    data = read_yaml(files.read(CONFIGURATION), CONFIGURATION)
+    views = data.get("data") if isinstance(data, dict) else None
+    if not isinstance(views, list) or not all(
+        isinstance(view, dict) and {"pose", "image"} <= set(view) for view in views
+    ):
+        fix = "give a list of mappings with pose and image"
+        raise refusal(CONFIGURATION, "data", "no list of poses and images", fix, "industrial_calibration")
+    names = [str(view["pose"]) for view in views]
+    tables = [read_poses(name, files.read(name)) for name in names]
+    poses = concatenate(tables, [PurePosixPath(name).stem for name in names], CONFIGURATION)
+    finder, static = data.get("target_finder"), data.get("static_camera")
+    return ImportedSet(
+        "industrial_calibration",
+        replace(poses, unit="m", frame="base_T_flange"),
+        tuple(str(view["image"]) for view in views),
+        f"by {CONFIGURATION}",
+        target=_target_of_finder(finder) if isinstance(finder, dict) else None,
+        camera=intrinsics_of(data["intrinsics"], CONFIGURATION) if isinstance(data.get("intrinsics"), dict) else None,
+        setup=None if static is None else "eye-to-hand" if static else "eye-in-hand",
+    )
+
+
+def _target_of_finder(finder: dict[str, Any]) -> dict[str, Any] | None:
+    """The target of a target_finder, lengths in m; None for a kind that is not known."""
+    size = {"columns": finder.get("cols"), "rows": finder.get("rows")}
+    number = number_of(finder.get("dictionary"))
+    dictionary = DICTIONARIES[int(number)] if number is not None and 0 <= number < len(DICTIONARIES) else None
+    square, marker, gap, spacing = (
+        _mm(finder.get(key)) for key in ("chessboard_dim", "aruco_marker_dim", "marker_gap", "spacing")
+    )
+    kinds: dict[str, dict[str, Any]] = {
+        "ModifiedCircleGridTargetFinder": {
+            "kind": "circles", "layout": "symmetric", **size, "pitch_mm": spacing, "origin": "large-dot",
+        },
+        "CharucoGridTargetFinder": {
+            "kind": "charuco", **size, "square_mm": square, "marker_mm": marker, "dictionary": dictionary,
+        },
+        "ArucoGridTargetFinder": {
+            "kind": "aruco-grid", **size, "marker_mm": marker, "gap_mm": gap, "dictionary": dictionary,
+        },
+    }  # fmt: skip
+    return kinds.get(str(finder.get("type")))
+
+
+def _mm(metres: Any) -> float | None:
+    number = number_of(metres)
+    return None if number is None else round(1000 * number, 9)
+
+
+SPEC = "dataset_spec.json"
+ROTATIONS = {
+    "quat_xyzw": "quaternion-xyzw", "quat_wxyz": "quaternion-wxyz", "axis_angle_rad": "rotation-vector",
+    "euler_xyz_deg": "euler-XYZ", "euler_xyz_rad": "euler-XYZ-rad", "euler_zyx_deg": "euler-ZYX",
+    "euler_zyx_rad": "euler-ZYX-rad", "matrix4x4_row_major": "matrix",
+}  # fmt: skip
+
+
+def _dataset_spec(files: Files, part: str | None) -> ImportedSet:
+    """One camera of the set, which states every convention; `part` is its id."""
+    data = read_json(files.read(SPEC), SPEC)
+    spec: dict[str, Any] = data if isinstance(data, dict) else {}
+    cameras = {str(one.get("id")): one for one in spec.get("cameras") or [] if isinstance(one, dict)}
+    chosen = part or (next(iter(cameras)) if len(cameras) == 1 else None)
+    if chosen not in cameras:
+        what = f"{len(cameras)} cameras ({', '.join(list(cameras)[:6])})"
+        raise refusal(SPEC, "cameras", what, "name one: --part ID", "dataset_spec")
+    poses = _poses_of_spec(files, spec)
+    images = cameras[str(chosen)].get("images")
+    listed = images.get("pattern", images.get("paths")) if isinstance(images, dict) else images
+    names = matching(files.names, listed) if isinstance(listed, str) else [str(name) for name in listed or []]
+    paired = pair(names, poses)  # a token's regular expression is not run: it may take for ever
+    return ImportedSet(
+        "dataset_spec", poses.take(paired.rows), paired.images, paired.words, target=_target_of_spec(spec.get("target"))
+    )
+
+
+def _poses_of_spec(files: Files, spec: dict[str, Any]) -> PoseTable:
+    source, stated = spec.get("robot_poses"), spec.get("pose_convention")
+    if not isinstance(source, dict) or not isinstance(stated, dict):
+        raise refusal(SPEC, "robot_poses", "no robot_poses with a pose_convention", "add both", "dataset_spec")
+    rotation = ROTATIONS.get(str(stated.get("rotation_format")))
+    if rotation is None or stated.get("translation_units") not in ("m", "mm"):
+        what = f"rotation {stated.get('rotation_format')!r} in {stated.get('translation_units')!r}"
+        raise refusal(SPEC, "pose_convention", what, f"one of {', '.join(ROTATIONS)} in m or mm", "dataset_spec")
+    name = str(source.get("path"))
+    table = _table_of_spec(files, name, source)
+    if table.kind != CONVENTIONS[rotation].kind:
+        what = f"the poses are {table.layout}, not {stated.get('rotation_format')}"
+        raise refusal(SPEC, "pose_convention.rotation_format", what, "make them agree", "dataset_spec")
+    inverted = str(stated.get("transform")) in ("t_tcp_base", "t_tcp_world")
+    return replace(
+        table, convention=CONVENTIONS[rotation], by_axis=False, unit=stated["translation_units"],
+        frame="flange_T_base" if inverted else "base_T_flange", camera=None,
+    ).checked()  # fmt: skip
+
+
+def _table_of_spec(files: Files, name: str, source: dict[str, Any]) -> PoseTable:
+    content, columns, field = files.read(name), source.get("columns"), source.get("matrix_field")
+    if not isinstance(columns, dict) and not isinstance(field, str):
+        return read_poses(name, content)
+    if isinstance(columns, dict):
+        turn = [str(one) for one in columns.get("rotation") or []]
+        wanted = turn if len(turn) == 16 else [str(columns.get(key)) for key in ("tx", "ty", "tz")] + turn
+        if not name.endswith((".json", ".jsonl")):
+            return table_of_rows(name, read_named_columns(content, name, wanted))
+    else:
+        wanted = [str(field)]
+    records = read_json_lines(content, name) if name.endswith("l") else read_json(content, name)
+    found = [[array_of(one.get(key)) if field else number_of(one.get(key)) for key in wanted]
+             if isinstance(one, dict) else [None] for one in records]  # fmt: skip
+    if any(cell is None or (field and np.size(cell) != 16) for row in found for cell in row):
+        what = f"{wanted[0]} is missing or no 4 x 4 matrix" if field else f"not all have {', '.join(wanted)}"
+        raise refusal(name, "records", what, "correct it", "dataset_spec")
+    rows = np.array(found, float)
+    return table_of_array(rows.reshape(-1, 4, 4), name) if field else table_of_rows(name, rows)
+
+
+def _target_of_spec(target: Any) -> dict[str, Any] | None:
+    if not isinstance(target, dict):
+        return None
+    size = {"columns": target.get("cols"), "rows": target.get("rows")}
+    square, marker = (_mm(target.get(key)) for key in ("square_size_m", "marker_size_m"))
+    if target.get("kind") == "chessboard" and square:
+        return {"kind": "chessboard", **size, "pitch_mm": square}
+    if target.get("kind") == "charuco" and square and marker:
+        lengths = {"square_mm": square, "marker_mm": marker}
+        return {"kind": "charuco", **size, **lengths, "dictionary": target.get("dictionary")}
+    return None
+
+
+OWN = ("session.json", "scan.json")
+SOLVED_AS_IT_IS = ("corners_px", "points_mm")
+
+
+def _own(files: Files, part: str | None) -> ImportedSet:
+    """A session or scan of ours, imported again to change or check what it states of its poses."""
+    name = next(name for name in files.names if name in OWN)
+    data = read_json(files.read(name), name)
+    views = data.get("views") if isinstance(data, dict) else None
+    if not isinstance(views, list) or not views or not all(isinstance(view, dict) for view in views):
+        raise refusal(name, "views", "no list of views", "give one record for each view", name.replace(".", ""))
+    for key in SOLVED_AS_IT_IS:
+        if key in views[0]:
+            fix = f"run handeyed solve {files.origin}"
+            raise refusal(files.origin, name, f"a session with {key}", fix, "own-files")
+    poses = table_of_data([view.get("base_T_flange") for view in views], name)
+    in_mm = "translation_mm" in poses.layout or len(poses.units()) > 1
+    poses = replace(poses, unit="mm" if in_mm else poses.unit, frame=poses.frame or "base_T_flange", side=None)
+    setup = setup_of(data)
+    if "camera_T_target" in views[0]:
+        seen = table_of_data([view.get("camera_T_target") for view in views], name)
+        seen = replace(seen, unit="mm" if "translation_mm" in seen.layout else seen.unit, side=None)
+        return ImportedSet("samples of pose pairs", poses, pairing=f"by {name}", camera_poses=seen, setup=setup)
+    images = tuple(str(view.get("image") or view.get("cloud")) for view in views)
+    units, camera = {view.get("unit") for view in views}, data.get("camera")
+    return ImportedSet(
+        "handeyed", replace(poses, images=images), images, f"by {name}", target=data.get("target"),
+        camera=intrinsics_of(camera, name) if isinstance(camera, dict) else None, setup=setup,
+        cloud_unit=next(iter(units)) if len(units) == 1 and units <= {"m", "mm"} else None,
+    )  # fmt: skip
+
+
+STATED: dict[str, tuple[str, Callable[[Files, str | None], ImportedSet]]] = {
+    CONFIGURATION: ("industrial_calibration", _industrial_calibration),
+    SPEC: ("dataset_spec", _dataset_spec),
+    **dict.fromkeys(OWN, ("handeyed", _own)),
+}
+"""Files that state what stands in their folder, with the name of their kind."""
 
 
 def read_set(files: Files, part: str | None, chosen: folder.Chosen, arm: str | None = None) -> ImportedSet:
-    """The set in a folder; with globs given it is read as any folder. `arm`: of joint states. Raises DocumentError."""
+    """The set in a folder; with globs given it is read as any folder. `arm`: of joints. Raises DocumentError."""
+    imported = _read_set(files, part, chosen)
+    return imported if imported.poses.kind != "joints" else replace(imported, poses=with_arm(imported.poses, arm))
+
+
+def with_arm(joints: PoseTable, name: str | None) -> PoseTable:
+    """The table of joints with the arm of that name. Raises DocumentError."""
+    if name is None:
+        fix = "give the arm by --arm (`handeyed arms` lists them), or poses of the flange"
+        raise refusal(joints.origin, "joints", "joint states, no poses", fix, "joint-states")
+    try:
+        return replace(joints, arm=find_arm(name), side=None)
+    except GeometryError as error:
+        raise refusal("--arm", name, str(error), "correct it", "joint-states") from None
+
+
+def _read_set(files: Files, part: str | None, chosen: folder.Chosen) -> ImportedSet:
     if chosen == folder.Chosen():
-        for kind in KINDS:
-            if kind.recognise(files):
-                return kind.read(files, part)
-        if (states := joint_states.find_joint_states(files)) is not None:
-            return joint_states.read(files, states, arm)
+        for name, (_, read) in STATED.items():
+            if name in files.names:
+                return read(files, part)
+        for layout in LAYOUTS:
+            if layout.recognise(files):
+                return layout.read(files, part)
     return folder.read(files, chosen)

@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 from calibration.documents.imports.intrinsics import read_intrinsics
-from calibration.documents.imports.sets.folder import Chosen
-from calibration.documents.imports.sets.imported import ImportedSet
-from calibration.documents.imports.sets.kinds import KINDS, read_set
+from calibration.documents.imports.sets.folder import Chosen, ImportedSet
+from calibration.documents.imports.sets.kinds import LAYOUTS, STATED, read_set
 from calibration.documents.imports.target_text import target_of_data, target_of_text
 from calibration.errors import DocumentError
 from calibration.kinematics.abb_arms import find_arm
@@ -182,7 +181,8 @@ def test_a_set_is_recognised_and_its_poses_need_no_guess(case: str) -> None:
 
 
 def test_every_kind_has_a_sample() -> None:
-    assert {kind.name for kind in KINDS} == set(SETS)
+    known = {layout.name for layout in LAYOUTS} | {name for name, _ in STATED.values()}
+    assert known | {"samples of pose pairs"} == set(SETS)
 
 
 def test_targets_of_the_sets() -> None:

@@ -1,0 +1,353 @@
+"""Poses in plain data of JSON, YAML, XML or numpy: records, or arrays over the views, as named leaves.
+
+A leaf is what a path of names leads to in every record: a number, a text, or an array. What a leaf can be follows from
+its shape first (4 x 4 a pose, 3 x 3 with three numbers a pose, six or seven numbers one), then from its names. Arrays
+over the views (`R_gripper2base` of n x 3 x 3), numbered names (`pose1`, `pose2`) and mappings are records as well.
+"""
+
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from calibration.documents.imports.columns import JOINT_WORDS, TURN_WORDS, text_columns, words_of
+from calibration.documents.imports.conventions import CONVENTIONS
+from calibration.documents.imports.number_tables import (
+    Cell,
+    are_rotations,
+    table_of_joints,
+    table_of_one_side,
+    table_of_rows,
+    with_names,
+)
+from calibration.documents.imports.pairing import natural
+from calibration.documents.imports.pose_table import PoseTable, table_of_matrices
+from calibration.documents.imports.refusal import MAX_POSES, refusal
+from calibration.documents.imports.sides import build_by_sides
+from calibration.problem import Setup
+from calibration.transforms import Array
+
+MAX_DEPTH = 8
+POSE_NUMBERS = frozenset(("x", "y", "z", "w", "qw", "qx", "qy", "qz", "rx", "ry", "rz", "a", "b", "c"))
+"""Last words of the names of a pose's numbers."""
+
+MAX_CELLS = 200
+"""Numbers of one record; a pose has 16 at most, a record may have joints and measurements besides."""
+
+MATRICES = ((4, 4), (3, 4), (16,))
+ROWS = ((6,), (7,), (12,))
+TURNS = ((3, 3), (9,))
+ONE_VIEW = (*MATRICES, *ROWS, *TURNS, (3,), (4,), ())
+"""Shapes of what one view has; other arrays are over the views."""
+
+Leaf = Array | np.float64 | str
+_NUMBERED = re.compile(r"(\D.*?)[_\- ]?(\d+)")
+
+
+def number_of(value: Any) -> float | None:
+    """A number, also one written as text (YAML reads 1e-08 as text); None for anything else, as 20260131_181810."""
+    if isinstance(value, bool) or not isinstance(value, int | float | str):
+        return None
+    if isinstance(value, str) and "_" in value:
+        return None
+    try:
+        return float(value)
+    except (ValueError, OverflowError):
+        return None
+
+
+def array_of(value: Any) -> Array | None:
+    """The array of nested lists of numbers of one length each; None for anything else."""
+    if isinstance(value, np.ndarray):
+        return value
+    if not isinstance(value, list) or not value or len(value) > MAX_POSES:
+        return None
+    rows = []
+    for item in value:
+        inner: Any = array_of(item) if isinstance(item, list | np.ndarray) else number_of(item)
+        if inner is None:
+            return None
+        rows.append(inner)
+    if len({np.shape(row) for row in rows}) != 1 or np.ndim(rows[0]) > 3:
+        return None
+    return np.array(rows, float)
+
+
+def table_of_data(data: Any, origin: str) -> PoseTable:
+    """The table of plain data, with the camera's poses where they hold both sides. Raises DocumentError."""
+    data = _opencv_matrix(data)
+    if (array := array_of(data)) is not None:
+        return table_of_array(array, origin)
+    records, labels = _records(data, origin)
+    if labels is None and (array := array_of(records)) is not None:
+        return table_of_array(array, origin)
+    flat = [dict(_leaves(record, origin)) for record in records]
+    names = [name for name, leaf in flat[0].items() if all(_kind(one.get(name)) == _kind(leaf) for one in flat)]
+    if not names:
+        raise refusal(origin, "records", "they have no key in common", "give every pose the same keys")
+    _require_the_same_numbers(flat, names, origin)
+    leaves = {name: [record[name] for record in flat] for name in names}
+
+    def build(indices: Sequence[int]) -> PoseTable:
+        return _table_of_leaves(origin, {names[at]: leaves[names[at]] for at in indices})
+
+    found = text_columns(names)
+    shared = [at for at in (found.image, found.time, found.label) if at is not None and not _kind(leaves[names[at]][0])]
+    table = _as_recorded(replace(build_by_sides(names, shared, build), setup=setup_of(data)), data, names)
+    return table if labels is None or len(set(labels)) < len(labels) else _with_labels(table, labels)
+
+
+RECORDERS = (
+    ("robot", "tracking"), ("robot", "optical"), ("effector_wrt_world", "object_wrt_sensor"),
+    ("hand_world_samples", "camera_marker_samples"),
+)  # fmt: skip
+"""How easy_handeye, easy_handeye2, moveit_calibration and visp_hand2eye_calibration call both poses, in metres.
+
+Sources: easy_handeye2_msgs/msg/SampleList.msg and handeye_sampler.py, which records the effector in the base for
+eye_in_hand and the base in the effector for eye_on_base; handeye_control_widget.cpp of moveit_calibration, whose joint
+states are rad.
+"""
+
+
+def _as_recorded(table: PoseTable, data: Any, names: Sequence[str]) -> PoseTable:
+    """The table with what the recorder is known to write."""
+    if isinstance(data, dict) and {"joint_names", "joint_values"} <= set(data) and table.kind == "joints":
+        order = sorted(range(6), key=lambda at: natural(str(data["joint_names"][at])))
+        return replace(table, numbers=table.numbers[:, order], convention=CONVENTIONS["joints-rad"])
+    words = {part for name in names for part in name.split(".")} | ({*data} if isinstance(data, dict) else set())
+    if table.camera is None or not any({*pair} <= words for pair in RECORDERS):
+        return table
+    in_effector = table.setup == "eye-to-hand" and "parameters" in words
+    return replace(
+        table, unit=table.unit or "m", frame="flange_T_base" if in_effector else "base_T_flange",
+        camera=replace(table.camera, unit=table.camera.unit or "m"),
+    )  # fmt: skip
+
+
+SETUPS: dict[str, Setup] = {"eye_in_hand": "eye-in-hand", "eye_on_base": "eye-to-hand", "eye_to_hand": "eye-to-hand"}
+
+
+def setup_of(data: Any) -> Setup | None:
+    """The set-up that a session.json or the parameters of easy_handeye state."""
+    stated = data.get("parameters", data) if isinstance(data, dict) else None
+    if not isinstance(stated, dict):
+        return None
+    if "eye_on_hand" in stated:
+        return "eye-in-hand" if stated["eye_on_hand"] else "eye-to-hand"
+    return SETUPS.get(str(stated.get("calibration_type", stated.get("setup"))).replace("-", "_"))
+
+
+def _kind(leaf: Leaf | None) -> tuple[int, ...] | None:
+    """The shape of a leaf, () of a number or a text; None where there is none."""
+    return None if leaf is None else () if isinstance(leaf, str) else np.shape(leaf)
+
+
+def _with_labels(table: PoseTable, labels: Sequence[str]) -> PoseTable:
+    camera = None if table.camera is None else _with_labels(table.camera, labels)
+    return replace(table, labels=tuple(labels), camera=camera)
+
+
+def _require_the_same_numbers(flat: Sequence[dict[str, Leaf]], names: Sequence[str], origin: str) -> None:
+    """Raises DocumentError for the first record without a number of the pose that others have."""
+    every = list(dict.fromkeys(name for record in flat for name in record))
+    lost = [name for name in every if name not in names and sum(name in record for record in flat) >= len(flat) - 1]
+    for name in lost:
+        if words_of(name)[-1:] and words_of(name)[-1] in POSE_NUMBERS:
+            at = next((at for at, record in enumerate(flat, 1) if name not in record), None)
+            if at is not None:
+                what = f"without {name}, which the others have"
+                raise refusal(origin, f"record {at}", what, "complete it, or remove it")
+
+
+def _table_of_leaves(origin: str, leaves: dict[str, list[Leaf]]) -> PoseTable:
+    """The table of the leaves of one side: by their shapes where one of them is a pose, else by their names."""
+    kinds = {name: _kind(column[0]) for name, column in leaves.items()}
+    matrices, rows, turns, places = (
+        [name for name, kind in kinds.items() if kind in wanted] for wanted in (MATRICES, ROWS, TURNS, ((3,),))
+    )
+    turns = [name for name in turns if are_rotations(np.array(leaves[name], float).reshape(-1, 3, 3))]
+    if not leaves:
+        raise refusal(origin, "records", "no numbers of a pose", "name them")
+    labels = [str(at + 1) for at in range(len(next(iter(leaves.values()))))]
+    whole: PoseTable | None = None
+    if len(matrices) == 1:
+        whole = table_of_array(np.array(leaves[matrices[0]]), origin)
+    elif not matrices and len(turns) == len(places) == 1:
+        place, turn = (np.array(leaves[name]) for name in (places[0], turns[0]))
+        layout = f"{turns[0]} and {places[0]}"
+        whole = PoseTable(
+            origin, tuple(labels), place, turn.reshape(-1, 9), "matrix", layout, CONVENTIONS["matrix"]
+        ).checked()
+    elif not matrices and not turns and len(rows) == 1:
+        listed = np.array(leaves[rows[0]])
+        joints = listed.shape[1] == 6 and set(words_of(rows[0])) & JOINT_WORDS
+        whole = table_of_joints(origin, labels, listed, rows[0]) if joints else table_of_array(listed, origin)
+    elif len(matrices) > 1:
+        what = f"{len(matrices)} poses in a record ({', '.join(matrices[:4])}), and their names do not say whose"
+        raise refusal(origin, "records", what, "name them robot and camera, or gripper2base and target2cam")
+    if whole is not None:
+        texts = [name for name, kind in kinds.items() if kind == ()]
+        cells = [[_cell(leaves[name][at]) for name in texts] for at in range(len(labels))]
+        return with_names(whole, text_columns(texts), texts, cells)
+    names: list[str] = []
+    columns: list[list[Cell]] = []
+    for name, column in leaves.items():
+        kind = kinds[name]
+        if kind == ():
+            names, columns = [*names, name], [*columns, [_cell(leaf) for leaf in column]]
+            continue
+        grid = kind == (3, 3) and (len(turns) == 1 or set(words_of(name)) & TURN_WORDS)
+        numbers = np.array(column, float).reshape(len(column), -1)
+        names += [f"{name}.r{at // 3}{at % 3}" if grid else f"{name}.{at}" for at in range(numbers.shape[1])]
+        columns += numbers.T.tolist()
+    return table_of_one_side(origin, names, [list(row) for row in zip(*columns, strict=True)])
+
+
+def _cell(leaf: Leaf) -> Cell:
+    return leaf if isinstance(leaf, str) else float(leaf)
+
+
+def table_of_array(array: Array, origin: str, labels: Sequence[str] | None = None) -> PoseTable:
+    """The table of an array: (n, 3 or 4, 4), (3 or 4, 4), (n, k), (k,) or a column (k, 1). Raises DocumentError.
+
+    (n, 2, 4, 4) and (n, 2, k) are pairs: of the robot's pose and the camera's.
+    """
+    if array.ndim == 2 and array.shape[1] == 1:
+        array = array[:, 0]
+    if array.ndim == 1 or array.shape in ((4, 4), (3, 4)):
+        array = array[None]
+    if array.ndim in (3, 4) and array.shape[1] == 2 and array.shape[2:] in (*MATRICES, *ROWS):
+        robot, camera = (table_of_array(array[:, at], origin, labels) for at in (0, 1))
+        return replace(robot, side=None, camera=camera, frame="base_T_flange")
+    names = labels or [str(at + 1) for at in range(len(array))]
+    if len(array) > MAX_POSES:
+        raise refusal(origin, "array", f"{len(array)} poses, where {MAX_POSES} are read", "give those of the views")
+    if array.ndim == 3 and array.shape[1:] in ((4, 4), (3, 4)):
+        return table_of_matrices(origin, names, array, f"{array.shape[1]} x 4 matrices")
+    if array.ndim == 3 and array.shape[2] == 1:
+        return table_of_array(array[:, :, 0], origin, labels)
+    if array.ndim != 2 or not array.size:
+        shape = " x ".join(map(str, array.shape))
+        raise refusal(origin, "array", f"its shape {shape} is none of poses", "give n x 4 x 4, n x 7 or n x 6")
+    return table_of_rows(origin, array, names)
+
+
+def _opencv_matrix(data: Any) -> Any:
+    """OpenCV's and ViSP's {rows, cols, data} as a list; Zivid's {FloatMatrix: {Data: ...}} likewise."""
+    if isinstance(data, dict):
+        if isinstance(data.get("FloatMatrix"), dict):
+            return data["FloatMatrix"].get("Data")
+        if {"rows", "cols", "data"} <= set(data) and isinstance(data["data"], list):
+            rows, cols, numbers = number_of(data["rows"]), number_of(data["cols"]), data["data"]
+            if rows and cols and len(numbers) == rows * cols and cols > 1:
+                return [numbers[at : at + int(cols)] for at in range(0, len(numbers), int(cols))]
+            return numbers
+    return data
+
+
+def _records(data: Any, origin: str) -> tuple[list[Any], list[str] | None]:
+    """The records of the data: the list that holds most, or the values of a mapping; and the mapping's keys."""
+    for _ in range(MAX_DEPTH):
+        if isinstance(data, list):
+            if data and all(isinstance(item, dict | list | np.ndarray) for item in data):
+                return _limited(data, origin), None
+            break
+        if not isinstance(data, dict) or not data:
+            break
+        data = {str(key): _opencv_matrix(value) for key, value in data.items()}
+        if (views := _over_views(data, origin)) is not None:
+            return views
+        values = list(data.values())
+        if len(data) > 1 and all(isinstance(value, dict | list) for value in values) and _alike(values):
+            return _limited(values, origin), list(data)
+        lists = [value for value in values if isinstance(value, list) and value and isinstance(value[0], dict | list)]
+        if (len(lists) == 1 and array_of(lists[0]) is None) or (lists and len(values) == 1):
+            data = lists[0]
+        elif len(values) == 1 and isinstance(values[0], dict):
+            data = values[0]
+        else:
+            return [data], None
+    what = "no list of poses, no mapping of poses and no pose"
+    raise refusal(origin, "document", what, "give a list of records with x, y, z, qw, qx, qy, qz")
+
+
+def _over_views(data: dict[str, Any], origin: str) -> tuple[list[Any], list[str] | None] | None:
+    """The records of arrays over the views, or of names with the view's number; None where there are neither."""
+    flat: dict[str, Any] = dict(_leaves(data, origin, most=MAX_POSES * 16))
+    records = {name: value for name, value in data.items() if isinstance(value, list) and _are_records(value)}
+    flat |= records
+    arrays = {name: leaf for name, leaf in flat.items() if isinstance(leaf, np.ndarray) and leaf.shape not in ONE_VIEW}
+    over = {name: len(leaf) for name, leaf in arrays.items() if leaf.ndim > 1}
+    over |= {name: len(leaf) for name, leaf in flat.items() if isinstance(leaf, list)}
+    if over and (any(name in arrays for name in over) or len(over) > 1):
+        counts = [*over.values()]
+        n = max(set(counts), key=counts.count)
+        listed = {name: leaf for name, leaf in data.items() if isinstance(leaf, list)} | {
+            name: leaf for name, leaf in flat.items() if isinstance(leaf, np.ndarray) and leaf.shape not in MATRICES[:2]
+        }
+        chosen = {name: leaf for name, leaf in (listed | arrays | {k: flat[k] for k in over}).items() if len(leaf) == n}
+        views = [{name: _squeezed(leaf[at]) for name, leaf in chosen.items()} for at in range(n)]
+        return _limited(views, origin), None
+    numbered: dict[str, dict[str, Any]] = {}
+    for name, value in data.items():
+        if (found := _NUMBERED.fullmatch(name)) and isinstance(value, list | dict):
+            numbered.setdefault(found[1], {})[found[2]] = value
+    if not numbered or max(map(len, numbered.values())) < 2:
+        return None
+    n = max(map(len, numbered.values()))
+    full = {stem: views for stem, views in numbered.items() if len(views) == n}
+    numbers = sorted(next(iter(full.values())), key=natural)
+    if any(set(views) != set(numbers) for views in full.values()):
+        what = f"the numbers behind {' and '.join(full)} differ"
+        raise refusal(origin, "document", what, "give every view both poses")
+    return [{stem: views[number] for stem, views in full.items()} for number in numbers], numbers
+
+
+def _are_records(values: list[Any]) -> bool:
+    return bool(values) and all(isinstance(value, dict) for value in values)
+
+
+def _squeezed(leaf: Any) -> Any:
+    """A column (k, 1) or a row (1, k) as k numbers."""
+    return np.ravel(leaf) if isinstance(leaf, np.ndarray) and 1 in leaf.shape else leaf
+
+
+def _alike(values: list[Any]) -> bool:
+    """Whether all values are records with a key in common that are no vectors, or arrays of one shape of a pose."""
+    if all(isinstance(value, dict) for value in values):
+        return bool(set.intersection(*(set(map(str, value)) for value in values))) and not any(
+            set(map(str, value)) <= {"x", "y", "z", "w"} for value in values
+        )
+    shapes = {getattr(array_of(value), "shape", None) for value in values}
+    return len(shapes) == 1 and shapes <= {*MATRICES, *ROWS}
+
+
+def _limited(records: list[Any], origin: str) -> list[Any]:
+    if len(records) > MAX_POSES:
+        what = f"{len(records)} records, where {MAX_POSES} are read"
+        raise refusal(origin, "records", what, "give those of the views")
+    return records
+
+
+def _leaves(
+    data: Any, origin: str, name: str = "", depth: int = 0, most: int = MAX_CELLS
+) -> Iterator[tuple[str, Leaf]]:
+    """(dotted name, leaf) of a record: an array of at most so many numbers, a number or a text."""
+    if depth > MAX_DEPTH:
+        raise refusal(origin, name or "record", "it nests too deep", "write plain records")
+    data = _opencv_matrix(data)
+    if isinstance(data, dict | list | np.ndarray):
+        array = None if isinstance(data, dict) else array_of(data)
+        if array is not None:
+            if array.size <= most:
+                yield name, array if array.ndim > 2 or most > MAX_CELLS else _squeezed(array)
+            return
+        if len(data) > MAX_CELLS:
+            return
+        for key, value in data.items() if isinstance(data, dict) else enumerate(data):
+            yield from _leaves(value, origin, f"{name}.{key}" if name else str(key), depth + 1, most)
+    elif data is not None:
+        number = number_of(data)
+        yield name, np.float64(number) if number is not None else str(data)
