@@ -2,7 +2,7 @@
 
     import handeyed
 
-    session = handeyed.Session.open("folder")            # or Session.of_corners(...) from your own arrays
+    session = handeyed.Session.open("folder")            # or of_corners, of_poses, of_points from your own arrays
     result = handeyed.solve(session, tolerance_mm=0.5)
     X = result.flange_T_camera.transform()               # (4, 4), mm
     points_base = handeyed.register(points, result, base_T_flange)
@@ -25,3 +25,7 @@ def __getattr__(name: str) -> Any:
     if name not in __all__:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     return getattr(importlib.import_module("handeyed.library"), name)
+
+
+def __dir__() -> list[str]:
+    return list(__all__)

@@ -1,6 +1,6 @@
 """What `import handeyed` gives; thin over the rooms."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -14,17 +14,22 @@ from calibration.camera import CameraModel
 from calibration.documents.calibration import CalibrationDocument, calibration_document
 from calibration.documents.exports.formats import export as export_x
 from calibration.documents.exports.subject import DEFAULT_DECIMALS, OPTICAL_FRAME, ExportOptions
+from calibration.documents.imports.leaves import table_of_data
+from calibration.documents.imports.pose_files import read_poses
 from calibration.documents.plan import PlanDocument, PlannedDocument, PredictedDocument
 from calibration.documents.requirement import VerdictSettings
 from calibration.documents.target import TargetDocument
 from calibration.documents.validation import Document, validate_json
-from calibration.errors import DocumentError, DocumentProblem
+from calibration.errors import DocumentError, DocumentProblem, UndeterminedError
 from calibration.likelihood.predicted_uncertainty import predict
 from calibration.planning.plan import plan_poses
-from calibration.problem import Detection, Problem, Setup, View
+from calibration.pose_pairs.point_pairs import point_pair_findings, solve_point_pairs
+from calibration.problem import Detection, MeasuredPose, Problem, Setup, View
 from calibration.solve import poses_at_zero, solve_hand_eye
-from calibration.transforms import Array, map_points
-from calibration.verdict import judge
+from calibration.targets import TrackedFrame
+from calibration.transforms import Array, inverse, map_points
+from calibration.verdict import judge, verdict_of
+from daemon.runtime.bounded_read import read_document
 from daemon.runtime.version import SOFTWARE
 from daemon.sessions.session_reader import load_problem, open_session
 from registration.io.reading import open_cloud
@@ -41,9 +46,10 @@ MM = {"mm": 1.0, "m": 1000.0}
 
 @dataclass(frozen=True, eq=False)
 class Session:
-    """The views of one calibration. Make one with `open` or `of_corners`."""
+    """The views of one calibration. Make one with `open`, `of_corners`, `of_poses` or `of_points`."""
 
     problem: Problem
+    point_pairs: tuple[Array, Array] | None = None
 
     @classmethod
     def open(cls, folder: str | Path, progress: Callable[[int, int], None] = lambda done, of: None) -> Self:
@@ -90,6 +96,47 @@ class Session:
             camera = CameraModel(np.asarray(camera_matrix, float), lens, image_size)
         return cls(Problem(setup, known, camera, image_size, views))
 
+    @classmethod
+    def of_poses(cls, base_T_flange: ArrayLike, camera_T_target: ArrayLike, *, setup: Setup = "eye-in-hand") -> Self:
+        """Poses (n, 4, 4) in mm of the robot, and the target's in the camera, as `solvePnP` or a tracker gives them.
+
+        Of OpenCV's `calibrateHandEye` these are gripper2base and target2cam; for a standing camera, too, give
+        base_T_flange and not its inverse. Raises DocumentError for arrays that do not go together.
+        """
+        poses, seen = np.asarray(base_T_flange, float), np.asarray(camera_T_target, float)
+        if poses.ndim != 3 or poses.shape[1:] != (4, 4) or poses.shape != seen.shape:
+            what = f"{poses.shape} poses of the robot and {seen.shape} of the camera do not go together"
+            raise DocumentError("of_poses", [DocumentProblem("base_T_flange", what, "give (n, 4, 4) of both")])
+        pairs = enumerate(zip(poses, seen, strict=True))
+        views = tuple(View(index, pose, None, measured=MeasuredPose(other)) for index, (pose, other) in pairs)
+        return cls(Problem(setup, TrackedFrame(), None, (0, 0), views, in_space=True))
+
+    @classmethod
+    def of_points(
+        cls,
+        robot_mm: ArrayLike,
+        camera_mm: ArrayLike,
+        *,
+        setup: Setup = "eye-to-hand",
+        base_T_flange: ArrayLike | None = None,
+    ) -> Self:
+        """Points (n, 3) in mm that a tip touched or a ball had, in the robot's base and in the camera's frame.
+
+        base_T_flange : the arm's poses (n, 4, 4) when a camera on the flange saw them; it needs them.
+        Raises DocumentError for arrays that do not go together.
+        """
+        points, seen = np.asarray(robot_mm, float), np.asarray(camera_mm, float)
+        if points.ndim != 2 or points.shape[1] != 3 or points.shape != seen.shape:
+            what = f"{points.shape} points of the robot and {seen.shape} of the camera do not go together"
+            raise DocumentError("of_points", [DocumentProblem("robot_mm", what, "give (n, 3) of both")])
+        if setup == "eye-in-hand":
+            poses = np.zeros((0, 4, 4)) if base_T_flange is None else np.asarray(base_T_flange, float)
+            if poses.shape != (len(points), 4, 4):
+                what = "a camera on the flange needs the arm's pose at each point"
+                raise DocumentError("of_points", [DocumentProblem("base_T_flange", what, "give (n, 4, 4)")])
+            points = map_points(inverse(poses), points[:, None])[:, 0]
+        return cls(Problem(setup, TrackedFrame(), None, (0, 0), (), in_space=True), (points, seen))
+
 
 def _views(
     poses: Array, corners_px: Sequence[ArrayLike], ids: Sequence[ArrayLike] | None
@@ -99,17 +146,34 @@ def _views(
     return list(zip(poses, pixels, which, strict=True))
 
 
-def solve(session: Session, *, tolerance_mm: float | None = None, method: str = "auto") -> CalibrationDocument:
+Solvable = Session | str | Path | Mapping[str, Any]
+
+
+def solve(
+    session: Solvable, *, tolerance_mm: float | None = None, method: str = "auto", setup: Setup | None = None
+) -> CalibrationDocument:
     """The calibration: X with its covariance, U at the points that matter, noise, views, findings and verdict.
 
+    session : a Session; a folder with session.json; or pairs of poses of robot and camera in a file that `handeyed
+        import` reads, a mapping of arrays such as R_gripper2base, t_gripper2base, R_target2cam, t_target2cam, or an
+        opened .npz; `setup` says where the camera is then.
     tolerance_mm : the largest U (k = 2) that is accepted; 4 mm without it.
     method : "auto" (maximum likelihood) or a closed form ("tsai", "park", ...).
 
     `result.flange_T_camera.transform()` is X (4, 4) in mm; None, with the reason in `result.verdict.findings`, where
-    the motions do not determine it. `result.model_dump_json()` is calibration.json.
+    the motions do not determine it. `result.model_dump_json()` is calibration.json. Raises DocumentError, TypeError.
     """
-    solution = solve_hand_eye(session.problem, method=method)
-    verdict = judge(poses_at_zero(session.problem, solution), solution, VerdictSettings().limits(tolerance_mm))
+    known = _session_of(session, setup)
+    limits = VerdictSettings().limits(tolerance_mm)
+    if known.point_pairs is not None:
+        try:
+            solution = solve_point_pairs(known.problem.setup, *known.point_pairs)
+        except UndeterminedError as why:
+            raise DocumentError("of_points", [DocumentProblem("points", why.what, why.fix)]) from None
+        verdict = verdict_of(solution, point_pair_findings(solution, limits), limits)
+    else:
+        solution = solve_hand_eye(known.problem, method=method)
+        verdict = judge(poses_at_zero(known.problem, solution), solution, limits)
     now = datetime.now(UTC)
     return calibration_document(
         solution,
@@ -118,6 +182,39 @@ def solve(session: Session, *, tolerance_mm: float | None = None, method: str = 
         created_at=f"{now:%Y-%m-%dT%H:%M:%S}Z",
         software=SOFTWARE,
     )
+
+
+def _session_of(given: Any, setup: Setup | None) -> Session:
+    """The session that `solve` is given. Raises DocumentError, TypeError."""
+    if isinstance(given, Session):
+        return given
+    if isinstance(given, str | Path) and Path(given).is_dir():
+        return Session.open(given)
+    if isinstance(given, str | Path):
+        table, origin = read_poses(Path(given).name, read_document(Path(given))), str(given)
+    elif isinstance(given, Mapping):
+        origin = "solve"
+        table = table_of_data({str(name): np.asarray(given[name], float) for name in given}, origin)
+    else:  # what the types do not allow, but a caller may give
+        what = f"solve takes a Session, a folder, a file or a mapping of arrays, not {type(given).__name__}"
+        raise TypeError(f"{what}: make one with Session.of_corners, of_poses or of_points")
+    if table.camera is None:
+        what, fix = (
+            "only one side's poses",
+            "give the robot's and the camera's, such as R_gripper2base and R_target2cam",
+        )
+        raise DocumentError(origin, [DocumentProblem("poses", what, fix)])
+    sides = []
+    for side, poses in (("robot", table), ("camera", table.camera)):
+        conventions, units = poses.conventions(), poses.units()
+        if len(conventions) != 1 or len(units) != 1:
+            what = f"{len(conventions)} conventions and {len(units)} units are possible for {poses.layout}"
+            fix = "give 4 x 4 matrices in mm, or run handeyed import"
+            raise DocumentError(origin, [DocumentProblem(side, what, fix)])
+        frame = poses.frame or poses.named_frame or "base_T_flange"
+        sides.append(poses.poses(conventions[0], units[0], frame))
+    chosen = setup or table.setup or "eye-in-hand"
+    return Session.of_poses(*sides, setup=chosen)
 
 
 def plan(question: dict[str, Any]) -> PlannedDocument:

@@ -34,6 +34,8 @@ OTHER_SIZES = tuple(step for step in product((0, -1, 1), repeat=2) if step != (0
 """Columns and rows that are other by one."""
 MIN_COUNT = 2
 """Least columns and rows."""
+MIN_BOARD = 3
+"""Least columns and rows of a chessboard much smaller than described; a part of a larger pattern may look like less."""
 DICTIONARY_GROUPS = (
     *(tuple(f"DICT_{bits}X{bits}_{count}" for count in (50, 100, 250, 1000)) for bits in (4, 5, 6, 7)),
     *((name,) for name in ("DICT_ARUCO_ORIGINAL", "DICT_ARUCO_MIP_36h12", *TAG_FAMILIES.values())),
@@ -129,10 +131,11 @@ def _dictionary_of(group: tuple[str, ...], like: str, needed: int) -> str | None
 
 
 def _chessboard(image: Grey, target: Chessboard) -> Target | None:
-    """A chessboard smaller by one than described; the detector itself reports a larger one."""
+    """A chessboard smaller than described, by one before by more; the detector itself reports a larger one."""
     sizes = set(board_sizes(image, target))
     fitting = (other for other in _sizes(target) if sizes & {(other.columns, other.rows), (other.rows, other.columns)})
-    return next(fitting, None)
+    smaller = (size for size in sorted(sizes, key=lambda size: -size[0] * size[1]) if min(size) >= MIN_BOARD)
+    return next(fitting, None) or next((replace(target, columns=max(s), rows=min(s)) for s in smaller), None)
 
 
 def _first_fit(image: Grey, descriptions: Iterable[Target]) -> Target | None:

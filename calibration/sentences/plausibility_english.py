@@ -24,4 +24,12 @@ PLAUSIBILITY = {
     "check-setup-and-units": "check setup, the unit of the lengths, and whether the poses are those of the flange; with"
     " six views or more, or a known place of the camera, it is decided",
     "take-a-fourth-view": "take a fourth view, turned about another axis, and check setup",
+    # pose_pairs/point_pairs.py
+    "too-few-point-pairs": "{points} pairs of points; X needs four or more",
+    "points-on-a-line": "the points lie on a line: the turn about it is not determined",
+    "point-pairs-disagree": "the robot's points and the camera's disagree by {sigma_mm:.3g} mm",
+    "point-pairs-noise": "{points} points of robot and camera agree to {sigma_mm:.2g} mm an axis",
+    "add-point-pairs": "add points, spread over the volume that matters and not on a line",
+    "compare-point-pairs": "compare pairs, units and frames: the tip's coordinates in th"
+    "e base, and the camera's in its own frame",
 }

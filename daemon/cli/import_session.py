@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from calibration.documents.imports.intrinsics import Intrinsics
     from calibration.documents.target import TargetDocument
 
+AXES = frozenset(f"{sign}{axis}" for sign in ("", "-") for axis in "xyz")
 FOLDERS_HELP = "Folders with poses and pictures, or a set of another program."
 TARGET_HELP = "chessboard:9x6:23.6, charuco:5x7:36.195:18.256:DICT_6X6_250, circles-asymmetric:7x11:20, ... or a file."
 CONVENTION_HELP = "Of orientations: a brand (abb, kuka, ur, ...) or a name such as euler-ZYX; else every one is tried."
@@ -42,7 +43,14 @@ def import_session(
         typer.Option(metavar="FILE", help="Intrinsics of ROS, OpenCV, Kalibr, ViSP or handeyed; else estimated."),
     ] = None,
     cloud_unit: Annotated[Literal["m", "mm"] | None, typer.Option(help="Of clouds.")] = None,
-    arm: Annotated[str | None, typer.Option(metavar="NAME", help="Of joint states, as 'IRB 1600-6/1.45'.")] = None,
+    arm: Annotated[str | None, typer.Option(metavar="NAME", help="Of joints, as 'IRB 1600-6/1.45'.")] = None,
+    axes: Annotated[str | None, typer.Option(metavar="AXES", help="Of the poses' places, such as x,-y,z.")] = None,
+    camera_unit: Annotated[
+        Literal["m", "mm"] | None, typer.Option(help="Of --camera-poses; else by their size.")
+    ] = None,
+    camera_convention: Annotated[
+        str | None, typer.Option(metavar="NAME", help="Of orientations of --camera-poses; else every one is tried.")
+    ] = None,
     json: Json = False,
 ) -> None:
     """Make session folders of pictures and poses that another program, or a person, has written.
@@ -56,6 +64,7 @@ def import_session(
     from daemon.sessions.session_import.write import write_session
 
     conventions, unit_of_brand = (None, None) if convention is None else _conventions(convention)
+    of_camera, camera_unit_of_brand = (None, None) if camera_convention is None else _conventions(camera_convention)
     chosen = Chosen(images, poses, camera_poses)
     intrinsics = None if camera is None else _intrinsics(camera)
     described = None if target is None else _target(target)
@@ -72,6 +81,9 @@ def import_session(
             intrinsics,
             cloud_unit,
             arm,
+            None if axes is None else _axes(axes),
+            camera_unit or camera_unit_of_brand,
+            of_camera,
         )
         with progress_bar(folder.resolve().name) as progress:
             understood = understand(request, progress)
@@ -86,6 +98,15 @@ def import_session(
             typer.echo(json_text.dumps(answer))
         else:
             typer.echo(report(understood, file))
+
+
+def _axes(text: str) -> tuple[str, ...]:
+    """The axes of --axes, each of x, y, z once, with a sign or without."""
+    axes = tuple(axis.strip().lstrip("+") for axis in text.split(","))
+    if sorted(axis[-1:] for axis in axes) != ["x", "y", "z"] or any(axis not in AXES for axis in axes):
+        what, fix = f"{text!r} is no order of axes", "give x, y and z, each with a sign or without, as x,-y,z"
+        raise CommandError("--axes", what, fix, ExitStatus.UNREADABLE)
+    return axes
 
 
 def _conventions(name: str) -> "tuple[tuple[Convention, ...], LengthUnit | None]":

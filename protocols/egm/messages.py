@@ -31,7 +31,11 @@ class MessageType(IntEnum):
 
 
 class NotEgm(ValueError):
-    """The bytes are not an EgmRobot message with a pose."""
+    """The bytes are not an EgmRobot message with a pose; `why`: what packets of this kind are."""
+
+    def __init__(self, what: str, why: str = "that are no EGM data of a robot") -> None:
+        super().__init__(what)
+        self.why = why
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,6 +66,8 @@ def _decode(data: bytes) -> RobotSample:
     header, feedback = _fields_by_number(_message_field(parts, 1)), _fields_by_number(_message_field(parts, 2))
     if header.get(3) != MessageType.DATA:
         raise NotProtobuf(f"a header of type {header.get(3)!r}, not of a robot's data")
+    if 2 not in feedback:
+        raise NotEgm("joints only", "without a Cartesian pose")
     pose = _fields_by_number(_message_field(feedback, 2))
     x, y, z = _doubles_by_field(_message_field(pose, 1), 3)
     u0, u1, u2, u3 = _doubles_by_field(_message_field(pose, 2), 4)

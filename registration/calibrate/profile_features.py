@@ -100,6 +100,9 @@ def _searched(block: ProfileBlock) -> _Searched:
     with np.errstate(invalid="ignore"):
         usable = (np.abs(block.x_mm) < MAX_RANGE_MM) & (np.abs(block.z_mm) < MAX_RANGE_MM)
     rows = np.flatnonzero(usable.sum(axis=1) >= MIN_POINTS)
+    if len(block) < MIN_PROFILES:
+        what = f"a sweep of {len(block)} profiles, where {MIN_PROFILES} across the surface are needed"
+        raise ProfileError(what, "let the arm move within a sweep: profiles taken while it stands show one line each")
     if len(rows) < MIN_PROFILES:
         what = f"{len(rows)} of {len(block)} profiles have {MIN_POINTS} points or more"
         raise ProfileError(what, "check exposure and measuring range, and sweep more slowly")

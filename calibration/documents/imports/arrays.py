@@ -54,6 +54,23 @@ def load_npy(content: bytes, origin: str) -> Array:
     return np.asarray(array, float)
 
 
+def read_mat(content: bytes, origin: str) -> PoseTable:
+    """The poses of MATLAB's .mat file (version 5), whose views are the last axis. Raises DocumentError."""
+    import scipy.io  # an eighth of a second, and few bring such files
+
+    if len(content) > MAX_ARRAY_BYTES:
+        raise refusal(origin, "file", "larger than 64 MB", FIX)
+    try:
+        found = scipy.io.loadmat(io.BytesIO(content), struct_as_record=True)
+    except (*DAMAGED_ARCHIVE, NotImplementedError, scipy.io.matlab.MatReadError) as error:
+        raise refusal(origin, "file", f"no .mat file of version 5 ({str(error)[:80]})", "save it with -v6") from None
+    arrays = {name: one for name, one in found.items() if isinstance(one, np.ndarray) and one.dtype.kind in "iuf"}
+    if sum(one.nbytes for one in arrays.values()) > MAX_ARRAY_BYTES:
+        raise refusal(origin, "file", "unpacks to more than 64 MB", FIX)
+    moved = {name: np.moveaxis(one, 2, 0) if one.ndim == 3 else one for name, one in arrays.items()}
+    return table_of_data({name: np.asarray(one, float) for name, one in moved.items()}, origin)
+
+
 def read_npz(content: bytes, origin: str) -> PoseTable:
     """The poses of a .npz file. Raises DocumentError."""
     arrays = unpack_npz(content, origin)

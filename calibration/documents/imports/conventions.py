@@ -32,7 +32,7 @@ MAX_MATRIX_ERROR = 5e-3
 
 @dataclass(frozen=True)
 class Convention:
-    """How the numbers of an orientation are meant; `kind` says how many there are: 4, 3, 9 row by row, or six joints."""
+    """How the numbers of an orientation are meant; `kind` says how many: 4, 3, 9 row by row, or 6 joints."""
 
     name: str
     kind: Kind

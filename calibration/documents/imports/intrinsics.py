@@ -3,7 +3,6 @@
 All use OpenCV's matrix; their distortion is OpenCV's plumb bob or rational model, or its fisheye ("equidistant").
 """
 
-import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import PurePath
@@ -13,8 +12,8 @@ import numpy as np
 
 from calibration.camera import COEFFICIENT_COUNTS, LensModel
 from calibration.documents.imports.leaves import array_of, number_of
-from calibration.documents.imports.refusal import decode, refusal
-from calibration.documents.imports.trees import read_json, read_xml, read_yaml
+from calibration.documents.imports.refusal import refusal
+from calibration.documents.imports.trees import read_json, read_xml_tree, read_yaml
 from calibration.documents.session import CameraDocument
 from calibration.documents.validation import validate_document
 
@@ -60,7 +59,7 @@ def read_intrinsics(name: str, content: bytes) -> Intrinsics:
         case ".json":
             data = read_json(content, name)
         case ".xml":
-            data = _xml(content, name)
+            data = read_xml_tree(content, name, HEADING)
         case _:
             data = read_yaml(content, name)
     return intrinsics_of(data, name)
@@ -176,15 +175,3 @@ def _size(plain: Mapping[str, Any]) -> tuple[int, int] | None:
         if width and height and 0 < width < 1e6 and 0 < height < 1e6:
             return int(width), int(height)
     return None
-
-
-def _xml(content: bytes, origin: str) -> Any:
-    """The tree of an XML file as mappings."""
-    return _element(read_xml(decode(content, origin), origin, HEADING), 0)
-
-
-def _element(element: ElementTree.Element, depth: int) -> Any:
-    if not len(element) or depth > 6:
-        text = (element.text or "").strip()
-        return text.split() if len(text.split()) > 1 else text
-    return {child.tag: _element(child, depth + 1) for child in element}

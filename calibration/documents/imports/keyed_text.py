@@ -12,6 +12,9 @@ from calibration.transforms import Array
 
 _NUMBER = r"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?"
 _UR = re.compile(rf"(?:(\w+)\s*=\s*)?p\s*\[\s*({_NUMBER}(?:\s*,\s*{_NUMBER}){{5}})\s*\]")
+_MOVE = re.compile(r"\b(?:movej|movel|movep|movec|servoj|get_inverse_kin)\s*\(", re.IGNORECASE)
+_SET_TOOL = re.compile(rf"\bset_tcp\s*\(\s*(?:(\w+)|p\s*\[\s*({_NUMBER}(?:\s*,\s*{_NUMBER}){{5}})\s*\])")
+_OFFSET = re.compile(r"\b(pose_trans|pose_add|interpolate_pose)\s*\(")
 _COMMA_NUMBER = r"[-+]?\d+,\d+(?:[eE][-+]?\d+)?"
 _PAIR = re.compile(
     rf"\b([A-Za-z][A-Za-z0-9]{{0,9}})\s*[=:\s]\s*({_COMMA_NUMBER}|{_NUMBER})\s*(mm|m|deg|°|rad)?"
@@ -29,8 +32,8 @@ KEYS = (
 def read_keyed_text(content: bytes, origin: str) -> PoseTable:
     """The poses of a text that names each number. Raises DocumentError."""
     text = decode(content, origin)
-    if ur := _UR.findall(text):
-        return _universal_robots(origin, ur)
+    if _UR.search(text):
+        return _universal_robots(origin, text)
     found: dict[str, list[float]] = {}
     units: set[str] = set()
     pairs = _PAIR.findall(text)
@@ -55,10 +58,40 @@ def read_keyed_text(content: bytes, origin: str) -> PoseTable:
     )
 
 
-def _universal_robots(origin: str, found: list[tuple[str, str]]) -> PoseTable:
+def _universal_robots(origin: str, text: str) -> PoseTable:
+    """The poses to which a program moves, or all poses of a list. Raises DocumentError for poses that it computes."""
+    text = re.sub(r"#.*", "", text)
+    named = {match[1]: match for match in _UR.finditer(text) if match[1]}
+    tool = _SET_TOOL.search(text)
+    if _MOVE.search(text):
+        if offset := _OFFSET.search(text):
+            what = f"poses that the program computes ({offset[1]})"
+            raise refusal(origin, "text", what, "write the poses to which it moves as p[...]", "robot-poses")
+        found = []
+        for move in _MOVE.finditer(text):
+            literal = _UR.match(text, move.end()) or re.compile(r"\s*(\w+)").match(text, move.end())
+            if literal is None:
+                continue
+            match = named.get(literal[1]) if literal.re is not _UR else literal
+            if match is not None:
+                found.append((match[1] or "", match[2]))
+    else:
+        found = [(match[1] or "", match[2]) for match in _UR.finditer(text) if tool is None or match[1] != tool[1]]
+        found = [one for one in found if tool is None or one[1] != tool[2]]
+    if not found:
+        raise refusal(origin, "text", "no pose p[...] to which the program moves", "write them, or a list of p[...]")
     rows: Array = np.array([[float(number) for number in numbers.split(",")] for _, numbers in found])
     labels = [name or str(at + 1) for at, (name, _) in enumerate(found)]
+    labels = labels if len(set(labels)) == len(labels) else [str(at + 1) for at in range(len(labels))]
+    notes: tuple[str, ...] = ()
+    if tool is not None:
+        known = named.get(tool[1] or "")
+        numbers = tool[2] or (known[2] if known else "not read as numbers")
+        notes = (
+            f"the program sets the tool {tool[1] or ''} p[{numbers}] (m, rad): the poses are that tool's; the camera's"
+            " pose is found relative to it",
+        )
     return PoseTable(
         origin, tuple(labels), rows[:, :3], rows[:, 3:], "angles", "p[x, y, z, rx, ry, rz] of URScript",
-        CONVENTIONS["rotation-vector"], unit="m",
+        CONVENTIONS["rotation-vector"], unit="m", notes=notes,
     ).checked()  # fmt: skip

@@ -252,7 +252,7 @@ def _records(data: Any, origin: str) -> tuple[list[Any], list[str] | None]:
     for _ in range(MAX_DEPTH):
         if isinstance(data, list):
             if data and all(isinstance(item, dict | list | np.ndarray) for item in data):
-                return _limited(data, origin), None
+                return _require_few(data, origin), None
             break
         if not isinstance(data, dict) or not data:
             break
@@ -261,7 +261,7 @@ def _records(data: Any, origin: str) -> tuple[list[Any], list[str] | None]:
             return views
         values = list(data.values())
         if len(data) > 1 and all(isinstance(value, dict | list) for value in values) and _alike(values):
-            return _limited(values, origin), list(data)
+            return _require_few(values, origin), list(data)
         lists = [value for value in values if isinstance(value, list) and value and isinstance(value[0], dict | list)]
         if (len(lists) == 1 and array_of(lists[0]) is None) or (lists and len(values) == 1):
             data = lists[0]
@@ -288,8 +288,8 @@ def _over_views(data: dict[str, Any], origin: str) -> tuple[list[Any], list[str]
             name: leaf for name, leaf in flat.items() if isinstance(leaf, np.ndarray) and leaf.shape not in MATRICES[:2]
         }
         chosen = {name: leaf for name, leaf in (listed | arrays | {k: flat[k] for k in over}).items() if len(leaf) == n}
-        views = [{name: _squeezed(leaf[at]) for name, leaf in chosen.items()} for at in range(n)]
-        return _limited(views, origin), None
+        views = [{name: _squeeze(leaf[at]) for name, leaf in chosen.items()} for at in range(n)]
+        return _require_few(views, origin), None
     numbered: dict[str, dict[str, Any]] = {}
     for name, value in data.items():
         if (found := _NUMBERED.fullmatch(name)) and isinstance(value, list | dict):
@@ -309,7 +309,7 @@ def _are_records(values: list[Any]) -> bool:
     return bool(values) and all(isinstance(value, dict) for value in values)
 
 
-def _squeezed(leaf: Any) -> Any:
+def _squeeze(leaf: Any) -> Any:
     """A column (k, 1) or a row (1, k) as k numbers."""
     return np.ravel(leaf) if isinstance(leaf, np.ndarray) and 1 in leaf.shape else leaf
 
@@ -324,7 +324,7 @@ def _alike(values: list[Any]) -> bool:
     return len(shapes) == 1 and shapes <= {*MATRICES, *ROWS}
 
 
-def _limited(records: list[Any], origin: str) -> list[Any]:
+def _require_few(records: list[Any], origin: str) -> list[Any]:
     if len(records) > MAX_POSES:
         what = f"{len(records)} records, where {MAX_POSES} are read"
         raise refusal(origin, "records", what, "give those of the views")
@@ -342,7 +342,7 @@ def _leaves(
         array = None if isinstance(data, dict) else array_of(data)
         if array is not None:
             if array.size <= most:
-                yield name, array if array.ndim > 2 or most > MAX_CELLS else _squeezed(array)
+                yield name, array if array.ndim > 2 or most > MAX_CELLS else _squeeze(array)
             return
         if len(data) > MAX_CELLS:
             return

@@ -62,7 +62,8 @@ def best_split(splits: Iterator[tuple[PoseTable, PoseTable]]) -> PoseTable | Non
         conventions = [one.conventions() for one in (robot, camera)]
         mismatch = agreeing_conventions(robot, camera, *conventions)[0]
         if mismatch < best:
-            best, found = mismatch, replace(robot, camera=camera, side=None)
+            note = "no name says whose the poses are: that follows from what the flange carries, which is near to it"
+            best, found = mismatch, replace(robot, camera=camera, side=None, notes=(*robot.notes, note))
     return found
 
 
@@ -81,7 +82,7 @@ def columns_as_pairs(origin: str, rows: Array) -> PoseTable | None:
 
 
 def rows_as_pairs(table: PoseTable) -> PoseTable | None:
-    """A table whose rows are the robot's and the camera's poses in turn, or first all of one side, then of the other."""
+    """A table whose rows are the robot's and the camera's poses in turn, or all of one side, then of the other."""
     n = len(table) // 2
     if len(table) % 2 or n < MIN_PAIRS:
         return None

@@ -4,7 +4,7 @@ import re
 from collections.abc import Callable
 from pathlib import PurePath
 
-from calibration.documents.imports.arrays import read_npy, read_npz
+from calibration.documents.imports.arrays import read_mat, read_npy, read_npz
 from calibration.documents.imports.halcon_pose import read_halcon_pose
 from calibration.documents.imports.keyed_text import read_keyed_text
 from calibration.documents.imports.leaves import table_of_data
@@ -12,7 +12,7 @@ from calibration.documents.imports.pose_table import PoseTable
 from calibration.documents.imports.rapid_poses import read_rapid
 from calibration.documents.imports.refusal import decode, refusal
 from calibration.documents.imports.text_tables import read_text_table
-from calibration.documents.imports.trees import read_json, read_json_lines, read_yaml
+from calibration.documents.imports.trees import read_json, read_json_lines, read_xml_tree, read_yaml
 from calibration.errors import DocumentError
 
 Reader = Callable[[bytes, str], PoseTable]
@@ -28,6 +28,10 @@ def _json_lines(content: bytes, origin: str) -> PoseTable:
 
 def _yaml(content: bytes, origin: str) -> PoseTable:
     return table_of_data(read_yaml(content, origin), origin)
+
+
+def _xml(content: bytes, origin: str) -> PoseTable:
+    return table_of_data(read_xml_tree(content, origin, "robot-poses"), origin)
 
 
 _THREE_AND_FOUR = r"\[\s*\[(?:[^][,]*,){2}[^][,]*\]\s*,\s*\[(?:[^][,]*,){3}[^][,]*\]"
@@ -69,8 +73,13 @@ FAMILIES: dict[str, Reader] = {
     ".yaml": _yaml,
     ".yml": _yaml,
     ".samples": _yaml,
+    ".xml": _xml,
+    ".log": read_text_table,
+    ".conf": read_any_text,
+    ".xf": read_any_text,
     ".npy": read_npy,
     ".npz": read_npz,
+    ".mat": read_mat,
     ".mod": read_any_text,
     ".modx": read_any_text,
     ".prg": read_any_text,

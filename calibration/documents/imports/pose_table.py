@@ -29,9 +29,15 @@ MM: dict[LengthUnit, float] = {"m": 1000.0, "mm": 1.0}
 MAX_ARM_MM = 20_000.0
 """Longest distance of a flange from its base, on tracks too."""
 
+MAX_NUMBER = 1e15
+"""Larger numbers are damaged, and their squares overflow."""
+
 MIN_ARM_MM = 50.0
 """A flange is further from its base than this in the median of the views."""
 
+
+MAX_JOINT_DEG = 360.0
+"""Largest joint that is looked for among numbers without names."""
 
 MIXED_RATIO = 100.0
 """Poses so much nearer to the base than the farthest one are in another unit when a factor of 1000 explains it."""
@@ -92,7 +98,7 @@ class PoseTable:
             what = "no poses in it" if not len(self) else f"{len(self)} poses, where {MAX_POSES} are read"
             raise refusal(self.origin, "poses", what, "give one pose for each view")
         assert self.numbers.shape == (len(self), NUMBERS[self.kind])
-        finite = np.isfinite(self.lengths).all(axis=1) & np.isfinite(self.numbers).all(axis=1)
+        finite = np.all(np.abs(self.lengths) < MAX_NUMBER, axis=1) & np.all(np.abs(self.numbers) < MAX_NUMBER, axis=1)
         if not finite.all():
             row = int(np.flatnonzero(~finite)[0])
             raise refusal(self.origin, f"pose {self.labels[row]}", "a number is missing or not finite", "correct it")
@@ -171,6 +177,26 @@ class PoseTable:
         else:
             poses = transform(rotations_of(convention, self.numbers, by_axis=self.by_axis), self.lengths * MM[unit])
         return poses if frame == "base_T_flange" else inverse(poses)
+
+    def varying_axes(self) -> list[tuple[int, Array]]:
+        """Number and readings (n,) of the external axes that move."""
+        if self.external_axes is None:
+            return []
+        readings = enumerate(self.external_axes.T, 1)
+        return [(number, one) for number, one in readings if np.all(np.isfinite(one)) and np.ptp(one) > 0]
+
+    def may_be_joints(self) -> bool:
+        """Whether six numbers without names could be an arm's joints."""
+        numbers = np.concatenate([self.lengths, self.numbers], axis=1)
+        unnamed = self.kind == "angles" and self.convention is None and not self.by_axis and self.unit is None
+        return unnamed and bool(np.abs(numbers).max(initial=0.0) <= MAX_JOINT_DEG)
+
+    def as_joints(self, arm: Arm) -> "PoseTable":
+        """The same six numbers as joints of that arm."""
+        return replace(
+            self, lengths=np.zeros((len(self), 3)), numbers=np.concatenate([self.lengths, self.numbers], axis=1),
+            kind="joints", unit="mm", frame="base_T_flange", arm=arm, layout="six joints a row",
+        )  # fmt: skip
 
     def take(self, rows: Sequence[int]) -> "PoseTable":
         """Only some poses, in another order."""

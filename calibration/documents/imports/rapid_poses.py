@@ -7,23 +7,30 @@ beside another picture.
 import math
 import re
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
 from calibration.documents.imports.conventions import CONVENTIONS
+from calibration.documents.imports.number_tables import table_of_joints
 from calibration.documents.imports.pose_table import PoseTable
 from calibration.documents.imports.refusal import decode, refusal
 
 _NUMBER = re.compile(r"\s*[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?\s*")
 _CELL = r"[^][,;]*"
 _POSE = re.compile(rf"\[\s*\[({_CELL}(?:,{_CELL}){{2}})\]\s*,\s*\[({_CELL}(?:,{_CELL}){{3}})\]")
+_EXTAX = re.compile(rf"\s*,\s*\[[^][]*\]\s*,\s*\[({_CELL}(?:,{_CELL}){{5}})\]")
+_JOINTS = re.compile(rf"\[\s*\[({_CELL}(?:,{_CELL}){{5}})\]\s*,\s*\[{_CELL}(?:,{_CELL}){{5}}\]\s*\]")
 _DATA = re.compile(r"\b(?:CONST|PERS|VAR)\s+(\w+)\s+(\w+)\s*(?:\{([^}]*)\})?\s*:=([^;]*)", re.IGNORECASE)
 _MOVE = re.compile(r"\bMove[CJL]\w*\s*(\[\s*\[[^][]*\]\s*,\s*\[[^;]*)", re.IGNORECASE)
 _TARGET = re.compile(r"\b(?:CONST|PERS|VAR)\s+(?:robtarget|pose)\s+(\w+)", re.IGNORECASE)
 _ASSIGNED = re.compile(r"(?<![\w.])(\w+)(?:\{[^}]*\})?(?:\.\w+)*\s*:=", re.IGNORECASE)
 _COMPUTED = re.compile(r"\b(?:Offs|RelTool|CRobT|CalcRobT)\s*\(", re.IGNORECASE)
 _FRAME = re.compile(r"\\\s*WObj\s*:=\s*(\w+)|,\s*(?:fine|z\d+)\s*,\s*(\w+)", re.IGNORECASE)
+UNUSED_AXIS = 8.9e9
+"""ABB gives 9E9 for an external axis that does not exist."""
+
 _TYPES = frozenset(("robtarget", "pose"))
 
 
@@ -45,7 +52,7 @@ def read_rapid(content: bytes, origin: str) -> PoseTable:
     found = [(match, one) for match, one in found if one is None or one.kind in _TYPES]  # no tool, no work object
     _require_values(origin, text, data, [match.start() for match, _ in found])
     labels: list[str] = []
-    lengths, turns = [], []
+    lengths, turns, axes = [], [], []
     for match, one in found:
         name = one.name if one else ""
         count = sum(label == name or label.startswith(f"{name}{{") for label in labels)
@@ -53,15 +60,32 @@ def read_rapid(content: bytes, origin: str) -> PoseTable:
         labels.append((f"{name}{{{count + 1}}}" if array or count else name) or str(len(labels) + 1))
         lengths.append(_numbers(origin, labels[-1], match[1]))
         turns.append(_numbers(origin, labels[-1], match[2]))
+        behind = _EXTAX.match(text, match.end() - 1) or _EXTAX.match(text, match.end())
+        axes.append(_numbers(origin, labels[-1], behind[1]) if behind else [UNUSED_AXIS] * 6)
     if not labels:
-        joints = re.search(r"\bjointtarget\b", text, re.IGNORECASE)
-        what = "joint targets only" if joints else "no robtarget and no pose in it"
+        if (joints := _joint_targets(origin, text, data)) is not None:
+            return joints
+        named = re.search(r"\bjointtarget\b", text, re.IGNORECASE)
+        what = "joint targets that are not read as numbers" if named else "no robtarget and no pose in it"
         raise refusal(origin, "text", what, "give robtargets: [[x, y, z], [q1, q2, q3, q4], ...]", "rapid")
     return PoseTable(
         origin, tuple(labels), np.array(lengths), np.array(turns), "quaternion",
         f"{len(labels)} robtargets or poses of RAPID", CONVENTIONS["quaternion-wxyz"], unit="mm",
         frame="base_T_flange", notes=_notes(text),
+        external_axes=np.where(np.abs(axes) >= UNUSED_AXIS, np.nan, axes),
     ).checked()  # fmt: skip
+
+
+def _joint_targets(origin: str, text: str, data: Sequence[_Data]) -> PoseTable | None:
+    """The jointtargets of a text as joints; None without any."""
+    found = [(match, _declared(match.start(), data)) for match in _JOINTS.finditer(text)]
+    found = [(match, one) for match, one in found if one is None or one.kind == "jointtarget"]
+    if not found:
+        return None
+    labels = [one.name if one is not None else str(at + 1) for at, (_, one) in enumerate(found)]
+    joints = np.array([_numbers(origin, label, match[1]) for label, (match, _) in zip(labels, found, strict=True)])
+    table = table_of_joints(origin, labels, joints, f"{len(found)} jointtargets of RAPID")
+    return replace(table, convention=CONVENTIONS["joints"])
 
 
 def _declared(at: int, data: Sequence[_Data]) -> _Data | None:

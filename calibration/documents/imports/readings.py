@@ -5,19 +5,20 @@ same equations cannot be told apart by any data: poses of the flange in the base
 inverted poses with the camera beside the robot.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import product
+from itertools import permutations, product
 
 import numpy as np
 
 from calibration.closed_forms.observability import require_observable
+from calibration.diagnosis.angle_agreement import angles_between, angles_between_images, mean_mismatch_rad
 from calibration.diagnosis.diagnose import MIN_LOG_LIKELIHOOD_GAIN, MIN_VIEWS, evenly_spaced
 from calibration.diagnosis.evidence import Evidence
 from calibration.diagnosis.fit import Fit, fits
 from calibration.diagnosis.hypothesis import few_views_factor
 from calibration.documents.imports.conventions import Convention, LengthUnit
-from calibration.documents.imports.pose_table import Frame, PoseTable
+from calibration.documents.imports.pose_table import MM, Frame, PoseTable
 from calibration.errors import GeometryError, UndeterminedError
 from calibration.kinematics.robot_accuracy import MAX_POSSIBLE_NOISE
 from calibration.problem import Setup, anchor_T_mount_of
@@ -43,6 +44,10 @@ MIN_RESIZED_MM = 1.0
 
 DOUBTFUL_SHARE = 1 / 3
 """Of the largest possible noise of a robot: 5 mm, 0.5 degrees."""
+
+MAX_TURN_RAD, MORE_TURN_RAD, MAX_TURNED = float(np.radians(0.5)), float(np.radians(0.05)), 4
+"""Mean difference of the angles between views up to which rotations agree; how much more others may differ, which are
+tried as well; most of them."""
 
 MAX_RESIZED_READINGS = 3
 """Likeliest readings with which other sizes of the target are tried."""
@@ -89,11 +94,17 @@ class Compared:
 
 @dataclass(frozen=True)
 class Decision:
-    """`reading`: the one to use, None where the data do not decide; `words` says why; `choices`: what is left."""
+    """`reading`: the one to use, None where the data do not decide; `words` says why; `choices`: what is left.
+
+    fix : what to do where no reading fits; "" for the usual. track: number and direction (3,) of an external axis along
+        which the base moves, where the poses fit with it only.
+    """
 
     reading: Reading | None
     words: str
     choices: tuple[Reading, ...] = ()
+    fix: str = ""
+    track: tuple[int, tuple[float, float, float]] | None = None
 
 
 def readings_of(
@@ -157,8 +168,12 @@ def decide(table: PoseTable, compared: Sequence[Compared], evidence: Evidence | 
         return Decision(None, "the motions do not decide between readings", tuple(one.readings[0] for one in compared))
     agreement = f"robot and images agree to {_noise(best.fit)}"
     if not best.possible and others:
+        found = _translations_apart(table, compared, evidence)
+        if found.track is not None:
+            return found
         words = f"none fits: {best.readings[0].words} is the nearest, and {agreement}"
-        return Decision(None, words + _other_size(table, compared, evidence), (best.readings[0],))
+        words += found.words or _other_size(table, compared, evidence)
+        return Decision(None, words, (best.readings[0],), found.fix)
     if others:
         assert others[0].fit is not None
         n = min(len(evidence), MAX_COMPARED_VIEWS)
@@ -175,10 +190,91 @@ def decide(table: PoseTable, compared: Sequence[Compared], evidence: Evidence | 
         words = f"fits: {best.readings[0].convention.name}: {agreement}; but {alike} are the same equations"
         return Decision(None, words, named)
     if not best.possible:
+        found = _translations_apart(table, compared, evidence)
+        if found.track is not None:
+            return found
         words = f"{best.readings[0].words} was stated and does not fit: {agreement} only"
-        return Decision(best.readings[0], f"{words}{_other_size(table, compared, evidence)}; compare target and pairs")
+        more = found.words or f"{_other_size(table, compared, evidence)}; compare target and pairs"
+        return Decision(best.readings[0], f"{words}{more}{found.fix and '; ' + found.fix}")
     doubt = "; robots err by less: look for a wrong pose" if best.doubtful else ""
     return Decision(best.readings[0], f"fits: {best.readings[0].words}: {agreement}{doubt}")
+
+
+def _translations_apart(table: PoseTable, compared: Sequence[Compared], evidence: Evidence) -> Decision:
+    """What makes the translations fit where the rotations agree and they do not: a unit, axes, a track, a size.
+
+    Rotations that agree show that target and pairs are right. `words` is "" where they do not agree.
+    """
+    few = evidence.take(evenly_spaced(len(evidence), MAX_COMPARED_VIEWS))
+    seen = angles_between_images(few.camera_T_target)
+    turned = []
+    for one in (reading for group in compared for reading in group.readings[:1]):
+        moved = anchor_T_mount_of(one.setup, table.poses(one.convention, one.unit, one.frame))[few.indices]
+        turned.append((mean_mismatch_rad(angles_between(moved[:, :3, :3]), seen), one))
+    least = min(mismatch for mismatch, _ in turned)
+    if least > MAX_TURN_RAD:
+        return Decision(None, "")
+    near = [one for mismatch, one in turned if mismatch <= 2 * least + MORE_TURN_RAD][:MAX_TURNED]
+    words = f"; the rotations agree to {np.degrees(least):.2g} deg, so that target and pairs are right"
+    tried = [(change, one) for one in near for change in _changes_of_lengths(table)]
+    fitted: list[Fit] = []
+    with np.errstate(all="ignore"):
+        for start in range(0, len(tried), BATCH):
+            changed = [
+                anchor_T_mount_of(one.setup, change.table.poses(one.convention, one.unit, one.frame))[few.indices]
+                for change, one in tried[start : start + BATCH]
+            ]
+            fitted += fits([replace(few, setup="eye-in-hand", base_T_flange=poses) for poses in changed])
+    best = max(range(len(tried)), key=lambda at: fitted[at].log_likelihood)
+    (change, reading), fit = tried[best], fitted[best]
+    if Compared((reading,), fit).possible:
+        words += f", and with {change.words} the translations agree as well: {_noise(fit)} ({reading.words})"
+        words = words if change.track is None else words.removeprefix("; ")
+        return Decision(reading if change.track else None, words, (), change.fix, change.track)
+    size = _other_size(table, compared, evidence)
+    if size:
+        return Decision(None, words + size, (), "compare the target's size, and the units of both sides")
+    fix = "compare the unit and the axes of the places with the robot's display; or describe a track (external_axis)"
+    return Decision(None, words + ", and only the translations contradict", (), fix)
+
+
+@dataclass(frozen=True, eq=False)
+class _Change:
+    """A table with other lengths, what was changed, and how the user does it."""
+
+    table: PoseTable
+    words: str
+    fix: str
+    track: tuple[int, tuple[float, float, float]] | None = None
+
+
+def _changes_of_lengths(table: PoseTable) -> Iterator[_Change]:
+    """Other units, reversed and exchanged axes, and a track along an axis of the base whose readings the table has."""
+    if table.kind == "joints":
+        return
+    for factor, unit in ((1000.0, "metres"), (10.0, "centimetres"), (25.4, "inches"), (1e-3, "micrometres")):
+        fix = f"multiply the places by {factor:g}, or name their unit"
+        yield _Change(replace(table, lengths=factor * table.lengths), f"places in {unit}", fix)
+    for order in permutations(range(3)):
+        for signs in product((1.0, -1.0), repeat=3):
+            if order == (0, 1, 2) and signs == (1.0, 1.0, 1.0):
+                continue
+            axes = ",".join(("-" if sign < 0 else "") + "xyz"[axis] for axis, sign in zip(order, signs, strict=True))
+            reversed_only = order == (0, 1, 2)
+            named = " and ".join("xyz"[at] for at in range(3) if signs[at] < 0)
+            words = f"{named} reversed" if reversed_only else f"the axes of the places as {axes}"
+            lengths = table.lengths[:, list(order)] * signs
+            yield _Change(replace(table, lengths=lengths), words, f"give --axes={axes}, or correct the poses")
+    for number, readings in table.varying_axes():
+        for axis, sign in product(range(3), (1.0, -1.0)):
+            way = tuple(sign * float(axis == at) for at in range(3))
+            moved = table.lengths + readings[:, None] * np.array(way) / MM[table.unit or "mm"]
+            low, high = readings.min(), readings.max()
+            words = (
+                f"a track along {'-' if sign < 0 else ''}{'xyz'[axis]} of the base (external axis {number}, {low:g} to"
+                f" {high:g} mm), which the controller leaves out of its poses"
+            )
+            yield _Change(replace(table, lengths=moved), words, "", (number, way))  # type: ignore[arg-type]
 
 
 def _other_size(table: PoseTable, compared: Sequence[Compared], evidence: Evidence) -> str:

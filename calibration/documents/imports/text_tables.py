@@ -66,6 +66,9 @@ def read_named_columns(content: bytes, origin: str, wanted: list[str]) -> Array:
 
 def _without_names(origin: str, cells: list[list[Cell]]) -> PoseTable:
     labels: list[str] | None = None
+    meshes = [row for row in cells if len(row) > 2 and isinstance(row[0], str) and isinstance(row[1], str)]
+    if meshes and len({row[0] for row in meshes}) == 1 and {len(row) for row in meshes} == {9}:
+        cells = [row[1:] for row in meshes]  # a .conf of Stanford's scans: bmesh NAME tx ty tz qx qy qz qw
     if all(isinstance(row[0], str) and len(row) > 1 for row in cells):
         labels, cells = [str(row[0]) for row in cells], [row[1:] for row in cells]
         if are_names_of_columns(labels) and len({len(row) for row in cells}) == 1:
@@ -76,6 +79,9 @@ def _without_names(origin: str, cells: list[list[Cell]]) -> PoseTable:
         what = f"{wrong[1][:40]!r} is no number"
         raise refusal(origin, f"row {wrong[0] + 1}", what, "correct it, or give a header that names the columns")
     numbers = [[float(cell) for cell in row] for row in cells]
+    above = [row for row in numbers[::5] if len(row) < 4]
+    if len(numbers) % 5 == 0 and len(above) == len(numbers) // 5 > 0:  # Open3D's .log: a line of counts, then 4 x 4
+        numbers = [row for at, row in enumerate(numbers) if at % 5]
     count = int(numbers[0][0]) if len(numbers[0]) == 1 and len(numbers) > 1 and len(numbers[1]) > 1 else None
     widths = {len(row) for row in (numbers[1:] if count is not None else numbers)}
     if count is not None:

@@ -78,3 +78,23 @@ def read_xml(text: str, origin: str, heading: str) -> ElementTree.Element:
         return ElementTree.fromstring(text.split("?>", 1)[-1].strip())  # noqa: S314  (no declarations: nothing expands)
     except (ElementTree.ParseError, ValueError, RecursionError) as error:
         raise refusal(origin, "file", f"not XML ({error})", "write the file again", heading) from None
+
+
+def read_xml_tree(content: bytes, origin: str, heading: str) -> Any:
+    """An XML file as mappings by tag; repeated tags are a list, and so are numbers. Raises DocumentError."""
+    return _tree(read_xml(decode(content, origin), origin, heading), 0)
+
+
+def _tree(element: ElementTree.Element, depth: int) -> Any:
+    if not len(element) or depth > MAX_XML_DEPTH:
+        text = (element.text or "").strip()
+        return text.split() if len(text.split()) > 1 else text
+    tree: dict[str, Any] = {}
+    for child in element:
+        value = _tree(child, depth + 1)
+        tree.setdefault(child.tag, []).append(value)
+    return {tag: values[0] if len(values) == 1 else values for tag, values in tree.items()}
+
+
+MAX_XML_DEPTH = 8
+"""Elements within elements; deeper ones are read as text."""

@@ -19,7 +19,8 @@ from calibration.transforms import Array
 class ImportRequest:
     """The folder and what the user states; None is left to the files and to the evidence.
 
-    conventions : allowed ones, several of a brand; part : a camera or scene of several; arm : of joint states.
+    conventions : allowed ones, several of a brand; part : a camera or scene of several; arm : of joints.
+    axes : of the places, such as ("x", "-y", "z"). camera_unit, camera_conventions : of the camera's poses.
     """
 
     folder: Path
@@ -33,6 +34,9 @@ class ImportRequest:
     camera: Intrinsics | None = None
     cloud_unit: LengthUnit | None = None
     arm: str | None = None
+    axes: tuple[str, ...] | None = None
+    camera_unit: LengthUnit | None = None
+    camera_conventions: tuple[Convention, ...] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,6 +45,7 @@ class Understood:
 
     base_T_flange : (n, 4, 4) by `reading`; camera_T_target likewise, where the set has it instead of images.
     images : (n,) absolute paths; `words` says why that reading.
+    track : number and direction (3,) of an external axis that the controller leaves out of its poses.
     """
 
     request: ImportRequest
@@ -53,6 +58,7 @@ class Understood:
     target: TargetDocument | None
     camera: CameraDocument | None
     notes: tuple[str, ...]
+    track: tuple[int, tuple[float, float, float]] | None = None
 
     @property
     def is_scan(self) -> bool:

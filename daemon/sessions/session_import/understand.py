@@ -1,14 +1,18 @@
 """Reads a folder, finds the target in its images, and decides how the robot's poses are meant."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from itertools import product
 from pathlib import Path
 
 import numpy as np
 
+from calibration.diagnosis.convention_hypotheses import MIN_SETUP_RATIO
 from calibration.diagnosis.evidence import Evidence
+from calibration.diagnosis.fit import Fit
 from calibration.diagnosis.plausibility import circle_of
 from calibration.documents.imports.conventions import Convention, LengthUnit
-from calibration.documents.imports.pairs import equal_sides
+from calibration.documents.imports.pairs import agreeing_conventions, equal_sides
 from calibration.documents.imports.pose_table import PoseTable
 from calibration.documents.imports.readings import Decision, Reading, compare, decide, readings_of
 from calibration.documents.imports.refusal import refusal
@@ -20,6 +24,7 @@ from calibration.documents.pose import PoseDocument
 from calibration.documents.session import CameraDocument, SessionDocument, ViewDocument
 from calibration.documents.target import TargetDocument
 from calibration.errors import DocumentError, GeometryError
+from calibration.kinematics.abb_arms import find_arm
 from calibration.problem import Problem, Setup
 from calibration.transforms import Array
 from daemon.sessions.session_files import ImageError, read_grey
@@ -29,6 +34,9 @@ from daemon.sessions.session_reader import SessionFolder, load_problem
 from registration.io.regular_file import read_regular
 
 Progress = Callable[[int, int], None]
+
+MAX_SIGHTS = 6
+"""Conventions of the camera's poses that are compared by the translations as well."""
 
 SETUPS: tuple[Setup, Setup] = ("eye-in-hand", "eye-to-hand")
 
@@ -42,41 +50,177 @@ def understand(request: ImportRequest, progress: Progress = lambda done, of: Non
     files = FolderFiles.of(request.folder)
     imported = read_set(files, request.part, request.chosen, request.arm)
     _require_motion(imported.poses)
-    if imported.camera_poses is not None and equal_sides(imported.poses, imported.camera_poses):
-        what = f"the robot's poses ({imported.poses.layout}) and the camera's are the same numbers"
-        raise refusal(imported.poses.origin, "pairs", what, "give the poses that the robot reported", "pose-pairs")
+    imported, beside = _one_sight(request, imported)
     images = tuple(files.path(name).absolute() for name in imported.images)
     target = _target(request, imported)
     camera = _camera(request, imported, images)
-    seen = None if imported.camera_poses is None else _camera_poses(imported.camera_poses)
     if images and target is None and not _are_clouds(images):
         forms = ", ".join(example(kind) for kind in list(FORMS)[:3])
         raise refusal(request.folder.name, "target", "not stated by the folder", f"give --target: {forms}", "targets")
-    readings = _readings(request, imported, is_scan=bool(images) and target is None)
-    evidence, missing = None, ""
-    if target is not None or seen is not None:
+    is_scan = bool(images) and target is None
+
+    def evidence_by(seen: Array | None) -> tuple[Evidence | None, str]:
+        if target is None and seen is None:
+            return None, ""
         document = _document(images, seen, target, camera, request.cloud_unit or imported.cloud_unit, request)
         problem = _load(SessionFolder(request.folder, document), progress)
-        evidence, missing = evidence_of_views(problem), _missing(problem)
-    compared = compare(imported.poses, readings, evidence)
-    decision = decide(imported.poses, compared, evidence)
-    if decision.reading is None:
-        raise _undecided(imported.poses, readings, decision, missing)
-    poses = imported.poses.poses(decision.reading.convention, decision.reading.unit, decision.reading.frame)
-    _require_two_sides(imported, evidence, poses)
+        return evidence_of_views(problem), _missing(problem)
+
+    best = _best(request, imported, evidence_by, is_scan=is_scan)
+    table, decision, reading = best.table, best.decision, best.decision.reading
+    if reading is None:
+        raise _undecided(request, best)
+    poses = table.poses(reading.convention, reading.unit, reading.frame)
+    _require_two_sides(table, best.evidence, poses)
     unused = imported.camera is not None and camera is None and bool(images) and request.camera is None
     lens = ("the set's intrinsics state no distortion and are not used; --camera uses them",) if unused else ()
     links = (f"{len(files.links)} links are not followed",) if files.links else ()
-    small = decision.reading.unit == "mm" and request.unit is None and imported.poses.is_perhaps_in_cm()
+    small = reading.unit == "mm" and request.unit is None and table.is_perhaps_in_cm()
     size = ("lengths without a unit are taken as mm; were they cm, name the columns x_cm, y_cm, z_cm",) if small else ()
-    far = imported.poses.doubtful_reach(decision.reading.unit) if request.unit is None else ""
-    still = [label for label, pose in zip(imported.poses.labels, poses, strict=True) if np.allclose(pose, np.eye(4))]
+    far = table.doubtful_reach(reading.unit) if request.unit is None else ""
+    still = [label for label, pose in zip(table.labels, poses, strict=True) if np.allclose(pose, np.eye(4))]
     own = (f"pose {still[0]} is the identity: are the poses relative to it, and not to the base?",) if still else ()
-    unseen = (f"the poses are not compared with the pictures{missing}",) if evidence is None and missing else ()
-    notes = (*imported.poses.notes, *imported.notes, *size, *filter(None, [far]), *own, *unseen, *lens, *links)
-    return Understood(
-        request, imported, decision.reading, decision.words, poses, seen, images, target, camera, notes
+    missing = best.missing
+    unseen = (f"the poses are not compared with the pictures{missing}",) if best.evidence is None and missing else ()
+    notes = (
+        *table.notes, *imported.notes, *beside, *best.notes, *_of_axes(table, decision),
+        *_of_options(request, table), *size, *filter(None, [far]), *own, *unseen, *lens, *links,
     )  # fmt: skip
+    return Understood(
+        request, replace(imported, poses=table), reading, decision.words, poses, best.seen, images, target, camera,
+        notes, decision.track,
+    )  # fmt: skip
+
+
+def _one_sight(request: ImportRequest, imported: ImportedSet) -> tuple[ImportedSet, tuple[str, ...]]:
+    """The set with pictures or the camera's poses, not both, and a note of what is left out. Raises DocumentError."""
+    table, seen = imported.poses, imported.camera_poses
+    if request.axes is not None:
+        order = ["xyz".index(axis[-1]) for axis in request.axes]
+        signs = [-1.0 if axis[0] == "-" else 1.0 for axis in request.axes]
+        imported = replace(imported, poses=replace(table, lengths=table.lengths[:, order] * signs))
+    if seen is None:
+        return imported, ()
+    if imported.images and (request.target is not None or imported.target is not None):
+        note = f"the camera's poses ({seen.layout}) are not used: the pictures are"
+        return replace(imported, camera_poses=None), (note,)
+    if equal_sides(table, seen):
+        what = f"the robot's poses ({table.layout}) and the camera's are the same numbers"
+        raise refusal(table.origin, "pairs", what, "give the poses that the robot reported", "pose-pairs")
+    return replace(imported, images=()), ()
+
+
+@dataclass(frozen=True, eq=False)
+class _Best:
+    """The table, the camera's poses and the evidence with which the likeliest reading was found."""
+
+    table: PoseTable
+    readings: Sequence[Reading]
+    decision: Decision
+    evidence: Evidence | None
+    missing: str
+    seen: Array | None = None
+    notes: tuple[str, ...] = ()
+    fit: Fit | None = None
+
+    @property
+    def rank(self) -> tuple[bool, float]:
+        return self.decision.reading is not None, -np.inf if self.fit is None else self.fit.log_likelihood
+
+
+def _best(
+    request: ImportRequest,
+    imported: ImportedSet,
+    evidence_by: Callable[[Array | None], tuple[Evidence | None, str]],
+    *,
+    is_scan: bool,
+) -> _Best:
+    """The likeliest of the robot's tables and of the readings of the camera's poses. Raises DocumentError."""
+    tables = [imported.poses]
+    if request.arm is not None and imported.poses.may_be_joints():
+        tables.append(imported.poses.as_joints(find_arm(request.arm)))
+    if imported.camera_poses is None:
+        sights: list[tuple[Array | None, tuple[str, ...]]] = [(None, ())]
+    else:
+        sights = _sights(request, imported)
+    found = []
+    for seen, notes in sights:
+        evidence, missing = evidence_by(seen)
+        for table in tables:
+            readings = _readings(request, table, imported.setup, is_scan=is_scan)
+            compared = compare(table, readings, evidence)
+            decision = decide(table, compared, evidence)
+            fit = compared[0].fit if compared else None
+            found.append(_Best(table, readings, decision, evidence, missing, seen, notes, fit))
+    best = max(found, key=lambda one: one.rank)
+    if _are_exchanged(imported, best):
+        assert imported.camera_poses is not None
+        poses, seen_table = imported.camera_poses, imported.poses
+        exchanged = replace(imported, poses=replace(poses, side="robot", camera=None), camera_poses=seen_table)
+        note = "the camera's poses stand before the robot's in the file"
+        best = _best(request, exchanged, evidence_by, is_scan=is_scan)
+        return replace(best, notes=(*best.notes, note))
+    return best
+
+
+def _are_exchanged(imported: ImportedSet, best: _Best) -> bool:
+    """Whether sides that no name tells apart stand the other way round: what the flange carries is nearer to it.
+
+    Exchanged sides fit as well, with the inverse of the target's pose for X.
+    """
+    sides_open = imported.camera_poses is not None and imported.poses.side is None and best.decision.reading is not None
+    if not sides_open or best.fit is None or best.decision.reading is None:
+        return False
+    lengths = [float(np.linalg.norm(pose[0, :3, 3])) for pose in (best.fit.mount_T_camera, best.fit.anchor_T_target)]
+    carried, other = lengths if best.decision.reading.setup == "eye-in-hand" else lengths[::-1]
+    return carried > MIN_SETUP_RATIO * other
+
+
+def _sights(request: ImportRequest, imported: ImportedSet) -> list[tuple[Array | None, tuple[str, ...]]]:
+    """The camera's poses (n, 4, 4) in each reading whose rotations agree about best with the robot's, with a note."""
+    robot, table = imported.poses, imported.camera_poses
+    assert table is not None
+    conventions = table.conventions()
+    if request.camera_conventions is not None and table.convention is None:
+        conventions = tuple(one for one in request.camera_conventions if one.kind == table.kind) or conventions
+    if len(conventions) > 1:
+        allowed = request.conventions if request.conventions is not None else robot.conventions()
+        _, _, conventions = agreeing_conventions(robot, table, allowed, conventions)
+    units = (request.camera_unit,) if request.camera_unit is not None else table.units()
+    frame = table.frame or table.named_frame or "base_T_flange"
+    found: list[tuple[Array | None, tuple[str, ...]]] = []
+    for convention, unit in product(conventions[:MAX_SIGHTS], units):
+        inverted = ", target_T_camera" if frame == "flange_T_base" else ""
+        note = f"the camera's poses: {convention.name}, {unit}{inverted}, {table.layout}"
+        try:
+            found.append((table.poses(convention, unit, frame), (note,)))
+        except GeometryError as error:
+            raise refusal(table.origin, "camera's poses", str(error), "correct it", "pose-pairs") from None
+    if not found:
+        what = f"no convention makes {table.layout} rotations"
+        raise refusal(table.origin, "camera's poses", what, "write qw, qx, qy, qz or matrices", "pose-pairs")
+    return found
+
+
+def _of_axes(table: PoseTable, decision: Decision) -> tuple[str, ...]:
+    """What to say of external axes that move."""
+    said = [f"external axis {number} moves from {one.min():g} to {one.max():g}" for number, one in table.varying_axes()]
+    if not said:
+        return ()
+    if decision.track is not None:
+        return (f"{'; '.join(said)}: written as external_axis, whose direction solve refines",)
+    return (
+        f"{'; '.join(said)}: kept as external_axes; a track that the poses leave out is described by external_axis",
+    )
+
+
+def _of_options(request: ImportRequest, table: PoseTable) -> tuple[str, ...]:
+    """Options that were not used."""
+    unused = [("--arm", request.arm is not None and table.kind != "joints", "the file holds poses")]
+    unused.append(
+        ("--camera-unit", request.camera_unit is not None and table.camera is None, "there are no camera's poses")
+    )
+    return tuple(f"{option} is not used: {why}" for option, is_unused, why in unused if is_unused)
 
 
 def _require_motion(table: PoseTable) -> None:
@@ -87,13 +231,13 @@ def _require_motion(table: PoseTable) -> None:
         raise refusal(table.origin, "poses", what, "give the pose of the flange at each picture")
 
 
-def _require_two_sides(imported: ImportedSet, evidence: Evidence | None, base_T_flange: Array) -> None:
+def _require_two_sides(table: PoseTable, evidence: Evidence | None, base_T_flange: Array) -> None:
     """Raises DocumentError when the robot's poses are the camera's own."""
     if evidence is None:
         return
     finding = circle_of(evidence.with_robot_poses(base_T_flange[evidence.indices]))
     if finding is not None:
-        raise refusal(imported.poses.origin, "poses", finding.message, finding.fix)
+        raise refusal(table.origin, "poses", finding.message, finding.fix, "pose-pairs")
 
 
 def _load(session: SessionFolder, progress: Progress) -> Problem:
@@ -148,21 +292,8 @@ def _size(image: Path) -> tuple[int, int] | None:
     return width, height
 
 
-def _camera_poses(table: PoseTable) -> Array:
-    """camera_T_target (n, 4, 4). Raises DocumentError when its convention is not stated."""
-    conventions = table.conventions()
-    if len(conventions) != 1:
-        what = f"{len(conventions)} conventions are possible for {table.layout}"
-        raise refusal(table.origin, "camera's poses", what, "write qw, qx, qy, qz or matrices", "pose-pairs")
-    try:
-        return table.poses(conventions[0], table.unit or "mm", "base_T_flange")
-    except GeometryError as error:
-        raise refusal(table.origin, "camera's poses", str(error), "correct it", "pose-pairs") from None
-
-
-def _readings(request: ImportRequest, imported: ImportedSet, *, is_scan: bool) -> list[Reading]:
-    table = imported.poses
-    setup = request.setup or imported.setup or ("eye-in-hand" if is_scan else None)
+def _readings(request: ImportRequest, table: PoseTable, stated: Setup | None, *, is_scan: bool) -> list[Reading]:
+    setup = request.setup or stated or ("eye-in-hand" if is_scan else None)
     conventions = request.conventions
     if conventions is not None and table.convention is not None and conventions != (table.convention,):
         conventions = (table.convention,)  # the file states it: quaternions with names, matrices
@@ -214,10 +345,11 @@ def _document(
     return SessionDocument(schema_version=1, setup="eye-in-hand", target=target, camera=camera, views=views)
 
 
-def _undecided(table: PoseTable, readings: Sequence[Reading], decision: Decision, missing: str) -> Undecided:
-    setups = {reading.setup for reading in decision.choices or readings}
-    frames = {reading.frame for reading in decision.choices or readings}
-    conventions = {reading.convention.name for reading in decision.choices or readings}
+def _undecided(request: ImportRequest, best: _Best) -> Undecided:
+    table, decision, choices = best.table, best.decision, best.decision.choices or best.readings
+    setups = {reading.setup for reading in choices}
+    frames = {reading.frame for reading in choices}
+    conventions = {reading.convention.name for reading in choices}
     asked = []
     if len(setups) > 1:
         asked.append("--setup eye-in-hand (the camera on the flange) or eye-to-hand (the camera beside the robot)")
@@ -229,5 +361,14 @@ def _undecided(table: PoseTable, readings: Sequence[Reading], decision: Decision
         asked.append(f"--convention {', '.join(names[:6])}{others}")
     if not asked:
         asked.append("the right target and pairs; or --convention, --unit, --frame and --setup to import it as it is")
-    error = refusal(table.origin, "poses", decision.words + missing, f"give {'; and '.join(asked)}", "conventions")
+    if best.missing and (best.evidence is None or len(best.evidence) == 0):
+        asked = ["the target that is in the pictures by --target"]
+    fix = decision.fix or f"give {'; and '.join(asked)}"
+    words = f"{decision.words}{best.missing}"
+    if decision.words.startswith("none fits"):
+        words += f" (read from {table.layout})"
+    if decision.words.startswith("none fits") and table.may_be_joints() and request.arm is None:
+        words += "; six numbers that are no place: these look like joint angles"
+        fix = "give the arm of joints by --arm (`handeyed arms` lists them)"
+    error = refusal(table.origin, "poses", words, fix, "conventions")
     return Undecided(error.origin, error.problems)

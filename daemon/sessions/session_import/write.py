@@ -7,6 +7,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from calibration.documents.imports.conventions import LengthUnit
 from calibration.documents.imports.refusal import refusal
 from calibration.documents.pose import PoseDocument
@@ -59,8 +61,11 @@ def _names(images: Sequence[Path]) -> list[str]:
 
 def _document(understood: Understood, names: Sequence[str], unit: LengthUnit | None) -> dict[str, Any]:
     views: list[dict[str, Any]] = []
+    axes = understood.imported.poses.external_axes
     for at, pose in enumerate(understood.base_T_flange):
         view: dict[str, Any] = {"base_T_flange": PoseDocument.of(pose).model_dump(mode="json")}
+        if axes is not None and np.any(np.isfinite(axes)):
+            view["external_axes"] = [float(one) if np.isfinite(one) else None for one in axes[at]]
         if understood.camera_T_target is not None:
             view["camera_T_target"] = PoseDocument.of(understood.camera_T_target[at]).model_dump(mode="json")
         elif unit is not None:
@@ -77,4 +82,7 @@ def _document(understood: Understood, names: Sequence[str], unit: LengthUnit | N
         document["target"] = understood.target.model_dump(mode="json", exclude_none=True)
     if unit is None and understood.camera_T_target is None:
         document["camera"] = None if understood.camera is None else understood.camera.model_dump(mode="json")
+    if understood.track is not None:
+        number, direction = understood.track
+        document["external_axis"] = {"kind": "track", "number": number, "direction": direction}
     return document | {"views": views}

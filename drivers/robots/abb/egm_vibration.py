@@ -8,10 +8,11 @@ import socket
 import struct
 import threading
 import time
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
+from math import hypot, isfinite
 
 import numpy as np
 
@@ -27,6 +28,10 @@ MAX_SAMPLES = 2500
 POLL_S = 0.2
 SILENT_AFTER_S = 0.5
 MIN_SAMPLES = 5
+MIN_NORM = 0.5
+"""Least norm of a quaternion; a controller's are 1."""
+MAX_REASONS = 16
+"""Reasons for which packets are counted apart; senders may be many."""
 SEQNO_COUNT = 2**32
 SO_TIMESTAMPNS = 35
 """linux/asm-generic/socket.h: the kernel time-stamps each packet, independent of when this thread runs."""
@@ -89,7 +94,12 @@ class EgmMonitor:
         self._ending = threading.Event()
         self._socket: socket.socket | None = None
         self._thread: threading.Thread | None = None
-        self.strangers = 0
+        self._unused: Counter[str] = Counter()
+
+    @property
+    def strangers(self) -> int:
+        """Packets that were not used."""
+        return self._unused.total()
 
     @property
     def link(self) -> LinkHealth:
@@ -98,7 +108,7 @@ class EgmMonitor:
         if newest is not None and self._timing.clock() - newest.received_at_s <= SILENT_AFTER_S:
             self._report.up("samples come")
         else:
-            self._report.down(f"no sample for {SILENT_AFTER_S:g} s: {STREAMS}")
+            self._report.down(f"no sample for {SILENT_AFTER_S:g} s{self._packets_in_vain()}: {STREAMS}")
         return self._report.health
 
     @property
@@ -134,9 +144,15 @@ class EgmMonitor:
         """Samples of the last `window_s`, oldest first. Raises DeviceTimeout when there are too few."""
         recent = self._window.since(self._timing.clock() - window_s)
         if len(recent) < MIN_SAMPLES:
-            what = f"{len(recent)} samples came within {window_s:g} s"
+            what = f"{len(recent)} samples came within {window_s:g} s{self._packets_in_vain()}"
             raise DeviceTimeout(self._device, what, STREAMS)
         return recent
+
+    def _packets_in_vain(self) -> str:
+        """How many packets were not used, and why; that none came points to a firewall or another port."""
+        if not self._unused:
+            return ", and no other packet: a firewall, or another port"
+        return "".join(f"; {count} packets {why}" for why, count in self._unused.most_common(3))
 
     def vibration(self, window_s: float) -> Vibration:
         """Deviation of the flange within the last `window_s`. Raises DeviceTimeout."""
@@ -152,14 +168,22 @@ class EgmMonitor:
                 continue  # for POLL_S: waiting in the kernel takes the interpreter lock only once per packet
             except OSError:
                 return  # closed
+            if self._address.robot not in (None, sender[0]):
+                self._count(f"from {sender[0]}, expected {self._address.robot}")
+                continue
             try:
-                if self._address.robot not in (None, sender[0]):
-                    raise NotEgm(f"a packet from {sender[0]}")
                 sample = decode(data)
-            except NotEgm:
-                self.strangers += 1
+            except NotEgm as unusable:
+                self._count(unusable.why)
+                continue
+            if not (isfinite(sum(sample.position_mm)) and MIN_NORM < hypot(*sample.quaternion_wxyz) < 1 / MIN_NORM):
+                self._count("whose pose is not made of numbers")
                 continue
             self._window.add(ReceivedSample(_arrival_time_s(notes, clock), sample))
+
+    def _count(self, why: str) -> None:
+        if why in self._unused or len(self._unused) < MAX_REASONS:
+            self._unused[why] += 1
 
 
 def vibration_of(samples: list[RobotSample]) -> Vibration:

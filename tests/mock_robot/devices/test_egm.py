@@ -15,7 +15,7 @@ from drivers.robots.abb.egm_vibration import EgmAddress, EgmMonitor, vibration_o
 from mock_robot.cell import MockCell, Ports
 from mock_robot.devices.egm import PERIOD_S, VIBRATION_MM
 from mock_robot.truth.truth import CellTruth
-from protocols.egm.messages import RobotSample
+from protocols.egm.messages import RobotSample, encode
 from tests.mock_robot.controller_client import AWAY
 from tests.support.waiting import eventually
 
@@ -122,6 +122,25 @@ async def test_only_the_named_controller_is_listened_to() -> None:
     async with monitored("192.0.2.1") as (_, monitor):
         await eventually(lambda: monitor.strangers > 5)
         assert not monitor.link.connected
+        assert "packets from 127.0.0.1, expected 192.0.2.1" in monitor.link.detail
+
+
+@pytest.mark.parametrize(
+    ("place", "turn"), [((float("nan"), 0.0, 700.0), (0.0, 1.0, 0.0, 0.0)), ((500.0, 0.0, 700.0), (0.0, 0.0, 0.0, 0.0))]
+)
+async def test_a_pose_that_is_none_is_no_sample(place: tuple[float, ...], turn: tuple[float, ...]) -> None:
+    monitor = EgmMonitor(EgmAddress("127.0.0.1", 0))
+    monitor.start()
+    try:
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+            for number in range(1, 9):
+                sample = RobotSample(number, 4 * number, (0.0,) * 6, place, turn)  # type: ignore[arg-type]
+                sender.sendto(encode(sample), ("127.0.0.1", monitor.port))
+        await eventually(lambda: monitor.strangers == 8)
+        with pytest.raises(DeviceTimeout, match="8 packets whose pose is not made of numbers"):
+            monitor.arrivals(5.0)
+    finally:
+        monitor.close()
 
 
 def test_a_taken_port_is_reported() -> None:

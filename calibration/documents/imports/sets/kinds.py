@@ -73,13 +73,13 @@ class Layout:
         """The set; `part` names one of several parts. Raises DocumentError."""
         chosen = self._part(files, part)
         names = {
-            key: self._named(files, pattern, chosen)
+            key: self._names_of(files, pattern, chosen)
             for key, pattern in (("poses", self.poses), ("images", self.images))
         }
         poses = self._table(files, names["poses"])
         images = of_suffix(names["images"], PICTURES) or _of_one_suffix(of_suffix(names["images"], CLOUDS))
         described = self.describe(files, chosen)
-        if self.seen is not None and not images and (seen := self._named(files, self.seen, chosen)):
+        if self.seen is not None and not images and (seen := self._names_of(files, self.seen, chosen)):
             return ImportedSet(
                 self.name, poses, pairing="by number", camera_poses=self._table(files, seen), **described
             )
@@ -101,7 +101,7 @@ class Layout:
             raise refusal(files.origin, "--part", what, f"name one: --part {self.example}", self.heading)
         return str(chosen)
 
-    def _named(self, files: Files, pattern: str, part: str) -> list[str]:
+    def _names_of(self, files: Files, pattern: str, part: str) -> list[str]:
         inside = pattern.replace("{part}/", f"{re.escape(part)}/" if part else "")
         return [name for name in files.names if re.search(inside, name)]
 

@@ -1,0 +1,159 @@
+"""Poses of robot and camera in the shapes in which people have them: every layout gives the same pairs."""
+
+import io
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+import scipy.io
+
+from calibration.problem import MeasuredPose
+from calibration.transforms import (
+    Array,
+    inverse,
+    quaternion_from_rotation,
+    rotation_from_vector,
+    transform,
+    vector_from_rotation,
+)
+from daemon.sessions.session_import.request import ImportRequest
+from daemon.sessions.session_import.understand import understand
+from tests.calibration.documents.imports.written import lines, npy, npz
+from tests.daemon.cli.running import handeyed
+from tests.simulated.measured_sessions import measured_cell, tracker
+
+X = transform(rotation_from_vector([0.1, -0.2, 1.4]), [35.0, -20.0, 90.0])
+Y = transform(rotation_from_vector([3.1, 0.1, 0.0]), [900.0, 50.0, 100.0])
+
+
+def _pairs() -> tuple[Array, Array]:
+    """base_T_flange and camera_T_target (8, 4, 4) in mm, with a tracker's noise."""
+    drawn = measured_cell(np.random.default_rng(4), 8, tracker())
+    measured = [view.measured for view in drawn.problem.views]
+    seen = np.array([one.camera_T_target for one in measured if isinstance(one, MeasuredPose)])
+    shaken = transform(np.eye(3), 0.05 * np.random.default_rng(5).standard_normal((8, 3)))
+    return Y @ inverse(X @ seen) @ shaken, seen
+
+
+ROBOT, CAMERA = _pairs()
+R, t = ROBOT[:, :3, :3], ROBOT[:, :3, 3]
+r, s = CAMERA[:, :3, :3], CAMERA[:, :3, 3]
+V, v = vector_from_rotation(R), vector_from_rotation(r)
+Q, q = quaternion_from_rotation(R), quaternion_from_rotation(r)
+SIX = np.concatenate([t / 1000, V], axis=1), np.concatenate([s / 1000, v], axis=1)
+
+
+def _json(data: object) -> bytes:
+    return json.dumps(data, default=lambda array: array.tolist()).encode()
+
+
+def _rows(*columns: Array, separator: str = ",") -> list[str]:
+    return [separator.join(f"{number:.9f}" for number in row) for row in np.concatenate(columns, axis=1)]
+
+
+def _storage() -> bytes:
+    """OpenCV's FileStorage with a key for each matrix."""
+    keys = [(f"{side}{at:02}", pose) for at, both in enumerate(zip(ROBOT, CAMERA, strict=True), 1)
+            for side, pose in zip(("gripper2base", "target2cam"), both, strict=True)]  # fmt: skip
+    matrices = [f"{key}: !!opencv-matrix\n   rows: 4\n   cols: 4\n   dt: d\n   data: {pose.ravel().tolist()}"
+                for key, pose in keys]  # fmt: skip
+    return lines("%YAML:1.0", "---", *matrices)
+
+
+def _xml() -> bytes:
+    sides = (("robot_poses", np.concatenate([t, Q], axis=1)), ("marker_poses", np.concatenate([s, q], axis=1)))
+    head = '<{} type_id="opencv-matrix"><rows>8</rows><cols>7</cols><dt>d</dt><data>'
+    parts = [f"{head.format(name)}{' '.join(map(str, rows.ravel()))}</data></{name}>" for name, rows in sides]
+    return lines('<?xml version="1.0"?>', "<opencv_storage>", *parts, "</opencv_storage>")
+
+
+def _mat() -> bytes:
+    stream = io.BytesIO()
+    scipy.io.savemat(stream, {"bTe": 0.0, "robot_T": np.moveaxis(ROBOT, 0, 2), "board_T": np.moveaxis(CAMERA, 0, 2)})
+    return stream.getvalue()
+
+
+ALTERNATING = np.stack([np.concatenate([t / 1000, V], axis=1), np.concatenate([s / 1000, v], axis=1)], axis=1)
+
+LAYOUTS: dict[str, dict[str, bytes]] = {
+    "four arrays in JSON, metres": {"samples.json": _json(
+        {"R_gripper2base": R, "t_gripper2base": t / 1000, "R_target2cam": r, "t_target2cam": s / 1000})},
+    "four arrays in npz": {"samples.npz": npz(R_gripper2base=R, t_gripper2base=t[..., None], R_target2cam=r,
+                                              t_target2cam=s[..., None])},
+    "stacks in npz": {"poses.npz": npz(base_T_gripper=ROBOT, camera_T_board=CAMERA)},
+    "arrays of the inverse": {"poses.npz": npz(R_base2gripper=inverse(ROBOT)[:, :3, :3],
+        t_base2gripper=inverse(ROBOT)[:, :3, 3], R_target2cam=r, t_target2cam=s)},
+    "rotation vectors and places": {"a.json": _json(
+        {"robot_rvecs": V, "robot_tvecs": t, "rvecs": v[..., None], "tvecs": s[..., None]})},
+    "records of two matrices": {"a.json": _json(
+        [{"robot": a, "board": b} for a, b in zip(ROBOT, CAMERA, strict=True)])},
+    "records of rotation and place": {"a.json": _json({str(at): {
+        "eef_to_base": {"rotation": a[:3, :3], "translation": a[:3, 3] / 1000},
+        "marker_to_camera": {"rotation": b[:3, :3], "translation": b[:3, 3] / 1000}}
+        for at, (a, b) in enumerate(zip(ROBOT, CAMERA, strict=True))})},
+    "records of seven numbers and a detection": {"a.yaml": _json([
+        {"tcp": [*(place / 1000), *turn], "rvec": b, "tvec": c / 1000}
+        for place, turn, b, c in zip(t, Q, v, s, strict=True)])},
+    "pairs of matrices": {"a.json": _json(np.stack([ROBOT, CAMERA], axis=1))},
+    "numbered keys of FileStorage": {"poses.yml": _storage()},
+    "FileStorage in XML": {"poses.xml": _xml()},
+    "twelve numbers": {"a.csv": lines(*_rows(V, t / 1000, v, s / 1000))},
+    "twelve numbers, the camera first": {"a.csv": lines(*_rows(s / 1000, v, t / 1000, V))},
+    "rows in turn": {"a.txt": lines(*_rows(ALTERNATING.reshape(16, 6), separator=" "))},
+    "one side after the other": {"a.txt": lines(*_rows(np.concatenate(SIX), separator=" "))},
+    "named columns": {"a.csv": lines(
+        ",".join(f"{side}_{one}" for side in ("robot", "camera") for one in ("x", "y", "z", "qw", "qx", "qy", "qz")),
+        *_rows(t, Q, s, q))},
+    "two tables, metres": {"robot.csv": lines("x,y,z,rx,ry,rz", *_rows(*np.split(SIX[0], [3], axis=1))),
+                           "camera.csv": lines("x,y,z,rvec_x,rvec_y,rvec_z", *_rows(*np.split(SIX[1], [3], axis=1)))},
+    "two stacks": {"gripper2base.npy": npy(ROBOT), "target2cam.npy": npy(CAMERA)},
+    "four files": {"R_gripper2base.npy": npy(R), "t_gripper2base.npy": npy(t), "R_target2cam.npy": npy(r),
+                   "t_target2cam.npy": npy(s)},
+    "a file a view": {f"view_{at}.npz": npz(R_gripper2base=R[at], t_gripper2base=t[at], R_target2cam=r[at],
+                                            t_target2cam=s[at]) for at in range(8)},
+    "MATLAB's": {"poses.mat": _mat()},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("layout", LAYOUTS)
+def test_the_pairs_are_read(layout: str, tmp_path: Path) -> None:
+    for name, content in LAYOUTS[layout].items():
+        (tmp_path / name).write_bytes(content)
+    understood = understand(ImportRequest(tmp_path, setup="eye-in-hand"))
+    assert understood.camera_T_target is not None
+    np.testing.assert_allclose(understood.base_T_flange, ROBOT, atol=1e-4)
+    np.testing.assert_allclose(understood.camera_T_target, CAMERA, atol=1e-4)
+
+
+CHANGES: dict[str, tuple[Callable[[Array], Array], str]] = {
+    "y reversed": (lambda places: places * [1, -1, 1], "with y reversed the translations agree as well"),
+    "x and y exchanged": (lambda places: places[:, [1, 0, 2]], "give --axes=y,x,z"),
+    "inches": (lambda places: places / 25.4, "with places in inches"),
+}
+
+
+@pytest.mark.parametrize("change", CHANGES)
+def test_translations_that_do_not_fit_beside_rotations_that_do_are_explained(change: str, tmp_path: Path) -> None:
+    places, said = CHANGES[change]
+    (tmp_path / "in").mkdir()
+    (tmp_path / "in" / "a.npz").write_bytes(
+        npz(R_gripper2base=R, t_gripper2base=places(t), R_target2cam=r, t_target2cam=s)
+    )
+    ran = handeyed("import", tmp_path / "in", "--setup", "eye-in-hand", "--out", tmp_path / "s")
+    assert ran.status == 2
+    assert "the rotations agree to" in ran.err and said in ran.err
+    if "--axes" in ran.err:
+        axes = ran.err.split("--axes=")[1].split(",")[:3]
+        given = f"--axes={','.join(axes)}"
+        ran = handeyed("import", tmp_path / "in", "--setup", "eye-in-hand", given, "--out", tmp_path / "s")
+        assert ran.status == 0, ran.err
+
+
+def test_two_poses_whose_names_do_not_decide_are_asked_for(tmp_path: Path) -> None:
+    records = _json([{"first": a, "second": b} for a, b in zip(ROBOT, CAMERA, strict=True)])
+    (tmp_path / "a.json").write_bytes(records)
+    ran = handeyed("import", tmp_path, "--setup", "eye-in-hand", "--out", tmp_path / "s")
+    assert ran.status == 2
+    assert "2 poses in a record (first, second), and their names do not say whose" in ran.err
