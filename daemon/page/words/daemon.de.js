@@ -23,7 +23,6 @@ export default {
   'check-setup-and-units': 'setup, die Einheit der Längen und ob die Posen die des Flansches sind, prüfen; mit sechs Ansichten oder mehr, oder einem bekannten Ort der Kamera, ist es entschieden',
   'take-a-fourth-view': 'eine vierte Ansicht aufnehmen, um eine andere Achse gedreht, und setup prüfen',
   'too-few-point-pairs': '{points} Punktpaare; X braucht vier oder mehr',
-  'points-on-a-line': 'die Punkte liegen auf einer Geraden: die Drehung darum ist nicht bestimmt',
   'point-pairs-disagree': 'die Punkte des Roboters und der Kamera weichen um {sigma_mm:.3g} mm voneinander ab',
   'point-pairs-noise': '{points} Punkte von Roboter und Kamera stimmen auf {sigma_mm:.2g} mm je Achse überein',
   'add-point-pairs': 'Punkte hinzufügen, über den Raum verteilt, auf den es ankommt, und nicht auf einer Geraden',

@@ -23,7 +23,6 @@ export default {
   'check-setup-and-units': 'comprobar setup, la unidad de las longitudes y si las poses son las de la brida; con seis vistas o más, o un lugar conocido de la cámara, queda decidido',
   'take-a-fourth-view': 'tomar una cuarta vista, girada sobre otro eje, y comprobar setup',
   'too-few-point-pairs': '{points} pares de puntos; X necesita cuatro o más',
-  'points-on-a-line': 'los puntos están en una recta: el giro alrededor de ella no queda determinado',
   'point-pairs-disagree': 'los puntos del robot y los de la cámara discrepan en {sigma_mm:.3g} mm',
   'point-pairs-noise': '{points} puntos de robot y cámara concuerdan hasta {sigma_mm:.2g} mm por eje',
   'add-point-pairs': 'añadir puntos, repartidos por el volumen que importa y no en una recta',

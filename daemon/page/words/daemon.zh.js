@@ -23,7 +23,6 @@ export default {
   'check-setup-and-units': '检查 setup、长度单位以及位姿是否为法兰的位姿；有六个或更多视图，或已知相机位置时，即可判定',
   'take-a-fourth-view': '再拍第四个视图，绕另一轴转动，并检查 setup',
   'too-few-point-pairs': '{points} 对点；X 需要四对或更多',
-  'points-on-a-line': '这些点在一条直线上：绕该直线的转动无法确定',
   'point-pairs-disagree': '机器人的点与相机的点相差 {sigma_mm:.3g} mm',
   'point-pairs-noise': '机器人与相机的 {points} 个点每轴一致到 {sigma_mm:.2g} mm',
   'add-point-pairs': '增加点，分布在所关心的空间内，且不在一条直线上',
