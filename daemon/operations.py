@@ -7,7 +7,6 @@ from typing import Any
 
 from calibration.documents.target import TargetDocument
 from calibration.kinematics.arm import Arm
-from calibration.kinematics.robot_accuracy import USUAL_BELIEF, NoiseBelief
 from calibration.planning.next_view import StoppingRule
 from calibration.planning.what_if import PlanComparison
 from calibration.transforms import Array
@@ -42,7 +41,7 @@ from daemon.model.requests import (
 )
 from daemon.model.run_states import RunState
 from daemon.runs.adaptive_sequence import AdaptiveSequence
-from daemon.runs.calibration_run import CalibrationRun, solve_session_of, solve_without
+from daemon.runs.calibration_run import CalibrationRun, Solved, solve_session_of, solve_without
 from daemon.runs.calibrations import Calibrations, require_setup
 from daemon.runs.foresight import Foresight, foresee, foresee_taught
 from daemon.runs.jog import Jog, SmallMove
@@ -56,7 +55,6 @@ from daemon.runs.pose_selection import (
     planning_limits,
     require_planned_poses,
     select_taught_poses,
-    stopping_rule,
 )
 from daemon.runs.pose_sequence import FixedSequence, PoseSequence
 from daemon.runs.run_log import RunLog
@@ -107,8 +105,7 @@ class Operations:
     @property
     def _sessions(self) -> RunSessions:
         robot, setup, conditions = self.settings.robot, self.settings.camera.setup, self.cell.arm_conditions.read
-        known = self.settings.calibration.known
-        return RunSessions(self.store, self.workers, setup, robot.external_axis, conditions, known)
+        return RunSessions(self.store, self.workers, setup, robot.external_axis, conditions)
 
     async def calibrate(self, request: CalibrateRequest) -> RunRecord:
         """Start a calibration run.
@@ -121,8 +118,7 @@ class Operations:
         settings, target = self.settings.calibration, request.target or self.settings.target
         beside = self._beside(request, target)
         lens, offset = self.settings.camera.intrinsics, request.axis_offset or settings.axis_offset
-        belief = await self._noise_belief()
-        session = self._sessions.prepare("calibration", target, lens, beside, offset, belief)
+        session = self._sessions.prepare("calibration", target, lens, beside, offset)
         drive = partial(self._driver, request)
 
         async def prepare() -> RunPlan:
@@ -134,10 +130,12 @@ class Operations:
                 return plan_sequence(len(poses), sequence, session, drive(compared=offset is None))
             if not request.manual:
                 require_planned_poses(offset, self.rules)
-            wish = stopping_rule(settings, request)
-            count = wish.views_left
+            count = request.count or settings.count
+            wish = StoppingRule(
+                count, request.uncertainty_mm or settings.uncertainty_mm, request.tolerance_mm or settings.tolerance_mm
+            )
             points = self.settings.part.named_points()
-            route = adaptive_parameters(settings, self.rules, target, await self._scene_guess(), wish, points, belief)
+            route = adaptive_parameters(settings, self.rules, target, await self._scene_guess(), wish, points)
             if request.manual:
                 by_hand = ManualParameters(route, requests := OperatorRequestQueue(), settings.manual_wait_s)
                 sequence = partial(ManualSequence, by_hand, self.cell, self.workers)
@@ -162,12 +160,9 @@ class Operations:
             require_planned_poses(request.axis_offset or settings.axis_offset, self.rules)
         if poses:
             return await self.service_workers.run_if_free(foresee_taught, self.rules, poses, joints)
-        wish, points, belief = (
-            stopping_rule(settings, request),
-            self.settings.part.named_points(),
-            await self._noise_belief(),
-        )
-        route = adaptive_parameters(settings, self.rules, target, await self._scene_guess(), wish, points, belief)
+        wish = StoppingRule(request.count or settings.count)
+        points = self.settings.part.named_points()
+        route = adaptive_parameters(settings, self.rules, target, await self._scene_guess(), wish, points)
         return await self.service_workers.run_if_free(foresee, route, here.base_T_flange, joints)
 
     async def solve_again(self, calibration_id: str, request: SolveRequest, new_id: str) -> CalibrationRecord:
@@ -190,7 +185,7 @@ class Operations:
             new_id,
             self.clock.timestamp(),
         )
-        return await calibration.save(solved, run.id)
+        return await self._store_solved(solved, run.id)
 
     async def solve_observations(self, session: ObservationsRequest, new_id: str) -> CalibrationRecord:
         """Solve views that another program has taken and measured, and store the result; nothing is applied.
@@ -200,9 +195,9 @@ class Operations:
         arm = self._arm(session.arm)
         self.supervisor.require_free()
         await self.store.require_ready()
-        run = replace(self._calibration_run(CalibrateRequest(), compared=False), expected=None, arm=arm, noise=None)
+        run = replace(self._calibration_run(CalibrateRequest(), compared=False), expected=None, arm=arm)
         solved = await self.merge_workers.run_if_free(solve_session_of, session, run, new_id, self.clock.timestamp())
-        return await run.save(solved, None)
+        return await self._store_solved(solved, None)
 
     async def submit_request(self, run_id: str, action: OperatorAction) -> RunRecord:
         """Take a view in a manual run, or end it; returns the run afterwards.
@@ -232,7 +227,7 @@ class Operations:
             calibration = given.document
             require_setup(calibration, self.settings.camera.setup)
             await self._check_ready(await self.cell.obstacles())
-            run = VerificationRun(self.workers, given, settings.verdict_limits(request.tolerance_mm))
+            run = VerificationRun(self.workers, given, request.tolerance_mm or settings.tolerance_mm)
             session = self._sessions.prepare("verify", target, calibration.camera)
             poses = request.poses or select_taught_poses(settings, VERIFY_POSITIONS)
             if poses:
@@ -317,23 +312,17 @@ class Operations:
             raise ArmUnknown(self.rules.seven.name if self.rules.seven else None)
         return self.rules.arm if wanted else None
 
+    async def _store_solved(self, solved: Solved, run_id: str | None) -> CalibrationRecord:
+        document, arm = solved
+        accepted = document.verdict.accepted
+        record = CalibrationRecord(document.id, run_id, document.created_at, accepted, document, self.camera)
+        await self.store.save_calibration(record, arm)
+        return record
+
     async def _check_ready(self, reasons: tuple[str, ...]) -> None:
         if reasons:
             await self.cell.require_interlocks()
             raise CellNotReady(reasons)
-
-    async def _noise_belief(self) -> NoiseBelief:
-        """In the robot's noise: as stated, else as learnt by the calibration in force of the same arm and load."""
-        stated, robot, load = self.settings.calibration.noise, self.settings.robot, self.cell.arm_conditions.read().load
-        carried = "" if load is None else f"{load.mass_kg:g} kg"
-        arm = ", ".join(part for part in (robot.model, self.settings.report.robot_serial, carried) if part)
-        if stated.is_stated:
-            return replace(stated.belief(), arm=arm)
-        try:
-            found = (await self.calibrations.current()).noise.belief
-        except NoCalibration:
-            found = None
-        return replace(USUAL_BELIEF, arm=arm) if found is None or found.arm != arm else found.belief().for_next_run()
 
     async def _scene_guess(self) -> SceneGuess:
         intrinsics = self.settings.camera.intrinsics
@@ -361,7 +350,7 @@ class Operations:
         return CalibrationRun(
             self.store, self.workers, self.clock, auto, better if compared else None, expected,
             settings.verdict_limits(request.tolerance_mm), self.settings.part.named_points(), self._arm(request.arm),
-            self.camera, settings.noise,
+            self.camera,
         )  # fmt: skip
 
     def _driver(self, request: CalibrateRequest, *, compared: bool) -> Drive:

@@ -33,7 +33,7 @@ class DriftPointDocument(Answer):
 
     run_id: str
     at: str
-    standing: Literal["learning", "steady", "drifting", "out-of-tolerance"]
+    standing: Literal["learning", "steady", "drifting"]
     shift_mm: tuple[float, float, float]
     average_mm: tuple[float, float, float]
     drift_mm: float
@@ -135,7 +135,7 @@ class DriftDocument(Answer):
                   "probing_size_mm": 0.03, "sphere_spacing_mm": -0.02}],
     )  # fmt: skip
 
-    standing: Literal["off", "learning", "steady", "drifting", "out-of-tolerance"]
+    standing: Literal["off", "learning", "steady", "drifting"]
     calibration_id: str | None
     verifications: int
     shift_mm: float
