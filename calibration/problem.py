@@ -19,6 +19,8 @@ from numpy.typing import NDArray
 from calibration.camera import CameraModel
 from calibration.kinematics.external_axis import ExternalAxis
 from calibration.kinematics.load import Load
+from calibration.kinematics.robot_accuracy import USUAL_BELIEF, NoiseBelief
+from calibration.knowledge import NOTHING_STATED, Knowledge
 from calibration.targets import Target
 from calibration.transforms import Array, inverse
 
@@ -117,6 +119,7 @@ class Problem:
     `poses_from_controller`: a driver read them, so that they are base_T_flange for certain.
     `axis_offset`: for an arm that turns its flange about one axis only; not used where the motions determine X.
     `load`: on the flange, where it is known.
+    `knowledge`: what is stated of target, camera and arm. `robot_noise`: what is believed of the arm's noise.
     `external_axis`: a track or turntable, roughly; every view has its reading then, and poses are as reported there.
     """
 
@@ -130,6 +133,8 @@ class Problem:
     axis_offset: AxisOffset | None = None
     external_axis: ExternalAxis | None = None
     load: Load | None = None
+    knowledge: Knowledge = NOTHING_STATED
+    robot_noise: NoiseBelief = USUAL_BELIEF
 
     @property
     def rows(self) -> int:

@@ -1,14 +1,16 @@
 """Output of the hand-eye solver. `calibration.verdict` decides whether it may be used."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from math import inf, isnan
-from typing import Literal
+from typing import Literal, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from calibration.camera import CameraModel
 from calibration.kinematics.external_axis import ExternalAxis
+from calibration.kinematics.robot_accuracy import NoiseBelief
 from calibration.problem import AxisOffset, Setup
 from calibration.transforms import Array
 
@@ -103,6 +105,19 @@ class PointUncertainty:
         return COVERAGE_FACTOR * self.sigma_mm
 
 
+class _Uncertain(Protocol):
+    @property
+    def sigma_mm(self) -> float: ...
+
+
+AnyPoint = TypeVar("AnyPoint", bound=_Uncertain)
+
+
+def worst_of(points: Iterable[AnyPoint]) -> AnyPoint:
+    """The most uncertain of these points, one at least: its U (k = 2) is the one that is stated everywhere."""
+    return max(points, key=lambda point: inf if isnan(point.sigma_mm) else point.sigma_mm)
+
+
 @dataclass(frozen=True, eq=False)
 class Uncertainty:
     """One standard deviation of X and of a mapped point (`point_mm`).
@@ -133,7 +148,7 @@ class Uncertainty:
     @property
     def worst_point(self) -> PointUncertainty:
         """The most uncertain of the points that matter."""
-        return max(self.points, key=lambda point: inf if isnan(point.sigma_mm) else point.sigma_mm)
+        return worst_of(self.points)
 
 
 GroupedBy = Literal["image", "pose", "view"]
@@ -166,11 +181,15 @@ class LeaveOut:
 
 @dataclass(frozen=True)
 class Noise:
-    """Standard deviations per axis, estimated from the data; None where the data do not determine one."""
+    """Standard deviations per axis, estimated from the data; None where the data do not determine one.
+
+    `belief`: in the robot's noise after the session, None where there is no estimate.
+    """
 
     image_px: float | None
     robot_rotation_rad: float | None
     robot_translation_mm: float | None
+    belief: NoiseBelief | None = None
 
 
 @dataclass(frozen=True)
@@ -224,7 +243,10 @@ class ExternalAxisEstimate:
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """The result of a solve; frames as in `calibration.problem`. `mount_T_camera` is None when it is not determined."""
+    """The result of a solve; frames as in `calibration.problem`. `mount_T_camera` is None when it is not determined.
+
+    `target_scale`: size of the target over the described one, as estimated with X.
+    """
 
     setup: Setup
     method: str
@@ -242,3 +264,4 @@ class Solution:
     clock_offset: ClockOffset | None = None
     axis_offset: AxisOffset | None = None
     external_axis: ExternalAxisEstimate | None = None
+    target_scale: float = 1.0

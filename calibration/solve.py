@@ -18,7 +18,6 @@ from calibration.kinematics.arm_errors import AXES, ArmErrorModel, Postures, app
 from calibration.kinematics.external_axis import ExternalAxis
 from calibration.kinematics.joint_check import require_consistent_joints
 from calibration.kinematics.load import NO_LOAD, Load
-from calibration.likelihood.augmented_model import augment_model
 from calibration.preprocessing.prepare import PreparedSession, prepare, update_target_shape
 from calibration.problem import Problem
 from calibration.sentences.sentence import Sentence
@@ -27,15 +26,8 @@ from calibration.solver.arm_identification import ArmFit, UnusualArm, identify_a
 from calibration.solver.arm_session import KnownDistance, TargetViews
 from calibration.solver.external_axis import AxisFit, find_axis, fit_axis, readings_of
 from calibration.solver.initial_guess import InitialGuess, find_initial_guess
+from calibration.solver.robot_trend_check import trend_levels, widen_by_given, widen_by_shared_errors
 from calibration.solver.solution_builder import build_solution, solution_without_x
-from calibration.solver.systematic_error_check import (
-    build_models,
-    find_systematic_errors,
-    widen_by_given,
-    widen_by_shared_errors,
-    with_systematic_errors,
-)
-from calibration.solver.target_scale_check import predicts_better, scale_error, with_scale
 from calibration.solver.view_outliers import Selection, agreeing_rows, select_views
 from calibration.transforms import Array
 
@@ -164,30 +156,15 @@ def estimate_session(problem: Problem) -> SessionEstimate:
         require_observable(prepared.seen.base_T_flange[used], offset_given=prepared.given is not None)
     start = find_initial_guess(prepared.take(used))
     selection = select_views(prepared, used, start.chain, start.variances)
-    wider = augment_model(prepared.take(selection.used).seen, selection.best)
-    if share := scale_error(wider):
-        scaled = with_scale(prepared, share)
-        reselected = _reselect(scaled, selection)
-        if predicts_better(scaled, reselected, prepared, selection):
-            prepared, selection = scaled, reselected
     if prepared.shape is not None and problem.camera is None:
         for _ in range(MAX_ROUNDS):
-            prepared = update_target_shape(replace(prepared, camera=selection.best.camera, scale=selection.best.scale))
-            selection = _reselect(prepared, selection)
-    if selection.best is not wider.best:
-        wider = augment_model(prepared.take(selection.used).seen, selection.best)
-    models = build_models(prepared, wider)
-    errors, levels = find_systematic_errors(prepared, selection, models)
-    if errors:
-        prepared = with_systematic_errors(prepared, errors)
-        selection = select_views(prepared, selection.used, selection.best.chain, levels)
-        wider = augment_model(prepared.take(selection.used).seen, selection.best)
-        models = build_models(prepared, wider)
-    return prepared, start, widen_by_given(widen_by_shared_errors(prepared, selection, wider, models))
-
-
-def _reselect(prepared: PreparedSession, selection: Selection) -> Selection:
-    return select_views(prepared, selection.used, selection.best.chain, selection.best.variances)
+            prepared = update_target_shape(prepared, selection.best)
+            selection = select_views(prepared, selection.used, selection.best.chain, selection.best.variances)
+    if (levels := trend_levels(selection.best)) is not None:
+        best = selection.best
+        selection = select_views(prepared, selection.used, best.chain, levels, best.z, trend=True)
+    selection = widen_by_given(widen_by_shared_errors(prepared, selection))
+    return replace(prepared, scale=selection.best.scale), start, selection
 
 
 def solve_rig(problems: Mapping[str, Problem]) -> "RigSolution":

@@ -15,6 +15,8 @@ from calibration.problem import Problem, View
 from calibration.sentences.sentence import Sentence
 from calibration.solution import COVERAGE_FACTOR, Finding, Noise, Severity, Solution, Uncertainty
 
+DEFAULT_TOLERANCE_MM = 1.0
+
 
 @dataclass(frozen=True)
 class VerdictLimits:
@@ -22,10 +24,12 @@ class VerdictLimits:
     rejected; the others raise warnings of likely causes. Each is a key of `calibration.documents.requirement`.
 
     tolerance_mm : largest U (k = 2) at the worst of the points that matter.
-    point_warning_mm : the same, for a warning. A tolerance that somebody has stated is both: see `with_tolerance`.
+    tolerance_stated : whether somebody stated it: see `with_tolerance`.
+    point_warning_mm : the same, for a warning. A stated tolerance is both.
     negligible_share, warning_share : of the tolerance: a contradiction that moves a mapped point by less is
         information, or a warning.
-    print_scale_share : largest scale error of a printer; more is a wrong number in the target's description.
+    print_scale_share : largest scale error of a print fitted to its page; more is a wrong number in the target's
+        description.
     lens_share : largest shift of the target over its distance by other intrinsics for a warning; more is another camera
         or focus.
     points_size_share : largest difference of a target measured by its points from the described size, for a warning.
@@ -33,7 +37,8 @@ class VerdictLimits:
     mount_sigma : how far from its expected mount the camera may be found, in sigmas of that expectation.
     """
 
-    tolerance_mm: float = 4.0
+    tolerance_mm: float = DEFAULT_TOLERANCE_MM
+    tolerance_stated: bool = False
     point_warning_mm: float = 1.0
     axis_angle_rad: float = float(np.radians(15.0))
     robot_translation_mm: float = MAX_USUAL_NOISE.translation_mm
@@ -46,8 +51,8 @@ class VerdictLimits:
     possible_hold_out_mm: float = 40.0
     negligible_share: float = 0.05
     warning_share: float = 0.25
-    print_scale_share: float = 0.01
-    lens_share: float = 0.005
+    print_scale_share: float = 0.06
+    lens_share: float = 0.04
     points_size_share: float = 0.01
     leave_out_probability: float = 0.5
     mount_sigma: float = 2.0
@@ -56,7 +61,7 @@ class VerdictLimits:
         """These limits with a stated tolerance, below which nothing is warned of; unchanged with None."""
         if tolerance_mm is None:
             return self
-        return replace(self, tolerance_mm=tolerance_mm, point_warning_mm=tolerance_mm)
+        return replace(self, tolerance_mm=tolerance_mm, tolerance_stated=True, point_warning_mm=tolerance_mm)
 
 
 DEFAULT_VERDICT_LIMITS = VerdictLimits()

@@ -7,6 +7,7 @@ from typing import Any
 
 from calibration.documents.target import TargetDocument
 from calibration.kinematics.arm import Arm
+from calibration.kinematics.robot_accuracy import USUAL_BELIEF, NoiseBelief
 from calibration.planning.next_view import StoppingRule
 from calibration.planning.what_if import PlanComparison
 from calibration.transforms import Array
@@ -41,7 +42,7 @@ from daemon.model.requests import (
 )
 from daemon.model.run_states import RunState
 from daemon.runs.adaptive_sequence import AdaptiveSequence
-from daemon.runs.calibration_run import CalibrationRun, Solved, solve_session_of, solve_without
+from daemon.runs.calibration_run import CalibrationRun, solve_session_of, solve_without
 from daemon.runs.calibrations import Calibrations, require_setup
 from daemon.runs.foresight import Foresight, foresee, foresee_taught
 from daemon.runs.jog import Jog, SmallMove
@@ -55,6 +56,7 @@ from daemon.runs.pose_selection import (
     planning_limits,
     require_planned_poses,
     select_taught_poses,
+    stopping_rule,
 )
 from daemon.runs.pose_sequence import FixedSequence, PoseSequence
 from daemon.runs.run_log import RunLog
@@ -105,7 +107,8 @@ class Operations:
     @property
     def _sessions(self) -> RunSessions:
         robot, setup, conditions = self.settings.robot, self.settings.camera.setup, self.cell.arm_conditions.read
-        return RunSessions(self.store, self.workers, setup, robot.external_axis, conditions)
+        known = self.settings.calibration.known
+        return RunSessions(self.store, self.workers, setup, robot.external_axis, conditions, known)
 
     async def calibrate(self, request: CalibrateRequest) -> RunRecord:
         """Start a calibration run.
@@ -118,7 +121,8 @@ class Operations:
         settings, target = self.settings.calibration, request.target or self.settings.target
         beside = self._beside(request, target)
         lens, offset = self.settings.camera.intrinsics, request.axis_offset or settings.axis_offset
-        session = self._sessions.prepare("calibration", target, lens, beside, offset)
+        belief = await self._noise_belief()
+        session = self._sessions.prepare("calibration", target, lens, beside, offset, belief)
         drive = partial(self._driver, request)
 
         async def prepare() -> RunPlan:
@@ -130,12 +134,10 @@ class Operations:
                 return plan_sequence(len(poses), sequence, session, drive(compared=offset is None))
             if not request.manual:
                 require_planned_poses(offset, self.rules)
-            count = request.count or settings.count
-            wish = StoppingRule(
-                count, request.uncertainty_mm or settings.uncertainty_mm, request.tolerance_mm or settings.tolerance_mm
-            )
+            wish = stopping_rule(settings, request)
+            count = wish.views_left
             points = self.settings.part.named_points()
-            route = adaptive_parameters(settings, self.rules, target, await self._scene_guess(), wish, points)
+            route = adaptive_parameters(settings, self.rules, target, await self._scene_guess(), wish, points, belief)
             if request.manual:
                 by_hand = ManualParameters(route, requests := OperatorRequestQueue(), settings.manual_wait_s)
                 sequence = partial(ManualSequence, by_hand, self.cell, self.workers)
@@ -160,9 +162,12 @@ class Operations:
             require_planned_poses(request.axis_offset or settings.axis_offset, self.rules)
         if poses:
             return await self.service_workers.run_if_free(foresee_taught, self.rules, poses, joints)
-        wish = StoppingRule(request.count or settings.count)
-        points = self.settings.part.named_points()
-        route = adaptive_parameters(settings, self.rules, target, await self._scene_guess(), wish, points)
+        wish, points, belief = (
+            stopping_rule(settings, request),
+            self.settings.part.named_points(),
+            await self._noise_belief(),
+        )
+        route = adaptive_parameters(settings, self.rules, target, await self._scene_guess(), wish, points, belief)
         return await self.service_workers.run_if_free(foresee, route, here.base_T_flange, joints)
 
     async def solve_again(self, calibration_id: str, request: SolveRequest, new_id: str) -> CalibrationRecord:
@@ -185,7 +190,7 @@ class Operations:
             new_id,
             self.clock.timestamp(),
         )
-        return await self._store_solved(solved, run.id)
+        return await calibration.save(solved, run.id)
 
     async def solve_observations(self, session: ObservationsRequest, new_id: str) -> CalibrationRecord:
         """Solve views that another program has taken and measured, and store the result; nothing is applied.
@@ -195,9 +200,9 @@ class Operations:
         arm = self._arm(session.arm)
         self.supervisor.require_free()
         await self.store.require_ready()
-        run = replace(self._calibration_run(CalibrateRequest(), compared=False), expected=None, arm=arm)
+        run = replace(self._calibration_run(CalibrateRequest(), compared=False), expected=None, arm=arm, noise=None)
         solved = await self.merge_workers.run_if_free(solve_session_of, session, run, new_id, self.clock.timestamp())
-        return await self._store_solved(solved, None)
+        return await run.save(solved, None)
 
     async def submit_request(self, run_id: str, action: OperatorAction) -> RunRecord:
         """Take a view in a manual run, or end it; returns the run afterwards.
@@ -227,7 +232,7 @@ class Operations:
             calibration = given.document
             require_setup(calibration, self.settings.camera.setup)
             await self._check_ready(await self.cell.obstacles())
-            run = VerificationRun(self.workers, given, request.tolerance_mm or settings.tolerance_mm)
+            run = VerificationRun(self.workers, given, settings.verdict_limits(request.tolerance_mm))
             session = self._sessions.prepare("verify", target, calibration.camera)
             poses = request.poses or select_taught_poses(settings, VERIFY_POSITIONS)
             if poses:
@@ -312,17 +317,23 @@ class Operations:
             raise ArmUnknown(self.rules.seven.name if self.rules.seven else None)
         return self.rules.arm if wanted else None
 
-    async def _store_solved(self, solved: Solved, run_id: str | None) -> CalibrationRecord:
-        document, arm = solved
-        accepted = document.verdict.accepted
-        record = CalibrationRecord(document.id, run_id, document.created_at, accepted, document, self.camera)
-        await self.store.save_calibration(record, arm)
-        return record
-
     async def _check_ready(self, reasons: tuple[str, ...]) -> None:
         if reasons:
             await self.cell.require_interlocks()
             raise CellNotReady(reasons)
+
+    async def _noise_belief(self) -> NoiseBelief:
+        """In the robot's noise: as stated, else as learnt by the calibration in force of the same arm and load."""
+        stated, robot, load = self.settings.calibration.noise, self.settings.robot, self.cell.arm_conditions.read().load
+        carried = "" if load is None else f"{load.mass_kg:g} kg"
+        arm = ", ".join(part for part in (robot.model, self.settings.report.robot_serial, carried) if part)
+        if stated.is_stated:
+            return replace(stated.belief(), arm=arm)
+        try:
+            found = (await self.calibrations.current()).noise.belief
+        except NoCalibration:
+            found = None
+        return replace(USUAL_BELIEF, arm=arm) if found is None or found.arm != arm else found.belief().for_next_run()
 
     async def _scene_guess(self) -> SceneGuess:
         intrinsics = self.settings.camera.intrinsics
@@ -350,7 +361,7 @@ class Operations:
         return CalibrationRun(
             self.store, self.workers, self.clock, auto, better if compared else None, expected,
             settings.verdict_limits(request.tolerance_mm), self.settings.part.named_points(), self._arm(request.arm),
-            self.camera,
+            self.camera, settings.noise,
         )  # fmt: skip
 
     def _driver(self, request: CalibrateRequest, *, compared: bool) -> Drive:

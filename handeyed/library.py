@@ -157,7 +157,7 @@ def solve(
     session : a Session; a folder with session.json; or pairs of poses of robot and camera in a file that `handeyed
         import` reads, a mapping of arrays such as R_gripper2base, t_gripper2base, R_target2cam, t_target2cam, or an
         opened .npz; `setup` says where the camera is then.
-    tolerance_mm : the largest U (k = 2) that is accepted; 4 mm without it.
+    tolerance_mm : the largest U (k = 2) that is accepted; 1 mm without it.
     method : "auto" (maximum likelihood) or a closed form ("tsai", "park", ...).
 
     `result.flange_T_camera.transform()` is X (4, 4) in mm; None, with the reason in `result.verdict.findings`, where
@@ -181,6 +181,7 @@ def solve(
         calibration_id=f"{now:%Y%m%d-%H%M%S}-{uuid4().hex[:6]}",
         created_at=f"{now:%Y-%m-%dT%H:%M:%S}Z",
         software=SOFTWARE,
+        target=known.problem.target,
     )
 
 

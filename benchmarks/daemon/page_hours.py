@@ -73,7 +73,7 @@ def daemon_process(folder: str, speed: float, ready: Any) -> None:
 async def _daemon(folder: Path, ready: Any) -> None:
     from tests.daemon.cell_under_test import serving, settings_for
 
-    settings = settings_for(folder / "store", calibration={"policy": "auto"})
+    settings = settings_for(folder / "store", calibration={"policy": "auto", "tolerance_mm": 20.0})
     async with serving(settings) as bench:
         answer = await bench.client.post("/calibrate", params={"wait": 120})
         answer.raise_for_status()

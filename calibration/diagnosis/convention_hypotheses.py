@@ -15,7 +15,6 @@ from calibration.diagnosis.orientation_readings import READINGS, likely_readings
 from calibration.diagnosis.pose_errors import p_value_beside_all_errors
 from calibration.problem import Setup
 from calibration.sentences.sentence import Sentence
-from calibration.solver.target_scale_check import MIN_SCALE_ERROR
 from calibration.transforms import (
     Array,
     inverse,
@@ -25,6 +24,9 @@ from calibration.transforms import (
     transform,
     vector_from_rotation,
 )
+
+MIN_SCALE_ERROR = 2e-4
+"""Scale errors below it are ignored; paper changes by as much with humidity."""
 
 
 @dataclass(frozen=True)

@@ -111,8 +111,7 @@ def _widen(uncertainty: Uncertainty | None, findings: Sequence[Finding]) -> Unce
 
 
 def _findings_with_x(problem: Problem, solution: Solution, prepared: PreparedSession) -> tuple[Finding, ...]:
-    camera, poses = prepared.camera, prepared.camera_T_target.copy()
-    poses[:, :3, 3] /= prepared.scale  # whether the target's size is wrong is for the diagnosis to find
+    camera, poses = prepared.camera, prepared.camera_T_target
     used = {view.index for view in solution.views if view.status != "rejected"}
     given = _with_turned_views(problem, prepared, poses)
     point = None if solution.mount_T_camera is None else MappedPoint.of(used, prepared.scale, camera, poses)

@@ -2,7 +2,7 @@
 
 Poses of which one side was computed from the other agree perfectly, with an X that says nothing; a camera metres away
 from the flange that carries it, or behind the flange that it looks through, belongs to another reading of the poses.
-`CHECKS` is the table. The limits of places are judgement; those of circles follow from the noise of pixels.
+`CHECKS` is the table of the second kind. The limits of places are judgement, those of circles follow from pixel noise.
 """
 
 from collections.abc import Callable, Iterator
@@ -97,7 +97,7 @@ class _Session:
 
 
 def check_plausibility(problem: Problem, solution: Solution) -> Solution:
-    """The solution with the findings of `CHECKS`; without X and U where it is a circle.
+    """The solution with the findings of a circle, which has no X and no U, or of `CHECKS`.
 
     `problem`: as it was solved, with an external axis at its zero.
     """
@@ -105,9 +105,11 @@ def check_plausibility(problem: Problem, solution: Solution) -> Solution:
     if session is None or not len(session.evidence):
         return solution
     with np.errstate(all="ignore"):  # numbers far from any cell overflow; they are refused as they are
-        found = tuple(finding for check in CHECKS for finding in check(session))
-    solution = replace(solution, findings=(*solution.findings, *found))
-    if not any(finding.code == CIRCULAR and finding.severity == "error" for finding in found):
+        circle = tuple(_circle(session))
+        is_circle = any(finding.severity == "error" for finding in circle)
+        places = () if is_circle else tuple(finding for check in CHECKS for finding in check(session))
+    solution = replace(solution, findings=(*solution.findings, *circle, *places))
+    if not is_circle:
         return solution
     return replace(
         solution, mount_T_camera=None, anchor_T_target=None, uncertainty=None, noise=Noise(None, None, None),
@@ -277,4 +279,5 @@ def _other_setup(session: _Session) -> Iterator[Finding]:
         yield Finding("setup-fits-either-way", "error", message, Sentence("take-a-fourth-view"))
 
 
-CHECKS: tuple[Callable[[_Session], Iterator[Finding]], ...] = (_circle, _repeats, _mount, _sight, _other_setup)
+CHECKS: tuple[Callable[[_Session], Iterator[Finding]], ...] = (_repeats, _mount, _sight, _other_setup)
+"""Of a solution that is a measurement."""

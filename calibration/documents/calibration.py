@@ -1,21 +1,34 @@
 """calibration.json: what `handeyed solve DIR --json` prints and the daemon stores (mm, degrees, w first)."""
 
 from collections.abc import Sequence
-from typing import Any, Literal, get_args
+from typing import Annotated, Any, Literal, get_args
 
 import numpy as np
-from pydantic import JsonValue, model_validator
+from pydantic import Field, JsonValue, model_validator
 
 from calibration.documents.external_axis import FoundAxisDocument
+from calibration.documents.knowledge import NoiseBeliefDocument
 from calibration.documents.pose import PoseDocument, Vector
 from calibration.documents.requirement import LimitsInForceDocument
 from calibration.documents.session import AxisOffsetDocument, CameraDocument
+from calibration.documents.target import TargetDocument, document_of_target
 from calibration.documents.validation import Document
 from calibration.documents.version_1 import upgrade_calibration
+from calibration.planning.expectation import NOTHING_EXPECTED, Expectation
 from calibration.problem import ANCHORS, MOUNTS, Setup
 from calibration.sentences.english import ENGLISH
 from calibration.sentences.sentence import Sentence, as_sentence
-from calibration.solution import COVERAGE_FACTOR, Finding, GroupedBy, Noise, PointFrame, Solution, ViewResult
+from calibration.solution import (
+    COVERAGE_FACTOR,
+    Finding,
+    GroupedBy,
+    Noise,
+    PointFrame,
+    Solution,
+    ViewResult,
+    worst_of,
+)
+from calibration.targets import Target
 from calibration.transforms import Array
 from calibration.verdict import Verdict
 
@@ -83,17 +96,18 @@ class UncertaintyDocument(Document):
         return None if self.covariance is None else np.array(self.covariance)
 
     @property
-    def worst_expanded_mm(self) -> float | None:
-        """U (k = 2) at the worst of the points that matter, None in one written as version 1."""
-        return max((point.expanded_mm for point in self.points), default=None)
+    def worst_point(self) -> PointUncertaintyDocument | None:
+        """The most uncertain of the points that matter, None in one written as version 1."""
+        return worst_of(self.points) if self.points else None
 
 
 class NoiseDocument(Document):
-    """Estimated from the data; null where it cannot be."""
+    """Estimated from the data; null where it cannot be. `belief`: in the robot's noise after the session."""
 
     image_px: float | None
     robot_rotation_deg: float | None
     robot_translation_mm: float | None
+    belief: NoiseBeliefDocument | None = None
 
 
 class CorrectionDocument(Document):
@@ -208,17 +222,57 @@ class CalibrationVerdictDocument(Document):
 
     @classmethod
     def of(cls, verdict: Verdict) -> "CalibrationVerdictDocument":
-        tolerance_mm = verdict.limits.tolerance_mm
+        rule = "rule" if verdict.limits.tolerance_stated else "rule-not-stated"
+        limit = {"coverage_factor": COVERAGE_FACTOR, "tolerance_mm": verdict.limits.tolerance_mm}
         return cls(
             accepted=verdict.accepted,
             findings=[CalibrationFindingDocument.of(finding) for finding in verdict.findings],
             limits=LimitsInForceDocument.of(verdict.limits),
-            rule=ReasonDocument.of(Sentence("rule", coverage_factor=COVERAGE_FACTOR, tolerance_mm=tolerance_mm)),
+            rule=ReasonDocument.of(Sentence(rule, **limit)),
         )
 
 
+class AccuracyDocument(Document):
+    """The one number of a calibration: U (k = 2) at the worst of the points that matter, beside what it is judged by.
+
+    `tolerance_stated`: by settings, request or command line; else `tolerance_mm` is the default. `expected_mm`: U of
+    the same views as predicted by what was known of the noise before the run. `before_mm`: U of the calibration that
+    was in force when this one was made. `why`: of a U more than 1.5 times the expected one, or less than that. Null
+    where it is not known.
+    """
+
+    expanded_mm: float | None = None
+    worst_point: str | None = None
+    tolerance_mm: float | None = None
+    tolerance_stated: bool = False
+    expected_mm: float | None = None
+    before_mm: float | None = None
+    why: ReasonDocument | None = None
+
+    def of_uncertainty(self, uncertainty: UncertaintyDocument | None) -> "AccuracyDocument":
+        """The same with U by this uncertainty."""
+        worst = None if uncertainty is None else uncertainty.worst_point
+        now = {"expanded_mm": worst and worst.expanded_mm, "worst_point": worst and worst.name}
+        return self.model_copy(update=now)
+
+    def fields(self) -> dict[str, Any]:
+        """As JSON values by name, for results and events."""
+        return self.model_dump(mode="json")
+
+
+def _accuracy(uncertainty: UncertaintyDocument | None, verdict: CalibrationVerdictDocument) -> AccuracyDocument:
+    limits, accuracy = verdict.limits, AccuracyDocument()
+    if limits is not None:
+        accuracy = AccuracyDocument(tolerance_mm=limits.tolerance_mm, tolerance_stated=limits.tolerance_stated)
+    return accuracy.of_uncertainty(uncertainty)
+
+
 class CalibrationDocument(Document):
-    """The whole of calibration.json. When the motions cannot determine X the transforms are null."""
+    """The whole of calibration.json. When the motions cannot determine X the transforms are null.
+
+    `target`: as it was described, null where there was none. `target_scale`: its size over the described one, as found
+    with X; 1 where it is as described.
+    """
 
     heading = "calibrationjson"
 
@@ -241,7 +295,10 @@ class CalibrationDocument(Document):
     clock_offset: ClockOffsetDocument | None = None
     axis_offset: AxisOffsetDocument | None = None
     external_axis: FoundAxisDocument | None = None
+    target: TargetDocument | None = None
+    target_scale: Annotated[float, Field(gt=0)] = 1.0
     verdict: CalibrationVerdictDocument
+    accuracy: AccuracyDocument = Field(default_factory=lambda data: _accuracy(data["uncertainty"], data["verdict"]))
 
     @property
     def mount_T_camera(self) -> PoseDocument | None:
@@ -253,6 +310,14 @@ class CalibrationDocument(Document):
         """The target's pose: beside the robot in the base, on the flange in the flange."""
         return self.base_T_target if self.setup == "eye-in-hand" else self.flange_T_target
 
+    def scale_of(self, target: Target) -> float:
+        """Size of `target` over the described one: as found with X where this is the target that was looked at."""
+        return self.target_scale if self.target is not None and self.target.target() == target else 1.0
+
+    def with_accuracy(self, **known: Any) -> "CalibrationDocument":
+        """The same with these fields of its accuracy."""
+        return self.model_copy(update={"accuracy": self.accuracy.model_copy(update=known)})
+
     @model_validator(mode="before")
     @classmethod
     def _read_version_1(cls, data: Any) -> Any:
@@ -260,11 +325,21 @@ class CalibrationDocument(Document):
 
 
 def calibration_document(
-    solution: Solution, verdict: Verdict, *, calibration_id: str, created_at: str, software: str
+    solution: Solution,
+    verdict: Verdict,
+    *,
+    calibration_id: str,
+    created_at: str,
+    software: str,
+    target: Target | None = None,
+    expected: Expectation = NOTHING_EXPECTED,
 ) -> CalibrationDocument:
-    """The calibration.json of a solution and its verdict; the transforms are null when they are not determined."""
+    """The calibration.json of a solution and its verdict; the transforms are null when they are not determined.
+
+    `target`: that of the session, where it was one.
+    """
     transforms = zip(TRANSFORM_NAMES[solution.setup], (solution.mount_T_camera, solution.anchor_T_target), strict=True)
-    return CalibrationDocument.model_validate(
+    document = CalibrationDocument.model_validate(
         {
             "id": calibration_id,
             "created_at": created_at,
@@ -286,8 +361,13 @@ def calibration_document(
             "clock_offset": solution.clock_offset and vars(solution.clock_offset),
             "axis_offset": solution.axis_offset and vars(solution.axis_offset),
             "external_axis": solution.external_axis and FoundAxisDocument.of(solution.external_axis),
+            "target": None if target is None else document_of_target(target),
+            "target_scale": solution.target_scale,
             "verdict": CalibrationVerdictDocument.of(verdict),
         }
+    )
+    return document.with_accuracy(
+        expected_mm=expected.expanded_mm, why=None if expected.why is None else ReasonDocument.of(expected.why)
     )
 
 
@@ -316,6 +396,7 @@ def _noise(noise: Noise) -> dict[str, object]:
         "image_px": noise.image_px,
         "robot_rotation_deg": None if rotation_rad is None else float(np.degrees(rotation_rad)),
         "robot_translation_mm": noise.robot_translation_mm,
+        "belief": None if noise.belief is None else NoiseBeliefDocument.of(noise.belief),
     }
 
 

@@ -3,8 +3,9 @@
 from collections import Counter
 from collections.abc import Iterable
 
-from calibration.documents.calibration import CalibrationDocument, FindingDocument
+from calibration.documents.calibration import AccuracyDocument, CalibrationDocument, FindingDocument
 from calibration.documents.pose import PoseDocument
+from calibration.documents.reports.numbers import significant
 
 MARKS = {"error": "✗", "warning": "!", "info": "·"}
 TRANSFORMS = ("flange_T_camera", "base_T_target", "base_T_camera", "flange_T_target")
@@ -22,7 +23,26 @@ def verdict_word(document: CalibrationDocument) -> str:
     return "not accepted" if document.flange_T_camera or document.base_T_camera else "refused"
 
 
+def accuracy_text(accuracy: AccuracyDocument) -> str:
+    """U = 0.23 mm (k = 2) at far top left; tolerance 1 mm, not stated by you; expected 0.18 mm; before 0.52 mm
+
+    Followed by the reason where found and expected U part.
+    """
+    at = "" if accuracy.worst_point is None else f" at {accuracy.worst_point}"
+    parts = [
+        "U is not known" if accuracy.expanded_mm is None else f"U = {significant(accuracy.expanded_mm)} mm (k = 2){at}"
+    ]
+    if accuracy.tolerance_mm is not None:
+        stated = "" if accuracy.tolerance_stated else ", not stated by you"
+        parts.append(f"tolerance {accuracy.tolerance_mm:g} mm{stated}")
+    for name, value_mm in (("expected", accuracy.expected_mm), ("before", accuracy.before_mm)):
+        if value_mm is not None:
+            parts.append(f"{name} {significant(value_mm)} mm")
+    return "; ".join(parts if accuracy.why is None else [*parts, accuracy.why.message])
+
+
 def _lines(document: CalibrationDocument) -> Iterable[str]:
+    yield f"{'accuracy':<16} {accuracy_text(document.accuracy)}"
     for name in TRANSFORMS:
         pose: PoseDocument | None = getattr(document, name)
         if pose is not None:
@@ -30,8 +50,7 @@ def _lines(document: CalibrationDocument) -> Iterable[str]:
             yield f"{name:<16} {translation} mm   {quaternion} wxyz"
     if document.uncertainty is not None:
         yield (
-            f"{'uncertainty':<16} a mapped point {document.uncertainty.point_mm:.3g} mm;"
-            f" translation {_numbers(document.uncertainty.translation_mm, '.3g')} mm,"
+            f"{'uncertainty':<16} translation {_numbers(document.uncertainty.translation_mm, '.3g')} mm,"
             f" rotation {_numbers(document.uncertainty.rotation_deg, '.2g')} deg (one standard deviation)"
         )
     if document.hold_out is not None:

@@ -81,9 +81,11 @@ class CalibrationWithArm:
         seen_rad, identified = np.radians([errors.lowest_joints_deg, errors.highest_joints_deg]), errors.estimate()
         estimate = identified.under(conditions)
         levels = {"robot_rotation_deg": errors.scatter_deg, "robot_translation_mm": errors.scatter_mm}
+        uncertainty = uncertainty_with_arm(document, estimate, _joints_of(document, seen_rad))
         with_arm = {
             name: errors.mount_T_camera,
-            "uncertainty": uncertainty_with_arm(document, estimate, _joints_of(document, seen_rad)),
+            "uncertainty": uncertainty,
+            "accuracy": document.accuracy.of_uncertainty(uncertainty),
             "noise": document.noise.model_copy(update=levels),
         }
         scatter = RobotNoise(errors.scatter_mm, float(np.radians(errors.scatter_deg)))

@@ -3,14 +3,22 @@
 from typing import Annotated, Literal, get_args
 
 import numpy as np
-from pydantic import Field, NonNegativeFloat, PositiveFloat, model_validator
+from pydantic import Field, PositiveFloat, model_validator
 
+from calibration.documents.knowledge import KnowledgeDocument
 from calibration.documents.pose import PoseDocument, Vector
 from calibration.documents.requirement import PointsDocument
 from calibration.documents.session import CameraDocument
 from calibration.documents.target import TargetDocument
 from calibration.documents.validation import Document
-from calibration.kinematics.robot_accuracy import PLANNING_NOISE
+from calibration.kinematics.robot_accuracy import (
+    PRIOR_FACTOR,
+    PRIOR_NOISE,
+    STATED_FACTOR,
+    USUAL_BELIEF,
+    NoiseBelief,
+    RobotNoise,
+)
 from calibration.likelihood.predicted_uncertainty import ExpectedNoise, Scene
 from calibration.planning.line_of_sight import LineOfSight
 from calibration.planning.plan import Plan
@@ -20,14 +28,39 @@ from calibration.solution import Uncertainty
 
 
 class NoiseExpectedDocument(Document):
-    """One standard deviation per axis; the defaults are a good camera and a good robot."""
+    """What is expected of the noise, one standard deviation per axis; of the robot's, good to a factor of two.
+
+    image_px : of a corner. The default is a good camera.
+    robot_rotation_deg, robot_translation_mm : of a pose. Left out, an industrial robot as usual, or what the cell has
+        learnt of its own.
+    """
 
     image_px: PositiveFloat = 0.05
-    robot_rotation_deg: NonNegativeFloat = float(np.degrees(PLANNING_NOISE.rotation_rad))
-    robot_translation_mm: NonNegativeFloat = PLANNING_NOISE.translation_mm
+    robot_rotation_deg: PositiveFloat | None = None
+    robot_translation_mm: PositiveFloat | None = None
 
-    def noise(self) -> ExpectedNoise:
-        return ExpectedNoise(self.image_px, float(np.deg2rad(self.robot_rotation_deg)), self.robot_translation_mm)
+    @property
+    def is_stated(self) -> bool:
+        """Whether the robot's noise is stated."""
+        return self.robot_rotation_deg is not None or self.robot_translation_mm is not None
+
+    def belief(self) -> NoiseBelief:
+        """In the robot's noise, as far as it is stated."""
+        if not self.is_stated:
+            return USUAL_BELIEF
+        rotation_deg, translation_mm = self.robot_rotation_deg, self.robot_translation_mm
+        median = RobotNoise(
+            PRIOR_NOISE.translation_mm if translation_mm is None else translation_mm,
+            PRIOR_NOISE.rotation_rad if rotation_deg is None else float(np.deg2rad(rotation_deg)),
+        )
+        stated = (PRIOR_FACTOR if rotation_deg is None else STATED_FACTOR,
+                  PRIOR_FACTOR if translation_mm is None else STATED_FACTOR)  # fmt: skip
+        return NoiseBelief(median, stated, "stated")
+
+    def noise(self, belief: NoiseBelief | None = None) -> ExpectedNoise:
+        """At the median of what is believed; by default of `self.belief()`."""
+        median = (belief or self.belief()).median
+        return ExpectedNoise(self.image_px, median.rotation_rad, median.translation_mm)
 
 
 class LimitsDocument(Document):
@@ -72,6 +105,7 @@ class PlanDocument(Document):
     base_T_camera_guess: PoseDocument | None = None
     flange_T_target_guess: PoseDocument | None = None
     noise: NoiseExpectedDocument = NoiseExpectedDocument()
+    known: KnowledgeDocument = KnowledgeDocument()
     limits: LimitsDocument = LimitsDocument()
     poses: Annotated[int, Field(ge=3, le=60)] = 3
     robot: str | None = None
@@ -105,6 +139,7 @@ class PlanDocument(Document):
             target.transform(),
             self.noise.noise(),
             points=self.part.named_points(),
+            knowledge=self.known.knowledge(),
         )
 
     def sight(self) -> LineOfSight | None:

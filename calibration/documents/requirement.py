@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from math import degrees, radians
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Field, NonNegativeFloat, PositiveFloat, model_validator
@@ -44,9 +44,11 @@ class BoundsDocument(Document):
 
 
 class LimitsInForceDocument(BoundsDocument):
-    """All limits by which a verdict was given. `tolerance_mm`: of U (k = 2) at the worst of the points that matter."""
+    """All limits by which a verdict was given. `tolerance_mm`: of U (k = 2) at the worst of the points that matter;
+    `tolerance_stated`: whether somebody stated it."""
 
     tolerance_mm: Tolerance
+    tolerance_stated: bool = False
 
     @classmethod
     def of(cls, limits: VerdictLimits) -> "LimitsInForceDocument":
@@ -54,14 +56,11 @@ class LimitsInForceDocument(BoundsDocument):
 
 
 class VerdictSettings(BoundsDocument):
-    """The limits of the verdict; `default_tolerance_mm` where neither settings nor request state a tolerance."""
-
-    default_tolerance_mm: Tolerance = DEFAULT.tolerance_mm
+    """The limits of the verdict."""
 
     def limits(self, tolerance_mm: float | None = None) -> VerdictLimits:
-        """The limits in force with a stated tolerance, or with the default one."""
-        bounds = _renamed(self.model_dump(exclude={"default_tolerance_mm"}), "_deg", "_rad", radians)
-        return VerdictLimits(tolerance_mm=self.default_tolerance_mm, **bounds).with_tolerance(tolerance_mm)
+        """The limits in force with a stated tolerance, or with DEFAULT_TOLERANCE_MM."""
+        return VerdictLimits(**_renamed(self.model_dump(), "_deg", "_rad", radians)).with_tolerance(tolerance_mm)
 
 
 class NamedPointDocument(Document):
@@ -98,9 +97,7 @@ class PointsFile(PointsDocument):
     schema_version: Literal[1]
 
 
-def _renamed(
-    values: Mapping[str, float], suffix: str, other: str, convert: Callable[[float], float]
-) -> dict[str, float]:
+def _renamed(values: Mapping[str, Any], suffix: str, other: str, convert: Callable[[float], float]) -> dict[str, Any]:
     """`values` with those whose name ends in `suffix` converted, and their names ending in `other`."""
     return {
         name.removesuffix(suffix) + other if name.endswith(suffix) else name: (

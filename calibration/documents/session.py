@@ -8,11 +8,13 @@ from pydantic import Field, model_validator
 from calibration.camera import BROWN, COEFFICIENT_COUNTS, CameraModel, LensModel
 from calibration.documents.arm_conditions import ArmTemperature, LoadDocument
 from calibration.documents.external_axis import ExternalAxes, ExternalAxisDocument
+from calibration.documents.knowledge import KnowledgeDocument, NoiseBeliefDocument
 from calibration.documents.pose import PoseDocument, Vector
 from calibration.documents.target import TargetDocument
 from calibration.documents.validation import Document
 from calibration.kinematics.external_axis import ExternalAxis
 from calibration.kinematics.load import Load
+from calibration.kinematics.robot_accuracy import USUAL_BELIEF, NoiseBelief
 from calibration.problem import AxisOffset, Setup
 from calibration.targets import Target, TrackedFrame
 from calibration.transforms import Array
@@ -181,6 +183,8 @@ class SessionDocument(Document):
     external_axis : a track or turntable that the controller leaves out of its poses, roughly; its reading is in
         `external_axes` of every view, and it is found with X; for images.
     load : what the flange carried, for the sag of an arm whose errors are identified.
+    known : what is known beforehand of target, camera and arm.
+    robot_noise : what was believed of it beforehand; of arms as usual where it is left out.
     distances : known ones to the target's places in other sessions of the arm, for `solve --arm`.
     poses_from_controller : whether a driver read the poses from the controller, so that they are not inverted.
     """
@@ -197,12 +201,19 @@ class SessionDocument(Document):
     axis_offset: AxisOffsetDocument | None = None
     external_axis: ExternalAxisDocument | None = None
     load: LoadDocument | None = None
+    known: KnowledgeDocument = KnowledgeDocument()
+    robot_noise: NoiseBeliefDocument | None = None
     distances: tuple[KnownDistanceDocument, ...] = ()
     views: list[ViewDocument]
 
     def described_target(self) -> Target:
         """The target; a TrackedFrame where none is described."""
         return TrackedFrame() if self.target is None else self.target.target()
+
+    @property
+    def noise_belief(self) -> NoiseBelief:
+        """`robot_noise` as the solver takes it."""
+        return USUAL_BELIEF if self.robot_noise is None else self.robot_noise.belief()
 
     @property
     def given_offset(self) -> AxisOffset | None:

@@ -1,8 +1,9 @@
 """The document of a target; the field `kind` selects its model."""
 
+from dataclasses import asdict
 from typing import Annotated, Literal
 
-from pydantic import Field, PositiveFloat, model_validator
+from pydantic import Field, PositiveFloat, TypeAdapter, model_validator
 
 from calibration import targets
 from calibration.documents.validation import Document
@@ -137,3 +138,11 @@ TargetDocument = Annotated[
     | ArucoMarkerDocument,
     Field(discriminator="kind"),
 ]
+
+
+def document_of_target(target: targets.Target) -> TargetDocument | None:
+    """The document that describes this target; None for a frame that is tracked, which has no size."""
+    if isinstance(target, targets.TrackedFrame):
+        return None
+    found: TargetDocument = TypeAdapter(TargetDocument).validate_python({"kind": target.kind, **asdict(target)})
+    return found

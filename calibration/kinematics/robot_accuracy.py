@@ -15,7 +15,8 @@ default is below the prior's median: it is the user's statement about one robot,
 are enough views.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 
@@ -47,6 +48,44 @@ PRIOR_NOISE = RobotNoise(0.2, float(np.radians(0.02)))
 
 PRIOR_FACTOR = 4.0
 """One deviation of the log-normal prior about PRIOR_NOISE: a quarter of it to four times it."""
+
+
+STATED_FACTOR = 2.0
+"""The same about a level that somebody has stated."""
+
+RUN_FACTOR = 1.25
+"""By which a cell's noise differs from run to run: other places, other approaches."""
+
+
+@dataclass(frozen=True)
+class NoiseBelief:
+    """What is believed of a robot's noise: log-normal about `median`, one deviation being these factors.
+
+    `factors`: of rotation and translation. `origin`: "usual", "stated" or "learnt"; plans and statements use the same.
+    `arm`: of which it is learnt.
+    """
+
+    median: RobotNoise = PRIOR_NOISE
+    factors: tuple[float, float] = (PRIOR_FACTOR, PRIOR_FACTOR)
+    origin: Literal["usual", "stated", "learnt"] = "usual"
+    arm: str = ""
+
+    def log_deviations(self, logs: Array) -> Array:
+        """Distances (..., 2) of logarithms of levels from the median, in standard deviations."""
+        return np.asarray((logs - np.log(self.median.levels())) / np.log(self.factors))
+
+    def rms(self) -> RobotNoise:
+        """The root of the mean square of the levels: X's mean covariance is about the one at these."""
+        rotation, translation = self.median.levels() * np.exp(np.log(self.factors) ** 2)
+        return RobotNoise(float(translation), float(rotation))
+
+    def for_next_run(self) -> "NoiseBelief":
+        """The belief before the next run, after this one."""
+        rotation, translation = (float(np.exp(np.hypot(np.log(f), np.log(RUN_FACTOR)))) for f in self.factors)
+        return replace(self, factors=(rotation, translation), origin="learnt")
+
+
+USUAL_BELIEF = NoiseBelief()
 
 MAX_USUAL_NOISE = RobotNoise(1.0, float(np.radians(0.1)))
 """A robot with larger errors is a poor one, or its poses are in another convention."""

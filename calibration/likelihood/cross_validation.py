@@ -13,7 +13,7 @@ import numpy as np
 from calibration.likelihood.chain import Chain
 from calibration.likelihood.estimate import Estimate, exact_pixels
 from calibration.likelihood.leave_one_out import LeaveOneOut, leave_one_out, leave_one_out_chain
-from calibration.observations.observations import Observations, scale_target
+from calibration.observations.observations import Observations
 from calibration.observations.reprojection import PixelStatistics
 from calibration.observations.view_poses import apply_pose_steps
 from calibration.problem import anchor_T_mount_of
@@ -33,10 +33,11 @@ def hold_out(seen: Observations, best: Estimate, camera_T_target: Array) -> Hold
         return None
     left_out = leave_one_out(best)
     chain = leave_one_out_chain(best, left_out)
-    pixels = exact_pixels(seen, best.free)
-    own = _own_poses(pixels(camera_T_target, best.camera, best.scale), left_out)
-    errors = base_errors(scale_target(seen, best.scale), chain, apply_pose_steps(camera_T_target, own))
-    predicted = pixels(chain.camera_T_target(), best.camera, best.scale)
+    assert best.nuisances is not None
+    pixels = exact_pixels(seen, best.nuisances)
+    own = _own_poses(pixels(camera_T_target, best.z), left_out)
+    errors = base_errors(best.seen(seen), chain, apply_pose_steps(camera_T_target, own))
+    predicted = pixels(chain.camera_T_target(), best.z)
     used = seen.weights > 0
     # The corners of one view have the same weight: divide by it to undo the weighting.
     per_view = 1 / np.maximum(seen.weights.max(axis=1), 1e-300)

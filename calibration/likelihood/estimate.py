@@ -1,19 +1,21 @@
 """Maximum-likelihood iteration: linearise, estimate the noise, step, until the step is far below its uncertainty."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calibration.camera import CameraModel
+from calibration.kinematics.robot_accuracy import USUAL_BELIEF, NoiseBelief
 from calibration.likelihood.chain import Chain
-from calibration.likelihood.mixed_model import MixedModel, Step, Variances, linearise_model, solve
-from calibration.likelihood.noise_marginalisation import MAX_PRIOR_VIEWS, marginalise
-from calibration.likelihood.systematic_errors import NO_SYSTEMATIC_ERRORS, SystematicErrors
+from calibration.likelihood.mixed_model import MixedModel, Step, Variances, linearise_model, solve, with_trend
+from calibration.likelihood.noise_marginalisation import MAX_PRIOR_VIEWS, ArmScale, marginalise
+from calibration.likelihood.nuisances import Nuisances
+from calibration.likelihood.robot_trend import trend_basis
 from calibration.likelihood.variance_components import estimate_variances
-from calibration.observations.observations import Observations, scale_target
-from calibration.observations.reprojection import INTRINSICS, PixelStatistics, pixel_statistics, with_intrinsics
+from calibration.linear_algebra import covariance_of, scaled_solve, squared_distances
+from calibration.observations.observations import Observations
+from calibration.observations.reprojection import PixelStatistics
 from calibration.transforms import Array, inverse, vector_from_transform
 
 MAX_ITERATIONS = 25
@@ -23,27 +25,61 @@ MAX_NOISE_ITERATIONS = 10
 STEP_TOLERANCE_SIGMA = 1e-3
 """The iteration ends when the RMS step is below this many standard deviations of the estimate."""
 
-PixelModel = Callable[[Array, CameraModel, float], PixelStatistics]
-"""Pixel statistics at poses (n, 4, 4), a camera and a scale of the target."""
+MAX_AVERAGES = 6
+AVERAGE_TOLERANCE_SIGMA = 0.02
+"""The mean over priors and noise levels is taken about itself until it moves by less, in standard deviations (RMS)."""
 
-FreeMask = NDArray[np.bool_]
-"""Which of fx fy cx cy k1 k2 p1 p2 k3 and the target's scale are unknown (10,)."""
+SIGNIFICANT_SQUARES = {1: 9.0, 2: 11.83, 5: 18.21}
+"""Chi-square exceeded with a probability of 0.27 %, as three standard deviations are, by degrees of freedom."""
 
-ALL_FIXED = np.zeros(INTRINSICS + 1, bool)
+PixelModel = Callable[[Array, Array], PixelStatistics]
+"""Pixel statistics at poses (n, 4, 4) and deviations z (q,) of the nuisances."""
 
 
 @dataclass(frozen=True, eq=False)
 class Estimate:
-    """Chain, camera, target scale and noise at the optimum, with the model linearised there and its last step."""
+    """Chain, nuisances z (q,) and noise at the optimum, with the model linearised there and its last step.
+
+    `arm_scale`: what is known of the arm's lengths, None until it is averaged; `belief`: in the noise, after that.
+    """
 
     chain: Chain
-    camera: CameraModel
-    scale: float
-    free: FreeMask
+    nuisances: Nuisances | None
+    z: Array
     variances: Variances
     model: MixedModel
     step: Step
     converged: bool
+    arm_scale: ArmScale | None = None
+    belief: NoiseBelief = USUAL_BELIEF
+
+    @property
+    def camera(self) -> CameraModel:
+        """The camera with the deviations found."""
+        assert self.nuisances is not None
+        return self.nuisances.camera_at(self.z)
+
+    @property
+    def scale(self) -> float:
+        """Of the target against the description, in the arm's millimetres."""
+        return 1.0 if self.nuisances is None else self.nuisances.scale_at(self.z)
+
+    def seen(self, observations: Observations) -> Observations:
+        """The observations with the target as found."""
+        return observations if self.nuisances is None else self.nuisances.seen_at(observations, self.z)
+
+    def differs(self, places: Sequence[int]) -> bool:
+        """Whether the nuisances at these places of z differ from the description; by chance in 0.3 % of sessions."""
+        at = 12 + np.asarray(places)
+        covariance = self.step.covariance[np.ix_(at, at)]
+        return bool(squared_distances(self.z[at - 12], covariance) > SIGNIFICANT_SQUARES[len(at)])
+
+    def shift_of_x(self, places: Sequence[int]) -> Array:
+        """By how much X moves (6,) [rad, mm] from where it would be with these nuisances as described."""
+        at = 12 + np.asarray(places)
+        covariance = self.step.covariance
+        moved: Array = covariance[:6, at] @ scaled_solve(covariance[np.ix_(at, at)], self.z[at - 12, None])[:, 0]
+        return moved
 
     def trend_variances(self) -> Array:
         """Mean variances (2,) rad², mm² over the views of the part of the robot's errors that follows the pose."""
@@ -52,21 +88,16 @@ class Estimate:
         return in_the_mean
 
 
-def exact_pixels(seen: Observations, free: FreeMask) -> PixelModel:
-    """Statistics computed from the pixels at every call, with `free` (10,) among the unknowns."""
-    intrinsics, sized = free[:INTRINSICS], bool(free[INTRINSICS])
-
-    def at(poses: Array, camera: CameraModel, scale: float) -> PixelStatistics:
-        return pixel_statistics(scale_target(seen, scale), camera, poses, free_intrinsics=intrinsics, free_scale=sized)
-
-    return at
+def exact_pixels(seen: Observations, nuisances: Nuisances) -> PixelModel:
+    """Statistics computed from the pixels at every call."""
+    return lambda poses, z: nuisances.statistics(seen, poses, z)
 
 
 def quadratic_pixels(statistics: PixelStatistics, camera_T_target: Array) -> PixelModel:
-    """Statistics as a quadratic about the views' own poses (n, 4, 4): nearly exact, and much quicker."""
+    """Statistics as a quadratic about the views' own poses (n, 4, 4), without nuisances: nearly exact, and quicker."""
     own = inverse(camera_T_target)
 
-    def expand(poses: Array, camera: CameraModel, scale: float) -> PixelStatistics:
+    def expand(poses: Array, z: Array) -> PixelStatistics:
         off = vector_from_transform(poses @ own)
         sums = statistics.sums.copy()
         sums[:, :, -1] += (sums[:, :, :-1] @ off[..., None])[..., 0]
@@ -78,22 +109,23 @@ def quadratic_pixels(statistics: PixelStatistics, camera_T_target: Array) -> Pix
 
 def estimate(
     pixels: PixelModel,
-    camera: CameraModel,
     start: Chain,
     variances: Variances,
-    free: FreeMask = ALL_FIXED,
-    scale: float = 1.0,
-    systematic_errors: SystematicErrors = NO_SYSTEMATIC_ERRORS,
+    nuisances: Nuisances | None = None,
+    z: Array | None = None,
     *,
+    trend: bool = False,
     fixed_noise: bool = False,
 ) -> Estimate:
     """Maximise the likelihood from a start whose corrections reproduce each view's own pose.
 
-    `free` (10,): the unknown intrinsics and scale; `fixed_noise`: keep the noise levels at `variances`.
+    `nuisances` with their start `z` (q,), none by default; their priors are taken as the widest of each mixture.
+    `trend`: part of the robot's errors follows its pose; `fixed_noise`: keep the noise levels at `variances`.
     """
+    z = np.zeros(0 if nuisances is None else len(nuisances)) if z is None else z
     chain, converged, coefficients = start, False, np.zeros(0)
     for iteration in range(MAX_ITERATIONS):
-        model = systematic_errors.apply(linearise(pixels, chain, camera, scale), free, camera, chain.base_T_flange)
+        model = linearise(pixels, chain, nuisances, z, trend=trend)
         if not fixed_noise and iteration < MAX_NOISE_ITERATIONS:
             variances = estimate_variances(model, variances)
         step = solve(model, variances)
@@ -103,39 +135,67 @@ def estimate(
         coefficients = step.b[len(step.b) - 6 * model.trend_terms :]
         small = change @ step.information @ change < STEP_TOLERANCE_SIGMA**2 * len(change)
         # The last step is far below its uncertainty, so no new linearisation is needed after it.
-        corrections = model.corrections(step.K, step.b)
-        chain, camera, scale = _apply_step(chain, camera, scale, free, step.b, corrections)
+        chain, z = _apply_step(chain, z, model, step.b, step.K)
         if small:
             converged = True
             break
-    return Estimate(chain, camera, scale, free, variances, model, step, converged)
+    return Estimate(chain, nuisances, z, variances, model, step, converged)
 
 
-def marginalise_noise(best: Estimate) -> Estimate:
-    """The estimate with X averaged over the robot's noise levels; with few views the levels are averaged as well."""
-    mean = marginalise(best.model, best.variances)
-    few = len(best.model.count) <= MAX_PRIOR_VIEWS
-    variances = mean.variances if few else best.variances
-    step = solve(best.model, variances) if few else best.step
-    off = mean.b - best.step.b  # the chain already contains the last step
-    corrections = best.model.corrections(step.K, mean.b)
-    chain, camera, scale = _apply_step(best.chain, best.camera, best.scale, best.free, off, corrections)
+def average(pixels: PixelModel, best: Estimate, belief: NoiseBelief) -> Estimate:
+    """The estimate with X averaged over the nuisances' priors and the robot's noise levels.
+
+    With few views the levels are averaged as well. The mean may be far from the optimum under the widest priors, so
+    the model is linearised again about it.
+    """
+    model, variances, trend = best.model, best.variances, bool(best.model.trend_terms)
+    chain, z, off = best.chain, best.z, np.zeros(0)
+    information = model.prior_information
+    for _ in range(MAX_AVERAGES):
+        model = linearise(pixels, chain, best.nuisances, z, trend=trend)
+        model = replace(model, prior_information=information)
+        mean = marginalise(model, best.variances, belief)
+        information = mean.prior_information
+        model = replace(model, prior_information=information)
+        variances = mean.variances if len(model.count) <= MAX_PRIOR_VIEWS else best.variances
+        step = solve(model, variances)
+        chain, z = _apply_step(chain, z, model, mean.b, step.K)
+        off = mean.b[: 12 + len(z)]
+        small = off @ covariance_of(mean.covariance)[: len(off), : len(off)] @ off
+        if small < AVERAGE_TOLERANCE_SIGMA**2 * len(off):
+            break
     averages = replace(step, b=mean.b, covariance=mean.covariance)
-    return replace(best, chain=chain, camera=camera, scale=scale, variances=variances, step=averages)
+    return replace(
+        best,
+        chain=chain,
+        z=z,
+        variances=variances,
+        model=model,
+        step=averages,
+        arm_scale=mean.arm_scale,
+        belief=mean.belief,
+    )
 
 
-def linearise(pixels: PixelModel, chain: Chain, camera: CameraModel, scale: float) -> MixedModel:
-    """The model around the present chain, camera and scale."""
+def linearise(
+    pixels: PixelModel, chain: Chain, nuisances: Nuisances | None, z: Array, *, trend: bool = False
+) -> MixedModel:
+    """The model around the present chain and deviations z (q,), with the nuisances' priors."""
     poses = chain.camera_T_target()
-    return linearise_model(pixels(poses, camera, scale), chain, poses)
+    model = linearise_model(pixels(poses, z), chain, poses)
+    if nuisances is not None:
+        known = 12 + nuisances.first_known
+        information, offset = model.prior_information.copy(), model.prior_offset.copy()
+        information[known:], offset[known:] = nuisances.prior.widest(), z[nuisances.first_known :]
+        model = replace(
+            model,
+            prior_information=information,
+            prior_offset=offset,
+            mixture=nuisances.prior,
+            mixture_at=known,
+        )
+    return with_trend(model, trend_basis(chain.base_T_flange)) if trend else model
 
 
-def _apply_step(
-    chain: Chain, camera: CameraModel, scale: float, free: FreeMask, b: Array, corrections: Array
-) -> tuple[Chain, CameraModel, float]:
-    moved = chain.apply_step(b[:12], corrections)
-    change = np.zeros(INTRINSICS + 1)
-    change[free] = b[12 : 12 + np.count_nonzero(free)]
-    if np.any(free[:INTRINSICS]):
-        camera = with_intrinsics(camera, change[:INTRINSICS])
-    return moved, camera, scale * (1 + float(change[INTRINSICS]))
+def _apply_step(chain: Chain, z: Array, model: MixedModel, b: Array, K: Array) -> tuple[Chain, Array]:
+    return chain.apply_step(b[:12], model.corrections(K, b)), z + b[12 : 12 + len(z)]

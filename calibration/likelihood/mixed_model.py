@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from calibration.knowledge import PriorMixture
 from calibration.likelihood.chain import Chain
 from calibration.linear_algebra import covariance_of
 from calibration.observations.reprojection import PixelStatistics
@@ -54,7 +54,8 @@ class MixedModel:
     `prior_information` (p,): inverse variances of the prior of b, whose mean is `-prior_offset` (p,). A part of the
     robot's corrections follows the `basis` (n, m) over the views; its 6 m coefficients are the last elements of b,
     and their variances are noise levels. `direct` (p + 1, p + 1): [G, g]' [G, g] of observations g + G b = -e of b
-    alone, each over its standard deviation; for a model without a trend.
+    alone, each over its standard deviation; for a model without a trend. `mixture`: the prior of the unknowns from
+    place `mixture_at` on, of which `prior_information` is a single normal density.
     """
 
     by_robot: Array
@@ -64,6 +65,8 @@ class MixedModel:
     prior_offset: Array
     basis: Array
     direct: Array | None = None
+    mixture: PriorMixture | None = None
+    mixture_at: int = 12
 
     @property
     def unknowns(self) -> int:
@@ -105,17 +108,6 @@ class MixedModel:
         follow = (self.basis[:, :, None, None] * self.by_robot[:, None]).reshape(n, 6 * m, -1)
         own = (follow[:, :, None, :6] * self.basis[:, None, :, None]).reshape(n, 6 * m, 6 * m)
         return insert_columns(self.squares, np.delete(follow[:, :, 6:], slice(q, q + 6 * m), axis=2), own)
-
-    def select(self, shared: NDArray[np.bool_]) -> "MixedModel":
-        """The model with the chosen (p,) unknowns only; for a model without a trend."""
-        columns = np.append(shared, True)
-        return replace(
-            self,
-            by_robot=self.by_robot[:, :, np.append(np.ones(6, bool), columns)],
-            squares=self.squares[:, columns][:, :, columns],
-            prior_information=self.prior_information[shared],
-            prior_offset=self.prior_offset[shared],
-        )
 
     def full_prior_information(self, variances: Variances) -> Array:
         """Inverse prior variances (p,), including those of the trend's coefficients."""

@@ -2,17 +2,20 @@
 
 The maximum-likelihood estimate has the covariance of the Cramér-Rao bound, the inverse of the information
 
-    F = sum_i A_i' V_i^-1 A_i        V_i = s_px² I + U_i D U_i'        A by (X, target's pose[, intrinsics])
+    F = sum_i A_i' V_i^-1 A_i + P        V_i = s_px² I + U_i D U_i'        A by (X, target's pose, nuisances)
 
-where U_i D U_i' is the robot's error in view i: the same sums as in the estimator, at the planned poses. Sources:
+where U_i D U_i' is the robot's error in view i: the same sums as in the estimator, at the planned poses. P holds what
+is known of lens and target beforehand, without its tails. Sources:
 Strobl & Hirzinger, IROS 2006 (the model); Nahvi & Hollerbach, ICRA 1996 (the choice of poses by it).
 """
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
 from calibration.camera import BROWN, CameraModel
+from calibration.knowledge import NOTHING_STATED, Knowledge
 from calibration.likelihood.chain import Chain
 from calibration.likelihood.mapped_points import (
     NamedPoint,
@@ -21,10 +24,10 @@ from calibration.likelihood.mapped_points import (
     working_volume_uncertainty,
 )
 from calibration.likelihood.mixed_model import Variances, linearise_model, per_view_equations, solve
+from calibration.likelihood.nuisances import Nuisances
 from calibration.linear_algebra import covariance_or_inf
 from calibration.observations.observations import Observations
 from calibration.observations.pose_model import predicted_camera_T_target
-from calibration.observations.reprojection import pixel_statistics
 from calibration.problem import Setup, anchor_T_mount_of
 from calibration.solution import Uncertainty
 from calibration.targets import Target
@@ -48,7 +51,7 @@ class ExpectedNoise:
 class Scene:
     """The scene that is planned for: known or guessed. Frames as in `calibration.problem`.
 
-    `points`: where the uncertainty counts; the working volume without any.
+    `points`: where the uncertainty counts; the working volume without any. `knowledge`: of target, camera and arm.
     """
 
     setup: Setup
@@ -59,11 +62,23 @@ class Scene:
     noise: ExpectedNoise
     intrinsics_free: bool = False
     points: tuple[NamedPoint, ...] = ()
+    knowledge: Knowledge = NOTHING_STATED
+
+    @cached_property
+    def nuisances(self) -> Nuisances:
+        """What is unknown of lens and target."""
+        return Nuisances.of(self.camera, self.target.points_mm, self.knowledge, estimated=self.intrinsics_free)
 
     @property
     def unknowns(self) -> int:
-        """Number of unknowns: X, the target's pose, and the intrinsics when they are free."""
-        return 21 if self.intrinsics_free else 12
+        """Number of unknowns: X, the target's pose, and the nuisances."""
+        return 12 + len(self.nuisances)
+
+    def prior_information(self) -> Array:
+        """Information (k, k) on all unknowns before any view."""
+        known = np.zeros(self.unknowns)
+        known[12 + self.nuisances.first_known :] = self.nuisances.prior.usual
+        return np.diag(known)
 
     def camera_T_target(self, base_T_flange: Array) -> Array:
         """(n, 4, 4) from robot poses (n, 4, 4)."""
@@ -73,7 +88,7 @@ class Scene:
 
 def predict(scene: Scene, base_T_flange: Array) -> Uncertainty:
     """The predicted uncertainty of X from views at the poses (n, 4, 4); infinite where they do not determine it."""
-    information = view_information(scene, base_T_flange).sum(axis=0)
+    information = scene.prior_information() + view_information(scene, base_T_flange).sum(axis=0)
     predicted = prediction_of(scene, information, median_distance_mm(scene, base_T_flange))
     if not scene.points:
         return predicted
@@ -106,15 +121,14 @@ def uncertainty_of(covariance: Array, mount_T_camera: Array, points_mm: Array) -
 
 
 def view_information(scene: Scene, base_T_flange: Array) -> Array:
-    """Information (n, k, k) that each view carries on (X, target's pose[, intrinsics]); k = 12 or 21."""
+    """Information (n, k, k) that each view carries on (X, target's pose, nuisances)."""
     if not len(base_T_flange):
         return np.zeros((0, scene.unknowns, scene.unknowns))
     nothing_corrected = np.zeros((len(base_T_flange), 6))
     chain = Chain(scene.setup, base_T_flange, scene.mount_T_camera, scene.anchor_T_target, nothing_corrected)
     camera_T_target = chain.camera_T_target()
-    statistics = pixel_statistics(
-        observe_whole_target(scene, base_T_flange), scene.camera, camera_T_target, free_intrinsics=scene.intrinsics_free
-    )
+    as_described = np.zeros(len(scene.nuisances))
+    statistics = scene.nuisances.statistics(observe_whole_target(scene, base_T_flange), camera_T_target, as_described)
     model, variances = linearise_model(statistics, chain, camera_T_target), scene.noise.variances()
     return per_view_equations(model, variances, solve(model, variances))[0]
 

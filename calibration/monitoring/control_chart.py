@@ -14,11 +14,13 @@ s is not known beforehand: the scatter of a verification over its positions is a
 X as well), and the differences of successive verifications estimate it better the more there are. The newest
 difference is left out, since it would contain the step to be detected.
 
+A verification out of tolerance is learnt from nowhere: it enters neither reference nor average nor noise.
+
 Apart from the chart, a verification disagrees with its calibration when the target scatters over the positions by more
 than the calibration's uncertainty and the robot's noise explain.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from math import sqrt
@@ -66,14 +68,17 @@ class ChartSample:
     centre_mm: Array
     scatter_mm: float
     positions: int
+    within_tolerance: bool = True
 
 
 class DriftStanding(Enum):
-    """State of the chart: still learning its reference, within its limit, or beyond it."""
+    """State of the chart: still learning its reference, within its limit, or beyond it; or a verification that says
+    nothing of drift, as it is out of tolerance."""
 
     LEARNING = "learning"
     STEADY = "steady"
     DRIFTING = "drifting"
+    OUT_OF_TOLERANCE = "out-of-tolerance"
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,21 +114,42 @@ def sample_of(points_anchor_mm: Array, points_target_mm: Array, middle_mm: Array
 
 
 def chart(samples: Sequence[ChartSample], rules: DriftRules) -> list[ChartPoint]:
-    """Every point of the chart; `samples` begin with the first verification after the calibration was activated."""
+    """Every point of the chart; `samples` begin with the first verification after the calibration was activated.
+
+    One that is out of tolerance has the average and the limit of the point before.
+    """
     if not samples:
         return []
+    learnt = [sample for sample in samples if sample.within_tolerance]
+    reference = np.mean([sample.centre_mm for sample in (learnt or samples)[: rules.learn]], axis=0)
+    last, drawn = ChartPoint(DriftStanding.LEARNING, np.zeros(3), np.zeros(3), float("inf")), _draw(learnt, rules)
+    points = []
+    for sample in samples:
+        if sample.within_tolerance:
+            last = next(drawn)
+            points.append(last)
+        else:
+            shift = sample.centre_mm - reference
+            points.append(ChartPoint(DriftStanding.OUT_OF_TOLERANCE, shift, last.average_mm, last.limit_mm))
+    return points
+
+
+def _draw(samples: Sequence[ChartSample], rules: DriftRules) -> Iterator[ChartPoint]:
+    """The points of samples within tolerance."""
+    if not samples:
+        return
     centres = np.array([sample.centre_mm for sample in samples])
     shifts = centres - centres[: rules.learn].mean(axis=0)
     variances, dofs = _noise(samples, centres)
-    entries = [ChartPoint(DriftStanding.LEARNING, shift, np.zeros(3), float("inf")) for shift in shifts[: rules.learn]]
+    for shift in shifts[: rules.learn]:
+        yield ChartPoint(DriftStanding.LEARNING, shift, np.zeros(3), float("inf"))
     average = np.zeros(3)
     for number in range(rules.learn, len(samples)):
         average = rules.weight * shifts[number] + (1 - rules.weight) * average
         limit = _limit_mm(number + 1 - rules.learn, float(variances[number]), float(dofs[number]), rules)
         drifting = float(np.linalg.norm(average)) > limit
         standing = DriftStanding.DRIFTING if drifting else DriftStanding.STEADY
-        entries.append(ChartPoint(standing, shifts[number], average, limit))
-    return entries
+        yield ChartPoint(standing, shifts[number], average, limit)
 
 
 def _limit_mm(since: int, variance: float, dof: float, rules: DriftRules) -> float:

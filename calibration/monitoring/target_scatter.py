@@ -5,7 +5,7 @@ P_base = base_T_flange @ flange_T_camera @ P_camera; with the target on the flan
 P_flange = flange_T_base @ base_T_camera @ P_camera.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import isfinite
 from typing import Literal
 
@@ -62,15 +62,20 @@ class Verification:
 
 
 def verify(problem: Problem, calibration: CalibrationDocument) -> Verification:
-    """The target's points in its anchor's frame, from each view by `calibration`. Raises VerificationError."""
+    """The target's points in its anchor's frame, from each view by `calibration`. Raises VerificationError.
+
+    The target has the size that the calibration found of it.
+    """
     assert problem.camera is not None
     assert calibration.mount_T_camera is not None
+    scale = calibration.scale_of(problem.target)
     seen, _ = observe(problem)
+    seen = replace(seen, points_mm=scale * seen.points_mm)
     poses, _ = candidate_poses(seen, problem.camera)
     anchor_T_mount = anchor_T_mount_of(calibration.setup, seen.base_T_flange)
     anchor_T_target = anchor_T_mount @ calibration.mount_T_camera.transform() @ poses[:, 0]
     ids = _common_ids(problem, seen.positions)
-    points = map_points(anchor_T_target, problem.target.points_mm[ids])
+    points = map_points(anchor_T_target, scale * problem.target.points_mm[ids])
     stations = tuple(problem.views[position].index + 1 for position in seen.positions)
     if not isfinite(float(points.sum())):
         raise VerificationError("a view's pose of the target is not finite: look at the pictures")

@@ -29,7 +29,8 @@ def predict_pixels(
         base_T_flange = base_T_flange @ transform_from_vector(np.concatenate([turn, correction.translation_mm]))
     anchor_T_mount = anchor_T_mount_of(document.setup, base_T_flange)
     camera_T_target = predicted_camera_T_target(anchor_T_mount[None], mount, anchor)[0]
-    return document.camera.camera().project(map_points(camera_T_target, target.points_mm))
+    points_mm = document.scale_of(target) * target.points_mm
+    return document.camera.camera().project(map_points(camera_T_target, points_mm))
 
 
 def _transform(document: CalibrationDocument, name: str) -> Array | None:

@@ -62,11 +62,6 @@ class Observations:
         return replace(self, weights=weights)
 
 
-def scale_target(seen: Observations, scale: float) -> Observations:
-    """The same pixels of a target `scale` times as large."""
-    return seen if scale == 1.0 else replace(seen, points_mm=scale * seen.points_mm)
-
-
 @dataclass(frozen=True)
 class UnusableReason:
     """Why a view is not used: a stable code and a sentence."""

@@ -2,8 +2,9 @@
 
 Residuals are predicted minus measured pixels; their derivatives are by the view's pose (6: exp(.) @ camera_T_target,
 [rotation rad, translation mm]) and, when they are free, by the intrinsics (9: fx fy cx cy k1 k2 p1 p2 k3; 12 with k4 k5
-k6; of a fisheye k1 to k4 follow cy) and by the target's relative scale (1). `free_intrinsics` selects the 9, none, or
-some of them (9,) or (12,).
+k6; of a fisheye k1 to k4 follow cy) and by changes of the target's shape. `free_intrinsics` selects the 9, none, or
+some of them (9,) or (12,); `shape_modes` (n, m, 3, s) are the displacements of the points, in the target's frame, by
+one unit of each of s changes.
 All views are one padded batch, so that the number of array operations does not depend on the number of views.
 """
 
@@ -58,10 +59,10 @@ def pixel_statistics(
     camera_T_target: Array,
     *,
     free_intrinsics: bool | NDArray[np.bool_] = False,
-    free_scale: bool = False,
+    shape_modes: Array | None = None,
 ) -> PixelStatistics:
     """The sums of every view at the poses camera_T_target (n, 4, 4)."""
-    columns = _columns(seen, camera, camera_T_target, free_intrinsics=free_intrinsics, free_scale=free_scale)
+    columns = _columns(seen, camera, camera_T_target, free_intrinsics=free_intrinsics, shape_modes=shape_modes)
     columns = columns.reshape(*columns.shape[:2], 2 * columns.shape[3])
     count = 2 * np.count_nonzero(seen.weights, axis=1).astype(float)
     return PixelStatistics(columns @ np.swapaxes(columns, 1, 2), count)
@@ -73,10 +74,10 @@ def pixel_rows(
     camera_T_target: Array,
     *,
     free_intrinsics: bool | NDArray[np.bool_] = False,
-    free_scale: bool = False,
+    shape_modes: Array | None = None,
 ) -> Array:
     """Derivatives and, last, residual of every pixel coordinate, times the root of its weight: (n, m, 2, k + 1)."""
-    columns = _columns(seen, camera, camera_T_target, free_intrinsics=free_intrinsics, free_scale=free_scale)
+    columns = _columns(seen, camera, camera_T_target, free_intrinsics=free_intrinsics, shape_modes=shape_modes)
     return np.ascontiguousarray(columns.transpose(0, 3, 2, 1))
 
 
@@ -86,7 +87,7 @@ def _columns(
     camera_T_target: Array,
     *,
     free_intrinsics: bool | NDArray[np.bool_],
-    free_scale: bool,
+    shape_modes: Array | None,
 ) -> Array:
     """`pixel_rows` as (n, k + 1, 2, m); every derivative is contiguous in memory, for speed."""
     arms = camera_T_target[:, :3, :3] @ np.swapaxes(seen.points_mm, 1, 2)
@@ -96,7 +97,8 @@ def _columns(
     chosen = np.flatnonzero(
         np.broadcast_to(free_intrinsics, INTRINSICS) if free_intrinsics is True else free_intrinsics
     )
-    columns = np.empty((len(x), 6 + len(chosen) + free_scale + 1, 2, x.shape[1]))
+    shapes = 0 if shape_modes is None else shape_modes.shape[-1]
+    columns = np.empty((len(x), 6 + len(chosen) + shapes + 1, 2, x.shape[1]))
     (fx, skew, cx), (_, fy, cy), _ = camera.matrix
     xx, xy, yx, yy = camera.lens.slopes(u, v)
     # With (a, b, c) = d pixel / d point, the derivative by a rotation of the point p is p × (a, b, c), by a shift it.
@@ -110,8 +112,10 @@ def _columns(
     along, across = camera.lens.distort(u, v)
     for column, slopes in enumerate(_by_intrinsics(chosen, camera, u, v, along, across), start=6):
         columns[:, column, 0], columns[:, column, 1] = slopes
-    if free_scale:
-        columns[:, -2] = (columns[:, 3:6] * arms[:, :, None]).sum(axis=1)
+    if shape_modes is not None:
+        moved = np.einsum("nij,nmjs->nsim", camera_T_target[:, :3, :3], shape_modes)
+        for mode in range(shapes):
+            columns[:, mode - shapes - 1] = (columns[:, 3:6] * moved[:, mode, :, None]).sum(axis=1)
     columns[:, -1, 0] = fx * along + skew * across + cx - seen.pixels[..., 0]
     columns[:, -1, 1] = fy * across + cy - seen.pixels[..., 1]
     if not np.all(seen.weights == 1.0):

@@ -4,13 +4,21 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from calibration.likelihood.predicted_uncertainty import predict
+from calibration.knowledge import Knowledge, TargetKnowledge
+from calibration.likelihood.predicted_uncertainty import median_distance_mm, predict, view_information
+from calibration.linear_algebra import covariance_or_inf
 from calibration.planning.plan import Plan, PlanningError, plan_poses
+from calibration.planning.point_criterion import point_matrices, worst_variances
 from calibration.planning.scene_belief import SceneBelief, ScenePrior, infer_scene
 from calibration.planning.viewpoint_selection import Reachable
 from calibration.planning.viewpoints import ViewpointLimits, in_sight, within_limits
 from calibration.problem import Problem
+from calibration.sentences.sentence import Sentence
+from calibration.solution import COVERAGE_FACTOR
 from calibration.transforms import Array
+
+MIN_VIEWS, MANY_VIEWS = 3, 6
+"""Least views before a goal counts, and views from which it counts however they are spread."""
 
 HORIZON = 5
 """Most poses planned ahead: more change the next one little, and cost time while the arm waits."""
@@ -30,7 +38,7 @@ class StoppingRule:
     """When to stop: after `views_left` more views, or when every stated goal is met (None stated: use all views).
 
     `uncertainty_mm`: RMS of a mapped point's standard deviation. `tolerance_mm`: U at the worst of the points that
-    matter.
+    matter. Goals count from three views on, and up to five only with two distances and three rolls.
     """
 
     views_left: int
@@ -38,10 +46,12 @@ class StoppingRule:
     tolerance_mm: float | None = None
 
     def met_by(self, belief: SceneBelief) -> bool:
-        """True when a goal is stated, and the views so far meet every one.
+        """True when a goal is stated, and the views so far meet every one, in statement and in belief.
 
-        A few residuals may be small by chance, so the uncertainty at the stated noise counts as well.
+        A few residuals may be small by chance, so the uncertainty at the noise that is believed counts as well.
         """
+        if not (belief.views >= MANY_VIEWS or (belief.views >= MIN_VIEWS and belief.varied)):
+            return False
         goals = (
             (self.uncertainty_mm, max(belief.estimated_mm, belief.predicted_mm)),
             (self.tolerance_mm, max(belief.estimated_worst_mm, belief.predicted_worst_mm)),
@@ -58,6 +68,7 @@ class NextView:
     now_mm : uncertainty of a mapped point from the views so far, None before X is determined.
     planned_mm : the same after `planned_views` more views.
     belief : the scene on which the plan is based.
+    reach : what the views still left can bring, where that is not enough; None while it is, or is not known.
     planned : (planned_views, 4, 4) base_T_flange of the plan, this view first; None when the stopping rule is met.
     """
 
@@ -67,6 +78,26 @@ class NextView:
     planned_views: int
     belief: SceneBelief | None = None
     planned: Array | None = None
+    reach: "Reach | None" = None
+
+
+@dataclass(frozen=True)
+class Reach:
+    """U (k = 2) at the worst of the points that matter after `views` views, beyond the tolerance.
+
+    `with_measured_target_mm`, `with_absolute_accuracy_mm`, `with_twice_the_views_mm`: what would help, and by how much.
+    """
+
+    views: int
+    tolerance_mm: float
+    expanded_mm: float
+    with_measured_target_mm: float
+    with_absolute_accuracy_mm: float
+    with_twice_the_views_mm: float
+
+    def sentence(self) -> Sentence:
+        """The whole as one sentence."""
+        return Sentence("tolerance-out-of-reach", **vars(self))
 
 
 def next_view(
@@ -97,7 +128,39 @@ def next_view(
     if plan is None:
         plan = _plan(prior, problem, limits, stop, base_T_flange_now, reachable, caution, belief)
     planned_mm = float(plan.predicted.point_mm) if np.isfinite(plan.predicted.point_mm) else None
-    return NextView(plan.base_T_flange[0], now_mm, planned_mm, len(plan.base_T_flange), belief, plan.base_T_flange)
+    return NextView(
+        plan.base_T_flange[0], now_mm, planned_mm, len(plan.base_T_flange), belief, plan.base_T_flange,
+        _reach(stop, belief, _poses_with_target(problem), plan.base_T_flange),
+    )  # fmt: skip
+
+
+def _reach(stop: StoppingRule, belief: SceneBelief, taken: Array, planned: Array) -> Reach | None:
+    """What all views that are left can bring, each as good as the planned ones; None where that is enough."""
+    if stop.tolerance_mm is None or belief.views < MIN_VIEWS:
+        return None
+    scene, views = belief.scene, len(taken) + stop.views_left
+
+    def expanded_mm(knowledge: Knowledge, views_left: int) -> float:
+        known = replace(scene, knowledge=knowledge)
+        before, more = (view_information(known, poses).sum(axis=0) for poses in (taken, planned))
+        whole = known.prior_information() + before + more * views_left / len(planned)
+        matrices = point_matrices(known, median_distance_mm(known, taken), taken)
+        worst = worst_variances(matrices, covariance_or_inf(whole, 6)[None])
+        return COVERAGE_FACTOR * float(np.sqrt(worst[0]))
+
+    stated = scene.knowledge
+    best_mm = expanded_mm(stated, stop.views_left)
+    if not best_mm > stop.tolerance_mm:
+        return None
+    measured = replace(stated, target=TargetKnowledge("certified", 0.0))
+    return Reach(
+        views,
+        stop.tolerance_mm,
+        best_mm,
+        expanded_mm(measured, stop.views_left),
+        expanded_mm(replace(measured, arm="absolute-accuracy"), stop.views_left),
+        expanded_mm(stated, stop.views_left + views),
+    )
 
 
 def plan_ahead(

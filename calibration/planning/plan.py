@@ -48,7 +48,9 @@ def plan_poses(
     `start` (4, 4): the flange's pose now. The target is in view in all `alternatives`, too. Deterministic for a given
     `seed`. Raises PlanningError.
     """
-    known = view_information(scene, np.empty((0, 4, 4)) if taken is None else taken).sum(axis=0)
+    known = scene.prior_information()
+    if taken is not None:
+        known = known + view_information(scene, taken).sum(axis=0)
     search = Search(scene, limits, reachable, np.random.default_rng(seed), alternatives)
     chosen = select_viewpoints(search, count, known, restarts)
     poses = chosen.base_T_flange

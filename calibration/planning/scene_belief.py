@@ -16,6 +16,7 @@ from calibration.closed_forms.observability import summarise_motion
 from calibration.errors import DetectionError, UndeterminedError
 from calibration.intrinsics.zhang_init import DEFAULT_FOCAL_OF_WIDTH
 from calibration.kinematics.external_axis import ExternalAxis
+from calibration.knowledge import NOTHING_STATED, Knowledge
 from calibration.likelihood.mapped_points import NamedPoint, with_points
 from calibration.likelihood.predicted_uncertainty import ExpectedNoise, Scene, predict, view_information
 from calibration.linear_algebra import covariance_or_inf
@@ -25,7 +26,7 @@ from calibration.problem import MOUNTS, Problem, Setup, View
 from calibration.sentences.sentence import Sentence
 from calibration.solution import Solution
 from calibration.targets import Target
-from calibration.transforms import Array, inverse, transform_from_vector, vector_from_transform
+from calibration.transforms import Array, inverse, map_points, transform_from_vector, vector_from_transform
 
 PRIOR_SIGMA_RAD, PRIOR_SIGMA_MM = float(np.radians(5.0)), 25.0
 """Default standard deviation per axis of a prior: a guess good to about 50 mm and 10 degrees."""
@@ -36,8 +37,8 @@ UNINFORMED_SIGMA_RAD, UNINFORMED_SIGMA_MM = np.radians(20.0), 150.0
 MIN_EXPLORING_AXIS_ANGLE_RAD = np.radians(20.0)
 """Least angle between the axes of exploring turns, for which a closed form gives a first X."""
 
-MIN_VIEWS_FOR_NOISE = 8
-"""Fewer views estimate the noise no better than to a factor of two: the stated noise counts as this many views."""
+MIN_DISTANCE_RATIO, MIN_ROLL_RAD = 1.4, float(np.radians(30.0))
+"""Views at distances and rolls that differ so much separate focal length, size and X."""
 
 MIN_IMAGE_NOISE_PX = 0.01
 SIGMA_FACTOR = 2.0
@@ -55,7 +56,7 @@ class ScenePrior:
     """What is stated of the scene before the first view; None where nothing is. Frames as in `calibration.problem`.
 
     `rotation_rad`, `translation_mm`: one standard deviation per axis of the two poses (4, 4).
-    `points`: where the uncertainty counts; the working volume without any.
+    `points`: where the uncertainty counts; the working volume without any. `knowledge`: of target, camera and arm.
     """
 
     setup: Setup
@@ -67,6 +68,7 @@ class ScenePrior:
     rotation_rad: float = PRIOR_SIGMA_RAD
     translation_mm: float = PRIOR_SIGMA_MM
     points: tuple[NamedPoint, ...] = ()
+    knowledge: Knowledge = NOTHING_STATED
 
     def at_reading(self, axis: ExternalAxis, reading: float) -> "ScenePrior":
         """What is stated with the axis at its zero, in the base where it stands at this reading."""
@@ -87,6 +89,7 @@ class SceneBelief:
     estimated_mm : uncertainty of a mapped point by a calibration from these views; infinite before X is determined.
     predicted_mm : the same, predicted from the noise of the scene.
     estimated_worst_mm, predicted_worst_mm : U (k = 2) at the worst of the points that matter.
+    views : by which it is known. varied : whether these have two distances and three rolls.
     """
 
     scene: Scene
@@ -95,6 +98,8 @@ class SceneBelief:
     predicted_mm: float
     estimated_worst_mm: float = inf
     predicted_worst_mm: float = inf
+    views: int = 0
+    varied: bool = False
 
 
 def infer_scene(prior: ScenePrior, problem: Problem, *, caution: float = 1.0, diagnosed: bool = False) -> SceneBelief:
@@ -164,7 +169,7 @@ def _belief_of_solution(
     assert solution.uncertainty is not None
     scene = replace(
         _scene(prior, solution.camera, solution.mount_T_camera, solution.anchor_T_target),
-        noise=_noise(prior, solution, len(seen)),
+        noise=expected_noise(solution) or prior.noise,
     )
     taken = np.array([view.base_T_flange for view in seen])
     predicted = predict(scene, taken)
@@ -180,24 +185,25 @@ def _belief_of_solution(
     return SceneBelief(
         scene, others, solution.uncertainty.point_mm, predicted.point_mm,
         solution.uncertainty.worst_point.expanded_mm, predicted.worst_point.expanded_mm,
+        solution.observability.views_used, _varied(scene, taken),
     )  # fmt: skip
 
 
-def _noise(prior: ScenePrior, solution: Solution, views: int) -> ExpectedNoise:
-    """The stated noise, and the estimated one by the share of the views beyond MIN_VIEWS_FOR_NOISE."""
-    found, stated = solution.noise, prior.noise
-    share = max(views - MIN_VIEWS_FOR_NOISE, 0) / max(views, 1)
+def _varied(scene: Scene, base_T_flange: Array) -> bool:
+    """Whether the views (n, 4, 4) have two distances, MIN_DISTANCE_RATIO apart, and three rolls, MIN_ROLL_RAD apart."""
+    poses, centre = scene.camera_T_target(base_T_flange), scene.target.points_mm.mean(axis=0, keepdims=True)
+    distances = np.linalg.norm(map_points(poses, centre)[:, 0], axis=1)
+    rolls = np.sort(np.arctan2(poses[:, 1, 0], poses[:, 0, 0]))
+    gaps = np.diff(np.append(rolls, rolls[0] + 2 * np.pi))
+    return bool(distances.max() >= MIN_DISTANCE_RATIO * distances.min() and np.sum(gaps >= MIN_ROLL_RAD) >= 3)
 
-    def between(stated_sigma: float, found_sigma: float | None) -> float:
-        if found_sigma is None:
-            return stated_sigma
-        return float(np.sqrt((1 - share) * stated_sigma**2 + share * found_sigma**2))
 
-    return ExpectedNoise(
-        max(between(stated.image_px, found.image_px), MIN_IMAGE_NOISE_PX),
-        between(stated.robot_rotation_rad, found.robot_rotation_rad),
-        between(stated.robot_translation_mm, found.robot_translation_mm),
-    )
+def expected_noise(solution: Solution) -> ExpectedNoise | None:
+    """The noise that further views are expected to have, by what is believed of it after a solution."""
+    image_px, robot = solution.noise.image_px, solution.noise.belief
+    if image_px is None or robot is None:
+        return None
+    return ExpectedNoise(max(image_px, MIN_IMAGE_NOISE_PX), robot.rms().rotation_rad, robot.rms().translation_mm)
 
 
 def _rough_belief(
@@ -214,7 +220,8 @@ def _rough_belief(
     )
     # One or two views do not separate focal length from distance: an unknown camera is covered by alternatives below.
     fixed_lens = replace(scene, intrinsics_free=False)
-    information = view_information(fixed_lens, np.array([view.base_T_flange for view in seen])).sum(axis=0)
+    information = fixed_lens.prior_information()
+    information += view_information(fixed_lens, np.array([view.base_T_flange for view in seen])).sum(axis=0)
     information[:6, :6] += np.linalg.inv(prior_covariance)
     posterior = covariance_or_inf(information, 6)
     covariance = caution**2 * (posterior if np.all(np.isfinite(posterior)) else prior_covariance)
@@ -286,4 +293,7 @@ def _diagonal_covariance(rotation_rad: float, translation_mm: float) -> Array:
 
 def _scene(prior: ScenePrior, camera: CameraModel, mount_T_camera: Array, anchor_T_target: Array) -> Scene:
     free = prior.camera is None
-    return Scene(prior.setup, prior.target, camera, mount_T_camera, anchor_T_target, prior.noise, free, prior.points)
+    return Scene(
+        prior.setup, prior.target, camera, mount_T_camera, anchor_T_target, prior.noise, free, prior.points,
+        prior.knowledge,
+    )  # fmt: skip

@@ -9,7 +9,7 @@ from calibration.kinematics.arm import Arm
 from calibration.likelihood.predicted_uncertainty import ExpectedNoise, Scene, predict
 from calibration.planning.plan import PlanningError, plan_poses
 from calibration.planning.reachability import reachable_by
-from calibration.planning.scene_belief import MIN_IMAGE_NOISE_PX, MIN_VIEWS_FOR_NOISE
+from calibration.planning.scene_belief import expected_noise
 from calibration.planning.viewpoints import ViewpointLimits
 from calibration.problem import Problem
 from calibration.sentences.sentence import Sentence
@@ -56,7 +56,7 @@ class PlanComparison:
         centre = problem.target.points_mm.mean(axis=0, keepdims=True)
         distances = np.linalg.norm(map_points(camera_T_target, centre), axis=-1)
         nearest, furthest = float(MIN_DISTANCE_FACTOR * distances.min()), float(MAX_DISTANCE_FACTOR * distances.max())
-        return cls(ViewpointLimits(DEFAULT_TILT_RAD, np.pi, (nearest, furthest)), _noise_estimate(solution) or stated)
+        return cls(ViewpointLimits(DEFAULT_TILT_RAD, np.pi, (nearest, furthest)), expected_noise(solution) or stated)
 
     def findings(self, problem: Problem, solution: Solution) -> Iterator[Finding]:
         """At most one finding, `better-poses`; both uncertainties are predicted at the same noise, X and target.
@@ -71,7 +71,7 @@ class PlanComparison:
             return
         scene = Scene(
             problem.setup, problem.target, solution.camera, solution.mount_T_camera, solution.anchor_T_target,
-            self.noise, solution.camera_source == "estimated",
+            self.noise, problem.camera is None, knowledge=problem.knowledge,
         )  # fmt: skip
         theirs, count = predict(scene, taken).point_mm, min(max(len(taken), 3), MAX_VIEWS)
         reachable = None if self.arm is None else reachable_by(self.arm)
@@ -88,12 +88,3 @@ class PlanComparison:
             else Sentence("better-poses-open", **would)
         )
         yield Finding("better-poses", "info", message, Sentence("let-poses-be-planned"))
-
-
-def _noise_estimate(solution: Solution) -> ExpectedNoise | None:
-    noise = solution.noise
-    if solution.observability.views_used < MIN_VIEWS_FOR_NOISE:
-        return None
-    if noise.image_px is None or noise.robot_rotation_rad is None or noise.robot_translation_mm is None:
-        return None
-    return ExpectedNoise(max(noise.image_px, MIN_IMAGE_NOISE_PX), noise.robot_rotation_rad, noise.robot_translation_mm)

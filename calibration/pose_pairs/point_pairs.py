@@ -45,7 +45,7 @@ def solve_point_pairs(setup: Setup, mount_points_mm: Array, camera_points_mm: Ar
         )
     extents = np.linalg.svd(about, compute_uv=False)
     if extents[1] < MIN_SPREAD * extents[0]:
-        raise UndeterminedError("points-on-a-line", Sentence("points-on-a-line"), Sentence("add-point-pairs"))
+        raise UndeterminedError("point-pairs-on-a-line", Sentence("point-pairs-on-a-line"), Sentence("add-point-pairs"))
     rotation, _ = nearest_rotation(there.T @ about)
     X = transform(rotation, mount_points_mm.mean(axis=0) - rotation @ camera_points_mm.mean(axis=0))
     residuals = mount_points_mm - map_points(X, camera_points_mm)

@@ -8,8 +8,6 @@ import numpy as np
 from calibration.errors import UndeterminedError
 from calibration.linear_algebra import scaled_inverse
 from calibration.observations.measured_poses import measured_views
-from calibration.observations.observations import scale_target
-from calibration.observations.reprojection import pixel_statistics
 from calibration.observations.view_poses import refine_poses
 from calibration.pose_pairs.residuals import PosePairs, residuals_by_motion
 from calibration.pose_pairs.solve import fit_pose_pairs
@@ -19,7 +17,7 @@ from calibration.solver.view_outliers import Selection
 from calibration.transforms import Array, map_points
 
 POSE = 6
-"""Numbers of a pose; the columns of intrinsics and scale follow them in `pixel_statistics`."""
+"""Numbers of a pose; the columns of the nuisances follow them in the statistics of pixels."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,8 +26,8 @@ class SensorViews:
 
     pairs : the robot's poses, and the target's in the sensor with its covariance where that is known.
     by_common : (n, 6, k) derivative of the residuals (`pose_pairs.residuals`) by k unknowns that all views share, the
-        free intrinsics of a camera and its target's scale; k is 0 for other sensors.
-    information, gradient : (k, k), (k,) what the views alone say of those unknowns.
+        nuisances of a camera's lens and of its target; k is 0 for other sensors.
+    information, gradient : (k, k), (k,) what the views alone and the priors say of those unknowns.
     target_mm : (m, 3) the target's points.
     """
 
@@ -59,15 +57,15 @@ def measured_sensor(name: str, problem: Problem) -> SensorViews:
 
 
 def imaging_sensor(name: str, prepared: PreparedSession, selection: Selection) -> SensorViews:
-    """Each used view's own pose, at the intrinsics of the session's estimate; a change of them moves all poses.
+    """Each used view's own pose, at the lens and target of the session's estimate; a change of them moves all poses.
 
-    With N the normal matrix of one view's pose p and of the intrinsics k: dp = -N_pp^-1 N_pk dk, and the information
-    that the pixels have on k beside the poses is N_kk - N_kp N_pp^-1 N_pk.
+    With N the normal matrix of one view's pose p and of those nuisances k: dp = -N_pp^-1 N_pk dk, and the information
+    that the pixels have on k beside the poses is N_kk - N_kp N_pp^-1 N_pk; the prior's is added.
     """
     rows, best = prepared.take(selection.used), selection.best
-    seen = scale_target(rows.seen, best.scale)
-    poses = refine_poses(seen, best.camera, rows.camera_T_target)
-    found = pixel_statistics(seen, best.camera, poses, free_intrinsics=best.free[:-1], free_scale=bool(best.free[-1]))
+    assert best.nuisances is not None
+    poses = refine_poses(best.seen(rows.seen), best.camera, rows.camera_T_target)
+    found = best.nuisances.statistics(rows.seen, poses, best.z)
     pixel = best.variances.pixel
     by_pose, by_both = found.normal[:, :POSE, :POSE], found.normal[:, :POSE, POSE:]
     moved = scaled_inverse(by_pose)
@@ -79,4 +77,6 @@ def imaging_sensor(name: str, prepared: PreparedSession, selection: Selection) -
     turned = residuals_by_motion(poses, np.broadcast_to(np.eye(POSE), (len(poses), POSE, POSE)))
     covariance = pixel * turned @ moved @ np.swapaxes(turned, 1, 2)
     pairs = PosePairs(prepared.setup, rows.seen.base_T_flange, poses, covariance=covariance)
-    return SensorViews(name, pairs, turned @ slope, information, gradient / pixel, best.scale * rows.nominal_mm)
+    known = best.model.prior_information[12 : 12 + len(best.z)]
+    information, gradient = information + np.diag(known), gradient / pixel + known * best.z
+    return SensorViews(name, pairs, turned @ slope, information, gradient, best.scale * rows.nominal_mm)

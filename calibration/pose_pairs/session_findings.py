@@ -99,7 +99,7 @@ def _poses(problem: Problem, seen: MeasuredViews, used: NDArray[np.bool_]) -> It
 def _lengths(fitted: PoseFit) -> Iterator[Finding]:
     share = fitted.chain.scale - 1
     message = Sentence("lengths-longer" if share > 0 else "lengths-shorter", percent=100 * abs(share))
-    yield Finding("camera-scale", "error", message, Sentence("check-lengths"), sizes=(("print_scale_share", share),))
+    yield Finding("camera-scale", "error", message, Sentence("check-lengths"), sizes=(("points_size_share", share),))
 
 
 def _noise(seen: MeasuredViews, fitted: PoseFit, used: int) -> Iterator[Finding]:

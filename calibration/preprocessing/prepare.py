@@ -9,15 +9,15 @@ from calibration.camera import CameraModel
 from calibration.closed_forms.observability import only_axis, require_observable
 from calibration.errors import UndeterminedError
 from calibration.intrinsics.estimate import estimate_camera
+from calibration.kinematics.robot_accuracy import NoiseBelief
 from calibration.likelihood.axis_offset import GivenCoordinate
-from calibration.likelihood.estimate import ALL_FIXED
-from calibration.likelihood.systematic_errors import NO_SYSTEMATIC_ERRORS, SystematicErrors
+from calibration.likelihood.estimate import Estimate
+from calibration.likelihood.nuisances import Nuisances
 from calibration.observations.observations import (
     IMAGE_REPEATED,
     Observations,
     UnusableReason,
     observe,
-    scale_target,
 )
 from calibration.observations.reprojection import INTRINSICS
 from calibration.observations.view_poses import candidate_poses, refine_poses
@@ -40,13 +40,13 @@ class PreparedSession:
     """n usable views with what the estimator needs.
 
     nominal_mm : (k, 3) points of the target as described.
-    free : (10,) which intrinsics are unknown, and whether the target's scale is.
-    camera_T_target : (n, 4, 4) each view's own pose.
+    nuisances : what is unknown of the lens and the target.
+    belief : in the robot's noise.
+    camera_T_target : (n, 4, 4) each view's own pose, with camera and target as described.
     board_turned : (n,) views whose ids were corrected because the board was read in another orientation.
     unusable : reasons of the other views, by position in `problem.views`.
     shape : deviation of the target from the description, None where it is not significant.
-    scale : of the target against the description.
-    systematic_errors : modelled errors that all views share.
+    scale : of the target against the description, as it was found.
     camera_covariance : (9, 9) or (12, 12) of the intrinsics by the images, see `CameraEstimate`; None if given.
     given : what was measured along the only axis of rotation, None where the motions determine X.
     """
@@ -55,13 +55,13 @@ class PreparedSession:
     nominal_mm: Array
     seen: Observations
     camera: CameraModel
-    free: NDArray[np.bool_]
+    nuisances: Nuisances
+    belief: NoiseBelief
     camera_T_target: Array
     board_turned: NDArray[np.bool_]
     unusable: dict[int, UnusableReason]
     shape: TargetShape | None = None
     scale: float = 1.0
-    systematic_errors: SystematicErrors = NO_SYSTEMATIC_ERRORS
     camera_covariance: Array | None = None
     given: GivenCoordinate | None = None
 
@@ -85,7 +85,9 @@ def prepare(problem: Problem) -> PreparedSession:
     seen, refused = observe(problem)
     _require_different_images(problem, seen, refused)
     require_observable(seen.base_T_flange, offset_given=problem.axis_offset is not None)
-    camera, free, camera_covariance = _camera(problem, seen)
+    camera, camera_covariance = _camera(problem, seen)
+    estimated = problem.camera is None
+    nuisances = Nuisances.of(camera, problem.target.points_mm, problem.knowledge, estimated=estimated)
     poses, errors = candidate_poses(seen, camera)
     clean = reject_corner_outliers(seen, camera, poses[:, 0])
     kept = np.setdiff1d(np.arange(len(seen)), clean.refused)
@@ -100,15 +102,16 @@ def prepare(problem: Problem) -> PreparedSession:
         problem.target.points_mm,
         read.seen,
         camera,
-        free,
+        nuisances,
+        problem.robot_noise,
         read.camera_T_target,
         read.board_turned,
         refused,
         camera_covariance=camera_covariance,
         given=_given_coordinate(problem, read.seen.base_T_flange),
     )
-    if shape_deviates(drawn.seen, drawn.camera, drawn.camera_T_target, free[:INTRINSICS]):
-        drawn = _with_estimated_shape(drawn, free)
+    if shape_deviates(drawn.seen, drawn.camera, drawn.camera_T_target, nuisances.free):
+        drawn = _with_estimated_shape(drawn)
     return replace(drawn, seen=weight_by_view_noise(drawn.seen, drawn.camera, drawn.camera_T_target))
 
 
@@ -137,25 +140,43 @@ def _require_different_images(problem: Problem, seen: Observations, refused: dic
     )
 
 
-def update_target_shape(prepared: PreparedSession) -> PreparedSession:
-    """The session with the target's shape estimated again at the present camera and scale."""
-    seen = scale_target(replace(prepared.seen, points_mm=prepared.nominal_mm[prepared.seen.ids]), prepared.scale)
-    poses = refine_poses(seen, prepared.camera, prepared.camera_T_target)
-    again = _with_estimated_shape(replace(prepared, seen=seen, camera_T_target=poses), ALL_FIXED)
-    return replace(again, seen=scale_target(again.seen, 1 / prepared.scale))
+def update_target_shape(prepared: PreparedSession, best: Estimate) -> PreparedSession:
+    """The session with the target's shape estimated again at the camera of the estimate."""
+    seen = replace(prepared.seen, points_mm=prepared.nominal_mm[prepared.seen.ids])
+    poses = refine_poses(seen, best.camera, prepared.camera_T_target)
+    real = estimate_shape(seen, best.camera, poses, np.zeros(INTRINSICS, bool), prepared.nominal_mm)
+    nuisances = replace(prepared.nuisances, camera=best.camera)
+    return replace(
+        prepared,
+        seen=real.seen,
+        camera=best.camera,
+        nuisances=nuisances,
+        camera_T_target=real.camera_T_target,
+        shape=real.shape,
+    )
 
 
-def _with_estimated_shape(prepared: PreparedSession, free: NDArray[np.bool_]) -> PreparedSession:
-    drawn_mm = prepared.scale * prepared.nominal_mm
-    real = estimate_shape(prepared.seen, prepared.camera, prepared.camera_T_target, free[:INTRINSICS], drawn_mm)
-    return replace(prepared, seen=real.seen, camera=real.camera, camera_T_target=real.camera_T_target, shape=real.shape)
+def _with_estimated_shape(prepared: PreparedSession) -> PreparedSession:
+    """The session with the target's points estimated together with what is unknown of the lens."""
+    free = prepared.nuisances.free
+    real = estimate_shape(prepared.seen, prepared.camera, prepared.camera_T_target, free, prepared.nominal_mm)
+    if not prepared.nuisances.estimated:  # the lens as given is where the estimate starts
+        poses = refine_poses(real.seen, prepared.camera, real.camera_T_target)
+        return replace(prepared, seen=real.seen, camera_T_target=poses, shape=real.shape)
+    return replace(
+        prepared,
+        seen=real.seen,
+        camera=real.camera,
+        nuisances=replace(prepared.nuisances, camera=real.camera),
+        camera_T_target=real.camera_T_target,
+        shape=real.shape,
+    )
 
 
-def _camera(problem: Problem, seen: Observations) -> tuple[CameraModel, NDArray[np.bool_], Array | None]:
-    """The given camera with no free intrinsics, or one estimated from all views with all of them free; the
-    covariance of what was estimated."""
+def _camera(problem: Problem, seen: Observations) -> tuple[CameraModel, Array | None]:
+    """The given camera, or one estimated from all views with the covariance of what was estimated."""
     if problem.camera is not None:
-        return problem.camera, ALL_FIXED, None
+        return problem.camera, None
     detections = [problem.views[position].detection for position in seen.positions]
     found = estimate_camera(problem.target, [d for d in detections if d is not None], problem.image_size)
-    return found.camera, np.concatenate([np.ones(INTRINSICS, bool), [False]]), found.covariance
+    return found.camera, found.covariance

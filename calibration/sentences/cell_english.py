@@ -38,6 +38,8 @@ CELL = {
     " calibrate when the drift stays",
     "drift-scatter": "drift: the target scatters by {scatter_mm:.3f} mm over the positions, the calibration explains"
     " at most {limit_mm:.3f} mm: {fix}",
+    "drift-out-of-tolerance": "drift: the last verification is out of tolerance, and the chart does not learn from it:"
+    " U is {expanded_mm:.2g} mm, the tolerance {tolerance_mm:g} mm: {fix}",
     "calibrate-or-look": "calibrate before parts go wrong, see docs/plc.md; or look whether the target was moved",
     # calibration/diagnosis/warming.py
     "still-warming": "the camera was between {low_c:.1f} and {high_c:.1f} °C, and with its temperature the picture"

@@ -49,6 +49,15 @@ FINDINGS = {
     " the solution uses the measured size",
     "principal-point-off": "views and robot agree better with the given principal point moved by"
     " ({right_px:+.2f}, {down_px:+.2f}) px; the solution uses the moved one",
+    "tolerance-out-of-reach": "{tolerance_mm:.2g} mm is not within reach of this arm: {views} views will leave"
+    " {expanded_mm:.2g} mm; a target measured or certified {with_measured_target_mm:.2g} mm, an arm with Absolute"
+    " Accuracy besides {with_absolute_accuracy_mm:.2g} mm, twice the views {with_twice_the_views_mm:.2g} mm",
+    "focal-length-off": "views and robot agree better with a focal length {percent:+.2f} % from the given one; the"
+    " solution uses it",
+    "size-contradicted": "the target's size is stated to within {stated_percent:.2g} %, but measured by the robot's"
+    " travel it differs by {percent:+.2f} %; the solution uses the measured size",
+    "camera-contradicted": "the camera is stated to be calibrated as it is now, but views and robot agree better with"
+    " other intrinsics",
     "robot-trend": "the robot's errors are alike in neighbouring poses: about {translation_mm:.2g} mm and"
     " {rotation_deg:.2g} degrees follow the pose; what this adds to the uncertainty is counted",
     "pose-disagrees": "{views:views} not used: the robot's pose and the image contradict all other views",
@@ -294,6 +303,8 @@ ADVICE = {
     "use-oriented-target": "use a target with an unambiguous orientation: a ChArUco board or a grid with a large dot",
     "print-flat": "print the target on a flat, stiff plate for the best accuracy",
     "measure-pitch": "measure the target's pitch over its whole length with a ruler and correct the description",
+    "compare-pitch-and-arm": "measure the pitch again; if it is right, the arm's lengths are off: check its mastering"
+    " and its absolute accuracy",
     "calibrate-camera": "calibrate the camera anew; half a pixel in both says that its program counts from the first"
     " pixel's corner, where (0, 0) is the middle of it here",
     "calibrate-camera-in-focus": "calibrate the camera as it is focused now, or leave the intrinsics out to have them"
@@ -393,6 +404,19 @@ PARTS = {
     "ids-from-one": "their ids are counted from 1",
     "rule": "accepted when no finding is an error; a U (k = {coverage_factor:g}) above {tolerance_mm:g} mm at the worst"
     " of the points is an error",
+    "rule-not-stated": "accepted when no finding is an error; a U (k = {coverage_factor:g}) above {tolerance_mm:g} mm"
+    " at the worst of the points is an error. This tolerance was not stated by you",
+    "accuracy-unexpected": "U is {found_mm:.2g} mm, and {expected_mm:.2g} mm was expected: {reason}",
+    "accuracy-robot-mm": "the robot's positions scatter by {found:.2g} mm, not by {expected:.2g} mm",
+    "accuracy-robot-deg": "the robot's orientations scatter by {found:.2g} deg, not by {expected:.2g} deg",
+    "accuracy-image-px": "the corners scatter by {found:.2g} px, not by {expected:.2g} px",
+    "accuracy-left-out": "views that are left out are missed by {times:.2g} times what the noise explains",
+    "accuracy-not-noise": "possible errors of target and lens are counted, and a noise that few views determine badly",
+    "accuracy-less-counted": "the data leave less open than was allowed for",
+    "not-applied-worse": "it waits for a person: its U is {expanded_mm:.2g} mm, that of the calibration in force is"
+    " {before_mm:.2g} mm",
+    "not-applied-contradicts": "it waits for a person: it contradicts the calibration in force, by {difference_mm:.2g}"
+    " mm at {point}; its U is {expanded_mm:.2g} mm, that of the one in force is {before_mm:.2g} mm",
 }
 
 ENGLISH: Mapping[str, str] = MappingProxyType(

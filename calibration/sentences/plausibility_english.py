@@ -26,6 +26,7 @@ PLAUSIBILITY = {
     "take-a-fourth-view": "take a fourth view, turned about another axis, and check setup",
     # pose_pairs/point_pairs.py
     "too-few-point-pairs": "{points} pairs of points; X needs four or more",
+    "point-pairs-on-a-line": "the points lie on a line: the turn about it is not determined",
     "point-pairs-disagree": "the robot's points and the camera's disagree by {sigma_mm:.3g} mm",
     "point-pairs-noise": "{points} points of robot and camera agree to {sigma_mm:.2g} mm an axis",
     "add-point-pairs": "add points, spread over the volume that matters and not on a line",

@@ -16,11 +16,16 @@ from calibration.likelihood.noise_marginalisation import restricted_log_likeliho
 from calibration.likelihood.shared_columns import fix_unknowns, with_arm
 from calibration.likelihood.variance_components import estimate_variances
 from calibration.solver.arm_session import ArmSession
-from calibration.solver.systematic_error_check import PRIOR_OFF_PROBABILITY, SIZE_SIGMA
 from calibration.transforms import Array
 
 SCALES = (0.15, 0.4, 1.0, 2.0)
 """Of the parameters' standard deviations; each has the same prior probability."""
+
+PRIOR_OFF_PROBABILITY = 0.1
+"""Prior probability that the target's size is off, where that was found without errors of the arm."""
+
+SIZE_SIGMA = 2e-3
+"""Standard deviation of a target's size that is off, as a share: printers and paper."""
 
 NEXT_GROUP_PROBABILITY = 0.9
 """Prior probability that an arm with the errors up to one group has those of the next; all have gears and weight."""
@@ -32,7 +37,7 @@ class Hypothesis:
 
     Where its temperatures are known the growth by them is among the errors in any case: all arms grow.
 
-    `as_described`: target and camera, not as the estimate without errors of the arm has them.
+    `as_described`: the target's size, not as the estimate without errors of the arm has it.
     """
 
     up_to: Group | None
@@ -65,10 +70,7 @@ class Restricted:
 
     def target_scale(self, b: Array, session: ArmSession) -> float:
         """Of the target against the description, after a step b (p,)."""
-        place = session.size_place()
-        if self.of.as_described or not len(place):
-            return 1.0
-        return float(session.best.scale * (1 + b[place[0]]))
+        return 1.0 if self.of.as_described else float(session.best.scale * np.exp(b[session.size_place()]))
 
     def covariance(self, of_step: Array, session: ArmSession) -> Array:
         """Covariance of `unknowns` from that of b (p, p)."""
@@ -83,7 +85,7 @@ class Restricted:
 def hypotheses(session: ArmSession) -> list[Hypothesis]:
     """Those without errors of the arm first; prior probabilities sum to 1 with errors, and to 1 without."""
     odds = {True: 0.0}
-    if len(session.steps_as_described()[0]):
+    if session.sized:
         odds = {True: float(np.log(1 - PRIOR_OFF_PROBABILITY)), False: float(np.log(PRIOR_OFF_PROBABILITY))}
     groups = [group for group in LADDER if group != "play" or session.postures.sides is not None]
     known: list[tuple[Group | None, float, float]] = [(None, 0.0, 0.0)]
@@ -116,8 +118,7 @@ def restrict(
         absent = np.setdiff1d(np.arange(k), columns)
         fixed, steps = others + absent, -session.parameters[absent]
         if one.as_described:
-            described, back = session.steps_as_described()
-            fixed, steps = np.concatenate([described, fixed]), np.concatenate([back, steps])
+            fixed, steps = np.append(session.size_place(), fixed), np.append(-np.log(session.best.scale), steps)
         known = whole.prior_information.copy()
         known[others + session.arm.indices(*LADDER)] /= max(one.scale, 1e-9) ** 2
         restricted = fix_unknowns(replace(whole, prior_information=known), fixed, steps)
@@ -134,12 +135,12 @@ def _groups_of(one: Hypothesis, postures: Postures) -> tuple[Group, ...]:
 
 
 def _with_prior_size(session: ArmSession, model: MixedModel) -> MixedModel:
-    """The model with the prior of the target's size, where it is unknown: about the described one.
+    """The model with the prior of the target's size about the described one.
 
     As wide as targets that are off, or as what was found: a print may be some per cent off.
     """
     place, scale = session.size_place(), session.best.scale
     known, offset = model.prior_information.copy(), model.prior_offset.copy()
     known[place] = max(SIZE_SIGMA, abs(scale - 1)) ** -2.0
-    offset[place] = 1 - 1 / scale
+    offset[place] = np.log(scale)
     return replace(model, prior_information=known, prior_offset=offset)

@@ -12,9 +12,6 @@ from calibration.likelihood.estimate import Estimate, exact_pixels, linearise
 from calibration.likelihood.mapped_points import point_rows
 from calibration.likelihood.mixed_model import MixedModel
 from calibration.likelihood.shared_columns import join_places, with_distances
-from calibration.likelihood.systematic_errors import CENTRE_INDICES, SystematicErrors
-from calibration.observations.observations import scale_target
-from calibration.observations.reprojection import INTRINSICS
 from calibration.observations.view_poses import refine_poses
 from calibration.preprocessing.prepare import PreparedSession
 from calibration.problem import anchor_T_mount_of
@@ -31,8 +28,7 @@ class TargetViews:
 
     def camera_T_target(self) -> Array:
         """Each view's own pose (n, 4, 4), by the estimated camera."""
-        seen = scale_target(self.rows.seen, self.best.scale)
-        poses = refine_poses(seen, self.best.camera, self.rows.camera_T_target)
+        poses = refine_poses(self.best.seen(self.rows.seen), self.best.camera, self.rows.camera_T_target)
         poses[self.used] = self.best.chain.camera_T_target()
         return poses
 
@@ -70,8 +66,9 @@ class CheckedDistance:
 class ArmSession:
     """The views of m places, with their chains, and the errors (k,) that the chains' poses contain.
 
-    The unknowns are X (6), the places (6 m), what is unknown of camera and target's size, and the arm's errors (k).
-    `distances`: known ones between the places, in the order of `views`.
+    The unknowns are X (6), the places (6 m), the nuisances of lens and target, and the arm's errors (k).
+    `distances`: known ones between the places, in the order of `views`. `sized`: the target's size is unknown, too;
+    else it is as described, and the arm's lengths are in the target's millimetres.
     """
 
     arm: ArmErrorModel
@@ -80,6 +77,7 @@ class ArmSession:
     chains: Sequence[Chain]
     parameters: Array
     distances: Sequence[KnownDistance] = ()
+    sized: bool = False
 
     @property
     def places(self) -> NDArray[np.intp]:
@@ -126,9 +124,11 @@ class ArmSession:
 
     def _linearise(self, views: TargetViews, chain: Chain) -> MixedModel:
         best = self.best
-        model = linearise(exact_pixels(views.rows.seen, best.free), chain, best.camera, best.scale)
-        centre_off = SystematicErrors(self.views[0].rows.systematic_errors.given_camera)
-        return centre_off.apply(model, best.free, best.camera, chain.base_T_flange)
+        assert best.nuisances is not None
+        model = linearise(exact_pixels(views.rows.seen, best.nuisances), chain, best.nuisances, best.z)
+        known = model.prior_information.copy()
+        known[12:] = best.model.prior_information[12 : 12 + len(best.z)]
+        return replace(model, prior_information=known, mixture=None)
 
     def add_distances(self, model: MixedModel) -> MixedModel:
         """The model with the known distances; its first unknowns are X, the places, and those of camera and size."""
@@ -152,20 +152,10 @@ class ArmSession:
             found.append(CheckedDistance(known.distance_mm, known.sigma_mm, length, sigma))
         return tuple(found)
 
-    def size_place(self) -> NDArray[np.intp]:
-        """Place of the target's size among the unknowns, where the estimate has taken up another one (0 or 1,)."""
-        free = np.flatnonzero(self.best.free)
-        return self.poses + np.flatnonzero(free == INTRINSICS)
-
-    def steps_as_described(self) -> tuple[NDArray[np.intp], Array]:
-        """Places of what the estimate has taken up of size and principal point, and the steps to what was described."""
-        best, given = self.best, self.views[0].rows.systematic_errors.given_camera
-        places, steps = self.size_place(), np.full(len(self.size_place()), 1 / best.scale - 1)
-        if given is not None:
-            centre = self.poses + np.flatnonzero(np.isin(np.flatnonzero(best.free), CENTRE_INDICES))
-            places = np.concatenate([centre, places])
-            steps = np.concatenate([given.matrix[:2, 2] - best.camera.matrix[:2, 2], steps])
-        return places, steps
+    def size_place(self) -> int:
+        """Place of the log of the target's size among the unknowns."""
+        assert self.best.nuisances is not None
+        return self.poses + self.best.nuisances.size
 
 
 def _length_between(
@@ -188,10 +178,11 @@ def begin_arm_session(
 ) -> ArmSession:
     """The session at the drawing; X is that of the first place, and every target where its first view has it.
 
-    With known distances the target's size may be another one: they separate it from lengths of the arm.
+    With known distances the target's size may be another one: they separate it from lengths of the arm. It may be, too,
+    where the estimate without errors of the arm has found another one.
     """
-    if distances:
-        views = [_with_free_size(one) for one in views]
+    best = views[0].best
+    sized = bool(distances) or (best.nuisances is not None and best.differs([best.nuisances.size]))
     drawn = np.split(arm.forward(np.zeros(len(arm)), postures), np.cumsum([len(one.rows.seen) for one in views])[:-1])
     x, chains = views[0].best.chain.mount_T_camera, []
     for one, base_T_flange in zip(views, drawn, strict=True):
@@ -202,10 +193,4 @@ def begin_arm_session(
             target = (anchor_T_mount_of(one.rows.setup, base_T_flange[first]) @ x @ seen_T[first])[0]
         chain = Chain(one.rows.setup, base_T_flange, x, target, np.zeros((len(seen_T), 6)))
         chains.append(chain.with_corrections_from(seen_T))
-    return ArmSession(arm, postures, views, chains, np.zeros(len(arm)), tuple(distances))
-
-
-def _with_free_size(views: TargetViews) -> TargetViews:
-    free = views.best.free.copy()
-    free[INTRINSICS] = True
-    return replace(views, best=replace(views.best, free=free))
+    return ArmSession(arm, postures, views, chains, np.zeros(len(arm)), tuple(distances), sized)

@@ -12,7 +12,6 @@ from calibration.likelihood.chain import Chain
 from calibration.likelihood.cross_validation import base_errors
 from calibration.likelihood.estimate import Estimate
 from calibration.linear_algebra import covariance_of
-from calibration.observations.observations import scale_target
 from calibration.observations.reprojection import pixel_residuals, pixel_statistics
 from calibration.observations.view_poses import apply_pose_steps, refine_poses
 from calibration.preprocessing.prepare import PreparedSession
@@ -56,7 +55,7 @@ def solve_closed_form(prepared: PreparedSession, selection: Selection, method: s
 
 def _at(rows: PreparedSession, best: Estimate) -> PreparedSession:
     """The session at the estimated camera and target scale, with the poses refined."""
-    seen = scale_target(rows.seen, best.scale)
+    seen = best.seen(rows.seen)
     return replace(
         rows, seen=seen, camera=best.camera, camera_T_target=refine_poses(seen, best.camera, rows.camera_T_target)
     )

@@ -16,7 +16,7 @@ from calibration.errors import UndeterminedError
 from calibration.kinematics.external_axis import AxisKind, ExternalAxis
 from calibration.likelihood.estimate import exact_pixels, linearise
 from calibration.likelihood.mapped_points import point_rows
-from calibration.likelihood.mixed_model import MixedModel
+from calibration.likelihood.mixed_model import MixedModel, with_trend
 from calibration.likelihood.noise_marginalisation import marginalise
 from calibration.likelihood.shared_columns import with_arm
 from calibration.likelihood.variance_components import estimate_variances
@@ -148,16 +148,16 @@ def fit_axis(axis: ExternalAxis, readings: Array, prepared: PreparedSession, sel
     """One step from the estimate with the axis held; `readings` (n,) of the prepared views."""
     best, rows, at = selection.best, prepared.take(selection.used), readings[selection.used]
     require_positions(axis, at)
-    held = linearise(exact_pixels(rows.seen, best.free), best.chain, best.camera, best.scale)
+    assert best.nuisances is not None
+    held = linearise(exact_pixels(rows.seen, best.nuisances), best.chain, best.nuisances, best.z)
     at_zero, zeros = rows.seen.base_T_flange, np.zeros(axis.unknowns)
-    errors = prepared.systematic_errors
 
     def with_errors(model: MixedModel) -> MixedModel:
-        return errors.apply(model, best.free, best.camera, best.chain.base_T_flange)
+        return with_trend(model, best.model.basis) if best.model.trend_terms else model
 
-    first = marginalise(with_errors(held), best.variances)
+    first = marginalise(with_errors(held), best.variances, prepared.belief)
     model = with_errors(with_arm(held, axis.jacobian(at_zero, at), zeros, zeros))
-    whole = marginalise(model, estimate_variances(model, best.variances))
+    whole = marginalise(model, estimate_variances(model, best.variances), prepared.belief)
     own = held.unknowns + np.arange(axis.unknowns)
     step, spread = whole.b[own], whole.covariance[np.ix_(own, own)]
     together = np.r_[np.arange(6), own]

@@ -1,13 +1,16 @@
 """Findings on what the solver changed in the input and what it assumed; `verdict` decides on acceptance."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
 from calibration.closed_forms.observability import describe_direction, distinct_stations
 from calibration.closed_forms.three_pose import solve_three_pose
 from calibration.kinematics.robot_accuracy import PRIOR_NOISE
+from calibration.likelihood.estimate import Estimate
 from calibration.likelihood.noise_marginalisation import MAX_PRIOR_VIEWS
+from calibration.likelihood.nuisances import CENTRE, FOCAL
+from calibration.likelihood.predicted_uncertainty import point_weights, working_points_mm
 from calibration.observations.observations import IMAGE_REPEATED
 from calibration.preprocessing.prepare import IMAGE_DISAGREES, PreparedSession
 from calibration.problem import Problem
@@ -17,6 +20,9 @@ from calibration.solver.closed_form import THREE_POSE
 from calibration.solver.initial_guess import InitialGuess
 from calibration.solver.view_outliers import Selection
 
+CONTRADICTING_SIGMA = 4.0
+"""Deviation from a stated size, in standard deviations of statement and estimate together, that is named."""
+
 
 def solver_findings(
     problem: Problem, prepared: PreparedSession, start: InitialGuess, selection: Selection
@@ -25,7 +31,9 @@ def solver_findings(
     return (
         *_images(problem, prepared),
         *_target(prepared, selection),
-        *_systematic_errors(prepared, selection),
+        *_camera(prepared, selection),
+        *_statements(problem, selection),
+        *_trend(selection),
         *_axis_offset(problem, prepared),
         *_poses(problem, prepared, selection),
         *_estimate(prepared, start, selection),
@@ -56,38 +64,85 @@ def _images(problem: Problem, prepared: PreparedSession) -> Iterator[Finding]:
 
 
 def _target(prepared: PreparedSession, selection: Selection) -> Iterator[Finding]:
+    best, given = selection.best, prepared.nuisances
     if prepared.shape is not None:
+        in_plane_mm, out_of_plane_mm = prepared.shape.in_plane_mm, prepared.shape.out_of_plane_mm
+    else:
+        in_plane_mm, out_of_plane_mm = given.shape_mm(best.z)
+    if prepared.shape is not None or best.differs(given.shape):
         yield Finding(
             "target-not-as-drawn",
             "info",
-            Sentence(
-                "target-not-as-drawn",
-                in_plane_mm=prepared.shape.in_plane_mm,
-                out_of_plane_mm=prepared.shape.out_of_plane_mm,
-            ),
+            Sentence("target-not-as-drawn", in_plane_mm=in_plane_mm, out_of_plane_mm=out_of_plane_mm),
             Sentence("print-flat"),
+            effect_mm=_effect_mm(prepared, best, given.shape),
         )
-    if (share := selection.best.scale - 1) != 0.0:
+    if best.differs([given.size]):
+        share = best.scale - 1
         yield Finding(
             "target-scale",
             "error",
             Sentence("target-larger" if share > 0 else "target-smaller", percent=100 * abs(share)),
             Sentence("measure-pitch"),
+            effect_mm=_effect_mm(prepared, best, [given.size]),
             sizes=(("print_scale_share", share),),
         )
 
 
-def _systematic_errors(prepared: PreparedSession, selection: Selection) -> Iterator[Finding]:
-    best, errors = selection.best, prepared.systematic_errors
-    if errors.given_camera is not None:
-        right, down = best.camera.matrix[:2, 2] - errors.given_camera.matrix[:2, 2]
+def _effect_mm(prepared: PreparedSession, best: Estimate, places: Sequence[int]) -> float:
+    """By how much a mapped point has moved (RMS) with the nuisances at these places of z as found."""
+    distance_mm = float(np.median(np.linalg.norm(prepared.camera_T_target[:, :3, 3], axis=1)))
+    weights, moved = point_weights(working_points_mm(best.camera, distance_mm)), best.shift_of_x(places)
+    return float(np.sqrt(moved @ weights @ moved))
+
+
+def _camera(prepared: PreparedSession, selection: Selection) -> Iterator[Finding]:
+    best = selection.best
+    if prepared.nuisances.estimated:
+        return
+    if best.differs(FOCAL):
+        yield Finding(
+            "focal-length-off",
+            "warning",
+            Sentence("focal-length-off", percent=100 * np.expm1(best.z[FOCAL[0]])),
+            Sentence("calibrate-camera-in-focus"),
+            effect_mm=_effect_mm(prepared, best, FOCAL),
+        )
+    if best.differs(CENTRE):
+        right, down = best.z[list(CENTRE)]
         yield Finding(
             "principal-point-off",
             "info",
             Sentence("principal-point-off", right_px=right, down_px=down),
             Sentence("calibrate-camera"),
+            effect_mm=_effect_mm(prepared, best, CENTRE),
         )
-    if errors.trend:
+
+
+def _statements(problem: Problem, selection: Selection) -> Iterator[Finding]:
+    """What was stated of the target's size or of the camera and the session contradicts."""
+    best, stated, known = selection.best, problem.knowledge, selection.best.nuisances
+    if known is None:
+        return
+    sigma, sized = stated.target.size_sigma, 12 + known.size
+    if sigma is not None and stated.target.source != "printed":
+        spread = float(np.hypot(sigma, np.sqrt(best.step.covariance[sized, sized])))
+        if abs(best.z[known.size]) > CONTRADICTING_SIGMA * spread:
+            yield Finding(
+                "statement-contradicted",
+                "warning",
+                Sentence("size-contradicted", stated_percent=100 * sigma, percent=100 * (best.scale - 1)),
+                Sentence("compare-pitch-and-arm"),
+            )
+    if stated.camera == "this-session" and not known.estimated and (best.differs(FOCAL) or best.differs(CENTRE)):
+        yield Finding(
+            "statement-contradicted", "warning", Sentence("camera-contradicted"), Sentence("calibrate-camera-in-focus")
+        )
+
+
+def _trend(selection: Selection) -> Iterator[Finding]:
+    best = selection.best
+    if best.model.trend_terms:
         follows = np.sqrt(best.trend_variances())
         yield Finding(
             "robot-trend",

@@ -65,11 +65,11 @@ def find_initial_guess(prepared: PreparedSession) -> InitialGuess:
         if found:
             # With the noise levels fixed, a few steps show whether it leads to the same optimum.
             first = next(iter(found.values()))
-            there = estimate(pixels, few.camera, chain, first.variances, fixed_noise=True)
+            there = estimate(pixels, chain, first.variances, fixed_noise=True)
             if there.converged and _distance_sigma(first, there) < SAME_OPTIMUM_SIGMA:
                 found[name] = first
                 continue
-        found[name] = estimate(pixels, few.camera, chain, initial_variances(statistics, chain))
+        found[name] = estimate(pixels, chain, initial_variances(statistics, chain))
     if not found:
         raise UndeterminedError(*NO_START)
     scatter = {name: robot_scatter(best.chain) for name, best in found.items()}

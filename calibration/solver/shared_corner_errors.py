@@ -9,7 +9,6 @@ import numpy as np
 
 from calibration.camera import CameraModel
 from calibration.likelihood.estimate import Estimate
-from calibration.observations.observations import scale_target
 from calibration.observations.reprojection import pixel_residuals
 from calibration.preprocessing.prepare import PreparedSession
 from calibration.transforms import Array
@@ -27,7 +26,7 @@ def shared_corner_sigma_px(rows: PreparedSession, best: Estimate) -> float:
     `rows`: the views of the estimate `best`.
     """
     seen = rows.seen
-    residuals = pixel_residuals(scale_target(seen, best.scale), best.camera, best.chain.camera_T_target())
+    residuals = pixel_residuals(best.seen(seen), best.camera, best.chain.camera_T_target())
     used = seen.weights > 0
     ids, count = seen.ids[used], int(seen.ids.max()) + 1
     views = np.bincount(ids, minlength=count)

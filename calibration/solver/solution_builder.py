@@ -11,9 +11,10 @@ from calibration.errors import UndeterminedError
 from calibration.likelihood.cross_validation import base_errors, hold_out
 from calibration.likelihood.estimate import Estimate
 from calibration.likelihood.leave_groups_out import leave_groups_out
+from calibration.likelihood.nuisances import CENTRE, FOCAL
 from calibration.likelihood.predicted_uncertainty import point_weights, uncertainty_of, working_points_mm
 from calibration.linear_algebra import covariance_of
-from calibration.observations.observations import Observations, UnusableReason, observe, scale_target
+from calibration.observations.observations import Observations, UnusableReason, observe
 from calibration.observations.reprojection import pixel_residuals
 from calibration.observations.view_poses import refine_poses
 from calibration.preprocessing.prepare import PreparedSession
@@ -38,10 +39,7 @@ def build_solution(
         selection = closed_form.selection
         findings += method_findings(method, prepared.take(selection.used))
     best, rows = selection.best, prepared.take(selection.used)
-    real = scale_target(rows.seen, best.scale)
-    own_poses = rows.camera_T_target
-    if np.any(best.free):
-        own_poses = refine_poses(real, best.camera, own_poses)
+    own_poses = refine_poses(best.seen(rows.seen), best.camera, rows.camera_T_target)
     centre = problem.target.points_mm.mean(axis=0, keepdims=True)
     distance_mm = float(np.median(np.linalg.norm(map_points(own_poses, centre), axis=-1)))
     points_mm = working_points_mm(best.camera, distance_mm)
@@ -56,7 +54,7 @@ def build_solution(
         mount_T_camera=best.chain.mount_T_camera,
         anchor_T_target=best.chain.anchor_T_target,
         camera=best.camera,
-        camera_source="given" if best.camera is problem.camera else "estimated",
+        camera_source="estimated" if prepared.nuisances.estimated or _lens_differs(best) else "given",
         uncertainty=uncertainty_of(covariance, best.chain.mount_T_camera, points_mm),
         noise=_noise(best),
         views=_views(problem, prepared, selection, agreeing, own_poses),
@@ -65,7 +63,13 @@ def build_solution(
         findings=findings,
         leave_out=left_out,
         axis_offset=None if prepared.given is None else prepared.given.offset,
+        target_scale=best.scale,
     )
+
+
+def _lens_differs(best: Estimate) -> bool:
+    """Whether the focal length or the principal point of a given camera differs from the description."""
+    return best.differs(FOCAL) or best.differs(CENTRE)
 
 
 def _leave_groups_out(best: Estimate, own_poses: Array, centre_mm: Array, points_mm: Array) -> LeaveOut | None:
@@ -111,7 +115,8 @@ def _missing_target(problem: Problem) -> Iterator[Finding]:
 
 def _noise(best: Estimate) -> Noise:
     levels = best.variances
-    return Noise(*(float(np.sqrt(level)) for level in (levels.pixel, levels.rotation, levels.translation)))
+    image_px, rotation_rad, translation_mm = np.sqrt([levels.pixel, levels.rotation, levels.translation]).tolist()
+    return Noise(image_px, rotation_rad, translation_mm, best.belief)
 
 
 def _observability(problem: Problem, rows: PreparedSession, best: Estimate, covariance: Array) -> Observability:
@@ -130,7 +135,7 @@ def _views(
     problem: Problem, prepared: PreparedSession, selection: Selection, agreeing: NDArray[np.bool_], own_poses: Array
 ) -> tuple[ViewResult, ...]:
     best, rows = selection.best, prepared.take(selection.used)
-    real, predicted = scale_target(rows.seen, best.scale), best.chain.camera_T_target()
+    real, predicted = best.seen(rows.seen), best.chain.camera_T_target()
     residuals = pixel_residuals(real, best.camera, predicted)
     errors = base_errors(real, best.chain.without_corrections(), own_poses)
     results = [_without_numbers(problem, position, why) for position, why in prepared.unusable.items()]

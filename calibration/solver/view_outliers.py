@@ -7,12 +7,14 @@ from numpy.typing import NDArray
 
 from calibration.likelihood.chain import Chain
 from calibration.likelihood.distributions import f_quantile
-from calibration.likelihood.estimate import Estimate, estimate, exact_pixels, marginalise_noise
+from calibration.likelihood.estimate import Estimate, average, estimate, exact_pixels
 from calibration.likelihood.leave_one_out import leave_one_out, squared_outside_distances, squared_view_distances
 from calibration.likelihood.mixed_model import Variances
+from calibration.observations.view_poses import refine_poses
 from calibration.preprocessing.prepare import PreparedSession
 from calibration.solver.initial_guess import chain_from_mount
 from calibration.solver.least_median import agreeing_views
+from calibration.transforms import Array
 
 FALSE_ALARM_PROBABILITY = 1e-4
 """Probability of rejecting any view of a clean session, whatever the number of views."""
@@ -40,27 +42,34 @@ def min_remaining(n: int) -> int:
     return max(3, n // 2 + 1)
 
 
-def select_views(prepared: PreparedSession, used: NDArray[np.bool_], chain: Chain, variances: Variances) -> Selection:
+def select_views(
+    prepared: PreparedSession,
+    used: NDArray[np.bool_],
+    chain: Chain,
+    variances: Variances,
+    z: Array | None = None,
+    *,
+    trend: bool = False,
+) -> Selection:
     """Estimate from the `used` views, readmit views that fit, drop the one that fits worst, until nothing changes.
 
-    `chain`, `variances`: the start. Returns the final choice with the noise marginalised.
+    `chain`, `variances`, `z`: the start. `trend`: part of the robot's errors follows its pose. Returns the final
+    choice, averaged over priors and noise levels.
     """
     seen_before: set[bytes] = set()
     used = used.copy()
     for _ in range(MAX_ROUNDS):
         rows = prepared.take(used)
-        pixels = exact_pixels(rows.seen, prepared.free)
+        pixels = exact_pixels(rows.seen, prepared.nuisances)
         start = chain_from_mount(rows, chain.mount_T_camera)
-        best = estimate(
-            pixels, prepared.camera, start, variances, prepared.free, prepared.scale, prepared.systematic_errors
-        )
-        chain, variances = best.chain, best.variances
+        best = estimate(pixels, start, variances, prepared.nuisances, z, trend=trend)
+        chain, variances, z = best.chain, best.variances, best.z
         seen_before.add(used.tobytes())
         changed = _update_selection(prepared, used, best)
         if np.array_equal(changed, used) or changed.tobytes() in seen_before:
             break
         used = changed
-    return Selection(used, marginalise_noise(best))
+    return Selection(used, average(pixels, best, prepared.belief))
 
 
 def _update_selection(prepared: PreparedSession, used: NDArray[np.bool_], best: Estimate) -> NDArray[np.bool_]:
@@ -68,7 +77,10 @@ def _update_selection(prepared: PreparedSession, used: NDArray[np.bool_], best: 
     limit = outlier_limit(int(np.count_nonzero(used)), n)
     if not np.all(used):
         outside = prepared.take(~used)
-        back = squared_outside_distances(best, outside.seen, outside.camera_T_target) / 6 < limit
+        seen = best.seen(outside.seen)
+        back = (
+            squared_outside_distances(best, seen, refine_poses(seen, best.camera, outside.camera_T_target)) / 6 < limit
+        )
         if np.any(back):
             changed[np.flatnonzero(~used)[back]] = True
             return changed

@@ -5,7 +5,8 @@ from math import hypot
 from typing import Any
 
 from calibration.documents.calibration import CalibrationDocument
-from calibration.documents.calibration_text import summary
+from calibration.documents.calibration_text import accuracy_text, summary
+from calibration.documents.reports.numbers import significant
 from daemon.api.schemas.calibrations import CalibrateStatus, CurrentCalibration
 from daemon.api.schemas.cell import RobotDocument
 from daemon.api.schemas.drift import DriftChangeDocument, DriftDocument
@@ -46,6 +47,8 @@ def _run_lines(run: RunRecord, calibration: CalibrationDocument | None) -> Itera
 
 
 def _next_step(run: RunRecord, calibration: CalibrationDocument) -> Iterable[str]:
+    if run.result and run.result.get("not_applied"):
+        yield run.result["not_applied"]["message"]
     if run.result and run.result.get("applied"):
         yield "it is applied: POST /register uses it from now on"
     elif calibration.verdict.accepted:
@@ -70,14 +73,13 @@ def _verification_lines(table: dict[str, Any]) -> Iterable[str]:
         yield _row(f"sigma {name}", [f"{row['sigma_mm'][axis]:.4f}" for row in rows])
     sigma = ", ".join(f"{name} {value:.4f}" for name, value in zip("xyz", table["sigma_mm"], strict=True))
     yield f"over all {len(table['points'])} points: {sigma} mm"
-    if table["expected_point_mm"] is not None:
-        yield f"the calibration expects a mapped point within {table['expected_point_mm']:.3g} mm (one sigma)"
     if table.get("tolerance_mm") is not None:
         worst = table["worst_expanded_mm"]
-        calibrated = "" if worst is None else f", the calibration's U at the worst point is {worst:.3g} mm"
+        calibrated = "" if worst is None else f", the calibration's U at the worst point is {significant(worst)} mm"
+        stated = "" if table.get("tolerance_stated", True) else " (not stated by you)"
         yield (
-            f"{'within' if table['within_tolerance'] else 'NOT within'} the tolerance of {table['tolerance_mm']:g} mm:"
-            f" twice the largest sigma is {table['expanded_mm']:.3g} mm{calibrated}"
+            f"{'within' if table['within_tolerance'] else 'NOT within'} the tolerance of {table['tolerance_mm']:g} mm"
+            f"{stated}: twice the largest sigma is {significant(table['expanded_mm'])} mm{calibrated}"
         )
 
 
@@ -89,9 +91,8 @@ def status_text(status: CalibrateStatus, base_url: str) -> str:
     """GET /calibrate."""
     lines = []
     if status.current is not None and status.applied is not None:
-        sigma = f", a mapped point within {status.current.point_mm:.3g} mm" if status.current.point_mm else ""
         lines.append(f"calibration {status.current.id} is in force since {status.applied.applied_at}"
-                     f" (applied by {status.applied.applied_by}){sigma}")  # fmt: skip
+                     f" (applied by {status.applied.applied_by}): {accuracy_text(status.current)}")  # fmt: skip
     else:
         lines.append("no calibration is in force")
     if status.in_progress is not None:
@@ -100,6 +101,8 @@ def status_text(status: CalibrateStatus, base_url: str) -> str:
     elif status.last_run is not None:
         run = status.last_run
         lines.append(f"the last calibration run, {run.id}, {run.state}" + (f": {run.cause.what}" if run.cause else ""))
+        if (why_not := (run.result or {}).get("not_applied")) is not None:
+            lines.append(f"calibration {run.id}: {why_not['message']}")
     lines += [f"not ready: {reason}" for reason in status.reasons]
     lines += [f"warning: {warning}" for warning in status.warnings]
     lines.append(f"poses: {status.poses}; applied by {status.policy}")

@@ -56,12 +56,14 @@ def calibrate(
             cause = run["cause"] or {"what": f"the run was {run['state']}", "fix": "start it again"}
             raise CommandError(f"{daemon.url}/runs/{run['id']}", cause["what"], cause["fix"])
         document = CalibrationDocument.model_validate(daemon.get(f"/calibrations/{run['result']['calibration_id']}"))
-        applied = run["result"]["applied"]
-        if apply and document.verdict.accepted and not applied:
+        applied, why_not = run["result"]["applied"], run["result"]["not_applied"]
+        if apply and document.verdict.accepted and not applied and not why_not:
             daemon.post(f"/calibrations/{document.id}/apply", {"applied_by": "handeyed calibrate"})
             applied = True
     typer.echo(document.model_dump_json() if json else summary(f"calibration {document.id}", document))
     if not json:
+        if why_not:
+            typer.echo(f"  {why_not['message']}")
         typer.echo(f"  {'in force now' if applied else f'not in force: POST {url}/calibrations/{document.id}/apply'}")
     raise typer.Exit(ExitStatus.OK if document.verdict.accepted else ExitStatus.NOT_ACCEPTED)
 

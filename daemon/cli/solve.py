@@ -224,6 +224,7 @@ def solve_session(
         calibration_id=time_ordered_id(clock),
         created_at=clock.timestamp(),
         software=SOFTWARE,
+        target=problem.target,
     )
     return document, (session, problem, solution)
 

@@ -88,7 +88,7 @@ def _seen(folder: Path, given: "CalibrationWithArm") -> "dict[int, SeenPoint]":
     with progress_bar(folder.resolve().name) as progress:
         problem = load_problem(open_session(folder), progress)
     calibration = given.document
-    camera = problem.camera or (calibration.camera.camera() if calibration.camera else None)
+    camera = calibration.camera.camera() if calibration.camera else problem.camera
     pose = calibration.mount_T_camera
     if calibration.external_axis is not None:
         what = "its calibration has an external axis, and touches do not record where it stood"

@@ -9,6 +9,7 @@ import numpy as np
 from pydantic import AfterValidator, Field, model_validator
 
 from calibration.documents.external_axis import ExternalAxisDocument
+from calibration.documents.knowledge import KnowledgeDocument
 from calibration.documents.plan import LimitsDocument, NoiseExpectedDocument
 from calibration.documents.pose import PoseDocument, Vector
 from calibration.documents.requirement import PointsDocument, Tolerance, VerdictSettings
@@ -197,14 +198,17 @@ class NamedScannerSettings(ScannerSettings):
 class CalibrationSettings(Document):
     """The poses of a calibration, its stopping rule, and whether the operator or the daemon applies the result.
 
-    `tolerance_mm`: largest U (k = 2) at the worst of the points that matter; a run stops when it is met.
+    `count`: how many planned views; without it a run goes on until U meets the tolerance, for 12 views at most.
+    `tolerance_mm`: largest U (k = 2) at the worst of the points that matter. Policy "auto" needs it, and leaves to a
+    person what is worse than the calibration in force, or contradicts it. `known`: of target, camera and arm.
     `requests_may_loosen`: whether a request may state a larger one than is in force without it. The guesses are
     flange_T_camera and base_T_target of an eye-in-hand cell, base_T_camera and flange_T_target of an eye-to-hand one.
     `axis_offset`: for an arm that turns its flange about one axis only; its poses are taught, or jogged to.
     `arm`: whether a run identifies the arm's errors, too, where its request does not say.
     """
 
-    count: Annotated[int, Field(ge=3, le=100)] = 3
+    count: Annotated[int, Field(ge=3, le=100)] | None = None
+    known: KnowledgeDocument = KnowledgeDocument()
     tolerance_mm: Tolerance | None = None
     requests_may_loosen: bool = True
     uncertainty_mm: Annotated[float, Field(gt=0)] | None = None
@@ -355,6 +359,11 @@ class Settings(Document):
         for name in (f"{MOUNTS[other]}_T_camera_guess", f"{ANCHORS[other]}_T_target_guess"):
             if getattr(self.calibration, name) is not None:
                 raise ValueError(f"[calibration] {name} belongs to {other}, but [camera] setup is {setup}")
+        if self.calibration.policy == "auto" and self.calibration.tolerance_mm is None:
+            raise ValueError(
+                '[calibration] policy = "auto" needs tolerance_mm: state the largest U (k = 2) that the part allows, or'
+                ' let an operator apply results (policy = "operator")'
+            )
         if self.calibration.arm and (self.robot.model is None or self.robot.axes != AXES):
             raise ValueError("[calibration] arm is for an arm of six axes that [robot] model names")
         axis = self.robot.external_axis

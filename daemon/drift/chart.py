@@ -2,7 +2,8 @@
 
 import logging
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from math import isfinite
 
 import numpy as np
 
@@ -58,6 +59,7 @@ class DriftPoint:
     """One verification in the base frame: displacement of the target from its learnt position, and its moving average.
 
     `limit_mm` is None while the chart learns the target's position. `camera_temperature_c`: mean, where it is known.
+    One that is out of tolerance is learnt from nowhere.
     """
 
     run_id: str
@@ -88,7 +90,11 @@ def chart_of(entries: Sequence[ChartEntry], document: CalibrationDocument, setti
     """The chart of these verifications, oldest first."""
     if not entries:
         return DriftChart(DriftReport(DriftStanding.LEARNING, document.id))
-    rules = rules_of(settings.drift)
+    rules, tolerance_mm = rules_of(settings.drift), settings.calibration.verdict_limits().tolerance_mm
+    entries = [
+        replace(entry, sample=replace(entry.sample, within_tolerance=entry.expanded_mm <= tolerance_mm))
+        for entry in entries
+    ]
     drawn = chart([entry.sample for entry in entries], rules)
     last = drawn[-1]
     limit_mm = _max_scatter_mm(entries[-1], document, settings, rules)
@@ -102,7 +108,8 @@ def chart_of(entries: Sequence[ChartEntry], document: CalibrationDocument, setti
         points[-1].limit_mm,
         points[-1].scatter_mm,
         None if limit_mm is None else round(limit_mm, 6),
-        _alarm(last, scatter_mm, limit_mm, _temperatures(entries, rules)),
+        _out_of_tolerance(entries[-1], tolerance_mm)
+        or _alarm(last, scatter_mm, limit_mm, _temperatures(entries, rules)),
     )
     return DriftChart(report, points, tuple(_changes(entries, document, settings)))
 
@@ -110,7 +117,7 @@ def chart_of(entries: Sequence[ChartEntry], document: CalibrationDocument, setti
 def _changes(entries: Sequence[ChartEntry], document: CalibrationDocument, settings: Settings) -> list[PossibleChange]:
     """What may have changed between the verifications of the reference and the last one."""
     now, x = entries[-1].seen, document.mount_T_camera
-    before = [entry.seen for entry in entries[:-1][: settings.drift.learn] if entry.seen is not None]
+    before = [entry.seen for entry in _reference(entries[:-1], settings.drift.learn) if entry.seen is not None]
     if (
         not settings.robot.model
         or settings.robot.axes != 6
@@ -131,6 +138,11 @@ def _changes(entries: Sequence[ChartEntry], document: CalibrationDocument, setti
         return []
 
 
+def _reference(entries: Sequence[ChartEntry], learn: int) -> list[ChartEntry]:
+    """Those that the chart learns from."""
+    return [entry for entry in entries if entry.sample.within_tolerance][:learn]
+
+
 def _point(entry: ChartEntry, drawn: ChartPoint) -> DriftPoint:
     """A point of the chart, rounded to 1 nm."""
     return DriftPoint(
@@ -140,7 +152,7 @@ def _point(entry: ChartEntry, drawn: ChartPoint) -> DriftPoint:
         _round(drawn.shift_mm),
         _round(drawn.average_mm),
         round(drawn.drift_mm, 6),
-        None if drawn.standing is DriftStanding.LEARNING else round(drawn.limit_mm, 6),
+        round(drawn.limit_mm, 6) if isfinite(drawn.limit_mm) else None,
         round(entry.sample.scatter_mm, 6),
         entry.camera_temperature_c,
     )
@@ -170,11 +182,18 @@ def _max_scatter_mm(
 
 def _temperatures(entries: Sequence[ChartEntry], rules: DriftRules) -> tuple[float, float] | None:
     """Of the camera in the verifications of the reference and in the last one; None where they are alike or unknown."""
-    reference = [entry.camera_temperature_c for entry in entries[: rules.learn]]
+    reference = [entry.camera_temperature_c for entry in _reference(entries, rules.learn)]
     known, now = [one for one in reference if one is not None], entries[-1].camera_temperature_c
     if not known or now is None or abs(now - float(np.mean(known))) < MIN_OTHER_TEMPERATURE_K:
         return None
     return float(np.mean(known)), now
+
+
+def _out_of_tolerance(entry: ChartEntry, tolerance_mm: float) -> str | None:
+    if entry.sample.within_tolerance:
+        return None
+    found = {"expanded_mm": entry.expanded_mm, "tolerance_mm": tolerance_mm}
+    return Sentence("drift-out-of-tolerance", **found, fix=CALIBRATE)
 
 
 def _alarm(

@@ -50,7 +50,7 @@ class DriftMonitor:
 
     def __post_init__(self) -> None:
         self._refreshed = SharedReading(self._refresh)
-        self._verifications = VerificationHistory(self.store, self.workers, self.settings.target.target().points_mm)
+        self._verifications = VerificationHistory(self.store, self.workers, self.settings.target.target())
 
     @property
     def report(self) -> DriftReport:
@@ -103,8 +103,8 @@ class DriftMonitor:
         applied = [row for row in await self.store.history(MAX_HISTORY) if row.calibration_id == calibration_id]
         if not applied or document.mount_T_camera is None:
             raise NotFound(f"calibration {calibration_id} was never in force", "GET /calibrations lists what was")
-        verifications = VerificationHistory(self.store, self.workers, self.settings.target.target().points_mm)
-        entries = await verifications.of(applied[-1])
+        verifications = VerificationHistory(self.store, self.workers, self.settings.target.target())
+        entries = await verifications.of(applied[-1], document)
         return await self._chart_of(entries, document)
 
     async def report_after(self, run: RunRecord) -> DriftReport:
@@ -149,7 +149,7 @@ class DriftMonitor:
             return DriftChart()
         if record.document.mount_T_camera is None:
             return DriftChart(DriftReport(calibration_id=record.id))
-        return await self._chart_of(await self._verifications.of(applied), record.document)
+        return await self._chart_of(await self._verifications.of(applied, record.document), record.document)
 
     async def _chart_of(self, entries: Sequence[ChartEntry], document: CalibrationDocument) -> DriftChart:
         """By the errors of the arm that were in force with the calibration."""

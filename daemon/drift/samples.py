@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import takewhile
-from math import radians, sqrt
+from math import degrees, radians, sqrt
 from typing import Any
 
 import numpy as np
@@ -13,6 +13,7 @@ from calibration.documents.pose import PoseDocument
 from calibration.kinematics.arm_errors import AXES
 from calibration.monitoring.cell_change import SeenTarget, fit_poses
 from calibration.monitoring.control_chart import ChartSample, sample_of
+from calibration.targets import Target
 from calibration.transforms import Array
 from daemon.config.settings import CalibrationSettings
 from daemon.model.records import AppliedCalibration, RunRecord
@@ -32,13 +33,17 @@ PAGE_RUNS = 20
 
 @dataclass(frozen=True, eq=False)
 class ChartEntry:
-    """One verification of the chart. `seen`: its stations, where their joints are known; the camera's temperature."""
+    """One verification of the chart. `seen`: its stations, where their joints are known; the camera's temperature.
+
+    `expanded_mm`: its U, twice the largest standard deviation of a point of the target.
+    """
 
     run_id: str
     at: str
     sample: ChartSample
     seen: SeenTarget | None = None
     camera_temperature_c: float | None = None
+    expanded_mm: float = 0.0
 
 
 def belongs_to_chart(run: RunRecord, applied: AppliedCalibration, target_points: int) -> bool:
@@ -66,7 +71,8 @@ def chart_entry(run: RunRecord, target_points_mm: Array) -> ChartEntry:
     anchor_mm = np.array([point[f"{frame}_mm"] for point in points]).transpose(1, 0, 2)
     sample = sample_of(anchor_mm, target_points_mm[ids], target_points_mm.mean(axis=0))
     seen = _seen(verification, anchor_mm, target_points_mm[ids])
-    return ChartEntry(run.id, run.updated_at, sample, seen, verification.get("camera_temperature_c"))
+    expanded_mm = verification.get("expanded_mm", 0.0)
+    return ChartEntry(run.id, run.updated_at, sample, seen, verification.get("camera_temperature_c"), expanded_mm)
 
 
 def _seen(verification: dict[str, Any], anchor_mm: Array, target_mm: Array) -> SeenTarget | None:
@@ -79,9 +85,9 @@ def _seen(verification: dict[str, Any], anchor_mm: Array, target_mm: Array) -> S
 
 def robot_noise_mm(document: CalibrationDocument, settings: CalibrationSettings) -> float:
     """The robot's position noise at the target, root sum of squares of three axes: as estimated, else as expected."""
-    noise, expected = document.noise, settings.noise
+    noise, expected = document.noise, settings.noise.noise()
     translation_mm = noise.robot_translation_mm or expected.robot_translation_mm
-    rotation_deg = noise.robot_rotation_deg or expected.robot_rotation_deg
+    rotation_deg = noise.robot_rotation_deg or degrees(expected.robot_rotation_rad)
     on_flange = document.flange_T_camera or document.flange_T_target
     assert on_flange is not None
     near, far = settings.limits.distance_mm
@@ -101,35 +107,36 @@ class _RunEntries:
 
 @dataclass(eq=False)
 class VerificationHistory:
-    """The entries of the calibration in force, read incrementally."""
+    """The entries of the calibration in force, read incrementally. `target`: of the settings."""
 
     store: Store
     workers: Workers
-    target_points_mm: Array
+    target: Target
     _applied: tuple[int, str] = (0, "")
     _kept: list[ChartEntry] = field(default_factory=list)
     _last: str = ""
     """All runs up to this one are finished and their entries kept."""
 
-    async def of(self, applied: AppliedCalibration) -> Sequence[ChartEntry]:
+    async def of(self, applied: AppliedCalibration, calibration: CalibrationDocument) -> Sequence[ChartEntry]:
         """The entries of this calibration, oldest first. Raises StorageError."""
         if self._applied != (applied.sequence, applied.calibration_id):
             self._applied, self._kept, self._last = (applied.sequence, applied.calibration_id), [], ""
-        news = await self._read_new_runs(applied)
+        points_mm = calibration.scale_of(self.target) * self.target.points_mm
+        news = await self._read_new_runs(applied, points_mm)
         settled = list(takewhile(lambda read: read.over, news))
         if settled:
             self._last = settled[-1].run_id
         self._kept = [*self._kept, *(entry for read in settled for entry in read.entries)][-MAX_VERIFICATIONS:]
         return [*self._kept, *(entry for read in news[len(settled) :] for entry in read.entries)]
 
-    async def _read_new_runs(self, applied: AppliedCalibration) -> list[_RunEntries]:
+    async def _read_new_runs(self, applied: AppliedCalibration, target_points_mm: Array) -> list[_RunEntries]:
         """The entries of runs after the last one kept, oldest first."""
         news: list[_RunEntries] = []
         before: str | None = None
         while sum(len(read.entries) for read in news) < MAX_VERIFICATIONS:
             page = await self.store.runs(PAGE_RUNS, before)
             fresh = list(takewhile(lambda run: run.id != self._last, page))
-            news += await self.workers.run(_read_all, fresh, applied, self.target_points_mm)
+            news += await self.workers.run(_read_all, fresh, applied, target_points_mm)
             if len(fresh) < PAGE_RUNS or page[-1].created_at < applied.applied_at:
                 break
             before = page[-1].id

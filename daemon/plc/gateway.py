@@ -78,6 +78,7 @@ DRIFT = {
     DriftStanding.LEARNING: DriftState.LEARNING,
     DriftStanding.STEADY: DriftState.STEADY,
     DriftStanding.DRIFTING: DriftState.DRIFTING,
+    DriftStanding.OUT_OF_TOLERANCE: DriftState.DRIFTING,
 }
 
 
@@ -242,7 +243,7 @@ class PlcGateway:
             return calibration_result(run, document, now)
         document = (await operations.calibrations.with_arm(document)).document
         drifts = bool((await camera.drift.report_after(run)).alarm)
-        met = run.result["verification"]["within_tolerance"] is not False
+        met = run.result["verification"]["within_tolerance"]
         return verification_result(run, document, now, holds=met and not drifts)
 
     async def _abort(self, by: str) -> None:

@@ -3,12 +3,12 @@
 from dataclasses import replace
 from datetime import datetime
 
-from calibration.documents.calibration import CalibrationDocument
+from calibration.documents.calibration import AccuracyDocument, CalibrationDocument
 from daemon.model.records import RunRecord
 from daemon.model.run_states import RunState
 from protocols.plc.codes import PlcCommand, PlcVerdict
 from protocols.plc.error_codes import UNKNOWN, number_of
-from protocols.plc.results import CameraPose, CommandResult, Sigma
+from protocols.plc.results import Accuracy, CameraPose, CommandResult, Sigma
 from registration.documents import RegistrationReportDocument
 
 
@@ -26,9 +26,11 @@ def command_failure(command: PlcCommand, run_id: str, error_code: int) -> Comman
 
 def calibration_result(run: RunRecord, document: CalibrationDocument, now: datetime) -> CommandResult:
     """The result of a calibration: X, and its hold-out error as the deviation."""
+    assert run.result is not None
     deviation_mm = document.hold_out.base_error_mm if document.hold_out else None
     found = base_result(PlcCommand.CALIBRATE, run, document, now)
-    return replace(found, verdict=verdict_of(document.verdict.accepted), deviation_mm=deviation_mm)
+    verdict = verdict_of(document.verdict.accepted)
+    return replace(found, verdict=verdict, deviation_mm=deviation_mm, in_force=run.result["applied"])
 
 
 def verification_result(run: RunRecord, document: CalibrationDocument, now: datetime, holds: bool) -> CommandResult:
@@ -50,16 +52,25 @@ def registration_result(
 
 
 def base_result(command: PlcCommand, run: RunRecord, document: CalibrationDocument, now: datetime) -> CommandResult:
-    """The fields common to all results: run, X, its uncertainty, U at the worst of the points that matter, and age."""
-    camera = sigma = worst_mm = None
+    """The fields common to all results: run, X, its uncertainty and accuracy, and age; of a calibration in force."""
+    camera = sigma = None
     if document.mount_T_camera is not None:
         camera = CameraPose(document.mount_T_camera.translation_mm, document.mount_T_camera.quaternion_wxyz)
     if document.uncertainty is not None:
         uncertainty = document.uncertainty
         sigma = Sigma(uncertainty.translation_mm, uncertainty.rotation_deg, uncertainty.point_mm)
-        worst_mm = uncertainty.worst_expanded_mm
     age_s = age_of(document, now)
-    return CommandResult(command, PlcVerdict.NONE, run.id, 0, run.station, age_s, camera, sigma, worst_mm=worst_mm)
+    return CommandResult(
+        command, PlcVerdict.NONE, run.id, 0, run.station, age_s, camera, sigma, accuracy=_accuracy(document.accuracy),
+        in_force=True,
+    )  # fmt: skip
+
+
+def _accuracy(stated: AccuracyDocument) -> Accuracy:
+    return Accuracy(
+        stated.expanded_mm, stated.worst_point or "", stated.tolerance_mm, stated.tolerance_stated, stated.expected_mm,
+        stated.before_mm, unexpected=stated.why is not None,
+    )  # fmt: skip
 
 
 def age_of(document: CalibrationDocument, now: datetime) -> int:

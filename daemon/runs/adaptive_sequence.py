@@ -208,7 +208,8 @@ class AdaptiveSequence:
         planning = planning.predicting(
             run.station, self.log.timestamp(), found.now_mm, found.planned_mm, found.planned_views
         )
-        self._progress.planning = replace(planning, planned_poses=await self._planned_poses(found))
+        note = self.parameters.assumed if found.reach is None else str(found.reach.sentence())
+        self._progress.planning = replace(planning, planned_poses=await self._planned_poses(found), note=note)
         await self.log.advance(event, planning=self._progress.planning, stations=self._progress.stations)
 
     async def _planned_poses(self, found: NextView) -> tuple[dict[str, Any], ...]:

@@ -2,23 +2,29 @@
 
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 from calibration.diagnosis.mount_check import ExpectedMount, mount_findings
 from calibration.diagnosis.plausibility import leave_out_settled
 from calibration.documents.arm import ArmErrorsDocument
 from calibration.documents.calibration import CalibrationDocument, calibration_document
+from calibration.documents.calibration_with_arm import CalibrationWithArm
+from calibration.documents.plan import NoiseExpectedDocument
 from calibration.errors import DocumentError, DocumentProblem
 from calibration.kinematics.arm import Arm
 from calibration.likelihood.mapped_points import NamedPoint, at_points
+from calibration.planning.expectation import NOTHING_EXPECTED, expectation_of
 from calibration.planning.what_if import PlanComparison
 from calibration.problem import Problem
 from calibration.solution import Finding
 from calibration.verdict import DEFAULT_VERDICT_LIMITS, VerdictLimits, judge
 from daemon.access.actor_names import AUTO_POLICY
 from daemon.config.settings import MAIN_CAMERA
+from daemon.errors import NoCalibration
 from daemon.model.records import AppliedCalibration, CalibrationRecord
 from daemon.model.requests import ObservationsRequest, SolveRequest
 from daemon.model.run_states import RunEvent as E
+from daemon.runs.calibrations import result_of, why_not_applied
 from daemon.runs.pose_sequence import PoseSequence
 from daemon.runs.run_log import RunLog
 from daemon.runs.run_modules import load_run_modules
@@ -42,7 +48,8 @@ class CalibrationRun:
 
     `better`: compares the poses with planned ones; None when they were planned. `expected`: the camera's expected pose.
     `limits`: of the verdict. `points`: where the uncertainty counts; the working volume without any. `arm`: its errors
-    are identified, too. `camera`: name of the one that is calibrated.
+    are identified, too. `camera`: name of the one that is calibrated. `noise`: as expected beside what is believed
+    of the robot's, None where the views are of another program.
     """
 
     store: Store
@@ -55,28 +62,44 @@ class CalibrationRun:
     points: tuple[NamedPoint, ...] = ()
     arm: Arm | None = None
     camera: str = MAIN_CAMERA
+    noise: NoiseExpectedDocument | None = None
 
     async def drive(self, sequence: PoseSequence, log: RunLog) -> RunResult:
         """Run the sequence, solve, and store the calibration under the run's id."""
         await self.workers.run(load_run_modules)
         problem = await sequence.run(MIN_VIEWS)
-        document, arm = await self.workers.run(self.solve, problem, log.id, self.clock.timestamp())
+        solved = await self.workers.run(self.solve, problem, log.id, self.clock.timestamp())
         log.conclude()
-        applied = await self.keep(document, arm, log.id)
-        return E.SOLVED, {
-            "calibration_id": document.id, "accepted": document.verdict.accepted, "applied": applied
-        }  # fmt: skip
+        return E.SOLVED, await self.keep(solved, log.id)
 
-    async def keep(self, document: CalibrationDocument, arm: ArmErrorsDocument | None, run_id: str) -> bool:
-        """Store a calibration, and apply it where the policy says so; returns whether it did. Raises StorageError."""
+    async def keep(self, solved: Solved, run_id: str) -> dict[str, Any]:
+        """Store a calibration, and apply it where the policy says so; returns the run's result. Raises StorageError."""
+        current = await self._in_force()
+        document = (await self.save(solved, run_id)).document
+        applied, why_not = self.apply_when_accepted and document.verdict.accepted, None
+        if applied and current is not None:
+            why_not = await self.workers.run(why_not_applied, current, document)
+            applied = why_not is None
+        if applied:
+            now = self.clock.timestamp()
+            await self.store.apply(AppliedCalibration(document.id, now, AUTO_POLICY, camera=self.camera))
+        return result_of(document, applied=applied, why_not=why_not)
+
+    async def save(self, solved: Solved, run_id: str | None) -> CalibrationRecord:
+        """Store a calibration, beside the U of the one that is in force now. Raises StorageError."""
+        document, arm = solved
+        if (current := await self._in_force()) is not None:
+            document = document.with_accuracy(before_mm=current.accuracy.expanded_mm)
         accepted = document.verdict.accepted
-        await self.store.save_calibration(
-            CalibrationRecord(document.id, run_id, document.created_at, accepted, document, self.camera), arm
-        )
-        if not (self.apply_when_accepted and accepted):
-            return False
-        await self.store.apply(AppliedCalibration(document.id, self.clock.timestamp(), AUTO_POLICY, camera=self.camera))
-        return True
+        record = CalibrationRecord(document.id, run_id, document.created_at, accepted, document, self.camera)
+        await self.store.save_calibration(record, arm)
+        return record
+
+    async def _in_force(self) -> CalibrationDocument | None:
+        try:
+            return (await self.store.current(self.camera))[1].document
+        except NoCalibration:
+            return None
 
     def solve(self, problem: Problem, calibration_id: str, created_at: str, method: str = "auto") -> Solved:
         """Solve, judge and document, as `handeyed solve` does; with the arm's errors as `handeyed solve --arm`."""
@@ -98,11 +121,15 @@ class CalibrationRun:
         if self.arm is not None and solution.mount_T_camera is not None:
             arm, found = identify_with_findings(self.arm, problem, created_at=created_at, software=SOFTWARE)
             findings += found
+        expected = NOTHING_EXPECTED
+        if self.noise is not None:
+            expected = expectation_of(problem, solution, self.noise.noise(problem.robot_noise), self.points)
         document = calibration_document(
             solution, replace(verdict, findings=findings), calibration_id=calibration_id, created_at=created_at,
-            software=SOFTWARE,
+            software=SOFTWARE, target=problem.target, expected=expected,
         )  # fmt: skip
-        return document, arm
+        with_arm = CalibrationWithArm.of(document, arm).document  # U is that of a point placed with the arm's errors
+        return document.model_copy(update={"accuracy": with_arm.accuracy}), arm
 
 
 def solve_without(

@@ -3,13 +3,16 @@
 import logging
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
-from calibration.documents.calibration import CalibrationDocument
+from calibration.documents.calibration import AccuracyDocument, CalibrationDocument, ReasonDocument
 from calibration.documents.calibration_with_arm import CalibrationWithArm
 from calibration.documents.external_axis import ExternalAxisDocument
 from calibration.errors import CalibrationError
 from calibration.kinematics.arm_conditions import ArmConditions
+from calibration.monitoring.comparison import compare
 from calibration.problem import Setup
+from calibration.sentences.sentence import Sentence
 from daemon.config.settings import MAIN_CAMERA
 from daemon.errors import CalibrationUnusable, StorageInconsistent
 from daemon.model.records import AppliedCalibration, CalibrationRecord
@@ -19,6 +22,9 @@ from daemon.runtime.workers import Workers
 from daemon.store.store import Store
 
 log = logging.getLogger(__name__)
+
+MAX_WORSE = 1.25
+"""Largest U of a calibration that policy "auto" puts in force, over that of the one in force."""
 
 
 @dataclass(frozen=True)
@@ -93,16 +99,16 @@ class Calibrations:
             return CalibrationWithArm(calibration)
         return await self.workers.run(CalibrationWithArm.of, calibration, errors, self.conditions())
 
-    async def point_mm(self, calibration: CalibrationDocument) -> float | None:
-        """One sigma of a mapped point, with the arm's errors where they were taken up; None where X is not determined.
+    async def accuracy(self, calibration: CalibrationDocument) -> AccuracyDocument:
+        """What it states, with the arm's errors as they are now where they were taken up. Raises StorageError.
 
-        That of the calibration alone, where it or its arm.json cannot be used. Raises StorageError.
+        That of the calibration alone, where it or its arm.json cannot be used.
         """
         try:
             calibration = (await self.with_arm(calibration)).document
         except (CalibrationUnusable, CalibrationError, StorageInconsistent) as error:
             log.warning("the uncertainty of calibration %s is stated without its arm: %s", calibration.id, error)
-        return None if calibration.uncertainty is None else calibration.uncertainty.point_mm
+        return calibration.accuracy
 
 
 def check_usable(calibration: CalibrationRecord, request: ApplyRequest) -> None:
@@ -126,3 +132,27 @@ def require_setup(calibration: CalibrationDocument, setup: Setup) -> None:
             f"calibration {calibration.id} is {calibration.setup}, but [camera] setup is {setup}",
             "calibrate this cell, and apply the result",
         )
+
+
+def result_of(document: CalibrationDocument, *, applied: bool, why_not: Sentence | None = None) -> dict[str, Any]:
+    """The result of a run that made this calibration. `why_not`: policy "auto" left it to a person."""
+    return {
+        "calibration_id": document.id,
+        "accepted": document.verdict.accepted,
+        "applied": applied,
+        "not_applied": None if why_not is None else ReasonDocument.of(why_not).model_dump(mode="json"),
+        **document.accuracy.fields(),
+    }
+
+
+def why_not_applied(current: CalibrationDocument, new: CalibrationDocument) -> Sentence | None:
+    """Why a person should decide whether `new` replaces the calibration in force: it is worse, or contradicts it."""
+    now_mm, before_mm = new.accuracy.expanded_mm, current.accuracy.expanded_mm
+    if current.mount_T_camera is None or current.setup != new.setup or now_mm is None or before_mm is None:
+        return None
+    both = {"expanded_mm": now_mm, "before_mm": before_mm}
+    found = compare(current, new)
+    if found.agree is False:
+        worst = max(found.points, key=lambda point: point.difference_mm)
+        return Sentence("not-applied-contradicts", point=worst.name, difference_mm=worst.difference_mm, **both)
+    return Sentence("not-applied-worse", **both) if now_mm > MAX_WORSE * before_mm else None

@@ -10,6 +10,7 @@ from calibration.documents.external_axis import ExternalAxisDocument
 from calibration.documents.pose import PoseDocument
 from calibration.documents.session import AxisOffsetDocument
 from calibration.documents.target import TargetDocument
+from calibration.kinematics.robot_accuracy import NoiseBelief
 from calibration.likelihood.mapped_points import NamedPoint
 from calibration.planning.next_view import StoppingRule
 from calibration.planning.scene_belief import ScenePrior
@@ -112,6 +113,22 @@ def select_taught_poses(settings: CalibrationSettings, count: int | None) -> tup
     return settings.poses[:count]
 
 
+MAX_VIEWS = 12
+"""Most views of a run that goes on until it is enough."""
+
+
+def stopping_rule(settings: CalibrationSettings, request: CalibrateRequest) -> StoppingRule:
+    """When a run with planned views ends: at the `count` of settings or request, else when U meets the tolerance.
+
+    A request that states a tolerance or an uncertainty beside a count ends at whichever comes first.
+    """
+    fixed = request.count or settings.count
+    goal = request.tolerance_mm or settings.verdict_limits().tolerance_mm
+    if fixed is None:
+        return StoppingRule(MAX_VIEWS - 1, request.uncertainty_mm or settings.uncertainty_mm, goal)
+    return StoppingRule(fixed, request.uncertainty_mm or settings.uncertainty_mm, request.tolerance_mm)
+
+
 def planning_limits(settings: CalibrationSettings, rules: MotionRules) -> ViewpointLimits:
     """The limits of planned poses."""
     return settings.limits.model_copy(update={"box_mm": settings.limits.box_mm or rules.robot.box_mm}).limits()
@@ -124,10 +141,11 @@ def adaptive_parameters(
     known: SceneGuess,
     wish: StoppingRule,
     points: tuple[NamedPoint, ...] = (),
+    belief: NoiseBelief | None = None,
 ) -> AdaptiveParameters:
     """Parameters of an adaptive sequence. The first look must show the target unless both guesses are given.
 
-    `points`: where the uncertainty counts; the working volume without any.
+    `points`: where the uncertainty counts; the working volume without any. `belief`: in the robot's noise.
     """
     guess = ScenePrior(
         known.setup,
@@ -135,10 +153,11 @@ def adaptive_parameters(
         known.camera,
         known.mount_T_camera.transform() if known.mount_T_camera else None,
         known.anchor_T_target.transform() if known.anchor_T_target else None,
-        settings.noise.noise(),
+        settings.noise.noise(belief),
         radians(settings.guess_deg),
         settings.guess_mm,
         points,
+        settings.known.knowledge(),
     )
     assumed = "" if known.camera else "the intrinsics are unknown: planned from a usual field of view until they are"
     return AdaptiveParameters(guess, planning_limits(settings, rules), wish, rules, assumed)

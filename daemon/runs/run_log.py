@@ -135,4 +135,5 @@ def run_event(run: RunRecord, seconds: float | None = None) -> dict[str, Any]:
         "fix": run.cause.fix if run.cause else None,
         "started_by": run.started_by,
         "seconds": None if seconds is None else round(seconds, 3),
+        "not_applied": (run.result or {}).get("not_applied"),
     }

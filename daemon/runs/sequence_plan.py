@@ -1,13 +1,15 @@
 """The plan of a run that takes its views along one sequence of poses, into a session of its own."""
 
 from collections.abc import Awaitable, Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from calibration.documents.external_axis import ExternalAxisDocument
-from calibration.documents.session import AxisOffsetDocument, CameraDocument
+from calibration.documents.knowledge import KnowledgeDocument, NoiseBeliefDocument
+from calibration.documents.session import AxisOffsetDocument, CameraDocument, SessionDocument
 from calibration.documents.target import TargetDocument
 from calibration.kinematics.arm_conditions import ArmConditions
+from calibration.kinematics.robot_accuracy import USUAL_BELIEF, NoiseBelief
 from calibration.problem import Setup
 from daemon.runs.pose_sequence import PoseSequence
 from daemon.runs.run_log import RunLog
@@ -33,13 +35,14 @@ def plan_sequence(stations: int, sequence: MakeSequence, session: OpenSession, d
 
 @dataclass(frozen=True)
 class RunSessions:
-    """Prepares the session folders of runs with one camera. `conditions`: of the arm now."""
+    """Prepares the session folders of runs with one camera. `conditions`: of the arm now; `known`: beforehand."""
 
     store: Store
     workers: Workers
     setup: Setup
     external_axis: ExternalAxisDocument | None = None
     conditions: Callable[[], ArmConditions] = ArmConditions
+    known: KnowledgeDocument = field(default_factory=KnowledgeDocument)
 
     def prepare(
         self,
@@ -48,12 +51,13 @@ class RunSessions:
         camera: CameraDocument | None,
         beside: OpenBeside = lambda log: (),
         axis_offset: AxisOffsetDocument | None = None,
+        robot_noise: NoiseBelief = USUAL_BELIEF,
     ) -> OpenSession:
         """A function that opens the session folder of a run; `beside`: opens those of the sensors beside the camera."""
 
         def open_session(log: RunLog) -> SessionWriter:
             folder, source = self.store.run_folder(log.id), f"{kind} run {log.id}"
-            return self._writer(folder, source, target, camera, beside(log), axis_offset)
+            return self._writer(folder, source, target, camera, beside(log), axis_offset, robot_noise)
 
         return open_session
 
@@ -72,9 +76,12 @@ class RunSessions:
         camera: CameraDocument | None,
         beside: Sequence[SensorBeside] = (),
         axis_offset: AxisOffsetDocument | None = None,
+        robot_noise: NoiseBelief = USUAL_BELIEF,
     ) -> SessionWriter:
-        intrinsics = None if camera is None else CameraDocument.of(camera.camera())
-        return SessionWriter(
-            folder, source, self.setup, target, intrinsics, self.store, self.workers, beside, axis_offset,
-            self.external_axis, self.conditions,
+        head = SessionDocument(
+            schema_version=1, source=source, poses_from_controller=True, setup=self.setup, target=target,
+            camera=None if camera is None else CameraDocument.of(camera.camera()), axis_offset=axis_offset,
+            external_axis=self.external_axis, known=self.known, robot_noise=NoiseBeliefDocument.of(robot_noise),
+            views=[],
         )  # fmt: skip
+        return SessionWriter(folder, head, self.store, self.workers, beside, self.conditions)

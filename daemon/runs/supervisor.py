@@ -23,6 +23,7 @@ from daemon.errors import (
 )
 from daemon.model.records import RunKind, RunRecord
 from daemon.model.run_states import FIRST_STATE, RunEvent, RunState
+from daemon.runs.calibrations import result_of
 from daemon.runs.failure_causes import abort_cause, cause_of, interruption_cause
 from daemon.runs.operator_requests import OperatorRequestQueue
 from daemon.runs.run_log import RunLog, ignore_step, run_event
@@ -148,7 +149,7 @@ class Supervisor:
             cause = interruption_cause(run, str(self._store.run_folder(run.id)))
             return replace(run, state=RunState.FAILED, cause=cause, updated_at=now)
         applied = any(row.calibration_id == run.id for row in await self._store.history())
-        result = {"calibration_id": found.id, "accepted": found.accepted, "applied": applied}
+        result = result_of(found.document, applied=applied)
         return replace(run, state=RunState.FINISHED, result=result, updated_at=now)
 
     async def start(

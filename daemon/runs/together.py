@@ -114,9 +114,7 @@ class TogetherRun:
         """Solve one camera's session, and store its calibration. Raises CalibrationError, StorageError."""
         problem = await run.workers.run(self._problem, log.id, name)
         at = run.clock.timestamp()
-        document, arm = await run.workers.run(run.solve, problem, f"{log.id}-{name}", at)
-        applied = await run.keep(document, arm, log.id)
-        return {"calibration_id": document.id, "accepted": document.verdict.accepted, "applied": applied}
+        return await run.keep(await run.workers.run(run.solve, problem, f"{log.id}-{name}", at), log.id)
 
     def _problem(self, run_id: str, name: str) -> Problem:
         return load_problem(open_session(self.main.store.session_folder(run_id, name)))

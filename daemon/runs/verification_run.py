@@ -11,6 +11,7 @@ from calibration.documents.pose import PoseDocument
 from calibration.monitoring.target_scatter import Verification, verify
 from calibration.problem import Problem
 from calibration.solution import COVERAGE_FACTOR
+from calibration.verdict import VerdictLimits
 from daemon.model.run_states import RunEvent as E
 from daemon.runs.pose_sequence import PoseSequence
 from daemon.runs.run_log import RunLog
@@ -37,11 +38,11 @@ class WithoutFirstView:
 
 @dataclass(frozen=True)
 class VerificationRun:
-    """The run without its poses. `given`: what is verified. `tolerance_mm`: of U, see `VerifyRequest`, or None."""
+    """The run without its poses. `given`: what is verified. `limits`: their tolerance, of U, see `VerifyRequest`."""
 
     workers: Workers
     given: CalibrationWithArm
-    tolerance_mm: float | None = None
+    limits: VerdictLimits
 
     async def drive(self, sequence: PoseSequence, log: RunLog) -> RunResult:
         """Run the sequence, and verify the calibration; see `document_of` for the result."""
@@ -50,7 +51,7 @@ class VerificationRun:
         found = await self.workers.run(_verify, problem, self.given)
         log.conclude()
         calibration = self.given.document
-        document = document_of(found, calibration, self.tolerance_mm)
+        document = document_of(found, calibration, self.limits)
         if (temperature_c := mean_temperature_c(problem)) is not None:
             document["camera_temperature_c"] = temperature_c
         if self.given.arm is not None:
@@ -67,24 +68,22 @@ def mean_temperature_c(problem: Problem) -> float | None:
 def _verify(problem: Problem, given: CalibrationWithArm) -> Verification:
     """Raises VerificationError, and as `CalibrationWithArm.base_T_flange`."""
     calibration, problem = given.document, given.correct(problem)
-    camera = problem.camera or (calibration.camera.camera() if calibration.camera else None)
+    camera = calibration.camera.camera() if calibration.camera else problem.camera
     return verify(replace(problem, camera=camera), calibration)
 
 
-def document_of(
-    found: Verification, calibration: CalibrationDocument, tolerance_mm: float | None = None
-) -> dict[str, Any]:
+def document_of(found: Verification, calibration: CalibrationDocument, limits: VerdictLimits) -> dict[str, Any]:
     """The points in `frame` and their standard deviations, rounded to 0.1 um (Tab. 1 of the paper).
 
     `frame`: base, or flange when the target is on the flange and the camera beside the robot. `base_T_flange`,
     `joints_deg`: where the robot was at each station.
 
     `expanded_mm`: twice the largest standard deviation; `within_tolerance` when it and the calibration's U at the worst
-    of the points that matter are, null without a tolerance.
+    of the points that matter are.
     """
     points, sigma = found.points_mm.round(4), found.sigma_per_point_mm.round(4)
     expanded_mm = float(COVERAGE_FACTOR * sigma.max())
-    worst_mm = calibration.uncertainty.worst_expanded_mm if calibration.uncertainty else None
+    worst_mm = calibration.accuracy.expanded_mm
     return {
         "calibration_id": calibration.id,
         "stations": list(found.stations),
@@ -99,7 +98,8 @@ def document_of(
         "sigma_mm": found.sigma_mm.round(4).tolist(),
         "expanded_mm": expanded_mm,
         "worst_expanded_mm": worst_mm,
-        "tolerance_mm": tolerance_mm,
-        "within_tolerance": None if tolerance_mm is None else max(expanded_mm, worst_mm or 0.0) <= tolerance_mm,
+        "tolerance_mm": limits.tolerance_mm,
+        "tolerance_stated": limits.tolerance_stated,
+        "within_tolerance": max(expanded_mm, worst_mm or 0.0) <= limits.tolerance_mm,
         "expected_point_mm": calibration.uncertainty.point_mm if calibration.uncertainty else None,
     }

@@ -120,6 +120,7 @@ def load_problem(session: SessionFolder, progress: Progress = lambda done, of: N
     return Problem(
         document.setup, target, camera, expected, tuple(views), poses_from_controller=document.poses_from_controller,
         axis_offset=document.given_offset, external_axis=document.rough_axis, load=document.carried,
+        knowledge=document.known.knowledge(), robot_noise=document.noise_belief,
     )  # fmt: skip
 
 

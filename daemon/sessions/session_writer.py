@@ -9,13 +9,12 @@ import cv2
 import numpy as np
 
 from calibration.documents.arm_conditions import LoadDocument
-from calibration.documents.external_axis import ExternalAxisDocument, external_axes_of
+from calibration.documents.external_axis import external_axes_of
 from calibration.documents.pose import PoseDocument
-from calibration.documents.session import AxisOffsetDocument, CameraDocument, SessionDocument, ViewDocument
-from calibration.documents.target import TargetDocument
+from calibration.documents.session import SessionDocument, ViewDocument
 from calibration.errors import DetectionError
 from calibration.kinematics.arm_conditions import ArmConditions
-from calibration.problem import Problem, Setup, View
+from calibration.problem import Problem, View
 from calibration.sentences.sentence import with_fix
 from daemon.errors import PictureUnusable
 from daemon.runtime.workers import Workers
@@ -47,27 +46,23 @@ class SensorBeside(Protocol):
 
 
 class SessionWriter:
-    """Writes the session folder of one run. `beside`: sensors that look after each picture, from the same pose.
+    """Writes the session folder of one run, whose document begins as `head`, without views.
 
-    `conditions`: of the arm now; its load is that of the session, its temperature that of each view.
+    `beside`: sensors that look after each picture, from the same pose. `conditions`: of the arm now; its load is that
+    of the session, its temperature that of each view.
     """
 
     def __init__(
-        self, folder: Path, source: str, setup: Setup, target: TargetDocument, camera: CameraDocument | None,
-        store: Store, workers: Workers, beside: Sequence[SensorBeside] = (),
-        axis_offset: AxisOffsetDocument | None = None, external_axis: ExternalAxisDocument | None = None,
-        conditions: Callable[[], ArmConditions] = ArmConditions,
+        self, folder: Path, head: SessionDocument, store: Store, workers: Workers,
+        beside: Sequence[SensorBeside] = (), conditions: Callable[[], ArmConditions] = ArmConditions,
     ) -> None:  # fmt: skip
         self.folder = folder
         self._store, self._workers, self._beside, self._conditions = store, workers, beside, conditions
-        self._image_size = camera.image_size if camera else None
+        self._image_size = head.camera.image_size if head.camera else None
         self._target_seen = False
         self._detections = DetectionsDocument()
         self._taken: dict[int, DetectionDocument] = {}
-        self._document = SessionDocument(
-            schema_version=1, source=source, poses_from_controller=True, setup=setup, target=target, camera=camera,
-            axis_offset=axis_offset, external_axis=external_axis, load=LoadDocument.of(conditions().load), views=[],
-        )  # fmt: skip
+        self._document = head.model_copy(update={"load": LoadDocument.of(conditions().load)})
 
     async def add(self, frame: CameraFrame, reading: PoseReading, at: str = "") -> int:
         """Store a station's picture, pose and joints; returns the view's index.
@@ -125,7 +120,8 @@ class SessionWriter:
         return Problem(
             document.setup, document.described_target(), camera, self._image_size, tuple(views),
             poses_from_controller=document.poses_from_controller, axis_offset=document.given_offset,
-            external_axis=document.rough_axis, load=document.carried,
+            external_axis=document.rough_axis, load=document.carried, knowledge=document.known.knowledge(),
+            robot_noise=document.noise_belief,
         )  # fmt: skip
 
     def problem_here(self, views: list[View]) -> Problem:

@@ -8,6 +8,7 @@ import sqlite3
 from dataclasses import dataclass, replace
 from typing import Any
 
+from calibration.documents.calibration import AccuracyDocument
 from calibration.documents.pose import PoseDocument
 from daemon.errors import CursorUnknown
 from daemon.model.records import RunRecord, ScanRecord
@@ -25,9 +26,12 @@ _RUNS = (
     f" CASE WHEN {_RESULT_IS_SOUND} THEN json_object('calibration_id', json_extract(result, '$.calibration_id'),"
     " 'scan_id', json_extract(result, '$.scan_id')) END FROM runs"
 )
+ACCURACY = "CASE WHEN json_valid(document) THEN json_extract(document, '$.accuracy') END"
+"""Of a row of calibrations, as JSON."""
+
 _CALIBRATIONS = (
     "SELECT id, run_id, created_at, accepted, camera,"
-    " CASE WHEN json_valid(document) THEN json_extract(document, '$.uncertainty.point_mm') END,"
+    f" {ACCURACY},"
     " CASE WHEN json_valid(document) THEN json_type(document, '$.verdict') = 'object' ELSE 0 END FROM calibrations"
 )
 _SCANS = "SELECT * FROM scans"
@@ -69,21 +73,23 @@ class RunListing:
 
 @dataclass(frozen=True)
 class CalibrationListing:
-    """A calibration of a list. `camera`: by its name in the settings; `point_mm`: one sigma of a mapped point."""
+    """A calibration of a list. `camera`: by its name in the settings."""
 
     id: str
     run_id: str | None
     created_at: str
     accepted: bool
     camera: str
-    point_mm: float | None
+    accuracy: AccuracyDocument
 
     @classmethod
     def of_row(cls, row: tuple[Any, ...]) -> "CalibrationListing":
-        found_id, run_id, created_at, accepted, camera, point_mm, sound = row
+        found_id, run_id, created_at, accepted, camera, accuracy, sound = row
         if not sound:
             raise ValueError("the document is no calibration")
-        return cls(found_id, run_id, created_at, bool(accepted), camera, point_mm)
+        return cls(
+            found_id, run_id, created_at, bool(accepted), camera, AccuracyDocument.model_validate_json(accuracy or "{}")
+        )
 
 
 @dataclass(frozen=True)

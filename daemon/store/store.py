@@ -13,6 +13,7 @@ from functools import partial
 from pathlib import Path
 
 from calibration.documents.arm import ArmErrorsDocument
+from calibration.documents.calibration import AccuracyDocument
 from daemon.config.settings import MAIN_CAMERA
 from daemon.errors import AppliedMeanwhile, NoCalibration, NotFound, StorageFull, StorageInconsistent
 from daemon.model.records import (
@@ -37,7 +38,7 @@ from daemon.store.damaged_rows import parse_each, parse_row, parse_stored, parsi
 from daemon.store.documents import ACCEPTANCES, RIGS, TOUCH_TESTS, DocumentRecord, Documents
 from daemon.store.event_log import StoredEvents
 from daemon.store.idempotency_keys import IdempotencyKeys
-from daemon.store.listings import SCAN_VIEWS, Listings, read_page
+from daemon.store.listings import ACCURACY, SCAN_VIEWS, Listings, read_page
 from daemon.store.opening import LockedStore
 from daemon.store.outbox import Outbox
 from daemon.store.rows import read_calibration, read_run_or_failed, read_scan, read_scan_view, scan_view_row
@@ -217,7 +218,8 @@ class Store:
         await self._database.write(insert)
         self.publish("calibration", {"calibration_id": calibration.id, "run_id": calibration.run_id,
                                      "accepted": calibration.accepted, "at": calibration.created_at,
-                                     "camera": calibration.camera})  # fmt: skip
+                                     "camera": calibration.camera,
+                                     **calibration.document.accuracy.fields()})  # fmt: skip
 
     async def calibration(self, calibration_id: str) -> CalibrationRecord:
         """The calibration with this id. Raises NotFound."""
@@ -250,7 +252,7 @@ class Store:
         """
         context = current_audit_context()
 
-        def insert(db: sqlite3.Connection) -> int:
+        def insert(db: sqlite3.Connection) -> tuple[int, str | None]:
             query = "SELECT coalesce(max(sequence), 0) FROM applied WHERE camera = ?"
             (now,) = db.execute(query, (applied.camera,)).fetchone()
             if expected is not None and now not in expected:
@@ -263,12 +265,16 @@ class Store:
             despite = {"despite_verdict": True, "reason": applied.reason} if applied.despite_verdict else {}
             record_change(db, context, applied.applied_at, "apply", str(sequence), calibration=applied.calibration_id,
                  by=applied.applied_by, **despite)  # fmt: skip
-            return int(sequence)
+            query = f"SELECT {ACCURACY} FROM calibrations WHERE id = ?"
+            (accuracy,) = db.execute(query, (applied.calibration_id,)).fetchone()
+            return int(sequence), accuracy
 
-        stored = replace(applied, sequence=await self._database.write(insert), role=context.role)
+        sequence, accuracy = await self._database.write(insert)
+        stored = replace(applied, sequence=sequence, role=context.role)
         self.publish("applied", {"calibration_id": stored.calibration_id, "applied_by": stored.applied_by,
                                  "role": stored.role, "sequence": stored.sequence, "at": stored.applied_at,
-                                 "camera": stored.camera})  # fmt: skip
+                                 "camera": stored.camera,
+                                 **AccuracyDocument.model_validate_json(accuracy or "{}").fields()})  # fmt: skip
         return stored
 
     async def history(self, limit: int = 1) -> list[AppliedCalibration]:

@@ -71,6 +71,12 @@ class ContentsBit(IntFlag):
     UNCERTAINTY = 2
     DEVIATION = 4
     WORST_POINT = 8
+    TOLERANCE = 16
+    TOLERANCE_STATED = 32
+    EXPECTED = 64
+    BEFORE = 128
+    UNEXPECTED = 256
+    IN_FORCE = 512
 
 
 class DriftState(IntEnum):

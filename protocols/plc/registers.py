@@ -60,6 +60,9 @@ _SX = "one standard deviation of X's position"
 _SR = "one standard deviation of X's rotation about the camera's axis"
 _POINT = "one standard deviation of a mapped point"
 _WORST = "U (k = 2) at the worst of the points that matter: what the tolerance is compared with"
+_ASKED = "largest U that was accepted, in place of a stated one the default: see contents"
+_EXPECTED = "U that was expected of the same views before the run"
+_BEFORE = "U of the calibration that was in force when this one was made"
 _DEVIATION = (
     "calibrate: hold-out error; verify: largest scatter of the target over the positions; register: RMS between views"
 )
@@ -124,6 +127,14 @@ REGISTERS: tuple[Register, ...] = (
     Register(148, "u_worst", Kind.FLOAT32, "mm", _WORST),
     Register(150, "u_worst_um", Kind.INT32, "µm", _WORST),
     Register(152, "crc_all", Kind.UINT16, "", "the same over registers 64 to 151"),
+    Register(153, "tolerance", Kind.FLOAT32, "mm", _ASKED),
+    Register(155, "tolerance_um", Kind.INT32, "µm", _ASKED),
+    Register(157, "u_expected", Kind.FLOAT32, "mm", _EXPECTED),
+    Register(159, "u_expected_um", Kind.INT32, "µm", _EXPECTED),
+    Register(161, "u_before", Kind.FLOAT32, "mm", _BEFORE),
+    Register(163, "u_before_um", Kind.INT32, "µm", _BEFORE),
+    Register(165, "worst_point", Kind.TEXT24, "", "name of the point of u_worst, its first 24 characters"),
+    Register(177, "crc_whole", Kind.UINT16, "", "the same over registers 64 to 176"),
 )  # fmt: skip
 
 SIZE = REGISTERS[-1].address + REGISTERS[-1].registers

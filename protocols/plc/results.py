@@ -40,8 +40,47 @@ class Sigma:
 
 
 @dataclass(frozen=True)
+class Accuracy:
+    """U (k = 2, mm) at the worst of the points that matter, beside what it is judged by; None where it is not known.
+
+    `unexpected`: found and expected U part by more than a factor of 1.5.
+    """
+
+    expanded_mm: float | None = None
+    worst_point: str = ""
+    tolerance_mm: float | None = None
+    tolerance_stated: bool = False
+    expected_mm: float | None = None
+    before_mm: float | None = None
+    unexpected: bool = False
+
+    def values(self) -> dict[str, Value]:
+        """Values by register name: each length in mm, and as an integer in um."""
+        lengths = {"u_worst": self.expanded_mm, "tolerance": self.tolerance_mm, "u_expected": self.expected_mm,
+                   "u_before": self.before_mm}  # fmt: skip
+        known: dict[str, Value] = {"worst_point": self.worst_point}
+        for name, length_mm in lengths.items():
+            known |= {name: length_mm or 0.0, f"{name}_um": round(1e3 * (length_mm or 0.0))}
+        return known
+
+    def contents(self) -> ContentsBit:
+        bits = (
+            (self.expanded_mm is not None, ContentsBit.WORST_POINT),
+            (self.tolerance_mm is not None, ContentsBit.TOLERANCE),
+            (self.tolerance_stated, ContentsBit.TOLERANCE_STATED),
+            (self.expected_mm is not None, ContentsBit.EXPECTED),
+            (self.before_mm is not None, ContentsBit.BEFORE),
+            (self.unexpected, ContentsBit.UNEXPECTED),
+        )
+        return ContentsBit(sum(bit for known, bit in bits if known))
+
+
+@dataclass(frozen=True)
 class CommandResult:
-    """Result of a command. None marks an unknown value, which the block's `contents` shows as missing."""
+    """Result of a command. None marks an unknown value, which the block's `contents` shows as missing.
+
+    `in_force`: the calibration of the result is the one in force.
+    """
 
     command: PlcCommand
     verdict: PlcVerdict
@@ -52,13 +91,14 @@ class CommandResult:
     camera: CameraPose | None = None
     sigma: Sigma | None = None
     deviation_mm: float | None = None
-    worst_mm: float | None = None
+    accuracy: Accuracy = Accuracy()
+    in_force: bool = False
 
     def values(self) -> dict[str, Value]:
         """Values by register name, without the counters of the handshake."""
         camera = self.camera or CameraPose((0.0,) * 3, (0.0,) * 4)
         sigma = self.sigma or Sigma((0.0,) * 3, (0.0,) * 3, 0.0)
-        deviation_mm, worst_mm = self.deviation_mm or 0.0, self.worst_mm or 0.0
+        deviation_mm = self.deviation_mm or 0.0
         return {
             "result_command": self.command,
             "verdict": self.verdict,
@@ -79,8 +119,7 @@ class CommandResult:
             **_by_axis("sigma_r_udeg", "xyz", _to_integers(sigma.rotation_deg, 1e6)),
             "sigma_point_um": round(1e3 * sigma.point_mm),
             "deviation_um": round(1e3 * deviation_mm),
-            "u_worst": worst_mm,
-            "u_worst_um": round(1e3 * worst_mm),
+            **self.accuracy.values(),
         }
 
     def _contents(self) -> ContentsBit:
@@ -88,16 +127,16 @@ class CommandResult:
             (self.camera, ContentsBit.X),
             (self.sigma, ContentsBit.UNCERTAINTY),
             (self.deviation_mm, ContentsBit.DEVIATION),
-            (self.worst_mm, ContentsBit.WORST_POINT),
+            (self.in_force or None, ContentsBit.IN_FORCE),
         )
-        return ContentsBit(sum(bit for value, bit in known if value is not None))
+        return ContentsBit(sum(bit for value, bit in known if value is not None)) | self.accuracy.contents()
 
 
 def result_block(result: CommandResult, number: int, acquisition: int, part_id: int, order: WordOrder) -> Words:
-    """Encode the registers from RESULT on. `crc` closes those before it, `crc_all` the whole block."""
+    """Encode the registers from RESULT on. Each of the sums closes all registers before it."""
     counted = {"result_number": number, "result_acquisition": acquisition, "result_part": part_id}
     words = list(encode_block({**result.values(), **counted}, RESULT_REGISTERS, RESULT, SIZE - RESULT, order))
-    for name in ("crc", "crc_all"):
+    for name in ("crc", "crc_all", "crc_whole"):
         place = BY_NAME[name].address - RESULT
         words[place] = crc16(words[:place])
     return tuple(words)

@@ -59,7 +59,15 @@ BIT_MEANINGS: dict[tuple[type[IntFlag], int], str] = {
     (ContentsBit, ContentsBit.X): "x, q and their integers",
     (ContentsBit, ContentsBit.UNCERTAINTY): "sigma, sigma_r, sigma_point and their integers",
     (ContentsBit, ContentsBit.DEVIATION): "deviation and its integer",
-    (ContentsBit, ContentsBit.WORST_POINT): "u_worst and its integer",
+    (ContentsBit, ContentsBit.WORST_POINT): "u_worst and its integer, worst_point",
+    (ContentsBit, ContentsBit.TOLERANCE): "tolerance and its integer",
+    (ContentsBit, ContentsBit.TOLERANCE_STATED): "the tolerance was stated by settings, PLC or request; else it is the"
+    " default of 1 mm",
+    (ContentsBit, ContentsBit.EXPECTED): "u_expected and its integer",
+    (ContentsBit, ContentsBit.BEFORE): "u_before and its integer",
+    (ContentsBit, ContentsBit.UNEXPECTED): "u_worst is more than 1.5 times u_expected, or less than that",
+    (ContentsBit, ContentsBit.IN_FORCE): "the result's calibration is in force; low after an accepted calibrate: it"
+    " waits for a person",
 }
 
 

@@ -22,6 +22,9 @@ PROBLEM, SOLVED = solved_session()
 PLACE = (0.0, 0.0, 500.0)
 
 
+FOUR_MM = VerdictLimits().with_tolerance(4.0)
+
+
 def uncertain(point_mm: float) -> Solution:
     """`point_mm`: one standard deviation at the worst point; U is twice that."""
     points = (
@@ -45,7 +48,7 @@ def holding_out(error_mm: float, views: int) -> Solution:
 ROWS: dict[str, tuple[Solution, str | None, bool]] = {
     "a good one": (SOLVED, None, True),
     "a point known to half a millimetre": (uncertain(0.49), None, True),
-    "a point known to a millimetre": (uncertain(1.0), "point-uncertain", True),
+    "a point known to a millimetre": (uncertain(0.51), "point-uncertain", False),
     "a point known to three millimetres": (uncertain(3.0), "point-uncertain", False),
     "a point not known at all": (uncertain(np.inf), "point-uncertain", False),
     "a point that is not a number": (uncertain(np.nan), "point-uncertain", False),
@@ -96,7 +99,13 @@ def test_limits_can_be_set() -> None:
 
 @pytest.mark.parametrize(
     ("sigma_mm", "tolerance_mm", "accepted", "warned"),
-    [(0.6, None, True, True), (0.6, 1.5, True, False), (0.6, 1.1, False, True), (1.9, 5.0, True, False)],
+    [
+        (0.4, None, True, False),
+        (0.6, None, False, True),
+        (0.6, 1.5, True, False),
+        (0.6, 1.1, False, True),
+        (1.9, 5.0, True, False),
+    ],
 )
 def test_a_stated_tolerance_decides(sigma_mm: float, tolerance_mm: float | None, accepted: bool, warned: bool) -> None:
     limits = VerdictLimits().with_tolerance(tolerance_mm)
@@ -123,7 +132,7 @@ def test_a_finding_weighs_its_effect_beside_tolerance_and_uncertainty(
     effect_mm: float | None, expanded_mm: float, given: Severity, severity: Severity
 ) -> None:
     """The tolerance is 4 mm; U contains the effect."""
-    found = weigh(Finding("x", given, "what", "fix", effect_mm), of_points(expanded_mm, expanded_mm), VerdictLimits())
+    found = weigh(Finding("x", given, "what", "fix", effect_mm), of_points(expanded_mm, expanded_mm), FOUR_MM)
     assert found.severity == severity
 
 
@@ -167,7 +176,7 @@ def test_an_effect_weighs_what_it_is_at_the_worst_of_the_points_that_matter(
     effect_mm: float, worst_mm: float, severity: Severity
 ) -> None:
     """On average over the working volume U is the effect alone; at the worst point both are larger by one factor."""
-    found = weigh(Finding("x", "error", "what", "fix", effect_mm), of_points(effect_mm, worst_mm), VerdictLimits())
+    found = weigh(Finding("x", "error", "what", "fix", effect_mm), of_points(effect_mm, worst_mm), FOUR_MM)
     assert found.severity == severity
 
 

@@ -29,7 +29,7 @@ def pose_json(base_T_flange: Any) -> dict[str, Any]:
 
 
 def settings_for(folder: Path, **changes: Any) -> Settings:
-    """Settings of the fake cell; `changes` by section, e.g. calibration={"policy": "auto"}."""
+    """Settings of the fake cell; `changes` by section, e.g. calibration={"policy": "operator"}."""
     sections: dict[str, Any] = {
         "robot": {
             "address": "tcp://robot:11111",

@@ -32,7 +32,7 @@ async def calibrated(folder: Path, **changes: Any) -> AsyncIterator[tuple[Bench,
     parts = Parts()
     camera = KnockedCamera(parts.robot)
     parts.camera = camera
-    settings = settings_for(folder, calibration={"policy": "auto"}, drift=QUICK, **changes)
+    settings = settings_for(folder, calibration={"policy": "auto", "tolerance_mm": 20.0}, drift=QUICK, **changes)
     async with serving(settings, parts) as bench:
         run = await bench.run_over((await bench.client.post("/calibrate")).headers["location"])
         assert run["result"]["applied"], run

@@ -19,7 +19,7 @@ WRIST = FLANGE_T_CAMERA @ transform(rotation_from_vector([0.01, -0.02, 0.3]), [1
 def wrist(**changes: Any) -> dict[str, Any]:
     poses = [pose_json(pose) for pose in poses_around_the_target()]
     return {"address": "http://wrist/frame.png", "intrinsics": CameraDocument.of(CAMERA).model_dump(),
-            "calibration": {"poses": poses, "policy": "auto"}, **changes}  # fmt: skip
+            "calibration": {"poses": poses, "policy": "auto", "tolerance_mm": 20.0}, **changes}  # fmt: skip
 
 
 @asynccontextmanager

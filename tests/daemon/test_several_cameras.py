@@ -29,7 +29,7 @@ OF_A_STAND = {"base_T_camera_guess": pose_json(np.eye(4))}
 
 
 async def test_each_camera_has_its_own_calibration_in_force_and_chart(tmp_path: Path) -> None:
-    async with two_cameras(tmp_path, calibration={"policy": "auto"}) as bench:
+    async with two_cameras(tmp_path, calibration={"policy": "auto", "tolerance_mm": 20.0}) as bench:
         ask = bench.client
         of_wrist = await calibrate(ask, camera="wrist")
         none = await ask.get("/calibrations/current")
@@ -60,7 +60,7 @@ async def test_each_camera_has_its_own_calibration_in_force_and_chart(tmp_path: 
 
 
 async def test_one_run_calibrates_both_and_solves_them_together(tmp_path: Path) -> None:
-    async with two_cameras(tmp_path, calibration={"policy": "auto"}) as bench:
+    async with two_cameras(tmp_path, calibration={"policy": "auto", "tolerance_mm": 20.0}) as bench:
         await bench.client.post("/arm/temperature", json={"temperature_c": 31.5})
         run = await calibrate(bench.client, together=["wrist"])
         together = run["result"]["together"]
@@ -97,7 +97,9 @@ async def test_nothing_moves_for_sensors_of_which_one_cannot_look(tmp_path: Path
 
 
 async def test_ready_says_of_each_schedule_why_it_waits_and_of_all_once(tmp_path: Path) -> None:
-    async with two_cameras(tmp_path, calibration={"policy": "auto"}, drift={"every_h": 1}) as bench:
+    async with two_cameras(
+        tmp_path, calibration={"policy": "auto", "tolerance_mm": 20.0}, drift={"every_h": 1}
+    ) as bench:
         (warning,) = (await bench.client.get("/ready")).json()["warnings"]
         assert warning.startswith("the drift schedule verifies nothing until somebody starts a run")
         run = await calibrate(bench.client)
@@ -137,7 +139,9 @@ async def test_a_name_that_is_not_there_is_answered_with_those_that_are(
 
 async def test_a_scanner_is_placed_by_the_calibration_of_its_camera_only(tmp_path: Path) -> None:
     scanner = {"address": "http://door/cloud.ply", "camera": "wrist", "camera_T_scanner": pose_json(np.eye(4))}
-    async with two_cameras(tmp_path, scanners={"door": scanner}, calibration={"policy": "auto"}) as bench:
+    async with two_cameras(
+        tmp_path, scanners={"door": scanner}, calibration={"policy": "auto", "tolerance_mm": 20.0}
+    ) as bench:
         wrong = (await calibrate(bench.client))["id"]
         right = (await calibrate(bench.client, camera="wrist"))["id"]
         query = {"pose": POSE, "scanner": "door"}
@@ -154,7 +158,7 @@ async def test_each_scanner_is_ready_by_what_places_its_clouds(tmp_path: Path) -
     by_camera = {"address": "http://door/cloud.ply", "camera": "wrist", "camera_T_scanner": pose_json(np.eye(4))}
     by_rig = {"address": "http://roof/cloud.ply"}
     scanners = {"door": by_camera, "roof": by_rig}
-    async with two_cameras(tmp_path, scanners=scanners, calibration={"policy": "auto"}) as bench:
+    async with two_cameras(tmp_path, scanners=scanners, calibration={"policy": "auto", "tolerance_mm": 20.0}) as bench:
 
         async def register(name: str) -> Any:
             return (await bench.client.get("/ready", params={"scanner": name})).json()["register"]
@@ -201,7 +205,7 @@ def test_settings_that_do_not_tell_devices_apart_are_refused(
 async def test_readiness_and_uncertainty_are_of_the_camera_asked_for(tmp_path: Path) -> None:
     parts = Parts()
     of_wrist = parts.cameras["wrist"] = FakeCamera(parts.robot, flange_T_camera=WRIST)
-    settings = settings_for(tmp_path, cameras={"wrist": wrist()}, calibration={"policy": "auto"})
+    settings = settings_for(tmp_path, cameras={"wrist": wrist()}, calibration={"policy": "auto", "tolerance_mm": 20.0})
     async with serving(settings, parts) as bench:
         ask = bench.client
         before = (await ask.get("/ready", params={"camera": "wrist"})).json()
@@ -209,7 +213,7 @@ async def test_readiness_and_uncertainty_are_of_the_camera_asked_for(tmp_path: P
         await calibrate(ask, camera="wrist")
         assert (await ask.get("/ready", params={"camera": "wrist"})).json()["register"]["ready"]
         assert (await ask.get("/ready")).json()["register"]["reasons"] == ["no calibration is applied"]
-        assert 'handeyed_calibration_point_sigma_meters{camera="wrist"}' in (await ask.get("/metrics")).text
+        assert 'handeyed_calibration_expanded_meters{camera="wrist"}' in (await ask.get("/metrics")).text
         of_wrist.failing = DeviceUnreachable("camera wrist", "no cable", "plug it in")
         reasons: list[str] = []
         async with asyncio.timeout(LIMIT_S):  # a reading is shared for 0.1 s

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from calibration.documents.calibration import CalibrationDocument
+from calibration.documents.calibration import CalibrationDocument, PointUncertaintyDocument
 from calibration.documents.pose import PoseDocument
 from calibration.transforms import Array, map_points, rotation_from_vector, transform
 from tests.daemon.calibrations import a_calibration
@@ -34,8 +34,14 @@ def document_with_covariance() -> CalibrationDocument:
     document = a_calibration("cal-1")
     assert document.uncertainty is not None
     covariance = np.diag([1e-7] * 3 + [0.01] * 3).tolist()
-    claimed = document.uncertainty.model_copy(update={"covariance": tuple(map(tuple, covariance))})
-    return document.model_copy(update={"uncertainty": claimed})
+    nowhere = (0.0, 0.0, 0.0)
+    point = PointUncertaintyDocument(
+        name="the camera", frame="camera", position_mm=nowhere, camera_mm=nowhere, sigma_mm=0.17, expanded_mm=0.34
+    )
+    with_covariance = {"covariance": tuple(map(tuple, covariance)), "points": (point,)}
+    claimed = document.uncertainty.model_copy(update=with_covariance)
+    accuracy = document.accuracy.of_uncertainty(claimed)
+    return document.model_copy(update={"uncertainty": claimed, "accuracy": accuracy})
 
 
 async def touch_two_points(bench: Bench) -> list[int]:

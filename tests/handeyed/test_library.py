@@ -1,12 +1,16 @@
 """`import handeyed`: arrays in, results out."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 import handeyed
 from calibration.errors import DocumentError
-from calibration.transforms import difference
+from calibration.problem import MeasuredPose
+from calibration.transforms import Array, difference, inverse, map_points
 from tests.calibration.documents.exports.readers import READERS
+from tests.simulated.measured_sessions import measured_cell, tracker
 from tests.simulated.spoiled_sessions import cell
 
 SIMULATED = cell(21, 10)
@@ -49,6 +53,62 @@ def test_what_does_not_go_together_is_refused() -> None:
         handeyed.Session.of_corners(np.eye(4), [[[0, 0]]], {"kind": "chessboard"}, image_size=(640, 480))
     with pytest.raises(DocumentError, match="'feet' is no unit"):
         handeyed.read_cloud("cloud.ply", unit="feet")
+
+
+def pairs() -> tuple[Array, Array, Array]:
+    """base_T_flange, camera_T_target (10, 4, 4) and X of a tracker's session."""
+    drawn = measured_cell(np.random.default_rng(3), 10, tracker())
+    measured = [view.measured for view in drawn.problem.views]
+    seen = np.array([one.camera_T_target for one in measured if isinstance(one, MeasuredPose)])
+    return np.array([view.base_T_flange for view in drawn.problem.views]), seen, drawn.mount_T_camera
+
+
+def test_pairs_of_poses_need_no_folder(tmp_path: Path) -> None:
+    robot, camera, x = pairs()
+    stacks = {"R_gripper2base": robot[:, :3, :3], "t_gripper2base": robot[:, :3, 3], "T_target2cam": camera}
+    np.savez(tmp_path / "pairs.npz", **stacks)
+    given = [handeyed.Session.of_poses(robot, camera), stacks, tmp_path / "pairs.npz", str(tmp_path / "pairs.npz")]
+    for one in (*given, np.load(tmp_path / "pairs.npz")):
+        result = handeyed.solve(one, tolerance_mm=4.0)
+        assert result.verdict.accepted and result.flange_T_camera is not None
+        assert difference(result.flange_T_camera.transform(), x)[0] < 2.0
+
+
+def test_the_camera_s_own_poses_are_no_measurement() -> None:
+    _, camera, _ = pairs()
+    result = handeyed.solve(handeyed.Session.of_poses(inverse(camera), camera))
+    assert not result.verdict.accepted and result.flange_T_camera is None
+    assert result.verdict.findings[-1].code == "circular-poses"
+
+
+@pytest.mark.parametrize("setup", ["eye-to-hand", "eye-in-hand"])
+def test_points_of_a_tip_are_a_calibration(setup: str) -> None:
+    robot, _, x = pairs()
+    rng = np.random.default_rng(5)
+    seen = rng.uniform([-200, -200, 500], [200, 200, 900], (10, 3))
+    in_mount = map_points(x, seen) + 0.2 * rng.standard_normal((10, 3))
+    touched = in_mount if setup == "eye-to-hand" else map_points(robot, in_mount[:, None])[:, 0]
+    poses = None if setup == "eye-to-hand" else robot
+    result = handeyed.solve(
+        handeyed.Session.of_points(touched, seen, setup=setup, base_T_flange=poses), tolerance_mm=4.0
+    )  # type: ignore[arg-type]
+    found = result.base_T_camera or result.flange_T_camera
+    assert found is not None and result.uncertainty is not None and result.verdict.accepted
+    probe = np.array([[0.0, 0.0, 700.0]])
+    error_mm = np.linalg.norm(map_points(found.transform(), probe) - map_points(x, probe))
+    assert error_mm < max(point.expanded_mm for point in result.uncertainty.points)
+
+
+def test_a_wrong_argument_says_what_fits() -> None:
+    with pytest.raises(TypeError, match="solve takes a Session, a folder, a file or a mapping of arrays, not int"):
+        handeyed.solve(3)  # type: ignore[arg-type]
+    with pytest.raises(DocumentError, match="only one side's poses"):
+        handeyed.solve({"R_gripper2base": np.tile(np.eye(3), (5, 1, 1)), "t_gripper2base": np.zeros((5, 3))})
+    with pytest.raises(DocumentError, match="do not go together"):
+        handeyed.Session.of_poses(np.eye(4)[None], np.tile(np.eye(4), (2, 1, 1)))
+    with pytest.raises(DocumentError, match="X needs four or more"):
+        handeyed.solve(handeyed.Session.of_points(np.eye(3), np.eye(3)))
+    assert "solve" in dir(handeyed) and "Session" in dir(handeyed)
 
 
 def test_a_cloud_is_read_in_mm(tmp_path) -> None:  # type: ignore[no-untyped-def]

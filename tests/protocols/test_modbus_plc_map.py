@@ -10,7 +10,7 @@ from protocols.modbus.words import WordOrder, crc16, float_of, integer_of, text_
 from protocols.plc.codes import PlcCommand, PlcVerdict
 from protocols.plc.error_codes import ERROR_CODES, UNKNOWN, number_of
 from protocols.plc.registers import BY_NAME, REGISTERS, RESULT, SIZE, WRITABLE, Kind
-from protocols.plc.results import CameraPose, CommandResult, Sigma, result_block
+from protocols.plc.results import Accuracy, CameraPose, CommandResult, Sigma, result_block
 from protocols.plc.tables import BIT_MEANINGS, BITS, csv_text, markdown_text
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
@@ -18,7 +18,8 @@ DOCS = Path(__file__).resolve().parents[2] / "docs"
 RESULT_OF_ALL = CommandResult(
     PlcCommand.CALIBRATE, PlcVerdict.ACCEPTED, "20261121-090000-3f9a1c", 0, 8, 61,
     CameraPose((40.125, -25.5, 90.0625), (0.5, -0.5, 0.5, -0.5)),
-    Sigma((0.01, 0.02, 0.03), (0.001, 0.002, 0.003), 0.0625), 0.125, 0.25,
+    Sigma((0.01, 0.02, 0.03), (0.001, 0.002, 0.003), 0.0625), 0.125,
+    Accuracy(0.25, "far top left", 0.5, True, 0.125, 0.375, unexpected=True),
 )  # fmt: skip
 
 
@@ -79,14 +80,15 @@ def test_a_result_reads_as_it_was_in_both_word_orders(order: WordOrder) -> None:
 
     expected = {
         "result_number": 7, "result_acquisition": 9, "result_command": 1, "verdict": 1, "result_error": 0,
-        "result_stations": 8, "contents": 15, "result_part": 4_000_000_000, "age": 61,
+        "result_stations": 8, "contents": 511, "result_part": 4_000_000_000, "age": 61,
         "run_id": "20261121-090000-3f9a1c", "x_x": 40.125, "x_y": -25.5, "q_y": 0.5, "sigma_point": 0.0625,
         "deviation": 0.125, "x_um_x": 40125, "x_um_z": 90062, "q_ppm_x": -500000, "sigma_um_z": 30,
         "sigma_r_udeg_x": 1000, "sigma_point_um": 62, "deviation_um": 125,
-        "u_worst": 0.25, "u_worst_um": 250,
+        "u_worst": 0.25, "u_worst_um": 250, "worst_point": "far top left", "tolerance": 0.5, "tolerance_um": 500,
+        "u_expected": 0.125, "u_expected_um": 125, "u_before": 0.375, "u_before_um": 375,
     }  # fmt: skip
     assert {name: read(name) for name in expected} == expected
-    for name in ("crc", "crc_all"):
+    for name in ("crc", "crc_all", "crc_whole"):
         end = BY_NAME[name].address - RESULT
         assert block[end] == crc16(block[:end])
 

@@ -10,8 +10,8 @@ from functools import partial
 
 import numpy as np
 
+from calibration.diagnosis.convention_hypotheses import MIN_SCALE_ERROR
 from calibration.problem import Problem
-from calibration.solver.target_scale_check import MIN_SCALE_ERROR
 from calibration.transforms import Array
 from tests.simulated.detectable_faults import Reach, lens_reach, mistyped_reach, moved_reach, scale_reach
 from tests.simulated.faults import (

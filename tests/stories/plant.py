@@ -79,6 +79,7 @@ def settings_of(cell: Announcement, folder: Path, **changes: Any) -> Settings:
         "calibration": {
             **{name: guess for name, guess in sheet.items() if name.endswith("_guess")},
             "policy": "auto",
+            "tolerance_mm": 4.0,
         },
         "server": {"port": 0},
         "storage": {"folder": str(folder), "reserve_mb": 0},

@@ -7,7 +7,7 @@ import pytest
 
 from calibration.documents.calibration import calibration_document
 from calibration.solve import solve_hand_eye
-from calibration.verdict import judge
+from calibration.verdict import VerdictLimits, judge
 from daemon.sessions.session_reader import load_problem, open_session
 from mock_robot.truth.score import score_calibration, score_cloud
 from tests.daemon.fakes import ply_of, points_of
@@ -15,6 +15,9 @@ from tests.stories.plant import TEXT, plant
 from tests.support.waiting import LIMIT_S
 
 pytestmark = pytest.mark.slow
+
+STATED = VerdictLimits().with_tolerance(4.0)
+"""As the plant's settings state it."""
 
 THREE_POSES_MM = 0.4
 EIGHT_POSES_MM = 0.15
@@ -38,10 +41,11 @@ async def test_calibrate_verify_register_and_scan_a_door(tmp_path: Path) -> None
         problem = load_problem(open_session(tmp_path / "runs" / run["id"]))
         solution = solve_hand_eye(problem)
         again = calibration_document(
-            solution, judge(problem, solution), calibration_id=current.id, created_at=current.created_at,
-            software=current.software,
+            solution, judge(problem, solution, STATED), calibration_id=current.id, created_at=current.created_at,
+            software=current.software, target=problem.target,
         )  # fmt: skip
-        assert again == current
+        expected = {name: getattr(current.accuracy, name) for name in ("expected_mm", "why")}
+        assert again.with_accuracy(**expected) == current
 
         # Tab. 1: the target stands still, so its points scatter by no more than the noise.
         words = (await ask.post("/verify", params={"wait": LIMIT_S}, headers=TEXT)).text

@@ -123,7 +123,7 @@ def _intrinsics(plain: Mapping[str, Any], matrix: list[float], origin: str) -> I
     lens: LensModel = "fisheye" if model in FISHEYE or number_of(plain.get("fisheye_model")) else "pinhole"
     stated = _distortion(plain)
     distortion = stated or [0.0] * (4 if lens == "fisheye" else 5)
-    distortion = distortion if len(distortion) in COEFFICIENT_COUNTS[lens] else _shortened(distortion, lens)
+    distortion = distortion if len(distortion) in COEFFICIENT_COUNTS[lens] else _shorten(distortion, lens)
     matrix_rows = tuple(tuple(float(number) for number in row) for row in rows)
     return Intrinsics(matrix_rows, tuple(distortion), lens, _size(plain), origin, stated is not None)
 
@@ -155,7 +155,7 @@ def _distortion(plain: Mapping[str, Any]) -> list[float] | None:
     return None if kud is None else [kud, 0.0, 0.0, 0.0, 0.0]
 
 
-def _shortened(distortion: list[float], lens: LensModel) -> list[float]:
+def _shorten(distortion: list[float], lens: LensModel) -> list[float]:
     """The coefficients without zeros at the end, filled to a number that the lens has."""
     kept = len(distortion)
     while kept and distortion[kept - 1] == 0:

@@ -73,10 +73,6 @@ def _by_name(images: Sequence[str], table: PoseTable, wanted: Sequence[str]) -> 
     return Pairing(tuple(range(len(table))), tuple(image for image in found if image), "by the names in the table")
 
 
-def _plain_stem(image: str) -> str:
-    return plain(PurePosixPath(image).stem.lower())
-
-
 def _last(name: str) -> str:
     return PurePosixPath(name.replace("\\", "/")).name
 

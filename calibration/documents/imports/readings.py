@@ -1,7 +1,7 @@
 """Which convention robot poses are in, by the evidence of the images: every one is tried, the fits are compared.
 
 A reading is one way to take the numbers: convention, unit, frame, and where the camera is. Two readings that give the
-same equations are alike to any data: poses of the flange in the base with the camera on the flange are the
+same equations are not distinguished by any data: poses of the flange in the base with the camera on it are the
 inverted poses with the camera beside the robot.
 """
 

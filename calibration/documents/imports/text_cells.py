@@ -60,7 +60,7 @@ def rows_of(lines: Sequence[str]) -> TextRows:
     else:
         numbers = {place for row in texts for place, cell in enumerate(row) if style.is_number(cell)}
         remarks = max(numbers, default=-1) + 1
-        texts = [_fitted(row, len(names), remarks) for row in texts if row[: len(names)] != names]
+        texts = [_fit_width(row, len(names), remarks) for row in texts if row[: len(names)] != names]
     doubled = names is not None and bool(texts) and len(texts[0]) >= 2 * len(names) - 2 and separator == ","
     return TextRows([[style.value(cell) for cell in row] for row in texts], names, doubled)
 
@@ -152,7 +152,7 @@ def _are_units(row: list[str]) -> bool:
     return all(cell.lower() in known for cell in row) and any(cell.lower() not in _EMPTY_UNITS for cell in row)
 
 
-def _fitted(row: list[str], width: int, remarks: int) -> list[str]:
+def _fit_width(row: list[str], width: int, remarks: int) -> list[str]:
     """The row with as many cells as there are names: without empty ones behind, or with those of missing remarks.
 
     From column `remarks` on no row has a number.

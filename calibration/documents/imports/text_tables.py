@@ -37,14 +37,14 @@ def _without_brackets(text: str) -> list[str]:
     """The lines of a text; of numbers in brackets, as Python, numpy and MATLAB print them, one line for each row."""
     if not _NESTED.search(text):
         lines = ((_LABELLED.fullmatch(line), line) for line in text.splitlines())
-        return [line if found is None else _joined(found[1], found[2]) for found, line in lines]
+        return [line if found is None else _join(found[1], found[2]) for found, line in lines]
     within = _BRACKETS.findall(text)
     if re.search(r"\[\s*\[", text):  # rows have brackets of their own: a line break within one is only a wrapped line
         return [" ".join(row.split()) for row in within if row.strip()]
     return [row.strip() for matrix in within for row in re.split(r"[;\n]", matrix) if row.strip()]
 
 
-def _joined(label: str | None, numbers: str) -> str:
+def _join(label: str | None, numbers: str) -> str:
     separator = "," if "," in numbers else " "
     return f"{label.replace(separator, '_')}{separator}{numbers}" if label else numbers
 

@@ -10,6 +10,7 @@ from calibration.documents.reports.context import ReportContext
 from calibration.documents.reports.markup import Markup, join, tag
 from calibration.documents.reports.numbers import DASH, number, significant
 from calibration.likelihood.mapped_points import point_rows
+from calibration.solution import worst_of
 from calibration.transforms import Array
 
 TURN, SHIFT = slice(0, 3), slice(3, 6)
@@ -21,7 +22,7 @@ def budget_at_worst(document: CalibrationDocument, context: ReportContext) -> Ma
     covariance = None if sure is None else sure.matrix()
     if sure is None or covariance is None or not sure.points:
         return None
-    worst = max(sure.points, key=lambda point: point.expanded_mm)
+    worst = worst_of(sure.points)
     parts = point_variances(covariance, worst)
     pitch = _pitch_effect_mm(worst, context)
     rows = [*parts, ("pitch of the target, in proportion to the distance (B)", None if pitch is None else pitch**2)]

@@ -8,8 +8,8 @@ import numpy as np
 
 from calibration.documents.calibration import (
     TRANSFORM_NAMES,
+    AccuracyDocument,
     CalibrationDocument,
-    PointUncertaintyDocument,
     ViewResultDocument,
 )
 from calibration.documents.exports.notation import angles_xyz
@@ -64,25 +64,31 @@ def _verdict(document: CalibrationDocument) -> Markup:
     x = getattr(document, TRANSFORM_NAMES[document.setup][0])
     if x is None:
         return verdict(False, "Refused.", "The motions do not determine the camera's pose; there is no result.")
-    worst, limits = worst_point(document), document.verdict.limits
+    accuracy = document.accuracy
     word = "Accepted." if document.verdict.accepted else "Not accepted."
-    if worst is None:
+    if accuracy.expanded_mm is None:
         u = document.uncertainty.point_mm if document.uncertainty else None
         return verdict(document.verdict.accepted, word, f"A mapped point: standard uncertainty {significant(u)} mm.")
-    name = f" at the worst of the points that matter ({worst.name})"
-    text = f"A point mapped into the base: U = {significant(worst.expanded_mm)} mm ({K}, 95 % or more){name}."
-    box = verdict(document.verdict.accepted, word, text)
-    if limits is None:
+    name = f" at the worst of the points that matter ({accuracy.worst_point})"
+    text = f"A point mapped into the base: U = {significant(accuracy.expanded_mm)} mm ({K}, 95 % or more){name}."
+    box = join(verdict(document.verdict.accepted, word, text), _beside(accuracy))
+    if accuracy.tolerance_mm is None:
         return box
+    stated = "" if accuracy.tolerance_stated else ", which was not stated by you"
     rule = tag("p", "Decision rule: simple acceptance (ISO/IEC 17025, 7.8.6; guard band zero): U is compared with the"
-                    f" tolerance of {limits.tolerance_mm:g} mm.", class_="small")  # fmt: skip
-    return join(box, limit_scale(worst.expanded_mm, limits.tolerance_mm, "mm", "U beside the tolerance"), rule)
+                    f" tolerance of {accuracy.tolerance_mm:g} mm{stated}.", class_="small")  # fmt: skip
+    return join(box, limit_scale(accuracy.expanded_mm, accuracy.tolerance_mm, "mm", "U beside the tolerance"), rule)
 
 
-def worst_point(document: CalibrationDocument) -> PointUncertaintyDocument | None:
-    """The point that matters with the largest U."""
-    points = document.uncertainty.points if document.uncertainty else ()
-    return max(points, key=lambda point: point.expanded_mm, default=None)
+def _beside(accuracy: AccuracyDocument) -> Markup | None:
+    """U as it was expected, and that of the calibration before."""
+    known = (
+        ("expected for these views before the run", accuracy.expected_mm),
+        ("of the calibration in force before", accuracy.before_mm),
+    )
+    parts = [f"U {words}: {significant(value_mm)} mm" for words, value_mm in known if value_mm is not None]
+    parts += [] if accuracy.why is None else [accuracy.why.message]
+    return tag("p", "; ".join(parts) + ".", class_="small") if parts else None
 
 
 def _identification(document: CalibrationDocument, context: ReportContext) -> Markup:
@@ -239,8 +245,8 @@ def _budget(document: CalibrationDocument, context: ReportContext) -> Markup:
     if sure is None:
         return sources
     combined = (
-        f"Combined, of a mapped point (root mean square over the working volume): u = {significant(sure.point_mm)} mm,"
-        f" U = {significant(2 * sure.point_mm)} mm ({K}; JCGM 100, 7.2.1). The sources of type A are in it through the"
+        f"Combined, of a mapped point (root mean square over the working volume): u = {significant(sure.point_mm)} mm."
+        " The sources of type A are in it through the"
         " covariance of the solution; those of type B are not."
     )
     left = sure.leave_out

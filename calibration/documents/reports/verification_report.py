@@ -6,7 +6,7 @@ from calibration.documents.reports.context import Drift, ReportContext, Verified
 from calibration.documents.reports.markup import Markup, join, tag
 from calibration.documents.reports.numbers import DASH, number, significant
 
-DRIFTING = "drifting"
+ALARMING = ("drifting", "out-of-tolerance")
 
 
 def verification_report(verified: VerifiedPoints, context: ReportContext) -> str:
@@ -94,7 +94,7 @@ def drift_report(drift: Drift, context: ReportContext) -> str:
 def drift_block(drift: Drift) -> Markup:
     """The control chart, with its words."""
     points = [
-        ChartPoint(point.at[:16].replace("T", " "), point.drift_mm, point.limit_mm, point.standing == DRIFTING)
+        ChartPoint(point.at[:16].replace("T", " "), point.drift_mm, point.limit_mm, point.standing in ALARMING)
         for point in drift.points
     ]
     chart = control_chart(points, "mm", "drift of the target since the calibration was put in force")

@@ -127,8 +127,8 @@ async def _status(app: Application, camera: CellCamera) -> CalibrateStatus:
     except NoCalibration:
         current, in_force = None, None
     else:
-        point_mm = await camera.operations.calibrations.point_mm(record.document)
-        current, in_force = CalibrationSummary.of_current(record, point_mm), AppliedDocument.of(applied)
+        accuracy = await camera.operations.calibrations.accuracy(record.document)
+        current, in_force = CalibrationSummary.of(record, accuracy, current=True), AppliedDocument.of(applied)
     ready = (await readiness(app, camera)).calibrate
     running = app.supervisor.in_progress
     calibrations = PageFilters.of({"kind": "calibration"})

@@ -77,7 +77,7 @@ async def calibrations(app: App, limit: Limit = 50, before: Before = None, accep
     read = [await _as_in_force(app, listing) if listing.id in current else listing for listing in read]
 
     def as_json() -> bytes:
-        found = (CalibrationSummary.of(listing, current).model_dump_json() for listing in read)
+        found = (CalibrationSummary.of(row, row.accuracy, current=row.id in current).model_dump_json() for row in read)
         applied = (AppliedDocument.of(row).model_dump_json() for row in history)
         return page_json("calibrations", found, following, damaged, applied=applied)
 
@@ -90,7 +90,7 @@ async def _as_in_force(app: Application, listing: CalibrationListing) -> Calibra
         document = (await app.store.calibration(listing.id)).document
     except StorageInconsistent:
         return listing
-    return replace(listing, point_mm=await app.operations.calibrations.point_mm(document))
+    return replace(listing, accuracy=await app.operations.calibrations.accuracy(document))
 
 
 @router.post(
@@ -118,7 +118,8 @@ async def current(request: Request, app: App, camera: WithCamera, if_none_match:
         applied, record = await app.store.current(camera.name)
     except NoCalibration as error:
         raise NotFound(error.what, error.fix) from None
-    document = CurrentCalibration(applied=AppliedDocument.of(applied), calibration=record.document)
+    accuracy = await app.operations.calibrations.accuracy(record.document)
+    document = CurrentCalibration(applied=AppliedDocument.of(applied), calibration=record.document, **vars(accuracy))
     tag = tag_of(applied.sequence)
     if if_none_match is not None and tag in parse_if_none_match(if_none_match):
         return Response(status_code=304, headers={"ETag": tag, "Vary": "Accept"})

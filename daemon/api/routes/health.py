@@ -79,18 +79,33 @@ async def _families(app: Application) -> list[Metric]:
         *app.metrics.families(),
         *merged(family for source in app.metric_sources for family in source.families()),
     ]  # fmt: skip
-    return [*families, *await _uncertainties(app)]
+    return [*families, *await _accuracies(app)]
 
 
-async def _uncertainties(app: Application) -> list[Metric]:
+ACCURACY_GAUGES = {
+    "expanded_mm": "U (k = 2) at the worst of the points that matter, of the calibration in force.",
+    "tolerance_mm": "Largest U that was accepted; label stated: whether somebody stated it.",
+    "expected_mm": "U as expected before its run.",
+    "before_mm": "U of the calibration that was in force when it was made.",
+}
+
+
+async def _accuracies(app: Application) -> list[Metric]:
     """Of the calibration in force of each camera that has one, with its arm's errors where they were taken up."""
-    sigma_m: dict[Labels, float] = {}
+    lengths_m: dict[str, dict[Labels, float]] = {field: {} for field in ACCURACY_GAUGES}
     for name in app.settings.camera_names:
         try:
             _, current = await app.store.current(name)
         except NoCalibration:
             continue
-        if (point_mm := await app.operations.calibrations.point_mm(current.document)) is not None:
-            sigma_m[() if name == MAIN_CAMERA else (("camera", name),)] = point_mm / 1e3
-    help_text = "One sigma of a mapped point, of the calibration in force."
-    return [Metric("handeyed_calibration_point_sigma_meters", "gauge", help_text, sigma_m)] if sigma_m else []
+        accuracy = await app.operations.calibrations.accuracy(current.document)
+        camera: Labels = () if name == MAIN_CAMERA else (("camera", name),)
+        stated: Labels = (("stated", str(accuracy.tolerance_stated).lower()),)
+        for field, by_camera in lengths_m.items():
+            if (length_mm := getattr(accuracy, field)) is not None:
+                by_camera[(*camera, *stated) if field == "tolerance_mm" else camera] = length_mm / 1e3
+    return [
+        Metric(f"handeyed_calibration_{field.removesuffix('_mm')}_meters", "gauge", about, lengths_m[field])
+        for field, about in ACCURACY_GAUGES.items()
+        if lengths_m[field]
+    ]

@@ -2,15 +2,23 @@
 
 from typing import Literal
 
-from calibration.documents.calibration import CalibrationDocument
+from calibration.documents.calibration import AccuracyDocument, CalibrationDocument
 from daemon.api.schemas.answer import EXAMPLE_AT, EXAMPLE_ID, Answer, example
 from daemon.api.schemas.runs import RunDocument
 from daemon.model.records import AppliedCalibration, CalibrationRecord
 from daemon.store.listings import CalibrationListing
 
+EXAMPLE_ACCURACY = {
+    "expanded_mm": 0.23, "worst_point": "far top left", "tolerance_mm": 0.5, "tolerance_stated": True,
+    "expected_mm": 0.18, "before_mm": 0.26, "why": None,
+}  # fmt: skip
 
-class CalibrationSummary(Answer):
-    """One line of the list. `current`: in force for its `camera`, which is by its name in the settings."""
+
+class CalibrationSummary(AccuracyDocument, Answer):
+    """One line of the list. `current`: in force for its `camera`, which is by its name in the settings.
+
+    The rest is its accuracy: U (k = 2, mm) at the worst of the points that matter, beside what it is judged by.
+    """
 
     model_config = example(
         id=EXAMPLE_ID,
@@ -19,7 +27,7 @@ class CalibrationSummary(Answer):
         accepted=True,
         current=True,
         camera="camera",
-        point_mm=0.06,
+        **EXAMPLE_ACCURACY,
     )
 
     id: str
@@ -28,18 +36,14 @@ class CalibrationSummary(Answer):
     accepted: bool
     current: bool
     camera: str
-    point_mm: float | None
 
     @classmethod
-    def of(cls, listing: CalibrationListing, current_ids: frozenset[str]) -> "CalibrationSummary":
-        return cls(**vars(listing), current=listing.id in current_ids)
-
-    @classmethod
-    def of_current(cls, record: CalibrationRecord, point_mm: float | None) -> "CalibrationSummary":
-        """Of the calibration in force."""
+    def of(
+        cls, row: CalibrationListing | CalibrationRecord, accuracy: AccuracyDocument, *, current: bool
+    ) -> "CalibrationSummary":
         return cls(
-            id=record.id, run_id=record.run_id, created_at=record.created_at, accepted=record.accepted,
-            current=True, camera=record.camera, point_mm=point_mm,
+            id=row.id, run_id=row.run_id, created_at=row.created_at, accepted=row.accepted, current=current,
+            camera=row.camera, **vars(accuracy),
         )  # fmt: skip
 
 
@@ -78,8 +82,8 @@ class CalibrationList(Answer):
     next: str | None
 
 
-class CurrentCalibration(Answer):
-    """The calibration in force, since when and by whom."""
+class CurrentCalibration(AccuracyDocument, Answer):
+    """The calibration in force, since when and by whom, and its accuracy as it is now."""
 
     applied: AppliedDocument
     calibration: CalibrationDocument

@@ -33,7 +33,7 @@ class DriftPointDocument(Answer):
 
     run_id: str
     at: str
-    standing: Literal["learning", "steady", "drifting"]
+    standing: Literal["learning", "steady", "drifting", "out-of-tolerance"]
     shift_mm: tuple[float, float, float]
     average_mm: tuple[float, float, float]
     drift_mm: float
@@ -135,7 +135,7 @@ class DriftDocument(Answer):
                   "probing_size_mm": 0.03, "sphere_spacing_mm": -0.02}],
     )  # fmt: skip
 
-    standing: Literal["off", "learning", "steady", "drifting"]
+    standing: Literal["off", "learning", "steady", "drifting", "out-of-tolerance"]
     calibration_id: str | None
     verifications: int
     shift_mm: float

@@ -5,6 +5,8 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
+from calibration.documents.calibration_text import accuracy_text
+from calibration.documents.reports.numbers import significant
 from daemon.cli.demo_run.scenario import DemoResult
 from daemon.cli.rest_client import DEFAULT_URL
 
@@ -14,8 +16,6 @@ def report(found: DemoResult) -> str:
     x, truth = found.calibration.flange_T_camera, found.truth["flange_T_camera"]
     assert x is not None  # an accepted eye-in-hand calibration has one
     off, cloud = found.score["calibration"], found.score["cloud"]
-    uncertainty = found.calibration.uncertainty
-    predicted = f"within {uncertainty.point_mm:.2f} mm (predicted)" if uncertainty else ""
     rows = (
         ("", "found", "truth", "off by"),
         (
@@ -24,7 +24,12 @@ def report(found: DemoResult) -> str:
             _vector(truth["translation_mm"]),
             f"{off['translation_mm']:.3f} mm, {off['rotation_deg']:.4f} deg",
         ),
-        ("a mapped point", predicted, "", f"{off['point_rms_mm']:.2f} mm RMS"),
+        (
+            "a mapped point",
+            f"± {significant(found.calibration.accuracy.expanded_mm)} mm (U, k = 2)",
+            "",
+            f"{off['point_rms_mm']:.2f} mm RMS",
+        ),
         (
             "the door's surface",
             f"{cloud['points']:,} points",
@@ -35,6 +40,7 @@ def report(found: DemoResult) -> str:
     table = "\n".join(f"  {name:<22}{a:<29}{b:<29}{c}".rstrip() for name, a, b, c in rows)
     return (
         f"\nThe daemon's result beside the truth, which it does not have:\n\n{table}\n\n"
+        f"{accuracy_text(found.calibration.accuracy)}\n"
         f"The merged cloud: {found.cloud_file} (base frame, mm; any viewer opens it)"
     )
 

@@ -25,6 +25,7 @@ def settings_text(announcement: dict[str, Any], port: int) -> str:
         "target": cell["target"],
         "calibration": {
             "policy": "auto",
+            "tolerance_mm": 1.0,
             **{name: guess for name, guess in cell.items() if name.endswith("_guess")},
         },
         "server": {"port": port},

@@ -64,7 +64,7 @@ export function ControlChart({ points, learn, limit_mm }) {
   const x = between(1, last, LEFT + 14, W - RIGHT - 14);
   const y = between(0, high, H - BOTTOM, TOP);
   const limits = points.flatMap((point, index) => (point.limit_mm === null ? [] : [[x(index + 1), y(point.limit_mm)]]));
-  const learned = points.filter(({ standing }) => standing === 'learning').length;
+  const learned = points.findLastIndex(({ standing }) => standing === 'learning') + 1;
   return html`<figure class="chart">
     <svg viewBox="0 0 ${W} ${H}" role="img" aria-label=${t('drift.alt', { count: points.length, drift: mm(points.at(-1).drift_mm), limit: mm(limit_mm) })}>
       ${learned > 0 && html`<rect class="learning" x=${LEFT} y=${TOP} width=${Math.max(12, x(learned) + 10 - LEFT)} height=${H - BOTTOM - TOP} />
@@ -73,7 +73,7 @@ export function ControlChart({ points, learn, limit_mm }) {
       ${limits.length > 0 && html`<path class="limit" d=${line([...limits, [W - RIGHT, limits.at(-1)[1]]])} />`}
       <path class="solid" d=${line(points.map(({ drift_mm }, index) => [x(index + 1), y(drift_mm)]))} />
       ${points.map(({ drift_mm, standing }, index) =>
-        standing === 'drifting'
+        standing === 'drifting' || standing === 'out-of-tolerance'
           ? html`<path class="alarm-dot" d="M${x(index + 1) - 6} ${y(drift_mm) + 5}h12l-6 -12Z" />`
           : html`<circle class="dot" cx=${x(index + 1)} cy=${y(drift_mm)} r="5" />`)}
     </svg>

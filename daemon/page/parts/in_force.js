@@ -1,20 +1,9 @@
-// An uncertainty as everybody reads it: U (k = 2) at the worst of the points that matter, on its scale.
+// The accuracy of a calibration: U (k = 2) at the worst of the points that matter on its scale, beside what it is judged by.
 import { html } from '../vendor/preact.js';
 import { mm } from '../state/numbers.js';
-import { t } from '../state/words.js';
+import { sentence, t } from '../state/words.js';
+import { Facts } from './card.js';
 import { Scale } from './scale.js';
-
-/** { U_mm, point, limit_mm, warning_mm } of a calibration document; null for what it does not have. */
-export function expanded(document) {
-  const { uncertainty, verdict } = document;
-  const worst = uncertainty?.points?.reduce((a, b) => (b.expanded_mm > a.expanded_mm ? b : a), uncertainty.points[0]);
-  return {
-    U_mm: worst?.expanded_mm ?? (uncertainty ? 2 * uncertainty.point_mm : null),
-    point: worst?.name ?? null,
-    limit_mm: verdict.limits?.tolerance_mm ?? null,
-    warning_mm: verdict.limits ? Math.min(2 * verdict.limits.point_warning_mm, verdict.limits.tolerance_mm) : null,
-  };
-}
 
 const VOLUME = ['near', 'middle', 'far', 'top', 'bottom', 'left', 'right'];
 
@@ -25,9 +14,18 @@ function PointName({ name }) {
   return html`<span>${parts.map((part) => t(`volume.${part}`)).join(' ')}</span>`;
 }
 
-export function Uncertainty({ document }) {
-  const { U_mm, point, limit_mm, warning_mm } = expanded(document);
-  return html`<p class="figure">${U_mm === null ? '—' : `± ${mm(U_mm)}`}</p>
+/** `accuracy`: expanded_mm, worst_point and so on, of a calibration, a result or a list; `limits`: of its verdict. */
+export function Uncertainty({ accuracy, limits }) {
+  const { expanded_mm: U_mm, worst_point: point, tolerance_mm, tolerance_stated, expected_mm, before_mm, why } = accuracy;
+  const said = why && sentence(why);
+  const known = (value) => value !== null && value !== undefined;
+  return html`<p class="figure">${known(U_mm) ? `± ${mm(U_mm)}` : '—'}</p>
     <p class="quiet">${t('U.of')}${point ? ` · ${t('U.at')} ` : ''}${point && html`<${PointName} name=${point} />`}</p>
-    ${limit_mm && html`<${Scale} value=${U_mm} warning=${warning_mm} limit=${limit_mm} />`}`;
+    ${known(tolerance_mm) && html`<${Scale} value=${U_mm} warning=${Math.min(limits?.point_warning_mm ?? tolerance_mm, tolerance_mm)} limit=${tolerance_mm} />`}
+    <${Facts} rows=${[
+      known(tolerance_mm) && [t('U.tolerance'), `± ${mm(tolerance_mm)}${tolerance_stated ? '' : ` · ${t('U.not-stated')}`}`],
+      known(expected_mm) && [t('U.expected'), `± ${mm(expected_mm)}`],
+      known(before_mm) && [t('U.before'), `± ${mm(before_mm)}`],
+    ]} />
+    ${said && html`<p class="quiet" lang=${said.lang}>${said.text}</p>`}`;
 }

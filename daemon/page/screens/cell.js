@@ -36,7 +36,7 @@ export function Cell() {
     <${Card} title=${t('cell.scene')} id="scene" wide="2"><${CellScene} parts=${parts} dim=${old.value} /></${Card}>
     <${Card} title=${t('cell.force')} id="force">
       <${Missing} asked=${inForce} none=${t('cell.no-force')} />
-      ${calibration && html`<${Uncertainty} document=${calibration} />
+      ${calibration && html`<${Uncertainty} accuracy=${inForce.data} limits=${calibration.verdict.limits} />
         <${Facts} rows=${[
           [t('force.since'), moment(inForce.data.applied.applied_at)],
           [t('force.by'), inForce.data.applied.applied_by],
@@ -55,7 +55,7 @@ export function Cell() {
 }
 
 export function driftWords({ standing, shift_mm, limit_mm }) {
-  const sign = { drifting: '▲', steady: '✓', learning: '…', off: '○' }[standing];
+  const sign = { drifting: '▲', 'out-of-tolerance': '▲', steady: '✓', learning: '…', off: '○' }[standing];
   return `${sign} ${t(`standing.${standing}`)}${standing === 'off' ? '' : `, ${mm(shift_mm)}${limit_mm ? ` / ${mm(limit_mm)}` : ''}`}`;
 }
 

@@ -26,7 +26,7 @@ export function History() {
   </${Card}>`;
 }
 
-function rowsOf(runs = [], lists, scans = []) {
+export function rowsOf(runs = [], lists, scans = []) {
   const { calibrations = [], applied = [] } = lists ?? {};
   const sign = (state) => ({ finished: '✓', failed: '✕', aborted: '■' })[state] ?? '…';
   return [
@@ -34,9 +34,9 @@ function rowsOf(runs = [], lists, scans = []) {
       kind: 'run', key: `r${run.id}`, at: run.created_at, link: linkTo('run', run.id), sign: sign(run.state), title: t(`kind.${run.kind}`),
       words: html`${t(`state.${run.state}`)}${run.started_by && ` · ${run.started_by}`}${run.cause && html` · <span lang=${causeWords(run.cause).what.lang}>${causeWords(run.cause).what.text}</span>`}`,
     })),
-    ...calibrations.map(({ id, created_at, accepted, point_mm, current }) => ({
+    ...calibrations.map(({ id, created_at, accepted, expanded_mm, current }) => ({
       kind: 'calibration', key: `c${id}`, at: created_at, link: linkTo('result', id), sign: accepted ? '✓' : '✕', title: t('place.result'),
-      words: `${t(accepted ? 'verdict.accepted' : 'verdict.refused')}${point_mm ? `, ± ${mm(2 * point_mm)}` : ''}${current ? ` · ${t('result.in-force')}` : ''}`,
+      words: `${t(accepted ? 'verdict.accepted' : 'verdict.refused')}${expanded_mm ? `, ± ${mm(expanded_mm)}` : ''}${current ? ` · ${t('result.in-force')}` : ''}`,
     })),
     ...applied.map(({ calibration_id, applied_at, applied_by, sequence }) => ({
       kind: 'applied', key: `a${sequence}`, at: applied_at, link: linkTo('result', calibration_id), sign: '●', title: t('history.put'), words: applied_by,

@@ -37,11 +37,11 @@ function Shown({ document, current, row }) {
   const path = `/calibrations/${encodeURIComponent(document.id)}`;
   const { uncertainty } = document;
   return html`<div class="grid">
-    <${Card} title=${inForce ? t('result.in-force') : t('place.result')} id="verdict"><${Verdict} document=${document} current=${current} inForce=${inForce} /></${Card}>
+    <${Card} title=${inForce ? t('result.in-force') : t('place.result')} id="verdict"><${Verdict} document=${document} current=${current} inForce=${inForce} run=${row?.run_id ?? null} /></${Card}>
     <${Card} title=${t('result.found')} id="found"><${Findings} findings=${document.verdict.findings} /></${Card}>
     <${Card} title=${t('compare.title')} id="compare"><${Compare} document=${document} current=${current} inForce=${inForce} /></${Card}>
     <${Views} document=${document} run=${row?.run_id ?? null} />
-    ${uncertainty?.covariance && uncertainty.points.length > 0 && html`<${Card} title=${t('ellipsoid.title')} id="ellipsoids" wide="half"><${Ellipsoids} uncertainty=${uncertainty} /></${Card}>`}
+    ${uncertainty?.covariance && uncertainty.points.length > 0 && html`<${Card} title=${t('ellipsoid.title')} id="ellipsoids" wide="half"><${Ellipsoids} uncertainty=${uncertainty} worst=${document.accuracy.worst_point} /></${Card}>`}
     <${Card} title=${t(document.setup === 'eye-to-hand' ? 'pose.title-stand' : 'pose.title')} id="pose" wide="half"><${PoseFacts} document=${document} camera=${row?.camera} /></${Card}>
     <${ArmErrors} document=${document} path=${path} />
     ${document.flange_T_camera || document.base_T_camera ? html`<${Card} title=${t('exports.title')} id="exports" wide="half"><${Exports} path=${path} /></${Card}>` : null}
@@ -49,8 +49,11 @@ function Shown({ document, current, row }) {
   </div>`;
 }
 
-function Verdict({ document, current, inForce }) {
+function Verdict({ document, current, inForce, run }) {
   const { accepted, rule } = document.verdict;
+  const made = useAsked(run && !inForce ? `/runs/${encodeURIComponent(run)}` : null);
+  const result = made.data?.result?.calibration_id === document.id ? made.data.result : null;
+  const waits = result?.not_applied && sentence(result.not_applied);
   const path = `/calibrations/${encodeURIComponent(document.id)}`;
   const apply = (extra) => async (key) => {
     const headers = current.etag ? { 'If-Match': current.etag } : {};
@@ -61,7 +64,8 @@ function Verdict({ document, current, inForce }) {
   const said = rule && sentence(rule);
   return html`
     <p class="sentence">${accepted ? `✓ ${t('verdict.accepted')}` : `✕ ${t('verdict.refused')}`}</p>
-    <${Uncertainty} document=${document} />
+    <${Uncertainty} accuracy=${inForce ? current.data : document.accuracy} limits=${document.verdict.limits} />
+    ${waits && html`<p class="note warn" lang=${waits.lang}><span class="mark" aria-hidden="true">!</span> ${waits.text}</p>`}
     ${inForce ? html`<p><b>● ${t('result.since', { at: moment(current.data.applied.applied_at), by: current.data.applied.applied_by })}</b></p>`
       : accepted && may('operator') && html`<${HoldButton} id="hold-apply" moves=${false} label=${t('result.apply')} act=${apply({})} />`}
     <div class="row">

@@ -3,6 +3,7 @@ import { html, useMemo, useState } from '../vendor/preact.js';
 import { Card, Facts } from '../parts/card.js';
 import { CellScene } from '../parts/cell_scene.js';
 import { UncertaintyCurve } from '../parts/chart.js';
+import { Uncertainty } from '../parts/in_force.js';
 import { Missing, useAsked } from '../parts/loaded.js';
 import { Picture } from '../parts/picture.js';
 import { carriedBy, placesOf } from '../parts/places.js';
@@ -12,7 +13,7 @@ import { mm, moment } from '../state/numbers.js';
 import { old, robot, run } from '../state/now.js';
 import { cameraOf, ofCamera } from '../state/sensors.js';
 import { linkTo } from '../state/place.js';
-import { t } from '../state/words.js';
+import { sentence, t } from '../state/words.js';
 import { ByHand } from './by_hand.js';
 
 export function Run({ argument }) {
@@ -64,11 +65,15 @@ function RunShown({ shown }) {
 export function Sentence({ shown }) {
   const { state, station, stations, planning, cause, over } = shown;
   const sign = { finished: '✓', failed: '✕', aborted: '■' }[state] ?? '';
-  const U = planning?.now_mm ? `± ${mm(2 * planning.now_mm)}` : null;
+  const found = shown.result?.expanded_mm ? shown.result : null;
+  const waits = shown.result?.not_applied && sentence(shown.result.not_applied);
+  const U = !found && planning?.now_mm ? `± ${mm(2 * planning.now_mm)}` : null;
   return html`
     <p class="sentence" role="status">${sign} ${t(`state.${state}`)}${!over && stations ? `, ${t('run.view', { view: Math.min(station + 1, stations), of: stations })}` : ''}</p>
     <${StepBar} station=${over && state === 'finished' ? stations : station} stations=${stations} over=${over} />
     ${U && html`<p class="figure">${U}</p><p class="quiet">${t('U.predicted')}</p>`}
+    ${found && html`<${Uncertainty} accuracy=${found} />`}
+    ${waits && html`<p class="note warn" lang=${waits.lang}><span class="mark" aria-hidden="true">!</span> ${waits.text}</p>`}
     ${cause && html`<div class="note warn"><${Cause} cause=${cause} />
       <p class="small"><a href=${linkTo('help', cause.code)}>${cause.code}</a></p></div>`}
     <${Facts} rows=${[

@@ -40,9 +40,9 @@ export function Verify({ argument }) {
 }
 
 function Drift({ drift }) {
-  const sign = { drifting: '▲', steady: '✓', learning: '…', off: '○' }[drift.standing];
+  const sign = { drifting: '▲', 'out-of-tolerance': '▲', steady: '✓', learning: '…', off: '○' }[drift.standing];
   const alarm = drift.alarm && sentence({ ...drift.alarm_detail, message: drift.alarm });
-  const left = Math.max(0, drift.rules.learn - drift.verifications);
+  const left = Math.max(0, drift.rules.learn - drift.points.filter(({ standing }) => standing === 'learning').length);
   return html`<p class="sentence" role="status">${sign} ${t(`standing.${drift.standing}`)}</p>
     ${alarm && html`<p class="note warn" role="alert" lang=${alarm.lang}><span class="mark" aria-hidden="true">!</span> ${alarm.text}</p>`}
     ${drift.standing === 'learning' && html`<p class="quiet">${t('drift.left', { count: left })}</p>`}
@@ -54,7 +54,7 @@ function DriftTable({ points }) {
   const warm = points.some(({ camera_temperature_c }) => camera_temperature_c != null);
   const temperature = ({ camera_temperature_c: value }) => (value == null ? '—' : `${fixed(value, 1)} °C`);
   return html`<div class="table-frame" tabindex="0" role="group" aria-label=${t('drift.points')}><table><thead><tr><th scope="col">${t('drift.at')}</th><th scope="col" class="num">${t('drift.average')}</th><th scope="col" class="num">${t('drift.scatter')}</th>${warm && html`<th scope="col" class="num">${t('drift.temperature')}</th>`}</tr></thead>
-    <tbody>${points.toReversed().map((point) => html`<tr><th scope="row"><a href=${linkTo('run', point.run_id)}>${moment(point.at)}</a></th><td class="num">${point.standing === 'learning' ? '—' : mm(point.drift_mm)}</td><td class="num">${mm(point.scatter_mm)}</td>${warm && html`<td class="num">${temperature(point)}</td>`}</tr>`)}</tbody></table></div>`;
+    <tbody>${points.toReversed().map((point) => html`<tr><th scope="row"><a href=${linkTo('run', point.run_id)}>${moment(point.at)}</a></th><td class="num">${point.limit_mm === null ? '—' : mm(point.drift_mm)}</td><td class="num">${mm(point.scatter_mm)}</td>${warm && html`<td class="num">${temperature(point)}</td>`}</tr>`)}</tbody></table></div>`;
 }
 
 /** Touch tests: a new touch, what the chosen test found, and all tests since the calibration is in force. */

@@ -164,7 +164,7 @@ def _best(
 
 
 def _are_exchanged(imported: ImportedSet, best: _Best) -> bool:
-    """Whether sides that no name tells apart stand the other way round: what the flange carries is nearer to it.
+    """Whether sides that no name distinguishes stand the other way round: what the flange carries is nearer to it.
 
     Exchanged sides fit as well, with the inverse of the target's pose for X.
     """

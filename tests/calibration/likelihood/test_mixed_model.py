@@ -3,11 +3,9 @@
 import numpy as np
 import pytest
 
-from calibration.likelihood.augmented_model import augment_model
 from calibration.likelihood.estimate import exact_pixels, linearise
 from calibration.likelihood.mixed_model import MixedModel, Variances, per_view_equations, solve, with_trend
-from calibration.likelihood.systematic_errors import CENTRE_INDICES, trend_basis
-from calibration.observations.reprojection import INTRINSICS
+from calibration.likelihood.robot_trend import trend_basis
 from calibration.preprocessing.prepare import PreparedSession
 from calibration.solve import estimate_session
 from calibration.solver.view_outliers import Selection
@@ -22,29 +20,15 @@ def solved(request: pytest.FixtureRequest) -> tuple[PreparedSession, Selection]:
     return prepared, selection
 
 
-def by_pixels(solved: tuple[PreparedSession, Selection], *columns: int) -> MixedModel:
+def by_pixels(solved: tuple[PreparedSession, Selection]) -> MixedModel:
     prepared, selection = solved
-    best, free = selection.best, selection.best.free.copy()
-    free[list(columns)] = True
-    return linearise(exact_pixels(prepared.take(selection.used).seen, free), best.chain, best.camera, best.scale)
-
-
-@pytest.mark.parametrize("columns", [(), CENTRE_INDICES, (INTRINSICS,), (*CENTRE_INDICES, INTRINSICS)])
-def test_a_part_of_the_widest_model_is_that_model(
-    solved: tuple[PreparedSession, Selection], columns: tuple[int, ...]
-) -> None:
-    prepared, selection = solved
-    free = selection.best.free.copy()
-    free[list(columns)] = True
-    part = augment_model(prepared.take(selection.used).seen, selection.best).restrict_to(free)
-    alone = by_pixels(solved, *columns)
-    for name in ("by_robot", "squares", "count", "prior_information", "prior_offset"):
-        np.testing.assert_allclose(getattr(part, name), getattr(alone, name), rtol=1e-9, atol=1e-9)
+    best, seen = selection.best, prepared.take(selection.used).seen
+    return linearise(exact_pixels(seen, prepared.nuisances), best.chain, prepared.nuisances, best.z)
 
 
 @pytest.mark.parametrize("follows", [False, True])
 def test_what_the_views_say_adds_up(solved: tuple[PreparedSession, Selection], follows: bool) -> None:
-    model = by_pixels(solved, *CENTRE_INDICES)
+    model = by_pixels(solved)
     if follows:
         model = with_trend(model, trend_basis(solved[1].best.chain.base_T_flange))
     np.testing.assert_allclose(model.total, model.per_view().sum(axis=0), rtol=1e-9, atol=1e-6)
@@ -57,5 +41,6 @@ def test_what_the_views_say_adds_up(solved: tuple[PreparedSession, Selection], f
         step.information / np.outer(scale, scale),
         atol=1e-9,
     )
-    np.testing.assert_allclose((gradient.sum(axis=0) - step.gradient) / scale, 0, atol=1e-6)
+    whole = gradient.sum(axis=0) + known * model.prior_offset
+    np.testing.assert_allclose((whole - step.gradient) / scale, 0, atol=1e-6)
     assert model.corrections(step.K, step.b).shape == (14, 6)

@@ -167,9 +167,12 @@ async def test_tip_and_camera_are_compared_on_the_same_arm(bench: Bench) -> None
 async def test_whoever_asks_how_well_points_are_placed_hears_of_the_x_identified_with_the_arm(bench: Bench) -> None:
     """Not of the one without in the same calibration (0.2 mm): status, list and gauge."""
     await apply_with_arm(bench, x_sigma_mm=0.5)
-    expected = pytest.approx(0.5 * np.sqrt(3))
-    assert (await bench.client.get("/calibrate")).json()["current"]["point_mm"] == expected
-    assert [row["point_mm"] for row in (await bench.client.get("/calibrations")).json()["calibrations"]] == [expected]
+    expected = pytest.approx(2 * 0.5 * np.sqrt(3))
+    assert (await bench.client.get("/calibrate")).json()["current"]["expanded_mm"] == expected
+    assert (await bench.client.get("/calibrations/current")).json()["expanded_mm"] == expected
+    assert [row["expanded_mm"] for row in (await bench.client.get("/calibrations")).json()["calibrations"]] == [
+        expected
+    ]
     assert await gauge_mm(bench) == expected
 
 
@@ -179,12 +182,12 @@ async def test_an_arm_json_that_cannot_be_used_hides_no_gauge(bench: Bench) -> N
     record = CalibrationRecord(document.id, None, document.created_at, True, document)
     await bench.application.store.save_calibration(record, arm.model_copy(update={"covariance": [[1.0]]}))
     await bench.application.store.apply(AppliedCalibration(document.id, document.created_at, "test"))
-    assert await gauge_mm(bench) == pytest.approx(document.uncertainty.point_mm)
+    assert await gauge_mm(bench) == pytest.approx(document.accuracy.expanded_mm)
 
 
 async def gauge_mm(bench: Bench) -> float:
     lines = (await bench.client.get("/metrics")).text.splitlines()
-    (value,) = (line.split()[1] for line in lines if line.startswith("handeyed_calibration_point_sigma_meters "))
+    (value,) = (line.split()[1] for line in lines if line.startswith("handeyed_calibration_expanded_meters "))
     return 1e3 * float(value)
 
 

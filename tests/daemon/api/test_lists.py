@@ -66,9 +66,8 @@ async def test_a_listed_calibration_has_its_uncertainty(bench: Bench) -> None:
         record = CalibrationRecord(name, None, document.created_at, solved, document)
         await bench.application.store.save_calibration(record)
         listed = (await bench.client.get("/calibrations?limit=1")).json()["calibrations"][0]
-        uncertainty = document.uncertainty
         assert (listed["id"], listed["accepted"], listed["current"]) == (name, solved, False)
-        assert listed["point_mm"] == (uncertainty.point_mm if uncertainty else None)
+        assert listed["expanded_mm"] == document.accuracy.expanded_mm
 
 
 @pytest.mark.parametrize("path", ["/runs", "/scans"])

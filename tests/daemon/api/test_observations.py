@@ -1,5 +1,6 @@
 """POST /calibrations: views that another program has taken."""
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,7 @@ from calibration.documents.session import CameraDocument
 from calibration.problem import MeasuredPoints, MeasuredPose, Problem
 from daemon.api.dependencies import MAX_JSON_VALUES
 from daemon.api.routes.calibrations import MAX_SESSION_VALUES
-from tests.daemon.cell_under_test import Bench, pose_json
+from tests.daemon.cell_under_test import Bench, pose_json, serving, settings_for
 from tests.simulated.external_axes import axis_cell
 from tests.simulated.measured_sessions import Measure, measured_cell, points, tracker
 from tests.simulated.sessions import CellNoise, random_cell
@@ -47,7 +48,12 @@ def body_of(problem: Problem) -> dict[str, Any]:
     [(tracker(), "eye-in-hand"), (tracker(known=True), "eye-to-hand"), (points(), "eye-in-hand")],
     ids=["poses", "poses-with-covariance", "points"],
 )
-async def test_measurements_in_space_are_solved_and_stored(bench: Bench, measure: Measure, setup: Any) -> None:
+async def test_measurements_in_space_are_solved_and_stored(tmp_path: Path, measure: Measure, setup: Any) -> None:
+    async with serving(settings_for(tmp_path, calibration={"tolerance_mm": 4.0})) as bench:
+        await solve_measurements(bench, measure, setup)
+
+
+async def solve_measurements(bench: Bench, measure: Measure, setup: Any) -> None:
     cell = measured_cell(np.random.default_rng(3), 12, measure, setup=setup)
     made = await bench.client.post("/calibrations", json=body_of(cell.problem))
     assert made.status_code == 201, made.text

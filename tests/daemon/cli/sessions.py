@@ -20,22 +20,27 @@ FLANGE_T_CAMERA = transform(rotation_from_vector([0.1, -0.2, 1.4]), [35.0, -20.0
 BASE_T_TARGET = transform(rotation_from_vector([3.1, 0.1, 0.0]), [900.0, 50.0, 100.0])
 
 TILTS_RAD = (
-    (0.3, 0.0, 0.1),
-    (-0.3, 0.1, 0.8),
-    (0.1, 0.35, -0.7),
-    (0.0, -0.3, 1.9),
-    (0.25, 0.25, -1.5),
-    (-0.2, -0.2, 0.3),
+    (0.6, 0.0, 0.1),
+    (-0.6, 0.1, 0.8),
+    (0.1, 0.6, -0.7),
+    (0.0, -0.6, 1.9),
+    (0.5, 0.4, -1.5),
+    (-0.4, -0.4, 0.3),
 )
 
 Change = Callable[[dict[str, Any]], None]
+
+
+NEAR_MM, FAR_MM = 400.0, 700.0
+"""Distances of every other view: one distance leaves the focal length open."""
 
 
 def camera_T_target(tilt_rad: tuple[float, float, float]) -> Array:
     """The board's middle in front of the camera, turned by `tilt_rad`."""
     middle = TARGET.points_mm.mean(axis=0)
     rotation = rotation_from_vector(tilt_rad)
-    return transform(rotation, np.array([0.0, 0.0, 520.0]) - rotation @ middle)
+    distance_mm = NEAR_MM if tilt_rad in TILTS_RAD[::2] else FAR_MM
+    return transform(rotation, np.array([0.0, 0.0, distance_mm]) - rotation @ middle)
 
 
 def base_T_flange(tilt_rad: tuple[float, float, float]) -> Array:

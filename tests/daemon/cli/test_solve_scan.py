@@ -82,7 +82,7 @@ def test_a_person_reads_the_same_summary_as_with_images(tmp_path: Path) -> None:
     folder = scan(tmp_path / "scan")
     ran = handeyed("solve", folder, "--artefact", "sphere", "--radius-mm", str(RADIUS_MM))
     assert ran.out.startswith(f"{folder}  accepted\n")
-    assert "uncertainty      a mapped point" in ran.out
+    assert "accuracy         U = " in ran.out
 
 
 @pytest.mark.parametrize(

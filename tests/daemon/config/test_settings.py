@@ -87,7 +87,9 @@ def test_the_example_differs_from_the_defaults_in_nothing_but_what_a_cell_must_s
     example = load_settings(EXAMPLE)
     smallest = parse_settings(SMALLEST.encode(), "smallest")
     differ = {name for name, value in example if value != getattr(smallest, name)}
-    assert differ == {"robot", "camera", "target"}
+    assert differ == {"robot", "camera", "target", "calibration"}
+    stated = example.calibration.model_copy(update={"tolerance_mm": None})
+    assert stated == smallest.calibration and example.calibration.tolerance_mm is not None
     given = {"address", "box_mm", "model"}
     assert example.robot.model_dump(exclude=given) == smallest.robot.model_dump(exclude=given)
     assert example.camera.model_dump(exclude=given) == smallest.camera.model_dump(exclude=given)

@@ -1,5 +1,7 @@
 """The chart's mathematics: a steady cell is left alone, a drift is found, and nothing hides itself."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -29,6 +31,24 @@ def test_nothing_is_said_before_the_target_is_learnt() -> None:
     entries = chart(at(0, 9, 0, 9, 0), DriftRules(learn=5))
     assert [entry.standing for entry in entries] == [DriftStanding.LEARNING] * 5
     assert not any(entry.average_mm.any() for entry in entries)
+
+
+def test_nothing_is_learnt_from_what_is_out_of_tolerance() -> None:
+    """A camera that is knocked while the chart learns: 0.3, 4.9, 9.0, 30.4 and 9.4 mm were learnt, and 28.6 steady."""
+    found = zip(at(0.0, 3.0, -5.0, 9.0, 4.0, 8.0), (0.3, 4.9, 9.0, 30.4, 9.4, 28.6), strict=True)
+    entries = chart([replace(sample, within_tolerance=U <= 1.0) for sample, U in found], DriftRules(learn=5))
+    out = DriftStanding.OUT_OF_TOLERANCE
+    assert [entry.standing for entry in entries] == [DriftStanding.LEARNING, out, out, out, out, out]
+    assert not np.isfinite(entries[-1].limit_mm)
+
+
+def test_one_that_is_out_of_tolerance_changes_nothing_for_those_after_it() -> None:
+    still = at(*np.random.default_rng(1).normal(0, 0.03, 12))
+    spoiled = [*still[:8], replace(still[7], centre_mm=np.full(3, 9.0), within_tolerance=False), *still[8:]]
+    without, beside = chart(still, DriftRules()), chart(spoiled, DriftRules())
+    assert beside[8].standing is DriftStanding.OUT_OF_TOLERANCE
+    for one, other in zip(without[8:], beside[9:], strict=True):
+        assert (one.standing, one.drift_mm, one.limit_mm) == (other.standing, other.drift_mm, other.limit_mm)
 
 
 def test_the_average_is_the_papers() -> None:

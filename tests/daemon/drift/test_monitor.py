@@ -75,7 +75,10 @@ async def test_a_knocked_camera_raises_the_alarm_everywhere_and_a_new_calibratio
         assert [(alarm["kind"], alarm["raised"], alarm["what"]) for alarm in told] == [("drift", True, warning)]
 
         run = await bench.run_over((await bench.client.post("/calibrate")).headers["location"])
-        assert run["result"]["applied"]
+        assert run["result"]["not_applied"]["id"] == "not-applied-contradicts", (
+            "a person decides: the camera was knocked"
+        )
+        await bench.client.post(f"/calibrations/{run['id']}/apply", json={"applied_by": "Ann"})
         await eventually(lambda: watch.report.alarm is None)
         assert [alarm["raised"] for alarm in await alarms_in(bench)] == [True, False]
         async with asyncio.timeout(LIMIT_S):
@@ -130,15 +133,18 @@ async def test_each_run_is_read_from_the_store_once(tmp_path: Path, monkeypatch:
         store = bench.application.store
         record = await store.run(older[2]["id"])
         await store.save_run(replace(record, state=RunState.MOVING, result=None))
-        applied, _ = await store.current()
-        fresh = VerificationHistory(
-            store, bench.application.workers, bench.application.settings.target.target().points_mm
-        )
+        applied, current = await store.current()
+        document = current.document
+        fresh = VerificationHistory(store, bench.application.workers, bench.application.settings.target.target())
         expected = [run["id"] for run in reversed([newest, *older]) if run["kind"] == "verify"]
-        assert [entry.run_id for entry in await fresh.of(applied)] == [run for run in expected if run != record.id]
-        assert [entry.run_id for entry in await fresh.of(applied)] == [run for run in expected if run != record.id]
+        assert [entry.run_id for entry in await fresh.of(applied, document)] == [
+            run for run in expected if run != record.id
+        ]
+        assert [entry.run_id for entry in await fresh.of(applied, document)] == [
+            run for run in expected if run != record.id
+        ]
         await store.save_run(record)
-        assert [entry.run_id for entry in await fresh.of(applied)] == expected
+        assert [entry.run_id for entry in await fresh.of(applied, document)] == expected
         asked: list[str | None] = []
         runs = store.runs
 
@@ -147,9 +153,9 @@ async def test_each_run_is_read_from_the_store_once(tmp_path: Path, monkeypatch:
             return await runs(limit, before)
 
         monkeypatch.setattr(store, "runs", counted)
-        assert [entry.run_id for entry in await fresh.of(applied)] == expected
+        assert [entry.run_id for entry in await fresh.of(applied, document)] == expected
         assert asked == [None]
-        assert await fresh.of(replace(applied, sequence=99)) and len(asked) > 3
+        assert await fresh.of(replace(applied, sequence=99), document) and len(asked) > 3
 
 
 @pytest.mark.slow
@@ -214,3 +220,22 @@ def test_the_alarm_names_the_cameras_temperature_where_it_is_another(
     assert drawn.points[-1].camera_temperature_c == now_c
     assert drawn.report.alarm is not None
     assert ("the camera has 47.0 °C, in the first verifications it had 32.0 °C" in drawn.report.alarm) is named
+
+
+@pytest.mark.parametrize(("tolerance_mm", "standing"), [(1.0, "out-of-tolerance"), (50.0, "learning")])
+def test_a_verification_out_of_tolerance_alarms_and_is_not_learnt_from(
+    tmp_path: Path, tolerance_mm: float, standing: str
+) -> None:
+    """U of 0.3, 4.9, 9.0 and 30.4 mm while the chart learns from five."""
+    entries = [
+        ChartEntry(str(number), "", ChartSample(np.array([x, 0.0, 0.0]), 0.05, 3), expanded_mm=U)
+        for number, (x, U) in enumerate(zip((0.0, 3.0, -5.0, 9.0), (0.3, 4.9, 9.0, 30.4), strict=True))
+    ]
+    problem, solution = solved_session()
+    document = calibration_document(
+        solution, judge(problem, solution), calibration_id="c", created_at="now", software="handeyed 0"
+    )
+    drawn = chart_of(entries, document, settings_for(tmp_path, calibration={"tolerance_mm": tolerance_mm}))
+    assert [point.standing.value for point in drawn.points] == ["learning"] + 3 * [standing]
+    alarm = drawn.report.alarm or ""
+    assert ("U is 30 mm, the tolerance 1 mm" in alarm) is (standing == "out-of-tolerance")

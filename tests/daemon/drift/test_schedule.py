@@ -262,7 +262,9 @@ async def test_ready_says_when_nothing_is_scheduled(tmp_path: Path) -> None:
 async def test_a_released_emergency_stop_moves_nothing(tmp_path: Path) -> None:
     """The verification falls due while the stop is pressed; nobody asks for anything after it."""
     parts = Parts()
-    async with serving(settings_for(tmp_path, calibration={"policy": "auto"}, drift={"every_h": 1}), parts) as bench:
+    async with serving(
+        settings_for(tmp_path, calibration={"policy": "auto", "tolerance_mm": 20.0}, drift={"every_h": 1}), parts
+    ) as bench:
         await bench.run_over((await bench.client.post("/calibrate")).headers["location"])
         await bench.verify()
         goals, clock = len(bench.robot.goals), StepClock()

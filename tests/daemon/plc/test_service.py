@@ -24,7 +24,7 @@ C, S = ControlBit, StatusBit
 
 async def test_calibrate_verify_and_register_by_handshake(tmp_path: Path) -> None:
     scanner = {"address": "http://scanner/cloud.ply", "poses": [pose_json(p) for p in poses_around_the_target(2)]}
-    settings = settings_for(tmp_path, plc=MOVING, scanner=scanner, calibration={"policy": "auto"})
+    settings = settings_for(tmp_path, plc=MOVING, scanner=scanner, calibration={"policy": "auto", "tolerance_mm": 20.0})
     async with serving(settings) as bench, ladder(bench) as plc:
         await plc.client.write_registers(3, [1, 4464])  # part 70000
         await plc.sets(C(0))
@@ -92,7 +92,10 @@ async def test_a_plc_states_the_tolerance(tmp_path: Path, tolerance_um: int, ver
 
 async def test_a_plc_s_calibration_identifies_the_arm_where_the_settings_say_so(tmp_path: Path) -> None:
     settings = settings_for(
-        tmp_path, plc=MOVING, robot={"model": "IRB 1600-6/1.45"}, calibration={"arm": True, "policy": "auto"}
+        tmp_path,
+        plc=MOVING,
+        robot={"model": "IRB 1600-6/1.45"},
+        calibration={"arm": True, "policy": "auto", "tolerance_mm": 20.0},
     )
     async with serving(settings) as bench, ladder(bench) as plc:
         await plc.sets(C(0))

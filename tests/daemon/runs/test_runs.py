@@ -29,7 +29,7 @@ async def test_detectors_and_solver_are_loaded_before_the_arm_is_armed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, path: str, module: str
 ) -> None:
     armed: list[bool] = []
-    async with serving(settings_for(tmp_path, calibration={"policy": "auto"})) as bench:
+    async with serving(settings_for(tmp_path, calibration={"policy": "auto", "tolerance_mm": 20.0})) as bench:
         await bench.run_over((await bench.client.post("/calibrate")).headers["location"])
         monkeypatch.setattr(f"daemon.runs.{module}.load_run_modules", lambda: armed.append(bench.robot.armed))
         goals = len(bench.robot.goals)
@@ -358,7 +358,7 @@ async def test_a_daemon_whose_disk_is_full_starts_and_reports_what_was_interrupt
 
 
 async def test_policy_auto_applies_what_the_verdict_accepts(tmp_path: Path) -> None:
-    async with serving(settings_for(tmp_path, calibration={"policy": "auto"})) as bench:
+    async with serving(settings_for(tmp_path, calibration={"policy": "auto", "tolerance_mm": 20.0})) as bench:
         run = (await bench.client.post("/calibrate", params={"wait": LIMIT_S})).json()
         assert run["result"]["applied"] == run["result"]["accepted"]
         current = await bench.client.get("/calibrations/current")

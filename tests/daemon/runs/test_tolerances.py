@@ -57,15 +57,13 @@ async def test_a_plc_states_the_tolerance_of_a_verification_and_learns_that_it_m
 
 
 @pytest.mark.parametrize(
-    ("stated_mm", "default_mm", "may_loosen", "forbidden"),
-    [(None, 4.0, False, False), (4.0, 4.0, False, False), (4.1, 4.0, False, True), (4.1, 4.0, True, False)],
+    ("stated_mm", "may_loosen", "forbidden"),
+    [(None, False, False), (1.0, False, False), (1.1, False, True), (1.1, True, False)],
 )
-def test_without_a_tolerance_of_the_settings_the_default_is_compared(
-    stated_mm: float | None, default_mm: float, may_loosen: bool, forbidden: bool
+def test_without_a_tolerance_of_the_settings_one_millimetre_is_compared(
+    stated_mm: float | None, may_loosen: bool, forbidden: bool
 ) -> None:
-    settings = CalibrationSettings.model_validate(
-        {"requests_may_loosen": may_loosen, "verdict": {"default_tolerance_mm": default_mm}}
-    )
+    settings = CalibrationSettings.model_validate({"requests_may_loosen": may_loosen})
     assert settings.forbids(stated_mm) is forbidden
 
 

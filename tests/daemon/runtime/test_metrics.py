@@ -22,11 +22,13 @@ needs_promtool = pytest.mark.skipif(
 
 
 async def page_of_a_cell_that_has_worked(folder: Path) -> str:
-    async with serving(settings_for(folder, plc={"port": 0}, calibration={"policy": "auto"})) as bench:
+    async with serving(
+        settings_for(folder, plc={"port": 0}, calibration={"policy": "auto", "tolerance_mm": 20.0})
+    ) as bench:
         await bench.client.post("/calibrate", params={"wait": 200})
         await bench.client.post("/nowhere")
         page = (await bench.client.get("/metrics")).text
-    assert "handeyed_calibration_point_sigma_meters" in page
+    assert "handeyed_calibration_expanded_meters" in page
     return page
 
 

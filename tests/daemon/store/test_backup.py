@@ -41,7 +41,9 @@ async def answers(bench: Bench, key: str) -> dict[str, Any]:
 @pytest.mark.slow
 async def test_a_restored_store_gives_the_same_answers(tmp_path: Path) -> None:
     here, there, file = config_in(tmp_path / "here"), config_in(tmp_path / "there"), tmp_path / "all.tar"
-    async with serving(settings_for(tmp_path / "here" / "store", calibration={"policy": "auto"})) as bench:
+    async with serving(
+        settings_for(tmp_path / "here" / "store", calibration={"policy": "auto", "tolerance_mm": 20.0})
+    ) as bench:
         key, _ = await bench.application.key_service.add("Ann", Role.ADMIN, TEST)
         headers = bearer(key)
         run = (await bench.client.post("/calibrate?wait=200", headers=headers)).json()

@@ -24,7 +24,7 @@ def open_to_others(folder: Path) -> list[str]:
 
 async def test_nothing_in_the_store_is_open_to_others(tmp_path: Path) -> None:
     folder = tmp_path / "new" / "store"
-    async with serving(settings_for(folder, calibration={"policy": "auto"})) as bench:
+    async with serving(settings_for(folder, calibration={"policy": "auto", "tolerance_mm": 20.0})) as bench:
         assert (await bench.client.post("/calibrate?wait=200")).json()["state"] == "finished"
         scan = (await bench.client.post("/scans")).json()
         view = {"params": {"pose": POSES[0]}, "content": ply_of(cloud(100)), "headers": PLY}

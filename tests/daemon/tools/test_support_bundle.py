@@ -93,7 +93,7 @@ def contents_of(archive: bytes) -> dict[str, bytes]:
 async def a_cell_with_secrets(folder: Path) -> Path:
     """A store with a calibration, verifications and keys; settings and a log full of secrets."""
     store = folder / "store"
-    async with serving(settings_for(store, calibration={"policy": "auto"})) as bench:
+    async with serving(settings_for(store, calibration={"policy": "auto", "tolerance_mm": 20.0})) as bench:
         await bench.run_over((await bench.client.post("/calibrate")).headers["location"])
         await bench.verify()
     with closing(sqlite3.connect(store / "handeyed.sqlite")) as db, db:

@@ -1,0 +1,142 @@
+"""Errors of the robot that follow its pose: adopted where significant, and counted in the uncertainty where not.
+
+The model is fitted where a score test finds that it might explain something, and adopted only where the restricted
+likelihood, which penalises every unknown, improves by MIN_LOG_LIKELIHOOD_GAIN, because an unneeded unknown costs
+accuracy. Without such errors a likelihood ratio exceeds e^g with a probability below e^-g (Markov's inequality).
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from calibration.likelihood.chain import Chain
+from calibration.likelihood.estimate import Estimate
+from calibration.likelihood.mixed_model import MixedModel, Variances, solve, with_trend
+from calibration.likelihood.noise_marginalisation import marginalise, restricted_log_likelihood
+from calibration.likelihood.robot_trend import trend_basis
+from calibration.likelihood.variance_components import estimate_variances
+from calibration.linear_algebra import covariance_of
+from calibration.preprocessing.prepare import PreparedSession
+from calibration.solver.shared_corner_errors import shared_corner_sigma_px, variance_by_shared_corners
+from calibration.solver.view_outliers import Selection
+from calibration.transforms import Array, adjoint, inverse
+
+MIN_VIEWS = 12
+"""Least views: the trend has 36 coefficients."""
+
+MIN_LOG_LIKELIHOOD_GAIN = 6.0
+"""Least gain of log-likelihood for adopting a trend; exceeded by chance in less than one of 400 sessions."""
+
+PRIOR_PROBABILITY = 0.1
+"""Prior probability of a trend."""
+
+TREND_SQUARES = 2.0
+"""Mean sum of squares of the trend's regressors over the views: of places and of orientations, each of spread 1."""
+
+MIN_SIGMA = 2.0
+"""Threshold of the score test, in standard deviations. Low, since at this point the noise levels still contain the
+error."""
+
+
+def trend_levels(best: Estimate) -> Variances | None:
+    """The noise levels with a trend of the robot's errors, where it is significant; else None."""
+    trend = _trend_that_shows(best)
+    if trend is None:
+        return None
+    levels = _levels(trend, best)
+    penalty = float(np.log(6 * len(trend.count)))  # Schwarz's, for the trend's two levels
+    gain = restricted_log_likelihood(trend, levels) - penalty - restricted_log_likelihood(best.model, best.variances)
+    return levels if gain >= MIN_LOG_LIKELIHOOD_GAIN else None
+
+
+def widen_by_shared_errors(prepared: PreparedSession, selection: Selection) -> Selection:
+    """The same X with its covariance widened by errors that all views may share though none is significant.
+
+    For a trend of the robot's errors by its posterior probability, and for errors of the corners that are alike in all
+    views as far as the residuals show them.
+    """
+    best = selection.best
+    more = _variance_by_trend(best, prepared)
+    rows = prepared.take(selection.used)
+    distance_mm = float(np.median(np.linalg.norm(rows.camera_T_target[:, :3, 3], axis=1)))
+    more[:6, :6] += variance_by_shared_corners(shared_corner_sigma_px(rows, best), best.camera, distance_mm)
+    return _widened(selection, more)
+
+
+def widen_by_given(selection: Selection) -> Selection:
+    """The same X with the variance of the coordinate that was given along the only axis of rotation."""
+    chain = selection.best.chain
+    if chain.given is None:
+        return selection
+    return _widened(selection, chain.given.covariance(chain.mount_T_camera, chain.anchor_T_target))
+
+
+def _widened(selection: Selection, more: Array) -> Selection:
+    """The selection with `more` (12, 12) added to the covariance of X and the target's pose."""
+    covariance = selection.best.step.covariance.copy()
+    covariance[:12, :12] += more
+    return replace(selection, best=replace(selection.best, step=replace(selection.best.step, covariance=covariance)))
+
+
+def _variance_by_trend(best: Estimate, prepared: PreparedSession) -> Array:
+    """What robot errors that follow the pose add to the covariance (12, 12), by their probability.
+
+    X takes up the part of them that is alike in all views. It shows in no residual and is taken to be as large as the
+    part that follows the pose.
+    """
+    chain, more, share, levels = best.chain, np.zeros((12, 12)), 1.0, best.variances
+    if not best.model.trend_terms:
+        trend = _trend_that_shows(best)
+        if trend is None:
+            return more
+        levels = _levels(trend, best)
+        exact, off = (
+            marginalise(one, at, prepared.belief) for one, at in ((best.model, best.variances), (trend, levels))
+        )
+        odds = np.log(PRIOR_PROBABILITY / (1 - PRIOR_PROBABILITY)) + off.log_evidence - exact.log_evidence
+        share = float(1 / (1 + np.exp(-np.clip(odds, -500.0, 500.0))))
+        shift = off.b[:12] - exact.b[:12]
+        more = share * (off.covariance[:12, :12] - exact.covariance[:12, :12] + np.outer(shift, shift))
+    alike = TREND_SQUARES * np.repeat([levels.trend_rotation, levels.trend_translation], 3)
+    by_camera = adjoint(inverse(_centre_T_camera(chain)))
+    more[:6, :6] += share * (by_camera * alike) @ by_camera.T
+    return more
+
+
+def _centre_T_camera(chain: Chain) -> Array:
+    """The camera (4, 4) in the frame of the mount whose origin is the flange's, in the base its mean place."""
+    if chain.setup == "eye-in-hand":
+        return chain.mount_T_camera
+    moved: Array = chain.mount_T_camera.copy()
+    moved[:3, 3] -= chain.base_T_flange[:, :3, 3].mean(axis=0)
+    return moved
+
+
+def _trend_that_shows(best: Estimate) -> MixedModel | None:
+    """The model with a trend where a score test finds that it may explain something, else None.
+
+    The coefficients' gradient g with information S has g' diag(S)^-1 g at its mean k, without a trend.
+    """
+    basis = trend_basis(best.chain.base_T_flange)
+    if len(basis) < MIN_VIEWS:
+        return None
+    model, p = with_trend(best.model, basis), best.model.unknowns
+    step, known = solve(model, best.variances), model.full_prior_information(best.variances)
+    information, gradient = step.information - np.diag(known), step.gradient - known * model.prior_offset
+    of_others = information[:p, :p] + np.diag(known[:p])
+    across = information[p:, :p] @ covariance_of(of_others)
+    score = gradient[p:] - across @ (gradient[:p] + known[:p] * model.prior_offset[:p])
+    spread = information[p:, p:] - across @ information[:p, p:]
+    scale = np.where(np.diagonal(spread) > 1e-9 * np.diagonal(information)[p:], np.diagonal(spread), np.inf) ** -0.5
+    correlation = scale[:, None] * spread * scale
+    above = float(np.sum((scale * score) ** 2) - np.trace(correlation))
+    return model if above > MIN_SIGMA * float(np.sqrt(2 * np.sum(correlation**2))) else None
+
+
+def _levels(trend: MixedModel, best: Estimate) -> Variances:
+    """The most likely noise levels; those of a trend start from the levels of the single views."""
+    first = best.variances
+    return estimate_variances(
+        trend,
+        replace(first, trend_rotation=first.rotation + 1e-12, trend_translation=first.translation + 1e-6),
+    )

@@ -1,0 +1,76 @@
+"""Print, lens or arm not as described: X is right within its U from three views on, and the cause has a name."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from calibration.knowledge import Knowledge, TargetKnowledge
+from calibration.problem import Setup
+from calibration.solution import Solution
+from calibration.solve import estimate_hand_eye, solve_hand_eye
+from calibration.transforms import map_points
+from calibration.verdict import judge
+from tests.simulated.described_wrongly import FAULTS, HIGH, LOW, WrongSession, wrong_session
+from tests.simulated.faults import SETUPS
+
+
+def error_over_u(session: WrongSession, solution: Solution) -> float:
+    """Largest error of the points of the working volume over U at the worst of them."""
+    assert solution.mount_T_camera is not None
+    assert solution.uncertainty is not None
+    points = np.array([point.camera_mm for point in solution.uncertainty.points])
+    off = map_points(solution.mount_T_camera, points) - map_points(session.mount_T_camera, points)
+    return float(np.linalg.norm(off, axis=1).max() / solution.uncertainty.worst_point.expanded_mm)
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+@pytest.mark.parametrize("setup", SETUPS)
+def test_x_is_right_within_its_uncertainty_at_the_default_number_of_views(fault: str, setup: Setup) -> None:
+    for seed, (views, noise) in enumerate(((3, LOW), (4, LOW), (4, HIGH), (5, HIGH))):
+        session = wrong_session(np.random.default_rng(seed), views, FAULTS[fault], noise, setup, "planned")
+        assert error_over_u(session, estimate_hand_eye(session.problem)) < 1.5, (fault, views)
+
+
+@pytest.mark.parametrize(
+    ("fault", "code"),
+    [
+        ("size 0.98", "target-scale"),
+        ("focal +0.7 %", "focal-length-off"),
+        ("centre 60 px", "principal-point-off"),
+        ("stretch 0.5 %", "target-not-as-drawn"),
+        ("bow 1.0 mm", "target-not-as-drawn"),
+    ],
+)
+def test_the_cause_is_named_with_its_effect(fault: str, code: str) -> None:
+    session = wrong_session(np.random.default_rng(7), 5, FAULTS[fault], LOW, "eye-in-hand", "planned")
+    found = {finding.code: finding for finding in estimate_hand_eye(session.problem).findings}
+    assert found[code].effect_mm is not None
+    assert found[code].effect_mm > 0
+
+
+def test_a_print_fitted_to_its_page_is_measured_by_the_robot_and_not_refused() -> None:
+    session = wrong_session(np.random.default_rng(5), 5, FAULTS["size 0.98"], LOW, "eye-in-hand", "planned")
+    solution = solve_hand_eye(session.problem)
+    assert judge(session.problem, solution).accepted
+    assert error_over_u(session, solution) < 1.0
+
+
+def test_a_certificate_that_is_wrong_is_named_and_does_not_bend_x() -> None:
+    session = wrong_session(np.random.default_rng(3), 6, FAULTS["size 0.98"], LOW, "eye-in-hand", "planned")
+    certified = replace(session.problem, knowledge=Knowledge(TargetKnowledge("certified", 0.0)))
+    solution = estimate_hand_eye(certified)
+    assert "statement-contradicted" in {finding.code for finding in solution.findings}
+    assert error_over_u(session, solution) < 1.5
+
+
+def test_what_is_known_beforehand_narrows_the_uncertainty() -> None:
+    session = wrong_session(np.random.default_rng(11), 3, FAULTS["none"], LOW, "eye-in-hand", "random")
+    stated = Knowledge(TargetKnowledge("certified", 0.0), "this-session", "absolute-accuracy")
+    delivered, known = (
+        estimate_hand_eye(replace(session.problem, knowledge=knowledge)).uncertainty
+        for knowledge in (Knowledge(), stated)
+    )
+    assert delivered is not None
+    assert known is not None
+    assert known.worst_point.expanded_mm < delivered.worst_point.expanded_mm
