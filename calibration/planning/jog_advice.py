@@ -1,7 +1,7 @@
 """Instructions for an operator who jogs the arm: one or two turns of the flange about its axes, and a shift.
 
 A planner's best pose is hard to reach with a joystick. The most informative pose among those that are one or two such
-turns away, with the target moved back to the middle of the image, is nearly as good.
+turns away, with the target moved back to the middle of the image, near, far, or as far as now, is nearly as good.
 """
 
 from dataclasses import dataclass
@@ -114,25 +114,26 @@ def _best_jog(
     reachable: Reachable | None,
 ) -> tuple[tuple[Turn, ...], Array, float | None] | None:
     """The best turns, the pose (4, 4) they lead to, and its predicted mm; None when the limits allow none."""
-    choices = tuple(_turn_choices())
-    poses = np.array([_turn_and_centre(scene, limits, base_T_flange_now, turns) for turns in choices])
+    now_mm = float(np.clip(median_distance_mm(scene, base_T_flange_now[None]), *limits.distance_mm))
+    choices = tuple(product(_turn_choices(), (now_mm, *limits.distance_mm)))
+    poses = np.array([_turn_and_centre(scene, base_T_flange_now, turns, away_mm) for turns, away_mm in choices])
     keep = within_limits(scene, limits, poses) & (_tilts_rad(scene, poses) <= limits.tilt_rad)
     if reachable is not None:
         keep[keep] = reachable(poses[keep])
     if not keep.any():
         return None
-    known = view_information(scene, taken).sum(axis=0)
+    known = scene.prior_information() + view_information(scene, taken).sum(axis=0)
     information = known + view_information(scene, poses[keep])
     distance_mm = median_distance_mm(scene, taken)
     regularised = information.copy()
     regularised[:, :6, :6] += np.linalg.inv(prior_covariance)  # two views do not determine X
     matrices = point_matrices(scene, distance_mm, taken)
     sigma_mm = np.sqrt(worst_variances(matrices, covariance_or_inf(regularised, 6)))
-    single = np.array([len(choices[row]) == 1 for row in np.flatnonzero(keep)])
+    single = np.array([len(choices[row][0]) == 1 for row in np.flatnonzero(keep)])
     best = int(np.argmin(np.where(single, sigma_mm, MIN_GAIN_OF_TWO_TURNS * sigma_mm)))
     row = int(np.flatnonzero(keep)[best])
     planned_mm = prediction_of(scene, information[best], distance_mm).point_mm
-    return choices[row], poses[row], float(planned_mm) if np.isfinite(planned_mm) else None
+    return choices[row][0], poses[row], float(planned_mm) if np.isfinite(planned_mm) else None
 
 
 def _turn_choices() -> "list[tuple[Turn, ...]]":
@@ -146,12 +147,11 @@ def _turn_choices() -> "list[tuple[Turn, ...]]":
     return single + double
 
 
-def _turn_and_centre(scene: Scene, limits: ViewpointLimits, base_T_flange_now: Array, turns: tuple[Turn, ...]) -> Array:
-    """The flange's pose (4, 4) after `turns` about its own axes, shifted to bring the target to the image's middle."""
+def _turn_and_centre(scene: Scene, base_T_flange_now: Array, turns: tuple[Turn, ...], distance_mm: float) -> Array:
+    """The flange's pose (4, 4) after `turns` about its own axes, shifted to have the target in the image's middle."""
     rotation = base_T_flange_now[:3, :3]
     for axis, angle_deg in turns:
         rotation = rotation @ rotation_from_vector(np.radians(angle_deg) * np.array(AXES[axis]))
-    distance_mm = float(np.clip(median_distance_mm(scene, base_T_flange_now[None]), *limits.distance_mm))
     centre = map_points(scene.anchor_T_target, scene.target.points_mm.mean(axis=0, keepdims=True))[0]
     camera_R = rotation @ scene.mount_T_camera[:3, :3]
     camera_at = centre - distance_mm * camera_R[:, 2]

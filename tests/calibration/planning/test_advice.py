@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from calibration.likelihood.predicted_uncertainty import median_distance_mm
 from calibration.planning.jog_advice import Advice, advise
-from calibration.planning.next_view import StoppingRule
+from calibration.planning.next_view import MANY_VIEWS, StoppingRule
 from calibration.planning.plan import plan_poses
 from calibration.planning.scene_belief import ScenePrior, infer_scene
 from calibration.planning.viewpoints import ViewpointLimits, target_in_view
@@ -45,6 +46,13 @@ def test_five_views_by_hand_are_worth_five_that_a_planner_chose() -> None:
     assert told[-1].planned_mm < told[-1].now_mm
 
 
+def test_views_by_hand_are_near_and_far() -> None:
+    """At one distance the focal length, the target's size and X cannot be told apart."""
+    poses, _ = taken_by_hand(guess_off(10.0, 2.0), 4)
+    away_mm = [median_distance_mm(TRUTH, pose[None]) for pose in poses]
+    assert max(away_mm) > 1.3 * min(away_mm)
+
+
 def test_the_words_are_the_pose() -> None:
     told = advise(guess_off(0.0, 0.0), problem_of([LOOK]), WIDE, ENDLESS, base_T_flange_now=LOOK)
     assert told.base_T_flange is not None
@@ -66,7 +74,7 @@ def test_with_nothing_known_it_names_axes_that_were_not_turned_about() -> None:
 
 @pytest.mark.parametrize(("uncertainty_mm", "enough"), [(5.0, True), (1e-4, False)])
 def test_it_says_when_enough_is_known_and_how_to_go_on(uncertainty_mm: float, enough: bool) -> None:
-    poses, _ = taken_by_hand(guess_off(10.0, 2.0), 4)
+    poses, _ = taken_by_hand(guess_off(10.0, 2.0), MANY_VIEWS)
     told = advise(
         guess_off(10.0, 2.0), problem_of(poses), WIDE, StoppingRule(0, uncertainty_mm), base_T_flange_now=poses[-1]
     )

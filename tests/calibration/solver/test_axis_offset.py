@@ -67,7 +67,11 @@ def test_x_is_found_with_the_uncertainty_of_the_number(setup: Setup, of: Of) -> 
     assert solution.uncertainty is not None and solution.mount_T_camera is not None
     off = solution.mount_T_camera[:3, 3] - cell.mount_T_camera[:3, 3]
     assert np.abs(off[:2]).max() < 0.3
-    assert solution.uncertainty.translation_mm[2] == pytest.approx(SIGMA_MM, rel=0.1)
+    along_axis_mm = solution.uncertainty.translation_mm[2]
+    if of == "camera":
+        assert along_axis_mm == pytest.approx(SIGMA_MM, rel=0.1)
+    else:  # the distance from the target adds what lens and print leave open
+        assert SIGMA_MM < along_axis_mm < 1.5 * SIGMA_MM
     assert solution.observability.weakest_direction.endswith("'s z")
 
 

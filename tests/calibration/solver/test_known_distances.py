@@ -72,7 +72,7 @@ def test_a_distance_is_observed_by_the_places_and_the_size_of_the_target() -> No
     joints = np.array([view.joints_rad for problem in problems for view in problem.views])
     session = begin_arm_session(ArmErrorModel(ARM), views, Postures(joints), (bar,))
     model = session.add_distances(session.linearise())
-    middle, size = problems[0].target.points_mm.mean(axis=0), session.size_place()
+    middle, size = session.best.scale * problems[0].target.points_mm.mean(axis=0), session.size_place()
     assert model.unknowns == 34
 
     def length(step: Array) -> float:
@@ -83,9 +83,9 @@ def test_a_distance_is_observed_by_the_places_and_the_size_of_the_target() -> No
         ends = map_points(np.array([second, third]), (1 + step[size]) * middle[None])[:, 0]
         return float(np.linalg.norm(ends[1] - ends[0]))
 
-    steps = 1e-5 * np.eye(25)
+    steps = 1e-5 * np.eye(model.unknowns)
     by = np.array([length(step) - length(-step) for step in steps]) / 2e-5
-    row = np.append(by, length(np.zeros(25)) - bar.distance_mm) / bar.sigma_mm
+    row = np.append(by, length(np.zeros(model.unknowns)) - bar.distance_mm) / bar.sigma_mm
     assert model.direct is not None
     np.testing.assert_allclose(model.direct, np.outer(row, row), atol=1e-4 * np.abs(row).max() ** 2)
     fixed = fix_unknowns(model, np.array([size]), np.array([LONGER]))
@@ -103,7 +103,7 @@ def test_a_bar_shows_that_all_lengths_are_a_thousandth_too_long_as_well_as_it_is
     )
     assert scale_of(without.parameters) < -0.9 * LONGER
     assert found.taken_up
-    assert found.target_scale == pytest.approx(1 + LONGER, abs=1e-4)
+    assert found.target_scale == pytest.approx(1 + LONGER, abs=2e-4)
     sigma = scale_sigma(found)
     assert abs(scale_of(found.parameters)) < 3 * sigma < 0.3 * LONGER
     off_mm = [np.linalg.norm((fit.mount_T_camera - cell.mount_T_camera)[:3, 3]) for fit in (without, found)]
