@@ -119,6 +119,15 @@ def worst_of(points: Iterable[AnyPoint]) -> AnyPoint:
 
 
 @dataclass(frozen=True, eq=False)
+class ArmScale:
+    """Lengths by the arm over true ones: the logarithm's mean and variance, and its covariance (6,) with X."""
+
+    log: float
+    variance: float
+    with_x: Array
+
+
+@dataclass(frozen=True, eq=False)
 class Uncertainty:
     """One standard deviation of X and of a mapped point (`point_mm`).
 
@@ -127,6 +136,7 @@ class Uncertainty:
     point_mm : RMS over the working volume.
     covariance : (6, 6) of [rotation rad, translation mm] of mount_T_camera @ exp(.), in the camera frame.
     points : the points that matter, one at least.
+    arm_scale : of the arm's millimetre, in which X is; None where it is not estimated.
     """
 
     translation_mm: Array
@@ -134,15 +144,18 @@ class Uncertainty:
     point_mm: float
     covariance: Array
     points: tuple[PointUncertainty, ...]
+    arm_scale: ArmScale | None = None
 
     def scaled(self, factor: float) -> "Uncertainty":
         """All standard deviations times `factor`."""
+        scale = self.arm_scale
         return Uncertainty(
             translation_mm=factor * self.translation_mm,
             rotation_rad=factor * self.rotation_rad,
             point_mm=factor * self.point_mm,
             covariance=factor**2 * self.covariance,
             points=tuple(replace(point, sigma_mm=factor * point.sigma_mm) for point in self.points),
+            arm_scale=None if scale is None else replace(scale, with_x=factor * scale.with_x),
         )
 
     @property

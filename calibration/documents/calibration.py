@@ -14,12 +14,14 @@ from calibration.documents.session import AxisOffsetDocument, CameraDocument
 from calibration.documents.target import TargetDocument, document_of_target
 from calibration.documents.validation import Document
 from calibration.documents.version_1 import upgrade_calibration
+from calibration.likelihood.mapped_points import scale_variance_mm2
 from calibration.planning.expectation import NOTHING_EXPECTED, Expectation
 from calibration.problem import ANCHORS, MOUNTS, Setup
 from calibration.sentences.english import ENGLISH
 from calibration.sentences.sentence import Sentence, as_sentence
 from calibration.solution import (
     COVERAGE_FACTOR,
+    ArmScale,
     Finding,
     GroupedBy,
     Noise,
@@ -73,12 +75,27 @@ class LeaveOutDocument(Document):
     groups: int
 
 
+class ArmScaleDocument(Document):
+    """Lengths by the arm over true ones: the logarithm, its standard deviation, its covariance with X.
+
+    X is in the arm's millimetres, a cloud in the scanner's: a registered point is uncertain by this as well.
+    """
+
+    log: float
+    sigma: float
+    covariance_with_x: Six
+
+    def scale(self) -> ArmScale:
+        return ArmScale(self.log, self.sigma**2, np.array(self.covariance_with_x))
+
+
 class UncertaintyDocument(Document):
     """One standard deviation: of X's translation along the mount's axes, of its rotation about the camera's axes, of a
     mapped point (RMS over the working volume).
 
     `covariance`: of X @ exp(.), in `covariance_frame`, rows and columns in `covariance_order`. `points`: those that
     matter. Null and empty in a calibration that was written as version 1. `leave_out`: null with few views.
+    `arm_scale`: between the arm's millimetre and the scanner's, null where it is not estimated.
     """
 
     translation_mm: Vector
@@ -90,10 +107,17 @@ class UncertaintyDocument(Document):
     coverage_factor: float = COVERAGE_FACTOR
     points: tuple[PointUncertaintyDocument, ...] = ()
     leave_out: LeaveOutDocument | None = None
+    arm_scale: ArmScaleDocument | None = None
 
     def matrix(self) -> Array | None:
         """The covariance (6, 6) of [rotation rad, translation mm], None in one written as version 1."""
         return None if self.covariance is None else np.array(self.covariance)
+
+    def registered_expanded_mm(self, point: PointUncertaintyDocument) -> float:
+        """U (k = 2) of a cloud's point there, in the base: with the scale between scanner and arm."""
+        at = np.array(point.camera_mm)
+        more = 0.0 if self.arm_scale is None else scale_variance_mm2(self.arm_scale.scale(), at)
+        return self.coverage_factor * float(np.sqrt(max(point.sigma_mm**2 + more, 0.0)))
 
     @property
     def worst_point(self) -> PointUncertaintyDocument | None:
@@ -380,6 +404,7 @@ def _camera(solution: Solution) -> dict[str, object] | None:
 def _uncertainty(solution: Solution) -> dict[str, object] | None:
     if solution.uncertainty is None:
         return None
+    scale = solution.uncertainty.arm_scale
     return {
         "translation_mm": solution.uncertainty.translation_mm.tolist(),
         "rotation_deg": np.degrees(solution.uncertainty.rotation_rad).tolist(),
@@ -387,6 +412,8 @@ def _uncertainty(solution: Solution) -> dict[str, object] | None:
         "covariance": solution.uncertainty.covariance.tolist(),
         "points": [{**vars(point), "expanded_mm": point.expanded_mm} for point in solution.uncertainty.points],
         "leave_out": solution.leave_out and vars(solution.leave_out),
+        "arm_scale": scale
+        and {"log": scale.log, "sigma": float(np.sqrt(scale.variance)), "covariance_with_x": scale.with_x.tolist()},
     }
 
 

@@ -9,13 +9,14 @@ from calibration.camera import CameraModel
 from calibration.kinematics.robot_accuracy import USUAL_BELIEF, NoiseBelief
 from calibration.likelihood.chain import Chain
 from calibration.likelihood.mixed_model import MixedModel, Step, Variances, linearise_model, solve, with_trend
-from calibration.likelihood.noise_marginalisation import MAX_PRIOR_VIEWS, ArmScale, marginalise
+from calibration.likelihood.noise_marginalisation import MAX_PRIOR_VIEWS, marginalise
 from calibration.likelihood.nuisances import Nuisances
 from calibration.likelihood.robot_trend import trend_basis
 from calibration.likelihood.variance_components import estimate_variances
 from calibration.linear_algebra import covariance_of, scaled_solve, squared_distances
 from calibration.observations.observations import Observations
 from calibration.observations.reprojection import PixelStatistics
+from calibration.solution import ArmScale
 from calibration.transforms import Array, inverse, vector_from_transform
 
 MAX_ITERATIONS = 25

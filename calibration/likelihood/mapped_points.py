@@ -12,7 +12,7 @@ import numpy as np
 
 from calibration.camera import CameraModel
 from calibration.problem import Problem, Setup
-from calibration.solution import PointFrame, PointUncertainty, Solution
+from calibration.solution import ArmScale, PointFrame, PointUncertainty, Solution
 from calibration.transforms import Array, inverse, map_points, skew
 
 MAX_LISTED_POINTS = 27
@@ -55,6 +55,16 @@ def point_sigmas_mm(covariance: Array, points_mm: Array) -> Array:
         return np.full(len(points_mm), np.inf)
     rows = point_rows(points_mm)
     return np.asarray(np.sqrt(np.maximum(np.einsum("nij,jk,nik->n", rows, covariance, rows), 0.0)))
+
+
+def scale_variance_mm2(scale: ArmScale, camera_mm: Array) -> float:
+    """What the arm's millimetre adds to the variance, over three axes, of a cloud's point (3,) of the camera's frame.
+
+    The scanner's millimetres are taken as true, X is in the arm's, and the cloud is not scaled: the point is off by
+    the logarithm of the arm's scale times itself, which has a mean, a variance and a covariance with X.
+    """
+    squared = float(camera_mm @ camera_mm) * (scale.variance + scale.log**2)
+    return squared + 2 * float(camera_mm @ (point_rows(camera_mm[None])[0] @ scale.with_x))
 
 
 def working_volume_uncertainty(covariance: Array, points_mm: Array) -> tuple[PointUncertainty, ...]:

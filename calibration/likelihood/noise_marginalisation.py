@@ -20,6 +20,7 @@ from calibration.knowledge import PriorMixture
 from calibration.likelihood.mixed_model import MixedModel, Variances, sum_products
 from calibration.likelihood.variance_components import redundancy
 from calibration.linear_algebra import MIN_EIGENVALUE, scaled_inverse_and_log_determinant
+from calibration.solution import ArmScale
 from calibration.transforms import Array
 
 MAX_PRIOR_VIEWS = 7
@@ -34,15 +35,6 @@ NODES = ((7, 9, 3.0), (20, 5, 2.2), (40, 3, 1.3))
 ITERATIONS, STEP_TOLERANCE = 8, 0.05
 MAX_LOG_LIKELIHOOD_DEFICIT = 30.0
 """Branches whose log-likelihood is this far below the best are skipped."""
-
-
-@dataclass(frozen=True, eq=False)
-class ArmScale:
-    """Lengths by the arm over true ones: mean and variance of the logarithm, and its covariance (6,) with X."""
-
-    log: float
-    variance: float
-    with_x: Array
 
 
 @dataclass(frozen=True, eq=False)

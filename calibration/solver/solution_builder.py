@@ -2,6 +2,7 @@
 
 from collections import Counter
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,7 +56,7 @@ def build_solution(
         anchor_T_target=best.chain.anchor_T_target,
         camera=best.camera,
         camera_source="estimated" if prepared.nuisances.estimated or _lens_differs(best) else "given",
-        uncertainty=uncertainty_of(covariance, best.chain.mount_T_camera, points_mm),
+        uncertainty=replace(uncertainty_of(covariance, best.chain.mount_T_camera, points_mm), arm_scale=best.arm_scale),
         noise=_noise(best),
         views=_views(problem, prepared, selection, agreeing, own_poses),
         observability=_observability(problem, rows, best, covariance),

@@ -19,4 +19,3 @@ class ReportSettings(Document):
     camera_serial: Name | None = None
     target_serial: Name | None = None
     target_certificate: Name | None = None
-    pitch_uncertainty_mm: Annotated[float, Field(gt=0, le=10)] | None = None

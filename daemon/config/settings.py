@@ -300,6 +300,20 @@ class Settings(Document):
     drift: DriftSettings = DriftSettings()
     report: ReportSettings = ReportSettings()
 
+    @model_validator(mode="before")
+    @classmethod
+    def _read_pitch_uncertainty(cls, data: Any) -> Any:
+        """The target's certificate where it was stated until version 0.1: of its pitch, in [report]."""
+        report, target = (data.get(name) if isinstance(data, dict) else None for name in ("report", "target"))
+        pitch_mm = target.get("pitch_mm", target.get("square_mm")) if isinstance(target, dict) else None
+        if not isinstance(report, dict) or "pitch_uncertainty_mm" not in report or pitch_mm is None:
+            return data
+        stated = {"source": "certified", "length_mm": pitch_mm, "uncertainty_mm": report["pitch_uncertainty_mm"]}
+        calibration = {**data.get("calibration", {})}
+        calibration["known"] = {"target": stated, **calibration.get("known", {})}
+        without = {name: value for name, value in report.items() if name != "pitch_uncertainty_mm"}
+        return {**data, "report": without, "calibration": calibration}
+
     @model_validator(mode="after")
     def _check_names(self) -> "Settings":
         """Refuse a name that means two devices, and a scanner beside a camera that is not there."""

@@ -6,32 +6,32 @@ import numpy as np
 
 from calibration.documents.calibration import CalibrationDocument, PointUncertaintyDocument
 from calibration.documents.reports.blocks import table
-from calibration.documents.reports.context import ReportContext
 from calibration.documents.reports.markup import Markup, join, tag
 from calibration.documents.reports.numbers import DASH, number, significant
-from calibration.likelihood.mapped_points import point_rows
+from calibration.likelihood.mapped_points import point_rows, scale_variance_mm2
 from calibration.solution import worst_of
 from calibration.transforms import Array
 
 TURN, SHIFT = slice(0, 3), slice(3, 6)
 
 
-def budget_at_worst(document: CalibrationDocument, context: ReportContext) -> Markup | None:
+def budget_at_worst(document: CalibrationDocument) -> Markup | None:
     """The parts of u at the worst point; None in a document without a covariance."""
     sure = document.uncertainty
     covariance = None if sure is None else sure.matrix()
     if sure is None or covariance is None or not sure.points:
         return None
-    worst = worst_of(sure.points)
-    parts = point_variances(covariance, worst)
-    pitch = _pitch_effect_mm(worst, context)
-    rows = [*parts, ("pitch of the target, in proportion to the distance (B)", None if pitch is None else pitch**2)]
+    worst, scale = worst_of(sure.points), sure.arm_scale
+    by_scale = None if scale is None else scale_variance_mm2(scale.scale(), np.array(worst.camera_mm))
+    rows = [*point_variances(covariance, worst), ("scale between scanner and arm (B)", by_scale)]
     total = sum(variance for _, variance in rows if variance is not None)
     shown = [(name, _root(variance), _share(variance, total)) for name, variance in rows]
     shown.append(("combined", significant(math.sqrt(max(total, 0.0))), "100 %"))
+    registered = significant(sure.registered_expanded_mm(worst))
     about = (
         f"At {worst.name}, the worst of the points that matter; shares are of the variance. A negative one: turn and"
-        " shift of the camera err against each other there. U above is without type B."
+        " shift of the camera err against each other there. Lens and target are in both. U above is in the arm's"
+        f" millimetres; of a registered point, in the scanner's, it is {registered} mm."
     )
     return join(table(("part", "u / mm", "share"), shown), tag("p", about, class_="small"))
 
@@ -50,14 +50,6 @@ def point_variances(covariance: Array, point: PointUncertaintyDocument) -> list[
         ("shift of the camera (A)", variance(shift)),
         ("both together (A)", variance(covariance - turn - shift)),
     ]
-
-
-def _pitch_effect_mm(point: PointUncertaintyDocument, context: ReportContext) -> float | None:
-    """How far one standard deviation of the pitch moves the point: in proportion to its distance from the camera."""
-    pitch_mm = getattr(context.target, "pitch_mm", None) or getattr(context.target, "square_mm", None)
-    if context.pitch_uncertainty_mm is None or pitch_mm is None:
-        return None
-    return float(np.linalg.norm(point.camera_mm)) * context.pitch_uncertainty_mm / float(pitch_mm)
 
 
 def _root(variance: float | None) -> str:

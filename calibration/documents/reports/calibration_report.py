@@ -240,7 +240,7 @@ def _hold_out(document: CalibrationDocument) -> Markup | None:
 
 def _budget(document: CalibrationDocument, context: ReportContext) -> Markup:
     head = ("source", "standard uncertainty", "type", "how it is known")
-    sources = join(table(head, [*_sources(document, context)], words=True), budget_at_worst(document, context))
+    sources = join(table(head, [*_sources(document, context)], words=True), budget_at_worst(document))
     sure = document.uncertainty
     if sure is None:
         return sources
@@ -265,9 +265,9 @@ def _sources(document: CalibrationDocument, context: ReportContext) -> Iterator[
         ("robot, orientation", noise.robot_rotation_deg, "\u00b0"),
     ):
         yield name, DASH if value is None else f"{significant(value)} {unit}", "A", views if value is not None else DASH
-    pitch = context.pitch_uncertainty_mm
-    given = None if pitch is None else f"{significant(pitch)} mm"
-    yield "pitch of the target", known(given, "[report] of the settings"), "B", "certificate of the target"
+    scale = document.uncertainty and document.uncertainty.arm_scale
+    share = DASH if not scale else f"{significant(100 * math.hypot(scale.sigma, scale.log))} %"
+    yield "scale between scanner and arm", share, "B", "[calibration.known] of the settings, and the views"
     yield "temperature", blank("not recorded"), "B", "expansion of the target and the arm"
 
 

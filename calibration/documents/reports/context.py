@@ -71,7 +71,6 @@ class ReportContext:
     target: TargetDocument | None = None
     target_serial: str | None = None
     target_certificate: str | None = None
-    pitch_uncertainty_mm: float | None = None
     temperature_c: float | None = None
     carried_out_by: str | None = None
     run_id: str | None = None

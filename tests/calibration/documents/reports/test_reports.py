@@ -8,7 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from calibration.documents.calibration import CalibrationDocument, FindingDocument, PointUncertaintyDocument
+from calibration.documents.calibration import (
+    ArmScaleDocument,
+    CalibrationDocument,
+    FindingDocument,
+    PointUncertaintyDocument,
+)
 from calibration.documents.reports.acceptance_report import (
     MeasuredBall,
     MeasuredPosition,
@@ -23,7 +28,6 @@ from calibration.documents.reports.context import Drift, DriftedPoint, Picture, 
 from calibration.documents.reports.numbers import number, places, significant
 from calibration.documents.reports.scan_report import Scan, ScannedView, scan_report
 from calibration.documents.reports.verification_report import drift_report, verification_report
-from calibration.documents.target import ChessboardDocument
 from calibration.likelihood.mapped_points import point_sigmas_mm
 from tests.daemon.calibrations import a_calibration
 
@@ -48,7 +52,7 @@ ACCEPTANCE = ScannerVerification(
 )  # fmt: skip
 FULL = ReportContext(
     plant="Plant 3", cell="Cell 2", robot_model="IRB 1600", robot_serial="R-1", camera_serial="C-1",
-    target_serial="T-1", target_certificate="DKD 1", pitch_uncertainty_mm=0.005, temperature_c=21.5, run_id="run-1",
+    target_serial="T-1", target_certificate="DKD 1", temperature_c=21.5, run_id="run-1",
     applied_at="2026-11-22", applied_by="Ann", issued_at="2026-11-22", document_sha256="ab" * 32,
     session_sha256="cd" * 32, pictures=(PIXEL,), verification=VERIFIED, drift=DRIFT,
 )  # fmt: skip
@@ -132,26 +136,29 @@ def test_the_certificate_has_its_numbers() -> None:
 
 
 def test_the_budget_s_parts_make_up_the_uncertainty_of_the_worst_point() -> None:
-    """A turn of 1 mrad about x moves a point 500 mm ahead by 0.5 mm; the pitch by 0.1 %."""
+    """A turn of 1 mrad about x moves a point 500 mm ahead by 0.5 mm; lengths of the arm known to 0.1 % as well."""
     point = {"name": "middle", "frame": "camera", "position_mm": (0, 0, 500), "camera_mm": (0, 0, 500),
              "sigma_mm": 1.0, "expanded_mm": 2.0}  # fmt: skip
     covariance = np.diag([1e-6, 0, 0, 0.01, 0.01, 0.01])
     covariance[0, 4] = covariance[4, 0] = 1e-5
     assert VERSION_1.uncertainty is not None
     sure = VERSION_1.uncertainty.model_copy(
-        update={"covariance": covariance.tolist(), "points": (PointUncertaintyDocument.model_validate(point),)}
-    )
+        update={
+            "covariance": covariance.tolist(), "points": (PointUncertaintyDocument.model_validate(point),),
+            "arm_scale": ArmScaleDocument(log=6e-4, sigma=8e-4, covariance_with_x=(0, 0, 0, 0, 0, 2e-5)),
+        }
+    )  # fmt: skip
     document = VERSION_1.model_copy(update={"uncertainty": sure})
     parts = dict(point_variances(covariance, sure.points[0]))
     assert parts["turn of the camera (A)"] == pytest.approx(0.25)
     assert parts["shift of the camera (A)"] == pytest.approx(0.03)
     assert parts["both together (A)"] == pytest.approx(-2 * 500 * 1e-5)
-    target = ChessboardDocument(kind="chessboard", columns=11, rows=8, pitch_mm=20.0)
-    text = Elements(calibration_report(document, replace(FULL, target=target, pitch_uncertainty_mm=0.02))).text
+    text = Elements(calibration_report(document, FULL)).text
     assert sum(parts.values()) == pytest.approx(float(point_sigmas_mm(covariance, np.array([[0, 0, 500.0]]))[0]) ** 2)
-    whole = sum(parts.values()) + 0.25
-    assert f"{0.25 / whole * 100:.0f} %" in text
+    whole = sum(parts.values()) + 0.25 + 2 * 500 * 2e-5
+    assert f"{0.27 / whole * 100:.0f} %" in text
     assert significant(whole**0.5) in text
+    assert f"it is {significant(2 * 1.27**0.5)} mm" in text
 
 
 def test_what_is_not_known_is_a_blank() -> None:
