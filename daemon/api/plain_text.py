@@ -149,6 +149,10 @@ def drift_text(chart: DriftDocument) -> str:
     lines = [f"drift: {chart.standing}{about}, {chart.verifications} verifications"]
     if chart.alarm is not None:
         lines.append(f"alarm: {chart.alarm}")
+    if (noise := chart.robot_noise) is not None:
+        levels = f"{noise.robot_translation_mm:.3g} mm, {noise.robot_rotation_deg:.2g} deg"
+        factors = f"times or over {noise.translation_factor:.2g} and {noise.rotation_factor:.2g}"
+        lines.append(f"robot's noise: {levels}, {factors} ({noise.origin})")
     lines += [change_text(change) for change in chart.changes if change.chance >= MIN_SHOWN_CHANCE]
     if chart.points:
         lines.append(f"{'at':<26}{'run':<24}{'drift [mm]':>11}{'limit':>8}{'scatter':>9}  ")

@@ -8,6 +8,7 @@ from math import isfinite
 import numpy as np
 
 from calibration.documents.calibration import CalibrationDocument
+from calibration.documents.knowledge import NoiseBeliefDocument
 from calibration.errors import CalibrationError
 from calibration.kinematics.abb_arms import find_arm
 from calibration.likelihood.predicted_uncertainty import ExpectedNoise, Scene
@@ -78,18 +79,19 @@ class DriftChart:
     """The points, oldest first, and their evaluation.
 
     `changes`: what may have changed between the first and the last of them, with chances; empty without a known arm,
-    the joints of the stations, or a verification before.
+    the joints of the stations, or a verification before. `robot_noise`: what is believed of it after the calibration.
     """
 
     report: DriftReport = field(default_factory=DriftReport)
     points: tuple[DriftPoint, ...] = ()
     changes: tuple[PossibleChange, ...] = ()
+    robot_noise: NoiseBeliefDocument | None = None
 
 
 def chart_of(entries: Sequence[ChartEntry], document: CalibrationDocument, settings: Settings) -> DriftChart:
     """The chart of these verifications, oldest first."""
     if not entries:
-        return DriftChart(DriftReport(DriftStanding.LEARNING, document.id))
+        return DriftChart(DriftReport(DriftStanding.LEARNING, document.id), robot_noise=document.noise.belief)
     rules, tolerance_mm = rules_of(settings.drift), settings.calibration.verdict_limits().tolerance_mm
     entries = [
         replace(entry, sample=replace(entry.sample, within_tolerance=entry.expanded_mm <= tolerance_mm))
@@ -111,7 +113,7 @@ def chart_of(entries: Sequence[ChartEntry], document: CalibrationDocument, setti
         _out_of_tolerance(entries[-1], tolerance_mm)
         or _alarm(last, scatter_mm, limit_mm, _temperatures(entries, rules)),
     )
-    return DriftChart(report, points, tuple(_changes(entries, document, settings)))
+    return DriftChart(report, points, tuple(_changes(entries, document, settings)), document.noise.belief)
 
 
 def _changes(entries: Sequence[ChartEntry], document: CalibrationDocument, settings: Settings) -> list[PossibleChange]:

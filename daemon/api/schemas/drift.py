@@ -5,6 +5,7 @@ from math import degrees
 from typing import Literal
 
 from calibration.documents.calibration import SentenceDocument
+from calibration.documents.knowledge import NoiseBeliefDocument
 from calibration.monitoring.cell_change import PossibleChange
 from daemon.api.schemas.answer import EXAMPLE_AT, EXAMPLE_ID, Answer, OfRecord, documents_of, example
 from daemon.config.settings import DriftSettings
@@ -118,6 +119,8 @@ class DriftDocument(Answer):
     changed, the likeliest first; empty without a known arm, the joints of the stations, or a
     verification before.
     `scanner`: the verifications of the scanner beside this camera, the oldest first, whatever was in force.
+    `robot_noise`: what is believed of the robot's noise after the calibration in force, before the next run, with
+    its origin; null without a calibration, or one of an earlier version.
     """
 
     model_config = example(
@@ -133,6 +136,8 @@ class DriftDocument(Answer):
         ],
         scanner=[{"id": EXAMPLE_ID, "at": EXAMPLE_AT, "scan_id": EXAMPLE_ID, "probing_form_mm": 0.08,
                   "probing_size_mm": 0.03, "sphere_spacing_mm": -0.02}],
+        robot_noise={"robot_rotation_deg": 0.012, "robot_translation_mm": 0.11, "rotation_factor": 1.4,
+                     "translation_factor": 1.5, "origin": "learnt", "arm": "IRB 1600-6/1.2"},
     )  # fmt: skip
 
     standing: Literal["off", "learning", "steady", "drifting", "out-of-tolerance"]
@@ -149,6 +154,7 @@ class DriftDocument(Answer):
     changes: list[DriftChangeDocument]
     touch_tests: list[DriftTouchDocument]
     scanner: list[DriftScannerDocument]
+    robot_noise: NoiseBeliefDocument | None
 
     @classmethod
     def of(
@@ -176,4 +182,5 @@ class DriftDocument(Answer):
             changes=[DriftChangeDocument.of(change) for change in chart.changes],
             touch_tests=split_damaged(documents_of(DriftTouchDocument, touched))[0],
             scanner=split_damaged(documents_of(DriftScannerDocument, accepted))[0],
+            robot_noise=chart.robot_noise,
         )  # fmt: skip

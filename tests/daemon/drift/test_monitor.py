@@ -94,9 +94,13 @@ async def test_the_chart_is_reported_over_rest_with_every_verification_that_is_o
     async with serving(settings_for(tmp_path / "other")) as bench:
         off = (await bench.client.get("/drift")).json()
         assert (off["standing"], off["calibration_id"], off["points"]) == ("off", None, [])
+        assert off["robot_noise"] is None
     async with calibrated(tmp_path) as (bench, camera):
         learning = (await bench.client.get("/drift")).json()
         assert (learning["standing"], learning["verifications"], learning["limit_mm"]) == ("learning", 0, None)
+        current = (await bench.client.get("/calibrations/current")).json()["calibration"]
+        assert learning["robot_noise"] == current["noise"]["belief"]
+        assert learning["robot_noise"]["translation_factor"] < 4.0, "the run has told something of it"
         runs = []
         for turn in range(5):
             if turn == 4:
@@ -119,7 +123,8 @@ async def test_the_chart_is_reported_over_rest_with_every_verification_that_is_o
         assert words.startswith(
             f"drift: drifting of calibration {told['calibration_id']}, 5 verifications\nalarm: drift:"
         )
-        assert len(words.splitlines()) == 3 + 5
+        assert "robot's noise:" in words
+        assert len(words.splitlines()) == 4 + 5
 
 
 @pytest.mark.slow
