@@ -1,13 +1,14 @@
-"""Counts of the structure, from the source as it stands: `python -m tests.structure`.
+"""Counts of the structure, from the source as it stands: `python -m tests.structure [--weights]`.
 
 A unit is a module or package at the root of a room; an arrow is an import from one unit to another of the same room.
 `tests/test_rooms.py` compares the counts with their limits; import-linter checks the order of the layers.
 """
 
+import argparse
 import ast
 import re
-from collections import defaultdict
-from collections.abc import Collection, Iterator
+from collections import Counter, defaultdict
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -16,6 +17,21 @@ ROOT = Path(__file__).resolve().parents[1]
 ROOMS = ("calibration", "daemon", "drivers", "mock_robot", "protocols", "registration")
 
 MAX_UNITS = {"calibration": 24, "daemon": 22, "mock_robot": 16, "registration": 10}
+MAX_WEIGHTS = {
+    "lines of Python": 101_800,
+    "files of the fullest folder": 51,
+    "private functions used once": 897,
+    "of them of at most 8 lines": 474,
+    "functions of 8 parameters or more": 54,
+    "pairs of a dataclass and a document with the same fields": 40,
+    "converters between them: of, of_row, of_record, row": 70,
+    "files that name: external axis": 46,
+    "files that name: arm errors and conditions": 37,
+    "files that name: touch tests": 42,
+    "files that name: further sensors": 17,
+}
+"""Ratchets: a change that lightens one lowers its limit; none is raised."""
+
 MAX_PARTICIPLE_SHARE = 0.03
 MAX_TOLD = 15
 
@@ -25,6 +41,17 @@ held hidden kept known laid led lit lost made met said seen sent shown sought sp
 told understood worn woven written
 """
 NOT_PARTICIPLES = frozenset({"embed", "exceed", "feed", "need", "proceed", "seed", "shed", "speed"})
+
+TOPICS = {
+    "external axis": r"external_axis|ExternalAxis",
+    "arm errors and conditions": r"ArmConditions|arm_conditions|CalibrationWithArm|with_arm",
+    "touch tests": r"touch(es|_test|_tests)?\b|Touch(?!ing)",
+    "further sensors": r"MAIN_CAMERA|MAIN_SCANNER",
+}
+"""Features that are not of every cell, by the words that name them in a file."""
+
+MANY_PARAMETERS = 8
+SHORT_FUNCTION = 8
 
 Graph = dict[str, set[str]]
 
@@ -184,8 +211,90 @@ def _imports_below(*folders: str) -> Iterator[tuple[Path, str]]:
             yield file, module
 
 
+@dataclass(frozen=True)
+class Weight:
+    """A count that may fall and must not rise."""
+
+    about: str
+    count: int
+
+
+def weights() -> list[Weight]:
+    """What makes the product heavy: lines, folders, functions used once, shapes of a noun, features in many files."""
+    texts = {file: file.read_text(encoding="utf-8") for file in python_files(*ROOMS, "handeyed")}
+    trees = [ast.parse(text) for text in texts.values()]
+    nodes = [node for tree in trees for node in ast.walk(tree)]
+    names = Counter(
+        node.id if isinstance(node, ast.Name) else node.attr
+        for node in nodes
+        if isinstance(node, ast.Name | ast.Attribute)
+    )
+    functions = [node for node in nodes if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)]
+    private = [one for one in functions if one.name.startswith("_") and not one.name.startswith("__")]
+    once = [one for one in private if names[one.name] == 1]
+    short = [one for one in once if (one.end_lineno or one.lineno) - one.lineno < SHORT_FUNCTION]
+    wide = [one for one in functions if len(one.args.args) + len(one.args.kwonlyargs) >= MANY_PARAMETERS]
+    folders = Counter(file.parent for file in texts)
+    return [
+        Weight("lines of Python", sum(len(text.splitlines()) for text in texts.values())),
+        Weight("files of the fullest folder", max(folders.values())),
+        Weight("private functions used once", len(once)),
+        Weight(f"of them of at most {SHORT_FUNCTION} lines", len(short)),
+        Weight(f"functions of {MANY_PARAMETERS} parameters or more", len(wide)),
+        Weight("pairs of a dataclass and a document with the same fields", len(_twins(trees))),
+        Weight("converters between them: of, of_row, of_record, row", _converters(trees)),
+        *(
+            Weight(f"files that name: {topic}", sum(bool(re.search(words, text)) for text in texts.values()))
+            for topic, words in TOPICS.items()
+        ),
+    ]
+
+
+def _twins(trees: Sequence[ast.Module]) -> list[tuple[str, str]]:
+    """Pairs of a dataclass and a pydantic model of which at least three fields, and half of all, are the same."""
+    classes = [node for tree in trees for node in tree.body if isinstance(node, ast.ClassDef)]
+    bases = {one.name: {ast.unparse(base).split("[")[0] for base in one.bases} for one in classes}
+    models = {"BaseModel"}
+    while more := {name for name, above in bases.items() if above & models and name not in models}:
+        models |= more
+    rows, documents = {}, {}
+    for one in classes:
+        fields = {
+            ast.unparse(each.target)
+            for each in one.body
+            if isinstance(each, ast.AnnAssign) and "ClassVar" not in ast.unparse(each.annotation)
+        }
+        if one.name in models:
+            documents[one.name] = fields
+        elif any("dataclass" in ast.unparse(decorator) for decorator in one.decorator_list):
+            rows[one.name] = fields
+    return [
+        (row, document)
+        for row, fields in rows.items()
+        for document, others in documents.items()
+        if len(fields & others) >= 3 and 2 * len(fields & others) >= len(fields | others)
+    ]
+
+
+def _converters(trees: Sequence[ast.Module]) -> int:
+    """Methods that turn one shape of a noun into another."""
+    return sum(
+        isinstance(method, ast.FunctionDef) and method.name in {"of", "of_row", "of_record", "row"}
+        for tree in trees
+        for one in tree.body
+        if isinstance(one, ast.ClassDef)
+        for method in one.body
+    )
+
+
 def main() -> None:
     """Print all counts beside their limits."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--weights", action="store_true", help="what makes the product heavy, beside its limits")
+    if parser.parse_args().weights:
+        for weight in weights():
+            print(f"{weight.about:62}{weight.count:>8}{MAX_WEIGHTS[weight.about]:>8}")
+        return
     graph = import_graph()
     print(f"{'room':14}{'units':>6}{'limit':>7}{'arrows':>8}  cycles of units")
     for name in ROOMS:
