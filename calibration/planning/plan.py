@@ -51,7 +51,7 @@ def plan_poses(
     known = scene.prior_information()
     if taken is not None:
         known = known + view_information(scene, taken).sum(axis=0)
-    search = Search(scene, limits, reachable, np.random.default_rng(seed), alternatives)
+    search = Search(scene, limits, reachable, np.random.default_rng(seed), alternatives, start)
     chosen = select_viewpoints(search, count, known, restarts)
     poses = chosen.base_T_flange
     if len(poses) < count:

@@ -11,18 +11,27 @@ TURN_MM_PER_RAD = 300.0
 def visiting_order(base_T_flange: Array, start: Array | None = None) -> list[int]:
     """Indices (n,) of the poses (n, 4, 4) from `start` (4, 4), or from the first: nearest neighbour, then 2-opt."""
     poses = base_T_flange if start is None else np.concatenate([start[None], base_T_flange])
-    length = _lengths(poses)
+    length = np.array([travel_from(pose, poses) for pose in poses])
     route = _two_opt(_nearest_neighbour(length), length)
     return route if start is None else [index - 1 for index in route[1:]]
 
 
-def _lengths(poses: Array) -> Array:
-    relative = np.swapaxes(poses[:, None, :3, :3], -1, -2) @ poses[None, :, :3, :3]
-    travel = np.linalg.norm(poses[:, None, :3, 3] - poses[None, :, :3, 3], axis=-1)
-    n = len(poses)
-    turn = np.reshape(rotation_angle_rad(relative.reshape(-1, 3, 3)), (n, n))
-    lengths: Array = travel + TURN_MM_PER_RAD * turn
+def travel_from(start: Array, poses: Array) -> Array:
+    """Lengths (n,) mm of moves from `start` (4, 4) to poses (n, 4, 4), turns included."""
+    turn_rad = rotation_angle_rad(start[:3, :3].T @ poses[:, :3, :3])
+    lengths: Array = np.linalg.norm(poses[:, :3, 3] - start[:3, 3], axis=-1) + TURN_MM_PER_RAD * turn_rad
     return lengths
+
+
+def lengths_with_one_more(start: Array, poses: Array, more: Array) -> Array:
+    """Lengths (n,) mm of routes from `start` (4, 4) through `poses` (m, 4, 4) and one of `more` (n, 4, 4), put in where
+    it costs least."""
+    route = np.concatenate([start[None], poses[visiting_order(poses, start)]])
+    to_each = np.array([travel_from(pose, more) for pose in route])
+    legs = np.array([travel_from(pose, after[None])[0] for pose, after in zip(route[:-1], route[1:], strict=True)])
+    between = to_each[:-1] + to_each[1:] - legs[:, None]
+    longer: Array = np.concatenate([between, to_each[-1:]]).min(axis=0)
+    return legs.sum() + longer
 
 
 def _nearest_neighbour(length: Array) -> list[int]:

@@ -1,7 +1,8 @@
 """Selection of the set of viewpoints that determines X best: exchange among random candidates, then local search.
 
-The value of a set is the predicted variance of the worst of the points that matter, the largest trace(W cov): U of the
-verdict (Yang, Rebello & Waslander, arXiv:2303.06766 choose views by information as well).
+The cost of a set is the predicted variance of the worst of the points that matter, the largest trace(W cov): U of the
+verdict (Yang, Rebello & Waslander, arXiv:2303.06766 choose views by information as well). Travel of the arm, which
+takes most of a run's time, raises it a little.
 """
 
 from collections.abc import Callable
@@ -14,6 +15,7 @@ from numpy.typing import NDArray
 from calibration.likelihood.predicted_uncertainty import Scene, view_information
 from calibration.linear_algebra import covariance_or_inf
 from calibration.planning.point_criterion import point_matrices, worst_variances
+from calibration.planning.route import lengths_with_one_more
 from calibration.planning.viewpoints import (
     ViewpointLimits,
     clip_to_limits,
@@ -44,16 +46,32 @@ class Candidates:
     base_T_flange: Array
     information: Array
 
+    def take(self, chosen: Indices) -> "Candidates":
+        return Candidates(self.viewpoints[chosen], self.base_T_flange[chosen], self.information[chosen])
+
+    def join(self, *others: "Candidates") -> "Candidates":
+        """These, then the others."""
+        every = (self, *others)
+        return Candidates(
+            np.concatenate([one.viewpoints for one in every]),
+            np.concatenate([one.base_T_flange for one in every]),
+            np.concatenate([one.information for one in every]),
+        )
+
 
 @dataclass(frozen=True, eq=False)
 class Search:
-    """The conditions of a search. From each pose the target must be in view in all `alternatives` as well."""
+    """The conditions of a search. From each pose the target must be in view in all `alternatives` as well.
+
+    `start` (4, 4): the flange's pose now, from which travel counts.
+    """
 
     scene: Scene
     limits: ViewpointLimits
     reachable: Reachable | None
     rng: np.random.Generator
     alternatives: tuple[Scene, ...] = ()
+    start: Array | None = None
 
     def candidates(self, viewpoints: Array) -> Candidates:
         """Those of the viewpoints (n, 6) that are allowed and reachable."""
@@ -67,9 +85,17 @@ class Search:
             keep[keep] = in_sight(other, self.limits, poses[keep])
         return Candidates(viewpoints[keep], poses[keep], view_information(self.scene, poses[keep]))
 
-    def variance(self, information: Array) -> Array:
-        """Predicted variance (n,) of the worst of the points that matter, in mm², of information (n, k, k)."""
-        return worst_variances(self._matrices, covariance_or_inf(information, 6))
+    def cost(self, known: Array, others: Candidates, more: Candidates) -> Array:
+        """(n,) mm²: of the sets of `others` and one of `more` beside the information `known` (k, k).
+
+        It is the predicted variance of the worst of the points that matter, raised by the length of the route.
+        """
+        information = known + others.information.sum(axis=0) + more.information
+        variance = worst_variances(self._matrices, covariance_or_inf(information, 6))
+        if self.start is None:
+            return variance
+        route_mm = lengths_with_one_more(self.start, others.base_T_flange, more.base_T_flange)
+        return variance * (1 + COST_OF_TRAVEL_BY_MM * route_mm) ** 2
 
     @cached_property
     def _matrices(self) -> Array:
@@ -77,6 +103,10 @@ class Search:
         viewpoints = random_viewpoints(self.limits, POINT_VIEWPOINTS, np.random.default_rng(0))
         return point_matrices(self.scene, float(np.mean(self.limits.distance_mm)), flange_poses(self.scene, viewpoints))
 
+
+COST_OF_TRAVEL_BY_MM = 4e-5
+"""Share of U that a millimetre of travel is worth: at 250 mm/s a metre takes 4 s, and one more view, which takes 10 s,
+leaves about a tenth less."""
 
 POOL_SIZE = 500
 """Random candidates; more of them improve a set by less than the local search does."""
@@ -97,8 +127,8 @@ def select_viewpoints(search: Search, count: int, known: Array, restarts: int) -
     if len(candidates.viewpoints) <= count:
         return candidates
     sets = [_exchange(search, candidates, count, known) for _ in range(restarts)]
-    values = search.variance(np.array([known + candidates.information[chosen].sum(axis=0) for chosen in sets]))
-    return _improve(search, _take(candidates, sets[int(np.argmin(values))]), known)
+    costs = [search.cost(known, candidates.take(chosen[1:]), candidates.take(chosen[:1]))[0] for chosen in sets]
+    return _improve(search, candidates.take(sets[int(np.argmin(costs))]), known)
 
 
 def _draw_pool(search: Search) -> Candidates:
@@ -107,15 +137,7 @@ def _draw_pool(search: Search) -> Candidates:
         batches.append(search.candidates(random_viewpoints(search.limits, POOL_SIZE, search.rng)))
         if sum(len(batch.viewpoints) for batch in batches) >= POOL_SIZE:
             break
-    return Candidates(
-        np.concatenate([batch.viewpoints for batch in batches]),
-        np.concatenate([batch.base_T_flange for batch in batches]),
-        np.concatenate([batch.information for batch in batches]),
-    )
-
-
-def _take(candidates: Candidates, chosen: Indices) -> Candidates:
-    return Candidates(candidates.viewpoints[chosen], candidates.base_T_flange[chosen], candidates.information[chosen])
+    return batches[0].join(*batches[1:])
 
 
 def _exchange(search: Search, candidates: Candidates, count: int, known: Array) -> Indices:
@@ -125,25 +147,21 @@ def _exchange(search: Search, candidates: Candidates, count: int, known: Array) 
     while True:
         before = best
         for slot in range(count):
-            others = known + candidates.information[np.delete(chosen, slot)].sum(axis=0)
-            values = search.variance(others + candidates.information)
-            values[np.delete(chosen, slot)] = np.inf
-            chosen[slot] = int(np.argmin(values))
-            best = float(values[chosen[slot]])
+            costs = search.cost(known, candidates.take(np.delete(chosen, slot)), candidates)
+            costs[np.delete(chosen, slot)] = np.inf
+            chosen[slot] = int(np.argmin(costs))
+            best = float(costs[chosen[slot]])
         if not best < 0.99 * before:
             return chosen
 
 
 def _improve(search: Search, chosen: Candidates, known: Array, rounds: int = 8, tries: int = 24) -> Candidates:
     """Local search around every viewpoint in turn, with shrinking steps."""
-    viewpoints, poses, information = chosen.viewpoints.copy(), chosen.base_T_flange.copy(), chosen.information.copy()
     for step in LOCAL_STEPS * 0.7 ** np.arange(rounds)[:, None]:
-        for slot in range(len(viewpoints)):
-            around = viewpoints[slot] + step * search.rng.standard_normal((tries, 6))
-            near = search.candidates(clip_to_limits(search.limits, around))
-            others = known + np.delete(information, slot, axis=0).sum(axis=0)
-            values = search.variance(others + np.concatenate([information[slot][None], near.information]))
-            if (best := int(np.argmin(values)) - 1) >= 0:
-                viewpoints[slot], poses[slot] = near.viewpoints[best], near.base_T_flange[best]
-                information[slot] = near.information[best]
-    return Candidates(viewpoints, poses, information)
+        for _ in chosen.viewpoints:
+            here, others = chosen.take(np.arange(1)), chosen.take(np.arange(1, len(chosen.viewpoints)))
+            around = here.viewpoints + step * search.rng.standard_normal((tries, 6))
+            near = here.join(search.candidates(clip_to_limits(search.limits, around)))
+            best = int(np.argmin(search.cost(known, others, near)))
+            chosen = others.join(near.take(np.array([best])))
+    return chosen

@@ -1,0 +1,43 @@
+"""Routes: the order of poses, what one more of them costs, and plans that travel less for nearly the same U."""
+
+import numpy as np
+import pytest
+
+from calibration.planning import viewpoint_selection
+from calibration.planning.plan import Plan, plan_poses
+from calibration.planning.route import lengths_with_one_more, travel_from, visiting_order
+from calibration.transforms import Array, rotation_from_vector, transform
+from tests.calibration.planning.scenes import LOOK, TRUTH, WIDE
+
+
+def length_mm(start: Array, poses: Array) -> float:
+    route = np.concatenate([start[None], poses])
+    return float(sum(travel_from(a, b[None])[0] for a, b in zip(route[:-1], route[1:], strict=True)))
+
+
+def test_one_more_pose_costs_what_it_adds_where_it_adds_least() -> None:
+    rng = np.random.default_rng(0)
+    start, *poses = (
+        transform(rotation_from_vector(rng.uniform(-1, 1, 3)), rng.uniform(-300, 300, 3)) for _ in range(10)
+    )
+    kept, more = np.array(poses[:4]), np.array(poses[4:])
+    ordered = kept[visiting_order(kept, start)]
+    for one, found in zip(more, lengths_with_one_more(start, kept, more), strict=True):
+        each = [length_mm(start, np.insert(ordered, place, one, axis=0)) for place in range(5)]
+        assert found == pytest.approx(min(each))
+
+
+def test_a_plan_travels_less_for_nearly_the_same_uncertainty(monkeypatch: pytest.MonkeyPatch) -> None:
+    def plans() -> tuple[float, float]:
+        """Mean length of the routes, mm, and mean U at the worst point, mm."""
+        found: list[Plan] = [
+            plan_poses(TRUTH, WIDE, 5, start=LOOK, taken=LOOK[None], seed=seed, restarts=2) for seed in range(3)
+        ]
+        routes = [length_mm(LOOK, plan.base_T_flange) for plan in found]
+        return float(np.mean(routes)), float(np.mean([plan.predicted.worst_point.expanded_mm for plan in found]))
+
+    route_mm, expanded_mm = plans()
+    monkeypatch.setattr(viewpoint_selection, "COST_OF_TRAVEL_BY_MM", 0.0)
+    without_mm, least_mm = plans()
+    assert route_mm < 0.9 * without_mm
+    assert expanded_mm < 1.03 * least_mm
