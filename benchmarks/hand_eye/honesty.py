@@ -10,7 +10,7 @@ import os
 from collections import defaultdict
 from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 from time import process_time
 
@@ -19,14 +19,14 @@ import numpy as np
 from calibration.problem import Setup
 from calibration.solve import estimate_hand_eye, solve_hand_eye
 from calibration.transforms import map_points
-from calibration.verdict import judge
+from calibration.verdict import DEFAULT_VERDICT_LIMITS, judge
 from tests.simulated.described_wrongly import FAULTS, HIGH, LOW, Poses, wrong_session
 
 VIEWS = (3, 4, 5, 6, 8)
 SETUPS: tuple[Setup, ...] = ("eye-in-hand", "eye-to-hand")
 POSES: tuple[Poses, ...] = ("planned", "random")
 LEVELS = {"low": LOW, "high": HIGH}
-NEGLIGIBLE_MM, GROSS_MM = 0.2, 2.0
+NEGLIGIBLE_MM, GROSS_MM, TOLERANCE_MM = 0.2, 2.0, 4.0
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,7 @@ def answer(asked: Asked) -> Answered:
     begin = process_time()
     solution = solve_hand_eye(session.problem) if asked.diagnosed else estimate_hand_eye(session.problem)
     seconds = process_time() - begin
-    verdict = judge(session.problem, solution)
+    verdict = judge(session.problem, solution, replace(DEFAULT_VERDICT_LIMITS, tolerance_mm=TOLERANCE_MM))
     errors = tuple(finding.code for finding in verdict.findings if finding.severity == "error")
     if solution.mount_T_camera is None or solution.uncertainty is None:
         return Answered(asked, False, np.inf, np.inf, errors, seconds)

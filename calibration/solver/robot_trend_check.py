@@ -1,8 +1,9 @@
 """Errors of the robot that follow its pose: adopted where significant, and counted in the uncertainty where not.
 
-The model is fitted where a score test finds that it might explain something, and adopted only where the restricted
-likelihood, which penalises every unknown, improves by MIN_LOG_LIKELIHOOD_GAIN, because an unneeded unknown costs
-accuracy. Without such errors a likelihood ratio exceeds e^g with a probability below e^-g (Markov's inequality).
+The model is adopted only where the restricted likelihood, which penalises every unknown, improves by
+MIN_LOG_LIKELIHOOD_GAIN, because an unneeded unknown costs accuracy. Without such errors a likelihood ratio exceeds e^g
+with a probability below e^-g (Markov's inequality). Where lens and target explain the errors as well, the trend is not
+adopted, and its probability widens the uncertainty.
 """
 
 from dataclasses import replace
@@ -11,11 +12,10 @@ import numpy as np
 
 from calibration.likelihood.chain import Chain
 from calibration.likelihood.estimate import Estimate
-from calibration.likelihood.mixed_model import MixedModel, Variances, solve, with_trend
+from calibration.likelihood.mixed_model import MixedModel, Variances, with_trend
 from calibration.likelihood.noise_marginalisation import marginalise, restricted_log_likelihood
 from calibration.likelihood.robot_trend import trend_basis
 from calibration.likelihood.variance_components import estimate_variances
-from calibration.linear_algebra import covariance_of
 from calibration.preprocessing.prepare import PreparedSession
 from calibration.solver.shared_corner_errors import shared_corner_sigma_px, variance_by_shared_corners
 from calibration.solver.view_outliers import Selection
@@ -33,14 +33,9 @@ PRIOR_PROBABILITY = 0.1
 TREND_SQUARES = 2.0
 """Mean sum of squares of the trend's regressors over the views: of places and of orientations, each of spread 1."""
 
-MIN_SIGMA = 2.0
-"""Threshold of the score test, in standard deviations. Low, since at this point the noise levels still contain the
-error."""
-
-
 def trend_levels(best: Estimate) -> Variances | None:
     """The noise levels with a trend of the robot's errors, where it is significant; else None."""
-    trend = _trend_that_shows(best)
+    trend = _with_trend(best)
     if trend is None:
         return None
     levels = _levels(trend, best)
@@ -86,7 +81,7 @@ def _variance_by_trend(best: Estimate, prepared: PreparedSession) -> Array:
     """
     chain, more, share, levels = best.chain, np.zeros((12, 12)), 1.0, best.variances
     if not best.model.trend_terms:
-        trend = _trend_that_shows(best)
+        trend = _with_trend(best)
         if trend is None:
             return more
         levels = _levels(trend, best)
@@ -112,25 +107,10 @@ def _centre_T_camera(chain: Chain) -> Array:
     return moved
 
 
-def _trend_that_shows(best: Estimate) -> MixedModel | None:
-    """The model with a trend where a score test finds that it may explain something, else None.
-
-    The coefficients' gradient g with information S has g' diag(S)^-1 g at its mean k, without a trend.
-    """
+def _with_trend(best: Estimate) -> MixedModel | None:
+    """The model with a trend, None for few views."""
     basis = trend_basis(best.chain.base_T_flange)
-    if len(basis) < MIN_VIEWS:
-        return None
-    model, p = with_trend(best.model, basis), best.model.unknowns
-    step, known = solve(model, best.variances), model.full_prior_information(best.variances)
-    information, gradient = step.information - np.diag(known), step.gradient - known * model.prior_offset
-    of_others = information[:p, :p] + np.diag(known[:p])
-    across = information[p:, :p] @ covariance_of(of_others)
-    score = gradient[p:] - across @ (gradient[:p] + known[:p] * model.prior_offset[:p])
-    spread = information[p:, p:] - across @ information[:p, p:]
-    scale = np.where(np.diagonal(spread) > 1e-9 * np.diagonal(information)[p:], np.diagonal(spread), np.inf) ** -0.5
-    correlation = scale[:, None] * spread * scale
-    above = float(np.sum((scale * score) ** 2) - np.trace(correlation))
-    return model if above > MIN_SIGMA * float(np.sqrt(2 * np.sum(correlation**2))) else None
+    return with_trend(best.model, basis) if len(basis) >= MIN_VIEWS else None
 
 
 def _levels(trend: MixedModel, best: Estimate) -> Variances:

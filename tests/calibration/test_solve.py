@@ -15,8 +15,9 @@ from calibration.observations.reprojection import pixel_residuals, pixel_rows, w
 from calibration.observations.view_poses import apply_pose_steps, refine_poses
 from calibration.problem import Setup
 from calibration.solve import METHODS, estimate_session, solve_hand_eye
-from calibration.transforms import inverse, vector_from_rotation
+from calibration.transforms import difference, inverse, vector_from_rotation
 from calibration.verdict import judge
+from tests.simulated.described_wrongly import LOW, Wrong, wrong_session
 from tests.simulated.sessions import CellNoise, random_cell
 from tests.simulated.spoiled_sessions import QUIET, cell, error_of
 
@@ -55,9 +56,15 @@ def test_an_unknown_method_is_named_with_the_known_ones() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("setup", SETUPS)
 def test_maximum_likelihood_beats_the_closed_forms(setup: Setup) -> None:
+    """Of prints and lenses as good as usual ones: 0.2 % of the size, 0.1 % of the focal length, 1.5 px."""
     squares = {"auto": 0.0, "park": 0.0, "daniilidis": 0.0, "kronecker": 0.0}
     for seed in range(12):
-        truth = cell(100 + seed, 12, SHARP, setup=setup)
+        rng = np.random.default_rng([100, seed])
+        usual = Wrong(
+            size=1 + 2e-3 * rng.standard_normal(), focal=1 + 1e-3 * rng.standard_normal(),
+            centre_px=1.5 * rng.standard_normal(),
+        )  # fmt: skip
+        truth = wrong_session(rng, 12, usual, LOW, setup, "planned")
         prepared, _, selection = estimate_session(truth.problem)
         solved = {"auto": selection.best.chain.mount_T_camera} | {
             name: CLOSED_FORMS[name](prepared.anchor_T_mount, prepared.camera_T_target)
@@ -65,7 +72,7 @@ def test_maximum_likelihood_beats_the_closed_forms(setup: Setup) -> None:
             if name != "auto"
         }
         for name, mount_T_camera in solved.items():
-            squares[name] += error_of(mount_T_camera, truth)[0] ** 2
+            squares[name] += difference(truth.mount_T_camera, mount_T_camera)[0] ** 2
     others = [square for name, square in squares.items() if name != "auto"]
     assert squares["auto"] < 0.5 * min(others)
 
@@ -102,7 +109,7 @@ def test_errors_are_as_large_as_the_uncertainty_says() -> None:
 @pytest.mark.parametrize("views", [4, 12])
 def test_an_exact_robot_is_used_as_one(views: int) -> None:
     ratios = []
-    for seed in range(12):
+    for seed in range(24):
         truth = cell(900 + seed, views, CellNoise(0.1, 0.0, 0.0))
         scene = Scene(
             "eye-in-hand",

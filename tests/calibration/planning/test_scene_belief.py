@@ -58,7 +58,7 @@ def test_with_a_guess_50_mm_and_10_deg_off_the_target_stays_in_the_picture_and_t
     # The farthest guesses may cost a few of the target's points in the first move, never the target.
     assert target_in_view(TRUTH, np.array(poses)).min() > 0.6
     assert told[-1].now_mm is not None
-    assert told[-1].now_mm <= 0.10
+    assert told[-1].now_mm <= 0.12
 
 
 def test_doubt_shrinks_with_every_view():
@@ -87,14 +87,14 @@ def test_a_planned_pose_keeps_the_target_in_view_in_every_scene_that_could_be_tr
 
 def test_it_ends_when_a_mapped_point_is_known_as_well_as_asked():
     guess = guess_off(10.0, 2.0)
-    poses, told = taken_step_by_step(guess, StoppingRule(12, uncertainty_mm=0.08))
+    poses, told = taken_step_by_step(guess, StoppingRule(12, uncertainty_mm=0.06))
     assert 4 <= len(poses) < 12
     uncertainty = solve_hand_eye(problem_of(poses)).uncertainty
     assert uncertainty is not None
-    assert uncertainty.point_mm <= 0.08
+    assert uncertainty.point_mm <= 0.06
     assert told[-1].now_mm is not None
     assert told[-2].now_mm is not None
-    assert told[-1].now_mm <= 0.08 < told[-2].now_mm
+    assert told[-1].now_mm <= 0.06 < told[-2].now_mm
 
 
 def test_with_unknown_intrinsics_it_starts_from_a_usual_field_of_view():
@@ -158,7 +158,7 @@ def test_poses_that_somebody_chose_badly_hear_what_planned_ones_would_have_given
         return [finding.message for finding in PlanComparison(WIDE, GOOD_NOISE).findings(problem, solution)]
 
     (told,) = findings(TRUTH, seed_poses())
-    assert told.startswith("3 planned poses would leave 0.0")
+    assert told.startswith("3 planned poses would leave 0.1")
     poses, _ = taken_step_by_step(guess_off(5.0, 1.0), StoppingRule(5))
     assert findings(TRUTH, np.array(poses)) == []
 
