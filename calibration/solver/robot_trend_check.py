@@ -33,6 +33,7 @@ PRIOR_PROBABILITY = 0.1
 TREND_SQUARES = 2.0
 """Mean sum of squares of the trend's regressors over the views: of places and of orientations, each of spread 1."""
 
+
 def trend_levels(best: Estimate) -> Variances | None:
     """The noise levels with a trend of the robot's errors, where it is significant; else None."""
     trend = _with_trend(best)
