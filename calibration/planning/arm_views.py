@@ -1,8 +1,8 @@
 """Views that show most of the arm's errors, and what they would leave of them at the points that matter.
 
-Each view is a measurement of the flange's pose with the pixels' and the robot's noise; X, the target's places and the
-errors of the arm are its unknowns. Views are added one by one, each the one after which the mean variance of registered
-points is least.
+Each view is a measurement of the flange's pose with the pixels' and the robot's noise; X, the target's places, the
+errors of the arm, and what is not known of lens and target are its unknowns. Views are added one by one, each the one
+after which the mean variance of registered points is least.
 """
 
 from collections.abc import Sequence
@@ -16,7 +16,6 @@ from calibration.likelihood.mapped_points import point_rows
 from calibration.likelihood.mixed_model import linearise_model
 from calibration.likelihood.predicted_uncertainty import Scene, observe_whole_target
 from calibration.linear_algebra import inverse_or_pseudo_inverse
-from calibration.observations.reprojection import pixel_statistics
 from calibration.transforms import Array, map_points
 
 UNKNOWN_POSE_SIGMA = np.repeat([0.5, 500.0], 3)
@@ -46,7 +45,7 @@ class ArmExperiment:
     """The measurements that views of several places of the target would be. Camera on the flange.
 
     `scenes`, `postures`: one for each place; `sigmas` (k,) of the arm's errors. `known`: covariance of [X, places,
-    errors] after earlier views of all the places; without it nothing was seen before.
+    errors, lens and target] after earlier views of all the places; without it nothing was seen before.
     """
 
     def __init__(
@@ -65,16 +64,18 @@ class ArmExperiment:
         self._by = np.concatenate([by for by, _ in parts])
         self._noise = np.concatenate([noise for _, noise in parts])
         poses = np.tile(UNKNOWN_POSE_SIGMA, 1 + len(scenes))
-        self._prior = np.diag(np.concatenate([poses, sigmas]) ** 2) if known is None else known
+        before = np.diag(np.concatenate([poses, sigmas, scenes[0].nuisances.prior.usual ** -0.5]) ** 2)
+        self._prior = before if known is None else known
         self._first_views = 0 if known is not None else MIN_PLACE_VIEWS
-        self._weights = _point_weights(model, scenes[0].mount_T_camera, interest, len(scenes))
+        nuisances = len(scenes[0].nuisances)
+        self._weights = _point_weights(model, scenes[0].mount_T_camera, interest, len(scenes), nuisances)
 
     def point_mm(self, chosen: Sequence[int]) -> float:
         """RMS error of the points after these views (positions among all candidates), for an efficient estimate."""
         return float(np.sqrt(np.sum(self._weights * self.covariance(chosen))))
 
     def covariance(self, chosen: Sequence[int]) -> Array:
-        """Covariance (p, p) of [X, places, errors] after these views, for an efficient estimate."""
+        """Covariance (p, p) of [X, places, errors, lens and target] after these views, for an efficient estimate."""
         if not len(chosen):
             return self._prior
         by, noise = self._by[list(chosen)], self._noise[list(chosen)]
@@ -111,26 +112,41 @@ class ArmExperiment:
 def _measurements(
     model: ArmErrorModel, scene: Scene, postures: Postures, place: int, places: int
 ) -> tuple[Array, Array]:
-    """Derivatives (n, 6, p) of the flange's measured pose by [X, places, errors], and its covariance (n, 6, 6)."""
+    """Derivatives (n, 6 + q, p) of what views measure by all unknowns, and its covariance (n, 6 + q, 6 + q).
+
+    The flange's pose, and what a picture shows of the q unknowns of lens and target beside that, with a deviation of 1.
+    """
     poses = model.arm.forward(postures.joints_rad)
     chain = Chain(scene.setup, poses, scene.mount_T_camera, scene.anchor_T_target, np.zeros((len(poses), 6)))
     seen = chain.camera_T_target()
-    statistics = pixel_statistics(observe_whole_target(scene, poses), scene.camera, seen, free_intrinsics=False)
+    nuisances = scene.nuisances
+    statistics = nuisances.statistics(observe_whole_target(scene, poses), seen, np.zeros(len(nuisances)))
     linear, levels = linearise_model(statistics, chain, seen), scene.noise.variances()
     shared = np.linalg.solve(chain.correction_jacobian(seen), chain.shared_jacobian(seen))
-    by = np.zeros((len(poses), 6, 6 + 6 * places + len(model)))
-    by[:, :, :6] = shared[:, :, :6]
-    by[:, :, 6 + 6 * place : 12 + 6 * place] = shared[:, :, 6:]
-    by[:, :, 6 + 6 * places :] = model.jacobian(np.zeros(len(model)), postures)
-    noise = levels.pixel * inverse_or_pseudo_inverse(linear.UU) + np.diag(levels.deviations() ** 2)
+    by_pixels = inverse_or_pseudo_inverse(linear.UU)
+    errors = 6 + 6 * places
+    across, q = linear.UAy[:, :, 12:-1], len(nuisances)
+    beside = linear.squares[:, 12:-1, 12:-1] - np.swapaxes(across, 1, 2) @ by_pixels @ across
+    values, axes = np.linalg.eigh(beside / levels.pixel)
+    by = np.zeros((len(poses), 6 + q, errors + len(model) + q))
+    by[:, :6, :6] = shared[:, :, :6]
+    by[:, :6, 6 + 6 * place : 12 + 6 * place] = shared[:, :, 6:]
+    by[:, :6, errors : errors + len(model)] = model.jacobian(np.zeros(len(model)), postures)
+    by[:, :6, errors + len(model) :] = by_pixels @ across
+    by[:, 6:, errors + len(model) :] = np.sqrt(np.maximum(values, 0.0))[..., None] * np.swapaxes(axes, 1, 2)
+    noise = np.tile(np.eye(6 + q), (len(poses), 1, 1))
+    noise[:, :6, :6] = levels.pixel * by_pixels + np.diag(levels.deviations() ** 2)
     return by, noise
 
 
-def _point_weights(model: ArmErrorModel, mount_T_camera: Array, interest: PointsOfInterest, places: int) -> Array:
+def _point_weights(
+    model: ArmErrorModel, mount_T_camera: Array, interest: PointsOfInterest, places: int, nuisances: int
+) -> Array:
     """W (p, p) with trace(W cov) = the mean variance of the points."""
     points = interest.points_mm
     by_x = mount_T_camera[:3, :3] @ point_rows(points)
     by_arm = point_rows(map_points(mount_T_camera, points)) @ model.jacobian(np.zeros(len(model)), interest.postures)
-    rows = np.concatenate([by_x, np.zeros((len(points), 3, 6 * places)), by_arm], axis=-1)
+    none = (np.zeros((len(points), 3, count)) for count in (6 * places, nuisances))
+    rows = np.concatenate([by_x, next(none), by_arm, next(none)], axis=-1)
     weights: Array = np.einsum("nip,niq->pq", rows, rows) / len(points)
     return weights

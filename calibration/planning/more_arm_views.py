@@ -77,7 +77,7 @@ def plan_more_arm_views(
     if not len(at) or not all(len(each) for each in postures):
         return None
     interest = PointsOfInterest(fit.postures(at), np.tile(point, (len(at), 1)))
-    experiment = ArmExperiment(fit.model, scenes, postures, interest, fit.model.sigmas, fit.covariance_with_places)
+    experiment = ArmExperiment(fit.model, scenes, postures, interest, fit.model.sigmas, fit.covariance_with_all)
     plan = experiment.choose(count)
     return MoreArmViews(
         box_mm,

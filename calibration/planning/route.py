@@ -1,5 +1,7 @@
 """The order in which to visit poses, for short moves."""
 
+from itertools import pairwise
+
 import numpy as np
 
 from calibration.transforms import Array, rotation_angle_rad
@@ -28,10 +30,11 @@ def lengths_with_one_more(start: Array, poses: Array, more: Array) -> Array:
     it costs least."""
     route = np.concatenate([start[None], poses[visiting_order(poses, start)]])
     to_each = np.array([travel_from(pose, more) for pose in route])
-    legs = np.array([travel_from(pose, after[None])[0] for pose, after in zip(route[:-1], route[1:], strict=True)])
-    between = to_each[:-1] + to_each[1:] - legs[:, None]
+    legs = np.array([travel_from(pose, after[None])[0] for pose, after in pairwise(route)])
+    between: Array = to_each[:-1] + to_each[1:] - legs[:, None]
     longer: Array = np.concatenate([between, to_each[-1:]]).min(axis=0)
-    return legs.sum() + longer
+    longer += legs.sum()
+    return longer
 
 
 def _nearest_neighbour(length: Array) -> list[int]:

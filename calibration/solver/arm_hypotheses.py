@@ -73,11 +73,15 @@ class Restricted:
         return 1.0 if self.of.as_described else float(session.best.scale * np.exp(b[session.size_place()]))
 
     def covariance(self, of_step: Array, session: ArmSession) -> Array:
-        """Covariance of `unknowns` from that of b (p, p)."""
-        poses, p = session.poses, self.model.unknowns
-        own = np.r_[0:poses, p - len(self.errors) : p]
-        among = np.concatenate([np.arange(poses), poses + self.errors])
-        found = np.zeros((poses + len(session.arm), poses + len(session.arm)))
+        """Covariance of `unknowns`, then of lens and target, from that of b (p, p); 0 for a size as described."""
+        poses, p, first = session.poses, self.model.unknowns, session.poses + len(session.arm)
+        q = len(session.best.z)
+        nuisances = np.arange(first, first + q)
+        if self.of.as_described:
+            nuisances = np.delete(nuisances, session.size_place() - poses)
+        own = np.r_[0:poses, p - len(self.errors) : p, poses : p - len(self.errors)]
+        among = np.concatenate([np.arange(poses), poses + self.errors, nuisances])
+        found = np.zeros((first + q, first + q))
         found[np.ix_(among, among)] = of_step[np.ix_(own, own)]
         return found
 

@@ -71,7 +71,7 @@ class ArmFit(ArmEstimate):
     taken_up : whether its errors enter X and poses.
     log_evidence : of errors of the arm against none, over all models.
     anchor_T_target : (m, 4, 4) of the target's places.
-    covariance_with_places : (6 + 6m + k, 6 + 6m + k) of [X, the places of the target, the parameters].
+    covariance_with_all : of [X, the places of the target (6 m), the parameters (k), lens and target].
     target_scale : of the target against the description.
     views : number of those that agree.
     seen : those views.
@@ -82,7 +82,7 @@ class ArmFit(ArmEstimate):
     views: int
     log_evidence: float
     anchor_T_target: Array
-    covariance_with_places: Array
+    covariance_with_all: Array
     variances: Variances
     target_scale: float
     seen: ArmViews
@@ -167,12 +167,15 @@ def _select(session: ArmSession) -> ArmSession:
 
 
 def _average(session: ArmSession, candidates: Sequence[_Candidate]) -> tuple[Array, Array]:
-    """Mean (6 + 6m + k,) of the step of X and the places and of the errors, and its covariance, by evidence."""
+    """Mean (6 + 6m + k,) of the step of X and the places and of the errors, and its covariance by evidence.
+
+    The covariance is of lens and target as well, of which the mean is not asked.
+    """
     weights = np.exp(_logs(candidates) - _log_sum(candidates))
     means = np.array([one.of.unknowns(one.marginal.b, session) for one in candidates])
     covariances = np.array([one.of.covariance(one.marginal.covariance, session) for one in candidates])
     mean = weights @ means
-    off = means - mean
+    off = np.pad(means - mean, [(0, 0), (0, covariances.shape[1] - len(mean))])
     return mean, np.tensordot(weights, covariances, 1) + (weights[:, None] * off).T @ off
 
 
@@ -209,7 +212,7 @@ def _conclude(session: ArmSession, candidates: list[_Candidate]) -> ArmFit:
         log_evidence=gain,
         parameters=mean[poses:],
         covariance=covariance[np.ix_(kept, kept)],
-        covariance_with_places=covariance,
+        covariance_with_all=covariance,
         mount_T_camera=session.chains[0].mount_T_camera @ transform_from_vector(mean[:6]),
         anchor_T_target=targets,
         variances=likeliest.marginal.variances,
@@ -224,7 +227,7 @@ def _conclude(session: ArmSession, candidates: list[_Candidate]) -> ArmFit:
 def _about_drawing(drawn: Array, of_drawn: Array, built: Array, of_built: Array, gain: float) -> Array:
     """Covariance of the truth about the estimate without errors, which may be there though they are not taken up."""
     share = 1 / (1 + np.exp(np.clip(MIN_LOG_EVIDENCE - gain, -500.0, 500.0)))
-    off = built - drawn
+    off = np.pad(built - drawn, (0, len(of_drawn) - len(drawn)))
     return np.asarray((1 - share) * of_drawn + share * (of_built + np.outer(off, off)))
 
 

@@ -1,5 +1,7 @@
 """Routes: the order of poses, what one more of them costs, and plans that travel less for nearly the same U."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
@@ -12,7 +14,7 @@ from tests.calibration.planning.scenes import LOOK, TRUTH, WIDE
 
 def length_mm(start: Array, poses: Array) -> float:
     route = np.concatenate([start[None], poses])
-    return float(sum(travel_from(a, b[None])[0] for a, b in zip(route[:-1], route[1:], strict=True)))
+    return float(sum(travel_from(a, b[None])[0] for a, b in pairwise(route)))
 
 
 def test_one_more_pose_costs_what_it_adds_where_it_adds_least() -> None:
