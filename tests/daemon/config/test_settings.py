@@ -14,8 +14,10 @@ from calibration.errors import DocumentError
 from daemon.config.settings import Settings, load_settings, parse_settings
 
 EXAMPLE = Path(__file__).parents[3] / "deploy" / "handeyed.example.toml"
-EVERYTHING = re.sub("^#(?! |$)", "", EXAMPLE.read_text(), flags=re.MULTILINE)
-"""The example with all that it leaves out."""
+EVERYTHING = re.sub("^#(?! |$)", "", EXAMPLE.read_text(), flags=re.MULTILINE).replace(
+    'source = "printed"', 'source = "measured"'
+)
+"""The example with all that it leaves out, of a target that was measured."""
 
 
 OF_THE_OTHER_SETUP = {"base_T_camera_guess", "flange_T_target_guess"}
@@ -61,7 +63,7 @@ def keys_in(data: Any) -> set[str]:
 
 def test_the_example_loads() -> None:
     settings = load_settings(EXAMPLE)
-    assert settings.calibration.count == 3
+    assert (settings.calibration.count, settings.calibration.tolerance_mm) == (None, 1.0)
     assert settings.storage.folder == "/var/lib/handeyed"
 
 
