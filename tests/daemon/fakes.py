@@ -37,7 +37,7 @@ BASE_T_TARGET = transform(rotation_from_vector([np.pi, 0, 0]), [800.0, 100.0, 30
 
 
 def poses_around_the_target(count: int = 5) -> list[Array]:
-    """base_T_flange (4, 4) from which the board is in view, turned about different axes."""
+    """base_T_flange (4, 4) from which the board is in view, turned about different axes, at 420 and 640 mm by turns."""
     middle = BASE_T_TARGET @ np.array([*BOARD.points_mm.mean(axis=0), 1.0])
     poses = []
     for k in range(count):
@@ -45,7 +45,7 @@ def poses_around_the_target(count: int = 5) -> list[Array]:
         tilt = rotation_from_vector(np.array([np.cos(angle), np.sin(angle), 0.0]) * 0.45)
         roll = rotation_from_vector([0, 0, 0.4 * np.sin(2.3 * k)])
         target_R_camera = tilt @ roll
-        at = -target_R_camera[:, 2] * 420.0
+        at = -target_R_camera[:, 2] * (640.0 if k % 2 else 420.0)
         target_T_camera = transform(target_R_camera, at + (inverse(BASE_T_TARGET) @ middle)[:3])
         poses.append(BASE_T_TARGET @ target_T_camera @ inverse(FLANGE_T_CAMERA))
     return poses
