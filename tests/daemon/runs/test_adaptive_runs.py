@@ -56,7 +56,7 @@ async def test_a_link_lost_while_it_plans_fails_the_run_before_the_next_move(
 
     monkeypatch.setattr("daemon.runs.adaptive_sequence.next_view", loses_the_link)
     guess = pose_json(FLANGE_T_CAMERA)
-    settings = settings_for(tmp_path, calibration={"poses": [], "flange_T_camera_guess": guess})
+    settings = settings_for(tmp_path, calibration={"poses": [], "count": 3, "flange_T_camera_guess": guess})
     async with serving(settings, parts) as bench:
         run = (await bench.client.post("/calibrate", params={"wait": LIMIT_S})).json()
         assert run["cause"]["what"] == "link to the controller lost after station 1 of 3"
@@ -90,7 +90,7 @@ async def test_planned_views_without_the_target_are_taken_from_elsewhere_and_in_
     tmp_path: Path,
 ) -> None:
     guess = pose_json(FLANGE_T_CAMERA)
-    settings = settings_for(tmp_path, calibration={"poses": [], "flange_T_camera_guess": guess})
+    settings = settings_for(tmp_path, calibration={"poses": [], "count": 3, "flange_T_camera_guess": guess})
     parts = Parts()
     parts.camera.blind = lambda k: k == 3
     async with serving(settings, parts) as bench:
