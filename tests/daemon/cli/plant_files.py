@@ -230,9 +230,19 @@ def _doubtful(rows: list[str]) -> dict[str, Variant]:
         "micrometres": Variant(csv(lines(quaternions(scale=1e3), ("x [µm]", "y [µm]", "z [µm]", *Q[3:])))),
         "inches": Variant(csv(lines(quaternions(scale=1 / 25.4), ("x_in", "y_in", "z_in", *Q[3:])))),
         "centimetres, unsaid": Variant(
-            csv(lines(quaternions(scale=0.1), Q)), said=("name the columns x_cm",), scale=0.1),
+            csv(lines(quaternions(scale=0.1), Q)),
+            refused=("translations agree as well", "multiply the places by 10, or name their unit")),
+        "centimetres, unsaid, of what is stated": Variant(
+            csv(lines(quaternions(scale=0.1), Q)),
+            options=(*EYE_IN_HAND, "--frame", "base_T_flange", "--convention", "quaternion-wxyz"),
+            said=("name the columns x_cm", "does not fit"), scale=0.1),
         "decimetres, unsaid": Variant(
-            csv(lines(quaternions(scale=0.01), Q)), said=("taken as m, which puts the flange",), scale=10.0),
+            csv(lines(quaternions(scale=0.01), Q)),
+            refused=("with a target 10 times as large they agree", "the units of both sides")),
+        "decimetres, unsaid, of what is stated": Variant(
+            csv(lines(quaternions(scale=0.01), Q)),
+            options=(*EYE_IN_HAND, "--frame", "base_T_flange", "--convention", "quaternion-wxyz"),
+            said=("taken as m, which puts the flange", "does not fit"), scale=10.0),
         "gradians": Variant(csv(lines(angles(1 / 0.9), gradians)), refused=("gon",)),
         "degrees that are called radians": Variant(csv(lines(angles(), radians)), said=("euler-ZYX, mm",)),
         "quaternions of norm 2": Variant(csv(lines(doubled, Q)), refused=("norm",)),
