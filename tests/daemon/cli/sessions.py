@@ -35,16 +35,16 @@ NEAR_MM, FAR_MM = 400.0, 700.0
 """Distances of every other view: one distance leaves the focal length open."""
 
 
-def camera_T_target(tilt_rad: tuple[float, float, float]) -> Array:
-    """The board's middle in front of the camera, turned by `tilt_rad`."""
+def camera_T_target(tilt_rad: tuple[float, float, float], share_of_turns: float = 1.0) -> Array:
+    """The board's middle in front of the camera, turned by a share of `tilt_rad`, one of TILTS_RAD."""
     middle = TARGET.points_mm.mean(axis=0)
-    rotation = rotation_from_vector(tilt_rad)
-    distance_mm = NEAR_MM if tilt_rad in TILTS_RAD[::2] else FAR_MM
+    rotation = rotation_from_vector(share_of_turns * np.array(tilt_rad))
+    distance_mm = (NEAR_MM, FAR_MM)[TILTS_RAD.index(tilt_rad) % 2]
     return transform(rotation, np.array([0.0, 0.0, distance_mm]) - rotation @ middle)
 
 
-def base_T_flange(tilt_rad: tuple[float, float, float]) -> Array:
-    return BASE_T_TARGET @ inverse(camera_T_target(tilt_rad)) @ inverse(FLANGE_T_CAMERA)
+def base_T_flange(tilt_rad: tuple[float, float, float], share_of_turns: float = 1.0) -> Array:
+    return BASE_T_TARGET @ inverse(camera_T_target(tilt_rad, share_of_turns)) @ inverse(FLANGE_T_CAMERA)
 
 
 @cache
@@ -78,8 +78,8 @@ def session(views: list[dict[str, Any]]) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def pose_json(tilt_rad: tuple[float, float, float]) -> dict[str, Any]:
-    return PoseDocument.of(base_T_flange(tilt_rad)).model_dump(mode="json")
+def pose_json(tilt_rad: tuple[float, float, float], share_of_turns: float = 1.0) -> dict[str, Any]:
+    return PoseDocument.of(base_T_flange(tilt_rad, share_of_turns)).model_dump(mode="json")
 
 
 def with_images(folder: Path, change: Change = lambda document: None) -> Path:
@@ -99,11 +99,11 @@ def with_corners(
     """A folder whose session.json holds the detections already; from sides that turn by a share of the usual."""
     rng = np.random.default_rng(5)
     views = []
-    for usual in TILTS_RAD:
-        tilt = (share_of_turns * usual[0], share_of_turns * usual[1], share_of_turns * usual[2])
-        seen = CAMERA.project(map_points(camera_T_target(tilt), TARGET.points_mm)) + rng.normal(0, noise_px, (24, 2))
+    for tilt in TILTS_RAD:
+        exact = CAMERA.project(map_points(camera_T_target(tilt, share_of_turns), TARGET.points_mm))
+        seen = exact + rng.normal(0, noise_px, (24, 2))
         corners = [[index, float(u), float(v)] for index, (u, v) in enumerate(seen)]
-        views.append({"corners_px": corners, "base_T_flange": pose_json(tilt)})
+        views.append({"corners_px": corners, "base_T_flange": pose_json(tilt, share_of_turns)})
     return written(folder, session(views), change)
 
 

@@ -37,7 +37,7 @@ def test_other_counts_are_refused_with_those_that_exist(tmp_path: Path, lens: st
     assert "camera" in ran.err and str(count) in ran.err
 
 
-def test_a_wrong_lens_bends_the_target_and_widens_u_and_the_right_one_does_not(tmp_path: Path) -> None:
+def test_a_wrong_lens_is_named_and_widens_u_and_the_right_one_is_not(tmp_path: Path) -> None:
     session = with_corners(tmp_path / "a")
     (tmp_path / "wrong.json").write_text(json.dumps({**INTRINSICS, "lens": "fisheye"}))
     (tmp_path / "right.json").write_text(json.dumps({"camera": {**INTRINSICS, "source": "given"}}))
@@ -47,7 +47,7 @@ def test_a_wrong_lens_bends_the_target_and_widens_u_and_the_right_one_does_not(t
 
     assert wrong["camera"]["lens"] == "fisheye"
     assert right["verdict"]["accepted"]
-    assert "target-not-as-drawn" in codes(wrong) - codes(right)
+    assert "intrinsics-do-not-fit" in codes(wrong) - codes(right)
     assert worst_mm(wrong) > 2.5 * worst_mm(right)
     off_mm = np.subtract(wrong["flange_T_camera"]["translation_mm"], right["flange_T_camera"]["translation_mm"])
     assert np.linalg.norm(off_mm) < 1.5 * worst_mm(wrong), "U covers what the wrong lens does to X"
