@@ -114,7 +114,7 @@ async def test_a_session_may_have_more_values_than_other_bodies_and_not_any_numb
 
 
 async def test_a_session_on_a_track_gives_its_direction(bench: Bench) -> None:
-    given = axis_cell("track", 1, views=9).problem
+    given = axis_cell("track", 1, views=12).problem
     body = body_of(given) | {"external_axis": {"kind": "track", "direction": [0.0, 1.0, 0.0]}}
     for one, view in zip(body["views"], given.views, strict=True):
         one["external_axes"] = [view.axis_reading]
