@@ -128,7 +128,7 @@ class Application:
         self._started_s = self.clock.monotonic_s()
         try:
             await self.events.recover()
-            await self.supervisor.recover()
+            await self.supervisor.recover(lambda name: self.settings.of_camera(name).calibration.policy == "auto")
             await self.scans.recover()
         except StorageError as error:
             if self.store.fault is None:

@@ -12,6 +12,7 @@ from daemon.cell.safe_stop import MAX_ATTEMPT_S
 from daemon.errors import (
     AbortHeld,
     CellBusy,
+    NoCalibration,
     NotFound,
     NotWaiting,
     RunInProgress,
@@ -23,7 +24,7 @@ from daemon.errors import (
 )
 from daemon.model.records import RunKind, RunRecord
 from daemon.model.run_states import FIRST_STATE, RunEvent, RunState
-from daemon.runs.calibrations import result_of
+from daemon.runs.calibrations import result_of, why_not_applied
 from daemon.runs.failure_causes import abort_cause, cause_of, interruption_cause
 from daemon.runs.operator_requests import OperatorRequestQueue
 from daemon.runs.run_log import RunLog, ignore_step, run_event
@@ -124,11 +125,14 @@ class Supervisor:
         if self._starting:
             raise CellBusy("a run that is just being prepared")
 
-    async def recover(self) -> list[RunRecord]:
-        """End the runs that the previous process left unfinished; returns them."""
+    async def recover(self, is_auto: Callable[[str], bool]) -> list[RunRecord]:
+        """End the runs that the previous process left unfinished; returns them.
+
+        `is_auto`: whether the camera of that name has the policy "auto".
+        """
         left = await self._store.runs_in_progress()
         for run in left:
-            ended = await self._recover_run(run)
+            ended = await self._recover_run(run, is_auto)
             log.warning(
                 "run %s: %s", run.id, ended.cause.what if ended.cause else "had finished before its end was stored"
             )
@@ -140,16 +144,25 @@ class Supervisor:
             self._events.publish("run", run_event(ended))
         return left
 
-    async def _recover_run(self, run: RunRecord) -> RunRecord:
-        """The final record of an interrupted run: finished if its calibration, stored last, exists; else failed."""
+    async def _recover_run(self, run: RunRecord, is_auto: Callable[[str], bool]) -> RunRecord:
+        """The final record of an interrupted run: finished if its calibration, stored last, exists; else failed.
+
+        What policy "auto" left to a person is said as the run would have said it: the same is in force as then.
+        """
         now = self._clock.timestamp()
         try:
             found = await self._store.calibration(run.id)
         except NotFound:
             cause = interruption_cause(run, str(self._store.run_folder(run.id)))
             return replace(run, state=RunState.FAILED, cause=cause, updated_at=now)
-        applied = any(row.calibration_id == run.id for row in await self._store.history())
-        result = result_of(found.document, applied=applied)
+        try:
+            in_force = (await self._store.current(found.camera))[1]
+        except NoCalibration:
+            in_force = None
+        applied, why_not = in_force is not None and in_force.id == found.id, None
+        if in_force is not None and not applied and found.accepted and is_auto(found.camera):
+            why_not = why_not_applied(in_force.document, found.document)
+        result = result_of(found.document, applied=applied, why_not=why_not)
         return replace(run, state=RunState.FINISHED, result=result, updated_at=now)
 
     async def start(

@@ -1,6 +1,8 @@
 """Policy auto: what is worse than the calibration in force, or contradicts it, waits for a person."""
 
+import sqlite3
 from collections.abc import AsyncIterator
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -98,6 +100,25 @@ async def test_what_waits_says_both_numbers_in_result_event_webhook_and_text(ben
         assert why["message"] in text
     applied = await bench.client.post(f"/calibrations/{run['result']['calibration_id']}/apply", json={})
     assert applied.status_code == 200, "a person may put it in force"
+
+
+@pytest.mark.parametrize(("policy", "says"), [("auto", True), ("operator", False)])
+async def test_what_waits_says_so_after_a_restart_before_the_run_s_end_was_stored(
+    tmp_path: Path, policy: str, says: bool
+) -> None:
+    settings = settings_for(tmp_path, calibration={**AUTO, "policy": policy})
+    async with serving(settings) as bench:
+        document = (await calibrate(bench))["result"]["calibration_id"]
+        found = (await bench.application.store.calibration(document)).document
+        await put_in_force(bench, known(found, "better", 0.5))
+        run = await calibrate(bench)
+    with closing(sqlite3.connect(tmp_path / "handeyed.sqlite")) as db, db:
+        db.execute("UPDATE runs SET state = 'solving', result = NULL WHERE id = ?", (run["id"],))
+    async with serving(settings) as bench:
+        again = (await bench.client.get(run["links"]["self"])).json()
+    assert again["state"] == "finished"
+    assert (again["result"]["not_applied"] is not None) is says
+    assert again["result"] == run["result"]
 
 
 async def test_what_contradicts_the_calibration_in_force_waits(bench: Bench) -> None:
