@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
-from math import inf, isnan
+from math import inf, isfinite, isnan
 from typing import Literal, Protocol, TypeVar
 
 import numpy as np
@@ -162,6 +162,12 @@ class Uncertainty:
     def worst_point(self) -> PointUncertainty:
         """The most uncertain of the points that matter."""
         return worst_of(self.points)
+
+    @property
+    def expanded_mm(self) -> float | None:
+        """U (k = 2) there, mm; None where X is not determined."""
+        worst_mm = self.worst_point.expanded_mm
+        return worst_mm if isfinite(worst_mm) else None
 
 
 GroupedBy = Literal["image", "pose", "view"]

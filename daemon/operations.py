@@ -356,11 +356,12 @@ class Operations:
     def _calibration_run(self, request: CalibrateRequest, *, compared: bool) -> CalibrationRun:
         """`compared`: the verdict compares the poses with planned ones."""
         settings = self.settings.calibration
-        better = PlanComparison(planning_limits(settings, self.rules), settings.noise.noise(), self.rules.arm)
+        limits, points = planning_limits(settings, self.rules), self.settings.part.named_points()
+        better = PlanComparison(limits, settings.noise.noise(), self.rules.arm, points)
         auto, expected = settings.policy == "auto", mount_expectation(settings, self.settings.camera.setup)
         return CalibrationRun(
             self.store, self.workers, self.clock, auto, better if compared else None, expected,
-            settings.verdict_limits(request.tolerance_mm), self.settings.part.named_points(), self._arm(request.arm),
+            settings.verdict_limits(request.tolerance_mm), points, self._arm(request.arm),
             self.camera, settings.noise,
         )  # fmt: skip
 

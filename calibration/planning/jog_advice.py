@@ -14,7 +14,7 @@ from calibration.errors import UndeterminedError
 from calibration.likelihood.predicted_uncertainty import (
     Scene,
     median_distance_mm,
-    prediction_of,
+    predict,
     view_information,
 )
 from calibration.linear_algebra import covariance_or_inf
@@ -55,8 +55,8 @@ class Advice:
 
     instruction : a sentence.
     base_T_flange : (4, 4) the pose it leads to, None when only the turn is determined.
-    now_mm, planned_mm : uncertainty of a mapped point from the views so far, and with that view; None before X is
-        determined.
+    now_mm, planned_mm : U (k = 2) at the worst of the points that matter from the views so far, and with that view;
+        None before X is determined.
     turns : what to turn the flange by, one after the other.
     shift_mm : (3,) what to move it by in the base then; None when only the turn is determined.
     """
@@ -85,7 +85,7 @@ def advise(
         belief = infer_scene(prior, problem)
     except UndeterminedError:
         return _advise_without_x(problem)
-    now_mm = float(belief.predicted_mm) if np.isfinite(belief.predicted_mm) else None
+    now_mm = belief.now_mm
     enough = GOAL_REACHED if now_mm is not None and _meets_goal(belief, stop) else ""
     taken = np.array([view.base_T_flange for view in problem.views if view.detection is not None])
     found = _best_jog(belief.scene, prior.covariance(), limits, taken, base_T_flange_now, reachable)
@@ -132,8 +132,7 @@ def _best_jog(
     single = np.array([len(choices[row][0]) == 1 for row in np.flatnonzero(keep)])
     best = int(np.argmin(np.where(single, sigma_mm, MIN_GAIN_OF_TWO_TURNS * sigma_mm)))
     row = int(np.flatnonzero(keep)[best])
-    planned_mm = prediction_of(scene, information[best], distance_mm).point_mm
-    return choices[row][0], poses[row], float(planned_mm) if np.isfinite(planned_mm) else None
+    return choices[row][0], poses[row], predict(scene, np.array([*taken, poses[row]])).expanded_mm
 
 
 def _turn_choices() -> "list[tuple[Turn, ...]]":

@@ -65,7 +65,7 @@ class NextView:
     """The next view.
 
     base_T_flange : (4, 4), None when the stopping rule is met.
-    now_mm : uncertainty of a mapped point from the views so far, None before X is determined.
+    now_mm : U (k = 2) at the worst of the points that matter from the views so far, None before X is determined.
     planned_mm : the same after `planned_views` more views.
     belief : the scene on which the plan is based.
     reach : what the views still left can bring, where that is not enough; None while it is, or is not known.
@@ -121,13 +121,13 @@ def next_view(
     belief = infer_scene(prior, problem, caution=caution)
     if stop.met_by(belief):
         belief = infer_scene(prior, problem, caution=caution, diagnosed=True)
-    now_mm = belief.predicted_mm if np.isfinite(belief.predicted_mm) else None
+    now_mm = belief.now_mm
     if stop.met_by(belief) or stop.views_left <= 0:
         return NextView(None, now_mm, None, 0)
     plan = None if prepared is None else _revalidate(prepared, problem, limits, reachable, belief)
     if plan is None:
         plan = _plan(prior, problem, limits, stop, base_T_flange_now, reachable, caution, belief)
-    planned_mm = float(plan.predicted.point_mm) if np.isfinite(plan.predicted.point_mm) else None
+    planned_mm = plan.predicted.expanded_mm
     return NextView(
         plan.base_T_flange[0], now_mm, planned_mm, len(plan.base_T_flange), belief, plan.base_T_flange,
         _reach(stop, belief, _poses_with_target(problem), plan.base_T_flange),

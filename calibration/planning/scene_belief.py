@@ -101,6 +101,11 @@ class SceneBelief:
     views: int = 0
     varied: bool = False
 
+    @property
+    def now_mm(self) -> float | None:
+        """U (k = 2) at the worst of the points that matter from the views so far; None before they determine X."""
+        return self.predicted_worst_mm if np.isfinite(self.predicted_worst_mm) else None
+
 
 def infer_scene(prior: ScenePrior, problem: Problem, *, caution: float = 1.0, diagnosed: bool = False) -> SceneBelief:
     """The scene from the prior and the views of `problem` so far. `caution`: factor on the spread of the alternatives.

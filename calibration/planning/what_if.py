@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from calibration.kinematics.arm import Arm
+from calibration.likelihood.mapped_points import NamedPoint
 from calibration.likelihood.predicted_uncertainty import ExpectedNoise, Scene, predict
 from calibration.planning.plan import PlanningError, plan_poses
 from calibration.planning.reachability import reachable_by
@@ -33,14 +34,17 @@ DEFAULT_TILT_RAD = float(np.radians(45.0))
 
 @dataclass(frozen=True, eq=False)
 class PlanComparison:
-    """The conditions of the comparison: limits, noise, and the arm where it is known."""
+    """The conditions of the comparison: limits, noise, the arm where it is known, and the points that matter."""
 
     limits: ViewpointLimits
     noise: ExpectedNoise
     arm: Arm | None = None
+    points: tuple[NamedPoint, ...] = ()
 
     @classmethod
-    def for_session(cls, problem: Problem, solution: Solution, stated: ExpectedNoise) -> "PlanComparison | None":
+    def for_session(
+        cls, problem: Problem, solution: Solution, stated: ExpectedNoise, points: tuple[NamedPoint, ...] = ()
+    ) -> "PlanComparison | None":
         """Conditions like those of a session, for cells that are not known; None without X or without images, and
         for an arm that cannot turn as planned poses do.
 
@@ -56,10 +60,12 @@ class PlanComparison:
         centre = problem.target.points_mm.mean(axis=0, keepdims=True)
         distances = np.linalg.norm(map_points(camera_T_target, centre), axis=-1)
         nearest, furthest = float(MIN_DISTANCE_FACTOR * distances.min()), float(MAX_DISTANCE_FACTOR * distances.max())
-        return cls(ViewpointLimits(DEFAULT_TILT_RAD, np.pi, (nearest, furthest)), expected_noise(solution) or stated)
+        limits = ViewpointLimits(DEFAULT_TILT_RAD, np.pi, (nearest, furthest))
+        return cls(limits, expected_noise(solution) or stated, points=points)
 
     def findings(self, problem: Problem, solution: Solution) -> Iterator[Finding]:
-        """At most one finding, `better-poses`; both uncertainties are predicted at the same noise, X and target.
+        """At most one finding, `better-poses`: both U (k = 2) at the worst of the points that matter are predicted at
+        the same noise, X and target.
 
         As many poses are planned as were taken, MAX_VIEWS at most.
         """
@@ -71,20 +77,22 @@ class PlanComparison:
             return
         scene = Scene(
             problem.setup, problem.target, solution.camera, solution.mount_T_camera, solution.anchor_T_target,
-            self.noise, problem.camera is None, knowledge=problem.knowledge,
+            self.noise, problem.camera is None, self.points, problem.knowledge,
         )  # fmt: skip
-        theirs, count = predict(scene, taken).point_mm, min(max(len(taken), 3), MAX_VIEWS)
+        theirs, count = predict(scene, taken).expanded_mm, min(max(len(taken), 3), MAX_VIEWS)
         reachable = None if self.arm is None else reachable_by(self.arm)
         try:
-            planned = plan_poses(scene, self.limits, count, reachable=reachable, restarts=RESTARTS).predicted.point_mm
+            planned = plan_poses(
+                scene, self.limits, count, reachable=reachable, restarts=RESTARTS
+            ).predicted.expanded_mm
         except PlanningError:
             return
-        if not planned < MAX_REPORTED_SHARE * theirs:
+        if planned is None or (theirs is not None and planned >= MAX_REPORTED_SHARE * theirs):
             return
         would = {"poses": count, "planned_mm": planned}
         message = (
-            Sentence("better-poses", **would, taken=len(taken), taken_mm=theirs)
-            if np.isfinite(theirs)
-            else Sentence("better-poses-open", **would)
+            Sentence("better-poses-open", **would)
+            if theirs is None
+            else Sentence("better-poses", **would, taken=len(taken), taken_mm=theirs)
         )
         yield Finding("better-poses", "info", message, Sentence("let-poses-be-planned"))

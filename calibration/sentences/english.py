@@ -96,9 +96,9 @@ FINDINGS = {
     " expected",
     "target-not-as-described": "the target is another one than was described: {what: and } of {views} views",
     "target-shown": "the target is another one than was described: {what: and } of {views} views; {shown}",
-    "better-poses": "{poses} planned poses would leave {planned_mm:.2g} mm in a mapped point, these {taken} leave"
+    "better-poses": "{poses} planned poses would leave U = {planned_mm:.2g} mm (k = 2), these {taken} leave"
     " {taken_mm:.2g} mm",
-    "better-poses-open": "{poses} planned poses would leave {planned_mm:.2g} mm in a mapped point, these leave X open",
+    "better-poses-open": "{poses} planned poses would leave U = {planned_mm:.2g} mm (k = 2), these leave X open",
     # calibration/pose_pairs, observations/measured_poses.py, diagnosis/measured.py
     "camera-hardly-moves": "the camera hardly moves compared with its errors: how long its millimetres are is not"
     " determined",

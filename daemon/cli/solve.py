@@ -216,7 +216,7 @@ def solve_session(
     problem = poses_at_zero(problem, first)
     solution = at_points(problem, first, points)
     verdict = judge(problem, solution, limits)
-    if (better := PlanComparison.for_session(problem, solution, NoiseExpectedDocument().noise())) is not None:
+    if (better := PlanComparison.for_session(problem, solution, NoiseExpectedDocument().noise(), points)) is not None:
         verdict = replace(verdict, findings=(*verdict.findings, *better.findings(problem, solution)))
     document = calibration_document(
         solution,

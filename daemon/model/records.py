@@ -31,10 +31,11 @@ class Cause:
 class Planning:
     """Progress of a run that plans its views one after another.
 
-    `now_mm`: one sigma of a mapped point with the views so far, None before they determine it; `planned_mm`: the same
-    after the next `ahead` planned views. `pictures` includes the first look. `note`: what was assumed; `advice`: where
-    the operator should jog to, in words, and `next_pose` the same as base_T_flange; `advice_steps` the same one by one.
-    `history`: `now_mm`, `planned_mm` after each station. `planned_poses`: the poses planned, the next one first.
+    `now_mm`: U (k = 2) at the worst of the points that matter with the views so far, None before they determine X;
+    `planned_mm`: the same after the next `ahead` planned views. `pictures` includes the first look. `note`: what was
+    assumed; `advice`: where the operator should jog to, in words, and `next_pose` the same as base_T_flange;
+    `advice_steps` the same one by one. `history`: `now_mm`, `planned_mm` after each station. `planned_poses`: the poses
+    planned, the next one first.
     `goal`: of the run.
     """
 

@@ -20,9 +20,10 @@ UNKNOWN_SCENE = "the first views of the run are small turns from where the arm s
 
 @dataclass(frozen=True, eq=False)
 class Foresight:
-    """The poses base_T_flange (n, 4, 4), joints (6,) at each where known, and one sigma of a mapped point after each.
+    """The poses base_T_flange (n, 4, 4), joints (6,) at each where known, and what U (k = 2, mm) would be after each.
 
-    `note`: what was assumed, or why nothing is planned yet.
+    `predicted_mm`: at the worst of the points that matter; None before the views determine X. `note`: what was assumed,
+    or why nothing is planned yet.
     """
 
     base_T_flange: Array
@@ -60,6 +61,5 @@ def foresee(parameters: AdaptiveParameters, base_T_flange_now: Array, joints_now
 
 
 def predictions(scene: Scene, base_T_flange: Array) -> tuple[float | None, ...]:
-    """One sigma of a mapped point (mm) after each of the poses (n, 4, 4); None before they determine it."""
-    known = [float(predict(scene, base_T_flange[: count + 1]).point_mm) for count in range(len(base_T_flange))]
-    return tuple(mm if np.isfinite(mm) else None for mm in known)
+    """U (k = 2, mm) at the worst of the points that matter after each of the poses (n, 4, 4); None without X."""
+    return tuple(predict(scene, base_T_flange[: count + 1]).expanded_mm for count in range(len(base_T_flange)))

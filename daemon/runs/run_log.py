@@ -5,6 +5,7 @@ from collections.abc import Awaitable, Callable
 from dataclasses import replace
 from typing import Any
 
+from calibration.documents.reports.numbers import significant
 from daemon.errors import StorageError
 from daemon.model.records import Cause, Planning, RunRecord
 from daemon.model.run_states import RunEvent, RunState, next_state
@@ -108,11 +109,13 @@ class RunLog:
 
 
 def prediction_text(planning: Planning | None) -> str | None:
-    """Such as "predicted 0.31 -> 0.22 mm": sigma of a mapped point now, and after the next planned views."""
+    """Such as "predicted U 0.31 -> 0.22 mm", k = 2 at the worst of the points that matter: now, and as planned."""
     if planning is None or (planning.now_mm is None and planning.planned_mm is None):
         return None
-    now = "not yet determined" if planning.now_mm is None else f"{planning.now_mm:.2g}"
-    return f"predicted {now} mm" if planning.planned_mm is None else f"predicted {now} -> {planning.planned_mm:.2g} mm"
+    now = "not yet determined" if planning.now_mm is None else f"{significant(planning.now_mm)} mm"
+    if planning.planned_mm is None:
+        return f"predicted U {now}"
+    return f"predicted U {now.removesuffix(' mm')} -> {significant(planning.planned_mm)} mm"
 
 
 def run_event(run: RunRecord, seconds: float | None = None) -> dict[str, Any]:

@@ -295,8 +295,9 @@ class ArmDocument(Answer):
 
 
 class ForesightDocument(Answer):
-    """The poses that a run would take from where the arm stands, and one sigma of a mapped point after each.
+    """The poses that a run would take from where the arm stands, and what U (k = 2, mm) would be after each.
 
+    `predicted_mm`: at the worst of the points that matter; null before the views determine X.
     `note`: what was assumed, or why nothing can be planned before the first views.
     """
 

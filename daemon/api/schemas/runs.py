@@ -44,7 +44,7 @@ class NearDocument(Answer):
 
 
 class PredictionDocument(Answer):
-    """One sigma of a mapped point after a station, and with the views planned then."""
+    """U (k = 2) at the worst of the points that matter after a station, and with the views planned then."""
 
     station: int
     at: str
@@ -69,7 +69,7 @@ class GoalDocument(Answer):
 
 
 class PlanningDocument(Answer):
-    """The predictions of an adaptive or manual run, as one sigma of a mapped point.
+    """The predictions of an adaptive or manual run: U (k = 2) at the worst of the points that matter, mm.
 
     `now_mm`: from the views so far, null before they determine X; `planned_mm`: with the `ahead` views planned next.
     `advice`: what an operator should do before the next view of a manual run; `next_pose`: the pose after it, if known;

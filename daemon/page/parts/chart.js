@@ -24,11 +24,11 @@ function Axes({ x, y, yTicks, xTicks, xLabel, yLabel }) {
 
 const line = (points) => points.map(([x, y], index) => `${index ? 'L' : 'M'}${x.toFixed(1)} ${y.toFixed(1)}`).join('');
 
-/** What the views tell (solid), what the next will (dashed), what was asked (line). `history`: [{ station, now_mm, planned_mm }]. */
-export function UncertaintyCurve({ history, goal_mm, stations, expanded = 2 }) {
+/** U (k = 2): what the views tell (solid), what the next will (dashed), what was asked (line). `history`: [{ station, now_mm, planned_mm }]. */
+export function UncertaintyCurve({ history, goal_mm, stations }) {
   const known = history.filter(({ now_mm }) => now_mm !== null && now_mm !== undefined);
   const planned = history.filter(({ planned_mm }) => planned_mm !== null && planned_mm !== undefined);
-  const all = [...known.map((row) => row.now_mm), ...planned.map((row) => row.planned_mm)].map((v) => v * expanded);
+  const all = [...known.map((row) => row.now_mm), ...planned.map((row) => row.planned_mm)];
   if (goal_mm) all.push(goal_mm);
   if (!all.length) return html`<p class="quiet chart-empty">${t('curve.none')}</p>`;
   const [low, high] = [Math.min(...all) / 1.4, Math.max(...all) * 1.4];
@@ -36,12 +36,12 @@ export function UncertaintyCurve({ history, goal_mm, stations, expanded = 2 }) {
   const x = between(0, last, LEFT + 10, W - RIGHT - 10);
   const logged = between(Math.log(low), Math.log(high), H - BOTTOM, TOP);
   const y = (value) => logged(Math.log(value));
-  const solid = known.map(({ station, now_mm }) => [x(station), y(now_mm * expanded)]);
+  const solid = known.map(({ station, now_mm }) => [x(station), y(now_mm)]);
   const ahead = planned.at(-1);
-  const dashed = ahead && [...(solid.length ? [solid.at(-1)] : []), [x(Math.min(last, ahead.station + 1)), y(ahead.planned_mm * expanded)]];
+  const dashed = ahead && [...(solid.length ? [solid.at(-1)] : []), [x(Math.min(last, ahead.station + 1)), y(ahead.planned_mm)]];
   const newest = known.at(-1);
   return html`<figure class="chart">
-    <svg viewBox="0 0 ${W} ${H}" role="img" aria-label=${t('curve.alt', { now: mm(newest && newest.now_mm * expanded), count: known.length })}>
+    <svg viewBox="0 0 ${W} ${H}" role="img" aria-label=${t('curve.alt', { now: mm(newest?.now_mm), count: known.length })}>
       <${Axes} x=${x} y=${y} yTicks=${logTicks(low, high)} xTicks=${ticks(0, last, 8, true)} xLabel=${t('curve.views')} yLabel="mm" />
       ${goal_mm && html`<path class="goal" d="M${LEFT} ${y(goal_mm)}H${W - RIGHT}" />`}
       ${dashed && html`<path class="dashed" d=${line(dashed)} /><circle class="open" cx=${dashed.at(-1)[0]} cy=${dashed.at(-1)[1]} r="5" />`}

@@ -49,7 +49,7 @@ export function ByHand({ shown }) {
   return html`<div class=${jogs ? 'grid by-hand' : 'grid'}>
     <${Card} title=${t('jog.title', { view: Math.min(station + 1, stations), of: stations })} id="advice" wide="3">
       <p class="sentence" role="status">${waits || moving ? html`<${Advice} planning=${planning} here=${here} near=${near} />` : t(`state.${shown.state}`)}</p>
-      <p class="quiet">${t(jogs ? 'jog.nothing-moves' : 'jog.pendant-only')}${planning?.now_mm ? ` ${t('jog.so-far', { U: mm(2 * planning.now_mm) })}` : ''}</p>
+      <p class="quiet">${t(jogs ? 'jog.nothing-moves' : 'jog.pendant-only')}${planning?.now_mm ? ` ${t('jog.so-far', { U: mm(planning.now_mm) })}` : ''}</p>
       ${planning?.note && html`<p class="note warn" role="alert" lang="en"><span class="mark" aria-hidden="true">!</span> ${planning.note}</p>`}
     </${Card}>
     <${Card} title=${t('way.title')} id="way">

@@ -92,7 +92,7 @@ function WhatMoves({ how, body, arm, plan, setPlan }) {
     <${Facts} rows=${[
       arm && [t('moves.speed'), `${fixed(arm.speed_mm_s, 0)} mm/s`],
       plan && [t('moves.poses'), fixed(plan.poses.length, 0)],
-      last !== undefined && last !== null && [t('moves.expect'), `± ${mm(2 * last)}`],
+      last !== undefined && last !== null && [t('moves.expect'), `± ${mm(last)}`],
     ]} />
     ${how.way === 'manual' ? html`<p class="quiet">${t('moves.manual')}</p>`
       : html`<p class="quiet">${t('moves.first')}</p>${may('operator') && html`<${Act} label=${t('moves.plan')} act=${look} />`}`}`;

@@ -67,7 +67,7 @@ export function Sentence({ shown }) {
   const sign = { finished: '✓', failed: '✕', aborted: '■' }[state] ?? '';
   const found = shown.result?.expanded_mm ? shown.result : null;
   const waits = shown.result?.not_applied && sentence(shown.result.not_applied);
-  const U = !found && planning?.now_mm ? `± ${mm(2 * planning.now_mm)}` : null;
+  const U = !found && planning?.now_mm ? `± ${mm(planning.now_mm)}` : null;
   return html`
     <p class="sentence" role="status">${sign} ${t(`state.${state}`)}${!over && stations ? `, ${t('run.view', { view: Math.min(station + 1, stations), of: stations })}` : ''}</p>
     <${StepBar} station=${over && state === 'finished' ? stations : station} stations=${stations} over=${over} />

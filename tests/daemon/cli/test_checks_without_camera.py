@@ -257,7 +257,8 @@ def test_the_gap_between_views_is_that_of_a_wrong_calibration(tmp_path: Path, ca
     assert found["largest_mm"] < 0.02
     assert [pair["views"] for pair in found["pairs"]] == [[0, 1]]
 
-    document["flange_T_camera"]["translation_mm"][0] += 0.5  # less than the points' distance: neighbours stay neighbours
+    # Less than the points' distance, so that neighbours stay neighbours.
+    document["flange_T_camera"]["translation_mm"][0] += 0.5
     calibration.write_text(json.dumps(document))
     wrong = handeyed("stitch", folder, "--calibration", calibration, "--tolerance-mm", "0.1", "--json")
     assert wrong.status == 3

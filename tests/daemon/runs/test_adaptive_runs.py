@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from calibration.documents.reports.numbers import significant
 from calibration.planning.next_view import NextView, next_view
 from calibration.transforms import transform, vector_from_rotation
 from tests.daemon.cell_under_test import Parts, pose_json, serving, settings_for
@@ -71,11 +72,11 @@ async def test_a_run_that_plans_shows_what_it_expects_and_keeps_every_picture(tm
         assert (run["state"], run["station"], run["stations"]) == ("finished", 4, 4), run["cause"]
         assert [name for name in run["links"] if name.startswith("frame")] == [f"frame {k}" for k in range(5)]
         told = [event.data["predicted"] for event in bench.application.events._kept if event.kind == "run"]
-        assert any(words and re.fullmatch(r"predicted 0\.\d+ -> 0\.\d+ mm", words) for words in told), told
+        assert any(words and re.fullmatch(r"predicted U 0\.\d+ -> 0\.\d+ mm", words) for words in told), told
         assert run["planning"]["goal"]["views"] == 4
         assert [row["station"] for row in run["planning"]["history"]] == [0, 1, 2, 3, 4]
         again = (await bench.client.get(run["links"]["self"], headers=TEXT)).text
-        assert f"predicted {run['planning']['now_mm']:.2g} mm" in again
+        assert f"predicted U {significant(run['planning']['now_mm'])} mm" in again
 
 
 @pytest.mark.parametrize(("goals", "stops"), [({"tolerance_mm": 3.0}, True), ({"tolerance_mm": 1e-7}, False)])
