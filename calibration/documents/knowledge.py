@@ -56,6 +56,10 @@ class KnowledgeDocument(Document):
     def knowledge(self) -> Knowledge:
         return Knowledge(self.target.knowledge(), self.camera, self.arm)
 
+    def replaced_by(self, stated: "KnowledgeDocument") -> "KnowledgeDocument":
+        """This, with what `stated` says of target, camera or arm in its place; the rest stays."""
+        return self.model_copy(update={name: getattr(stated, name) for name in stated.model_fields_set})
+
 
 class NoiseBeliefDocument(Document):
     """What is believed of the robot's noise: log-normal about these levels, one deviation being a factor.

@@ -1,7 +1,7 @@
 """`handeyed solve DIR...`: calibrate from session folders."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -10,6 +10,7 @@ from daemon.cli.output import Json, print_error, progress_bar, write_document
 
 if TYPE_CHECKING:
     from calibration.documents.calibration import CalibrationDocument
+    from calibration.documents.knowledge import KnowledgeDocument
     from calibration.documents.requirement import PointsFile
     from calibration.documents.session import CameraDocument
     from calibration.likelihood.mapped_points import NamedPoint
@@ -54,6 +55,15 @@ def solve(
             metavar="FILE",
             help="Intrinsics to use: JSON with matrix, distortion (4, 5, 8, 12 or 14), image_size and"
             ' "lens": "fisheye" (4); a session.json or calibration.json; YAML or XML of ROS, OpenCV, Kalibr.',
+        ),
+    ] = None,
+    known: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="KEY=VALUE",
+            help="What is known beforehand, as in [calibration.known]: camera=this-session, arm=absolute-accuracy,"
+            " target.source=certified, or target.source=measured with target.length_mm=200 and"
+            " target.instrument=calliper; once for each. In place of what session.json states of it.",
         ),
     ] = None,
     views: Annotated[bool, typer.Option("--views", help="Also print a table of the views, the worst first.")] = False,
@@ -110,16 +120,16 @@ def solve(
             "--method", f"none is called {method!r}", f"one of {', '.join(METHODS)}", ExitStatus.UNREADABLE
         )
     check_options(artefact, radius_mm, rough, method)
-    for name, given in (("--pictures", pictures), ("--camera", camera)):
+    for name, given in (("--pictures", pictures), ("--camera", camera), ("--known", known)):
         if artefact is not None and given is not None:
             raise CommandError(name, "clouds have no images", "leave it out", ExitStatus.UNREADABLE)
     intrinsics = None if camera is None else read_camera(camera)
-    required = requirement_of(tolerance, at)
+    stated, required = known_of(known or []), requirement_of(tolerance, at)
     status, solved, sessions = ExitStatus.OK, [], []
     for folder in folders:
         try:
             if artefact is None:
-                document, shown = solve_session(folder, method, required, intrinsics)
+                document, shown = solve_session(folder, method, required, intrinsics, stated)
             else:
                 document, shown = solve_scan(folder, radius_mm, rough, required), None
         except (DocumentError, RegistrationError) as error:
@@ -161,6 +171,23 @@ def solve(
     raise typer.Exit(status)
 
 
+def known_of(pairs: list[str]) -> "KnowledgeDocument":
+    """What --known states. Raises CommandError, DocumentError."""
+    from calibration.documents.knowledge import KnowledgeDocument
+    from calibration.documents.validation import validate_document
+
+    data: dict[str, Any] = {}
+    for pair in pairs:
+        key, equals, value = pair.partition("=")
+        section, _, name = key.rpartition(".")
+        if not (key and equals and value):
+            what, fix = f"{pair!r} is no KEY=VALUE", "such as camera=this-session"
+            raise CommandError("--known", what, fix, ExitStatus.UNREADABLE)
+        inner = data.setdefault(section, {}) if section else data
+        inner[name] = float(value) if value.replace(".", "", 1).isdigit() else value
+    return validate_document(KnowledgeDocument, data, "--known")
+
+
 def requirement_of(tolerance_mm: float | None, at: Path | None) -> "Requirement":
     """The limits and the points of --tolerance and --at. Raises CommandError, DocumentError."""
     from calibration.documents.requirement import MAX_TOLERANCE_MM, VerdictSettings
@@ -188,7 +215,11 @@ def _points_file(at: Path) -> "PointsFile":
 
 
 def solve_session(
-    folder: Path, method: str, required: "Requirement", camera: "CameraDocument | None"
+    folder: Path,
+    method: str,
+    required: "Requirement",
+    camera: "CameraDocument | None",
+    known: "KnowledgeDocument | None" = None,
 ) -> "tuple[CalibrationDocument, tuple[SessionFolder, Problem, Solution]]":
     from dataclasses import replace
 
@@ -203,8 +234,10 @@ def solve_session(
     from daemon.sessions.session_reader import find_repeated_poses, load_problem, open_session
 
     clock, session = Clock(), open_session(folder)
+    changes: dict[str, Any] = {} if known is None else {"known": session.document.known.replaced_by(known)}
     if camera is not None:
-        session = replace(session, document=session.document.model_copy(update={"camera": camera}))
+        changes["camera"] = camera
+    session = replace(session, document=session.document.model_copy(update=changes))
     with progress_bar(folder.resolve().name) as progress:
         problem = load_problem(session, progress)
     if problem.in_space and method != "auto":

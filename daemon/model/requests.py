@@ -5,6 +5,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, ConfigDict, Field, model_validator
 
+from calibration.documents.knowledge import KnowledgeDocument
 from calibration.documents.pose import Vector, is_direction
 from calibration.documents.requirement import Tolerance
 from calibration.documents.session import AxisOffsetDocument, SessionDocument
@@ -339,12 +340,16 @@ class ObservationsRequest(SessionDocument):
 
 
 class SolveRequest(Document):
-    """Solve a calibration's session again: without some of its views (from 0), or with another method."""
+    """Solve a calibration's session again: without some of its views (from 0), or with another method.
 
-    model_config = _examples({"without": [2]}, {"method": "park"})
+    `known`: what is known of target, camera or arm, in place of what the session states of it.
+    """
+
+    model_config = _examples({"without": [2]}, {"method": "park"}, {"known": {"target": {"source": "certified"}}})
 
     without: Annotated[tuple[Annotated[int, Field(ge=0, le=999)], ...], Field(max_length=1000)] = ()
     method: Literal["auto", "three-pose", "tsai", "park", "horaud", "daniilidis", "shah", "kronecker"] = "auto"
+    known: KnowledgeDocument = KnowledgeDocument()
 
 
 class NewKeyRequest(Document):

@@ -136,9 +136,11 @@ def solve_without(
     folder: Path, request: SolveRequest, run: CalibrationRun, calibration_id: str, created_at: str
 ) -> Solved:
     """Solve the session in `folder` without some of its views. Raises DocumentError."""
-    problem = load_problem(open_session(folder))
+    session = open_session(folder)
+    problem, known = load_problem(session), session.document.known.replaced_by(request.known)
     views = tuple(view for view in problem.views if view.index not in request.without)
-    return run.solve(replace(problem, views=views), calibration_id, created_at, request.method)
+    problem = replace(problem, views=views, knowledge=known.knowledge())
+    return run.solve(problem, calibration_id, created_at, request.method)
 
 
 def solve_session_of(session: ObservationsRequest, run: CalibrationRun, calibration_id: str, created_at: str) -> Solved:

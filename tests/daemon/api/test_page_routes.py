@@ -95,6 +95,19 @@ async def test_a_scene_that_is_not_known_is_found_by_the_run(tmp_path: Path) -> 
         assert "small turns" in found["note"]
 
 
+async def test_a_calibration_is_solved_again_with_what_has_been_found_out_since(bench: Bench) -> None:
+    run = (await bench.client.post("/calibrate", params={"wait": LIMIT_S})).json()
+    link, expanded_mm = f"/calibrations/{run['id']}/solve", []
+    for source in ("printed", "certified"):
+        again = await bench.client.post(link, json={"known": {"target": {"source": source}}})
+        assert again.status_code == 201, again.text
+        expanded_mm.append(again.json()["accuracy"]["expanded_mm"])
+    assert expanded_mm[0] == pytest.approx(run["result"]["expanded_mm"])
+    assert expanded_mm[1] < expanded_mm[0]
+    unknown = await bench.client.post(link, json={"known": {"camera": "good"}})
+    assert (unknown.status_code, unknown.json()["problems"][0]["place"]) == (422, "known.camera")
+
+
 async def test_a_calibration_is_solved_again_without_a_view(bench: Bench) -> None:
     run = (await bench.client.post("/calibrate", params={"wait": LIMIT_S})).json()
     again = await bench.client.post(f"/calibrations/{run['id']}/solve", json={"without": [2]})

@@ -2,6 +2,7 @@
 
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -164,3 +165,35 @@ def test_poses_that_turn_too_little_hear_what_better_ones_would_have_given(tmp_p
 
     assert "5 planned poses would leave U = 0.2" in small.out
     assert "these 6 leave 0." in small.out
+
+
+def test_what_is_known_is_stated_in_the_words_of_the_settings(tmp_path: Path) -> None:
+    """In place of the session's, section by section; what is known better leaves less."""
+
+    def measured(document: dict[str, Any]) -> None:
+        document["known"] = {"target": {"source": "measured", "length_mm": 200.0, "instrument": "ruler-class-2"}}
+
+    folder = with_corners(tmp_path / "a", measured)
+    whole = ("target.source=certified", "camera=this-session", "arm=absolute-accuracy")
+    by_calliper = ("target.source=measured", "target.length_mm=200", "target.instrument=calliper")
+    found = [expanded_mm(folder), expanded_mm(folder, *by_calliper), expanded_mm(folder, *whole)]
+    assert sorted(found, reverse=True) == found
+    assert found[-1] < 0.9 * found[0]
+    assert expanded_mm(folder, "target.source=printed") > found[0], "length_mm of the session does not remain"
+
+
+def expanded_mm(folder: Path, *known: str) -> float:
+    ran = handeyed("solve", folder, "--json", *(word for pair in known for word in ("--known", pair)))
+    assert ran.err == ""
+    return float(json.loads(ran.out)["accuracy"]["expanded_mm"])
+
+
+@pytest.mark.parametrize(
+    ("known", "says"),
+    [("camera=good", "this-session"), ("camera", "no KEY=VALUE"), ("lens=maker", "lens"),
+     ("target.source=measured", "needs length_mm"), ("target.length_mm=short", "length_mm")],
+)  # fmt: skip
+def test_what_cannot_be_known_is_refused(tmp_path: Path, known: str, says: str) -> None:
+    ran = handeyed("solve", with_corners(tmp_path / "a"), "--known", known)
+    assert (ran.status, ran.out) == (2, "")
+    assert "--known" in ran.err and says in ran.err
