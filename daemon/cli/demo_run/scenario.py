@@ -12,15 +12,13 @@ from typing import Any
 
 from calibration.documents.calibration import CalibrationDocument
 from daemon.cli.demo_run.progress import ProgressLine, ProgressPrinter
+from daemon.cli.demo_run.settings_file import TOLERANCE_MM
 from daemon.cli.errors import CommandError
 from daemon.cli.rest_client import DaemonClient, ServerEvent
 from daemon.runtime.module_names import module_name
 
 VIEW_FILE = "view.ply"
 """The last view in the scanner's frame; the arm still stands where it was taken."""
-
-POSES = 3
-"""The smallest number of poses."""
 
 
 @dataclass(frozen=True)
@@ -51,13 +49,14 @@ def run_scenario(url: str, folder: Path, seed: int, printer: ProgressPrinter) ->
 
 
 def _calibrate(daemon: DaemonClient, printer: ProgressPrinter) -> CalibrationDocument:
-    with printer.progress_line("calibrate", f"{POSES} poses, planned") as step:
-        run = _require_success(daemon.run("/calibrate", {"count": POSES}, _show_progress(step)))
+    """Run until U meets the tolerance of the settings: the daemon says itself how many poses that takes."""
+    with printer.progress_line("calibrate", f"planned, until U <= {TOLERANCE_MM:g} mm") as step:
+        run = _require_success(daemon.run("/calibrate", {}, _show_progress(step, " at most")))
         document = CalibrationDocument.model_validate(daemon.get(f"/calibrations/{run['result']['calibration_id']}"))
         if not document.verdict.accepted:
             errors = [finding for finding in document.verdict.findings if finding.severity == "error"]
             raise CommandError("calibrate", f"not accepted: {errors[0].message}", errors[0].fix)
-        step.finish("accepted and in force")
+        step.finish(f"{len(document.views)} views, accepted and in force")
     return document
 
 
@@ -71,9 +70,11 @@ def _scan(daemon: DaemonClient, file: Path, printer: ProgressPrinter) -> tuple[s
     return scan_id, file
 
 
-def _show_progress(line: ProgressLine) -> Callable[[ServerEvent], None]:
+def _show_progress(line: ProgressLine, or_fewer: str = "") -> Callable[[ServerEvent], None]:
     def show(event: ServerEvent) -> None:
-        line.update(f"station {min(event['station'] + 1, event['stations'])} of {event['stations']}: {event['state']}")
+        of = event["stations"]
+        predicted = f", {event['predicted']}" if event.get("predicted") else ""
+        line.update(f"station {min(event['station'] + 1, of)} of {of}{or_fewer}: {event['state']}{predicted}")
 
     return show
 

@@ -3,6 +3,9 @@
 import json
 from typing import Any
 
+TOLERANCE_MM = 1.0
+"""Largest U (k = 2) of a mapped point in the demo's cell."""
+
 
 def settings_text(announcement: dict[str, Any], port: int) -> str:
     """The settings of a daemon at `port` for the mock cell with this ready file."""
@@ -25,7 +28,7 @@ def settings_text(announcement: dict[str, Any], port: int) -> str:
         "target": cell["target"],
         "calibration": {
             "policy": "auto",
-            "tolerance_mm": 1.0,
+            "tolerance_mm": TOLERANCE_MM,
             **{name: guess for name, guess in cell.items() if name.endswith("_guess")},
         },
         "server": {"port": port},
