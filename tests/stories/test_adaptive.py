@@ -62,14 +62,14 @@ async def test_a_guess_50_mm_and_10_deg_off_is_as_good(tmp_path: Path) -> None:
     async with plant(tmp_path, planned=True, truth=truth, calibration=guess) as story:
         run, off_mm = await calibrates(story)
         assert off_mm < SMALL_PICTURES_MM
-        assert run["stations"] == 3
-        assert run["planning"]["now_mm"] < 0.2
+        assert run["result"]["expanded_mm"] <= run["planning"]["goal"]["tolerance_mm"]
+        assert run["planning"]["now_mm"] <= run["planning"]["goal"]["tolerance_mm"]
 
 
 async def test_the_target_is_not_seen_at_first_but_somebody_said_where_it_is(tmp_path: Path) -> None:
     async with plant(tmp_path, planned=True, truth=small_pictures(5)) as story:
         story.cell.inject_fault("camera-target-hidden", strikes=1)
-        run, off_mm = await calibrates(story)
+        run, off_mm = await calibrates(story, count=3)
         assert off_mm < 2 * SMALL_PICTURES_MM
         assert 3 <= run["stations"] <= 4, "one view planned by a guess may miss the target, and is taken again"
 

@@ -29,7 +29,8 @@ async def test_calibrate_verify_register_and_scan_a_door(tmp_path: Path) -> None
     async with plant(tmp_path, planned=True) as story:
         ask = story.operator.client
         run = (await ask.post("/calibrate", params={"wait": LIMIT_S})).json()
-        assert (run["state"], run["stations"]) == ("finished", 3), run["cause"]
+        assert run["state"] == "finished", run["cause"]
+        assert run["result"]["expanded_mm"] <= run["result"]["tolerance_mm"], "it goes on until that is so"
         assert run["result"]["applied"]
         assert not story.cell.moving
 
