@@ -51,7 +51,7 @@ async def mounted(folder: Path, mount: Callable[[RunningCell], None], **robot: A
         memory = cell.controller.memory  # type: ignore[attr-defined]
         memory["cell_box_low"].value, memory["cell_box_high"].value = [-9000.0] * 3, [9000.0] * 3
         mount(cell)
-        calibration = {"poses": poses_taught_for(7)[:3]}
+        calibration = {"poses": poses_taught_for(7)[:5]}
         async with daemon_for(cell, folder, robot=robot, calibration=calibration) as story:
             yield story
 
@@ -70,7 +70,7 @@ async def test_an_arm_upside_down_is_calibrated_in_its_base_frame(tmp_path: Path
         assert off_mm < 0.01
         assert (seen["frame"], seen["frame_warning"]) == ("base", None)
         run = (await ask.post("/calibrate", params={"wait": LIMIT_S})).json()
-        assert (run["state"], run["stations"]) == ("finished", 3), run["cause"]
+        assert (run["state"], run["stations"]) == ("finished", 5), run["cause"]
         current = (await story.application.store.current())[1].document
         assert current.flange_T_camera is not None
         assert score_calibration(story.truth, current.flange_T_camera.transform())["point_rms_mm"] < POINT_MM
