@@ -19,6 +19,9 @@ pytestmark = pytest.mark.slow
 
 TARGET_MM = (360.0, 0.0, -150.0)
 """The target's middle: below the arm, which reaches 0.56 m."""
+NEARER_MM = 150.0
+"""Between the two distances: from one the focal length and the target's size trade off."""
+
 TURNS_DEG = [
     (0, 0, 0),
     (18, 0, 30),
@@ -41,11 +44,13 @@ def cell_of_the_yumi() -> CellTruth:
 
 
 def taught_poses(start: Array) -> tuple[TaughtPose, ...]:
-    """Poses about the first one, as jogged: with confdata and arm angle."""
+    """Poses about the first one, every other one nearer, as jogged: with confdata and arm angle."""
     poses, joints, first = [], start, IRB_14050.forward(start)
     pivot = transform(np.eye(3), (0.0, 0.0, 450.0))
-    for turn in TURNS_DEG:
-        pose = first @ pivot @ transform(rotation_from_vector(np.radians(turn)), np.zeros(3)) @ inverse(pivot)
+    for number, turn in enumerate(TURNS_DEG):
+        nearer = transform(np.eye(3), (0.0, 0.0, NEARER_MM * (number % 2)))
+        turned = transform(rotation_from_vector(np.radians(turn)), np.zeros(3))
+        pose = first @ pivot @ turned @ nearer @ inverse(pivot)
         joints = IRB_14050.nearest(pose, start)
         taught = TaughtPose.of(pose).model_copy(
             update={
