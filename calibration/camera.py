@@ -120,7 +120,7 @@ class RationalLens:
         by_top, by_below = k1 + r2 * (2 * k2 + 3 * r2 * k3), k4 + r2 * (2 * k5 + 3 * r2 * k6)
         return top, below, (by_top * below - top * by_below) / below**2
 
-    def _untilted(self, x: Array, y: Array) -> tuple[Array, Array]:
+    def _remove_tilt(self, x: Array, y: Array) -> tuple[Array, Array]:
         p1, p2 = self.coefficients[2:4]
         s1, s2, s3, s4 = self.coefficients[8:12]
         r2 = x * x + y * y
@@ -130,7 +130,7 @@ class RationalLens:
         return along, y * radial + p1 * (r2 + 2 * y * y) + p2 * xy2 + r2 * (s3 + r2 * s4)
 
     def distort(self, x: Array, y: Array) -> tuple[Array, Array]:
-        along, across = self._untilted(x, y)
+        along, across = self._remove_tilt(x, y)
         if not np.any(self.coefficients[12:]):
             return along, across
         u, v, w = (row[0] * along + row[1] * across + row[2] for row in self._tilt)
@@ -146,7 +146,7 @@ class RationalLens:
         across = x * y * slope + 2 * p1 * x + 2 * p2 * y
         xx = radial + x * x * slope + 2 * p1 * y + 6 * p2 * x + x * prism_x
         yy = radial + y * y * slope + 6 * p1 * y + 2 * p2 * x + y * prism_y
-        return self._tilted(x, y, (xx, across + y * prism_x, across + x * prism_y, yy))
+        return self._tilt(x, y, (xx, across + y * prism_x, across + x * prism_y, yy))
 
     def by_coefficient(self, index: int, x: Array, y: Array) -> tuple[Array, Array]:
         r2 = x * x + y * y
@@ -164,14 +164,14 @@ class RationalLens:
         else:
             moved = zero, zero
         one = np.ones_like(x)
-        xx, xy, yx, yy = self._tilted(x, y, (one, zero, zero, one))
+        xx, xy, yx, yy = self._tilt(x, y, (one, zero, zero, one))
         return xx * moved[0] + xy * moved[1], yx * moved[0] + yy * moved[1]
 
-    def _tilted(self, x: Array, y: Array, before: Slopes) -> Slopes:
+    def _tilt(self, x: Array, y: Array, before: Slopes) -> Slopes:
         """The derivatives after the tilt, of those `before` it."""
         if not np.any(self.coefficients[12:]):
             return before
-        along, across = self._untilted(x, y)
+        along, across = self._remove_tilt(x, y)
         u, v, w = (row[0] * along + row[1] * across + row[2] for row in self._tilt)
         (a, b, _), (c, d, _), (e, f, _) = self._tilt
         ux, uy, vx, vy = (a - e * u / w) / w, (b - f * u / w) / w, (c - e * v / w) / w, (d - f * v / w) / w

@@ -61,7 +61,7 @@ def solve(
         list[str] | None,
         typer.Option(
             metavar="KEY=VALUE",
-            help="What is known beforehand, as in [calibration.known]: camera=this-session, arm=absolute-accuracy,"
+            help="What is known beforehand, as in \\[calibration.known]: camera=this-session, arm=absolute-accuracy,"
             " target.source=certified, or target.source=measured with target.length_mm=200 and"
             " target.instrument=calliper; once for each. In place of what session.json states of it.",
         ),
