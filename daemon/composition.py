@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import uvloop
 
-from daemon.application import Application
+from daemon.application import Application, WarningSource
 from daemon.cell.arm_conditions import ArmConditionsNow
 from daemon.cell.cell import Cell, Devices
 from daemon.cell.device_watch import DeviceWatch
@@ -32,7 +32,9 @@ from daemon.runtime.loop_monitor import EventLoopMonitor
 from daemon.runtime.memory_trim import MemoryTrim
 from daemon.runtime.metrics import Metrics
 from daemon.runtime.recent_log import RecentLog
+from daemon.runtime.status_line import Doing, StatusLine
 from daemon.runtime.systemd import Systemd
+from daemon.runtime.update_hold import UpdateHold
 from daemon.runtime.workers import Workers
 from daemon.scans.registration_jobs import RegistrationJobs
 from daemon.scans.scan_service import ScanService
@@ -67,7 +69,7 @@ def build(
     at: Failpoints = NO_FAILPOINTS,
 ) -> Application:
     """Build the application inside a running event loop. Raises StorageError, DeviceError, DocumentError."""
-    clock = clock or Clock()
+    clock, systemd = clock or Clock(), systemd or Systemd.of(os.environ, os.getpid())
     store = store or Store(Path(settings.storage.folder), at=at)
     events, metrics = EventBus(store.stored_events), Metrics()
     store.publish = events.publish
@@ -83,7 +85,8 @@ def build(
         devices, settings.robot.settling, clock, interlocks, at, events.publish, exposure, world_T_base,
         settings.robot.external_axis, arm_conditions,
     )  # fmt: skip
-    supervisor = Supervisor(cell, store, events, clock, new_id)
+    update_hold = UpdateHold(clock, systemd.hold_file)
+    supervisor = Supervisor(cell, store, events, clock, new_id, lambda: update_hold.reason)
     scans = ScanService(
         store,
         service_workers,
@@ -128,6 +131,14 @@ def build(
     every_s = 3600 * settings.drift.every_h
     schedules = [DriftSchedule(camera.operations, clock, every_s) for camera in cameras.cameras]
     plc = _plc(settings, cameras, clock)
+    warning_sources: tuple[WarningSource, ...]
+    warning_sources = (cell.safe_stop, monitor, webhooks, retention, update_hold, *drifts, *schedules)
+
+    def doing() -> Doing:
+        run = supervisor.in_progress
+        warnings = [warning for source in warning_sources for warning in source.warnings()]
+        return Doing("" if run is None else f"run {run.id} ({run.kind})", update_hold.reason, warnings)
+
     return Application(
         settings=settings,
         clock=clock,
@@ -149,12 +160,14 @@ def build(
         sign_in=SignIn(store.access_keys, store.browser_sessions, clock, 60 * settings.server.idle_minutes),
         key_watch=key_watch,
         device_watch=device_watch,
-        systemd=systemd or Systemd.of(os.environ, os.getpid()),
+        systemd=systemd,
         loop_monitor=loop_monitor,
         recent_log=recent_log,
         services=(
             recent_log,
             loop_monitor,
+            update_hold,
+            StatusLine(systemd, doing, clock),
             MemoryTrim(),
             cell.safe_stop,
             device_watch,
@@ -167,7 +180,7 @@ def build(
             *schedules,
             *plc,
         ),
-        warning_sources=(cell.safe_stop, monitor, webhooks, retention, *drifts, *schedules),
+        warning_sources=warning_sources,
         metric_sources=(loop_monitor, cell.safe_stop, monitor, webhooks, retention, *drifts, *plc),
     )
 

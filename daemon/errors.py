@@ -383,9 +383,9 @@ class PortTaken(DaemonError):
 
 
 class Stopping(DaemonError):
-    """The daemon is shutting down."""
+    """The daemon is shutting down, or is held for an update."""
 
     code = "stopping"
 
-    def __init__(self) -> None:
-        super().__init__("the daemon is stopping", "ask again when it has started")
+    def __init__(self, what: str = "the daemon is stopping") -> None:
+        super().__init__(what, "ask again when it has started")

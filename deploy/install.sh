@@ -2,7 +2,8 @@
 # Installs handeyed from this source tree into /opt/handeyed, as a systemd service. Run it again to update or repair:
 # an installed release is kept, settings in /etc/handeyed are never overwritten, stored data are unchanged.
 #
-#   sudo deploy/install.sh              install or update; restarts the service only when it runs
+#   sudo deploy/install.sh              install or update; restarts the service only when it runs, and after the run in
+#                                       progress has ended (--now: aborts it); see deploy/handeyed-release
 #   sudo deploy/install.sh --rollback   go back to the release before this one
 #   sudo deploy/install.sh --uninstall  remove the program; settings and data stay
 set -eu
@@ -11,7 +12,6 @@ ROOT=/opt/handeyed
 CONFIG=/etc/handeyed
 UNIT=/etc/systemd/system/handeyed.service
 RULES=/etc/udev/rules.d/99-handeyed.rules
-KEEP=3
 SOURCE=$(cd "$(dirname "$0")/.." && pwd)
 
 say() { printf '%s\n' "$*"; }
@@ -19,59 +19,26 @@ fail() { printf 'install.sh: %s\n' "$*" >&2; exit 1; }
 have_systemd() { [ -d /run/systemd/system ]; }
 systemctl_if() { if have_systemd; then systemctl "$@"; fi; }
 running() { have_systemd && systemctl --quiet is-active handeyed; }
-
-switch_to() { # the one step that changes what runs: atomic, and what was current is remembered for --rollback
-    if [ -L "$ROOT/current" ] && [ "$(readlink "$ROOT/current")" != "$1" ]; then
-        ln -sfn "$(readlink "$ROOT/current")" "$ROOT/previous"
-    fi
-    ln -s "$1" "$ROOT/.next.$$"
-    mv -T "$ROOT/.next.$$" "$ROOT/current"
-}
-
-restart_if_running() {
-    if running; then
-        systemctl restart handeyed || fail "the new release does not start: see 'journalctl -u handeyed', then install.sh --rollback"
-        say "handeyed was restarted"
-    fi
-}
-
-rollback() {
-    [ -L "$ROOT/previous" ] || fail "there is no release to go back to"
-    release=$(readlink "$ROOT/previous")
-    [ -x "$release/bin/handeyed" ] || fail "$release is gone"
-    switch_to "$release"
-    restart_if_running
-    say "handeyed is back at $(basename "$release")"
-}
+switch() { "$SOURCE/deploy/handeyed-release" "$@"; }
 
 uninstall() {
     systemctl_if disable --now handeyed 2>/dev/null || true
     rm -rf "$ROOT"
-    rm -f "$UNIT" "$RULES" /usr/local/bin/handeyed
+    rm -f "$UNIT" "$RULES" /usr/local/bin/handeyed /usr/local/sbin/handeyed-release
     systemctl_if daemon-reload
     say "handeyed is removed. Settings stay in $CONFIG, data in /var/lib/handeyed; the user 'handeyed' stays with them."
 }
 
 fingerprint() { # of everything that makes the release: same source, same name
     cd "$SOURCE"
-    find calibration daemon drivers handeyed mock_robot protocols registration hatch_build.py pyproject.toml deploy/*.lock deploy/rapid \
+    find calibration daemon drivers handeyed mock_robot protocols registration hatch_build.py hatch_version.py pyproject.toml deploy/*.lock deploy/rapid \
         deploy/prometheus deploy/grafana deploy/handeyed.example.toml docs SECURITY.md CHANGELOG.md \
         -type f ! -name '*.pyc' -print0 | LC_ALL=C sort -z | xargs -0 sha256sum | sha256sum | cut -c1-12
 }
 
 build() { # $1: folder of the release
-    "$SOURCE/deploy/release.sh" "$1" || fail "nothing was changed"
+    "$SOURCE/deploy/venv.sh" "$1" || fail "nothing was changed"
     touch "$1/complete"
-}
-
-prune() { # keep the newest, and never the current or the previous one
-    # shellcheck disable=SC2012 # release names are hexadecimal digits
-    for release in $(ls -1dt "$ROOT"/releases/* | tail -n +$((KEEP + 1))); do
-        case "$release" in
-        "$(readlink "$ROOT/current")" | "$(readlink "$ROOT/previous" || true)") ;;
-        *) rm -rf "$release" ;;
-        esac
-    done
 }
 
 settle_in() { # user, folders, settings, unit, devices
@@ -88,6 +55,7 @@ settle_in() { # user, folders, settings, unit, devices
     fi
     install -D -m 0644 "$SOURCE/deploy/handeyed.service" "$UNIT"
     install -D -m 0644 "$SOURCE/deploy/99-handeyed.rules" "$RULES"
+    install -m 0755 "$SOURCE/deploy/handeyed-release" /usr/local/sbin/handeyed-release
     ln -sfn "$ROOT/current/bin/handeyed" /usr/local/bin/handeyed
     systemctl_if daemon-reload
     if command -v udevadm >/dev/null && [ -d /run/udev ]; then
@@ -101,19 +69,16 @@ mkdir -p "$(dirname "$ROOT")"
 exec 9<"$(dirname "$ROOT")" # two at once would each remove what the other one builds
 flock --nonblock 9 || fail "another install.sh is at work: wait for it"
 case "${1:-}" in
---rollback) rollback; exit ;;
+--rollback) shift; switch back "$@"; exit ;;
 --uninstall) uninstall; exit ;;
-"") ;;
-*) fail "unknown option $1: none, --rollback or --uninstall" ;;
+"" | --now) ;;
+*) fail "unknown option $1: none, --now, --rollback or --uninstall" ;;
 esac
 
 umask 022
-release=$ROOT/releases/$(fingerprint)
+release=$(python3 "$SOURCE/hatch_version.py")-$(fingerprint)
 mkdir -p "$ROOT/releases"
-[ -e "$release/complete" ] || build "$release"
+[ -e "$ROOT/releases/$release/complete" ] || build "$ROOT/releases/$release"
 settle_in
-switch_to "$release"
-prune
-restart_if_running
-say "handeyed $(basename "$release") is in $ROOT/current."
-running || say "Next: edit $CONFIG/handeyed.toml, run 'handeyed check $CONFIG/handeyed.toml', then 'systemctl enable --now handeyed'."
+switch use "$release" "$@"
+running || say "Next: edit $CONFIG/handeyed.toml, run 'sudo -u handeyed handeyed check $CONFIG/handeyed.toml', then 'systemctl enable --now handeyed'."

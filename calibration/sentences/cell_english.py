@@ -20,6 +20,7 @@ CELL = {
     "plc-holds-abort": "{holder} holds abort",
     "a-plc-set-abort": "a PLC has set abort",
     # daemon/store, daemon/api/readiness.py
+    "update-holds": "nothing begins now: {update} is being installed",
     "disk-nearly-full": "only {free_mb:.0f} MB are left on the disk of {folder}: free some space",
     "disk-few-runs": "the disk of {folder} has room for about {runs} more runs: free some, or lower keep_runs",
     # daemon/webhooks, daemon/drift

@@ -26,7 +26,7 @@ from daemon.api.route_table import ROUTERS
 from daemon.application import Application
 from daemon.errors import DaemonError
 from daemon.page import PageFiles
-from daemon.runtime.version import VERSION
+from daemon.runtime.version import RELEASE
 from drivers.errors import DeviceError
 from registration.errors import RegistrationError
 
@@ -55,7 +55,7 @@ def routes(application: Application | None) -> FastAPI:
 
     app = FastAPI(
         title="handeyed",
-        version=VERSION,
+        version=RELEASE,
         description=ABOUT,
         lifespan=lifespan,
         docs_url=None,  # its pages load scripts from other servers

@@ -1,6 +1,7 @@
 """The command `handeyed`, assembled from one module per command."""
 
 import os
+from typing import Annotated
 
 import typer
 
@@ -14,6 +15,7 @@ from daemon.cli.compare import compare
 from daemon.cli.demo import demo
 from daemon.cli.devices import devices
 from daemon.cli.export import export
+from daemon.cli.health import health
 from daemon.cli.import_session import import_session
 from daemon.cli.keys import app as keys
 from daemon.cli.mock import mock
@@ -49,9 +51,29 @@ app = typer.Typer(
 
 TRY, CELL, OFFLINE = "Try it", "In the cell", "From files"
 
+
+def print_version(wanted: bool) -> None:
+    """Print the version and end, when `wanted`."""
+    if wanted:
+        from daemon.runtime.version import SOFTWARE
+
+        typer.echo(SOFTWARE)
+        raise typer.Exit
+
+
+@app.callback()
+def options(
+    version: Annotated[
+        bool, typer.Option("--version", callback=print_version, is_eager=True, help="Print the version, and end.")
+    ] = False,
+) -> None:
+    """Options of the command itself."""
+
+
 app.command(rich_help_panel=TRY)(demo)
 app.command(rich_help_panel=TRY, context_settings=PASS_ARGUMENTS_ON)(mock)
 app.command(rich_help_panel=CELL)(check)
+app.command(rich_help_panel=CELL)(health)
 app.command(rich_help_panel=CELL)(devices)
 app.command(rich_help_panel=CELL)(serve)
 app.command(rich_help_panel=CELL)(calibrate)

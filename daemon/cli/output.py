@@ -18,8 +18,11 @@ Json = Annotated[bool, typer.Option("--json", help="Print JSON for programs inst
 
 
 def print_error(text: str) -> None:
-    """Print a line on standard error."""
-    typer.echo(text, err=True)
+    """Print lines on standard error; journald takes them for errors: `journalctl -p warning` shows them."""
+    from daemon.runtime.logs import goes_to_journal
+
+    priority = "<3>" if goes_to_journal(sys.stderr) else ""
+    typer.echo("\n".join(f"{priority}{line}" for line in text.splitlines()), err=True)
 
 
 def write_document(file: Path, document: "BaseModel") -> None:

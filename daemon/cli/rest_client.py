@@ -27,7 +27,8 @@ class DaemonClient:
     The environment variable HANDEYED_KEY holds the API key, HANDEYED_CA the authority of its certificate.
     """
 
-    def __init__(self, url: str, limit_s: float = MAX_ANSWER_S) -> None:
+    def __init__(self, url: str, limit_s: float = MAX_ANSWER_S, trust: ssl.SSLContext | None = None) -> None:
+        """`trust`: TLS in place of HANDEYED_CA and the system's authorities."""
         self.url = url.rstrip("/")
         key, authority = os.environ.get("HANDEYED_KEY"), os.environ.get("HANDEYED_CA")
         self._http = httpx.Client(
@@ -35,7 +36,7 @@ class DaemonClient:
             timeout=limit_s,
             trust_env=False,
             headers={"Authorization": f"Bearer {key}"} if key else {},
-            verify=_tls_context(authority) if authority else True,
+            verify=trust or (_tls_context(authority) if authority else True),
         )
 
     def __enter__(self) -> "DaemonClient":

@@ -1,5 +1,6 @@
 """`handeyed serve CONFIG`: run the daemon."""
 
+import os
 from pathlib import Path
 from typing import Annotated
 
@@ -16,9 +17,18 @@ def serve(
     import gc
 
     gc.disable()  # what is imported stays: looking through it again and again takes a tenth of the start
+    from calibration.errors import CalibrationError
     from daemon.composition import serve as serve_settings
     from daemon.config.settings import load_settings
+    from daemon.errors import DaemonError
+    from daemon.runtime.systemd import Systemd
+    from drivers.errors import DeviceError
 
     gc.freeze()
     gc.enable()
-    serve_settings(load_settings(config), ready_file=ready_file)
+    try:
+        serve_settings(load_settings(config), ready_file=ready_file)
+    except (CalibrationError, DaemonError, DeviceError) as error:
+        # It stays in `systemctl status` of a service that has failed.
+        Systemd.of(os.environ, os.getpid()).notify("STATUS=" + " ".join(str(error).split()))
+        raise

@@ -7,6 +7,7 @@ from collections.abc import Awaitable, Callable, Collection, Coroutine
 from dataclasses import dataclass, replace
 from typing import Any
 
+from calibration.sentences.sentence import Sentence
 from daemon.cell.cell import Cell
 from daemon.cell.safe_stop import MAX_ATTEMPT_S
 from daemon.errors import (
@@ -73,9 +74,17 @@ class Supervisor:
     """Owns the run in progress."""
 
     def __init__(
-        self, cell: Cell, store: Store, events: EventBus, clock: Clock, new_id: Callable[[Clock], str]
+        self,
+        cell: Cell,
+        store: Store,
+        events: EventBus,
+        clock: Clock,
+        new_id: Callable[[Clock], str],
+        update: Callable[[], str | None] = lambda: None,
     ) -> None:
+        """`update`: the update that waits for the cell to be free, while there is one; no run begins then."""
         self._cell, self._store, self._events, self._clock, self._new_id = cell, store, events, clock, new_id
+        self._update = update
         self._current: _InProgress | None = None
         self._starting = False
         self._stopping = False
@@ -108,7 +117,9 @@ class Supervisor:
 
     def obstacles(self) -> tuple[str, ...]:
         """Reasons why nobody may start a run now, whatever the cell's state."""
-        return AbortHeld(self._abort_holders).reasons if self._abort_holders else ()
+        held = AbortHeld(self._abort_holders).reasons if self._abort_holders else ()
+        update = self._update()
+        return held if update is None else (*held, Sentence("update-holds", update=update))
 
     def require_no_abort(self) -> None:
         """Raises AbortHeld or Stopping when the arm may not begin to move now."""
@@ -120,6 +131,8 @@ class Supervisor:
     def require_free(self) -> None:
         """Raises RunInProgress, CellBusy, AbortHeld or Stopping when a run could not start now."""
         self.require_no_abort()
+        if (update := self._update()) is not None:
+            raise Stopping(Sentence("update-holds", update=update))
         if (run := self.in_progress) is not None:
             raise RunInProgress(run.kind, run.id)
         if self._starting:

@@ -6,6 +6,7 @@ import sys
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
+from typing import TextIO
 
 from daemon.runtime.key_redaction import redact_keys
 
@@ -63,6 +64,15 @@ class OneLineFormatter(logging.Formatter):
 def priority(level: int) -> int:
     """The syslog priority, 2 to 7, of a Python log level."""
     return next(number for least, number in PRIORITIES if level >= least)
+
+
+def goes_to_journal(stream: TextIO, environment: Mapping[str, str] = os.environ) -> bool:
+    """True when journald reads `stream`: JOURNAL_STREAM names its file, and terminals inherit the variable, too."""
+    try:
+        file = os.fstat(stream.fileno())
+    except (OSError, ValueError):
+        return False
+    return environment.get("JOURNAL_STREAM") == f"{file.st_dev}:{file.st_ino}"
 
 
 def log_to_stdout(level: int = logging.INFO, environment: Mapping[str, str] = os.environ) -> None:

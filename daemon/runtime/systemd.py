@@ -1,20 +1,28 @@
-"""sd_notify(3) over NOTIFY_SOCKET: READY, STOPPING, WATCHDOG. Sends nothing without systemd."""
+"""sd_notify(3) over NOTIFY_SOCKET: READY, STATUS, STOPPING, WATCHDOG. Sends nothing without systemd."""
 
 import asyncio
 import logging
 import socket
 from collections.abc import Awaitable, Callable, Mapping
 from dataclasses import dataclass
+from pathlib import Path
+
+HOLD_FILE = Path("/run/handeyed.hold")
+"""Only root can write there: deploy/handeyed-release does."""
 
 log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
 class Systemd:
-    """`address` of the notify socket and the watchdog period `watchdog_s`; None when systemd did not set them."""
+    """`address` of the notify socket and the watchdog period `watchdog_s`; None when systemd did not set them.
+
+    `hold_file`: with which an update holds the service; None for a daemon that is none.
+    """
 
     address: str | None
     watchdog_s: float | None
+    hold_file: Path | None = None
 
     @classmethod
     def of(cls, environment: Mapping[str, str], pid: int) -> "Systemd":
@@ -22,7 +30,7 @@ class Systemd:
         microseconds = environment.get("WATCHDOG_USEC", "")
         ours = environment.get("WATCHDOG_PID", str(pid)) == str(pid)
         watchdog = int(microseconds) / 1e6 if ours and microseconds.isdigit() and int(microseconds) else None
-        return cls(address, watchdog)
+        return cls(address, watchdog, None if address is None else HOLD_FILE)
 
     def notify(self, state: str) -> None:
         """Send one state; a failure is logged, not raised."""

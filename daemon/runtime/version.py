@@ -11,4 +11,7 @@ def _version() -> str:
 
 
 VERSION = _version()
+RELEASE = VERSION.partition(".dev")[0]
+"""The release that it is, or leads to: what the interface documents state, whatever the commit."""
+
 SOFTWARE = f"handeyed {VERSION}"

@@ -18,6 +18,7 @@ from daemon.composition import build
 from daemon.config.settings import Settings
 from daemon.http.connection_limiter import ConnectionLimiter
 from daemon.runtime.failpoints import NO_FAILPOINTS, Failpoints
+from daemon.runtime.systemd import Systemd
 from daemon.server import Server
 from daemon.store.store import Store
 from tests.daemon.fakes import CAMERA, FakeCamera, FakeRobot, FakeScanner, poses_around_the_target
@@ -93,13 +94,14 @@ async def serving(
     store: Store | None = None,
     door: ConnectionLimiter | None = None,
     at: Failpoints = NO_FAILPOINTS,
+    systemd: Systemd | None = None,
 ) -> AsyncIterator[Bench]:
     """The daemon, up; stopped in order afterwards."""
     parts = parts or Parts()
     scanner = parts.scanner if settings.scanner else None
     scanners = {name: FakeScanner() for name in settings.scanners}
     devices = Devices(parts.robot, parts.camera, scanner, cameras=parts.cameras, scanners=scanners)
-    application = build(settings, lambda _settings, _clock: devices, store=store, at=at)
+    application = build(settings, lambda _settings, _clock: devices, store=store, at=at, systemd=systemd)
     announced: asyncio.Future[str] = asyncio.get_running_loop().create_future()
     server = Server(application, announced.set_result, door)
     task = asyncio.create_task(server.listen())

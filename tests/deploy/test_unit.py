@@ -83,7 +83,8 @@ def test_the_watchdog_is_fed_by_the_daemon_and_state_lies_where_the_settings_say
 
 SCRIPTS = [
     "deploy/install.sh",
-    "deploy/release.sh",
+    "deploy/venv.sh",
+    "deploy/handeyed-release",
     *(f"deploy/deb/{name}" for name in ("build.sh", "try.sh", "preinst", "postinst", "prerm", "postrm")),
     ".ci/run",
 ]
@@ -97,7 +98,7 @@ def test_the_shell_finds_nothing_wrong_with_the_scripts(script: str) -> None:
 
 
 def test_the_installer_wants_root_and_knows_its_options() -> None:
-    script = (DEPLOY / "install.sh").read_text() + (DEPLOY / "release.sh").read_text()
+    script = (DEPLOY / "install.sh").read_text() + (DEPLOY / "venv.sh").read_text()
 
     _said("sh", "-n", DEPLOY / "install.sh")
     for place in ("handeyed.service", "99-handeyed.rules", "handeyed.example.toml", "requirements.lock", "build.lock"):
@@ -130,32 +131,54 @@ def test_a_second_installer_waits_for_nobody_and_changes_nothing(tmp_path: Path)
     assert not [*(tmp_path / "opt").iterdir()]
 
 
-@pytest.mark.parametrize("there", [True, False])
-def test_the_package_is_configured_with_and_without_its_settings(tmp_path: Path, there: bool) -> None:
+CONFIGURED = [
+    ("", None, "the example"),  # the first installation writes the settings
+    ("", "the cell's", "the cell's"),  # left from a removal
+    ("0.1.0", "the cell's", "the cell's"),
+    ("0.1.0", None, None),  # an administrator has deleted them
+]
+
+
+@pytest.mark.parametrize(("before", "there", "expected"), CONFIGURED)
+def test_the_package_writes_the_settings_once(
+    tmp_path: Path, before: str, there: str | None, expected: str | None
+) -> None:
     text = (DEPLOY / "deb/postinst").read_text()
     for place in ("/etc/handeyed", "/opt/handeyed", "/var/lib/handeyed", "/run/systemd", "/run/udev"):
         text = text.replace(place, f"{tmp_path}{place}")
-    script, etc = tmp_path / "postinst", tmp_path / "etc/handeyed"
+    script, etc, package = tmp_path / "postinst", tmp_path / "etc/handeyed", tmp_path / "opt/handeyed/package"
     script.write_text(text)
+    share = package / "share/handeyed"
+    (share / "deploy").mkdir(parents=True)
+    (share / "deploy/handeyed.example.toml").write_text("the example")
+    (share / "version").write_text("0.2.0\n")
+    (package / "bin").mkdir()
+    (package / "bin/python3").symlink_to(sys.executable)
     etc.mkdir(parents=True)
-    if there:
-        (etc / "handeyed.toml").write_text("x")
-    stubs = stub(tmp_path / "bin", adduser="true", chown='for file in "$@"; do :; done; [ -e "$file" ]',
-                 install='for folder in "$@"; do :; done; mkdir -p "$folder"')  # fmt: skip
-    ran = subprocess.run(["sh", str(script), "configure"], env=stubs, capture_output=True, text=True, check=False)
+    if there is not None:
+        (etc / "handeyed.toml").write_text(there)
+    stubs = stub(tmp_path / "bin", adduser="true", getent="true", chown="true", handeyed="true",
+                 install='[ "$1" = -d ] || { for file; do before=$last last=$file; done; cp "$before" "$last"; }',
+                 **{"handeyed-release": "echo $1 $2"})  # fmt: skip
+    ran = subprocess.run(
+        ["sh", str(script), "configure", before], env=stubs, capture_output=True, text=True, check=False
+    )
     assert ran.returncode == 0, ran.stderr
-    assert (etc / "handeyed.toml").exists() == there
-    if there:
-        assert (etc / "handeyed.toml").stat().st_mode & 0o777 == 0o640
+    settings = etc / "handeyed.toml"
+    assert (settings.read_text() if settings.exists() else None) == expected
+    assert expected is None or settings.stat().st_mode & 0o777 == 0o640
+    assert "use 0.2.0" in ran.stdout
+    assert (tmp_path / "opt/handeyed/releases/0.2.0/share/handeyed/version").samefile(share / "version")
 
 
 def test_installer_and_package_put_the_program_where_the_unit_looks() -> None:
     program = "/opt/handeyed/current"
 
     assert f"ExecStart={program}/bin/handeyed" in UNIT.read_text()
-    assert f"PROGRAM={program}" in (DEPLOY / "deb/postinst").read_text()
-    assert "ROOT=/opt/handeyed" in (DEPLOY / "install.sh").read_text()
-    assert '"$root/opt/handeyed/current"' in (DEPLOY / "deb/build.sh").read_text()
+    for script in ("deb/postinst", "install.sh"):
+        assert "\nROOT=/opt/handeyed\n" in (DEPLOY / script).read_text()
+    assert "ROOT=${HANDEYED_ROOT:-/opt/handeyed}" in (DEPLOY / "handeyed-release").read_text()
+    assert "release=/opt/handeyed/releases/$HANDEYED_VERSION" in (DEPLOY / "deb/build.sh").read_text()
 
 
 ABOUT_THE_SOURCE = ("architecture.md", "reliability.md")
@@ -163,7 +186,7 @@ ABOUT_THE_SOURCE = ("architecture.md", "reliability.md")
 
 def test_a_release_brings_what_the_runbook_speaks_of() -> None:
     """Both ways of installing build a release; no source tree is left on the cell's PC."""
-    script, docs = (DEPLOY / "release.sh").read_text(), DEPLOY.parent / "docs"
+    script, docs = (DEPLOY / "venv.sh").read_text(), DEPLOY.parent / "docs"
     patterns = re.search(r'docs" && cp -R ([^&]*) "\$share/docs/', script)[1].split()  # type: ignore[index]
     brought = {path for pattern in patterns for path in docs.glob(pattern.removeprefix("./"))}
     linked = {

@@ -360,6 +360,7 @@ export default {
   'run-going-on': '运行 {run} 正在进行',
   'plc-holds-abort': '{holder} 保持中止信号',
   'a-plc-set-abort': 'PLC 已设置中止',
+  'update-holds': '现在不会开始新的运行：正在安装 {update}',
   'disk-nearly-full': '{folder} 所在磁盘仅剩 {free_mb:.0f} MB：请释放空间',
   'disk-few-runs': '{folder} 所在磁盘约可再存 {runs} 次运行：请释放空间，或减小 keep_runs',
   'webhook-refused': 'Webhook {receiver} 在最近 {attempts} 次尝试中未接收任何内容：请检查其服务器和日志',

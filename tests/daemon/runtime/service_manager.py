@@ -13,6 +13,10 @@ class Manager:
         self.socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_NONBLOCK)
         self.socket.bind(address)
 
-    async def hears(self, limit_s: float = LIMIT_S) -> str:
+    async def hears(self, limit_s: float = LIMIT_S, of: str = "") -> str:
+        """The next message that begins with `of`."""
         async with asyncio.timeout(limit_s):
-            return (await asyncio.get_running_loop().sock_recv(self.socket, 4096)).decode()
+            while True:
+                message = (await asyncio.get_running_loop().sock_recv(self.socket, 4096)).decode()
+                if message.startswith(of):
+                    return message

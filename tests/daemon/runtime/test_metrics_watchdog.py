@@ -42,7 +42,7 @@ async def starves(manager: Manager) -> None:
     """Nothing comes for ten times as long as between two feedings."""
     with pytest.raises(TimeoutError):
         while True:
-            await manager.hears(10 * FED_EVERY_S)
+            await manager.hears(10 * FED_EVERY_S, of="WATCHDOG")
 
 
 async def test_a_hung_worker_starves_the_watchdog_and_is_reported_once(
@@ -50,7 +50,7 @@ async def test_a_hung_worker_starves_the_watchdog_and_is_reported_once(
 ) -> None:
     monkeypatch.setattr("daemon.application.MAX_JOB_S", 0.2)
     async with watched(tmp_path) as (application, manager):
-        assert [await manager.hears() for _ in range(3)] == ["WATCHDOG=1"] * 3
+        assert [await manager.hears(of="WATCHDOG") for _ in range(3)] == ["WATCHDOG=1"] * 3
         hangs = threading.Event()
         job = asyncio.create_task(application.workers.run(hangs.wait))
         try:
@@ -58,7 +58,7 @@ async def test_a_hung_worker_starves_the_watchdog_and_is_reported_once(
         finally:
             hangs.set()
         await job
-        assert await manager.hears() == "WATCHDOG=1"
+        assert await manager.hears(of="WATCHDOG") == "WATCHDOG=1"
         told = [record for record in caplog.records if "the watchdog is not fed" in record.message]
         assert [record.levelno for record in told] == [logging.ERROR]
 
@@ -86,12 +86,12 @@ async def test_a_run_that_hangs_and_cannot_even_be_stopped_starves_the_watchdog(
         finally:
             released.set()
         assert (await application.supervisor.wait(run.id, 5)).state == "failed"
-        assert await manager.hears() == "WATCHDOG=1"
+        assert await manager.hears(of="WATCHDOG") == "WATCHDOG=1"
 
 
 async def test_a_hung_store_starves_the_watchdog(tmp_path: Path) -> None:
     async with watched(tmp_path) as (application, manager):
-        await manager.hears()
+        await manager.hears(of="WATCHDOG")
         hangs = threading.Event()
         job = asyncio.create_task(application.store._database.run(hangs.wait, tmp_path))
         try:
@@ -99,12 +99,12 @@ async def test_a_hung_store_starves_the_watchdog(tmp_path: Path) -> None:
         finally:
             hangs.set()
         await job
-        assert await manager.hears() == "WATCHDOG=1"
+        assert await manager.hears(of="WATCHDOG") == "WATCHDOG=1"
 
 
 async def test_a_hung_event_loop_feeds_nobody(tmp_path: Path) -> None:
     async with watched(tmp_path) as (_, manager):
-        await manager.hears()
+        await manager.hears(of="WATCHDOG")
         while True:
             try:
                 manager.socket.recv(4096)

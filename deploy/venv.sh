@@ -1,9 +1,10 @@
 #!/bin/sh
 # Builds one release of handeyed, a virtual environment pinned by deploy/*.lock, into a folder:
 #
-#   deploy/release.sh FOLDER
+#   deploy/venv.sh FOLDER
 #
-# install.sh builds in place, deb/build.sh in a staging folder. PYTHON names another interpreter than python3.
+# install.sh builds in place, deb/build.sh in a staging folder. PYTHON names another interpreter than python3. Its version
+# is that of the commit; HANDEYED_VERSION says another, where there is no git.
 set -eu
 
 PYTHON=${PYTHON:-python3}
@@ -11,7 +12,7 @@ SOURCE=$(cd "$(dirname "$0")/.." && pwd)
 FOLDER=${1:?name the folder of the release}
 
 say() { printf '%s\n' "$*"; }
-fail() { printf 'release.sh: %s\n' "$*" >&2; exit 1; }
+fail() { printf 'venv.sh: %s\n' "$*" >&2; exit 1; }
 
 "$PYTHON" -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null || fail "python3 3.11 or newer is needed"
 "$PYTHON" -c 'import venv, ensurepip' 2>/dev/null || fail "python3-venv is needed: apt install python3-venv"
@@ -22,8 +23,10 @@ trap 'rm -rf "$work"' EXIT
 say "building (pinned by deploy/*.lock) ..."
 "$PYTHON" -m venv "$work/venv"
 "$work/venv/bin/pip" install --quiet --disable-pip-version-check --require-hashes -r "$SOURCE/deploy/build.lock"
+HANDEYED_VERSION=$("$PYTHON" "$SOURCE/hatch_version.py") # the copy below has no git
+export HANDEYED_VERSION
 mkdir -p "$work/source/deploy"
-(cd "$SOURCE" && cp -R calibration daemon drivers handeyed mock_robot protocols registration hatch_build.py pyproject.toml README.md LICENSE "$work/source/")
+(cd "$SOURCE" && cp -R calibration daemon drivers handeyed mock_robot protocols registration hatch_build.py hatch_version.py pyproject.toml CHANGELOG.md README.md LICENSE "$work/source/")
 cp -R "$SOURCE/deploy/rapid" "$work/source/deploy/"
 "$work/venv/bin/pip" wheel --quiet --disable-pip-version-check --no-deps --no-build-isolation --wheel-dir "$work" "$work/source"
 
