@@ -7,10 +7,11 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Protocol
 
+from daemon.access.service_key import ServiceKey
 from daemon.cell.cell import Cell
 from daemon.cell.device_watch import DeviceWatch
 from daemon.cell.readings import CellReadings
-from daemon.config.settings import Settings
+from daemon.config.settings import Settings, SettingsFile
 from daemon.drift.cell_cameras import CellCamera, CellCameras
 from daemon.drift.monitor import DriftMonitor
 from daemon.errors import StorageError
@@ -80,6 +81,7 @@ class Application:
     """
 
     settings: Settings
+    settings_file: SettingsFile | None
     clock: Clock
     new_id: Callable[[], str]
     cell: Cell
@@ -100,6 +102,7 @@ class Application:
     key_watch: KeyWatch
     device_watch: DeviceWatch
     systemd: Systemd
+    service_key: ServiceKey | None
     loop_monitor: EventLoopMonitor
     recent_log: RecentLog
     services: tuple[BackgroundService, ...] = ()
@@ -178,7 +181,10 @@ class Application:
     async def _log_setup_code(self) -> None:
         if await self.store.access_keys.any_ever():
             return
-        whoever = "whoever is on this machine may do everything" if self.settings.server.loopback else "nobody gets in"
+        allowed = "whoever is on this machine may do everything" if self.service_key is None else (
+            "whoever is on this machine may look, and only root and the service's group move the arm"
+        )  # fmt: skip
+        whoever = allowed if self.settings.server.loopback else "nobody gets in from elsewhere"
         log.info(
             "there are no keys yet: %s. The first, an admin's: 'handeyed keys add', or POST /setup with the code %s",
             whoever, self.key_service.code.text,

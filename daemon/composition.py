@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import uvloop
 
+from daemon.access.service_key import ServiceKey
 from daemon.application import Application, WarningSource
 from daemon.cell.arm_conditions import ArmConditionsNow
 from daemon.cell.cell import Cell, Devices
@@ -18,7 +19,7 @@ from daemon.cell.devices import open_devices, open_exposure_control
 from daemon.cell.motion_rules import MotionRules
 from daemon.cell.readings import CellReadings
 from daemon.cell.recent_reading import RecentReading
-from daemon.config.settings import MAIN_CAMERA, Settings
+from daemon.config.settings import MAIN_CAMERA, Settings, SettingsFile
 from daemon.drift.cell_cameras import CellCamera, CellCameras
 from daemon.drift.monitor import DriftMonitor
 from daemon.drift.schedule import DriftSchedule
@@ -67,6 +68,7 @@ def build(
     store: Store | None = None,
     systemd: Systemd | None = None,
     at: Failpoints = NO_FAILPOINTS,
+    settings_file: SettingsFile | None = None,
 ) -> Application:
     """Build the application inside a running event loop. Raises StorageError, DeviceError, DocumentError."""
     clock, systemd = clock or Clock(), systemd or Systemd.of(os.environ, os.getpid())
@@ -141,6 +143,7 @@ def build(
 
     return Application(
         settings=settings,
+        settings_file=settings_file,
         clock=clock,
         new_id=lambda: new_id(clock),
         cell=cell,
@@ -161,6 +164,7 @@ def build(
         key_watch=key_watch,
         device_watch=device_watch,
         systemd=systemd,
+        service_key=None if systemd.runtime_folder is None else ServiceKey.make(systemd.runtime_folder),
         loop_monitor=loop_monitor,
         recent_log=recent_log,
         services=(
@@ -194,17 +198,19 @@ def _plc(settings: Settings, cameras: CellCameras, clock: Clock) -> tuple["PlcSe
     return (PlcService.of(settings.plc, cameras, clock),)
 
 
-def serve(settings: Settings, *, ready_file: Path | None = None) -> None:
+def serve(settings: Settings, *, ready_file: Path | None = None, settings_file: SettingsFile | None = None) -> None:
     """Run the daemon until SIGTERM, SIGINT or one of ENDING_SIGNALS. `ready_file` gets {"url", "pid"} once it answers.
+
+    `settings_file`: what the settings were loaded from, for GET /about.
 
     Raises StorageError, DeviceError, PortTaken.
     """
     log_to_stdout()
-    uvloop.run(_serve(settings, make_announcer(ready_file)))
+    uvloop.run(_serve(settings, settings_file, make_announcer(ready_file, settings.server.certificate)))
 
 
-async def _serve(settings: Settings, announce: Announce) -> None:
-    application = build(settings, open_devices)
+async def _serve(settings: Settings, settings_file: SettingsFile | None, announce: Announce) -> None:
+    application = build(settings, open_devices, settings_file=settings_file)
     server = Server(application, announce)
     await server.prepare()
     await server.listen()

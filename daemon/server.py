@@ -139,12 +139,17 @@ class Server(uvicorn.Server):
         super().handle_exit(sig, frame)
 
 
-def make_announcer(ready_file: Path | None) -> Announce:
-    """A function that prints the URL, and atomically writes {"url", "pid"} to `ready_file`."""
+def make_announcer(ready_file: Path | None, certificate: str | None = None) -> Announce:
+    """A function that prints the URL, and atomically writes {"url", "pid", "certificate"} to `ready_file`.
+
+    `certificate`: the file that clients on this machine may trust; left out without TLS.
+    """
 
     def announce(url: str) -> None:
         print(f"handeyed listens on {url}", flush=True)  # noqa: T201 - the one line a person waits for
         if ready_file is not None:
-            write_durably(ready_file, [json.dumps({"url": url, "pid": os.getpid()}).encode()])
+            shown = {} if certificate is None else {"certificate": certificate}
+            write_durably(ready_file, [json.dumps({"url": url, "pid": os.getpid(), **shown}).encode()])
+            ready_file.chmod(0o644)  # whoever is here may know that the cell is held, and where
 
     return announce

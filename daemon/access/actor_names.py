@@ -10,10 +10,11 @@ DAEMON = "handeyed"
 DRIFT_SCHEDULE = "the drift schedule"
 AUTO_POLICY = "policy auto"
 LOCAL_CLIENT = "local"
+SERVICE_GROUP = "the service's group"
 PLC_CLIENT = "the PLC at"
 """Start of a PLC's name; its address follows."""
 
-RESERVED = (DAEMON, DRIFT_SCHEDULE, AUTO_POLICY, LOCAL_CLIENT)
+RESERVED = (DAEMON, DRIFT_SCHEDULE, AUTO_POLICY, LOCAL_CLIENT, SERVICE_GROUP)
 """No key's name may look like one of these, or begin as a PLC's."""
 
 MAX_LENGTH = 100

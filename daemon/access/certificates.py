@@ -21,12 +21,17 @@ CERTIFICATE, PRIVATE_KEY, AUTHORITY = "certificate.pem", "private_key.pem", "aut
 DEFAULT_DAYS = 3650
 """Ten years: cells run that long, and whoever can read the key file controls the machine anyway."""
 
+THIS_MACHINE = ("localhost", "127.0.0.1", "::1")
+"""Names in every certificate: who is on the PC asks by them."""
+
 CLOCK_TOLERANCE = timedelta(days=1)
 """The certificate is valid from this long before now, for clients whose clock is slow."""
 
 
 def make_certificate(folder: Path, hosts: Sequence[str], now: datetime, days: int = DEFAULT_DAYS) -> None:
     """Write certificate, private key and authority for `hosts` (names or addresses) into `folder`.
+
+    It is also for this machine's own names for itself, THIS_MACHINE.
 
     Raises CertificateUnusable, also when one of the files exists: none is overwritten.
     """
@@ -48,7 +53,10 @@ def make_certificate(folder: Path, hosts: Sequence[str], now: datetime, days: in
         .add_extension(x509.BasicConstraints(ca=False, path_length=None), critical=True)
         .add_extension(_usage(sign_certificates=False), critical=True)
         .add_extension(x509.ExtendedKeyUsage([ExtendedKeyUsageOID.SERVER_AUTH]), critical=False)
-        .add_extension(x509.SubjectAlternativeName([_general_name(host) for host in hosts]), critical=False)
+        .add_extension(
+            x509.SubjectAlternativeName([_general_name(host) for host in dict.fromkeys((*hosts, *THIS_MACHINE))]),
+            critical=False,
+        )
         .add_extension(x509.AuthorityKeyIdentifier.from_issuer_public_key(authority_key.public_key()), critical=False)
         .sign(authority_key, hashes.SHA256())
     )

@@ -27,8 +27,8 @@ class RoleTooLow(DaemonError):
 
     code = "role-too-low"
 
-    def __init__(self, name: str, role: str, needed: str) -> None:
-        super().__init__(f"{name!r} is {role}, and this needs {needed}", f"ask with a key of role {needed}")
+    def __init__(self, name: str, role: str, needed: str, fix: str | None = None) -> None:
+        super().__init__(f"{name!r} is {role}, and this needs {needed}", fix or f"ask with a key of role {needed}")
 
 
 class SetupRefused(DaemonError):

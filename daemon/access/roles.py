@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from enum import IntEnum
 
-from daemon.access.actor_names import LOCAL_CLIENT
+from daemon.access.actor_names import LOCAL_CLIENT, SERVICE_GROUP
 
 
 class Role(IntEnum):
@@ -33,6 +33,12 @@ class Caller:
 
 
 LOCAL = Caller(LOCAL_CLIENT, Role.ADMIN)
-"""The caller of every request from this machine while no keys exist."""
+"""The caller of every request from this machine while no keys exist, of a daemon that is no service."""
+
+LOCAL_READER = Caller(LOCAL_CLIENT, Role.VIEWER)
+"""The same of a service: whoever has an account may look, and only the service's group may move the arm."""
+
+SERVICE = Caller(SERVICE_GROUP, Role.ADMIN)
+"""Who asks with the key in the service's runtime folder: root, the daemon's user, or one of its group."""
 
 NOBODY = Caller("", Role.NOBODY)

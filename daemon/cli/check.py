@@ -21,12 +21,12 @@ def check(
     import asyncio
 
     from daemon.cli.checks import check_devices, check_storage
-    from daemon.config.settings import load_settings
+    from daemon.config.settings import load_settings_file
 
-    settings = load_settings(config)
+    settings, loaded = load_settings_file(config)
     results = [CheckResult("settings", True, f"{config} is complete and consistent")]
     if not config_only:
-        results += [check_storage(settings), *asyncio.run(check_devices(settings))]
+        results += [check_storage(settings), *asyncio.run(check_devices(settings, loaded))]
     if json:
         from json import dumps
 

@@ -16,12 +16,11 @@ from calibration.detection.image import grey_image
 from calibration.errors import DetectionError
 from daemon.cell.devices import open_devices
 from daemon.cell.vibration import VibrationGate
+from daemon.cli.checks_daemon import check_daemon
 from daemon.cli.checks_modbus import check_interlocks, check_plc
 from daemon.cli.checks_robot import check_robot
-from daemon.cli.errors import CommandError
 from daemon.cli.output import CheckResult
-from daemon.cli.rest_client import DaemonClient
-from daemon.config.settings import MAIN_CAMERA, MAIN_SCANNER, Settings
+from daemon.config.settings import MAIN_CAMERA, MAIN_SCANNER, Settings, SettingsFile
 from daemon.errors import NotStill
 from daemon.runtime.clock import Clock
 from drivers.errors import DeviceError, DeviceTimeout, DeviceUnreachable, NothingMeasured
@@ -48,11 +47,14 @@ def check_storage(settings: Settings) -> CheckResult:
     return CheckResult("storage", True, f"{folder}, {free_mb / 1000:.1f} GB free")
 
 
-async def check_devices(settings: Settings) -> list[CheckResult]:
-    """Check every device: directly, or through a daemon that runs with these settings and uses them."""
-    with DaemonClient(_daemon_url(settings), limit_s=MAX_CONNECT_S) as daemon:
-        if (software := _daemon_version(daemon)) is not None:
-            return _check_through_daemon(daemon, software)
+async def check_devices(settings: Settings, loaded: SettingsFile | None = None) -> list[CheckResult]:
+    """Check every device: directly, or through the daemon of this machine, which holds them.
+
+    `loaded`: the file of the settings, to compare with the daemon's.
+    """
+    through_daemon = check_daemon(settings, loaded)
+    if through_daemon is not None:
+        return through_daemon
     try:
         devices = open_devices(settings, Clock())
     except DeviceError as error:
@@ -78,36 +80,6 @@ async def check_devices(settings: Settings) -> list[CheckResult]:
         return [*one, *(result for results in several for result in results)]
     finally:
         await asyncio.gather(*(device.close() for device in opened))
-
-
-def _daemon_url(settings: Settings) -> str:
-    """The URL of a daemon with these settings on this machine."""
-    server = settings.server
-    host = {"0.0.0.0": "127.0.0.1", "::": "::1"}.get(server.host, server.host)  # noqa: S104 - it is asked at, not listened on
-    scheme = "http" if server.certificate is None else "https"
-    return f"{scheme}://[{host}]:{server.port}" if ":" in host else f"{scheme}://{host}:{server.port}"
-
-
-def _daemon_version(daemon: DaemonClient) -> str | None:
-    """The version of the running daemon; None when none answers."""
-    try:
-        version: str = daemon.get("/health")["software"]
-    except CommandError:
-        return None
-    return version
-
-
-def _check_through_daemon(daemon: DaemonClient, software: str) -> list[CheckResult]:
-    running = CheckResult("daemon", True, f"{software} runs at {daemon.url} and holds the devices")
-    try:
-        readiness = daemon.get("/calibrate")
-    except CommandError as error:
-        return [
-            running,
-            CheckResult("cell", False, error.what, f"{error.fix}; this command takes it from HANDEYED_KEY"),
-        ]
-    reasons = [CheckResult("cell", False, reason, "put this right at the cell") for reason in readiness["reasons"]]
-    return [running, *(reasons or [CheckResult("cell", True, "ready to calibrate")])]
 
 
 async def _check_device(name: str, device: Answer, check: Callable[[Answer], Awaitable[CheckResult]]) -> CheckResult:

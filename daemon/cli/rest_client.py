@@ -12,6 +12,7 @@ from typing import Any
 import httpx
 
 from daemon.cli.errors import CommandError, ExitStatus
+from daemon.cli.service import pinned, running_service
 from daemon.model.run_states import FINAL_STATES
 
 DEFAULT_URL = "http://127.0.0.1:8372"
@@ -21,22 +22,36 @@ MAX_ANSWER_S = 30.0
 ServerEvent = dict[str, Any]
 
 
+class NoDaemon(CommandError):
+    """Nothing listens at the address."""
+
+
 class DaemonClient:
     """One daemon at one address. Every method raises CommandError.
 
-    The environment variable HANDEYED_KEY holds the API key, HANDEYED_CA the authority of its certificate.
+    The environment variable HANDEYED_KEY holds the API key, HANDEYED_CA the authority of its certificate. Root and the
+    service's group need neither for the service of this machine, which DEFAULT_URL means wherever it listens.
     """
 
     def __init__(self, url: str, limit_s: float = MAX_ANSWER_S, trust: ssl.SSLContext | None = None) -> None:
         """`trust`: TLS in place of HANDEYED_CA and the system's authorities."""
+        service = running_service()
+        if service is not None and url == DEFAULT_URL:
+            url = service.url
         self.url = url.rstrip("/")
+        ours = service if service is not None and service.is_at(self.url) else None
         key, authority = os.environ.get("HANDEYED_KEY"), os.environ.get("HANDEYED_CA")
+        authorization = f"Bearer {key}" if key else None if ours is None else ours.authorization
+        if trust is None and authority:
+            trust = _tls_context(authority)
+        elif trust is None and ours is not None and ours.certificate is not None:
+            trust = pinned(ours.certificate)
         self._http = httpx.Client(
             base_url=self.url,
             timeout=limit_s,
             trust_env=False,
-            headers={"Authorization": f"Bearer {key}"} if key else {},
-            verify=trust or (_tls_context(authority) if authority else True),
+            headers={"Authorization": authorization} if authorization else {},
+            verify=trust or True,
         )
 
     def __enter__(self) -> "DaemonClient":
@@ -109,9 +124,12 @@ class DaemonClient:
     def _translate_errors(self) -> Iterator[None]:
         try:
             yield
-        except httpx.ConnectError:
+        except httpx.ConnectError as error:
+            if "CERTIFICATE" in str(error).upper():
+                what, fix = "its certificate is not trusted", "name its authority.pem in HANDEYED_CA"
+                raise CommandError(self.url, what, fix) from None
             fix = "start it with 'handeyed serve CONFIG', or give its address with --url"
-            raise CommandError(self.url, "no daemon answers", fix) from None
+            raise NoDaemon(self.url, "no daemon answers", fix) from None
         except httpx.TimeoutException:
             raise CommandError(
                 self.url, "no answer in time", f"look at {self.url}/health and the daemon's log"

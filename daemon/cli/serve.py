@@ -19,7 +19,7 @@ def serve(
     gc.disable()  # what is imported stays: looking through it again and again takes a tenth of the start
     from calibration.errors import CalibrationError
     from daemon.composition import serve as serve_settings
-    from daemon.config.settings import load_settings
+    from daemon.config.settings import load_settings_file
     from daemon.errors import DaemonError
     from daemon.runtime.systemd import Systemd
     from drivers.errors import DeviceError
@@ -27,7 +27,8 @@ def serve(
     gc.freeze()
     gc.enable()
     try:
-        serve_settings(load_settings(config), ready_file=ready_file)
+        settings, loaded = load_settings_file(config)
+        serve_settings(settings, ready_file=ready_file, settings_file=loaded)
     except (CalibrationError, DaemonError, DeviceError) as error:
         # It stays in `systemctl status` of a service that has failed.
         Systemd.of(os.environ, os.getpid()).notify("STATUS=" + " ".join(str(error).split()))

@@ -28,11 +28,12 @@ def init(
     import socket
     from datetime import UTC, datetime
 
-    from daemon.access.certificates import AUTHORITY, CERTIFICATE, PRIVATE_KEY, make_certificate
+    from daemon.access.certificates import AUTHORITY, CERTIFICATE, PRIVATE_KEY, THIS_MACHINE, make_certificate
 
-    hosts = list(dict.fromkeys(host or [socket.gethostname(), socket.getfqdn(), "localhost", "127.0.0.1"]))
+    hosts = list(dict.fromkeys(host or [socket.gethostname(), socket.getfqdn()]))
     make_certificate(out, hosts, datetime.now(UTC), days)
-    typer.echo(f"for {', '.join(hosts)}; in the settings:\n")
+    names = dict.fromkeys((*hosts, *THIS_MACHINE))
+    typer.echo(f"for {', '.join(names)}; in the settings:\n")
     typer.echo(f'[server]\nhost = "0.0.0.0"\ncertificate = "{out.resolve() / CERTIFICATE}"')
     typer.echo(f'private_key = "{out.resolve() / PRIVATE_KEY}"\n')
     typer.echo(f"clients trust {out.resolve() / AUTHORITY}: curl --cacert {AUTHORITY} https://{hosts[0]}:8372/health")

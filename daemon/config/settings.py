@@ -1,7 +1,9 @@
 """The daemon's settings: one TOML file, loaded once, frozen. deploy/handeyed.example.toml shows every key."""
 
+import hashlib
 import tomllib
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -388,8 +390,21 @@ class Settings(Document):
         return self
 
 
+@dataclass(frozen=True)
+class SettingsFile:
+    """Which file was loaded, and the SHA-256 of what it held then, in hexadecimal."""
+
+    file: str
+    sha256: str
+
+
 def load_settings(path: Path) -> Settings:
     """Load the settings from a TOML file. Raises DocumentError with file, place, what and fix."""
+    return load_settings_file(path)[0]
+
+
+def load_settings_file(path: Path) -> tuple[Settings, SettingsFile]:
+    """As `load_settings`, and what was loaded. Raises DocumentError."""
     try:
         content = read_bounded(path)
     except OSError as error:
@@ -397,13 +412,14 @@ def load_settings(path: Path) -> Settings:
     settings = parse_settings(content, str(path))
     folder = path.resolve().parent / settings.storage.folder
     beside = path.resolve().parent
-    return settings.model_copy(
+    loaded = settings.model_copy(
         update={
             "storage": settings.storage.model_copy(update={"folder": str(folder)}),
             "server": settings.server.beside(beside),
             "webhooks": tuple(webhook.beside(beside) for webhook in settings.webhooks),
         }
     )
+    return loaded, SettingsFile(str(path.resolve()), hashlib.sha256(content).hexdigest())
 
 
 def parse_settings(content: bytes, origin: str) -> Settings:

@@ -17,12 +17,14 @@ log = logging.getLogger(__name__)
 class Systemd:
     """`address` of the notify socket and the watchdog period `watchdog_s`; None when systemd did not set them.
 
-    `hold_file`: with which an update holds the service; None for a daemon that is none.
+    `hold_file`: with which an update holds the service. `runtime_folder`: RuntimeDirectory=, which only the service and
+    its group can read. Both None for a daemon that is no service.
     """
 
     address: str | None
     watchdog_s: float | None
     hold_file: Path | None = None
+    runtime_folder: Path | None = None
 
     @classmethod
     def of(cls, environment: Mapping[str, str], pid: int) -> "Systemd":
@@ -30,7 +32,10 @@ class Systemd:
         microseconds = environment.get("WATCHDOG_USEC", "")
         ours = environment.get("WATCHDOG_PID", str(pid)) == str(pid)
         watchdog = int(microseconds) / 1e6 if ours and microseconds.isdigit() and int(microseconds) else None
-        return cls(address, watchdog, None if address is None else HOLD_FILE)
+        runtime = environment.get("RUNTIME_DIRECTORY", "").partition(":")[0]
+        if address is None:
+            return cls(None, watchdog)
+        return cls(address, watchdog, HOLD_FILE, Path(runtime) if runtime else None)
 
     def notify(self, state: str) -> None:
         """Send one state; a failure is logged, not raised."""

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 
 from daemon.access.errors import KeyMissing
-from daemon.access.roles import LOCAL, NOBODY, Caller
+from daemon.access.roles import LOCAL, LOCAL_READER, NOBODY, SERVICE, Caller
 from daemon.errors import StorageError
 from daemon.runtime.clock import Clock
 from daemon.store.access_keys import AccessKeys
@@ -32,7 +32,7 @@ class KeyWatch:
     def watch(self, caller: Caller, on_end: OnEnd) -> Iterator[None]:
         """Call `on_end` once when the caller's key ends during the block; for LOCAL, when the first key is created."""
         request = object()
-        if caller != NOBODY:
+        if caller not in (NOBODY, SERVICE):
             self._requests[request] = caller, on_end
         try:
             yield
@@ -63,7 +63,7 @@ class KeyWatch:
         sessions = {session.id for session in found if session.valid(now)}
         for request, (caller, on_end) in list(self._requests.items()):
             record = records.get(caller.key_id)
-            if caller == LOCAL:
+            if caller in (LOCAL, LOCAL_READER):
                 why = "there are keys now: this needs one" if records else None
             elif record is None:
                 why = f"the key of {caller.name!r} is not known"

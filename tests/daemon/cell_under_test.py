@@ -15,7 +15,7 @@ from calibration.documents.validation import validate_document
 from daemon.application import Application
 from daemon.cell.cell import Devices
 from daemon.composition import build
-from daemon.config.settings import Settings
+from daemon.config.settings import Settings, SettingsFile
 from daemon.http.connection_limiter import ConnectionLimiter
 from daemon.runtime.failpoints import NO_FAILPOINTS, Failpoints
 from daemon.runtime.systemd import Systemd
@@ -95,13 +95,16 @@ async def serving(
     door: ConnectionLimiter | None = None,
     at: Failpoints = NO_FAILPOINTS,
     systemd: Systemd | None = None,
+    settings_file: SettingsFile | None = None,
 ) -> AsyncIterator[Bench]:
     """The daemon, up; stopped in order afterwards."""
     parts = parts or Parts()
     scanner = parts.scanner if settings.scanner else None
     scanners = {name: FakeScanner() for name in settings.scanners}
     devices = Devices(parts.robot, parts.camera, scanner, cameras=parts.cameras, scanners=scanners)
-    application = build(settings, lambda _settings, _clock: devices, store=store, at=at, systemd=systemd)
+    application = build(
+        settings, lambda _settings, _clock: devices, store=store, at=at, systemd=systemd, settings_file=settings_file
+    )
     announced: asyncio.Future[str] = asyncio.get_running_loop().create_future()
     server = Server(application, announced.set_result, door)
     task = asyncio.create_task(server.listen())

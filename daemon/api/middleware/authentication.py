@@ -12,7 +12,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from daemon.access.browser_sessions import BrowserSession, token_in
 from daemon.access.errors import KeyMissing, RoleTooLow
 from daemon.access.policy import role_for
-from daemon.access.roles import LOCAL, NOBODY, ROLES, Caller, Role
+from daemon.access.roles import LOCAL, LOCAL_READER, NOBODY, ROLES, SERVICE, Caller, Role
 from daemon.api.http_errors import CrossOrigin
 from daemon.api.middleware.abort_first import ABORT_PATH
 from daemon.api.problems import answer, problem_of
@@ -27,6 +27,11 @@ log = logging.getLogger(__name__)
 
 NOT_AUDITED = ("/register", "/setup", "/session", "/keys")
 """Paths without an audit row: streamed clouds change nothing, and set-up, sessions and keys write their own rows."""
+
+AS_THE_SERVICE = (
+    "before the first key only root and the group handeyed may: commands find the key then, curl takes"
+    " -H @/run/handeyed/authorization; or make a first key: handeyed keys add"
+)
 
 SAFE_METHODS = frozenset({"GET", "HEAD", "OPTIONS"})
 
@@ -49,7 +54,8 @@ class Authentication:
         try:
             caller = await self._caller(scope, needed)
             if caller.role < needed:
-                raise RoleTooLow(caller.name, caller.role.word, needed.word)
+                fix = AS_THE_SERVICE if caller == LOCAL_READER else None
+                raise RoleTooLow(caller.name, caller.role.word, needed.word, fix)
         except DaemonError as error:
             self._log_refusal(scope, error)
             await answer(problem_of(error), {"Connection": "close"})(scope, receive, send)
@@ -97,9 +103,12 @@ class Authentication:
         An abort is taken with a key as it was up to a second ago: it does not wait for a thread.
         """
         aborts = ABORT_PATH.fullmatch(scope["path"]) is not None
-        if self._loopback and not await self._keys.any_ever(recent=aborts):
-            return LOCAL
         scheme, _, key = _authorization(scope).partition(" ")
+        service_key = self._application.service_key
+        if service_key is not None and service_key.opens(key.strip()):
+            return SERVICE
+        if self._loopback and not await self._keys.any_ever(recent=aborts):
+            return LOCAL if service_key is None or aborts else LOCAL_READER
         if scheme.lower() != "bearer":
             return await self._caller_of_session(scope)
         record = await self._keys.find(key.strip(), recent=aborts)

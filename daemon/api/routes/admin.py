@@ -88,5 +88,10 @@ async def settings(app: App) -> SettingsDocument:
 
 @router.get("/about", response_model=AboutDocument, tags=["health"])
 async def about(app: App) -> Response:
-    """The version of the daemon and of the packages it uses, with their licences."""
-    return await respond_page(app, lambda: AboutDocument.model_validate(about_software()).model_dump_json().encode())
+    """The version of the daemon and of the packages it uses, with their licences, and which settings file it loaded."""
+    loaded = None if app.settings_file is None else vars(app.settings_file)
+
+    def as_json() -> bytes:
+        return AboutDocument.model_validate({**about_software(), "settings": loaded}).model_dump_json().encode()
+
+    return await respond_page(app, as_json)

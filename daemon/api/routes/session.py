@@ -120,4 +120,4 @@ async def pair(
 async def _asked(app: Application, caller: Caller) -> str:
     if await app.store.access_keys.any_ever():
         return "key"
-    return "nobody" if caller.role is not Role.NOBODY else "setup-code"
+    return "nobody" if caller.role > Role.VIEWER else "setup-code"

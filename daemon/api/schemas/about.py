@@ -20,13 +20,21 @@ class PackageDocument(Answer):
     licence: str
 
 
+class SettingsFileDocument(Answer):
+    """The settings file that the daemon loaded when it started, and the SHA-256 of what it held then."""
+
+    file: str
+    sha256: str
+
+
 class AboutDocument(Answer):
-    """The software and what it uses."""
+    """The software and what it uses. `settings`: null for a daemon that was not started from a file."""
 
     software: str
     licence: str
     python: str
     packages: list[PackageDocument]
+    settings: SettingsFileDocument | None
 
 
 class HelpDocument(Answer):

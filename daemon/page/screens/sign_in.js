@@ -16,8 +16,8 @@ export function SignIn() {
   const [made, setMade] = useState(null);
   return html`<div class="grid narrow">
     ${made ? html`<${FirstKey} made=${made} />`
-      : role !== 'nobody' ? html`<${Person} />`
       : asked === 'setup-code' ? html`<${SetUp} done=${setMade} />`
+      : role !== 'nobody' ? html`<${Person} />`
       : html`<${Ask} />`}
     <${Choices} />
   </div>`;
