@@ -23,6 +23,7 @@ from daemon.config.settings import MAIN_CAMERA, Settings, SettingsFile
 from daemon.drift.cell_cameras import CellCamera, CellCameras
 from daemon.drift.monitor import DriftMonitor
 from daemon.drift.schedule import DriftSchedule
+from daemon.http.listen_socket import LateAddresses
 from daemon.operations import Operations
 from daemon.runs.supervisor import Supervisor
 from daemon.runtime.clock import Clock, time_ordered_id
@@ -134,7 +135,9 @@ def build(
     schedules = [DriftSchedule(camera.operations, clock, every_s) for camera in cameras.cameras]
     plc = _plc(settings, cameras, clock)
     warning_sources: tuple[WarningSource, ...]
-    warning_sources = (cell.safe_stop, monitor, webhooks, retention, update_hold, *drifts, *schedules)
+    warning_sources = (
+        cell.safe_stop, monitor, webhooks, retention, update_hold, _late_addresses(settings), *drifts, *schedules
+    )  # fmt: skip
 
     def doing() -> Doing:
         run = supervisor.in_progress
@@ -187,6 +190,16 @@ def build(
         warning_sources=warning_sources,
         metric_sources=(loop_monitor, cell.safe_stop, monitor, webhooks, retention, *drifts, *plc),
     )
+
+
+def _late_addresses(settings: Settings) -> LateAddresses:
+    """Where the settings say that the daemon listens."""
+    places = [("server", settings.server.host)]
+    if settings.plc is not None:
+        places.append(("plc", settings.plc.host))
+    if settings.robot.egm is not None:
+        places.append(("robot.egm", settings.robot.egm.host))
+    return LateAddresses(tuple(places))
 
 
 def _plc(settings: Settings, cameras: CellCameras, clock: Clock) -> tuple["PlcService", ...]:

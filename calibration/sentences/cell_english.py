@@ -21,6 +21,8 @@ CELL = {
     "a-plc-set-abort": "a PLC has set abort",
     # daemon/store, daemon/api/readiness.py
     "update-holds": "nothing begins now: {update} is being installed",
+    "address-not-here": "this PC does not have the address {host} of [{table}] host yet: nobody reaches it there;"
+    " see the PC's network, or correct the settings",
     "disk-nearly-full": "only {free_mb:.0f} MB are left on the disk of {folder}: free some space",
     "disk-few-runs": "the disk of {folder} has room for about {runs} more runs: free some, or lower keep_runs",
     # daemon/webhooks, daemon/drift

@@ -8,7 +8,7 @@ import serial
 from daemon.cli.output import CheckResult
 from daemon.config.plc_settings import InterlockSettings, PlcSerialSettings, PlcSettings
 from daemon.errors import PortTaken
-from daemon.http.listen_socket import open_listener
+from daemon.http.listen_socket import LateAddresses, open_listener
 from drivers.serial_errors import SERIAL_ERRORS, reason_of
 
 CELL = "put this right at the cell"
@@ -46,6 +46,8 @@ def check_port(settings: PlcSettings) -> CheckResult:
         open_listener(settings.host, settings.port, "plc").close()
     except PortTaken as error:
         return CheckResult("plc", False, error.what, error.fix)
+    if late := LateAddresses((("plc", settings.host),)).warnings():
+        return CheckResult("plc", False, late[0])
     here = f"Modbus TCP can listen on {settings.host} port {settings.port}"
     if settings.motion and not settings.writers and settings.serial is None:
         return CheckResult("plc", False, f"{here}, but motion is allowed to nobody", "name the PLC in [plc] writers")

@@ -2,8 +2,11 @@
 
 import errno
 import socket
+from dataclasses import dataclass
 
+from calibration.sentences.sentence import Sentence
 from daemon.errors import PortTaken
+from drivers.transports.late_address import allow_late_address, is_here
 
 BACKLOG = 4096
 """Maximum number of connections that wait to be accepted. The system drops what comes beyond, and the client asks again
@@ -15,11 +18,20 @@ NO_PERMISSION_FIX = "ports below 1024 need a right that the service does not hav
 
 
 def open_listener(host: str, port: int, table: str = "server") -> socket.socket:
-    """A listening TCP socket; port 0 lets the system choose. `table`: settings section to name. Raises PortTaken."""
-    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    """A listening TCP socket; port 0 lets the system choose. `table`: settings section to name. Raises PortTaken.
+
+    An address that this machine does not have yet is waited for: see LateAddresses.
+    """
+    listener = socket.socket(socket.AF_INET6 if ":" in host else socket.AF_INET, socket.SOCK_STREAM)
     try:
-        listener = socket.create_server((host, port), family=family, backlog=BACKLOG)
+        allow_late_address(listener)
+        listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)  # also right after an end, as create_server does
+        if listener.family == socket.AF_INET6:
+            listener.setsockopt(socket.IPPROTO_IPV6, socket.IPV6_V6ONLY, 1)
+        listener.bind((host, port))
+        listener.listen(BACKLOG)
     except OSError as error:
+        listener.close()
         reason = (error.strerror or str(error)).lower()
         fix = PORT_TAKEN_FIX if error.errno != errno.EACCES else NO_PERMISSION_FIX
         whom = " for PLCs" if table == "plc" else ""
@@ -27,7 +39,20 @@ def open_listener(host: str, port: int, table: str = "server") -> socket.socket:
             f"cannot listen{whom} on {host} port {port} ({reason})",
             f"{fix}, or choose another [{table}] host or port; 0 takes any port",
         ) from None
-    # Connections inherit TCP_NODELAY. asyncio sets it only on sockets made with IPPROTO_TCP, which those of
-    # create_server are not: without it an answer's body waits 40 ms until the client acknowledges the head.
+    # Connections inherit TCP_NODELAY. asyncio sets it only on sockets made with IPPROTO_TCP, which this one is not:
+    # without it an answer's body waits 40 ms until the client acknowledges the head.
     listener.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
     return listener
+
+
+@dataclass(frozen=True)
+class LateAddresses:
+    """Warns of addresses to listen at that this machine does not have: pairs of a settings section and its host."""
+
+    places: tuple[tuple[str, str], ...]
+
+    def warnings(self) -> list[str]:
+        """One for each address that is not here now."""
+        return [
+            Sentence("address-not-here", table=table, host=host) for table, host in self.places if not is_here(host)
+        ]

@@ -361,6 +361,7 @@ export default {
   'plc-holds-abort': '{holder} hält „Abbruch“ gesetzt',
   'a-plc-set-abort': 'eine SPS hat „Abbruch“ gesetzt',
   'update-holds': 'jetzt beginnt nichts: {update} wird installiert',
+  'address-not-here': 'dieser PC hat die Adresse {host} von [{table}] host noch nicht: dort erreicht ihn niemand; das Netz des PCs ansehen oder die Einstellungen berichtigen',
   'disk-nearly-full': 'auf dem Datenträger von {folder} sind nur noch {free_mb:.0f} MB frei: Platz schaffen',
   'disk-few-runs': 'der Datenträger von {folder} hat Platz für etwa {runs} weitere Läufe: Platz schaffen, oder keep_runs senken',
   'webhook-refused': 'der Webhook {receiver} hat bei den letzten {attempts} Versuchen nichts angenommen: seinen Server und das Protokoll ansehen',

@@ -361,6 +361,7 @@ export default {
   'plc-holds-abort': '{holder} mantiene activado el aborto',
   'a-plc-set-abort': 'un PLC ha activado el aborto',
   'update-holds': 'ahora no empieza nada: se está instalando {update}',
+  'address-not-here': 'este PC aún no tiene la dirección {host} de [{table}] host: nadie lo alcanza allí; revisar la red del PC o corregir la configuración',
   'disk-nearly-full': 'en el disco de {folder} solo quedan {free_mb:.0f} MB: liberar espacio',
   'disk-few-runs': 'el disco de {folder} tiene sitio para unas {runs} ejecuciones más: liberar espacio o reducir keep_runs',
   'webhook-refused': 'el webhook {receiver} no ha aceptado nada en los últimos {attempts} intentos: mirar su servidor y el registro',

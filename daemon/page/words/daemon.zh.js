@@ -361,6 +361,7 @@ export default {
   'plc-holds-abort': '{holder} 保持中止信号',
   'a-plc-set-abort': 'PLC 已设置中止',
   'update-holds': '现在不会开始新的运行：正在安装 {update}',
+  'address-not-here': '本机尚无 [{table}] host 的地址 {host}：无法通过该地址访问；请检查本机网络，或更正设置',
   'disk-nearly-full': '{folder} 所在磁盘仅剩 {free_mb:.0f} MB：请释放空间',
   'disk-few-runs': '{folder} 所在磁盘约可再存 {runs} 次运行：请释放空间，或减小 keep_runs',
   'webhook-refused': 'Webhook {receiver} 在最近 {attempts} 次尝试中未接收任何内容：请检查其服务器和日志',

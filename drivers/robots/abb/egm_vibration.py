@@ -20,6 +20,7 @@ from drivers.errors import DeviceTimeout, DeviceUnreachable
 from drivers.interfaces import LinkHealth, Vibration
 from drivers.link_status import LinkReport
 from drivers.timing import Timing, shorten_switch_interval
+from drivers.transports.late_address import allow_late_address
 from protocols.egm.messages import NotEgm, RobotSample, decode
 
 PORT = 6510
@@ -118,9 +119,10 @@ class EgmMonitor:
         return int(self._socket.getsockname()[1])
 
     def start(self) -> None:
-        """Start listening. Raises DeviceUnreachable when the port is taken or the host is not this machine's."""
+        """Start listening, also at an address that comes later. Raises DeviceUnreachable when the port is taken."""
         listening = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         try:
+            allow_late_address(listening)
             listening.bind((self._address.host, self._address.port))
         except OSError as error:
             listening.close()

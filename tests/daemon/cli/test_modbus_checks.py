@@ -76,10 +76,10 @@ def test_a_port_that_is_taken_is_reported() -> None:
 
 
 def test_a_port_without_the_right_to_it_is_reported_otherwise(monkeypatch: pytest.MonkeyPatch) -> None:
-    def refused(*_: object, **__: object) -> socket.socket:
+    def refused(*_: object) -> None:
         raise PermissionError(13, "Permission denied")
 
-    monkeypatch.setattr(socket, "create_server", refused)
+    monkeypatch.setattr(socket.socket, "bind", refused, raising=False)
     found = check_port(PlcSettings(port=502))
     assert not found.ok
     assert "docs/plc.md" in found.fix
