@@ -1,5 +1,6 @@
 """Composition root: builds the application from its settings."""
 
+import faulthandler
 import logging
 import os
 import random
@@ -34,6 +35,7 @@ from daemon.runtime.loop_monitor import EventLoopMonitor
 from daemon.runtime.memory_trim import MemoryTrim
 from daemon.runtime.metrics import Metrics
 from daemon.runtime.recent_log import RecentLog
+from daemon.runtime.service_ends import ServiceEnds, read_ends
 from daemon.runtime.status_line import Doing, StatusLine
 from daemon.runtime.systemd import Systemd
 from daemon.runtime.update_hold import UpdateHold
@@ -44,6 +46,7 @@ from daemon.scans.sweeps import SweepService
 from daemon.server import Announce, Server, make_announcer
 from daemon.sessions.look import Looks
 from daemon.sessions.pictures import LivePictures
+from daemon.store.key_expiry import KeyExpiry
 from daemon.store.key_service import KeyService
 from daemon.store.key_watch import KeyWatch
 from daemon.store.monitor import StoreMonitor
@@ -130,13 +133,15 @@ def build(
     retention = Retention(store, service_workers, clock, settings.storage)
     monitor, loop_monitor, recent_log = StoreMonitor(store, events), EventLoopMonitor(), RecentLog()
     device_watch = DeviceWatch(cell, clock, events.publish)
+    key_expiry, ends = KeyExpiry(store.access_keys, clock), ServiceEnds(read_ends(systemd.runtime_folder))
     key_watch = KeyWatch(store.access_keys, store.browser_sessions, clock)
     every_s = 3600 * settings.drift.every_h
     schedules = [DriftSchedule(camera.operations, clock, every_s) for camera in cameras.cameras]
     plc = _plc(settings, cameras, clock)
     warning_sources: tuple[WarningSource, ...]
     warning_sources = (
-        cell.safe_stop, monitor, webhooks, retention, update_hold, _late_addresses(settings), *drifts, *schedules
+        cell.safe_stop, monitor, webhooks, retention, update_hold, _late_addresses(settings), key_expiry,
+        ends, *drifts, *schedules
     )  # fmt: skip
 
     def doing() -> Doing:
@@ -179,6 +184,7 @@ def build(
             cell.safe_stop,
             device_watch,
             key_watch,
+            key_expiry,
             monitor,
             webhooks,
             retention,
@@ -188,7 +194,7 @@ def build(
             *plc,
         ),
         warning_sources=warning_sources,
-        metric_sources=(loop_monitor, cell.safe_stop, monitor, webhooks, retention, *drifts, *plc),
+        metric_sources=(loop_monitor, cell.safe_stop, monitor, webhooks, retention, key_expiry, ends, *drifts, *plc),
     )
 
 
@@ -219,6 +225,7 @@ def serve(settings: Settings, *, ready_file: Path | None = None, settings_file: 
     Raises StorageError, DeviceError, PortTaken.
     """
     log_to_stdout()
+    faulthandler.enable()  # a fatal signal leaves its stack; so does the watchdog's SIGABRT
     uvloop.run(_serve(settings, settings_file, make_announcer(ready_file, settings.server.certificate)))
 
 

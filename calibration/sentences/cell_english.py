@@ -21,6 +21,9 @@ CELL = {
     "a-plc-set-abort": "a PLC has set abort",
     # daemon/store, daemon/api/readiness.py
     "update-holds": "nothing begins now: {update} is being installed",
+    "service-restarted": "the service was started again {count} times by itself, last after {cause} at {at}:"
+    " journalctl -u handeyed -p warning says more",
+    "key-ends": "the key {name} ends on {at}, in {days} days: make its successor with handeyed keys rotate",
     "address-not-here": "this PC does not have the address {host} of [{table}] host yet: nobody reaches it there;"
     " see the PC's network, or correct the settings",
     "disk-nearly-full": "only {free_mb:.0f} MB are left on the disk of {folder}: free some space",

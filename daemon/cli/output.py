@@ -19,10 +19,10 @@ Json = Annotated[bool, typer.Option("--json", help="Print JSON for programs inst
 
 def print_error(text: str) -> None:
     """Print lines on standard error; journald takes them for errors: `journalctl -p warning` shows them."""
-    from daemon.runtime.logs import goes_to_journal
+    from daemon.runtime.logs import print_error_line
 
-    priority = "<3>" if goes_to_journal(sys.stderr) else ""
-    typer.echo("\n".join(f"{priority}{line}" for line in text.splitlines()), err=True)
+    for line in text.splitlines():
+        print_error_line(line)
 
 
 def write_document(file: Path, document: "BaseModel") -> None:

@@ -1,5 +1,6 @@
 """`handeyed support-bundle CONFIG`: write a support bundle."""
 
+import os
 from pathlib import Path
 from typing import Annotated
 
@@ -22,11 +23,13 @@ def support_bundle(
     from datetime import UTC, datetime
     from json import dumps
 
+    from daemon.cli.service import running_service
     from daemon.tools.support_bundle.bundle import gather
 
     at = datetime.now(UTC)
     target = out or Path(f"handeyed-support-{at:%Y%m%d-%H%M%S}.tar.gz")
-    bundle = gather(config, log)
+    key, service = os.environ.get("HANDEYED_KEY"), running_service()
+    bundle = gather(config, log, f"Bearer {key}" if key else None if service is None else service.authorization)
     size = bundle.write(target, at)
     if as_json:
         typer.echo(dumps({"file": str(target), "bytes": size, "contents": ["README.txt", *bundle.files]}))

@@ -25,15 +25,26 @@ def init(
     days: Annotated[int, typer.Option(help="Days of validity.", min=1, max=36_500)] = 3650,
 ) -> None:
     """Make certificate.pem and private_key.pem for the daemon, and authority.pem for its clients."""
+    import json
     import socket
     from datetime import UTC, datetime
 
-    from daemon.access.certificates import AUTHORITY, CERTIFICATE, PRIVATE_KEY, THIS_MACHINE, make_certificate
+    from daemon.access.certificates import (
+        AUTHORITY,
+        CERTIFICATE,
+        PRIVATE_KEY,
+        THIS_MACHINE,
+        is_address,
+        make_certificate,
+    )
 
     hosts = list(dict.fromkeys(host or [socket.gethostname(), socket.getfqdn()]))
     make_certificate(out, hosts, datetime.now(UTC), days)
     names = dict.fromkeys((*hosts, *THIS_MACHINE))
     typer.echo(f"for {', '.join(names)}; in the settings:\n")
     typer.echo(f'[server]\nhost = "0.0.0.0"\ncertificate = "{out.resolve() / CERTIFICATE}"')
-    typer.echo(f'private_key = "{out.resolve() / PRIVATE_KEY}"\n')
+    typer.echo(f'private_key = "{out.resolve() / PRIVATE_KEY}"')
+    if names_given := [name for name in host or () if not is_address(name)]:
+        typer.echo(f"allowed_hosts = {json.dumps(names_given)}")
+    typer.echo()
     typer.echo(f"clients trust {out.resolve() / AUTHORITY}: curl --cacert {AUTHORITY} https://{hosts[0]}:8372/health")

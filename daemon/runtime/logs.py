@@ -75,6 +75,13 @@ def goes_to_journal(stream: TextIO, environment: Mapping[str, str] = os.environ)
     return environment.get("JOURNAL_STREAM") == f"{file.st_dev}:{file.st_ino}"
 
 
+def print_error_line(line: str) -> None:
+    """Write a line to standard error at once, without a logger: one may be what hangs."""
+    priority = "<3>" if goes_to_journal(sys.stderr) else ""
+    sys.stderr.write(f"{priority}{line}\n")
+    sys.stderr.flush()
+
+
 def log_to_stdout(level: int = logging.INFO, environment: Mapping[str, str] = os.environ) -> None:
     """Send all log records to standard output, one line each; with priorities when journald reads it."""
     handler = logging.StreamHandler(sys.stdout)

@@ -7,8 +7,14 @@ from collections.abc import Awaitable, Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from daemon.runtime.hang_report import HangReport
+from daemon.runtime.logs import print_error_line
+
 HOLD_FILE = Path("/run/handeyed.hold")
 """Only root can write there: deploy/handeyed-release does."""
+
+HANG_SHARE = 0.8
+"""Of the watchdog's period: then a hang is reported, before systemd ends the process."""
 
 log = logging.getLogger(__name__)
 
@@ -52,14 +58,25 @@ class Systemd:
     async def feed_watchdog(self, work_is_alive: Callable[[], Awaitable[bool]]) -> None:
         """Send WATCHDOG=1 every third of the period while `work_is_alive` answers True, until cancelled.
 
-        When it hangs or answers False nothing is sent, and systemd restarts the daemon.
+        When it hangs or answers False nothing is sent, and systemd restarts the daemon; before it does, the stacks of
+        all threads and tasks are written to standard error.
         """
         if self.watchdog_s is None:
             return
+        report = HangReport(HANG_SHARE * self.watchdog_s, print_error_line)
+        report.start()
+        try:
+            await self._feed(work_is_alive, report)
+        finally:
+            report.stop()
+
+    async def _feed(self, work_is_alive: Callable[[], Awaitable[bool]], report: HangReport) -> None:
+        assert self.watchdog_s is not None
         warned = False
         while True:
             alive = await _answers(work_is_alive, self.watchdog_s / 3)
             if alive:
+                report.note()
                 self.notify("WATCHDOG=1")
             elif not warned:
                 log.error("the work hangs: the watchdog is not fed")

@@ -361,6 +361,8 @@ export default {
   'plc-holds-abort': '{holder} hält „Abbruch“ gesetzt',
   'a-plc-set-abort': 'eine SPS hat „Abbruch“ gesetzt',
   'update-holds': 'jetzt beginnt nichts: {update} wird installiert',
+  'service-restarted': 'der Dienst wurde {count}-mal von selbst neu gestartet, zuletzt nach {cause} um {at}: journalctl -u handeyed -p warning sagt mehr',
+  'key-ends': 'der Schlüssel {name} endet am {at}, in {days} Tagen: seinen Nachfolger macht handeyed keys rotate',
   'address-not-here': 'dieser PC hat die Adresse {host} von [{table}] host noch nicht: dort erreicht ihn niemand; das Netz des PCs ansehen oder die Einstellungen berichtigen',
   'disk-nearly-full': 'auf dem Datenträger von {folder} sind nur noch {free_mb:.0f} MB frei: Platz schaffen',
   'disk-few-runs': 'der Datenträger von {folder} hat Platz für etwa {runs} weitere Läufe: Platz schaffen, oder keep_runs senken',

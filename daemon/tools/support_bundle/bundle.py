@@ -74,8 +74,11 @@ class SupportBundle:
         return len(content)
 
 
-def gather(config: Path, log_file: Path | None = None) -> SupportBundle:
-    """Gather the bundle beside the daemon; without valid settings, only what does not depend on them."""
+def gather(config: Path, log_file: Path | None = None, authorization: str | None = None) -> SupportBundle:
+    """Gather the bundle beside the daemon; without valid settings, only what does not depend on them.
+
+    `authorization`: what the daemon is asked with, once there are keys.
+    """
     given = _json_or_error(lambda: redact_values(tomllib.loads(read_bounded(config).decode())))
     files = {"settings.json": given}
     try:
@@ -84,7 +87,12 @@ def gather(config: Path, log_file: Path | None = None) -> SupportBundle:
         files["settings-problems.txt"] = redact("\n".join(str(problem) for problem in error.problems))
         return SupportBundle({**files, **_system(log_file)})
     return SupportBundle(
-        {**files, **_of_store(Path(settings.storage.folder)), **_pages(fetch_pages(settings)), **_system(log_file)}
+        {
+            **files,
+            **_of_store(Path(settings.storage.folder)),
+            **_pages(fetch_pages(settings, authorization)),
+            **_system(log_file),
+        }
     )
 
 

@@ -1,8 +1,10 @@
 """Reports of the running daemon and the system; one that does not answer is replaced by the reason."""
 
 import shutil
+import ssl
 import subprocess
 from collections.abc import Sequence
+from contextlib import suppress
 
 import httpx
 
@@ -20,8 +22,8 @@ COMMANDS: dict[str, tuple[str, ...]] = {
 }  # fmt: skip
 
 
-def fetch_pages(settings: Settings) -> dict[str, str]:
-    """The daemon's answers to PAGES by path, without a key."""
+def fetch_pages(settings: Settings, authorization: str | None) -> dict[str, str]:
+    """The daemon's answers to PAGES by path. `authorization`: the header's value; None: without a key."""
     scheme = "https" if getattr(settings.server, "certificate", None) else "http"
     host = f"[{settings.server.host}]" if ":" in settings.server.host else settings.server.host
     pages: dict[str, str] = {}
@@ -29,7 +31,8 @@ def fetch_pages(settings: Settings) -> dict[str, str]:
         base_url=f"{scheme}://{host}:{settings.server.port}",
         timeout=MAX_ANSWER_S,
         trust_env=False,
-        verify=False,  # noqa: S501 - our own daemon, without a key
+        verify=_certificate(settings.server.certificate),
+        headers={} if authorization is None else {"Authorization": authorization},
     ) as client:
         for path in PAGES:
             try:
@@ -38,6 +41,17 @@ def fetch_pages(settings: Settings) -> dict[str, str]:
                 pages[path] = f"no answer: {type(error).__name__}: {error}"
                 break
     return pages
+
+
+def _certificate(file: str | None) -> ssl.SSLContext:
+    """TLS that trusts the certificate of the settings only: the key goes to our own daemon."""
+    context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
+    context.check_hostname = False
+    context.verify_flags |= ssl.VerifyFlags.VERIFY_X509_PARTIAL_CHAIN
+    if file is not None:
+        with suppress(OSError):  # ssl.SSLError is one: then nothing is trusted, and the page says so
+            context.load_verify_locations(file)
+    return context
 
 
 def _answer_of(client: httpx.Client, path: str) -> str:
