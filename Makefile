@@ -6,7 +6,7 @@ PIP := $(BIN)/pip --disable-pip-version-check --quiet
 LOCK := $(BIN)/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-emit-index-url \
 	--no-emit-find-links --custom-compile-command "make lock"
 
-.PHONY: help demo cell install test test-all test-busy test-opencv4 test-deployed check bench torture lock sbom deb format clean page-vendor
+.PHONY: help demo cell install test test-all test-busy test-opencv4 test-deployed test-systemd check bench torture lock sbom deb release format clean page-vendor
 
 help:
 	@echo "make demo     install, then calibrate and register against the mock cell, and print the truth beside it"
@@ -17,9 +17,11 @@ help:
 	@echo "make test-busy  the same while every core is kept busy: what fails then depends on the clock"
 	@echo "make test-opencv4  the tests of what calls OpenCV, and the comparison with OpenCV's calibrateHandEye, under OpenCV 4.14"
 	@echo "make test-deployed  what deployment depends on, with the Python and the libraries that are deployed, and the demo"
+	@echo "make test-systemd  the package under a live systemd, in a container: the story of docs/runbook.md, as root"
 	@echo "make check    formatting, lint, types, import contracts"
 	@echo "make bench    measure for half an hour, and write docs/benchmarks.md"
-	@echo "make deb      build the Debian package into dist/; deploy/deb/try.sh installs and removes it in a chroot"
+	@echo "make deb      build the Debian package into dist/"
+	@echo "make release  package, wheel, wheelhouse, SBOM, checksums and a folder for apt, in dist/releases; KEY= signs them"
 	@echo "make torture  kill -9 at random and at every failpoint, 1000 times, and 2000 histories of everything that can happen"
 	@echo "              at a cell, in any order (ROUNDS=200 HISTORIES=100 for fewer)"
 	@echo "make sbom     what the daemon is made of: CycloneDX, in build/sbom.cdx.json"
@@ -131,6 +133,16 @@ lock: $(VENV)/developing
 deb:
 	PYTHON=/usr/bin/python3 deploy/deb/build.sh
 	@if command -v lintian >/dev/null; then lintian --fail-on error,warning dist/handeyed_*.deb; else echo "lintian is not here: not checked"; fi
+
+release:
+	deploy/release.sh dist/releases $(if $(KEY),--key $(KEY))
+
+# Its deb is packed fast, apart from dist/. SUITE=trixie boots another Debian; DEB= is then a package that was built there.
+SUITE ?= bookworm
+test-systemd:
+	@rm -f build/systemd/*.deb
+	$(if $(DEB),,DEB_COMPRESSION="-Zgzip -z1" PYTHON=/usr/bin/python3 deploy/deb/build.sh build/systemd)
+	/usr/bin/python3 -m tests.systemd $(or $(DEB),build/systemd/handeyed_*.deb) --suite $(SUITE)
 
 ROUNDS ?= 1000
 HISTORIES ?= 2000

@@ -2,10 +2,10 @@
 
 import asyncio
 import logging
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Coroutine, Iterable
 from contextlib import suppress
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import Any, Protocol
 
 from daemon.access.service_key import ServiceKey
 from daemon.cell.cell import Cell
@@ -107,6 +107,7 @@ class Application:
     recent_log: RecentLog
     services: tuple[BackgroundService, ...] = ()
     warning_sources: tuple[WarningSource, ...] = ()
+    reload: Callable[[], Coroutine[Any, Any, None]] | None = None
     metric_sources: tuple[MetricSource, ...] = ()
     _started_s: float = field(default=0.0, init=False)
     _stopping: asyncio.Task[None] | None = field(default=None, init=False)

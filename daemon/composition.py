@@ -4,7 +4,7 @@ import faulthandler
 import logging
 import os
 import random
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -20,12 +20,14 @@ from daemon.cell.devices import open_devices, open_exposure_control
 from daemon.cell.motion_rules import MotionRules
 from daemon.cell.readings import CellReadings
 from daemon.cell.recent_reading import RecentReading
+from daemon.config.plc_settings import PlcSettings
 from daemon.config.settings import MAIN_CAMERA, Settings, SettingsFile
 from daemon.drift.cell_cameras import CellCamera, CellCameras
 from daemon.drift.monitor import DriftMonitor
 from daemon.drift.schedule import DriftSchedule
 from daemon.http.listen_socket import LateAddresses
 from daemon.operations import Operations
+from daemon.plc.switch import PlcSwitch
 from daemon.runs.supervisor import Supervisor
 from daemon.runtime.clock import Clock, time_ordered_id
 from daemon.runtime.event_bus import EventBus
@@ -43,7 +45,7 @@ from daemon.runtime.workers import Workers
 from daemon.scans.registration_jobs import RegistrationJobs
 from daemon.scans.scan_service import ScanService
 from daemon.scans.sweeps import SweepService
-from daemon.server import Announce, Server, make_announcer
+from daemon.server import Announce, Server, SettingsReload, make_announcer
 from daemon.sessions.look import Looks
 from daemon.sessions.pictures import LivePictures
 from daemon.store.key_expiry import KeyExpiry
@@ -137,19 +139,19 @@ def build(
     key_watch = KeyWatch(store.access_keys, store.browser_sessions, clock)
     every_s = 3600 * settings.drift.every_h
     schedules = [DriftSchedule(camera.operations, clock, every_s) for camera in cameras.cameras]
-    plc = _plc(settings, cameras, clock)
+    plc = PlcSwitch(settings.plc, _plc(cameras, clock))
     warning_sources: tuple[WarningSource, ...]
+    late = LateAddresses(lambda: _listens_at(application.settings))
     warning_sources = (
-        cell.safe_stop, monitor, webhooks, retention, update_hold, _late_addresses(settings), key_expiry,
-        ends, *drifts, *schedules
+        cell.safe_stop, monitor, webhooks, retention, update_hold, late, key_expiry, ends, *drifts, *schedules
     )  # fmt: skip
 
     def doing() -> Doing:
         run = supervisor.in_progress
-        warnings = [warning for source in warning_sources for warning in source.warnings()]
+        warnings = [warning for source in application.warning_sources for warning in source.warnings()]
         return Doing("" if run is None else f"run {run.id} ({run.kind})", update_hold.reason, warnings)
 
-    return Application(
+    application = Application(
         settings=settings,
         settings_file=settings_file,
         clock=clock,
@@ -191,30 +193,36 @@ def build(
             sweeps,
             *drifts,
             *schedules,
-            *plc,
+            plc,
         ),
         warning_sources=warning_sources,
-        metric_sources=(loop_monitor, cell.safe_stop, monitor, webhooks, retention, key_expiry, ends, *drifts, *plc),
+        metric_sources=(loop_monitor, cell.safe_stop, monitor, webhooks, retention, key_expiry, ends, *drifts, plc),
     )
+    if settings_file is not None:
+        reload = SettingsReload(settings_file, application, plc, webhooks)
+        application.reload = reload.reload
+        application.warning_sources = (*warning_sources, reload)
+    return application
 
 
-def _late_addresses(settings: Settings) -> LateAddresses:
-    """Where the settings say that the daemon listens."""
-    places = [("server", settings.server.host)]
+def _listens_at(settings: Settings) -> Iterable[tuple[str, str]]:
+    """Sections of the settings and the addresses at which the daemon listens by them."""
+    yield "server", settings.server.host
     if settings.plc is not None:
-        places.append(("plc", settings.plc.host))
+        yield "plc", settings.plc.host
     if settings.robot.egm is not None:
-        places.append(("robot.egm", settings.robot.egm.host))
-    return LateAddresses(tuple(places))
+        yield "robot.egm", settings.robot.egm.host
 
 
-def _plc(settings: Settings, cameras: CellCameras, clock: Clock) -> tuple["PlcService", ...]:
-    """Nothing where the settings name no PLC: pymodbus is then not loaded."""
-    if settings.plc is None:
-        return ()
-    from daemon.plc.service import PlcService
+def _plc(cameras: CellCameras, clock: Clock) -> Callable[[PlcSettings], "PlcService"]:
+    """Makes the PLC's interface. Where the settings name no PLC nobody calls it: pymodbus is then not loaded."""
 
-    return (PlcService.of(settings.plc, cameras, clock),)
+    def make(settings: PlcSettings) -> "PlcService":
+        from daemon.plc.service import PlcService
+
+        return PlcService.of(settings, cameras, clock)
+
+    return make
 
 
 def serve(settings: Settings, *, ready_file: Path | None = None, settings_file: SettingsFile | None = None) -> None:
@@ -224,13 +232,14 @@ def serve(settings: Settings, *, ready_file: Path | None = None, settings_file: 
 
     Raises StorageError, DeviceError, PortTaken.
     """
-    log_to_stdout()
+    log_to_stdout(logging.getLevelNamesMapping()[settings.server.log_level.upper()])
     faulthandler.enable()  # a fatal signal leaves its stack; so does the watchdog's SIGABRT
     uvloop.run(_serve(settings, settings_file, make_announcer(ready_file, settings.server.certificate)))
 
 
 async def _serve(settings: Settings, settings_file: SettingsFile | None, announce: Announce) -> None:
     application = build(settings, open_devices, settings_file=settings_file)
-    server = Server(application, announce)
+    is_service = application.systemd.address is not None
+    server = Server(application, announce, reload=application.reload if is_service else None)
     await server.prepare()
     await server.listen()

@@ -77,9 +77,9 @@ VERIFY_POSITIONS = 3
 """As the seed's Tab. 1."""
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False)
 class Operations:
-    """Starts runs, and takes views.
+    """Starts runs, and takes views. Of its fields only `settings` is ever replaced, when they are reloaded.
 
     `camera`: whose calibration is in force here; `settings` and `cell` are those of this camera; `others`: of all
     cameras by name.

@@ -1,16 +1,22 @@
-"""The daemon's process: uvicorn, signals, and the announcement of its URL."""
+"""The daemon's process: uvicorn, signals, the announcement of its URL, and changed settings that it takes over.
+
+`systemctl reload handeyed`, SIGHUP to a service: what APPLIED names is taken over at once, [calibration], [part] and
+[report] after the run in progress. Of everything else the daemon says that it needs a restart.
+"""
 
 import asyncio
 import gc
 import json
+import logging
 import os
 import signal
 import socket
 import ssl
 import sys
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Coroutine, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from types import FrameType
@@ -18,14 +24,22 @@ from typing import Any
 
 import uvicorn
 
+from calibration.errors import DocumentError
+from calibration.sentences.sentence import Sentence
 from daemon.access.tls_context import server_context
 from daemon.api.app import create_api, prepare, routes
 from daemon.application import Application
+from daemon.config.settings import Settings, SettingsFile, load_settings_file
+from daemon.errors import DaemonError
 from daemon.http.connection_limiter import ConnectionLimiter
 from daemon.http.connections import limited_connection
 from daemon.http.listen_socket import open_listener
 from daemon.http.listener import HttpListener, PendingConnection
+from daemon.plc.switch import PlcSwitch
 from daemon.runtime.durable_files import write_durably
+from daemon.webhooks.dispatcher import WebhookDispatcher
+
+log = logging.getLogger(__name__)
 
 GRACE_S = 4
 """How long answers in progress may take after SIGTERM; event streams end at once."""
@@ -47,11 +61,121 @@ SWITCH_S = 0.0005
 Announce = Callable[[str], None]
 """Called with the URL once requests are answered."""
 
+APPLIED = ("calibration", "part", "report", "webhooks", "plc", "server.log_level")
+"""Sections and keys that are taken over while the daemon runs."""
+
+RELOAD_POLL_S = 0.5
+"""Interval of looking whether a run is still in progress, of which settings are not changed."""
+
+Reload = Callable[[], Coroutine[Any, Any, None]]
+"""Takes the changed settings file over."""
+
+
+def changes(before: Settings, after: Settings) -> list[str]:
+    """The sections that differ, and of those that hold keys the keys: "plc", "robot.speed_mm_s"."""
+    ours, theirs = before.model_dump(mode="json"), after.model_dump(mode="json")
+    names = []
+    for section in ours:
+        one, other = ours[section], theirs[section]
+        if one == other:
+            continue
+        if isinstance(one, dict) and isinstance(other, dict) and section not in APPLIED:
+            names += [f"{section}.{key}" for key in sorted({*one, *other}) if one.get(key) != other.get(key)]
+        else:
+            names.append(section)
+    return names
+
+
+def taken_over(before: Settings, after: Settings, names: list[str]) -> Settings:
+    """`before` with what `names` lists of `after`."""
+    update: dict[str, Any] = {name: getattr(after, name) for name in names if "." not in name}
+    if "server.log_level" in names:
+        update["server"] = before.server.model_copy(update={"log_level": after.server.log_level})
+    return before.model_copy(update=update)
+
+
+@dataclass(eq=False)
+class SettingsReload:
+    """Reloads the file of `loaded` into the application. `waits_for_restart`: what was changed and is not in force."""
+
+    loaded: SettingsFile
+    application: Application
+    plc: PlcSwitch
+    webhooks: WebhookDispatcher
+    waits_for_restart: tuple[str, ...] = field(default=(), init=False)
+
+    def warnings(self) -> list[str]:
+        """What of the file needs a restart, for GET /ready."""
+        if not self.waits_for_restart:
+            return []
+        return [Sentence("settings-need-restart", names=", ".join(self.waits_for_restart))]
+
+    async def reload(self) -> None:
+        """Read the file, and take over what can be. What cannot be read or done is logged, and the old goes on."""
+        systemd = self.application.systemd
+        systemd.notify("RELOADING=1")
+        try:
+            after, file = load_settings_file(Path(self.loaded.file))
+            await self._apply(after, file)
+        except DocumentError as error:
+            for problem in str(error).splitlines():
+                log.error("the settings are as before: %s", problem)
+        finally:
+            systemd.notify("READY=1")
+
+    async def _apply(self, after: Settings, file: SettingsFile) -> None:
+        app = self.application
+        names = changes(app.settings, after)
+        done = [name for name in names if name in APPLIED]
+        for name, change in (("webhooks", self._change_webhooks), ("plc", self._change_plc)):
+            if name in done and not await change(after):
+                done.remove(name)
+        while app.supervisor.in_progress is not None and {"calibration", "part", "report"} & {*done}:
+            await app.clock.sleep(RELOAD_POLL_S)
+        app.settings = taken_over(app.settings, after, done)
+        logging.getLogger().setLevel(app.settings.server.log_level.upper())
+        for camera in app.cameras.cameras:
+            camera.settings = camera.operations.settings = app.settings.of_camera(camera.name)
+        self.waits_for_restart = tuple(name for name in names if name not in done)
+        if not self.waits_for_restart:
+            app.settings_file = self.loaded = file
+        log.info("settings taken over: %s", ", ".join(done) or "nothing has changed that could be")
+        if self.waits_for_restart:
+            log.warning("these settings need a restart: %s", ", ".join(self.waits_for_restart))
+
+    async def _change_webhooks(self, after: Settings) -> bool:
+        try:
+            await self.webhooks.change(after.webhooks)
+        except DaemonError as error:
+            log.error("[[webhooks]] are as before: %s", error)
+            return False
+        return True
+
+    async def _change_plc(self, after: Settings) -> bool:
+        if self.application.supervisor.abort_is_held:
+            log.error("[plc] is as before: a PLC holds abort")
+            return False
+        try:
+            await self.plc.change(after.plc)
+        except DaemonError as error:
+            log.error("[plc] is as before: %s", error)
+            return False
+        return True
+
 
 class Server(uvicorn.Server):
     """uvicorn's server; stops the run as soon as a signal arrives, and announces its URL."""
 
-    def __init__(self, application: Application, announce: Announce, limiter: ConnectionLimiter | None = None) -> None:
+    def __init__(
+        self,
+        application: Application,
+        announce: Announce,
+        limiter: ConnectionLimiter | None = None,
+        reload: Reload | None = None,
+    ) -> None:
+        """`reload`: what SIGHUP does to a service; without it the signal ends the process."""
+        self._reload = reload
+        self._reload_task: asyncio.Task[None] | None = None
         self._limiter = limiter or ConnectionLimiter()
         self._routes = routes(application)
         super().__init__(
@@ -123,6 +247,9 @@ class Server(uvicorn.Server):
         if threading.current_thread() is threading.main_thread():
             handled = [each for each in ENDING_SIGNALS if signal.getsignal(each) is not signal.SIG_IGN]
             before = {each: signal.signal(each, self.handle_exit) for each in handled}
+            if self._reload is not None:
+                before.setdefault(signal.SIGHUP, signal.getsignal(signal.SIGHUP))
+                signal.signal(signal.SIGHUP, self._handle_reload)
         try:
             with super().capture_signals():
                 yield
@@ -130,6 +257,20 @@ class Server(uvicorn.Server):
         finally:
             for each, handler in before.items():
                 signal.signal(each, handler)
+
+    def _handle_reload(self, sig: int, frame: FrameType | None) -> None:
+        if self._loop is not None:
+            self._loop.call_soon_threadsafe(self._begin_reload)
+
+    def _begin_reload(self) -> None:
+        if self._reload is not None and self._reload_task is None:
+            self._reload_task = asyncio.create_task(self._reload(), name="reload")
+            self._reload_task.add_done_callback(self._end_reload)
+
+    def _end_reload(self, done: "asyncio.Task[None]") -> None:
+        self._reload_task = None
+        if not done.cancelled() and (error := done.exception()) is not None:
+            log.error("a defect ended the reload", exc_info=error)
 
     def handle_exit(self, sig: int, frame: FrameType | None) -> None:
         """On a signal stop the arm first, then everything else."""

@@ -21,6 +21,7 @@ CELL = {
     "a-plc-set-abort": "a PLC has set abort",
     # daemon/store, daemon/api/readiness.py
     "update-holds": "nothing begins now: {update} is being installed",
+    "settings-need-restart": "settings were changed that need a restart: {names}",
     "service-restarted": "the service was started again {count} times by itself, last after {cause} at {at}:"
     " journalctl -u handeyed -p warning says more",
     "key-ends": "the key {name} ends on {at}, in {days} days: make its successor with handeyed keys rotate",

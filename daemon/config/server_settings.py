@@ -43,6 +43,7 @@ class ServerSettings(Document):
     private_key: str | None = None
     body_limit_mb: Annotated[float, Field(gt=0, le=65536)] = 2048.0
     idle_minutes: Annotated[float, Field(ge=0, le=720)] = 15.0
+    log_level: Literal["debug", "info", "warning", "error"] = "info"
 
     @model_validator(mode="after")
     def _check_certificate(self) -> "ServerSettings":

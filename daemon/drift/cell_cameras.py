@@ -11,9 +11,9 @@ from daemon.sessions.look import Looks
 from daemon.sessions.pictures import LivePictures
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class CellCamera:
-    """One camera: its runs, pictures and drift chart. `settings`: with this camera in [camera].
+    """One camera: its runs, pictures and drift chart. `settings`: with this camera in [camera], replaced by a reload.
 
     `obstacles`: reasons why a run with robot and this camera could not start now.
     """

@@ -2,6 +2,7 @@
 
 import errno
 import socket
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 from calibration.sentences.sentence import Sentence
@@ -49,10 +50,10 @@ def open_listener(host: str, port: int, table: str = "server") -> socket.socket:
 class LateAddresses:
     """Warns of addresses to listen at that this machine does not have: pairs of a settings section and its host."""
 
-    places: tuple[tuple[str, str], ...]
+    places: Callable[[], Iterable[tuple[str, str]]]
 
     def warnings(self) -> list[str]:
         """One for each address that is not here now."""
         return [
-            Sentence("address-not-here", table=table, host=host) for table, host in self.places if not is_here(host)
+            Sentence("address-not-here", table=table, host=host) for table, host in self.places() if not is_here(host)
         ]

@@ -115,6 +115,11 @@ class Supervisor:
         self._abort_holders = tuple(sorted(holders))
         self.abort_holds += bool(holders)
 
+    @property
+    def abort_is_held(self) -> bool:
+        """True while a PLC holds abort."""
+        return bool(self._abort_holders)
+
     def obstacles(self) -> tuple[str, ...]:
         """Reasons why nobody may start a run now, whatever the cell's state."""
         held = AbortHeld(self._abort_holders).reasons if self._abort_holders else ()

@@ -66,6 +66,16 @@ class WebhookDispatcher:
             task.cancel()
         await asyncio.gather(*self._tasks, return_exceptions=True)
 
+    async def change(self, webhooks: tuple[WebhookSettings, ...]) -> None:
+        """Serve these receivers from now on. Raises SecretUnusable, StorageError; then those before go on."""
+        for webhook in webhooks:
+            read_secrets(Path(webhook.secret_file))
+        await self.stop()
+        self._tasks.clear()
+        self.webhooks = webhooks
+        self.failures.clear()
+        await self.start()
+
     def warnings(self) -> list[str]:
         """A warning for each receiver with MIN_FAILURES_TO_WARN or more failed attempts."""
         return [

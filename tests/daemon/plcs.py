@@ -10,6 +10,7 @@ from typing import Any
 from pymodbus.client import AsyncModbusTcpClient
 
 from daemon.plc.service import PlcService
+from daemon.plc.switch import PlcSwitch
 from protocols.modbus.words import WordOrder, crc16, float_of, integer_of, text_of, unsigned_of
 from protocols.plc.codes import ControlBit, StatusBit
 from protocols.plc.registers import BY_NAME, RESULT, SIZE, Kind
@@ -25,7 +26,7 @@ READERS = {Kind.FLOAT32: float_of, Kind.INT32: integer_of, Kind.UINT32: unsigned
 
 
 def plc_of(bench: Bench) -> PlcService:
-    return next(companion for companion in bench.application.services if isinstance(companion, PlcService))
+    return next(one for one in bench.application.services if isinstance(one, PlcSwitch)).service
 
 
 def value_of(image: list[int], name: str, order: WordOrder = WordOrder.HIGH_FIRST) -> Any:

@@ -84,8 +84,10 @@ def test_the_watchdog_is_fed_by_the_daemon_and_state_lies_where_the_settings_say
 SCRIPTS = [
     "deploy/install.sh",
     "deploy/venv.sh",
+    "deploy/release.sh",
+    "deploy/apt-repository.sh",
     "deploy/handeyed-release",
-    *(f"deploy/deb/{name}" for name in ("build.sh", "try.sh", "preinst", "postinst", "prerm", "postrm")),
+    *(f"deploy/deb/{name}" for name in ("build.sh", "preinst", "postinst", "prerm", "postrm")),
     ".ci/run",
 ]
 

@@ -18,7 +18,7 @@ from daemon.cell.cell import Devices
 from daemon.composition import build
 from daemon.model.records import AppliedCalibration, CalibrationRecord, RunRecord
 from daemon.model.run_states import RunState
-from daemon.plc.service import PlcService
+from daemon.plc.switch import PlcSwitch
 from daemon.server import Server
 from drivers.registry import open_robot
 from protocols.modbus.codes import Function
@@ -167,7 +167,7 @@ class WatchedPlant:
             httpx.AsyncClient(base_url=announced.result(), verify=False, timeout=LIMIT_S)
         )
 
-        port = next(service for service in self.application.services if isinstance(service, PlcService)).tcp.port
+        port = next(service for service in self.application.services if isinstance(service, PlcSwitch)).service.tcp.port
         modbus = AsyncModbusTcpClient("127.0.0.1", port=port, timeout=LIMIT_S, retries=0, reconnect_delay=0)
         assert await modbus.connect()
         self.plc = Ladder(modbus)

@@ -361,6 +361,7 @@ export default {
   'plc-holds-abort': '{holder} hält „Abbruch“ gesetzt',
   'a-plc-set-abort': 'eine SPS hat „Abbruch“ gesetzt',
   'update-holds': 'jetzt beginnt nichts: {update} wird installiert',
+  'settings-need-restart': 'geänderte Einstellungen brauchen einen Neustart: {names}',
   'service-restarted': 'der Dienst wurde {count}-mal von selbst neu gestartet, zuletzt nach {cause} um {at}: journalctl -u handeyed -p warning sagt mehr',
   'key-ends': 'der Schlüssel {name} endet am {at}, in {days} Tagen: seinen Nachfolger macht handeyed keys rotate',
   'address-not-here': 'dieser PC hat die Adresse {host} von [{table}] host noch nicht: dort erreicht ihn niemand; das Netz des PCs ansehen oder die Einstellungen berichtigen',

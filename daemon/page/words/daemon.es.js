@@ -361,6 +361,7 @@ export default {
   'plc-holds-abort': '{holder} mantiene activado el aborto',
   'a-plc-set-abort': 'un PLC ha activado el aborto',
   'update-holds': 'ahora no empieza nada: se está instalando {update}',
+  'settings-need-restart': 'hay ajustes cambiados que requieren un reinicio: {names}',
   'service-restarted': 'el servicio se ha reiniciado por sí mismo {count} veces, la última tras {cause} a las {at}: journalctl -u handeyed -p warning dice más',
   'key-ends': 'la clave {name} termina el {at}, en {days} días: crear la siguiente con handeyed keys rotate',
   'address-not-here': 'este PC aún no tiene la dirección {host} de [{table}] host: nadie lo alcanza allí; revisar la red del PC o corregir la configuración',

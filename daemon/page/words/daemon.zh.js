@@ -361,6 +361,7 @@ export default {
   'plc-holds-abort': '{holder} 保持中止信号',
   'a-plc-set-abort': 'PLC 已设置中止',
   'update-holds': '现在不会开始新的运行：正在安装 {update}',
+  'settings-need-restart': '以下已修改的设置需要重启：{names}',
   'service-restarted': '服务已自动重启 {count} 次，最近一次原因为 {cause}，时间 {at}：详见 journalctl -u handeyed -p warning',
   'key-ends': '密钥 {name} 将于 {at} 到期，还有 {days} 天：请用 handeyed keys rotate 生成新密钥',
   'address-not-here': '本机尚无 [{table}] host 的地址 {host}：无法通过该地址访问；请检查本机网络，或更正设置',

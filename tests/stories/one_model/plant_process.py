@@ -27,7 +27,7 @@ from daemon.cell.safe_stop import SafeStop
 from daemon.composition import build
 from daemon.config.settings import RobotSettings, Settings
 from daemon.model.records import AppliedCalibration, CalibrationRecord, RunRecord, ScanRecord
-from daemon.plc.service import PlcService
+from daemon.plc.switch import PlcSwitch
 from daemon.runs import touch_approach
 from daemon.runs.supervisor import Supervisor
 from daemon.runs.touch_approach import Approach
@@ -122,7 +122,7 @@ async def _serve(folder: Path, robot_port: int, ready: Connection) -> None:
     serving = asyncio.create_task(server.listen())
     await asyncio.wait([announced, serving], return_when=asyncio.FIRST_COMPLETED)
     keys = await _first_keys(application)
-    plc = next(service for service in application.services if isinstance(service, PlcService))
+    plc = next(service for service in application.services if isinstance(service, PlcSwitch)).service
     ready.send((announced.result(), plc.tcp.port, keys))
     await serving
 

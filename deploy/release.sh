@@ -1,0 +1,72 @@
+#!/bin/sh
+# Makes a release of this commit: the package for this Debian, the wheel, a wheelhouse for machines without internet, the
+# bill of materials, checksums, and a folder that apt installs and updates from.
+#
+#   deploy/release.sh FOLDER [--key KEY]
+#
+# FOLDER/VERSION/ gets the files, FOLDER/apt/ the package beside those of earlier releases. --key: of gpg's, signs both.
+# PYTHON names another interpreter than /usr/bin/python3.
+set -eu
+
+PYTHON=${PYTHON:-/usr/bin/python3}
+SOURCE=$(cd "$(dirname "$0")/.." && pwd)
+FOLDER=${1:?name the folder of the releases}
+KEY=
+if [ "${2:-}" = --key ]; then KEY=${3:?name the key}; fi
+
+say() { printf '%s\n' "$*"; }
+fail() { printf 'release.sh: %s\n' "$*" >&2; exit 1; }
+
+HANDEYED_VERSION=$("$PYTHON" "$SOURCE/hatch_version.py")
+export HANDEYED_VERSION
+case "$HANDEYED_VERSION" in
+*.dirty | *unknown) fail "$HANDEYED_VERSION: commit first, a release is of a commit" ;;
+esac
+base=${HANDEYED_VERSION%%.dev*}
+grep -q "^## $base" "$SOURCE/CHANGELOG.md" || fail "CHANGELOG.md has no section $base"
+SOURCE_DATE_EPOCH=$(git -C "$SOURCE" log -1 --format=%ct)
+export SOURCE_DATE_EPOCH
+command -v apt-ftparchive >/dev/null || fail "apt-ftparchive is needed: apt-get install apt-utils"
+
+mkdir -p "$FOLDER"
+out=$(cd "$FOLDER" && pwd)/$HANDEYED_VERSION
+work=$(mktemp -d)
+trap 'rm -rf "$work"' EXIT
+rm -rf "$out"
+mkdir -p "$out"
+
+say "the package ..."
+PYTHON=$PYTHON "$SOURCE/deploy/deb/build.sh" "$out" >/dev/null
+
+say "the wheel, and the wheelhouse ..."
+"$PYTHON" -m venv "$work/venv"
+pip() { "$work/venv/bin/pip" --quiet --disable-pip-version-check "$@"; }
+pip install --require-hashes -r "$SOURCE/deploy/build.lock"
+pip wheel --no-deps --no-build-isolation --wheel-dir "$out" "$SOURCE"
+house=handeyed-$HANDEYED_VERSION-wheelhouse
+mkdir "$work/$house"
+pip download --require-hashes --only-binary :all: --dest "$work/$house" -r "$SOURCE/deploy/requirements.lock"
+cp "$out"/handeyed-*.whl "$work/$house/"
+cat >"$work/$house/README.txt" <<TEXT
+handeyed $HANDEYED_VERSION and its libraries, for $("$PYTHON" --version) on $(uname -m), without a package index:
+
+  python3 -m venv /opt/handeyed-venv
+  /opt/handeyed-venv/bin/pip install --no-index --find-links . handeyed==$HANDEYED_VERSION
+TEXT
+tar -C "$work" --owner=0 --group=0 --sort=name --mtime="@$SOURCE_DATE_EPOCH" -cf "$out/$house.tar" "$house"
+
+say "the bill of materials ..."
+"$PYTHON" -m venv "$work/sbom"
+"$work/sbom/bin/pip" --quiet --disable-pip-version-check install 'cyclonedx-bom>=7,<8'
+"$work/sbom/bin/cyclonedx-py" requirements --output-reproducible --output-file "$out/handeyed-$HANDEYED_VERSION.cdx.json" \
+    "$SOURCE/deploy/requirements.lock"
+
+sed -n "/^## $base/,/^## /p" "$SOURCE/CHANGELOG.md" | sed '$ { /^## /d }' >"$out/CHANGES.md"
+(cd "$out" && sha256sum -- * >"$work/SHA256SUMS" && mv "$work/SHA256SUMS" SHA256SUMS)
+if [ -n "$KEY" ]; then gpg --batch --yes --local-user "$KEY" --armor --detach-sign "$out/SHA256SUMS"; fi
+
+say "the folder for apt ..."
+# shellcheck source=/dev/null # the system's
+codename=$(. /etc/os-release && echo "$VERSION_CODENAME")
+"$SOURCE/deploy/apt-repository.sh" "$FOLDER/apt" "$codename" "$out"/*.deb ${KEY:+--key "$KEY"}
+say "$out"

@@ -1,0 +1,1 @@
+"""The package under a live systemd: `make test-systemd`. Needs root, mmdebstrap and systemd-nspawn; no libraries."""
