@@ -137,12 +137,14 @@ deb:
 release:
 	deploy/release.sh dist/releases $(if $(KEY),--key $(KEY))
 
-# Its deb is packed fast, apart from dist/. SUITE=trixie boots another Debian; DEB= is then a package that was built there.
+# Its deb is packed fast, apart from dist/. SUITE=trixie boots another Debian, in which the deb is built then.
 SUITE ?= bookworm
+test-systemd: export DEB_COMPRESSION := -Zgzip -z1
 test-systemd:
 	@rm -f build/systemd/*.deb
-	$(if $(DEB),,DEB_COMPRESSION="-Zgzip -z1" PYTHON=/usr/bin/python3 deploy/deb/build.sh build/systemd)
-	/usr/bin/python3 -m tests.systemd $(or $(DEB),build/systemd/handeyed_*.deb) --suite $(SUITE)
+	if . /etc/os-release && [ "$$VERSION_CODENAME" = $(SUITE) ]; then PYTHON=/usr/bin/python3 deploy/deb/build.sh build/systemd; \
+	else deploy/deb/build-in.sh $(SUITE) build/systemd; fi
+	/usr/bin/python3 -m tests.systemd build/systemd/handeyed_*.deb --suite $(SUITE)
 
 ROUNDS ?= 1000
 HISTORIES ?= 2000
@@ -151,7 +153,8 @@ torture: $(VENV)/developing
 
 sbom: $(VENV)/developing
 	@mkdir -p build
-	@$(BIN)/cyclonedx-py requirements --pyproject pyproject.toml --output-reproducible --output-file build/sbom.cdx.json \
+	@sed "s/^dynamic = .*/version = \"$$($(BIN)/python hatch_version.py)\"/" pyproject.toml >build/pyproject.toml # cyclonedx-py builds nothing
+	@$(BIN)/cyclonedx-py requirements --pyproject build/pyproject.toml --output-reproducible --output-file build/sbom.cdx.json \
 		deploy/requirements.lock
 	@echo "build/sbom.cdx.json"
 

@@ -58,8 +58,9 @@ tar -C "$work" --owner=0 --group=0 --sort=name --mtime="@$SOURCE_DATE_EPOCH" -cf
 say "the bill of materials ..."
 "$PYTHON" -m venv "$work/sbom"
 "$work/sbom/bin/pip" --quiet --disable-pip-version-check install 'cyclonedx-bom>=7,<8'
-"$work/sbom/bin/cyclonedx-py" requirements --output-reproducible --output-file "$out/handeyed-$HANDEYED_VERSION.cdx.json" \
-    "$SOURCE/deploy/requirements.lock"
+sed "s/^dynamic = .*/version = \"$HANDEYED_VERSION\"/" "$SOURCE/pyproject.toml" >"$work/pyproject.toml"
+"$work/sbom/bin/cyclonedx-py" requirements --pyproject "$work/pyproject.toml" --output-reproducible \
+    --output-file "$out/handeyed-$HANDEYED_VERSION.cdx.json" "$SOURCE/deploy/requirements.lock" 2>/dev/null
 
 sed -n "/^## $base/,/^## /p" "$SOURCE/CHANGELOG.md" | sed '$ { /^## /d }' >"$out/CHANGES.md"
 (cd "$out" && sha256sum -- * >"$work/SHA256SUMS" && mv "$work/SHA256SUMS" SHA256SUMS)

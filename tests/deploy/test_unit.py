@@ -81,13 +81,23 @@ def test_the_watchdog_is_fed_by_the_daemon_and_state_lies_where_the_settings_say
     assert 'folder = "/var/lib/handeyed"' in (DEPLOY / "handeyed.example.toml").read_text()
 
 
+def test_a_healthy_service_is_never_left_down_and_wrong_settings_are_not_retried() -> None:
+    settings = _settings()
+    assert settings["StartLimitIntervalSec"] == ["0"]  # restarts by hand count, too
+    assert settings["RestartPreventExitStatus"] == ["2"]  # ExitStatus.UNREADABLE
+    assert settings["RuntimeDirectoryPreserve"] == ["restart"]  # what ended it stands there for the next start
+    assert "/run/handeyed/ends" in settings["ExecStopPost"][0]
+    assert "kill -HUP" in settings["ExecReload"][0]
+    assert "--ready-file /run/handeyed/daemon.json" in settings["ExecStart"][0]
+
+
 SCRIPTS = [
     "deploy/install.sh",
     "deploy/venv.sh",
     "deploy/release.sh",
     "deploy/apt-repository.sh",
     "deploy/handeyed-release",
-    *(f"deploy/deb/{name}" for name in ("build.sh", "preinst", "postinst", "prerm", "postrm")),
+    *(f"deploy/deb/{name}" for name in ("build.sh", "build-in.sh", "preinst", "postinst", "prerm", "postrm")),
     ".ci/run",
 ]
 
