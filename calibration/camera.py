@@ -146,7 +146,7 @@ class RationalLens:
         across = x * y * slope + 2 * p1 * x + 2 * p2 * y
         xx = radial + x * x * slope + 2 * p1 * y + 6 * p2 * x + x * prism_x
         yy = radial + y * y * slope + 6 * p1 * y + 2 * p2 * x + y * prism_y
-        return self._tilt(x, y, (xx, across + y * prism_x, across + x * prism_y, yy))
+        return self._tilt_slopes(x, y, (xx, across + y * prism_x, across + x * prism_y, yy))
 
     def by_coefficient(self, index: int, x: Array, y: Array) -> tuple[Array, Array]:
         r2 = x * x + y * y
@@ -164,10 +164,10 @@ class RationalLens:
         else:
             moved = zero, zero
         one = np.ones_like(x)
-        xx, xy, yx, yy = self._tilt(x, y, (one, zero, zero, one))
+        xx, xy, yx, yy = self._tilt_slopes(x, y, (one, zero, zero, one))
         return xx * moved[0] + xy * moved[1], yx * moved[0] + yy * moved[1]
 
-    def _tilt(self, x: Array, y: Array, before: Slopes) -> Slopes:
+    def _tilt_slopes(self, x: Array, y: Array, before: Slopes) -> Slopes:
         """The derivatives after the tilt, of those `before` it."""
         if not np.any(self.coefficients[12:]):
             return before
