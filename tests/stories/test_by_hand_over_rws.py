@@ -33,7 +33,7 @@ async def test_the_first_calibration_of_a_cell_needs_no_robot_program(tmp_path: 
         rng, ask = np.random.default_rng(0), story.operator.client
         told = (await ask.get("/robot")).text
         assert f"RWS {version}.0" in told
-        run = await story.operator.starts("/calibrate", manual=True, uncertainty_mm=0.3)
+        run = await story.operator.starts("/calibrate", manual=True, tolerance_mm=1.0)
         for number in range(1, 9):
             run = await takes_a_view(ask, run)
             assert run["station"] == number

@@ -53,7 +53,7 @@ async def test_the_target_is_touched_once_and_a_cloud_comes_out_in_base(tmp_path
         print("story: X off by", off_mm.round(3), "mm, a point by", round(points_mm, 3), "mm RMS, one sigma",
               np.round(document.uncertainty.translation_mm, 3))  # fmt: skip
         assert points_mm < POINT_MM
-        assert np.all(np.abs(off_mm) < 3 * np.array(document.uncertainty.translation_mm))
+        assert np.all(np.abs(off_mm) < 4 * np.array(document.uncertainty.translation_mm))
 
         points = np.array([[0.0, 0, 600], [50, -20, 580], [-80, 40, 620]])
         answer = await ask.post(
