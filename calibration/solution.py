@@ -23,7 +23,7 @@ class Finding:
 
     `effect_mm`: by how much a mapped point moves when the cause is taken into account, None where that is not known.
     `sizes`: what the verdict compares with its limits, by their names in `calibration.verdict.VerdictLimits`; while
-    none is beyond its limit the severity is `within` at most.
+    none is beyond its limit the severity is `within` at most. `least`: what a small effect may lower the severity to.
     """
 
     code: str
@@ -33,6 +33,7 @@ class Finding:
     effect_mm: float | None = None
     sizes: tuple[tuple[str, float], ...] = ()
     within: Severity = "warning"
+    least: Severity = "info"
 
 
 @dataclass(frozen=True, eq=False)

@@ -92,6 +92,9 @@ INVERTED_CAUSES = frozenset({"poses-inverted", "setup-swapped"})
 MAX_AXIS_OFF_RAD = float(np.radians(5.0))
 """Largest usual angle between a direction as drawn and as built; more is a wrong sign or another axis."""
 
+SEVERITIES: tuple[Severity, ...] = ("info", "warning", "error")
+"""In rising order."""
+
 Rule = Callable[[Problem, Solution, VerdictLimits], Iterator[Finding]]
 
 
@@ -108,9 +111,12 @@ def weigh(finding: Finding, uncertainty: Uncertainty | None, limits: VerdictLimi
 
     The effect is known on average over the working volume; at the worst point it is larger by as much as the
     uncertainty is there. The uncertainty contains the effects (see `calibration.diagnosis.explain`). An effect within
-    the rest of it, or far below the tolerance, is information; one well below the tolerance a warning.
+    the rest of it, or far below the tolerance, is information; one well below the tolerance a warning. A size beyond
+    its limit stays what it is, however little moves with it: such a description belongs to something else.
     """
-    if not exceeds_limit(finding, limits):
+    if finding.sizes and exceeds_limit(finding, limits):
+        return finding
+    if finding.sizes:
         fix = Sentence("none-needed") if finding.within == "info" else finding.fix
         finding = replace(finding, severity=less_severe(finding.severity, finding.within), fix=fix)
     if finding.effect_mm is None or uncertainty is None:
@@ -124,7 +130,7 @@ def weigh(finding: Finding, uncertainty: Uncertainty | None, limits: VerdictLimi
         deserved = "warning"
     if effect_mm <= max(without_mm, limits.negligible_share * limits.tolerance_mm):
         deserved = "info"
-    return replace(finding, severity=less_severe(finding.severity, deserved))
+    return replace(finding, severity=less_severe(finding.severity, more_severe(deserved, finding.least)))
 
 
 def exceeds_limit(finding: Finding, limits: VerdictLimits = DEFAULT_VERDICT_LIMITS) -> bool:
@@ -134,7 +140,12 @@ def exceeds_limit(finding: Finding, limits: VerdictLimits = DEFAULT_VERDICT_LIMI
 
 def less_severe(one: Severity, other: Severity) -> Severity:
     """The lower of two severities."""
-    return min(one, other, key=("info", "warning", "error").index)
+    return min(one, other, key=SEVERITIES.index)
+
+
+def more_severe(one: Severity, other: Severity) -> Severity:
+    """The higher of two severities."""
+    return max(one, other, key=SEVERITIES.index)
 
 
 def verdict_of(solution: Solution, findings: tuple[Finding, ...], limits: VerdictLimits) -> Verdict:

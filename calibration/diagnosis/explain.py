@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from calibration.camera import CameraModel
 from calibration.diagnosis.diagnose import FALSE_ALARM_PROBABILITY, MAX_VIEWS, MIN_VIEWS, diagnose, evenly_spaced
 from calibration.diagnosis.effect import MappedPoint
 from calibration.diagnosis.evidence import Evidence, evidence_of, pixel_deviation, turn_pictures
@@ -54,6 +55,9 @@ MIN_SURE_SHARE = 0.5
 FLIPPED = frozenset({"pictures-mirrored", "pictures-turned"})
 """Causes with which the principal point of some pictures, or of all, is elsewhere."""
 
+LENS_DEVIATIONS = frozenset({"focal-length-off", "principal-point-off"})
+"""The solver's findings that the lens differs from the description."""
+
 OF_ANOTHER_SIZE = FLIPPED | {"intrinsics-do-not-fit", "target-not-as-described"}
 """Causes with which the target appears larger or smaller than it is."""
 
@@ -75,17 +79,25 @@ def diagnose_solution(problem: Problem, solution: Solution, prepared: PreparedSe
     # Contradictory numbers may overflow in any hypothesis.
     with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
         found = _findings_without_x(problem) if prepared is None else _findings_with_x(problem, solution, prepared)
+    drop = set[str]()
     if any(f.code == "pictures-turned" for f in found):
-        others = tuple(finding for finding in solution.findings if finding.code != "board-turned")
-        solution = replace(solution, findings=others)
+        drop |= {"board-turned"}
     if any(f.code in OF_ANOTHER_SIZE and f.severity == "error" and exceeds_limit(f) for f in found):
-        # Seen through another lens, or with corners numbered otherwise, a target has another size.
-        others = tuple(finding for finding in solution.findings if finding.code != "target-scale")
-        solution = replace(solution, findings=others)
+        # Seen through another lens, or with corners numbered otherwise, a target has another size, or a lens seems to.
+        drop |= {"target-scale", *LENS_DEVIATIONS}
+    if any(f.code == "intrinsics-do-not-fit" and _is_beyond(f, solution.uncertainty) for f in found):
+        drop |= LENS_DEVIATIONS  # the estimate had to take up other errors of the lens with these
+    solution = replace(solution, findings=tuple(f for f in solution.findings if f.code not in drop))
     if not found:
         return solution
     findings = _in_order(solution.findings, found)
     return replace(solution, findings=findings, uncertainty=_widen(solution.uncertainty, found))
+
+
+def _is_beyond(finding: Finding, uncertainty: Uncertainty | None) -> bool:
+    """Whether more moves with the finding than the solution's expanded uncertainty (k = 2) allows."""
+    effect_mm = finding.effect_mm
+    return effect_mm is not None and uncertainty is not None and effect_mm > COVERAGE_FACTOR * uncertainty.point_mm
 
 
 def _in_order(solver: Sequence[Finding], found: Sequence[Finding]) -> tuple[Finding, ...]:
@@ -113,7 +125,10 @@ def _widen(uncertainty: Uncertainty | None, findings: Sequence[Finding]) -> Unce
 def _findings_with_x(problem: Problem, solution: Solution, prepared: PreparedSession) -> tuple[Finding, ...]:
     camera, poses = prepared.camera, prepared.camera_T_target
     used = {view.index for view in solution.views if view.status != "rejected"}
-    given = _with_turned_views(problem, prepared, poses)
+    given = found = _with_turned_views(problem, prepared, camera, poses)
+    if any(finding.code in LENS_DEVIATIONS for finding in solution.findings) and solution.camera is not None:
+        own_poses = refine_poses(prepared.seen, solution.camera, poses)
+        found = _with_turned_views(problem, prepared, solution.camera, own_poses)
     point = None if solution.mount_T_camera is None else MappedPoint.of(used, prepared.scale, camera, poses)
     another_target = tuple(target_findings(problem)) if _points_lie_elsewhere(prepared, poses) else ()
     if another_target:
@@ -126,20 +141,25 @@ def _findings_with_x(problem: Problem, solution: Solution, prepared: PreparedSes
             return as_read
     misfit = None if problem.camera is None else _lens_misfit(problem, prepared, poses)
     if misfit is None:
-        return _diagnosis_findings(problem, given, used, point)
-    as_given = _diagnosis_findings(problem, given, used, point)
-    if not misfit.significant and not as_given:
+        return _diagnosis_findings(problem, found, used, point)
+    as_found = _diagnosis_findings(problem, found, used, point)
+    if not misfit.significant and not as_found:
         return ()
-    if any(finding.code in FLIPPED for finding in as_given):
-        return as_given  # other intrinsics fit since the principal point is elsewhere in such pictures
+    if any(finding.code in FLIPPED for finding in as_found):
+        return as_found  # other intrinsics fit since the principal point is elsewhere in such pictures
     fitting = _fitting_evidence(problem, prepared, misfit)
     if misfit.after_px > MIN_SURE_SHARE * misfit.before_px and not _agrees_better(fitting, given):
         # The pixels show the target's shape or the light: with those intrinsics the poses would be wrong.
         lens = lens_findings(misfit, camera, agrees_better=False) if misfit.significant else ()
-        return (*as_given, *lens)
+        return (*as_found, *lens)
     still_wrong = _diagnosis_findings(problem, fitting, used, point)
     # A slight misfit is reported only when it explains everything.
-    lens = lens_findings(misfit, camera, agrees_better=True) if misfit.significant or not still_wrong else ()
+    lens = tuple[Finding, ...]()
+    if misfit.significant or not still_wrong:
+        effect_mm = None
+        if point is not None and solution.mount_T_camera is not None and misfit.share <= MAX_STEP_SHARE:
+            effect_mm = point.shift_by_lens_mm(solution.mount_T_camera, fitting)
+        lens = lens_findings(misfit, camera, True, effect_mm)
     flipped = any(finding.code in FLIPPED for finding in still_wrong)
     lens_first = misfit.share > MAX_SLIGHT_LENS_SHARE and not flipped
     return (*lens, *still_wrong) if lens_first else (*still_wrong, *lens)
@@ -155,15 +175,15 @@ def _fitting_evidence(problem: Problem, prepared: PreparedSession, misfit: LensM
         except (UndeterminedError, np.linalg.LinAlgError, ArithmeticError):
             pass  # the views do not determine intrinsics by themselves
     drawn = replace(prepared.seen, points_mm=prepared.nominal_mm[prepared.seen.ids])
-    return evidence_of(problem, drawn, misfit.camera, misfit.camera_T_target)
+    return evidence_of(problem, drawn, misfit.camera, misfit.camera_T_target, misfit.covariance)
 
 
-def _with_turned_views(problem: Problem, prepared: PreparedSession, poses: Array) -> Evidence:
-    """The evidence of the views at these poses (n, 4, 4), and of those whose corners fit only in a turned picture.
+def _with_turned_views(problem: Problem, prepared: PreparedSession, camera: CameraModel, poses: Array) -> Evidence:
+    """The evidence of the views at these poses (n, 4, 4) by that camera, and of those whose corners fit only turned.
 
     Where the principal point is off the middle, those are not used, and what remains may agree.
     """
-    seen, camera = prepared.seen, prepared.camera
+    seen = prepared.seen
     refused = [position for position, why in prepared.unusable.items() if why.code == IMAGE_DISAGREES.code]
     if refused:
         every, _ = observe(problem)

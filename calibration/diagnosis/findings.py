@@ -54,30 +54,39 @@ def severity_of(diagnosis: Diagnosis, used: Set[int]) -> Severity:
     return "error" if cause.code == "wrong-pitch" else "warning"
 
 
-def lens_findings(misfit: LensMisfit, given: CameraModel, agrees_better: bool) -> tuple[Finding, ...]:
+def lens_findings(
+    misfit: LensMisfit, given: CameraModel, agrees_better: bool, effect_mm: float | None = None
+) -> tuple[Finding, ...]:
     """The finding that the `given` intrinsics do not fit.
 
     `agrees_better`: whether robot and images agree better with the others; if not, the target's shape or the light may
-    be what the pixels show.
+    be what the pixels show. `effect_mm`: by how much a mapped point moves with the others from where the solution, in
+    which only a few of them are unknown, puts it; by that it is weighed where they are not far apart.
     """
     matrix, factor = misfit.camera.matrix, _picture_scale(misfit.camera, given)
+    message = Sentence(
+        "intrinsics-do-not-fit" if factor is None else "intrinsics-of-another-size",
+        before_px=misfit.before_px,
+        after_px=misfit.after_px,
+        fx=matrix[0, 0],
+        fy=matrix[1, 1],
+        cx=matrix[0, 2],
+        cy=matrix[1, 2],
+        percent=100 * misfit.share,
+        **({} if factor is None else {"times": 1 / factor}),
+    )
+    if effect_mm is not None:
+        message = Sentence("lens-moving", finding=message, effect_mm=effect_mm)
     return (
         Finding(
             "intrinsics-do-not-fit",
             "error" if agrees_better else "warning",
-            Sentence(
-                "intrinsics-do-not-fit" if factor is None else "intrinsics-of-another-size",
-                before_px=misfit.before_px,
-                after_px=misfit.after_px,
-                fx=matrix[0, 0],
-                fy=matrix[1, 1],
-                cx=matrix[0, 2],
-                cy=matrix[1, 2],
-                percent=100 * misfit.share,
-                **({} if factor is None else {"times": 1 / factor}),
-            ),
+            message,
             Sentence("calibrate-camera-in-focus") if factor is None else Sentence("scale-intrinsics", factor=factor),
+            effect_mm=effect_mm,
             sizes=(("lens_share", misfit.share),),
+            within="warning" if effect_mm is None else "error",
+            least="warning",
         ),
     )
 

@@ -56,6 +56,7 @@ class LensMisfit:
     """Intrinsics that fit, the views' poses with them (n, 4, 4), and the pixels' deviation before and after.
 
     `share`: shift of the target over its distance, in the median view; `significant`: reported by itself.
+    `covariance`: of the intrinsics by the images, see `CameraEstimate`; None where they are scaled ones.
     """
 
     camera: CameraModel
@@ -64,6 +65,7 @@ class LensMisfit:
     after_px: float
     share: float
     significant: bool
+    covariance: Array | None = None
 
 
 def lens_misfit(
@@ -91,7 +93,7 @@ def lens_misfit(
     focal_sigma = float(np.sqrt(found.covariance[0, 0]) / found.camera.matrix[0, 0])
     significant = share > max(MIN_REPORTED_SHARE, focal_sigma) or before > MIN_REPORTED_RATIO * after
     moved = refine_poses(seen, found.camera, camera_T_target)
-    return LensMisfit(found.camera, moved, before, after, share, significant)
+    return LensMisfit(found.camera, moved, before, after, share, significant, found.covariance)
 
 
 def _expected_lens(camera: CameraModel) -> Array | None:
@@ -118,7 +120,8 @@ def gross_lens_misfit(problem: Problem, seen: Observations, otherwise_px: float 
     if before < MIN_REPORTED_RATIO * after or after > MAX_RATIO_TO_SHAPE * otherwise_px:
         return None
     poses = candidate_poses(seen, found.camera)[0][:, 0]
-    return LensMisfit(found.camera, poses, before, after, abs(float(given_focal / focal) - 1), True)
+    share = abs(float(given_focal / focal) - 1)
+    return LensMisfit(found.camera, poses, before, after, share, True, found.covariance)
 
 
 def scaled_lens_misfit(problem: Problem, seen: Observations) -> LensMisfit | None:

@@ -92,6 +92,7 @@ FINDINGS = {
     "intrinsics-of-another-size": "the given intrinsics leave {before_px:.3f} px where others leave {after_px:.3f} px"
     " (fx {fx:.1f}, fy {fy:.1f}, cx {cx:.1f}, cy {cy:.1f}): they are those of pictures {times:.4g} times as large;"
     " they misplace the target by {percent:.2f} % of its distance",
+    "lens-moving": "{finding}. With the others a mapped point moves by {effect_mm:.2g} mm",
     "mount-not-as-expected": "the camera was found {off_mm:.1f} mm and {off_deg:.1f} degrees from where it was"
     " expected",
     "target-not-as-described": "the target is another one than was described: {what: and } of {views} views",

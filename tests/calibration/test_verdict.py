@@ -151,8 +151,19 @@ def test_a_finding_is_an_error_only_beyond_a_limit_in_force(
     code: str, name: str, size: float, within: Severity, limit: float, severity: Severity
 ) -> None:
     given = Finding(code, "error", "what", "fix", sizes=((name, size),), within=within)
-    found = weigh(given, None, replace(VerdictLimits(), **{name: limit}))
+    found = weigh(given, None, replace(VerdictLimits(), **{name: limit}))  # type: ignore[arg-type]
     assert (found.severity, found.fix) == (severity, "none needed" if severity == "info" else "fix")
+
+
+@pytest.mark.parametrize(
+    ("lens_share", "least", "severity"),
+    [(0.04, "info", "info"), (0.04, "warning", "warning"), (0.01, "info", "error")],
+)
+def test_neither_a_size_beyond_its_limit_nor_a_least_severity_is_lowered_by_a_small_effect(
+    lens_share: float, least: Severity, severity: Severity
+) -> None:
+    lens = Finding("x", "error", "what", "fix", 0.0, (("lens_share", 0.02),), within="error", least=least)
+    assert weigh(lens, of_points(0.5, 0.5), replace(FOUR_MM, lens_share=lens_share)).severity == severity
 
 
 def test_from_which_probability_parting_is_mentioned_is_a_limit() -> None:

@@ -96,6 +96,7 @@ export default {
   'comparison': 'Roboter und Bilder widersprechen sich so, wie sie kamen, um {before: und }, mit dieser Erklärung um {after: und }',
   'intrinsics-do-not-fit': 'die gegebene Intrinsik lässt {before_px:.3f} px übrig, eine andere {after_px:.3f} px (fx {fx:.1f}, fy {fy:.1f}, cx {cx:.1f}, cy {cy:.1f}); sie verlegt das Target um {percent:.2f} % seines Abstands',
   'intrinsics-of-another-size': 'die gegebene Intrinsik lässt {before_px:.3f} px übrig, eine andere {after_px:.3f} px (fx {fx:.1f}, fy {fy:.1f}, cx {cx:.1f}, cy {cy:.1f}): sie gehört zu {times:.4g}-mal so großen Bildern; sie verlegt das Target um {percent:.2f} % seines Abstands',
+  'lens-moving': '{finding}. Mit der anderen verschiebt sich ein abgebildeter Punkt um {effect_mm:.2g} mm',
   'mount-not-as-expected': 'die Kamera wurde {off_mm:.1f} mm und {off_deg:.1f} Grad neben dem erwarteten Ort gefunden',
   'target-not-as-described': 'das Target ist ein anderes als beschrieben: {what: und } von {views} Ansichten',
   'target-shown': 'das Target ist ein anderes als beschrieben: {what: und } von {views} Ansichten; {shown}',

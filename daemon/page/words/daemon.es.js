@@ -96,6 +96,7 @@ export default {
   'comparison': 'robot e imágenes discrepan en {before: y } tal como llegaron, y en {after: y } con esta explicación',
   'intrinsics-do-not-fit': 'los intrínsecos dados dejan {before_px:.3f} px donde otros dejan {after_px:.3f} px (fx {fx:.1f}, fy {fy:.1f}, cx {cx:.1f}, cy {cy:.1f}); desplazan el patrón un {percent:.2f} % de su distancia',
   'intrinsics-of-another-size': 'los intrínsecos dados dejan {before_px:.3f} px donde otros dejan {after_px:.3f} px (fx {fx:.1f}, fy {fy:.1f}, cx {cx:.1f}, cy {cy:.1f}): son de imágenes {times:.4g} veces más grandes; desplazan el patrón un {percent:.2f} % de su distancia',
+  'lens-moving': '{finding}. Con los otros un punto transformado se mueve {effect_mm:.2g} mm',
   'mount-not-as-expected': 'la cámara se encontró a {off_mm:.1f} mm y {off_deg:.1f} grados de donde se esperaba',
   'target-not-as-described': 'el patrón es otro que el descrito: {what: y } de {views} vistas',
   'target-shown': 'el patrón es otro que el descrito: {what: y } de {views} vistas; {shown}',

@@ -96,6 +96,7 @@ export default {
   'comparison': '机器人与图像原本相差 {before: 和 }，按此解释相差 {after: 和 }',
   'intrinsics-do-not-fit': '给定内参残差 {before_px:.3f} px，另一组为 {after_px:.3f} px（fx {fx:.1f}、fy {fy:.1f}、cx {cx:.1f}、cy {cy:.1f}）；它使标定板偏移其距离的 {percent:.2f} %',
   'intrinsics-of-another-size': '给定内参残差 {before_px:.3f} px，另一组为 {after_px:.3f} px（fx {fx:.1f}、fy {fy:.1f}、cx {cx:.1f}、cy {cy:.1f}）：它属于 {times:.4g} 倍大的图像；它使标定板偏移其距离的 {percent:.2f} %',
+  'lens-moving': '{finding}。用另一组时映射点移动 {effect_mm:.2g} mm',
   'mount-not-as-expected': '相机位置与预期相差 {off_mm:.1f} mm 和 {off_deg:.1f} 度',
   'target-not-as-described': '标定板与描述不符：{views} 个视图中 {what: 和 }',
   'target-shown': '标定板与描述不符：{views} 个视图中 {what: 和 }；{shown}',

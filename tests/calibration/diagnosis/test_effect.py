@@ -1,13 +1,20 @@
 """A contradiction weighs what it does to a mapped point."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from calibration.camera import CameraModel
+from calibration.likelihood.predicted_uncertainty import point_weights, working_points_mm
 from calibration.problem import Problem, Setup
+from calibration.solution import COVERAGE_FACTOR, Finding, Solution
 from calibration.solve import solve_hand_eye
+from calibration.transforms import inverse, vector_from_transform
 from calibration.verdict import Verdict, VerdictLimits, judge
 from tests.simulated.fault_kinds import GROSS
-from tests.simulated.faults import Noise, moved, simulated_session
+from tests.simulated.faults import Noise, focal_wrong, moved, simulated_session
+from tests.simulated.faulty_sessions import simulated
 from tests.simulated.imperfect_sessions import IMPERFECTIONS, imperfect_cell
 
 CHANGES_OF_X: dict[Setup, str] = {"eye-in-hand": "tool", "eye-to-hand": "base"}
@@ -59,3 +66,62 @@ def test_another_reading_of_all_poses_has_no_effect_to_weigh() -> None:
     fault = GROSS["poses-in-metres"](clean, np.random.default_rng(0))
     errors = [finding for finding in judged(fault.problem).findings if finding.code == "poses-in-metres"]
     assert [(finding.severity, finding.effect_mm) for finding in errors] == [("error", None)]
+
+
+def shift_mm(one: Solution, other: Solution) -> float:
+    """RMS over the working volume at 650 mm, between points mapped by two X."""
+    assert one.mount_T_camera is not None and other.mount_T_camera is not None and one.camera is not None
+    off = vector_from_transform(inverse(one.mount_T_camera) @ other.mount_T_camera)
+    return float(np.sqrt(off @ point_weights(working_points_mm(one.camera, 650.0)) @ off))
+
+
+def lens_of(solution: Solution) -> Finding:
+    (found,) = (finding for finding in solution.findings if finding.code == "intrinsics-do-not-fit")
+    return found
+
+
+@pytest.mark.parametrize("p1_and_p2", [(2e-3, 0.0), (0.0, 5e-3)])
+def test_an_error_of_the_lens_that_the_estimate_does_not_know_is_refused_and_within_u(
+    p1_and_p2: tuple[float, float],
+) -> None:
+    """A principal point elsewhere takes up tangential distortion, and turns X by it: 3 and 8 mm."""
+    clean = simulated_session(np.random.default_rng(0), 12, Noise(), "eye-in-hand")
+    assert clean.camera is not None
+    distortion = np.array([0.0, 0.0, *p1_and_p2, 0.0])
+    problem = replace(clean, camera=CameraModel(clean.camera.matrix, distortion, clean.camera.image_size))
+    solution = solve_hand_eye(problem)
+    found, uncertainty = lens_of(solution), solution.uncertainty
+    assert uncertainty is not None and found.effect_mm is not None
+    wrong_mm = shift_mm(solution, solve_hand_eye(clean))
+    assert wrong_mm == pytest.approx(found.effect_mm, abs=0.5)
+    assert 2 < wrong_mm < 1.1 * COVERAGE_FACTOR * uncertainty.point_mm
+    assert f"a mapped point moves by {found.effect_mm:.2g} mm" in found.message
+    verdict = judge(problem, solution)
+    first, *_ = (finding for finding in verdict.findings if finding.severity == "error")
+    assert first.code == "intrinsics-do-not-fit"
+    assert "principal-point-off" not in {finding.code for finding in verdict.findings}
+
+
+def test_another_focus_that_the_estimate_has_found_is_said_and_widens_nothing() -> None:
+    clean = simulated_session(np.random.default_rng(0), 12, Noise(), "eye-in-hand")
+    problem = focal_wrong(clean, np.random.default_rng(0)).at(0.02).problem
+    right, solution = solve_hand_eye(clean), solve_hand_eye(problem)
+    verdict = judge(problem, solution)
+    said = {finding.code: finding.severity for finding in verdict.findings}
+    assert verdict.accepted
+    assert (said["focal-length-off"], said["intrinsics-do-not-fit"]) == ("warning", "warning")
+    assert lens_of(solution).effect_mm == 0
+    assert right.uncertainty is not None and solution.uncertainty is not None
+    assert solution.uncertainty.point_mm < 1.2 * right.uncertainty.point_mm
+    assert shift_mm(right, solution) < 0.2
+
+
+def test_another_focus_is_not_named_as_another_pitch() -> None:
+    """As described, the lens makes the target 0.6 % smaller; the estimate knows better."""
+    clean = simulated(np.random.default_rng((5, 0, 3))).problem
+    problem = focal_wrong(clean, np.random.default_rng(1)).at(0.011).problem
+    right, solution = solve_hand_eye(clean), solve_hand_eye(problem)
+    codes = {finding.code for finding in solution.findings}
+    assert "focal-length-off" in codes and not codes & {"wrong-pitch", "target-scale"}
+    assert right.uncertainty is not None and solution.uncertainty is not None
+    assert solution.uncertainty.point_mm < 1.2 * right.uncertainty.point_mm
