@@ -164,7 +164,9 @@ def estimate_session(problem: Problem) -> SessionEstimate:
         best = selection.best
         selection = select_views(prepared, selection.used, best.chain, levels, best.z, trend=True)
     selection = widen_by_given(widen_by_shared_errors(prepared, selection))
-    return replace(prepared, scale=selection.best.scale), start, selection
+    scale, found = selection.best.scale, selection.best.seen(prepared.seen)
+    found = replace(found, points_mm=found.points_mm / scale)
+    return replace(prepared, scale=scale, seen_as_found=found), start, selection
 
 
 def solve_rig(problems: Mapping[str, Problem]) -> "RigSolution":

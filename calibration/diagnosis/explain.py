@@ -13,6 +13,7 @@ from calibration.diagnosis.findings import diagnosis_findings, lens_findings, wi
 from calibration.diagnosis.fit import fit
 from calibration.diagnosis.intrinsics_check import (
     LensMisfit,
+    fits_better,
     free_camera,
     gross_lens_misfit,
     lens_misfit,
@@ -29,7 +30,7 @@ from calibration.preprocessing.prepare import IMAGE_DISAGREES, PreparedSession, 
 from calibration.problem import Problem
 from calibration.solution import COVERAGE_FACTOR, Finding, Solution, Uncertainty
 from calibration.transforms import Array
-from calibration.verdict import DEFAULT_VERDICT_LIMITS, exceeds_limit
+from calibration.verdict import DEFAULT_VERDICT_LIMITS
 
 MAX_TRANSLATION_MM = 1e9
 """mm: views with a larger coordinate of the robot's pose are ignored."""
@@ -58,6 +59,8 @@ FLIPPED = frozenset({"pictures-mirrored", "pictures-turned"})
 LENS_DEVIATIONS = frozenset({"focal-length-off", "principal-point-off"})
 """The solver's findings that the lens differs from the description."""
 
+SHAPE_DEVIATION = "target-not-as-drawn"
+
 OF_ANOTHER_SIZE = FLIPPED | {"intrinsics-do-not-fit", "target-not-as-described"}
 """Causes with which the target appears larger or smaller than it is."""
 
@@ -82,7 +85,7 @@ def diagnose_solution(problem: Problem, solution: Solution, prepared: PreparedSe
     drop = set[str]()
     if any(f.code == "pictures-turned" for f in found):
         drop |= {"board-turned"}
-    if any(f.code in OF_ANOTHER_SIZE and f.severity == "error" and exceeds_limit(f) for f in found):
+    if any(_gives_another_size(f) for f in found):
         # Seen through another lens, or with corners numbered otherwise, a target has another size, or a lens seems to.
         drop |= {"target-scale", *LENS_DEVIATIONS}
     if any(f.code == "intrinsics-do-not-fit" and _is_beyond(f, solution.uncertainty) for f in found):
@@ -92,6 +95,13 @@ def diagnose_solution(problem: Problem, solution: Solution, prepared: PreparedSe
         return solution
     findings = _in_order(solution.findings, found)
     return replace(solution, findings=findings, uncertainty=_widen(solution.uncertainty, found))
+
+
+def _gives_another_size(finding: Finding) -> bool:
+    """Whether the target appears larger or smaller than it is; not through a lens that is another focus at most."""
+    share = dict(finding.sizes).get("lens_share", np.inf)
+    is_certain = finding.code in OF_ANOTHER_SIZE and finding.severity == "error"
+    return is_certain and share > DEFAULT_VERDICT_LIMITS.lens_share
 
 
 def _is_beyond(finding: Finding, uncertainty: Uncertainty | None) -> bool:
@@ -126,9 +136,11 @@ def _findings_with_x(problem: Problem, solution: Solution, prepared: PreparedSes
     camera, poses = prepared.camera, prepared.camera_T_target
     used = {view.index for view in solution.views if view.status != "rejected"}
     given = found = _with_turned_views(problem, prepared, camera, poses)
-    if any(finding.code in LENS_DEVIATIONS for finding in solution.findings) and solution.camera is not None:
-        own_poses = refine_poses(prepared.seen, solution.camera, poses)
-        found = _with_turned_views(problem, prepared, solution.camera, own_poses)
+    differs = {finding.code for finding in solution.findings} & {*LENS_DEVIATIONS, SHAPE_DEVIATION}
+    if differs and solution.camera is not None and prepared.seen_as_found is not None:
+        estimated = replace(prepared, seen=prepared.seen_as_found)
+        own_poses = refine_poses(estimated.seen, solution.camera, poses)
+        found = _with_turned_views(problem, estimated, solution.camera, own_poses)
     point = None if solution.mount_T_camera is None else MappedPoint.of(used, prepared.scale, camera, poses)
     another_target = tuple(target_findings(problem)) if _points_lie_elsewhere(prepared, poses) else ()
     if another_target:
@@ -139,6 +151,10 @@ def _findings_with_x(problem: Problem, solution: Solution, prepared: PreparedSes
         as_read = _diagnosis_findings(problem, _as_read(problem, prepared, poses), used, point)
         if any(finding.code in FLIPPED for finding in as_read):
             return as_read
+    if found is not given:
+        as_given = _diagnosis_findings(problem, given, used, point)
+        if any(finding.code in FLIPPED for finding in as_given):
+            return as_given  # such pictures bend the estimate of lens and target
     misfit = None if problem.camera is None else _lens_misfit(problem, prepared, poses)
     if misfit is None:
         return _diagnosis_findings(problem, found, used, point)
@@ -148,21 +164,30 @@ def _findings_with_x(problem: Problem, solution: Solution, prepared: PreparedSes
     if any(finding.code in FLIPPED for finding in as_found):
         return as_found  # other intrinsics fit since the principal point is elsewhere in such pictures
     fitting = _fitting_evidence(problem, prepared, misfit)
+    beyond = misfit.share > MAX_STEP_SHARE or _fits_better(solution, prepared, misfit)
+    if not beyond and differs == {SHAPE_DEVIATION}:
+        return as_found  # it is the target that is not as described, and the lens need not be another one
+    effect_mm = None
+    if beyond and point is not None and solution.mount_T_camera is not None and misfit.share <= MAX_STEP_SHARE:
+        effect_mm = point.shift_by_lens_mm(solution.mount_T_camera, fitting)
     if misfit.after_px > MIN_SURE_SHARE * misfit.before_px and not _agrees_better(fitting, given):
         # The pixels show the target's shape or the light: with those intrinsics the poses would be wrong.
-        lens = lens_findings(misfit, camera, agrees_better=False) if misfit.significant else ()
+        lens = lens_findings(misfit, camera, False, effect_mm) if misfit.significant else ()
         return (*as_found, *lens)
     still_wrong = _diagnosis_findings(problem, fitting, used, point)
     # A slight misfit is reported only when it explains everything.
-    lens = tuple[Finding, ...]()
-    if misfit.significant or not still_wrong:
-        effect_mm = None
-        if point is not None and solution.mount_T_camera is not None and misfit.share <= MAX_STEP_SHARE:
-            effect_mm = point.shift_by_lens_mm(solution.mount_T_camera, fitting)
-        lens = lens_findings(misfit, camera, True, effect_mm)
+    lens = lens_findings(misfit, camera, True, effect_mm) if misfit.significant or not still_wrong else ()
     flipped = any(finding.code in FLIPPED for finding in still_wrong)
     lens_first = misfit.share > MAX_SLIGHT_LENS_SHARE and not flipped
     return (*lens, *still_wrong) if lens_first else (*still_wrong, *lens)
+
+
+def _fits_better(solution: Solution, prepared: PreparedSession, misfit: LensMisfit) -> bool:
+    """Whether the intrinsics of the misfit fit better than the solution's own lens and target."""
+    seen, camera = prepared.seen_as_found, solution.camera
+    if seen is None or camera is None:
+        return False
+    return fits_better(misfit, seen, camera, prepared.camera_T_target, FALSE_ALARM_PROBABILITY)
 
 
 def _fitting_evidence(problem: Problem, prepared: PreparedSession, misfit: LensMisfit) -> Evidence:

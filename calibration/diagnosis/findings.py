@@ -60,8 +60,8 @@ def lens_findings(
     """The finding that the `given` intrinsics do not fit.
 
     `agrees_better`: whether robot and images agree better with the others; if not, the target's shape or the light may
-    be what the pixels show. `effect_mm`: by how much a mapped point moves with the others from where the solution, in
-    which only a few of them are unknown, puts it; by that it is weighed where they are not far apart.
+    be what the pixels show. `effect_mm`: by how much a mapped point moves with the others from where the solution puts
+    it, in which only a few of them are unknown; None where those fit as well.
     """
     matrix, factor = misfit.camera.matrix, _picture_scale(misfit.camera, given)
     message = Sentence(
@@ -75,7 +75,9 @@ def lens_findings(
         percent=100 * misfit.share,
         **({} if factor is None else {"times": 1 / factor}),
     )
+    sizes = [("lens_share", misfit.share)]
     if effect_mm is not None:
+        sizes.append(("tolerance_mm", effect_mm))
         message = Sentence("lens-moving", finding=message, effect_mm=effect_mm)
     return (
         Finding(
@@ -84,8 +86,7 @@ def lens_findings(
             message,
             Sentence("calibrate-camera-in-focus") if factor is None else Sentence("scale-intrinsics", factor=factor),
             effect_mm=effect_mm,
-            sizes=(("lens_share", misfit.share),),
-            within="warning" if effect_mm is None else "error",
+            sizes=tuple(sizes),
             least="warning",
         ),
     )

@@ -96,6 +96,15 @@ def lens_misfit(
     return LensMisfit(found.camera, moved, before, after, share, significant, found.covariance)
 
 
+def fits_better(misfit: LensMisfit, seen: Observations, camera: CameraModel, poses: Array, max_p_value: float) -> bool:
+    """Whether the intrinsics of the misfit fit better than another `camera` about these `poses` (n, 4, 4), with a p
+    value up to `max_p_value`; `seen`: with the target's points that go with that camera."""
+    rows = np.unique(np.linspace(0, len(seen) - 1, MAX_VIEWS).astype(np.intp))
+    few = seen.take(rows)
+    there = pixel_deviation(pixel_statistics(few, camera, refine_poses(few, camera, poses[rows])))
+    return _p_value(few, there**2, misfit.after_px**2) <= max_p_value
+
+
 def _expected_lens(camera: CameraModel) -> Array | None:
     """The given coefficients, when they are not Brown's: those of rational lenses may be of any size."""
     brown = camera.lens_model == "pinhole" and len(camera.distortion) <= BROWN

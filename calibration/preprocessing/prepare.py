@@ -47,6 +47,8 @@ class PreparedSession:
     unusable : reasons of the other views, by position in `problem.views`.
     shape : deviation of the target from the description, None where it is not significant.
     scale : of the target against the description, as it was found.
+    seen_as_found : the observations with the target's shape as the estimate found it, as large as described; None
+        before it.
     camera_covariance : (9, 9) or (12, 12) of the intrinsics by the images, see `CameraEstimate`; None if given.
     given : what was measured along the only axis of rotation, None where the motions determine X.
     """
@@ -62,6 +64,7 @@ class PreparedSession:
     unusable: dict[int, UnusableReason]
     shape: TargetShape | None = None
     scale: float = 1.0
+    seen_as_found: Observations | None = None
     camera_covariance: Array | None = None
     given: GivenCoordinate | None = None
 

@@ -12,6 +12,7 @@ from calibration.solution import COVERAGE_FACTOR, Finding, Solution
 from calibration.solve import solve_hand_eye
 from calibration.transforms import inverse, vector_from_transform
 from calibration.verdict import Verdict, VerdictLimits, judge
+from tests.simulated.described_wrongly import FAULTS, LOW, wrong_session
 from tests.simulated.fault_kinds import GROSS
 from tests.simulated.faults import Noise, focal_wrong, moved, simulated_session
 from tests.simulated.faulty_sessions import simulated
@@ -110,7 +111,7 @@ def test_another_focus_that_the_estimate_has_found_is_said_and_widens_nothing() 
     said = {finding.code: finding.severity for finding in verdict.findings}
     assert verdict.accepted
     assert (said["focal-length-off"], said["intrinsics-do-not-fit"]) == ("warning", "warning")
-    assert lens_of(solution).effect_mm == 0
+    assert lens_of(solution).effect_mm is None
     assert right.uncertainty is not None and solution.uncertainty is not None
     assert solution.uncertainty.point_mm < 1.2 * right.uncertainty.point_mm
     assert shift_mm(right, solution) < 0.2
@@ -125,3 +126,12 @@ def test_another_focus_is_not_named_as_another_pitch() -> None:
     assert "focal-length-off" in codes and not codes & {"wrong-pitch", "target-scale"}
     assert right.uncertainty is not None and solution.uncertainty is not None
     assert solution.uncertainty.point_mm < 1.2 * right.uncertainty.point_mm
+
+
+@pytest.mark.parametrize("seed", [0, 2])
+def test_a_stretched_print_is_neither_another_lens_nor_a_mistyped_pose(seed: int) -> None:
+    """With the target as described the poses of the views are wrong, each in its own way."""
+    rng = np.random.default_rng([7, 8, seed])
+    session = wrong_session(rng, 8, FAULTS["stretch 0.5 %"], LOW, "eye-in-hand", "planned")
+    codes = {finding.code for finding in solve_hand_eye(session.problem).findings}
+    assert codes <= {"target-not-as-drawn", "noise-assumed"}
