@@ -81,4 +81,4 @@ mkdir -p "$ROOT/releases"
 [ -e "$ROOT/releases/$release/complete" ] || build "$ROOT/releases/$release"
 settle_in
 switch use "$release" "$@"
-running || say "Next: edit $CONFIG/handeyed.toml, run 'sudo -u handeyed handeyed check $CONFIG/handeyed.toml', then 'systemctl enable --now handeyed'."
+running || say "Next: edit $CONFIG/handeyed.toml, run 'runuser -u handeyed -- handeyed check $CONFIG/handeyed.toml', then 'systemctl enable --now handeyed'."

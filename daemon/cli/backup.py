@@ -47,4 +47,6 @@ def restore(
         if revoke_keys:
             revoke(config, record.id)
         else:
-            typer.echo(f"valid again: the {record.role} key {record.id} of {record.name}", err=True)
+            typer.echo(
+                f"valid, also if it was revoked since: the {record.role} key {record.id} of {record.name}", err=True
+            )

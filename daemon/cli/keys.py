@@ -60,7 +60,9 @@ def list_keys(config: Config, json: Json = False) -> None:
         until = f"until {record.expires_at}" if record.expires_at else "without end"
         typer.echo(f"{record.id}  {record.role:<9}{record.state(now):<8}  {until:<31}  {record.name}")
     if not records:
-        typer.echo("there are no keys: whoever is on this machine may do everything")
+        typer.echo(
+            "there are no keys: the service lets only root and its group move the arm, a daemon started by hand anybody"
+        )
 
 
 @app.command()

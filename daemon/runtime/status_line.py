@@ -27,7 +27,7 @@ class Doing:
             )  # fmt: skip
         more = f" (and {len(self.warnings) - 1} more warnings: /ready)" if len(self.warnings) > 1 else ""
         warning = f"; {self.warnings[0]}{more}" if self.warnings else ""
-        return f"{self.run} is in progress{warning}" if self.run else f"answers{warning}"
+        return f"{self.run} is in progress{warning}" if self.run else f"up, no run in progress{warning}"
 
 
 class StatusLine:

@@ -89,6 +89,8 @@ def test_one_that_does_not_answer_gives_way_to_the_one_before(machine: Machine) 
     assert (ran.returncode, machine.current, machine.started) == (1, "0.1.0", ["0.2.0", "0.1.0"])
     assert "no camera" in ran.stderr  # what it said
     assert "0.1.0 runs again, and 0.2.0 was not taken into use" in ran.stderr
+    assert machine.run().stdout == "0.1.0  current\n0.2.0\n"  # it is nothing to go back to
+    assert "no release before this one" in machine.run("back").stderr
 
 
 def test_one_that_does_not_take_the_settings_is_not_started(machine: Machine) -> None:

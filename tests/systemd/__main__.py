@@ -19,6 +19,7 @@ def main() -> int:
     parser.add_argument("--suite", default="bookworm", help="the Debian that is booted")
     parser.add_argument("--mirror", help="of Debian's packages")
     parser.add_argument("--until", default="", help="stop before this step, and leave the machine up until Enter")
+    parser.add_argument("--verbose", action="store_true", help="print what each command of the runbook prints")
     arguments = parser.parse_args()
     if lacking := missing():
         print("the package cannot be tried under systemd here: " + "; ".join(lacking))
@@ -32,7 +33,7 @@ def main() -> int:
         try:
             machine.boot()
             say(began_s, f"Debian {arguments.suite} is up, with a live systemd")
-            story = Story(machine, arguments.deb.resolve(), Path(folder))
+            story = Story(machine, arguments.deb.resolve(), Path(folder), arguments.verbose)
             for step in STEPS:
                 if step.__name__ == arguments.until:
                     input(f"before {step.__name__}: Enter goes on ")

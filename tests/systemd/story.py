@@ -44,6 +44,7 @@ class Story:
     machine: Machine
     deb: Path
     folder: Path
+    verbose: bool = False
     key: str = ""
 
     def shown(self, command: str, /, check: bool = True, **filled: str) -> Ran:
@@ -51,7 +52,10 @@ class Story:
         for word, text in filled.items():
             assert word in command, f"{word} is not in {command}"
             command = command.replace(word, text)
-        return self.machine.run(f"cd /root && {command}", check=check)
+        ran = self.machine.run(f"cd /root && {command}", check=check)
+        if self.verbose:
+            print(f"# {command}\n{ran.text}", flush=True)
+        return ran
 
     def started(self, command: str, /) -> "subprocess.Popen[str]":
         """Start a command of the runbook, and go on beside it."""
@@ -120,7 +124,7 @@ def connect(story: Story) -> None:
     expect(story.shown("runuser -u handeyed -- handeyed check /etc/handeyed/handeyed.toml"),
            "ok    settings", "ok    robot", "ok    camera")  # fmt: skip
     story.shown("systemctl enable --now handeyed")
-    expect(story.shown("systemctl status handeyed"), "active (running)", 'Status: "answers"')
+    expect(story.shown("systemctl status handeyed"), "active (running)", 'Status: "up, no run in progress"')
     expect(story.shown("handeyed health /etc/handeyed/handeyed.toml"), f"answers at {HTTP}")
     expect(story.shown("runuser -u handeyed -- handeyed check /etc/handeyed/handeyed.toml"), "with this file")
 
@@ -208,7 +212,7 @@ def late_address(story: Story) -> None:
     machine.run(f"ip address add {ADDRESS}/24 dev lo")
     connects = f"import socket; socket.create_connection(({ADDRESS!r}, 1502), 5)"
     machine.run(f'/opt/mock/bin/python3 -c "{connects}"')
-    machine.until("systemctl status --no-pager handeyed", ['Status: "answers"'])
+    machine.until("systemctl status --no-pager handeyed", ['Status: "up, no run in progress"'])
 
 
 def reload(story: Story) -> None:
@@ -310,13 +314,13 @@ def update_to_a_broken_release(story: Story) -> None:
     if ran.status == 0:
         raise Failed("apt-get says that the broken release is installed")
     expect(story.shown("handeyed health /etc/handeyed/handeyed.toml"), "handeyed 0.2.0 answers")
-    story.shown("apt-get install --allow-downgrades ./handeyed_VERSION_amd64.deb", VERSION=f"0.2.0+{suffix(story)}")
+    story.shown("apt-get install --allow-downgrades handeyed=VERSION", VERSION=f"0.2.0+{suffix(story)}")
     expect(story.shown("handeyed health /etc/handeyed/handeyed.toml"), "handeyed 0.2.0 answers")
 
 
 def roll_back(story: Story) -> None:
     """Back to the release before, at once, and by the package; a run in progress is not waited for with --now."""
-    machine, first = story.machine, version_of(story.deb)
+    machine, first = story.machine, story.place(story.deb)
     expect(story.shown("handeyed-release back"), "runs")
     expect(story.shown("handeyed health /etc/handeyed/handeyed.toml"), f"handeyed {release_of(story)} answers")
     expect(machine.run("handeyed-release back --now"), "0.2.0 runs")

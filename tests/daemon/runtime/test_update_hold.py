@@ -51,9 +51,9 @@ def test_a_hold_lasts_while_it_is_touched_whatever_the_clock_of_the_day_says(tmp
 @pytest.mark.parametrize(
     ("doing", "line"),
     [
-        (Doing("", None, ()), "answers"),
-        (Doing("", None, ("a",)), "answers; a"),
-        (Doing("", None, ("a", "b", "c")), "answers; a (and 2 more warnings: /ready)"),
+        (Doing("", None, ()), "up, no run in progress"),
+        (Doing("", None, ("a",)), "up, no run in progress; a"),
+        (Doing("", None, ("a", "b", "c")), "up, no run in progress; a (and 2 more warnings: /ready)"),
         (Doing("run 7 (calibrate)", None, ()), "run 7 (calibrate) is in progress"),
         (Doing("", "release 2", ("a",)), "held, free for release 2"),
         (Doing("run 7 (scan)", "release 2", ()), "held, run 7 (scan) is in progress: release 2 waits for its end"),
@@ -80,7 +80,7 @@ async def test_no_run_begins_while_an_update_holds_the_daemon(tmp_path: Path) ->
         ready = (await bench.client.get("/ready")).json()
         assert ready["calibrate"]["reasons"] == ready["warnings"] == [refused.json()["detail"]]
         hold.unlink()
-        while line != "STATUS=answers":
+        while line != "STATUS=up, no run in progress":
             line = await manager.hears()
         assert (await bench.client.post("/calibrate")).status_code == 202
     manager.socket.close()
