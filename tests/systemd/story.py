@@ -335,8 +335,10 @@ def remove(story: Story) -> None:
     story.shown("apt-get remove handeyed")
     machine.run(f"test -e {SETTINGS} && ! test -e /opt/handeyed")
     expect(story.shown("apt-get purge handeyed"), "What was measured stays in /var/lib/handeyed")
-    left = machine.run("find /etc /opt /usr /lib -name '*handeyed*' -not -path '/usr/share/doc/*'; find /etc -xtype l"
-                       " -path '*handeyed*'").text  # fmt: skip
+    story.shown("rm -f /etc/apt/sources.list.d/handeyed.list /usr/share/keyrings/handeyed.gpg")
+    named = "find /etc /opt /usr /lib -name '*handeyed*' -not -path '/opt/mock/*'"
+    dangling = "find /etc -xtype l -lname '*handeyed*'"
+    left = machine.run(f"{named}; {dangling}").text
     if left.strip():
         raise Failed(f"left behind: {left}")
     machine.run("test -d /var/lib/handeyed/runs")
