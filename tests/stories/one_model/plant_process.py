@@ -52,7 +52,7 @@ ARM = "IRB 1600-6/1.45"
 TAUGHT = poses_around_the_target()[:3]
 PICTURES = [picture_of_the_board(pose) for pose in TAUGHT]
 """Drawn once, in the fork server."""
-BOX_MM = ((560.0, -420.0, 300.0), (1240.0, 340.0, 930.0))
+BOX_MM = ((560.0, -420.0, 300.0), (1240.0, 340.0, 1000.0))
 CARRIED_MM = ((60.0, 40.0, 120.0),)
 CAMERA_LOST, CLOCK = "camera lost", "clock"
 ROLES_WITH_KEYS = (Role.ADMIN, Role.OPERATOR, Role.VIEWER)
