@@ -108,7 +108,11 @@ ROWS = (
     _fails("camera-stale", "device-timeout", "older than asked for", "goes on taking pictures", DEVICE_S),
     _left_out("camera-black", "the image is black"),
     _left_out("camera-saturated", "the image is"),
-    _left_out("camera-torn", "view 1"),
+    _goes_on(
+        "camera-torn",
+        "the view or its torn corners are left out, and the verdict says so",
+        finding="view 1|corners lie too far",
+    ),
     _fails("camera-wrong-size", "garbled-answer", "expected 960×600", "set the camera to the size"),
     _fails("camera-half-file", "garbled-answer", "not a whole picture", "whole PNG or JPEG"),
     _fails("camera-empty-file", "garbled-answer", "the answer is empty", "check the device and the URL"),
