@@ -53,7 +53,7 @@ def _parser() -> argparse.ArgumentParser:
     run.add_argument(
         "--serial", action="store_true", help="open a serial line (a pty): with RAPID in place of the socket"
     )
-    run.add_argument("--home", type=_folder, help="run the RAPID of this folder: any controller's HOME, or a backup")
+    run.add_argument("--home", type=_folder, help="run the RAPID of this folder: a controller's HOME, or a backup")
     run.add_argument("--bare", action="store_true", help="a controller without the robot program, to set up over RWS")
     run.add_argument("--virtual", action="store_true", help="RWS says that it is RobotStudio's controller")
     run.add_argument("--without", action="append", default=[], metavar="OPTION", help="an absent option, as 623-1")

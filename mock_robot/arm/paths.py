@@ -39,8 +39,8 @@ class JointPath:
 
 
 @dataclass(frozen=True, eq=False)
-class _FlangePath:
-    """A path of the flange, which rotates about one fixed axis; blocked where the arm cannot follow."""
+class LinePath:
+    """The flange moves on a straight line and rotates about one fixed axis; blocked where the arm cannot follow."""
 
     arm: AnyArm
     start: Array
@@ -50,10 +50,8 @@ class _FlangePath:
         """Flange pose (4, 4) at the fraction `along` of the path."""
         first, last = self._ends
         turn = vector_from_rotation(first[:3, :3].T @ last[:3, :3])
-        return transform(first[:3, :3] @ rotation_from_vector(along * turn), self._position_at(along))
-
-    def _position_at(self, along: float) -> Array:
-        raise NotImplementedError
+        position = (1 - along) * first[:3, 3] + along * last[:3, 3]
+        return transform(first[:3, :3] @ rotation_from_vector(along * turn), position)
 
     @cached_property
     def _ends(self) -> tuple[Array, Array]:
@@ -87,44 +85,3 @@ class _FlangePath:
             return self.end
         before = self._reachable_joints[min(int(along * LINE_STEPS), len(self._reachable_joints) - 1)]
         return self.arm.nearest(self.base_T_flange_at(along), before)
-
-
-@dataclass(frozen=True, eq=False)
-class LinePath(_FlangePath):
-    """The flange moves on a straight line."""
-
-    def _position_at(self, along: float) -> Array:
-        first, last = self._ends
-        position: Array = (1 - along) * first[:3, 3] + along * last[:3, 3]
-        return position
-
-
-@dataclass(frozen=True, eq=False)
-class CirclePath(_FlangePath):
-    """The flange moves on the arc through `via_mm` (3,), in the base frame; on a line when that lies on it."""
-
-    via_mm: Array
-
-    def _position_at(self, along: float) -> Array:
-        first, last = (end[:3, 3] for end in self._ends)
-        circle = circle_through(first, self.via_mm, last)
-        if circle is None:
-            on_line: Array = (1 - along) * first + along * last
-            return on_line
-        centre, axis, turn_rad = circle
-        position: Array = centre + rotation_from_vector(along * turn_rad * axis) @ (first - centre)
-        return position
-
-
-def circle_through(first: Array, via: Array, last: Array) -> tuple[Array, Array, float] | None:
-    """Centre (3,), axis (3,) and angle in rad of the arc from `first` over `via` to `last`; None on a line."""
-    a, b = via - first, last - first
-    normal = np.cross(a, b)
-    size = float(normal @ normal)
-    if size < 1e-9 * float(a @ a) * float(b @ b) or size == 0.0:
-        return None
-    centre = first + (float(a @ a) * np.cross(b, normal) + float(b @ b) * np.cross(normal, a)) / (2 * size)
-    axis = normal / np.sqrt(size)
-    outward, end = first - centre, last - centre
-    turn_rad = float(np.arctan2(np.cross(outward, end) @ axis, outward @ end)) % (2 * np.pi)
-    return centre, axis, turn_rad

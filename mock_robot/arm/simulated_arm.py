@@ -14,7 +14,7 @@ from calibration.kinematics.load import NO_LOAD, Load
 from calibration.kinematics.seven_axes import AnyArm
 from calibration.transforms import Array, rotation_angle_rad, rotation_from_vector, transform
 from mock_robot.arm.built_arm import SWITCHED_ON_C, BuiltArm, warmth_k
-from mock_robot.arm.paths import CirclePath, JointPath, LinePath, Path
+from mock_robot.arm.paths import JointPath, LinePath, Path
 from mock_robot.arm.speed_profile import Braked, Profile, Trapezoid
 
 IN_POSITION_S = 0.3
@@ -78,14 +78,12 @@ def plan_motion(
     linear: bool,
     now_s: float,
     turn_rad_s: float = REORIENTATION_RAD_S,
-    via_mm: Array | None = None,
 ) -> ArmMotion:
     """Move between two joint vectors at that flange speed and reorientation, up to where the path is blocked.
 
-    The axes' speeds limit it, too. `via_mm` (3,): a point of the flange's arc, in the base frame.
+    The axes' speeds limit it, too.
     """
-    straight: Path = LinePath(arm, start, end) if linear else JointPath(start, end)
-    path = straight if via_mm is None else CirclePath(arm, start, end, via_mm)
+    path: Path = LinePath(arm, start, end) if linear else JointPath(start, end)
     if path.reachable_fraction <= 0.0:
         return ArmMotion(JointPath(start, start, reachable_fraction=0.0), Trapezoid(0.0, 1.0, 1.0), now_s)
     along = np.linspace(0.0, path.reachable_fraction, 9)
@@ -139,12 +137,11 @@ class SimulatedArm:
         linear: bool,
         now_s: float,
         turn_rad_s: float = REORIENTATION_RAD_S,
-        via_mm: Array | None = None,
     ) -> float:
         """Start a move from the current position; returns the fraction of its path that can be followed (1: all)."""
         here = self.joints_at(now_s)
         self._come_from(here, joints)
-        self._motion = plan_motion(self.arm, here, joints, speed_mm_s, linear, now_s, turn_rad_s, via_mm)
+        self._motion = plan_motion(self.arm, here, joints, speed_mm_s, linear, now_s, turn_rad_s)
         self._departures += 1
         return self._motion.path.reachable_fraction
 

@@ -88,7 +88,7 @@ class PythonWires:
 class RapidWires:
     """Links of the RAPID program, which opens its own socket, or the pty behind its serial port, as configured.
 
-    `home`: a folder with any controller's program, which is not configured and not waited for.
+    `home`: a folder with a program of its own, which is not configured and not waited for.
     """
 
     def __init__(

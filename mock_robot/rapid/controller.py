@@ -18,7 +18,6 @@ from mock_robot.rapid.errors import ProgramStopped
 from mock_robot.rapid.frames import FrameFaultBoard
 from mock_robot.rapid.home import HomeFragments
 from mock_robot.rapid.interrupts import Interrupts
-from mock_robot.rapid.messages import MessageQueues
 from mock_robot.rapid.program import PersistentMemory, Program
 from mock_robot.rapid.services import MAX_CLOCK_S, OpenDevices, Services
 from mock_robot.rapid.signals import Signal
@@ -48,7 +47,7 @@ class Loaded:
 class RapidController(Cabinet):
     """Tasks in threads, from `begin` to `end`. `settings`: PERS values an integrator sets before loading.
 
-    `home`: the folder is any controller's HOME or backup, read by `HomeFragments`. `robotware`: 6 or 7, whose
+    `home`: the folder is a controller's HOME or backup, read by `HomeFragments`. `robotware`: 6 or 7, whose
     configuration fragments are loaded. `max_clock_s`: the age at which clocks overflow.
     """
 
@@ -61,7 +60,6 @@ class RapidController(Cabinet):
     board: FrameFaultBoard = field(default_factory=lambda: FrameFaultBoard(FAULTS))
     devices: OpenDevices = field(default_factory=OpenDevices)
     memory: PersistentMemory = field(default_factory=PersistentMemory, init=False)
-    queues: MessageQueues = field(default_factory=MessageQueues, init=False)
     unit: MotionUnit = field(init=False)
     signals: dict[str, Signal] = field(default_factory=dict, init=False)
     _loaded: list[Loaded] = field(default_factory=list, init=False)
@@ -173,7 +171,7 @@ class RapidController(Cabinet):
 
     def _load_task(self, plan: TaskPlan) -> Loaded:
         task = ProgramTask(plan.name, self, plan.motion, now_s=self.clock)
-        program = Program(task, self.memory, self.signals, [each.name for each in self._plans])
+        program = Program(task, self.memory, self.signals)
         program.load(plan.sources)
         interrupts = Interrupts(task)
         task.services = Services(
@@ -187,11 +185,7 @@ class RapidController(Cabinet):
             self.max_clock_s,
             self.signals,
             egm_devices(self._fragments),
-            self._fragments.read,
-            self.queues,
-            self.disk,
         )
-        self.queues.tasks.add(plan.name)
         task.main = program.main()
         return Loaded(plan, task, interrupts)
 

@@ -10,14 +10,10 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field
 
-from mock_robot.cabinet.disk import Disk
 from mock_robot.cabinet.wire_steps import Close, Pause, Reset, Send, WireStep
 from mock_robot.rapid.errors import RapidError
 from mock_robot.rapid.frames import FrameFaultBoard
-from mock_robot.rapid.messages import RMQMESSAGE, RMQSLOT
-from mock_robot.rapid.triggers import TRIGGDATA
 from mock_robot.rapid.types import Atom
-from mock_robot.rapid.zones import SHAPEDATA, WZSTATIONARY, WZTEMPORARY
 
 CHUNK = 4096
 
@@ -193,38 +189,10 @@ class SerialLine:
             os.write(self.fileno, data)
 
 
-class OpenFile:
-    """A file of the controller's disk, read from its place on, or written at its end."""
-
-    def __init__(self, disk: Disk, path: str, *, writes: bool) -> None:
-        self._disk, self._path, self._writes = disk, path, writes
-        self.place = 0
-
-    @property
-    def content(self) -> bytes:
-        """All of it."""
-        return self._disk.files[self._path]
-
-    def read(self, count: int) -> bytes:
-        """At most `count` bytes; none at the end."""
-        if self._writes:
-            raise RapidError("ERR_FILEACC", "the file is open for writing")
-        taken = self.content[self.place : self.place + count]
-        self.place += len(taken)
-        return taken
-
-    def write(self, data: bytes) -> None:
-        """Write at the end."""
-        if not self._writes:
-            raise RapidError("ERR_FILEACC", "the file is open for reading")
-        self._disk.files[self._path] = self.content + data
-
-
 class IoDevice:
-    """An iodev: a serial line or a file once opened."""
+    """An iodev: a serial line once opened."""
 
     def __init__(self) -> None:
-        self.file: OpenFile | None = None
         self._line: SerialLine | None = None
         self._carrier: Carrier | None = None
 
@@ -236,33 +204,22 @@ class IoDevice:
         """Detach from the line."""
         if self._carrier is not None:
             self._carrier.end()
-        self.file = self._line = self._carrier = None
+        self._line = self._carrier = None
 
     @property
     def line(self) -> SerialLine:
         """The line of an open device."""
         if self._line is None:
-            raise RapidError("ERR_FILEACC", "the channel is not open, or a file")
+            raise RapidError("ERR_FILEACC", "the channel is not open")
         return self._line
 
     def send(self, data: bytes, board: FrameFaultBoard) -> None:
-        """Send bytes, subject to the faults; a file takes them."""
-        if self.file is not None:
-            self.file.write(data)
-            return
+        """Send bytes, subject to the faults."""
         assert self.line is not None
         assert self._carrier is not None
         self._carrier.carry(board.outgoing_bytes(data))
 
 
-class OpenFolder:
-    """A dir: the names in a folder that are still to be read."""
-
-    def __init__(self) -> None:
-        self.names: list[str] | None = None
-
-
-DIR = Atom("dir", OpenFolder, device=True)
 SOCKETDEV = Atom("socketdev", SocketDevice, device=True)
 IODEV = Atom("iodev", IoDevice, device=True)
-DEVICES = (SOCKETDEV, IODEV, DIR, RMQSLOT, RMQMESSAGE, TRIGGDATA, SHAPEDATA, WZSTATIONARY, WZTEMPORARY)
+DEVICES = (SOCKETDEV, IODEV)

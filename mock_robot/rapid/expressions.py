@@ -91,7 +91,7 @@ def aggregate(context: CompileContext, node: Node, wanted: Type | None) -> Expre
         )
     items = parts(node)
     if isinstance(wanted, Array) and wanted.length == OPEN:
-        wanted = _closed(wanted, node)
+        wanted = _with_lengths(wanted, node)
     if len(items) != len(wanted.parts):
         raise context.wrong(line_of(node), f"{wanted.name} has {len(wanted.parts)} parts, here are {len(items)}")
     evaluates = [expression(context, item, kind).evaluate for item, kind in zip(items, wanted.parts, strict=True)]
@@ -100,12 +100,12 @@ def aggregate(context: CompileContext, node: Node, wanted: Type | None) -> Expre
     return Expression(wanted, lambda frame: [copy(evaluate(frame)) for copy, evaluate in pairs])
 
 
-def _closed(wanted: Array, node: Node) -> Array:
+def _with_lengths(wanted: Array, node: Node) -> Array:
     """An array {*} with the lengths that the aggregate has."""
     items = parts(node)
     element = wanted.element
     if isinstance(element, Array) and element.length == OPEN and items:
-        element = _closed(element, items[0])
+        element = _with_lengths(element, items[0])
     return Array(element, len(items))
 
 

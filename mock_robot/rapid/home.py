@@ -5,7 +5,7 @@ with nothing but modules, which are those of the motion task.
 """
 
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
@@ -119,12 +119,12 @@ def load_problems(folder: Path) -> tuple[int, list[LoadProblem]]:
     are declared together first where that is possible.
     """
     problems, count, home = [], 0, HomeFragments(folder, 6)
-    signals, tasks = home.signals(), [each["Name"] for each in home.read("SYS").get("CAB_TASKS", []) if "Name" in each]
+    signals = home.signals()
     for path in _files(folder, MODULES):
         count += 1
         try:
             beside = [other for other in _files(_task_folder(path), MODULES) if other != path]
-            load_module(path, beside, signals, tasks)
+            load_module(path, beside, signals)
         except (RapidSyntaxError, RapidProgramError) as error:
             problems.append(LoadProblem(str(path.relative_to(folder)), str(error)))
     return count, problems
@@ -139,19 +139,18 @@ def load_module(
     path: Path,
     beside: Iterable[Path] = (),
     signals: Mapping[str, Signal] = MappingProxyType({}),
-    tasks: Sequence[str] = (),
 ) -> None:
     """Parse and compile one module with those beside it. Raises RapidSyntaxError, RapidProgramError."""
     own = Source(path.name, module_text(path))
     if _is_encoded(own.text):
         raise RapidProgramError(path.name, 1, "the module is encoded: only a controller reads it")
     try:
-        _compile_all([own], signals, tasks)
+        _compile_all([own], signals)
     except RapidProgramError:
-        others = [source for other in beside if (source := _parsed(other)) is not None]
+        others = [source for other in beside if (source := _parse_or_none(other)) is not None]
         if not others:
             raise
-        _compile_all([own, *others], signals, tasks, only=own)
+        _compile_all([own, *others], signals, only=own)
 
 
 def _is_encoded(text: str) -> bool:
@@ -159,7 +158,7 @@ def _is_encoded(text: str) -> bool:
     return sum(character < " " and character not in "\t\r\n\f\v" for character in text) > 0.02 * len(text)
 
 
-def _parsed(path: Path) -> Source | None:
+def _parse_or_none(path: Path) -> Source | None:
     """A module that can be read; None for another."""
     source = Source(path.name, module_text(path))
     try:
@@ -169,11 +168,9 @@ def _parsed(path: Path) -> Source | None:
     return source
 
 
-def _compile_all(
-    sources: list[Source], signals: Mapping[str, Signal], tasks: Sequence[str], only: Source | None = None
-) -> None:
+def _compile_all(sources: list[Source], signals: Mapping[str, Signal], only: Source | None = None) -> None:
     task = ProgramTask(FACTORY_TASK, _Nobody(), True)
-    Program(task, PersistentMemory(), signals, tasks).load(sources, only=only)
+    Program(task, PersistentMemory(), signals).load(sources, only=only)
 
 
 class _Nobody:

@@ -3,19 +3,14 @@
 import threading
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from functools import partial
 from itertools import count
 from typing import Any
 
 from mock_robot.rapid.errors import RapidError
 from mock_robot.rapid.scope import CompileContext, Data, Frame, Persistent, Routine, Slot
-from mock_robot.rapid.signals import Signal
 from mock_robot.rapid.syntax import Node, line_of, name, word
 from mock_robot.rapid.tasks import ErrorEvent, ProgramTask
 from mock_robot.rapid.types import NUM
-
-LOOK_S = 0.02
-"""Period at which a signal that mirrors something is read."""
 
 
 @dataclass
@@ -27,13 +22,9 @@ class Interrupt:
     notice: Callable[[], None] | None = None
     timer: threading.Event | None = None
     errors: tuple[int, int, float | None] | None = None
-    unwatch: Callable[[], None] | None = None
-    muted: bool = False
 
     def end(self) -> None:
         """Stop watching."""
-        if self.unwatch is not None:
-            self.unwatch()
         if self.timer is not None:
             self.timer.set()
         if self.watched is not None:
@@ -61,41 +52,17 @@ class Interrupts:
         """Trigger at every change of a PERS, or at the first one."""
         if not isinstance(slot, Persistent):
             raise RapidError("ERR_ARGVALERR", "only a whole PERS can be watched")
-        order = self._ordered(number)
+        order = self._renew(number)
 
         def notice() -> None:
             if once:
                 order.end()
-            self._fire(order)
+            self.task.interrupt(order.trap)
 
         order.watched, order.notice = slot, notice
         slot.watchers = (*slot.watchers, notice)
 
-    def watch_signal(self, signal: Signal, number: float, wanted: float | None, once: bool) -> None:
-        """Trigger when the signal changes to `wanted`, or at every change; with `once` only the first time."""
-        order = self._ordered(number)
-        ended = order.timer = threading.Event()
-
-        def notice(value: float) -> None:
-            if not ended.is_set() and wanted in (None, value):
-                if once:
-                    ended.set()
-                self._fire(order)
-
-        if signal.source is None:
-            signal.watchers = (*signal.watchers, notice)
-            order.unwatch = partial(_unwatch, signal, notice)
-        else:
-            threading.Thread(target=_look_at, args=(signal, notice, ended), name="rapid signal", daemon=True).start()
-
-    def mute(self, number: float, muted: bool) -> None:
-        """ISleep and IWatch: what comes in between is lost."""
-        order = self._orders.get(number)
-        if order is None:
-            raise RapidError("ERR_UNKINO", f"interrupt {number:g} is not connected")
-        order.muted = muted
-
-    def _ordered(self, number: float) -> Interrupt:
+    def _renew(self, number: float) -> Interrupt:
         """The interrupt of that number, without what it watched. Raises ERR_UNKINO."""
         order = self._orders.get(number)
         if order is None:
@@ -103,24 +70,14 @@ class Interrupts:
         order.end()
         return order
 
-    def trigger(self, number: float) -> None:
-        """Trigger as TriggInt and a received message do; no error for one that is gone."""
-        order = self._orders.get(number)
-        if order is not None:
-            self._fire(order)
-
-    def _fire(self, order: Interrupt, event: ErrorEvent | None = None) -> None:
-        if not order.muted:
-            self.task.interrupt(order.trap, event)
-
     def repeat(self, number: float, period_s: float, once: bool) -> None:
         """Trigger every `period_s` of wire time, or once after it."""
-        order = self._ordered(number)
+        order = self._renew(number)
         ended = order.timer = threading.Event()
 
         def tick() -> None:
             while not ended.wait(period_s):
-                self._fire(order)
+                self.task.interrupt(order.trap)
                 if once:
                     return
 
@@ -128,7 +85,7 @@ class Interrupts:
 
     def watch_errors(self, number: float, domain: int, kind: int, error: float | None) -> None:
         """Trigger at every entry of the event log of that domain (0: any), type (0: any) and number (None: any)."""
-        order = self._ordered(number)
+        order = self._renew(number)
         order.errors = (domain, kind, error)
 
     def note_event(self, event: ErrorEvent) -> None:
@@ -138,7 +95,7 @@ class Interrupts:
                 continue
             domain, kind, error = order.errors
             if domain in (0, event.domain) and kind in (0, event.type) and error in (None, event.number):
-                self._fire(order, event)
+                self.task.interrupt(order.trap, event)
 
     def delete(self, slot: Slot) -> None:
         """Remove the interrupt; no error for an unknown one."""
@@ -157,20 +114,6 @@ class Interrupts:
         for order in orders:
             order.end()
         self.task.forget()
-
-
-def _unwatch(signal: Signal, notice: Callable[[float], None]) -> None:
-    signal.watchers = tuple(each for each in signal.watchers if each is not notice)
-
-
-def _look_at(signal: Signal, notice: Callable[[float], None], ended: threading.Event) -> None:
-    """Notice the changes of a signal that mirrors something else, which has no event."""
-    before = signal.read()
-    while not ended.wait(LOOK_S):
-        now = signal.read()
-        if now != before:
-            before = now
-            notice(float(now))
 
 
 def connection(context: CompileContext, node: Node) -> Callable[[Frame], None]:

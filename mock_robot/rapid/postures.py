@@ -28,22 +28,14 @@ def singles(values: Any) -> list[float]:
     return [single(float(value)) for value in values]
 
 
-def flange_of(target: list[Any], tool: list[Any], wobj: list[Any] | None, displaced: Array | None = None) -> Array:
-    """world_T_flange for a robtarget of a tool: world_T_user_T_object_T_tool, displaced, without the tool."""
-    world_T_tool = _place(wobj, displaced) @ matrix_of(target)
-    return world_T_tool @ inverse(matrix_of(tool[1]))
+def flange_of(target: list[Any], tool: list[Any], wobj: list[Any] | None) -> Array:
+    """world_T_flange for a robtarget of a tool: world_T_user_T_object_T_tool without the tool."""
+    return world_T_object(wobj) @ matrix_of(target) @ inverse(matrix_of(tool[1]))
 
 
-def target_at(
-    world_T_flange: Array, tool: list[Any], wobj: list[Any] | None, displaced: Array | None = None
-) -> list[Any]:
-    """[trans, rot] of the tool in the displaced work object."""
-    return trans_and_rot(inverse(_place(wobj, displaced)) @ world_T_flange @ matrix_of(tool[1]))
-
-
-def _place(wobj: list[Any] | None, displaced: Array | None) -> Array:
-    """world_T_object, moved by a displacement of the program within it."""
-    return world_T_object(wobj) if displaced is None else world_T_object(wobj) @ displaced
+def target_at(world_T_flange: Array, tool: list[Any], wobj: list[Any] | None) -> list[Any]:
+    """[trans, rot] of the tool in the work object."""
+    return trans_and_rot(inverse(world_T_object(wobj)) @ world_T_flange @ matrix_of(tool[1]))
 
 
 def world_T_object(wobj: list[Any] | None) -> Array:

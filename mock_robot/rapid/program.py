@@ -1,17 +1,15 @@
 """The program of one task: declares, checks and compiles its modules; and the PERS that outlive it."""
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext, suppress
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 from mock_robot.rapid.calls import call
-from mock_robot.rapid.cfg_types import FACTORY_TASK
 from mock_robot.rapid.errors import CycleLeft, LongJump, ProgramStopped, RaisedFurther, RapidProgramError
 from mock_robot.rapid.expressions import expression
 from mock_robot.rapid.headers import SYSTEM, builtins, declare_types, parameters_of, system_types
 from mock_robot.rapid.scope import (
-    LONG_JUMP_ALL,
     CompileContext,
     Data,
     ErrorNumbers,
@@ -26,7 +24,7 @@ from mock_robot.rapid.statements import Run, block
 from mock_robot.rapid.symbols import LiveSymbol
 from mock_robot.rapid.syntax import Node, line_of, name, optional_part, parse_module, parse_system, part, parts
 from mock_robot.rapid.tasks import EXECUTION_ERROR, ProgramTask
-from mock_robot.rapid.types import NUM, TASKID, Array, Type
+from mock_robot.rapid.types import NUM, Array, Type
 
 
 @dataclass(frozen=True)
@@ -70,12 +68,11 @@ class PersistentMemory:
 
 @dataclass
 class Program:
-    """All modules of a task. `tasks`: names of the controller's tasks, each of which has a taskid."""
+    """All modules of a task."""
 
     task: ProgramTask
     memory: PersistentMemory
     signals: Mapping[str, Signal]
-    tasks: Collection[str] = ()
     scope: Scope = field(init=False)
     errors: ErrorNumbers = field(init=False)
     _scopes: dict[str, Scope] = field(default_factory=dict, init=False)
@@ -99,18 +96,7 @@ class Program:
         for signal, device in self.signals.items():
             kind = SIGNAL_TYPES[device.kind]
             self.scope.symbols[signal.casefold()] = Data(signal.casefold(), kind, "var", Slot(device))
-        for each in {FACTORY_TASK, self.task.name, *self.tasks}:
-            self.scope.symbols[f"{each}id".casefold()] = Data(f"{each}id", TASKID, "var", Slot(each))
         self.scope = Scope(self.scope)
-        self.task.procedures, self.task.data = self._procedure, self._data
-
-    def _procedure(self, name: str) -> Routine | None:
-        found = self.scope.find(name)
-        return found if isinstance(found, Routine) and found.kind == "proc" else None
-
-    def _data(self, name: str) -> Data | None:
-        found = self.scope.find(name)
-        return found if isinstance(found, Data) else None
 
     def load(self, sources: Sequence[Source], only: Source | None = None) -> None:
         """Declare every module, then compile every routine, or those of `only`.
@@ -252,7 +238,7 @@ def _compile(context: CompileContext, routine: Routine, node: Node) -> None:
 
     def run_as_recovery_point(frame: Frame) -> Any:
         points = context.task.recovery_points
-        points.append(lambda number: any(listed(frame) in (number, LONG_JUMP_ALL) for listed in routine.listed))
+        points.append(lambda number: any(listed(frame) == number for listed in routine.listed))
         try:
             return inside(frame)
         finally:

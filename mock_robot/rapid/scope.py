@@ -7,8 +7,6 @@ from typing import Any
 from mock_robot.rapid.errors import RapidError, RapidProgramError
 from mock_robot.rapid.types import Type
 
-LONG_JUMP_ALL = 1099.0
-"""LONG_JMP_ALL_ERR of system.rapid: a handler that lists it takes every error that comes by a long jump."""
 Frame = list[Any]
 """A routine's data while it runs: its result, then one slot per parameter and local name."""
 

@@ -5,12 +5,10 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from mock_robot.cabinet.disk import Disk
 from mock_robot.cabinet.panel import Panel
 from mock_robot.rapid.devices import SerialLine
 from mock_robot.rapid.frames import FrameFaultBoard
 from mock_robot.rapid.interrupts import Interrupts
-from mock_robot.rapid.messages import MessageQueues
 from mock_robot.rapid.scope import ErrorNumbers
 from mock_robot.rapid.signals import Signal
 from mock_robot.rapid.unit import MotionUnit
@@ -64,8 +62,7 @@ MAX_CLOCK_S = 4_294_967.0
 class Services:
     """Services of one task. `max_clock_s`: the age at which its clocks overflow.
 
-    `egm_devices`: by name the port they send to, None where the mock's own sender does; `configuration`: instances of a
-    domain by type.
+    `egm_devices`: by name the port they send to, None where the mock's own sender does.
     """
 
     unit: MotionUnit
@@ -78,6 +75,3 @@ class Services:
     max_clock_s: float = MAX_CLOCK_S
     signals: Mapping[str, Signal] = field(default_factory=dict)
     egm_devices: Mapping[str, int | None] = field(default_factory=dict)
-    configuration: Callable[[str], dict[str, list[dict[str, str]]]] = lambda domain: {}
-    queues: MessageQueues = field(default_factory=MessageQueues)
-    disk: Disk = field(default_factory=Disk)

@@ -1,4 +1,4 @@
-"""Signals of a controller: set by programs, by tests, or mirroring a system output or a world zone."""
+"""Signals of a controller: set by programs, by tests, or mirroring a system output."""
 
 from collections.abc import Callable
 from typing import Any
@@ -21,31 +21,18 @@ DIGITAL = ("DI", "DO")
 class Signal:
     """A signal of EIO.cfg. `kind`: DI, DO, GI, GO, AI or AO. `source`: what it mirrors; programs only read it then.
 
-    A digital one is a bool, the others are numbers. `watchers` are called with the new number at every change.
+    A digital one is a bool, the others are numbers; `value` is its state, without a source's.
     """
 
     def __init__(
         self, name: str, kind: str, source: Callable[[], bool] | None = None, value: bool | float = False
     ) -> None:
         self.name, self.kind, self.source = name, kind, source
-        self.watchers: tuple[Callable[[float], None], ...] = ()
-        self._value: Any = value if kind in DIGITAL else float(value)
-
-    @property
-    def value(self) -> Any:
-        """Its state, without a source's."""
-        return self._value
-
-    @value.setter
-    def value(self, value: bool | float) -> None:
-        changed, self._value = value != self._value, value
-        if changed:
-            for notice in self.watchers:
-                notice(float(value))
+        self.value: Any = value if kind in DIGITAL else float(value)
 
     def read(self) -> Any:
         """Its state now."""
-        return self._value if self.source is None else self.source()
+        return self.value if self.source is None else self.source()
 
 
 def signal_of(value: Any) -> Signal:

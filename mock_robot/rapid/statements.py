@@ -8,7 +8,7 @@ from mock_robot.rapid.calls import call
 from mock_robot.rapid.errors import LongJump, ProgramStopped, RaisedFurther, RapidError, RapidProgramError
 from mock_robot.rapid.expressions import Evaluate, as_value, expression, reference
 from mock_robot.rapid.interrupts import connection
-from mock_robot.rapid.scope import LONG_JUMP_ALL, Builtin, CompileContext, Frame, Routine, Scope, Slot
+from mock_robot.rapid.scope import Builtin, CompileContext, Frame, Routine, Scope, Slot
 from mock_robot.rapid.syntax import Node, line_of, name, optional_part, part, parts, word
 from mock_robot.rapid.tasks import EXECUTION_ERROR
 from mock_robot.rapid.types import BOOL, NUM, STRING, Atom
@@ -106,7 +106,7 @@ def _handle(context: CompileContext, frame: Frame, error: RapidError) -> Flow:
 
 
 def _lists(routine: Routine, frame: Frame, number: float) -> bool:
-    return any(listed(frame) in (number, LONG_JUMP_ALL) for listed in routine.listed)
+    return any(listed(frame) == number for listed in routine.listed)
 
 
 def _run_handler(context: CompileContext, frame: Frame, routine: Routine, error: RapidError) -> Flow:

@@ -12,7 +12,7 @@ from time import monotonic
 from typing import Any, Protocol
 
 from mock_robot.rapid.errors import CycleLeft, ProgramStopped, RaisedFurther, RapidError
-from mock_robot.rapid.scope import Data, Routine
+from mock_robot.rapid.scope import Routine
 
 EXECUTION_ERROR = 10020
 """ABB's event number: execution error state."""
@@ -45,7 +45,6 @@ class ProgramTask:
 
     As on a controller, an interrupt that comes while the task is stopped is lost. `now_s` is wire time; `handled` is
     the error whose handler runs; `settings` holds C_MOTSET; `event` is what called the current trap;
-    `procedures` finds a procedure by its name, `data` a data object;
     `booked` counts BookErrNo; `recovery_points` say for a number whether a routine under way lists it, outermost first.
     """
 
@@ -58,13 +57,10 @@ class ProgramTask:
     attention: bool = field(default=True, init=False)
     running: bool = field(default=False, init=False)
     main: Callable[[], Any] | None = field(default=None, init=False)
-    procedures: Callable[[str], Routine | None] = field(default=lambda name: None, init=False)
-    data: Callable[[str], Data | None] = field(default=lambda name: None, init=False)
     settings: Any = field(default=None, init=False)
     recovery_points: list[Callable[[float], bool]] = field(default_factory=list, init=False)
     event: ErrorEvent | None = field(default=None, init=False)
     booked: int = field(default=0, init=False)
-    interrupts_disabled: bool = field(default=False, init=False)
     _turn: Any = field(default_factory=threading.RLock, init=False)
     _pending: "deque[tuple[Routine, ErrorEvent | None]]" = field(default_factory=deque, init=False)
     _trapping: bool = field(default=False, init=False)
@@ -170,7 +166,7 @@ class ProgramTask:
                     raise CycleLeft
                 trap = None
                 if self.running or self._ended:
-                    if not self._pending or self._trapping or self.interrupts_disabled:
+                    if not self._pending or self._trapping:
                         self.attention = False
                         return
                     trap = self._pending.popleft()
@@ -194,16 +190,6 @@ class ProgramTask:
                 return True
             if ends_s is not None and self.now_s() >= ends_s:
                 return until is not None and until()
-
-    def call(self, name: str) -> None:
-        """Call a procedure without arguments by its name. Raises ERR_REFUNKPRC."""
-        routine = self.procedures(name.casefold())
-        if routine is None or routine.body is None or any(not each.optional for each in routine.parameters):
-            raise RapidError("ERR_REFUNKPRC", f"no procedure without arguments is named {name}")
-        try:
-            routine.body([None] * (routine.places + 1))
-        except RaisedFurther as raised:
-            raise raised.error from None
 
     def _listen(self, seconds: float | None, fileno: int | None = None) -> bool:
         """Wait until the descriptor is readable (True), the task is woken, or a timeout."""

@@ -104,13 +104,11 @@ TRAPDATA = Atom("trapdata", Nothing, device=True)
 MECUNIT = Atom("mecunit", Nothing, device=True)
 EGMIDENT = Atom("egmident", Nothing, device=True)
 TASKID = Atom("taskid", Nothing, device=True)
-DATAPOS = Atom("datapos", Nothing, device=True)
-SYNCIDENT = Atom("syncident", Nothing, device=True)
 ANYTYPE = Atom("anytype", Nothing)
 CONDITION = Atom("condition", Nothing)
 SWITCH = Atom("switch", Nothing)
 
 ATOMS = (
     *(NUM, DNUM, BYTE, BOOL, STRING, RAWBYTES, CLOCK, *SIGNALS),
-    *(TRAPDATA, MECUNIT, EGMIDENT, TASKID, SYNCIDENT, DATAPOS, ANYTYPE, CONDITION, SWITCH),
+    *(TRAPDATA, MECUNIT, EGMIDENT, TASKID, ANYTYPE, CONDITION, SWITCH),
 )

@@ -27,7 +27,6 @@ class MoveOrder:
     speed_mm_s: float
     turn_rad_s: float
     linear: bool
-    via_mm: Array | None = None
     departed: bool = False
     reachable_fraction: float = 1.0
 
@@ -37,11 +36,8 @@ class MotionUnit:
     """The motion task's arm. `held`: program stopped or motors off; `stopped_by`: tasks that called StopMove.
 
     An interrupted move continues from where the arm stands once nothing prevents it, as on a controller; only ClearPath
-    (or leaving the program) ends it. `egm`: sessions of the EGM identities that are
-    taken. `active`: name and value of the tool, work object and load in use, by type. `forbidden`: world zones that
-    the tool must not enter, each a test of a point (3,) in the world. `concurrent`: the program does
-    not wait for the move. `displacement` (4, 4) of targets in their work object; `external_offsets` (6,) of
-    external axes.
+    (or leaving the program) ends it. `egm`: sessions of the EGM identities that are taken. `active`: name and value of
+    the tool, work object and load in use, by type.
     """
 
     cabinet: Cabinet
@@ -53,13 +49,8 @@ class MotionUnit:
     max_speed_mm_s: float = 5000.0
     egm: dict[int, Any] = field(default_factory=dict)
     active: dict[str, tuple[str, Any]] = field(default_factory=dict)
-    forbidden: dict[int, Callable[[Array], bool]] = field(default_factory=dict)
     stopped_by: set[str] = field(default_factory=set, init=False)
-    concurrent: bool = field(default=False, init=False)
     held: bool = field(default=True, init=False)
-    displacement: Array | None = field(default=None, init=False)
-    external_offsets: list[float] = field(default_factory=lambda: [0.0] * 6, init=False)
-    _stored: list[tuple[MoveOrder | None, Array | None]] = field(default_factory=list, init=False)
     _order: MoveOrder | None = field(default=None, init=False)
     _left_at: Array | None = field(default=None, init=False)
     _turn: Any = field(default_factory=threading.RLock, init=False)
@@ -85,12 +76,10 @@ class MotionUnit:
 
     # --- called by the program ---
 
-    def order(
-        self, joints: Array, speed_mm_s: float, turn_rad_s: float, linear: bool, via_mm: Array | None = None
-    ) -> None:
-        """Start a move; `has_arrived` reports its end. `via_mm` (3,): the flange's arc passes there, in the base."""
+    def order(self, joints: Array, speed_mm_s: float, turn_rad_s: float, linear: bool) -> None:
+        """Start a move; `has_arrived` reports its end."""
         with self._turn:
-            self._order, self._left_at = MoveOrder(joints, speed_mm_s, turn_rad_s, linear, via_mm), None
+            self._order, self._left_at = MoveOrder(joints, speed_mm_s, turn_rad_s, linear), None
             self._depart()
             self.cabinet.moves_accepted += 1
             self.cabinet.external_axes = tuple(self.external)
@@ -137,21 +126,7 @@ class MotionUnit:
         """Drop the move."""
         with self._turn:
             self._brake()
-            self._order, self.concurrent = None, False
-
-    def store_path(self) -> None:
-        """Set the interrupted move aside, for others in between."""
-        with self._turn:
-            self._stored.append((self._order, self._left_at))
-            self._order = self._left_at = None
-
-    def restore_path(self) -> bool:
-        """Take the move set aside last up again; whether there is one."""
-        with self._turn:
-            if self._stored:
-                self._order, self._left_at = self._stored.pop()
-                return True
-            return False
+            self._order = None
 
     # --- called by the cabinet ---
 
@@ -169,9 +144,7 @@ class MotionUnit:
         """Reset at a restart of the controller: no move, no stops."""
         with self._turn:
             self.clear()
-            self._stored.clear()
             self.stopped_by.clear()
-            self.displacement, self.external_offsets = None, [0.0] * 6
 
     # --- state of the arm ---
 
@@ -182,18 +155,6 @@ class MotionUnit:
     def stands_in_s(self) -> float:
         """Wire time to the end of the motion; at most a second, since it may change."""
         return min(max(self.cabinet.arm.end_s - self.now_s(), 0.0) / self.time_scale + 1e-4, 1.0)
-
-    def ends_in_s(self) -> float:
-        """The arm's own time to the end of its motion."""
-        return max(self.cabinet.arm.end_s - self.now_s(), 0.0)
-
-    def tool_mm(self) -> Array:
-        """Position (3,) of the active tool's centre point in the world, mm."""
-        _, tool = self.active.get("tooldata", ("tool0", None))
-        offset_mm = np.zeros(3) if tool is None else np.array(tool[1][0])
-        world_T_flange = self.world_T_flange(self.joints_now(), self.external_axes())
-        place: Array = world_T_flange[:3, :3] @ offset_mm + world_T_flange[:3, 3]
-        return place
 
     def is_settled(self, seconds: float, since_s: float) -> bool:
         """Whether the arm has stood still for `seconds` of its own time, counted from `since_s` at the earliest."""
@@ -235,7 +196,7 @@ class MotionUnit:
         panel = self.cabinet.panel
         turn_rad_s = order.turn_rad_s * max(panel.speed_override, MIN_OVERRIDE)
         order.reachable_fraction = self.cabinet.arm.depart(
-            order.joints, self._speed(order), order.linear, self.now_s(), turn_rad_s, order.via_mm
+            order.joints, self._speed(order), order.linear, self.now_s(), turn_rad_s
         )
 
     def _speed(self, order: MoveOrder) -> float:

@@ -105,23 +105,18 @@ def _require_inside(index: int, count: int) -> None:
 class StopWatch:
     """A stop watch; the times are passed in."""
 
-    _ran_s: float = field(default=0.0, init=False)
     _since_s: float | None = field(default=None, init=False)
 
     def reset(self) -> None:
         """Stop and reset to zero."""
-        self._ran_s, self._since_s = 0.0, None
+        self._since_s = None
 
     def start(self, now_s: float) -> None:
         """Start; no effect on a running clock."""
         if self._since_s is None:
             self._since_s = now_s
 
-    def stop(self, now_s: float) -> None:
-        """Stop and keep the time."""
-        self._ran_s, self._since_s = self.read_s(now_s), None
-
     def read_s(self, now_s: float) -> float:
         """Seconds as a num, to the millisecond."""
         running_s = 0.0 if self._since_s is None else now_s - self._since_s
-        return single(math.floor((self._ran_s + running_s) * MILLISECOND) / MILLISECOND)
+        return single(math.floor(running_s * MILLISECOND) / MILLISECOND)

@@ -16,10 +16,6 @@ def clk_start(task: ProgramTask, clock: Slot) -> None:
     clock.value.start(task.now_s())
 
 
-def clk_stop(task: ProgramTask, clock: Slot) -> None:
-    clock.value.stop(task.now_s())
-
-
 def clk_read(task: ProgramTask, clock: Slot, fine: bool | None) -> float:
     """Milliseconds, or microseconds with \\HighRes; the mock's clocks are as fine with and without."""
     return _read_s(task, clock)
@@ -33,4 +29,4 @@ def _read_s(task: ProgramTask, clock: Slot) -> float:
     return seconds
 
 
-DOES = MappingProxyType({"ClkReset": clk_reset, "ClkStart": clk_start, "ClkStop": clk_stop, "ClkRead": clk_read})
+DOES = MappingProxyType({"ClkReset": clk_reset, "ClkStart": clk_start, "ClkRead": clk_read})

@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 
 from calibration.kinematics.arm import UnreachablePoseError
-from calibration.transforms import Array, inverse, transform
-from mock_robot.arm.paths import CirclePath, LinePath
+from calibration.transforms import Array, transform
+from mock_robot.arm.paths import LinePath
 from mock_robot.rapid.errors import ProgramStopped, RapidError
 from mock_robot.rapid.guidance import PERIOD_S, EgmSession, guide_joints, guide_pose
 from mock_robot.rapid.instructions.conditions import wait_for
@@ -66,7 +66,7 @@ def setup_uc(
     name = device.removesuffix(":").casefold()
     if name not in devices:
         raise RapidError("ERR_UDPUC_COMM", f"no UDP unicast device is named {device}")
-    session = _taken(task, identity)
+    session = _require_session(task, identity)
     session.end()
     session.state, session.target = "set up", devices[name]
     session.kind = "pose" if pose else "path" if path else "joint"
@@ -74,7 +74,7 @@ def setup_uc(
 
 
 def stream_start(task: ProgramTask, identity: Slot, sample_ms: float | None) -> None:
-    session = _taken(task, identity)
+    session = _require_session(task, identity)
     if session.state == "taken":
         raise RapidError("ERR_UDPUC_COMM", "EGMSetupUC comes first")
     session.every = _periods(sample_ms)
@@ -84,7 +84,7 @@ def stream_start(task: ProgramTask, identity: Slot, sample_ms: float | None) -> 
 
 
 def stream_stop(task: ProgramTask, identity: Slot) -> None:
-    session = _taken(task, identity)
+    session = _require_session(task, identity)
     if session.state == "streams":
         session.state = "set up"
     if session.state == "set up":
@@ -116,7 +116,7 @@ def act_move(task: ProgramTask, identity: Slot, sensor: list[Any], sample_ms: fl
 
 def run_joint(task: ProgramTask, identity: Slot, mode: float, at_once: bool | None, *given: Any) -> None:
     *axes, _seven, condition_s, _ramp_in_s, _ramp_out_s, _gain = given
-    session = _activated(task, identity, "joint")
+    session = _require_active(task, identity, "joint")
     _run(task, session, guide_joints(session, [bool(axis) for axis in axes], session.settings["within"]))
     if not at_once:
         _wait(task, session, mode, condition_s)
@@ -124,19 +124,15 @@ def run_joint(task: ProgramTask, identity: Slot, mode: float, at_once: bool | No
 
 def run_pose(task: ProgramTask, identity: Slot, mode: float, at_once: bool | None, *given: Any) -> None:
     *parts, condition_s, _ramp_in_s, _ramp_out_s, _offset, _gain = given
-    session = _activated(task, identity, "pose")
+    session = _require_active(task, identity, "pose")
     _run(task, session, guide_pose(session, [bool(part) for part in parts], session.settings["within"]))
     if not at_once:
         _wait(task, session, mode, condition_s)
 
 
-def wait_condition(task: ProgramTask, identity: Slot, condition_s: float | None) -> None:
-    _wait(task, _taken(task, identity), 0.0, condition_s)
-
-
 def stop(task: ProgramTask, identity: Slot, mode: float, ramp_out_s: float | None) -> None:
     """Where it is, or with EGM_STOP_RAMP_DOWN back where it began."""
-    _finish(task, _taken(task, identity), mode)
+    _finish(task, _require_session(task, identity), mode)
 
 
 def move_l(task: ProgramTask, identity: Slot, target: list[Any], *given: Any) -> None:
@@ -145,16 +141,7 @@ def move_l(task: ProgramTask, identity: Slot, target: list[Any], *given: Any) ->
     joints = _reach(task, target, tool, wobj)
     unit = own_unit(task)
     path = LinePath(unit.arm, unit.joints_now(), joints)
-    _follow_path(task, None if no_corrections else _taken(task, identity), path, speed[0])
-
-
-def move_c(task: ProgramTask, identity: Slot, via: list[Any], target: list[Any], *given: Any) -> None:
-    speed, _zone, tool, wobj, _load, no_corrections = given
-    joints, unit = _reach(task, target, tool, wobj), own_unit(task)
-    world_T_base = unit.cabinet.mounting.reported_world_T_base(tuple(unit.external))
-    through = (inverse(world_T_base) @ flange_of(via, tool.value, None if wobj is None else wobj.value))[:3, 3]
-    path = CirclePath(unit.arm, unit.joints_now(), joints, through)
-    _follow_path(task, None if no_corrections else _taken(task, identity), path, speed[0])
+    _follow_path(task, None if no_corrections else _require_session(task, identity), path, speed[0])
 
 
 def _reach(task: ProgramTask, target: list[Any], tool: Slot, wobj: Slot | None) -> Array:
@@ -167,7 +154,7 @@ def _reach(task: ProgramTask, target: list[Any], tool: Slot, wobj: Slot | None) 
     return joints
 
 
-def _follow_path(task: ProgramTask, session: EgmSession | None, path: LinePath | CirclePath, speed_mm_s: float) -> None:
+def _follow_path(task: ProgramTask, session: EgmSession | None, path: LinePath, speed_mm_s: float) -> None:
     unit = own_unit(task)
     points = np.array([path.base_T_flange_at(along)[:3, 3] for along in np.linspace(0.0, 1.0, 25)])
     length_mm = float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
@@ -176,7 +163,7 @@ def _follow_path(task: ProgramTask, session: EgmSession | None, path: LinePath |
         wait_for(task, lambda: not (unit.held or unit.stopped_by))
         pose = path.base_T_flange_at(step / steps)
         if session is not None and session.newest is not None and len(session.newest.across_path_mm) == 3:
-            pose = _shifted(path, step / steps, pose, np.array(session.newest.across_path_mm))
+            pose = _shift_across(path, step / steps, pose, np.array(session.newest.across_path_mm))
         try:
             joints = unit.arm.nearest(pose, unit.joints_now())
         except UnreachablePoseError as error:
@@ -185,7 +172,7 @@ def _follow_path(task: ProgramTask, session: EgmSession | None, path: LinePath |
         task.wait(PERIOD_S)
 
 
-def _shifted(path: LinePath | CirclePath, along: float, pose: Array, across_mm: Array) -> Array:
+def _shift_across(path: LinePath, along: float, pose: Array, across_mm: Array) -> Array:
     """Path frame: x along the path, z that of the tool made square to it."""
     ahead = path.base_T_flange_at(min(along + 0.01, 1.0))[:3, 3] - path.base_T_flange_at(along - 0.01)[:3, 3]
     x = ahead / max(float(np.linalg.norm(ahead)), 1e-9)
@@ -198,7 +185,7 @@ def _activate(
     task: ProgramTask, identity: Slot, kind: str, tool: Slot | None, wobj: Slot | None, sample_ms: float | None
 ) -> EgmSession:
     own_unit(task)
-    session = _taken(task, identity)
+    session = _require_session(task, identity)
     if session.state == "taken" or session.kind != kind:
         raise RapidError("ERR_UDPUC_COMM", f"EGMSetupUC with \\{kind} comes first")
     session.every, session.state = _periods(sample_ms), "activated"
@@ -210,8 +197,8 @@ def _activate(
     return session
 
 
-def _activated(task: ProgramTask, identity: Slot, kind: str) -> EgmSession:
-    session = _taken(task, identity)
+def _require_active(task: ProgramTask, identity: Slot, kind: str) -> EgmSession:
+    session = _require_session(task, identity)
     if session.state not in ("activated", "runs") or session.kind != kind:
         raise RapidError("ERR_UDPUC_COMM", f"EGMAct{kind.title()} comes first")
     return session
@@ -227,7 +214,7 @@ def _wait(task: ProgramTask, session: EgmSession, mode: float, condition_s: floa
     """Until what is left lies within the bounds for the time. Raises ERR_UDPUC_COMM when the sensor falls silent."""
     unit, holds_s = session.unit, CONDITION_S if condition_s is None else condition_s
 
-    def done() -> bool:
+    def is_over() -> bool:
         if session.failed:
             raise ProgramStopped(OUTSIDE_REACH, task.name, session.failed)
         if session.is_silent:
@@ -236,7 +223,7 @@ def _wait(task: ProgramTask, session: EgmSession, mode: float, condition_s: floa
         since_s = session.settled_since_s
         return session.guide is None or (since_s is not None and unit.now_s() - since_s >= holds_s)
 
-    wait_for(task, done, poll_s=PERIOD_S)
+    wait_for(task, is_over, poll_s=PERIOD_S)
     _finish(task, session, mode)
 
 
@@ -269,7 +256,7 @@ def _periods(sample_ms: float | None) -> int:
     return 1 if sample_ms is None else int(sample_ms / MIN_SAMPLE_MS)
 
 
-def _taken(task: ProgramTask, identity: Slot) -> EgmSession:
+def _require_session(task: ProgramTask, identity: Slot) -> EgmSession:
     session: EgmSession | None = task.services.unit.egm.get(id(identity))
     if session is None:
         raise RapidError("ERR_UDPUC_COMM", "EGMGetId comes first")
@@ -289,9 +276,7 @@ DOES = MappingProxyType(
         "EGMActMove": act_move,
         "EGMRunJoint": run_joint,
         "EGMRunPose": run_pose,
-        "EGMWaitCond": wait_condition,
         "EGMStop": stop,
         "EGMMoveL": move_l,
-        "EGMMoveC": move_c,
     }
 )

@@ -1,4 +1,4 @@
-"""IPers, ITimer, IDelete, IDisable and IEnable. CONNECT is a statement, not an instruction."""
+"""IPers, ITimer and IDelete. CONNECT is a statement, not an instruction."""
 
 from types import MappingProxyType
 from typing import Any
@@ -26,31 +26,4 @@ def i_delete(task: ProgramTask, interrupt: Slot) -> None:
     task.services.interrupts.delete(interrupt)
 
 
-def i_disable(task: ProgramTask) -> None:
-    task.interrupts_disabled = True
-
-
-def i_enable(task: ProgramTask) -> None:
-    task.interrupts_disabled = False
-    task.rouse()
-
-
-def i_sleep(task: ProgramTask, interrupt: Slot) -> None:
-    task.services.interrupts.mute(interrupt.value, True)
-
-
-def i_watch(task: ProgramTask, interrupt: Slot) -> None:
-    task.services.interrupts.mute(interrupt.value, False)
-
-
-DOES = MappingProxyType(
-    {
-        "IPers": i_pers,
-        "ITimer": i_timer,
-        "IDelete": i_delete,
-        "IDisable": i_disable,
-        "IEnable": i_enable,
-        "ISleep": i_sleep,
-        "IWatch": i_watch,
-    }
-)
+DOES = MappingProxyType({"IPers": i_pers, "ITimer": i_timer, "IDelete": i_delete})

@@ -2,12 +2,10 @@
 
 import math
 from types import MappingProxyType
-from typing import Any
 
 from mock_robot.rapid.errors import RapidError
 from mock_robot.rapid.tasks import ProgramTask
-from mock_robot.rapid.types import BOOL, NUM, STRING, Array, Record, Type
-from mock_robot.rapid.values import number_text, short, single
+from mock_robot.rapid.values import short, single
 
 
 def absolute(task: ProgramTask, value: float) -> float:
@@ -20,14 +18,6 @@ def acos(task: ProgramTask, value: float) -> float:
     return single(math.degrees(math.acos(value)))
 
 
-def cos(task: ProgramTask, angle: float) -> float:
-    return single(math.cos(math.radians(angle)))
-
-
-def sin(task: ProgramTask, angle: float) -> float:
-    return single(math.sin(math.radians(angle)))
-
-
 def sqrt(task: ProgramTask, value: float) -> float:
     if value < 0:
         raise RapidError("ERR_ARGVALERR", f"Sqrt({value:g})")
@@ -37,11 +27,6 @@ def sqrt(task: ProgramTask, value: float) -> float:
 def trunc(task: ProgramTask, value: float, decimals: float | None) -> float:
     scale = 10.0 ** int(decimals or 0)
     return single(math.trunc(value * scale) / scale)
-
-
-def round_(task: ProgramTask, value: float, decimals: float | None) -> float:
-    scale = 10.0 ** int(decimals or 0)
-    return single(math.copysign(math.floor(abs(value) * scale + 0.5), value) / scale)
 
 
 def distance(task: ProgramTask, first: list[float], second: list[float]) -> float:
@@ -64,33 +49,15 @@ def num_to_str(task: ProgramTask, value: float, decimals: float, exponent: bool 
     return short(f"{value:.{places}E}" if exponent else f"{value:.{places}f}")
 
 
-def val_to_str(task: ProgramTask, value: tuple[Type, Any]) -> str:
-    return short(_text(*value))
-
-
-def _text(kind: Type, value: Any) -> str:
-    if isinstance(kind, Record | Array):
-        return "[" + ",".join(_text(part, item) for part, item in zip(kind.parts, value, strict=True)) + "]"
-    if kind == STRING:
-        return f'"{value}"'
-    if kind == BOOL:
-        return "TRUE" if value else "FALSE"
-    return number_text(value) if kind == NUM else str(value)
-
-
 DOES = MappingProxyType(
     {
         "Abs": absolute,
         "Acos": acos,
-        "Cos": cos,
-        "Sin": sin,
         "Sqrt": sqrt,
         "Trunc": trunc,
-        "Round": round_,
         "Distance": distance,
         "NOrient": n_orient,
         "StrLen": str_len,
         "NumToStr": num_to_str,
-        "ValToStr": val_to_str,
     }
 )

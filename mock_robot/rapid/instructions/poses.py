@@ -13,10 +13,9 @@ TOOL0 = [True, [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0]]]
 """The part of tool0 that a pose needs."""
 
 
-def _unit(task: ProgramTask, reference: Slot | None, task_name: str | None) -> Any:
+def _unit(task: ProgramTask, task_name: str | None) -> Any:
     """Motion unit of the named task; a task without an arm must name one."""
     unit = task.services.unit
-    task_name = task_name if reference is None else reference.value
     if task_name is None and not task.motion:
         raise RapidError("ERR_TASKNAME", f"{task.name} moves no arm: name the task that does")
     if task_name is not None and task_name.casefold() != unit.task_name.casefold():
@@ -28,19 +27,16 @@ def _value(slot: Slot | None) -> Any:
     return None if slot is None else slot.value
 
 
-def c_rob_t(
-    task: ProgramTask, reference: Slot | None, task_name: str | None, tool: Slot | None, wobj: Slot | None
-) -> list[Any]:
-    unit = _unit(task, reference, task_name)
+def c_rob_t(task: ProgramTask, task_name: str | None, tool: Slot | None, wobj: Slot | None) -> list[Any]:
+    unit = _unit(task, task_name)
     joints = unit.joints_now()
     world_T_flange = unit.world_T_flange(joints, unit.external_axes())
-    displaced = unit.displacement if task.motion else None
-    pose = target_at(world_T_flange, TOOL0 if tool is None else tool.value, _value(wobj), displaced)
+    pose = target_at(world_T_flange, TOOL0 if tool is None else tool.value, _value(wobj))
     return [*pose, [float(part) for part in unit.arm.configuration(joints)], unit.external_axes()]
 
 
-def c_joint_t(task: ProgramTask, reference: Slot | None, task_name: str | None) -> list[Any]:
-    unit = _unit(task, reference, task_name)
+def c_joint_t(task: ProgramTask, task_name: str | None) -> list[Any]:
+    unit = _unit(task, task_name)
     return [robax(unit.joints_now()), unit.external_axes()]
 
 
@@ -52,7 +48,7 @@ def calc_joint_t(
     try:
         if error_number is not None:
             error_number.value = 0.0
-        flange = flange_of(target, tool.value, _value(wobj), unit.displacement if task.motion else None)
+        flange = flange_of(target, tool.value, _value(wobj))
         joints = unit.joints_for(flange, target[2], target[3])
         return [robax(joints), list(target[3])]
     except UnreachablePoseError as error:

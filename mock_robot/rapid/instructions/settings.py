@@ -11,7 +11,7 @@ from mock_robot.rapid.scope import Persistent, Slot
 from mock_robot.rapid.tasks import ProgramTask
 from mock_robot.rapid.types import Type
 
-VEL, ACC, SING, CONF = range(4)
+VEL, SING, CONF = 0, 2, 3
 """Places in motsetdata."""
 
 
@@ -25,11 +25,6 @@ def _set(task: ProgramTask, component: int, values: dict[int, Any]) -> None:
 def vel_set(task: ProgramTask, override: float, most: float) -> None:
     _set(task, VEL, {0: override, 1: most})
     task.services.unit.override_percent, task.services.unit.max_speed_mm_s = override, most
-
-
-def acc_set(task: ProgramTask, acceleration: float, ramp: float, fine_point_ramp: float | None) -> None:
-    """The simulated arm keeps its acceleration."""
-    _set(task, ACC, {0: acceleration, 1: ramp, 2: 100.0 if fine_point_ramp is None else fine_point_ramp})
 
 
 def conf_j(task: ProgramTask, on: bool | None, off: bool | None) -> None:
@@ -96,7 +91,6 @@ def set_sys_data(task: ProgramTask, source: tuple[Type, Slot], object_name: str 
 DOES = MappingProxyType(
     {
         "VelSet": vel_set,
-        "AccSet": acc_set,
         "ConfJ": conf_j,
         "ConfL": conf_l,
         "SingArea": sing_area,

@@ -19,7 +19,6 @@ MIN_PORT = 1025
 OWN_PORTS = range(20_000, 32_000)
 """Below the range Linux assigns to clients (net.ipv4.ip_local_port_range)."""
 _ADDRESS = re.compile(r"\d+(\.\d+){3}")
-STATES = MappingProxyType({"created": 1.0, "connected": 2.0, "bound": 3.0, "listening": 4.0, "closed": 5.0})
 
 
 def create(task: ProgramTask, slot: Slot) -> None:
@@ -63,20 +62,6 @@ def listen(task: ProgramTask, slot: Slot) -> None:
     device.require_open().setblocking(False)
     device.state = "listening"
     task.services.devices.note_listening()
-
-
-def connect(task: ProgramTask, slot: Slot, address: str, port: float, time: float | None) -> None:
-    """Connect to that port of the loopback address, whatever the address is: the mock sends nothing into a plant."""
-    device: SocketDevice = slot.value
-    device.require(device.state != "connected", "ERR_SOCK_IS_CONN", "the socket is connected")
-    ends_s = task.now_s() + (DEFAULT_WAIT_S if time is None else time)
-    end = device.require_open()
-    while end.connect_ex(("127.0.0.1", integer(port))) != 0:
-        if task.now_s() >= ends_s:
-            raise RapidError("ERR_SOCK_TIMEOUT", f"nobody listens at port {port:g}, asked for as {address}")
-        task.wait(0.1)
-    device.connect(end)
-    task.services.devices.add(device)
 
 
 def accept(task: ProgramTask, slot: Slot, client: Slot, address: Slot | None, time: float | None) -> None:
@@ -156,10 +141,6 @@ def peek(task: ProgramTask, slot: Slot) -> float:
     return float(slot.value.look(task.services.wire))
 
 
-def status(task: ProgramTask, slot: Slot) -> float:
-    return STATES[slot.value.state]
-
-
 def _limit(time: float | None) -> float | None:
     seconds = DEFAULT_WAIT_S if time is None else time
     return None if seconds >= MAX_WAIT_S else max(0.0, seconds)
@@ -170,12 +151,10 @@ DOES = MappingProxyType(
         "SocketCreate": create,
         "SocketBind": bind,
         "SocketListen": listen,
-        "SocketConnect": connect,
         "SocketAccept": accept,
         "SocketReceive": receive,
         "SocketSend": send,
         "SocketClose": close,
         "SocketPeek": peek,
-        "SocketGetStatus": status,
     }
 )

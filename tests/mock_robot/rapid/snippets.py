@@ -4,10 +4,8 @@ from dataclasses import dataclass, field
 from types import SimpleNamespace
 from typing import Any
 
-from mock_robot.cabinet.disk import Disk
 from mock_robot.rapid.errors import ProgramStopped
 from mock_robot.rapid.interrupts import Interrupts
-from mock_robot.rapid.messages import MessageQueues
 from mock_robot.rapid.program import PersistentMemory, Program, Source
 from mock_robot.rapid.scope import Data
 from mock_robot.rapid.services import MAX_CLOCK_S
@@ -40,8 +38,6 @@ class Snippet:
             unit=SimpleNamespace(clear=lambda: None, time_scale=1.0),
             note=lambda code, text: self.noted.append(text),
             max_clock_s=MAX_CLOCK_S,
-            disk=Disk(),
-            queues=MessageQueues(),
         )
         self.task.running = True
 

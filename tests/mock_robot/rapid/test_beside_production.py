@@ -40,7 +40,6 @@ PRODUCTION = """MODULE production
     ConfL \\Off;
     SingArea \\Wrist;
     VelSet 50, 800;
-    AccSet 60, 70;
     GripLoad part;
     SetSysData gripper;
     SetSysData table;

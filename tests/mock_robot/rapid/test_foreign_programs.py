@@ -1,16 +1,17 @@
-"""What programs of other people use: signals, arcs, triggers, zones, files, queues, names, and guidance by EGM."""
+"""Programs of other people in a folder of theirs: signals, names, and an arm that a sensor guides by EGM."""
 
 import inspect
 import socket
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from pathlib import Path
 from time import monotonic
 
 import numpy as np
 import pytest
 
-from mock_robot.arm.paths import circle_through
+from calibration.transforms import Array
 from mock_robot.arm.simulated_arm import ArmNoise, SimulatedArm
 from mock_robot.rapid.controller import RapidController
 from mock_robot.rapid.errors import RapidProgramError
@@ -18,120 +19,34 @@ from mock_robot.rapid.headers import builtins
 from protocols.egm.corrections import Correction, decode_correction, encode_correction
 from protocols.egm.messages import decode
 from tests.mock_robot.controller_client import ARM, HOME
+from tests.mock_robot.rapid import customer_program
 from tests.mock_robot.rapid.snippets import ran
 from tests.support.waiting import eventually_blocking
 
-PROGRAM = """MODULE field
-  LOCAL VAR num hidden := 1;
-  PERS string done := "";
-  PERS num results{14} := [0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0];
-  VAR intnum on_way;
-  VAR intnum on_group;
-  VAR intnum on_message;
-  VAR triggdata here;
-  VAR wzstationary zone;
-  VAR shapedata shape;
-  VAR rmqslot slot;
-  VAR rmqmessage message;
-  VAR iodev file;
-  VAR num received;
-  VAR robtarget start;
-  VAR robtarget middle;
-  VAR robtarget aside;
-  VAR speeddata quick := [400, 100, 100, 100];
-  CONST num table{2, 3} := [[1, 2, 3], [4, 5, 6]];
-
-  PROC main()
-    VAR pos place;
-    VAR num bound;
-    CONNECT on_way WITH passing;
-    CONNECT on_group WITH grouped;
-    CONNECT on_message WITH got;
-    ISignalGO go_number, on_group;
-    IRMQMessage received, on_message;
-    WaitDI di_ready, 1;
-    results{1} := gi_number + di_ready;
-    SetGO go_number, 6;
-    SetAO ao_speed, 2.5;
-    results{2} := ao_speed * 2;
-    WZSphDef \\Inside, shape, CPos(\\Tool:=tool0), 30;
-    WZDOSet \\Stat, zone \\Inside, shape, do_inside, 1;
-    results{3} := do_inside;
-    start := CRobT(\\Tool:=tool0 \\WObj:=wobj0);
-    middle := Offs(start, -40, 0, 40);
-    aside := Offs(start, -80, 0, 0);
-    TriggInt here, 10 \\Start, on_way;
-    TriggL Offs(start, -20, 0, 0), quick, here, z10, tool0;
-    MoveL start, quick, fine \\Inpos:=inpos20, tool0;
-    MoveC middle, aside, quick, fine, tool0;
-    place := CPos(\\Tool:=tool0);
-    results{4} := Round(start.trans.x - place.x);
-    results{5} := do_inside;
-    MoveL \\Conc, start, quick, fine, tool0;
-    results{6} := 1;
-    WaitRob \\ZeroSpeed;
-    RMQFindSlot slot, "RMQ_T_ROB1";
-    RMQSendMessage slot, 42;
-    WaitTime 0.1;
-    Open "HOME:" \\File:="log.txt", file \\Write;
-    Write file, "value " \\Num:=7;
-    Close file;
-    Open "HOME:/log.txt", file \\Read;
-    done := ReadStr(file);
-    Close file;
-    %"named" + "_later"% \\Twice;
-    results{8} := total(table);
-    ReadCfgData "/MOC/ARM/rob1_1", "upper_joint_bound", bound;
-    results{9} := Round(bound \\Dec:=3);
-    PulseDO \\High \\PLength:=0.1, do_pulse;
-    WaitDO do_pulse, 0 \\MaxTime:=5;
-    results{10} := hidden;
-    done := StrFormat("{1}, {2}" \\Arg1:=done \\Arg2:="ended");
-    results{11} := 1;
-    WaitTime 1000;
-  ENDPROC
-  LOCAL PROC named_later(\\switch Twice)
-    note \\Twice?Twice;
-  ENDPROC
-  PROC note(\\switch Twice)
-    results{7} := 1;
-    IF Present(Twice) results{7} := 2;
-  ENDPROC
-  FUNC num total(num values{*,*})
-    VAR num sum := 0;
-    FOR row FROM 1 TO Dim(values, 1) DO
-      FOR column FROM 1 TO Dim(values, 2) DO
-        sum := sum + values{row, column};
-      ENDFOR
-    ENDFOR
-    RETURN sum;
-  ENDFUNC
-  TRAP passing
-    results{12} := results{12} + 1;
-  ENDTRAP
-  TRAP grouped
-    results{13} := go_number;
-  ENDTRAP
-  TRAP got
-    RMQGetMessage message;
-    RMQGetMsgData message, received;
-    results{14} := received;
-  ENDTRAP
-ENDMODULE
-"""
-BESIDE = "MODULE beside\n  LOCAL VAR num hidden := 2;\nENDMODULE\n"
-EIO = """EIO:CFG_1.0:6:1::
+SIGNALS = """EIO:CFG_1.0:6:1::
 #
 EIO_SIGNAL:
 
       -Name "gi_number" -SignalType "GI"
-      -Name "go_number" -SignalType "GO"
       -Name "ao_speed" -SignalType "AO"
       -Name "di_ready" -SignalType "DI"
-      -Name "do_inside" -SignalType "DO"
-      -Name "do_pulse" -SignalType "DO"
+      -Name "do_done" -SignalType "DO"
 """
-MOC = 'MOC:CFG_1.0:6:1::\n#\nARM:\n\n      -name "rob1_1" -upper_joint_bound 2.87979\n'
+FIELD = """MODULE field
+  LOCAL VAR num hidden := 1;
+  PERS num sum := 0;
+  PERS num own := 0;
+  PROC main()
+    WaitUntil di_ready = 1 \\PollRate:=0.04;
+    sum := gi_number + di_ready + ao_speed;
+    own := hidden;
+    SetDO do_done, 1;
+    WaitDO do_done, 1 \\MaxTime:=5;
+    WaitTime 1000;
+  ENDPROC
+ENDMODULE
+"""
+BESIDE = "MODULE beside\n  LOCAL VAR num hidden := 2;\nENDMODULE\n"
 SIO = """SIO:CFG_1.0:6:1::
 #
 COM_TRP:
@@ -155,17 +70,69 @@ def home_running(folder: Path, modules: dict[str, str], **configuration: str) ->
         controller.end()
 
 
-def test_a_program_finds_what_it_would_on_a_controller(tmp_path: Path) -> None:
-    modules = {"field": PROGRAM, "beside": BESIDE}
-    with home_running(tmp_path, modules, EIO=EIO, MOC=MOC) as controller:
-        controller.signals["gi_number"].value = 5
+def test_signals_of_every_kind_are_numbers_and_a_local_name_hides_that_of_another_module(tmp_path: Path) -> None:
+    with home_running(tmp_path, {"field": FIELD, "beside": BESIDE}, EIO=SIGNALS) as controller:
+        controller.signals["gi_number"].value = 5.0
+        controller.signals["ao_speed"].value = 2.5
         controller.signals["di_ready"].value = True
-        results = controller.memory["results"]
-        eventually_blocking(lambda: results.value[10] == 1 or not controller.panel.program_running)
-        assert [entry.text for entry in controller.log if "stopped at" in entry.text] == []
-        assert results.value == [6, 5, 1, 80, 0, 1, 2, 21, pytest.approx(2.88), 1, 1, 1, 6, 42]
-        assert controller.memory["done"].value == "value 7, ended"
-        assert controller.disk.files == {"HOME/log.txt": b"value 7\n"}
+        eventually_blocking(lambda: bool(controller.signals["do_done"].value))
+        assert [controller.memory[name].value for name in ("sum", "own")] == [8.5, 1]
+
+
+@dataclass(frozen=True)
+class Guidance:
+    """What a client chooses, what its sensor answers each position with, and where the flange then ends, in mm."""
+
+    number: float
+    correction: Correction
+    ends_mm: Array
+    ends_itself: bool = False
+
+
+READY = np.radians([10.0, 15.0, 0.0, 30.0, 65.0, 30.0])
+TURNED = READY + np.radians([3.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+BEGINS_MM, FLANGE_Z = ARM.forward(READY)[:3, 3], ARM.forward(READY)[:3, 2]
+Y, Z = np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.0, 1.0])
+ALONG_MM = 100.0 * Y
+SEAM_Z = (FLANGE_Z - (FLANGE_Z @ Y) * Y) / np.linalg.norm(FLANGE_Z - (FLANGE_Z @ Y) * Y)
+BESIDE_SEAM_MM = 4.0 * np.cross(SEAM_Z, Y) + 6.0 * SEAM_Z
+GUIDANCES = {
+    "positions": Guidance(0, Correction(1), BEGINS_MM + ALONG_MM, ends_itself=True),
+    "joints": Guidance(1, Correction(1, tuple(np.degrees(TURNED))), ARM.forward(TURNED)[:3, 3]),
+    "tool": Guidance(2, Correction(1, (), tuple(BEGINS_MM + 20.0 * Y + 50.0 * Z), (1, 0, 0, 0)), BEGINS_MM + 20.0 * Y),
+    "seam": Guidance(
+        3, Correction(1, across_path_mm=(0.0, 4.0, 6.0)), BEGINS_MM + ALONG_MM + BESIDE_SEAM_MM, ends_itself=True
+    ),
+}
+
+
+@pytest.mark.parametrize("kind", GUIDANCES)
+def test_a_customers_program_is_guided_as_its_client_chooses(tmp_path: Path, kind: str) -> None:
+    guidance = GUIDANCES[kind]
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sensor:
+        sensor.bind(("127.0.0.1", 0))
+        sensor.settimeout(0.2)
+        sio = SIO.replace("{port}", str(sensor.getsockname()[1]))
+        with home_running(
+            tmp_path, {"customer": customer_program.PROGRAM}, EIO=customer_program.SIGNALS, SIO=sio
+        ) as controller:
+            controller.signals["gi_guidance"].value = guidance.number
+            controller.signals["di_begin"].value = True
+
+            def answers_until_the_end() -> bool:
+                with suppress(TimeoutError):
+                    data, robot = sensor.recvfrom(2048)
+                    sensor.sendto(encode_correction(guidance.correction), robot)
+                    left_mm = np.linalg.norm(guidance.ends_mm - decode(data).position_mm)
+                    if guidance.ends_itself or left_mm < 0.1:
+                        controller.signals["do_enough"].value = True
+                return bool(controller.memory["ended"].value) or not controller.panel.program_running
+
+            eventually_blocking(answers_until_the_end)
+            assert controller.memory["ended"].value, controller.log[-1]
+            flange = controller.unit.world_T_flange(controller.unit.joints_now(), controller.unit.external_axes())
+            np.testing.assert_allclose(flange[:3, 3], guidance.ends_mm, atol=0.1)
+            assert controller.memory["was_guided"].value is (not guidance.ends_itself)
 
 
 GUIDED = """MODULE guided
@@ -249,35 +216,15 @@ def test_a_correction_is_read_as_it_was_sent(correction: Correction) -> None:
     assert decode_correction(encode_correction(correction)) == correction
 
 
-def test_an_arc_passes_its_three_points() -> None:
-    first, via, last = np.array([100.0, 0, 0]), np.array([0, 100.0, 0]), np.array([0, -100.0, 0])
-    found = circle_through(first, via, last)
-    assert found is not None
-    centre, axis, turn = found
-    np.testing.assert_allclose(centre, np.zeros(3), atol=1e-9)
-    assert (round(float(axis[2])), np.degrees(turn)) == (1, pytest.approx(270.0))
-    assert circle_through(first, 2 * first, 3 * first) is None
-
-
-@pytest.mark.parametrize(
-    ("body", "words"),
-    [
-        ('%"nothing"%;', "ERR_REFUNKPRC"),
-        ("result := StrToByte(\"300\");", "ERR_ARGVALERR"),
-        ('SiConnect device;', "ERR_COMM_INIT_FAILED"),
-    ],
-)  # fmt: skip
-def test_what_cannot_be_done_is_an_error_of_its_name(body: str, words: str) -> None:
-    data = 'VAR byte result;\nVAR string error := "";\nPERS sensor device := [1, 0, 0];'
-    handler = f'IF ERRNO = {words} error := "{words}";\nTRYNEXT;'
-    assert ran(body, data, handler)["error"] == words
+def test_a_procedure_that_is_called_by_a_name_nobody_has_is_an_error_of_its_name() -> None:
+    assert ran('%"nothing"%;', "VAR num n;", "IF ERRNO = ERR_REFUNKPRC n := 1;\nTRYNEXT;")["n"] == 1
 
 
 def test_a_name_stands_in_the_place_of_its_parameter() -> None:
-    data = "VAR robtarget point;\nVAR robtarget result;"
-    assert ran("result := Offs(Point:=point, 1, 2, 3);", data)["result"][0] == [1, 2, 3]
+    data = "VAR pos point := [3, 4, 0];\nCONST pos origin := [0, 0, 0];\nVAR num n;"
+    assert ran("n := Distance(Point1:=point, origin);", data)["n"] == 5
     with pytest.raises(RapidProgramError, match="stands in the place of"):
-        ran("result := Offs(Wrong:=point, 1, 2, 3);", data)
+        ran("n := Distance(Wrong:=point, origin);", data)
 
 
 def test_every_instruction_takes_what_its_header_passes() -> None:

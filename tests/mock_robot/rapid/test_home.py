@@ -28,11 +28,11 @@ MODULE server
     SocketCreate listening;
     SocketBind listening, "127.0.0.1", {port};
     SocketListen listening;
-    SocketAccept listening, client \\Time:=WAIT_MAX;
+    SocketAccept listening, client \\Time:=9999999;
     again:
-    SocketReceive client \\Str:=text \\Time:=WAIT_MAX;
-    Incr served;
-    here := Offs(CRobT(\\TaskName:="T_ROB1" \\Tool:=tool0 \\WObj:=wobj0), 0, 0, .5);
+    SocketReceive client \\Str:=text \\Time:=9999999;
+    served := served + 1;
+    here := CRobT(\\TaskName:="T_ROB1" \\Tool:=tool0 \\WObj:=wobj0);
     SocketSend client \\Str:=NumToStr(here.trans.z, 3);
     SetDO do_served, 1;
     IF served < 2 GOTO again;
@@ -118,7 +118,7 @@ def test_what_is_not_known_is_named_at_load(tmp_path: Path, statement: str, word
 
 
 def test_a_home_that_does_not_load_is_refused_with_its_files(tmp_path: Path) -> None:
-    home = write_home(tmp_path, 1, SERVER.replace("Incr served;", "Untold served;"))
+    home = write_home(tmp_path, 1, SERVER.replace("SetDO do_served", "Untold do_served"))
     with pytest.raises(MockError, match=r"1 of 1 modules do not load: prog/server\.mod"), rws_cell_apart(home=home):
         pass
 
@@ -129,6 +129,12 @@ def test_a_backup_has_its_modules_in_the_folders_of_its_tasks(tmp_path: Path) ->
     (folder / "mine.mod").write_text("MODULE mine\nPROC main()\nENDPROC\nENDMODULE\n")
     (plan,) = HomeFragments(tmp_path, 6).task_plans()
     assert (plan.name, plan.motion, [source.name for source in plan.sources]) == ("T_ROB1", True, ["mine.mod"])
+
+
+def test_an_encoded_module_is_named_as_one(tmp_path: Path) -> None:
+    (tmp_path / "secret.mod").write_bytes(b"MODULE secret(NOVIEW)\r\n" + bytes(range(1, 256)) * 3)
+    (problem,) = load_problems(tmp_path)[1]
+    assert "is encoded" in problem.what
 
 
 def test_the_command_counts_what_loads(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -229,17 +229,3 @@ def test_a_restart_keeps_pers_and_nothing_else(tmp_path: Path) -> None:
         eventually_blocking(lambda: stage(controller) == 1)
         controller.restart(monotonic())
         eventually_blocking(lambda: stage(controller) == 2)
-
-
-def test_a_displacement_moves_every_target_and_is_not_seen_by_crobt(tmp_path: Path) -> None:
-    body = """goal := CalcRobT(home, tool0);
-    PDispSet [[0, 0, 40], [1, 0, 0, 0]];
-    MoveJ goal, v1000, fine, tool0;
-    found := CRobT(\\Tool:=tool0 \\WObj:=wobj0);
-    IF Distance(goal.trans, found.trans) < 0.01 stage := 1;
-    PDispOff;"""
-    text = program(body).replace("VAR jointtarget found;", "VAR robtarget found;")
-    with running(tmp_path, text) as controller:
-        eventually_blocking(lambda: stage(controller) == 1)
-        shifted = ARM.forward(joints_of(controller))[:3, 3] - ARM.forward(HOME)[:3, 3]
-        np.testing.assert_allclose(shifted, [0.0, 0.0, 40.0], atol=1e-2)
