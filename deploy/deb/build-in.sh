@@ -17,7 +17,7 @@ root=$(mktemp -d)
 trap 'rm -rf "$root"' EXIT
 mmdebstrap --quiet --variant=minbase --include=python3,python3-venv,ca-certificates "$SUITE" "$root"
 # The index of packages and its authority are those of this machine.
-systemd-nspawn --quiet --register=no --directory="$root" --bind-ro="$SOURCE:/source" --bind="$DIST:/out" \
+systemd-nspawn --quiet --register=no --keep-unit --directory="$root" --bind-ro="$SOURCE:/source" --bind="$DIST:/out" \
     --bind-ro=/etc/ssl/certs --setenv=PIP_CERT=/etc/ssl/certs/ca-certificates.crt \
     --setenv=PIP_INDEX_URL="${PIP_INDEX_URL:-https://pypi.org/simple}" --setenv=HANDEYED_VERSION="$HANDEYED_VERSION" \
     --setenv=SOURCE_DATE_EPOCH="$SOURCE_DATE_EPOCH" --setenv=DEB_COMPRESSION="${DEB_COMPRESSION:--Zxz -z3}" \
