@@ -10,7 +10,7 @@ import numpy as np
 from benchmarks.hand_eye.cells import bound_of
 from calibration.solution import COVERAGE_FACTOR, Solution
 from calibration.solve import solve_hand_eye
-from calibration.verdict import judge
+from calibration.verdict import VerdictLimits, judge
 from tests.simulated.imperfect_sessions import (
     IMPERFECTIONS,
     imperfect_cell,
@@ -18,6 +18,9 @@ from tests.simulated.imperfect_sessions import (
 
 MAX_LISTED = 8
 """Most refused sessions that are listed by their numbers."""
+
+LIMITS = VerdictLimits().with_tolerance(4.0)
+"""Above U of these sessions, so that only a cause that is none refuses one."""
 
 
 @dataclass(frozen=True)
@@ -55,7 +58,7 @@ def outcome_of(job: tuple[str, tuple[int, ...]]) -> Outcome:
     imperfect = imperfect_cell(seed, IMPERFECTIONS[kind])
     problem = imperfect.cell.problem
     solution = solve_hand_eye(problem)
-    verdict = judge(problem, solution)
+    verdict = judge(problem, solution, LIMITS)
     codes = {
         severity: tuple(sorted(finding.code for finding in verdict.findings if finding.severity == severity))
         for severity in ("error", "warning")
