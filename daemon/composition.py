@@ -4,6 +4,7 @@ import faulthandler
 import logging
 import os
 import random
+import sys
 from collections.abc import Callable, Iterable
 from dataclasses import replace
 from pathlib import Path
@@ -233,7 +234,7 @@ def serve(settings: Settings, *, ready_file: Path | None = None, settings_file: 
     Raises StorageError, DeviceError, PortTaken.
     """
     log_to_stdout(logging.getLevelNamesMapping()[settings.server.log_level.upper()])
-    faulthandler.enable()  # a fatal signal leaves its stack; so does the watchdog's SIGABRT
+    faulthandler.enable(sys.__stderr__ or sys.stderr)  # a fatal signal leaves its stack; so does the watchdog's SIGABRT
     uvloop.run(_serve(settings, settings_file, make_announcer(ready_file, settings.server.certificate)))
 
 

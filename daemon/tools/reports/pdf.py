@@ -1,5 +1,6 @@
 """The PDF of a report: PDF/A-3u with its document attached, the same bytes for the same report."""
 
+import os
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from hashlib import sha256
@@ -26,6 +27,7 @@ def write_pdf(html: str, attached: Attached | None = None) -> bytes:
         weasyprint, urls = import_module("weasyprint"), import_module("weasyprint.urls")
     except (ImportError, OSError):
         raise ReportExtraMissing from None
+    os.environ.setdefault("SOURCE_DATE_EPOCH", "0")  # the time that fontTools writes into each font
     then = datetime.fromtimestamp(0, UTC)  # no clock: the same report gives the same bytes
     fetcher = urls.URLFetcher(allowed_protocols=RESOURCES)
     given = (
