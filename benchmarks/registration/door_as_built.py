@@ -86,9 +86,9 @@ def _bound_mm(cell: ArmCell, door_joints: Array) -> float:
     views = [Postures(np.array([view.joints_rad for view in problem.views])) for problem in cell.problems]
     points = np.tile([0.0, 0.0, DISTANCE_MM], (len(door_joints), 1))
     interest = PointsOfInterest(Postures(door_joints), points)
-    covariance = ArmExperiment(model, scenes, views, interest, model.sigmas).covariance(range(sum(map(len, views))))
-    kept = np.r_[0:6, len(covariance) - len(model) : len(covariance)]
-    of_arm = ArmEstimate(model, np.zeros(len(model)), covariance[np.ix_(kept, kept)], MOUNT_T_CAMERA)
+    experiment = ArmExperiment(model, scenes, views, interest, model.sigmas)
+    covariance = experiment.covariance_of_arm(range(sum(map(len, views))))
+    of_arm = ArmEstimate(model, np.zeros(len(model)), covariance, MOUNT_T_CAMERA)
     normal = BASE_T_DOOR[:3, 2]
     return float(np.sqrt(np.mean(normal @ registered_points(of_arm, interest.postures, points)[1] @ normal)))
 

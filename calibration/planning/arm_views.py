@@ -21,6 +21,9 @@ from calibration.transforms import Array, map_points
 UNKNOWN_POSE_SIGMA = np.repeat([0.5, 500.0], 3)
 """rad, mm: of X and the target's places before any view."""
 
+UNKNOWN_LENS_SIGMA = 1e3
+"""px, or of a coefficient: of the intrinsics that the views estimate, before any view."""
+
 MIN_PLACE_VIEWS = 4
 """Of each place of the target: fewer do not determine where it is, and so show nothing of the arm."""
 
@@ -64,17 +67,22 @@ class ArmExperiment:
         self._by = np.concatenate([by for by, _ in parts])
         self._noise = np.concatenate([noise for _, noise in parts])
         poses = np.tile(UNKNOWN_POSE_SIGMA, 1 + len(scenes))
-        before = np.diag(np.concatenate([poses, sigmas, scenes[0].nuisances.prior.usual ** -0.5]) ** 2)
+        before = np.diag(np.concatenate([poses, sigmas, _nuisance_sigmas(scenes[0])]) ** 2)
         self._prior = before if known is None else known
         self._first_views = 0 if known is not None else MIN_PLACE_VIEWS
         nuisances = len(scenes[0].nuisances)
         self._weights = _point_weights(model, scenes[0].mount_T_camera, interest, len(scenes), nuisances)
+        self._of_arm = np.r_[0:6, 6 + 6 * len(scenes) : 6 + 6 * len(scenes) + len(model)]
 
     def point_mm(self, chosen: Sequence[int]) -> float:
         """RMS error of the points after these views (positions among all candidates), for an efficient estimate."""
-        return float(np.sqrt(np.sum(self._weights * self.covariance(chosen))))
+        return float(np.sqrt(np.sum(self._weights * self._covariance(chosen))))
 
-    def covariance(self, chosen: Sequence[int]) -> Array:
+    def covariance_of_arm(self, chosen: Sequence[int]) -> Array:
+        """Covariance (6 + k, 6 + k) of [X, errors] after these views, for an efficient estimate."""
+        return np.asarray(self._covariance(chosen)[np.ix_(self._of_arm, self._of_arm)])
+
+    def _covariance(self, chosen: Sequence[int]) -> Array:
         """Covariance (p, p) of [X, places, errors, lens and target] after these views, for an efficient estimate."""
         if not len(chosen):
             return self._prior
@@ -139,6 +147,12 @@ def _measurements(
     return by, noise
 
 
+def _nuisance_sigmas(scene: Scene) -> Array:
+    """Standard deviations (q,) of lens and target before any view."""
+    known = np.diagonal(scene.prior_information())[12:]
+    return np.asarray(np.maximum(known, UNKNOWN_LENS_SIGMA**-2) ** -0.5)
+
+
 def _point_weights(
     model: ArmErrorModel, mount_T_camera: Array, interest: PointsOfInterest, places: int, nuisances: int
 ) -> Array:
@@ -146,7 +160,7 @@ def _point_weights(
     points = interest.points_mm
     by_x = mount_T_camera[:3, :3] @ point_rows(points)
     by_arm = point_rows(map_points(mount_T_camera, points)) @ model.jacobian(np.zeros(len(model)), interest.postures)
-    none = (np.zeros((len(points), 3, count)) for count in (6 * places, nuisances))
-    rows = np.concatenate([by_x, next(none), by_arm, next(none)], axis=-1)
+    by_place, by_nuisance = (np.zeros((len(points), 3, count)) for count in (6 * places, nuisances))
+    rows = np.concatenate([by_x, by_place, by_arm, by_nuisance], axis=-1)
     weights: Array = np.einsum("nip,niq->pq", rows, rows) / len(points)
     return weights

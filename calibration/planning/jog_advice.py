@@ -114,9 +114,9 @@ def _best_jog(
     reachable: Reachable | None,
 ) -> tuple[tuple[Turn, ...], Array, float | None] | None:
     """The best turns, the pose (4, 4) they lead to, and its predicted mm; None when the limits allow none."""
-    now_mm = float(np.clip(median_distance_mm(scene, base_T_flange_now[None]), *limits.distance_mm))
-    choices = tuple(product(_turn_choices(), (now_mm, *limits.distance_mm)))
-    poses = np.array([_turn_and_centre(scene, base_T_flange_now, turns, away_mm) for turns, away_mm in choices])
+    here_mm = float(np.clip(median_distance_mm(scene, base_T_flange_now[None]), *limits.distance_mm))
+    choices = tuple(product(_turn_choices(), (here_mm, *limits.distance_mm)))
+    poses = np.array([_turn_and_centre(scene, base_T_flange_now, turns, far_mm) for turns, far_mm in choices])
     keep = within_limits(scene, limits, poses) & (_tilts_rad(scene, poses) <= limits.tilt_rad)
     if reachable is not None:
         keep[keep] = reachable(poses[keep])

@@ -96,8 +96,10 @@ def _scenes(fit: ArmFit, target: Target) -> list[Scene]:
         float(np.sqrt(levels.rotation)),
         float(np.sqrt(levels.translation)),
     )
+    seen, x = fit.seen, fit.mount_T_camera
     return [
-        Scene("eye-in-hand", target, fit.seen.camera, fit.mount_T_camera, place, noise) for place in fit.anchor_T_target
+        Scene("eye-in-hand", target, seen.camera, x, place, noise, seen.intrinsics_free)
+        for place in fit.anchor_T_target
     ]
 
 

@@ -62,6 +62,7 @@ class ArmViews:
     postures: Postures
     camera_T_target: Array
     camera: CameraModel
+    intrinsics_free: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -217,7 +218,13 @@ def _conclude(session: ArmSession, candidates: list[_Candidate]) -> ArmFit:
         anchor_T_target=targets,
         variances=likeliest.marginal.variances,
         target_scale=scale,
-        seen=ArmViews(session.views[0].rows.setup, session.postures, camera_T_target, session.best.camera),
+        seen=ArmViews(
+            setup=session.views[0].rows.setup,
+            postures=session.postures,
+            camera_T_target=camera_T_target,
+            camera=session.best.camera,
+            intrinsics_free=session.views[0].rows.nuisances.estimated,
+        ),
         ladder=ladder,
         distances=session.check_distances(targets, scale, covariance[6:poses, 6:poses]),
         load=session.postures.load,

@@ -25,11 +25,12 @@ MAX_STANDARD_ERROR = 1.0
 
 
 @cache
-def identified(arm_class: ArmClass) -> ArmFit:
+def identified(arm_class: ArmClass, *, camera_given: bool = True) -> ArmFit:
     """Twelve views of one place."""
     rng, target = np.random.default_rng(0), target_before(ARM)
     views = reachable_views(rng, ARM, target, 12)
-    return identify_arm_session(ARM, arm_cell(rng, build_arm(ARM, arm_class, 0), [views], [target]).problems)
+    (problem,) = arm_cell(rng, build_arm(ARM, arm_class, 0), [views], [target]).problems
+    return identify_arm_session(ARM, [problem if camera_given else replace(problem, camera=None)])
 
 
 def test_more_views_are_within_reach_and_sight_and_never_predict_worse() -> None:
@@ -52,6 +53,13 @@ def test_before_any_more_view_the_prediction_is_the_uncertainty_of_the_fit() -> 
     _, covariance = registered_points(fit, more.interest.postures, more.interest.points_mm)
     now_mm = np.sqrt(np.trace(covariance, axis1=1, axis2=2).mean())
     assert more.now_mm == pytest.approx(now_mm, rel=0.01)
+
+
+def test_views_help_as_well_where_the_intrinsics_were_estimated() -> None:
+    fit = identified("standard", camera_given=False)
+    more = plan_more_arm_views(fit, BOARD, count=5)
+    assert more is not None
+    assert more.after_mm[-1] < 0.9 * more.now_mm
 
 
 def test_points_stand_in_the_box_that_was_asked_for() -> None:
