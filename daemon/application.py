@@ -23,6 +23,7 @@ from daemon.runtime.loop_monitor import EventLoopMonitor
 from daemon.runtime.metrics import Metric, Metrics
 from daemon.runtime.recent_log import RecentLog
 from daemon.runtime.systemd import Systemd
+from daemon.runtime.tasks import end_task
 from daemon.runtime.workers import Workers
 from daemon.scans.scan_service import ScanService
 from daemon.scans.sweeps import SweepService
@@ -165,10 +166,7 @@ class Application:
         await self._stopping
         for companion in reversed(self.services):
             await companion.stop()
-        if self._watchdog is not None:
-            self._watchdog.cancel()
-            with suppress(asyncio.CancelledError):
-                await self._watchdog
+        await end_task(self._watchdog)
         self.scans.registration_jobs.stop()
         for workers in (self.workers, self.service_workers, self.merge_workers):
             workers.close()

@@ -1,12 +1,12 @@
 """Notes when each device's link goes up and down, and its last error."""
 
 import asyncio
-from contextlib import suppress
 from dataclasses import dataclass, replace
 
 from daemon.cell.cell import Cell
 from daemon.runtime.clock import Clock
 from daemon.runtime.event_bus import Publish
+from daemon.runtime.tasks import end_task
 from drivers.errors import DeviceError, DeviceUnreachable
 from drivers.interfaces import LinkHealth
 
@@ -62,10 +62,7 @@ class DeviceWatch:
         self._task = asyncio.create_task(self._look_repeatedly(), name="looks at the links")
 
     async def stop(self) -> None:
-        if self._task is not None:
-            self._task.cancel()
-            with suppress(asyncio.CancelledError):
-                await self._task
+        await end_task(self._task)
 
     async def _look_repeatedly(self) -> None:
         while True:

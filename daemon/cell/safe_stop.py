@@ -10,6 +10,7 @@ from calibration.sentences.sentence import Sentence
 from daemon.runtime.clock import Clock
 from daemon.runtime.event_bus import Publish
 from daemon.runtime.metrics import Metric
+from daemon.runtime.tasks import end_task
 from drivers.errors import DeviceError
 from drivers.interfaces import Robot, Standstill
 
@@ -71,10 +72,7 @@ class SafeStop:
     async def stop(self) -> None:
         """End the watch and the attempts."""
         for task in (self._watching, self._stopping):
-            if task is not None:
-                task.cancel()
-                with suppress(asyncio.CancelledError):
-                    await task
+            await end_task(task)
 
     def begin(self) -> None:
         """Send stop and disarm now, unless an attempt is in progress."""

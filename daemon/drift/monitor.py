@@ -19,6 +19,7 @@ from daemon.runtime.clock import Clock
 from daemon.runtime.event_bus import EventBus
 from daemon.runtime.metrics import Metric
 from daemon.runtime.shared_reading import SharedReading
+from daemon.runtime.tasks import end_task
 from daemon.runtime.workers import Workers
 from daemon.store.store import Store
 
@@ -66,10 +67,7 @@ class DriftMonitor:
         self._task = asyncio.create_task(self._listen(self.events.last), name="drift")
 
     async def stop(self) -> None:
-        if self._task is not None:
-            self._task.cancel()
-            with suppress(asyncio.CancelledError):
-                await self._task
+        await end_task(self._task)
 
     def warnings(self) -> list[str]:
         """The alarm, for GET /ready."""

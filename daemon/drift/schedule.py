@@ -2,7 +2,6 @@
 
 import asyncio
 import logging
-from contextlib import suppress
 from dataclasses import dataclass, field
 
 from calibration.errors import CalibrationError
@@ -14,6 +13,7 @@ from daemon.model.run_states import RunState
 from daemon.operations import Operations
 from daemon.runtime.clock import Clock
 from daemon.runtime.logs import about_request
+from daemon.runtime.tasks import end_task
 from daemon.store.actor import AuditContext, acting_as
 from drivers.errors import DeviceError
 
@@ -72,10 +72,7 @@ class DriftSchedule:
             self._task = asyncio.create_task(self._verify_when_due(), name="drift schedule")
 
     async def stop(self) -> None:
-        if self._task is not None:
-            self._task.cancel()
-            with suppress(asyncio.CancelledError):
-                await self._task
+        await end_task(self._task)
 
     def warnings(self) -> list[str]:
         """Why nothing is scheduled, for GET /ready."""

@@ -3,7 +3,6 @@
 import asyncio
 import logging
 from collections.abc import Callable
-from contextlib import suppress
 
 from pymodbus.constants import ExcCodes
 from pymodbus.pdu.device import ModbusDeviceIdentification
@@ -11,6 +10,7 @@ from pymodbus.server import ModbusSerialServer
 from pymodbus.simulator import DataType, SimData, SimDevice
 
 from daemon.config.plc_settings import PlcSerialSettings
+from daemon.runtime.tasks import end_task
 from drivers.backoff import Backoff
 from drivers.serial_errors import SERIAL_ERRORS, reason_of
 from protocols.modbus.bank import Bank, Identification
@@ -42,10 +42,7 @@ class ModbusRtu:
         self._task = asyncio.create_task(self._keep_open(), name="Modbus RTU")
 
     async def stop(self) -> None:
-        if self._task is not None:
-            self._task.cancel()
-            with suppress(asyncio.CancelledError):
-                await self._task
+        await end_task(self._task)
 
     async def _keep_open(self) -> None:
         warned = False

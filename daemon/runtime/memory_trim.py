@@ -3,7 +3,8 @@
 import asyncio
 import ctypes
 from collections.abc import Callable
-from contextlib import suppress
+
+from daemon.runtime.tasks import end_task
 
 PERIOD_S = 10.0
 
@@ -25,10 +26,7 @@ class MemoryTrim:
             self._task = asyncio.create_task(self._repeat(self._trim), name="memory trim")
 
     async def stop(self) -> None:
-        if self._task is not None:
-            self._task.cancel()
-            with suppress(asyncio.CancelledError):
-                await self._task
+        await end_task(self._task)
 
     async def _repeat(self, trim: Callable[[int], int]) -> None:
         while True:

@@ -2,11 +2,11 @@
 
 import asyncio
 from collections.abc import Callable, Sequence
-from contextlib import suppress
 from dataclasses import dataclass
 
 from daemon.runtime.clock import Clock
 from daemon.runtime.systemd import Systemd
+from daemon.runtime.tasks import end_task
 
 PERIOD_S = 1.0
 
@@ -43,10 +43,7 @@ class StatusLine:
             self._task = asyncio.create_task(self._repeat(), name="status line")
 
     async def stop(self) -> None:
-        if self._task is not None:
-            self._task.cancel()
-            with suppress(asyncio.CancelledError):
-                await self._task
+        await end_task(self._task)
 
     def send(self) -> None:
         """Send the line if it is another than the last."""

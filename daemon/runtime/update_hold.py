@@ -5,11 +5,11 @@ neither key nor certificate, and only root can write below /run.
 """
 
 import asyncio
-from contextlib import suppress
 from pathlib import Path
 
 from calibration.sentences.sentence import Sentence
 from daemon.runtime.clock import Clock
+from daemon.runtime.tasks import end_task
 
 PERIOD_S = 0.5
 
@@ -37,10 +37,7 @@ class UpdateHold:
         self._task = asyncio.create_task(self._repeat(), name="looks for an update's hold")
 
     async def stop(self) -> None:
-        if self._task is not None:
-            self._task.cancel()
-            with suppress(asyncio.CancelledError):
-                await self._task
+        await end_task(self._task)
 
     def look(self) -> None:
         """Read the file once. Its age is counted from the last touch that was seen: clocks of the day may jump."""

@@ -10,6 +10,7 @@ from daemon.access.keys import KeyRecord
 from daemon.errors import StorageError
 from daemon.runtime.clock import Clock
 from daemon.runtime.metrics import Labels, Metric
+from daemon.runtime.tasks import end_task
 from daemon.store.access_keys import AccessKeys
 
 PERIOD_S = 60.0
@@ -35,10 +36,7 @@ class KeyExpiry:
         self._task = asyncio.create_task(self._repeat(), name="looks for keys that end soon")
 
     async def stop(self) -> None:
-        if self._task is not None:
-            self._task.cancel()
-            with suppress(asyncio.CancelledError):
-                await self._task
+        await end_task(self._task)
 
     async def look(self) -> None:
         """Read the keys once; a store that fails is passed over: others report it."""

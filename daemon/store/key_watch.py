@@ -11,6 +11,7 @@ from daemon.access.errors import KeyMissing
 from daemon.access.roles import LOCAL, LOCAL_READER, NOBODY, SERVICE, Caller
 from daemon.errors import StorageError
 from daemon.runtime.clock import Clock
+from daemon.runtime.tasks import end_task
 from daemon.store.access_keys import AccessKeys
 from daemon.store.browser_sessions import BrowserSessions
 
@@ -43,10 +44,7 @@ class KeyWatch:
         self._task = asyncio.create_task(self._check_repeatedly(), name="looks for keys that end")
 
     async def stop(self) -> None:
-        if self._task is not None:
-            self._task.cancel()
-            with suppress(asyncio.CancelledError):
-                await self._task
+        await end_task(self._task)
 
     async def _check_repeatedly(self) -> None:
         while True:

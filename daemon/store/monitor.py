@@ -3,12 +3,12 @@
 import asyncio
 import logging
 from collections.abc import Awaitable, Callable, Iterable
-from contextlib import suppress
 from dataclasses import dataclass, field
 
 from daemon.errors import StorageError, StorageInconsistent
 from daemon.runtime.event_bus import EventBus
 from daemon.runtime.metrics import Metric
+from daemon.runtime.tasks import end_task
 from daemon.store.consistency import StoreFault
 from daemon.store.store import Store
 
@@ -43,9 +43,7 @@ class StoreMonitor:
 
     async def stop(self) -> None:
         for task in self._tasks:
-            task.cancel()
-            with suppress(asyncio.CancelledError):
-                await task
+            await end_task(task)
 
     async def anchor(self) -> None:
         """Write the anchor, unless the store has a fault. Raises StorageError."""

@@ -6,7 +6,6 @@ No clock that can be set decides: runs are ordered as they were stored, and aged
 import asyncio
 import logging
 from collections.abc import Iterable, Sequence, Set
-from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -16,6 +15,7 @@ from daemon.errors import StorageError
 from daemon.model.records import RunRecord
 from daemon.runtime.clock import Clock
 from daemon.runtime.metrics import Metric
+from daemon.runtime.tasks import end_task
 from daemon.runtime.workers import Workers
 from daemon.store.database import storage_errors
 from daemon.store.run_ages import AGES_NAME, RunAges, read_ages
@@ -62,10 +62,7 @@ class Retention:
         self._task = asyncio.create_task(self._tidy_for_ever())
 
     async def stop(self) -> None:
-        if self._task is not None:
-            self._task.cancel()
-            with suppress(asyncio.CancelledError):
-                await self._task
+        await end_task(self._task)
 
     async def tidy(self) -> list[Path]:
         """Delete the pictures of old runs, unless the store has a fault; returns the files. Raises StorageError."""
