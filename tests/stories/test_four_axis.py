@@ -53,7 +53,10 @@ async def test_the_target_is_touched_once_and_a_cloud_comes_out_in_base(tmp_path
         print("story: X off by", off_mm.round(3), "mm, a point by", round(points_mm, 3), "mm RMS, one sigma",
               np.round(document.uncertainty.translation_mm, 3))  # fmt: skip
         assert points_mm < POINT_MM
-        assert np.all(np.abs(off_mm) < 4 * np.array(document.uncertainty.translation_mm))
+        covariance = document.uncertainty.matrix()
+        assert covariance is not None
+        by_camera = found[:3, :3].T @ off_mm
+        assert by_camera @ np.linalg.solve(covariance[3:, 3:], by_camera) < 11.34  # chi-square of three, 99 %
 
         points = np.array([[0.0, 0, 600], [50, -20, 580], [-80, 40, 620]])
         answer = await ask.post(

@@ -54,13 +54,16 @@ def test_after_the_first_look_the_target_is_where_the_image_shows_it_for_that_x(
     assert not np.isfinite(belief.estimated_mm)
 
 
-@pytest.mark.parametrize("direction", range(4))
-def test_with_a_guess_50_mm_and_10_deg_off_the_target_stays_in_the_picture_and_the_result_is_as_good(direction):
-    poses, told = taken_step_by_step(guess_off(50.0, 10.0, direction=direction), StoppingRule(3))
-    # The farthest guesses may cost a few of the target's points in the first move, never the target.
-    assert target_in_view(TRUTH, np.array(poses)).min() > 0.6
-    assert told[-1].now_mm is not None
-    assert told[-1].now_mm <= 0.28
+def test_with_a_guess_50_mm_and_10_deg_off_the_target_stays_in_the_picture_and_the_result_is_as_good():
+    """On average over four directions: which of nearly equal sets of poses a search finds scatters U by a fifth."""
+    reached = []
+    for direction in range(4):
+        poses, told = taken_step_by_step(guess_off(50.0, 10.0, direction=direction), StoppingRule(3))
+        # The farthest guesses may cost a few of the target's points in the first move, never the target.
+        assert target_in_view(TRUTH, np.array(poses)).min() > 0.6
+        assert told[-1].now_mm is not None
+        reached.append(told[-1].now_mm)
+    assert np.mean(reached) <= 0.25
 
 
 def test_doubt_shrinks_with_every_view():

@@ -79,4 +79,5 @@ def test_temperatures_are_used_where_all_views_have_them() -> None:
         return float(np.sqrt(np.mean([np.trace(one) for one in place_points(at, held_out, points, NO_SCATTER)[1]])))
 
     as_then, hot, unknown = (sigma_mm(fit, temperature_c) for temperature_c in (26.0, 46.0, None))
-    assert min(hot, unknown) > 1.05 * as_then
+    more_mm = np.sqrt(min(hot, unknown) ** 2 - as_then**2)
+    assert more_mm > 0.064  # whatever lens and print leave open at the temperature of then
