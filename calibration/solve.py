@@ -26,7 +26,7 @@ from calibration.solver.arm_identification import ArmFit, UnusualArm, identify_a
 from calibration.solver.arm_session import KnownDistance, TargetViews
 from calibration.solver.external_axis import AxisFit, find_axis, fit_axis, readings_of
 from calibration.solver.initial_guess import InitialGuess, find_initial_guess
-from calibration.solver.robot_trend_check import trend_levels, widen_by_given, widen_by_shared_errors
+from calibration.solver.robot_trend_check import fit_trend, widen_by_given, widen_by_shared_errors
 from calibration.solver.solution_builder import build_solution, solution_without_x
 from calibration.solver.view_outliers import Selection, agreeing_rows, select_views
 from calibration.transforms import Array
@@ -160,10 +160,11 @@ def estimate_session(problem: Problem) -> SessionEstimate:
         for _ in range(MAX_ROUNDS):
             prepared = update_target_shape(prepared, selection.best)
             selection = select_views(prepared, selection.used, selection.best.chain, selection.best.variances)
-    if (levels := trend_levels(selection.best)) is not None:
+    trend = fit_trend(selection.best)
+    if trend is not None and trend.significant:
         best = selection.best
-        selection = select_views(prepared, selection.used, best.chain, levels, best.z, trend=True)
-    selection = widen_by_given(widen_by_shared_errors(prepared, selection))
+        selection = select_views(prepared, selection.used, best.chain, trend.levels, best.z, trend=True)
+    selection = widen_by_given(widen_by_shared_errors(prepared, selection, trend))
     scale, found = selection.best.scale, selection.best.seen(prepared.seen)
     found = replace(found, points_mm=found.points_mm / scale)
     return replace(prepared, scale=scale, seen_as_found=found), start, selection

@@ -25,7 +25,7 @@ from calibration.solve import solve_hand_eye
 from tests.simulated.described_wrongly import FAULTS, HIGH, wrong_session
 from tests.simulated.fault_kinds import GROSS
 from tests.simulated.faults import SETUPS
-from tests.simulated.mixups import MIXUPS
+from tests.simulated.mixups import MIXUPS, OF_INTRINSICS
 from tests.simulated.varied_sessions import varied
 
 NOTHING = "nothing"
@@ -41,6 +41,8 @@ def problem_of(kind: str, number: int) -> Problem:
         views, setup = int(rng.integers(3, 9)), SETUPS[int(rng.integers(len(SETUPS)))]
         return wrong_session(rng, views, FAULTS[kind], HIGH, setup, "planned").problem
     session = varied(rng)
+    while kind in OF_INTRINSICS and session.problem.camera is None:
+        session = varied(rng)
     return session.problem if kind == NOTHING else MIXED_UP[kind](session.problem, rng).problem
 
 

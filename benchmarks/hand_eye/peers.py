@@ -17,7 +17,7 @@ from itertools import product
 
 import numpy as np
 
-from benchmarks.hand_eye.cells import bound_of, draw_cell, error_of
+from benchmarks.hand_eye.cells import STATED, bound_of, draw_cell, error_of
 from benchmarks.hand_eye.closed_form_peers import Poses, opencv_methods, own, whose
 from calibration.errors import UndeterminedError
 from calibration.pose_pairs.solve import solve_hand_eye_poses
@@ -162,7 +162,7 @@ def in_bounds(squares: Squares) -> Squares:
 
 def cell_squares(noise: CellNoise, setup: Setup, rng: np.random.Generator, views: int) -> Squares:
     """Squared errors of one session with pixels."""
-    cell = random_cell(rng, views, noise, setup=setup)
+    cell = random_cell(rng, views, noise, setup=setup, knowledge=STATED)
     ours = estimate_session(cell.problem)[2].best.chain.mount_T_camera
     return _squares(cell, prepare(cell.problem), ours, bound_of(cell, noise).covariance)
 

@@ -86,6 +86,10 @@ class Nuisances:
         """The target's size against the description."""
         return float(np.exp(z[self.size]))
 
+    def points_at(self, z: Array) -> Array:
+        """The target's points (k, 3) at the deviations z (q,), mm."""
+        return np.asarray(self.scale_at(z) * (self.nominal_mm + self._shapes() @ z[self.shape]))
+
     def seen_at(self, seen: Observations, z: Array) -> Observations:
         """The observations with the target's points at the deviations z (q,)."""
         shape = z[self.shape]

@@ -6,7 +6,7 @@ with a probability below e^-g (Markov's inequality). Where lens and target expla
 adopted, and its probability widens the uncertainty.
 """
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -34,25 +34,47 @@ TREND_SQUARES = 2.0
 """Mean sum of squares of the trend's regressors over the views: of places and of orientations, each of spread 1."""
 
 
-def trend_levels(best: Estimate) -> Variances | None:
-    """The noise levels with a trend of the robot's errors, where it is significant; else None."""
-    trend = _with_trend(best)
-    if trend is None:
+@dataclass(frozen=True, eq=False)
+class Trend:
+    """The model of an estimate with a trend of the robot's errors, and its noise levels.
+
+    `gain`: of the restricted log-likelihood over the estimate without it, less Schwarz's penalty for two levels.
+    """
+
+    model: MixedModel
+    levels: Variances
+    gain: float
+
+    @property
+    def significant(self) -> bool:
+        """Whether it is adopted."""
+        return self.gain >= MIN_LOG_LIKELIHOOD_GAIN
+
+
+def fit_trend(best: Estimate) -> Trend | None:
+    """The trend beside an estimate without one; None for few views."""
+    basis = trend_basis(best.chain.base_T_flange)
+    if len(basis) < MIN_VIEWS:
         return None
-    levels = _levels(trend, best)
-    penalty = float(np.log(6 * len(trend.count)))  # Schwarz's, for the trend's two levels
-    gain = restricted_log_likelihood(trend, levels) - penalty - restricted_log_likelihood(best.model, best.variances)
-    return levels if gain >= MIN_LOG_LIKELIHOOD_GAIN else None
+    model, first = with_trend(best.model, basis), best.variances
+    # Those of a trend start from the levels of the single views.
+    start = replace(first, trend_rotation=first.rotation + 1e-12, trend_translation=first.translation + 1e-6)
+    levels = estimate_variances(model, start)
+    penalty = float(np.log(6 * len(basis)))
+    gain = restricted_log_likelihood(model, levels) - penalty - restricted_log_likelihood(best.model, first)
+    return Trend(model, levels, gain)
 
 
-def widen_by_shared_errors(prepared: PreparedSession, selection: Selection) -> Selection:
+def widen_by_shared_errors(prepared: PreparedSession, selection: Selection, trend: Trend | None) -> Selection:
     """The same X with its covariance widened by errors that all views may share though none is significant.
+
+    `trend`: of the selection's estimate, or the one that it contains; None for few views.
 
     For a trend of the robot's errors by its posterior probability, and for errors of the corners that are alike in all
     views as far as the residuals show them.
     """
     best = selection.best
-    more = _variance_by_trend(best, prepared)
+    more = np.zeros((12, 12)) if trend is None else _variance_by_trend(best, prepared, trend)
     rows = prepared.take(selection.used)
     distance_mm = float(np.median(np.linalg.norm(rows.camera_T_target[:, :3, 3], axis=1)))
     more[:6, :6] += variance_by_shared_corners(shared_corner_sigma_px(rows, best), best.camera, distance_mm)
@@ -74,7 +96,7 @@ def _widened(selection: Selection, more: Array) -> Selection:
     return replace(selection, best=replace(selection.best, step=replace(selection.best.step, covariance=covariance)))
 
 
-def _variance_by_trend(best: Estimate, prepared: PreparedSession) -> Array:
+def _variance_by_trend(best: Estimate, prepared: PreparedSession, trend: Trend) -> Array:
     """What robot errors that follow the pose add to the covariance (12, 12), by their probability.
 
     X takes up the part of them that is alike in all views. It shows in no residual and is taken to be as large as the
@@ -82,12 +104,9 @@ def _variance_by_trend(best: Estimate, prepared: PreparedSession) -> Array:
     """
     chain, more, share, levels = best.chain, np.zeros((12, 12)), 1.0, best.variances
     if not best.model.trend_terms:
-        trend = _with_trend(best)
-        if trend is None:
-            return more
-        levels = _levels(trend, best)
+        levels = trend.levels
         exact, off = (
-            marginalise(one, at, prepared.belief) for one, at in ((best.model, best.variances), (trend, levels))
+            marginalise(one, at, prepared.belief) for one, at in ((best.model, best.variances), (trend.model, levels))
         )
         odds = np.log(PRIOR_PROBABILITY / (1 - PRIOR_PROBABILITY)) + off.log_evidence - exact.log_evidence
         share = float(1 / (1 + np.exp(-np.clip(odds, -500.0, 500.0))))
@@ -106,18 +125,3 @@ def _centre_T_camera(chain: Chain) -> Array:
     moved: Array = chain.mount_T_camera.copy()
     moved[:3, 3] -= chain.base_T_flange[:, :3, 3].mean(axis=0)
     return moved
-
-
-def _with_trend(best: Estimate) -> MixedModel | None:
-    """The model with a trend, None for few views."""
-    basis = trend_basis(best.chain.base_T_flange)
-    return with_trend(best.model, basis) if len(basis) >= MIN_VIEWS else None
-
-
-def _levels(trend: MixedModel, best: Estimate) -> Variances:
-    """The most likely noise levels; those of a trend start from the levels of the single views."""
-    first = best.variances
-    return estimate_variances(
-        trend,
-        replace(first, trend_rotation=first.rotation + 1e-12, trend_translation=first.translation + 1e-6),
-    )

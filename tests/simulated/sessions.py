@@ -1,10 +1,12 @@
 """Cells with known truth: points projected through a known X, with noise on pixels and on robot poses."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from calibration.camera import CameraModel
+from calibration.knowledge import NOTHING_STATED, Knowledge
+from calibration.likelihood.nuisances import Nuisances
 from calibration.problem import Detection, Problem, Setup, View
 from calibration.targets import Chessboard, Target
 from calibration.transforms import Array, inverse, map_points, rotation_from_vector, transform
@@ -49,14 +51,28 @@ def random_cell(
     camera_given: bool = True,
     target: Target = BOARD,
     tilt_rad: float = float(np.radians(35.0)),
+    knowledge: Knowledge | None = None,
 ) -> Cell:
-    """`views` pictures of the target from 450 to 650 mm, tilted by up to `tilt_rad` and rolled at will."""
+    """`views` pictures of the target from 450 to 650 mm, tilted by up to `tilt_rad` and rolled at will.
+
+    `knowledge`: the problem states it, and lens and print are off by as much; without it they are as described.
+    """
     on_flange = transform(rotation_from_vector(rng.standard_normal(3)), 80 * rng.standard_normal(3))
     in_cell = transform(rotation_from_vector(rng.standard_normal(3)), 500 * rng.standard_normal(3))
     X, Y = (on_flange, in_cell) if setup == "eye-in-hand" else (on_a_stand(rng, in_cell), on_flange)
     camera_T_target = np.array([looking(rng, target, tilt_rad) for _ in range(views)])
     base_T_flange = Y @ inverse(X @ camera_T_target) if setup == "eye-in-hand" else X @ camera_T_target @ inverse(Y)
-    return observed(rng, setup, target, base_T_flange, X, Y, noise, camera_given=camera_given)
+    stated = knowledge or NOTHING_STATED
+    nuisances = Nuisances.of(CAMERA, target.points_mm, stated, estimated=not camera_given)
+    z = np.zeros(len(nuisances))
+    if knowledge is not None:
+        z[nuisances.first_known :] = nuisances.prior.usual**-0.5 * rng.standard_normal(len(z) - nuisances.first_known)
+    camera, points_mm = nuisances.camera_at(z), nuisances.points_at(z)
+    seen = observed(
+        rng, setup, target, base_T_flange, X, Y, noise, camera=camera, camera_given=camera_given, points_mm=points_mm
+    )
+    given = CAMERA if camera_given else None
+    return replace(seen, problem=replace(seen.problem, camera=given, knowledge=stated))
 
 
 def on_a_stand(rng: np.random.Generator, base_T_camera: Array) -> Array:
@@ -76,8 +92,13 @@ def observed(
     *,
     camera: CameraModel = CAMERA,
     camera_given: bool = True,
+    points_mm: Array | None = None,
 ) -> Cell:
-    """What a camera sees when the robot reports the poses (n, 4, 4); where the arm stands differs by its error."""
+    """What a camera sees when the robot reports the poses (n, 4, 4); where the arm stands differs by its error.
+
+    `points_mm` (k, 3): where the target's points really are; as described without it.
+    """
+    points_mm = target.points_mm if points_mm is None else points_mm
     n = len(base_T_flange)
     errors = transform(
         rotation_from_vector(noise.robot_rotation_rad * rng.standard_normal((n, 3))),
@@ -87,7 +108,7 @@ def observed(
     camera_T_target = inverse((stands if setup == "eye-in-hand" else inverse(stands)) @ X) @ Y
     views = []
     for index, (pose, seen) in enumerate(zip(base_T_flange, camera_T_target, strict=True)):
-        pixels = camera.project(map_points(seen, target.points_mm))
+        pixels = camera.project(map_points(seen, points_mm))
         pixels = pixels + noise.image_px * rng.standard_normal(pixels.shape)
         views.append(View(index, pose, Detection(np.arange(len(pixels)), pixels)))
     problem = Problem(setup, target, camera if camera_given else None, camera.image_size, tuple(views))
