@@ -15,7 +15,6 @@ from calibration.diagnosis.hypothesis import few_views_factor, price_of
 from calibration.diagnosis.view_hypotheses import MIN_VIEWS_PER_SIDE
 from calibration.kinematics.robot_accuracy import MAX_USUAL_NOISE
 from calibration.linear_algebra import inverse_or_pseudo_inverse, scaled_inverse, scaled_solve
-from calibration.transforms import Array
 
 FEW_VIEWS = 20
 """Up to so many views are always diagnosed: that takes less than 0.1 s, and the estimated gains are poor."""
@@ -60,7 +59,8 @@ def _gains(evidence: Evidence, fitted: Fit) -> Iterator[tuple[float, float]]:
         score = np.cumsum(gradients[::-1], axis=0)[::-1][MIN_VIEWS_PER_SIDE : n - MIN_VIEWS_PER_SIDE + 1, block]
         after = np.cumsum(normal[::-1], axis=0)[::-1][MIN_VIEWS_PER_SIDE : n - MIN_VIEWS_PER_SIDE + 1]
         information = after[:, block, block] - after[:, block] @ shared @ after[:, :, block]
-        yield _gain(_largest_fall(score, information), n, 6, 2 * n), MIN_GAIN_CHANGE
+        falls = np.sum(score * scaled_solve(information, score[..., None], ridge=1e-9)[..., 0], axis=-1)
+        yield _gain(float(falls.max(initial=0.0)), n, 6, 2 * n), MIN_GAIN_CHANGE
 
     # The target's size.
     slope = np.zeros((n, 6, 1))
@@ -69,11 +69,6 @@ def _gains(evidence: Evidence, fitted: Fit) -> Iterator[tuple[float, float]]:
     fisher = float((np.swapaxes(slope, 1, 2) @ weights @ slope).sum()) - float((cross @ shared @ cross.T).sum())
     gradient = float((np.swapaxes(slope, 1, 2) @ weights @ residuals).sum())
     yield _gain(gradient**2 / max(fisher, 1e-300), n, 1, 1), MIN_GAIN_SIZE
-
-
-def _largest_fall(score: Array, information: Array) -> float:
-    falls = np.sum(score * scaled_solve(information, score[..., None], ridge=1e-9)[..., 0], axis=-1)
-    return float(falls.max(initial=0.0))
 
 
 def _gain(fall: float, n: int, unknowns: int, alternatives: int) -> float:

@@ -64,7 +64,8 @@ def _fitting_description(problem: Problem) -> tuple[Sentence, Sentence] | None:
     few = [detections[row] for row in np.unique(np.linspace(0, len(detections) - 1, MAX_TRIED_VIEWS).astype(np.intp))]
     least = min((int(seen.ids.min()) for seen in detections if len(seen.ids)), default=0)
     last = max((int(seen.ids.max()) for seen in detections if len(seen.ids)), default=-1)
-    if least > 0 and _shows(problem, described, _counted_from(few, 1)) and last <= len(described.points_mm):
+    from_zero = [Detection(seen.ids - 1, seen.corners_px) for seen in few]
+    if least > 0 and _shows(problem, described, from_zero) and last <= len(described.points_mm):
         return Sentence("ids-from-one"), Sentence("count-from-zero")
     fitting = [
         target
@@ -79,10 +80,6 @@ def _fitting_description(problem: Problem) -> tuple[Sentence, Sentence] | None:
     else:
         rows, what = target.rows, Sentence("columns-and-rows", columns=target.columns, rows=target.rows)
     return what, Sentence("set-columns-and-rows", columns=target.columns, rows=rows)
-
-
-def _counted_from(detections: list[Detection], first: int) -> list[Detection]:
-    return [Detection(seen.ids - first, seen.corners_px) for seen in detections]
 
 
 def _with_columns(target: Grid, columns: int, last: int) -> Grid | None:

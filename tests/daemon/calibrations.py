@@ -6,11 +6,12 @@ from calibration.documents.arm import ArmErrorsDocument
 from calibration.documents.calibration import CalibrationDocument, ViewResultDocument
 from calibration.documents.pose import PoseDocument
 from calibration.documents.session import CameraDocument
+from calibration.documents.target import document_of_target
 from calibration.kinematics.abb_arms import find_arm
 from calibration.kinematics.arm_errors import ArmErrorModel
 from daemon.model.records import AppliedCalibration, CalibrationRecord
 from tests.daemon.cell_under_test import Bench
-from tests.daemon.fakes import BASE_T_TARGET, CAMERA, FLANGE_T_CAMERA, poses_around_the_target
+from tests.daemon.fakes import BASE_T_TARGET, BOARD, CAMERA, FLANGE_T_CAMERA, poses_around_the_target
 
 
 def a_calibration(calibration_id: str, *, accepted: bool = True, solved: bool = True) -> CalibrationDocument:
@@ -37,6 +38,7 @@ def a_calibration(calibration_id: str, *, accepted: bool = True, solved: bool = 
                 "views_used": 3, "max_rotation_deg": 60.0, "axis_spread": 0.8, "weakest_direction": "none"
             },
             "hold_out": None,
+            "target": document_of_target(BOARD),
             "verdict": {"accepted": accepted, "findings": findings},
         }
     )  # fmt: skip
