@@ -11,6 +11,7 @@ from calibration.likelihood.predicted_uncertainty import uncertainty_of
 from calibration.linear_algebra import covariance_of
 from calibration.observations.measured_poses import MeasuredViews, measured_views, unusable_views
 from calibration.observations.observations import UnusableReason
+from calibration.pose_pairs.alike_errors import with_alike_errors
 from calibration.pose_pairs.independent_noise import PoseFit, information_of
 from calibration.pose_pairs.length_scale import require_units, usual_error_of, with_lengths
 from calibration.pose_pairs.noise_models import RANDOM_WALK, sources_of
@@ -54,6 +55,7 @@ def solve_measured_session(problem: Problem) -> MeasuredSolution:
     require_units(pairs)
     fitted, used = fit_pose_pairs(pairs)
     pairs, fitted = with_lengths(pairs, fitted, used, usual_error_of(seen))
+    fitted = with_alike_errors(pairs.take(used), fitted)
     at = linearise(pairs, fitted.chain)
     fit = _Residuals(pairs, at, information_of(at, fitted), used, fitted, problem.target.points_mm)
     return MeasuredSolution(

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from calibration.closed_forms.observability import require_observable
 from calibration.errors import UndeterminedError
+from calibration.pose_pairs.alike_errors import with_alike_errors
 from calibration.pose_pairs.independent_noise import PoseFit, distances_of, fit_independent_noise, outlier_limit
 from calibration.pose_pairs.noise_marginalisation import marginalise_few
 from calibration.pose_pairs.noise_models import cameras_of
@@ -63,7 +64,9 @@ def solve_hand_eye_poses(
 
     `metric=False`: the camera's lengths are right up to one unknown factor, as those of a single moving camera are.
     """
-    fitted, used = fit_pose_pairs(PosePairs(setup, base_T_flange, camera_T_target, metric))
+    pairs = PosePairs(setup, base_T_flange, camera_T_target, metric)
+    fitted, used = fit_pose_pairs(pairs)
+    fitted = with_alike_errors(pairs.take(used), fitted)
     return PoseSolution(
         fitted.chain.mount_T_camera,
         fitted.chain.anchor_T_target,

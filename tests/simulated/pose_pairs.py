@@ -6,7 +6,7 @@ from typing import Literal
 import numpy as np
 
 from calibration.pose_pairs.residuals import PosePairs, ScaledChain, linearise
-from calibration.transforms import Array, inverse, rotation_from_vector, transform
+from calibration.transforms import Array, inverse, rotation_from_vector, transform, transform_from_vector
 from tests.simulated.sessions import looking
 
 Motions = Literal["looking", "random"]
@@ -46,6 +46,15 @@ def drawn_session(rng: np.random.Generator, n: int, noise: PoseNoise, motions: M
     off = _errors(rng, n, noise.camera_deg, noise.camera_mm)
     found = transform(off[:, :3, :3] @ seen[:, :3, :3], seen[:, :3, 3] + off[:, :3, 3])
     return PoseSession(told, found, X, _bound(PosePairs("eye-in-hand", stands, seen), ScaledChain(X, Y), noise))
+
+
+def with_alike_errors(rng: np.random.Generator, camera_T_target: Array, deg: float, mm: float) -> Array:
+    """The camera's poses (n, 4, 4) with errors that are waves of where and how the target stands."""
+    where = np.concatenate([camera_T_target[:, :3, 3] / 100, camera_T_target[:, :3, :3].reshape(-1, 9)], axis=1)
+    waves = [np.sin(where @ rng.standard_normal(12) + rng.uniform(0, 2 * np.pi)) for _ in range(3)]
+    errors = np.sqrt(2 / 3) * np.stack(waves, axis=1) @ rng.standard_normal((3, 6))
+    off = transform_from_vector(errors * np.repeat([np.radians(deg), mm], 3))
+    return transform(off[:, :3, :3] @ camera_T_target[:, :3, :3], camera_T_target[:, :3, 3] + off[:, :3, 3])
 
 
 def _anyhow(rng: np.random.Generator) -> Array:
