@@ -1,9 +1,9 @@
 """`python -m benchmarks.daemon.described_wrongly [--seeds N] [--rows ...]`
 
 The whole daemon at its default, with the mock cell on real sockets, policy "auto" and a stated tolerance of 1 mm, while
-the settings describe the print or the lens wrongly. What is in force then is compared with the mock's truth: the
-largest error of the working volume's points beside the stated U. Fails when anything in force is off by more than its U
-and 0.2 mm.
+the settings describe the print, the lens or the arm's lengths wrongly. What is in force then is compared with the
+mock's truth: the largest error of the working volume's points beside the stated U. Fails when anything in force is off
+by more than its U and 0.2 mm.
 """
 
 import argparse
@@ -29,16 +29,22 @@ AUTO = {"policy": "auto", "tolerance_mm": 1.0}
 
 @dataclass(frozen=True)
 class Row:
-    """The truth over what the settings say: of the target's size and of the focal length."""
+    """The truth over what is described: of the target's size, the focal length and the arm's lengths.
+
+    An arm that is longer than its controller reports measures everything shorter, the truth of X and target too: in its
+    millimetres the print alone has another size.
+    """
 
     size: float = 1.0
     focal: float = 1.0
+    arm: float = 1.0
 
 
 ROWS = {
     "as described": Row(),
     **{f"print {100 * size:g} %": Row(size=size) for size in (0.95, 0.97, 0.98, 0.99, 0.995, 1.003)},
     **{f"focus {100 * (focal - 1):+.1f} %": Row(focal=focal) for focal in (1.005, 1.01, 1.03)},
+    **{f"arm {100 * arm:g} %": Row(arm=arm) for arm in (0.996, 1.004)},
 }
 
 
@@ -63,7 +69,7 @@ def described(sheet: dict[str, Any], row: Row) -> dict[str, dict[str, Any]]:
     target, matrix = dict(sheet["target"]), np.array(sheet["camera"]["matrix"])
     for length in ("pitch_mm", "square_mm", "marker_mm"):
         if length in target:
-            target[length] /= row.size
+            target[length] *= row.arm / row.size
     matrix[[0, 1], [0, 1]] /= row.focal
     return {"target": target, "camera": {"intrinsics": {**sheet["camera"], "matrix": matrix.tolist()}}}
 
