@@ -1,7 +1,7 @@
 """`python -m benchmarks.hand_eye.belief [--seeds N]`
 
-Whether U comes out as expected, and what a cell that knows its arm's noise gains. Planned views of cells in which print,
-lens and arm are as described within their priors' cores; low noise is 0.05 mm and 0.005 degrees, high four times that.
+Whether U comes out as expected, and what a cell that knows its arm's noise gains. Planned views of cells in which
+print, lens and arm are as described; low noise of the arm is 0.05 mm and 0.005 degrees, high noise four times that.
 
 - got / expected: U of all views, over the one that was expected of them after all views but the last.
 - third / ideal: U in the third run of a cell, which has learnt its noise in two, over U where the noise is known.
@@ -73,9 +73,8 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seeds", type=int, default=30)
     given = parser.parse_args()
-    print(
-        f"{'':12s} {'got / expected':>18s} {'third / ideal':>18s}\nviews  noise {'median   90 %':>18s} {'median   90 %':>18s}"
-    )
+    print(f"{'':12s} {'got / expected':>18s} {'third / ideal':>18s}")
+    print(f"views  noise {'median   90 %':>18s} {'median   90 %':>18s}")
     for row in rows(given.seeds):
         print(row, flush=True)
 
