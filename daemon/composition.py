@@ -119,13 +119,16 @@ def build(
         if name != MAIN_CAMERA:
             seen_by = cell.seen_by(name, open_exposure_control(view, devices.cameras[name], workers, clock))
         pictures = LivePictures(seen_by.read_frame, service_workers, clock.monotonic_s)
+        drift = DriftMonitor(view, store, events, service_workers, clock, name, arm_conditions.read)
         return CellCamera(
             name,
             view,
-            replace(operations, settings=view, cell=seen_by, camera=name, others=by_name),
+            replace(
+                operations, settings=view, cell=seen_by, camera=name, others=by_name, learnt_noise=drift.robot_noise
+            ),
             pictures,
             Looks(pictures.frame.read, view.target.target(), service_workers, clock),
-            DriftMonitor(view, store, events, service_workers, clock, name, arm_conditions.read),
+            drift,
             RecentReading(seen_by.obstacles, clock.monotonic_s),
         )
 

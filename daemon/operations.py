@@ -77,12 +77,17 @@ VERIFY_POSITIONS = 3
 """As the seed's Tab. 1."""
 
 
+async def nothing_learnt() -> NoiseBelief | None:
+    """Of the robot's noise, before the first calibration."""
+    return None
+
+
 @dataclass(eq=False)
 class Operations:
     """Starts runs, and takes views. Of its fields only `settings` is ever replaced, when they are reloaded.
 
     `camera`: whose calibration is in force here; `settings` and `cell` are those of this camera; `others`: of all
-    cameras by name.
+    cameras by name. `learnt_noise`: what the cell has learnt of the robot's.
     """
 
     settings: Settings
@@ -97,6 +102,7 @@ class Operations:
     merge_workers: Workers
     camera: str = MAIN_CAMERA
     others: Mapping[str, "Operations"] = field(default_factory=dict)
+    learnt_noise: Callable[[], Awaitable[NoiseBelief | None]] = nothing_learnt
 
     @property
     def calibrations(self) -> Calibrations:
@@ -323,17 +329,14 @@ class Operations:
             raise CellNotReady(reasons)
 
     async def _noise_belief(self) -> NoiseBelief:
-        """In the robot's noise: as stated, else as learnt by the calibration in force of the same arm and load."""
+        """In the robot's noise: as stated, else as the cell has learnt it of the same arm and load."""
         stated, robot, load = self.settings.calibration.noise, self.settings.robot, self.cell.arm_conditions.read().load
         carried = "" if load is None else f"{load.mass_kg:g} kg"
         arm = ", ".join(part for part in (robot.model, self.settings.report.robot_serial, carried) if part)
         if stated.is_stated:
             return replace(stated.belief(), arm=arm)
-        try:
-            found = (await self.calibrations.current()).noise.belief
-        except NoCalibration:
-            found = None
-        return replace(USUAL_BELIEF, arm=arm) if found is None or found.arm != arm else found.belief().for_next_run()
+        found = await self.learnt_noise()
+        return replace(USUAL_BELIEF, arm=arm) if found is None or found.arm != arm else found.for_next_run()
 
     async def _scene_guess(self) -> SceneGuess:
         intrinsics = self.settings.camera.intrinsics

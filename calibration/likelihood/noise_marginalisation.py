@@ -116,11 +116,16 @@ def marginalise(model: MixedModel, variances: Variances, belief: NoiseBelief = U
     if model.mixture is not None:
         information[found.at] = weights.sum(axis=0) @ model.mixture.information
     scale = None if model.mixture is None else _arm_scale(model, model.mixture, found, weights, mean)
-    logs, widths = _likeliest(model, variances, belief, np.log(estimates), np.ones(2, bool))
+    after = update_belief(model, variances, belief, estimates)
+    return Marginal(mean, covariance, levels, log_evidence, after, information, scale)
+
+
+def update_belief(model: MixedModel, variances: Variances, belief: NoiseBelief, start: Array) -> NoiseBelief:
+    """The belief in the robot's noise after the views of a model; `start` (2,): levels to search from, rad and mm."""
+    logs, widths = _likeliest(model, variances, belief, np.log(start), np.ones(2, bool))
     rotation, translation = np.maximum(np.exp(logs), MIN_REPEATABILITY.levels()).tolist()
     by_rotation, by_translation = np.exp(widths).tolist()
-    after = replace(belief, median=RobotNoise(translation, rotation), factors=(by_rotation, by_translation))
-    return Marginal(mean, covariance, levels, log_evidence, after, information, scale)
+    return replace(belief, median=RobotNoise(translation, rotation), factors=(by_rotation, by_translation))
 
 
 def _arm_scale(model: MixedModel, prior: PriorMixture, found: _AtLevels, weights: Array, mean: Array) -> ArmScale:

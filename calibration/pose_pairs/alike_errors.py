@@ -42,7 +42,9 @@ def with_alike_errors(pairs: PosePairs, fitted: PoseFit) -> PoseFit:
     """
     if len(pairs) < MIN_VIEWS or fitted.camera == RANDOM_WALK:
         return fitted
-    at = linearise(pairs.take(_thinned(len(pairs))), fitted.chain)
+    chosen = np.zeros(len(pairs), bool)
+    chosen[np.linspace(0, len(pairs) - 1, min(len(pairs), MAX_VIEWS)).astype(np.intp)] = True
+    at = linearise(pairs.take(chosen), fitted.chain)
     n, p = at.by_shared.shape[0], at.by_shared.shape[2]
     sources = sources_of(at, fitted.camera)
     spread = np.concatenate([one * np.sqrt(fitted.variances[name]) for name, one in sources.items()], axis=2)
@@ -64,10 +66,6 @@ def with_alike_errors(pairs: PosePairs, fitted: PoseFit) -> PoseFit:
     covariance = fitted.covariance.copy()
     covariance[:p, :p] += np.tensordot(weights, covariances, 1) + (weights[:, None] * off).T @ off - covariances[0]
     return replace(fitted, chain=fitted.chain.apply_step(clip_step(step - steps[0])), covariance=covariance)
-
-
-def _thinned(views: int) -> Array:
-    return np.unique(np.linspace(0, views - 1, min(views, MAX_VIEWS)).astype(np.intp))
 
 
 def _squared_distances(camera_T_target: Array) -> Array:

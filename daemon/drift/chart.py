@@ -14,6 +14,7 @@ from calibration.kinematics.abb_arms import find_arm
 from calibration.likelihood.predicted_uncertainty import ExpectedNoise, Scene
 from calibration.monitoring.cell_change import PossibleChange, find_change
 from calibration.monitoring.control_chart import ChartPoint, DriftRules, DriftStanding, chart, scatter_limit_mm
+from calibration.monitoring.learnt_noise import learn_noise
 from calibration.sentences.sentence import Sentence
 from calibration.transforms import Array
 from daemon.config.settings import DriftSettings, Settings
@@ -27,6 +28,9 @@ REPEATABILITY_MM, REPEATABILITY_RAD = 0.02, float(np.radians(0.002))
 CALIBRATE = Sentence("calibrate-or-look")
 
 VERIFY_WARM = Sentence("verify-at-usual-temperature")
+
+LEARNT_FROM = 10
+"""The last verifications from which the robot's noise is learnt; earlier ones tell little beside them."""
 
 MIN_OTHER_TEMPERATURE_K = 3.0
 """From which difference of the camera's temperature on an alarm names it."""
@@ -79,7 +83,8 @@ class DriftChart:
     """The points, oldest first, and their evaluation.
 
     `changes`: what may have changed between the first and the last of them, with chances; empty without a known arm,
-    the joints of the stations, or a verification before. `robot_noise`: what is believed of it after the calibration.
+    the joints of the stations, or a verification before. `robot_noise`: what is believed of it after the calibration
+    and the last verifications.
     """
 
     report: DriftReport = field(default_factory=DriftReport)
@@ -113,7 +118,35 @@ def chart_of(entries: Sequence[ChartEntry], document: CalibrationDocument, setti
         _out_of_tolerance(entries[-1], tolerance_mm)
         or _alarm(last, scatter_mm, limit_mm, _temperatures(entries, rules)),
     )
-    return DriftChart(report, points, tuple(_changes(entries, document, settings)), document.noise.belief)
+    return DriftChart(
+        report, points, tuple(_changes(entries, document, settings)), _learnt_noise(entries, document, settings)
+    )
+
+
+def _learnt_noise(
+    entries: Sequence[ChartEntry], document: CalibrationDocument, settings: Settings
+) -> NoiseBeliefDocument | None:
+    """What is believed of the robot's noise after the calibration and the last verifications within tolerance."""
+    belief, x, target = document.noise.belief, document.mount_T_camera, document.anchor_T_target
+    sure = document.uncertainty
+    if (
+        belief is None or x is None or target is None or document.camera is None or sure is None
+        or sure.covariance is None
+    ):  # fmt: skip
+        return belief
+    noise = ExpectedNoise(document.noise.image_px or settings.calibration.noise.image_px, 0.0, 0.0)
+    scene = Scene(
+        document.setup, settings.target.target(), document.camera.camera(), x.transform(), target.transform(), noise
+    )
+    within = [one.seen for one in entries if one.sample.within_tolerance and one.seen is not None]
+    learnt = belief.belief()
+    try:
+        for seen in within[-LEARNT_FROM:]:
+            learnt = learn_noise(learnt, scene, np.array(sure.covariance), seen)
+    except (np.linalg.LinAlgError, FloatingPointError) as error:
+        log.warning("the verifications do not tell the robot's noise: %s", error)
+        return belief
+    return NoiseBeliefDocument.of(learnt) if within else belief
 
 
 def _changes(entries: Sequence[ChartEntry], document: CalibrationDocument, settings: Settings) -> list[PossibleChange]:

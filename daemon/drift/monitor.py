@@ -10,6 +10,7 @@ from calibration.documents.calibration import CalibrationDocument
 from calibration.documents.calibration_with_arm import CalibrationWithArm
 from calibration.errors import CalibrationError
 from calibration.kinematics.arm_conditions import ArmConditions
+from calibration.kinematics.robot_accuracy import NoiseBelief
 from daemon.config.settings import MAIN_CAMERA, Settings
 from daemon.drift.chart import DriftChart, DriftReport, chart_of
 from daemon.drift.samples import ChartEntry, VerificationHistory
@@ -94,6 +95,11 @@ class DriftMonitor:
         """The chart with every finished run; those who ask at once share it. Raises StorageError."""
         await self._refreshed.read()
         return self.chart
+
+    async def robot_noise(self) -> NoiseBelief | None:
+        """What the calibration in force and its verifications tell of it; None without one. Raises StorageError."""
+        found = (await self.refresh()).robot_noise
+        return None if found is None else found.belief()
 
     async def chart_of_earlier(self, calibration_id: str) -> DriftChart:
         """The chart of one that was in force, from when it was first applied. Raises NotFound, StorageError."""

@@ -116,6 +116,7 @@ async def test_the_chart_is_reported_over_rest_with_every_verification_that_is_o
         assert last["drift_mm"] > last["limit_mm"] == told["limit_mm"]
         assert np.linalg.norm(last["shift_mm"]) == pytest.approx(3.0, abs=0.2)
         assert told["standing"] == "drifting"
+        assert (learning["robot_noise"]["origin"], told["robot_noise"]["origin"]) == ("usual", "learnt")
         assert told["alarm"] == (await bench.client.get("/ready")).json()["warnings"][0]
         assert told["rules"] == {"weight": 0.2, "allowed_mm": 0.0, **QUICK}
         assert [point["run_id"] for point in (await bench.client.get("/drift?limit=2")).json()["points"]] == runs[-2:]
