@@ -59,7 +59,7 @@ CENTRE_PX: dict[CameraSource, Mixture] = {
 }
 """Of a principal point, per axis."""
 
-LENS_PX: dict[CameraSource, float] = {"this-session": 0.1, "maker": 0.5, "file": 0.5, "nominal": 5.0}
+LENS_PX: dict[CameraSource, float] = {"this-session": 0.1, "maker": 0.25, "file": 0.25, "nominal": 5.0}
 """Of radial distortion, at the picture's corner."""
 
 ARM_SHARE: dict[ArmSource, Mixture] = {

@@ -1,4 +1,4 @@
-"""What verifications tell of the robot's noise: their stations see one target from different poses of the arm."""
+"""The robot's noise from verifications: their stations see one target from different poses of the arm."""
 
 from dataclasses import replace
 
@@ -18,7 +18,7 @@ from calibration.problem import anchor_T_mount_of
 from calibration.transforms import Array, inverse, map_points, transform
 
 MIN_STATIONS = 3
-"""Two stations hardly tell the robot's errors from those of X."""
+"""Two stations hardly distinguish the robot's errors from those of X."""
 
 
 def learn_noise(belief: NoiseBelief, scene: Scene, covariance: Array, seen: SeenTarget) -> NoiseBelief:

@@ -20,7 +20,7 @@ from calibration.pose_pairs.residuals import LinearisedPairs, PosePairs, lineari
 from calibration.transforms import Array
 
 MIN_VIEWS = 8
-"""Least views in which like errors can be told from independent ones."""
+"""Least views in which like errors differ visibly from independent ones."""
 
 MAX_VIEWS = 150
 """Most views that are weighed against one another; of more, so many evenly spaced ones."""

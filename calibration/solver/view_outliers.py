@@ -57,8 +57,9 @@ def select_views(
     choice, averaged over priors and noise levels.
     """
     seen_before: set[bytes] = set()
-    used = used.copy()
+    changed = used.copy()
     for _ in range(MAX_ROUNDS):
+        used = changed
         rows = prepared.take(used)
         pixels = exact_pixels(rows.seen, prepared.nuisances)
         start = chain_from_mount(rows, chain.mount_T_camera)
@@ -68,7 +69,6 @@ def select_views(
         changed = _update_selection(prepared, used, best)
         if np.array_equal(changed, used) or changed.tobytes() in seen_before:
             break
-        used = changed
     return Selection(used, average(pixels, best, prepared.belief))
 
 

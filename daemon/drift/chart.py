@@ -30,7 +30,7 @@ CALIBRATE = Sentence("calibrate-or-look")
 VERIFY_WARM = Sentence("verify-at-usual-temperature")
 
 LEARNT_FROM = 10
-"""The last verifications from which the robot's noise is learnt; earlier ones tell little beside them."""
+"""The last verifications from which the robot's noise is learnt; earlier ones add little."""
 
 MIN_OTHER_TEMPERATURE_K = 3.0
 """From which difference of the camera's temperature on an alarm names it."""
@@ -144,7 +144,7 @@ def _learnt_noise(
         for seen in within[-LEARNT_FROM:]:
             learnt = learn_noise(learnt, scene, np.array(sure.covariance), seen)
     except (np.linalg.LinAlgError, FloatingPointError) as error:
-        log.warning("the verifications do not tell the robot's noise: %s", error)
+        log.warning("nothing is learnt of the robot's noise from verifications: %s", error)
         return belief
     return NoiseBeliefDocument.of(learnt) if within else belief
 

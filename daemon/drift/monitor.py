@@ -97,7 +97,7 @@ class DriftMonitor:
         return self.chart
 
     async def robot_noise(self) -> NoiseBelief | None:
-        """What the calibration in force and its verifications tell of it; None without one. Raises StorageError."""
+        """By the calibration in force and its verifications; None without one. Raises StorageError."""
         found = (await self.refresh()).robot_noise
         return None if found is None else found.belief()
 

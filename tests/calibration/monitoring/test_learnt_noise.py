@@ -38,6 +38,6 @@ def test_verifications_find_the_noise_of_an_arm_that_is_not_as_usual(noise: Robo
     assert max(belief.factors) < 1.6
 
 
-def test_two_stations_tell_nothing() -> None:
+def test_two_stations_show_nothing() -> None:
     seen = verification(np.random.default_rng(2), RobotNoise(0.4, 1e-3), 2)
     assert learn_noise(USUAL_BELIEF, SCENE, SURE_OF_X, seen) == NoiseBelief()

@@ -96,7 +96,7 @@ def test_a_target_or_a_lens_that_is_not_as_described_is_verified_as_it_was_found
 
 
 def test_another_target_is_verified_as_it_is_described() -> None:
-    document = a_calibration("c").model_copy(update={"target_scale": 0.9})
+    document = a_calibration("c").model_copy(update={"target": None, "target_scale": 0.9})
     described = document_of_target(BOARD)
     assert document.scale_of(BOARD) == 1.0, "which target it was made with is not known"
     assert document.model_copy(update={"target": described}).scale_of(BOARD) == 0.9
