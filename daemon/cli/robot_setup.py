@@ -114,7 +114,7 @@ class _Wish:
 async def _setup(where: "RwsAddress", modules: Path, wish: _Wish) -> None:
     from drivers.robots.abb.rws.administration import RwsAdministration
     from drivers.robots.abb.setup.installer import back_up, install
-    from drivers.robots.abb.setup.plan import plan_setup
+    from drivers.robots.abb.setup.plan import configuration_findings, plan_setup
     from drivers.robots.abb.setup.requirements import findings
     from drivers.robots.abb.setup.settings import module_name
     from drivers.robots.abb.setup.survey import read_survey
@@ -126,7 +126,7 @@ async def _setup(where: "RwsAddress", modules: Path, wish: _Wish) -> None:
         wanted = package.with_settings(values)  # a setting that cannot be is refused before anything is read
         names = [f"{module_name(package.shared)}/{name}" for name in values]
         survey = await read_survey(controller, package.fragments.values(), package.paths, names, task)
-        found = findings(
+        found = configuration_findings(survey, wanted) + findings(
             survey,
             task=task,
             unit=where.mechunit,

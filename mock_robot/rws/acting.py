@@ -6,6 +6,7 @@ from enum import Enum
 
 from mock_robot.cabinet.panel import Mode
 from mock_robot.rws.context import RequestContext
+from mock_robot.rws.equipment import instance_id
 from mock_robot.rws.exchange import DONE, Item, Reply
 from mock_robot.rws.mastership import DOMAINS, Consent
 from mock_robot.rws.memory import module_name
@@ -236,10 +237,12 @@ def save_configuration(context: RequestContext, parts: Parts) -> Reply:
 
 def delete_instance(context: RequestContext, parts: Parts) -> Reply:
     kinds = context.world.equipment.configuration.get(parts["domain"].upper(), {})
-    if parts["instance"] not in kinds.get(parts["type"].upper(), {}):
+    there = kinds.get(parts["type"].upper(), {})
+    named = [title for title in there if parts["instance"] in (title, instance_id(title))]
+    if not named:
         raise RwsRefused(NO_INSTANCE_1 if context.dialect.version == 1 else NO_RESOURCE)
     _allow_configuration(context)
-    del kinds[parts["type"].upper()][parts["instance"]]
+    del there[named[0]]
     return DONE
 
 

@@ -30,8 +30,14 @@ def _objects(items: Iterable[Item]) -> list[dict[str, Any]]:
     return [{"_type": item.kind, "_title": item.title, **item.values} for item in items]
 
 
+def _links_of(reply: Reply, base: str) -> dict[str, Any]:
+    """With that of the next page, which escapes as XHTML does, as OmniCore's."""
+    following = {"next": {"href": "?" + escape(reply.following)}} if reply.following else {}
+    return {**_links(base), **following}
+
+
 def _json_1(reply: Reply, base: str) -> str:
-    return json.dumps({"_links": _links(base), "_embedded": {"_state": _objects(reply.items)}})
+    return json.dumps({"_links": _links_of(reply, base), "_embedded": {"_state": _objects(reply.items)}})
 
 
 def _refusal_json_1(refused: RwsRefused, base: str) -> str:
@@ -40,9 +46,10 @@ def _refusal_json_1(refused: RwsRefused, base: str) -> str:
 
 
 def _json_2(reply: Reply, base: str) -> str:
-    document: dict[str, Any] = {"_links": _links(base), "status": {"code": SUCCESS}}
+    document: dict[str, Any] = {"_links": _links_of(reply, base), "status": {"code": SUCCESS}}
     if reply.listed:
-        return json.dumps({**document, "_embedded": {"resources": _objects(reply.items)}})
+        written = json.dumps({**document, "_embedded": {"resources": _objects(reply.items)}})
+        return written.replace('"value": -', '"value": -0')  # RobotWare 7.20 writes negative arguments of its log so
     return json.dumps({**document, "state": _objects(reply.items)})
 
 
@@ -53,9 +60,10 @@ def _refusal_json_2(refused: RwsRefused, base: str) -> str:
 def _xhtml(reply: Reply, base: str) -> str:
     entries = "".join(f'<li class="{item.kind}" title="{escape(item.title)}">{_spans(item.values)}</li>'
                       for item in reply.items)  # fmt: skip
+    following = f'<a href="?{escape(reply.following)}" rel="next"></a>' if reply.following else ""
     return (
         f'{XHTML_HEAD}<head><title>rws</title><base href="{base}"/></head>'
-        f'<body><div class="state"><a href="" rel="self"></a><ul>{entries}</ul></div></body></html>'
+        f'<body><div class="state"><a href="" rel="self"></a>{following}<ul>{entries}</ul></div></body></html>'
     )
 
 

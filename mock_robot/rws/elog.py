@@ -53,7 +53,7 @@ class ControllerEventLog:
             "msgtype": str(kind),
             "code": str(entry.code),
             "src-name": "MC0",
-            "tstamp": f"{at:%Y-%m-%d T  %H:%M:%S}",
+            "tstamp": f"{at:%Y-%m-%d T %H:%M:%S}",
             "title": entry.text.split("\n")[0],
             "desc": entry.text.replace("\n", " "),
             "conseqs": "",
@@ -62,4 +62,4 @@ class ControllerEventLog:
             "argc": str(len(lines)),
         }
         arguments = {"argv": [{"type": "STRING", "value": line} for line in lines]} if lines else {}
-        return Item("elog-message", f"/rw/elog/0/{number}", {**values, **arguments})
+        return Item("elog-message-li", f"/rw/elog/0/{number}", {**values, **arguments})

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from zlib import crc32
 
 from mock_robot.rws.exchange import Item
 from mock_robot.rws.refusals import NO_GRANT, RwsRefused
@@ -52,10 +53,18 @@ class Equipment:
         if set(names) <= self.denied:
             raise RwsRefused(NO_GRANT)
 
-    def instances(self, domain: str, kind: str) -> list[Item]:
-        """Instances of a type."""
+    def instances(self, domain: str, kind: str, version: int) -> list[Item]:
+        """Instances of a type, with their attributes; RobotWare 7 lists those without a name by an id alone."""
         found = self.configuration.get(domain.upper(), {}).get(kind.upper(), {})
-        return [Item("cfg-dt-instance-li", title, {"name": title}) for title in found]
+        untitled = version == 2 and kind.upper() in UNNAMED
+        return [
+            Item(
+                "cfg-dt-instance-li",
+                "" if untitled else title,
+                {"rdonly": "false", "instanceid": instance_id(title), "attrib": _attributes(each)},
+            )
+            for title, each in found.items()
+        ]
 
     def load(self, text: str) -> str | None:
         """Load a file when it has no duplicates; returns what is wrong with it."""
@@ -79,6 +88,18 @@ class Equipment:
             for each in instances.values():
                 lines.append("      " + " ".join(f'-{k} "{v}"' if v else f"-{k}" for k, v in each.attributes.items()))
         return "\r\n".join(lines) + "\r\n"
+
+
+def instance_id(title: str) -> str:
+    """A number that stays with an instance, as `instanceid` is."""
+    return str(6_000_000 + crc32(title.encode()) % 1_000_000)
+
+
+def _attributes(instance: CfgInstance) -> list[dict[str, str]]:
+    """One without a value is TRUE."""
+    return [
+        {"_type": "cfg-ia-t", "_title": name, "value": value or "true"} for name, value in instance.attributes.items()
+    ]
 
 
 def title_of(instance: CfgInstance) -> str:

@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 from urllib.parse import parse_qsl, unquote
 
@@ -37,14 +37,29 @@ class Item:
 
 @dataclass(frozen=True)
 class Reply:
-    """A reply. `listed`: a collection, which RWS 2.0 nests differently. `content`: a file's bytes instead of items."""
+    """A reply. `listed`: a collection, which RWS 2.0 nests differently; `page`: most items of one answer, 0 for all.
+
+    `following`: the query of the next page. `content`: a file's bytes instead of items.
+    """
 
     status: int = 200
     items: Sequence[Item] = ()
     listed: bool = False
+    page: int = 0
+    following: str = ""
     content: bytes | None = None
     media_type: str = "application/octet-stream"
     headers: Sequence[tuple[str, str]] = ()
+
+    def cut(self, query: Mapping[str, str]) -> "Reply":
+        """The page that was asked for by `start` and `limit`."""
+        start, limit = (int(query[name]) if query.get(name, "").isdecimal() else 0 for name in ("start", "limit"))
+        limit = min(limit or self.page, self.page)
+        end = start + limit
+        if not self.page or (not start and end >= len(self.items)):
+            return self
+        following = f"start={end}&limit={limit}" if end < len(self.items) else ""
+        return replace(self, items=self.items[start:end], following=following)
 
 
 DONE = Reply(204)

@@ -100,7 +100,8 @@ def grants(context: RequestContext, parts: Parts) -> Reply:
 
 
 def configuration(context: RequestContext, parts: Parts) -> Reply:
-    return Reply(items=context.world.equipment.instances(parts["domain"], parts["type"]), listed=True)
+    found = context.world.equipment.instances(parts["domain"], parts["type"], context.dialect.version)
+    return Reply(items=found, listed=True, page=70)
 
 
 def tasks(context: RequestContext, parts: Parts) -> Reply:
@@ -168,7 +169,7 @@ def symbols(context: RequestContext, parts: Parts) -> Reply:
 
 def signals(context: RequestContext, parts: Parts) -> Reply:
     items = [_signal_item(context, name, "ios-signal-li") for name in context.world.memory.signals]
-    return Reply(items=items[:100], listed=True)
+    return Reply(items=items[:100], listed=True, page=100)
 
 
 def signal(context: RequestContext, parts: Parts) -> Reply:

@@ -92,7 +92,7 @@ class Service:
         try:
             session, cookies = self._admit(asked)
             await asyncio.sleep(self._delay_s(session))
-            reply = self._answer(asked, session)
+            reply = self._answer(asked, session).cut(asked.query)
         except Unauthorized:
             challenge = 'Basic realm="validusers@robapi.abb"' if self.version == 2 else self._digest.challenge(
                 headers.get("host", ""), stale="nonce" in headers.get("authorization", ""))  # fmt: skip

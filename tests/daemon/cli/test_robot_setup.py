@@ -13,6 +13,7 @@ from typer.testing import CliRunner
 from calibration.transforms import transform
 from daemon.cli.main import app
 from mock_robot.cabinet.panel import Mode
+from protocols.cfg_file import CfgInstance
 from tests.daemon.cli.running import Ran, handeyed
 from tests.mock_robot.rws_cell import RwsCell, rws_cell_apart
 
@@ -105,6 +106,47 @@ def test_egm_is_asked_for_only_when_it_is_wanted(shared_cell: RwsCell) -> None:
         without()(shared_cell)
 
 
+def test_a_task_of_the_same_name_that_is_not_ours_is_said_and_nothing_is_changed() -> None:
+    """As on the GoFa whose answers are public: its T_COMM is a task of its own."""
+    with rws_cell_apart() as cell:
+        cell.does(lambda: bare(cell))
+        theirs = {"Name": "T_COMM", "Type": "NORMAL", "Entry": "comm", "TrustLevel": "SysFail"}
+        cell.world.equipment.configuration = {"SYS": {"CAB_TASKS": {"T_COMM": CfgInstance("CAB_TASKS", theirs, 1)}}}
+        ran = run(cell, 2, "--yes")
+        assert ran.status == 1
+        assert "MISSING the controller has another T_COMM in SYS/CAB_TASKS: Name T_COMM, Type NORMAL" in ran.out
+        assert "--link-task" in ran.out
+        assert not cell.world.volumes.files
+        assert run(cell, 2, "--dry-run", "--link-task", "T_HANDEYED").status == 0
+
+
+@pytest.mark.slow
+def test_a_controller_with_more_signals_than_a_page_is_set_up(tmp_path: Path) -> None:
+    with rws_cell_apart() as cell:
+        cell.does(lambda: bare(cell))
+        signals = {f"signal_{n}": CfgInstance("EIO_SIGNAL", {"Name": f"signal_{n}"}, n) for n in range(173)}
+        cell.world.equipment.configuration = {"EIO": {"EIO_SIGNAL": dict(signals)}}
+        done = run(cell, 2, "--yes", "--backup", tmp_path)
+        assert done.status == 0, done.out
+        undone = handeyed("robot", "remove", cell.rws(2), "--backup", tmp_path, "--yes")
+        assert undone.status == 0, undone.out
+        assert cell.world.equipment.configuration["EIO"]["EIO_SIGNAL"] == signals
+
+
+@pytest.mark.slow
+def test_files_stay_while_the_configuration_names_them(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Else the controller's next start finds four entries that point to no file."""
+    with rws_cell_apart() as cell:
+        cell.does(lambda: bare(cell))
+        assert run(cell, 2, "--yes", "--backup", tmp_path).status == 0
+        files = dict(cell.world.volumes.files)
+        monkeypatch.setattr("mock_robot.rws.acting.instance_id", lambda title: "unknown")
+        undone = handeyed("robot", "remove", cell.rws(2), "--backup", tmp_path, "--yes")
+        assert undone.status == 1
+        assert "kept, since the configuration still names them" in undone.out
+        assert cell.world.volumes.files == files
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("version", [1, 2])
 def test_a_bare_controller_is_set_up_read_back_and_undone(version: int, tmp_path: Path) -> None:
@@ -161,11 +203,11 @@ def test_what_may_not_be_loaded_becomes_a_step_by_hand(tmp_path: Path) -> None:
 def test_a_refusal_on_the_way_is_named_and_the_rest_goes_on(tmp_path: Path) -> None:
     with rws_cell_apart() as cell:
         cell.does(lambda: bare(cell))
-        cell.world.equipment.load('SYS:CFG_1.0:6:0::\nCAB_TASK_MODULES:\n      -File "HOME:/handeyed/CELL_comm.mod"\n')
+        cell.world.equipment.load('EIO:CFG_1.0:6:0::\nEIO_SIGNAL:\n      -Name "cell_do_motors" -SignalType "DO"\n')
         done = run(cell, 1, "--yes", "--backup", tmp_path)
         assert done.status == 1
-        assert "FAIL  load SYS.cfg" in done.out
-        assert "ok    load EIO.cfg" in done.out
+        assert "FAIL  load EIO.cfg" in done.out
+        assert "ok    load SYS.cfg" in done.out
 
 
 @pytest.mark.slow

@@ -133,15 +133,28 @@ def test_answers_of_both_versions_are_taken_apart():
     first = b'{"_links":{},"_embedded":{"_state":[{"_type":"pnl-opmode","opmode":"AUTO"}]}}'
     second = b'{"_links":{},"status":{"code":294912},"state":[{"_type":"pnl-opmode","opmode":"AUTO"}]}'
     listed = b'{"_embedded":{"resources":[{"_title":"T_ROB1"}]}}'
-    assert DIALECTS[1].items(first)[0]["opmode"] == DIALECTS[2].items(second)[0]["opmode"] == "AUTO"
-    assert DIALECTS[2].items(listed) == [{"_title": "T_ROB1"}]
+    assert DIALECTS[1].page(first)[0][0]["opmode"] == DIALECTS[2].page(second)[0][0]["opmode"] == "AUTO"
+    assert DIALECTS[2].page(listed) == ([{"_title": "T_ROB1"}], {})
+
+
+def test_a_list_names_its_next_page_whichever_way_it_is_written():
+    plain = b'{"_links":{"next":{"href":"EIO/EIO_SIGNAL/instances?start=70&limit=70"}},"_embedded":{"resources":[]}}'
+    escaped = plain.replace(b"&", b"&amp;")
+    assert DIALECTS[2].page(plain) == DIALECTS[2].page(escaped) == ([], {"start": "70", "limit": "70"})
+
+
+def test_numbers_with_leading_zeros_are_read_and_texts_are_left_alone():
+    numbers = b'[{"value":-01},{"value":007},{"value":0.5}]'
+    log = b'{"_embedded":{"resources":[{"desc":"\\"at -01 s\\", 007","argv":' + numbers + b"}]}}"
+    items, _ = DIALECTS[2].page(log)
+    assert items == [{"desc": '"at -01 s", 007', "argv": [{"value": -1}, {"value": 7}, {"value": 0.5}]}]
 
 
 @given(st.binary(max_size=60) | st.text(max_size=60).map(str.encode) | st.sampled_from([b"[]", b"1", b'{"state":1}']))
 def test_whatever_comes_is_items_or_a_value_error_and_never_anything_else(content):
     for dialect in DIALECTS.values():
         with suppress(ValueError):
-            assert isinstance(dialect.items(content), list)
+            assert isinstance(dialect.page(content)[0], list)
     code, message = error_in(content)
     assert code is None or isinstance(code, int)
     assert isinstance(message, str)

@@ -321,7 +321,7 @@ def test_the_event_log_is_the_cabinets_numbered_newest_first(cell: RwsCell) -> N
         entries = client.get("/rw/elog/0?lang=en&json=1").json()["_embedded"]["_state"]
     assert [(entry["code"], entry["msgtype"]) for entry in entries[:2]] == [("50050", "3"), ("10013", "1")]
     assert entries[0]["_title"] == "/rw/elog/0/3"
-    assert re.fullmatch(r"\d{4}-\d\d-\d\d T  \d\d:\d\d:\d\d", entries[0]["tstamp"])
+    assert re.fullmatch(r"\d{4}-\d\d-\d\d T \d\d:\d\d:\d\d", entries[0]["tstamp"])
 
 
 def test_rws_2_lists_the_event_log_oldest_first_and_newest_first_only_in_version_2_1(cell: RwsCell) -> None:

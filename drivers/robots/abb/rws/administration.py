@@ -2,6 +2,7 @@
 
 from collections.abc import AsyncIterator, Iterator, Mapping
 from contextlib import asynccontextmanager
+from dataclasses import dataclass, field
 from typing import Any
 from urllib.parse import quote
 
@@ -10,9 +11,35 @@ from drivers.robots.abb.rws.address import RwsAddress
 from drivers.robots.abb.rws.client import RwsClient
 from drivers.robots.abb.rws.parsing import Values
 from drivers.timing import Timing
+from protocols.cfg_file import CfgInstance
 
 ABSENT = ("NOT_FOUND", "BAD_ARGUMENT", "GONE")
 """Statuses of a refusal of something that this RobotWare, or this controller, does not have."""
+
+
+@dataclass(frozen=True)
+class ConfigurationInstance:
+    """An instance of the configuration as it is listed; RobotWare 7 gives some of them an id and no title.
+
+    `attributes`: as text, {} where the controller does not list them.
+    """
+
+    title: str
+    instance_id: str = ""
+    attributes: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def name(self) -> str:
+        """As in a configuration file: its name, or the module, signal or file that it is about."""
+        return CfgInstance("", dict(self.attributes), 0).name or self.title
+
+    def agrees_with(self, wanted: CfgInstance) -> bool:
+        """Whether what is listed of it is as in a fragment, where an attribute without a value is TRUE."""
+        return all(
+            self.attributes.get(name, value).casefold() == (value or "true").casefold()
+            for name, value in wanted.attributes.items()
+            if value or name in self.attributes
+        )
 
 
 class RwsAdministration:
@@ -84,10 +111,17 @@ class RwsAdministration:
         domain = "rapid" if self.version == 1 else "edit"
         return await self.read_first(f"/rw/mastership/{domain}")
 
-    async def read_instances(self, domain: str, kind: str) -> frozenset[str]:
-        """Names of the instances of a type of the configuration."""
+    async def read_instances(self, domain: str, kind: str) -> tuple[ConfigurationInstance, ...]:
+        """Instances of a type of the configuration."""
         found = await self.read(f"/rw/cfg/{domain}/{kind}/instances")
-        return frozenset(str(each.get("_title", "")).removeprefix(f"{domain}/{kind}/") for each in found or ())
+        return tuple(
+            ConfigurationInstance(
+                str(each.get("_title", "")).removeprefix(f"{domain}/{kind}/"),
+                str(each.get("instanceid", "")),
+                {str(one.get("_title")): str(one.get("value", "")) for one in each.get("attrib", ())},
+            )
+            for each in found or ()
+        )
 
     async def read_modules(self, task: str) -> tuple[str, ...]:
         """Names of the modules that a task holds."""
@@ -148,9 +182,10 @@ class RwsAdministration:
         form: Mapping[str, str] = {"filepath": f"{dialect.home}/{path}", "action-type": "add"}
         await self._client.post(call, query, form)
 
-    async def delete_instance(self, domain: str, kind: str, name: str) -> None:
-        """Delete an instance of the configuration. Needs the mastership of cfg."""
-        await self._client.delete(f"/rw/cfg/{domain}/{kind}/instances/{quote(name, safe='')}")
+    async def delete_instance(self, domain: str, kind: str, found: ConfigurationInstance) -> None:
+        """Delete an instance of the configuration, by its id where it has no title. Needs the mastership of cfg."""
+        handle = quote(found.title or found.instance_id, safe="")
+        await self._client.delete(f"/rw/cfg/{domain}/{kind}/instances/{handle}")
 
     async def write_symbol(self, name: str, value: str) -> None:
         """Set a PERS. Needs the mastership of rapid."""

@@ -21,6 +21,9 @@ not hold up a stop.
 """
 REQUESTS_PER_S, BURST = 15.0, 8.0
 """Below the controllers' limit of 20 requests per second, which all clients share."""
+MAX_PAGES = 100
+"""Of one list: ten thousand signals. A controller that names one page after another without an end is garbled."""
+AT_CONTROLLER = "check that the address is a controller's"
 LISTENS = "check the address; on the controller: option PC Interface, the network port, the firewall"
 
 
@@ -66,25 +69,32 @@ class RwsClient:
     async def get(
         self, path: str, query: Mapping[str, str] | None = None, *, urgent: bool = False
     ) -> list[dict[str, Any]]:
-        """Resources at a path; `urgent` skips the rate limit. Raises DeviceError."""
-        dialect = self.require_dialect()
-        return await self._get(path, {**(query or {}), **dialect.query}, dialect.headers, urgent=urgent)
+        """Resources at a path, of all pages of a list; `urgent` skips the rate limit. Raises DeviceError."""
+        dialect, found = self.require_dialect(), list[dict[str, Any]]()
+        asked = {**(query or {}), **dialect.query}
+        for _ in range(MAX_PAGES):
+            page, following = await self._get(path, asked, dialect.headers, urgent=urgent)
+            found += page
+            if not following:
+                return found
+            asked |= following
+        raise GarbledAnswer(self.device, f"reading {path}: more than {MAX_PAGES} pages", AT_CONTROLLER)
 
     async def get_event_log(self) -> list[dict[str, Any]]:
         """Newest entries of the common event log, newest first. Raises DeviceError."""
         dialect = self.require_dialect()
-        return await self._get("/rw/elog/0", dialect.log_query, dialect.log_headers)
+        return (await self._get("/rw/elog/0", dialect.log_query, dialect.log_headers))[0]
 
     async def _get(
         self, path: str, query: Mapping[str, str], headers: Mapping[str, str], *, urgent: bool = False
-    ) -> list[dict[str, Any]]:
+    ) -> tuple[list[dict[str, Any]], dict[str, str]]:
         dialect = self.require_dialect()
         answer = await self._ask("GET", path, query, headers=headers, urgent=urgent)
         try:
-            return dialect.items(answer.content)
+            return dialect.page(answer.content)
         except ValueError as error:
             what = f"reading {path}: no answer of {dialect.name} ({error})"
-            raise GarbledAnswer(self.device, what, "check that the address is a controller's") from error
+            raise GarbledAnswer(self.device, what, AT_CONTROLLER) from error
 
     async def post(
         self, path: str, query: Mapping[str, str], form: Mapping[str, str], *, urgent: bool = False

@@ -4,10 +4,14 @@ import json
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
+from html import unescape
 from typing import Any
+from urllib.parse import parse_qsl
 
 Call = tuple[str, Mapping[str, str]]
 """A path and its query."""
+Resource = dict[str, Any]
+_NUMBER = re.compile(r'("(?:\\.|[^"\\])*")|(?<![\w.])(-?)0+(?=\d)')
 _CODE = re.compile(r'class="code">\s*(-?\d+)\s*<')
 _MESSAGE = re.compile(r'class="msg">([^<]*)<')
 
@@ -77,16 +81,22 @@ class Dialect:
         """Name for messages."""
         return f"RWS {self.version}.0"
 
-    def items(self, content: bytes) -> list[dict[str, Any]]:
-        """Resources of a response. Raises ValueError when it is malformed."""
-        document = json.loads(content)
+    def page(self, content: bytes) -> tuple[list[Resource], dict[str, str]]:
+        """Resources of a response, and the query of the next page, {} on the last one. Raises ValueError.
+
+        RobotWare 7.20 writes numbers as -01 in its event log, and `&amp;` between the parts of a query.
+        """
+        document = json.loads(_NUMBER.sub(r"\1\2", content.decode()))
         embedded = document.get("_embedded", {}) if isinstance(document, dict) else None
         if not isinstance(embedded, dict):
             raise ValueError("no document of resources")
         items = embedded.get("_state") or document.get("state") or embedded.get("resources") or []
         if not isinstance(items, list) or not all(isinstance(item, dict) for item in items):
             raise ValueError("no list of resources")
-        return items
+        following: Any = document
+        for name in ("_links", "next", "href"):
+            following = following.get(name) if isinstance(following, dict) else None
+        return items, dict(parse_qsl(unescape(str(following or "")).partition("?")[2]))
 
 
 def error_in(content: bytes) -> tuple[int | None, str]:

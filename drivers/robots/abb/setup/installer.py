@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from drivers.errors import DeviceError
-from drivers.robots.abb.rws.administration import RwsAdministration
+from drivers.robots.abb.rws.administration import ConfigurationInstance, RwsAdministration
 from drivers.robots.abb.setup import settings
 from drivers.robots.abb.setup.plan import LOAD_MENU, RESET_RAPID, SetupPlan
 from drivers.robots.abb.setup.survey import ControllerSurvey
@@ -115,7 +115,7 @@ async def _load(controller: RwsAdministration, plan: SetupPlan, name: str, recor
             await controller.load_configuration(path)
         record.instances += [(fragment.domain, each.kind, each.name) for each in fragment.instances]
         kinds = {each.kind for each in fragment.instances if "Name" in each.attributes and each.kind != "SYSSIG_OUT"}
-        there = {kind: await controller.read_instances(fragment.domain, kind) for kind in kinds}
+        there = {kind: {each.name for each in await controller.read_instances(fragment.domain, kind)} for kind in kinds}
     except DeviceError as error:
         return Outcome(f"load {name}", False, f"{error.what}: {LOAD_MENU}: HOME:/{path}")
     absent = [each.name for each in fragment.instances if each.kind in kinds and each.name not in there[each.kind]]
@@ -138,12 +138,18 @@ async def write_symbols(controller: RwsAdministration, values: Mapping[str, str]
 
 
 async def remove(controller: RwsAdministration, record: SetupRecord) -> list[Outcome]:
-    """Undo an installation: settings, configuration, files, in the opposite order."""
+    """Undo an installation: settings, configuration, files, in the opposite order.
+
+    The files stay while anything in the configuration names them: the controller would not start without them.
+    """
     outcomes: list[Outcome] = []
     if record.symbols:
         outcomes += await write_symbols(controller, record.symbols)
     if record.instances:
-        outcomes += await _delete_instances(controller, record)
+        deleted = await _delete_instances(controller, record)
+        outcomes += deleted
+        if not all(outcome.ok for outcome in deleted):
+            return [*outcomes, Outcome("files", False, "kept, since the configuration still names them")]
     for path, content in record.files.items():
         outcomes.append(await _restore_file(controller, path, content))
     for folder in sorted({path.rpartition("/")[0] for path, content in record.files.items() if content is None}):
@@ -153,20 +159,24 @@ async def remove(controller: RwsAdministration, record: SetupRecord) -> list[Out
 
 
 async def _delete_instances(controller: RwsAdministration, record: SetupRecord) -> list[Outcome]:
-    """Delete what was loaded. The controller names what has no name itself: found by the text that we gave it."""
+    """Delete what was loaded, and read back that nothing is left of it. What has no title is found by its content."""
     outcomes = []
     try:
         async with controller.hold_mastership("cfg"):
             for domain, kind, name in record.instances:
-                there = await controller.read_instances(domain, kind)
-                ours = [title for title in there if title == name or (name and name in title)]
-                for title in ours:
-                    await controller.delete_instance(domain, kind, title)
-                left = await controller.read_instances(domain, kind) & set(ours)
-                outcomes.append(Outcome(f"{domain} {kind} {name}", bool(ours) and not left, "" if ours else BY_HAND))
+                for found in await _named(controller, domain, kind, name):
+                    await controller.delete_instance(domain, kind, found)
+                left = await _named(controller, domain, kind, name)
+                outcomes.append(Outcome(f"{domain} {kind} {name}", not left, BY_HAND if left else ""))
     except DeviceError as error:
         outcomes.append(Outcome("configuration", False, f"{error.what}: {BY_HAND}"))
     return outcomes
+
+
+async def _named(controller: RwsAdministration, domain: str, kind: str, name: str) -> list[ConfigurationInstance]:
+    """Instances of that name, or without one and with the name in their title."""
+    there = await controller.read_instances(domain, kind)
+    return [each for each in there if each.name == name or (name and not each.attributes and name in each.title)]
 
 
 BY_HAND = "delete it by hand (RobotStudio: Configuration), before the files are gone"

@@ -146,18 +146,42 @@ def plan_setup(
     return SetupPlan(package, replaced, unchanged, absent if may_load else (), symbols, by_hand)
 
 
+def configuration_findings(survey: ControllerSurvey, package: Package) -> tuple[Finding, ...]:
+    """Instances of the controller that are not the package's: of the same name, or left of another set-up."""
+    found, folder = [], f"HOME:/{package.folder}/".casefold()
+    wanted = {(f"{f.domain}/{each.kind}", each.name): each for f in package.fragments.values() for each in f.instances}
+    for kind, instances in survey.instances.items():
+        for each in instances:
+            ours = wanted.get((kind, each.name))
+            file = each.attributes.get("File", "")
+            if ours is not None and not each.agrees_with(ours):
+                shown = ", ".join(
+                    f"{name} {value}" for name, value in each.attributes.items() if name in ours.attributes
+                )
+                what = f"the controller has another {each.name} in {kind}: {shown}"
+                fix = "name ours differently (--link-task, --prefix), or take that one out: handeyed robot remove"
+                found.append(Finding("not-ours", True, what, fix))
+            elif ours is None and file.casefold().startswith(folder):
+                what = f"{kind} still names {file}, which this program has not"
+                found.append(Finding("left-over", True, what, "handeyed robot remove, with the backup of that set-up"))
+    return tuple(found)
+
+
 def wants(survey: ControllerSurvey, name: str, fragment: CfgFile, package: Package) -> bool:
-    """Whether a fragment is still to be loaded: one of its named instances is not in the configuration.
+    """Whether a fragment is still to be loaded: one of its instances, as far as they are listed, is not there.
 
     The serial port is wanted only for a link over a serial line.
     """
     serial = package.setting("cell_use_serial").upper() == "TRUE"
+    there = {kind.partition("/")[2]: instances for kind, instances in survey.instances.items()}
     named = [
         each
         for each in fragment.instances
-        if "Name" in each.attributes and each.kind != "SYSSIG_OUT" and (serial or each.kind != "COM_PHY_CHANNEL")
+        if each.kind != "SYSSIG_OUT"
+        and (serial or each.kind != "COM_PHY_CHANNEL")
+        and ("Name" in each.attributes or all(one.attributes for one in there.get(each.kind, ())))
     ]
-    return any(each.name not in survey.instances.get(f"{fragment.domain}/{each.kind}", frozenset()) for each in named)
+    return any(each.name not in {one.name for one in there.get(each.kind, ())} for each in named)
 
 
 def _symbols(survey: ControllerSurvey, package: Package, values: Mapping[str, str]) -> dict[str, str]:

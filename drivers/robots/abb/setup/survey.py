@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
-from drivers.robots.abb.rws.administration import RwsAdministration
+from drivers.robots.abb.rws.administration import ConfigurationInstance, RwsAdministration
 from protocols.cfg_file import CfgFile
 
 IDENTITY = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
@@ -13,7 +13,7 @@ IDENTITY = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
 class ControllerSurvey:
     """State before an installation. None: the controller does not say.
 
-    `mastership`: "nomaster", "remote" or "local". `instances`: names in the configuration by "DOMAIN/TYPE".
+    `mastership`: "nomaster", "remote" or "local". `instances`: of the configuration by "DOMAIN/TYPE".
     `files`: content of those files to be written that exist already. `symbols`: values of the settings in use, by
     task/module/name; {} while the modules are not loaded.
     """
@@ -31,7 +31,7 @@ class ControllerSurvey:
     units: tuple[str, ...]
     base_frame: tuple[float, ...] | None
     mastership: str | None
-    instances: Mapping[str, frozenset[str]]
+    instances: Mapping[str, tuple[ConfigurationInstance, ...]]
     modules: tuple[str, ...]
     files: Mapping[str, bytes]
     symbols: Mapping[str, str]

@@ -1,0 +1,53 @@
+"""What a real OmniCore (RobotWare 7.20) answered, read by the driver."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from drivers.robots.abb.rws.address import RwsAddress
+from drivers.robots.abb.rws.administration import RwsAdministration
+from drivers.robots.abb.rws.client import RwsClient
+from drivers.robots.abb.rws.dialect import DIALECTS
+from drivers.robots.abb.rws.parsing import log_entry
+
+pytestmark = pytest.mark.data
+
+
+@pytest.fixture
+def answers(real_data: Path) -> Path:
+    folder = real_data / "omnicore_7_20"
+    if not folder.is_dir():
+        pytest.skip(f"the answers of a real OmniCore are not at {folder}")
+    return folder
+
+
+def test_every_answer_is_read(answers: Path) -> None:
+    read = {file.relative_to(answers): DIALECTS[2].page(file.read_bytes()) for file in answers.rglob("*.json")}
+    assert len(read) > 100
+    paged = {str(path) for path, (_, following) in read.items() if following}
+    assert {"cfg/EIO/EIO_SIGNAL.json", "misc/iosignals.json", "misc/elog.json"} <= paged
+
+
+def test_the_event_log_is_read_though_it_is_no_json(answers: Path) -> None:
+    content = (answers / "misc" / "elog.json").read_bytes()
+    with pytest.raises(json.JSONDecodeError):
+        json.loads(content)
+    entries = [log_entry("robot", each) for each in DIALECTS[2].page(content)[0]]
+    assert len(entries) == 50
+    assert {entry.code for entry in entries} >= {41830}
+
+
+async def test_instances_are_known_by_their_content(answers: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    async def get(self: RwsClient, path: str, query: object = None) -> list[dict[str, object]]:
+        domain, kind = path.split("/")[3:5]
+        return DIALECTS[2].page((answers / "cfg" / domain / f"{kind}.json").read_bytes())[0]
+
+    monkeypatch.setattr(RwsClient, "get", get)
+    controller = RwsAdministration(RwsAddress.parse("rws://127.0.0.1"))
+    modules = await controller.read_instances("SYS", "CAB_TASK_MODULES")
+    assert {each.title for each in modules} == {""}
+    assert "CAL_WRIST" in {each.name for each in modules}
+    assert all(each.instance_id for each in modules)
+    tasks = {each.name: each.attributes for each in await controller.read_instances("SYS", "CAB_TASKS")}
+    assert (tasks["T_COMM"]["Type"], tasks["T_COMM"]["Entry"]) == ("SEMISTATIC", "comm")
