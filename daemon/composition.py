@@ -57,6 +57,7 @@ from daemon.store.retention import Retention
 from daemon.store.sign_in import SignIn
 from daemon.store.store import Store
 from daemon.webhooks.dispatcher import WebhookDispatcher
+from extensions.installed import INSTALLED
 
 if TYPE_CHECKING:
     from daemon.plc.service import PlcService
@@ -244,6 +245,7 @@ def serve(settings: Settings, *, ready_file: Path | None = None, settings_file: 
 async def _serve(settings: Settings, settings_file: SettingsFile | None, announce: Announce) -> None:
     application = build(settings, open_devices, settings_file=settings_file)
     is_service = application.systemd.address is not None
-    server = Server(application, announce, reload=application.reload if is_service else None)
+    reload = application.reload if is_service else None
+    server = Server(application, announce, reload=reload, extensions=INSTALLED)
     await server.prepare()
     await server.listen()

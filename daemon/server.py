@@ -28,6 +28,7 @@ from calibration.errors import DocumentError
 from calibration.sentences.sentence import Sentence
 from daemon.access.tls_context import server_context
 from daemon.api.app import create_api, prepare, routes
+from daemon.api.extension import Extensions
 from daemon.application import Application
 from daemon.config.settings import Settings, SettingsFile, load_settings_file
 from daemon.errors import DaemonError
@@ -172,12 +173,14 @@ class Server(uvicorn.Server):
         announce: Announce,
         limiter: ConnectionLimiter | None = None,
         reload: Reload | None = None,
+        *,
+        extensions: Extensions,
     ) -> None:
         """`reload`: what SIGHUP does to a service; without it the signal ends the process."""
         self._reload = reload
         self._reload_task: asyncio.Task[None] | None = None
         self._limiter = limiter or ConnectionLimiter()
-        self._routes = routes(application)
+        self._routes = routes(application, extensions)
         super().__init__(
             uvicorn.Config(
                 create_api(self._routes, application),

@@ -8,7 +8,7 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
 DOCUMENTS = sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md")])
-TOP = "benchmarks|calibration|daemon|deploy|docs|drivers|mock_robot|protocols|registration|tests"
+TOP = "benchmarks|calibration|daemon|deploy|docs|drivers|extensions|mock_robot|protocols|registration|tests"
 PATH = re.compile(rf"(?<![\w/.-])((?:{TOP})/[\w./{{}},-]*\w/?)(?P<placeholder>\w*<)?")
 LINK = re.compile(r"\]\((?!https?:|#|mailto:)([^)#\s]+)")
 

@@ -8,7 +8,10 @@ import pytest
 ROOT = Path(__file__).parents[1]
 PAGES = ROOT / "docs" / "how-to"
 MAX_FILES = {"add-a-camera": 5, "add-a-target": 7, "add-a-route": 7, "add-an-error": 7, "add-a-robot": 7}
-ROOMS = ("calibration", "daemon", "deploy", "docs", "drivers", "mock_robot", "protocols", "registration", "tests")
+ROOMS = (
+    *("calibration", "daemon", "deploy", "docs", "drivers", "extensions", "mock_robot", "protocols", "registration"),
+    "tests",
+)
 
 each_page = pytest.mark.parametrize("page", MAX_FILES)
 

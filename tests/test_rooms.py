@@ -12,6 +12,7 @@ MODULES = (
     "calibration",
     "daemon",
     "drivers",
+    "extensions",
     "handeyed",
     "mock_robot",
     "protocols",

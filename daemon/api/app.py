@@ -14,6 +14,7 @@ from starlette.types import ASGIApp
 from calibration.errors import CalibrationError
 from daemon.api import openapi, problems
 from daemon.api.dependencies import check_query_names
+from daemon.api.extension import Extensions
 from daemon.api.live.live_feed import LiveFeed
 from daemon.api.middleware.abort_first import AbortFirst
 from daemon.api.middleware.authentication import Authentication
@@ -22,7 +23,7 @@ from daemon.api.middleware.idempotency import Idempotency
 from daemon.api.middleware.request_checks import RequestChecks
 from daemon.api.operation_names import operation_name
 from daemon.api.robot_documents import RobotDocuments
-from daemon.api.route_table import ROUTERS
+from daemon.api.route_table import routers
 from daemon.application import Application
 from daemon.errors import DaemonError
 from daemon.page import PageFiles
@@ -38,12 +39,12 @@ ABOUT = (
 
 def create_api(app: FastAPI, application: Application) -> ASGIApp:
     """The REST interface of `application`, which its lifespan starts and stops: `app` behind the middleware."""
-    keyed = Idempotency(app, application)
+    keyed = Idempotency(app, application, app.state.extensions)
     known = Authentication(AbortFirst(keyed, application), application)
     return RequestChecks(Disconnects(known), application.settings.server, application.metrics)
 
 
-def routes(application: Application | None) -> FastAPI:
+def routes(application: Application | None, extensions: Extensions = ()) -> FastAPI:
     """The routes without middleware; with `application` None only for openapi.json."""
 
     @asynccontextmanager
@@ -62,10 +63,10 @@ def routes(application: Application | None) -> FastAPI:
         redoc_url=None,
         openapi_url=None,  # made on the event loop by FastAPI
         redirect_slashes=False,  # one spelling per path; redirections are not problem documents
-        routes=_routes(),
+        routes=_routes(extensions),
         license_info={"name": "Apache-2.0", "identifier": "Apache-2.0"},
     )
-    app.state.application = application
+    app.state.application, app.state.extensions = application, extensions
     if application is not None:
         app.state.live = LiveFeed(application)
         app.state.robot_documents = RobotDocuments(application)
@@ -80,14 +81,14 @@ def routes(application: Application | None) -> FastAPI:
 
 
 @cache
-def _routes() -> list[BaseRoute]:
+def _routes(extensions: Extensions) -> list[BaseRoute]:
     """The routes, the same for every application; FastAPI computes what it needs of them once, at the first request."""
     table = APIRouter(
         dependencies=[Depends(check_query_names)],
         responses=problems.problem_responses(422, 500),
         generate_unique_id_function=operation_name,
     )
-    for router in ROUTERS:
+    for router in routers(extensions):
         table.include_router(router)
     return table.routes
 
@@ -107,7 +108,7 @@ async def _http_error(request: Request, error: Exception) -> Response:
 def _methods_at(request: Request) -> list[str]:
     """The methods of all routes at this path."""
     methods: set[str] = set()
-    for router in ROUTERS:
+    for router in routers(request.app.state.extensions):
         for route in router.routes:
             if route.matches(request.scope)[0] is not Match.NONE:
                 methods |= getattr(route, "methods", None) or set()

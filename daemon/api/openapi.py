@@ -12,9 +12,10 @@ from pydantic.json_schema import models_json_schema
 from daemon.access.policy import role_for
 from daemon.access.roles import Role
 from daemon.api.dependencies import JsonBody
+from daemon.api.extension import Extensions
 from daemon.api.middleware.idempotency import KEY_PATTERN, MAX_KEY_LENGTH, NOT_STORED
 from daemon.api.openapi_examples import example_of
-from daemon.api.route_table import ROUTERS, TAGS
+from daemon.api.route_table import TAGS, routers
 from daemon.api.schemas.answer import Answer
 from daemon.http.problem_details import MEDIA_TYPE, Problem, reason_phrase
 from daemon.runtime.workers import Workers
@@ -82,7 +83,7 @@ def build_openapi(app: FastAPI) -> dict[str, Any]:
     """The complete document, cached."""
     if app.openapi_schema is None:
         document = FastAPI.openapi(app)
-        bodies = _bodies()
+        bodies = _bodies(app.state.extensions)
         documented: dict[type[BaseModel], None] = dict.fromkeys([*bodies.values(), Problem])
         _, schemas = models_json_schema([(model, MODE) for model in documented], ref_template=REF)
         components = document.setdefault("components", {})
@@ -121,11 +122,11 @@ def _make_portable(schema: Any) -> None:
         schema.pop("default", None)
 
 
-def _bodies() -> dict[tuple[str, str], type[BaseModel]]:
+def _bodies(extensions: Extensions) -> dict[tuple[str, str], type[BaseModel]]:
     """The model of each route's JsonBody, by path and method."""
     return {
         (route.path, method): read.call.model
-        for router in ROUTERS
+        for router in routers(extensions)
         for route in router.routes
         if isinstance(route, APIRoute)
         for read in route.dependant.dependencies

@@ -2,6 +2,7 @@
 
 from fastapi import APIRouter, Request, Response
 
+from daemon.api.extension import Extensions
 from daemon.api.routes import (
     admin,
     calibrate,
@@ -24,7 +25,6 @@ from daemon.api.routes import (
     session,
     support,
     sweeps,
-    touches,
 )
 from daemon.api.schemas.health import Welcome
 from daemon.runtime.version import SOFTWARE
@@ -41,7 +41,6 @@ LINKS = {
     "arm": "/arm",
     "devices": "/devices",
     "acceptances": "/acceptances",
-    "touch tests": "/touches",
     "rigs": "/rigs",
     "help": "/help",
     "about": "/about",
@@ -73,7 +72,8 @@ async def welcome(request: Request) -> Response | Welcome:
     """Links to all resources; a browser is sent to the page."""
     if "text/html" in request.headers.get("accept", ""):
         return Response(status_code=303, headers={"Location": "/page/", "Vary": "Accept"})
-    return Welcome(software=SOFTWARE, links=LINKS)
+    added = (extension.links for extension in request.app.state.extensions)
+    return Welcome(software=SOFTWARE, links=LINKS | {name: path for links in added for name, path in links.items()})
 
 
 ROUTERS: tuple[APIRouter, ...] = (
@@ -85,7 +85,6 @@ ROUTERS: tuple[APIRouter, ...] = (
     exports.router,
     reports.router,
     drift.router,
-    touches.router,
     rigs.router,
     cell.router,
     jog.router,
@@ -101,3 +100,8 @@ ROUTERS: tuple[APIRouter, ...] = (
     keys.router,
     help_codes.router,
 )
+
+
+def routers(extensions: Extensions) -> tuple[APIRouter, ...]:
+    """Those of the core, then those of the extensions."""
+    return ROUTERS + tuple(router for extension in extensions for router in extension.routers)

@@ -1,6 +1,7 @@
 """The command `handeyed`, assembled from one module per command."""
 
 import os
+from collections.abc import Mapping
 from typing import Annotated
 
 import typer
@@ -19,7 +20,7 @@ from daemon.cli.health import health
 from daemon.cli.import_session import import_session
 from daemon.cli.keys import app as keys
 from daemon.cli.mock import mock
-from daemon.cli.output import CommandGroup
+from daemon.cli.output import CommandGroup, Commands
 from daemon.cli.plan import plan
 from daemon.cli.profiles import app as profiles
 from daemon.cli.register import register
@@ -32,22 +33,15 @@ from daemon.cli.solve import solve
 from daemon.cli.stitch import stitch
 from daemon.cli.support_bundle import support_bundle
 from daemon.cli.target import app as target
-from daemon.cli.tip import tip
 from daemon.cli.tls import app as tls
-from daemon.cli.touch import touch
 from daemon.cli.verify_scanner import verify_scanner
 from daemon.cli.version import version
+from extensions.commands import COMMANDS
 
 PASS_ARGUMENTS_ON = {"ignore_unknown_options": True, "help_option_names": ["--about"]}
 """`handeyed mock` passes its arguments on, including --help."""
 
-app = typer.Typer(
-    cls=CommandGroup,
-    no_args_is_help=True,
-    rich_markup_mode="rich",
-    pretty_exceptions_show_locals=False,
-    help="Makes an ABB robot cell see: eye-in-hand calibration with an uncertainty to trust, clouds in the base frame.",
-)
+ABOUT = "Makes an ABB robot cell see: eye-in-hand calibration with an uncertainty to trust, clouds in the base frame."
 
 TRY, CELL, OFFLINE = "Try it", "In the cell", "From files"
 
@@ -61,7 +55,6 @@ def print_version(wanted: bool) -> None:
         raise typer.Exit
 
 
-@app.callback()
 def options(
     version: Annotated[
         bool, typer.Option("--version", callback=print_version, is_eager=True, help="Print the version, and end.")
@@ -70,38 +63,55 @@ def options(
     """Options of the command itself."""
 
 
-app.command(rich_help_panel=TRY)(demo)
-app.command(rich_help_panel=TRY, context_settings=PASS_ARGUMENTS_ON)(mock)
-app.command(rich_help_panel=CELL)(check)
-app.command(rich_help_panel=CELL)(health)
-app.command(rich_help_panel=CELL)(devices)
-app.command(rich_help_panel=CELL)(serve)
-app.command(rich_help_panel=CELL)(calibrate)
-app.command(rich_help_panel=CELL)(backup)
-app.command(rich_help_panel=CELL)(restore)
-app.add_typer(robot, name="robot", rich_help_panel=CELL)
-app.add_typer(target, name="target", rich_help_panel=CELL)
-app.add_typer(keys, name="keys", rich_help_panel=CELL)
-app.add_typer(tls, name="tls", rich_help_panel=CELL)
-app.add_typer(audit, name="audit", rich_help_panel=CELL)
-app.command("support-bundle", rich_help_panel=CELL)(support_bundle)
-app.command("import", rich_help_panel=OFFLINE)(import_session)
-app.command(rich_help_panel=OFFLINE)(solve)
-app.command(rich_help_panel=OFFLINE)(compare)
-app.command(rich_help_panel=OFFLINE)(export)
-app.command(rich_help_panel=OFFLINE)(report)
-app.command(rich_help_panel=OFFLINE)(tip)
-app.command(rich_help_panel=OFFLINE)(touch)
-app.command("verify-scanner", rich_help_panel=OFFLINE)(verify_scanner)
-app.command(rich_help_panel=OFFLINE)(stitch)
-app.command(rich_help_panel=OFFLINE)(register)
-app.command(rich_help_panel=OFFLINE)(register_archive)
-app.add_typer(profiles, name="profiles", rich_help_panel=OFFLINE)
-app.command(rich_help_panel=OFFLINE)(plan)
-app.command(rich_help_panel=OFFLINE)(assess)
-app.command(rich_help_panel=OFFLINE)(arms)
-app.command(rich_help_panel=OFFLINE)(schema)
-app.command(rich_help_panel=OFFLINE)(version)
+def command_line(extensions: Mapping[str, Commands]) -> typer.Typer:
+    """The core's commands, and those of `extensions`, by their names."""
+    app = typer.Typer(
+        cls=CommandGroup,
+        no_args_is_help=True,
+        rich_markup_mode="rich",
+        pretty_exceptions_show_locals=False,
+        help=ABOUT,
+    )
+    app.callback()(options)
+    app.command(rich_help_panel=TRY)(demo)
+    app.command(rich_help_panel=TRY, context_settings=PASS_ARGUMENTS_ON)(mock)
+    app.command(rich_help_panel=CELL)(check)
+    app.command(rich_help_panel=CELL)(health)
+    app.command(rich_help_panel=CELL)(devices)
+    app.command(rich_help_panel=CELL)(serve)
+    app.command(rich_help_panel=CELL)(calibrate)
+    app.command(rich_help_panel=CELL)(backup)
+    app.command(rich_help_panel=CELL)(restore)
+    app.add_typer(robot, name="robot", rich_help_panel=CELL)
+    app.add_typer(target, name="target", rich_help_panel=CELL)
+    app.add_typer(keys, name="keys", rich_help_panel=CELL)
+    app.add_typer(tls, name="tls", rich_help_panel=CELL)
+    app.add_typer(audit, name="audit", rich_help_panel=CELL)
+    app.command("support-bundle", rich_help_panel=CELL)(support_bundle)
+    app.command("import", rich_help_panel=OFFLINE)(import_session)
+    app.command(rich_help_panel=OFFLINE)(solve)
+    app.command(rich_help_panel=OFFLINE)(compare)
+    app.command(rich_help_panel=OFFLINE)(export)
+    app.command(rich_help_panel=OFFLINE)(report)
+    for command in (command for commands in extensions.values() for command in commands):
+        if isinstance(command, typer.Typer):
+            app.add_typer(command, rich_help_panel=OFFLINE)
+        else:
+            app.command(rich_help_panel=OFFLINE)(command)
+    app.command("verify-scanner", rich_help_panel=OFFLINE)(verify_scanner)
+    app.command(rich_help_panel=OFFLINE)(stitch)
+    app.command(rich_help_panel=OFFLINE)(register)
+    app.command(rich_help_panel=OFFLINE)(register_archive)
+    app.add_typer(profiles, name="profiles", rich_help_panel=OFFLINE)
+    app.command(rich_help_panel=OFFLINE)(plan)
+    app.command(rich_help_panel=OFFLINE)(assess)
+    app.command(rich_help_panel=OFFLINE)(arms)
+    app.command(rich_help_panel=OFFLINE)(schema)
+    app.command(rich_help_panel=OFFLINE)(version)
+    return app
+
+
+app = command_line(COMMANDS)
 
 
 def main() -> None:

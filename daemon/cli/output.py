@@ -14,6 +14,9 @@ from daemon.cli.errors import CommandError, ExitStatus
 if TYPE_CHECKING:
     from pydantic import BaseModel
 
+Commands = tuple[Callable[..., None] | typer.Typer, ...]
+"""Of an extension: functions that are commands, and groups of commands, each with a name of its own."""
+
 Json = Annotated[bool, typer.Option("--json", help="Print JSON for programs instead of words for people.")]
 
 

@@ -6,18 +6,16 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, ConfigDict, Field, model_validator
 
 from calibration.documents.knowledge import KnowledgeDocument
-from calibration.documents.pose import Vector, is_direction
+from calibration.documents.pose import Vector
 from calibration.documents.requirement import Tolerance
 from calibration.documents.session import AxisOffsetDocument, SessionDocument
 from calibration.documents.target import TargetDocument
-from calibration.documents.tip import TipDocument
-from calibration.documents.touches import Sigma, TouchDocument
 from calibration.documents.validation import Document
 from daemon.access.actor_names import imitates_actor, validate_key_name
 from daemon.config.settings import DeviceName, TaughtPose
 
 
-def _examples(*bodies: dict[str, Any]) -> ConfigDict:
+def examples(*bodies: dict[str, Any]) -> ConfigDict:
     """A `model_config` with examples for openapi.json."""
     return ConfigDict(json_schema_extra={"examples": list(bodies)})
 
@@ -28,9 +26,6 @@ _POSE = {"translation_mm": [900.0, -250.0, 900.0], "quaternion_wxyz": [0.0, 0.6,
 MAX_JOG_MM, MAX_JOG_DEG = 100.0, 30.0
 """Limits of one jog, of the flange and of an axis."""
 
-MAX_TOUCH_STEP_MM, MAX_TOUCH_SPEED_MM_S = 5.0, 10.0
-"""Limits of one step towards a point that is to be touched: the tip may meet it."""
-
 Degrees = Annotated[float, Field(ge=-720, le=720)]
 Stations = Annotated[tuple[TaughtPose, ...], Field(min_length=1, max_length=100)]
 
@@ -39,16 +34,10 @@ NAME_PATTERN = r"^[^\x00-\x1f\x7f-\x9f\xad\u061c\u200b-\u200f\u2028-\u202e\u2060
 """No control characters (C0, C1), and none that change the direction of text or cannot be seen: names are printed."""
 
 
-def _require_printable(name: str) -> str:
+def require_printable(name: str) -> str:
     if not name.isprintable():
         raise ValueError("it has a character that cannot be printed; leave it out")
     return name
-
-
-def _require_printable_names(touches: tuple[TouchDocument, ...]) -> tuple[TouchDocument, ...]:
-    for touch in touches:
-        _require_printable(touch.name or "")
-    return touches
 
 
 def _validate_applied_by(name: str) -> str:
@@ -72,7 +61,7 @@ class CalibrateRequest(Document):
     organised clouds, on the same mount: each looks from every station, and all are solved in one estimate (GET /rigs).
     """
 
-    model_config = _examples(
+    model_config = examples(
         {}, {"count": 8, "tolerance_mm": 0.3}, {"count": 8, "uncertainty_mm": 0.1}, {"poses": [_POSE, _POSE, _POSE]}
     )
 
@@ -110,7 +99,7 @@ class VerifyRequest(Document):
     With `artefact` and `scan_id` the scanner is verified instead: each view of that scan is a position of the artefact.
     """
 
-    model_config = _examples(
+    model_config = examples(
         {}, {"tolerance_mm": 0.3}, {"scan_id": "20261121-090000-3f9a1c", "artefact": {"radius_mm": 25.0}}
     )
 
@@ -133,77 +122,6 @@ class VerifyRequest(Document):
         return self
 
 
-class TouchRequest(Document):
-    """A touch test: the `tip`, as of `handeyed tip`, and where it touched points that the camera has seen.
-
-    `verification`: run whose points of the target the touches name by `id`. One touch may leave `base_T_flange` out: it
-    is read from the standing arm. `adds_to`: id of a touch test to which these touches are added, with its tip.
-    `tolerance_mm`: largest miss; by default that of the test before, or the settings'.
-    `placing_sigma_mm`: of bringing the tip to a point, without the robot's error. `camera`: name of one of [cameras]
-    that saw the points, by default that of the verification, or of the test before, else [camera].
-    """
-
-    model_config = _examples(
-        {
-            "tip": {"flange_tip_mm": [0.0, 0.0, 180.2], "covariance": [[0.01, 0.0, 0.0], [0.0, 0.01, 0.0],
-                    [0.0, 0.0, 0.01]], "placing_sigma_mm": 0.1},
-            "verification": "20261121-090000-3f9a1c", "touches": [{"id": 0}], "tolerance_mm": 0.5,
-        },
-        {"adds_to": "20261121-093000-5b2c7d", "touches": [{"id": 10, "miss_mm": [0.0, 0.0, -0.3]}]},
-    )  # fmt: skip
-
-    tip: TipDocument | None = None
-    verification: Annotated[str, Field(min_length=1, max_length=64)] | None = None
-    adds_to: Annotated[str, Field(min_length=1, max_length=64)] | None = None
-    touches: Annotated[
-        tuple[TouchDocument, ...], Field(min_length=1, max_length=100), AfterValidator(_require_printable_names)
-    ]
-    placing_sigma_mm: Sigma | None = None
-    tolerance_mm: Tolerance | None = None
-    camera: DeviceName | None = None
-
-
-class ApproachRequest(Document):
-    """The arm brings the tip before a point that the camera has seen, or one step nearer. Each request is one consent.
-
-    The flange keeps its orientation, and the tip moves on straight lines. Without `step_mm`: to `stand_off_mm` before
-    the point, first back along the approach where the tip is nearer than that. With `step_mm`: so far towards the
-    point, and never beyond where it was seen. `along`: direction of the approach in the base, else the flange's z axis;
-    it is at most 60 degrees from the line of sight of each view that saw the point. Nothing moves when the tip stands
-    beyond the point, or flange, camera or a point of [robot] carried_mm would come nearer to it than the tip.
-    `touch`: the point, by `id` or `camera_mm`; `tip`, `verification`, `adds_to` and `camera` as of a touch test, the
-    verification at most 8 hours old and of the calibration in force. `short_tip`: the tip is within 5 mm of the
-    flange's centre. `speed_mm_s`: by default 50 to the stand-off and 5 in a step; at most [robot] speed_mm_s, and 10 in
-    a step.
-    """
-
-    model_config = _examples(
-        {"adds_to": "20261121-093000-5b2c7d", "touch": {"id": 10}},
-        {"adds_to": "20261121-093000-5b2c7d", "touch": {"id": 10}, "step_mm": 2.0},
-    )
-
-    tip: TipDocument | None = None
-    verification: Annotated[str, Field(min_length=1, max_length=64)] | None = None
-    adds_to: Annotated[str, Field(min_length=1, max_length=64)] | None = None
-    touch: TouchDocument
-    stand_off_mm: Annotated[float, Field(ge=5, le=100)] = 20.0
-    step_mm: Annotated[float, Field(gt=0, le=MAX_TOUCH_STEP_MM)] | None = None
-    along: Vector | None = None
-    short_tip: bool = False
-    speed_mm_s: Annotated[float, Field(ge=1, le=250)] | None = None
-    camera: DeviceName | None = None
-
-    @model_validator(mode="after")
-    def _check_approach(self) -> "ApproachRequest":
-        if self.touch.base_T_flange is not None or any(self.touch.miss_mm):
-            raise ValueError("the touch names the point only: leave base_T_flange and miss_mm out")
-        if self.along is not None and not is_direction(self.along):
-            raise ValueError("along has no direction")
-        if self.step_mm is not None and (self.speed_mm_s or 0.0) > MAX_TOUCH_SPEED_MM_S:
-            raise ValueError(f"speed_mm_s of a step is at most {MAX_TOUCH_SPEED_MM_S:g}")
-        return self
-
-
 class ScanRequest(Document):
     """A new scan. With `poses`, or `capture`, the arm is driven and the daemon's scanner fills it.
 
@@ -211,9 +129,9 @@ class ScanRequest(Document):
     `scanner`: name of one of [scanners], whose clouds the scan is to hold; [scanner] without it.
     """
 
-    model_config = _examples({"name": "door 4711"}, {"name": "door 4711", "capture": True, "refine": True})
+    model_config = examples({"name": "door 4711"}, {"name": "door 4711", "capture": True, "refine": True})
 
-    name: Annotated[str, Field(max_length=200, pattern=NAME_PATTERN), AfterValidator(_require_printable)] = ""
+    name: Annotated[str, Field(max_length=200, pattern=NAME_PATTERN), AfterValidator(require_printable)] = ""
     capture: bool = False
     refine: bool = False
     poses: Stations | None = None
@@ -227,7 +145,7 @@ class ScanRequest(Document):
 class SweepRequest(Document):
     """A sweep of a line profiler. `scanner`: name of one of [scanners]; [scanner] without it."""
 
-    model_config = _examples({}, {"scanner": "laser"})
+    model_config = examples({}, {"scanner": "laser"})
 
     scanner: DeviceName | None = None
 
@@ -240,7 +158,7 @@ class JogRequest(Document):
     the turn about the flange's origin. `speed_mm_s`: of the fastest point, at most [robot] speed_mm_s.
     """
 
-    model_config = _examples(
+    model_config = examples(
         {"axis": 6, "by_deg": -10.0}, {"frame": "flange", "shift_mm": [0.0, 0.0, -50.0], "speed_mm_s": 25.0}
     )
 
@@ -267,7 +185,7 @@ class JogRequest(Document):
 class ApplyRequest(Document):
     """Who applies a calibration, and why; a rejected one is applied only when `despite_verdict` says so."""
 
-    model_config = _examples(
+    model_config = examples(
         {"applied_by": "Ann"}, {"applied_by": "Ann", "despite_verdict": True, "reason": "for a trial without a part"}
     )
 
@@ -275,13 +193,13 @@ class ApplyRequest(Document):
         str, Field(min_length=1, max_length=200, pattern=NAME_PATTERN), AfterValidator(_validate_applied_by)
     ] = "operator"
     despite_verdict: bool = False
-    reason: Annotated[str, Field(max_length=500, pattern=NAME_PATTERN), AfterValidator(_require_printable)] = ""
+    reason: Annotated[str, Field(max_length=500, pattern=NAME_PATTERN), AfterValidator(require_printable)] = ""
 
 
 class SetupRequest(Document):
     """The set-up code from the daemon's log, and a name for the first key."""
 
-    model_config = _examples({"code": "ABCD-EFGH-JKLM-NPQR", "name": "Ann"})
+    model_config = examples({"code": "ABCD-EFGH-JKLM-NPQR", "name": "Ann"})
 
     code: Annotated[str, Field(min_length=1, max_length=100)]
     name: Annotated[
@@ -292,7 +210,7 @@ class SetupRequest(Document):
 class SupportBundleRequest(Document):
     """What a support bundle holds beside texts; {} for texts alone. `pictures`: those of the newest run."""
 
-    model_config = _examples({"pictures": False})
+    model_config = examples({"pictures": False})
 
     pictures: bool = False
 
@@ -300,7 +218,7 @@ class SupportBundleRequest(Document):
 class SessionRequest(Document):
     """An API key, or a pairing code from a screen that is signed in."""
 
-    model_config = _examples({"code": "ABCD-EFGH"})
+    model_config = examples({"code": "ABCD-EFGH"})
 
     key: Annotated[str, Field(min_length=1, max_length=200)] | None = None
     code: Annotated[str, Field(min_length=1, max_length=100)] | None = None
@@ -315,7 +233,7 @@ class SessionRequest(Document):
 class PairingRequest(Document):
     """Up to which role the other screen may act; by default that of the caller."""
 
-    model_config = _examples({}, {"role": "viewer"})
+    model_config = examples({}, {"role": "viewer"})
 
     role: Literal["viewer", "operator", "admin"] | None = None
 
@@ -328,7 +246,7 @@ class ObservationsRequest(SessionDocument):
     `arm`: the errors of this cell's arm are identified, too, from `corners_px` and `joints_deg`.
     """
 
-    model_config = _examples(
+    model_config = examples(
         {
             "schema_version": 1,
             "setup": "eye-in-hand",
@@ -345,7 +263,7 @@ class SolveRequest(Document):
     `known`: what is known of target, camera or arm, in place of what the session states of it.
     """
 
-    model_config = _examples({"without": [2]}, {"method": "park"}, {"known": {"target": {"source": "certified"}}})
+    model_config = examples({"without": [2]}, {"method": "park"}, {"known": {"target": {"source": "certified"}}})
 
     without: Annotated[tuple[Annotated[int, Field(ge=0, le=999)], ...], Field(max_length=1000)] = ()
     method: Literal["auto", "three-pose", "tsai", "park", "horaud", "daniilidis", "shah", "kronecker"] = "auto"
@@ -355,7 +273,7 @@ class SolveRequest(Document):
 class NewKeyRequest(Document):
     """A key for a person or a program. `days` null: it never expires."""
 
-    model_config = _examples({"name": "MES", "role": "operator"})
+    model_config = examples({"name": "MES", "role": "operator"})
 
     name: Annotated[str, Field(min_length=1, max_length=100, pattern=NAME_PATTERN), AfterValidator(validate_key_name)]
     role: Literal["viewer", "operator", "admin"]
@@ -365,7 +283,7 @@ class NewKeyRequest(Document):
 class RotateKeyRequest(Document):
     """A new key of the same name and role; the old one ends after `overlap_h`."""
 
-    model_config = _examples({}, {"overlap_h": 0})
+    model_config = examples({}, {"overlap_h": 0})
 
     days: Annotated[float, Field(gt=0, le=36_500)] | None = 365.0
     overlap_h: Annotated[float, Field(ge=0, le=8760)] = 24.0

@@ -35,7 +35,7 @@ from daemon.store.audit_log import AuditLog
 from daemon.store.browser_sessions import BrowserSessions
 from daemon.store.consistency import StoreFault, find_fault
 from daemon.store.damaged_rows import parse_each, parse_row, parse_stored, parsing, split_damaged
-from daemon.store.documents import ACCEPTANCES, RIGS, TOUCH_TESTS, DocumentRecord, Documents
+from daemon.store.documents import ACCEPTANCES, RIGS, DocumentKind, DocumentRecord, Documents
 from daemon.store.event_log import StoredEvents
 from daemon.store.idempotency_keys import IdempotencyKeys
 from daemon.store.listings import ACCURACY, SCAN_VIEWS, Listings, read_page
@@ -81,10 +81,12 @@ class Store:
         self.browser_sessions = BrowserSessions(self._database, self._opened.key_reader)
         self.audit = AuditLog(self._database)
         self.listings = Listings(self._opened.list_reader)
-        self.acceptances, self.touch_tests, self.rigs = (
-            Documents(kind, self._database, self._opened.list_reader, lambda *event: self.publish(*event))  # noqa: PLW0108
-            for kind in (ACCEPTANCES, TOUCH_TESTS, RIGS)  # `publish` is set after the store is made
-        )
+        self.acceptances, self.rigs = map(self.documents, (ACCEPTANCES, RIGS))
+
+    def documents(self, kind: DocumentKind) -> Documents:
+        """The table of a kind of document."""
+        publish = lambda *event: self.publish(*event)  # noqa: E731, PLW0108 # it is set after the store is made
+        return Documents(kind, self._database, self._opened.list_reader, publish)
 
     async def close(self) -> None:
         await self._opened.list_reader.close()

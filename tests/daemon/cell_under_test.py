@@ -21,6 +21,7 @@ from daemon.runtime.failpoints import NO_FAILPOINTS, Failpoints
 from daemon.runtime.systemd import Systemd
 from daemon.server import Server
 from daemon.store.store import Store
+from extensions.installed import INSTALLED
 from tests.daemon.fakes import CAMERA, FakeCamera, FakeRobot, FakeScanner, poses_around_the_target
 from tests.support.waiting import LIMIT_S
 
@@ -106,7 +107,7 @@ async def serving(
         settings, lambda _settings, _clock: devices, store=store, at=at, systemd=systemd, settings_file=settings_file
     )
     announced: asyncio.Future[str] = asyncio.get_running_loop().create_future()
-    server = Server(application, announced.set_result, door)
+    server = Server(application, announced.set_result, door, extensions=INSTALLED)
     task = asyncio.create_task(server.listen())
     await asyncio.wait([announced, task], return_when=asyncio.FIRST_COMPLETED, timeout=LIMIT_S)
     url = announced.result()

@@ -4,11 +4,12 @@ import json
 from pathlib import Path
 
 from daemon.api.app import routes
+from extensions.installed import INSTALLED
 
 
 def main() -> None:
     file = Path(__file__).parents[2] / "docs" / "openapi.json"
-    file.write_text(json.dumps(routes(None).openapi(), indent=1) + "\n")
+    file.write_text(json.dumps(routes(None, INSTALLED).openapi(), indent=1) + "\n")
 
 
 if __name__ == "__main__":

@@ -5,9 +5,9 @@ from pathlib import Path
 from daemon.model.records import RunRecord
 from daemon.model.requests import ArtefactRequest
 from daemon.model.run_states import RunState
-from daemon.runs.touch_tests import StoredTouchTest
 from daemon.scans.scanner_acceptance import AcceptanceDocument, BallDocument, PositionDocument
 from daemon.store.database import DATABASE_NAME
+from extensions.touch.touch_tests import StoredTouchTest
 
 AT = "2026-11-21T09:00:00.000Z"
 

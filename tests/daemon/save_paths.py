@@ -21,6 +21,7 @@ from daemon.store.audit_log import check_audit_log
 from daemon.store.database import DATABASE_NAME
 from daemon.store.documents import DocumentRecord, Documents
 from daemon.store.store import Store
+from extensions.touch.tables import TOUCH_TESTS
 from tests.daemon.calibrations import a_calibration, an_arm
 from tests.daemon.fakes import ply_of
 from tests.daemon.records import AT, a_run
@@ -81,7 +82,7 @@ class About(BaseModel):
 
 
 def documents_of(store: Store) -> dict[str, Documents]:
-    return {"acceptance": store.acceptances, "touch test": store.touch_tests, "rig": store.rigs}
+    return {"acceptance": store.acceptances, "touch test": store.documents(TOUCH_TESTS), "rig": store.rigs}
 
 
 def a_document(name: str) -> DocumentRecord:

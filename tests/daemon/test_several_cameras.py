@@ -22,7 +22,7 @@ from tests.daemon.fakes import FLANGE_T_CAMERA, FakeCamera, ply_of
 from tests.daemon.named_cameras import WRIST, calibrate, two_cameras, wrist
 from tests.daemon.plcs import MOVING, ladder
 from tests.daemon.rig_files import a_rig
-from tests.daemon.touches import TIP, document_with_covariance, json_of, touching
+from tests.extensions.touch.touches import TIP, document_with_covariance, json_of, touching
 from tests.support.waiting import LIMIT_S
 
 OF_A_STAND = {"base_T_camera_guess": pose_json(np.eye(4))}

@@ -68,6 +68,18 @@ def test_every_room_is_in_the_wheel_and_every_import_contract() -> None:
     assert sorted(PYPROJECT["tool"]["mypy"]["packages"]) == rooms
 
 
+def test_every_room_is_in_what_an_installation_is_built_from() -> None:
+    sdist = PYPROJECT["tool"]["hatch"]["build"]["targets"]["sdist"]["include"]
+    built = {"the sdist": {path.removeprefix("/") for path in sdist}}
+    for script in ("install.sh", "venv.sh"):
+        (named,) = re.findall(
+            r"\b(?:find|cp -R) (calibration [a-z_ ]+) hatch_build", (ROOT / "deploy" / script).read_text()
+        )
+        built[script] = set(named.split())
+
+    assert {name: missing for name, rooms in built.items() if (missing := sorted({*ROOMS} - rooms))} == {}
+
+
 def test_every_import_is_a_declared_dependency() -> None:
     """A library that is only there because another one brings it would vanish with it."""
     project = PYPROJECT["project"]

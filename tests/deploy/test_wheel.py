@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-ROOMS = ("calibration", "daemon", "drivers", "mock_robot", "protocols", "registration")
+ROOMS = ("calibration", "daemon", "drivers", "extensions", "mock_robot", "protocols", "registration")
 ROOT = Path(__file__).resolve().parents[2]
 VERSION_1 = ROOT / "tests" / "calibration" / "documents" / "calibration_version_1.json"
 

@@ -21,6 +21,7 @@ from daemon.model.run_states import RunState
 from daemon.plc.switch import PlcSwitch
 from daemon.server import Server
 from drivers.registry import open_robot
+from extensions.installed import INSTALLED
 from protocols.modbus.codes import Function
 from protocols.plc.codes import ControlBit, StatusBit
 from tests.daemon.access_keys import TEST, bearer
@@ -156,7 +157,7 @@ class WatchedPlant:
         )
         self._hear_events()
         announced: asyncio.Future[str] = asyncio.get_running_loop().create_future()
-        self.server = server = Server(self.application, announced.set_result)
+        self.server = server = Server(self.application, announced.set_result, extensions=INSTALLED)
         task = asyncio.create_task(server.listen())
         await asyncio.wait([announced, task], return_when=asyncio.FIRST_COMPLETED, timeout=LIMIT_S)
         if not self.keys:

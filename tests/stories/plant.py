@@ -25,6 +25,7 @@ from daemon.composition import build
 from daemon.config.settings import Settings, TaughtPose
 from daemon.model.run_states import RunState
 from daemon.server import Server
+from extensions.installed import INSTALLED
 from mock_robot.announcement import Announcement
 from mock_robot.truth.truth import CellTruth
 from mock_robot.truth.truth_sheet import cell_sheet
@@ -194,7 +195,7 @@ async def daemon_for(cell: RunningCell, folder: Path, **changes: Any) -> AsyncIt
     """The daemon beside a cell that runs already."""
     application = build(settings_of(cell.announcement, folder, **changes), open_devices)
     announced: asyncio.Future[str] = asyncio.get_running_loop().create_future()
-    server = Server(application, announced.set_result)
+    server = Server(application, announced.set_result, extensions=INSTALLED)
     task = asyncio.create_task(server.listen())
     try:
         await asyncio.wait([announced, task], return_when=asyncio.FIRST_COMPLETED, timeout=LIMIT_S)

@@ -22,11 +22,12 @@ from daemon.scans.sweep import Sweep
 from daemon.server import Server
 from drivers.interfaces import PoseReading
 from drivers.scanners.gocator_profiler import GocatorProfiler
+from extensions.installed import INSTALLED
 from mock_robot.cell import MockCell, Ports
 from mock_robot.devices.profiler import SENSOR_AHEAD_S
 from mock_robot.scene.part import DOOR
 from mock_robot.truth.truth import CellTruth
-from tests.daemon.touches import document_with_covariance
+from tests.extensions.touch.touches import document_with_covariance
 from tests.simulated.door_sweeps import base_T_profiler_before_door
 from tests.stories.plant import settings_of
 from tests.support.waiting import LIMIT_S, eventually
@@ -123,7 +124,7 @@ async def swept_cell(folder: Path) -> AsyncIterator[SweptCell]:
         settings = settings_of(announcement, folder, scanner={"address": announcement.profiler, "poses": []})
         cell.application = build(settings, open_devices, clock=Clock(monotonic_s=lambda: cell.now_s))
         announced: asyncio.Future[str] = asyncio.get_running_loop().create_future()
-        server = Server(cell.application, announced.set_result)
+        server = Server(cell.application, announced.set_result, extensions=INSTALLED)
         task = asyncio.create_task(server.listen())
         try:
             await asyncio.wait([announced, task], return_when=asyncio.FIRST_COMPLETED, timeout=LIMIT_S)

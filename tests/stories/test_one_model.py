@@ -3,7 +3,7 @@
 import pytest
 
 from protocols.plc.codes import ControlBit
-from tests.daemon.touches import TIP_MM
+from tests.extensions.touch.touches import TIP_MM
 from tests.stories.one_model.model import run_histories
 from tests.stories.one_model.plant_process import SABOTAGES
 from tests.stories.one_model.stored import check_store

@@ -18,6 +18,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from calibration.errors import DocumentProblem
 from daemon.api.dependencies import Wait
+from daemon.api.extension import Extensions
 from daemon.api.http_errors import InvalidRequest, KeyReused, RequestInFlight
 from daemon.api.middleware.disconnects import wait_for_run
 from daemon.api.middleware.idempotency_replay import rebuild_answer
@@ -47,8 +48,8 @@ NOT_STORED = re.compile(r"/setup|/session(?:/.*)?|/keys(?:/.*)?|/support-bundle"
 class Idempotency:
     """Stores requests and answers by caller and key, and replays them."""
 
-    def __init__(self, app: ASGIApp, application: Application) -> None:
-        self._app, self._application = app, application
+    def __init__(self, app: ASGIApp, application: Application, added: Extensions = ()) -> None:
+        self._app, self._application, self._added = app, application, added
         self._in_flight: set[tuple[str, str]] = set()
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
@@ -127,7 +128,7 @@ class Idempotency:
             return
         if earlier.status is None:
             assert earlier.effect is not None
-            reply = await rebuild_answer(self._application, earlier.effect)
+            reply = await rebuild_answer(self._application, earlier.effect, self._added)
         else:
             reply = earlier.status, earlier.headers, earlier.content or b""
         status, headers, content = reply

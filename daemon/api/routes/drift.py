@@ -11,7 +11,7 @@ from daemon.api.problems import problem_responses
 from daemon.api.schemas.drift import DriftDocument
 from daemon.drift.samples import MAX_VERIFICATIONS
 
-MAX_TOUCH_TESTS = 100
+MAX_CHECKS = 100
 
 router = APIRouter(tags=["calibrate"])
 
@@ -32,8 +32,10 @@ async def drift(
 ) -> Response:
     """The control chart: where the fixed target was seen by each verification, its limits, and what follows from it."""
     chart = await (camera.drift.refresh() if calibration is None else camera.drift.chart_of_earlier(calibration))
-    touched = await app.store.touch_tests.about(chart.report.calibration_id, min(limit, MAX_TOUCH_TESTS))
+    most, extensions = min(limit, MAX_CHECKS), request.app.state.extensions
+    touched = [check for extension in extensions if extension.checks
+               for check in await extension.checks(app, chart.report.calibration_id, most)]  # fmt: skip
     scanner = app.settings.scanner_beside(camera.name)
-    accepted = await app.store.acceptances_of(scanner, min(limit, MAX_TOUCH_TESTS))
+    accepted = await app.store.acceptances_of(scanner, most)
     document = await app.service_workers.run(DriftDocument.of, chart, app.settings.drift, limit, touched, accepted)
     return respond(request, document, lambda: drift_text(document))

@@ -1,7 +1,7 @@
 """The base class of all answers, and helpers for examples in openapi.json."""
 
 import json
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from typing import Any, Self, TypeVar
 
 from pydantic import BaseModel, ConfigDict
@@ -26,21 +26,23 @@ class OfRecord(Answer):
         raise NotImplementedError
 
 
-Stored = TypeVar("Stored", bound=OfRecord)
+Stored = TypeVar("Stored", bound=Answer)
 
 
-def documents_of(kind: type[Stored], records: Iterable[DocumentRecord]) -> Iterator[Stored | DamagedRow]:
+def documents_of(
+    of_record: Callable[[DocumentRecord], Stored], records: Iterable[DocumentRecord]
+) -> Iterator[Stored | DamagedRow]:
     """Each record as an answer, or in its place a DamagedRow."""
     for record in records:
         try:
-            yield kind.of_record(record)
+            yield of_record(record)
         except StorageInconsistent:
             yield DamagedRow(record.id)
 
 
 def documents_json(name: str, kind: type[OfRecord], page: Iterable[DocumentRecord], following: str | None) -> bytes:
     """The JSON of a page of stored documents, with the ids of those that are damaged."""
-    read, damaged = split_damaged(documents_of(kind, page))
+    read, damaged = split_damaged(documents_of(kind.of_record, page))
     return page_json(name, (document.model_dump_json() for document in read), following, damaged)
 
 

@@ -10,7 +10,6 @@ from calibration.monitoring.cell_change import PossibleChange
 from daemon.api.schemas.answer import EXAMPLE_AT, EXAMPLE_ID, Answer, OfRecord, documents_of, example
 from daemon.config.settings import DriftSettings
 from daemon.drift.chart import DriftChart
-from daemon.runs.touch_tests import StoredTouchTest
 from daemon.scans.scanner_acceptance import AcceptanceDocument
 from daemon.store.damaged_rows import split_damaged
 from daemon.store.documents import DocumentRecord
@@ -43,7 +42,7 @@ class DriftPointDocument(Answer):
     camera_temperature_c: float | None = None
 
 
-class DriftTouchDocument(OfRecord):
+class DriftTouchDocument(Answer):
     """One touch test of the calibration: its largest miss with U (k = 2), and whether it was accepted."""
 
     id: str
@@ -51,15 +50,6 @@ class DriftTouchDocument(OfRecord):
     largest_mm: float
     expanded_mm: float
     accepted: bool
-
-    @classmethod
-    def of_record(cls, record: DocumentRecord) -> "DriftTouchDocument":
-        found = record.parsed(StoredTouchTest).result
-        worst = max(found.points, key=lambda point: point.length_mm)
-        return cls(
-            id=record.id, at=record.created_at, largest_mm=round(worst.length_mm, 6),
-            expanded_mm=round(worst.expanded_mm, 6), accepted=found.accepted,
-        )  # fmt: skip
 
 
 class DriftChangeDocument(Answer):
@@ -162,7 +152,7 @@ class DriftDocument(Answer):
         chart: DriftChart,
         settings: DriftSettings,
         limit: int,
-        touched: Sequence[DocumentRecord] = (),
+        touched: Sequence[DriftTouchDocument] = (),
         accepted: Sequence[DocumentRecord] = (),
     ) -> "DriftDocument":
         report = chart.report
@@ -180,7 +170,7 @@ class DriftDocument(Answer):
             points=[DriftPointDocument(**{**vars(point), "standing": point.standing.value})
                     for point in chart.points[-limit:]],
             changes=[DriftChangeDocument.of(change) for change in chart.changes],
-            touch_tests=split_damaged(documents_of(DriftTouchDocument, touched))[0],
-            scanner=split_damaged(documents_of(DriftScannerDocument, accepted))[0],
+            touch_tests=list(touched),
+            scanner=split_damaged(documents_of(DriftScannerDocument.of_record, accepted))[0],
             robot_noise=chart.robot_noise,
         )  # fmt: skip

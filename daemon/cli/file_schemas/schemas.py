@@ -14,9 +14,9 @@ from calibration.documents.requirement import PointsFile
 from calibration.documents.rig import RigDocument
 from calibration.documents.session import SessionDocument
 from calibration.documents.tip import TipDocument
+from calibration.documents.touch_test import TouchTestDocument
 from calibration.documents.touches import TouchesDocument
 from calibration.monitoring.comparison import ComparisonDocument
-from calibration.monitoring.touch_report import TouchTestDocument
 from daemon.cli.file_schemas.examples import (
     ACCEPTANCE,
     BACKUP,

@@ -10,6 +10,7 @@ from daemon.model.records import AppliedCalibration, CalibrationRecord
 from daemon.scans.rig_sensors import RigDocument
 from daemon.store.database import DATABASE_NAME
 from daemon.store.documents import DocumentRecord
+from extensions.touch.tables import TOUCH_TESTS
 from tests.daemon.calibrations import a_calibration, an_arm, apply_calibration
 from tests.daemon.cell_under_test import Bench, serving, settings_for
 from tests.daemon.clouds import OCTETS, POSE, cloud
@@ -44,7 +45,7 @@ async def two_of_each(bench: Bench) -> dict[str, tuple[str, str]]:
         await store.save_calibration(CalibrationRecord(name, None, at, True, a_calibration(name)))
     ids["calibrations"] = ("cal-2", "cal-3")
     documents = {
-        "touches": (store.touch_tests, "cal-1", a_touch_test()),
+        "touches": (store.documents(TOUCH_TESTS), "cal-1", a_touch_test()),
         "rigs": (store.rigs, "eye-in-hand", RigDocument.model_validate(a_rig()).model_dump_json()),
         "acceptances": (store.acceptances, "scan", an_acceptance("scan").model_dump_json()),
     }

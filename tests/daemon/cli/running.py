@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from pathlib import Path
 
+import typer
 from typer.testing import CliRunner
 
 from daemon.cli.main import app
@@ -21,9 +22,9 @@ class Ran:
         return self.err.splitlines()
 
 
-def handeyed(*arguments: str | Path) -> Ran:
+def handeyed(*arguments: str | Path, command_line: typer.Typer = app) -> Ran:
     """Run `handeyed ARGUMENTS`; an exception that no user should see is raised here."""
-    result = CliRunner().invoke(app, [str(argument) for argument in arguments])
+    result = CliRunner().invoke(command_line, [str(argument) for argument in arguments])
     if result.exception is not None and not isinstance(result.exception, SystemExit):
         raise result.exception
     return Ran(result.exit_code, result.stdout, result.stderr)

@@ -106,7 +106,7 @@ def _title(name: str) -> str:
 
 # --- nothing goes in or out that docs do not describe ---
 
-ROOMS = ("calibration", "daemon", "drivers", "handeyed", "mock_robot", "registration")
+ROOMS = ("calibration", "daemon", "drivers", "extensions", "handeyed", "mock_robot", "registration")
 DATA_FILE = re.compile(r"[\w.{}-]*\w+\.(?:json|jsonl|npz|npy|csv|tsv|yaml)")
 
 

@@ -21,7 +21,7 @@ from playwright.sync_api import sync_playwright
 
 from calibration.transforms import rotation_from_vector, transform
 from tests.daemon.rig_files import a_rig
-from tests.daemon.touches import json_of
+from tests.extensions.touch.touches import json_of
 
 FOLDER = Path(__file__).resolve().parents[3] / "docs" / "page"
 CHROMIUM = "/usr/bin/chromium"

@@ -20,7 +20,7 @@ from tests.daemon.fakes import ply_of
 from tests.daemon.page.conftest import AXE_FINDINGS, Opened
 from tests.daemon.page.holding import hold_by_key, hold_by_mouse, hold_requests, hold_until, press
 from tests.daemon.rig_files import a_rig
-from tests.daemon.touches import TIP, document_with_covariance, touch_two_points, touching
+from tests.extensions.touch.touches import TIP, document_with_covariance, touch_two_points, touching
 from tests.support.waiting import eventually
 
 pytestmark = [pytest.mark.asyncio(loop_scope="module"), pytest.mark.slow]

@@ -13,7 +13,7 @@ from tests.daemon.access_keys import bearer, with_keys
 from tests.daemon.cell_under_test import Bench
 from tests.daemon.page.conftest import Opened
 from tests.daemon.page.holding import hold_by_key, hold_by_mouse, hold_until, press
-from tests.daemon.touches import document_with_covariance, touch_two_points, touching
+from tests.extensions.touch.touches import document_with_covariance, touch_two_points, touching
 
 pytestmark = [pytest.mark.asyncio(loop_scope="module"), pytest.mark.slow]
 

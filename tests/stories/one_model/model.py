@@ -20,7 +20,7 @@ from hypothesis.stateful import (
 )
 
 from protocols.plc.codes import ControlBit
-from tests.daemon.touches import TIP_MM
+from tests.extensions.touch.touches import TIP_MM
 from tests.stories.one_model.stored import check_all, check_store
 from tests.stories.one_model.world import MAY, World, a_world
 

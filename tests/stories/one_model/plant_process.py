@@ -28,9 +28,7 @@ from daemon.composition import build
 from daemon.config.settings import RobotSettings, Settings
 from daemon.model.records import AppliedCalibration, CalibrationRecord, RunRecord, ScanRecord
 from daemon.plc.switch import PlcSwitch
-from daemon.runs import touch_approach
 from daemon.runs.supervisor import Supervisor
-from daemon.runs.touch_approach import Approach
 from daemon.runtime.clock import Clock
 from daemon.server import Server
 from daemon.store import actor
@@ -38,11 +36,14 @@ from daemon.store.store import Store
 from drivers.errors import DeviceUnreachable
 from drivers.interfaces import CameraFrame, LinkHealth
 from drivers.registry import open_robot
+from extensions.installed import INSTALLED
+from extensions.touch import approach as touch_approach
+from extensions.touch.approach import Approach
 from tests.daemon.access_keys import TEST
 from tests.daemon.cell_under_test import pose_json, settings_for
 from tests.daemon.fakes import FakeScanner, picture_of_the_board, poses_around_the_target
 from tests.daemon.plcs import MOVING
-from tests.daemon.touches import document_with_covariance
+from tests.extensions.touch.touches import document_with_covariance
 
 WARM = ["tests.stories.one_model.plant_process", "anyio._backends._asyncio", "uvicorn.lifespan.on", "scipy.optimize",
         "uvicorn.protocols.websockets.websockets_sansio_impl", "websockets.server"]  # fmt: skip
@@ -118,7 +119,7 @@ async def _serve(folder: Path, robot_port: int, ready: Connection) -> None:
 
     application = build(settings, devices, clock=clock)
     announced: asyncio.Future[str] = asyncio.get_running_loop().create_future()
-    server = Server(application, announced.set_result)
+    server = Server(application, announced.set_result, extensions=INSTALLED)
     serving = asyncio.create_task(server.listen())
     await asyncio.wait([announced, serving], return_when=asyncio.FIRST_COMPLETED)
     keys = await _first_keys(application)

@@ -10,18 +10,18 @@ from hypothesis import strategies as st
 
 from calibration.documents.calibration_with_arm import CalibrationWithArm
 from calibration.documents.pose import PoseDocument
-from calibration.monitoring.touch_report import Sighting
 from calibration.transforms import Array, map_points, rotation_from_vector, transform
 from daemon.cell.cell import Cell, Devices
 from daemon.cell.motion_rules import MotionRules
 from daemon.config.robot_settings import SettlingSettings
 from daemon.config.settings import RobotSettings
 from daemon.errors import PoseRefused
-from daemon.model.requests import ApproachRequest
 from daemon.runs.run_log import RunLog
-from daemon.runs.touch_approach import MAX_BEYOND_MM, MAX_FROM_SIGHT_DEG, TouchApproach
-from daemon.runs.touch_tests import PointToTouch
 from daemon.runtime.clock import Clock
+from extensions.touch.approach import MAX_BEYOND_MM, MAX_FROM_SIGHT_DEG, TouchApproach
+from extensions.touch.mathematics.report import Sighting
+from extensions.touch.requests import ApproachRequest
+from extensions.touch.touch_tests import PointToTouch
 from tests.daemon.calibrations import a_calibration
 from tests.daemon.fakes import FakeCamera, FakeRobot
 from tests.support.cases import cases
@@ -134,7 +134,7 @@ def test_no_move_brings_anything_nearer_than_the_stand_off_or_by_a_step_beyond_t
 def test_an_approach_that_is_not_checked_is_found_out(
     unchecked: str, found: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(f"daemon.runs.touch_approach.Approach.{unchecked}", lambda *_: None)
+    monkeypatch.setattr(f"extensions.touch.approach.Approach.{unchecked}", lambda *_: None)
     seen: set[str] = set()
 
     @settings(max_examples=200, deadline=None, database=None)
@@ -147,7 +147,7 @@ def test_an_approach_that_is_not_checked_is_found_out(
 
 
 def test_a_tip_from_beyond_the_point_is_found_out(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("daemon.runs.touch_approach.MAX_BEYOND_MM", 1e6)
+    monkeypatch.setattr("extensions.touch.approach.MAX_BEYOND_MM", 1e6)
     seen: dict[str, Any] = {}
 
     @settings(max_examples=500, deadline=None, database=None)

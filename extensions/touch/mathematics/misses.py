@@ -15,12 +15,12 @@ tolerance, else undecided.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 import scipy
 from numpy.typing import NDArray
 
+from calibration.documents.touch_test import Conformance
 from calibration.errors import GeometryError
 from calibration.likelihood.mapped_points import point_rows
 from calibration.linear_algebra import squared_distances
@@ -31,8 +31,6 @@ FALSE_ALARM_PROBABILITY = 0.01
 """Probability that misses which are as large as stated are called larger."""
 
 MAX_COORDINATE_MM = 1e6
-
-Conformance = Literal["within", "beyond", "undecided"]
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,10 +8,11 @@ import numpy as np
 from calibration.documents.calibration_with_arm import CalibrationWithArm
 from calibration.documents.pose import PoseDocument
 from calibration.documents.tip import TipDocument
+from calibration.documents.touch_test import TouchTestDocument
 from calibration.documents.touches import TouchesDocument
 from calibration.kinematics.arm_estimate import ArmEstimate
-from calibration.monitoring.touch_report import SeenPoint, TouchingArm, TouchTestDocument, touch_test
 from calibration.problem import Problem
+from extensions.touch.mathematics.report import SeenPoint, TouchingArm, touch_test
 
 
 def touch_test_with_arm(

@@ -4,24 +4,26 @@ from typing import Annotated
 
 from fastapi import APIRouter, Depends, Request, Response
 
-from calibration.monitoring.touch_report import touch_test_text
 from daemon.api.dependencies import App, Before, Identifier, JsonBody, Limit, Wait, page_of, respond_page
 from daemon.api.negotiation import or_text, respond
 from daemon.api.problems import problem_responses
 from daemon.api.routes.runs import STARTED, answer_run_start
 from daemon.api.schemas.answer import documents_json
 from daemon.api.schemas.runs import RunDocument
-from daemon.api.schemas.touches import StoredTouch, TouchList
 from daemon.application import Application
-from daemon.model.requests import ApproachRequest, TouchRequest
-from daemon.runs.touch_approach import TouchApproach
-from daemon.runs.touch_tests import TouchTests
+from extensions.touch.approach import TouchApproach
+from extensions.touch.mathematics.report import touch_test_text
+from extensions.touch.requests import ApproachRequest, TouchRequest
+from extensions.touch.schemas import StoredTouch, TouchList
+from extensions.touch.tables import TOUCH_TESTS
+from extensions.touch.touch_tests import TouchTests
 
 router = APIRouter(tags=["calibrate"])
 
 
 @router.post(
     "/touch",
+    operation_id="judge_touches",
     response_model=StoredTouch,
     status_code=201,
     responses=problem_responses(400, 404, 409, 413, 422, 429, 500, 502, 503, 504, 507),
@@ -34,7 +36,7 @@ async def touch(app: App, body: Annotated[TouchRequest, Depends(JsonBody(TouchRe
     return Response(stored.model_dump_json(), 201, headers, media_type="application/json")
 
 
-@router.post("/touch/approach", response_model=RunDocument, responses=STARTED)
+@router.post("/touch/approach", operation_id="approach_point", response_model=RunDocument, responses=STARTED)
 async def approach(
     request: Request, app: App, body: Annotated[ApproachRequest, Depends(JsonBody(ApproachRequest))], wait: Wait = 0.0
 ) -> Response:
@@ -47,19 +49,22 @@ async def approach(
     return await answer_run_start(request, app, await app.operations.move_once(move), wait)
 
 
-@router.get("/touches", response_model=TouchList)
+@router.get("/touches", operation_id="list_touch_tests", response_model=TouchList)
 async def touches(app: App, limit: Limit = 50, before: Before = None) -> Response:
     """The touch tests, newest first."""
-    page, following = page_of(await app.store.touch_tests.page(limit + 1, before), limit, "/touches")
+    page, following = page_of(await app.store.documents(TOUCH_TESTS).page(limit + 1, before), limit, "/touches")
     return await respond_page(app, lambda: documents_json("touches", StoredTouch, page, following))
 
 
 @router.get(
-    "/touches/{touch_id}", response_model=StoredTouch, responses={200: or_text("In words"), **problem_responses(404)}
+    "/touches/{touch_id}",
+    operation_id="get_touch_test",
+    response_model=StoredTouch,
+    responses={200: or_text("In words"), **problem_responses(404)},
 )
 async def touch_of(request: Request, app: App, touch_id: Identifier) -> Response:
     """One touch test."""
-    stored = StoredTouch.of_record(await app.store.touch_tests.get(touch_id))
+    stored = StoredTouch.of_record(await app.store.documents(TOUCH_TESTS).get(touch_id))
     return respond(request, stored, lambda: touch_test_text(stored.result))
 
 

@@ -8,14 +8,15 @@ from calibration.documents.calibration_with_arm import CalibrationWithArm
 from calibration.documents.identified_arm import identify_arm_document
 from calibration.documents.pose import PoseDocument
 from calibration.documents.tip import TipDocument
+from calibration.documents.touch_test import TouchTestDocument
 from calibration.documents.touches import TouchDocument, TouchesDocument
 from calibration.kinematics.abb_arms import find_arm
 from calibration.kinematics.arm_errors import AXES, ArmErrorModel, Postures
 from calibration.kinematics.arm_estimate import ArmEstimate
-from calibration.monitoring.touch_report import TouchingArm, TouchTestDocument, touch_test
 from calibration.solve import solve_hand_eye
 from calibration.transforms import Array, inverse, map_points
 from calibration.verdict import judge
+from extensions.touch.mathematics.report import TouchingArm, touch_test
 from mock_robot.arm.built_arm import build_arm
 from tests.simulated.arms import (
     ArmCell,

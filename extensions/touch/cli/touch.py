@@ -11,7 +11,7 @@ from daemon.cli.output import Json, progress_bar, write_document
 if TYPE_CHECKING:
     from calibration.documents.calibration import CalibrationDocument
     from calibration.documents.calibration_with_arm import CalibrationWithArm
-    from calibration.monitoring.touch_report import SeenPoint
+    from extensions.touch.mathematics.report import SeenPoint
 
 
 def touch(
@@ -44,10 +44,10 @@ def touch(
     from calibration.documents.validation import parse_document
     from calibration.errors import GeometryError
     from calibration.kinematics.arm import UnreachablePoseError
-    from calibration.monitoring.touch_report import touch_test_text
-    from calibration.monitoring.touch_with_arm import touch_test_with_arm
     from daemon.cli.compare import read_calibration
     from daemon.runtime.bounded_read import read_document
+    from extensions.touch.mathematics.report import touch_test_text
+    from extensions.touch.mathematics.with_arm import touch_test_with_arm
 
     require_finite(tolerance_mm=tolerance_mm, arm_temperature=arm_temperature)
     given = _given(read_calibration(calibration), arm, arm_temperature)
@@ -81,9 +81,9 @@ def _seen(folder: Path, given: "CalibrationWithArm") -> "dict[int, SeenPoint]":
 
     from calibration.errors import DocumentError, DocumentProblem
     from calibration.monitoring.target_scatter import verify
-    from calibration.monitoring.touch_report import verified_points
-    from calibration.monitoring.touch_with_arm import with_joints
     from daemon.sessions.session_reader import load_problem, open_session
+    from extensions.touch.mathematics.report import verified_points
+    from extensions.touch.mathematics.with_arm import with_joints
 
     with progress_bar(folder.resolve().name) as progress:
         problem = load_problem(open_session(folder), progress)

@@ -11,13 +11,13 @@ from daemon.cell.motion_rules import MotionRules
 from daemon.cell.settling import check_arrival
 from daemon.config.settings import TaughtPose
 from daemon.errors import CellNotReady, PoseRefused
-from daemon.model.requests import ApproachRequest
 from daemon.model.run_states import RunEvent
 from daemon.runs.jog import MAX_TRAVEL_DEG, NO_STATION, result_of
 from daemon.runs.run_log import RunLog
 from daemon.runs.supervisor import RunResult
-from daemon.runs.touch_tests import PointToTouch
 from drivers.interfaces import MoveGoal, PoseReading
+from extensions.touch.requests import ApproachRequest
+from extensions.touch.touch_tests import PointToTouch
 
 STAND_OFF_SPEED_MM_S, STEP_SPEED_MM_S = 50.0, 5.0
 """Of a request that states none."""

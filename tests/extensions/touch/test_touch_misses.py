@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from calibration.errors import GeometryError
-from calibration.monitoring.touch_misses import (
+from calibration.transforms import Array, map_points, transform_from_vector
+from extensions.touch.mathematics.misses import (
     SharedError,
     TouchTest,
     evaluate_touch_test,
@@ -15,7 +16,6 @@ from calibration.monitoring.touch_misses import (
     seen_points_mm,
     tip_error,
 )
-from calibration.transforms import Array, map_points, transform_from_vector
 
 X = transform_from_vector([0.1, -0.2, 1.5, 40.0, -60.0, 90.0])
 X_SIGMA = np.array([1e-3, 1e-3, 2e-3, 0.2, 0.3, 0.4])

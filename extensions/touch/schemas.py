@@ -1,11 +1,11 @@
 """Schemas of the stored touch tests."""
 
 from calibration.documents.tip import TipDocument
+from calibration.documents.touch_test import TouchTestDocument
 from calibration.documents.touches import TouchesDocument
-from calibration.monitoring.touch_report import TouchTestDocument
 from daemon.api.schemas.answer import Answer, OfRecord
-from daemon.runs.touch_tests import StoredTouchTest
 from daemon.store.documents import DocumentRecord
+from extensions.touch.touch_tests import StoredTouchTest
 
 
 class StoredTouch(OfRecord):

@@ -10,7 +10,7 @@ from daemon.cli.output import Json, write_document
 
 if TYPE_CHECKING:
     from calibration.documents.imports.pose_table import PoseTable
-    from calibration.kinematics.pivot_calibration import TipCalibration
+    from extensions.touch.mathematics.pivot_calibration import TipCalibration
 
 FEWER = 3.0
 """A reading of the numbers is decided by the poses when all others scatter this many times as much."""
@@ -32,8 +32,8 @@ def tip(
     Exit status: 0 done, 1 the poses are too few or turn too little, 2 unreadable input.
     """
     from calibration.documents.imports.pose_files import read_poses
-    from calibration.documents.tip import tip_document, tip_text
     from daemon.runtime.bounded_read import read_document
+    from extensions.touch.mathematics.tip import tip_document, tip_text
 
     table = read_poses(str(file), read_document(file))
     document = tip_document(_calibrate(table, convention, unit), table.labels)
@@ -46,7 +46,7 @@ def _calibrate(table: "PoseTable", convention: str | None, unit: Literal["m", "m
     """By the reading of the numbers that makes them poses about one point. Raises CommandError, UndeterminedError."""
     from calibration.documents.imports.conventions import find_conventions
     from calibration.errors import CalibrationError, GeometryError
-    from calibration.kinematics.pivot_calibration import calibrate_tip
+    from extensions.touch.mathematics.pivot_calibration import calibrate_tip
 
     try:
         named, unit_of_brand = (table.conventions(), None) if convention is None else find_conventions(convention)

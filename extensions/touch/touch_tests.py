@@ -8,29 +8,30 @@ import numpy as np
 from calibration.documents.calibration_with_arm import CalibrationWithArm
 from calibration.documents.pose import PoseDocument
 from calibration.documents.tip import TipDocument
+from calibration.documents.touch_test import TouchTestDocument
 from calibration.documents.touches import TouchesDocument
 from calibration.documents.validation import Document
 from calibration.errors import DocumentError, DocumentProblem
-from calibration.monitoring.touch_report import (
-    SeenPoint,
-    Sighting,
-    TouchTestDocument,
-    sighting_of,
-    verified_points,
-)
-from calibration.monitoring.touch_with_arm import touch_test_with_arm, touches_as_built
 from calibration.transforms import Array
 from daemon.cell.cell import Cell
 from daemon.config.settings import MAIN_CAMERA, CalibrationSettings, Settings
 from daemon.errors import ToleranceLoosened
 from daemon.model.records import CalibrationRecord, RunRecord
-from daemon.model.requests import ApproachRequest, TouchRequest
 from daemon.model.run_states import RunState
 from daemon.runtime.clock import Clock
 from daemon.runtime.workers import Workers
 from daemon.store.actor import current_audit_context
 from daemon.store.documents import DocumentRecord
 from daemon.store.store import Store
+from extensions.touch.mathematics.report import (
+    SeenPoint,
+    Sighting,
+    sighting_of,
+    verified_points,
+)
+from extensions.touch.mathematics.with_arm import touch_test_with_arm, touches_as_built
+from extensions.touch.requests import ApproachRequest, TouchRequest
+from extensions.touch.tables import TOUCH_TESTS
 
 ORIGIN = "request body"
 MAX_TOUCHES = 100
@@ -101,7 +102,7 @@ class TouchTests:
         stored = StoredTouchTest(tip=base.tip, touches=touches, verification=verification, result=found)
         at, actor = self.clock.timestamp(), current_audit_context().actor
         new = DocumentRecord(new_id, calibration.id, at, actor, stored.model_dump_json())
-        await self.store.touch_tests.save(new)
+        await self.store.documents(TOUCH_TESTS).save(new)
         return new
 
     async def find(self, request: ApproachRequest) -> "PointToTouch":
@@ -143,7 +144,7 @@ class TouchTests:
             raise _refusal("touches", what, "compare registered points with the part by other means")
         earlier = None
         if request.adds_to is not None:
-            record = await self.store.touch_tests.get(request.adds_to)
+            record = await self.store.documents(TOUCH_TESTS).get(request.adds_to)
             earlier = record.parsed(StoredTouchTest)
         tip = request.tip or (None if earlier is None else earlier.tip)
         if tip is None:

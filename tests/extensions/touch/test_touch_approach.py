@@ -12,12 +12,12 @@ import pytest
 from calibration.errors import DocumentError
 from calibration.transforms import Array, map_points
 from daemon.model.records import AppliedCalibration, CalibrationRecord
-from daemon.model.requests import ApproachRequest
-from daemon.runs.touch_tests import TouchTests
 from daemon.runtime.clock import Clock
+from extensions.touch.requests import ApproachRequest
+from extensions.touch.touch_tests import TouchTests
 from tests.daemon.cell_under_test import Bench, Parts, serving, settings_for
 from tests.daemon.fakes import Gate
-from tests.daemon.touches import TIP, TIP_MM, document_with_covariance, json_of, pose_at, touching
+from tests.extensions.touch.touches import TIP, TIP_MM, document_with_covariance, json_of, pose_at, touching
 from tests.support.waiting import LIMIT_S
 
 SEEN_MM = np.array([800.0, 60.0, 300.0])

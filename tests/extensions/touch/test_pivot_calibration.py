@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from calibration.errors import GeometryError, UndeterminedError
-from calibration.kinematics.pivot_calibration import MIN_POSES, calibrate_tip
 from calibration.transforms import Array, rotation_from_vector, transform, transform_from_vector
+from extensions.touch.mathematics.pivot_calibration import MIN_POSES, calibrate_tip
 
 TIP = np.array([12.0, -35.0, 180.0])
 POINT = np.array([1200.0, -400.0, 350.0])

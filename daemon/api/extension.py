@@ -1,0 +1,35 @@
+"""What an ability beside the core adds to the daemon: one value, named at the composition root."""
+
+from collections.abc import Awaitable, Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+from fastapi import APIRouter
+
+from daemon.api.schemas.drift import DriftTouchDocument
+from daemon.application import Application
+
+Rebuilt = tuple[int, dict[str, str], bytes]
+Rebuild = Callable[[Application, str], Awaitable[Rebuilt]]
+"""The answer to a request that was carried out but not answered: status, headers, body; by the id of its effect."""
+
+Checks = Callable[[Application, str, int], Awaitable[Sequence[DriftTouchDocument]]]
+"""The latest checks of a calibration by its id, at most so many, the oldest first."""
+
+
+@dataclass(frozen=True, eq=False)
+class Extension:
+    """An ability beside the core; every part is optional.
+
+    links : of GET /, by what they are.
+    rebuilders : of answers, by the noun of the audit log.
+    checks : of a calibration, which its drift chart lists.
+    """
+
+    name: str
+    routers: tuple[APIRouter, ...] = ()
+    links: Mapping[str, str] = field(default_factory=dict)
+    rebuilders: Mapping[str, Rebuild] = field(default_factory=dict)
+    checks: Checks | None = None
+
+
+Extensions = tuple[Extension, ...]

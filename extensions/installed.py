@@ -1,0 +1,6 @@
+"""Every extension of the daemon, in the order in which GET / and openapi.json list them."""
+
+from daemon.api.extension import Extensions
+from extensions.touch.extension import TOUCH
+
+INSTALLED: Extensions = (TOUCH,)

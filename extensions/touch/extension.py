@@ -1,0 +1,43 @@
+"""What touch tests add to the daemon."""
+
+from collections.abc import Sequence
+
+from daemon.api.extension import Extension, Rebuilt
+from daemon.api.schemas.answer import documents_of
+from daemon.api.schemas.drift import DriftTouchDocument
+from daemon.application import Application
+from daemon.store.damaged_rows import split_damaged
+from daemon.store.documents import DocumentRecord
+from extensions.touch.routes import router
+from extensions.touch.schemas import StoredTouch
+from extensions.touch.tables import TOUCH_TESTS
+from extensions.touch.touch_tests import StoredTouchTest
+
+
+async def _rebuild(app: Application, touch_id: str) -> Rebuilt:
+    stored = StoredTouch.of_record(await app.store.documents(TOUCH_TESTS).get(touch_id))
+    headers = {"content-type": "application/json", "location": f"/touches/{touch_id}"}
+    return 201, headers, stored.model_dump_json().encode()
+
+
+def _chart(record: DocumentRecord) -> DriftTouchDocument:
+    found = record.parsed(StoredTouchTest).result
+    worst = max(found.points, key=lambda point: point.length_mm)
+    return DriftTouchDocument(
+        id=record.id, at=record.created_at, largest_mm=round(worst.length_mm, 6),
+        expanded_mm=round(worst.expanded_mm, 6), accepted=found.accepted,
+    )  # fmt: skip
+
+
+async def _checks(app: Application, calibration_id: str, limit: int) -> Sequence[DriftTouchDocument]:
+    records = await app.store.documents(TOUCH_TESTS).about(calibration_id, limit)
+    return split_damaged(documents_of(_chart, records))[0]
+
+
+TOUCH = Extension(
+    "touch",
+    routers=(router,),
+    links={"touch tests": "/touches"},
+    rebuilders={"touch": _rebuild},
+    checks=_checks,
+)

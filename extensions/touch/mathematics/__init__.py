@@ -1,0 +1,1 @@
+"""Mathematics of tips and touches: no device, clock or framework."""
