@@ -3,7 +3,7 @@
 import numpy as np
 
 from calibration.documents.arm import ArmErrorsDocument
-from calibration.documents.calibration import CalibrationDocument, ViewResultDocument
+from calibration.documents.calibration import CalibrationDocument, PointUncertaintyDocument, ViewResultDocument
 from calibration.documents.pose import PoseDocument
 from calibration.documents.session import CameraDocument
 from calibration.documents.target import document_of_target
@@ -42,6 +42,20 @@ def a_calibration(calibration_id: str, *, accepted: bool = True, solved: bool = 
             "verdict": {"accepted": accepted, "findings": findings},
         }
     )  # fmt: skip
+
+
+def document_with_covariance() -> CalibrationDocument:
+    document = a_calibration("cal-1")
+    assert document.uncertainty is not None
+    covariance = np.diag([1e-7] * 3 + [0.01] * 3).tolist()
+    nowhere = (0.0, 0.0, 0.0)
+    point = PointUncertaintyDocument(
+        name="the camera", frame="camera", position_mm=nowhere, camera_mm=nowhere, sigma_mm=0.17, expanded_mm=0.34
+    )
+    with_covariance = {"covariance": tuple(map(tuple, covariance)), "points": (point,)}
+    claimed = document.uncertainty.model_copy(update=with_covariance)
+    accuracy = document.accuracy.of_uncertainty(claimed)
+    return document.model_copy(update={"uncertainty": claimed, "accuracy": accuracy})
 
 
 def with_views(document: CalibrationDocument) -> CalibrationDocument:

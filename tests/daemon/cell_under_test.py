@@ -1,6 +1,5 @@
 """Settings and a running daemon for tests: a real server on a real port, devices from `fakes`."""
 
-import asyncio
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
@@ -12,6 +11,7 @@ import httpx
 from calibration.documents.pose import PoseDocument
 from calibration.documents.session import CameraDocument
 from calibration.documents.validation import validate_document
+from daemon.api.extension import Extensions
 from daemon.application import Application
 from daemon.cell.cell import Devices
 from daemon.composition import build
@@ -23,6 +23,7 @@ from daemon.server import Server
 from daemon.store.store import Store
 from extensions.installed import INSTALLED
 from tests.daemon.fakes import CAMERA, FakeCamera, FakeRobot, FakeScanner, poses_around_the_target
+from tests.support.serving import serve_for_tests
 from tests.support.waiting import LIMIT_S
 
 
@@ -97,6 +98,7 @@ async def serving(
     at: Failpoints = NO_FAILPOINTS,
     systemd: Systemd | None = None,
     settings_file: SettingsFile | None = None,
+    extensions: Extensions = INSTALLED,
 ) -> AsyncIterator[Bench]:
     """The daemon, up; stopped in order afterwards."""
     parts = parts or Parts()
@@ -106,15 +108,8 @@ async def serving(
     application = build(
         settings, lambda _settings, _clock: devices, store=store, at=at, systemd=systemd, settings_file=settings_file
     )
-    announced: asyncio.Future[str] = asyncio.get_running_loop().create_future()
-    server = Server(application, announced.set_result, door, extensions=INSTALLED)
-    task = asyncio.create_task(server.listen())
-    await asyncio.wait([announced, task], return_when=asyncio.FIRST_COMPLETED, timeout=LIMIT_S)
-    url = announced.result()
-    try:
-        async with httpx.AsyncClient(base_url=url, verify=False, timeout=2 * LIMIT_S) as client:
-            yield Bench(application, server, client, parts.robot, parts.camera, parts.scanner, url)
-    finally:
-        server.should_exit = True
-        application.begin_stop("the test")
-        await task
+    async with (
+        serve_for_tests(application, door, extensions=extensions) as served,
+        httpx.AsyncClient(base_url=served.url, verify=False, timeout=2 * LIMIT_S) as client,
+    ):
+        yield Bench(application, served.server, client, parts.robot, parts.camera, parts.scanner, served.url)

@@ -16,13 +16,14 @@ from daemon.model.records import AppliedCalibration, CalibrationRecord
 from drivers.errors import DeviceTimeout, DeviceUnreachable
 from protocols.plc.codes import ControlBit, StatusBit
 from protocols.plc.registers import BY_NAME
+from tests.daemon.calibrations import document_with_covariance
 from tests.daemon.cell_under_test import Bench, Parts, pose_json, serving, settings_for
 from tests.daemon.clouds import PLY, POSE, cloud
 from tests.daemon.fakes import FLANGE_T_CAMERA, FakeCamera, ply_of
 from tests.daemon.named_cameras import WRIST, calibrate, two_cameras, wrist
 from tests.daemon.plcs import MOVING, ladder
 from tests.daemon.rig_files import a_rig
-from tests.extensions.touch.touches import TIP, document_with_covariance, json_of, touching
+from tests.extensions.touch.touches import TIP, json_of, touching
 from tests.support.waiting import LIMIT_S
 
 OF_A_STAND = {"base_T_camera_guess": pose_json(np.eye(4))}

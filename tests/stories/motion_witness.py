@@ -21,7 +21,6 @@ from daemon.model.run_states import RunState
 from daemon.plc.switch import PlcSwitch
 from daemon.server import Server
 from drivers.registry import open_robot
-from extensions.installed import INSTALLED
 from protocols.modbus.codes import Function
 from protocols.plc.codes import ControlBit, StatusBit
 from tests.daemon.access_keys import TEST, bearer
@@ -31,6 +30,7 @@ from tests.daemon.plcs import MOVING, Ladder
 from tests.drivers.modbus_terminal import Terminal
 from tests.mock_robot.running_cell import RunningCell, running_cell
 from tests.stories.plant import poses_taught_for, settings_of
+from tests.support.serving import serve_for_tests
 from tests.support.waiting import LIMIT_S, eventually
 
 MAX_IDLE_S = 2.0
@@ -156,30 +156,21 @@ class WatchedPlant:
             ),
         )
         self._hear_events()
-        announced: asyncio.Future[str] = asyncio.get_running_loop().create_future()
-        self.server = server = Server(self.application, announced.set_result, extensions=INSTALLED)
-        task = asyncio.create_task(server.listen())
-        await asyncio.wait([announced, task], return_when=asyncio.FIRST_COMPLETED, timeout=LIMIT_S)
+        served = await self.running.enter_async_context(serve_for_tests(self.application))
+        self.server = served.server
         if not self.keys:
             for role in (Role.OPERATOR, Role.VIEWER):
                 self.keys[role.word], _ = await self.application.key_service.add(role.word, role, TEST)
             await put_in_force(self.application)
         self.client = await self.running.enter_async_context(
-            httpx.AsyncClient(base_url=announced.result(), verify=False, timeout=LIMIT_S)
+            httpx.AsyncClient(base_url=served.url, verify=False, timeout=LIMIT_S)
         )
 
         port = next(service for service in self.application.services if isinstance(service, PlcSwitch)).service.tcp.port
         modbus = AsyncModbusTcpClient("127.0.0.1", port=port, timeout=LIMIT_S, retries=0, reconnect_delay=0)
         assert await modbus.connect()
         self.plc = Ladder(modbus)
-
-        async def end() -> None:
-            modbus.close()
-            server.should_exit = True
-            self.application.begin_stop("the test")
-            await task
-
-        self.running.push_async_callback(end)
+        self.running.callback(modbus.close)
 
     async def stop(self) -> None:
         self.stop_flood()

@@ -24,12 +24,11 @@ from daemon.cell.devices import open_devices
 from daemon.composition import build
 from daemon.config.settings import Settings, TaughtPose
 from daemon.model.run_states import RunState
-from daemon.server import Server
-from extensions.installed import INSTALLED
 from mock_robot.announcement import Announcement
 from mock_robot.truth.truth import CellTruth
 from mock_robot.truth.truth_sheet import cell_sheet
 from tests.mock_robot.running_cell import RunningCell, running_cell
+from tests.support.serving import serve_for_tests
 from tests.support.waiting import LIMIT_S
 
 ANSWER_LIMIT_S = 20.0
@@ -194,19 +193,13 @@ class Plant:
 async def daemon_for(cell: RunningCell, folder: Path, **changes: Any) -> AsyncIterator[Plant]:
     """The daemon beside a cell that runs already."""
     application = build(settings_of(cell.announcement, folder, **changes), open_devices)
-    announced: asyncio.Future[str] = asyncio.get_running_loop().create_future()
-    server = Server(application, announced.set_result, extensions=INSTALLED)
-    task = asyncio.create_task(server.listen())
-    try:
-        await asyncio.wait([announced, task], return_when=asyncio.FIRST_COMPLETED, timeout=LIMIT_S)
-        async with httpx.AsyncClient(base_url=announced.result(), verify=False, timeout=2 * LIMIT_S) as client:
-            operator = Operator(client)
-            await operator.waits_until_ready()
-            yield Plant(cell, application, operator, folder, announced.result())
-    finally:
-        server.should_exit = True
-        application.begin_stop("the end of the story")
-        await task
+    async with (
+        serve_for_tests(application) as served,
+        httpx.AsyncClient(base_url=served.url, verify=False, timeout=2 * LIMIT_S) as client,
+    ):
+        operator = Operator(client)
+        await operator.waits_until_ready()
+        yield Plant(cell, application, operator, folder, served.url)
 
 
 @asynccontextmanager

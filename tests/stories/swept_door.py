@@ -19,18 +19,17 @@ from daemon.cell.devices import open_devices
 from daemon.composition import build
 from daemon.runtime.clock import Clock
 from daemon.scans.sweep import Sweep
-from daemon.server import Server
 from drivers.interfaces import PoseReading
 from drivers.scanners.gocator_profiler import GocatorProfiler
-from extensions.installed import INSTALLED
 from mock_robot.cell import MockCell, Ports
 from mock_robot.devices.profiler import SENSOR_AHEAD_S
 from mock_robot.scene.part import DOOR
 from mock_robot.truth.truth import CellTruth
-from tests.extensions.touch.touches import document_with_covariance
+from tests.daemon.calibrations import document_with_covariance
 from tests.simulated.door_sweeps import base_T_profiler_before_door
 from tests.stories.plant import settings_of
-from tests.support.waiting import LIMIT_S, eventually
+from tests.support.serving import serve_for_tests
+from tests.support.waiting import eventually
 
 SPEED_MM_S = 100.0
 STEP_S = 0.04
@@ -123,17 +122,9 @@ async def swept_cell(folder: Path) -> AsyncIterator[SweptCell]:
     try:
         settings = settings_of(announcement, folder, scanner={"address": announcement.profiler, "poses": []})
         cell.application = build(settings, open_devices, clock=Clock(monotonic_s=lambda: cell.now_s))
-        announced: asyncio.Future[str] = asyncio.get_running_loop().create_future()
-        server = Server(cell.application, announced.set_result, extensions=INSTALLED)
-        task = asyncio.create_task(server.listen())
-        try:
-            await asyncio.wait([announced, task], return_when=asyncio.FIRST_COMPLETED, timeout=LIMIT_S)
+        async with serve_for_tests(cell.application):
             await eventually(lambda: all(link.link.connected for link in cell.application.cell.links().values()))
             cell.let_no_time_pass_while_a_pose_is_read()
             yield cell
-        finally:
-            server.should_exit = True
-            cell.application.begin_stop("the end of the story")
-            await task
     finally:
         await cell.mock.close()

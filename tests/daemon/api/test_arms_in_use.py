@@ -13,12 +13,12 @@ from calibration.kinematics.arm_errors import ArmErrorModel
 from calibration.kinematics.joint_check import JointsDisagree
 from calibration.transforms import Array
 from daemon.model.records import AppliedCalibration, CalibrationRecord
-from tests.daemon.calibrations import a_calibration, an_arm, apply_calibration
+from tests.daemon.calibrations import a_calibration, an_arm, apply_calibration, document_with_covariance
 from tests.daemon.cell_under_test import Bench
 from tests.daemon.clouds import PLY, POSE, cloud
 from tests.daemon.fakes import FLANGE_T_CAMERA, ply_of, points_of
 from tests.daemon.scans.scan_folders import a_scan
-from tests.extensions.touch.touches import TIP, document_with_covariance, json_of, touching
+from tests.extensions.touch.touches import TIP, json_of, touching
 
 ARM = find_arm("IRB 1600-6/1.45")
 JOINTS = np.radians([[0.0, 20, 10, 0, 40, 0], [10.0, 20, 10, 5, 40, 0], [20.0, 25, 5, 5, 45, 10]])

@@ -17,9 +17,9 @@ from daemon.model.records import AppliedCalibration, CalibrationRecord
 from drivers.errors import DeviceError, LinkLost, SweepNeeded
 from drivers.interfaces import LinkHealth, PoseReading, ScannedCloud
 from registration.profiles.profile_block import ProfileBlock
+from tests.daemon.calibrations import document_with_covariance
 from tests.daemon.cell_under_test import Bench, Parts, serving, settings_for
 from tests.daemon.fakes import FakeRobot
-from tests.extensions.touch.touches import document_with_covariance
 from tests.support.waiting import LIMIT_S, eventually
 
 SPEED_MM_S = 100.0

@@ -14,13 +14,13 @@ from calibration.documents.calibration import CalibrationFindingDocument
 from calibration.documents.more_arm_views import MoreArmViewsDocument, PointAfterViewsDocument
 from daemon.model.records import AppliedCalibration, CalibrationRecord
 from tests.daemon.access_keys import bearer, with_keys
-from tests.daemon.calibrations import an_arm, with_views
+from tests.daemon.calibrations import an_arm, document_with_covariance, with_views
 from tests.daemon.cell_under_test import Bench
 from tests.daemon.fakes import ply_of
 from tests.daemon.page.conftest import AXE_FINDINGS, Opened
 from tests.daemon.page.holding import hold_by_key, hold_by_mouse, hold_requests, hold_until, press
 from tests.daemon.rig_files import a_rig
-from tests.extensions.touch.touches import TIP, document_with_covariance, touch_two_points, touching
+from tests.extensions.touch.touches import TIP, touch_two_points, touching
 from tests.support.waiting import eventually
 
 pytestmark = [pytest.mark.asyncio(loop_scope="module"), pytest.mark.slow]

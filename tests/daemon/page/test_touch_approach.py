@@ -10,10 +10,11 @@ import pytest_asyncio
 
 from daemon.model.records import AppliedCalibration, CalibrationRecord
 from tests.daemon.access_keys import bearer, with_keys
+from tests.daemon.calibrations import document_with_covariance
 from tests.daemon.cell_under_test import Bench
 from tests.daemon.page.conftest import Opened
 from tests.daemon.page.holding import hold_by_key, hold_by_mouse, hold_until, press
-from tests.extensions.touch.touches import document_with_covariance, touch_two_points, touching
+from tests.extensions.touch.touches import touch_two_points, touching
 
 pytestmark = [pytest.mark.asyncio(loop_scope="module"), pytest.mark.slow]
 

@@ -15,9 +15,10 @@ from daemon.model.records import AppliedCalibration, CalibrationRecord
 from daemon.runtime.clock import Clock
 from extensions.touch.requests import ApproachRequest
 from extensions.touch.touch_tests import TouchTests
+from tests.daemon.calibrations import document_with_covariance
 from tests.daemon.cell_under_test import Bench, Parts, serving, settings_for
 from tests.daemon.fakes import Gate
-from tests.extensions.touch.touches import TIP, TIP_MM, document_with_covariance, json_of, pose_at, touching
+from tests.extensions.touch.touches import TIP, TIP_MM, json_of, pose_at, touching
 from tests.support.waiting import LIMIT_S
 
 SEEN_MM = np.array([800.0, 60.0, 300.0])

@@ -7,8 +7,9 @@ import pytest
 
 from daemon.model.records import AppliedCalibration, CalibrationRecord
 from daemon.model.run_states import RunState
+from tests.daemon.calibrations import document_with_covariance
 from tests.daemon.cell_under_test import Bench, serving, settings_for
-from tests.extensions.touch.touches import TIP, document_with_covariance, json_of, touching
+from tests.extensions.touch.touches import TIP, json_of, touching
 
 
 async def apply_with_covariance(bench: Bench) -> None:

@@ -1,13 +1,11 @@
-"""A tip, poses in which it touches the board of the fake cell, and a calibration that knows its uncertainty."""
+"""A tip, and poses in which it touches the board of the fake cell."""
 
 from typing import Any
 
 import numpy as np
 
-from calibration.documents.calibration import CalibrationDocument, PointUncertaintyDocument
 from calibration.documents.pose import PoseDocument
 from calibration.transforms import Array, map_points, rotation_from_vector, transform
-from tests.daemon.calibrations import a_calibration
 from tests.daemon.cell_under_test import Bench
 from tests.daemon.fakes import BASE_T_TARGET, BOARD
 
@@ -28,20 +26,6 @@ def touching(identity: int, off_mm: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 def json_of(pose: Array) -> dict[str, Any]:
     return PoseDocument.of(pose).model_dump(mode="json")
-
-
-def document_with_covariance() -> CalibrationDocument:
-    document = a_calibration("cal-1")
-    assert document.uncertainty is not None
-    covariance = np.diag([1e-7] * 3 + [0.01] * 3).tolist()
-    nowhere = (0.0, 0.0, 0.0)
-    point = PointUncertaintyDocument(
-        name="the camera", frame="camera", position_mm=nowhere, camera_mm=nowhere, sigma_mm=0.17, expanded_mm=0.34
-    )
-    with_covariance = {"covariance": tuple(map(tuple, covariance)), "points": (point,)}
-    claimed = document.uncertainty.model_copy(update=with_covariance)
-    accuracy = document.accuracy.of_uncertainty(claimed)
-    return document.model_copy(update={"uncertainty": claimed, "accuracy": accuracy})
 
 
 async def touch_two_points(bench: Bench) -> list[int]:

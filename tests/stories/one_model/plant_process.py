@@ -30,20 +30,19 @@ from daemon.model.records import AppliedCalibration, CalibrationRecord, RunRecor
 from daemon.plc.switch import PlcSwitch
 from daemon.runs.supervisor import Supervisor
 from daemon.runtime.clock import Clock
-from daemon.server import Server
 from daemon.store import actor
 from daemon.store.store import Store
 from drivers.errors import DeviceUnreachable
 from drivers.interfaces import CameraFrame, LinkHealth
 from drivers.registry import open_robot
-from extensions.installed import INSTALLED
 from extensions.touch import approach as touch_approach
 from extensions.touch.approach import Approach
 from tests.daemon.access_keys import TEST
+from tests.daemon.calibrations import document_with_covariance
 from tests.daemon.cell_under_test import pose_json, settings_for
 from tests.daemon.fakes import FakeScanner, picture_of_the_board, poses_around_the_target
 from tests.daemon.plcs import MOVING
-from tests.extensions.touch.touches import document_with_covariance
+from tests.support.serving import serve_for_tests
 
 WARM = ["tests.stories.one_model.plant_process", "anyio._backends._asyncio", "uvicorn.lifespan.on", "scipy.optimize",
         "uvicorn.protocols.websockets.websockets_sansio_impl", "websockets.server"]  # fmt: skip
@@ -118,14 +117,11 @@ async def _serve(folder: Path, robot_port: int, ready: Connection) -> None:
         return Devices(robot, BoardCamera(robot, folder), FakeScanner())
 
     application = build(settings, devices, clock=clock)
-    announced: asyncio.Future[str] = asyncio.get_running_loop().create_future()
-    server = Server(application, announced.set_result, extensions=INSTALLED)
-    serving = asyncio.create_task(server.listen())
-    await asyncio.wait([announced, serving], return_when=asyncio.FIRST_COMPLETED)
-    keys = await _first_keys(application)
-    plc = next(service for service in application.services if isinstance(service, PlcSwitch)).service
-    ready.send((announced.result(), plc.tcp.port, keys))
-    await serving
+    async with serve_for_tests(application) as served:
+        keys = await _first_keys(application)
+        plc = next(service for service in application.services if isinstance(service, PlcSwitch)).service
+        ready.send((served.url, plc.tcp.port, keys))
+        await served.task
 
 
 async def _first_keys(application: Application) -> dict[str, str]:
