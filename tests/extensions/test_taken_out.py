@@ -1,5 +1,6 @@
 """Any one extension is taken out of the closed lists: what is its own is gone, and all the rest answers."""
 
+import tomllib
 from http import HTTPStatus
 from pathlib import Path
 from typing import Any
@@ -16,6 +17,9 @@ from extensions.commands import COMMANDS
 from extensions.installed import INSTALLED
 from tests.daemon.cell_under_test import serving, settings_for
 from tests.daemon.cli.running import handeyed
+
+ROOT = Path(__file__).parents[2]
+PYPROJECT, EXTENSIONS = ROOT / "pyproject.toml", ROOT / "extensions"
 
 each = pytest.mark.parametrize("taken", INSTALLED, ids=lambda extension: extension.name)
 
@@ -49,6 +53,17 @@ def test_every_extension_has_a_name_of_its_own_and_something_to_add() -> None:
     assert len({*names}) == len(names)
     assert {*COMMANDS} <= {*names}
     assert all(own_routes(extension) for extension in INSTALLED)
+
+
+def test_the_contracts_hold_every_extension() -> None:
+    contracts = {one["name"]: one for one in tomllib.loads(PYPROJECT.read_text())["tool"]["importlinter"]["contracts"]}
+    folders = {f"extensions.{extension.name}" for extension in INSTALLED}
+
+    assert {f"extensions.{file.parent.name}" for file in EXTENSIONS.glob("*/__init__.py")} == folders
+    assert {*contracts["An extension knows no other"]["modules"]} == folders
+    assert {*contracts["An extension's layers"]["containers"]} == folders
+    mathematics = contracts["The mathematics touches no device, clock or framework"]["source_modules"]
+    assert {f"{folder}.mathematics" for folder in folders} <= {*mathematics}
 
 
 @each
