@@ -5,7 +5,7 @@ import logging
 from collections.abc import Callable, Coroutine, Iterable
 from contextlib import suppress
 from dataclasses import dataclass, field
-from typing import Any, Protocol
+from typing import Any, Protocol, TypeVar
 
 from daemon.access.service_key import ServiceKey
 from daemon.cell.cell import Cell
@@ -26,7 +26,6 @@ from daemon.runtime.systemd import Systemd
 from daemon.runtime.tasks import end_task
 from daemon.runtime.workers import Workers
 from daemon.scans.scan_service import ScanService
-from daemon.scans.sweeps import SweepService
 from daemon.sessions.look import Looks
 from daemon.store.key_service import KeyService
 from daemon.store.key_watch import KeyWatch
@@ -55,6 +54,9 @@ class BackgroundService(Protocol):
     async def start(self) -> None: ...
 
     async def stop(self) -> None: ...
+
+
+Service = TypeVar("Service")
 
 
 class WarningSource(Protocol):
@@ -95,7 +97,6 @@ class Application:
     supervisor: Supervisor
     operations: Operations
     scans: ScanService
-    sweeps: SweepService
     metrics: Metrics
     cameras: CellCameras
     key_service: KeyService
@@ -117,6 +118,10 @@ class Application:
     def camera(self, name: str | None) -> CellCamera:
         """The camera of that name, without one that of [camera]. Raises NotFound."""
         return self.cameras.by_name(name)
+
+    def service(self, kind: type[Service]) -> Service:
+        """The background service of that class; there is one."""
+        return next(service for service in self.services if isinstance(service, kind))
 
     @property
     def looks(self) -> Looks:

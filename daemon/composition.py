@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import uvloop
 
 from daemon.access.service_key import ServiceKey
+from daemon.api.extension import Extensions
 from daemon.application import Application, WarningSource
 from daemon.cell.arm_conditions import ArmConditionsNow
 from daemon.cell.cell import Cell, Devices
@@ -45,7 +46,6 @@ from daemon.runtime.update_hold import UpdateHold
 from daemon.runtime.workers import Workers
 from daemon.scans.registration_jobs import RegistrationJobs
 from daemon.scans.scan_service import ScanService
-from daemon.scans.sweeps import SweepService
 from daemon.server import Announce, Server, SettingsReload, make_announcer
 from daemon.sessions.look import Looks
 from daemon.sessions.pictures import LivePictures
@@ -77,6 +77,7 @@ def build(
     systemd: Systemd | None = None,
     at: Failpoints = NO_FAILPOINTS,
     settings_file: SettingsFile | None = None,
+    extensions: Extensions = INSTALLED,
 ) -> Application:
     """Build the application inside a running event loop. Raises StorageError, DeviceError, DocumentError."""
     clock, systemd = clock or Clock(), systemd or Systemd.of(os.environ, os.getpid())
@@ -108,7 +109,6 @@ def build(
         events.publish,
         arm_conditions.read,
     )
-    sweeps = SweepService(cell, store, scans, service_workers, clock, new_id)
     rules = MotionRules.of(settings.robot)
     operations = Operations(
         settings, cell, store, supervisor, workers, scans, rules, clock, service_workers, merge_workers
@@ -171,7 +171,6 @@ def build(
         supervisor=supervisor,
         operations=operations,
         scans=scans,
-        sweeps=sweeps,
         metrics=metrics,
         cameras=cameras,
         key_service=KeyService(store.access_keys, clock),
@@ -195,7 +194,6 @@ def build(
             monitor,
             webhooks,
             retention,
-            sweeps,
             *drifts,
             *schedules,
             plc,
@@ -203,6 +201,7 @@ def build(
         warning_sources=warning_sources,
         metric_sources=(loop_monitor, cell.safe_stop, monitor, webhooks, retention, key_expiry, ends, *drifts, plc),
     )
+    application.services += tuple(make(application) for extension in extensions for make in extension.services)
     if settings_file is not None:
         reload = SettingsReload(settings_file, application, plc, webhooks)
         application.reload = reload.reload

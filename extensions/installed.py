@@ -1,6 +1,7 @@
 """Every extension of the daemon, in the order in which GET / and openapi.json list them."""
 
 from daemon.api.extension import Extensions
+from extensions.sweeps.extension import SWEEPS
 from extensions.touch.extension import TOUCH
 
-INSTALLED: Extensions = (TOUCH,)
+INSTALLED: Extensions = (TOUCH, SWEEPS)

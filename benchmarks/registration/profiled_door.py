@@ -10,15 +10,15 @@ import numpy as np
 from calibration.kinematics.abb_arms import find_arm
 from calibration.kinematics.arm import UnreachablePoseError
 from calibration.transforms import Array, difference, inverse, map_points, rotation_from_vector, transform
+from extensions.sweeps.mathematics.assembler import SweepAssembler
+from extensions.sweeps.mathematics.profiler import ArtefactSweep, solve_profiler
 from mock_robot.arm.paths import LinePath
 from mock_robot.arm.simulated_arm import ArmMotion, ArmNoise, plan_motion
 from mock_robot.scene.part import DOOR
 from mock_robot.scene.profiler_view import ProfilerModel, profile_door, profile_sphere
 from mock_robot.truth.truth import TARGET_MIDDLE_MM, CellTruth
-from registration.calibrate.profiler import ArtefactSweep, solve_profiler
 from registration.profiles.profile_block import ProfileBlock
 from registration.profiles.robot_path import RobotPath
-from registration.profiles.sweep import SweepAssembler
 from tests.simulated.door_sweeps import STAND_OFF_MM, base_T_profiler_before_door
 
 SPEED_MM_S = 100.0

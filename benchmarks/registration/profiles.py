@@ -6,8 +6,8 @@ import numpy as np
 
 from benchmarks.registration.rows import note
 from calibration.transforms import rotation_from_vector, transform
+from extensions.sweeps.mathematics.assembler import SweepAssembler
 from registration.profiles.profile_block import ProfileBlock
-from registration.profiles.sweep import SweepAssembler
 
 SENSOR_PROFILES_S = 2_000
 SECONDS = 5.0

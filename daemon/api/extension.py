@@ -6,11 +6,14 @@ from dataclasses import dataclass, field
 from fastapi import APIRouter
 
 from daemon.api.schemas.drift import DriftTouchDocument
-from daemon.application import Application
+from daemon.application import Application, BackgroundService
 
 Rebuilt = tuple[int, dict[str, str], bytes]
 Rebuild = Callable[[Application, str], Awaitable[Rebuilt]]
 """The answer to a request that was carried out but not answered: status, headers, body; by the id of its effect."""
+
+MakeService = Callable[[Application], BackgroundService]
+"""Makes a background service, which starts after those of the core and stops before them."""
 
 Checks = Callable[[Application, str, int], Awaitable[Sequence[DriftTouchDocument]]]
 """The latest checks of a calibration by its id, at most so many, the oldest first."""
@@ -23,6 +26,7 @@ class Extension:
     links : of GET /, by what they are.
     rebuilders : of answers, by the noun of the audit log.
     checks : of a calibration, which its drift chart lists.
+    services : started and stopped with the daemon; a route finds its own by `Application.service`.
     """
 
     name: str
@@ -30,6 +34,7 @@ class Extension:
     links: Mapping[str, str] = field(default_factory=dict)
     rebuilders: Mapping[str, Rebuild] = field(default_factory=dict)
     checks: Checks | None = None
+    services: tuple[MakeService, ...] = ()
 
 
 Extensions = tuple[Extension, ...]

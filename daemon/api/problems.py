@@ -22,7 +22,6 @@ from daemon.access import errors as access
 from daemon.api import http_errors
 from daemon.api.negotiation import TEXT, wants_text
 from daemon.http.problem_details import MEDIA_TYPE, PlaceProblem, Problem, reason_phrase
-from daemon.scans import errors as sweeps
 from daemon.tools.reports.errors import ReportExtraMissing, ReportTooSlow
 from drivers import errors as device
 from registration.errors import CloudIOError, CloudUnsupported, RegistrationError
@@ -38,9 +37,6 @@ STATUS: dict[type[Exception], int] = {
     errors.CalibrationUnusable: 409,
     errors.NoScanner: 409,
     errors.ScanEmpty: 409,
-    sweeps.NoProfiler: 409,
-    sweeps.NothingOnPath: 422,
-    sweeps.SweepTooLong: 409,
     errors.NoPoses: 409,
     errors.ArmUnknown: 409,
     errors.NotStill: 409,
@@ -136,8 +132,10 @@ def status_of(error: Exception) -> int:
 
 
 def status_of_kind(error: type[Exception]) -> int:
-    """The status of a class of errors; 500 when neither it nor a base class is in the table."""
-    return next((STATUS[kind] for kind in error.__mro__ if kind in STATUS), 500)
+    """The status of a class of errors: its own `status`, as an extension's errors have; else that of the table, 500
+    when neither it nor a base class is there."""
+    stated: int | None = getattr(error, "status", None)
+    return stated or next((STATUS[kind] for kind in error.__mro__ if kind in STATUS), 500)
 
 
 def problem_of(error: Exception) -> Problem:

@@ -24,7 +24,6 @@ from daemon.api.routes import (
     scans,
     session,
     support,
-    sweeps,
 )
 from daemon.api.schemas.health import Welcome
 from daemon.runtime.version import SOFTWARE
@@ -92,7 +91,6 @@ ROUTERS: tuple[APIRouter, ...] = (
     live.router,
     register.router,
     scans.router,
-    sweeps.router,
     admin.router,
     support.router,
     session.router,

@@ -22,7 +22,6 @@ from daemon.cli.keys import app as keys
 from daemon.cli.mock import mock
 from daemon.cli.output import CommandGroup, Commands
 from daemon.cli.plan import plan
-from daemon.cli.profiles import app as profiles
 from daemon.cli.register import register
 from daemon.cli.register_archive import register_archive
 from daemon.cli.report import report
@@ -102,7 +101,6 @@ def command_line(extensions: Mapping[str, Commands]) -> typer.Typer:
     app.command(rich_help_panel=OFFLINE)(stitch)
     app.command(rich_help_panel=OFFLINE)(register)
     app.command(rich_help_panel=OFFLINE)(register_archive)
-    app.add_typer(profiles, name="profiles", rich_help_panel=OFFLINE)
     app.command(rich_help_panel=OFFLINE)(plan)
     app.command(rich_help_panel=OFFLINE)(assess)
     app.command(rich_help_panel=OFFLINE)(arms)

@@ -142,14 +142,6 @@ class ScanRequest(Document):
         return self.capture or self.poses is not None
 
 
-class SweepRequest(Document):
-    """A sweep of a line profiler. `scanner`: name of one of [scanners]; [scanner] without it."""
-
-    model_config = examples({}, {"scanner": "laser"})
-
-    scanner: DeviceName | None = None
-
-
 class JogRequest(Document):
     """A jog of the arm: at most 100 mm and 30 deg, or a move of all axes to their angles; one of three.
 

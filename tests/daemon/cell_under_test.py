@@ -106,7 +106,13 @@ async def serving(
     scanners = {name: FakeScanner() for name in settings.scanners}
     devices = Devices(parts.robot, parts.camera, scanner, cameras=parts.cameras, scanners=scanners)
     application = build(
-        settings, lambda _settings, _clock: devices, store=store, at=at, systemd=systemd, settings_file=settings_file
+        settings,
+        lambda _settings, _clock: devices,
+        store=store,
+        at=at,
+        systemd=systemd,
+        settings_file=settings_file,
+        extensions=extensions,
     )
     async with (
         serve_for_tests(application, door, extensions=extensions) as served,

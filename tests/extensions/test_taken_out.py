@@ -1,5 +1,6 @@
 """Any one extension is taken out of the closed lists: what is its own is gone, and all the rest answers."""
 
+import re
 import tomllib
 from http import HTTPStatus
 from pathlib import Path
@@ -85,9 +86,11 @@ async def test_the_daemon_answers_all_that_is_not_its_own(taken: Extension, tmp_
         run = await bench.run_over((await bench.client.post("/calibrate")).headers["location"])
         await bench.verify()
         links = {*(await bench.client.get("/")).json()["links"].values()}
+        own = {asked: await code_of(bench.client, *asked) for asked in own_routes(taken)}
         found = {path: await status_of(bench.client, path) for path in links.union(asked)}
 
     assert run["state"] == "finished", run["cause"]
+    assert {*own.values()} == {"no-such-page"}, own
     missing = {path for path, status in found.items() if status == HTTPStatus.NOT_FOUND}
     assert missing == {path for method, path in own_routes(taken) if method == "get" and "{" not in path}
     assert {path: status for path, status in found.items() if status >= HTTPStatus.INTERNAL_SERVER_ERROR} == {}
@@ -98,6 +101,12 @@ async def status_of(client: httpx.AsyncClient, path: str) -> int:
     """Of the answer, whose content may have no end."""
     async with client.stream("GET", path) as answer:
         return answer.status_code
+
+
+async def code_of(client: httpx.AsyncClient, method: str, path: str) -> str:
+    """Of the problem that refuses a request for one of what such a path names."""
+    refused = await client.request(method, re.sub(r"\{\w+\}", "x", path), json={})
+    return str(refused.json().get("code"))
 
 
 @each

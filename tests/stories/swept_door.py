@@ -18,9 +18,10 @@ from daemon.application import Application
 from daemon.cell.devices import open_devices
 from daemon.composition import build
 from daemon.runtime.clock import Clock
-from daemon.scans.sweep import Sweep
 from drivers.interfaces import PoseReading
 from drivers.scanners.gocator_profiler import GocatorProfiler
+from extensions.sweeps.recorder import Sweep
+from extensions.sweeps.service import SweepService
 from mock_robot.cell import MockCell, Ports
 from mock_robot.devices.profiler import SENSOR_AHEAD_S
 from mock_robot.scene.part import DOOR
@@ -67,7 +68,7 @@ class SweptCell:
 
     async def pass_time(self, duration_s: float) -> None:
         """Step by step; at each the daemon sees what the arm and the sensor did."""
-        sweeps = self.application.sweeps
+        sweeps = self.application.service(SweepService)
         for _ in range(round(duration_s / STEP_S)):
             async with self._reading:
                 self.now_s = round(self.now_s + STEP_S, 6)
@@ -87,11 +88,11 @@ class SweptCell:
         await self.pass_time(1.2)
         document = document_with_covariance()
         x = PoseDocument.of(self.truth.flange_T_scanner)
-        sweep = await self.application.sweeps.begin(document.model_copy(update={"flange_T_camera": x}))
+        sweep = await self.application.service(SweepService).begin(document.model_copy(update={"flange_T_camera": x}))
         await self.pass_time(0.2)
         assert arm.depart(end, SPEED_MM_S, True, self.mock.controller.robot_s(self.now_s)) == 1.0
         await self.pass_time(abs(x_end - x_begin) / SPEED_MM_S + 0.4)
-        ending = asyncio.create_task(self.application.sweeps.end(sweep.id))
+        ending = asyncio.create_task(self.application.service(SweepService).end(sweep.id))
         await self.pass_time(2 * STEP_S)
         return await ending
 

@@ -1,7 +1,6 @@
 """Profiles and paths from files: our own forms, a Gocator's export, and what is refused."""
 
 import io
-import json
 import zipfile
 from pathlib import Path
 
@@ -10,11 +9,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from calibration.errors import DocumentError
 from registration.errors import PathError, ProfileError, RegistrationError
 from registration.profiles.files import read_path, read_profiles, write_npz
-from registration.profiles.folder import read_profile_folder
-from registration.profiles.profile_block import ProfileBlock
 
 ROWS = "time,x_mm,z_mm\n0.5,1,10\n0.5,2,11\n0.6,1.5,12\n"
 POSES = "time_s,x_mm,y_mm,z_mm,qw,qx,qy,qz\n0,1,2,3,1,0,0,0\n0.1,2,2,3,0.8,0.6,0,0\n"
@@ -142,41 +138,3 @@ def test_damaged_files_are_read_or_refused(tmp_path: Path, start: str, at: int, 
             read(written(tmp_path, name, content))
         except RegistrationError as error:
             assert error.what and error.fix
-
-
-@pytest.mark.parametrize(
-    ("change", "error"),
-    [
-        ({"sweeps": []}, ProfileError),
-        ({"sweeps": [{"profiles": "../a.npz", "path": "a.csv"}]}, ProfileError),
-        ({"sweeps": [{"profiles": "a.npz", "path": "a.csv", "artefact": "cube"}]}, ProfileError),
-        ({"artefacts": [{"name": "a", "radius_mm": 1.0}, {"name": "a", "radius_mm": 2.0}]}, ProfileError),
-        ({"time_unit": "h"}, DocumentError),
-        ({"sweep": []}, DocumentError),
-    ],
-)
-def test_a_folder_that_contradicts_itself_is_refused(tmp_path: Path, change: dict, error: type[Exception]) -> None:
-    document = {"schema_version": 1, "time_unit": "s", "sweeps": [{"profiles": "a.npz", "path": "a.csv"}]}
-    written(tmp_path, "profiles.json", json.dumps(document | change))
-    with pytest.raises(error):
-        read_profile_folder(tmp_path)
-
-
-@pytest.mark.parametrize("name", ["a\0.npz", "a\ud800.npz", ".."])
-def test_what_no_file_is_called_is_refused_when_it_is_read(tmp_path: Path, name: str) -> None:
-    document = {"schema_version": 1, "time_unit": "s", "sweeps": [{"profiles": name, "path": "a.csv"}]}
-    written(tmp_path, "profiles.json", json.dumps(document))
-    (sweep,) = read_profile_folder(tmp_path)
-    with pytest.raises(RegistrationError, match="cannot be read"):
-        sweep.read()
-
-
-def test_a_folder_names_a_missing_file_only_when_it_is_read(tmp_path: Path) -> None:
-    document = {"schema_version": 1, "time_unit": "s", "sweeps": [{"profiles": "a.npz", "path": "a.csv"}]}
-    written(tmp_path, "profiles.json", json.dumps(document))
-    (sweep,) = read_profile_folder(tmp_path)
-    with pytest.raises(RegistrationError, match=r"a\.npz"):
-        sweep.read()
-    write_npz(tmp_path / "a.npz", ProfileBlock.of([0.0], [1.0], [[1.0]]))
-    with pytest.raises(RegistrationError, match=r"a\.csv"):
-        sweep.read()

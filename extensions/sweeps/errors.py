@@ -13,6 +13,7 @@ class NoProfiler(DaemonError):
     """The scanner takes whole clouds, it is no line profiler."""
 
     code = "no-profiler"
+    status = 409
 
     def __init__(self, scanner: str) -> None:
         super().__init__(
@@ -25,6 +26,7 @@ class NothingOnPath(DaemonError):
     """No profile of a sweep lies on the robot's path: `left_out` of `profiles` lie before or after it."""
 
     code = "nothing-on-path"
+    status = 422
 
     def __init__(self, profiles: int, left_out: int) -> None:
         self.profiles, self.left_out = profiles, left_out
@@ -38,6 +40,7 @@ class SweepTooLong(DaemonError):
     """A sweep was not ended within `limit_s`."""
 
     code = "sweep-too-long"
+    status = 409
 
     def __init__(self, limit_s: float) -> None:
         self.limit_s = limit_s

@@ -12,13 +12,13 @@ from daemon.errors import CalibrationUnusable, CellNotReady, NoScanner, NotFound
 from daemon.runtime.clock import Clock
 from daemon.runtime.durable_files import make_folder
 from daemon.runtime.workers import Workers
-from daemon.scans.errors import NoProfiler
 from daemon.scans.scan_service import TRANSIT_FOLDER, ScanService
-from daemon.scans.sweep import Sweep, SweepRecorder
 from daemon.store.database import storage_errors
 from daemon.store.store import Store
 from drivers.interfaces import ProfileSource
-from registration.profiles.sweep import SweepAssembler
+from extensions.sweeps.errors import NoProfiler
+from extensions.sweeps.mathematics.assembler import SweepAssembler
+from extensions.sweeps.recorder import Sweep, SweepRecorder
 
 KEPT = 8
 """Sweeps whose points can be fetched; older ones are deleted, and all when the daemon starts."""
@@ -33,7 +33,7 @@ class SweepService:
     scans: ScanService
     workers: Workers
     clock: Clock
-    new_id: Callable[[Clock], str]
+    new_id: Callable[[], str]
     _sweeps: dict[str, Sweep] = field(default_factory=dict)
     _recorder: SweepRecorder | None = None
     _task: "asyncio.Task[None] | None" = None
@@ -70,7 +70,7 @@ class SweepService:
         folder = self.store.folder / "scans" / TRANSIT_FOLDER
         with storage_errors(folder):
             await self.workers.run(make_folder, folder)
-        sweep_id = self.new_id(self.clock)
+        sweep_id = self.new_id()
         file = folder / f"merged-sweep-{sweep_id}.f32"
         sweep = Sweep(sweep_id, self.clock.timestamp(), scanner, calibration.id, file)
         recorder = SweepRecorder(

@@ -12,14 +12,15 @@ from starlette.types import Send
 from daemon.api.dependencies import App, Identifier, JsonBody
 from daemon.api.problems import problem_responses
 from daemon.api.routes.register import Which
-from daemon.api.schemas.sweeps import SweepDocument
 from daemon.api.streaming.cloud_request import BINARY
 from daemon.application import Application
 from daemon.config.settings import MAIN_SCANNER
 from daemon.errors import DaemonError
-from daemon.model.requests import SweepRequest
-from daemon.scans.sweep import POINT_BYTES, Sweep
 from drivers.errors import DeviceError
+from extensions.sweeps.recorder import POINT_BYTES, Sweep
+from extensions.sweeps.requests import SweepRequest
+from extensions.sweeps.schemas import SweepDocument
+from extensions.sweeps.service import SweepService
 from registration.errors import RegistrationError
 
 log = logging.getLogger(__name__)
@@ -32,6 +33,7 @@ CHUNK_BYTES = (1 << 18) // POINT_BYTES * POINT_BYTES
 
 @router.post(
     "",
+    operation_id="begin_sweep",
     response_model=SweepDocument,
     status_code=201,
     responses=problem_responses(400, 403, 404, 409, 413, 415, 422, 500, 503, 507),
@@ -44,25 +46,31 @@ async def begin(
     name = body.scanner or MAIN_SCANNER
     beside = app.settings.camera_beside(name) if app.settings.cameras or app.settings.scanners else None
     used = await app.operations.calibrations.find(calibration, beside)
-    sweep = await app.sweeps.begin(used, name)
+    sweep = await app.service(SweepService).begin(used, name)
     document = SweepDocument.of(sweep).model_dump_json()
     return Response(document, 201, {"Location": f"/sweeps/{sweep.id}"}, media_type="application/json")
 
 
-@router.get("/{sweep_id}", response_model=SweepDocument, responses=problem_responses(404))
+@router.get("/{sweep_id}", operation_id="get_sweep", response_model=SweepDocument, responses=problem_responses(404))
 async def sweep(app: App, sweep_id: Identifier) -> SweepDocument:
     """A sweep as far as it has come. The last 8 are kept, until the daemon ends."""
-    return SweepDocument.of(app.sweeps.get(sweep_id))
+    return SweepDocument.of(app.service(SweepService).get(sweep_id))
 
 
-@router.post("/{sweep_id}/end", response_model=SweepDocument, responses=problem_responses(403, 404))
+@router.post(
+    "/{sweep_id}/end",
+    operation_id="end_sweep",
+    response_model=SweepDocument,
+    responses=problem_responses(403, 404),
+)
 async def end(app: App, sweep_id: Identifier) -> SweepDocument:
     """End a sweep: what was measured up to now is put into base. One that is over stays as it is."""
-    return SweepDocument.of(await app.sweeps.end(sweep_id))
+    return SweepDocument.of(await app.service(SweepService).end(sweep_id))
 
 
 @router.get(
     "/{sweep_id}/points",
+    operation_id="get_sweep_points",
     response_class=Response,
     responses={200: {"description": "float32 x, y, z in base, mm, little-endian", "content": {OCTETS: BINARY}},
                **problem_responses(404)},
@@ -70,7 +78,7 @@ async def end(app: App, sweep_id: Identifier) -> SweepDocument:
 async def points(app: App, sweep_id: Identifier) -> Response:
     """The points of a sweep, from its first, while it runs; the answer ends with the sweep. When the sweep fails the
     connection is closed before the answer's end, and GET /sweeps/{id} names the error."""
-    sweep = app.sweeps.get(sweep_id)
+    sweep = app.service(SweepService).get(sweep_id)
     headers = {"Handeyed-Calibration": sweep.calibration_id, "Handeyed-Frame": "base"}
     return PointsResponse(_points(app, sweep), media_type=OCTETS, headers=headers)
 

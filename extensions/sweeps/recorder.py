@@ -14,13 +14,13 @@ from daemon.errors import DaemonError, StorageFull
 from daemon.runtime.clock import Clock
 from daemon.runtime.durable_files import create_file
 from daemon.runtime.workers import Workers
-from daemon.scans.errors import NothingOnPath, SweepTooLong
 from daemon.store.database import storage_errors
 from drivers.errors import DeviceError, errors_of
 from drivers.interfaces import PathRecorder, ProfileSource
+from extensions.sweeps.errors import NothingOnPath, SweepTooLong
+from extensions.sweeps.mathematics.assembler import SweepAssembler
 from registration.errors import RegistrationError
 from registration.profiles.profile_block import ProfileBlock
-from registration.profiles.sweep import SweepAssembler
 
 SweepState = Literal["running", "done", "failed"]
 

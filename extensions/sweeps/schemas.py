@@ -4,7 +4,7 @@ from typing import Literal
 
 from daemon.api.problems import problem_of
 from daemon.api.schemas.answer import EXAMPLE_AT, EXAMPLE_ID, Answer, example
-from daemon.scans.sweep import Sweep
+from extensions.sweeps.recorder import Sweep
 
 
 class SweepProblem(Answer):

@@ -16,6 +16,7 @@ from daemon.cli.checks import _check_scanner
 from daemon.model.records import AppliedCalibration, CalibrationRecord
 from drivers.errors import DeviceError, LinkLost, SweepNeeded
 from drivers.interfaces import LinkHealth, PoseReading, ScannedCloud
+from extensions.sweeps.service import SweepService
 from registration.profiles.profile_block import ProfileBlock
 from tests.daemon.calibrations import document_with_covariance
 from tests.daemon.cell_under_test import Bench, Parts, serving, settings_for
@@ -90,7 +91,7 @@ class Sweeping:
         return begun
 
     async def until(self, begun: dict[str, Any], holds: Callable[[Any], bool]) -> None:
-        sweep = self.bench.application.sweeps.get(begun["id"])
+        sweep = self.bench.application.service(SweepService).get(begun["id"])
         await eventually(lambda: holds(sweep) or sweep.state != "running")
 
     async def end(self, begun: dict[str, Any]) -> dict[str, Any]:
@@ -109,7 +110,7 @@ async def a_cell(folder: Path, **scanner: Any) -> AsyncIterator[Sweeping]:
     robot, profiler, parts = MovingRobot(), FakeProfiler(), Parts()
     parts.robot, parts.scanner = robot, profiler  # type: ignore[assignment]
     async with serving(settings_for(folder, scanner=scanner), parts) as bench:
-        object.__setattr__(bench.application.sweeps.clock, "monotonic_s", lambda: robot.now_s)
+        object.__setattr__(bench.application.service(SweepService).clock, "monotonic_s", lambda: robot.now_s)
         document, store = document_with_covariance(), bench.application.store
         await store.save_calibration(CalibrationRecord("cal-1", None, document.created_at, True, document))
         await store.apply(AppliedCalibration("cal-1", document.created_at, "test"))
@@ -269,7 +270,7 @@ async def test_a_scanner_of_whole_clouds_makes_no_sweep_and_a_profiler_no_cloud(
 async def test_stopping_the_daemon_breaks_a_sweep_off(tmp_path: Path) -> None:
     async with a_cell(tmp_path) as cell:
         begun = await cell.begin()
-        sweep = cell.bench.application.sweeps.get(begun["id"])
+        sweep = cell.bench.application.service(SweepService).get(begun["id"])
     async with asyncio.timeout(LIMIT_S):
         await eventually(lambda: sweep.state == "failed")
 

@@ -10,12 +10,12 @@ from hypothesis import strategies as st
 from calibration.kinematics.robot_accuracy import RobotNoise
 from calibration.solution import Solution
 from calibration.transforms import Array, difference, inverse, rotation_from_vector, transform, vector_from_transform
+from extensions.sweeps.mathematics.profiler import ArtefactSweep, solve_profiler
 from registration.calibrate.outcome import judge_scan
-from registration.calibrate.profiler import ArtefactSweep, solve_profiler
 from registration.errors import ProfileError, RegistrationError
 from registration.profiles.profile_block import ProfileBlock
 from registration.profiles.robot_path import RobotPath
-from tests.registration.profile_sweeps import FLANGE_T_PROFILER, OFFSET_S, RADIUS_MM, SensorNoise, sweep, sweeps
+from tests.extensions.sweeps.profile_sweeps import FLANGE_T_PROFILER, OFFSET_S, RADIUS_MM, SensorNoise, sweep, sweeps
 
 ROBOT = RobotNoise(0.2, float(np.radians(0.02)))
 STILL = RobotNoise(0.0, 0.0)

@@ -9,10 +9,10 @@ from calibration.errors import UndeterminedError
 from calibration.sentences.sentence import Sentence
 from calibration.solution import ClockOffset, Noise, Solution, ViewResult
 from calibration.transforms import Array
+from extensions.sweeps.mathematics.profile_features import SurfacePoints, find_plane, find_sphere
+from extensions.sweeps.mathematics.profile_solver import FIX, ProfilerProblem, ProfilerSolution, SweepPoints, refine
+from extensions.sweeps.mathematics.profile_start import MAX_OFFSET_S, find_start
 from registration.calibrate.outcome import solution_with_x, solution_without_x
-from registration.calibrate.profile_features import SurfacePoints, find_plane, find_sphere
-from registration.calibrate.profile_solver import FIX, ProfilerProblem, ProfilerSolution, SweepPoints, refine
-from registration.calibrate.profile_start import MAX_OFFSET_S, find_start
 from registration.errors import PathGap, ProfileError, RegistrationError
 from registration.points.rigid_motion import RigidMotion
 from registration.profiles.profile_block import ProfileBlock

@@ -11,7 +11,7 @@ from calibration.kinematics.robot_accuracy import RobotNoise
 from calibration.transforms import difference
 from tests.daemon.calibrations import a_calibration
 from tests.daemon.cli.running import handeyed
-from tests.registration.profile_sweeps import FLANGE_T_PROFILER, OFFSET_S, PLANES, sweeps, write_folder
+from tests.extensions.sweeps.profile_sweeps import FLANGE_T_PROFILER, OFFSET_S, PLANES, sweeps, write_folder
 
 ROBOT = RobotNoise(0.1, float(np.radians(0.01)))
 SURFACES = [None] * 7

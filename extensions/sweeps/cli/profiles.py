@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from calibration.documents.calibration import CalibrationDocument
 
 app = typer.Typer(
+    name="profiles",
     cls=CommandGroup,
     no_args_is_help=True,
     help="Line profilers on the flange: calibrate one from sweeps, put sweeps into the base frame.",
@@ -43,9 +44,9 @@ def calibrate(
     from daemon.cli.solve import requirement_of
     from daemon.runtime.clock import Clock, time_ordered_id
     from daemon.runtime.version import SOFTWARE
+    from extensions.sweeps.mathematics.folder import read_profile_folder
+    from extensions.sweeps.mathematics.profiler import ArtefactSweep, solve_profiler
     from registration.calibrate.outcome import judge_scan
-    from registration.calibrate.profiler import ArtefactSweep, solve_profiler
-    from registration.profiles.folder import read_profile_folder
 
     limits, _ = requirement_of(tolerance, None)
     first = None if rough is None else _calibration(rough).flange_T_camera
@@ -92,10 +93,10 @@ def register(
 
     Exit status: 0 done, 3 done with a calibration that was not accepted, 2 unreadable input.
     """
+    from extensions.sweeps.mathematics.assembler import assemble_sweep
+    from extensions.sweeps.mathematics.folder import read_profile_folder
     from registration.io.writing import new_cloud
     from registration.points.layout import XYZ_FLOAT32
-    from registration.profiles.folder import read_profile_folder
-    from registration.profiles.sweep import assemble_sweep
 
     document, sweeps = _calibration(calibration), read_profile_folder(folder)
     if document.flange_T_camera is None or document.clock_offset is None:

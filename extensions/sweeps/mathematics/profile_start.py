@@ -7,8 +7,8 @@ import numpy as np
 from calibration.errors import UndeterminedError
 from calibration.sentences.sentence import Sentence
 from calibration.transforms import Array, rotation_angle_rad, transform
-from registration.calibrate.profile_features import SurfacePoints
-from registration.calibrate.profile_solver import (
+from extensions.sweeps.mathematics.profile_features import SurfacePoints
+from extensions.sweeps.mathematics.profile_solver import (
     DIFFERENCE_S,
     FIX,
     FittedSurface,

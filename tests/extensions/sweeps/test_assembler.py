@@ -7,10 +7,10 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
 from calibration.transforms import Array, inverse, map_points, rotation_from_vector, transform
+from extensions.sweeps.mathematics.assembler import MAX_WAITING_PROFILES, SweepAssembler, assemble_sweep
 from registration.errors import PathError, PathGap, ProfileError, RegistrationError
 from registration.profiles.profile_block import ProfileBlock
 from registration.profiles.robot_path import RobotPath
-from registration.profiles.sweep import MAX_WAITING_PROFILES, SweepAssembler, assemble_sweep
 
 X = transform(rotation_from_vector([0.3, -0.2, 1.1]), [40.0, -25.0, 120.0])
 OFFSET_S = 0.037

@@ -1,0 +1,1 @@
+"""The commands `profiles calibrate` and `profiles register`."""

@@ -1,0 +1,1 @@
+"""Mathematics of sweeps: no device, clock or framework."""
