@@ -65,6 +65,19 @@ def test_benchmarks_import_tests_and_never_the_other_way() -> None:
     assert structure.benchmarks_in_tests() == []
 
 
+def test_tests_of_the_core_go_by_no_extension() -> None:
+    """Those of the page are beside it: its parts for touch tests are the core's."""
+    named = [
+        f"{file.relative_to(ROOT)} -> {module}"
+        for room in structure.CORE
+        for file in structure.python_files(f"tests/{room}")
+        if "page" not in file.parts
+        for module, _ in structure.outline_of(file).imported_from
+        if re.match(r"(tests\.)?extensions\.(?!installed|commands)", module)
+    ]
+    assert named == []
+
+
 def test_a_circle_is_found() -> None:
     graph = {"a": {"b"}, "b": {"c"}, "c": {"b"}, "d": {"a"}}
     assert structure.cycles_of(graph) == [["b", "c"]]

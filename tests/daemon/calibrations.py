@@ -98,3 +98,23 @@ def an_arm(**errors: float) -> ArmErrorsDocument:
             "lowest_joints_deg": [-90.0] * 6, "highest_joints_deg": [90.0] * 6,
         }
     )  # fmt: skip
+
+
+async def apply_with_arm(
+    bench: Bench,
+    *,
+    x_sigma_mm: float = 0.0,
+    zero_2_sigma_rad: float = 0.0,
+    at_c: float | None = None,
+    **errors: float,
+) -> None:
+    """An accepted calibration with the errors of its arm, in force."""
+    document, arm = document_with_covariance(), an_arm(**errors)
+    zero_2 = ArmErrorModel(find_arm("IRB 1600-6/1.45")).index("zero_2")
+    covariance = np.array(arm.covariance)
+    covariance[3:6, 3:6] = x_sigma_mm**2 * np.eye(3)
+    covariance[6 + zero_2, 6 + zero_2] = zero_2_sigma_rad**2
+    arm = arm.model_copy(update={"covariance": covariance.tolist(), "temperature_c": at_c})
+    record = CalibrationRecord(document.id, None, document.created_at, True, document)
+    await bench.application.store.save_calibration(record, arm)
+    await bench.application.store.apply(AppliedCalibration(document.id, document.created_at, "test"))

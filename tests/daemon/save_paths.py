@@ -19,9 +19,8 @@ from daemon.runtime.event_bus import BusEvent
 from daemon.store.actor import AuditContext
 from daemon.store.audit_log import check_audit_log
 from daemon.store.database import DATABASE_NAME
-from daemon.store.documents import DocumentRecord, Documents
+from daemon.store.documents import DocumentKind, DocumentRecord, Documents
 from daemon.store.store import Store
-from extensions.touch.tables import TOUCH_TESTS
 from tests.daemon.calibrations import a_calibration, an_arm
 from tests.daemon.fakes import ply_of
 from tests.daemon.records import AT, a_run
@@ -75,6 +74,10 @@ def save_steps(store: Store) -> dict[str, Step]:
         **{name: partial(table.save, a_document(name)) for name, table in documents_of(store).items()},
         "anchor": store.audit.anchor,
     }
+
+
+TOUCH_TESTS = DocumentKind("touch_tests", "touch", "calibration_id")
+"""Of an extension: the store does not know it."""
 
 
 class About(BaseModel):

@@ -12,18 +12,15 @@ from calibration.documents.pose import PoseDocument
 from calibration.errors import DocumentError
 from calibration.transforms import difference
 from daemon.drift.schedule import DriftSchedule
-from daemon.model.records import AppliedCalibration, CalibrationRecord
 from drivers.errors import DeviceTimeout, DeviceUnreachable
 from protocols.plc.codes import ControlBit, StatusBit
 from protocols.plc.registers import BY_NAME
-from tests.daemon.calibrations import document_with_covariance
 from tests.daemon.cell_under_test import Bench, Parts, pose_json, serving, settings_for
 from tests.daemon.clouds import PLY, POSE, cloud
 from tests.daemon.fakes import FLANGE_T_CAMERA, FakeCamera, ply_of
 from tests.daemon.named_cameras import WRIST, calibrate, two_cameras, wrist
 from tests.daemon.plcs import MOVING, ladder
 from tests.daemon.rig_files import a_rig
-from tests.extensions.touch.touches import TIP, json_of, touching
 from tests.support.waiting import LIMIT_S
 
 OF_A_STAND = {"base_T_camera_guess": pose_json(np.eye(4))}
@@ -224,32 +221,3 @@ async def test_readiness_and_uncertainty_are_of_the_camera_asked_for(tmp_path: P
         assert "no cable" in reasons[0]
         assert (await ask.get("/ready")).json()["calibrate"]["ready"]
         assert (await ask.get("/ready", params={"camera": "nowhere"})).status_code == 404
-
-
-async def test_a_touch_test_goes_by_the_camera_that_saw_the_points(tmp_path: Path) -> None:
-    strict = wrist(calibration={**wrist()["calibration"], "tolerance_mm": 0.25})
-    calibration = {"policy": "auto", "tolerance_mm": 2.0, "requests_may_loosen": False}
-    parts = Parts()
-    parts.cameras["wrist"] = FakeCamera(parts.robot, flange_T_camera=WRIST)
-    settings = settings_for(tmp_path, cameras={"wrist": strict}, calibration=calibration)
-    async with serving(settings, parts) as bench:
-        document, store = document_with_covariance(), bench.application.store
-        await store.save_calibration(CalibrationRecord("cal-1", None, document.created_at, True, document, "wrist"))
-        await store.apply(AppliedCalibration("cal-1", document.created_at, "test", camera="wrist"))
-        seen_from, touched = json_of(FLANGE_T_CAMERA), json_of(touching(0))
-        touch = {"camera_mm": [0.0, 0.0, 500.0], "seen_from": seen_from, "base_T_flange": touched}
-        body: dict[str, Any] = {"tip": TIP, "touches": [touch]}
-        stored = await bench.client.post("/touch", json=body | {"camera": "wrist"})
-        assert (stored.status_code, stored.json()["result"]["calibration_id"]) == (201, "cal-1"), stored.text
-        assert stored.json()["result"]["tolerance_mm"] == 0.25
-        more = body | {"adds_to": stored.json()["id"]}
-        refused = {
-            "no calibration": await bench.client.post("/touch", json=body),
-            "is of 'wrist'": await bench.client.post("/touch", json=more | {"camera": "camera"}),
-            "no camera 'nowhere'": await bench.client.post("/touch", json=body | {"camera": "nowhere"}),
-            "0.25": await bench.client.post("/touch", json=body | {"camera": "wrist", "tolerance_mm": 1.0}),
-        }
-        assert {says: answer.status_code for says, answer in refused.items()} == {
-            "no calibration": 409, "is of 'wrist'": 422, "no camera 'nowhere'": 404, "0.25": 422,
-        }  # fmt: skip
-        assert all(says in answer.text for says, answer in refused.items())

@@ -1,4 +1,4 @@
-"""Clouds and touches where the errors of an arm are in force: joints that are wrong, threads, and frames."""
+"""Clouds where the errors of an arm are in force: joints that are wrong, threads, and frames."""
 
 import threading
 from typing import Any
@@ -9,41 +9,18 @@ import pytest
 from calibration.documents.calibration_with_arm import CalibrationWithArm
 from calibration.documents.pose import PoseDocument
 from calibration.kinematics.abb_arms import find_arm
-from calibration.kinematics.arm_errors import ArmErrorModel
 from calibration.kinematics.joint_check import JointsDisagree
 from calibration.transforms import Array
 from daemon.model.records import AppliedCalibration, CalibrationRecord
-from tests.daemon.calibrations import a_calibration, an_arm, apply_calibration, document_with_covariance
+from tests.daemon.calibrations import a_calibration, an_arm, apply_calibration, apply_with_arm, document_with_covariance
 from tests.daemon.cell_under_test import Bench
 from tests.daemon.clouds import PLY, POSE, cloud
 from tests.daemon.fakes import FLANGE_T_CAMERA, ply_of, points_of
 from tests.daemon.scans.scan_folders import a_scan
-from tests.extensions.touch.touches import TIP, json_of, touching
 
 ARM = find_arm("IRB 1600-6/1.45")
 JOINTS = np.radians([[0.0, 20, 10, 0, 40, 0], [10.0, 20, 10, 5, 40, 0], [20.0, 25, 5, 5, 45, 10]])
 POSES = ARM.forward(JOINTS)
-
-
-ZERO_2 = ArmErrorModel(ARM).index("zero_2")
-
-
-async def apply_with_arm(
-    bench: Bench,
-    *,
-    x_sigma_mm: float = 0.0,
-    zero_2_sigma_rad: float = 0.0,
-    at_c: float | None = None,
-    **errors: float,
-) -> None:
-    document, arm = document_with_covariance(), an_arm(**errors)
-    covariance = np.array(arm.covariance)
-    covariance[3:6, 3:6] = x_sigma_mm**2 * np.eye(3)
-    covariance[6 + ZERO_2, 6 + ZERO_2] = zero_2_sigma_rad**2
-    arm = arm.model_copy(update={"covariance": covariance.tolist(), "temperature_c": at_c})
-    record = CalibrationRecord(document.id, None, document.created_at, True, document)
-    await bench.application.store.save_calibration(record, arm)
-    await bench.application.store.apply(AppliedCalibration(document.id, document.created_at, "test"))
 
 
 def query_at(joints_rad: Array) -> dict[str, str]:
@@ -152,18 +129,6 @@ async def test_a_cloud_says_how_well_it_is_placed_at_its_joints(bench: Bench) ->
         assert answer.headers["handeyed-joints-seen"] == seen
 
 
-async def test_tip_and_camera_are_compared_on_the_same_arm(bench: Bench) -> None:
-    """An arm whose axis 2 is 5 mm further out: both find a point about so much further out."""
-    await apply_with_arm(bench, link_1_tx=5.0)
-    await bench.verify()
-    run = (await bench.client.get("/runs")).json()["runs"][0]
-    assert run["result"]["verification"]["arm"] == "as-built"
-    body = {"tip": TIP, "verification": run["id"], "touches": [{"id": 0, "base_T_flange": json_of(touching(0))}]}
-    answer = await bench.client.post("/touch", json=body)
-    assert answer.status_code == 201, answer.text
-    assert answer.json()["result"]["largest_mm"] < 2.0
-
-
 async def test_whoever_asks_how_well_points_are_placed_hears_of_the_x_identified_with_the_arm(bench: Bench) -> None:
     """Not of the one without in the same calibration (0.2 mm): status, list and gauge."""
     await apply_with_arm(bench, x_sigma_mm=0.5)
@@ -189,16 +154,3 @@ async def gauge_mm(bench: Bench) -> float:
     lines = (await bench.client.get("/metrics")).text.splitlines()
     (value,) = (line.split()[1] for line in lines if line.startswith("handeyed_calibration_expanded_meters "))
     return 1e3 * float(value)
-
-
-@pytest.mark.parametrize(("sigma_rad", "least_mm", "most_mm"), [(0.0, 0.0, 2.0), (0.1, 5.0, 500.0)])
-async def test_a_touch_is_judged_with_what_is_not_known_of_the_arm(
-    bench: Bench, sigma_rad: float, least_mm: float, most_mm: float
-) -> None:
-    """Verified from poses in which axis 2 lies otherwise than where the tip touches."""
-    await apply_with_arm(bench, zero_2_sigma_rad=sigma_rad)
-    await bench.verify()
-    run = (await bench.client.get("/runs")).json()["runs"][0]
-    body = {"tip": TIP, "verification": run["id"], "touches": [{"id": 0, "base_T_flange": json_of(touching(0))}]}
-    (point,) = (await bench.client.post("/touch", json=body)).json()["result"]["points"]
-    assert least_mm < point["claimed_mm"] < most_mm

@@ -10,18 +10,14 @@ from daemon.model.records import AppliedCalibration, CalibrationRecord
 from daemon.scans.rig_sensors import RigDocument
 from daemon.store.database import DATABASE_NAME
 from daemon.store.documents import DocumentRecord
-from extensions.touch.tables import TOUCH_TESTS
 from tests.daemon.calibrations import a_calibration, an_arm, apply_calibration
 from tests.daemon.cell_under_test import Bench, serving, settings_for
 from tests.daemon.clouds import OCTETS, POSE, cloud
-from tests.daemon.records import a_touch_test, an_acceptance
+from tests.daemon.damage import A_LIST, DOCUMENTS, NO_TEXT, NOT_JSON, OTHER_JSON, damage
+from tests.daemon.records import an_acceptance
 from tests.daemon.rig_files import a_rig
 
-NOT_JSON, OTHER_JSON, A_LIST, NO_TEXT = "{", "{}", "[1]", b"\xff\x00"
-DOCUMENTS = [NOT_JSON, OTHER_JSON, A_LIST, NO_TEXT, "null"]
-
 COLUMNS: list[tuple[str, str, list[Any]]] = [
-    ("touches", "touch_tests.document", DOCUMENTS),
     ("rigs", "rigs.document", DOCUMENTS),
     ("acceptances", "acceptances.document", DOCUMENTS),
     ("calibrations", "calibrations.document", DOCUMENTS),
@@ -45,7 +41,6 @@ async def two_of_each(bench: Bench) -> dict[str, tuple[str, str]]:
         await store.save_calibration(CalibrationRecord(name, None, at, True, a_calibration(name)))
     ids["calibrations"] = ("cal-2", "cal-3")
     documents = {
-        "touches": (store.documents(TOUCH_TESTS), "cal-1", a_touch_test()),
         "rigs": (store.rigs, "eye-in-hand", RigDocument.model_validate(a_rig()).model_dump_json()),
         "acceptances": (store.acceptances, "scan", an_acceptance("scan").model_dump_json()),
     }
@@ -64,16 +59,6 @@ async def two_of_each(bench: Bench) -> dict[str, tuple[str, str]]:
         assert sent.status_code == 201, sent.text
     ids["scans"] = (scans[0]["id"], scans[1]["id"])
     return ids
-
-
-def damage(folder: Path, column: str, row: str, value: Any) -> Any:
-    """Put `value` there; returns what was there."""
-    table, _, name = column.partition(".")
-    key = "scan_id" if table == "scan_views" else "id"
-    with sqlite3.connect(folder / DATABASE_NAME) as database:
-        (before,) = database.execute(f"SELECT {name} FROM {table} WHERE {key} = ?", (row,)).fetchone()
-        database.execute(f"UPDATE {table} SET {name} = ? WHERE {key} = ?", (value, row))
-    return before
 
 
 @pytest.mark.slow
@@ -96,23 +81,21 @@ async def test_a_damaged_row_is_told_and_the_others_are_read(tmp_path: Path) -> 
             assert [answer.status_code for answer in others] == [200] * 4, (*place, [a.text for a in others])
 
 
-async def test_the_rig_in_force_a_test_added_to_and_an_arm_are_refused(bench: Bench, tmp_path: Path) -> None:
+async def test_the_rig_in_force_and_an_arm_are_refused(bench: Bench, tmp_path: Path) -> None:
     ids = await two_of_each(bench)
     store, content = bench.application.store, cloud(10).astype("<f4").tobytes()
     record = CalibrationRecord("cal-4", None, a_calibration("x").created_at, True, a_calibration("cal-4"))
     await store.save_calibration(record, an_arm())
     await store.apply(AppliedCalibration("cal-4", record.created_at, "Ann"))
     damage(tmp_path, "rigs.document", ids["rigs"][1], OTHER_JSON)
-    damage(tmp_path, "touch_tests.document", ids["touches"][1], OTHER_JSON)
     with sqlite3.connect(tmp_path / DATABASE_NAME) as database:
         database.execute("UPDATE arms SET document = '{}'")
     asked = {"params": {"pose": POSE, "scanner": "left"}, "content": content, "headers": OCTETS}
     answers = [
         await bench.client.post("/register", **asked),
-        await bench.client.post("/touch", json={"adds_to": ids["touches"][1], "touches": [{"id": 1}]}),
         await bench.client.get("/calibrations/cal-4/arm"),
     ]
-    assert [answer.json()["code"] for answer in answers] == ["storage-inconsistent"] * 3, [a.text for a in answers]
+    assert [answer.json()["code"] for answer in answers] == ["storage-inconsistent"] * 2, [a.text for a in answers]
 
 
 @pytest.mark.parametrize("state", ["gone", "moving"])

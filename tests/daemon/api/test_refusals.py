@@ -63,7 +63,6 @@ async def test_what_passes_by_itself_says_when_to_come_again(tmp_path: Path) -> 
         ("/calibrate", {"manual": "yes"}, "manual", "give true or false"),
         ("/calibrate", {"poses": 3}, "poses", "give a list"),
         ("/calibrations/current/solve", {"method": "best"}, "method", "give 'auto', 'three-pose'"),
-        ("/touch", {}, "touches", "add it"),
         ("/calibrate?wait=-1", {}, "query.wait", "give 0 or more"),
         ("/calibrate?wait=soon", {}, "query.wait", "change what the message names"),
     ],

@@ -8,7 +8,9 @@ import pytest
 from daemon.model.records import AppliedCalibration, CalibrationRecord
 from daemon.model.run_states import RunState
 from tests.daemon.calibrations import document_with_covariance
-from tests.daemon.cell_under_test import Bench, serving, settings_for
+from tests.daemon.cell_under_test import Bench, Parts, serving, settings_for
+from tests.daemon.fakes import FLANGE_T_CAMERA, FakeCamera
+from tests.daemon.named_cameras import WRIST, wrist
 from tests.extensions.touch.touches import TIP, json_of, touching
 
 
@@ -138,3 +140,32 @@ async def test_a_larger_tolerance_is_refused_where_the_settings_forbid_it(tmp_pa
         assert refused.json()["code"] == "tolerance-loosened"
         assert (await bench.client.get("/touches")).json()["touches"] == []
         assert (await bench.client.post("/touch", json=body | {"tolerance_mm": 0.8})).status_code == 201
+
+
+async def test_a_touch_test_goes_by_the_camera_that_saw_the_points(tmp_path: Path) -> None:
+    strict = wrist(calibration={**wrist()["calibration"], "tolerance_mm": 0.25})
+    calibration = {"policy": "auto", "tolerance_mm": 2.0, "requests_may_loosen": False}
+    parts = Parts()
+    parts.cameras["wrist"] = FakeCamera(parts.robot, flange_T_camera=WRIST)
+    settings = settings_for(tmp_path, cameras={"wrist": strict}, calibration=calibration)
+    async with serving(settings, parts) as bench:
+        document, store = document_with_covariance(), bench.application.store
+        await store.save_calibration(CalibrationRecord("cal-1", None, document.created_at, True, document, "wrist"))
+        await store.apply(AppliedCalibration("cal-1", document.created_at, "test", camera="wrist"))
+        seen_from, touched = json_of(FLANGE_T_CAMERA), json_of(touching(0))
+        touch = {"camera_mm": [0.0, 0.0, 500.0], "seen_from": seen_from, "base_T_flange": touched}
+        body: dict[str, Any] = {"tip": TIP, "touches": [touch]}
+        stored = await bench.client.post("/touch", json=body | {"camera": "wrist"})
+        assert (stored.status_code, stored.json()["result"]["calibration_id"]) == (201, "cal-1"), stored.text
+        assert stored.json()["result"]["tolerance_mm"] == 0.25
+        more = body | {"adds_to": stored.json()["id"]}
+        refused = {
+            "no calibration": await bench.client.post("/touch", json=body),
+            "is of 'wrist'": await bench.client.post("/touch", json=more | {"camera": "camera"}),
+            "no camera 'nowhere'": await bench.client.post("/touch", json=body | {"camera": "nowhere"}),
+            "0.25": await bench.client.post("/touch", json=body | {"camera": "wrist", "tolerance_mm": 1.0}),
+        }
+        assert {says: answer.status_code for says, answer in refused.items()} == {
+            "no calibration": 409, "is of 'wrist'": 422, "no camera 'nowhere'": 404, "0.25": 422,
+        }  # fmt: skip
+        assert all(says in answer.text for says, answer in refused.items())
