@@ -9,8 +9,8 @@ from calibration.kinematics.robot_accuracy import RobotNoise
 from calibration.transforms import Array, difference, inverse, map_points, rotation_from_vector, skew, transform
 from mock_robot.scene.part import DOOR
 from mock_robot.scene.scanner_view import ScannerModel, scan
-from mock_robot.truth.part_views import DISTANCE_MM
 from mock_robot.truth.truth import CellTruth
+from mock_robot.truth.truth_sheet import DISTANCE_MM
 from registration.fusion.overlap import agreement
 from registration.fusion.pose_adjustment import correction_of, refine_poses
 from registration.points.layout import XYZ_FLOAT32

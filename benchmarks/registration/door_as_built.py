@@ -24,8 +24,8 @@ from calibration.solver.registered_points import registered_points
 from calibration.transforms import Array, inverse, transform
 from mock_robot.arm.built_arm import BuiltArm, build_arm
 from mock_robot.scene.scanner_view import ScannerModel, scan
-from mock_robot.truth.part_views import DISTANCE_MM
 from mock_robot.truth.truth import IRB_1600, PART_FACING_THE_ROBOT, PART_MIDDLE_MM, TARGET_FACING_UP, TARGET_MIDDLE_MM
+from mock_robot.truth.truth_sheet import DISTANCE_MM
 from registration.fusion.pose_adjustment import refine_poses
 from registration.points.surface import Surface
 from tests.simulated.arms import (

@@ -198,12 +198,6 @@ def apply_fit(evidence: Evidence, fitted: Fit) -> Fit:
     return replace(seen, by_shared=linear.by_shared[0], by_robot=linear.by_robot[0], redundancy=evidence.redundancy)
 
 
-def residuals_of(evidence: Evidence, fitted: Fit) -> tuple[Array, Array]:
-    """Residuals (n, 6) and their covariance (n, 6, 6) of views that need not be part of the fit."""
-    seen = apply_fit(evidence, fitted)
-    return seen.residuals, seen.covariance
-
-
 def _stack_evidence(
     evidences: Sequence[Evidence], x_labels: Sequence[Labels | None], y_labels: Sequence[Labels | None]
 ) -> _Stack:

@@ -13,12 +13,11 @@ from calibration.documents.requirement import LimitsInForceDocument
 from calibration.documents.session import AxisOffsetDocument, CameraDocument
 from calibration.documents.target import TargetDocument, document_of_target
 from calibration.documents.validation import Document
-from calibration.documents.version_1 import upgrade_calibration
 from calibration.likelihood.mapped_points import scale_variance_mm2
 from calibration.planning.expectation import NOTHING_EXPECTED, Expectation
 from calibration.problem import ANCHORS, MOUNTS, Setup
 from calibration.sentences.english import ENGLISH
-from calibration.sentences.sentence import Sentence, as_sentence
+from calibration.sentences.sentence import AS_WRITTEN, Sentence, as_sentence
 from calibration.solution import (
     COVERAGE_FACTOR,
     ArmScale,
@@ -33,6 +32,29 @@ from calibration.solution import (
 from calibration.targets import Target
 from calibration.transforms import Array
 from calibration.verdict import Verdict
+
+
+def upgrade_calibration(data: dict[str, Any]) -> dict[str, Any]:
+    """The content of a calibration.json of version 1 as one of version 2; `data` is left as it is.
+
+    Its sentences become those of the id AS_WRITTEN; anything unexpected is left for the model to refuse.
+    """
+    upgraded = {**data, "schema_version": 2}
+    verdict = data.get("verdict")
+    if isinstance(verdict, dict) and isinstance(verdict.get("findings"), list):
+        upgraded["verdict"] = {**verdict, "findings": [_finding(finding) for finding in verdict["findings"]]}
+    return upgraded
+
+
+def _finding(finding: Any) -> Any:
+    if not isinstance(finding, dict):
+        return finding
+    return {**finding, **_as_written(finding.get("message")), "advice": _as_written(finding.get("fix"))}
+
+
+def _as_written(text: Any) -> dict[str, Any]:
+    return {"id": AS_WRITTEN, "params": {"sentence": text}}
+
 
 TRANSFORM_NAMES = {setup: (f"{MOUNTS[setup]}_T_camera", f"{ANCHORS[setup]}_T_target") for setup in get_args(Setup)}
 """Document keys of `mount_T_camera` and `anchor_T_target` in each set-up."""

@@ -13,8 +13,82 @@ from types import MappingProxyType
 from calibration.sentences.arm_english import ARM
 from calibration.sentences.cell_english import CELL
 from calibration.sentences.detection_english import SEEN
-from calibration.sentences.motion_english import MOTION
-from calibration.sentences.plausibility_english import PLAUSIBILITY
+
+MOTION = {
+    "too-few-poses": "{poses} distinct robot poses with the target in view; X needs at least three",
+    "pure-translation": "the flange moves without turning: X's translation is not determined in any direction",
+    "too-little-rotation": "the flange turns by at most {angle_deg:.1f} degrees; X needs 10 or more",
+    "parallel-axes-with-travel": "all turns are about one axis: translation along {axis}, ({x:.2f}, {y:.2f},"
+    " {z:.2f}) of the flange, is not determined. These motions determine the rest of X",
+    "parallel-axes-without-travel": "all turns are about one line: translation along {axis}, ({x:.2f}, {y:.2f},"
+    " {z:.2f}) of the flange, and rotation about it are not determined",
+    "turn-about-two-axes": "turn the flange by 30 degrees or more about two different axes between views",
+    "turn-across": "if the arm can tilt, add poses turned by 30 degrees or more about an axis across {axis}. If it"
+    " cannot (a palletiser, a SCARA), one number is missing: the camera's offset along that axis in mm, from the"
+    " flange, or from the base for a camera beside the robot. Touching the target with a tool of known length gives"
+    " the target's instead, which does as well; its error shifts every registered point along that axis by as much."
+    " Give it as axis_offset: in the settings, the request, or session.json",
+    "axis-offset-of-camera": "all turns are about one axis, so that the camera's coordinate along {axis} is as given,"
+    " {coordinate_mm:.2f} mm with a standard deviation of {sigma_mm:.2f} mm: no view shows it",
+    "axis-offset-of-target": "all turns are about one axis, so that the coordinate of the target's origin along {axis}"
+    " is as given, {coordinate_mm:.2f} mm with a standard deviation of {sigma_mm:.2f} mm: no view shows it",
+    "measure-offset-or-add-views": "measure the given coordinate along the axis more exactly where it is the weakest"
+    " direction; else add views turned about the axis and 100 mm or more apart across it",
+    "axis-offset-unused": "the motions determine X, and the given coordinate along one axis is not used",
+    "measure-axis-offset": "touch a point of the target, or of a registered part, with a tool of known length: an error"
+    " of this number shifts every registered point along that axis by as much",
+    "remove-axis-offset": "leave axis_offset out, or compare it with the result",
+    "turn-across-or-travel": "if the arm can tilt, add poses turned by 30 degrees or more about an axis across {axis}."
+    " If it cannot (a palletiser, a SCARA), add poses 100 mm apart or more across {axis}, with the same turns",
+    "track-not-moved": "all {views} views were taken at one position of the track: its direction shows in none of them",
+    "turntable-not-moved": "all {views} views were taken at one angle of the turntable: its axis shows in none of them",
+    "move-the-track": "take views at two positions of the track or more, as far apart as it is used, the target in view"
+    " from each",
+    "move-the-turntable": "take views at two angles of the turntable or more, 60 degrees or more apart, with the target"
+    " on it",
+    "track-found": "the track moves the base along ({x:.5f}, {y:.5f}, {z:.5f}), {off_deg:.2f} degrees from the given"
+    " direction; over the views' positions a registered point is uncertain by U = {expanded_mm:.2g} mm",
+    "turntable-found": "the turntable turns about ({x:.5f}, {y:.5f}, {z:.5f}), {off_deg:.2f} degrees from the given"
+    " direction; over the views' angles a registered point is uncertain by U = {expanded_mm:.2g} mm",
+    "correct-the-direction": "correct direction in external_axis: it is the way the base moves, or about which the part"
+    " turns right-handed, as the reading grows; and see that number is the axis that moved",
+}
+
+
+PLAUSIBILITY = {
+    "circular-identity": "the robot's poses are the camera's own poses of the target, to {off_mm:.2g} mm and"
+    " {off_deg:.2g} degrees: X and the target's pose are both the identity, and nothing is measured",
+    "circular-product": "the robot's poses are the camera's poses of the target times a fixed pose, to {off_mm:.1g} mm:"
+    " one side was computed from the other, and nothing is measured",
+    "circular-residual": "the robot's poses agree with the images to {off_mm:.1g} mm, better than corners that scatter"
+    " by {image_px:.2g} px let any robot: they were computed from the images, and nothing is measured",
+    "exact-poses": "robot and camera agree to {off_mm:.1g} mm, which nothing measured does: they are simulated, or one"
+    " side was computed from the other",
+    "robot-poses-repeated": "{views:views}: the robot's pose is to the last digit that of an earlier view, and the"
+    " target was seen elsewhere",
+    "camera-poses-repeated": "{views:views}: the camera's pose of the target is to the last digit that of an earlier"
+    " view, and the robot had moved",
+    "mount-too-far": "the camera is {away_mm:.0f} mm from the flange that carries it, and {target_mm:.0f} mm from the"
+    " target",
+    "stand-too-far": "the camera stands {away_m:.1f} m from the robot's base, further than {most_m:.1f} m",
+    "flange-in-sight": "the camera is {behind_mm:.0f} mm behind the flange's face and looks at the target through it",
+    "setup-fits-either-way": "three views fit the other setup as well: in this one the flange carries what is"
+    " {stated_mm:.0f} mm from it, in the other {other_mm:.0f} mm, which does not show which is right",
+    "give-robots-poses": "give the poses that the controller reported, not those of a detection",
+    "record-each-pose-anew": "read pose and picture anew in each view, after the arm has stopped",
+    "check-setup-and-units": "check setup, the unit of the lengths, and whether the poses are those of the flange; with"
+    " six views or more, or a known place of the camera, it is decided",
+    "take-a-fourth-view": "take a fourth view, turned about another axis, and check setup",
+    # pose_pairs/point_pairs.py
+    "too-few-point-pairs": "{points} pairs of points; X needs four or more",
+    "point-pairs-on-a-line": "the points lie on a line: the turn about it is not determined",
+    "point-pairs-disagree": "the robot's points and the camera's disagree by {sigma_mm:.3g} mm",
+    "point-pairs-noise": "{points} points of robot and camera agree to {sigma_mm:.2g} mm an axis",
+    "add-point-pairs": "add points, spread over the volume that matters and not on a line",
+    "compare-point-pairs": "compare pairs, units and frames: the tip's coordinates in th"
+    "e base, and the camera's in its own frame",
+}
+
 
 FINDINGS = {
     # calibration/verdict.py

@@ -12,12 +12,9 @@ from typing import TYPE_CHECKING
 from calibration.sentences.sentence import Sentence
 from calibration.transforms import Array
 from daemon.cell.arm_conditions import ArmConditionsNow
-from daemon.cell.camera_turns import CameraTurns
 from daemon.cell.capture_outputs import CaptureOutputs
-from daemon.cell.flange_path import PathInBase, PolledPath
 from daemon.cell.safe_stop import SafeStop
 from daemon.cell.settling import check_external_axes, check_still, read_if_standing, settle
-from daemon.cell.stale_capture import StaleCaptureDetector
 from daemon.cell.vibration import VibrationGate
 from daemon.config.robot_settings import SettlingSettings
 from daemon.config.settings import MAIN_CAMERA, MAIN_SCANNER
@@ -46,6 +43,115 @@ if TYPE_CHECKING:
     from calibration.documents.external_axis import ExternalAxisDocument
     from daemon.cell.exposure_control import ExposureControl
     from drivers.interlocks import Interlocks
+from hashlib import blake2b
+
+import numpy as np
+
+from calibration.transforms import difference, inverse
+from daemon.errors import StaleCaptureError
+
+MIN_DISTANCE_MM, MIN_ROTATION_RAD = 1.0, 1e-3
+"""Identical captures from poses nearer than this are accepted: a simulated device has no noise."""
+
+
+@dataclass
+class StaleCaptureDetector:
+    """Keeps the hash and pose of one device's last capture."""
+
+    device: str
+    _digest: bytes = b""
+    _base_T_flange: Array | None = None
+
+    def check_frame(self, frame: CameraFrame, reading: PoseReading) -> None:
+        """Raises StaleCaptureError for a repeated picture; not for one without contrast, which fails in detection."""
+        if np.ptp(frame.image):
+            self._check(np.ascontiguousarray(frame.image).data, "picture", reading)
+
+    def check_cloud(self, cloud: ScannedCloud, reading: PoseReading) -> None:
+        """Raises StaleCaptureError for a repeated cloud."""
+        self._check(cloud.content, "cloud", reading)
+
+    def _check(self, content: "bytes | memoryview", kind: str, reading: PoseReading) -> None:
+        digest, before = blake2b(content, digest_size=16).digest(), self._base_T_flange
+        same, self._digest = digest == self._digest, digest
+        self._base_T_flange = reading.base_T_flange
+        if not same or before is None:
+            return
+        apart_mm, apart_rad = difference(before, reading.base_T_flange)
+        if apart_mm > MIN_DISTANCE_MM or apart_rad > MIN_ROTATION_RAD:
+            raise StaleCaptureError(
+                f"the {self.device} sent the same {kind} again, to the last bit, from a pose {apart_mm:.0f} mm away",
+                f"see that the {self.device} takes a new {kind} for each request, or restart it",
+            )
+
+
+class CameraTurns:
+    """Grabs one frame at a time; a run waits for one reader's grab at most.
+
+    That grab is not cut off: a camera goes on with a picture that nobody waits for, and the run's would time out.
+    """
+
+    def __init__(self, camera: Camera, clock: Clock) -> None:
+        self._camera, self._clock = camera, clock
+        self._turn = asyncio.Lock()
+        self._latest: CameraFrame | None = None
+        self._runs = 0
+
+    async def grab(self, newer_than_s: float) -> CameraFrame:
+        """A frame exposed after `newer_than_s`, for a run. Raises DeviceError."""
+        self._runs += 1
+        try:
+            async with self._turn:
+                self._latest = None
+                with errors_of("camera"):
+                    self._latest = await self._camera.grab(newer_than_s)
+                return self._latest
+        finally:
+            self._runs -= 1
+
+    async def read(self) -> CameraFrame:
+        """A frame exposed after this call, or the one that a run grabs meanwhile. Raises DeviceError."""
+        shares_run = self._runs > 0
+        asked_at_s = self._clock.monotonic_s()
+        async with self._turn:
+            if shares_run and self._latest is not None:
+                return self._latest
+            with errors_of("camera"):
+                return await self._camera.grab(asked_at_s)
+
+
+MAX_ROUND_TRIP_S = 0.05
+"""A pose whose answer took longer was taken at a time that is too uncertain, and is left out."""
+
+
+class PolledPath:
+    """drivers.interfaces.PathRecorder of a robot that answers when asked: a pose is taken midway of its round trip."""
+
+    def __init__(self, robot: Robot, clock: Clock) -> None:
+        self._robot, self._clock, self._last_s = robot, clock, -np.inf
+
+    async def read(self) -> tuple[Array, Array]:
+        """One pose; none when its answer came late, or where the clock has not moved on. Raises DeviceError."""
+        reading = await self._robot.read_pose()
+        took_s = self._clock.monotonic_s() - reading.taken_at_s
+        time_s = reading.taken_at_s + took_s / 2
+        if took_s > MAX_ROUND_TRIP_S or time_s <= self._last_s:
+            return np.empty(0), np.empty((0, 4, 4))
+        self._last_s = time_s
+        return np.array([time_s]), reading.base_T_flange[None]
+
+
+class PathInBase:
+    """A recorder whose poses are in the world frame, moved to the base frame."""
+
+    def __init__(self, recorder: PathRecorder, world_T_base: Array) -> None:
+        self._recorder, self._base_T_world = recorder, inverse(world_T_base)
+
+    async def read(self) -> tuple[Array, Array]:
+        """As the recorder."""
+        times_s, world_T_flange = await self._recorder.read()
+        return times_s, self._base_T_world @ world_T_flange
+
 
 log = logging.getLogger(__name__)
 
@@ -233,12 +339,6 @@ class Cell:
             self._occupancy.external_axes = self._occupancy.external_axes or reading.external_axes
             check_external_axes(self._occupancy.external_axes, reading.external_axes, self._external_axis)
         return reading
-
-    async def capture_view(self) -> tuple[PoseReading, CameraFrame]:
-        """Wait until the arm is at rest, and take a picture; returns pose and picture. Raises NotStill, DeviceError."""
-        before = await self.read_settled_pose()
-        frame = await self.capture_frame(before)
-        return before, frame
 
     async def capture_frame(self, before: PoseReading) -> CameraFrame:
         """Take a frame after the reading `before`, well exposed, and check that the arm has not moved since.

@@ -4,6 +4,7 @@ Documents are parsed in the database's thread: twenty verifications would keep t
 """
 
 import asyncio
+import json
 import logging
 import shutil
 import sqlite3
@@ -11,23 +12,26 @@ from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 from calibration.documents.arm import ArmErrorsDocument
-from calibration.documents.calibration import AccuracyDocument
+from calibration.documents.calibration import AccuracyDocument, CalibrationDocument
+from calibration.documents.pose import PoseDocument
 from daemon.config.settings import MAIN_CAMERA
 from daemon.errors import AppliedMeanwhile, NoCalibration, NotFound, StorageFull, StorageInconsistent
 from daemon.model.records import (
     AppliedCalibration,
     CalibrationRecord,
+    Cause,
     FlangePose,
     RunRecord,
     ScanRecord,
     ScanViewRecord,
     Unit,
 )
-from daemon.model.run_states import FINAL_STATES
+from daemon.model.run_states import FINAL_STATES, RunState
 from daemon.runtime.durable_files import WriteFile, rename_durably, write_durably
-from daemon.runtime.event_bus import Publish
+from daemon.runtime.event_bus import MAX_EVENTS, BusEvent, Publish
 from daemon.runtime.failpoints import NO_FAILPOINTS, Failpoints
 from daemon.store.access_keys import AccessKeys
 from daemon.store.actor import current_audit_context, record_change
@@ -35,13 +39,75 @@ from daemon.store.audit_log import AuditLog
 from daemon.store.browser_sessions import BrowserSessions
 from daemon.store.consistency import StoreFault, find_fault
 from daemon.store.damaged_rows import parse_each, parse_row, parse_stored, parsing, split_damaged
+from daemon.store.database import Database
 from daemon.store.documents import ACCEPTANCES, RIGS, DocumentKind, DocumentRecord, Documents
-from daemon.store.event_log import StoredEvents
 from daemon.store.idempotency_keys import IdempotencyKeys
 from daemon.store.listings import ACCURACY, SCAN_VIEWS, Listings, read_page
 from daemon.store.opening import LockedStore
 from daemon.store.outbox import Outbox
-from daemon.store.rows import read_calibration, read_run_or_failed, read_scan, read_scan_view, scan_view_row
+
+
+def read_calibration(row: tuple[Any, ...]) -> CalibrationRecord:
+    """The record of a row. Raises StorageInconsistent when its document is not what was stored."""
+    calibration_id, run_id, created_at, accepted, content, *named = row
+    document = parse_stored(CalibrationDocument, content, f"calibration {calibration_id}")
+    return CalibrationRecord(calibration_id, run_id, created_at, bool(accepted), document, *named)
+
+
+def read_run_or_failed(row: Any) -> RunRecord:
+    """The record of a row; of a damaged one only id and times, failed."""
+    try:
+        return parse_row(RunRecord.of, row, "run")
+    except StorageInconsistent as error:
+        cause = Cause(error.code, error.what, error.fix)
+        return RunRecord(str(row[0]), row[1], RunState.FAILED, 0, 0, str(row[8]), str(row[9]), cause)
+
+
+def read_scan(row: tuple[Any, ...]) -> ScanRecord:
+    """The record of a row."""
+    scan_id, created_at, name, refine, *scanner = row
+    return ScanRecord(scan_id, created_at, name, bool(refine), *scanner)
+
+
+def read_scan_view(row: tuple[Any, ...]) -> ScanViewRecord:
+    """The record of a row. Raises ValueError for a damaged one."""
+    view, file, unit, pose, created_at, *axes, points, size_bytes, created_by = row
+    joints_deg, external_axes = (values and tuple(json.loads(values)) for values in axes)
+    at = PoseDocument.model_validate_json(pose)
+    return ScanViewRecord(view, file, unit, at, created_at, joints_deg, external_axes, points, size_bytes, created_by)
+
+
+def scan_view_row(scan_id: str, view: ScanViewRecord) -> tuple[Any, ...]:
+    """The row of a record."""
+    axes = (None if values is None else json.dumps(values) for values in (view.joints_deg, view.external_axes))
+    return (scan_id, view.view, view.file, view.unit, view.base_T_flange.model_dump_json(), view.created_at, *axes,
+            view.points, view.bytes, view.created_by)  # fmt: skip
+
+
+class StoredEvents:
+    """The EventStore of the event bus."""
+
+    def __init__(self, database: Database) -> None:
+        self._database = database
+
+    async def last(self) -> list[BusEvent]:
+        """The last MAX_EVENTS events, oldest first, without those that a damaged database holds no text of."""
+        rows = await self._database.read(
+            lambda db: db.execute("SELECT number, kind, data FROM events ORDER BY number").fetchall()
+        )
+        return [BusEvent(number, kind, json.loads(data)) for number, kind, data in rows[-MAX_EVENTS:] if data]
+
+    async def keep(self, events: Sequence[BusEvent]) -> None:
+        """Store the events in one transaction and drop old ones. Raises StorageError."""
+        rows = [(event.number, event.kind, json.dumps(event.data)) for event in events]
+        oldest = rows[-1][0] - 2 * MAX_EVENTS
+
+        def insert(db: sqlite3.Connection) -> None:
+            db.executemany("INSERT INTO events VALUES (?, ?, ?)", rows)
+            db.execute("DELETE FROM events WHERE number <= ?", (oldest,))
+
+        await self._database.write(insert)
+
 
 log = logging.getLogger(__name__)
 

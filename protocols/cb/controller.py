@@ -16,7 +16,12 @@ from protocols.cb.events import (
 from protocols.cb.frames import ChecksumFailed, Frame, FrameReader, FramingBroken, GarbageSkipped, ReaderEvent
 from protocols.cb.layouts import ANSWERS, COMMAND_OF, REQUESTS, good_status, pack, unpack
 from protocols.cb.messages import Answer, Hello, Refused, Reply
-from protocols.cb.sequence import is_older
+from protocols.counter import MAX_COUNT
+
+
+def is_older(seq: int, last: int) -> bool:
+    """Whether `seq` lies in the half circle before `last`: such a request was delayed and must not be executed."""
+    return (seq - last) % MAX_COUNT > MAX_COUNT // 2
 
 
 class ControllerSessionState(Enum):

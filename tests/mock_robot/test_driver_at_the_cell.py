@@ -14,8 +14,8 @@ from drivers.robots.abb.cb_robot import CbRobot
 from drivers.transports.serial_line import SerialTransport
 from drivers.transports.tcp import TcpTransport
 from mock_robot.cell import RobotProgram
-from mock_robot.truth.part_views import scan_poses_of
 from mock_robot.truth.start_posture import target_middle_mm
+from mock_robot.truth.truth_sheet import scan_poses_of
 from protocols.cb.codes import Command
 from tests.mock_robot.controller_client import AWAY, HOME
 from tests.mock_robot.running_cell import RunningCell, running_cell

@@ -8,7 +8,7 @@ from protocols.cb import client as client_module
 from protocols.cb import controller as controller_module
 from protocols.cb.client import ClientSession, ClientSessionState, ClientTrigger
 from protocols.cb.codes import Command, Status
-from protocols.cb.controller import ControllerSession, ControllerSessionState, ControllerTrigger
+from protocols.cb.controller import ControllerSession, ControllerSessionState, ControllerTrigger, is_older
 from protocols.cb.errors import NotAllowedNow, NothingToAnswer, RequestOutstanding
 from protocols.cb.events import (
     BadChecksum,
@@ -38,7 +38,6 @@ from protocols.cb.messages import (
     Stop,
     Stopped,
 )
-from protocols.cb.sequence import is_older
 from protocols.counter import next_count
 from tests.protocols.rows import REQUEST_ROWS, Row
 from tests.protocols.session_pairs import ANSWER_OF, HELLO, MOVE, REPORT, asked, greeted_pair, welcome

@@ -12,7 +12,7 @@ from scipy.special import chdtri, chndtr, fdtri
 
 from calibration.diagnosis.diagnose import FALSE_ALARM_PROBABILITY
 from calibration.diagnosis.evidence import Evidence
-from calibration.diagnosis.fit import Fit, apply_fit, residuals_of
+from calibration.diagnosis.fit import Fit, apply_fit
 from calibration.diagnosis.intrinsics_check import MIN_REPORTED_SHARE
 from calibration.diagnosis.view_hypotheses import change_points
 from calibration.observations.reprojection import INTRINSICS, pixel_statistics
@@ -83,7 +83,7 @@ class Linear:
     def slope_of(self, problem: Problem, slip: Slip) -> Array:
         """The slip's whitened derivative (6n,), across what X and target can take up."""
         spoilt = poses_of(slip.at(STEP).problem)[self.evidence.indices]
-        residuals = residuals_of(self.evidence.with_robot_poses(spoilt), self.fitted)[0]
+        residuals = apply_fit(self.evidence.with_robot_poses(spoilt), self.fitted).residuals
         return self._across((residuals - self.fitted.residuals) / STEP)
 
     def degrees(self, slope: Array) -> float:

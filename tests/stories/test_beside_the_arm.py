@@ -18,7 +18,7 @@ from calibration.kinematics.arm import UnreachablePoseError
 from calibration.kinematics.external_axis import AxisKind, ExternalAxis, reading_of
 from calibration.transforms import Array, inverse, map_points
 from daemon.config.settings import TaughtPose
-from mock_robot.cabinet.mounting import Mounting
+from mock_robot.cabinet.cabinet import Mounting
 from mock_robot.cabinet.panel import Mode
 from mock_robot.truth.score import score_calibration, score_cloud
 from tests.daemon.fakes import ply_of, points_of

@@ -11,7 +11,7 @@ import pytest
 from calibration.documents.pose import PoseDocument
 from calibration.transforms import Array, difference, transform
 from daemon.errors import NotStill
-from mock_robot.cabinet.mounting import UPSIDE_DOWN, Mounting
+from mock_robot.cabinet.cabinet import UPSIDE_DOWN, Mounting
 from mock_robot.truth.score import score_calibration
 from tests.daemon.fakes import ply_of, points_of
 from tests.mock_robot.running_cell import RunningCell, running_cell

@@ -11,8 +11,7 @@ import pytest
 
 from calibration.transforms import Array
 from daemon.api.http_errors import TooManyListeners
-from daemon.api.live.live_feed import MAX_LISTENERS, LiveFeed
-from daemon.api.live.snapshot import message_of
+from daemon.api.live.live_feed import MAX_LISTENERS, LiveFeed, message_of
 from drivers.errors import DeviceTimeout, DeviceUnreachable
 from tests.daemon.cell_under_test import Bench, serving, settings_for
 from tests.daemon.fakes import Gate

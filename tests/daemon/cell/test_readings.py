@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from daemon.api.schemas.cell import RobotDocument
-from daemon.cell.camera_turns import CameraTurns
+from daemon.cell.cell import CameraTurns
 from daemon.cell.readings import RobotReading
 from daemon.cell.recent_reading import MAX_AGE_S, MAX_RESUMED_A_TURN, RecentReading
 from daemon.runtime.clock import Clock

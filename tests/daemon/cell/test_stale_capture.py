@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from daemon.cell.stale_capture import StaleCaptureDetector
+from daemon.cell.cell import StaleCaptureDetector
 from daemon.errors import StaleCaptureError
 from drivers.interfaces import CameraFrame, ScannedCloud
 from tests.daemon.fakes import pose_reading

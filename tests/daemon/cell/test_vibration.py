@@ -84,12 +84,12 @@ def looking_through(monitor: Ringing, limit_s: float) -> tuple[Cell, FakeCamera]
 async def test_every_picture_waits_until_the_arm_has_stopped_ringing() -> None:
     monitor = Ringing(1.0, 0.1)
     cell, camera = looking_through(monitor, limit_s=10.0)
-    await cell.capture_view()
+    await cell.capture_frame(await cell.read_settled_pose())
     assert (monitor.looks, camera.pictures) == (6, 1)
 
 
 async def test_of_an_arm_that_goes_on_ringing_no_picture_is_taken() -> None:
     cell, camera = looking_through(Ringing(0.06, decay=1.0), limit_s=0.05)
     with pytest.raises(NotStill, match="still vibrates"):
-        await cell.capture_view()
+        await cell.capture_frame(await cell.read_settled_pose())
     assert camera.pictures == 0

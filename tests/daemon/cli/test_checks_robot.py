@@ -11,7 +11,7 @@ from daemon.config.robot_settings import LoadSettings
 from daemon.config.settings import RobotSettings, Settings
 from drivers.interfaces import RobotSetup
 from drivers.registry import open_robot
-from mock_robot.cabinet.mounting import UPSIDE_DOWN, Mounting
+from mock_robot.cabinet.cabinet import UPSIDE_DOWN, Mounting
 from tests.mock_robot.rws_cell import rws_cell
 from tests.support.waiting import eventually
 

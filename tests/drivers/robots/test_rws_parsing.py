@@ -14,8 +14,8 @@ from drivers.registry import ROBOTS, check_robot_address
 from drivers.robots.abb.robtarget import UNUSED_AXIS
 from drivers.robots.abb.rws import parsing
 from drivers.robots.abb.rws.address import RwsAddress
+from drivers.robots.abb.rws.client import error_of_response
 from drivers.robots.abb.rws.dialect import DIALECTS, error_in
-from drivers.robots.abb.rws.status_errors import error_of_response
 from drivers.robots.abb.rws.subscription import events_in
 
 ROBTARGET = {"x": "515", "y": "0", "z": "712", "q1": "0.707106769", "q2": "0", "q3": "0.707106769", "q4": "0",

@@ -10,9 +10,9 @@ from calibration.transforms import Array, inverse, map_points, rotation_from_vec
 from mock_robot.scene.part import DOOR
 from mock_robot.scene.part_mesh import surface_samples
 from mock_robot.scene.scanner_view import ScannerModel, cast, cloud_ply, scan
-from mock_robot.truth.part_views import scan_poses_of
 from mock_robot.truth.score_ply import read_points
 from mock_robot.truth.truth import CellTruth
+from mock_robot.truth.truth_sheet import scan_poses_of
 
 COARSE = ScannerModel(columns=160, rows=120, focal=240.0)
 

@@ -16,10 +16,9 @@ from calibration.targets import AprilTagGrid, Chessboard, CircleGrid
 from calibration.transforms import Array, difference, inverse, map_points, rotation_from_vector, transform
 from mock_robot.scene.camera_view import render
 from mock_robot.scene.printed_target import print_target
-from mock_robot.truth.part_views import scan_poses_of
 from mock_robot.truth.start_posture import start_joints
 from mock_robot.truth.truth import TARGET_MIDDLE_MM, CellTruth
-from mock_robot.truth.truth_sheet import BOX_MM, cell_sheet, target_document, truth_document
+from mock_robot.truth.truth_sheet import BOX_MM, cell_sheet, scan_poses_of, target_document, truth_document
 
 SEEDS = range(40)
 

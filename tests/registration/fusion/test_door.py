@@ -7,8 +7,8 @@ from calibration.kinematics.robot_accuracy import RobotNoise
 from calibration.transforms import difference, inverse, map_points, rotation_from_vector, transform
 from mock_robot.scene.part import DOOR
 from mock_robot.scene.scanner_view import ScannerModel, scan
-from mock_robot.truth.part_views import scan_poses_of
 from mock_robot.truth.truth import CellTruth
+from mock_robot.truth.truth_sheet import scan_poses_of
 from registration.fusion.overlap import agreement
 from registration.fusion.pose_adjustment import refine_poses
 from registration.points.layout import XYZ_FLOAT32

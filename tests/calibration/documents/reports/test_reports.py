@@ -21,8 +21,7 @@ from calibration.documents.reports.acceptance_report import (
     acceptance_report,
 )
 from calibration.documents.reports.blocks import picture, policy_of
-from calibration.documents.reports.budget import point_variances
-from calibration.documents.reports.calibration_report import calibration_report
+from calibration.documents.reports.calibration_report import calibration_report, point_variances
 from calibration.documents.reports.charts import LOOKS, Bar, ChartPoint, bar_chart, control_chart, limit_scale
 from calibration.documents.reports.context import Drift, DriftedPoint, Picture, ReportContext, VerifiedPoints
 from calibration.documents.reports.numbers import number, places, significant
