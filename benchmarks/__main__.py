@@ -44,6 +44,7 @@ QUICK: dict[str, tuple[str, ...]] = {
     "diagnosis.postures": ("--sessions", "2"),
     "diagnosis.warming": ("--sessions", "4"),
     "hand_eye": ("--cells", "500"),
+    "hand_eye.belief": ("--seeds", "6"),
     "hand_eye.honesty": ("--sessions", "520"),
     "hand_eye.peers": ("--cells", "20"),
     "hand_eye.vision_calibration": ("--cells", "4"),
