@@ -19,11 +19,11 @@ ROOMS = (*CORE, "extensions")
 
 MAX_UNITS = {"calibration": 24, "daemon": 22, "mock_robot": 16, "registration": 10}
 MAX_WEIGHTS = {
-    "lines of Python of the core": 97_852,
+    "lines of Python of the core": 97_851,
     "lines of Python of the extensions": 3_291,
     "files of the fullest folder": 52,
     "private functions used once": 899,
-    "of them of at most 8 lines": 471,
+    "of them of at most 8 lines": 470,
     "functions of 8 parameters or more": 45,
     "pairs of a dataclass and a document with the same fields": 40,
     "converters between them: of, of_row, of_record, row": 69,

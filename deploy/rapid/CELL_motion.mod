@@ -39,6 +39,8 @@ MODULE CELL_motion
     ENDWHILE
     cell_leave;
   ERROR (CELL_ERR_ABORT)
+    ! Whether a listed clause takes other errors, too, is in no manual: they go on to the caller.
+    IF ERRNO <> CELL_ERR_ABORT RAISE;
     ! A trap has stopped the arm and cleared its path: settle and answer the abort.
     SkipWarn;
     TRYNEXT;

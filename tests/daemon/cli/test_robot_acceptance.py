@@ -7,14 +7,17 @@ from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from calibration.transforms import Array, rotation_from_vector, transform
 from daemon.cli.robot_acceptance import Operator
 from daemon.tools.acceptance_report import RobotAcceptanceDocument, acceptance_document, acceptance_page
 from drivers.registry import cb_transport
 from drivers.robots.abb.acceptance.bench import AcceptanceLimits, Bench
 from drivers.robots.abb.acceptance.person import Answer, Step
 from drivers.robots.abb.acceptance.program import ROWS, RowResult, run_rows
+from drivers.robots.abb.acceptance.rows_motion import WRAP_MS, fastest_mm_s
 from drivers.robots.abb.rws.address import RwsAddress
 from mock_robot.faults.robot_faults import FAULTS
 from tests.daemon.cli.running import handeyed
@@ -64,6 +67,31 @@ def test_the_shipped_program_passes_every_row(tmp_path: Path) -> None:
     assert document["event_log"]
     RobotAcceptanceDocument.model_validate(document)
     assert "camera-speed" in report.read_text()
+    measured = {row["code"]: row["measured"] for row in document["rows"]}["camera-speed"]
+    assert 0.3 * measured["asked mm/s"] < measured["fastest mm/s"] < 1.15 * measured["asked mm/s"]
+
+
+@pytest.mark.slow
+def test_a_program_that_does_not_know_how_far_the_camera_is_turns_too_fast() -> None:
+    """Its cell_reach is a tenth of the camera's distance."""
+    with rws_cell_apart(program="rapid", time_scale=1.0) as cell:
+        ran = try_row(cell, "camera-speed", replace(QUICK, reach_mm=4000.0))
+    assert (ran.verdict, "set cell_reach" in ran.what) == ("failed", True)
+
+
+def a_turn(deg_s: float, first_ms: int = 0) -> list[tuple[int, Array]]:
+    """Poses every 20 ms of a flange that turns for a second, by a clock that wraps."""
+    return [
+        ((first_ms + ms) % WRAP_MS, transform(rotation_from_vector([0, 0, np.radians(deg_s * ms / 1000)]), [9.0, 0, 0]))
+        for ms in range(0, 1000, 20)
+    ]
+
+
+@pytest.mark.parametrize("first_ms", [0, WRAP_MS - 500])
+def test_the_fastest_point_is_that_at_the_reach(first_ms: int) -> None:
+    turn = a_turn(90.0, first_ms)
+    assert fastest_mm_s(turn, 400.0) == pytest.approx(400.0 * np.pi / 2, rel=0.01)
+    assert fastest_mm_s(turn[:8], 400.0) is None
 
 
 LINK = {

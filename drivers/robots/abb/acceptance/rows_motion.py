@@ -87,7 +87,9 @@ async def camera_speed(bench: Bench) -> Measured:
         goal = goal_of(home, bench.limits.fast_mm_s)
         samples = await _sample_turn(bench, wire, goal)
         await bench.travel(wire, goal)
-    fastest = _fastest_mm_s(samples, bench.limits.reach_mm)
+    fastest = fastest_mm_s(samples, bench.limits.reach_mm)
+    if fastest is None:
+        raise RowFailed(f"the turn gave no two poses {WINDOW_MS} ms apart: nothing was measured")
     if fastest > CAMERA_SLACK * bench.limits.fast_mm_s:
         what = f"a point {bench.limits.reach_mm:g} mm from the flange moves at {fastest:.0f} mm/s"
         raise RowFailed(f"{what}, {bench.limits.fast_mm_s:g} was asked for: set cell_reach")
@@ -117,19 +119,20 @@ async def _sample(bench: Bench, wire: Wire, seq: int) -> list[tuple[int, Array]]
     return samples
 
 
-def _fastest_mm_s(samples: list[tuple[int, Array]], reach_mm: float) -> float:
-    """Fastest point on a sphere of `reach_mm` around the flange, over windows of WINDOW_MS."""
+def fastest_mm_s(samples: list[tuple[int, Array]], reach_mm: float) -> float | None:
+    """Fastest point on a sphere of `reach_mm` around the flange, over windows of WINDOW_MS; None without a window.
+
+    `samples`: the controller's milliseconds, which wrap at WRAP_MS, and poses of the flange.
+    """
     around = reach_mm * np.vstack([np.eye(3), -np.eye(3), np.zeros((1, 3))])
-    points = [(at, pose[:3, :3] @ around.T + pose[:3, 3:]) for at, pose in samples]
-    fastest, first = 0.0, 0
-    for at, now in points:
-        while (at - points[first + 1][0]) % WRAP_MS >= WINDOW_MS if first + 1 < len(points) else False:
-            first += 1
-        began, then = points[first]
-        elapsed = (at - began) % WRAP_MS
-        if WINDOW_MS <= elapsed < 2 * WINDOW_MS:
-            fastest = max(fastest, float(np.linalg.norm(now - then, axis=0).max()) / elapsed * 1000)
-    return fastest
+    points = np.array([pose[:3, :3] @ around.T + pose[:3, 3:] for _, pose in samples])
+    stamps_ms = np.array([at for at, _ in samples])
+    at_ms = np.concatenate([[0], np.cumsum(np.diff(stamps_ms) % WRAP_MS)])
+    before = np.searchsorted(at_ms, at_ms - WINDOW_MS, side="right") - 1
+    elapsed_ms = at_ms - at_ms[before]
+    whole = (before >= 0) & (elapsed_ms < 2 * WINDOW_MS)
+    speeds_mm_s = np.linalg.norm(points - points[before], axis=1).max(axis=1)[whole] / elapsed_ms[whole] * 1000
+    return float(speeds_mm_s.max()) if len(speeds_mm_s) else None
 
 
 async def borders(bench: Bench) -> Measured:
@@ -146,15 +149,11 @@ async def borders(bench: Bench) -> Measured:
             refused = await bench.refusal(wire, cb_wire.move_of(wire.device, goal))
             if refused not in ("", "UNREACHABLE"):
                 raise RowFailed(f"axis 6 at {name}: {refused}")
-            outcomes[name] = refused or await _end_of_last(bench, wire)
+            outcomes[name] = refused or await bench.end_of(wire, wire.last_seq, 30.0)
             if outcomes[name] not in ("OK", "UNREACHABLE"):
                 raise RowFailed(f"axis 6 at {name}: the move ended {outcomes[name] or 'never'}")
         await bench.go_home(wire)
     return outcomes
-
-
-async def _end_of_last(bench: Bench, wire: Wire) -> str:
-    return await bench.end_of(wire, wire.last_seq, 30.0)
 
 
 def _turned_home(home: PoseReading, wanted_deg: float, axis_deg: float, speed_mm_s: float) -> MoveGoal:
