@@ -93,6 +93,6 @@ def _solve(at: LinearisedPairs, covariance: Array) -> tuple[float, Array, Array]
     normal = columns.T @ weighed[:, :p]
     found = covariance_of(normal)
     step = -found @ (columns.T @ weighed[:, p])
-    level = float(residuals @ (weighed[:, p] + weighed[:, :p] @ step)) / (m - p)
+    level = max(float(residuals @ (weighed[:, p] + weighed[:, :p] @ step)) / (m - p), 1e-300)  # of exact poses 0
     determinants = 2 * float(np.log(np.diagonal(lower)).sum()) + float(np.linalg.slogdet(normal)[1])
     return -0.5 * (determinants + (m - p) * float(np.log(level))), step, max(level, 1.0) * found

@@ -143,7 +143,7 @@ def _learnt_noise(
     try:
         for seen in within[-LEARNT_FROM:]:
             learnt = learn_noise(learnt, scene, np.array(sure.covariance), seen)
-    except (np.linalg.LinAlgError, FloatingPointError) as error:
+    except (np.linalg.LinAlgError, ArithmeticError, CalibrationError) as error:
         log.warning("nothing is learnt of the robot's noise from verifications: %s", error)
         return belief
     return NoiseBeliefDocument.of(learnt) if within else belief

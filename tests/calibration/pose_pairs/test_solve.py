@@ -210,3 +210,20 @@ def test_a_pose_that_is_no_number_is_named() -> None:
     seen[5, 0, 3] = np.nan
     with pytest.raises(UndeterminedError, match="camera's pose 5"):
         solve_hand_eye_poses("eye-in-hand", robot, seen)
+
+
+def test_exact_poses_whose_residuals_are_zero_to_the_last_bit_are_no_trouble() -> None:
+    turns = np.array([[[0, -1, 0], [1, 0, 0], [0, 0, 1]], [[1, 0, 0], [0, 0, -1], [0, 1, 0]]], float)
+    rotations = [
+        np.eye(3),
+        *turns,
+        turns[0] @ turns[1],
+        turns[1] @ turns[0],
+        turns[0].T,
+        turns[1].T,
+        turns[0] @ turns[0],
+    ]
+    stands = np.array([transform(turn, [100.0 * k, 0.0, 0.0]) for k, turn in enumerate(rotations)])
+    with np.errstate(over="raise", divide="raise", invalid="raise"):
+        found = solve_hand_eye_poses("eye-in-hand", stands, inverse(stands))
+    assert np.allclose(found.mount_T_camera, np.eye(4), atol=1e-6)
