@@ -19,7 +19,7 @@ ROOMS = (*CORE, "extensions")
 
 MAX_UNITS = {"calibration": 24, "daemon": 22, "mock_robot": 16, "registration": 10}
 MAX_WEIGHTS = {
-    "lines of Python of the core": 97_851,
+    "lines of Python of the core": 97_794,
     "lines of Python of the extensions": 3_291,
     "files of the fullest folder": 52,
     "private functions used once": 899,

@@ -28,54 +28,84 @@ class ArmParameterDocument(Document):
     """One error of the arm in `unit`, and one standard deviation of it after the session."""
 
     name: str
+    """Name of the error."""
     group: Group
+    """zeros, links, gears, sag, play or warmth."""
     axis: int = Field(ge=1, le=6)
+    """Axis 1 to 6 that it belongs to."""
     unit: str
+    """Of value and sigma."""
     value: float
+    """The error."""
     sigma: float = Field(ge=0)
+    """One standard deviation of it after the views."""
 
 
 class ArmLadderDocument(Document):
     """The models up to a group: their probability, log-evidence against no error, and hold-out by joint regions."""
 
     up_to: Group | None
+    """The last group of the model; null for an arm as drawn."""
     probability: float
+    """Of the model among those with errors."""
     log_evidence: float
+    """Natural logarithm of the evidence against an arm as drawn."""
     hold_out_mm: float
+    """Prediction error of views left out by region of joint space, RMS, mm."""
 
 
 class ArmErrorsDocument(Document):
-    """arm.json. `covariance`: of [rotation rad and translation mm of mount_T_camera @ exp(.), the parameters].
-
-    `load`: what the flange carried; None where the sessions do not state it. `temperature_c`: of the arm at which the
-    parameters hold, the mean over the views; None where not all of them have it.
-    """
+    """arm.json: the errors of an arm as built, by all its views."""
 
     heading = "armjson"
 
     schema_version: Literal[1] = 1
+    """Version of the format."""
     arm: str
+    """Name of the arm (`handeyed arms`)."""
     serial: str | None = None
+    """Serial number of the arm; null where it is not known."""
     created_at: str
+    """UTC, ISO 8601."""
     software: str
+    """handeyed and its version."""
     setup: Setup
+    """eye-in-hand: the camera is on the flange; eye-to-hand: the camera stands in the cell."""
     taken_up: bool
+    """Whether the views show errors of the arm; all parameters are 0 otherwise."""
     log_evidence: float
+    """Natural logarithm of the evidence against an arm as drawn."""
     mount_T_camera: PoseDocument
+    """X identified with the arm, mm: the camera in the flange, or in the base."""
     parameters: list[ArmParameterDocument]
+    """Errors of the arm; docs/arm-errors.md has the model."""
     covariance: list[list[float]]
+    """Of rotation (rad), translation (mm) of mount_T_camera @ exp(.), parameters."""
     scatter_mm: float
+    """Scatter of a pose about the model, one standard deviation per axis, mm."""
     scatter_deg: float
+    """The same of its rotation, degrees."""
     ladder: list[ArmLadderDocument]
+    """Models with the errors up to each group, the first without any."""
     views: int = Field(ge=0)
+    """Number of views."""
     joints_from_poses: int = Field(default=0, ge=0)
+    """Number of views whose joints were computed from their poses by the drawing."""
     places: int = Field(ge=1)
+    """Number of places of the target."""
     load: LoadDocument | None = None
+    """What the flange carries; null where it is not known."""
     temperature_c: ArmTemperature | None = None
+    """Of the arm where the parameters hold, mean over the views, degrees Celsius; null where a view has none."""
     lowest_joints_deg: Joints
+    """Least angle of axes 1 to 6 among the views, degrees: beyond them nothing was learnt."""
     highest_joints_deg: Joints
+    """Greatest angle of axes 1 to 6 among the views, degrees."""
     more_views: MoreArmViewsDocument | None = None
+    """What views more would bring; null where no errors were taken up, for a camera beside the robot, and for a box
+    out of reach."""
     findings: list[CalibrationFindingDocument] = Field(default_factory=list)
+    """Known distances that disagree with the estimate by more than both know."""
 
     def estimate(self) -> ArmEstimate:
         """The arm and X as numbers. Raises GeometryError for another arm's or damaged parameters."""

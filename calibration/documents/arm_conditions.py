@@ -16,7 +16,9 @@ class LoadDocument(Document):
     """What the flange carries, camera and bracket: mass, and centre of gravity from the flange, in its frame."""
 
     mass_kg: Annotated[float, Field(ge=0.01, le=1000)]
+    """Its mass, kg."""
     centre_mm: Vector = (0.0, 0.0, 0.0)
+    """Its centre of mass in the frame of the flange, mm."""
 
     def load(self) -> Load:
         """As the solver takes it."""

@@ -64,6 +64,7 @@ class EstimatedCameraDocument(CameraDocument):
     """A camera, and where it came from."""
 
     source: Literal["given", "estimated"]
+    """given or estimated."""
 
 
 COVARIANCE_ORDER = ("rotation_x_rad", "rotation_y_rad", "rotation_z_rad", "x_mm", "y_mm", "z_mm")
@@ -73,28 +74,37 @@ Six = tuple[float, float, float, float, float, float]
 
 
 class PointUncertaintyDocument(Document):
-    """One of the points that matter: a standard deviation over its three axes, and U = coverage factor times it.
-
-    `camera_mm`: where it is in the camera's frame; of several views' places the most uncertain one.
-    """
+    """One of the points that matter; of several views' places of it the most uncertain one."""
 
     name: str
+    """What the point is called."""
     frame: PointFrame
+    """base or camera."""
     position_mm: Vector
+    """x, y, z in `frame`, mm."""
     camera_mm: Vector
+    """The point in the camera's frame, mm."""
     sigma_mm: float
+    """Standard deviation over three axes together, mm."""
     expanded_mm: float
+    """U = coverage_factor x sigma_mm, mm."""
 
 
 class LeaveOutDocument(Document):
     """Uncertainty of a mapped point by leaving out groups of views, beside the model's; see `solution.LeaveOut`."""
 
     point_mm: float
+    """One standard deviation of a mapped point, mm, RMS over the working volume."""
     ratio: float
+    """Observed over expected square of the errors. No unit."""
     redundancy: float
+    """Degrees of freedom of the ratio."""
     share: float
+    """Posterior probability of errors beyond the model, 0 to 1."""
     grouped_by: GroupedBy
+    """The grouping that disagrees most: image, pose or view."""
     groups: int
+    """Number of groups."""
 
 
 class ArmScaleDocument(Document):
@@ -104,32 +114,39 @@ class ArmScaleDocument(Document):
     """
 
     log: float
+    """Logarithm of the ratio. No unit."""
     sigma: float
+    """Its standard deviation. No unit."""
     covariance_with_x: Six
+    """Its covariance with the motion v of X: rad and mm, in covariance_order."""
 
     def scale(self) -> ArmScale:
         return ArmScale(self.log, self.sigma**2, np.array(self.covariance_with_x))
 
 
 class UncertaintyDocument(Document):
-    """One standard deviation: of X's translation along the mount's axes, of its rotation about the camera's axes, of a
-    mapped point (RMS over the working volume).
-
-    `covariance`: of X @ exp(.), in `covariance_frame`, rows and columns in `covariance_order`. `points`: those that
-    matter. Null and empty in a calibration that was written as version 1. `leave_out`: null with few views.
-    `arm_scale`: between the arm's millimetre and the scanner's, null where it is not estimated.
-    """
+    """Of X, and of the points that matter; null and empty in a calibration that was written as version 1."""
 
     translation_mm: Vector
+    """One standard deviation along the mount's axes, mm."""
     rotation_deg: Vector
+    """One standard deviation about the camera's axes, degrees."""
     point_mm: float
+    """One standard deviation of a mapped point, mm, RMS over the working volume."""
     covariance: tuple[Six, Six, Six, Six, Six, Six] | None = None
+    """6 x 6 of a small motion v after X, X @ exp(v): rad and mm, in covariance_order."""
     covariance_frame: Literal["camera"] = "camera"
+    """Axes of the covariance: camera."""
     covariance_order: tuple[str, str, str, str, str, str] = COVARIANCE_ORDER
+    """Names of its rows and columns."""
     coverage_factor: float = COVERAGE_FACTOR
+    """k: U is k times the standard deviation."""
     points: tuple[PointUncertaintyDocument, ...] = ()
+    """Uncertainty at the points that matter."""
     leave_out: LeaveOutDocument | None = None
+    """A second estimate, by leaving out groups of views; null below 8 views."""
     arm_scale: ArmScaleDocument | None = None
+    """Lengths by the arm over the scanner's; null where it is not estimated."""
 
     def matrix(self) -> Array | None:
         """The covariance (6, 6) of [rotation rad, translation mm], None in one written as version 1."""
@@ -148,26 +165,34 @@ class UncertaintyDocument(Document):
 
 
 class NoiseDocument(Document):
-    """Estimated from the data; null where it cannot be. `belief`: in the robot's noise after the session."""
+    """Estimated from the data; null where it cannot be."""
 
     image_px: float | None
+    """Noise of a detected point, px, one standard deviation per axis."""
     robot_rotation_deg: float | None
+    """Noise of the robot's rotation, degrees, one standard deviation per axis."""
     robot_translation_mm: float | None
+    """Noise of the robot's translation, mm, one standard deviation per axis."""
     belief: NoiseBeliefDocument | None = None
+    """What is believed of the robot's noise after the session."""
 
 
 class CorrectionDocument(Document):
     """The estimated error of one robot pose: vectors in mm and degrees."""
 
     translation_mm: Vector
+    """Error of the translation x, y, z, mm."""
     rotation_deg: Vector
+    """Error of the rotation as a rotation vector, degrees."""
 
 
 class SentenceDocument(Document):
     """What a sentence is made of: its id in the table of sentences and its parameters, to be said in any language."""
 
     id: str
+    """Of the sentence, in the table of sentences."""
     params: dict[str, JsonValue]
+    """Values of the sentence's places."""
 
     @staticmethod
     def each_of(texts: Sequence[str]) -> "list[SentenceDocument]":
@@ -179,6 +204,7 @@ class ReasonDocument(SentenceDocument):
     """A sentence, and what it is made of."""
 
     message: str
+    """A sentence."""
 
     @classmethod
     def of(cls, text: str) -> "ReasonDocument":
@@ -187,66 +213,94 @@ class ReasonDocument(SentenceDocument):
 
 
 class ViewResultDocument(Document):
-    """How one view fits. `reason`: the code of `reason_detail`. The last two: where they were recorded."""
+    """How one view fits."""
 
     index: int
+    """Of the view, from 0."""
     image: str | None
+    """Name of the view's picture in the session's folder; null where there is none."""
     status: Literal["used", "corrected", "rejected"]
+    """used, corrected or rejected."""
     reason: str | None
+    """Code of reason_detail."""
     reason_detail: ReasonDocument | None = None
+    """Why the view was not used as it came."""
     reprojection_px: float | None
+    """RMS distance of points from where they are predicted, px."""
     base_error_mm: float | None
+    """RMS distance in the base, mm."""
     robot_correction: CorrectionDocument | None
+    """The estimated error of the robot's pose."""
     joints_deg: tuple[float, ...] | None = None
+    """Joint angles where they were recorded, degrees."""
     camera_temperature_c: float | None = None
+    """Temperature of the camera where it was recorded, degrees Celsius."""
 
 
 class ObservabilityDocument(Document):
-    """How well the motions determine X."""
+    """The turns of the flange, and what they determine worst."""
 
     views_used: int
+    """Number of views used."""
     max_rotation_deg: float
+    """Largest turn between two views, degrees."""
     axis_spread: float
+    """0: parallel axes, 1: evenly spread. No unit."""
     weakest_direction: str
+    """What the views determine worst, in words."""
 
 
 class HoldOutDocument(Document):
     """Leave one view out; the document holds null below 4 views, and no pixels without images."""
 
     base_error_mm: float
+    """RMS distance in the base, mm."""
     reprojection_px: float | None
+    """RMS distance of points from where they are predicted, px."""
 
 
 class ClockOffsetDocument(Document):
     """The robot's clock minus the sensor's, with one standard deviation."""
 
     offset_s: float
+    """The robot's clock minus the sensor's at one moment, s."""
     sigma_s: float
+    """One standard deviation of offset_s, s."""
 
 
 class FindingDocument(Document):
-    """Something a person should know. `effect_mm`: shift of a mapped point with the cause taken into account."""
+    """Something a person should know."""
 
     code: str
+    """Stable code of the finding."""
     severity: Literal["error", "warning", "info"]
+    """error, warning or info."""
     message: str
+    """A sentence."""
     fix: str
+    """What to do, a sentence."""
     effect_mm: float | None = None
+    """By how much a mapped point moves with the cause taken into account, mm; null where not known."""
 
 
 class VerdictDocument(Document):
     """May it be used?"""
 
     accepted: bool
+    """Whether the result may be used."""
     findings: list[FindingDocument]
+    """What a person should know, the most severe first."""
 
 
 class CalibrationFindingDocument(FindingDocument):
     """A finding, with what `message` (id, params) and `fix` (advice) are made of."""
 
     id: str
+    """Of the sentence, in the table of sentences."""
     params: dict[str, JsonValue]
+    """Values of the sentence's places."""
     advice: SentenceDocument
+    """Id and parameters of the fix."""
 
     @classmethod
     def of(cls, finding: Finding) -> "CalibrationFindingDocument":
@@ -258,13 +312,16 @@ class CalibrationFindingDocument(FindingDocument):
 
 
 class CalibrationVerdictDocument(Document):
-    """May it be used? `rule`: by which rule it was decided, `limits`: the limits in force then; null in a calibration
-    that was written as version 1."""
+    """May it be used? Without limits and rule in a calibration that was written as version 1."""
 
     accepted: bool
+    """Whether the calibration may be used."""
     findings: list[CalibrationFindingDocument]
+    """What a person should know, the most severe first."""
     limits: LimitsInForceDocument | None = None
+    """The limits in force when it was judged."""
     rule: ReasonDocument | None = None
+    """The rule by which it was judged."""
 
     @classmethod
     def of(cls, verdict: Verdict) -> "CalibrationVerdictDocument":
@@ -279,21 +336,23 @@ class CalibrationVerdictDocument(Document):
 
 
 class AccuracyDocument(Document):
-    """The one number of a calibration: U (k = 2) at the worst of the points that matter, beside what it is judged by.
-
-    `tolerance_stated`: by settings, request or command line; else `tolerance_mm` is the default. `expected_mm`: U of
-    the same views as predicted by what was known of the noise before the run. `before_mm`: U of the calibration that
-    was in force when this one was made. `why`: of a U more than 1.5 times the expected one, or less than that. Null
-    where it is not known.
-    """
+    """The one number of a calibration, beside what it is judged by; null where it is not known."""
 
     expanded_mm: float | None = None
+    """U (k = 2) at the worst of the points that matter, mm: the number that all places show; with the arm's errors
+    where they were identified."""
     worst_point: str | None = None
+    """The name of that point."""
     tolerance_mm: float | None = None
+    """Largest U that is accepted, mm."""
     tolerance_stated: bool = False
+    """Whether somebody stated the tolerance; else it is the default of 1 mm."""
     expected_mm: float | None = None
+    """U that was expected of the same views, with the noise assumed before the run, mm."""
     before_mm: float | None = None
+    """U of the calibration that was in force when this one was made, mm."""
     why: ReasonDocument | None = None
+    """Why expanded_mm and expected_mm part by more than a factor of 1.5."""
 
     def of_uncertainty(self, uncertainty: UncertaintyDocument | None) -> "AccuracyDocument":
         """The same with U by this uncertainty."""
@@ -314,37 +373,56 @@ def _accuracy(uncertainty: UncertaintyDocument | None, verdict: CalibrationVerdi
 
 
 class CalibrationDocument(Document):
-    """The whole of calibration.json. When the motions cannot determine X the transforms are null.
-
-    `target`: as it was described, null where there was none. `target_scale`: its size over the described one, as found
-    with X; 1 where it is as described.
-    """
+    """The whole of calibration.json. When the motions cannot determine X the transforms are null."""
 
     heading = "calibrationjson"
 
     schema_version: Literal[2] = 2
+    """Version of the format."""
     id: str
+    """Of the calibration; later ones sort later."""
     created_at: str
+    """UTC, ISO 8601."""
     software: str
+    """handeyed and its version."""
     setup: Setup
+    """eye-in-hand: the camera is on the flange; eye-to-hand: the camera stands in the cell."""
     method: str
+    """auto (maximum likelihood) or the name of a closed form."""
     flange_T_camera: PoseDocument | None = None
+    """Eye-in-hand: the camera on the flange, mm; null where it is not determined."""
     base_T_target: PoseDocument | None = None
+    """Eye-in-hand: the target in the base, mm."""
     base_T_camera: PoseDocument | None = None
+    """Eye-to-hand: the camera in the base, mm; null where it is not determined."""
     flange_T_target: PoseDocument | None = None
+    """Eye-to-hand: the target on the flange, mm."""
     camera: EstimatedCameraDocument | None
+    """Intrinsics that the calibration used; null where it used none."""
     uncertainty: UncertaintyDocument | None
+    """Of X; null without X."""
     noise: NoiseDocument
+    """Noise that was estimated from the data."""
     views: list[ViewResultDocument]
+    """One entry for each view."""
     observability: ObservabilityDocument
+    """How well the motions determine X."""
     hold_out: HoldOutDocument | None
+    """Each view left out in turn; null below 4 views."""
     clock_offset: ClockOffsetDocument | None = None
+    """Of a line profiler's clock; null for other sensors."""
     axis_offset: AxisOffsetDocument | None = None
+    """A coordinate measured along the only axis of rotation of an arm that cannot tilt; else null."""
     external_axis: FoundAxisDocument | None = None
+    """A track or turntable that the controller leaves out of its poses; else null."""
     target: TargetDocument | None = None
+    """The target as it was described."""
     target_scale: Annotated[float, Field(gt=0)] = 1.0
+    """Size of the target over the described one, as found with X. No unit."""
     verdict: CalibrationVerdictDocument
+    """Whether it may be used, and why not."""
     accuracy: AccuracyDocument = Field(default_factory=lambda data: _accuracy(data["uncertainty"], data["verdict"]))
+    """U (k = 2) at the worst of the points that matter, beside what it is judged by."""
 
     @property
     def mount_T_camera(self) -> PoseDocument | None:

@@ -31,18 +31,18 @@ def external_axes_of(values: Sequence[float]) -> tuple[float | None, ...] | None
 
 
 class ExternalAxisDocument(Document):
-    """A track under the arm, or a turntable under the part, that the controller leaves out of the arm's poses.
-
-    direction : in the base, the way the base moves, or about which the part turns right-handed, as the reading grows.
-    point_mm : on a turntable's axis, in the base; a track has none.
-    zero : the reading at which base and part stand where all results have them.
-    """
+    """A track under the arm, or a turntable under the part, that the controller leaves out of the arm's poses."""
 
     kind: AxisKind
+    """track: it moves the base; turntable: it turns the part."""
     number: Annotated[int, Field(ge=1, le=6)] = 1
+    """Which of the controller's external axes, 1 to 6."""
     direction: Vector
+    """In the base: the base moves that way, or the part turns about it right-handed."""
     point_mm: Vector | None = None
+    """On a turntable's axis, in the base, mm; null for a track."""
     zero: Reading = 0.0
+    """Reading at which base and part stand where all results have them, mm or degrees."""
 
     @model_validator(mode="after")
     def _check_geometry(self) -> "ExternalAxisDocument":
@@ -70,19 +70,22 @@ Twelve = Annotated[tuple[float, ...], Field(min_length=12, max_length=12)]
 
 
 class FoundAxisDocument(ExternalAxisDocument):
-    """The axis as it was found from the views.
+    """The axis as it was found from the views; direction and point vary across the axis only."""
 
-    readings : lowest and highest of the views.
-    off_deg : of the direction from the given one.
-    sigma_mm, expanded_mm : of a registered point, over three axes, at its worst over the views' readings; U, k = 2.
-    covariance : 12 x 12 of X @ exp(.), see `uncertainty`, and [direction, point_mm], which vary across the axis only.
-    """
-
+    direction: Vector
+    """As found, of length 1, in the base."""
+    point_mm: Vector | None = None
+    """On a turntable's axis as found, in the base, mm; null for a track."""
     readings: tuple[float, float]
+    """Lowest and highest of the views, mm or degrees."""
     off_deg: float
+    """Angle of the direction from the given one, degrees."""
     sigma_mm: float
+    """Of a registered point at its worst over the views, over three axes, mm."""
     expanded_mm: float
+    """U (k = 2) of it, mm."""
     covariance: Annotated[tuple[Twelve, ...], Field(min_length=12, max_length=12)]
+    """12 x 12 of X @ exp(.), rad and mm, direction, and point_mm."""
 
     @classmethod
     def of(cls, found: ExternalAxisEstimate) -> "FoundAxisDocument":

@@ -11,17 +11,16 @@ from calibration.knowledge import ArmSource, CameraSource, Instrument, Knowledge
 
 
 class TargetKnowledgeDocument(Document):
-    """How the target's size is known: as printed; measured over a length with an instrument; or certified.
-
-    length_mm : over which it was measured, or which the certificate states.
-    instrument : with which it was measured: its largest error by class, and of reading.
-    uncertainty_mm : one standard deviation of that length, in place of the instrument's.
-    """
+    """How the target's size is known: as printed; measured over a length with an instrument; or certified."""
 
     source: TargetSource = "printed"
+    """printed, measured or certified."""
     length_mm: PositiveFloat | None = None
+    """Length that was measured or certified, mm."""
     instrument: Instrument | None = None
+    """With what it was measured; its largest error counts."""
     uncertainty_mm: PositiveFloat | None = None
+    """One standard deviation of that length, mm, in place of the instrument's."""
 
     @model_validator(mode="after")
     def _check(self) -> "TargetKnowledgeDocument":
@@ -43,15 +42,14 @@ class TargetKnowledgeDocument(Document):
 
 
 class KnowledgeDocument(Document):
-    """What is known beforehand. None of it is taken as exact: each statement is a prior with tails.
-
-    camera : calibrated in this session (same focus, warm); by its maker; from a file; or nominal, of a data sheet.
-    arm : as delivered; with Absolute Accuracy; or with its own errors from arm.json.
-    """
+    """What is known beforehand. None of it is taken as exact: each statement is a prior with tails."""
 
     target: TargetKnowledgeDocument = TargetKnowledgeDocument()
+    """How the target's size is known."""
     camera: CameraSource = "file"
+    """this-session, maker, file or nominal: how the intrinsics are known."""
     arm: ArmSource = "as-delivered"
+    """as-delivered, absolute-accuracy or arm-json: how the arm's lengths are known."""
 
     def knowledge(self) -> Knowledge:
         return Knowledge(self.target.knowledge(), self.camera, self.arm)
@@ -62,18 +60,20 @@ class KnowledgeDocument(Document):
 
 
 class NoiseBeliefDocument(Document):
-    """What is believed of the robot's noise: log-normal about these levels, one deviation being a factor.
-
-    origin : of arms as usual, stated in the settings, or learnt from earlier runs of the cell.
-    arm : the arm with its load of which it was learnt.
-    """
+    """What is believed of the robot's noise: log-normal about these levels, one deviation being a factor."""
 
     robot_rotation_deg: PositiveFloat
+    """Noise of the robot's rotation, degrees, one standard deviation per axis."""
     robot_translation_mm: PositiveFloat
+    """Noise of the robot's translation, mm, one standard deviation per axis."""
     rotation_factor: PositiveFloat = STATED_FACTOR
+    """One standard deviation of the rotation's level, as a factor."""
     translation_factor: PositiveFloat = STATED_FACTOR
+    """One standard deviation of the translation's level, as a factor."""
     origin: Literal["usual", "stated", "learnt"] = "stated"
+    """usual, stated or learnt."""
     arm: str = ""
+    """Arm and load of which it was learnt."""
 
     @classmethod
     def of(cls, belief: NoiseBelief) -> "NoiseBeliefDocument":

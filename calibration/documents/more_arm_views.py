@@ -22,28 +22,33 @@ class PointAfterViewsDocument(Document):
     """RMS error of a registered point after so many more views."""
 
     more: int = Field(ge=1)
+    """Number of the further views that are taken, from the first."""
     point_mm: float = Field(ge=0)
+    """Error of a registered point after them, RMS, mm."""
 
 
 class FurtherArmViewDocument(Document):
     """Joints from which the target is seen at its place in the base."""
 
     joints_deg: Joints
+    """Axes 1 to 6, degrees."""
     target_mm: Vector
+    """Origin of the target's place that is seen, in the base, mm."""
 
 
 class MoreArmViewsDocument(Document):
-    """The RMS error of a registered point in a box of the base, now and after more views.
-
-    `further`: the views in the order of their gain. `points`: number of those in the box that count, all of them where
-    the whole box is within reach.
-    """
+    """The RMS error of a registered point in a box of the base, now and after more views."""
 
     box_mm: tuple[Vector, Vector]
+    """Least and largest x, y, z of the registered points in the base, mm."""
     points: int = Field(ge=1, le=BOX_STEPS**3)
+    """Number of registered points within reach, on a grid of 4 x 4 x 4 in the box."""
     now_mm: float = Field(ge=0)
+    """Error of a registered point as predicted from these views, RMS, mm."""
     after: list[PointAfterViewsDocument]
+    """The same after more views."""
     further: list[FurtherArmViewDocument]
+    """Views of the target where it stood, in the order of their gain."""
 
 
 def more_arm_views_document(fit: "ArmFit", target: Target, box_mm: Array | None = None) -> MoreArmViewsDocument | None:

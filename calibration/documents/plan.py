@@ -28,16 +28,15 @@ from calibration.solution import Uncertainty
 
 
 class NoiseExpectedDocument(Document):
-    """What is expected of the noise, one standard deviation per axis; of the robot's, good to a factor of two.
-
-    image_px : of a corner. The default is a good camera.
-    robot_rotation_deg, robot_translation_mm : of a pose. Left out, an industrial robot as usual, or what the cell has
-        learnt of its own.
-    """
+    """What is expected of the noise; of the robot's, good to a factor of two. Left out, the robot's is that of an
+    industrial robot as usual, or what the cell has learnt of its own; the camera's is that of a good one."""
 
     image_px: PositiveFloat = 0.05
+    """Noise of a detected point, px, one standard deviation per axis."""
     robot_rotation_deg: PositiveFloat | None = None
+    """Noise of the robot's rotation, degrees, one standard deviation per axis."""
     robot_translation_mm: PositiveFloat | None = None
+    """Noise of the robot's translation, mm, one standard deviation per axis."""
 
     @property
     def is_stated(self) -> bool:
@@ -67,9 +66,13 @@ class LimitsDocument(Document):
     """Where the planner may look from; see `calibration.planning.viewpoints.ViewpointLimits`."""
 
     tilt_deg: Annotated[float, Field(gt=0, le=75)] = 45.0
+    """Largest angle between the line of sight and the target's normal, degrees."""
     roll_deg: Annotated[float, Field(ge=0, le=180)] = 180.0
+    """Largest turn about the line of sight, degrees."""
     distance_mm: tuple[PositiveFloat, PositiveFloat] = (450.0, 750.0)
+    """Least and greatest distance of the camera from the target, mm."""
     box_mm: tuple[Vector, Vector] | None = None
+    """Two opposite corners [[xmin, ymin, zmin], [xmax, ymax, zmax]] in the base, mm."""
 
     @model_validator(mode="after")
     def _check_order(self) -> "LimitsDocument":
@@ -89,28 +92,40 @@ class LimitsDocument(Document):
 
 
 class PlanDocument(Document):
-    """The input: scene, limits, number of poses. `views`: given poses to assess; `robot`: an arm whose reach counts.
-
-    `part`: the points that matter; the working volume without.
-    """
+    """The input: scene, limits, number of poses; or poses to assess."""
 
     heading = "planjson"
 
     schema_version: Literal[1]
+    """Version of the format."""
     target: TargetDocument
+    """The board."""
     camera: CameraDocument
+    """Intrinsics."""
     setup: Setup = "eye-in-hand"
+    """eye-in-hand: the camera is on the flange; eye-to-hand: the camera stands in the cell."""
     flange_T_camera_guess: PoseDocument | None = None
+    """Rough pose of the camera on the flange, mm."""
     base_T_target_guess: PoseDocument | None = None
+    """Rough pose of the target in the base, mm."""
     base_T_camera_guess: PoseDocument | None = None
+    """Where the camera stands in the base, roughly, mm; of an eye-to-hand plan."""
     flange_T_target_guess: PoseDocument | None = None
+    """Where the target is on the flange, roughly, mm; of an eye-to-hand plan."""
     noise: NoiseExpectedDocument = NoiseExpectedDocument()
+    """Expected noise, one standard deviation per axis."""
     known: KnowledgeDocument = KnowledgeDocument()
+    """What is known of target, camera and arm before the views; none of it counts as exact."""
     limits: LimitsDocument = LimitsDocument()
+    """Where the planner may look from."""
     poses: Annotated[int, Field(ge=3, le=60)] = 3
+    """How many poses to plan."""
     robot: str | None = None
+    """Name of an arm (`handeyed arms`) whose reach counts; null for none."""
     part: PointsDocument = PointsDocument()
+    """The points that matter; the working volume without."""
     views: list[PoseDocument] | None = None
+    """Poses base_T_flange to be assessed, mm."""
 
     @model_validator(mode="after")
     def _check_guesses(self) -> "PlanDocument":
@@ -149,16 +164,18 @@ class PlanDocument(Document):
 
 
 class PredictedDocument(Document):
-    """One standard deviation of X; null where the poses do not determine it.
-
-    `expanded_mm`: U (k = 2) at the worst of the points that matter, `worst_point`.
-    """
+    """One standard deviation of X, and U; null where the poses do not determine it."""
 
     point_mm: float | None
+    """One standard deviation of a mapped point, mm, RMS over the points that matter."""
     expanded_mm: float | None = None
+    """U (k = 2) at the worst of the points that matter, mm; null where undetermined."""
     worst_point: str | None = None
+    """The name of that point."""
     translation_mm: Vector | None
+    """One standard deviation of X's translation along its axes, mm."""
     rotation_deg: Vector | None
+    """One standard deviation of X's rotation about its axes, degrees."""
 
     @classmethod
     def of(cls, prediction: Uncertainty) -> "PredictedDocument":
@@ -177,7 +194,9 @@ class PlannedPoseDocument(Document):
     """A pose to take, and the share of the target's points that should be in the image there."""
 
     base_T_flange: PoseDocument
+    """The flange (tool0) in the base (wobj0): maps coordinates of the flange to the base, mm."""
     target_in_view: float
+    """Share of the target's points that should be in the image, 0 to 1."""
 
 
 class PlannedDocument(Document):
@@ -186,7 +205,9 @@ class PlannedDocument(Document):
     heading = "plannedjson"
 
     poses: list[PlannedPoseDocument]
+    """The poses to take, in their order."""
     predicted: PredictedDocument
+    """What these poses will tell of X."""
 
     @classmethod
     def of(cls, plan: Plan) -> "PlannedDocument":
@@ -203,3 +224,4 @@ class AssessedDocument(Document):
     heading = "assessed"
 
     predicted: PredictedDocument
+    """What the given poses will tell of X."""

@@ -37,7 +37,9 @@ class PoseDocument(Document):
     """A rigid transform; its field's name (`a_T_b`) says between which frames."""
 
     translation_mm: Vector
+    """Translation x, y, z in mm."""
     quaternion_wxyz: Quaternion
+    """Unit quaternion w, x, y, z."""
 
     def transform(self) -> Array:
         """(4, 4)"""

@@ -25,30 +25,48 @@ class BoundsDocument(Document):
     beyond the others the verdict warns of a likely cause."""
 
     point_warning_mm: PositiveFloat = DEFAULT.point_warning_mm
+    """U from which a warning is given, mm."""
     axis_angle_deg: NonNegativeFloat = round(degrees(DEFAULT.axis_angle_rad), 9)
+    """Least angle between the motions' axes, degrees."""
     robot_translation_mm: PositiveFloat = DEFAULT.robot_translation_mm
+    """Robot noise from which a warning is given, mm."""
     robot_rotation_deg: PositiveFloat = round(degrees(DEFAULT.robot_rotation_rad), 9)
+    """Robot noise from which a warning is given, degrees."""
     possible_translation_mm: PositiveFloat = DEFAULT.possible_translation_mm
+    """Robot noise that no robot has, mm."""
     possible_rotation_deg: PositiveFloat = round(degrees(DEFAULT.possible_rotation_rad), 9)
+    """Robot noise that no robot has, degrees."""
     image_px: PositiveFloat = DEFAULT.image_px
+    """Pixel noise from which a warning is given, px."""
     rejected_share: Annotated[float, Field(gt=0, le=1)] = DEFAULT.rejected_share
+    """Share of rejected views that is refused, 0 to 1."""
     hold_out_ratio: PositiveFloat = DEFAULT.hold_out_ratio
+    """Hold-out error over the predicted one that is refused. No unit."""
     possible_hold_out_mm: PositiveFloat = DEFAULT.possible_hold_out_mm
+    """Hold-out error that no calibration in use may have, mm."""
     negligible_share: Annotated[float, Field(ge=0, le=1)] = DEFAULT.negligible_share
+    """Share of the tolerance up to which an effect is information, 0 to 1."""
     warning_share: Annotated[float, Field(ge=0, le=1)] = DEFAULT.warning_share
+    """Share of the tolerance up to which an effect is a warning, 0 to 1."""
     print_scale_share: Annotated[float, Field(gt=0, le=1)] = DEFAULT.print_scale_share
+    """Deviation of the print's size that is a warning, 0 to 1."""
     lens_share: Annotated[float, Field(gt=0, le=1)] = DEFAULT.lens_share
+    """Error of distances by the intrinsics that is a warning, 0 to 1."""
     points_size_share: Annotated[float, Field(gt=0, le=1)] = DEFAULT.points_size_share
+    """Error of the measured target's size that is a warning, 0 to 1."""
     leave_out_probability: Annotated[float, Field(ge=0, le=1)] = DEFAULT.leave_out_probability
+    """Probability below which left-out groups contradict the model, 0 to 1."""
     mount_sigma: PositiveFloat = DEFAULT.mount_sigma
+    """Standard deviations by which the mount may differ from the last calibration. No unit."""
 
 
 class LimitsInForceDocument(BoundsDocument):
-    """All limits by which a verdict was given. `tolerance_mm`: of U (k = 2) at the worst of the points that matter;
-    `tolerance_stated`: whether somebody stated it."""
+    """All limits by which a verdict was given."""
 
     tolerance_mm: Tolerance
+    """Largest U that is accepted, mm."""
     tolerance_stated: bool = False
+    """Whether somebody stated the tolerance; else it is the default of 1 mm."""
 
     @classmethod
     def of(cls, limits: VerdictLimits) -> "LimitsInForceDocument":
@@ -67,15 +85,20 @@ class NamedPointDocument(Document):
     """A point that matters, in the base's or the camera's frame."""
 
     name: Annotated[str, Field(min_length=1, max_length=100)]
+    """What the point is called."""
     position_mm: Vector
+    """x, y, z in `frame`, mm."""
     frame: PointFrame = "base"
+    """base or camera."""
 
 
 class PointsDocument(Document):
     """Where the uncertainty counts: the corners of a box in the base, and named points; the working volume without."""
 
     box_mm: tuple[Vector, Vector] | None = None
+    """Two opposite corners [[xmin, ymin, zmin], [xmax, ymax, zmax]] in the base, mm."""
     points: Annotated[tuple[NamedPointDocument, ...], Field(max_length=1000)] = ()
+    """Named points that matter."""
 
     @model_validator(mode="after")
     def _check_box(self) -> "PointsDocument":
@@ -95,6 +118,7 @@ class PointsFile(PointsDocument):
     heading = "pointsjson"
 
     schema_version: Literal[1]
+    """Version of the format."""
 
 
 def _renamed(values: Mapping[str, Any], suffix: str, other: str, convert: Callable[[float], float]) -> dict[str, Any]:

@@ -26,9 +26,13 @@ class CameraDocument(Document):
     """OpenCV's coefficients, in its order: 4, 5 (k1, k2, p1, p2, k3), 8, 12 or 14; k1 to k4 of a fisheye."""
 
     matrix: tuple[Vector, Vector, Vector]
+    """fx, 0, cx / 0, fy, cy / 0, 0, 1 in px; (0, 0) is the middle of the first pixel."""
     distortion: Annotated[list[float], Field(min_length=4, max_length=14)]
+    """OpenCV's coefficients: 4, 5, 8, 12 or 14 (k1, k2, p1, p2, k3, ...); k1 to k4 of a fisheye. No unit."""
     image_size: tuple[Pixels, Pixels]
+    """Width and height in px."""
     lens: LensModel = "pinhole"
+    """pinhole or fisheye."""
 
     @model_validator(mode="after")
     def _coefficients_of_lens(self) -> "CameraDocument":
@@ -73,36 +77,34 @@ Quarter = Annotated[int, Field(ge=-8, le=8)]
 
 
 class ViewDocument(Document):
-    """One station: an image, or the detection or measurement already made.
-
-    joints_deg : the arm's axes, where they were recorded; they are copied into calibration.json.
-    external_axes : the controller's axes beside the arm at the pose, mm or degrees; null for one that it does not have.
-    camera_temperature_c : of the camera when it took the picture, where it reports one.
-    arm_temperature_c : of the arm's links at the pose, where it is known, for an arm whose errors are identified.
-    confdata : the posture of the pose where joints were not recorded, as in a robtarget: cf1, cf4, cf6, cfx.
-    image : name of a file beside session.json.
-    corners_px : [id, u, v] of the target's points in the image.
-    cloud : name of an organised cloud beside session.json, with an intensity and a point for every pixel.
-    unit : of the cloud's lengths; it is never guessed.
-    points_mm : [id, x, y, z] of the target's points in the camera's frame.
-    camera_T_target : the target's pose in the camera, mm.
-    covariance : (6, 6) of camera_T_target, of [rotation vector rad, translation of the target's origin mm] along the
-        camera's axes.
-    """
+    """One station: an image, or the detection or measurement already made."""
 
     base_T_flange: PoseDocument
+    """The flange (tool0) in the base (wobj0): maps coordinates of the flange to the base, mm."""
     camera_temperature_c: Annotated[float, Field(ge=-100, le=200)] | None = None
+    """Temperature of the camera where it was recorded, degrees Celsius."""
     arm_temperature_c: ArmTemperature | None = None
+    """Temperature of the arm's links at the pose, degrees Celsius; null where it is not known."""
     joints_deg: Annotated[tuple[float, ...], Field(min_length=1, max_length=12)] | None = None
+    """Joint angles where they were recorded, degrees."""
     external_axes: ExternalAxes | None = None
+    """The controller's axes beside the arm at the pose, mm or degrees; null for one it does not have."""
     confdata: tuple[Quarter, Quarter, Quarter, Annotated[int, Field(ge=0, le=7)]] | None = None
+    """cf1, cf4, cf6, cfx of the pose, as in a robtarget, where joints were not recorded."""
     image: str | None = None
+    """Name of a picture beside the document, in which the target is detected."""
     corners_px: list[tuple[int, float, float]] | None = None
+    """[id, u, v] of target points in px; the id counts the points row by row from 0."""
     cloud: str | None = None
+    """Name of an organised cloud beside the document, with an intensity and a point for every pixel."""
     unit: Literal["m", "mm"] | None = None
+    """Of the cloud's lengths: m or mm; never guessed."""
     points_mm: list[tuple[int, float, float, float]] | None = None
+    """[id, x, y, z] of target points in the camera's frame, mm."""
     camera_T_target: PoseDocument | None = None
+    """The target's pose in the camera's frame, mm."""
     covariance: list[list[float]] | None = None
+    """6 x 6 of camera_T_target: rotation vector rad, translation mm, in the camera's axes."""
 
     @model_validator(mode="after")
     def _one_observation(self) -> "ViewDocument":
@@ -149,62 +151,67 @@ MAX_ASYMMETRY = 1e-6
 
 
 class AxisOffsetDocument(Document):
-    """The number that turns about one axis leave open: a coordinate along that axis, with one standard deviation.
-
-    of : the camera's centre in the frame of its mount (flange, or base beside the robot), or the target's origin in
-        the other one. For an axis along z it is the z of that point.
-    """
+    """The number that turns about one axis leave open: a coordinate along that axis."""
 
     of: Literal["camera", "target"]
+    """camera: its centre, in the frame of its mount; target: its origin, in the other frame."""
     coordinate_mm: Annotated[float, Field(ge=-10_000, le=10_000)]
+    """The coordinate along that axis: its z for an axis along z, mm."""
     sigma_mm: Annotated[float, Field(gt=0, le=1000)]
+    """One standard deviation of coordinate_mm, mm."""
 
     def offset(self) -> AxisOffset:
         return AxisOffset(self.of, self.coordinate_mm, self.sigma_mm)
 
 
 class KnownDistanceDocument(Document):
-    """A known distance, with one standard deviation, from the target's middle here to its middle in another session.
-
-    to : name of the other session's folder.
-    """
+    """A known distance from the target's middle here to its middle in another session."""
 
     to: Annotated[str, Field(min_length=1, max_length=255)]
+    """Name of the other session's folder."""
     distance_mm: Annotated[float, Field(gt=0, le=100_000)]
+    """Between the two middles, mm."""
     sigma_mm: Annotated[float, Field(gt=0, le=1000)]
+    """One standard deviation of it, mm."""
 
 
 class SessionDocument(Document):
     """The whole of session.json.
 
-    target : may be left out where every view holds `camera_T_target`, of a tracker without a printed target.
-    camera : null where the intrinsics are estimated; may be left out where they are not needed.
     axis_offset : for an arm that turns its flange about one axis only (a palletiser, a SCARA); for images.
-    external_axis : a track or turntable that the controller leaves out of its poses, roughly; its reading is in
-        `external_axes` of every view, and it is found with X; for images.
-    load : what the flange carried, for the sag of an arm whose errors are identified.
-    known : what is known beforehand of target, camera and arm.
-    robot_noise : what was believed of it beforehand; of arms as usual where it is left out.
-    distances : known ones to the target's places in other sessions of the arm, for `solve --arm`.
-    poses_from_controller : whether a driver read the poses from the controller, so that they are not inverted.
+    external_axis : roughly; its reading is in `external_axes` of every view, and it is found with X; for images.
     """
 
     heading = "sessionjson"
 
     schema_version: Literal[1]
+    """Version of the format."""
     source: str = ""
+    """Where it came from, for people."""
     poses_from_controller: bool = False
+    """Whether a driver read the poses from the controller, so that they are not inverted."""
     setup: Setup
+    """eye-in-hand: the camera is on the flange; eye-to-hand: the camera stands in the cell."""
     target: TargetDocument | None = None
+    """The board; may be left out where every view holds camera_T_target."""
     camera: CameraDocument | None = None
+    """Intrinsics; null to have them estimated; may be left out where views need none."""
     image_size: tuple[Pixels, Pixels] | None = None
+    """Width and height in px."""
     axis_offset: AxisOffsetDocument | None = None
+    """A coordinate measured along the only axis of rotation of an arm that cannot tilt; else null."""
     external_axis: ExternalAxisDocument | None = None
+    """A track or turntable that the controller leaves out of its poses; else null."""
     load: LoadDocument | None = None
+    """What the flange carries; null where it is not known."""
     known: KnowledgeDocument = KnowledgeDocument()
+    """What is known of target, camera and arm before the views; none of it counts as exact."""
     robot_noise: NoiseBeliefDocument | None = None
+    """What was believed of the robot's noise beforehand; null for arms as usual."""
     distances: tuple[KnownDistanceDocument, ...] = ()
+    """Known ones from the target's middle here to its middle in other sessions, for solve --arm."""
     views: list[ViewDocument]
+    """At least three, in the order in which they were taken."""
 
     def described_target(self) -> Target:
         """The target; a TrackedFrame where none is described."""

@@ -24,9 +24,13 @@ class ChessboardDocument(Document):
     """Inner corners."""
 
     kind: Literal["chessboard"]
+    """Kind of target."""
     columns: Count
+    """Points in a row: inner corners of a chessboard, squares of a ChArUco board, circles, or tags."""
     rows: Count
+    """Rows of points, as columns."""
     pitch_mm: PositiveFloat
+    """Distance of neighbouring points, mm; of asymmetric circles half the distance within a row."""
 
     def target(self) -> targets.Chessboard:
         return targets.Chessboard(self.columns, self.rows, self.pitch_mm)
@@ -36,12 +40,19 @@ class CharucoDocument(Document):
     """Squares."""
 
     kind: Literal["charuco"]
+    """Kind of target."""
     columns: Count
+    """Points in a row: inner corners of a chessboard, squares of a ChArUco board, circles, or tags."""
     rows: Count
+    """Rows of points, as columns."""
     square_mm: PositiveFloat
+    """Side of a square, mm."""
     marker_mm: PositiveFloat
+    """Side of a marker with its black border, mm."""
     dictionary: str
+    """OpenCV's name of the markers' dictionary."""
     legacy: bool = False
+    """OpenCV's pattern before 4.6: boards with an even number of rows begin with a white square."""
 
     @model_validator(mode="after")
     def _marker_inside_square(self) -> "CharucoDocument":
@@ -62,12 +73,19 @@ class CirclesDocument(Document):
     """Circle centres, OpenCV's conventions."""
 
     kind: Literal["circles"]
+    """Kind of target."""
     layout: Literal["symmetric", "asymmetric"]
+    """symmetric or asymmetric, as OpenCV has them."""
     columns: Count
+    """Points in a row: inner corners of a chessboard, squares of a ChArUco board, circles, or tags."""
     rows: Count
+    """Rows of points, as columns."""
     pitch_mm: PositiveFloat
+    """Distance of neighbouring points, mm; of asymmetric circles half the distance within a row."""
     dots: Literal["black", "white"] = "black"
+    """black dots on white, or white on black."""
     origin: Literal["large-dot"] | None = None
+    """large-dot: the first point is a larger dot; null without."""
 
     def target(self) -> targets.CircleGrid:
         return targets.CircleGrid(self.layout, self.columns, self.rows, self.pitch_mm, self.dots, self.origin)
@@ -77,11 +95,17 @@ class AprilTagGridDocument(Document):
     """Tags."""
 
     kind: Literal["apriltag-grid"]
+    """Kind of target."""
     columns: Annotated[int, Field(ge=1, le=200)]
+    """Points in a row: inner corners of a chessboard, squares of a ChArUco board, circles, or tags."""
     rows: Annotated[int, Field(ge=1, le=200)]
+    """Rows of points, as columns."""
     tag_mm: PositiveFloat
+    """Side of a tag with its black border, mm."""
     gap_mm: PositiveFloat
+    """Gap between neighbouring tags or markers, mm."""
     family: str = "tag36h11"
+    """AprilTag family."""
 
     @model_validator(mode="after")
     def _tags_exist(self) -> "AprilTagGridDocument":
@@ -96,12 +120,19 @@ class ArucoGridDocument(Document):
     """OpenCV's GridBoard."""
 
     kind: Literal["aruco-grid"]
+    """Kind of target."""
     columns: Annotated[int, Field(ge=1, le=200)]
+    """Points in a row: inner corners of a chessboard, squares of a ChArUco board, circles, or tags."""
     rows: Annotated[int, Field(ge=1, le=200)]
+    """Rows of points, as columns."""
     marker_mm: PositiveFloat
+    """Side of a marker with its black border, mm."""
     gap_mm: PositiveFloat
+    """Gap between neighbouring tags or markers, mm."""
     dictionary: str
+    """OpenCV's name of the markers' dictionary."""
     first_id: MarkerId = 0
+    """Id of the first marker."""
 
     @model_validator(mode="after")
     def _markers_exist(self) -> "ArucoGridDocument":
@@ -116,9 +147,13 @@ class ArucoMarkerDocument(Document):
     """One marker."""
 
     kind: Literal["aruco-marker"]
+    """Kind of target."""
     marker_mm: PositiveFloat
+    """Side of a marker with its black border, mm."""
     dictionary: str
+    """OpenCV's name of the markers' dictionary."""
     id: MarkerId
+    """Id of the marker."""
 
     @model_validator(mode="after")
     def _marker_exists(self) -> "ArucoMarkerDocument":

@@ -28,29 +28,35 @@ Covariance = Annotated[Matrix, AfterValidator(_covariance)]
 
 
 class TipPoseDocument(Document):
-    """One pose: where it puts the tip less the fixed point, in the base; `used` false for an outlier."""
+    """One pose."""
 
     name: str
+    """Name or number of the pose."""
     used: bool
+    """false for an outlier, which was left out."""
     base_residual_mm: Vector
+    """Where the pose puts the tip less the fixed point, in the base, mm."""
 
 
 class TipDocument(Document):
-    """The whole of tip.json; by hand `flange_tip_mm`, `covariance` and `placing_sigma_mm` are enough.
-
-    `covariance`: of flange_tip_mm in the flange's frame, mm². `expanded_mm`: U (k = 2) over three axes.
-    `placing_sigma_mm`: of bringing the tip to a point once, per axis, with the robot's error.
-    """
+    """The whole of tip.json; by hand `flange_tip_mm`, `covariance` and `placing_sigma_mm` are enough."""
 
     heading = "tipjson"
 
     schema_version: Literal[1] = 1
+    """Version of the format."""
     flange_tip_mm: Vector
+    """The tip in the flange's frame, mm."""
     covariance: Covariance
+    """3 x 3 of flange_tip_mm, mm²."""
     placing_sigma_mm: Annotated[float, Field(ge=0, le=100)]
+    """Of bringing the tip to a point once, per axis, with the robot's error, mm."""
     expanded_mm: float | None = None
+    """U (k = 2) of the tip over three axes, mm."""
     base_point_mm: Vector | None = None
+    """The fixed point in the base, mm."""
     poses: tuple[TipPoseDocument, ...] = ()
+    """The poses that it was calibrated from."""
 
     def covariance_matrix(self) -> Array:
         """(3, 3) in mm²."""

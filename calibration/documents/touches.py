@@ -11,21 +11,26 @@ Sigma = Annotated[float, Field(ge=0, le=100)]
 
 
 class TouchDocument(Document):
-    """One point and the pose of the flange in which the tip touched it.
+    """One point, by `id` or by `camera_mm`, and the pose of the flange in which the tip touched it.
 
-    `id`: of the target's point, where the camera looked at the target; or `camera_mm`: in the camera's frame, seen from
-    the flange's pose `seen_from` (left out for a camera beside the robot), with `sigma_mm` per axis.
-    `miss_mm`: where the point is less where the tip stands, along the base's axes, when the tip could not be brought to
-    it and the rest was measured. `base_T_flange` may be left out over REST only, where it is read from the arm.
+    `miss_mm`: when the tip could not be brought to it and the rest was measured. `base_T_flange` may be left out over
+    REST only, where it is read from the arm.
     """
 
     name: Annotated[str, Field(min_length=1, max_length=64)] | None = None
+    """What the point is called."""
     id: Annotated[int, Field(ge=0, le=100_000)] | None = None
+    """Of the target's point, where the camera looked at the target."""
     camera_mm: Vector | None = None
+    """The point in the camera's frame, mm."""
     sigma_mm: Sigma = 0.0
+    """Standard deviation of camera_mm per axis, mm."""
     seen_from: PoseDocument | None = None
+    """base_T_flange when the camera saw the point; without it for a camera beside the robot."""
     base_T_flange: PoseDocument | None = None
+    """The flange in the base (wobj0) when the tip touched the point."""
     miss_mm: Vector = (0.0, 0.0, 0.0)
+    """Where the point is less where the tip stands, along the base's axes, mm."""
 
     @model_validator(mode="after")
     def _check_point(self) -> "TouchDocument":
@@ -42,11 +47,13 @@ class TouchDocument(Document):
 
 
 class TouchesDocument(Document):
-    """The whole of touches.json. `placing_sigma_mm`: of bringing the tip to a point, per axis, without the robot's
-    error; by default what the tip's calibration shows."""
+    """The whole of touches.json. `placing_sigma_mm`: by default what the tip's calibration shows."""
 
     heading = "touchesjson"
 
     schema_version: Literal[1] = 1
+    """Version of the format."""
     placing_sigma_mm: Sigma | None = None
+    """Of bringing the tip to a point once, per axis, without the robot's error, mm."""
     touches: Annotated[tuple[TouchDocument, ...], Field(min_length=1, max_length=100)]
+    """The points, each with the pose in which the tip touched it."""

@@ -25,9 +25,9 @@ MAX_NAME_LENGTH = 60
 
 
 class Document(BaseModel):
-    """Strict, frozen, finite: the base of every document model."""
+    """Strict, frozen, finite: the base of every document model. The text below a field describes it in schemas."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, use_attribute_docstrings=True)
 
     heading: ClassVar[str] = ""
     """Heading of docs/formats.md that describes the file; empty where the model is no file."""

@@ -30,42 +30,59 @@ UNKNOWNS = 6
 
 
 class ComparedPointDocument(Document):
-    """One of the points that matter, mapped through both: their distance, and U (k = 2) of it, null when unknown."""
+    """One of the points that matter, mapped through both."""
 
     name: str
+    """What the point is called."""
     frame: PointFrame
+    """base or camera."""
     position_mm: Vector
+    """x, y, z in `frame`, mm."""
     difference_mm: float
+    """Distance of the point as mapped by the two, mm."""
     expanded_mm: float | None
+    """U (k = 2) of that distance, mm; null without a covariance."""
 
 
 class ComparisonDocument(Document):
-    """`b` compared with `a`: d, with X_b = X_a exp(d), along and about the camera's axes.
-
-    `covariance`: of d, the sum of both claimed ones, null when one of them was written as version 1. `mahalanobis`: the
-    length of d in its terms. `probability`: that errors as claimed put two calibrations of one camera further apart.
-    `agree`: whether that is at least `false_alarm_probability`.
-    """
+    """`b` compared with `a`: d, with X_b = X_a exp(d); its covariance is the sum of both claimed ones."""
 
     heading = "comparison"
 
     a: str
+    """Id of the first calibration."""
     b: str
+    """Id of the second, which is compared with it."""
     setup: Setup
+    """eye-in-hand: the camera is on the flange; eye-to-hand: the camera stands in the cell."""
     translation_mm: float
+    """Length of the translation between the two X, mm."""
     rotation_deg: float
+    """Angle of the rotation between the two X, degrees."""
     translation_along_mm: Vector
+    """The translation along the axes of the first's camera, mm."""
     rotation_about_deg: Vector
+    """The rotation about these axes, a rotation vector in degrees."""
     points: tuple[ComparedPointDocument, ...]
+    """How far the points that matter move."""
     covariance: tuple[Six, Six, Six, Six, Six, Six] | None
+    """6 x 6 of the difference, rad and mm; null where one has none."""
     covariance_frame: Literal["camera"] = "camera"
+    """Axes of the covariance: camera."""
     covariance_order: tuple[str, str, str, str, str, str] = COVARIANCE_ORDER
+    """Names of its rows and columns."""
     coverage_factor: float = COVERAGE_FACTOR
+    """k: U is k times the standard deviation."""
     mahalanobis: float | None
+    """Length of the difference in terms of its covariance; null without. No unit."""
     probability: float | None
+    """That errors as claimed put two calibrations of one camera further apart."""
     false_alarm_probability: float
+    """Probability below which the two are said to disagree, 0 to 1."""
     agree: bool | None
+    """Whether the probability is at least that; null without a covariance."""
     summary: ReasonDocument
+    """The result in a sentence."""
 
 
 def compare(

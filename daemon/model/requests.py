@@ -87,7 +87,9 @@ class ArtefactRequest(Document):
     """A sphere's calibrated radius; with `spacing_mm` a ball bar, whose two centres are so far apart."""
 
     radius_mm: Annotated[float, Field(gt=0, le=10_000)]
+    """Calibrated radius, mm."""
     spacing_mm: Annotated[float, Field(gt=0, le=100_000)] | None = None
+    """Calibrated distance of the two centres, mm; null without a ball bar."""
 
 
 class VerifyRequest(Document):

@@ -20,17 +20,24 @@ class BallDocument(Document):
     """One ball in one position, in the scanner's frame."""
 
     centre_mm: tuple[float, float, float]
+    """Its centre in the scanner's frame, mm."""
     form_mm: float
+    """Width of 95 % of its points about their sphere, mm."""
     size_mm: float
+    """Measured less calibrated diameter, mm."""
     points: int
+    """Number of points."""
 
 
 class PositionDocument(Document):
     """What one view shows."""
 
     view: int
+    """Of the view, from 0."""
     balls: list[BallDocument]
+    """The balls in sight."""
     spacing_error_mm: float | None
+    """Measured less calibrated distance, mm; null without a ball bar."""
 
 
 class AcceptanceDocument(Document):
@@ -39,13 +46,21 @@ class AcceptanceDocument(Document):
     heading = "scanner"
 
     schema_version: Literal[1] = 1
+    """Version of the format."""
     based_on: str
+    """The standards that the figures follow."""
     scan_id: str
+    """The scan that was evaluated."""
     artefact: ArtefactRequest
+    """The sphere or the ball bar."""
     probing_form_mm: float
+    """Probing error, form: width of 95 % of the points about their sphere, the largest of all, mm."""
     probing_size_mm: float
+    """Probing error, size: of the diameter, mm."""
     sphere_spacing_mm: float | None
+    """Sphere-spacing error, mm; null without a ball bar."""
     positions: list[PositionDocument]
+    """One entry for each view."""
 
 
 def assess_scanner(

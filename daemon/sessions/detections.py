@@ -17,9 +17,13 @@ class MissedDocument(Document):
     """Why the target was not found: a stable code, a sentence, and its id and parameters; files may lack the last."""
 
     code: str
+    """Stable code of the reason."""
     what: str
+    """The reason, a sentence."""
     id: str = AS_WRITTEN
+    """Of the sentence, in the table of sentences."""
     params: dict[str, JsonValue] = Field(default_factory=dict)
+    """Values of the sentence's places."""
 
     @classmethod
     def of(cls, code: str, what: str) -> "MissedDocument":
@@ -32,17 +36,20 @@ class MissedDocument(Document):
 
 
 class DetectionDocument(Document):
-    """One picture. `corners`: [id, u, v] in px; `configuration`: the arm's posture, as its controller gives it.
-
-    `sharpness`: as of GET /camera/look; null where it was not measured.
-    """
+    """One picture."""
 
     index: int
+    """Of the view, from 0."""
     at: str
+    """When the picture was taken, UTC, ISO 8601."""
     configuration: tuple[int, ...]
+    """The arm's posture as its controller gives it: cf1, cf4, cf6, cfx."""
     corners: tuple[tuple[int, float, float], ...] = ()
+    """[id, u, v] of the points found, px; empty where there is none."""
     missing: MissedDocument | None = None
+    """Why the target was not found; null where it was."""
     sharpness: float | None = None
+    """Of the target in the picture, as in GET /camera/look; null where it was not measured."""
 
 
 class DetectionsDocument(Document):
@@ -51,7 +58,9 @@ class DetectionsDocument(Document):
     heading = "detectionsjson"
 
     schema_version: int = 1
+    """Version of the format."""
     views: tuple[DetectionDocument, ...] = ()
+    """One entry for each view."""
 
     def with_view(self, view: DetectionDocument) -> "DetectionsDocument":
         """The document with this view in place of an earlier one of its index."""

@@ -31,14 +31,18 @@ FOLDERS = ("runs", "scans")
 
 
 class BackupManifestDocument(Document):
-    """The whole of handeyed-backup.json. `files`: hexadecimal SHA-256 by name; without it in format 1."""
+    """The whole of handeyed-backup.json; `files` is not in format 1."""
 
     heading = "handeyed-backupjson"
 
     made_at: str
+    """UTC, ISO 8601."""
     schema_number: int = Field(alias="schema")
+    """Version of the database."""
     format: int
+    """Version of the backup."""
     files: dict[str, str] = Field(default_factory=dict)
+    """SHA-256 of every other file in the backup, by name."""
 
 
 def back_up(store: Path, database: Database, target: Path, made_at: str) -> int:

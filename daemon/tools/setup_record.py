@@ -11,7 +11,12 @@ class SetupRecordDocument(Document):
     heading = "setupjson"
 
     version: Literal[1]
+    """Version of the format."""
     files: dict[str, bool]
+    """Files written; true where one was there before: it lies below HOME."""
     instances: list[tuple[str, str, str]]
+    """Configuration instances that were loaded: domain, type, name."""
     symbols: dict[str, str]
+    """Values of RAPID symbols before, as RAPID writes them."""
     configuration: list[str]
+    """Configuration files saved before, beside this one."""

@@ -1,4 +1,4 @@
-"""The table of documents with a JSON Schema, generated from their models, each field with its meaning."""
+"""The table of documents with a JSON Schema, generated from their models; a field's description stands below it."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -32,8 +32,6 @@ from daemon.cli.file_schemas.examples import (
     TIP,
     TOUCHES,
 )
-from daemon.cli.file_schemas.meanings import DOCUMENTS
-from daemon.cli.file_schemas.meanings_of_results import RESULTS
 from daemon.scans.scanner_acceptance import AcceptanceDocument
 from daemon.sessions.detections import DetectionsDocument
 from daemon.store.backup import BackupManifestDocument
@@ -42,9 +40,6 @@ from daemon.tools.batch_registration.manifest import ManifestDocument
 from daemon.tools.batch_registration.tasks import OutcomeDocument
 from daemon.tools.setup_record import SetupRecordDocument
 from registration.documents import ProfilesDocument, RegistrationReportDocument, ScanDocument, StitchingDocument
-
-MEANINGS: Mapping[str, str] = {**DOCUMENTS, **RESULTS}
-"""What every field means."""
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
@@ -90,9 +85,5 @@ def schema_of(name: str) -> dict[str, Any]:
     """The JSON Schema of a kind of file; KeyError for another name."""
     kind = FILES[name]
     schema = kind.model.model_json_schema(mode=kind.mode)
-    for title, part in {kind.model.__name__: schema, **schema.get("$defs", {})}.items():
-        for field, described in part.get("properties", {}).items():
-            if (meaning := MEANINGS.get(f"{title}.{field}") or MEANINGS.get(field)) is not None:
-                described["description"] = meaning
     examples = {} if kind.example is None else {"examples": [dict(kind.example)]}
     return {"$schema": DIALECT, **schema, **examples}

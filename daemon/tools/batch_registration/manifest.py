@@ -15,22 +15,32 @@ class WrittenDocument(Document):
     """A file with its size in bytes and SHA-256."""
 
     name: str
+    """Name of the file."""
     bytes: int
+    """Its size in bytes."""
     sha256: str
+    """SHA-256 of its content, hexadecimal."""
 
 
 class ManifestDocument(Document):
-    """A finished scan. `input_sha256` covers scan.json, every cloud it names, the calibration and the options."""
+    """A finished scan."""
 
     heading = "manifestjson"
 
     schema_version: Literal[1] = 1
+    """Version of the format."""
     scan: str
+    """Folder of the scan, below the archive's."""
     calibration_id: str
+    """Of the calibration that was used."""
     input_sha256: str
+    """SHA-256 over scan.json, the clouds that it names, the calibration and the options."""
     points: int
+    """Number of points."""
     accepted: bool
+    """The verdict of the scan's report."""
     files: list[WrittenDocument]
+    """What was written beside it."""
 
 
 def hash_of_inputs(folder: Path, names: list[str], about: bytes) -> str:

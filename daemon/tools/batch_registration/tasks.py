@@ -40,15 +40,20 @@ class RegistrationTask:
 
 
 class OutcomeDocument(Document):
-    """The outcome of one scan: a line of `register-archive --json`. `accepted`: its verdict; `error`: why it failed."""
+    """The outcome of one scan: a line of `register-archive --json`."""
 
     heading = "outcome"
 
     scan: str
+    """Folder of the scan, below the archive's."""
     state: State
+    """registered; unchanged: it was there already; failed."""
     points: int = 0
+    """Number of points."""
     accepted: bool = True
+    """The verdict of the scan's report; false where it failed."""
     error: str | None = None
+    """Why it failed, and what to do; null otherwise."""
 
 
 def run_task(task: RegistrationTask) -> OutcomeDocument:

@@ -13,9 +13,7 @@ import pytest
 
 from calibration.documents.validation import Document, parse_document
 from calibration.errors import DocumentError
-from daemon.cli.file_schemas.meanings import DOCUMENTS
-from daemon.cli.file_schemas.meanings_of_results import RESULTS
-from daemon.cli.file_schemas.schemas import FILES, MEANINGS, schema_of
+from daemon.cli.file_schemas.schemas import FILES, schema_of
 from tests.daemon.cli.running import handeyed
 from tests.structure import nodes_of, python_files
 
@@ -43,11 +41,13 @@ def test_every_field_has_a_meaning(name: str) -> None:
     assert [(part, field) for part, field, described in fields if not described.get("description")] == []
 
 
-def test_no_meaning_is_left_over() -> None:
-    keys = {key for name in FILES for part, model in _parts(name).items() for field in model.get("properties", {})
-            for key in (field, f"{part}.{field}")}  # fmt: skip
-    assert set(MEANINGS) <= keys
-    assert not set(DOCUMENTS) & set(RESULTS)
+def test_a_plan_does_not_say_that_it_may_leave_out_what_it_needs() -> None:
+    """Its target is required, that of a session is not."""
+    plan, session = schema_of("plan"), schema_of("session")
+    assert "target" in plan["required"]
+    assert "left out" not in plan["properties"]["target"]["description"]
+    assert "target" not in session["required"]
+    assert "left out" in session["properties"]["target"]["description"]
 
 
 @pytest.mark.parametrize("name", [name for name, kind in FILES.items() if kind.example is not None])
