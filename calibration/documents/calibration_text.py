@@ -4,8 +4,8 @@ from collections import Counter
 from collections.abc import Iterable
 
 from calibration.documents.calibration import AccuracyDocument, CalibrationDocument, FindingDocument
+from calibration.documents.numbers import significant
 from calibration.documents.pose import PoseDocument
-from calibration.documents.reports.numbers import significant
 
 MARKS = {"error": "✗", "warning": "!", "info": "·"}
 TRANSFORMS = ("flange_T_camera", "base_T_target", "base_T_camera", "flange_T_target")

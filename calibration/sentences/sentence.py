@@ -1,6 +1,7 @@
 """A sentence made from an id and parameters by a table of templates, so that programs and translations have both."""
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from math import isfinite
 from string import Formatter
 from typing import Any, Self
@@ -15,7 +16,17 @@ MAX_LISTED_VIEWS = 12
 NOT_FINITE = ("inf", "-inf", "nan")
 """How JSON holds such a parameter."""
 
-Table = Mapping[str, str]
+
+@dataclass(frozen=True)
+class Language:
+    """The templates of its sentences by id, and what parts whole numbers from their fractions."""
+
+    tag: str
+    templates: Mapping[str, str]
+    decimal: str = "."
+
+
+IN_ENGLISH = Language("en", ENGLISH)
 
 
 class Sentence(str):
@@ -47,36 +58,42 @@ def with_fix(what: str, fix: str) -> Sentence:
     return Sentence("what-and-fix", what=as_sentence(what), fix=as_sentence(fix))
 
 
-def text_of(sentence_id: str, params: Mapping[str, Any], table: Table = ENGLISH) -> str:
-    """The text of a pair by a table: parameters fill the template's places. Raises KeyError for an unknown id."""
-    return _Templates(table).vformat(table[sentence_id], (), params)
+def text_of(sentence_id: str, params: Mapping[str, Any], language: Language = IN_ENGLISH) -> str:
+    """The text of a pair in a language: parameters fill the template's places. Raises KeyError for an unknown id."""
+    return _Templates(language).vformat(language.templates[sentence_id], (), params)
 
 
 class _Templates(Formatter):
     """str.format, with lists of views, lists of sentences, and parameters that are themselves pairs."""
 
-    def __init__(self, table: Table) -> None:
-        self._table = table
+    def __init__(self, language: Language) -> None:
+        self._language = language
 
     def format_field(self, value: Any, format_spec: str) -> str:
         if format_spec == "views":
-            return _views(value)
+            return _views(value, named=self._language.tag == IN_ENGLISH.tag)
         if format_spec == "step":
-            return f"{'-+'[value > 0]} {abs(value)}"
+            return self._decimal(f"{'-+'[value > 0]} {abs(value)}")
         if isinstance(value, str) and value in NOT_FINITE:
             value = float(value)
         if isinstance(value, Mapping):
-            return text_of(value["id"], value["params"], self._table)
+            return text_of(value["id"], value["params"], self._language)
         if isinstance(value, Sentence):
-            return text_of(value.id, value.params, self._table)
+            return text_of(value.id, value.params, self._language)
         if isinstance(value, list):
             return format_spec.join(self.format_field(one, "") for one in value)
-        return str(super().format_field(value, format_spec))
+        text = str(super().format_field(value, format_spec))
+        return self._decimal(text) if isinstance(value, float) else text
+
+    def _decimal(self, number: str) -> str:
+        return number.replace(".", self._language.decimal)
 
 
-def _views(indices: list[int]) -> str:
-    """The indices in words, the first MAX_LISTED_VIEWS of them."""
+def _views(indices: list[int], *, named: bool) -> str:
+    """The first MAX_LISTED_VIEWS indices; `named`: after the word, which templates of other languages hold."""
     listed = ", ".join(map(str, indices[:MAX_LISTED_VIEWS]))
+    if not named:
+        return listed + (" \u2026" if len(indices) > MAX_LISTED_VIEWS else "")
     more = f" and {len(indices) - MAX_LISTED_VIEWS} more" if len(indices) > MAX_LISTED_VIEWS else ""
     return f"view {listed}" if len(indices) == 1 else f"views {listed}{more}"
 

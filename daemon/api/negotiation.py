@@ -59,9 +59,14 @@ def choose_picture_type(request: Request) -> PictureType:
 
 def media_ranges(request: Request) -> list[tuple[str, float]]:
     """The first MAX_MEDIA_RANGES media ranges of Accept in lower case, each with its weight."""
-    parts = ",".join(request.headers.getlist("accept")).split(",", MAX_MEDIA_RANGES)[:MAX_MEDIA_RANGES]
+    return weighted_values(request, "accept")
+
+
+def weighted_values(request: Request, header: str) -> list[tuple[str, float]]:
+    """The first MAX_MEDIA_RANGES values of such a header in lower case, each with its weight."""
+    parts = ",".join(request.headers.getlist(header)).split(",", MAX_MEDIA_RANGES)[:MAX_MEDIA_RANGES]
     split = [part.strip().lower().partition(";") for part in parts]
-    return [(media.strip(), _weight_of(parameters)) for media, _, parameters in split if media.strip()]
+    return [(value.strip(), _weight_of(parameters)) for value, _, parameters in split if value.strip()]
 
 
 def _weight_of(parameters: str) -> float:

@@ -6,7 +6,7 @@ from typing import Any
 
 from calibration.documents.calibration import CalibrationDocument
 from calibration.documents.calibration_text import accuracy_text, summary
-from calibration.documents.reports.numbers import significant
+from calibration.documents.numbers import significant
 from daemon.api.schemas.calibrations import CalibrateStatus, CurrentCalibration
 from daemon.api.schemas.cell import RobotDocument
 from daemon.api.schemas.drift import DriftChangeDocument, DriftDocument

@@ -1,5 +1,6 @@
 """`handeyed report FOLDER|FILE|ID`: the calibration report as HTML or PDF."""
 
+from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -9,10 +10,19 @@ from daemon.cli.errors import CommandError
 
 if TYPE_CHECKING:
     from calibration.documents.calibration import CalibrationDocument
-    from calibration.documents.reports.context import ReportContext
+    from daemon.reports.context import ReportContext
 
 MAX_REPORT_S = 60.0
 WHAT = 'A session folder, a calibration.json, or an id of the daemon ("current": the one in force).'
+
+
+class ReportLanguage(StrEnum):
+    """Languages of reports."""
+
+    EN = "en"
+    DE = "de"
+    ES = "es"
+    ZH = "zh"
 
 
 def report(
@@ -22,6 +32,7 @@ def report(
     ),
     settings: Annotated[Path | None, typer.Option(help="Settings with names and serials, in its table report.")] = None,
     url: Annotated[str, typer.Option(help="The daemon's address, for an id.")] = "http://127.0.0.1:8372",
+    language: Annotated[ReportLanguage, typer.Option(help="The language of its words.")] = ReportLanguage.EN,
 ) -> None:
     """Write the calibration report: result with U (k = 2), views with pictures, budget, verification, traceability.
 
@@ -31,9 +42,9 @@ def report(
     """
     path = Path(what)
     if path.is_dir() or path.is_file() or path.suffix == ".json":
-        content = _from_files(path, out.suffix == ".pdf", settings)
+        content = _from_files(path, out.suffix == ".pdf", settings, language)
     else:
-        content = _from_daemon(url, what, out.suffix == ".pdf")
+        content = _from_daemon(url, what, out.suffix == ".pdf", language)
     try:
         out.write_bytes(content)
     except OSError as error:
@@ -42,16 +53,16 @@ def report(
     typer.echo(str(out))
 
 
-def _from_files(path: Path, pdf: bool, settings: Path | None) -> bytes:
+def _from_files(path: Path, pdf: bool, settings: Path | None, language: ReportLanguage) -> bytes:
     from dataclasses import replace
     from hashlib import sha256
 
-    from calibration.documents.reports.calibration_report import calibration_report
-    from daemon.tools.reports.pdf import Attached, write_pdf
+    from daemon.reports.pdf import Attached, write_pdf
+    from daemon.reports.reports import calibration_report
 
     document, context = _session(path) if path.is_dir() else _calibration(path)
     content = document.model_dump_json().encode()
-    context = replace(context, document_sha256=sha256(content).hexdigest())
+    context = replace(context, language=language.value, document_sha256=sha256(content).hexdigest())
     if settings is not None:
         context = _with_names(context, settings)
     html = calibration_report(document, context)
@@ -59,22 +70,21 @@ def _from_files(path: Path, pdf: bool, settings: Path | None) -> bytes:
 
 
 def _calibration(file: Path) -> "tuple[CalibrationDocument, ReportContext]":
-    from calibration.documents.reports.context import ReportContext
     from daemon.cli.compare import read_calibration
+    from daemon.reports.context import ReportContext
 
     return read_calibration(file), ReportContext()
 
 
 def _session(folder: Path) -> "tuple[CalibrationDocument, ReportContext]":
     """The calibration of a session, solved unless it is there, with its worst views."""
-    from calibration.documents.reports.context import ReportContext
     from calibration.targets import TrackedFrame
     from daemon.cli.compare import read_calibration
     from daemon.cli.solve import RESULT_FILE, requirement_of, solve_session
+    from daemon.reports.context import ReportContext, session_sha256
+    from daemon.reports.pictures import view_pictures
     from daemon.sessions.session_files import find_grey
     from daemon.sessions.session_reader import open_session
-    from daemon.tools.reports.context import session_sha256
-    from daemon.tools.reports.pictures import view_pictures
 
     session = open_session(folder)
     target = session.document.described_target()
@@ -100,15 +110,15 @@ def _with_names(context: "ReportContext", settings: Path) -> "ReportContext":
     from daemon.config.settings import load_settings
 
     loaded = load_settings(settings)
-    names = loaded.report.model_dump()
-    return replace(context, robot_model=loaded.robot.model_name, target=context.target or loaded.target, **names)
+    target = context.target or loaded.target
+    return replace(context, names=loaded.report, robot_model=loaded.robot.model_name, target=target)
 
 
-def _from_daemon(url: str, calibration_id: str, pdf: bool) -> bytes:
+def _from_daemon(url: str, calibration_id: str, pdf: bool, language: ReportLanguage) -> bytes:
     from urllib.parse import quote
 
     from daemon.cli.rest_client import DaemonClient
 
     with DaemonClient(url, MAX_REPORT_S) as daemon:
         form = "pdf" if pdf else "html"
-        return daemon.read(f"/calibrations/{quote(calibration_id, safe='')}/report?format={form}")
+        return daemon.read(f"/calibrations/{quote(calibration_id, safe='')}/report?format={form}&language={language}")

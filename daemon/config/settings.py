@@ -27,25 +27,12 @@ from calibration.problem import ANCHORS, MOUNTS, Setup
 from calibration.transforms import Array
 from calibration.verdict import VerdictLimits
 from daemon.config.plc_settings import InterlockSettings, PlcSettings
+from daemon.config.report_settings import ReportSettings
 from daemon.config.robot_settings import EgmSettings, LoadSettings, OutputSettings, SettlingSettings
 from daemon.config.server_settings import ServerSettings, WebhookSettings
 from daemon.runtime.bounded_read import read_bounded
 from drivers.errors import AddressNotUnderstood
 from drivers.registry import check_camera_address, check_robot_address, check_scanner_address, check_stop_address
-
-Name = Annotated[str, Field(min_length=1, max_length=120, pattern=r"^[^\x00-\x1f\x7f]+$")]
-
-
-class ReportSettings(Document):
-    """Names for reports. What is left out stays a blank in them, to be filled in by hand."""
-
-    plant: Name | None = None
-    cell: Name | None = None
-    robot_serial: Name | None = None
-    camera_model: Name | None = None
-    camera_serial: Name | None = None
-    target_serial: Name | None = None
-    target_certificate: Name | None = None
 
 
 def _address_validator(check: Callable[[str], None]) -> AfterValidator:

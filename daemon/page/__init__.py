@@ -23,7 +23,13 @@ VERSION_MARK = "{version}"
 PRELOADS_MARK = "{preloads}"
 """Replaced in index.html by a link to each module of the shell: all are fetched at once, not one after another."""
 SHELL = "app.js"
+_ROW = re.compile(r"^  '([^']+)': '(.*)',$", re.MULTILINE)
 _IMPORT = re.compile(r"^(?:import|export) [^;]*? from '([^']+)';", re.MULTILINE)
+
+
+def sentences_in(language: str) -> dict[str, str]:
+    """The templates of the daemon's sentences by id, of the page's words in a language that is not English."""
+    return dict(_ROW.findall((FOLDER / "words" / f"daemon.{language}.js").read_text(encoding="utf-8")))
 
 
 @dataclass(frozen=True)

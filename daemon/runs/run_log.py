@@ -5,7 +5,7 @@ from collections.abc import Awaitable, Callable
 from dataclasses import replace
 from typing import Any
 
-from calibration.documents.reports.numbers import significant
+from calibration.documents.numbers import significant
 from daemon.errors import StorageError
 from daemon.model.records import Cause, Planning, RunRecord
 from daemon.model.run_states import RunEvent, RunState, next_state

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from calibration.documents.calibration_text import accuracy_text
-from calibration.documents.reports.numbers import significant
+from calibration.documents.numbers import significant
 from daemon.cli.demo_run.report import report
 from daemon.cli.demo_run.scenario import DemoResult
 from protocols.plc.codes import ContentsBit, ControlBit, StatusBit

@@ -9,40 +9,33 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from fastapi import APIRouter, Query, Request, Response
+from fastapi import APIRouter, Depends, Query, Request, Response
 from numpy.typing import NDArray
 
 from calibration.documents.calibration import CalibrationDocument
-from calibration.documents.reports.acceptance_report import (
-    MeasuredBall,
-    MeasuredPosition,
-    ScannerVerification,
-    acceptance_report,
-)
-from calibration.documents.reports.blocks import policy_of
-from calibration.documents.reports.calibration_report import calibration_report
-from calibration.documents.reports.context import Drift, DriftedPoint, Picture, ReportContext
-from calibration.documents.reports.scan_report import DeviationMap, Scan, ScannedView, scan_report
-from calibration.documents.reports.verification_report import drift_report, verification_report
 from calibration.targets import Target
 from daemon.api.dependencies import App, Identifier, WidthQuery, WithCamera
-from daemon.api.negotiation import choose_picture_type, media_ranges
-from daemon.api.plain_text import MIN_SHOWN_CHANCE, change_text
+from daemon.api.negotiation import choose_picture_type, media_ranges, weighted_values
 from daemon.api.problems import problem_responses
 from daemon.api.routes.cell import PICTURES
 from daemon.api.routes.scans import calibration_of_scan
-from daemon.api.schemas.acceptances import StoredAcceptance
-from daemon.api.schemas.drift import DriftChangeDocument
 from daemon.application import Application
-from daemon.drift.chart import DriftChart
 from daemon.errors import NotFound
+from daemon.reports.context import DeviationMap, Picture, ReportContext, context_of, session_sha256, shown_field
+from daemon.reports.errors import ReportTooSlow
+from daemon.reports.languages import LANGUAGES, LanguageTag
+from daemon.reports.pages import policy_of
+from daemon.reports.pdf import Attached, write_pdf
+from daemon.reports.reports import (
+    acceptance_report,
+    calibration_report,
+    drift_report,
+    scan_report,
+    verification_report,
+)
+from daemon.scans.scanner_acceptance import AcceptanceDocument
 from daemon.sessions.pictures import PictureType, encode_picture
 from daemon.sessions.session_files import find_grey
-from daemon.tools.reports.arm_errors import arm_in_report
-from daemon.tools.reports.context import context_of, session_sha256, verified_points
-from daemon.tools.reports.errors import ReportTooSlow
-from daemon.tools.reports.pdf import Attached, write_pdf
-from registration.documents import RegistrationReportDocument
 from registration.fusion.merging import Merge
 from registration.fusion.view_surface import SURFACE
 
@@ -62,6 +55,21 @@ Side = Annotated[Literal["above", "front", "side"], Query(alias="from", descript
 Form = Annotated[
     Literal["html", "pdf"] | None, Query(alias="format", description="html or pdf; without it, as Accept prefers")
 ]
+
+
+def _language_of(
+    request: Request,
+    language: Annotated[
+        LanguageTag | None, Query(description="without it, as Accept-Language prefers; else en")
+    ] = None,
+) -> LanguageTag:
+    """That of the report: as asked for, else as Accept-Language prefers, else English."""
+    known = [(weight, tag) for name, weight in weighted_values(request, "accept-language")
+             for tag in LANGUAGES if name.partition("-")[0] == tag and weight > 0]  # fmt: skip
+    return language or max(known, key=lambda one: one[0], default=(1.0, LANGUAGES[0]))[1]
+
+
+WithLanguage = Annotated[LanguageTag, Depends(_language_of)]
 REPORT: dict[int | str, dict[str, Any]] = {
     200: {"description": "The report, one file without a script", "content": {HTML: {}, PDF: {}}}
 }
@@ -73,7 +81,9 @@ REPORT: dict[int | str, dict[str, Any]] = {
     response_class=Response,
     responses={**REPORT, **problem_responses(404, 406, 409, 429)},
 )
-async def report_calibration(request: Request, app: App, calibration_id: Identifier, form: Form = None) -> Response:
+async def report_calibration(
+    request: Request, app: App, calibration_id: Identifier, language: WithLanguage, form: Form = None
+) -> Response:
     """The calibration report: identification, result with U (k = 2), views, budget, verification, traceability.
 
     As PDF (extra `report`) it is PDF/A-3 with calibration.json attached.
@@ -86,7 +96,7 @@ async def report_calibration(request: Request, app: App, calibration_id: Identif
         document = record.document
     content = document.model_dump_json().encode()
     context = replace(
-        context_of(app.settings),
+        context_of(app.settings, language),
         run_id=record.run_id,
         issued_at=app.clock.timestamp(),
         document_sha256=sha256(content).hexdigest(),
@@ -98,9 +108,11 @@ async def report_calibration(request: Request, app: App, calibration_id: Identif
         context = replace(context, pictures=pictures, session_sha256=digest)
     errors = await app.store.arm(document.id)
     if errors is not None:
-        context = replace(context, arm=await app.service_workers.run(arm_in_report, document, errors))
+        field = await app.service_workers.run(shown_field, document, errors)
+        context = replace(context, arm=errors, arm_field=field)
     report = partial(calibration_report, document, context)
-    return await _answer(request, app, report, form, Attached("calibration.json", content, "the calibration"))
+    attached = Attached("calibration.json", content, "the calibration")
+    return await _answer(request, app, report, language, form, attached)
 
 
 async def _with_history(app: Application, context: ReportContext, calibration_id: str) -> ReportContext:
@@ -113,23 +125,10 @@ async def _with_history(app: Application, context: ReportContext, calibration_id
     in_force = next(entry for entry in history if entry.camera == applied.camera)
     if in_force.calibration_id != calibration_id or applied.camera not in app.settings.camera_names:
         return context
-    chart = _drift_of(await app.camera(applied.camera).drift.refresh())
-    if chart.points:
-        last = await app.store.run(chart.points[-1].run_id)
-        context = replace(context, drift=chart, verification=verified_points(last))
-    return context
-
-
-def _drift_of(chart: DriftChart) -> Drift:
-    """The control chart."""
-    points = tuple(
-        DriftedPoint(point.run_id, point.at, point.standing.value, point.drift_mm, point.limit_mm, point.scatter_mm)
-        for point in chart.points
-    )
-    standing = chart.report.standing.value if chart.report.standing else "off"
-    changes = [DriftChangeDocument.of(one) for one in chart.changes if one.chance >= MIN_SHOWN_CHANCE]
-    words = tuple(change_text(change) for change in changes)
-    return Drift(chart.report.calibration_id, standing, points, chart.report.alarm, words)
+    chart = await app.camera(applied.camera).drift.refresh()
+    if not chart.points:
+        return context
+    return replace(context, drift=chart, verification=await app.store.run(chart.points[-1].run_id))
 
 
 def _target_of(app: Application, camera: str) -> Target:
@@ -139,7 +138,7 @@ def _target_of(app: Application, camera: str) -> Target:
 
 
 def _session(target: Target, folder: Path, document: CalibrationDocument) -> tuple[tuple[Picture, ...], str | None]:
-    from daemon.tools.reports.pictures import view_pictures  # loads detection, which the daemon needs for runs only
+    from daemon.reports.pictures import view_pictures  # loads detection, which the daemon needs for runs only
 
     pictures = view_pictures(document.views, target, lambda name: find_grey(folder / name))
     return pictures, session_sha256(folder)
@@ -151,17 +150,18 @@ def _session(target: Target, folder: Path, document: CalibrationDocument) -> tup
     response_class=Response,
     responses={**REPORT, **problem_responses(404, 406, 429)},
 )
-async def report_verification(request: Request, app: App, run_id: Identifier, form: Form = None) -> Response:
+async def report_verification(
+    request: Request, app: App, run_id: Identifier, language: WithLanguage, form: Form = None
+) -> Response:
     """The report of a finished verification. That of a calibration run is GET /calibrations/{id}/report."""
     run = await app.supervisor.run(run_id)
     if run.kind != "verify" or run.result is None or "verification" not in run.result:
         found = run.result.get("calibration_id") if run.result else None
         fix = f"GET /calibrations/{found}/report" if found else "wait for its end, or ask for a verification"
         raise NotFound(f"run {run_id} has no result of a verification", fix)
-    verified = verified_points(run)
-    context = replace(context_of(app.settings), run_id=run.id, issued_at=app.clock.timestamp())
-    context = replace(await _with_history(app, context, verified.calibration_id), verification=None)
-    return await _answer(request, app, partial(verification_report, verified, context), form)
+    context = replace(context_of(app.settings, language), run_id=run.id, issued_at=app.clock.timestamp())
+    context = await _with_history(app, context, run.result["verification"]["calibration_id"])
+    return await _answer(request, app, partial(verification_report, run, context), language, form)
 
 
 @router.get(
@@ -170,12 +170,15 @@ async def report_verification(request: Request, app: App, run_id: Identifier, fo
     response_class=Response,
     responses={**REPORT, **problem_responses(404, 406, 429, 507)},
 )
-async def report_drift(request: Request, app: App, camera: WithCamera, form: Form = None) -> Response:
+async def report_drift(
+    request: Request, app: App, camera: WithCamera, language: WithLanguage, form: Form = None
+) -> Response:
     """The control chart of the calibration in force, as a report."""
-    chart = _drift_of(await camera.drift.refresh())
-    if not chart.calibration_id:
+    chart = await camera.drift.refresh()
+    if not chart.report.calibration_id:
         raise NotFound("no calibration is in force", "apply one, and verify it")
-    return await _answer(request, app, partial(drift_report, chart, context_of(app.settings)), form)
+    report = partial(drift_report, chart, context_of(app.settings, language))
+    return await _answer(request, app, report, language, form)
 
 
 @router.get(
@@ -184,7 +187,9 @@ async def report_drift(request: Request, app: App, camera: WithCamera, form: For
     response_class=Response,
     responses={**REPORT, **problem_responses(404, 406, 409, 413, 429, 500, 507)},
 )
-async def report_scan(request: Request, app: App, scan_id: Identifier, form: Form = None) -> Response:
+async def report_scan(
+    request: Request, app: App, scan_id: Identifier, language: WithLanguage, form: Form = None
+) -> Response:
     """The report of a scan: its merged cloud from three sides, how its views agree, and the map of their deviations."""
     used = await calibration_of_scan(app, scan_id, "current")
     found = await (await app.scans.start_registration(scan_id, used, refine=False))
@@ -199,9 +204,9 @@ async def report_scan(request: Request, app: App, scan_id: Identifier, form: For
         for index in range(min(len(clouds), MAX_MAPPED_VIEWS))
     ]
     deviations = await app.service_workers.run(_deviation_map, surfaces)
-    record = await app.store.scan(scan_id)
-    shown = replace(_scan_of(found, pictures, scan_id, record.name, record.created_at), deviations=deviations)
-    return await _answer(request, app, partial(scan_report, shown, context_of(app.settings)), form)
+    scan, context = await app.store.scan(scan_id), context_of(app.settings, language)
+    report = partial(scan_report, scan, found, context, pictures, deviations)
+    return await _answer(request, app, report, language, form)
 
 
 @router.get(
@@ -229,34 +234,15 @@ async def picture_scan(
     return Response(content, media_type=media_type, headers={"Vary": "Accept"})
 
 
-def _scan_of(
-    found: RegistrationReportDocument, pictures: tuple[Picture, ...], scan_id: str, name: str, at: str
-) -> Scan:
-    views = tuple(
-        ScannedView(
-            view.index,
-            view.points,
-            view.overlap,
-            view.rms_mm,
-            float(np.linalg.norm(view.correction.translation_mm)) if view.correction else None,
-        )
-        for view in found.views
-    )
-    return Scan(
-        scan_id, name, at, found.calibration_id, found.points, views, found.rms_mm.before, found.rms_mm.after,
-        found.verdict.accepted, found.verdict.findings, pictures,
-    )  # fmt: skip
-
-
 def _cloud_pictures(file: Path) -> tuple[Picture, ...]:
     """Of a file of float32 x, y, z; an even choice of its points."""
-    from daemon.tools.reports.pictures import cloud_pictures
+    from daemon.reports.pictures import cloud_pictures
 
     return cloud_pictures(_points_of(file))
 
 
 def _draw(file: Path, side: str, media_type: PictureType, px: int) -> bytes:
-    from daemon.tools.reports.pictures import draw_cloud
+    from daemon.reports.pictures import draw_cloud
 
     return encode_picture(draw_cloud(_points_of(file), side, px)[0], media_type, None)
 
@@ -270,7 +256,7 @@ def _points_of(file: Path) -> NDArray[np.float32]:
 
 
 def _deviation_map(surfaces: list[bytes]) -> DeviationMap | None:
-    from daemon.tools.reports.deviation_map import deviation_map
+    from daemon.reports.deviation_map import deviation_map
 
     return deviation_map(surfaces, SURFACE)
 
@@ -281,46 +267,39 @@ def _deviation_map(surfaces: list[bytes]) -> DeviationMap | None:
     response_class=Response,
     responses={**REPORT, **problem_responses(404, 406, 429)},
 )
-async def report_acceptance(request: Request, app: App, acceptance_id: Identifier, form: Form = None) -> Response:
+async def report_acceptance(
+    request: Request, app: App, acceptance_id: Identifier, language: WithLanguage, form: Form = None
+) -> Response:
     """The report of a verification of the scanner with a sphere or a ball bar."""
-    stored = StoredAcceptance.of_record(await app.store.acceptances.get(acceptance_id))
-    report = partial(acceptance_report, _verification_of(stored), context_of(app.settings))
-    return await _answer(request, app, report, form)
-
-
-def _verification_of(stored: StoredAcceptance) -> ScannerVerification:
-    found = stored.acceptance
-    return ScannerVerification(
-        stored.id, stored.created_at, stored.created_by, found.scan_id, found.based_on, found.artefact.radius_mm,
-        found.artefact.spacing_mm, found.probing_form_mm, found.probing_size_mm, found.sphere_spacing_mm,
-        tuple(
-            MeasuredPosition(
-                position.view,
-                tuple(MeasuredBall(ball.centre_mm, ball.form_mm, ball.size_mm, ball.points) for ball in position.balls),
-                position.spacing_error_mm,
-            )
-            for position in found.positions
-        ),
-    )  # fmt: skip
+    record = await app.store.acceptances.get(acceptance_id)
+    found = record.parsed(AcceptanceDocument)
+    report = partial(acceptance_report, record, found, context_of(app.settings, language))
+    return await _answer(request, app, report, language, form)
 
 
 async def _answer(
-    request: Request, app: Application, report: Callable[[], str], form: str | None, attached: Attached | None = None
+    request: Request,
+    app: Application,
+    report: Callable[[], str],
+    language: LanguageTag,
+    form: str | None,
+    attached: Attached | None = None,
 ) -> Response:
     """HTML, or PDF where it is asked for. Both are written in a worker, the PDF one at a time a thread.
 
     Raises ReportExtraMissing, WorkersBusy, ReportTooSlow.
     """
     html, policy = await app.service_workers.run(_with_policy, report)
+    headers = {"Content-Language": language, "Vary": "Accept, Accept-Language"}
     if (form or _preferred(request)) == "html":
-        headers = {"Content-Security-Policy": policy, "Vary": "Accept"}
+        headers["Content-Security-Policy"] = policy
         return Response(html, media_type=f"{HTML}; charset=utf-8", headers=headers)
     try:
         async with asyncio.timeout(MAX_PDF_S):
             content = await app.service_workers.run_if_free(write_pdf, html, attached)
     except TimeoutError:
         raise ReportTooSlow(MAX_PDF_S) from None
-    return Response(content, media_type=PDF, headers={"Vary": "Accept"})
+    return Response(content, media_type=PDF, headers=headers)
 
 
 def _with_policy(report: Callable[[], str]) -> tuple[str, str]:

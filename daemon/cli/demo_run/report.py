@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from calibration.documents.calibration_text import accuracy_text
-from calibration.documents.reports.numbers import significant
+from calibration.documents.numbers import significant
 from daemon.cli.demo_run.scenario import DemoResult
 from daemon.cli.rest_client import DEFAULT_URL
 

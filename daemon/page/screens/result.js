@@ -16,7 +16,7 @@ import { deg, fixed, inRow, mm, moment, vector } from '../state/numbers.js';
 import { may, note, session } from '../state/now.js';
 import { camera, cameras, ofCamera } from '../state/sensors.js';
 import { linkTo } from '../state/place.js';
-import { deviceName, sentence, t } from '../state/words.js';
+import { deviceName, reportAt, sentence, t } from '../state/words.js';
 
 export function Result({ argument }) {
   const list = useAsked('/calibrations?limit=100', ['calibration', 'run']);
@@ -69,7 +69,7 @@ function Verdict({ document, current, inForce, run }) {
     ${inForce ? html`<p><b>● ${t('result.since', { at: moment(current.data.applied.applied_at), by: current.data.applied.applied_by })}</b></p>`
       : accepted && may('operator') && html`<${HoldButton} id="hold-apply" moves=${false} label=${t('result.apply')} act=${apply({})} />`}
     <div class="row">
-      <a class="button" href=${`${path}/report`} target="_blank" rel="noreferrer">${t('result.report')}</a>
+      <a class="button" href=${reportAt(`${path}/report`)} target="_blank" rel="noreferrer">${t('result.report')}</a>
       <a class="button" href=${path} download=${`${document.id}.json`}>${t('result.json')}</a>
     </div>
     ${!accepted && !inForce && (document.flange_T_camera ?? document.base_T_camera) && may('admin') && html`<${Despite} document=${document} apply=${apply} />`}

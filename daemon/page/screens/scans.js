@@ -14,7 +14,7 @@ import { may, note, progress, running } from '../state/now.js';
 import { readyWith, scanner, scannerNamed, scanners } from '../state/sensors.js';
 import { go, linkTo } from '../state/place.js';
 import { upload } from '../state/upload.js';
-import { deviceName, t } from '../state/words.js';
+import { deviceName, reportAt, t } from '../state/words.js';
 
 const TYPES = { ply: 'application/x-ply', pcd: 'application/x-pcd', laz: 'application/vnd.laszip' };
 
@@ -119,7 +119,7 @@ function Scan({ id }) {
         (quality || sumOf(views, 'points') !== null) && [t('scan.points'), count(quality?.points ?? sumOf(views, 'points'))], quality && [t('scan.rms'), mm(quality.rms_mm.after ?? quality.rms_mm.before)]]} />
       <label class="check"><input type="checkbox" checked=${refine} onChange=${() => setRefine(!refine)} /><span>${t('scan.refine')}</span></label>
       <div class="row"><a class="button" href=${`${path}/cloud?refine=${refine}&wait=60`} download=${`${id}.ply`}>${t('download')}</a>
-        <a class="button" href=${`${path}/report.html`} target="_blank" rel="noreferrer">${t('result.report')}</a></div>
+        <a class="button" href=${reportAt(`${path}/report.html`)} target="_blank" rel="noreferrer">${t('result.report')}</a></div>
       <h3>${t('scan.more')}</h3><${Upload} scan=${id} done=${scan.again} />
     </${Card}>
     <${Card} title=${t('scan.registration')} id="registration" wide="2">

@@ -2,7 +2,7 @@
 import { effect, signal } from '../vendor/preact.js';
 import en from '../words/en.js';
 import { fill, pseudo } from '../words/fill.js';
-import { language } from './choices.js';
+import { LANGUAGES, language } from './choices.js';
 
 const dictionary = signal({ tag: 'en', page: en, daemon: {} });
 
@@ -38,6 +38,9 @@ export const has = (id) => id in en;
 
 /** A device's name in words; one that is not known to the page stays as the daemon gives it. */
 export const deviceName = (name) => (has(`device.name.${name}`) ? t(`device.name.${name}`) : name);
+
+/** The address of a report in the chosen language. */
+export const reportAt = (path) => `${path}?language=${language.value in LANGUAGES ? language.value : 'en'}`;
 
 /** The locale of numbers and dates. */
 export function locale() {

@@ -8,8 +8,6 @@ import pytest
 
 from calibration.diagnosis.warming import warming_findings
 from calibration.documents.calibration import calibration_document
-from calibration.documents.reports.calibration_report import calibration_report
-from calibration.documents.reports.context import ReportContext
 from calibration.documents.view_table import view_table
 from calibration.problem import Problem
 from calibration.solution import Solution
@@ -82,11 +80,10 @@ def test_a_temperature_that_has_nothing_to_do_with_the_shift() -> None:
     assert finding.message.id == "still-warming-looks"  # type: ignore[attr-defined]
 
 
-def test_the_temperature_stands_beside_each_view_in_table_and_report() -> None:
+def test_the_temperature_stands_beside_each_view_in_the_table() -> None:
     for reported in (True, False):
         problem, solution = solved(SHIFT_PX, reported)
         verdict = judge(problem, solution)
         document = calibration_document(solution, verdict, calibration_id="c", created_at="now", software="handeyed 0")
         assert ("camera C" in view_table(document)) is reported
         assert (f" {COLD_C:.1f}" in view_table(document)) is reported
-        assert ("camera / °C" in calibration_report(document, ReportContext())) is reported

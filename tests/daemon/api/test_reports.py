@@ -7,10 +7,10 @@ import cv2
 import numpy as np
 import pytest
 
-from calibration.documents.reports.numbers import number
+from calibration.documents.numbers import number
 from daemon.model.records import CalibrationRecord
-from daemon.tools.reports import pdf
-from daemon.tools.reports.errors import ReportExtraMissing
+from daemon.reports import pdf
+from daemon.reports.errors import ReportExtraMissing
 from tests.daemon.calibrations import a_calibration, an_arm, apply_calibration, with_views
 from tests.daemon.cell_under_test import Bench, serving, settings_for
 from tests.daemon.clouds import PLY, POSES, cloud
@@ -33,6 +33,31 @@ async def test_the_report_of_the_one_in_force(tmp_path: Path) -> None:
                 assert word in answer.text
         document = (await bench.client.get("/calibrations/cal-1")).json()
         assert all(number(q, 7) in answer.text for q in document["flange_T_camera"]["quaternion_wxyz"])
+
+
+@pytest.mark.parametrize(
+    ("asked", "accepted", "answered"),
+    [
+        ({}, None, "en"), ({}, "de-AT,de;q=0.9,en;q=0.5", "de"), ({}, "fr, es;q=0.2", "es"), ({}, "fr", "en"),
+        ({}, "de;q=0", "en"), ({"language": "zh"}, "de", "zh"),
+    ],
+)  # fmt: skip
+async def test_a_report_is_in_the_language_that_is_asked_for_or_preferred(
+    bench: Bench, asked: dict[str, str], accepted: str | None, answered: str
+) -> None:
+    await apply_calibration(bench)
+    headers = {} if accepted is None else {"Accept-Language": accepted}
+    answer = await bench.client.get("/calibrations/current/report", params=asked, headers=headers)
+    assert answer.headers["content-language"] == answered
+    assert f'<html lang="{answered}">' in answer.text
+    assert "Accept-Language" in answer.headers["vary"]
+
+
+async def test_a_language_that_no_report_has_is_refused(bench: Bench) -> None:
+    await apply_calibration(bench)
+    refused = await bench.client.get("/calibrations/current/report?language=fr")
+    assert refused.status_code == 422
+    assert "en, de, es or zh" in refused.json()["fix"].replace("'", "")
 
 
 @pytest.mark.slow

@@ -2,6 +2,8 @@
 
 from pathlib import Path
 
+from daemon.cli.report import ReportLanguage
+from daemon.reports.languages import LANGUAGES
 from tests.daemon.cli.running import handeyed
 from tests.daemon.cli.sessions import with_corners
 
@@ -20,6 +22,8 @@ def test_a_session_folder_is_solved_and_reported(tmp_path: Path) -> None:
 def test_a_calibration_file_is_reported(tmp_path: Path) -> None:
     assert handeyed("report", VERSION_1, "--out", tmp_path / "r.html").status == 0
     assert "Calibration report" in (tmp_path / "r.html").read_text()
+    assert handeyed("report", VERSION_1, "--language", "de", "--out", tmp_path / "r.html").status == 0
+    assert "Kalibrierbericht" in (tmp_path / "r.html").read_text()
 
 
 def test_what_cannot_be_reported_is_refused(tmp_path: Path) -> None:
@@ -27,3 +31,7 @@ def test_what_cannot_be_reported_is_refused(tmp_path: Path) -> None:
     assert handeyed("report", tmp_path, "--out", tmp_path / "r.html").status == 2
     assert handeyed("report", VERSION_1, "--out", tmp_path / "none" / "r.html").status == 1
     assert handeyed("report", "some-id", "--url", "http://127.0.0.1:1", "--out", tmp_path / "r.html").status == 1
+
+
+def test_the_command_knows_every_language_of_reports() -> None:
+    assert tuple(ReportLanguage) == LANGUAGES

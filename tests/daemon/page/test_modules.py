@@ -8,7 +8,7 @@ import pytest
 
 from calibration.sentences.english import ENGLISH
 from daemon.api.routes.help_codes import _entries
-from daemon.page import FOLDER
+from daemon.page import FOLDER, sentences_in
 from daemon.tools.batch_registration.errors import ArchiveError
 from daemon.tools.target_print.errors import PrintRefused
 
@@ -31,10 +31,10 @@ UNLISTED = {
 
 
 def daemon_words(language: str) -> dict[str, str]:
-    text = (FOLDER / "words" / f"daemon.{language}.js").read_text()
-    rows = re.findall(r"^  '([^']+)': '(.*)',$", text, re.MULTILINE)
-    assert len(dict(rows)) == len(rows), "an id stands twice"
-    return dict(rows)
+    words = sentences_in(language)
+    rows = (FOLDER / "words" / f"daemon.{language}.js").read_text().count("\n  '")
+    assert len(words) == rows, "an id stands twice, or a row is not as the reports read it"
+    return words
 
 
 @pytest.mark.parametrize("language", LANGUAGES)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from calibration.documents.reports.numbers import significant
+from calibration.documents.numbers import significant
 from calibration.planning.next_view import NextView, next_view
 from calibration.transforms import transform, vector_from_rotation
 from tests.daemon.cell_under_test import Parts, pose_json, serving, settings_for

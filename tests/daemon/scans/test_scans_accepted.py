@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from calibration.documents.reports.numbers import number
+from calibration.documents.numbers import number
 from tests.daemon.cell_under_test import Bench
 from tests.daemon.clouds import PLY, POSES
 from tests.daemon.fakes import ply_of

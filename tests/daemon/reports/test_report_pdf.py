@@ -1,14 +1,17 @@
 """The PDF of a report: same bytes twice, its numbers as text, calibration.json attached, nothing fetched."""
 
 import io
+import os
+from pathlib import Path
 
 import pytest
 
-from calibration.documents.reports.calibration_report import calibration_report
-from calibration.documents.reports.context import ReportContext
-from calibration.documents.reports.numbers import number
-from daemon.tools.reports.errors import ReportExtraMissing
-from daemon.tools.reports.pdf import Attached, write_pdf
+from calibration.documents.numbers import number
+from daemon.config.report_settings import ReportSettings
+from daemon.reports.context import ReportContext
+from daemon.reports.errors import ReportExtraMissing
+from daemon.reports.pdf import Attached, write_pdf
+from daemon.reports.reports import calibration_report
 from tests.daemon.calibrations import a_calibration
 
 pytestmark = [  # WeasyPrint 70 leaves its colour profile open
@@ -18,7 +21,7 @@ pytestmark = [  # WeasyPrint 70 leaves its colour profile open
 
 DOCUMENT = a_calibration("20261122-090000-abc123")
 CONTENT = DOCUMENT.model_dump_json().encode()
-HTML = calibration_report(DOCUMENT, ReportContext(plant="Plant 3"))
+HTML = calibration_report(DOCUMENT, ReportContext(names=ReportSettings(plant="Plant 3")))
 
 
 def written(html: str = HTML) -> bytes:
@@ -59,3 +62,22 @@ def test_nothing_is_fetched(address: str, monkeypatch: pytest.MonkeyPatch) -> No
     html = HTML.replace("<main>", f'<main><img src="{address}"><link rel="stylesheet" href="{address}">')
     assert written(html).startswith(b"%PDF")
     assert not [each for each in opened if "data:" not in str(each)]
+
+
+@pytest.mark.parametrize(("fonts", "refused"), [("Noto Sans CJK SC", False), ("", True)])
+def test_a_report_in_chinese_without_a_font_for_it_is_refused(
+    fonts: str, refused: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It would print empty boxes."""
+    program = tmp_path / "fc-list"
+    program.write_text(f"#!/bin/sh\necho '{fonts}'\n")
+    program.chmod(0o755)
+    monkeypatch.setenv("PATH", str(tmp_path), prepend=os.pathsep)
+    html = calibration_report(DOCUMENT, ReportContext(language="zh"))
+    if not refused:
+        assert written(html).startswith(b"%PDF")
+        return
+    pytest.importorskip("weasyprint", reason="the extra `report` is not installed")
+    with pytest.raises(ReportExtraMissing) as found:
+        write_pdf(html)
+    assert "fonts-noto-cjk" in found.value.fix

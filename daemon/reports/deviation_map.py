@@ -7,9 +7,8 @@ from collections.abc import Sequence
 import cv2
 import numpy as np
 
-from calibration.documents.reports.context import Picture
-from calibration.documents.reports.scan_report import DeviationMap
 from calibration.transforms import Array
+from daemon.reports.context import DeviationMap, Picture
 
 WIDTH_PX, MAX_HEIGHT_PX = 860, 860
 BEHIND, SAME, AHEAD = np.array([166, 77, 20.0]), np.array([225, 225, 225.0]), np.array([13, 46, 191.0])
@@ -73,10 +72,8 @@ def _picture(places: Array, deviation: Array, known: Array, end_mm: float) -> Pi
         image[y[inside][order] + down, x[inside][order] + right] = colours
     _, content = cv2.imencode(".png", image)
     uri = f"data:image/png;base64,{base64.b64encode(content.tobytes()).decode()}"
-    caption = (
-        f"Seen along {AXES[thin]} of the base ({AXES[across]} to the right, {AXES[up]} up), width {wide / scale:.0f} mm"
-    )
-    return Picture(uri, wide, tall, caption)
+    caption = {"axis": AXES[thin], "across": AXES[across], "up": AXES[up], "width_mm": wide / scale}
+    return Picture(uri, wide, tall, "scan.map-picture", caption)
 
 
 def _colours(deviation: Array, known: Array, end_mm: float) -> Array:

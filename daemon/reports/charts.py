@@ -1,13 +1,11 @@
-"""Charts of a report as SVG."""
+"""Charts of a report as the shapes of an SVG, which parts.html writes."""
 
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Any
 
-from calibration.documents.reports.markup import Markup, tag
-from calibration.documents.reports.numbers import significant
+from calibration.documents.numbers import MINUS, significant
 
 WIDTH, HEIGHT, LEFT, RIGHT, TOP, BOTTOM = 640.0, 150.0, 44.0, 8.0, 14.0, 24.0
 MAX_LABELS = 16
@@ -32,6 +30,24 @@ LOOKS: Mapping[str, Mapping[str, str]] = MappingProxyType({
 
 
 @dataclass(frozen=True)
+class Shape:
+    """An element of SVG, with the text in it."""
+
+    name: str
+    attributes: Mapping[str, str]
+    text: str = ""
+
+
+@dataclass(frozen=True)
+class Chart:
+    """Its size in units of its own, and its shapes. Numbers have a point; `in_language` of a template replaces it."""
+
+    width: float
+    height: float
+    shapes: tuple[Shape, ...]
+
+
+@dataclass(frozen=True)
 class Bar:
     """A value under a label; `rejected`: not in use, drawn hollow."""
 
@@ -40,7 +56,7 @@ class Bar:
     rejected: bool = False
 
 
-def bar_chart(bars: Sequence[Bar], unit: str, about: str) -> Markup:
+def bar_chart(bars: Sequence[Bar], unit: str) -> Chart:
     """One bar each from zero; a rejected one beyond 1.5 times the others is cut off there, its value above it."""
     used = [bar.value for bar in bars if not bar.rejected] or [bar.value for bar in bars]
     top = _nice(min(max(bar.value for bar in bars), 1.5 * max(used)))
@@ -56,7 +72,7 @@ def bar_chart(bars: Sequence[Bar], unit: str, about: str) -> Markup:
             shapes.append(_text(x, y - 3, significant(bar.value), "value"))
         if index % every == 0:
             shapes.append(_text(x, HEIGHT - BOTTOM + 12, bar.label))
-    return _svg(shapes, about)
+    return Chart(WIDTH, HEIGHT, tuple(shapes))
 
 
 @dataclass(frozen=True)
@@ -69,7 +85,7 @@ class ChartPoint:
     over: bool = False
 
 
-def control_chart(points: Sequence[ChartPoint], unit: str, about: str) -> Markup:
+def control_chart(points: Sequence[ChartPoint], unit: str) -> Chart:
     """Values in order, joined by a line, under their dashed limit."""
     top = _nice(max([point.value for point in points] + [point.limit or 0.0 for point in points]))
     step = (WIDTH - LEFT - RIGHT) / max(len(points) - 1, 1)
@@ -82,12 +98,12 @@ def control_chart(points: Sequence[ChartPoint], unit: str, about: str) -> Markup
         shapes.append(_shape("circle", "over" if point.over else "dot", cx=_f(x), cy=_f(y), r="3"))
     for index, anchor in ((0, "start"), (len(points) - 1, "end")):
         if index or len(points) > 1:
-            shapes.append(_text(at[index][0], HEIGHT - BOTTOM + 12, points[index].label, text_anchor=anchor))
-    return _svg(shapes, about)
+            shapes.append(_text(at[index][0], HEIGHT - BOTTOM + 12, points[index].label, anchor=anchor))
+    return Chart(WIDTH, HEIGHT, tuple(shapes))
 
 
-def limit_scale(value: float, limit: float, unit: str, about: str) -> Markup:
-    """`value` on a scale from zero with the accepted part shaded up to `limit`."""
+def limit_scale(value: float, limit: float, limit_words: str) -> Chart:
+    """`value`, mm, on a scale from zero; the accepted part is shaded up to `limit`, under which `limit_words` stand."""
     height, bar_y, bar = 46.0, 17.0, 10.0
     top = max(1.15 * limit, 1.05 * value)
     end, at = LEFT + limit / top * (WIDTH - LEFT - RIGHT), LEFT + value / top * (WIDTH - LEFT - RIGHT)
@@ -97,14 +113,14 @@ def limit_scale(value: float, limit: float, unit: str, about: str) -> Markup:
         _shape("path", "axis", d=f"M{_f(LEFT)} {_f(bar_y + bar)}H{_f(right)}"),
         _shape("path", "limit", d=f"M{_f(end)} {_f(bar_y - 5)}V{_f(bar_y + bar + 4)}"),
         _shape("path", "mark", d=f"M{_f(at)} {_f(bar_y - 4)}L{_f(at)} {_f(bar_y + bar)}"),
-        _text(min(max(at, LEFT + 30), right - 40), bar_y - 7, f"U = {significant(value)} {unit}", "value"),
-        _text(LEFT, bar_y + bar + 13, "0", text_anchor="start"),
-        _text(end, bar_y + bar + 13, f"tolerance {limit:g} {unit}"),
+        _text(min(max(at, LEFT + 30), right - 40), bar_y - 7, f"U = {significant(value)} mm", "value"),
+        _text(LEFT, bar_y + bar + 13, "0", anchor="start"),
+        _text(end, bar_y + bar + 13, limit_words),
     ]
-    return tag("svg", *shapes, viewBox=f"0 0 {_f(WIDTH)} {_f(height)}", role="img", aria_label=about)
+    return Chart(WIDTH, height, tuple(shapes))
 
 
-def bubble_map(places: Sequence[tuple[float, float]], values: Sequence[float], largest: float, about: str) -> Markup:
+def bubble_map(places: Sequence[tuple[float, float]], values: Sequence[float], largest: float) -> Chart:
     """A circle at each place (x, y) in mm, its radius in proportion to the value; `largest` has the largest circle."""
     side, edge, radius = 300.0, 40.0, 12.0
     low = [min(place[axis] for place in places) for axis in (0, 1)]
@@ -121,24 +137,22 @@ def bubble_map(places: Sequence[tuple[float, float]], values: Sequence[float], l
     for axis in (0, 1):
         for number in range(math.ceil(start[axis] / step), math.floor((start[axis] + span) / step) + 1):
             x, y = at((number * step, start[1]) if axis == 0 else (start[0], number * step))
-            words = f"{number * step:.0f}".replace("-", "\u2212")
-            shapes.append(
-                _text(x, floor + 12, words) if axis == 0 else _text(edge - 4, y + 3, words, text_anchor="end")
-            )
+            words = f"{number * step:.0f}".replace("-", MINUS)
+            shapes.append(_text(x, floor + 12, words) if axis == 0 else _text(edge - 4, y + 3, words, anchor="end"))
     for place, value in zip(places, values, strict=True):
         x, y = at(place)
         shapes.append(_shape("circle", "bubble", cx=_f(x), cy=_f(y), r=_f(max(0.6, radius * value / (largest or 1.0)))))
-    return tag("svg", *shapes, viewBox=f"0 0 {_f(side)} {_f(side)}", role="img", aria_label=about)
+    return Chart(side, side, tuple(shapes))
 
 
-def _scale(top: float, unit: str) -> list[Markup]:
+def _scale(top: float, unit: str) -> list[Shape]:
     """Three lines of the grid with their values."""
     lines = []
     for share in (0.0, 0.5, 1.0):
         y = _y(share * top, top)
         lines.append(_shape("path", "axis" if share == 0 else "grid", d=f"M{_f(LEFT)} {_f(y)}H{_f(WIDTH - RIGHT)}"))
         text = "0" if share == 0 else f"{share * top:.3g}" + (f" {unit}" if share == 1 else "")
-        lines.append(_text(LEFT - 5, y + 3, text, text_anchor="end"))
+        lines.append(_text(LEFT - 5, y + 3, text, anchor="end"))
     return lines
 
 
@@ -162,13 +176,9 @@ def _path(points: Sequence[tuple[float, float]]) -> str:
     return " ".join(f"{_f(x)},{_f(y)}" for x, y in points)
 
 
-def _shape(name: str, look: str, **attributes: Any) -> Markup:
-    return tag(name, **attributes, **LOOKS[look])
+def _shape(name: str, look: str, **attributes: str) -> Shape:
+    return Shape(name, {**attributes, **LOOKS[look]})
 
 
-def _text(x: float, y: float, text: str, look: str = "word", **attributes: Any) -> Markup:
-    return tag("text", text, x=_f(x), y=_f(y), **{"text_anchor": "middle", **attributes}, **LOOKS[look])
-
-
-def _svg(shapes: Sequence[Markup], about: str) -> Markup:
-    return tag("svg", *shapes, viewBox=f"0 0 {_f(WIDTH)} {_f(HEIGHT)}", role="img", aria_label=about)
+def _text(x: float, y: float, text: str, look: str = "word", anchor: str = "middle") -> Shape:
+    return Shape("text", {"x": _f(x), "y": _f(y), "text-anchor": anchor, **LOOKS[look]}, text)

@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 
 from calibration.detection.detect import detect
 from calibration.documents.calibration import ViewResultDocument
-from calibration.documents.reports.context import Picture
 from calibration.errors import DetectionError
 from calibration.problem import View
 from calibration.solution import Solution, ViewResult
 from calibration.targets import Target
+from daemon.reports.context import Picture
 from daemon.tools.session_pictures.overlay import draw_view
 from daemon.tools.session_pictures.write import arrow_magnification, reason_sentence
 
@@ -23,12 +23,8 @@ WIDTH_PX = 1000
 MAX_PICTURES = 2
 JPEG = (cv2.IMWRITE_JPEG_QUALITY, 82)
 CLOUD_PX = 420
-SIDES = {
-    "above": ("from above (x, y)", 0, 1, 2),
-    "front": ("from the front (x, z)", 0, 2, 1),
-    "side": ("from the side (y, z)", 1, 2, 0),
-}
-"""Caption, axes across and up, and the axis of depth."""
+SIDES = {"above": (0, 1, 2), "front": (0, 2, 1), "side": (1, 2, 0)}
+"""Axes across and up, and the axis of depth."""
 
 LOW, HIGH = np.array([107, 79, 47.0]), np.array([214, 224, 236.0])
 """Colours of the farthest and the nearest point: blue, green, red."""
@@ -69,16 +65,16 @@ def view_pictures(
         view = View(document.index, np.eye(4), detection, document.image)
         scale = arrow_magnification([result], image.shape[1])
         drawn = draw_view(image, view, result, scale, reason_sentence(view, result))
-        word = "rejected" if document.status == "rejected" else "in use"
-        pictures.append(_picture(drawn, f"View {document.index}, the largest error of those {word}."))
+        caption = "picture.rejected" if document.status == "rejected" else "picture.used"
+        pictures.append(_picture(drawn, caption, document.index))
     return tuple(pictures)
 
 
-def _picture(drawn: NDArray[np.uint8], caption: str) -> Picture:
+def _picture(drawn: NDArray[np.uint8], caption: str, view: int) -> Picture:
     height = round(drawn.shape[0] * WIDTH_PX / drawn.shape[1])
     small = cv2.resize(drawn, (WIDTH_PX, height), interpolation=cv2.INTER_AREA)
     _, content = cv2.imencode(".jpg", small, JPEG)
-    return Picture(_data("jpeg", content.tobytes()), WIDTH_PX, height, caption)
+    return Picture(_data("jpeg", content.tobytes()), WIDTH_PX, height, caption, {"view": view})
 
 
 def _data(kind: str, content: bytes) -> str:
@@ -95,7 +91,7 @@ def cloud_pictures(points_mm: NDArray[np.float32]) -> tuple[Picture, ...]:
 def _side(points_mm: NDArray[np.float32], side: str) -> Picture:
     image, width_mm = draw_cloud(points_mm, side, CLOUD_PX)
     _, content = cv2.imencode(".png", image)
-    return Picture(_data("png", content.tobytes()), CLOUD_PX, CLOUD_PX, f"{SIDES[side][0]}, width {width_mm:.0f} mm")
+    return Picture(_data("png", content.tobytes()), CLOUD_PX, CLOUD_PX, f"scan.{side}", {"width_mm": width_mm})
 
 
 def draw_cloud(points_mm: NDArray[np.float32], side: str, px: int) -> tuple[Levels, float]:
@@ -103,7 +99,7 @@ def draw_cloud(points_mm: NDArray[np.float32], side: str, px: int) -> tuple[Leve
     image = np.full((px, px, 3), 255, np.uint8)
     if len(points_mm) == 0:
         return image, 0.0
-    _, across, up, depth = SIDES[side]
+    across, up, depth = SIDES[side]
     low, high = np.percentile(points_mm, 0.1, axis=0), np.percentile(points_mm, 99.9, axis=0)
     centre, span = (low + high) / 2, max(float((high - low).max()), 1e-6)
     scale = 0.94 * px / span

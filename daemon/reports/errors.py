@@ -4,15 +4,17 @@ from daemon.errors import DaemonError
 
 
 class ReportExtraMissing(DaemonError):
-    """The extra `report` is not installed, or Pango is missing."""
+    """The extra `report` is not installed, or Pango is missing, or a font with the letters of the report's language."""
 
     code = "report-extra-missing"
 
-    def __init__(self) -> None:
-        super().__init__(
-            "a report as PDF needs the extra `report`, which is not installed here",
-            "install handeyed[report] (and Debian's libpango-1.0-0, libpangoft2-1.0-0), or print the HTML report",
-        )
+    def __init__(
+        self,
+        needed: str = "the extra `report`",
+        package: str = "handeyed[report] (and Debian's libpango-1.0-0, libpangoft2-1.0-0)",
+    ) -> None:
+        what = f"a report as PDF needs {needed}, which is not installed here"
+        super().__init__(what, f"install {package}, or print the HTML report")
 
 
 class ReportTooSlow(DaemonError):

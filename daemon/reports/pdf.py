@@ -1,15 +1,19 @@
 """The PDF of a report: PDF/A-3u with its document attached, the same bytes for the same report."""
 
 import os
+import shutil
+import subprocess
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from hashlib import sha256
 from importlib import import_module
 
-from daemon.tools.reports.errors import ReportExtraMissing
+from daemon.reports.errors import ReportExtraMissing
 
 RESOURCES = ("data",)
 """Schemes of what a report may load: its own pictures. Everything else is refused."""
+
+MAX_FONTS_S = 5.0
 
 
 @dataclass(frozen=True)
@@ -22,11 +26,13 @@ class Attached:
 
 
 def write_pdf(html: str, attached: Attached | None = None) -> bytes:
-    """The PDF of a report's HTML. Raises ReportExtraMissing without WeasyPrint or the libraries that it needs."""
+    """The PDF of a report's HTML. Raises ReportExtraMissing without WeasyPrint or the libraries and fonts it needs."""
     try:
         weasyprint, urls = import_module("weasyprint"), import_module("weasyprint.urls")
     except (ImportError, OSError):
         raise ReportExtraMissing from None
+    if '<html lang="zh">' in html and not _has_chinese_font():
+        raise ReportExtraMissing("a font with Chinese characters", "Debian's fonts-noto-cjk")
     os.environ.setdefault("SOURCE_DATE_EPOCH", "0")  # the time that fontTools writes into each font
     then = datetime.fromtimestamp(0, UTC)  # no clock: the same report gives the same bytes
     fetcher = urls.URLFetcher(allowed_protocols=RESOURCES)
@@ -45,3 +51,12 @@ def write_pdf(html: str, attached: Attached | None = None) -> bytes:
         attachments=given,
     )  # fmt: skip
     return content
+
+
+def _has_chinese_font() -> bool:
+    """Whether fontconfig, by which WeasyPrint chooses fonts, has one; without one it prints empty boxes."""
+    program = shutil.which("fc-list")
+    if program is None:
+        return True  # it cannot be known
+    listed = subprocess.run([program, ":lang=zh", "family"], capture_output=True, timeout=MAX_FONTS_S, check=False)
+    return listed.returncode != 0 or bool(listed.stdout.strip())
