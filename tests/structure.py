@@ -19,7 +19,7 @@ ROOMS = (*CORE, "extensions")
 
 MAX_UNITS = {"calibration": 24, "daemon": 23, "mock_robot": 16, "registration": 10}
 MAX_WEIGHTS = {
-    "lines of Python of the core": 97_174,
+    "lines of Python of the core": 97_172,
     "lines of Python of the extensions": 3_291,
     "files of the fullest folder": 52,
     "private functions used once": 896,

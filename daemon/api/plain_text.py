@@ -12,6 +12,7 @@ from daemon.api.schemas.cell import RobotDocument
 from daemon.api.schemas.drift import DriftChangeDocument, DriftDocument
 from daemon.api.schemas.health import ReadyDocument
 from daemon.model.records import RunRecord
+from daemon.reports.reports import MIN_SHOWN_CHANCE
 from daemon.runs.run_log import prediction_text
 
 
@@ -125,10 +126,6 @@ def ready_text(ready: ReadyDocument) -> str:
         lines.append(f"{name}: {'ready' if what.ready else 'not ready'}")
         lines += [f"  {reason}" for reason in what.reasons]
     return "\n".join([*lines, *(f"warning: {warning}" for warning in ready.warnings)])
-
-
-MIN_SHOWN_CHANCE = 0.05
-"""Of what may have changed, in words."""
 
 
 def change_text(change: DriftChangeDocument) -> str:

@@ -7,7 +7,7 @@ from types import MappingProxyType
 
 from calibration.documents.numbers import MINUS, significant
 
-WIDTH, HEIGHT, LEFT, RIGHT, TOP, BOTTOM = 640.0, 150.0, 44.0, 8.0, 14.0, 24.0
+WIDTH, HEIGHT, LEFT, RIGHT, TOP, BOTTOM = 640.0, 150.0, 52.0, 8.0, 14.0, 24.0
 MAX_LABELS = 16
 
 INK, SOFT, RULE, ACCENT, BAD = "#1b2126", "#56606a", "#c9d0d6", "#1f5a8c", "#a3251b"

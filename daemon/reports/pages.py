@@ -51,7 +51,8 @@ def _environment(tag: LanguageTag) -> "Environment":
         loader=FileSystemLoader(TEMPLATES), autoescape=True, undefined=StrictUndefined, trim_blocks=True,
         lstrip_blocks=True,
     )  # fmt: skip
-    environment.globals |= {"say": say, "stored": stored, "lang": tag, "target_words": target_words}
+    environment.globals |= {"say": say, "stored": stored, "lang": tag}
+    environment.globals["target_words"] = lambda target: target_words(target, language)
     environment.filters |= {
         "number": lambda value, decimals: in_language(number(value, decimals)),
         "significant": lambda value: in_language(significant(value)),
@@ -98,14 +99,14 @@ def _inlined(shown: Picture) -> str:
     return shown.data_uri
 
 
-def target_words(target: TargetDocument | None) -> str | None:
+def target_words(target: TargetDocument | None, language: Language) -> str | None:
     """Kind and sizes of a target in one line."""
     if target is None:
         return None
     values = target.model_dump(exclude_none=True)
     kind = str(values.pop("kind"))
-    sizes = [f"{name.removesuffix('_mm').replace('_', ' ')} {value:g} mm" for name, value in values.items()
-             if name.endswith("_mm") and isinstance(value, int | float)]  # fmt: skip
+    sizes = [text_of(f"target.{name.removesuffix('_mm')}", {"mm": value}, language)
+             for name, value in values.items() if name.endswith("_mm")]  # fmt: skip
     grid = f" {values['columns']} \u00d7 {values['rows']}" if {"columns", "rows"} <= values.keys() else ""
     dictionary = [str(values[name]) for name in ("dictionary", "family") if name in values]
     return ", ".join([f"{kind}{grid}", *sizes, *dictionary])

@@ -9,6 +9,7 @@ from string import Formatter
 
 import numpy as np
 import pytest
+from pydantic import TypeAdapter
 
 from calibration.documents.calibration import (
     ArmScaleDocument,
@@ -17,6 +18,7 @@ from calibration.documents.calibration import (
     PointUncertaintyDocument,
 )
 from calibration.documents.numbers import number, places, significant
+from calibration.documents.target import TargetDocument
 from calibration.likelihood.mapped_points import point_sigmas_mm
 from calibration.monitoring.cell_change import PossibleChange
 from calibration.monitoring.control_chart import DriftStanding
@@ -243,6 +245,16 @@ def test_charts_stay_within_their_frame() -> None:
 
 # --- languages ---
 
+GRID = {"columns": 4, "rows": 3}
+TARGETS: tuple[dict[str, object], ...] = (
+    {"kind": "chessboard", **GRID, "pitch_mm": 20.5},
+    {"kind": "charuco", **GRID, "square_mm": 30.0, "marker_mm": 22.5, "dictionary": "DICT_5X5_100"},
+    {"kind": "circles", **GRID, "layout": "symmetric", "pitch_mm": 12.5},
+    {"kind": "apriltag-grid", **GRID, "tag_mm": 40.5, "gap_mm": 8.0},
+    {"kind": "aruco-grid", **GRID, "marker_mm": 40.5, "gap_mm": 8.0, "dictionary": "DICT_5X5_100"},
+    {"kind": "aruco-marker", "marker_mm": 99.5, "dictionary": "DICT_5X5_100", "id": 3},
+)
+
 
 def words_in(language: LanguageTag) -> dict[str, str]:
     words: dict[str, str] = json.loads((WORDS / f"{language}.json").read_text(encoding="utf-8"))
@@ -269,6 +281,7 @@ def test_no_word_is_left_over() -> None:
         "report.": ("error", "warning", "info", "base", "camera"),
         "drift.": ("off", *(one.value for one in DriftStanding)),
         "calibration.": ("eye-in-hand", "eye-to-hand", "used", "corrected", "rejected"),
+        "target.": ("pitch", "square", "marker", "tag", "gap"),
         "budget.by-": ("image", "pose", "view"), "id.intrinsics-": ("given", "estimated"),
         "change.": ("nothing", "camera-moved", "target-moved", "axis-zero"), "scan.": ("above", "front", "side"),
     }  # fmt: skip
@@ -309,3 +322,13 @@ def test_findings_and_numbers_are_in_the_language_of_the_report() -> None:
     assert x is not None
     for q in x.quaternion_wxyz:
         assert number(q, 7).replace(".", ",") in german
+
+
+@pytest.mark.parametrize("target", TARGETS, ids=lambda target: str(target["kind"]))
+def test_every_target_is_described_in_every_language(target: dict[str, object]) -> None:
+    document: TargetDocument = TypeAdapter(TargetDocument).validate_python(target)
+    for language in LANGUAGES:
+        text = Elements(calibration_report(VERSION_1, ReportContext(language=language, target=document))).text
+        assert str(target["kind"]) in text
+        for size in (value for name, value in target.items() if name.endswith("_mm")):
+            assert f"{size:g} mm".replace(".", "," if language in ("de", "es") else ".") in text
