@@ -29,6 +29,7 @@ from calibration.errors import CalibrationError
 from calibration.kinematics.abb_arms import ARMS, find_arm
 from calibration.kinematics.arm import Arm, UnreachablePoseError
 from calibration.kinematics.joints_of_poses import joints_of_poses
+from calibration.kinematics.stance import Stance
 from calibration.likelihood.leave_groups_out import split
 from calibration.observations.observations import scale_target
 from calibration.observations.view_poses import refine_poses
@@ -93,7 +94,7 @@ def _with_joints(problem: Problem) -> tuple[Arm, Problem] | None:
             joints = joints_of_poses(arm, poses, [None] * len(poses))
         except UnreachablePoseError:
             continue
-        views = (replace(view, joints_rad=row) for view, row in zip(problem.views, joints, strict=True))
+        views = (view.standing(joints_rad=row) for view, row in zip(problem.views, joints, strict=True))
         return arm, replace(problem, views=tuple(views))
     return None
 
@@ -111,7 +112,7 @@ def hold_out(arm: Arm, problem: Problem) -> HoldOut:
     """The misses of the views that a session uses."""
     whole = prepare(problem)
     problem = replace(problem, views=tuple(problem.views[row] for row in whole.seen.positions))
-    joints = np.array([view.joints_rad for view in problem.views])
+    joints = np.array([view.stance.joints_rad for view in problem.views])
     turns = np.concatenate([np.sin(joints), np.cos(joints)], axis=1)
     regions = split(turns, max(2, min(MAX_REGIONS, len(joints) // MIN_REGION_VIEWS)))
     squares, taken_up, refused = np.zeros(2), 0, 0
@@ -182,7 +183,7 @@ def _problem_of(sequence) -> Problem:  # type: ignore[no-untyped-def]
     points = map_points(camera_T_target, BOARD.points_mm)
     pixels = CAMERA.project(points.reshape(-1, 3)).reshape(*points.shape[:2], 2)
     ids = np.arange(len(BOARD.points_mm))
-    views = [View(row, poses[row], Detection(ids, pixels[row]), joints_rad=joints[row]) for row in range(len(poses))]
+    views = [View(row, Stance(poses[row], joints[row]), Detection(ids, pixels[row])) for row in range(len(poses))]
     return Problem("eye-in-hand", BOARD, CAMERA, CAMERA.image_size, tuple(views))
 
 

@@ -11,7 +11,7 @@ so a solver uses `anchor_T_mount` only, and X is `mount_T_camera`. (The X of Son
 """
 
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,7 @@ from calibration.camera import CameraModel
 from calibration.kinematics.external_axis import ExternalAxis
 from calibration.kinematics.load import Load
 from calibration.kinematics.robot_accuracy import USUAL_BELIEF, NoiseBelief
+from calibration.kinematics.stance import Stance
 from calibration.knowledge import NOTHING_STATED, Knowledge
 from calibration.targets import Target
 from calibration.transforms import Array, inverse
@@ -88,27 +89,31 @@ class AxisOffset:
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """One station: the robot's pose (4, 4) and the target's detection there; `index`: its row in the session.
+    """One station: where the arm stood and the target's detection there; `index`: its row in the session.
 
     `detection` is None when the target was not found; `missing` is then the reason: a code and a sentence.
-    `measured`: the target measured in space instead of detected in an image. `joints_rad` (n,): the arm's axes, where
-    they were recorded; nothing is computed from them. `confdata`: ABB's cf1, cf4, cf6, cfx of the pose, likewise.
-    `axis_reading`: where the problem's external axis stood, mm or rad.
+    `measured`: the target measured in space instead of detected in an image.
     `camera_temperature_c`: of the camera when it took the picture, where it reports one.
     `arm_temperature_c`: of the arm's links then, where it is known.
     """
 
     index: int
-    base_T_flange: Array
+    stance: Stance
     detection: Detection | None
     image: str | None = None
     missing: tuple[str, str] | None = None
     measured: Measurement | None = None
-    joints_rad: Array | None = None
-    confdata: tuple[int, int, int, int] | None = None
-    axis_reading: float | None = None
     camera_temperature_c: float | None = None
     arm_temperature_c: float | None = None
+
+    @property
+    def base_T_flange(self) -> Array:
+        """(4, 4)"""
+        return self.stance.base_T_flange
+
+    def standing(self, **changes: Any) -> "View":
+        """The view with these fields of its stance."""
+        return replace(self, stance=replace(self.stance, **changes))
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,7 +153,10 @@ class Problem:
     def with_axis_at_zero(self, axis: ExternalAxis) -> "Problem":
         """The problem as if the axis had stood at its zero in every view, and there were none."""
         views = tuple(
-            replace(view, base_T_flange=axis.at_zero(view.base_T_flange, view.axis_reading or 0.0), axis_reading=None)
+            view.standing(
+                base_T_flange=axis.at_zero(view.base_T_flange, axis.reading(view.stance.external_axes) or 0.0),
+                external_axes=None,
+            )
             for view in self.views
         )
         return replace(self, views=views, external_axis=None)

@@ -64,7 +64,7 @@ def solve_hand_eye(problem: Problem, method: str = "auto") -> Solution:
     solution = check_plausibility(poses_at_zero(problem, solution), solution)
     taken = {view.index: view for view in problem.views}
     views = tuple(
-        replace(view, joints_rad=taken[view.index].joints_rad,
+        replace(view, joints_rad=taken[view.index].stance.joints_rad,
                 camera_temperature_c=taken[view.index].camera_temperature_c)
         for view in solution.views
     )  # fmt: skip
@@ -228,8 +228,8 @@ def _load_of(problems: Sequence[Problem]) -> Load | None:
 
 def _with_own_joints(arm: Arm, problem: Problem) -> Problem:
     """The problem, whose views hold joints of that arm. Raises GeometryError, JointsDisagree."""
-    joints = [view.joints_rad for view in problem.views]
-    without = [view.index for view in problem.views if view.joints_rad is None or len(view.joints_rad) != AXES]
+    joints = [view.stance.joints_rad for view in problem.views]
+    without = [view.index for view, one in zip(problem.views, joints, strict=True) if one is None or len(one) != AXES]
     if without:
         raise GeometryError(f"views {without} hold no joints of six axes, from which an arm's errors are identified")
     require_consistent_joints(arm, np.array(joints), np.array([view.base_T_flange for view in problem.views]), ARMS)
@@ -241,7 +241,7 @@ def _standstills_of(problem: Problem, rows: PreparedSession) -> tuple[Array, Arr
 
     The sides are those of an arm that went from view to view; temperatures in °C, NaN where they are not known.
     """
-    joints = np.array([view.joints_rad for view in problem.views])
+    joints = np.array([view.stance.joints_rad for view in problem.views])
     temperatures_c = np.array([view.arm_temperature_c for view in problem.views], float)
     positions = rows.seen.positions
     return joints[positions], approach_sides(joints)[positions], temperatures_c[positions]

@@ -248,7 +248,7 @@ def _inverted(problem: Problem, solution: Solution, limits: VerdictLimits) -> It
     allowed_rad = INVERTED_SIGMA * (solution.noise.robot_rotation_rad or 0.0)
     if misfit_mm > allowed_mm or misfit_rad > allowed_rad:
         return
-    joints = [view.joints_rad for view in used if view.joints_rad is not None]
+    joints = [view.stance.joints_rad for view in used if view.stance.joints_rad is not None]
     if len(joints) == len(used) and any_arm_fits(ARMS.values(), joints, poses):
         return
     yield Finding(

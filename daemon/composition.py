@@ -15,7 +15,7 @@ import uvloop
 from daemon.access.service_key import ServiceKey
 from daemon.api.extension import Extensions
 from daemon.application import Application, WarningSource
-from daemon.cell.arm_conditions import ArmConditionsNow
+from daemon.cell.arm_in_cell import ArmInCell
 from daemon.cell.cell import Cell, Devices
 from daemon.cell.device_watch import DeviceWatch
 from daemon.cell.devices import open_devices, open_exposure_control
@@ -89,12 +89,11 @@ def build(
     devices = open_devices(settings, clock)
     exposure = open_exposure_control(settings, devices.camera, workers, clock)
     world_T_base = settings.robot.world_T_base
-    arm_conditions = ArmConditionsNow(
-        settings.robot.carried, 60 * settings.robot.temperature_minutes, clock.monotonic_s
-    )
+    robot = settings.robot
+    arm = ArmInCell(robot.external_axis, robot.carried, 60 * robot.temperature_minutes, clock.monotonic_s)
     cell = Cell(
         devices, settings.robot.settling, clock, interlocks, at, events.publish, exposure, world_T_base,
-        settings.robot.external_axis, arm_conditions,
+        arm,
     )  # fmt: skip
     update_hold = UpdateHold(clock, systemd.hold_file)
     supervisor = Supervisor(cell, store, events, clock, new_id, lambda: update_hold.reason)
@@ -107,7 +106,7 @@ def build(
         settings.named_scanners(),
         RegistrationJobs(store, merge_workers, clock, events),
         events.publish,
-        arm_conditions.read,
+        arm,
     )
     rules = MotionRules.of(settings.robot)
     operations = Operations(
@@ -120,7 +119,7 @@ def build(
         if name != MAIN_CAMERA:
             seen_by = cell.seen_by(name, open_exposure_control(view, devices.cameras[name], workers, clock))
         pictures = LivePictures(seen_by.read_frame, service_workers, clock.monotonic_s)
-        drift = DriftMonitor(view, store, events, service_workers, clock, name, arm_conditions.read)
+        drift = DriftMonitor(view, store, events, service_workers, clock, arm, name)
         return CellCamera(
             name,
             view,

@@ -107,14 +107,12 @@ class Operations:
     @property
     def calibrations(self) -> Calibrations:
         """What is stored, and what is in force for this camera."""
-        robot, workers, conditions = self.settings.robot, self.service_workers, self.cell.arm_conditions.read
-        return Calibrations(self.store, self.clock, workers, self.camera, robot.external_axis, conditions)
+        return Calibrations(self.store, self.clock, self.service_workers, self.cell.arm, self.camera)
 
     @property
     def _sessions(self) -> RunSessions:
-        robot, setup, conditions = self.settings.robot, self.settings.camera.setup, self.cell.arm_conditions.read
         known = self.settings.calibration.known
-        return RunSessions(self.store, self.workers, setup, robot.external_axis, conditions, known)
+        return RunSessions(self.store, self.workers, self.settings.camera.setup, self.cell.arm, known)
 
     async def calibrate(self, request: CalibrateRequest) -> RunRecord:
         """Start a calibration run.
@@ -234,7 +232,7 @@ class Operations:
         settings, target = self.settings.calibration, request.target or self.settings.target
 
         async def prepare() -> RunPlan:
-            given = await self.calibrations.with_arm(await self.calibrations.current())
+            given = await self.calibrations.in_use(await self.calibrations.current())
             calibration = given.document
             require_setup(calibration, self.settings.camera.setup)
             await self._check_ready(await self.cell.obstacles())
@@ -330,7 +328,7 @@ class Operations:
 
     async def _noise_belief(self) -> NoiseBelief:
         """In the robot's noise: as stated, else as the cell has learnt it of the same arm and load."""
-        stated, robot, load = self.settings.calibration.noise, self.settings.robot, self.cell.arm_conditions.read().load
+        stated, robot, load = self.settings.calibration.noise, self.settings.robot, self.cell.arm.conditions().load
         carried = "" if load is None else f"{load.mass_kg:g} kg"
         arm = ", ".join(part for part in (robot.model, self.settings.report.robot_serial, carried) if part)
         if stated.is_stated:

@@ -11,7 +11,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from calibration.camera import CameraModel
+from calibration.documents.arm import ArmErrorsDocument
 from calibration.documents.calibration import CalibrationDocument, calibration_document
+from calibration.documents.calibration_in_use import CalibrationInUse
 from calibration.documents.exports.formats import export as export_x
 from calibration.documents.exports.subject import DEFAULT_DECIMALS, OPTICAL_FRAME, ExportOptions
 from calibration.documents.imports.leaves import table_of_data
@@ -21,6 +23,7 @@ from calibration.documents.requirement import VerdictSettings
 from calibration.documents.target import TargetDocument
 from calibration.documents.validation import Document, validate_json
 from calibration.errors import DocumentError, DocumentProblem, UndeterminedError
+from calibration.kinematics.stance import Stance
 from calibration.likelihood.predicted_uncertainty import predict
 from calibration.planning.plan import plan_poses
 from calibration.pose_pairs.point_pairs import point_pair_findings, solve_point_pairs
@@ -87,7 +90,7 @@ class Session:
             raise DocumentError("of_corners", [DocumentProblem("base_T_flange", what, "give (n, 4, 4) and n arrays")])
         known = validate_json(TargetFile, {"target": target}, "of_corners").target.target()
         views = tuple(
-            View(index, pose, Detection(np.asarray(which, np.intp), pixels))
+            View(index, Stance(pose), Detection(np.asarray(which, np.intp), pixels))
             for index, (pose, pixels, which) in enumerate(_views(poses, corners_px, ids))
         )
         camera = None
@@ -108,7 +111,7 @@ class Session:
             what = f"{poses.shape} poses of the robot and {seen.shape} of the camera do not go together"
             raise DocumentError("of_poses", [DocumentProblem("base_T_flange", what, "give (n, 4, 4) of both")])
         pairs = enumerate(zip(poses, seen, strict=True))
-        views = tuple(View(index, pose, None, measured=MeasuredPose(other)) for index, (pose, other) in pairs)
+        views = tuple(View(index, Stance(pose), None, measured=MeasuredPose(other)) for index, (pose, other) in pairs)
         return cls(Problem(setup, TrackedFrame(), None, (0, 0), views, in_space=True))
 
     @classmethod
@@ -241,23 +244,30 @@ def register(
     calibration: CalibrationDocument,
     base_T_flange: ArrayLike | None = None,
     *,
+    joints_deg: ArrayLike | None = None,
     external_axes: Sequence[float | None] | None = None,
+    arm: ArmErrorsDocument | None = None,
 ) -> Array:
     """Points (n, 3) of the camera's frame in the robot's base (n, 3), mm.
 
     base_T_flange : the arm's pose (4, 4) when they were measured; needed for a camera on the flange.
+    joints_deg : (6,) the arm's axes then; with `arm`, whose errors are needed at them.
     external_axes : the controller's axes beside the arm then, mm or degrees; where the calibration has one.
+    arm : what is in arm.json, where the arm's errors were identified with the calibration.
 
-    Raises DocumentError for a calibration without X, or without the pose that it needs.
+    Raises DocumentError for a calibration without X, or without the pose that it needs, and as
+    `CalibrationInUse.base_T_flange`.
     """
+    given = CalibrationInUse.of(calibration, arm)
+    calibration = given.document
     if calibration.base_T_camera is not None:
         return map_points(calibration.base_T_camera.transform(), points_mm)
     if calibration.flange_T_camera is None or base_T_flange is None:
         what = "the calibration has no transform" if base_T_flange is not None else "the pose of the flange is missing"
         raise DocumentError("register", [DocumentProblem("base_T_flange", what, "give what is missing")])
-    pose, axis = np.asarray(base_T_flange, float), calibration.external_axis
-    if axis is not None:
-        (pose,) = axis.at_zero(pose[None], [axis.reading(external_axes)])
+    joints = None if joints_deg is None else np.asarray(joints_deg, float).tolist()
+    axes = None if external_axes is None else tuple(external_axes)
+    (pose,) = given.base_T_flange([Stance.of_degrees(np.asarray(base_T_flange, float), joints, axes)])
     base_T_camera = pose @ calibration.flange_T_camera.transform()
     return map_points(base_T_camera, points_mm)
 

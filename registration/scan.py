@@ -12,8 +12,10 @@ from pathlib import Path
 import numpy as np
 
 from calibration.documents.calibration import CalibrationDocument
+from calibration.documents.calibration_in_use import CalibrationInUse
 from calibration.documents.validation import parse_document
 from calibration.kinematics.robot_accuracy import ABSOLUTE_NOISE, MIN_POSE_NOISE, RobotNoise
+from calibration.kinematics.stance import Stance
 from calibration.problem import Setup, anchor_T_mount_of
 from calibration.transforms import Array
 from registration.documents import ScanDocument
@@ -34,17 +36,17 @@ DOCUMENT_LIMIT = 1 << 26
 
 @dataclass(frozen=True, eq=False)
 class ScanView:
-    """A cloud file with its unit and its flange pose `base_T_flange` (4, 4). The part stands, or is on the flange.
-
-    `joints_rad`: of the arm at that pose, where they are known; `external_axes` beside it likewise, mm or degrees.
-    """
+    """A cloud file with its unit and where the arm stood. The part stands, or is on the flange."""
 
     path: Path
     unit: str
-    base_T_flange: Array
+    stance: Stance
     setup: Setup = "eye-in-hand"
-    joints_rad: Array | None = None
-    external_axes: tuple[float | None, ...] | None = None
+
+    @property
+    def base_T_flange(self) -> Array:
+        """(4, 4)"""
+        return self.stance.base_T_flange
 
     @property
     def anchor_T_mount(self) -> Array:
@@ -96,26 +98,17 @@ def read_scan(folder: Path) -> list[ScanView]:
         ScanView(
             folder / view.cloud,
             view.unit,
-            view.base_T_flange.transform(),
+            Stance.of_degrees(view.base_T_flange.transform(), view.joints_deg, view.external_axes),
             document.setup,
-            None if view.joints_deg is None else np.radians(view.joints_deg),
-            view.external_axes,
         )
         for view in document.views
     ]
 
 
-def poses_at_zero(views: Sequence[ScanView], calibration: CalibrationDocument) -> list[ScanView]:
-    """The views as if the calibration's external axis, where it has one, had stood at its zero.
-
-    Raises DocumentError for a view without its reading.
-    """
-    axis = calibration.external_axis
-    if axis is None:
-        return list(views)
-    readings = [axis.reading(view.external_axes) for view in views]
-    poses = axis.at_zero(np.array([view.base_T_flange for view in views]), readings)
-    return [replace(view, base_T_flange=pose) for view, pose in zip(views, poses, strict=True)]
+def placed_by(calibration: CalibrationInUse, views: Sequence[ScanView]) -> list[ScanView]:
+    """The views in the poses that the calibration gives to those reported. Raises as its `base_T_flange`."""
+    poses = calibration.base_T_flange([view.stance for view in views])
+    return [replace(view, stance=Stance(pose)) for view, pose in zip(views, poses, strict=True)]
 
 
 def setup_of(views: Sequence[ScanView]) -> Setup:

@@ -47,7 +47,7 @@ NOT_PARTICIPLES = frozenset({"embed", "exceed", "feed", "need", "proceed", "seed
 
 TOPICS = {
     "external axis": r"external_axis|ExternalAxis",
-    "arm errors and conditions": r"ArmConditions|arm_conditions|CalibrationWithArm|with_arm",
+    "arm errors and conditions": r"ArmConditions|arm_conditions|CalibrationInUse|with_arm",
     "touch tests": r"touch(es|_test|_tests)?\b|Touch(?!ing)",
     "further sensors": r"MAIN_CAMERA|MAIN_SCANNER",
 }

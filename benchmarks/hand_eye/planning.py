@@ -8,6 +8,7 @@ from typing import TypeVar
 
 import numpy as np
 
+from calibration.kinematics.stance import Stance
 from calibration.likelihood.predicted_uncertainty import Scene, predict
 from calibration.planning.jog_advice import advise
 from calibration.planning.next_view import StoppingRule, next_view, plan_ahead
@@ -102,7 +103,7 @@ def _observe(scene: Scene, poses: list[Array]) -> Problem:
         stands = pose @ transform(rotation_from_vector(error[0]), error[1])
         pixels = scene.camera.project(map_points(scene.camera_T_target(stands[None])[0], scene.target.points_mm))
         pixels = pixels + noise.image_px * rng.standard_normal(pixels.shape)
-        views.append(View(index, pose, Detection(np.arange(len(pixels)), pixels)))
+        views.append(View(index, Stance(pose), Detection(np.arange(len(pixels)), pixels)))
     return Problem("eye-in-hand", scene.target, scene.camera, scene.camera.image_size, tuple(views))
 
 

@@ -83,7 +83,7 @@ def _bound_mm(cell: ArmCell, door_joints: Array) -> float:
     model = cell.built.model
     targets = [estimate_session(problem)[2].best.chain.anchor_T_target for problem in cell.problems]
     scenes = [Scene("eye-in-hand", BOARD, CAMERA, MOUNT_T_CAMERA, target, _expected_noise()) for target in targets]
-    views = [Postures(np.array([view.joints_rad for view in problem.views])) for problem in cell.problems]
+    views = [Postures(np.array([view.stance.joints_rad for view in problem.views])) for problem in cell.problems]
     points = np.tile([0.0, 0.0, DISTANCE_MM], (len(door_joints), 1))
     interest = PointsOfInterest(Postures(door_joints), points)
     experiment = ArmExperiment(model, scenes, views, interest, model.sigmas)

@@ -156,7 +156,7 @@ def _by_camera(seen: Observations, camera: CameraModel, camera_T_target: Array, 
 
 def recorded_joints(problem: Problem, positions: NDArray[np.intp]) -> Array | None:
     """Joints (n, axes) of the views at `positions` (n,), rad; None where not every view has them."""
-    joints = [joints for position in positions if (joints := problem.views[position].joints_rad) is not None]
+    joints = [joints for position in positions if (joints := problem.views[position].stance.joints_rad) is not None]
     return np.array(joints) if len(joints) == len(positions) and len({len(one) for one in joints}) == 1 else None
 
 

@@ -133,7 +133,7 @@ def arm_document(
     findings: Sequence[Finding] = (),
 ) -> ArmErrorsDocument:
     """The document of a fit from these sessions, whose views all hold joints, some of them `joints_from_poses`."""
-    every = [view.joints_rad for problem in problems for view in problem.views]
+    every = [view.stance.joints_rad for problem in problems for view in problem.views]
     joints = np.degrees(np.array([one for one in every if one is not None]))
     sigmas = np.sqrt(np.diagonal(fit.covariance)[6:])
     return ArmErrorsDocument(

@@ -11,6 +11,7 @@ from calibration.documents.pose import Vector, is_direction
 from calibration.documents.validation import Document
 from calibration.errors import DocumentError, DocumentProblem
 from calibration.kinematics.external_axis import AxisKind, ExternalAxis, reading_of
+from calibration.kinematics.stance import Stance
 from calibration.solution import ExternalAxisEstimate
 from calibration.transforms import Array
 
@@ -59,11 +60,8 @@ class ExternalAxisDocument(Document):
         return ExternalAxis(self.kind, self.number, direction, point_mm, reading_of(self.kind, self.zero))
 
     def reading(self, external_axes: Sequence[float | None] | None) -> float | None:
-        """This axis's reading, mm or rad, of all axes; None where they do not hold it."""
-        if external_axes is None or len(external_axes) < self.number:
-            return None
-        value = external_axes[self.number - 1]
-        return None if value is None else reading_of(self.kind, value)
+        """As `ExternalAxis.reading`."""
+        return self.axis().reading(external_axes)
 
 
 Twelve = Annotated[tuple[float, ...], Field(min_length=12, max_length=12)]
@@ -105,16 +103,14 @@ class FoundAxisDocument(ExternalAxisDocument):
         }
         return cls.model_validate(values)
 
-    def at_zero(self, base_T_flange: Array, readings: Sequence[float | None]) -> Array:
-        """Poses (n, 4, 4) reported at these readings, mm or rad, as if the axis stood at zero.
-
-        Raises DocumentError for a pose without its reading.
-        """
-        known = [reading for reading in readings if reading is not None]
-        if len(known) < len(readings):
+    def place(self, base_T_flange: Array, stances: Sequence[Stance]) -> Array:
+        """As `Correction`: as if the axis stood at zero. Raises DocumentError for a stance without its reading."""
+        axis = self.axis()
+        known = [reading for one in stances if (reading := axis.reading(one.external_axes)) is not None]
+        if len(known) < len(stances):
             what = (
                 f"the calibration has a {self.kind}, external axis {self.number}, and a pose comes without its reading"
             )
             fix = f"give external_axes beside the pose, {UNITS[self.kind]}; or let the pose be read from the robot"
             raise DocumentError("pose", [DocumentProblem("external_axes", what, fix)])
-        return self.axis().at_zero(base_T_flange, known)
+        return axis.at_zero(base_T_flange, known)

@@ -40,7 +40,7 @@ def identify_arm_document(
     """
     if any(problem.in_space for problem in problems):
         raise GeometryError("the errors of an arm are identified from images only, these views hold poses or points")
-    without = sum(view.joints_rad is None for problem in problems for view in problem.views)
+    without = sum(view.stance.joints_rad is None for problem in problems for view in problem.views)
     whole = [_with_joints(arm, problem) for problem in problems]
     fit = identify_arm_session(arm, whole, distances=distances)
     more = more_arm_views_document(fit, problems[0].target, box_mm)
@@ -101,8 +101,8 @@ def _findings(found: ArmErrorsDocument) -> tuple[Finding, ...]:
 
 def _with_joints(arm: Arm, problem: Problem) -> Problem:
     views = problem.views
-    if all(view.joints_rad is not None for view in views):
+    if all(view.stance.joints_rad is not None for view in views):
         return problem
-    poses, known = [view.base_T_flange for view in views], [view.joints_rad for view in views]
-    joints = joints_of_poses(arm, poses, known, [view.confdata for view in views])
-    return replace(problem, views=tuple(replace(view, joints_rad=one) for view, one in zip(views, joints, strict=True)))
+    poses, known = [view.base_T_flange for view in views], [view.stance.joints_rad for view in views]
+    joints = joints_of_poses(arm, poses, known, [view.stance.confdata for view in views])
+    return replace(problem, views=tuple(view.standing(joints_rad=one) for view, one in zip(views, joints, strict=True)))

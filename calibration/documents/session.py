@@ -15,9 +15,9 @@ from calibration.documents.validation import Document
 from calibration.kinematics.external_axis import ExternalAxis
 from calibration.kinematics.load import Load
 from calibration.kinematics.robot_accuracy import USUAL_BELIEF, NoiseBelief
+from calibration.kinematics.stance import Stance
 from calibration.problem import AxisOffset, Setup
 from calibration.targets import Target, TrackedFrame
-from calibration.transforms import Array
 
 Pixels = Annotated[int, Field(ge=16, le=65536)]
 
@@ -136,9 +136,9 @@ class ViewDocument(Document):
         return self
 
     @property
-    def joints_rad(self) -> Array | None:
-        """(n,) the arm's axes, None where they were not recorded."""
-        return None if self.joints_deg is None else np.radians(self.joints_deg)
+    def stance(self) -> Stance:
+        """Where the arm stood."""
+        return Stance.of_degrees(self.base_T_flange.transform(), self.joints_deg, self.external_axes, self.confdata)
 
     @property
     def observation(self) -> str:

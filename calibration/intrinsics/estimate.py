@@ -15,6 +15,7 @@ from calibration.camera import CameraModel
 from calibration.errors import UndeterminedError
 from calibration.intrinsics.bundle_adjustment import BundleFit, adjust, predicted_gain
 from calibration.intrinsics.zhang_init import initial_camera, plane_views
+from calibration.kinematics.stance import Stance
 from calibration.observations.observations import Observations, observe
 from calibration.observations.reprojection import INTRINSICS, RATIONAL_INTRINSICS, pixel_residuals, pixel_statistics
 from calibration.observations.view_poses import candidate_poses, refine_poses
@@ -60,7 +61,7 @@ def estimate_camera(target: Target, detections: Sequence[Detection], image_size:
 
     Raises UndeterminedError `too-few-views`, `no-tilt`.
     """
-    views = tuple(View(index, np.eye(4), detection) for index, detection in enumerate(detections))
+    views = tuple(View(index, Stance(np.eye(4)), detection) for index, detection in enumerate(detections))
     seen, _ = observe(Problem("eye-in-hand", target, None, image_size, views))
     planes = plane_views(seen, image_size)
     seen = seen.take(np.array([plane is not None for plane in planes], bool))

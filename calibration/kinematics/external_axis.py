@@ -9,6 +9,7 @@ so that solvers and registration see an arm on one base and a part that stands. 
 (integrated, coordinated) is in its poses already and needs nothing of this.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import radians
 from typing import Literal
@@ -55,6 +56,13 @@ class ExternalAxis:
     def tangents(self) -> Array:
         """Two unit vectors (3, 2) across the direction."""
         return np.asarray(np.linalg.svd(self.direction[None])[2][1:].T)
+
+    def reading(self, external_axes: Sequence[float | None] | None) -> float | None:
+        """This axis's reading, mm or rad, of the controller's axes in mm or degrees; None where they do not hold it."""
+        if external_axes is None or len(external_axes) < self.number:
+            return None
+        value = external_axes[self.number - 1]
+        return None if value is None else reading_of(self.kind, value)
 
     def motion(self, readings: ArrayLike) -> Array:
         """(..., 4, 4) from base coordinates measured at the readings (...), mm or rad, to those at zero."""

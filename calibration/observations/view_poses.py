@@ -11,6 +11,7 @@ import numpy as np
 
 from calibration.camera import CameraModel
 from calibration.errors import DetectionError
+from calibration.kinematics.stance import Stance
 from calibration.linear_algebra import scaled_solve
 from calibration.observations.observations import MIN_CORNERS, Observations, observe
 from calibration.observations.reprojection import pixel_residuals, pixel_statistics
@@ -35,7 +36,7 @@ def target_pose(camera: CameraModel, target: Target, detection: Detection) -> tu
 
     Raises DetectionError with the code of `observe` for unusable points, or `no-pose`.
     """
-    view = View(0, np.eye(4), detection)
+    view = View(0, Stance(np.eye(4)), detection)
     seen, refused = observe(Problem("eye-in-hand", target, camera, camera.image_size, (view,)))
     if refused:
         raise DetectionError(refused[0].code, refused[0].what, Sentence("see-more"))

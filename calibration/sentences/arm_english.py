@@ -1,4 +1,4 @@
-"""English sentences on the errors of an arm as built (documents identified_arm, calibration_with_arm)."""
+"""English sentences on the errors of an arm as built (documents identified_arm, calibration_in_use)."""
 
 ARM = {
     "arm-errors": "the arm is not as drawn: with its own errors views left out by region of the joints are missed by"

@@ -52,7 +52,9 @@ def require_positions(axis: ExternalAxis, readings: Array) -> None:
 
 def readings_of(problem: Problem) -> Array:
     """Readings (n,) of all views."""
-    return np.array([np.nan if view.axis_reading is None else view.axis_reading for view in problem.views])
+    assert problem.external_axis is not None
+    found = [problem.external_axis.reading(view.stance.external_axes) for view in problem.views]
+    return np.array([np.nan if reading is None else reading for reading in found])
 
 
 def find_axis(problem: Problem, axis: ExternalAxis) -> ExternalAxis:

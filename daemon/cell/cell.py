@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from calibration.sentences.sentence import Sentence
 from calibration.transforms import Array
-from daemon.cell.arm_conditions import ArmConditionsNow
+from daemon.cell.arm_in_cell import ArmInCell
 from daemon.cell.capture_outputs import CaptureOutputs
 from daemon.cell.safe_stop import SafeStop
 from daemon.cell.settling import check_external_axes, check_still, read_if_standing, settle
@@ -40,7 +40,6 @@ from drivers.registry import record_path
 from drivers.robots.base_frame import configured
 
 if TYPE_CHECKING:
-    from calibration.documents.external_axis import ExternalAxisDocument
     from daemon.cell.exposure_control import ExposureControl
     from drivers.interlocks import Interlocks
 from hashlib import blake2b
@@ -207,16 +206,15 @@ class Cell:
         publish: Publish = lambda kind, data: None,
         exposure: "ExposureControl | None" = None,
         world_T_base: Array | None = None,
-        external_axis: "ExternalAxisDocument | None" = None,
-        arm_conditions: ArmConditionsNow | None = None,
+        arm: ArmInCell | None = None,
     ) -> None:
-        self.arm_conditions = arm_conditions or ArmConditionsNow(None, 0.0, clock.monotonic_s)
+        self.arm = arm or ArmInCell()
         self.robot: Robot = InterlockedRobot(devices.robot, interlocks) if interlocks else devices.robot
         self._interlocks = interlocks
         self._devices, self._vibration_gate = devices, devices.vibration_gate
         self._outputs, self._world_T_base = devices.outputs, world_T_base
         self._settling, self._clock, self._at, self._exposure = settling, clock, at, exposure
-        self._occupancy, self._external_axis = _Occupancy(), external_axis
+        self._occupancy = _Occupancy()
         self.safe_stop = SafeStop(self.robot, clock, lambda: self._occupancy.leased, publish)
         self._look_through(MAIN_CAMERA, devices.camera)
         main = {} if devices.scanner is None else {MAIN_SCANNER: devices.scanner}
@@ -337,7 +335,7 @@ class Cell:
         """
         if self.holder is not None:
             self._occupancy.external_axes = self._occupancy.external_axes or reading.external_axes
-            check_external_axes(self._occupancy.external_axes, reading.external_axes, self._external_axis)
+            check_external_axes(self._occupancy.external_axes, reading.external_axes, self.arm.declared)
         return reading
 
     async def capture_frame(self, before: PoseReading) -> CameraFrame:

@@ -7,26 +7,30 @@ from daemon.cli.errors import CommandError, ExitStatus
 
 if TYPE_CHECKING:
     from calibration.documents.calibration import CalibrationDocument
-    from calibration.documents.calibration_with_arm import CalibrationWithArm
+    from calibration.documents.calibration_in_use import CalibrationInUse
 
 
-def read_with_arm(calibration: "CalibrationDocument", file: Path, temperature_c: float | None) -> "CalibrationWithArm":
-    """The calibration with arm.json in `file`; the arm's links at `temperature_c`, where that is known.
+def read_in_use(
+    calibration: "CalibrationDocument", file: Path | None, temperature_c: float | None
+) -> "CalibrationInUse":
+    """The calibration, with arm.json in `file`, if any; the arm's links at `temperature_c`, where that is known.
 
     Raises DocumentError; CommandError for one of another set-up, and one whose parameters are damaged.
     """
     from calibration.documents.arm import ArmErrorsDocument
-    from calibration.documents.calibration_with_arm import CalibrationWithArm
+    from calibration.documents.calibration_in_use import CalibrationInUse
     from calibration.documents.validation import parse_document
     from calibration.errors import CalibrationError
     from calibration.kinematics.arm_conditions import ArmConditions
     from daemon.runtime.bounded_read import read_document
 
+    if file is None:
+        return CalibrationInUse(calibration)
     errors = parse_document(ArmErrorsDocument, read_document(file), str(file))
     if errors.setup != calibration.setup:
         what = f"it is of an {errors.setup} cell, the calibration of an {calibration.setup} one"
         raise CommandError(str(file), what, "name the arm.json of the same session", ExitStatus.UNREADABLE)
     try:
-        return CalibrationWithArm.of(calibration, errors, ArmConditions(temperature_c=temperature_c))
+        return CalibrationInUse.of(calibration, errors, ArmConditions(temperature_c=temperature_c))
     except CalibrationError as error:
         raise CommandError(str(file), str(error), "identify the arm again", ExitStatus.UNREADABLE) from None

@@ -1,7 +1,6 @@
 """`handeyed register SCAN_DIR`: merge the clouds of a part in the robot's base frame."""
 
 import time
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, cast
 
@@ -11,10 +10,8 @@ from daemon.cli.errors import CommandError, ExitStatus
 from daemon.cli.output import Json, print_error
 
 if TYPE_CHECKING:
-    from calibration.documents.calibration import CalibrationDocument, FindingDocument
     from registration.documents import RegisteredViewDocument, RegistrationReportDocument
     from registration.fusion.merging import Outliers
-    from registration.scan import ScannerMount, ScanView
 
 
 def register(
@@ -49,57 +46,41 @@ def register(
     """
     from calibration.documents.calibration import CalibrationDocument
     from calibration.documents.validation import parse_document
+    from calibration.errors import CalibrationError
+    from daemon.cli.arm_file import read_in_use
     from daemon.runtime.bounded_read import read_document
     from registration.fusion.merging import Merge
     from registration.report import register_scan
-    from registration.scan import poses_at_zero, read_scan, scanner_mount_of
+    from registration.scan import placed_by, read_scan, scanner_mount_of
 
     document = parse_document(CalibrationDocument, read_document(calibration), str(calibration))
     merge = Merge(voxel_mm, normals, cast("Outliers", outliers))
     if views is not None:
         _make_folder(views)
+    given = read_in_use(document, arm, arm_temperature)
     scanned = read_scan(folder)
-    hand = scanner_mount_of(document)
-    further: list[FindingDocument] = []
-    if arm is not None:
-        scanned, hand, further = _as_built(arm, document, scanned, arm_temperature)
-    else:
-        scanned = poses_at_zero(scanned, document)
+    try:
+        views_in_use = placed_by(given, scanned)
+    except CalibrationError as error:
+        if arm is None:
+            raise
+        raise CommandError(str(arm), str(error), "correct the joints, or register without --arm",
+                           ExitStatus.UNREADABLE) from None  # fmt: skip
     report = register_scan(
-        scanned,
-        hand,
+        views_in_use,
+        scanner_mount_of(given.document),
         out,
         time.perf_counter,
         refine=refine,
         merge=merge,
         views_out=views,
-        further=further,
+        further=given.findings([view.stance for view in scanned]),
     )
     typer.echo(report.model_dump_json() if json else _summary(report, out))
     if not document.verdict.accepted:
         print_error(f"{calibration}: verdict: this calibration was not accepted: calibrate again, and register anew")
     accepted = report.verdict.accepted and document.verdict.accepted
     raise typer.Exit(ExitStatus.OK if accepted else ExitStatus.NOT_ACCEPTED)
-
-
-def _as_built(
-    file: Path, document: "CalibrationDocument", views: "list[ScanView]", temperature_c: float | None
-) -> "tuple[list[ScanView], ScannerMount, list[FindingDocument]]":
-    """The views with the flange of the arm as built, X identified with it, and findings. Raises CommandError."""
-    from calibration.errors import CalibrationError
-    from daemon.cli.arm_file import read_with_arm
-    from registration.scan import scanner_mount_of
-
-    given = read_with_arm(document, file, temperature_c)
-    try:
-        joints = [view.joints_rad for view in views]
-        readings = [given.reading(view.external_axes) for view in views]
-        poses = given.base_T_flange([view.base_T_flange for view in views], joints, readings)
-    except CalibrationError as error:
-        raise CommandError(str(file), str(error), "correct the joints, or register without --arm",
-                           ExitStatus.UNREADABLE) from None  # fmt: skip
-    moved = [replace(view, base_T_flange=pose) for view, pose in zip(views, poses, strict=True)]
-    return moved, scanner_mount_of(given.document), given.findings(joints)
 
 
 def _make_folder(folder: Path) -> None:

@@ -24,6 +24,9 @@ def register_archive(
         False
     ),
     voxel_mm: Annotated[float | None, typer.Option(help="Average the points of each cell of this size.")] = None,
+    arm: Annotated[
+        Path | None, typer.Option(help="arm.json of solve --arm: place the flange where the arm as built has it.")
+    ] = None,
     json: Json = False,
 ) -> None:
     """Register every scan of an archive; finished scans are skipped.
@@ -32,7 +35,7 @@ def register_archive(
     """
     from daemon.tools.batch_registration.executors import open_executor
 
-    tasks = _tasks(folder, calibration, out, refine, voxel_mm)
+    tasks = _tasks(folder, calibration, out, refine, voxel_mm, arm)
     outcomes = []
     with open_executor(scheduler, workers) as run, progress_bar(folder) as progress:
         for outcome in run(tasks):
@@ -45,21 +48,28 @@ def register_archive(
     raise typer.Exit(_status(outcomes))
 
 
-def _tasks(folder: str, calibration: Path, out: str, refine: bool, voxel_mm: float | None) -> "list[RegistrationTask]":
+def _tasks(
+    folder: str, calibration: Path, out: str, refine: bool, voxel_mm: float | None, arm: Path | None
+) -> "list[RegistrationTask]":
     from calibration.documents.calibration import CalibrationDocument
     from calibration.documents.validation import parse_document
+    from daemon.cli.arm_file import read_in_use
     from daemon.runtime.bounded_read import read_document
     from daemon.tools.batch_registration.remote_folder import RemoteFolder
     from daemon.tools.batch_registration.tasks import SCAN, RegistrationTask
     from registration.scan import scanner_mount_of
 
     content = read_document(calibration)
-    scanner_mount_of(parse_document(CalibrationDocument, content, str(calibration)))
+    given = read_in_use(parse_document(CalibrationDocument, content, str(calibration)), arm, None)
+    scanner_mount_of(given.document)
+    errors = None if arm is None else read_document(arm).decode()
     source, target = RemoteFolder.of(folder), RemoteFolder.of(out)
     scans = source.folders_with(SCAN)
     if not scans:
         raise CommandError(folder, f"no folder below holds a {SCAN}", "name another folder", ExitStatus.UNREADABLE)
-    return [RegistrationTask(source.url, target.url, scan, content.decode(), refine, voxel_mm) for scan in scans]
+    return [
+        RegistrationTask(source.url, target.url, scan, content.decode(), refine, voxel_mm, errors) for scan in scans
+    ]
 
 
 def _summary(out: str, outcomes: "list[OutcomeDocument]") -> str:

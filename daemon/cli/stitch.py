@@ -21,19 +21,26 @@ def stitch(
     reach_mm: Annotated[
         float | None, typer.Option(min=1e-3, max=1e4, help="Largest gap looked for; by default 4 mm or 4 spacings.")
     ] = None,
+    arm: Annotated[
+        Path | None, typer.Option(help="arm.json of solve --arm: place the flange where the arm as built has it.")
+    ] = None,
+    arm_temperature: Annotated[
+        float | None, typer.Option(help="With --arm: of the arm's links, in °C, when the scan was taken.")
+    ] = None,
     json: Json = False,
 ) -> None:
     """Measure how far the views of a scan lie apart where they overlap, placed by robot and calibration alone.
 
     Exit status: 0 measured and within --tolerance-mm, 3 beyond it, 2 unreadable input or no views overlap.
     """
+    from daemon.cli.arm_file import read_in_use
     from daemon.cli.compare import read_calibration
     from registration.report import stitch_views
-    from registration.scan import poses_at_zero, read_scan, scanner_mount_of
+    from registration.scan import placed_by, read_scan, scanner_mount_of
 
-    require_finite(tolerance_mm=tolerance_mm, reach_mm=reach_mm)
-    document = read_calibration(calibration)
-    found = stitch_views(poses_at_zero(read_scan(folder), document), scanner_mount_of(document), reach_mm)
+    require_finite(tolerance_mm=tolerance_mm, reach_mm=reach_mm, arm_temperature=arm_temperature)
+    given = read_in_use(read_calibration(calibration), arm, arm_temperature)
+    found = stitch_views(placed_by(given, read_scan(folder)), scanner_mount_of(given.document), reach_mm)
     typer.echo(found.model_dump_json() if json else "\n".join(map(_line, found.pairs)))
     within = tolerance_mm is None or found.largest_mm <= tolerance_mm
     raise typer.Exit(ExitStatus.OK if within else ExitStatus.NOT_ACCEPTED)

@@ -2,19 +2,18 @@
 
 import asyncio
 import logging
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 
 from calibration.documents.calibration import CalibrationDocument
-from calibration.documents.calibration_with_arm import CalibrationWithArm
 from calibration.errors import CalibrationError
-from calibration.kinematics.arm_conditions import ArmConditions
 from calibration.kinematics.robot_accuracy import NoiseBelief
+from daemon.cell.arm_in_cell import ArmInCell
 from daemon.config.settings import MAIN_CAMERA, Settings
 from daemon.drift.chart import DriftChart, DriftReport, chart_of
 from daemon.drift.samples import ChartEntry, VerificationHistory
-from daemon.errors import DaemonError, NoCalibration, NotFound
+from daemon.errors import CalibrationUnusable, DaemonError, NoCalibration, NotFound
 from daemon.model.records import RunRecord
 from daemon.runtime.clock import Clock
 from daemon.runtime.event_bus import EventBus
@@ -32,18 +31,15 @@ MAX_HISTORY = 10_000
 
 @dataclass(eq=False)
 class DriftMonitor:
-    """Background service: recomputes the chart of one camera from the store after each verification.
-
-    `conditions`: of the arm now.
-    """
+    """Background service: recomputes the chart of one camera from the store after each verification."""
 
     settings: Settings
     store: Store
     events: EventBus
     workers: Workers
     clock: Clock
+    arm: ArmInCell
     camera: str = MAIN_CAMERA
-    conditions: Callable[[], ArmConditions] = ArmConditions
     chart: DriftChart = field(default_factory=DriftChart, init=False)
     _verifications: VerificationHistory = field(init=False)
     _task: asyncio.Task[None] | None = field(default=None, init=False)
@@ -159,8 +155,8 @@ class DriftMonitor:
         """By the errors of the arm that were in force with the calibration."""
         errors = await self.store.arm(document.id)
         try:
-            used = (await self.workers.run(CalibrationWithArm.of, document, errors, self.conditions())).document
-        except CalibrationError as error:
+            used = (await self.workers.run(self.arm.in_use, document, errors)).document
+        except (CalibrationError, CalibrationUnusable) as error:
             log.warning("drift is judged by the arm as drawn: %s", error)
             used = document
         return await self.workers.run(chart_of, entries, used, self.settings)

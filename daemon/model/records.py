@@ -9,7 +9,7 @@ import numpy as np
 from calibration.documents.calibration import CalibrationDocument
 from calibration.documents.external_axis import external_axes_of
 from calibration.documents.pose import PoseDocument
-from calibration.transforms import Array
+from calibration.kinematics.stance import Stance
 from daemon.config.settings import MAIN_CAMERA, MAIN_SCANNER
 from daemon.model.run_states import FINAL_STATES, RunState
 from drivers.interfaces import PoseReading
@@ -186,9 +186,8 @@ class FlangePose:
         )
 
     @property
-    def joints_rad(self) -> Array | None:
-        """(6,)"""
-        return None if self.joints_deg is None else np.radians(self.joints_deg)
+    def stance(self) -> Stance:
+        return Stance.of_degrees(self.base_T_flange.transform(), self.joints_deg, self.external_axes)
 
 
 @dataclass(frozen=True)

@@ -150,7 +150,7 @@ class PlcGateway:
         self._take(RegistersWritten(words, client))
         tenths = self._state.input("arm_temperature")
         if ARM_TEMPERATURE in written and 0 < tenths <= MAX_TEMPERATURE:
-            self.operations.cell.arm_conditions.state_temperature(tenths / 10)
+            self.operations.cell.arm.state_temperature(tenths / 10)
         if self._state.abort_writers != held:
             self.operations.supervisor.hold_abort([f"{PLC_CLIENT} {each}" for each in self._state.abort_writers])
 
@@ -235,13 +235,13 @@ class PlcGateway:
             return run_failure(command, run)
         operations, now = camera.operations, self.clock.utc_now()
         if command is PlcCommand.REGISTER:
-            used = await operations.calibrations.with_arm(await operations.calibrations.find("current"))
+            used = await operations.calibrations.in_use(await operations.calibrations.find("current"))
             report = await (await operations.scans.start_registration(run.result["scan_id"], used, refine=True))
             return registration_result(run, used.document, now, report)
         document = (await operations.store.calibration(run.result["calibration_id"])).document
         if command is PlcCommand.CALIBRATE:
             return calibration_result(run, document, now)
-        document = (await operations.calibrations.with_arm(document)).document
+        document = (await operations.calibrations.in_use(document)).document
         drifts = bool((await camera.drift.report_after(run)).alarm)
         met = run.result["verification"]["within_tolerance"]
         return verification_result(run, document, now, holds=met and not drifts)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from calibration.detection.detect import detect
 from calibration.documents.calibration import ViewResultDocument
 from calibration.errors import DetectionError
+from calibration.kinematics.stance import Stance
 from calibration.problem import View
 from calibration.solution import Solution, ViewResult
 from calibration.targets import Target
@@ -62,7 +63,7 @@ def view_pictures(
             document.index, document.image, document.status, document.reason, document.reprojection_px,
             document.base_error_mm, None,
         )  # fmt: skip
-        view = View(document.index, np.eye(4), detection, document.image)
+        view = View(document.index, Stance(np.eye(4)), detection, document.image)
         scale = arrow_magnification([result], image.shape[1])
         drawn = draw_view(image, view, result, scale, reason_sentence(view, result))
         caption = "picture.rejected" if document.status == "rejected" else "picture.used"

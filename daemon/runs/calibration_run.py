@@ -8,7 +8,7 @@ from calibration.diagnosis.mount_check import ExpectedMount, mount_findings
 from calibration.diagnosis.plausibility import leave_out_settled
 from calibration.documents.arm import ArmErrorsDocument
 from calibration.documents.calibration import CalibrationDocument, calibration_document
-from calibration.documents.calibration_with_arm import CalibrationWithArm
+from calibration.documents.calibration_in_use import CalibrationInUse
 from calibration.documents.plan import NoiseExpectedDocument
 from calibration.errors import DocumentError, DocumentProblem
 from calibration.kinematics.arm import Arm
@@ -128,7 +128,7 @@ class CalibrationRun:
             solution, replace(verdict, findings=findings), calibration_id=calibration_id, created_at=created_at,
             software=SOFTWARE, target=problem.target, expected=expected,
         )  # fmt: skip
-        with_arm = CalibrationWithArm.of(document, arm).document  # U is that of a point placed with the arm's errors
+        with_arm = CalibrationInUse.of(document, arm).document  # U is that of a point placed with the arm's errors
         return document.model_copy(update={"accuracy": with_arm.accuracy}), arm
 
 

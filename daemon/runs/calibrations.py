@@ -1,18 +1,17 @@
 """The stored calibrations: the one in force of a camera, one by its id, and putting one in force."""
 
 import logging
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from calibration.documents.calibration import AccuracyDocument, CalibrationDocument, ReasonDocument
-from calibration.documents.calibration_with_arm import CalibrationWithArm
-from calibration.documents.external_axis import ExternalAxisDocument
+from calibration.documents.calibration_in_use import CalibrationInUse
 from calibration.errors import CalibrationError
-from calibration.kinematics.arm_conditions import ArmConditions
 from calibration.monitoring.comparison import compare
 from calibration.problem import Setup
 from calibration.sentences.sentence import Sentence
+from daemon.cell.arm_in_cell import ArmInCell
 from daemon.config.settings import MAIN_CAMERA
 from daemon.errors import CalibrationUnusable, StorageInconsistent
 from daemon.model.records import AppliedCalibration, CalibrationRecord
@@ -29,17 +28,13 @@ MAX_WORSE = 1.25
 
 @dataclass(frozen=True)
 class Calibrations:
-    """`camera`: whose calibration "current" means. `workers`: compute the uncertainty with the arm.
-
-    `declared`: the cell's external axis, which a calibration then needs. `conditions`: of the arm now.
-    """
+    """`camera`: whose calibration "current" means. `workers`: compute the uncertainty with the arm."""
 
     store: Store
     clock: Clock
     workers: Workers
+    arm: ArmInCell
     camera: str = MAIN_CAMERA
-    declared: ExternalAxisDocument | None = None
-    conditions: Callable[[], ArmConditions] = ArmConditions
 
     async def apply(
         self, calibration_id: str, request: ApplyRequest, expected: Sequence[int] | None = None
@@ -83,21 +78,13 @@ class Calibrations:
             )
         return document
 
-    async def with_arm(self, calibration: CalibrationDocument) -> CalibrationWithArm:
+    async def in_use(self, calibration: CalibrationDocument) -> CalibrationInUse:
         """The calibration with the errors of the arm identified with it.
 
         Raises CalibrationUnusable for one without the cell's external axis, StorageError, GeometryError.
         """
-        if self.declared is not None and calibration.external_axis is None and calibration.setup == "eye-in-hand":
-            raise CalibrationUnusable(
-                f"calibration {calibration.id} was made without the {self.declared.kind} of [robot.external_axis]: what"
-                " it places is right only where that stood",
-                "calibrate by hand from two of its positions or more",
-            )
         errors = await self.store.arm(calibration.id)
-        if errors is None:
-            return CalibrationWithArm(calibration)
-        return await self.workers.run(CalibrationWithArm.of, calibration, errors, self.conditions())
+        return await self.workers.run(self.arm.in_use, calibration, errors)
 
     async def accuracy(self, calibration: CalibrationDocument) -> AccuracyDocument:
         """What it states, with the arm's errors as they are now where they were taken up. Raises StorageError.
@@ -105,7 +92,7 @@ class Calibrations:
         That of the calibration alone, where it or its arm.json cannot be used.
         """
         try:
-            calibration = (await self.with_arm(calibration)).document
+            calibration = (await self.in_use(calibration)).document
         except (CalibrationUnusable, CalibrationError, StorageInconsistent) as error:
             log.warning("the uncertainty of calibration %s is stated without its arm: %s", calibration.id, error)
         return calibration.accuracy

@@ -70,7 +70,7 @@ def _run_view(
     result: ViewResultDocument | None,
     arm: Arm | None,
 ) -> RunView:
-    pose, joints = view.base_T_flange.transform(), view.joints_rad
+    joints = view.stance.joints_rad
     if found is None:
         return RunView(index, None, view, joints, result, None, (), None, None, None)
     ids = np.array([corner[0] for corner in found.corners], np.intp)
@@ -85,7 +85,9 @@ def _run_view(
         index=index,
         at=found.at,
         view=view,
-        joints_rad=joints if joints is not None else joints_in_posture(arm, pose, found.configuration),
+        joints_rad=joints
+        if joints is not None
+        else joints_in_posture(arm, view.stance.base_T_flange, found.configuration),
         result=result,
         missing=None if found.missing is None else (found.missing.code, found.missing.sentence()),
         corners=_corners(ids, pixels, reported, free),
@@ -97,11 +99,11 @@ def _run_view(
 
 def _at_zero(view: ViewDocument, calibration: CalibrationDocument | None) -> Array:
     """The view's pose (4, 4), as if the calibration's external axis, where it has one, had stood at its zero."""
-    pose = view.base_T_flange.transform()
-    axis = None if calibration is None else calibration.external_axis
-    reading = None if axis is None else axis.reading(view.external_axes)
-    at_zero: Array = pose if axis is None or reading is None else axis.at_zero(pose[None], [reading])[0]
-    return at_zero
+    stance, axis = view.stance, None if calibration is None else calibration.external_axis
+    if axis is None or axis.reading(stance.external_axes) is None:
+        return stance.base_T_flange
+    (at_zero,) = axis.place(stance.base_T_flange[None], [stance])
+    return np.asarray(at_zero)
 
 
 def _residuals(

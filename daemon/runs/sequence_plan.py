@@ -4,13 +4,12 @@ from collections.abc import Awaitable, Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from calibration.documents.external_axis import ExternalAxisDocument
 from calibration.documents.knowledge import KnowledgeDocument, NoiseBeliefDocument
 from calibration.documents.session import AxisOffsetDocument, CameraDocument, SessionDocument
 from calibration.documents.target import TargetDocument
-from calibration.kinematics.arm_conditions import ArmConditions
 from calibration.kinematics.robot_accuracy import USUAL_BELIEF, NoiseBelief
 from calibration.problem import Setup
+from daemon.cell.arm_in_cell import ArmInCell
 from daemon.runs.pose_sequence import PoseSequence
 from daemon.runs.run_log import RunLog
 from daemon.runs.supervisor import RunPlan, RunResult
@@ -35,13 +34,12 @@ def plan_sequence(stations: int, sequence: MakeSequence, session: OpenSession, d
 
 @dataclass(frozen=True)
 class RunSessions:
-    """Prepares the session folders of runs with one camera. `conditions`: of the arm now; `known`: beforehand."""
+    """Prepares the session folders of runs with one camera. `known`: beforehand."""
 
     store: Store
     workers: Workers
     setup: Setup
-    external_axis: ExternalAxisDocument | None = None
-    conditions: Callable[[], ArmConditions] = ArmConditions
+    arm: ArmInCell
     known: KnowledgeDocument = field(default_factory=KnowledgeDocument)
 
     def prepare(
@@ -81,7 +79,7 @@ class RunSessions:
         head = SessionDocument(
             schema_version=1, source=source, poses_from_controller=True, setup=self.setup, target=target,
             camera=None if camera is None else CameraDocument.of(camera.camera()), axis_offset=axis_offset,
-            external_axis=self.external_axis, known=self.known, robot_noise=NoiseBeliefDocument.of(robot_noise),
+            external_axis=self.arm.declared, known=self.known, robot_noise=NoiseBeliefDocument.of(robot_noise),
             views=[],
         )  # fmt: skip
-        return SessionWriter(folder, head, self.store, self.workers, beside, self.conditions)
+        return SessionWriter(folder, head, self.store, self.workers, self.arm, beside)

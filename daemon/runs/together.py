@@ -63,7 +63,7 @@ class ScannerBeside:
         file = f"view_{len(self._views):03d}{SUFFIXES[cloud.media_type]}"
         await self.store.write_file(folder / file, [cloud.content])
         joints = None if reading.joints_rad is None else tuple(np.degrees(reading.joints_rad).round(6).tolist())
-        pose, conditions = PoseDocument.of(reading.base_T_flange), self.cell.arm_conditions.read()
+        pose, conditions = PoseDocument.of(reading.base_T_flange), self.cell.arm.conditions()
         view = ViewDocument(
             base_T_flange=pose, joints_deg=joints, arm_temperature_c=conditions.temperature_c, cloud=file,
             unit=self.settings.unit,

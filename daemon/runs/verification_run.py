@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from calibration.documents.calibration import CalibrationDocument
-from calibration.documents.calibration_with_arm import AS_BUILT, CalibrationWithArm
+from calibration.documents.calibration_in_use import AS_BUILT, CalibrationInUse
 from calibration.documents.pose import PoseDocument
 from calibration.monitoring.target_scatter import Verification, verify
 from calibration.problem import Problem
@@ -41,7 +41,7 @@ class VerificationRun:
     """The run without its poses. `given`: what is verified. `limits`: their tolerance, of U, see `VerifyRequest`."""
 
     workers: Workers
-    given: CalibrationWithArm
+    given: CalibrationInUse
     limits: VerdictLimits
 
     async def drive(self, sequence: PoseSequence, log: RunLog) -> RunResult:
@@ -65,8 +65,8 @@ def mean_temperature_c(problem: Problem) -> float | None:
     return round(float(np.mean(known)), 2) if known else None
 
 
-def _verify(problem: Problem, given: CalibrationWithArm) -> Verification:
-    """Raises VerificationError, and as `CalibrationWithArm.base_T_flange`."""
+def _verify(problem: Problem, given: CalibrationInUse) -> Verification:
+    """Raises VerificationError, and as `CalibrationInUse.base_T_flange`."""
     calibration, problem = given.document, given.correct(problem)
     camera = calibration.camera.camera() if calibration.camera else problem.camera
     return verify(replace(problem, camera=camera), calibration)

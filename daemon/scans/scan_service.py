@@ -11,10 +11,11 @@ from pathlib import Path
 from typing import Any
 
 from calibration.documents.calibration import CalibrationDocument
-from calibration.documents.calibration_with_arm import CalibrationWithArm
+from calibration.documents.calibration_in_use import CalibrationInUse
 from calibration.errors import CalibrationError
-from calibration.kinematics.arm_conditions import ArmConditions
+from calibration.kinematics.stance import Stance
 from calibration.transforms import Array
+from daemon.cell.arm_in_cell import ArmInCell
 from daemon.config.settings import MAIN_CAMERA, MAIN_SCANNER, NamedScannerSettings
 from daemon.errors import CalibrationUnusable, NoCalibration, NotFound, ScanEmpty, StorageError
 from daemon.model.records import FlangePose, ScanRecord, ScanViewRecord, Unit
@@ -51,7 +52,7 @@ MAX_RECENT_SCANS = 10
 
 @dataclass(frozen=True)
 class ScanService:
-    """The scans in the store. `conditions`: of the arm now."""
+    """The scans in the store."""
 
     store: Store
     workers: Workers
@@ -61,7 +62,7 @@ class ScanService:
     scanners: Mapping[str, NamedScannerSettings]
     registration_jobs: RegistrationJobs
     publish: Publish
-    conditions: Callable[[], ArmConditions] = ArmConditions
+    arm: ArmInCell
 
     async def recover(self) -> None:
         """Remove partial files of a killed daemon, and update scan.json of the latest scans. Raises StorageError.
@@ -124,12 +125,12 @@ class ScanService:
             moved = await self.workers.run(partial(move_file, upload.file, target, motion, durable=False))
         return target, moved.points
 
-    async def start_registration(self, scan_id: str, calibration: CalibrationWithArm, refine: bool) -> ReportTask:
+    async def start_registration(self, scan_id: str, calibration: CalibrationInUse, refine: bool) -> ReportTask:
         """The registration job of a scan, in progress or done. Raises ScanEmpty, NotFound; the job: WorkersBusy."""
         return self.registration_jobs.start(await self._registration_request(scan_id, calibration, refine))
 
     async def clouds(
-        self, scan_id: str, calibration: CalibrationWithArm, report: RegistrationReportDocument | None = None
+        self, scan_id: str, calibration: CalibrationInUse, report: RegistrationReportDocument | None = None
     ) -> list[PlacedCloud]:
         """Every view with its pose in base: from the robot, or from a report. Raises ScanEmpty, NotFound."""
         wanted = await self._registration_request(scan_id, calibration, refine=False)
@@ -212,18 +213,16 @@ class ScanService:
         return views
 
     async def _registration_request(
-        self, scan_id: str, calibration: CalibrationWithArm, refine: bool
+        self, scan_id: str, calibration: CalibrationInUse, refine: bool
     ) -> RegistrationRequest:
-        """Raises ScanEmpty, NotFound, and as `CalibrationWithArm.base_T_flange`."""
+        """Raises ScanEmpty, NotFound, and as `CalibrationInUse.base_T_flange`."""
         rows = await self._views(scan_id)
-        folder, joints = self.store.scan_folder(scan_id), [row.pose.joints_rad for row in rows]
-        reported = [row.base_T_flange.transform() for row in rows]
-        readings = [calibration.reading(row.external_axes) for row in rows]
-        poses = await self.workers.run(calibration.base_T_flange, reported, joints, readings)
-        views = [ScanView(folder / row.file, row.unit, pose) for row, pose in zip(rows, poses, strict=True)]
+        folder, stances = self.store.scan_folder(scan_id), [row.pose.stance for row in rows]
+        poses = await self.workers.run(calibration.base_T_flange, stances)
+        views = [ScanView(folder / row.file, row.unit, Stance(pose)) for row, pose in zip(rows, poses, strict=True)]
         scanner = (await self.store.scan(scan_id)).scanner
         flange_T_scanner = self.flange_T_scanner(calibration.document, scanner)
-        findings = tuple(calibration.findings(joints))
+        findings = tuple(calibration.findings(stances))
         return RegistrationRequest(scan_id, views, calibration.document, flange_T_scanner, refine, findings)
 
     async def _start_refinement(self, scan: ScanRecord) -> None:
@@ -236,25 +235,23 @@ class ScanService:
             _, current = await self.store.current(settings.camera if settings else MAIN_CAMERA)
             if current.document.flange_T_camera is not None:
                 errors = await self.store.arm(current.id)
-                calibration = await self.workers.run(CalibrationWithArm.of, current.document, errors, self.conditions())
+                calibration = await self.workers.run(self.arm.in_use, current.document, errors)
                 wanted = await self._registration_request(scan.id, calibration, refine=True)
                 self.registration_jobs.start(wanted, only_if_free=False)
         except NoCalibration:
             return
-        except CalibrationError as error:
+        except (CalibrationError, CalibrationUnusable) as error:
             log.warning("scan %s is not refined: %s", scan.id, error)
 
-    def base_T_scanner(self, calibration: CalibrationWithArm, pose: FlangePose, scanner: str = MAIN_SCANNER) -> Array:
+    def base_T_scanner(self, calibration: CalibrationInUse, pose: FlangePose, scanner: str = MAIN_SCANNER) -> Array:
         """The scanner's pose (4, 4) in mm; one beside the robot stands wherever the flange is.
 
-        Raises as `CalibrationWithArm.base_T_flange`.
+        Raises as `CalibrationInUse.base_T_flange`.
         """
         mount_T_scanner = self._mount_T_scanner(calibration.document, scanner)
         if calibration.document.setup == "eye-to-hand":
             return mount_T_scanner
-        (base_T_flange,) = calibration.base_T_flange(
-            [pose.base_T_flange.transform()], [pose.joints_rad], [calibration.reading(pose.external_axes)]
-        )
+        (base_T_flange,) = calibration.base_T_flange([pose.stance])
         placed: Array = base_T_flange @ mount_T_scanner
         return placed
 

@@ -28,16 +28,17 @@ def view_of_cloud(folder: Path, target: Target, index: int, view: ViewDocument, 
 
     assert view.cloud is not None
     assert view.unit is not None
-    pose = view.base_T_flange.transform()
     cloud = read_organised(folder / view.cloud, view.unit, size)
     failure: DetectionError | None = None
     for image in _exposures(cloud.intensity):
         try:
-            return View(index, pose, None, view.cloud, measured=measure_corners(detect(image, target), cloud.points_mm))
+            return View(
+                index, view.stance, None, view.cloud, measured=measure_corners(detect(image, target), cloud.points_mm)
+            )
         except DetectionError as error:
             failure = failure or error
     assert failure is not None
-    return View(index, pose, None, view.cloud, missing=(failure.code, with_fix(failure.what, failure.fix)))
+    return View(index, view.stance, None, view.cloud, missing=(failure.code, with_fix(failure.what, failure.fix)))
 
 
 def _exposures(intensity: NDArray[Any]) -> list[NDArray[np.uint8]]:

@@ -112,8 +112,7 @@ def load_problem(session: SessionFolder, progress: Progress = lambda done, of: N
     views = explain_missing(views, target, lambda name: read_grey(session.path / name))
     views = [
         replace(
-            view, confdata=recorded.confdata, axis_reading=document.axis_reading(view.index),
-            camera_temperature_c=recorded.camera_temperature_c, arm_temperature_c=recorded.arm_temperature_c,
+            view, camera_temperature_c=recorded.camera_temperature_c, arm_temperature_c=recorded.arm_temperature_c,
         )
         for view, recorded in ((view, document.views[view.index]) for view in views)
     ]  # fmt: skip
@@ -130,12 +129,10 @@ def _problem_in_space(session: SessionFolder, target: Target, progress: Progress
         if view.cloud is not None:
             from daemon.sessions.cloud_views import view_of_cloud  # with SciPy's trees: for clouds only
 
-            found = view_of_cloud(session.path, target, index, view, document.image_size)
-            views.append(replace(found, joints_rad=view.joints_rad))
+            views.append(view_of_cloud(session.path, target, index, view, document.image_size))
             progress(index + 1, len(document.views))
         else:
-            pose, measured = view.base_T_flange.transform(), _measurement(view)
-            views.append(View(index, pose, None, measured=measured, joints_rad=view.joints_rad))
+            views.append(View(index, view.stance, None, measured=_measurement(view)))
     return Problem(
         document.setup, target, None, document.image_size or (0, 0), tuple(views), in_space=True,
         poses_from_controller=document.poses_from_controller,
@@ -153,15 +150,14 @@ def _measurement(view: ViewDocument) -> Measurement:
 
 def _detect_view(folder: Path, target: Target, index: int, view: ViewDocument) -> tuple[View, tuple[int, int] | None]:
     """One view, and its image's size (None when the session holds the corners)."""
-    base_T_flange = view.base_T_flange.transform()
     if view.corners_px is not None:
-        return View(index, base_T_flange, _session_detection(view.corners_px), joints_rad=view.joints_rad), None
+        return View(index, view.stance, _session_detection(view.corners_px)), None
     assert view.image is not None  # the document holds either corners or an image
     found, size = detect_in_file(folder / view.image, target)
     if isinstance(found, DetectionError):
         missing = found.code, with_fix(found.what, found.fix)
-        return View(index, base_T_flange, None, view.image, missing=missing, joints_rad=view.joints_rad), size
-    return View(index, base_T_flange, found, view.image, joints_rad=view.joints_rad), size
+        return View(index, view.stance, None, view.image, missing=missing), size
+    return View(index, view.stance, found, view.image), size
 
 
 def _session_detection(corners_px: list[tuple[int, float, float]]) -> Detection:

@@ -1,6 +1,6 @@
 """Write a session folder: pictures and poses are stored before use, so that `handeyed solve` reproduces the result."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
@@ -13,9 +13,9 @@ from calibration.documents.external_axis import external_axes_of
 from calibration.documents.pose import PoseDocument
 from calibration.documents.session import SessionDocument, ViewDocument
 from calibration.errors import DetectionError
-from calibration.kinematics.arm_conditions import ArmConditions
 from calibration.problem import Problem, View
 from calibration.sentences.sentence import with_fix
+from daemon.cell.arm_in_cell import ArmInCell
 from daemon.errors import PictureUnusable
 from daemon.runtime.workers import Workers
 from daemon.sessions.detections import DETECTIONS_FILE, DetectionDocument, DetectionsDocument, MissedDocument
@@ -48,21 +48,21 @@ class SensorBeside(Protocol):
 class SessionWriter:
     """Writes the session folder of one run, whose document begins as `head`, without views.
 
-    `beside`: sensors that look after each picture, from the same pose. `conditions`: of the arm now; its load is that
-    of the session, its temperature that of each view.
+    `beside`: sensors that look after each picture, from the same pose. The load of `arm` is that of the session, its
+    temperature that of each view.
     """
 
     def __init__(
-        self, folder: Path, head: SessionDocument, store: Store, workers: Workers,
-        beside: Sequence[SensorBeside] = (), conditions: Callable[[], ArmConditions] = ArmConditions,
+        self, folder: Path, head: SessionDocument, store: Store, workers: Workers, arm: ArmInCell,
+        beside: Sequence[SensorBeside] = (),
     ) -> None:  # fmt: skip
         self.folder = folder
-        self._store, self._workers, self._beside, self._conditions = store, workers, beside, conditions
+        self._store, self._workers, self._arm, self._beside = store, workers, arm, beside
         self._image_size = head.camera.image_size if head.camera else None
         self._target_seen = False
         self._detections = DetectionsDocument()
         self._taken: dict[int, DetectionDocument] = {}
-        self._document = head.model_copy(update={"load": LoadDocument.of(conditions().load)})
+        self._document = head.model_copy(update={"load": LoadDocument.of(arm.conditions().load)})
 
     async def add(self, frame: CameraFrame, reading: PoseReading, at: str = "") -> int:
         """Store a station's picture, pose and joints; returns the view's index.
@@ -79,8 +79,8 @@ class SessionWriter:
         axes = external_axes_of(reading.external_axes)
         temperature_c = None if frame.capture is None else frame.capture.temperature_c
         view = ViewDocument(
-            base_T_flange=pose, camera_temperature_c=temperature_c, arm_temperature_c=self._conditions().temperature_c,
-            joints_deg=joints, external_axes=axes, image=name,
+            base_T_flange=pose, joints_deg=joints, external_axes=axes, image=name, camera_temperature_c=temperature_c,
+            arm_temperature_c=self._arm.conditions().temperature_c,
         )  # fmt: skip
         document = self._document.model_copy(update={"views": [*self._document.views, view]})
         await self._store.write_file(self.folder / SESSION_FILE, [document.model_dump_json(indent=1).encode()])
@@ -116,7 +116,6 @@ class SessionWriter:
         document = self._document
         assert self._image_size is not None  # the first picture set it
         camera = document.camera.camera() if document.camera else None
-        views = [replace(view, axis_reading=document.axis_reading(view.index)) for view in views]
         return Problem(
             document.setup, document.described_target(), camera, self._image_size, tuple(views),
             poses_from_controller=document.poses_from_controller, axis_offset=document.given_offset,
@@ -181,8 +180,8 @@ def _detect_view(folder: Path, document: SessionDocument, index: int, target_see
     view = document.views[index]
     name = view.image or ""
     taken = View(
-        index, view.base_T_flange.transform(), None, name, joints_rad=view.joints_rad,
-        camera_temperature_c=view.camera_temperature_c, arm_temperature_c=view.arm_temperature_c,
+        index, view.stance, None, name, camera_temperature_c=view.camera_temperature_c,
+        arm_temperature_c=view.arm_temperature_c,
     )  # fmt: skip
     target = document.described_target()
     levels = read_levels(folder / name)

@@ -4,24 +4,46 @@ import asyncio
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field
+from functools import partial
+
+import numpy as np
 
 from calibration.documents.calibration import CalibrationDocument
+from calibration.transforms import Array
 from daemon.cell.cell import Cell
+from daemon.cell.settling import check_external_axes
 from daemon.config.settings import MAIN_SCANNER
-from daemon.errors import CalibrationUnusable, CellNotReady, NoScanner, NotFound
+from daemon.errors import CellNotReady, NoScanner, NotFound
+from daemon.model.records import FlangePose
 from daemon.runtime.clock import Clock
 from daemon.runtime.durable_files import make_folder
 from daemon.runtime.workers import Workers
 from daemon.scans.scan_service import TRANSIT_FOLDER, ScanService
 from daemon.store.database import storage_errors
 from daemon.store.store import Store
-from drivers.interfaces import ProfileSource
+from drivers.interfaces import PathRecorder, PoseReading, ProfileSource, Robot
 from extensions.sweeps.errors import NoProfiler
 from extensions.sweeps.mathematics.assembler import SweepAssembler
 from extensions.sweeps.recorder import Sweep, SweepRecorder
 
 KEPT = 8
 """Sweeps whose points can be fetched; older ones are deleted, and all when the daemon starts."""
+
+
+@dataclass(frozen=True, eq=False)
+class PathBesideAxis:
+    """A recorder whose poses are moved by `motion` (1, 4, 4) of an external axis, which stands as it did `first`."""
+
+    path: PathRecorder
+    robot: Robot
+    first: PoseReading
+    motion: Array
+
+    async def read(self) -> tuple[Array, Array]:
+        """As the recorder. Raises NotStill when the axis has moved."""
+        times_s, poses = await self.path.read()
+        check_external_axes(self.first.external_axes, (await self.robot.read_pose()).external_axes)
+        return times_s, self.motion @ poses
 
 
 @dataclass(eq=False)
@@ -61,9 +83,6 @@ class SweepService:
         reasons = self.cell.sensor_obstacles(("robot", scanner))
         if reasons:
             raise CellNotReady(reasons)
-        if calibration.external_axis is not None:
-            what = f"calibration {calibration.id} has an external axis, whose reading a sweep does not record"
-            raise CalibrationUnusable(what, "scan from standing views")
         offset_s = settings.clock_offset_s
         assembler = SweepAssembler(self.scans.flange_T_scanner(calibration, scanner), offset_s)
         await self.store.require_ready()
@@ -74,7 +93,14 @@ class SweepService:
         file = folder / f"merged-sweep-{sweep_id}.f32"
         sweep = Sweep(sweep_id, self.clock.timestamp(), scanner, calibration.id, file)
         recorder = SweepRecorder(
-            sweep, source, self.cell.record_path, assembler, self._has_room, offset_s, self.clock, self.workers
+            sweep,
+            source,
+            partial(self._open_path, calibration),
+            assembler,
+            self._has_room,
+            offset_s,
+            self.clock,
+            self.workers,
         )
         hold = self.cell.hold(f"sweep {sweep_id}")
         await hold.__aenter__()
@@ -89,6 +115,15 @@ class SweepService:
         self._task = asyncio.create_task(run_and_release(), name=f"sweep {sweep_id}")
         await self._forget_old()
         return sweep
+
+    async def _open_path(self, calibration: CalibrationDocument) -> PathRecorder:
+        """The flange's path, with the calibration's external axis at its zero. Raises DeviceError, DocumentError."""
+        path = await self.cell.record_path()
+        if calibration.external_axis is None:
+            return path
+        first = await self.cell.robot.read_pose()
+        motion = calibration.external_axis.place(np.eye(4)[None], [FlangePose.of(first).stance])
+        return PathBesideAxis(path, self.cell.robot, first, motion)
 
     def get(self, sweep_id: str) -> Sweep:
         """Raises NotFound."""

@@ -5,12 +5,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from calibration.kinematics.stance import Stance
 from calibration.transforms import Array, map_points
 from daemon.cell.cell import READ_ONLY, Cell
 from daemon.cell.motion_rules import MotionRules
-from daemon.cell.settling import check_arrival
+from daemon.cell.settling import check_arrival, check_external_axes
 from daemon.config.settings import TaughtPose
 from daemon.errors import CellNotReady, PoseRefused
+from daemon.model.records import FlangePose
 from daemon.model.run_states import RunEvent
 from daemon.runs.jog import MAX_TRAVEL_DEG, NO_STATION, result_of
 from daemon.runs.run_log import RunLog
@@ -118,12 +120,14 @@ class TouchApproach:
     async def drive(self, log: RunLog) -> RunResult:
         """Move, stop and disarm in every case; where arm and tip stand. Raises as `goal`, CellBusy, NotStill."""
         async with self.cell.hold(f"run {log.id}"), self.cell.armed() as robot:
-            for base_T_flange in self._flanges(await robot.read_pose()):
+            first = await robot.read_pose()
+            for base_T_flange in self._flanges(first):
                 goal = await self._goal(base_T_flange)
                 await self.cell.move_to(goal)
                 reading = await self.cell.read_settled_pose()
+                check_external_axes(first.external_axes, reading.external_axes)
                 check_arrival(goal.base_T_flange, reading, robot.capabilities.pose_convention)
-        at = self._approach(self._as_built(reading))
+        at = self._approach(FlangePose.of(reading).stance)
         return RunEvent.STANDS, {
             **result_of(reading),
             "touch": {
@@ -132,20 +136,19 @@ class TouchApproach:
             },
         }  # fmt: skip
 
-    def _as_built(self, here: PoseReading) -> Array:
-        """base_T_flange (4, 4) by the calibration's arm."""
-        found: Array = self.point.given.base_T_flange([here.base_T_flange], [here.joints_rad])[0]
-        return found
-
-    def _approach(self, base_T_flange: Array) -> Approach:
-        along = base_T_flange[:3, 2] if self.request.along is None else np.array(self.request.along)
+    def _approach(self, here: Stance) -> Approach:
+        """By the calibration in use, in the base with an external axis at its zero."""
+        (base_T_flange,) = self.point.given.base_T_flange([here])
+        along = base_T_flange[:3, 2]
+        if self.request.along is not None:
+            along = self.point.given.base_turn(here) @ self.request.along
         tip_mm = map_points(base_T_flange, self.point.tip_mm[None])[0]
         return Approach(self.point.seen.point_mm, along / np.linalg.norm(along), tip_mm)
 
-    def _flanges(self, here: PoseReading) -> list[Array]:
+    def _flanges(self, reading: PoseReading) -> list[Array]:
         """The reported poses (4, 4) to go to, in order. Raises PoseRefused for a way that could meet the part."""
-        base_T_flange = self._as_built(here)
-        at = self._approach(base_T_flange)
+        here = FlangePose.of(reading).stance
+        at, (base_T_flange,) = self._approach(here), self.point.given.base_T_flange([here])
         at.require_in_sight(self.point.seen.sights)
         carried = {f"carried_mm[{index}]": point for index, point in enumerate(self.rules.robot.points_mm[1:])}
         carried |= {"the flange": np.zeros(3), **self.point.carried_mm()}
@@ -156,8 +159,8 @@ class TouchApproach:
             tips_mm = [at.step_mm(self.request.step_mm, self.request.stand_off_mm)]
         flanges = []
         for tip_mm in tips_mm:
-            shifted = here.base_T_flange.copy()
-            shifted[:3, 3] += tip_mm - at.tip_mm
+            shifted = reading.base_T_flange.copy()
+            shifted[:3, 3] += self.point.given.base_turn(here).T @ (tip_mm - at.tip_mm)
             flanges.append(shifted)
         return flanges
 

@@ -5,18 +5,19 @@ from datetime import datetime
 
 import numpy as np
 
-from calibration.documents.calibration_with_arm import CalibrationWithArm
+from calibration.documents.calibration_in_use import CalibrationInUse
 from calibration.documents.pose import PoseDocument
 from calibration.documents.tip import TipDocument
 from calibration.documents.touch_test import TouchTestDocument
 from calibration.documents.touches import TouchesDocument
 from calibration.documents.validation import Document
 from calibration.errors import DocumentError, DocumentProblem
+from calibration.kinematics.stance import Stance
 from calibration.transforms import Array
 from daemon.cell.cell import Cell
 from daemon.config.settings import MAIN_CAMERA, CalibrationSettings, Settings
 from daemon.errors import ToleranceLoosened
-from daemon.model.records import CalibrationRecord, RunRecord
+from daemon.model.records import CalibrationRecord, FlangePose, RunRecord
 from daemon.model.run_states import RunState
 from daemon.runtime.clock import Clock
 from daemon.runtime.workers import Workers
@@ -29,7 +30,7 @@ from extensions.touch.mathematics.report import (
     sighting_of,
     verified_points,
 )
-from extensions.touch.mathematics.with_arm import touch_test_with_arm, touches_as_built
+from extensions.touch.mathematics.with_arm import touch_test_with_arm, touches_in_use
 from extensions.touch.requests import ApproachRequest, TouchRequest
 from extensions.touch.tables import TOUCH_TESTS
 
@@ -58,7 +59,7 @@ class PointToTouch:
 
     seen: Sighting
     tip_mm: Array
-    given: CalibrationWithArm
+    given: CalibrationInUse
 
     def carried_mm(self) -> dict[str, Array]:
         """What the calibration knows to be carried beside the tip, by name, (3,) in the flange: the camera."""
@@ -74,7 +75,7 @@ class _Basis:
     tip: TipDocument
     run: RunRecord | None
     calibration: CalibrationRecord
-    given: CalibrationWithArm
+    given: CalibrationInUse
 
 
 @dataclass(frozen=True)
@@ -118,7 +119,7 @@ class TouchTests:
             what = f"it lies {np.linalg.norm(tip_mm):.3g} mm from the flange's centre"
             raise _refusal("tip.flange_tip_mm", what, "give it in mm; or, if the tool is so short, add short_tip: true")
         seen = {} if base.run is None else _seen_by(base.run, given)
-        built = touches_as_built(given, TouchesDocument(touches=(request.touch,))).touches[0]
+        built = touches_in_use(given, TouchesDocument(touches=(request.touch,))).touches[0]
         anywhere = PoseDocument.of(np.eye(4))  # a touch has a pose, which says nothing of where the point was seen
         touch = built.model_copy(update={"base_T_flange": anywhere})
         return PointToTouch(sighting_of(given.document, touch, seen, ORIGIN), tip_mm, given)
@@ -139,9 +140,6 @@ class TouchTests:
 
     async def _basis(self, request: TouchRequest | ApproachRequest) -> "_Basis":
         """What a request refers to. Raises NotFound, NoCalibration, DocumentError, StorageError."""
-        if (axis := self.settings.robot.external_axis) is not None:
-            what = f"the cell has a {axis.kind} beside its poses, and a touch does not record where it stands"
-            raise _refusal("touches", what, "compare registered points with the part by other means")
         earlier = None
         if request.adds_to is not None:
             record = await self.store.documents(TOUCH_TESTS).get(request.adds_to)
@@ -157,8 +155,7 @@ class TouchTests:
         run = None if verification is None else await self._verification(verification)
         calibration = await self._calibration(request.camera, run, earlier)
         errors = await self.store.arm(calibration.id)
-        conditions = self.cell.arm_conditions.read()
-        given = await self.workers.run(CalibrationWithArm.of, calibration.document, errors, conditions)
+        given = await self.workers.run(self.cell.arm.in_use, calibration.document, errors)
         return _Basis(earlier, tip, run, calibration, given)
 
     def _settings_of(self, camera: str) -> CalibrationSettings:
@@ -199,8 +196,7 @@ class TouchTests:
         for index in unposed:
             async with self.cell.hold("a touch"):
                 reading = await self.cell.read_standing_pose()
-            pose = PoseDocument.of(reading.base_T_flange)
-            new[index] = new[index].model_copy(update={"base_T_flange": pose})
+            new[index] = new[index].model_copy(update=vars(FlangePose.of(reading)))
         before = earlier.touches if earlier else TouchesDocument(touches=tuple(new))
         placing = request.placing_sigma_mm if request.placing_sigma_mm is not None else before.placing_sigma_mm
         listed = (*before.touches, *new) if earlier else tuple(new)
@@ -225,7 +221,7 @@ def _refusal(place: str, what: str, fix: str) -> DocumentError:
 
 
 def _evaluate(
-    given: CalibrationWithArm,
+    given: CalibrationInUse,
     tip: TipDocument,
     touches: TouchesDocument,
     run: RunRecord | None,
@@ -236,7 +232,7 @@ def _evaluate(
     return touch_test_with_arm(given, tip, touches, seen, tolerance_mm, ORIGIN)
 
 
-def _seen_by(run: RunRecord, given: CalibrationWithArm) -> dict[int, SeenPoint]:
+def _seen_by(run: RunRecord, given: CalibrationInUse) -> dict[int, SeenPoint]:
     """The target's points as a verification saw them, with its joints where the arm's errors are in force."""
     assert run.result is not None
     table, x = run.result["verification"], given.document.mount_T_camera
@@ -248,5 +244,5 @@ def _seen_by(run: RunRecord, given: CalibrationWithArm) -> dict[int, SeenPoint]:
     if given.arm is not None:
         recorded = table.get("joints_deg") or [None] * len(poses)
         known = [None if joints is None else np.radians(joints) for joints in recorded]
-        joints_rad = given.joints_by(given.arm, list(poses), known)
+        joints_rad = given.joints_of(given.arm, list(map(Stance, poses, known)))
     return verified_points([point["id"] for point in table["points"]], poses, x.transform(), base_mm, joints_rad)

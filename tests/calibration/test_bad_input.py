@@ -39,11 +39,11 @@ BAD_CORNERS: dict[str, tuple[Spoil, str | None]] = {
         "corners-damaged",
     ),
     "a pose that is not finite": (
-        lambda v: replace(v, base_T_flange=np.full((4, 4), np.nan)),
+        lambda v: v.standing(base_T_flange=np.full((4, 4), np.nan)),
         "pose-not-finite",
     ),
-    "a pose that is no rotation": (lambda v: replace(v, base_T_flange=1.1 * v.base_T_flange), "pose-not-rigid"),
-    "a pose beyond any arm's reach": (lambda v: replace(v, base_T_flange=FAR @ v.base_T_flange), "pose-not-rigid"),
+    "a pose that is no rotation": (lambda v: v.standing(base_T_flange=1.1 * v.base_T_flange), "pose-not-rigid"),
+    "a pose beyond any arm's reach": (lambda v: v.standing(base_T_flange=FAR @ v.base_T_flange), "pose-not-rigid"),
     "all corners at one pixel": (with_corners(lambda c: np.full_like(c, 700.0)), "edge-on"),
     "no target": (lambda v: replace(v, detection=None, missing=("too-dark", "nothing to see")), "too-dark"),
 }
@@ -76,7 +76,7 @@ def squashed(view: View) -> View:
 
 
 def standing_at(base_T_flange: Array) -> Spoil:
-    return lambda view: replace(view, base_T_flange=base_T_flange)
+    return lambda view: view.standing(base_T_flange=base_T_flange)
 
 
 BAD_SESSIONS: dict[str, tuple[Callable[[Problem], Problem], str]] = {
@@ -94,8 +94,8 @@ BAD_SESSIONS: dict[str, tuple[Callable[[Problem], Problem], str]] = {
     "NaN poses": (everywhere(standing_at(np.full((4, 4), np.nan))), "too-few-poses"),
     "corners outside the image": (lambda p: replace(p, image_size=(40, 30)), "too-few-poses"),
     "poses of zeros": (everywhere(standing_at(np.zeros((4, 4)))), "too-few-poses"),
-    "mirrored poses": (everywhere(lambda v: replace(v, base_T_flange=MIRROR @ v.base_T_flange)), "too-few-poses"),
-    "poses light years away": (everywhere(lambda v: replace(v, base_T_flange=FAR @ v.base_T_flange)), "too-few-poses"),
+    "mirrored poses": (everywhere(lambda v: v.standing(base_T_flange=MIRROR @ v.base_T_flange)), "too-few-poses"),
+    "poses light years away": (everywhere(lambda v: v.standing(base_T_flange=FAR @ v.base_T_flange)), "too-few-poses"),
 }
 
 
@@ -151,7 +151,7 @@ def test_wildly_wrong_poses_everywhere_are_not_accepted() -> None:
     truth = cell(12, 10)
     rng = np.random.default_rng(0)
     views = tuple(
-        replace(view, base_T_flange=turned(list(rng.uniform(-180, 180, 3)), list(rng.uniform(-1000, 1000, 3))))
+        view.standing(base_T_flange=turned(list(rng.uniform(-180, 180, 3)), list(rng.uniform(-1000, 1000, 3))))
         for view in truth.problem.views
     )
     problem = replace(truth.problem, views=views)

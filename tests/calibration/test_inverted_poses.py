@@ -31,7 +31,7 @@ def read_by_a_driver(problem: Problem) -> Problem:
 
 
 def inverted(problem: Problem) -> Problem:
-    views = tuple(replace(view, base_T_flange=inverse(view.base_T_flange)) for view in problem.views)
+    views = tuple(view.standing(base_T_flange=inverse(view.base_T_flange)) for view in problem.views)
     return replace(problem, views=views)
 
 
@@ -83,7 +83,7 @@ def test_joints_of_a_known_arm_show_which_poses_are_right(
     change: Callable[[Problem], Problem], joints_known: bool, accepted: bool
 ) -> None:
     drawn = varied(np.random.default_rng(SEED_OF_ARM)).problem
-    views = [view if joints_known else replace(view, joints_rad=None) for view in drawn.views[:3]]
+    views = [view if joints_known else view.standing(joints_rad=None) for view in drawn.views[:3]]
     problem = change(replace(drawn, views=tuple(views)))
     verdict = judge(problem, solve_hand_eye(problem), LIMITS)
     assert verdict.accepted is accepted

@@ -49,7 +49,7 @@ def session(seed: int, setup: Setup, *, noise: bool) -> Problem:
 
 def moved(problem: Problem, left: Array, right: Array) -> Problem:
     """The same images, the robot's poses told in another base frame (left) and of another flange (right)."""
-    views = tuple(replace(view, base_T_flange=left @ view.base_T_flange @ right) for view in problem.views)
+    views = tuple(view.standing(base_T_flange=left @ view.base_T_flange @ right) for view in problem.views)
     return replace(problem, views=views)
 
 
@@ -101,7 +101,7 @@ def test_the_order_of_the_views_does_not_matter(seed: int, order: list[int]) -> 
 @given(seed=st.integers(0, 10_000))
 def test_the_two_set_ups_are_one_seen_from_both_ends(seed: int) -> None:
     problem = session(seed, "eye-in-hand", noise=False)
-    turned_round = tuple(replace(view, base_T_flange=inverse(view.base_T_flange)) for view in problem.views)
+    turned_round = tuple(view.standing(base_T_flange=inverse(view.base_T_flange)) for view in problem.views)
     other = replace(problem, setup="eye-to-hand", views=turned_round)
     for one, another in zip(solved(problem), solved(other), strict=True):
         assert same(one, another)

@@ -4,6 +4,7 @@ import numpy as np
 
 from calibration.documents.arm import ArmErrorsDocument
 from calibration.documents.calibration import CalibrationDocument, PointUncertaintyDocument, ViewResultDocument
+from calibration.documents.external_axis import ExternalAxisDocument, FoundAxisDocument
 from calibration.documents.pose import PoseDocument
 from calibration.documents.session import CameraDocument
 from calibration.documents.target import document_of_target
@@ -56,6 +57,14 @@ def document_with_covariance() -> CalibrationDocument:
     claimed = document.uncertainty.model_copy(update=with_covariance)
     accuracy = document.accuracy.of_uncertainty(claimed)
     return document.model_copy(update={"uncertainty": claimed, "accuracy": accuracy})
+
+
+def beside(document: CalibrationDocument, axis: ExternalAxisDocument) -> CalibrationDocument:
+    """The same of a cell with this axis, found as it was drawn."""
+    readings = axis.zero, axis.zero + 100.0
+    found = axis.model_dump() | {"readings": readings, "off_deg": 0.0, "sigma_mm": 0.1, "expanded_mm": 0.2,
+                                 "covariance": np.zeros((12, 12)).tolist()}  # fmt: skip
+    return document.model_copy(update={"external_axis": FoundAxisDocument.model_validate(found)})
 
 
 def with_views(document: CalibrationDocument) -> CalibrationDocument:

@@ -62,6 +62,7 @@ class FakeRobot:
     """Jumps to its goals. `before_move` may raise, wait, or break the link."""
 
     base_T_flange: Array = field(default_factory=poses_around_the_target(1)[0].copy)
+    external_axes: tuple[float, ...] = (UNUSED_AXIS,) * 6
     armed: bool = False
     status: dict[str, bool] = field(default_factory=dict)
     lost: bool = False
@@ -103,7 +104,7 @@ class FakeRobot:
         pose = self.base_T_flange.copy()
         self.reads += 1
         pose[0, 3] += self.reads * self.drift_mm
-        return PoseReading(pose, Configuration(0, 0, 0, 0), (UNUSED_AXIS,) * 6, True, time.monotonic())
+        return PoseReading(pose, Configuration(0, 0, 0, 0), self.external_axes, True, time.monotonic())
 
     async def read_joints(self) -> Array:
         self._alive()

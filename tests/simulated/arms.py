@@ -11,6 +11,7 @@ from calibration.documents.session import CameraDocument
 from calibration.kinematics.arm import Arm, UnreachablePoseError
 from calibration.kinematics.arm_errors import Postures
 from calibration.kinematics.load import NO_LOAD, Load
+from calibration.kinematics.stance import Stance
 from calibration.problem import Detection, Problem, View
 from calibration.transforms import Array, inverse, map_points, rotation_from_vector, transform
 from mock_robot.arm.built_arm import SWITCHED_ON_C, BuiltArm
@@ -92,7 +93,7 @@ def arm_cell(
         ids, poses = np.arange(pixels.shape[1]), built.drawing.forward(joints)
         known_c = [None] * n if warm_c is None else [float(one) for one in warm_c]
         views = [
-            View(row, poses[row], Detection(ids, pixels[row]), joints_rad=joints[row], arm_temperature_c=known_c[row])
+            View(row, Stance(poses[row], joints[row]), Detection(ids, pixels[row]), arm_temperature_c=known_c[row])
             for row in range(n)
         ]
         known = None if load == NO_LOAD else load
@@ -134,12 +135,12 @@ def session_document(problem: Problem) -> dict[str, Any]:
 
 
 def _view_document(view: View) -> dict[str, Any]:
-    assert view.joints_rad is not None
+    assert view.stance.joints_rad is not None
     assert view.detection is not None
     corners = np.column_stack([view.detection.ids, view.detection.corners_px])
     return {
         "base_T_flange": PoseDocument.of(view.base_T_flange).model_dump(mode="json"),
-        "joints_deg": np.degrees(view.joints_rad).tolist(),
+        "joints_deg": np.degrees(view.stance.joints_rad).tolist(),
         "corners_px": [[int(name), u, v] for name, u, v in corners.tolist()],
     }
 

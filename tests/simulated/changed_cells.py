@@ -7,6 +7,7 @@ import numpy as np
 
 from calibration.kinematics.arm import Arm, UnreachablePoseError
 from calibration.kinematics.arm_errors import Postures
+from calibration.kinematics.stance import Stance
 from calibration.likelihood.predicted_uncertainty import ExpectedNoise, Scene
 from calibration.monitoring.cell_change import PossibleChange, SeenTarget, find_change
 from calibration.observations.observations import observe
@@ -75,7 +76,7 @@ def changes_of(
         pixels = CAMERA.project(map_points(truth(at, changed), BOARD.points_mm).reshape(-1, 3)).reshape(len(at), -1, 2)
         pixels = pixels + REPEATABILITY.image_px * rng.standard_normal(pixels.shape)
         ids, poses = np.arange(pixels.shape[1]), arm.forward(at)
-        views = tuple(View(row, poses[row], Detection(ids, pixels[row])) for row in range(len(at)))
+        views = tuple(View(row, Stance(poses[row]), Detection(ids, pixels[row])) for row in range(len(at)))
         observed, _ = observe(Problem(setup, BOARD, CAMERA, CAMERA.image_size, views))
         camera_T_target = candidate_poses(observed, CAMERA)[0][:, 0]
         return SeenTarget(at, poses, anchor_T_mount_of(setup, poses) @ calibrated @ camera_T_target)

@@ -78,7 +78,7 @@ def _of_poses(change: Poses) -> Callable[[Problem, Problem, np.random.Generator]
             return problem
         poses = change(np.array([view.base_T_flange for view in problem.views]), rng)
         pairs = zip(problem.views, poses, strict=True)
-        return replace(problem, views=tuple(replace(view, base_T_flange=pose) for view, pose in pairs))
+        return replace(problem, views=tuple(view.standing(base_T_flange=pose) for view, pose in pairs))
 
     return damage
 

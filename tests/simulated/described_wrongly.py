@@ -6,6 +6,7 @@ from typing import Literal
 import numpy as np
 
 from calibration.camera import CameraModel
+from calibration.kinematics.stance import Stance
 from calibration.problem import Detection, Problem, Setup, View, anchor_T_mount_of, base_T_flange_of
 from calibration.targets import Chessboard
 from calibration.transforms import Array, inverse, map_points, rotation_from_vector, transform, transform_from_vector
@@ -85,7 +86,7 @@ def wrong_session(
     for index, (pose, at) in enumerate(zip(reported, camera_T_target, strict=True)):
         pixels = camera.project(map_points(at, corners))
         pixels = pixels + noise.image_px * rng.standard_normal(pixels.shape)
-        seen.append(View(index, pose, Detection(np.arange(len(pixels)), pixels)))
+        seen.append(View(index, Stance(pose), Detection(np.arange(len(pixels)), pixels)))
     in_arm = X.copy()
     in_arm[:3, 3] *= wrong.arm
     problem = Problem(setup, BOARD, CAMERA, CAMERA.image_size, tuple(seen), poses_from_controller=True)

@@ -37,11 +37,16 @@ def axis_cell(
     cell = random_cell(rng, views, CellNoise(), setup=setup)
     readings = READINGS[kind][np.arange(views) % 3]
     reported = tuple(
-        replace(view, base_T_flange=inverse(built.motion(at)) @ view.base_T_flange, axis_reading=float(at))
+        view.standing(base_T_flange=inverse(built.motion(at)) @ view.base_T_flange, external_axes=axes_at(drawn, at))
         for view, at in zip(cell.problem.views, readings, strict=True)
     )
     problem = replace(cell.problem, views=reported, external_axis=drawn, poses_from_controller=True)
     return AxisCell(cell, problem, built)
+
+
+def axes_at(axis: ExternalAxis, reading: float) -> tuple[float | None, ...]:
+    """What the controller reports of its axes, mm or degrees, with this one at a reading in mm or rad."""
+    return (*[None] * (axis.number - 1), float(reading if axis.kind == "track" else np.degrees(reading)))
 
 
 def direction_off_deg(one: Array, other: Array) -> float:

@@ -10,6 +10,7 @@ from calibration.camera import CameraModel
 from calibration.diagnosis.evidence import Evidence, evidence_of
 from calibration.diagnosis.fit import Fit, fit
 from calibration.diagnosis.view_hypotheses import CHANGES, change_message
+from calibration.kinematics.stance import Stance
 from calibration.preprocessing.prepare import prepare
 from calibration.problem import Detection, Problem, Setup, View
 from calibration.targets import Charuco
@@ -108,7 +109,7 @@ def _view(
     error = np.radians(noise.robot_deg) * rng.standard_normal(3), noise.robot_mm * rng.standard_normal(3)
     pixels = CAMERA.project(map_points(camera_T_target, BOARD.points_mm))
     seen = Detection(np.arange(len(pixels)), pixels + noise.image_px * rng.standard_normal(pixels.shape))
-    return View(index, base_T_flange @ transform(rotation_from_vector(error[0]), error[1]), seen)
+    return View(index, Stance(base_T_flange @ transform(rotation_from_vector(error[0]), error[1])), seen)
 
 
 def poses_of(problem: Problem) -> Array:
@@ -119,7 +120,7 @@ def poses_of(problem: Problem) -> Array:
 def with_poses(problem: Problem, base_T_flange: Array) -> Problem:
     """The same images at other robot poses."""
     pairs = zip(problem.views, base_T_flange, strict=True)
-    return replace(problem, views=tuple(replace(view, base_T_flange=pose) for view, pose in pairs))
+    return replace(problem, views=tuple(view.standing(base_T_flange=pose) for view, pose in pairs))
 
 
 def _vector_scaled(factor: float) -> Callable[[Array], Array]:

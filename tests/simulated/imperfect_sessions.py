@@ -11,6 +11,7 @@ import numpy as np
 import scipy
 
 from calibration.camera import CameraModel
+from calibration.kinematics.stance import Stance
 from calibration.likelihood.predicted_uncertainty import working_points_mm
 from calibration.problem import Detection, Problem, Setup, View, anchor_T_mount_of
 from calibration.solution import Solution
@@ -135,7 +136,7 @@ def imperfect_cell(seed: tuple[int, ...], what: Imperfection) -> ImperfectCell:
         pixels = lens(map_points(camera_T_target[index], points_mm))
         pixels = pixels + noise_px[index] + shift(index, pixels)
         reported = base_T_flange[index] @ transform_from_vector(errors[index])
-        views.append(View(index, reported, Detection(np.arange(len(pixels)), pixels)))
+        views.append(View(index, Stance(reported), Detection(np.arange(len(pixels)), pixels)))
     problem = Problem(setup, target, camera if given else None, camera.image_size, tuple(views))
     noise = CellNoise(image_px, float(robot[0]), float(robot[3]))
     return ImperfectCell(Cell(problem, X, Y, camera, base_T_flange), lens, noise)

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from calibration.kinematics.stance import Stance
 from calibration.problem import MeasuredPoints, MeasuredPose, Measurement, Problem, Setup, View, base_T_flange_of
 from calibration.targets import TrackedFrame
 from calibration.transforms import Array, inverse, map_points, rotation_from_vector, transform, vector_from_transform
@@ -78,7 +79,9 @@ def measured_cell(
     measured = [measure(rng, pose) for pose in seen]
     rows = enumerate(zip(stands @ error, measured, strict=True))
     target = BOARD if isinstance(measured[0], MeasuredPoints) else TrackedFrame()
-    problem = Problem(setup, target, None, (0, 0), tuple(View(i, b, None, measured=m) for i, (b, m) in rows), True)
+    problem = Problem(
+        setup, target, None, (0, 0), tuple(View(i, Stance(b), None, measured=m) for i, (b, m) in rows), True
+    )
     return MeasuredCell(problem, X)
 
 
@@ -86,7 +89,7 @@ def with_robot_poses(problem: Problem, change: Callable[[Array], Array]) -> Prob
     """The same measurements at changed robot poses (n, 4, 4)."""
     changed = change(np.array([view.base_T_flange for view in problem.views]))
     rows = zip(problem.views, changed, strict=True)
-    return replace(problem, views=tuple(replace(view, base_T_flange=pose) for view, pose in rows))
+    return replace(problem, views=tuple(view.standing(base_T_flange=pose) for view, pose in rows))
 
 
 def with_camera_poses(problem: Problem, change: Callable[[Array], Array]) -> Problem:

@@ -87,10 +87,9 @@ def _inverted(problem: Problem, _: np.random.Generator) -> Fault:
 
 def _paired(problem: Problem, images: Rows, poses: Rows, code: str, after: int | None = None) -> Fault:
     """Image `images[row]` with pose `poses[row]` and the axes recorded with it, numbered anew."""
-    robot = [(problem.views[pose].base_T_flange, problem.views[pose].joints_rad) for pose in poses]
     views = tuple(
-        replace(problem.views[image], index=row, base_T_flange=pose, joints_rad=joints)
-        for row, (image, (pose, joints)) in enumerate(zip(images, robot, strict=True))
+        replace(problem.views[image], index=row, stance=problem.views[pose].stance)
+        for row, (image, pose) in enumerate(zip(images, poses, strict=True))
     )
     return Fault(replace(problem, views=views), frozenset({code}), after=after)
 

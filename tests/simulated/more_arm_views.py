@@ -55,7 +55,7 @@ def _seen_again(
     """The session of one place with those of the first `count` more views that are of that place."""
     place = int(np.argmin(np.linalg.norm(fit.anchor_T_target[:, :3, 3] - target[:3, 3], axis=1)))
     joints = more.joints_rad[:count][more.places[:count] == place]
-    last = problem.views[-1].joints_rad
+    last = problem.views[-1].stance.joints_rad
     assert last is not None
     drawn = arm_cell(np.random.default_rng([seed, 8]), built, [np.array([last, *joints])], [target]).problems[0]
     views = [replace(view, index=len(problem.views) + row) for row, view in enumerate(drawn.views[1:])]

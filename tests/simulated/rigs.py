@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from calibration.kinematics.stance import Stance
 from calibration.problem import Problem, Setup, View, anchor_T_mount_of
 from calibration.transforms import Array, inverse, rotation_from_vector, transform, vector_from_transform
 from tests.simulated.measured_sessions import Measure, points
@@ -42,7 +43,7 @@ def random_rig(
     for view, base_T_flange in zip(cell.problem.views, cell.base_T_flange, strict=True):
         mount_T_target = inverse(anchor_T_mount_of(setup, base_T_flange)) @ cell.anchor_T_target
         scanner_T_target = inverse(cell.mount_T_camera @ CAMERA_T_SCANNER) @ mount_T_target
-        views.append(View(view.index, view.base_T_flange, None, measured=measure(rng, scanner_T_target)))
+        views.append(View(view.index, Stance(view.base_T_flange), None, measured=measure(rng, scanner_T_target)))
     scanner = Problem(setup, cell.problem.target, None, (0, 0), tuple(views), in_space=True)
     return Rig(cell.problem, scanner, cell.mount_T_camera)
 

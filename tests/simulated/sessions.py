@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from calibration.camera import CameraModel
+from calibration.kinematics.stance import Stance
 from calibration.knowledge import NOTHING_STATED, Knowledge
 from calibration.likelihood.nuisances import Nuisances
 from calibration.problem import Detection, Problem, Setup, View
@@ -110,7 +111,7 @@ def observed(
     for index, (pose, seen) in enumerate(zip(base_T_flange, camera_T_target, strict=True)):
         pixels = camera.project(map_points(seen, points_mm))
         pixels = pixels + noise.image_px * rng.standard_normal(pixels.shape)
-        views.append(View(index, pose, Detection(np.arange(len(pixels)), pixels)))
+        views.append(View(index, Stance(pose), Detection(np.arange(len(pixels)), pixels)))
     problem = Problem(setup, target, camera if camera_given else None, camera.image_size, tuple(views))
     return Cell(problem, X, Y, camera, stands)
 

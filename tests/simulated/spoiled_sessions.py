@@ -34,7 +34,7 @@ def with_view(problem: Problem, index: int, change: Callable[[View], View]) -> P
 
 
 def shifted(offset_mm: list[float]) -> Callable[[View], View]:
-    return lambda view: replace(view, base_T_flange=transform(np.eye(3), offset_mm) @ view.base_T_flange)
+    return lambda view: view.standing(base_T_flange=transform(np.eye(3), offset_mm) @ view.base_T_flange)
 
 
 def board_turned(view: View) -> View:

@@ -10,6 +10,7 @@ from calibration.camera import CameraModel
 from calibration.kinematics.abb_arms import find_arm
 from calibration.kinematics.arm import Arm, UnreachablePoseError
 from calibration.kinematics.arm_errors import Postures
+from calibration.kinematics.stance import Stance
 from calibration.problem import Detection, Problem, View, anchor_T_mount_of, base_T_flange_of
 from calibration.targets import Charuco, Chessboard, Target
 from calibration.transforms import Array, inverse, map_points, rotation_from_vector, transform
@@ -98,7 +99,7 @@ def _varied(rng: np.random.Generator, share_joints: float) -> tuple[Problem, Arr
         pixels = camera.project(map_points(seen[row], board.points_mm))
         pixels = pixels + image_px * rng.standard_normal(pixels.shape)
         found = Detection(np.arange(len(pixels)), pixels)
-        views.append(View(row, arm.forward(joints[row]), found, joints_rad=joints[row] if recorded else None))
+        views.append(View(row, Stance(arm.forward(joints[row]), joints[row] if recorded else None), found))
     given = bool(rng.random() < SHARE_GIVEN) or n < MIN_VIEWS_FREE
     return Problem(setup, board, camera if given else None, camera.image_size, tuple(views)), np.array(joints)
 

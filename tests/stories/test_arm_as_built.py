@@ -7,7 +7,7 @@ import pytest
 
 from calibration.documents.arm import ArmErrorsDocument
 from calibration.documents.calibration import CalibrationDocument
-from calibration.documents.calibration_with_arm import CalibrationWithArm
+from calibration.documents.calibration_in_use import CalibrationInUse
 from calibration.documents.pose import PoseDocument
 from calibration.kinematics.abb_arms import find_arm
 from calibration.kinematics.arm_errors import Postures
@@ -41,7 +41,7 @@ async def test_points_are_placed_better_between_the_views_of_the_run(tmp_path: P
         assert errors["joints_from_poses"] == 0
         calibration = (await ask.get(link)).json()
         document = CalibrationDocument.model_validate(calibration)
-        in_use = CalibrationWithArm.of(document, ArmErrorsDocument.model_validate(errors))
+        in_use = CalibrationInUse.of(document, ArmErrorsDocument.model_validate(errors))
         views = np.radians([view["joints_deg"] for view in calibration["views"]])
         between = (views[:-1] + views[1:]) / 2
         reported, true = arm.forward(between), built.base_T_flange(Postures(between)) @ truth.mount_T_scanner

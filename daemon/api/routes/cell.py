@@ -51,8 +51,8 @@ async def arm(app: App, camera: WithCamera) -> ArmDocument:
 @router.get("/arm/temperature", response_model=ArmTemperatureDocument)
 async def arm_temperature(app: App) -> ArmTemperatureDocument:
     """The temperature of the arm's links as stated last; null where it was not, or too long ago."""
-    now = app.cell.arm_conditions
-    return ArmTemperatureDocument(temperature_c=now.read().temperature_c, age_s=now.temperature_age_s)
+    now = app.cell.arm
+    return ArmTemperatureDocument(temperature_c=now.conditions().temperature_c, age_s=now.temperature_age_s)
 
 
 @router.post("/arm/temperature", response_model=ArmTemperatureDocument, responses=problem_responses(400))
@@ -62,7 +62,7 @@ async def state_arm_temperature(body: ArmTemperatureRequest, app: App) -> ArmTem
     Views are recorded with it, and with an arm whose errors were identified with its temperatures points are placed for
     this one.
     """
-    app.cell.arm_conditions.state_temperature(body.temperature_c)
+    app.cell.arm.state_temperature(body.temperature_c)
     return await arm_temperature(app)
 
 

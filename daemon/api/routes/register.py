@@ -75,7 +75,7 @@ async def register(
     else:
         by_name = scanner or MAIN_SCANNER
         beside = app.settings.camera_beside(by_name) if app.settings.cameras else None
-        used = await app.operations.calibrations.with_arm(await app.operations.calibrations.find(calibration, beside))
+        used = await app.operations.calibrations.in_use(await app.operations.calibrations.find(calibration, beside))
         at = await flange_pose_of(app, pose, joints, external_axes)
         base_T_scanner = await app.service_workers.run(app.scans.base_T_scanner, used, at, by_name)
         of_arm = await app.service_workers.run(arm_headers, used, [at])

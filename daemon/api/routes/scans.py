@@ -7,7 +7,7 @@ from typing import Annotated, Any
 import numpy as np
 from fastapi import APIRouter, Depends, Query, Request, Response
 
-from calibration.documents.calibration_with_arm import CalibrationWithArm
+from calibration.documents.calibration_in_use import CalibrationInUse
 from daemon.api.dependencies import (
     BOX_PATTERN,
     IN_DIGITS,
@@ -250,7 +250,7 @@ async def surface(
     return Response(content, media_type=OCTETS)
 
 
-async def calibration_of_scan(app: Application, scan_id: str, which: str) -> CalibrationWithArm:
+async def calibration_of_scan(app: Application, scan_id: str, which: str) -> CalibrationInUse:
     """The calibration in force ("current"), or by id, of the camera that the scan's scanner stands beside.
 
     Raises NoCalibration, NotFound, CalibrationUnusable.
@@ -258,7 +258,7 @@ async def calibration_of_scan(app: Application, scan_id: str, which: str) -> Cal
     camera = None
     if app.settings.cameras or app.settings.scanners:
         camera = app.settings.camera_beside((await app.store.scan(scan_id)).scanner)
-    return await app.operations.calibrations.with_arm(await app.operations.calibrations.find(which, camera))
+    return await app.operations.calibrations.in_use(await app.operations.calibrations.find(which, camera))
 
 
 def _one_of(clouds: list[PlacedCloud], view: int, scan_id: str) -> PlacedCloud:

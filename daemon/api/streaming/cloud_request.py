@@ -5,7 +5,7 @@ from typing import Annotated, Any, Literal
 
 from fastapi import Query, Request
 
-from calibration.documents.calibration_with_arm import AS_BUILT, CalibrationWithArm
+from calibration.documents.calibration_in_use import AS_BUILT, CalibrationInUse
 from calibration.documents.pose import PoseDocument
 from calibration.documents.validation import validate_document
 from calibration.errors import DocumentProblem
@@ -112,14 +112,14 @@ def _parse_joints(text: str) -> tuple[float, ...]:
     return joints
 
 
-def arm_headers(calibration: CalibrationWithArm, poses: Sequence[FlangePose]) -> dict[str, str]:
+def arm_headers(calibration: CalibrationInUse, poses: Sequence[FlangePose]) -> dict[str, str]:
     """Headers of a cloud in base: whether the arm's errors are in it, how well it is placed by them at these poses, and
     a warning for poses without joints and for another load.
 
     Takes inverse kinematics: for a worker thread. Raises UnreachablePoseError.
     """
-    reported, joints = [pose.base_T_flange.transform() for pose in poses], [pose.joints_rad for pose in poses]
-    placement = calibration.placement(reported, joints)
+    stances = [pose.stance for pose in poses]
+    placement = calibration.placement(stances)
     if placement is None:
         return {}
     found = {
@@ -127,7 +127,7 @@ def arm_headers(calibration: CalibrationWithArm, poses: Sequence[FlangePose]) ->
         "Handeyed-Point-Sigma-Mm": f"{placement.point_mm:.4f}",
         "Handeyed-Joints-Seen": str(placement.seen).lower(),
     }
-    if warnings := calibration.findings(joints):
+    if warnings := calibration.findings(stances):
         found["Handeyed-Warning"] = ", ".join(warning.code for warning in warnings)
     return found
 

@@ -5,7 +5,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from calibration.documents.calibration import CalibrationDocument
+from calibration.documents.arm import ArmErrorsDocument
+from calibration.documents.calibration import CalibrationDocument, FindingDocument
+from calibration.documents.calibration_in_use import CalibrationInUse
 from calibration.documents.validation import Document, parse_document
 from calibration.errors import CalibrationError
 from daemon.tools.batch_registration.errors import ArchiveError
@@ -15,7 +17,7 @@ from registration.documents import ScanDocument
 from registration.errors import RegistrationError
 from registration.fusion.merging import Merge
 from registration.report import register_scan
-from registration.scan import ScannerMount, ScanView, poses_at_zero, read_scan, scanner_mount_of
+from registration.scan import ScannerMount, ScanView, placed_by, read_scan, scanner_mount_of
 
 SCAN, MERGED, REPORT = "scan.json", "merged.ply", "report.json"
 
@@ -32,11 +34,19 @@ class RegistrationTask:
     calibration: str
     refine: bool = False
     voxel_mm: float | None = None
+    arm: str | None = None
 
     @property
     def about(self) -> bytes:
         """The inputs beside the clouds, as bytes for the hash."""
-        return json.dumps([self.calibration, self.refine, self.voxel_mm]).encode()
+        arm = () if self.arm is None else (self.arm,)
+        return json.dumps([self.calibration, self.refine, self.voxel_mm, *arm]).encode()
+
+    def calibration_in_use(self) -> CalibrationInUse:
+        """Raises DocumentError, GeometryError."""
+        calibration = parse_document(CalibrationDocument, self.calibration.encode(), "calibration")
+        arm = None if self.arm is None else parse_document(ArmErrorsDocument, self.arm.encode(), "arm")
+        return CalibrationInUse.of(calibration, arm)
 
 
 class OutcomeDocument(Document):
@@ -72,20 +82,22 @@ def _failure(task: RegistrationTask, what: str) -> OutcomeDocument:
 
 def _register_scan(task: RegistrationTask) -> OutcomeDocument:
     source, target = RemoteFolder(task.source).child(task.scan), RemoteFolder(task.target).child(task.scan)
-    calibration = parse_document(CalibrationDocument, task.calibration.encode(), "calibration")
+    given = task.calibration_in_use()
     names = _file_names(source)
     with source.fetch(names) as folder:
-        views = poses_at_zero(read_scan(folder), calibration)
+        scanned = read_scan(folder)
+        views = placed_by(given, scanned)
         for view in views:
             if not view.path.is_file():
                 raise FileNotFoundError(f"{task.scan}/{view.path.name} is missing")
         inputs = hash_of_inputs(folder, names, task.about)
-        done = _matching_manifest(target, inputs, calibration.id)
+        done = _matching_manifest(target, inputs, given.document.id)
         if done is not None:
             return OutcomeDocument(scan=task.scan, state="unchanged", points=done.points, accepted=done.accepted)
         target.remove(MANIFEST_NAME)  # its files are about to be replaced
         with target.upload_after() as out:
-            manifest = _write_results(task, views, scanner_mount_of(calibration), out, inputs)
+            findings = given.findings([view.stance for view in scanned])
+            manifest = _write_results(task, views, scanner_mount_of(given.document), findings, out, inputs)
     target.write(MANIFEST_NAME, manifest.model_dump_json(indent=1).encode())
     return OutcomeDocument(scan=task.scan, state="registered", points=manifest.points, accepted=manifest.accepted)
 
@@ -115,9 +127,16 @@ def _matching_manifest(target: RemoteFolder, inputs: str, calibration_id: str) -
 
 
 def _write_results(
-    task: RegistrationTask, views: list[ScanView], hand: ScannerMount, out: Path, inputs: str
+    task: RegistrationTask,
+    views: list[ScanView],
+    hand: ScannerMount,
+    findings: list[FindingDocument],
+    out: Path,
+    inputs: str,
 ) -> ManifestDocument:
-    report = register_scan(views, hand, out / MERGED, _no_clock, refine=task.refine, merge=Merge(task.voxel_mm))
+    report = register_scan(
+        views, hand, out / MERGED, _no_clock, refine=task.refine, merge=Merge(task.voxel_mm), further=findings
+    )
     RemoteFolder(str(out)).write(REPORT, report.model_dump_json(indent=1).encode())
     return ManifestDocument(
         scan=task.scan,

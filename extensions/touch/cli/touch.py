@@ -9,8 +9,7 @@ from daemon.cli.errors import CommandError, ExitStatus, require_finite
 from daemon.cli.output import Json, progress_bar, write_document
 
 if TYPE_CHECKING:
-    from calibration.documents.calibration import CalibrationDocument
-    from calibration.documents.calibration_with_arm import CalibrationWithArm
+    from calibration.documents.calibration_in_use import CalibrationInUse
     from extensions.touch.mathematics.report import SeenPoint
 
 
@@ -44,13 +43,14 @@ def touch(
     from calibration.documents.validation import parse_document
     from calibration.errors import GeometryError
     from calibration.kinematics.arm import UnreachablePoseError
+    from daemon.cli.arm_file import read_in_use
     from daemon.cli.compare import read_calibration
     from daemon.runtime.bounded_read import read_document
     from extensions.touch.mathematics.report import touch_test_text
     from extensions.touch.mathematics.with_arm import touch_test_with_arm
 
     require_finite(tolerance_mm=tolerance_mm, arm_temperature=arm_temperature)
-    given = _given(read_calibration(calibration), arm, arm_temperature)
+    given = read_in_use(read_calibration(calibration), arm, arm_temperature)
     known_tip = parse_document(TipDocument, read_document(tip), str(tip))
     points = parse_document(TouchesDocument, read_document(touches), str(touches))
     seen = {} if session is None else _seen(session, given)
@@ -65,15 +65,7 @@ def touch(
     raise typer.Exit(ExitStatus.OK if found.accepted else ExitStatus.NOT_ACCEPTED)
 
 
-def _given(calibration: "CalibrationDocument", arm: Path | None, temperature_c: float | None) -> "CalibrationWithArm":
-    """Raises DocumentError, CommandError."""
-    from calibration.documents.calibration_with_arm import CalibrationWithArm
-    from daemon.cli.arm_file import read_with_arm
-
-    return CalibrationWithArm(calibration) if arm is None else read_with_arm(calibration, arm, temperature_c)
-
-
-def _seen(folder: Path, given: "CalibrationWithArm") -> "dict[int, SeenPoint]":
+def _seen(folder: Path, given: "CalibrationInUse") -> "dict[int, SeenPoint]":
     """The target's points by id, as the session's views see them. Raises CalibrationError."""
     from dataclasses import replace
 
@@ -90,9 +82,6 @@ def _seen(folder: Path, given: "CalibrationWithArm") -> "dict[int, SeenPoint]":
     calibration = given.document
     camera = calibration.camera.camera() if calibration.camera else problem.camera
     pose = calibration.mount_T_camera
-    if calibration.external_axis is not None:
-        what = "its calibration has an external axis, and touches do not record where it stood"
-        raise DocumentError(str(folder), [DocumentProblem("session", what, "touch by a calibration without one")])
     if calibration.setup != "eye-in-hand" or pose is None or camera is None or problem.in_space:
         what = "its target's points cannot be touched: that needs pictures by a camera on the flange"
         raise DocumentError(str(folder), [DocumentProblem("session", what, "give camera_mm in touches.json")])

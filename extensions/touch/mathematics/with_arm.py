@@ -1,22 +1,23 @@
-"""A touch test by an arm as built: where the tip touched and where the camera looked are placed with its errors."""
+"""A touch test by a calibration in use: it places where the tip touched and where the camera looked."""
 
 from collections.abc import Mapping
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
-from calibration.documents.calibration_with_arm import CalibrationWithArm
+from calibration.documents.calibration_in_use import CalibrationInUse
 from calibration.documents.pose import PoseDocument
 from calibration.documents.tip import TipDocument
 from calibration.documents.touch_test import TouchTestDocument
-from calibration.documents.touches import TouchesDocument
+from calibration.documents.touches import TouchDocument, TouchesDocument
 from calibration.kinematics.arm_estimate import ArmEstimate
 from calibration.problem import Problem
 from extensions.touch.mathematics.report import SeenPoint, TouchingArm, touch_test
 
 
 def touch_test_with_arm(
-    given: CalibrationWithArm,
+    given: CalibrationInUse,
     tip: TipDocument,
     touches: TouchesDocument,
     seen: Mapping[int, SeenPoint],
@@ -26,51 +27,54 @@ def touch_test_with_arm(
     """As `touch_test`, with the arm's errors and what is not known of them, where they are in force.
 
     `touches`: with poses as the controller reports them. `seen`: from the poses of `given`. Raises as `touch_test`,
-    UnreachablePoseError.
+    and as `CalibrationInUse.base_T_flange`.
     """
     arm = None if given.arm is None else _arm_at(given, given.arm, touches, seen)
-    return touch_test(given.document, tip, touches_as_built(given, touches), seen, tolerance_mm, origin, arm)
+    return touch_test(given.document, tip, touches_in_use(given, touches), seen, tolerance_mm, origin, arm)
 
 
-def touches_as_built(given: CalibrationWithArm, touches: TouchesDocument) -> TouchesDocument:
-    """The touches in the poses that the calibration gives to those reported. Raises UnreachablePoseError."""
-    if given.arm is None and given.document.external_axis is None:
+def touches_in_use(given: CalibrationInUse, touches: TouchesDocument) -> TouchesDocument:
+    """The touches in the poses that the calibration gives to those reported. Raises as `base_T_flange` of it."""
+    if not given.corrections:
         return touches
 
-    def placed(pose: PoseDocument | None) -> PoseDocument | None:
-        return None if pose is None else PoseDocument.of(given.base_T_flange([pose.transform()], [None])[0])
+    def placed(touch: TouchDocument) -> TouchDocument:
+        touched, looked = touch.touched, touch.looked
+        update: dict[str, Any] = {}
+        if touched is not None:
+            update["base_T_flange"] = PoseDocument.of(given.base_T_flange([touched])[0])
+            update["miss_mm"] = tuple((given.base_turn(touched) @ touch.miss_mm).tolist())
+        if looked is not None:
+            update["seen_from"] = PoseDocument.of(given.base_T_flange([looked])[0])
+        return touch.model_copy(update=update)
 
-    moved = [
-        touch.model_copy(update={"base_T_flange": placed(touch.base_T_flange), "seen_from": placed(touch.seen_from)})
-        for touch in touches.touches
-    ]
-    return touches.model_copy(update={"touches": tuple(moved)})
+    return touches.model_copy(update={"touches": tuple(map(placed, touches.touches))})
 
 
-def with_joints(given: CalibrationWithArm, problem: Problem) -> Problem:
+def with_joints(given: CalibrationInUse, problem: Problem) -> Problem:
     """The problem with joints in each view, by its pose where none are recorded; as it is of an arm as drawn.
 
     Raises UnreachablePoseError.
     """
     if given.arm is None:
         return problem
-    views = problem.views
-    joints = given.joints_by(given.arm, [view.base_T_flange for view in views], [view.joints_rad for view in views])
-    return replace(problem, views=tuple(replace(view, joints_rad=q) for view, q in zip(views, joints, strict=True)))
+    joints = given.joints_of(given.arm, [view.stance for view in problem.views])
+    views = (view.standing(joints_rad=one) for view, one in zip(problem.views, joints, strict=True))
+    return replace(problem, views=tuple(views))
 
 
 def _arm_at(
-    given: CalibrationWithArm, arm: ArmEstimate, touches: TouchesDocument, seen: Mapping[int, SeenPoint]
+    given: CalibrationInUse, arm: ArmEstimate, touches: TouchesDocument, seen: Mapping[int, SeenPoint]
 ) -> TouchingArm | None:
     """The arm at its joints; None where touches lack poses or points, which `touch_test` refuses."""
-    poses = [touch.base_T_flange.transform() for touch in touches.touches if touch.base_T_flange is not None]
+    touched = [touch.touched for touch in touches.touches if touch.touched is not None]
     known = all(touch.id is None or touch.id in seen for touch in touches.touches)
-    if len(poses) < len(touches.touches) or not known:
+    if len(touched) < len(touches.touches) or not known:
         return None
     looks = []
     for touch in touches.touches if given.document.setup == "eye-in-hand" else ():
         recorded = None if touch.id is None else seen[touch.id].joints_rad
-        if recorded is None and touch.seen_from is not None:
-            recorded = given.joints_by(arm, [touch.seen_from.transform()], [None])
+        if recorded is None and touch.looked is not None:
+            recorded = given.joints_of(arm, [touch.looked])
         looks.append(np.zeros((0, 6)) if recorded is None else recorded)
-    return TouchingArm(arm, given.joints_by(arm, poses, [None] * len(poses)), looks)
+    return TouchingArm(arm, given.joints_of(arm, touched), looks)

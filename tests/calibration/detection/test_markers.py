@@ -7,6 +7,7 @@ import pytest
 from calibration.detection.detect import detect
 from calibration.documents.target import ArucoGridDocument, ArucoMarkerDocument
 from calibration.errors import DetectionError
+from calibration.kinematics.stance import Stance
 from calibration.problem import Problem, View
 from calibration.solve import solve_hand_eye
 from calibration.targets import (
@@ -71,7 +72,11 @@ def test_a_session_of_markers_is_solved(target: Target) -> None:
     flange_T_camera = transform(rotation_from_vector([0.1, -0.2, 1.4]), [35.0, -20.0, 90.0])
     base_T_target = transform(rotation_from_vector([3.1, 0.1, 0.0]), [900.0, 50.0, 100.0])
     views = [
-        View(index, base_T_target @ inverse(flange_T_camera @ picture.camera_T_target), detect(picture.image, target))
+        View(
+            index,
+            Stance(base_T_target @ inverse(flange_T_camera @ picture.camera_T_target)),
+            detect(picture.image, target),
+        )
         for index, picture in enumerate(pictures(target, 12, seed=8))
     ]
 

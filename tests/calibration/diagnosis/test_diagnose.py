@@ -15,6 +15,7 @@ from calibration.diagnosis.fit import fit, fits
 from calibration.diagnosis.mount_check import ExpectedMount, mount_findings
 from calibration.diagnosis.screening import needs_diagnosis
 from calibration.diagnosis.view_hypotheses import y_change_p_value
+from calibration.kinematics.stance import Stance
 from calibration.problem import Setup
 from calibration.solve import solve_hand_eye
 from calibration.transforms import Array, inverse, rotation_from_vector, transform
@@ -141,7 +142,7 @@ def test_a_repaired_corner_order_is_reported_once() -> None:
     seen = views[4].detection
     assert seen is not None
     turned = type(seen)(len(BOARD.points_mm) - 1 - seen.ids, seen.corners_px)
-    views[4] = type(views[4])(4, views[4].base_T_flange, turned)
+    views[4] = type(views[4])(4, views[4].stance, turned)
     solution = solve_hand_eye(
         type(problem)(problem.setup, problem.target, problem.camera, problem.image_size, tuple(views))
     )
@@ -168,7 +169,7 @@ def test_orientations_too_small_by_a_unit_are_refused_and_the_unit_is_named() ->
 def test_motions_that_determine_nothing_have_codes_of_their_own(poses, code: str) -> None:  # type: ignore[no-untyped-def]
     problem = simulated_session(np.random.default_rng(9), 8, Noise(), "eye-in-hand")
     views = tuple(
-        type(view)(view.index, pose, view.detection)
+        type(view)(view.index, Stance(pose), view.detection)
         for view, pose in zip(problem.views, poses(poses_of(problem)), strict=True)
     )
     solution = solve_hand_eye(type(problem)(problem.setup, BOARD, problem.camera, problem.image_size, views))

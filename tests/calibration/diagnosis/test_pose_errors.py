@@ -125,7 +125,7 @@ def test_what_a_posture_of_its_own_is_off_by_is_no_mistyped_pose() -> None:
 
 def test_one_view_of_eight_in_a_posture_of_its_own_may_be_mistyped_or_show_the_arms_geometry() -> None:
     session = varied(np.random.default_rng((9917, 5, 165)))
-    assert session.turned_back == {0} and session.problem.views[0].joints_rad is not None
+    assert session.turned_back == {0} and session.problem.views[0].stance.joints_rad is not None
     assert search("view 0 .* by 0.98 mm .* no other view has its posture", said_of_poses(session.problem))
     assert "posture" not in said_of_poses(mistyped_by(session.problem, 15.0, 0))
     assert "posture" not in said_of_poses(mistyped_by(session.problem, 3.0, 4))
@@ -141,8 +141,8 @@ def test_without_joints_a_view_that_is_a_little_off_may_have_stood_in_another_po
 def test_joints_of_views_that_measure_in_space_are_evidence() -> None:
     problem = measured_cell(np.random.default_rng(3), 8, tracker()).problem
     joints = np.arange(48.0).reshape(8, 6)
-    views = tuple(replace(view, joints_rad=one) for view, one in zip(problem.views, joints, strict=True))
-    for chosen, expected in ((views, joints), ((replace(views[0], joints_rad=None), *views[1:]), None)):
+    views = tuple(view.standing(joints_rad=one) for view, one in zip(problem.views, joints, strict=True))
+    for chosen, expected in ((views, joints), ((views[0].standing(joints_rad=None), *views[1:]), None)):
         recorded = replace(problem, views=chosen)
         seen, _ = measured_views(recorded)
         found = measured_evidence(recorded, seen, np.tile(np.eye(6), (8, 1, 1))).joints_rad

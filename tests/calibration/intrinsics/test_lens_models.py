@@ -5,6 +5,7 @@ import pytest
 
 from calibration.camera import CameraModel, LensModel
 from calibration.intrinsics.estimate import estimate_camera
+from calibration.kinematics.stance import Stance
 from calibration.problem import Detection, Problem, View
 from calibration.solve import solve_hand_eye
 from calibration.targets import Chessboard
@@ -87,7 +88,7 @@ def problem(camera: CameraModel, given: CameraModel | None, nearness: float = 1.
     for index, pose in enumerate(poses(14, 4, nearness)):
         base_T_flange = BASE_T_TARGET @ inverse(pose) @ inverse(FLANGE_T_CAMERA)
         off = transform(rotation_from_vector(rng.normal(0, 2e-4, 3)), rng.normal(0, 0.05, 3))
-        views.append(View(index, base_T_flange @ off, seen_by(camera, pose, rng, 0.05)))
+        views.append(View(index, Stance(base_T_flange @ off), seen_by(camera, pose, rng, 0.05)))
     return Problem("eye-in-hand", BOARD, given, SIZE, tuple(views))
 
 

@@ -8,6 +8,7 @@ import pytest
 from calibration.documents.calibration import calibration_document
 from calibration.documents.pose import PoseDocument
 from calibration.documents.target import document_of_target
+from calibration.kinematics.stance import Stance
 from calibration.monitoring.target_scatter import VerificationError, verify
 from calibration.problem import Detection, Problem, View
 from calibration.solve import solve_hand_eye
@@ -29,7 +30,7 @@ def a_problem(views: int = 3, seen: int = 88) -> Problem:
         camera_T_target = inverse(base_T_flange @ FLANGE_T_CAMERA) @ BASE_T_TARGET
         ids = np.arange(88)[index * (88 - seen) :][:seen]
         pixels = CAMERA.project(map_points(camera_T_target, BOARD.points_mm[ids]))
-        made.append(View(index, base_T_flange, Detection(ids, pixels)))
+        made.append(View(index, Stance(base_T_flange), Detection(ids, pixels)))
     return Problem("eye-in-hand", BOARD, CAMERA, CAMERA.image_size, tuple(made))
 
 

@@ -3,6 +3,7 @@
 import numpy as np
 
 from calibration.camera import CameraModel
+from calibration.kinematics.stance import Stance
 from calibration.likelihood.predicted_uncertainty import ExpectedNoise, Scene
 from calibration.planning.scene_belief import ScenePrior
 from calibration.planning.viewpoints import ViewpointLimits, flange_poses, target_in_view
@@ -80,5 +81,5 @@ def problem_of(poses: list[Array], camera: object = TRUTH.camera) -> Problem:
         points = map_points(camera_T_target, TRUTH.target.points_mm)
         pixels = TRUTH.camera.project(points) + rng.normal(0, 0.05, (len(points), 2))
         found = bool(target_in_view(TRUTH, pose[None])[0] > 0.6)
-        views.append(View(index, pose, Detection(np.arange(len(points)), pixels) if found else None))
+        views.append(View(index, Stance(pose), Detection(np.arange(len(points)), pixels) if found else None))
     return Problem("eye-in-hand", TRUTH.target, camera, TRUTH.camera.image_size, tuple(views))  # type: ignore[arg-type]

@@ -69,7 +69,7 @@ def test_one_view_of_the_scanner_gives_its_pose_beside_a_calibrated_camera(rig: 
 
 def test_a_target_that_moved_between_the_sessions_is_found(rig: Rig, alone: dict[str, Solution]) -> None:
     shift = transform(np.eye(3), [0.0, 40.0, 0.0])
-    moved = tuple(replace(view, base_T_flange=shift @ view.base_T_flange) for view in rig.scanner.views)
+    moved = tuple(view.standing(base_T_flange=shift @ view.base_T_flange) for view in rig.scanner.views)
     solved = solve_rig({**rig.problems, "scanner": replace(rig.scanner, views=moved)})
     document = rig_document(solved, alone, tolerance_mm=50.0)
     assert not document.verdict.accepted

@@ -170,7 +170,7 @@ def test_a_covariance_that_is_too_small_does_not_make_x_too_sure(setup: Setup) -
 def test_a_wrong_view_and_wrong_points_are_left_out() -> None:
     cell = measured_cell(np.random.default_rng(5), 12, points())
     views = list(cell.problem.views)
-    views[3] = replace(views[3], base_T_flange=views[3].base_T_flange @ transform(np.eye(3), [40.0, 0.0, 0.0]))
+    views[3] = views[3].standing(base_T_flange=views[3].base_T_flange @ transform(np.eye(3), [40.0, 0.0, 0.0]))
     for place in (6, 7):
         measured = views[place].measured
         assert isinstance(measured, MeasuredPoints)
@@ -212,7 +212,7 @@ def test_motions_that_do_not_determine_x_are_refused() -> None:
 def test_poses_of_no_cell_leave_nothing_to_solve(size: float) -> None:
     problem = measured_cell(np.random.default_rng(3), 6, tracker()).problem
     poses = [transform(view.base_T_flange[:3, :3], [size, 0.0, 0.0]) for view in problem.views]
-    views = tuple(replace(view, base_T_flange=pose) for view, pose in zip(problem.views, poses, strict=True))
+    views = tuple(view.standing(base_T_flange=pose) for view, pose in zip(problem.views, poses, strict=True))
     solution = solve_hand_eye(replace(problem, views=views))
     assert solution.mount_T_camera is None
     assert [finding.code for finding in solution.findings] == ["too-few-poses"]

@@ -59,7 +59,7 @@ def test_one_mistyped_pose_is_rejected_and_named(offset_mm: list[float], setup: 
 def test_inverted_poses_of_few_views_are_not_accepted(views: int, setup: str) -> None:
     """Any three of them agree."""
     truth = cell(4, views, setup=setup)
-    rows = tuple(replace(view, base_T_flange=inverse(view.base_T_flange)) for view in truth.problem.views)
+    rows = tuple(view.standing(base_T_flange=inverse(view.base_T_flange)) for view in truth.problem.views)
     problem = replace(truth.problem, views=rows)
     assert not judge(problem, solve_hand_eye(problem)).accepted
 

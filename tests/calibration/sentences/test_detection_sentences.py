@@ -8,6 +8,7 @@ import pytest
 
 from calibration.detection.detect import detect
 from calibration.errors import DetectionError
+from calibration.kinematics.stance import Stance
 from calibration.observations.observations import observe
 from calibration.problem import Detection, Problem, View
 from calibration.sentences.sentence import AS_WRITTEN, Sentence, as_sentence, text_of, with_fix
@@ -120,6 +121,6 @@ def test_a_target_that_cannot_be_printed_is_refused_in_a_sentence(target: Target
 def test_corners_that_cannot_be_used_are_refused_in_a_sentence(
     ids: list[int], pixels: list[list[float]], text: str
 ) -> None:
-    view = View(0, np.eye(4), Detection(np.array(ids), np.array(pixels, float)))
+    view = View(0, Stance(np.eye(4)), Detection(np.array(ids), np.array(pixels, float)))
     _, refused = observe(Problem("eye-in-hand", TARGETS[0], None, (160, 120), (view,)))
     assert isinstance(refused[0].what, Sentence) and refused[0].what == text

@@ -86,10 +86,10 @@ def test_views_that_only_the_arms_errors_explain_are_used_and_a_wrong_one_is_not
     assert sum(left_out) > 0, left_out
     assert identify_arm_session(ARM, cell.problems).views == 32
     first, *others = cell.problems
-    joints = first.views[5].joints_rad
+    joints = first.views[5].stance.joints_rad
     assert joints is not None
     turned = joints + np.radians([0.2, 0, 0, 0, 0, 0])
-    moved = replace(first.views[5], joints_rad=turned, base_T_flange=ARM.forward(turned))
+    moved = first.views[5].standing(joints_rad=turned, base_T_flange=ARM.forward(turned))
     spoilt = replace(first, views=(*first.views[:5], moved, *first.views[6:]))
     assert identify_arm_session(ARM, [spoilt, *others]).views == 31
 
@@ -127,7 +127,7 @@ def test_play_is_found_by_the_side_from_which_the_axes_came() -> None:
 
 def test_a_point_is_less_certain_away_from_where_views_were_taken() -> None:
     cell, _, fit = identified("standard")
-    seen = np.array([view.joints_rad for view in cell.problems[0].views])
+    seen = np.array([view.stance.joints_rad for view in cell.problems[0].views])
     away = seen * [1, 0, 0, 1, 1, 1] + np.radians([0.0, 85.0, -25.0, 0.0, 0.0, 0.0])  # stretched
     where = np.repeat(WHERE, len(seen), axis=0)
     near, far = (np.trace(registered_points(fit, Postures(q), where)[1], axis1=1, axis2=2).mean() for q in (seen, away))
@@ -182,7 +182,7 @@ def test_joints_of_another_arm_are_refused_not_fitted() -> None:
 )
 def test_joints_of_another_convention_are_refused_not_fitted(mistaken: Callable[[Array], Array], code: str) -> None:
     (problem,) = draw_cell("standard", 0, (12,)).problems
-    views = [replace(view, joints_rad=mistaken(np.array(view.joints_rad))) for view in problem.views]
+    views = [view.standing(joints_rad=mistaken(np.array(view.stance.joints_rad))) for view in problem.views]
     with pytest.raises(JointsDisagree) as refused:
         identify_arm_session(ARM, [replace(problem, views=tuple(views))])
     assert refused.value.mistake.code == code

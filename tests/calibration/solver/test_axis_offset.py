@@ -101,7 +101,7 @@ def test_a_mistyped_pose_is_left_out() -> None:
     problem = measured(cell_of(1, "eye-in-hand"), "camera")
     pose = problem.views[3].base_T_flange.copy()
     pose[0, 3] += 30.0
-    views = (*problem.views[:3], replace(problem.views[3], base_T_flange=pose), *problem.views[4:])
+    views = (*problem.views[:3], problem.views[3].standing(base_T_flange=pose), *problem.views[4:])
     solution = solve_hand_eye(replace(problem, views=views))
     assert [view.index for view in solution.views if view.status == "rejected"] == [3]
     assert normalised_error(cell_of(1, "eye-in-hand"), solution) < 2.5
@@ -114,7 +114,7 @@ def test_without_travel_the_number_is_not_enough() -> None:
     for view in problem.views:
         pose = view.base_T_flange.copy()
         pose[:3, 3] = centre + pose[:3, :3] @ np.array([40.0, 0.0, 0.0])
-        views.append(replace(view, base_T_flange=pose))
+        views.append(view.standing(base_T_flange=pose))
     solution = solve_hand_eye(replace(problem, views=tuple(views)))
     assert solution.mount_T_camera is None
     assert solution.findings[0].code == "parallel-axes"

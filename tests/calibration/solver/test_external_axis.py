@@ -14,7 +14,7 @@ from calibration.solution import Solution
 from calibration.solve import poses_at_zero, solve_hand_eye
 from calibration.transforms import Array, inverse, map_points, rotation_from_vector, transform, vector_from_transform
 from calibration.verdict import DEFAULT_VERDICT_LIMITS, judge
-from tests.simulated.external_axes import AxisCell, axis_cell, direction_off_deg
+from tests.simulated.external_axes import AxisCell, axes_at, axis_cell, direction_off_deg
 
 KINDS = ("track", "turntable")
 POINT = np.array([[30.0, -20.0, 550.0]])
@@ -55,7 +55,7 @@ def test_a_point_registered_anywhere_along_the_axis_is_where_it_is(kind: AxisKin
     assert direction_off_deg(drawn.direction, given.axis.direction) > 0.2
     off = []
     for view, at_zero in zip(given.problem.views, given.cell.base_T_flange, strict=True):
-        reading = view.axis_reading or 0.0
+        reading = given.axis.reading(view.stance.external_axes) or 0.0
         stands = inverse(given.axis.motion(reading)) @ at_zero
         truth = registered(given.axis, given.cell.mount_T_camera, stands, reading)
         off.append(np.linalg.norm(registered(found.axis, solution.mount_T_camera, stands, reading) - truth))
@@ -81,7 +81,8 @@ def test_the_stated_uncertainty_is_right(kind: AxisKind) -> None:
 def test_a_view_with_a_mistyped_reading_is_left_out() -> None:
     given = axis_cell("track", 2, views=9)
     views = list(given.problem.views)
-    views[4] = replace(views[4], axis_reading=(views[4].axis_reading or 0.0) + 30.0)
+    reading = given.axis.reading(views[4].stance.external_axes) or 0.0
+    views[4] = views[4].standing(external_axes=axes_at(given.axis, reading + 30.0))
     solution = solve_hand_eye(replace(given.problem, views=tuple(views)))
     assert [view.index for view in solution.views if view.status == "rejected"] == [4]
     assert solution.external_axis is not None
@@ -91,7 +92,7 @@ def test_a_view_with_a_mistyped_reading_is_left_out() -> None:
 @pytest.mark.parametrize("kind", KINDS)
 def test_one_position_is_refused_with_what_to_do(kind: AxisKind) -> None:
     given = axis_cell(kind, 1)
-    views = tuple(replace(view, axis_reading=0.1) for view in given.problem.views)
+    views = tuple(view.standing(external_axes=axes_at(given.axis, 0.1)) for view in given.problem.views)
     solution = solve_hand_eye(replace(given.problem, views=views))
     assert solution.mount_T_camera is None
     assert solution.findings[0].code == "axis-not-moved"

@@ -59,7 +59,7 @@ def test_errors_are_as_large_as_claimed_where_views_were_taken_and_away_from_the
 
 def test_the_variances_of_points_are_the_traces_of_their_covariances() -> None:
     _, cell, fit, _ = identified(0)
-    joints = np.array([view.joints_rad for view in cell.problems[0].views[:3]])
+    joints = np.array([view.stance.joints_rad for view in cell.problems[0].views[:3]])
     where, levels, none = np.array([[0.0, 0.0, 500.0], [50.0, -40.0, 600.0]]), RobotNoise(0.02, 4e-5), RobotNoise(0, 0)
     for column, point in enumerate(where):
         covariances = place_points(fit, joints, np.tile(point, (3, 1)), levels)[1]

@@ -67,7 +67,7 @@ def with_robot_trend(truth: Cell, rng: np.random.Generator, rotation_rad: float,
     follow = (where @ slopes + alike) * np.repeat([rotation_rad, translation_mm], 3)
     errors = transform(rotation_from_vector(follow[:, :3]), follow[:, 3:])
     views = [
-        replace(view, base_T_flange=view.base_T_flange @ error)
+        view.standing(base_T_flange=view.base_T_flange @ error)
         for view, error in zip(truth.problem.views, errors, strict=True)
     ]
     return replace(truth.problem, views=tuple(views))

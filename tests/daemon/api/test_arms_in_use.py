@@ -6,10 +6,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from calibration.documents.calibration_with_arm import CalibrationWithArm
+from calibration.documents.calibration_in_use import CalibrationInUse
 from calibration.documents.pose import PoseDocument
 from calibration.kinematics.abb_arms import find_arm
 from calibration.kinematics.joint_check import JointsDisagree
+from calibration.kinematics.stance import Stance
 from calibration.transforms import Array
 from daemon.model.records import AppliedCalibration, CalibrationRecord
 from tests.daemon.calibrations import a_calibration, an_arm, apply_calibration, apply_with_arm, document_with_covariance
@@ -38,10 +39,10 @@ def query_of(row: int, joints_rad: Array | None = None) -> dict[str, str]:
 
 
 def test_joints_of_one_view_of_three_are_not_outvoted() -> None:
-    given = CalibrationWithArm.of(a_calibration("cal-1"), an_arm())
+    given = CalibrationInUse.of(a_calibration("cal-1"), an_arm())
     wrong = JOINTS[2] + np.radians([90.0, 0, 0, 0, 0, 0])
     with pytest.raises(JointsDisagree):
-        given.base_T_flange(list(POSES), [JOINTS[0], JOINTS[1], wrong])
+        given.base_T_flange([*map(Stance, POSES, [JOINTS[0], JOINTS[1], wrong])])
 
 
 @pytest.mark.slow
@@ -86,13 +87,13 @@ async def test_an_arm_grows_by_the_temperature_that_is_stated_and_is_warned_of_w
 
 async def test_the_event_loop_computes_no_kinematics(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
     await apply_calibration(bench)
-    place, threads = CalibrationWithArm.base_T_flange, set[int]()
+    place, threads = CalibrationInUse.base_T_flange, set[int]()
 
-    def placed(given: CalibrationWithArm, *poses: Any) -> Array:
+    def placed(given: CalibrationInUse, *poses: Any) -> Array:
         threads.add(threading.get_ident())
         return place(given, *poses)
 
-    monkeypatch.setattr(CalibrationWithArm, "base_T_flange", placed)
+    monkeypatch.setattr(CalibrationInUse, "base_T_flange", placed)
     scan, content = await a_scan(bench), ply_of(cloud(100))
     for link in ("/register", scan["links"]["views"]):
         answer = await bench.client.post(link, params={"pose": POSE}, content=content, headers=PLY)

@@ -117,7 +117,7 @@ async def test_a_session_on_a_track_gives_its_direction(bench: Bench) -> None:
     given = axis_cell("track", 1, views=12).problem
     body = body_of(given) | {"external_axis": {"kind": "track", "direction": [0.0, 1.0, 0.0]}}
     for one, view in zip(body["views"], given.views, strict=True):
-        one["external_axes"] = [view.axis_reading]
+        one["external_axes"] = list(view.stance.external_axes)
     assert given.camera is not None
     body["camera"] = CameraDocument.of(given.camera).model_dump(mode="json")
     made = await bench.client.post("/calibrations", json=body)

@@ -7,9 +7,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+from calibration.documents.calibration import CalibrationDocument
 from calibration.documents.pose import PoseDocument
+from calibration.documents.validation import parse_document
 from calibration.kinematics.abb_arms import find_arm
 from calibration.transforms import Array, inverse, map_points
+from handeyed import register
 from tests.daemon.calibrations import an_arm
 from tests.daemon.cli.running import Ran, handeyed
 from tests.daemon.cli.sessions import FLANGE_T_CAMERA, TILTS_RAD, base_T_flange
@@ -34,6 +37,10 @@ def scan(folder: Path, unit: str = "mm", points: Array = POINTS_BASE) -> Path:
         views.append({"cloud": f"view_{index}.ply", "unit": unit, "base_T_flange": pose})
     (folder / "scan.json").write_text(json.dumps({"schema_version": 1, "setup": "eye-in-hand", "views": views}))
     return folder
+
+
+def points_of(file: Path) -> Array:
+    return np.frombuffer(file.read_bytes().partition(b"end_header\n")[2], "<f4").reshape(-1, 3)
 
 
 @pytest.fixture
@@ -116,6 +123,18 @@ def test_the_flange_is_placed_where_the_arm_as_built_has_it(tmp_path: Path, cali
         warm = handeyed(*files, tmp_path / "warm.npy", "--arm", tmp_path / "warm.json", *stated, "--json")
         codes_of_warm = {finding["code"] for finding in json.loads(warm.out)["verdict"]["findings"]}
         assert ("arm-temperature-unknown" in codes_of_warm) is warned
+
+    (tmp_path / "archive").mkdir()
+    folder.rename(tmp_path / "archive" / "scan")
+    archived = handeyed("register-archive", tmp_path / "archive", "--calibration", calibration, "--scheduler", "here",
+                        "--out", tmp_path / "out", "--arm", tmp_path / "arm.json")  # fmt: skip
+    assert archived.status == 0, archived.err
+    assert np.allclose(np.load(tmp_path / "built.npy"), points_of(tmp_path / "out" / "scan" / "merged.ply"), atol=1e-3)
+    (tmp_path / "archive" / "scan").rename(folder)
+    document = parse_document(CalibrationDocument, calibration.read_bytes(), "calibration.json")
+    seen = map_points(inverse(base_T_flange(TILTS_RAD[0]) @ FLANGE_T_CAMERA), POINTS_BASE)
+    by_library = register(seen, document, arm.forward(joints[0]), joints_deg=np.degrees(joints[0]), arm=errors)
+    assert np.allclose(by_library, np.load(tmp_path / "built.npy")[:500], atol=1e-3)
 
     views[0]["joints_deg"][1] += 30
     change(folder / "scan.json", views=views)

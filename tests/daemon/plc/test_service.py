@@ -202,7 +202,7 @@ async def test_without_the_words_in_the_settings_nobody_writes_and_nothing_moves
 async def test_the_arm_s_temperature_is_stated_with_each_write_of_it(tmp_path: Path) -> None:
     async with serving(settings_for(tmp_path, plc=MOVING)) as bench, ladder(bench) as plc:
         temperature = BY_NAME["arm_temperature"].address
-        known = bench.application.cell.arm_conditions
+        known = bench.application.cell.arm
         await plc.client.write_register(temperature, 315)
         assert known.read().temperature_c == 31.5
         known.state_temperature(20.0)

@@ -1,15 +1,12 @@
 """What a cell with a track that the controller leaves out of its poses refuses."""
 
-from typing import Any, cast
-
 import pytest
 
 from calibration.documents.external_axis import ExternalAxisDocument
+from daemon.cell.arm_in_cell import ArmInCell
 from daemon.errors import CalibrationUnusable, NoPoses
 from daemon.model.requests import CalibrateRequest
-from daemon.runs.calibrations import Calibrations
 from daemon.runs.pose_selection import require_by_hand
-from daemon.runtime.clock import Clock
 from tests.daemon.calibrations import a_calibration
 
 TRACK = ExternalAxisDocument(kind="track", direction=(0.0, 1.0, 0.0))
@@ -29,7 +26,6 @@ def test_a_run_that_would_not_find_the_axis(request_: CalibrateRequest, fix: str
     assert fix in refused.value.fix
 
 
-async def test_a_calibration_that_knows_no_track_places_nothing_on_one() -> None:
-    no_store = no_workers = cast("Any", None)
+def test_a_calibration_that_knows_no_track_places_nothing_on_one() -> None:
     with pytest.raises(CalibrationUnusable, match="made without the track"):
-        await Calibrations(no_store, Clock(), no_workers, declared=TRACK).with_arm(a_calibration("early"))
+        ArmInCell(TRACK).in_use(a_calibration("early"), None)

@@ -39,14 +39,14 @@ async def test_joints_load_and_temperature_are_kept_with_session_and_calibration
     assert problem.load == Load(1.5, (0.0, 0.0, 60.0))
     arm = find_arm("IRB 1600-6/1.45")
     for view, document, read in zip(calibration.views, written, problem.views, strict=True):
-        assert view.joints_deg is not None and read.joints_rad is not None
+        assert view.joints_deg is not None and read.stance.joints_rad is not None
         assert read.arm_temperature_c == document["arm_temperature_c"] == 31.5
-        assert list(view.joints_deg) == document["joints_deg"] == pytest.approx(np.degrees(read.joints_rad))
+        assert list(view.joints_deg) == document["joints_deg"] == pytest.approx(np.degrees(read.stance.joints_rad))
         np.testing.assert_allclose(arm.forward(np.radians(view.joints_deg)), read.base_T_flange, atol=1e-2)
 
 
 def test_a_view_without_joints_is_read_and_one_of_another_arm_keeps_its_seven() -> None:
     view = {"base_T_flange": POSE, "corners_px": []}
-    assert ViewDocument.model_validate(view).joints_rad is None
-    seven = ViewDocument.model_validate({**view, "joints_deg": [180.0] * 7}).joints_rad
+    assert ViewDocument.model_validate(view).stance.joints_rad is None
+    seven = ViewDocument.model_validate({**view, "joints_deg": [180.0] * 7}).stance.joints_rad
     assert seven is not None and seven == pytest.approx([np.pi] * 7)

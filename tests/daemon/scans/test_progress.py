@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from calibration.kinematics.stance import Stance
 from calibration.problem import Setup
 from calibration.transforms import transform
 from daemon.scans import progress
@@ -64,7 +65,7 @@ def test_a_surface_is_done_when_every_point_has_its_deviation(tmp_path: Path) ->
 
 def test_a_registration_is_as_far_as_views_are_read_and_iterations_made(tmp_path: Path) -> None:
     setup: Setup = "eye-in-hand"
-    views = [ScanView(part.file, part.unit, part.base_T_cloud, setup) for part in parts_of(tmp_path)]
+    views = [ScanView(part.file, part.unit, Stance(part.base_T_cloud), setup) for part in parts_of(tmp_path)]
     read: list[float] = []
     samples = sample_views(views, read.append)
     assert (read, read[-1]) == (sorted(read), 1.0)

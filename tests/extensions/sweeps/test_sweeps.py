@@ -11,14 +11,17 @@ import httpx
 import numpy as np
 import pytest
 
+from calibration.documents.calibration import CalibrationDocument
+from calibration.documents.external_axis import ExternalAxisDocument
 from calibration.transforms import transform
 from daemon.cli.checks import _check_scanner
+from daemon.errors import NotStill
 from daemon.model.records import AppliedCalibration, CalibrationRecord
 from drivers.errors import DeviceError, LinkLost, SweepNeeded
 from drivers.interfaces import LinkHealth, PoseReading, ScannedCloud
 from extensions.sweeps.service import SweepService
 from registration.profiles.profile_block import ProfileBlock
-from tests.daemon.calibrations import document_with_covariance
+from tests.daemon.calibrations import beside, document_with_covariance
 from tests.daemon.cell_under_test import Bench, Parts, serving, settings_for
 from tests.daemon.fakes import FakeRobot
 from tests.support.waiting import LIMIT_S, eventually
@@ -39,7 +42,7 @@ class MovingRobot(FakeRobot):
         if not self.hold:
             self.now_s += self.step_s
         pose = transform(np.eye(3), [SPEED_MM_S * self.now_s, 0.0, 500.0])
-        return PoseReading(pose, (0, 0, 0, 0), (), self.hold, self.now_s)
+        return PoseReading(pose, (0, 0, 0, 0), self.external_axes, self.hold, self.now_s)
 
 
 @dataclass
@@ -106,12 +109,14 @@ async def sweeping(tmp_path: Path) -> AsyncIterator[Sweeping]:
 
 
 @asynccontextmanager
-async def a_cell(folder: Path, **scanner: Any) -> AsyncIterator[Sweeping]:
+async def a_cell(
+    folder: Path, calibration: CalibrationDocument | None = None, **scanner: Any
+) -> AsyncIterator[Sweeping]:
     robot, profiler, parts = MovingRobot(), FakeProfiler(), Parts()
     parts.robot, parts.scanner = robot, profiler  # type: ignore[assignment]
     async with serving(settings_for(folder, scanner=scanner), parts) as bench:
         object.__setattr__(bench.application.service(SweepService).clock, "monotonic_s", lambda: robot.now_s)
-        document, store = document_with_covariance(), bench.application.store
+        document, store = calibration or document_with_covariance(), bench.application.store
         await store.save_calibration(CalibrationRecord("cal-1", None, document.created_at, True, document))
         await store.apply(AppliedCalibration("cal-1", document.created_at, "test"))
         yield Sweeping(bench, robot, profiler)
@@ -278,3 +283,25 @@ async def test_stopping_the_daemon_breaks_a_sweep_off(tmp_path: Path) -> None:
 async def test_check_names_a_line_profiler() -> None:
     found = await _check_scanner("laser", FakeProfiler())
     assert (found.ok, found.what) == (True, "a line profiler: connected")
+
+
+async def test_points_of_a_sweep_on_a_track_lie_as_from_its_zero(tmp_path: Path) -> None:
+    track = ExternalAxisDocument(kind="track", direction=(0.0, 1.0, 0.0))
+    async with a_cell(tmp_path, beside(document_with_covariance(), track)) as cell:
+        cell.robot.external_axes = (300.0,)
+        begun = await cell.begin()
+        cell.profiler.measure(cell.robot.now_s + 0.05)
+        await cell.until(begun, lambda sweep: sweep.points > 0)
+        assert (await cell.end(begun))["state"] == "done"
+        content = (await cell.bench.client.get(begun["links"]["points"])).content
+        y_mm = np.frombuffer(content, "<f4").reshape(-1, 3)[:, 1]
+        document = document_with_covariance().flange_T_camera
+        assert document is not None
+        there = document.transform() @ [[-5.0, 0.0], [0.0, 0.0], [200.0, 201.0], [1.0, 1.0]]
+        assert y_mm == pytest.approx(300.0 + there[1], abs=1e-3)
+
+        begun = await cell.begin()
+        cell.robot.external_axes = (310.0,)
+        sweep = cell.bench.application.service(SweepService).get(begun["id"])
+        await eventually(lambda: sweep.state != "running")
+        assert (sweep.state, type(sweep.failure)) == ("failed", NotStill)

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import event, given, settings
 from hypothesis import strategies as st
 
-from calibration.documents.calibration_with_arm import CalibrationWithArm
+from calibration.documents.calibration_in_use import CalibrationInUse
 from calibration.documents.pose import PoseDocument
 from calibration.transforms import Array, map_points, rotation_from_vector, transform
 from daemon.cell.cell import Cell, Devices
@@ -80,7 +80,7 @@ class Drawn:
         wide = {"address": "tcp://robot:1", "box_mm": [[-9e3] * 3, [9e3] * 3], "carried_mm": self.carried_mm}
         rules = MotionRules.of(RobotSettings.model_validate(wide))
         x = {"flange_T_camera": PoseDocument.of(transform(np.eye(3), self.camera_mm))}
-        given = CalibrationWithArm(a_calibration("cal-1").model_copy(update=x))
+        given = CalibrationInUse(a_calibration("cal-1").model_copy(update=x))
         point = PointToTouch(Sighting(self.point_mm, self.sights), self.tip_mm, given)
         return TouchApproach(Cell(devices, still, Clock()), rules, self.request, point)
 

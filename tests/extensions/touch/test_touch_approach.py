@@ -1,7 +1,8 @@
 """POST /touch/approach: the arm brings the tip before a point, then nearer by steps, one request for each move."""
 
 import asyncio
-from contextlib import nullcontext
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager, nullcontext
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
@@ -9,12 +10,15 @@ from typing import Any
 import numpy as np
 import pytest
 
+from calibration.documents.external_axis import ExternalAxisDocument
 from calibration.errors import DocumentError
-from calibration.transforms import Array, map_points
+from calibration.kinematics.external_axis import reading_of
+from calibration.transforms import Array, inverse, map_points
 from daemon.model.records import AppliedCalibration, CalibrationRecord
 from daemon.runtime.clock import Clock
 from extensions.touch.requests import ApproachRequest
 from extensions.touch.touch_tests import TouchTests
+from tests.daemon.calibrations import beside as beside_axis
 from tests.daemon.calibrations import document_with_covariance
 from tests.daemon.cell_under_test import Bench, Parts, serving, settings_for
 from tests.daemon.fakes import Gate
@@ -268,10 +272,60 @@ async def test_points_of_a_verification_by_their_id(bench: Bench) -> None:
     np.testing.assert_allclose(bench.robot.base_T_flange[:3, 3], touching(10, (0.0, 0.0, 20.0))[:3, 3], atol=0.2)
 
 
-async def test_nothing_is_touched_beside_a_track_that_the_poses_leave_out(tmp_path: Path) -> None:
-    track = {"external_axis": {"kind": "track", "direction": [0.0, 1.0, 0.0]}}
-    async with serving(settings_for(tmp_path, robot=track), Parts()) as bench:
-        await apply_with_covariance(bench)
+TRACK = ExternalAxisDocument(kind="track", direction=(0.0, 1.0, 0.0), zero=100.0)
+TURNTABLE = ExternalAxisDocument(kind="turntable", direction=(0.0, 0.0, 1.0), point_mm=(800.0, 0.0, 200.0))
+
+
+@asynccontextmanager
+async def beside_an_axis(
+    folder: Path, axis: ExternalAxisDocument, reading: float
+) -> AsyncIterator[tuple[Bench, Array]]:
+    """The cell with the axis there, and the motion (4, 4) of its base, which the arm's poses leave out."""
+    document = beside_axis(document_with_covariance(), axis)
+    async with serving(settings_for(folder, robot={"external_axis": axis.model_dump()}), Parts()) as bench:
+        store = bench.application.store
+        await store.save_calibration(CalibrationRecord("cal-1", None, document.created_at, True, document))
+        await store.apply(AppliedCalibration("cal-1", document.created_at, "test"))
+        bench.robot.external_axes = (reading, *bench.robot.external_axes[1:])
+        yield bench, axis.axis().motion(reading_of(axis.kind, reading))
+
+
+@pytest.mark.parametrize(("axis", "reading"), [(TRACK, 250.0), (TURNTABLE, 25.0)], ids=["track", "turntable"])
+async def test_the_tip_comes_before_the_point_wherever_the_axis_stands(
+    tmp_path: Path, axis: ExternalAxisDocument, reading: float
+) -> None:
+    seen = point_to_touch() | {"seen_external_axes": [axis.zero]}
+    normal = base_R_flange @ [0.0, 0.0, 1.0]
+    async with beside_an_axis(tmp_path, axis, reading) as (bench, motion):
+        bench.robot.base_T_flange = inverse(motion) @ beside(30.0, -20.0, 90.0)
+        run = await approaches(bench, touch=seen, along=(motion[:3, :3].T @ normal).tolist())
+        assert run["state"] == "finished", run
+        (goal,) = bench.robot.goals
+        tip_mm = map_points(motion @ goal.base_T_flange, TIP_MM[None])[0] - SEEN_MM
+        np.testing.assert_allclose(tip_mm @ base_R_flange, [0, 0, -20], atol=1e-6)
+        assert run["result"]["touch"]["left_mm"] == pytest.approx(20.0, abs=1e-3)
+
+        touched = (await bench.client.post("/touch", json={"tip": TIP, "touches": [seen]})).json()
+        (point,) = touched["result"]["points"]
+        assert point["miss_mm"] == pytest.approx((-20 * normal).tolist(), abs=0.01)
+
+
+async def test_an_approach_ends_where_the_axis_moves_meanwhile(tmp_path: Path) -> None:
+    async with beside_an_axis(tmp_path, TRACK, 100.0) as (bench, _):
+        bench.robot.base_T_flange = beside(60.0, 0.0, -0.3)  # two moves: back, then across
+
+        async def push_the_track(_: int) -> None:
+            bench.robot.external_axes = (120.0, *bench.robot.external_axes[1:])
+
+        bench.robot.before_move = push_the_track
+        run = await approaches(bench, touch=point_to_touch() | {"seen_external_axes": [100.0]})
+        assert (run["state"], "external axis 1 moved" in run["cause"]["what"]) == ("failed", True), run
+        assert len(bench.robot.goals) == 1
+
+
+async def test_what_was_seen_beside_an_axis_needs_its_reading(tmp_path: Path) -> None:
+    async with beside_an_axis(tmp_path, TRACK, 100.0) as (bench, _):
+        bench.robot.base_T_flange = beside(0.0, 0.0, 50.0)
         refused = await approaches(bench)
-        assert "a track beside its poses" in refused["detail"]
+        assert (refused["status"], "external axis 1" in refused["detail"]) == (422, True), refused
         assert bench.robot.goals == []

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from calibration.documents.calibration import calibration_document
-from calibration.documents.calibration_with_arm import CalibrationWithArm
+from calibration.documents.calibration_in_use import CalibrationInUse
 from calibration.documents.identified_arm import identify_arm_document
 from calibration.documents.pose import PoseDocument
 from calibration.documents.tip import TipDocument
@@ -54,7 +54,7 @@ def draw_touch_tests(seed: int) -> tuple[TouchTestDocument, TouchTestDocument]:
     cell = arm_cell(rng, build_arm(ARM, "standard", seed), [reachable_views(rng, ARM, target, 12)], [target])
     solution = solve_hand_eye(cell.problems[0])
     document = calibration_document(solution, judge(cell.problems[0], solution), calibration_id="cal-1", **made)
-    given = CalibrationWithArm.of(document, identify_arm_document(ARM, cell.problems, **made))
+    given = CalibrationInUse.of(document, identify_arm_document(ARM, cell.problems, **made))
     assert given.arm is not None, f"arm {seed} shows no errors"
     touched, looks = box_postures(rng, ARM, TOUCHES), reachable_views(rng, ARM, target, TOUCHES)
     points = map_points(draw_stands(rng, cell, touched), np.array([TIP_MM])[:, None])[:, 0]

@@ -1,4 +1,4 @@
-"""A calibration with the errors of its arm: where the flange and the camera are at a pose that a controller reports."""
+"""A calibration in use: where the flange and the camera are when a controller reports a stance."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -18,6 +18,7 @@ from calibration.kinematics.arm_estimate import ArmEstimate
 from calibration.kinematics.joint_check import require_consistent_joints
 from calibration.kinematics.joints_of_poses import joints_in_range
 from calibration.kinematics.robot_accuracy import RobotNoise
+from calibration.kinematics.stance import Correction, Stance
 from calibration.likelihood.mapped_points import WORKING_VOLUME_NAMES, point_sigmas_mm
 from calibration.likelihood.predicted_uncertainty import uncertainty_of, working_points_mm
 from calibration.problem import Problem
@@ -106,7 +107,7 @@ class Placement:
 
 
 @dataclass(frozen=True, eq=False)
-class CalibrationWithArm:
+class CalibrationInUse:
     """A calibration in use.
 
     document : its X, with uncertainty and the robot's noise, is the one identified with the arm, where the arm's errors
@@ -129,7 +130,7 @@ class CalibrationWithArm:
         document: CalibrationDocument,
         errors: ArmErrorsDocument | None,
         conditions: ArmConditions = NOT_KNOWN,
-    ) -> "CalibrationWithArm":
+    ) -> "CalibrationInUse":
         """With arm.json, where that was identified and took errors up. Raises GeometryError for a damaged one.
 
         `conditions`: load and temperature of the arm now. The sag and the growth by others than arm.json's are computed
@@ -152,73 +153,76 @@ class CalibrationWithArm:
         findings = _of_conditions(identified, estimate)
         return cls(document.model_copy(update=with_arm), estimate, seen_rad, scatter, findings)
 
-    def reading(self, external_axes: Sequence[float | None] | None) -> float | None:
-        """Of the calibration's external axis, mm or rad, in the controller's axes; None without either."""
-        found = self.document.external_axis
-        return None if found is None else found.reading(external_axes)
+    @property
+    def corrections(self) -> Sequence[Correction]:
+        """In their order: the arm on its base, then the base."""
+        axis = self.document.external_axis
+        return (*(() if self.arm is None else (self,)), *(() if axis is None else (axis,)))
 
-    def base_T_flange(
-        self,
-        reported: Sequence[Array],
-        joints_rad: Sequence[Array | None],
-        readings: Sequence[float | None] | None = None,
-    ) -> Array:
-        """Poses (n, 4, 4) of the flange: as reported (4, 4) of an arm as drawn, else of the arm as built at its joints.
+    def base_T_flange(self, stances: Sequence[Stance]) -> Array:
+        """Poses (n, 4, 4) of the flange: of the arm as built, and as if the external axis stood at its zero.
 
-        Poses without joints get theirs by the drawing's inverse kinematics. With an external axis, which stood at the
-        `readings` (mm or rad), they are as if it stood at its zero. Raises JointsDisagree for joints of any view that
-        are not those of its pose, UnreachablePoseError, DocumentError for a pose without its reading.
+        As reported where the calibration has neither. Raises JointsDisagree for joints of any stance that are not those
+        of its pose, UnreachablePoseError, DocumentError for a stance without the reading of the axis.
         """
-        poses = self._at_joints(reported, joints_rad)
-        found = self.document.external_axis
-        return poses if found is None else found.at_zero(poses, readings or [None] * len(poses))
+        poses = np.array([stance.base_T_flange for stance in stances])
+        for correction in self.corrections:
+            poses = correction.place(poses, stances)
+        return poses
 
-    def _at_joints(self, reported: Sequence[Array], joints_rad: Sequence[Array | None]) -> Array:
-        """As `base_T_flange`, on the base where it stood."""
-        if self.arm is None:
-            return np.array(reported)
-        drawing, joints = self.arm.model.arm, self.joints_by(self.arm, reported, joints_rad)
-        for row, known in enumerate(joints_rad):
-            if known is not None:
-                require_consistent_joints(drawing, joints[row : row + 1], np.array(reported[row : row + 1]))
+    def base_turn(self, stance: Stance) -> Array:
+        """(3, 3) from directions in the base as it stands there to those with the external axis at its zero.
+
+        Raises DocumentError for a stance without the reading of the axis.
+        """
+        axis = self.document.external_axis
+        return np.eye(3) if axis is None else np.asarray(axis.place(np.eye(4)[None], [stance])[0, :3, :3])
+
+    def place(self, base_T_flange: Array, stances: Sequence[Stance]) -> Array:
+        """As `Correction`: of the arm as built, at its joints or those of the drawing's inverse kinematics."""
+        assert self.arm is not None
+        joints = self.joints_of(self.arm, stances)
+        for stance, row in zip(stances, joints, strict=True):
+            if stance.joints_rad is not None:
+                require_consistent_joints(self.arm.model.arm, row[None], stance.base_T_flange[None])
         return self.arm.base_T_flange(joints)
 
-    def joints_by(self, arm: ArmEstimate, reported: Sequence[Array], joints_rad: Sequence[Array | None]) -> Array:
-        """Joints (n, 6) as known, else by inverse kinematics of the drawing."""
+    def joints_of(self, arm: ArmEstimate, stances: Sequence[Stance]) -> Array:
+        """Joints (n, 6) as known, else by inverse kinematics of the drawing. Raises UnreachablePoseError."""
+        drawing, seen_rad = arm.model.arm, self.seen_rad
+        known = (stance.joints_rad for stance in stances)
         return np.array(
             [
-                joints_in_range(arm.model.arm, pose, *self.seen_rad) if known is None else known
-                for pose, known in zip(reported, joints_rad, strict=True)
+                joints_in_range(drawing, stance.base_T_flange, *seen_rad) if joints is None else joints
+                for stance, joints in zip(stances, known, strict=True)
             ]
         )
 
     def correct(self, problem: Problem) -> Problem:
-        """The problem with the poses of the arm as built. Raises as `base_T_flange`."""
-        views = problem.views
-        poses = self.base_T_flange(
-            [view.base_T_flange for view in views],
-            [view.joints_rad for view in views],
-            [view.axis_reading for view in views],
+        """The problem with the poses of `base_T_flange`. Raises as that."""
+        poses = self.base_T_flange([view.stance for view in problem.views])
+        moved = (
+            view.standing(base_T_flange=pose, external_axes=None)
+            for view, pose in zip(problem.views, poses, strict=True)
         )
-        moved = (replace(view, base_T_flange=pose, axis_reading=None) for view, pose in zip(views, poses, strict=True))
         return replace(problem, views=tuple(moved), external_axis=None)
 
-    def placement(self, reported: Sequence[Array], joints_rad: Sequence[Array | None]) -> "Placement | None":
-        """How well points are placed from these poses; None of an arm as drawn, and of a camera beside the robot.
+    def placement(self, stances: Sequence[Stance]) -> "Placement | None":
+        """How well points are placed from there; None of an arm as drawn, and of a camera beside the robot.
 
         Raises UnreachablePoseError.
         """
         if self.arm is None or self.document.setup == "eye-to-hand":
             return None
-        joints = self.joints_by(self.arm, reported, joints_rad)
+        joints = self.joints_of(self.arm, stances)
         variances = point_variances(self.arm, joints, working_volume_mm(self.document), self.scatter)
         lowest, highest = self.seen_rad
         seen = bool(np.all((joints >= lowest) & (joints <= highest)))
         return Placement(float(np.sqrt(variances.mean(axis=1).max())), seen)
 
-    def findings(self, joints_rad: Sequence[Array | None]) -> list[FindingDocument]:
+    def findings(self, stances: Sequence[Stance]) -> list[FindingDocument]:
         """Warnings on the arm's errors in use: POSE_WITHOUT_JOINTS where some poses have none, and `of_conditions`."""
-        without = sum(joints is None for joints in joints_rad)
+        without = sum(stance.joints_rad is None for stance in stances)
         if self.arm is None:
             return []
         found = []

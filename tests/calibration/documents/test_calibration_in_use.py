@@ -7,11 +7,12 @@ import pytest
 
 from calibration.documents.arm import ArmErrorsDocument
 from calibration.documents.calibration import CalibrationDocument, UncertaintyDocument, calibration_document
-from calibration.documents.calibration_with_arm import CalibrationWithArm
+from calibration.documents.calibration_in_use import CalibrationInUse
 from calibration.documents.identified_arm import identify_arm_document
 from calibration.kinematics.abb_arms import find_arm
 from calibration.kinematics.arm_conditions import ArmConditions
 from calibration.kinematics.load import Load
+from calibration.kinematics.stance import Stance
 from calibration.solve import solve_hand_eye
 from calibration.transforms import inverse, vector_from_transform
 from calibration.verdict import judge
@@ -32,6 +33,9 @@ def session() -> tuple[ArmCell, CalibrationDocument, ArmErrorsDocument]:
     return cell, document, identify_arm_document(ARM, cell.problems, **made)
 
 
+JOINTS = np.radians([10.0, 45.0, -10.0, 20.0, 40.0, 0.0])
+
+
 def uncertainty_of(document: CalibrationDocument) -> UncertaintyDocument:
     assert document.uncertainty is not None
     return document.uncertainty
@@ -39,7 +43,7 @@ def uncertainty_of(document: CalibrationDocument) -> UncertaintyDocument:
 
 def test_x_of_the_arm_as_built_has_its_own_covariance_points_and_noise() -> None:
     _, drawn, errors = session()
-    given = CalibrationWithArm.of(drawn, errors)
+    given = CalibrationInUse.of(drawn, errors)
     before, after = uncertainty_of(drawn), uncertainty_of(given.document)
     np.testing.assert_allclose(after.matrix(), np.array(errors.covariance)[:6, :6])
     assert given.document.noise.robot_translation_mm == errors.scatter_mm
@@ -53,7 +57,7 @@ def test_x_of_the_arm_as_built_has_its_own_covariance_points_and_noise() -> None
 
 def test_the_error_of_x_fits_the_covariance_that_is_given_with_it() -> None:
     cell, drawn, errors = session()
-    document = CalibrationWithArm.of(drawn, errors).document
+    document = CalibrationInUse.of(drawn, errors).document
     assert document.mount_T_camera is not None
     off = vector_from_transform(inverse(document.mount_T_camera.transform()) @ cell.mount_T_camera)
     assert float(off @ np.linalg.solve(uncertainty_of(document).matrix(), off)) < 22.5  # chi², 6 dof, 99.9 %
@@ -62,17 +66,16 @@ def test_the_error_of_x_fits_the_covariance_that_is_given_with_it() -> None:
 def test_under_another_load_the_arm_sags_for_that_and_the_answer_warns() -> None:
     _, drawn, errors = session()
     unknown = errors.model_copy(update={"load": None})
-    joints = np.radians([[10.0, 45.0, -10.0, 20.0, 40.0, 0.0]])
-    pose = ARM.forward(joints)
+    stance = Stance(ARM.forward(JOINTS), JOINTS)
 
     def place(errors: ArmErrorsDocument, carried: float | None) -> tuple[list[str], float, float]:
         """Codes of the warnings, height of the flange and standard deviation of a point, mm."""
         load = None if carried is None else Load(carried, (0.0, 0.0, 80.0))
-        given = CalibrationWithArm.of(drawn, errors, ArmConditions(load))
-        placement = given.placement(pose, joints)
+        given = CalibrationInUse.of(drawn, errors, ArmConditions(load))
+        placement = given.placement([stance])
         assert placement is not None
-        height_mm = float(given.base_T_flange(pose, joints)[0, 2, 3])
-        return [finding.code for finding in given.findings(joints)], height_mm, placement.point_mm
+        height_mm = float(given.base_T_flange([stance])[0, 2, 3])
+        return [finding.code for finding in given.findings([stance])], height_mm, placement.point_mm
 
     quiet, height_mm, sigma_mm = place(errors, 10.5)
     assert (quiet, height_mm) == place(errors, None)[:2] == ([], place(errors, 10.0)[1])
@@ -85,12 +88,11 @@ def test_under_another_load_the_arm_sags_for_that_and_the_answer_warns() -> None
 
 def test_an_arm_whose_temperature_was_known_and_is_not_now_is_warned_of() -> None:
     _, drawn, errors = session()
-    joints = np.radians([[10.0, 45.0, -10.0, 20.0, 40.0, 0.0]])
 
     def warnings(identified_c: float | None, now_c: float | None) -> list[str]:
         stated = errors.model_copy(update={"temperature_c": identified_c})
-        given = CalibrationWithArm.of(drawn, stated, ArmConditions(Load(10.0, (0.0, 0.0, 80.0)), now_c))
-        return [finding.message for finding in given.findings(joints)]
+        given = CalibrationInUse.of(drawn, stated, ArmConditions(Load(10.0, (0.0, 0.0, 80.0)), now_c))
+        return [finding.message for finding in given.findings([Stance(ARM.forward(JOINTS), JOINTS)])]
 
     assert warnings(None, None) == warnings(None, 30.0) == warnings(24.0, 30.0) == []
     (warned,) = warnings(24.0, None)
@@ -100,4 +102,4 @@ def test_an_arm_whose_temperature_was_known_and_is_not_now_is_warned_of() -> Non
 
 def test_an_arm_whose_errors_are_not_taken_up_changes_nothing() -> None:
     _, drawn, errors = session()
-    assert CalibrationWithArm.of(drawn, errors.model_copy(update={"taken_up": False})).document is drawn
+    assert CalibrationInUse.of(drawn, errors.model_copy(update={"taken_up": False})).document is drawn
