@@ -202,7 +202,7 @@ def _ordinary(arm: Arm, arm_class: ArmClass, seed: int) -> Row:
 
 def _measure(cell: ArmCell, interest: PointsOfInterest, bound_mm: float, seen: PointsOfInterest | None = None) -> Row:
     arm = cell.built.drawing
-    plain = estimate_session(max(cell.problems, key=lambda problem: len(problem.views)))[2]
+    plain = estimate_session(max(cell.problems, key=lambda problem: len(problem.views))).selection
     fit = identify_arm_session(arm, cell.problems)
 
     def compare(at: PointsOfInterest) -> tuple[float, float, float]:

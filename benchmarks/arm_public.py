@@ -30,7 +30,7 @@ from calibration.kinematics.abb_arms import ARMS, find_arm
 from calibration.kinematics.arm import Arm, UnreachablePoseError
 from calibration.kinematics.joints_of_poses import joints_of_poses
 from calibration.kinematics.stance import Stance
-from calibration.likelihood.leave_groups_out import split
+from calibration.likelihood.leave_out import split
 from calibration.observations.observations import scale_target
 from calibration.observations.view_poses import refine_poses
 from calibration.preprocessing.prepare import PreparedSession, prepare
@@ -119,7 +119,7 @@ def hold_out(arm: Arm, problem: Problem) -> HoldOut:
     for region in regions:
         left = np.isin(np.arange(len(joints)), region)
         kept = replace(problem, views=tuple(view for view, out in zip(problem.views, left, strict=True) if not out))
-        best = estimate_session(kept)[2].best
+        best = estimate_session(kept).best
         poses = np.array([view.base_T_flange for view in problem.views])[left]
         x, target = best.chain.mount_T_camera, best.chain.anchor_T_target
         views = whole.take(left)

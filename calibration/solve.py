@@ -1,7 +1,7 @@
 """Hand-eye calibration of a session: `solve_hand_eye(problem) -> Solution`; pure, does not raise for bad data."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,6 +18,7 @@ from calibration.kinematics.arm_errors import AXES, ArmErrorModel, Postures, app
 from calibration.kinematics.external_axis import ExternalAxis
 from calibration.kinematics.joint_check import require_consistent_joints
 from calibration.kinematics.load import NO_LOAD, Load
+from calibration.likelihood.estimate import Estimate
 from calibration.preprocessing.prepare import PreparedSession, prepare, update_target_shape
 from calibration.problem import Problem
 from calibration.sentences.sentence import Sentence
@@ -26,7 +27,7 @@ from calibration.solver.arm_identification import ArmFit, UnusualArm, identify_a
 from calibration.solver.arm_session import KnownDistance, TargetViews
 from calibration.solver.external_axis import AxisFit, find_axis, fit_axis, readings_of
 from calibration.solver.initial_guess import InitialGuess, find_initial_guess
-from calibration.solver.robot_trend_check import fit_trend, widen_by_given, widen_by_shared_errors
+from calibration.solver.shared_errors import fit_trend, widen_by_given, widen_by_shared_errors
 from calibration.solver.solution_builder import build_solution, solution_without_x
 from calibration.solver.view_outliers import Selection, agreeing_rows, select_views
 from calibration.transforms import Array
@@ -39,14 +40,26 @@ METHODS = ("auto", *CLOSED_FORMS)
 MAX_ROUNDS = 3
 """Rounds in which target shape and camera are estimated in turn, the camera with the robot's poses."""
 
-SessionEstimate = tuple[PreparedSession, InitialGuess, Selection]
-
 CONTRADICTORY = (
     "contradictory-input",
     Sentence("no-estimate"),
     Sentence("check-pose-convention"),
 )
 """Code, message and fix when numbers far from any cell break the arithmetic; the diagnosis may name the convention."""
+
+
+@dataclass(frozen=True, eq=False)
+class SessionEstimate:
+    """All of one prepared session: its `start`, and in `selection` the views that agree with the estimate of them."""
+
+    prepared: PreparedSession
+    start: InitialGuess
+    selection: Selection
+
+    @property
+    def best(self) -> Estimate:
+        """The estimate itself."""
+        return self.selection.best
 
 
 def solve_hand_eye(problem: Problem, method: str = "auto") -> Solution:
@@ -95,17 +108,17 @@ def _estimate_images(problem: Problem, method: str) -> tuple[Problem, Solution, 
     try:
         with np.errstate(over="raise", divide="raise", invalid="raise"):
             if given is None:
-                prepared, start, selection = estimate_session(problem)
+                estimate = estimate_session(problem)
             else:
-                problem, (prepared, start, selection), fit = _estimate_with_axis(problem, given)
-            solution = build_solution(problem, method, prepared, start, selection)
+                problem, estimate, fit = _estimate_with_axis(problem, given)
+            solution = build_solution(problem, method, estimate.prepared, estimate.start, estimate.selection)
             if given is not None and fit is not None:
                 solution = replace(solution, external_axis=fit.estimate(given, solution))
     except UndeterminedError as undetermined:
         return problem, solution_without_x(problem, method, undetermined), None
     except (np.linalg.LinAlgError, ArithmeticError):
         return problem, solution_without_x(problem, method, UndeterminedError(*CONTRADICTORY)), None
-    return problem, solution, prepared
+    return problem, solution, estimate.prepared
 
 
 def _estimate_with_axis(problem: Problem, given: ExternalAxis) -> tuple[Problem, SessionEstimate, AxisFit]:
@@ -113,12 +126,13 @@ def _estimate_with_axis(problem: Problem, given: ExternalAxis) -> tuple[Problem,
     readings, axis = readings_of(problem), find_axis(problem, given)
     for _ in range(MAX_ROUNDS):
         at_zero = problem.with_axis_at_zero(axis)
-        prepared, start, selection = estimate_session(at_zero)
+        estimate = estimate_session(at_zero)
+        prepared, selection = estimate.prepared, estimate.selection
         fit = fit_axis(axis, readings[prepared.seen.positions], prepared, selection)
         if fit.settled:
             break
         axis = fit.axis
-    return at_zero, (prepared, start, fit.widen(selection)), fit
+    return at_zero, replace(estimate, selection=fit.widen(selection)), fit
 
 
 def poses_at_zero(problem: Problem, solution: Solution) -> Problem:
@@ -149,25 +163,40 @@ def _solve_in_space(problem: Problem) -> Solution:
 
 
 def estimate_session(problem: Problem) -> SessionEstimate:
-    """The prepared session, the initial guess, and the estimate with its views. Raises UndeterminedError."""
+    """The estimate of a session of images. Raises UndeterminedError.
+
+    From the best closed form of the views that agree; then with the target's shape, with errors of the robot that
+    follow its pose, and with its covariance widened by what all views may share.
+    """
     prepared = prepare(problem)
     used = agreeing_rows(prepared)
     if not np.all(used):
         require_observable(prepared.seen.base_T_flange[used], offset_given=prepared.given is not None)
     start = find_initial_guess(prepared.take(used))
-    selection = select_views(prepared, used, start.chain, start.variances)
-    if prepared.shape is not None and problem.camera is None:
-        for _ in range(MAX_ROUNDS):
-            prepared = update_target_shape(prepared, selection.best)
-            selection = select_views(prepared, selection.used, selection.best.chain, selection.best.variances)
-    trend = fit_trend(selection.best)
+    estimate = SessionEstimate(prepared, start, select_views(prepared, used, start.chain, start.variances))
+    if estimate.prepared.shape is not None and problem.camera is None:
+        estimate = _with_target_shape(estimate)
+    trend = fit_trend(estimate.best)
     if trend is not None and trend.significant:
-        best = selection.best
-        selection = select_views(prepared, selection.used, best.chain, trend.levels, best.z, trend=True)
-    selection = widen_by_given(widen_by_shared_errors(prepared, selection, trend))
-    scale, found = selection.best.scale, selection.best.seen(prepared.seen)
+        best = estimate.best
+        selection = select_views(
+            estimate.prepared, estimate.selection.used, best.chain, trend.levels, best.z, trend=True
+        )
+        estimate = replace(estimate, selection=selection)
+    selection = widen_by_given(widen_by_shared_errors(estimate.prepared, estimate.selection, trend))
+    prepared, scale, found = estimate.prepared, selection.best.scale, selection.best.seen(estimate.prepared.seen)
     found = replace(found, points_mm=found.points_mm / scale)
-    return replace(prepared, scale=scale, seen_as_found=found), start, selection
+    return replace(estimate, prepared=replace(prepared, scale=scale, seen_as_found=found), selection=selection)
+
+
+def _with_target_shape(estimate: SessionEstimate) -> SessionEstimate:
+    """The target's shape and the camera estimated in turn, for a camera that is not given."""
+    for _ in range(MAX_ROUNDS):
+        best, used = estimate.best, estimate.selection.used
+        prepared = update_target_shape(estimate.prepared, best)
+        selection = select_views(prepared, used, best.chain, best.variances)
+        estimate = replace(estimate, prepared=prepared, selection=selection)
+    return estimate
 
 
 def solve_rig(problems: Mapping[str, Problem]) -> "RigSolution":
@@ -184,8 +213,8 @@ def solve_rig(problems: Mapping[str, Problem]) -> "RigSolution":
         if problem.in_space:
             sensors.append(measured_sensor(name, problem))
         else:
-            prepared, _, selection = estimate_session(problem)
-            sensors.append(imaging_sensor(name, prepared, selection))
+            estimate = estimate_session(problem)
+            sensors.append(imaging_sensor(name, estimate.prepared, estimate.selection))
     return solve_sensors(sensors)
 
 
@@ -199,8 +228,9 @@ def identify_arm_session(arm: Arm, problems: Sequence[Problem], distances: Seque
     """
     load, found = _load_of(problems), []
     for problem in problems:
-        prepared, _, selection = estimate_session(_with_own_joints(arm, problem))
-        found.append((TargetViews(prepared, selection.used, selection.best), _standstills_of(problem, prepared)))
+        one = estimate_session(_with_own_joints(arm, problem))
+        seen = TargetViews(one.prepared, one.selection.used, one.best)
+        found.append((seen, _standstills_of(problem, one.prepared)))
     order = sorted(range(len(found)), key=lambda row: -int(np.count_nonzero(found[row][0].used)))
     views, standstills = zip(*(found[row] for row in order), strict=True)
     known = [replace(one, first=order.index(one.first), second=order.index(one.second)) for one in distances]

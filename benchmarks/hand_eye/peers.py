@@ -149,7 +149,7 @@ def session_squares(rng: np.random.Generator, views: int) -> Squares:
     """Squared errors of one session with pixels, of any noise and setup; empty for one that ours refuses."""
     cell, noise = draw_cell(rng, views, SETUPS[rng.integers(len(SETUPS))])
     try:
-        ours = estimate_session(cell.problem)[2].best.chain.mount_T_camera
+        ours = estimate_session(cell.problem).best.chain.mount_T_camera
     except UndeterminedError:
         return {}
     return _squares(cell, prepare(cell.problem), ours, bound_of(cell, noise).covariance)
@@ -163,7 +163,7 @@ def in_bounds(squares: Squares) -> Squares:
 def cell_squares(noise: CellNoise, setup: Setup, rng: np.random.Generator, views: int) -> Squares:
     """Squared errors of one session with pixels."""
     cell = random_cell(rng, views, noise, setup=setup, knowledge=STATED)
-    ours = estimate_session(cell.problem)[2].best.chain.mount_T_camera
+    ours = estimate_session(cell.problem).best.chain.mount_T_camera
     return _squares(cell, prepare(cell.problem), ours, bound_of(cell, noise).covariance)
 
 

@@ -161,7 +161,7 @@ def seed_table(seeds: int = 8, trials: int = 10) -> None:
                 accepted += verdict.accepted
                 reasons |= {finding.code for finding in verdict.findings if finding.severity == "error"}
                 # a refused session gives no transform: its estimate is computed separately
-                error = error_of(cell, estimate_session(cell.problem)[2].best.chain.mount_T_camera)
+                error = error_of(cell, estimate_session(cell.problem).best.chain.mount_T_camera)
                 reached.append(error @ weights @ error)
         by_seed = np.sqrt(np.mean(np.reshape(reached, (seeds, trials)), axis=1))
         print(
@@ -177,7 +177,7 @@ def speed_table() -> None:
     print("Speed, ms of one core, the quickest of several runs (detection excluded)")
     for views in (50, 500):
         cell = random_cell(np.random.default_rng(views), views, CellNoise())
-        prepared = estimate_session(cell.problem)[0]
+        prepared = estimate_session(cell.problem).prepared
         row = {
             "whole solve": _milliseconds(lambda cell=cell: solve_hand_eye(cell.problem), 15),
             "kronecker": _milliseconds(lambda prepared=prepared: own("kronecker")(prepared), 50),

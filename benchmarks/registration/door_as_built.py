@@ -65,7 +65,7 @@ def _deviations(planned: int | None, seed: int) -> Array:
     built = build_arm(arm, "standard", seed)
     joints = _door_joints(arm)
     cell = _ordinary(rng, built) if planned is None else _planned(rng, built, joints, planned)
-    best = estimate_session(max(cell.problems, key=lambda problem: len(problem.views)))[2].best
+    best = estimate_session(max(cell.problems, key=lambda problem: len(problem.views))).best
     fit = identify_arm_session(arm, cell.problems)
     stands, surfaces = _scanned(rng, built, joints)
     drawn, as_built = arm.forward(joints), fit.model.forward(fit.parameters, Postures(joints))
@@ -81,7 +81,7 @@ def _deviations(planned: int | None, seed: int) -> Array:
 def _bound_mm(cell: ArmCell, door_joints: Array) -> float:
     """RMS along the door's normal of the points that the scans of the door have in their middles."""
     model = cell.built.model
-    targets = [estimate_session(problem)[2].best.chain.anchor_T_target for problem in cell.problems]
+    targets = [estimate_session(problem).best.chain.anchor_T_target for problem in cell.problems]
     scenes = [Scene("eye-in-hand", BOARD, CAMERA, MOUNT_T_CAMERA, target, _expected_noise()) for target in targets]
     views = [Postures(np.array([view.stance.joints_rad for view in problem.views])) for problem in cell.problems]
     points = np.tile([0.0, 0.0, DISTANCE_MM], (len(door_joints), 1))

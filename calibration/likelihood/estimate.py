@@ -8,10 +8,17 @@ import numpy as np
 from calibration.camera import CameraModel
 from calibration.kinematics.robot_accuracy import USUAL_BELIEF, NoiseBelief
 from calibration.likelihood.chain import Chain
-from calibration.likelihood.mixed_model import MixedModel, Step, Variances, linearise_model, solve, with_trend
+from calibration.likelihood.mixed_model import (
+    MixedModel,
+    Step,
+    Variances,
+    linearise_model,
+    solve,
+    trend_basis,
+    with_trend,
+)
 from calibration.likelihood.noise_marginalisation import MAX_PRIOR_VIEWS, marginalise
 from calibration.likelihood.nuisances import Nuisances
-from calibration.likelihood.robot_trend import trend_basis
 from calibration.likelihood.variance_components import estimate_variances
 from calibration.linear_algebra import covariance_of, scaled_solve, squared_distances
 from calibration.observations.observations import Observations

@@ -16,7 +16,7 @@ from calibration.knowledge import PriorMixture
 from calibration.likelihood.chain import Chain
 from calibration.linear_algebra import covariance_of
 from calibration.observations.reprojection import PixelStatistics
-from calibration.transforms import Array
+from calibration.transforms import Array, vector_from_rotation
 
 MIN_TREND_VARIANCES = np.array([1e-7, 1e-4]) ** 2
 """rad², mm²: floor of the trend's variances, below the resolution of any controller."""
@@ -233,3 +233,16 @@ def woodbury(model: MixedModel, variances: Variances) -> Array:
     scaled = deviation[:, None] * model.UU * deviation + variances.pixel * np.eye(6)
     K: Array = deviation[:, None] * np.linalg.inv(scaled) * deviation
     return K
+
+
+def trend_basis(base_T_flange: Array) -> Array:
+    """Regressors (n, 6) of the part of the robot's errors that follows its pose.
+
+    Position and orientation about their mean, in units of their spread: geometric errors differ little between
+    neighbouring poses.
+    """
+    places = base_T_flange[:, :3, 3] - base_T_flange[:, :3, 3].mean(axis=0)
+    turns = vector_from_rotation(base_T_flange[0, :3, :3].T @ base_T_flange[:, :3, :3])
+    turns = turns - turns.mean(axis=0)
+    parts = [part / max(float(np.sqrt(np.mean(np.sum(part**2, axis=1)))), 1e-12) for part in (places, turns)]
+    return np.concatenate(parts, axis=1)

@@ -18,16 +18,17 @@ from calibration.errors import CalibrationError
 from calibration.kinematics.arm_errors import LADDER, MAX_USUAL_SIGMAS, ArmErrorModel, Group, Postures
 from calibration.kinematics.arm_estimate import ArmEstimate
 from calibration.likelihood.chain import Chain
-from calibration.likelihood.leave_groups_out import split
+from calibration.likelihood.leave_out import split
 from calibration.likelihood.mapped_points import point_rows
-from calibration.likelihood.mixed_model import Variances, solve
+from calibration.likelihood.mixed_model import MixedModel, Variances, per_view_equations, solve
 from calibration.likelihood.noise_marginalisation import Marginal, marginalise
 from calibration.likelihood.shared_columns import take_views
-from calibration.linear_algebra import inverse_or_pseudo_inverse
+from calibration.likelihood.variance_components import estimate_variances
+from calibration.linear_algebra import covariance_of, inverse_or_pseudo_inverse, squared_distances
 from calibration.problem import Setup
 from calibration.solver.arm_hypotheses import Restricted, hypotheses, restrict
 from calibration.solver.arm_session import ArmSession, CheckedDistance, KnownDistance, TargetViews, begin_arm_session
-from calibration.solver.arm_view_selection import select_views_with_arm
+from calibration.solver.view_outliers import MAX_ROUNDS, min_remaining, outlier_limit
 from calibration.transforms import Array, inverse, map_points, transform_from_vector
 
 MIN_LOG_EVIDENCE = 5.0
@@ -301,3 +302,49 @@ def _flange_T_target(chain: Chain) -> Array:
     if chain.setup == "eye-in-hand":
         return chain.mount_T_camera @ chain.camera_T_target()
     return inverse(chain.corrected_base_T_flange()) @ chain.mount_T_camera @ chain.camera_T_target()
+
+
+def select_views_with_arm(model: MixedModel, variances: Variances, used: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """The views (n,) of `model` that agree, beginning with the `used` ones and their noise levels.
+
+    Errors of the arm make views disagree, so that the choice made for the arm as drawn leaves out views that say most
+    about them. Views that fit are readmitted and the one that fits worst is dropped, as in `view_outliers`, with the
+    arm's errors among the unknowns.
+    """
+    seen_before: set[bytes] = set()
+    for _ in range(MAX_ROUNDS):
+        seen_before.add(used.tobytes())
+        variances = estimate_variances(take_views(model, used), variances)
+        changed = _update_views(model, variances, used)
+        if changed.tobytes() in seen_before:
+            break
+        used = changed
+    return used
+
+
+def _update_views(model: MixedModel, variances: Variances, used: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    changed, distances = used.copy(), _squared_distances(model, variances, used) / 6
+    limit = outlier_limit(int(np.count_nonzero(used)), len(used))
+    back = ~used & (distances < limit)
+    if np.any(back):
+        return changed | back
+    if np.count_nonzero(used) > min_remaining(len(used)):
+        worst = int(np.argmax(np.where(used, distances, -np.inf)))
+        changed[worst] = not distances[worst] > limit
+    return changed
+
+
+def _squared_distances(model: MixedModel, variances: Variances, used: NDArray[np.bool_]) -> Array:
+    """Squared Mahalanobis distance (n,) of each view's own pose from its prediction by the other used views; 6 dof."""
+    p = model.unknowns
+    kept = take_views(model, used)
+    step = solve(kept, variances)
+    information, gradient = per_view_equations(kept, variances, step)
+    b, covariance = np.tile(step.b, (len(used), 1)), np.tile(step.covariance, (len(used), 1, 1))
+    covariance[used] = covariance_of(step.information - information)
+    b[used] = -(covariance[used] @ (step.gradient - gradient)[..., None])[..., 0]
+    own = covariance_of(model.UU)  # of the robot's correction by which a view's own pose is reproduced, per px²
+    by_shared = own @ model.UAy[:, :, :p]
+    off = (by_shared @ b[..., None])[..., 0] + (own @ model.UAy[:, :, p, None])[..., 0]
+    spread = variances.pixel * own + np.diag(variances.deviations() ** 2)
+    return squared_distances(off, spread + by_shared @ covariance @ np.swapaxes(by_shared, 1, 2))

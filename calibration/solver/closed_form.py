@@ -9,8 +9,8 @@ from calibration.closed_forms.observability import require_observable
 from calibration.closed_forms.registry import CLOSED_FORMS
 from calibration.errors import GeometryError, UndeterminedError
 from calibration.likelihood.chain import Chain
-from calibration.likelihood.cross_validation import base_errors
 from calibration.likelihood.estimate import Estimate
+from calibration.likelihood.leave_out import base_errors
 from calibration.linear_algebra import covariance_of
 from calibration.observations.reprojection import pixel_residuals, pixel_statistics
 from calibration.observations.view_poses import apply_pose_steps, refine_poses

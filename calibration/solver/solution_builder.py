@@ -9,9 +9,8 @@ from numpy.typing import NDArray
 
 from calibration.closed_forms.observability import describe_axis, summarise_motion
 from calibration.errors import UndeterminedError
-from calibration.likelihood.cross_validation import base_errors, hold_out
 from calibration.likelihood.estimate import Estimate
-from calibration.likelihood.leave_groups_out import leave_groups_out
+from calibration.likelihood.leave_out import base_errors, hold_out, leave_groups_out
 from calibration.likelihood.nuisances import CENTRE, FOCAL
 from calibration.likelihood.predicted_uncertainty import point_weights, uncertainty_of, working_points_mm
 from calibration.linear_algebra import covariance_of
@@ -49,13 +48,14 @@ def build_solution(
     if left_out is not None:
         # Of errors that all views share, for which the covariance is widened, nothing shows in views left out.
         covariance = covariance + (left_out.inflation - 1) * covariance_of(best.step.information)[:6, :6]
+    lens_differs = best.differs(FOCAL) or best.differs(CENTRE)  # of a given camera from its description
     return Solution(
         setup=problem.setup,
         method=method,
         mount_T_camera=best.chain.mount_T_camera,
         anchor_T_target=best.chain.anchor_T_target,
         camera=best.camera,
-        camera_source="estimated" if prepared.nuisances.estimated or _lens_differs(best) else "given",
+        camera_source="estimated" if prepared.nuisances.estimated or lens_differs else "given",
         uncertainty=replace(uncertainty_of(covariance, best.chain.mount_T_camera, points_mm), arm_scale=best.arm_scale),
         noise=_noise(best),
         views=_views(problem, prepared, selection, agreeing, own_poses),
@@ -66,11 +66,6 @@ def build_solution(
         axis_offset=None if prepared.given is None else prepared.given.offset,
         target_scale=best.scale,
     )
-
-
-def _lens_differs(best: Estimate) -> bool:
-    """Whether the focal length or the principal point of a given camera differs from the description."""
-    return best.differs(FOCAL) or best.differs(CENTRE)
 
 
 def _leave_groups_out(best: Estimate, own_poses: Array, centre_mm: Array, points_mm: Array) -> LeaveOut | None:

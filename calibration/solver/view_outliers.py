@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from calibration.likelihood.chain import Chain
 from calibration.likelihood.distributions import f_quantile
 from calibration.likelihood.estimate import Estimate, average, estimate, exact_pixels
-from calibration.likelihood.leave_one_out import leave_one_out, squared_outside_distances, squared_view_distances
+from calibration.likelihood.leave_out import leave_one_out, squared_outside_distances, squared_view_distances
 from calibration.likelihood.mixed_model import Variances
 from calibration.observations.view_poses import refine_poses
 from calibration.preprocessing.prepare import PreparedSession

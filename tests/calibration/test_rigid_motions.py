@@ -54,7 +54,7 @@ def moved(problem: Problem, left: Array, right: Array) -> Problem:
 
 
 def solved(problem: Problem) -> tuple[Array, Array]:
-    chain = estimate_session(problem)[2].best.chain
+    chain = estimate_session(problem).best.chain
     return chain.mount_T_camera, chain.anchor_T_target
 
 

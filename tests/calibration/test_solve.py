@@ -8,7 +8,7 @@ import pytest
 from calibration.closed_forms.registry import CLOSED_FORMS
 from calibration.documents.calibration import calibration_document
 from calibration.likelihood.chain import Chain
-from calibration.likelihood.cross_validation import base_errors
+from calibration.likelihood.leave_out import base_errors
 from calibration.likelihood.predicted_uncertainty import ExpectedNoise, Scene, predict
 from calibration.observations.observations import observe
 from calibration.observations.reprojection import pixel_residuals, pixel_rows, with_intrinsics
@@ -65,7 +65,8 @@ def test_maximum_likelihood_beats_the_closed_forms(setup: Setup) -> None:
             centre_px=1.5 * rng.standard_normal(),
         )  # fmt: skip
         truth = wrong_session(rng, 12, usual, LOW, setup, "planned")
-        prepared, _, selection = estimate_session(truth.problem)
+        estimated = estimate_session(truth.problem)
+        prepared, selection = estimated.prepared, estimated.selection
         solved = {"auto": selection.best.chain.mount_T_camera} | {
             name: CLOSED_FORMS[name](prepared.anchor_T_mount, prepared.camera_T_target)
             for name in squares
@@ -98,7 +99,7 @@ def test_errors_are_as_large_as_the_uncertainty_says() -> None:
     for seed in range(60):
         views, camera_given = (3, 4, 6, 10, 20)[seed % 5], seed % 3 > 0 or seed % 5 < 2
         truth = cell(200 + seed, views, COARSE, setup=SETUPS[seed % 2], camera_given=camera_given)
-        best = estimate_session(truth.problem)[2].best
+        best = estimate_session(truth.problem).best
         off = inverse(truth.mount_T_camera) @ best.chain.mount_T_camera
         error = np.concatenate([vector_from_rotation(off[:3, :3]), off[:3, 3]])
         normalised.append(error / np.sqrt(np.diagonal(best.step.covariance)[:6]))
@@ -120,7 +121,7 @@ def test_an_exact_robot_is_used_as_one(views: int) -> None:
             ExpectedNoise(0.1, 0.0, 0.0),
         )
         bound = predict(scene, np.array([view.base_T_flange for view in truth.problem.views])).translation_mm
-        X = estimate_session(truth.problem)[2].best.chain.mount_T_camera
+        X = estimate_session(truth.problem).best.chain.mount_T_camera
         ratios.append(error_of(X, truth)[0] / np.linalg.norm(bound))
     assert np.sqrt(np.mean(np.square(ratios))) < 1.4
 
@@ -129,7 +130,7 @@ def test_levels_that_run_in_circles_end_in_a_solution_all_the_same() -> None:
     rng = np.random.default_rng([77, 270])
     rng.random(4)
     noise = CellNoise(0.06041995651922655, 0.0006380877668203255, 0.4302306349338385)
-    assert estimate_session(random_cell(rng, 3, noise, setup="eye-to-hand").problem)[2].best.converged
+    assert estimate_session(random_cell(rng, 3, noise, setup="eye-to-hand").problem).best.converged
 
 
 def test_the_uncertainty_is_what_the_planner_predicted() -> None:
@@ -184,11 +185,11 @@ def test_derivatives_are_those_of_the_residuals(setup: Setup) -> None:
 def test_the_hold_out_error_is_what_solving_without_the_view_gives() -> None:
     problem = cell(7, 12, COARSE).problem
     solution = solve_hand_eye(problem)
-    prepared, _, _ = estimate_session(problem)
+    prepared = estimate_session(problem).prepared
     squares = []
     for left_out in range(12):
         rest = replace(problem, views=tuple(view for view in problem.views if view.index != left_out))
-        best = estimate_session(rest)[2].best
+        best = estimate_session(rest).best
         row = prepared.take(np.array([left_out]))
         there, seen = best.chain.for_poses(row.seen.base_T_flange), best.seen(row.seen)
         own = refine_poses(seen, best.camera, row.camera_T_target)

@@ -46,5 +46,5 @@ def real_session(name: str) -> Problem | None:
     agreeing = {result.index for result in solution.views if result.status != "rejected"}
     views = tuple(view for view in problem.views if view.index in agreeing)
     clean = replace(problem, views=views, camera=solution.camera)
-    poses, size = poses_of(clean), estimate_session(problem)[2].best.scale
+    poses, size = poses_of(clean), estimate_session(problem).best.scale
     return with_poses(clean, transform(poses[:, :3, :3], poses[:, :3, 3] / size))

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from calibration.likelihood.leave_groups_out import split
+from calibration.likelihood.leave_out import split
 from calibration.solve import solve_hand_eye
 from calibration.verdict import judge
 from tests.simulated.imperfect_sessions import IMPERFECTIONS, NOTHING, imperfect_cell

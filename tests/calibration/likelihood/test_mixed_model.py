@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from calibration.likelihood.estimate import exact_pixels, linearise
-from calibration.likelihood.mixed_model import MixedModel, Variances, per_view_equations, solve, with_trend
-from calibration.likelihood.robot_trend import trend_basis
+from calibration.likelihood.mixed_model import MixedModel, Variances, per_view_equations, solve, trend_basis, with_trend
 from calibration.preprocessing.prepare import PreparedSession
 from calibration.solve import estimate_session
 from calibration.solver.view_outliers import Selection
@@ -16,7 +15,8 @@ LEVELS = Variances(0.01, 1e-7, 0.01, 1e-8, 1e-3)
 
 @pytest.fixture(scope="module", params=["eye-in-hand", "eye-to-hand"])
 def solved(request: pytest.FixtureRequest) -> tuple[PreparedSession, Selection]:
-    prepared, _, selection = estimate_session(cell(41, 14, setup=request.param).problem)
+    estimated = estimate_session(cell(41, 14, setup=request.param).problem)
+    prepared, selection = estimated.prepared, estimated.selection
     return prepared, selection
 
 

@@ -21,7 +21,8 @@ LEVELS = Variances(0.0025, 1e-8, 0.01)
 
 @pytest.fixture(scope="module")
 def solved() -> tuple[PreparedSession, Selection]:
-    prepared, _, selection = estimate_session(cell(41, 6).problem)
+    estimated = estimate_session(cell(41, 6).problem)
+    prepared, selection = estimated.prepared, estimated.selection
     return prepared, selection
 
 

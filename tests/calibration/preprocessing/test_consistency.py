@@ -191,7 +191,8 @@ def test_clean_sessions_raise_no_alarm() -> None:
 @pytest.mark.parametrize(("as_likely", "severity"), [(False, "warning"), (True, "error")])
 def test_starts_that_end_elsewhere_are_part_of_the_verdict(as_likely: bool, severity: str) -> None:
     truth = cell(31, 6)
-    prepared, start, selection = estimate_session(truth.problem)
+    estimated = estimate_session(truth.problem)
+    prepared, start, selection = estimated.prepared, estimated.start, estimated.selection
     assert not start.other_optima
     torn = replace(start, other_optima=("tsai",), ambiguous=as_likely)
     solution = build_solution(truth.problem, "auto", prepared, torn, selection)

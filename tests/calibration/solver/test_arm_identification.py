@@ -46,7 +46,7 @@ def identified(arm_class: ArmClass, seed: int = 0) -> tuple[ArmCell, Array, ArmF
     cell = draw_cell(arm_class, seed, (12,))
     return (
         cell,
-        estimate_session(cell.problems[0])[2].best.chain.mount_T_camera,
+        estimate_session(cell.problems[0]).best.chain.mount_T_camera,
         identify_arm_session(ARM, cell.problems),
     )
 
@@ -82,7 +82,7 @@ def test_a_perfect_arm_is_left_alone(seed: int) -> None:
 def test_views_that_only_the_arms_errors_explain_are_used_and_a_wrong_one_is_not() -> None:
     """Without the arm's errors the estimate leaves out one of the right views."""
     cell = draw_cell("standard", 1, (14, 10, 8))
-    left_out = [int(np.count_nonzero(~estimate_session(problem)[2].used)) for problem in cell.problems]
+    left_out = [int(np.count_nonzero(~estimate_session(problem).selection.used)) for problem in cell.problems]
     assert sum(left_out) > 0, left_out
     assert identify_arm_session(ARM, cell.problems).views == 32
     first, *others = cell.problems
@@ -100,7 +100,7 @@ def test_a_view_that_shows_most_of_the_errors_is_not_left_out_for_it() -> None:
     targets = target_places(rng, arm, 1)
     views = reachable_views(rng, arm, targets[0], 12)
     cell = arm_cell(rng, build_arm(arm, "standard", 1), [views], targets)
-    assert np.count_nonzero(estimate_session(cell.problems[0])[2].used) < 12
+    assert np.count_nonzero(estimate_session(cell.problems[0]).selection.used) < 12
     assert identify_arm_session(arm, cell.problems).views == 12
 
 

@@ -68,7 +68,7 @@ def test_a_distance_is_observed_by_the_places_and_the_size_of_the_target() -> No
     """Its derivatives against the lengths after steps; the places are in another order than the sessions."""
     _, problems, bar = longer_arm()
     estimates = [estimate_session(problem) for problem in problems]
-    views = [TargetViews(prepared, selection.used, selection.best) for prepared, _, selection in estimates]
+    views = [TargetViews(one.prepared, one.selection.used, one.best) for one in estimates]
     joints = np.array([view.stance.joints_rad for problem in problems for view in problem.views])
     session = begin_arm_session(ArmErrorModel(ARM), views, Postures(joints), (bar,))
     model = session.add_distances(session.linearise())

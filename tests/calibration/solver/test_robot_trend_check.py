@@ -50,7 +50,7 @@ def test_errors_are_as_large_as_stated_though_the_principal_point_is_off(shift_p
         truth = cell(600 + seed, (5, 10, 20)[seed % 3], CellNoise(0.1, float(np.radians(0.02)), 0.2))
         turn = 2 * np.pi * seed / 24
         problem = with_centre_off(truth, [shift_px * np.cos(turn), shift_px * np.sin(turn)])
-        best = estimate_session(problem)[2].best
+        best = estimate_session(problem).best
         error = error_vector(best.chain.mount_T_camera, truth)
         normalised.append(error / np.sqrt(np.diagonal(best.step.covariance)[:6]))
     assert 0.75 < float(np.sqrt(np.mean(np.square(normalised)))) < 1.35
@@ -78,7 +78,7 @@ def test_errors_that_follow_the_robots_pose_are_reported_and_counted() -> None:
     for seed in range(5):
         truth = cell(700 + seed, 30, CellNoise(0.05, float(np.radians(0.003)), 0.02))
         problem = with_robot_trend(truth, np.random.default_rng(seed), float(np.radians(0.02)), 0.2)
-        _, _, selection = estimate_session(problem)
+        selection = estimate_session(problem).selection
         told += selection.best.model.trend_terms > 0
         error = error_vector(selection.best.chain.mount_T_camera, truth)
         normalised.append(error / np.sqrt(np.diagonal(selection.best.step.covariance)[:6]))
@@ -96,7 +96,7 @@ def test_a_robots_trend_is_said() -> None:
 def test_without_such_errors_nothing_is_doubted() -> None:
     for seed in range(30):
         truth = cell(800 + seed, (5, 10, 20)[seed % 3], SHARP, camera_given=seed % 4 > 0)
-        best = estimate_session(truth.problem)[2].best
+        best = estimate_session(truth.problem).best
         assert not best.model.trend_terms, seed
         assert best.nuisances is not None
         assert not best.differs([best.nuisances.size]), seed

@@ -8,7 +8,7 @@ import pytest
 from calibration.camera import CameraModel
 from calibration.problem import Detection, Problem
 from calibration.solve import estimate_session
-from calibration.solver.shared_corner_errors import shared_corner_sigma_px, variance_by_shared_corners
+from calibration.solver.shared_errors import shared_corner_sigma_px, variance_by_shared_corners
 from tests.simulated.sessions import CellNoise
 from tests.simulated.spoiled_sessions import cell
 
@@ -30,7 +30,8 @@ def biased(problem: Problem, amount_px: float) -> Problem:
 def test_a_bias_of_the_corners_is_distinguished_from_their_noise(
     amount_px: float, low_px: float, high_px: float
 ) -> None:
-    prepared, _, selection = estimate_session(biased(cell(43, 10, NOISE).problem, amount_px))
+    estimated = estimate_session(biased(cell(43, 10, NOISE).problem, amount_px))
+    prepared, selection = estimated.prepared, estimated.selection
     sigma_px = shared_corner_sigma_px(prepared.take(selection.used), selection.best)
     assert low_px <= sigma_px <= high_px
 

@@ -1,28 +1,33 @@
-"""Errors of the robot that follow its pose: adopted where significant, and counted in the uncertainty where not.
+"""Errors that all views share: adopted where significant, and counted in the uncertainty where not.
 
-The model is adopted only where the restricted likelihood, which penalises every unknown, improves by
-MIN_LOG_LIKELIHOOD_GAIN, because an unneeded unknown costs accuracy. Without such errors a likelihood ratio exceeds e^g
-with a probability below e^-g (Markov's inequality). Where lens and target explain the errors as well, the trend is not
-adopted, and its probability widens the uncertainty.
+Errors of the robot that follow its pose (a trend): the model is adopted only where the restricted likelihood, which
+penalises every unknown, improves by MIN_LOG_LIKELIHOOD_GAIN, because an unneeded unknown costs accuracy. Without such
+errors a likelihood ratio exceeds e^g with a probability below e^-g (Markov's inequality). Where lens and target explain
+the errors as well, the trend is not adopted, and its probability widens the uncertainty.
+
+Errors of the corners that are alike in all views, by light, lens and detector: each corner's mean residual over the
+views is its noise, which falls with the number of views, and what the views share. The part that moves or scales every
+picture alike is taken up by the poses and shows in no residual; it is taken to be as large per corner as the part that
+shows.
 """
 
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from calibration.camera import CameraModel
 from calibration.likelihood.chain import Chain
 from calibration.likelihood.estimate import Estimate
-from calibration.likelihood.mixed_model import MixedModel, Variances, with_trend
+from calibration.likelihood.mixed_model import MixedModel, Variances, trend_basis, with_trend
 from calibration.likelihood.noise_marginalisation import marginalise, restricted_log_likelihood
-from calibration.likelihood.robot_trend import trend_basis
 from calibration.likelihood.variance_components import estimate_variances
+from calibration.observations.reprojection import pixel_residuals
 from calibration.preprocessing.prepare import PreparedSession
-from calibration.solver.shared_corner_errors import shared_corner_sigma_px, variance_by_shared_corners
 from calibration.solver.view_outliers import Selection
 from calibration.transforms import Array, adjoint, inverse
 
-MIN_VIEWS = 12
-"""Least views: the trend has 36 coefficients."""
+MIN_TREND_VIEWS = 12
+"""Least views of a trend, which has 36 coefficients."""
 
 MIN_LOG_LIKELIHOOD_GAIN = 6.0
 """Least gain of log-likelihood for adopting a trend; exceeded by chance in less than one of 400 sessions."""
@@ -54,7 +59,7 @@ class Trend:
 def fit_trend(best: Estimate) -> Trend | None:
     """The trend beside an estimate without one; None for few views."""
     basis = trend_basis(best.chain.base_T_flange)
-    if len(basis) < MIN_VIEWS:
+    if len(basis) < MIN_TREND_VIEWS:
         return None
     model, first = with_trend(best.model, basis), best.variances
     # Those of a trend start from the levels of the single views.
@@ -125,3 +130,41 @@ def _centre_T_camera(chain: Chain) -> Array:
     moved: Array = chain.mount_T_camera.copy()
     moved[:3, 3] -= chain.base_T_flange[:, :3, 3].mean(axis=0)
     return moved
+
+
+MIN_CORNER_VIEWS = 3
+"""Least views of a corner whose mean is taken."""
+
+SIGNIFICANT_SIGMA = 3.0
+"""Standard deviations of the mean square by which it must exceed that of noise."""
+
+
+def shared_corner_sigma_px(rows: PreparedSession, best: Estimate) -> float:
+    """Standard deviation per axis of errors that the views share; 0 where they are not significant.
+
+    `rows`: the views of the estimate `best`.
+    """
+    seen = rows.seen
+    residuals = pixel_residuals(best.seen(seen), best.camera, best.chain.camera_T_target())
+    used = seen.weights > 0
+    ids, count = seen.ids[used], int(seen.ids.max()) + 1
+    views = np.bincount(ids, minlength=count)
+    often = views >= MIN_CORNER_VIEWS
+    if not np.any(often):
+        return 0.0
+    sums = np.stack([np.bincount(ids, residuals[used][:, axis], minlength=count) for axis in (0, 1)], axis=1)
+    squares = (sums[often] / views[often, None]) ** 2
+    noise = best.variances.pixel / views[often]
+    excess = float(np.mean(squares) - np.mean(noise))
+    deviation = float(np.sqrt(np.mean(noise**2) / len(noise)))  # of a mean of 2 k squares, each of variance 2 noise²
+    return float(np.sqrt(excess)) if excess > SIGNIFICANT_SIGMA * deviation else 0.0
+
+
+def variance_by_shared_corners(sigma_px: float, camera: CameraModel, distance_mm: float) -> Array:
+    """The covariance (6, 6) of X by a common shift, turn and scale of all pictures of this size at their rim.
+
+    In the camera frame, [rad, mm]: a shift turns the line of sight, a scale moves the target along it.
+    """
+    focal_px, half_px = float(np.sqrt(np.prod(np.diagonal(camera.matrix)[:2]))), 0.5 * max(camera.image_size)
+    shift, rim = sigma_px / focal_px, sigma_px / half_px
+    return np.diag(np.square([shift, shift, rim, 0.0, 0.0, rim * distance_mm]))
