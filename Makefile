@@ -6,12 +6,13 @@ PIP := $(BIN)/pip --disable-pip-version-check --quiet
 LOCK := $(BIN)/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-emit-index-url \
 	--no-emit-find-links --custom-compile-command "make lock"
 
-.PHONY: help demo cell install test test-all test-busy test-opencv4 test-deployed test-systemd check bench torture lock sbom deb release format clean page-vendor
+.PHONY: help demo cell install quick test test-all test-busy test-opencv4 test-deployed test-systemd check bench torture lock sbom deb release format clean page-vendor
 
 help:
 	@echo "make demo     install, then calibrate and register against the mock cell, and print the truth beside it"
 	@echo "make cell     the same cell and daemon, left running in the foreground, with their page in the browser"
 	@echo "make install  install only: the command is then $(BIN)/handeyed"
+	@echo "make quick    the tests, without the slow ones, that reach what changed since they last ran; the first time all of them"
 	@echo "make test     the tests, without the slow ones"
 	@echo "make test-all every test that needs nothing but the repository; .ci/run runs these"
 	@echo "make test-busy  the same while every core is kept busy: what fails then depends on the clock"
@@ -52,8 +53,13 @@ $(VENV)/developing: $(VENV)/installed
 unexport PYTHONDONTWRITEBYTECODE
 
 # Small matrices get one thread each, as from the command line. Many tests wait for a socket: two tests a core.
-test test-all test-busy test-opencv4: export OPENBLAS_NUM_THREADS ?= 1
+quick test test-all test-busy test-opencv4: export OPENBLAS_NUM_THREADS ?= 1
 TEST_WORKERS ?= $(shell expr 2 \* $$(nproc))
+
+# What each test executed is kept beside the environment. Child processes, the page, RAPID and JSON are not seen: the
+# whole runs find what this one misses. Without --testmon-forceselect, -m would select every test again.
+quick: $(VENV)/developing
+	TESTMON_DATAFILE=$(VENV)/testmondata $(BIN)/pytest --testmon --testmon-forceselect -n 2 -m "not slow" -q || [ $$? = 5 ] # none
 
 test: $(VENV)/developing
 	$(BIN)/pytest -n $(TEST_WORKERS) --dist worksteal -m "not slow"
