@@ -1,10 +1,12 @@
 """`handeyed backup` and `handeyed restore`: the store as one tar file."""
 
+import sys
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from daemon.cli.errors import CommandError
 from daemon.cli.keys import revoke, valid_keys
 
 Config = Annotated[Path, typer.Argument(help="The daemon's settings.")]
@@ -12,17 +14,25 @@ Config = Annotated[Path, typer.Argument(help="The daemon's settings.")]
 
 def backup(
     config: Config,
-    out: Annotated[Path, typer.Option("--out", "-o", help="The tar file to write.")] = Path("handeyed-backup.tar"),
+    out: Annotated[Path, typer.Option("--out", "-o", help="The tar file to write; - for standard output.")] = Path(
+        "handeyed-backup.tar"
+    ),
 ) -> None:
     """Write the store into one file, while the daemon runs or not. It holds hashes of keys, but no keys."""
     from daemon.config.settings import load_settings
     from daemon.runtime.clock import Clock
-    from daemon.store.backup import back_up
+    from daemon.store.backup import back_up, write_backup
     from daemon.store.offline import open_offline
 
     store = Path(load_settings(config).storage.folder)
+    made_at, piped = Clock().timestamp(), str(out) == "-"
+    if piped and sys.stdout.isatty():
+        raise CommandError("-", "a terminal shows no tar file", "send it on: handeyed backup ... --out - | restic ...")
     with open_offline(store) as database:
-        count = back_up(store, database, out, Clock().timestamp())
+        if piped:
+            write_backup(store, database, sys.stdout.buffer, made_at, store)
+            return
+        count = back_up(store, database, out, made_at)
     typer.echo(f"{out}: {count} files, {out.stat().st_size / 1e6:.1f} MB")
 
 

@@ -11,12 +11,14 @@ from pathlib import Path
 from typing import BinaryIO
 
 from daemon.runtime.failpoints import NO_FAILPOINTS, Failpoints
+from registration.io.regular_file import require_replaceable
 
 WriteFile = Callable[[Path, Iterable[bytes]], None]
 
 
 def write_durably(path: Path, blocks: Iterable[bytes], at: Failpoints = NO_FAILPOINTS) -> None:
     """Write the joined blocks to `path` so that they survive a power cut. Raises OSError."""
+    require_replaceable(path)
     make_folder(path.parent)
     temporary = path.with_name(f".{path.name}.part")
     try:
@@ -55,6 +57,7 @@ def _fsync(descriptor: int, at: Failpoints) -> None:
 
 
 def _rename(written: Path, final: Path, at: Failpoints) -> None:
+    require_replaceable(final)
     at.reach("before rename")
     written.replace(final)
     at.reach("after rename")

@@ -22,6 +22,7 @@ from daemon.runtime.durable_files import create_file, rename_durably
 from daemon.store.anchor_file import ANCHOR_NAME
 from daemon.store.database import DATABASE_NAME, Database, copy_database, storage_errors
 from daemon.store.schema import SCHEMA_VERSION
+from registration.io.regular_file import require_replaceable
 
 MANIFEST = "handeyed-backup.json"
 FORMAT = 2
@@ -48,14 +49,26 @@ class BackupManifestDocument(Document):
 def back_up(store: Path, database: Database, target: Path, made_at: str) -> int:
     """Write `target`, a tar file for its owner only (mode 0600), atomically; returns the number of files in it.
 
-    Raises StorageError; StorageInconsistent for a store that `restore` would refuse.
+    Raises StorageError, also where `target` is no regular file; StorageInconsistent for a store that `restore` would
+    refuse.
     """
-    database.guard()
     with storage_errors(target), tempfile.TemporaryDirectory(prefix=".handeyed-backup-", dir=target.parent) as work:
-        copy, part = Path(work, DATABASE_NAME), Path(work, "backup.tar")
+        require_replaceable(target)
+        part = Path(work, "backup.tar")
+        with create_file(part, 0o600, new=True) as file:
+            count = write_backup(store, database, file, made_at, Path(work))
+        rename_durably(part, target)
+    return count
+
+
+def write_backup(store: Path, database: Database, file: IO[bytes], made_at: str, folder: Path) -> int:
+    """As `back_up`, into a file or pipe, from its first byte to its last; the database is copied in `folder` first."""
+    database.guard()
+    with storage_errors(store), tempfile.TemporaryDirectory(prefix=".handeyed-backup-", dir=folder) as work:
+        copy = Path(work, DATABASE_NAME)
         anchor = _anchor(store)  # before the snapshot, so that the log in it contains the anchored row
         database.read_now(lambda db: copy_database(db, copy))
-        with create_file(part, 0o600, new=True) as file, tarfile.open(fileobj=file, mode="w") as archive:
+        with tarfile.open(fileobj=file, mode="w|") as archive:
             hashes = {DATABASE_NAME: _add_file(archive, DATABASE_NAME, copy)}
             if anchor is not None:
                 hashes[ANCHOR_NAME] = _add(archive, ANCHOR_NAME, io.BytesIO(anchor), len(anchor))
@@ -66,7 +79,6 @@ def back_up(store: Path, database: Database, target: Path, made_at: str) -> int:
             manifest = BackupManifestDocument(made_at=made_at, schema=SCHEMA_VERSION, format=FORMAT, files=hashes)
             content = manifest.model_dump_json(by_alias=True).encode()
             _add(archive, MANIFEST, io.BytesIO(content), len(content))
-        rename_durably(part, target)
     return len(hashes)
 
 

@@ -10,7 +10,7 @@ from types import TracebackType
 from typing import BinaryIO, NoReturn, Self
 
 from registration.errors import CloudIOError
-from registration.io.regular_file import open_regular
+from registration.io.regular_file import open_regular, require_replaceable
 
 CANNOT_RESERVE = (errno.EOPNOTSUPP, errno.EINVAL, errno.ENODEV)
 """Errors of a file system, or of a length of 0, that cannot be reserved; writing continues without reservation."""
@@ -131,8 +131,7 @@ def new_file(path: Path, *, durable: bool = True) -> Iterator[GuardedFile]:
     """
     part = path.with_name(f".{path.name}.{secrets.token_hex(4)}.part")
     try:
-        if path.exists() and not path.is_file():  # a rename would replace a device such as /dev/null, for everybody
-            raise OSError(errno.EINVAL, "it is a folder or a device, not a file")
+        require_replaceable(path)
         raw = part.open("xb", buffering=0)
     except OSError as error:
         raise _error(path.name, "file", "created", error) from None

@@ -3,6 +3,7 @@
 import errno
 import os
 import stat
+from contextlib import suppress
 from pathlib import Path
 from typing import BinaryIO
 
@@ -40,6 +41,18 @@ def read_regular(path: Path, max_bytes: int, *, follow_links: bool = True) -> by
     if len(content) > max_bytes:
         raise OSError(errno.EFBIG, os.strerror(errno.EFBIG), str(path))
     return bytes(content)
+
+
+def require_replaceable(path: Path) -> None:
+    """Raises OSError where a rename onto `path` would destroy more than an older file: a link, a folder, a device.
+
+    A rename replaces the link itself, such as /dev/stdout, for everybody.
+    """
+    with suppress(FileNotFoundError):
+        found = path.lstat()
+        if not stat.S_ISREG(found.st_mode):
+            kind = "link" if stat.S_ISLNK(found.st_mode) else "folder or a device"
+            raise OSError(errno.EINVAL, f"it is a {kind}, not a file", str(path))
 
 
 def _require_regular(path: Path, found: os.stat_result) -> None:

@@ -1,7 +1,10 @@
 """A backup taken in the middle of work, put back on an empty machine, gives the same answers."""
 
 import asyncio
+import os
 import sqlite3
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +19,7 @@ from tests.daemon.cell_under_test import Bench, serving, settings_for
 from tests.daemon.cli.running import handeyed
 from tests.daemon.clouds import PLY, POSES, cloud
 from tests.daemon.fakes import ply_of
-from tests.daemon.store.backups import config_in
+from tests.daemon.store.backups import config_in, fill_store, names_of_scans
 
 
 async def answers(bench: Bench, key: str) -> dict[str, Any]:
@@ -98,3 +101,30 @@ async def test_without_a_migration_there_is_no_copy(tmp_path: Path, fresh: bool)
 
 def backups_in(folder: Path) -> list[Path]:
     return list(folder.glob("*.backup"))
+
+
+async def test_a_backup_streams_to_standard_output(tmp_path: Path) -> None:
+    here, there = config_in(tmp_path / "here"), config_in(tmp_path / "there")
+    await fill_store(tmp_path / "here" / "store")
+    command = [sys.executable, "-m", "daemon.cli", "backup", str(here), "--out", "-"]
+    done = await asyncio.to_thread(subprocess.run, command, capture_output=True, check=True)
+    (tmp_path / "piped.tar").write_bytes(done.stdout)
+    put_back = await asyncio.to_thread(handeyed, "restore", tmp_path / "piped.tar", there)
+    assert put_back.status == 0, put_back.err
+    assert await names_of_scans(tmp_path / "there" / "store") == ["door"]
+    assert leftovers(tmp_path) == []
+
+
+@pytest.mark.parametrize("kind", ["a link", "a pipe", "a folder"])
+async def test_a_backup_replaces_nothing_but_a_file(tmp_path: Path, kind: str) -> None:
+    """`--out /dev/stdout`, by root, once replaced the device by the backup."""
+    here, target = config_in(tmp_path / "here"), tmp_path / "all.tar"
+    await fill_store(tmp_path / "here" / "store")
+    (tmp_path / "file").write_bytes(b"before")
+    {"a link": lambda: target.symlink_to("file"), "a pipe": lambda: os.mkfifo(target), "a folder": target.mkdir}[kind]()
+    before = target.lstat()
+    refused = await asyncio.to_thread(handeyed, "backup", here, "--out", target)
+    assert refused.status != 0
+    assert "all.tar" in refused.err
+    assert (target.lstat().st_ino, target.lstat().st_mode) == (before.st_ino, before.st_mode)
+    assert (tmp_path / "file").read_bytes() == b"before"

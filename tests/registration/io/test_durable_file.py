@@ -36,3 +36,12 @@ def test_a_folder_is_not_replaced_by_a_file(tmp_path: Path) -> None:
     (tmp_path / "out.ply").mkdir()
     with pytest.raises(CloudIOError, match="not a file"):
         write(tmp_path / "out.ply")
+
+
+def test_a_link_is_not_replaced_by_a_file(tmp_path: Path) -> None:
+    """Where standard output is a file, /dev/stdout is a link to it."""
+    (tmp_path / "stdout.txt").write_bytes(b"lines")
+    (tmp_path / "out.ply").symlink_to("stdout.txt")
+    with pytest.raises(CloudIOError, match="a link, not a file"):
+        write(tmp_path / "out.ply")
+    assert (tmp_path / "stdout.txt").read_bytes() == b"lines"
