@@ -32,7 +32,7 @@ def setup(
         list[str] | None, typer.Option("--set", metavar="NAME=VALUE", help="A setting of CELL_shared.sys; repeatable.")
     ] = None,
     task: Annotated[str, typer.Option(help="The motion task.")] = "T_ROB1",
-    link_task: Annotated[str, typer.Option(help="The task of the link.")] = "T_COMM",
+    link_task: Annotated[str, typer.Option(help="The task of the link.")] = "T_HANDEYED",
     port: Annotated[int, typer.Option(min=1025, max=4999, help="TCP port of the link.")] = 4242,
     prefix: Annotated[str, typer.Option(help="What all names begin with: another one for a second arm.")] = "cell",
     called: Annotated[bool, typer.Option("--called", help="Your own main calls the motion part.")] = False,
@@ -113,16 +113,18 @@ class _Wish:
 
 async def _setup(where: "RwsAddress", modules: Path, wish: _Wish) -> None:
     from drivers.robots.abb.rws.administration import RwsAdministration
-    from drivers.robots.abb.setup.installer import back_up, install
+    from drivers.robots.abb.setup.installer import SetupRecord, back_up, install
     from drivers.robots.abb.setup.plan import configuration_findings, plan_setup
     from drivers.robots.abb.setup.requirements import findings
     from drivers.robots.abb.setup.settings import module_name
-    from drivers.robots.abb.setup.survey import read_survey
+    from drivers.robots.abb.setup.survey import read_networks, read_survey
 
     async with RwsAdministration(where) as controller:
         task = wish.choice.task
         package = _package(modules, wish.folder, {1: 6, 2: 7}[controller.version], wish.choice, where.mechunit)
-        values = {package.names.rename(name): value for name, value in wish.settings.items()}
+        reached = (await read_networks(controller)).reached
+        here = {"cell_address": reached.address} if reached else {}
+        values = {package.names.rename(name): value for name, value in (here | wish.settings).items()}
         wanted = package.with_settings(values)  # a setting that cannot be is refused before anything is read
         names = [f"{module_name(package.shared)}/{name}" for name in values]
         survey = await read_survey(controller, package.fragments.values(), package.paths, names, task)
@@ -135,19 +137,23 @@ async def _setup(where: "RwsAddress", modules: Path, wish: _Wish) -> None:
             load_is_default=wanted.load_is_default,
         )
         plan = plan_setup(survey, package, values, found, task)
-        _show(where.address, survey, found, plan, wish)
+        document = _document(where.address, survey, found, plan)
+        _show(document, survey, found, plan, wish)
         if any(finding.missing for finding in found):
             raise CommandError(where.address, "nothing was changed", "see what is MISSING above")
         if wish.dry_run or not plan.changes_anything:
             return
+        name = _backup_name(survey.name)
         if not (wish.yes or typer.confirm("Do it?", default=False, err=True)):
             raise CommandError(where.address, "nothing was changed", "consent to it, or give --yes")
-        folder = wish.backup or _backup_folder(survey.name)
-        record = await back_up(controller, survey, plan)
+        folder = wish.backup or Path(name)
+        earlier = _read_record(folder) if (folder / RECORD).exists() else SetupRecord()
+        record = (await back_up(controller, survey, plan, name)).after(earlier)
         _write_record(folder, record)
-        outcomes = await install(controller, plan, record)
-        _write_record(folder, record)
-    _finish(where.address, survey, found, plan, outcomes, folder, wish)
+        outcomes = await install(controller, plan)
+    done: dict[str, Any] = {"done": [vars(each) for each in outcomes], "backup": str(folder)}
+    done["controller_backup"] = name if plan.needs_backup else None
+    _finish(document | done, outcomes, plan, wish)
 
 
 async def _remove(where: "RwsAddress", record: "SetupRecord") -> "tuple[list[Outcome], int]":
@@ -161,13 +167,19 @@ async def _remove(where: "RwsAddress", record: "SetupRecord") -> "tuple[list[Out
 # --- what is shown ---
 
 
-def _show(address: str, survey: "ControllerSurvey", found: "Iterable[Finding]", plan: "SetupPlan", wish: _Wish) -> None:
+def _show(
+    document: dict[str, Any],
+    survey: "ControllerSurvey",
+    found: "Iterable[Finding]",
+    plan: "SetupPlan",
+    wish: _Wish,
+) -> None:
     missing = any(finding.missing for finding in found)
     if wish.json and (wish.dry_run or missing or not plan.changes_anything):
-        _report(_document(address, survey, found, plan), json=True)
+        _report(document, json=True)
     if wish.json:
         return
-    typer.echo(f"{address}: " + "\n  ".join(survey.summary()))
+    typer.echo(f"{document['address']}: " + "\n  ".join(survey.summary()))
     for finding in found:
         typer.echo(finding.line())
     if missing:
@@ -177,22 +189,18 @@ def _show(address: str, survey: "ControllerSurvey", found: "Iterable[Finding]", 
         typer.echo("everything is there; nothing was changed")
 
 
-def _finish(
-    address: str,
-    survey: "ControllerSurvey",
-    found: "Iterable[Finding]",
-    plan: "SetupPlan",
-    outcomes: "list[Outcome]",
-    folder: Path,
-    wish: _Wish,
-) -> None:
-    done = {"done": [vars(each) for each in outcomes], "backup": str(folder)}
-    _report({**_document(address, survey, found, plan), **done}, json=wish.json)
+def _finish(document: dict[str, Any], outcomes: "list[Outcome]", plan: "SetupPlan", wish: _Wish) -> None:
+    address, folder, whole = document["address"], document["backup"], document["controller_backup"]
+    _report(document, json=wish.json)
     if not wish.json:
         typer.echo("\n".join(each.line() for each in outcomes))
+        if whole:
+            typer.echo(f"backup   of the whole controller, on its disk: BACKUP/{whole}")
         typer.echo(f"backup   {folder} (handeyed robot remove {address} --backup {folder})")
         typer.echo("\n".join(f"by hand  {number}. {step}" for number, step in enumerate(plan.by_hand, 1)))
-    raise typer.Exit(ExitStatus.OK if all(each.ok for each in outcomes) else ExitStatus.FAILED)
+    if not all(each.ok for each in outcomes):
+        what, fix = "not all was done", f"mend what FAIL names, then run this again with --backup {folder}"
+        raise CommandError(address, what, fix)
 
 
 def _document(
@@ -260,11 +268,11 @@ def _package(modules: Path, folder: str, robotware: int, choice: _Choice, unit: 
     return Package.of(folder, files, names)
 
 
-def _backup_folder(name: str) -> Path:
+def _backup_name(name: str) -> str:
     from datetime import UTC, datetime
 
     plain = re.sub(r"[^A-Za-z0-9_-]+", "-", name).strip("-") or "controller"
-    return Path(f"handeyed-setup-{plain}-{datetime.now(UTC):%Y%m%d-%H%M%S}")
+    return f"handeyed-setup-{plain}-{datetime.now(UTC):%Y%m%d-%H%M%S}"
 
 
 def _write_record(folder: Path, record: "SetupRecord") -> None:
@@ -294,8 +302,10 @@ def _read_record(folder: Path) -> "SetupRecord":
     try:
         contents = {str(p.relative_to(home)): read_bounded(p) for p in sorted(home.rglob("*")) if p.is_file()}
         content = read_bounded(folder / RECORD)
-        parse_document(SetupRecordDocument, content, str(folder / RECORD))
-        return SetupRecord.from_document(content, contents)
+        kept = parse_document(SetupRecordDocument, content, str(folder / RECORD)).configuration
+        record = SetupRecord.from_document(content, contents)
+        record.configuration = {name: read_bounded(folder / name) for name in kept}
+        return record
     except (OSError, ValueError, DocumentError) as error:
         raise CommandError(
             str(folder), f"no backup of a setup ({error})", "name the folder that it made", ExitStatus.UNREADABLE

@@ -1,5 +1,5 @@
 MODULE CELL_comm
-  ! The communication task (T_COMM): the CB link, one client, over TCP or a serial line.
+  ! The communication task (T_HANDEYED): the CB link, one client, over TCP or a serial line.
   CONST num CELL_HEARTBEAT := 2;
   CONST num CELL_HALF_FRAME := 0.5;
   CONST num CELL_IDLE := 10;

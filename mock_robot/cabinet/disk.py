@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field
 
 RAMDISK_PATH = "/bd0/ramdisk"
-VOLUMES = {"home": "HOME", "temp": "TEMP", "ramdisk": "RAMDISK", "bd0/ramdisk": "RAMDISK"}
+VOLUMES = {"home": "HOME", "temp": "TEMP", "backup": "BACKUP", "ramdisk": "RAMDISK", "bd0/ramdisk": "RAMDISK"}
 
 
 class NoVolume(Exception):

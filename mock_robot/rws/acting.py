@@ -12,6 +12,7 @@ from mock_robot.rws.mastership import DOMAINS, Consent
 from mock_robot.rws.memory import module_name
 from mock_robot.rws.refusals import (
     BAD_ARGUMENT,
+    EXISTS,
     NO_INSTANCE_1,
     NO_MODULE,
     NO_PATH,
@@ -233,6 +234,23 @@ def save_configuration(context: RequestContext, parts: Parts) -> Reply:
     world.equipment.require("UAS_BACKUP")
     world.volumes.files[canonical] = world.equipment.text(parts["domain"]).encode("latin-1")
     return DONE
+
+
+def back_up(context: RequestContext, parts: Parts) -> Reply:
+    """Begin a full backup, whose progress is polled. HOME cannot hold it, nor a name that is taken."""
+    world = context.world
+    world.equipment.require("UAS_BACKUP")
+    try:
+        folder = world.volumes.canonical(context.asked.form.get("backup", "").removeprefix("/fileservice/"))
+    except NoVolume:
+        raise RwsRefused(NO_PATH) from None
+    if folder.startswith("HOME") or world.volumes.has_folder(folder):
+        raise RwsRefused(EXISTS)
+    for domain in world.equipment.configuration:
+        world.volumes.files[f"{folder}/SYSPAR/{domain}.cfg"] = world.equipment.text(domain).encode("latin-1")
+    number = str(len(world.backups) + 1)
+    world.backups[number] = "pending"
+    return Reply(202, headers=[("location", f"{context.asked.base}progress/{number}")])
 
 
 def delete_instance(context: RequestContext, parts: Parts) -> Reply:

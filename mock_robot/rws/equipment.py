@@ -13,7 +13,15 @@ OPTIONS: Mapping[int, tuple[str, ...]] = {
     2: ("3114-1 Multitasking", "3124-1 Externally Guided Motion", "3119-1 RobotStudio Connect"),
 }
 GRANTS: Mapping[int, tuple[str, ...]] = {
-    1: ("UAS_FTP_READ", "UAS_FTP_WRITE", "UAS_CFG_WRITE", "UAS_RAPID_CURRVALUE", "UAS_RAPID_EXECUTE", "UAS_BACKUP"),
+    1: (
+        "UAS_FTP_READ",
+        "UAS_FTP_WRITE",
+        "UAS_CFG_WRITE",
+        "UAS_RAPID_CURRVALUE",
+        "UAS_RAPID_EXECUTE",
+        "UAS_BACKUP",
+        "UAS_SYSTEM_ADMINISTRATION",
+    ),
     2: (
         "UAS_FILE_ACCESS_READ_WRITE",
         "UAS_CFG_WRITE",
@@ -21,10 +29,25 @@ GRANTS: Mapping[int, tuple[str, ...]] = {
         "UAS_RAPID_EXECUTE",
         "UAS_REMOTE_START_STOP_IN_AUTO",
         "UAS_BACKUP",
+        "UAS_SYSTEM_ADMINISTRATION",
     ),
 }
 """By version of the services. Names as Robot Web Services list them."""
 UNNAMED = {"CAB_TASK_MODULES": "File"}
+DELIVERED = (
+    """SIO:CFG_1.0::
+FIREWALL_MANAGEMENT:
+      -Name "RapidSockets" -EnableOnPublicNet "true" -EnableOnPrivateNet "true" -EnableOnIONet "false"
+      -Name "RobotWebServices" -EnableOnPublicNet "true" -EnableOnPrivateNet "true" -EnableOnIONet "false"
+      -Name "UDPUC" -EnableOnPublicNet "true" -EnableOnPrivateNet "true" -EnableOnIONet "true"
+""",
+    """SYS:CFG_1.0::
+SYS_MISC:
+      -Name "NoOfRetry" -Value "4"
+      -Name "ModalPayLoadMode" -Value "1"
+""",
+)
+"""What set-up reads of the configuration, as the GoFa has it."""
 
 
 @dataclass
@@ -39,6 +62,11 @@ class Equipment:
     without: frozenset[str] = frozenset()
     denied: frozenset[str] = frozenset()
     configuration: dict[str, dict[str, dict[str, CfgInstance]]] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if not self.configuration:
+            for text in DELIVERED:
+                self.load(text)
 
     def options(self, version: int) -> list[str]:
         """Options that are there."""

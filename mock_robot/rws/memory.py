@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from mock_robot.cabinet.cabinet import Cabinet, CabinetSymbol
 
 _MODULE = re.compile(rb"^\s*MODULE\s+(\w+)", re.IGNORECASE | re.MULTILINE)
-TASKS = {"T_ROB1": True, "T_COMM": False}
+TASKS = {"T_ROB1": True, "T_HANDEYED": False}
 """The tasks of a controller that has the robot program, and whether each moves the arm."""
 LOAD0 = "[0.001,[0,0,0.001],[1,0,0,0],0,0,0]"
 FRAME0 = "[[0,0,0],[1,0,0,0]]"

@@ -13,6 +13,7 @@ Parts = Mapping[str, str]
 MECHUNIT = "ROB_1"
 VERSIONS = {1: "6.16.1021", 2: "7.21.0+229"}
 AXES = "abcdef"
+UNSET = "0.0.0.0"  # noqa: S104  as the controller writes an address that is not set
 
 
 def controller_state(context: RequestContext, parts: Parts) -> Reply:
@@ -213,6 +214,32 @@ def identity(context: RequestContext, parts: Parts) -> Reply:
     kind = "Virtual Controller" if context.world.equipment.virtual else "Real Controller"
     values = {"ctrl-name": "handeyed mock", "ctrl-id": "1600-000001", "ctrl-type": kind}
     return Reply(items=[Item("ctrl-identity-info", "identity", values)])
+
+
+def network(context: RequestContext, parts: Parts) -> Reply:
+    """The networks of the GoFa that have an address, and the mock's own as the public one."""
+    rows = (
+        ("X6", "LAN1", "Private", "192.168.125.1"),
+        ("X23", "WAN", "Public", context.world.address),
+        ("X2", "LAN3", "I/O", "192.168.1.211"),
+    )
+    unset = dict.fromkeys(("dns-primary", "dns-secondary", "gateway"), UNSET)
+    rest = {"mask": "255.255.255.0", "dhcp": "disabled", **unset}
+    return Reply(
+        items=[
+            Item("ctrl-netw", title, {"logical-name": name, "network": kind, "addr": address, **rest})
+            for title, name, kind, address in rows
+        ]
+    )
+
+
+def progress(context: RequestContext, parts: Parts) -> Reply:
+    """A backup is pending when it is looked at first."""
+    found = context.world.backups.get(parts["number"])
+    if found is None:
+        raise RwsRefused(NO_RESOURCE)
+    context.world.backups[parts["number"]] = "ready"
+    return Reply(items=[Item("progress", parts["number"], {"state": found, "code": "294912"})])
 
 
 def ramdisk(context: RequestContext, parts: Parts) -> Reply:

@@ -56,6 +56,8 @@ _SHARED: tuple[Row, ...] = (
     ("GET", "/rw/system/options", None, reading.options),
     ("GET", "/ctrl/identity", None, reading.identity),
     ("GET", r"/ctrl/\$RAMDISK", None, reading.ramdisk),
+    ("GET", "/ctrl/network", None, reading.network),
+    ("GET", r"/progress/(?P<number>\d+)", None, reading.progress),
     ("POST", "/users/rmmp", None, acting.ask_consent),
     ("POST", "/users/rmmp", "cancel", acting.cancel_consent),
     ("GET", "/users/rmmp/poll", None, acting.poll_consent),
@@ -66,6 +68,7 @@ _SHARED: tuple[Row, ...] = (
 )
 _FIRST: tuple[Row, ...] = (
     ("GET", "/users/grants", None, reading.grants),
+    ("POST", "/ctrl/backup", "backup", acting.back_up),
     ("POST", "/rw/cfg", "load", acting.load_configuration),
     ("POST", _CFG_DOMAIN, "saveas", acting.save_configuration),
     ("GET", "/rw/panel/ctrlstate", None, reading.controller_state),
@@ -91,6 +94,7 @@ _FIRST: tuple[Row, ...] = (
 )
 _SECOND: tuple[Row, ...] = (
     ("GET", "/uas/user/grants", None, reading.grants),
+    ("POST", "/ctrl/backup/create", None, acting.back_up),
     ("POST", "/rw/cfg/load", None, acting.load_configuration),
     ("POST", f"{_CFG_DOMAIN}/saveas", None, acting.save_configuration),
     ("GET", "/rw/panel/ctrl-state", None, reading.controller_state),

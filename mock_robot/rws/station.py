@@ -45,6 +45,7 @@ class RwsStation:
 
     async def start(self, host: str, port_1: int, port_2: int) -> RwsUrls:
         """Start both services."""
+        self.world.address = host
         if not self.world.cabinet.recorded:
             self.world.cabinet.record(self.world.clock(), 10017, "automatic mode confirmed")
         from mock_robot.rws.certificate import write_self_signed  # slow import (cryptography): only where it is served

@@ -102,6 +102,8 @@ class World:
     picked: PendantSelection = PendantSelection()
     cycle: str = "forever"
     programs: list[Callable[[], None]] = field(default_factory=list)
+    address: str = "127.0.0.1"
+    backups: dict[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self.volumes = Volumes(self.cabinet.disk.files, self.cabinet.disk.folders)

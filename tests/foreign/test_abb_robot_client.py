@@ -33,7 +33,7 @@ def test_it_reads_what_the_mock_holds(cell: RwsCell, client: rws.RWS) -> None:
     assert client.get_execution_state().ctrlexecstate == "running"
     assert client.get_speedratio() == 100.0
     tasks = client.get_tasks()
-    assert {name: task.motiontask for name, task in tasks.items()} == {"T_ROB1": True, "T_COMM": False}
+    assert {name: task.motiontask for name, task in tasks.items()} == {"T_ROB1": True, "T_HANDEYED": False}
     assert client.get_rapid_variable("user/reg1") == "0"
     cell.does(lambda: cell.controller.press_emergency_stop(True, cell.cell.clock()))
     newest = client.read_event_log()[0]

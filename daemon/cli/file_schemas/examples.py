@@ -154,7 +154,7 @@ ACCEPTANCE: dict[str, Any] = {
 SETUP: dict[str, Any] = {
     "version": 1,
     "files": {"handeyed/CELL_comm.mod": False, "handeyed/CELL_shared.sys": True},
-    "instances": [["SYS", "CAB_TASKS", "T_COMM"]],
+    "instances": [["SYS", "CAB_TASKS", "T_HANDEYED"]],
     "symbols": {"CELL_shared/cell_reach": "1450"},
     "configuration": ["EIO.cfg", "SYS.cfg"],
 }

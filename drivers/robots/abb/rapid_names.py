@@ -14,7 +14,7 @@ class RapidNames:
     """Names of one arm's program. `prefix`: what every name of data, routines, modules and signals begins with."""
 
     motion_task: str = "T_ROB1"
-    link_task: str = "T_COMM"
+    link_task: str = "T_HANDEYED"
     mechanical_unit: str = "ROB_1"
     port: int = 4242
     prefix: str = "cell"

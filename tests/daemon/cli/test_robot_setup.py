@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 from calibration.transforms import transform
 from daemon.cli.main import app
 from mock_robot.cabinet.panel import Mode
-from protocols.cfg_file import CfgInstance
+from protocols.cfg_file import CfgInstance, parse_cfg
 from tests.daemon.cli.running import Ran, handeyed
 from tests.mock_robot.rws_cell import RwsCell, rws_cell_apart
 
@@ -22,6 +22,10 @@ State = Callable[[RwsCell], Any]
 
 def run(cell: RwsCell, version: int, *options: str | Path) -> Ran:
     return handeyed("robot", "setup", cell.rws(version), *options)
+
+
+def of_home(cell: RwsCell) -> dict[str, bytes]:
+    return {path: content for path, content in cell.world.volumes.files.items() if path.startswith("HOME/")}
 
 
 def bare(cell: RwsCell) -> None:
@@ -49,6 +53,23 @@ def upside_down(cell: RwsCell) -> None:
     cell.world.cabinet.mounting.world_T_base = transform(np.diag([1.0, -1.0, -1.0]), [0.0, 0.0, 2500.0])
 
 
+def configured(text: str) -> State:
+    """The controller's configuration has these instances in place of its own of the type."""
+    file = parse_cfg(text)
+
+    def state(cell: RwsCell) -> None:
+        types = dict(cell.world.equipment.configuration.get(file.domain, {}))
+        types |= {each.kind: {each.name: each for each in file.of(each.kind)} for each in file.instances}
+        have = {**cell.world.equipment.configuration, file.domain: types}
+        cell.world.equipment = replace(cell.world.equipment, configuration=have)
+
+    return state
+
+
+NO_DOOR = 'SIO:CFG_1.0::\nFIREWALL_MANAGEMENT:\n -Name "{}" -EnableOnPublicNet "false" -EnableOnPrivateNet "true"\n'
+OTHER_LOADS = 'SYS:CFG_1.0::\nSYS_MISC:\n -Name "ModalPayLoadMode" -Value "0"\n'
+
+
 def held(cell: RwsCell) -> None:
     cell.cell.inject_fault("rws-mastership-held")
 
@@ -67,6 +88,12 @@ FINDINGS: list[tuple[int, State, str, bool, str]] = [
     (2, virtual, "virtual", False, "127.0.0.1"),
     (1, upside_down, "base-frame", False, "[0, 0, 2500, 0, 1, 0, 0]"),
     (1, bare, "tool-load", False, "LoadIdentify"),
+    (1, denied("UAS_BACKUP"), "grant-backup", True, "Backup and save"),
+    (2, denied("UAS_SYSTEM_ADMINISTRATION"), "grant-restart", False, "Reset RAPID is done by somebody who has it"),
+    (2, configured(NO_DOOR.format("RapidSockets")), "firewall", False, "RapidSockets, EnableOnPublicNet Yes"),
+    (1, configured(OTHER_LOADS), "payload-mode", True, "ModalPayLoadMode 1"),
+    (2, configured(OTHER_LOADS), "payload-mode", True, "GripLoad"),
+    (2, bare, "address", False, "127.0.0.1 (X23, Public): set-up lets the link listen there"),
 ]
 
 
@@ -97,6 +124,19 @@ def test_what_a_controller_lacks_is_said_before_anything_is_changed(
         cell.does(lambda: cell.controller.recover(cell.cell.clock()))
 
 
+@pytest.mark.parametrize(("door", "options", "shown"), [("UDPUC", (), False), ("UDPUC", ("--egm", "10.0.0.9"), True)])
+def test_a_closed_door_is_said_when_it_is_needed(
+    shared_cell: RwsCell, door: str, options: tuple[str, ...], shown: bool
+) -> None:
+    before = shared_cell.world.equipment
+    configured(NO_DOOR.format(door))(shared_cell)
+    try:
+        steps = [line for line in run(shared_cell, 2, "--dry-run", *options).out.splitlines() if "by hand" in line]
+        assert any("Firewall Manager: UDPUC" in step for step in steps) is shown
+    finally:
+        shared_cell.world.equipment = before
+
+
 def test_egm_is_asked_for_only_when_it_is_wanted(shared_cell: RwsCell) -> None:
     without("689-1")(shared_cell)
     try:
@@ -110,14 +150,62 @@ def test_a_task_of_the_same_name_that_is_not_ours_is_said_and_nothing_is_changed
     """As on the GoFa whose answers are public: its T_COMM is a task of its own."""
     with rws_cell_apart() as cell:
         cell.does(lambda: bare(cell))
-        theirs = {"Name": "T_COMM", "Type": "NORMAL", "Entry": "comm", "TrustLevel": "SysFail"}
-        cell.world.equipment.configuration = {"SYS": {"CAB_TASKS": {"T_COMM": CfgInstance("CAB_TASKS", theirs, 1)}}}
-        ran = run(cell, 2, "--yes")
+        theirs = '-Name "T_COMM" -Type "NORMAL" -Entry "comm" -TrustLevel "SysFail"'
+        configured(f"SYS:CFG_1.0::\nCAB_TASKS:\n {theirs}\n")(cell)
+        ran = run(cell, 2, "--yes", "--link-task", "T_COMM")
         assert ran.status == 1
         assert "MISSING the controller has another T_COMM in SYS/CAB_TASKS: Name T_COMM, Type NORMAL" in ran.out
         assert "--link-task" in ran.out
         assert not cell.world.volumes.files
-        assert run(cell, 2, "--dry-run", "--link-task", "T_HANDEYED").status == 0
+        assert run(cell, 2, "--dry-run").status == 0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("before", "after", "words"),
+    [
+        ((), ("--called",), "still names HOME:/handeyed/CELL_main.mod"),
+        (("--called",), (), "the controller has SYS.cfg in part: CELL_main is not there"),
+        (("--egm", "10.0.0.9"), ("--egm", "10.0.0.8"), "another handeyed in SIO/UDPUC_HOST"),
+    ],
+)
+def test_another_choice_than_that_of_the_set_up_before_is_noticed(
+    before: tuple[str, ...], after: tuple[str, ...], words: str, tmp_path: Path
+) -> None:
+    with rws_cell_apart() as cell:
+        cell.does(lambda: bare(cell))
+        assert run(cell, 2, "--yes", "--backup", tmp_path, *before).status == 0
+        files = dict(cell.world.volumes.files)
+        ran = run(cell, 2, "--yes", "--backup", tmp_path, *after)
+        assert ran.status == 1
+        assert words in ran.out
+        assert "robot remove" in ran.out
+        assert cell.world.volumes.files == files
+
+
+def test_the_whole_controller_is_backed_up_first_and_reset_rapid_says_what_it_takes(tmp_path: Path) -> None:
+    with rws_cell_apart() as cell:
+        cell.does(lambda: bare(cell))
+        cell.world.memory.modules["T_ROB1"]["Welding"] = "ProgMod"
+        done = run(cell, 2, "--yes", "--backup", tmp_path)
+        assert done.status == 0, done.err
+        assert "IT DELETES ALL PROGRAMS" in done.out
+        assert "no configuration loads T_ROB1/Welding" in done.out
+        saved = [path for path in cell.world.volumes.files if path.startswith("BACKUP/")]
+        assert saved
+        assert saved[0].partition("/SYSPAR")[0] in done.out
+        assert b"T_HANDEYED" not in b"".join(cell.world.volumes.files[path] for path in saved)
+        assert b'cell_address :="127.0.0.1";' in cell.world.volumes.files["HOME/handeyed/CELL_shared.sys"]
+
+
+def test_nothing_is_changed_when_the_backup_fails(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("drivers.robots.abb.rws.administration.BACKUP_LIMIT_S", 0)
+    with rws_cell_apart() as cell:
+        cell.does(lambda: bare(cell))
+        ran = run(cell, 1, "--yes", "--backup", tmp_path)
+        assert ran.status == 1
+        assert "was not ready in 0 s" in ran.err
+        assert not of_home(cell)
 
 
 @pytest.mark.slow
@@ -158,16 +246,17 @@ def test_a_bare_controller_is_set_up_read_back_and_undone(version: int, tmp_path
         assert done.status == 0, done.out + done.err
         assert "by hand  1. restart with Reset RAPID" in done.out
         assert b"PERS num cell_reach :=555;" in world.volumes.files["HOME/handeyed/CELL_shared.sys"]
-        assert "T_COMM" in world.equipment.configuration["SYS"]["CAB_TASKS"]
+        assert "T_HANDEYED" in world.equipment.configuration["SYS"]["CAB_TASKS"]
         assert "cell_do_motors" in world.equipment.configuration["EIO"]["EIO_SIGNAL"]
         cell.does(lambda: cell.controller.restart(cell.cell.clock()))
         cell.does(cell.cell.nudge)
-        assert world.memory.tasks == {"T_ROB1": True, "T_COMM": False}
+        assert world.memory.tasks == {"T_ROB1": True, "T_HANDEYED": False}
         assert "write " not in run(cell, version, "--dry-run", "--set", "cell_reach=555").out
         undone = handeyed("robot", "remove", cell.rws(version), "--backup", tmp_path, "--yes")
         assert undone.status == 0, undone.out + undone.err
-        assert world.volumes.files == before
-        assert not any(instances for kinds in world.equipment.configuration.values() for instances in kinds.values())
+        assert of_home(cell) == before
+        kinds = {kind for kinds in world.equipment.configuration.values() for kind, found in kinds.items() if found}
+        assert kinds == {"FIREWALL_MANAGEMENT", "SYS_MISC"}
 
 
 @pytest.mark.parametrize(
@@ -196,14 +285,14 @@ def test_what_may_not_be_loaded_becomes_a_step_by_hand(tmp_path: Path) -> None:
         assert done.status == 0, done.err
         assert document["plan"]["load"] == []
         assert [step for step in document["by_hand"] if "HOME:/handeyed/SYS.cfg" in step]
-        assert cell.world.volumes.files.keys() == {f"HOME/handeyed/{name}" for name in document["plan"]["write"]}
-        assert not cell.world.equipment.configuration
+        assert of_home(cell).keys() == {f"HOME/handeyed/{name}" for name in document["plan"]["write"]}
+        assert "CAB_TASKS" not in cell.world.equipment.configuration["SYS"]
 
 
 def test_a_refusal_on_the_way_is_named_and_the_rest_goes_on(tmp_path: Path) -> None:
     with rws_cell_apart() as cell:
         cell.does(lambda: bare(cell))
-        cell.world.equipment.load('EIO:CFG_1.0:6:0::\nEIO_SIGNAL:\n      -Name "cell_do_motors" -SignalType "DO"\n')
+        cell.world.equipment.load('EIO:CFG_1.0:6:0::\nSYSSIG_OUT:\n -Status "EmStop" -Signal "cell_do_estop"\n')
         done = run(cell, 1, "--yes", "--backup", tmp_path)
         assert done.status == 1
         assert "FAIL  load EIO.cfg" in done.out

@@ -27,7 +27,7 @@ def test_the_shipped_names_are_those_of_the_shipped_files() -> None:
 def test_nothing_is_left_of_the_shipped_names_and_the_modules_keep_the_rules(names: RapidNames) -> None:
     for name, text in names.rename_all(FILES).items():
         assert name.startswith(names.prefix.upper())
-        for shipped in ("T_ROB1", "T_COMM\b", "ROB_1", " cell_", " CELL_", " CB_"):
+        for shipped in ("T_ROB1", "T_HANDEYED\b", "ROB_1", " cell_", " CELL_", " CB_"):
             assert shipped not in text
         assert offences(text.encode("ascii")) == []
         assert "port := 4242" not in text or names.port == 4242

@@ -315,7 +315,7 @@ async def test_position_streams_while_the_motion_part_is_called_and_no_identity_
         for _ in range(5):
             async with client_of(controller) as client:
                 await client.is_armed()
-                # T_COMM answers; T_ROB1 calls the motion part at its next turn.
+                # T_HANDEYED answers; T_ROB1 calls the motion part at its next turn.
                 await eventually(lambda: {session.state for session in controller.unit.egm.values()} == {"streams"})
                 assert await client.asks(cb.Bye()) == cb.Farewell()
             await eventually(lambda: not controller.unit.egm)

@@ -65,7 +65,7 @@ def load(folder: Path, robotware: int = 6) -> None:
         ("rw6/EIO.cfg", "EIO:CFG_1.0:6:1::", "EIO:CFG_1.0:5:0::", "is no header of RobotWare 6"),
         ("rw7/EIO.cfg", "EIO:CFG_1.0::", "EIO:CFG_1.0:6:1::", "is no header of RobotWare 7"),
         ("rw6/EIO.cfg", "EIO_SIGNAL:", "EIO_SIGNALS:", "no type of EIO is named EIO_SIGNALS"),
-        ("rw6/SYS.cfg", '-Name "T_COMM"', '-Name "T_ROB1"', "the controller has a task T_ROB1 already"),
+        ("rw6/SYS.cfg", '-Name "T_HANDEYED"', '-Name "T_ROB1"', "the controller has a task T_ROB1 already"),
         ("rw6/SYS.cfg", "SEMISTATIC", "SOMETIMES", "Type is one of NORMAL"),
         ("rw6/SYS.cfg", '-TrustLevel "None"', '-TrustLevel "NoSafety"', "TrustLevel is one of None"),
         ("rw6/SYS.cfg", "-TrustLevel", "-Trustlevel", "CAB_TASKS has no attribute Trustlevel"),
@@ -105,8 +105,8 @@ def test_the_shipped_fragments_load_in_both_and_an_error_of_the_link_task_stops_
     plans = {plan.name: plan for plan in task_plans(fragments)}
     assert [(plan.name, plan.motion, len(plan.sources)) for plan in plans.values()] == [
         ("T_ROB1", True, 3),
-        ("T_COMM", False, 2),
+        ("T_HANDEYED", False, 2),
     ]
-    assert (plans["T_COMM"].kind, plans["T_COMM"].stops_all) == ("SEMISTATIC", False)
+    assert (plans["T_HANDEYED"].kind, plans["T_HANDEYED"].stops_all) == ("SEMISTATIC", False)
     assert len(fragments.read("EIO")["EIO_SIGNAL"]) == len(fragments.read("EIO")["SYSSIG_OUT"]) == 4
     assert serial_ports(fragments) == (("com1:",) if robotware == 6 else ())

@@ -35,7 +35,7 @@ class SimulatedTask(ProgramTask):
 
     def __init__(self, until_s: float, meanwhile: Callable[[float], None]) -> None:
         self.time_s, self.until_s, self.meanwhile = 0.0, until_s, meanwhile
-        super().__init__("T_COMM", Nobody(), motion=False, now_s=lambda: self.time_s)
+        super().__init__("T_HANDEYED", Nobody(), motion=False, now_s=lambda: self.time_s)
 
     def wait(self, seconds: float | None, fileno: int | None = None, until: Any = None) -> bool:
         assert seconds is not None
@@ -63,7 +63,7 @@ class Controller:
         self.task = SimulatedTask(self.until_s, self._meanwhile)
         on, off = Signal("on", "DO", value=True), Signal("off", "DO")
         program = Program(self.task, self.memory, dict(zip(SIGNALS, (on, off, on, off), strict=True)))
-        plan = next(plan for plan in task_plans(Fragments(DEPLOYED, 6)) if plan.name == "T_COMM")
+        plan = next(plan for plan in task_plans(Fragments(DEPLOYED, 6)) if plan.name == "T_HANDEYED")
         program.load(plan.sources)
         unit = SimpleNamespace(
             stopped_by=set(), task_name="T_ROB1", is_moving=lambda: False, joints_now=lambda: [0.0] * 6, time_scale=1.0

@@ -45,7 +45,9 @@ async def see_equipment(bench: Bench) -> Measured:
     found = findings(
         survey, task=task, unit=unit, serial=False, egm=bench.limits.egm_port is not None, load_is_default=False
     )
-    lacking = [each for each in found if each.missing or each.code.startswith("grant")]
+    lacking = [
+        each for each in found if each.missing or each.code in ("grant-files", "grant-data", "grant-remote-stop")
+    ]
     if lacking:
         raise RowFailed("; ".join(each.what for each in lacking))
     return {"RobotWare": survey.robotware, "notes": "; ".join(each.what for each in found)}

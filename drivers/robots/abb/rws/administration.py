@@ -4,9 +4,9 @@ from collections.abc import AsyncIterator, Iterator, Mapping
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
 from typing import Any
-from urllib.parse import quote
+from urllib.parse import quote, urlsplit
 
-from drivers.errors import RequestRefused
+from drivers.errors import DeviceTimeout, RequestRefused
 from drivers.robots.abb.rws.address import RwsAddress
 from drivers.robots.abb.rws.client import RwsClient
 from drivers.robots.abb.rws.parsing import Values
@@ -15,6 +15,7 @@ from protocols.cfg_file import CfgInstance
 
 ABSENT = ("NOT_FOUND", "BAD_ARGUMENT", "GONE")
 """Statuses of a refusal of something that this RobotWare, or this controller, does not have."""
+BACKUP_LIMIT_S, BACKUP_POLL_S = 300, 1
 
 
 @dataclass(frozen=True)
@@ -46,8 +47,8 @@ class RwsAdministration:
     """One session with the controller. Every method raises DeviceError."""
 
     def __init__(self, address: RwsAddress, timing: Timing | None = None) -> None:
-        self.address = address
-        self._client = RwsClient(f"robot {address.address}", address, timing or Timing())
+        self.address, self._timing = address, timing or Timing()
+        self._client = RwsClient(f"robot {address.address}", address, self._timing)
 
     async def __aenter__(self) -> "RwsAdministration":
         await self._client.find()
@@ -157,6 +158,20 @@ class RwsAdministration:
         except RequestRefused as refused:
             if refused.status not in ABSENT:
                 raise
+
+    async def save_backup(self, name: str) -> None:
+        """Make a full backup of that name on the controller, and wait for it. Its disk holds it, not HOME."""
+        dialect = self._client.require_dialect()
+        call, query = dialect.backup
+        answer = await self._client.post(call, query, {"backup": f"/fileservice/{dialect.backups}/{name}"})
+        progress = urlsplit(answer.headers.get("location", "")).path
+        for _ in range(BACKUP_LIMIT_S // BACKUP_POLL_S):
+            values = await self.read_first(progress) if progress else {}
+            if values.get("state") == "ready":
+                return
+            await self._timing.sleep(BACKUP_POLL_S)
+        what = f"the backup {name} was not ready in {BACKUP_LIMIT_S} s"
+        raise DeviceTimeout(self.device, what, "make one at the pendant, look at the event log, then run this again")
 
     async def save_configuration(self, domain: str, path: str) -> bytes | None:
         """Save a domain to a file below HOME, and return its content."""

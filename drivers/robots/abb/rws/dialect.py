@@ -35,6 +35,7 @@ class Dialect:
     take_mastership: Call
     release_mastership: Call
     home: str
+    backups: str
     subprotocol: str
 
     def make_folder(self, parent: str, name: str) -> tuple[str, Mapping[str, str]]:
@@ -70,6 +71,11 @@ class Dialect:
     def save_cfg(self, domain: str) -> Call:
         """Call that saves a domain to a file."""
         return (f"/rw/cfg/{domain}", {"action": "saveas"}) if self.version == 1 else (f"/rw/cfg/{domain}/saveas", {})
+
+    @property
+    def backup(self) -> Call:
+        """Call that begins a full backup."""
+        return ("/ctrl/backup", {"action": "backup"}) if self.version == 1 else ("/ctrl/backup/create", {})
 
     @property
     def grants(self) -> str:
@@ -129,6 +135,7 @@ DIALECTS: Mapping[int, Dialect] = {
         take_mastership=("/rw/mastership/rapid", {"action": "request"}),
         release_mastership=("/rw/mastership/rapid", {"action": "release"}),
         home="$HOME",
+        backups="$BACKUP",
         subprotocol="robapi2_subscription",
     ),
     2: Dialect(
@@ -144,6 +151,7 @@ DIALECTS: Mapping[int, Dialect] = {
         take_mastership=("/rw/mastership/edit/request", {}),
         release_mastership=("/rw/mastership/edit/release", {}),
         home="HOME",
+        backups="BACKUP",
         subprotocol="rws_subscription",
     ),
 }

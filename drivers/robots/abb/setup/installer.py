@@ -8,7 +8,7 @@ from typing import Any
 from drivers.errors import DeviceError
 from drivers.robots.abb.rws.administration import ConfigurationInstance, RwsAdministration
 from drivers.robots.abb.setup import settings
-from drivers.robots.abb.setup.plan import LOAD_MENU, RESET_RAPID, SetupPlan
+from drivers.robots.abb.setup.plan import LOAD_MENU, SetupPlan, reset_step
 from drivers.robots.abb.setup.survey import ControllerSurvey
 
 VERSION = 1
@@ -39,6 +39,15 @@ class SetupRecord:
     symbols: dict[str, str] = field(default_factory=dict)
     configuration: dict[str, bytes] = field(default_factory=dict)
 
+    def after(self, earlier: "SetupRecord") -> "SetupRecord":
+        """Both as one: what was there before the earlier installation, which this one went on with."""
+        return SetupRecord(
+            self.files | earlier.files,
+            list(dict.fromkeys([*earlier.instances, *self.instances])),
+            self.symbols | earlier.symbols,
+            self.configuration | earlier.configuration,
+        )
+
     def document(self) -> dict[str, Any]:
         """JSON; contents of files stand beside it, by the names in `files`."""
         return {
@@ -65,8 +74,13 @@ class SetupRecord:
             raise ValueError(f"{error} is missing") from None
 
 
-async def back_up(controller: RwsAdministration, survey: ControllerSurvey, plan: SetupPlan) -> SetupRecord:
-    """Read everything that the plan replaces. Writes only the saved configuration, beside the modules."""
+async def back_up(controller: RwsAdministration, survey: ControllerSurvey, plan: SetupPlan, backup: str) -> SetupRecord:
+    """Back up the controller under the name `backup`, and read what the plan replaces or will load.
+
+    Writes only the backup and the saved configuration, beside the modules. Raises DeviceError: nothing was changed.
+    """
+    if plan.needs_backup:
+        await controller.save_backup(backup)
     folder = plan.package.folder
     record = SetupRecord(files={f"{folder}/{name}": survey.files.get(f"{folder}/{name}") for name in plan.writes})
     if plan.load:
@@ -77,17 +91,21 @@ async def back_up(controller: RwsAdministration, survey: ControllerSurvey, plan:
             if content is not None:
                 record.configuration[f"{domain}.cfg"] = content
             record.files[saved] = None
+    for fragment in map(plan.package.fragments.__getitem__, plan.load):
+        there = {kind: {each.name for each in found} for kind, found in survey.instances.items()}
+        wanted = [(fragment.domain, each.kind, each.name) for each in fragment.instances]
+        record.instances += [each for each in wanted if each[2] not in there.get("/".join(each[:2]), ())]
     record.symbols = {name: survey.symbols[name] for name in plan.symbols}
     return record
 
 
-async def install(controller: RwsAdministration, plan: SetupPlan, record: SetupRecord) -> list[Outcome]:
+async def install(controller: RwsAdministration, plan: SetupPlan) -> list[Outcome]:
     """Do what the plan says, and read it back. A refusal ends the step, not the rest; it stands in its outcome."""
     outcomes = await _write_files(controller, plan)
     if not all(outcome.ok for outcome in outcomes):
         return outcomes
     for name in plan.load:
-        outcomes.append(await _load(controller, plan, name, record))
+        outcomes.append(await _load(controller, plan, name))
     if plan.symbols:
         outcomes += await write_symbols(controller, plan.symbols)
     return outcomes
@@ -108,12 +126,11 @@ async def _write_files(controller: RwsAdministration, plan: SetupPlan) -> list[O
     return outcomes
 
 
-async def _load(controller: RwsAdministration, plan: SetupPlan, name: str, record: SetupRecord) -> Outcome:
+async def _load(controller: RwsAdministration, plan: SetupPlan, name: str) -> Outcome:
     fragment, path = plan.package.fragments[name], f"{plan.package.folder}/{name}"
     try:
         async with controller.hold_mastership("cfg"):
             await controller.load_configuration(path)
-        record.instances += [(fragment.domain, each.kind, each.name) for each in fragment.instances]
         kinds = {each.kind for each in fragment.instances if "Name" in each.attributes and each.kind != "SYSSIG_OUT"}
         there = {kind: {each.name for each in await controller.read_instances(fragment.domain, kind)} for kind in kinds}
     except DeviceError as error:
@@ -195,4 +212,4 @@ async def _restore_file(controller: RwsAdministration, path: str, content: bytes
 
 def steps_after_removal(family: int) -> tuple[str, ...]:
     """What a person does after a removal."""
-    return (RESET_RAPID.get(family, RESET_RAPID[7]), "load the production program again; PP to main; start")
+    return (reset_step(family), "load the production program again; PP to main; start")

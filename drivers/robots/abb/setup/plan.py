@@ -4,23 +4,25 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 
 from drivers.robots.abb.rapid_names import RapidNames
+from drivers.robots.abb.rws.administration import ConfigurationInstance
 from drivers.robots.abb.setup import settings
-from drivers.robots.abb.setup.requirements import WRITE_CONFIGURATION, WRITE_DATA, Finding
-from drivers.robots.abb.setup.survey import ControllerSurvey
-from protocols.cfg_file import CfgFile, parse_cfg
+from drivers.robots.abb.setup.requirements import FIREWALL_MENU, WRITE_CONFIGURATION, WRITE_DATA, Finding
+from drivers.robots.abb.setup.survey import FIREWALL, ControllerSurvey
+from protocols.cfg_file import CfgFile, CfgInstance, parse_cfg
 
 LOAD_MENU = "RobotStudio: Configuration, Load Parameters, 'Load parameters if no duplicates'"
-RESET_RAPID = {
-    6: "restart with Reset RAPID (pendant: ABB menu, Restart, Advanced, Reset RAPID), which takes modules and settings",
-    7: "restart with Reset RAPID (pendant: Settings, Advanced restart, Reset RAPID), which takes modules and settings",
+RESET_MENU = {
+    6: "pendant: ABB menu, Restart, Advanced, Reset RAPID",
+    7: "pendant: Settings, Advanced restart, Reset RAPID",
 }
+RESET_RAPID = (
+    "restart with Reset RAPID ({menu}). IT DELETES ALL PROGRAMS AND DATA FROM MEMORY, with positions modified since "
+    "they were saved, and loads what the configuration names. Save first what is to stay{lost}"
+)
 POINTER = "run mode continuous; PP to main; motors on; start; then AUTO"
 CALLED = "{task}: write cell_motion; into your program where the arm may leave its work; " + POINTER
 EGM = "EGM: load CELL_egm.mod into the motion task, and call cell_motion_egm, or in CELL_main cell_obey_egm TRUE"
-FIREWALL = (
-    "let the link through: pendant, Settings, Network, Firewall Manager: RobotWebServices and RAPID sockets, for the "
-    "port the PC is at"
-)
+FIREWALL_UNREAD = f"let the link through: {FIREWALL_MENU}: RapidSockets, for the network that the PC is at"
 
 
 @dataclass(frozen=True)
@@ -107,11 +109,17 @@ class SetupPlan:
         """Whether anything is to be done over Robot Web Services."""
         return bool(self.writes or self.load or self.symbols)
 
+    @property
+    def needs_backup(self) -> bool:
+        """Whether a full backup is made first: something is loaded now, or with the next restart."""
+        return bool(self.writes or self.load)
+
     def lines(self) -> tuple[str, ...]:
         """Lines for a person, in the order of execution."""
         folder = self.package.folder
         kept = "back up  configuration of " + ", ".join(sorted({f.domain for f in self.package.fragments.values()}))
         return (
+            *(("back up  the whole controller, on its disk",) if self.needs_backup else ()),
             *((kept,) if self.load else ()),
             *(f"back up  HOME:/{folder}/{name}" for name in self.replaced),
             *(f"write    HOME:/{folder}/{name}  {len(self.package.files[name])} bytes" for name in self.writes),
@@ -126,24 +134,37 @@ def plan_setup(
 ) -> SetupPlan:
     """Plan an installation of `package` with the settings `values`. Raises AddressNotUnderstood for a bad setting."""
     package = package.with_settings(values)
+    found = tuple(found)
     codes = {finding.code for finding in found}
     locked = bool({"manual-mode", "mastership"} & codes)
     current = {path.rpartition("/")[2]: content for path, content in survey.files.items()}
     unchanged = tuple(name for name, content in package.files.items() if current.get(name) == content)
-    absent = tuple(name for name, fragment in package.fragments.items() if wants(survey, name, fragment, package))
+    absent = tuple(name for name, fragment in package.fragments.items() if wants(survey, fragment, package))
     may_load = WRITE_CONFIGURATION.is_held(survey) and not locked and survey.family <= 7
     symbols = {} if locked or not WRITE_DATA.is_held(survey) else _symbols(survey, package, values)
     changed = set(package.files) - set(unchanged) or absent
     by_hand = (
         *(() if may_load else (f"{LOAD_MENU}: HOME:/{package.folder}/{name}" for name in absent)),
-        *((RESET_RAPID.get(survey.family, RESET_RAPID[7]),) if changed else ()),
-        *((FIREWALL,) if survey.family >= 7 and not survey.virtual else ()),
+        *((reset_step(survey.family, survey.lost_by_reset),) if changed else ()),
+        *(finding.fix for finding in found if finding.code == "firewall"),
+        *((FIREWALL_UNREAD,) if survey.family >= 7 and not (survey.virtual or survey.instances.get(FIREWALL)) else ()),
         *((EGM,) if package.names.rename("CELL_egm.mod") in package.files else ()),
         (CALLED if package.is_called else "{task}: no other module may have a main; " + POINTER).format(task=task),
         "run this command again: it reads back the settings in use" if not survey.symbols else "handeyed check",
     )
     replaced = tuple(name for name in package.files if name in current and name not in unchanged)
     return SetupPlan(package, replaced, unchanged, absent if may_load else (), symbols, by_hand)
+
+
+def reset_step(family: int, lost: Iterable[str] = ()) -> str:
+    """What a person is asked to do, and what it takes. `lost`: modules that it deletes for good."""
+    named = ", ".join(lost)
+    return RESET_RAPID.format(
+        menu=RESET_MENU.get(family, RESET_MENU[7]), lost=f": no configuration loads {named}" if named else ""
+    )
+
+
+ANOTHER = "it is of another set-up: handeyed robot remove, with the backup of that one, then this command again"
 
 
 def configuration_findings(survey: ControllerSurvey, package: Package) -> tuple[Finding, ...]:
@@ -159,29 +180,46 @@ def configuration_findings(survey: ControllerSurvey, package: Package) -> tuple[
                     f"{name} {value}" for name, value in each.attributes.items() if name in ours.attributes
                 )
                 what = f"the controller has another {each.name} in {kind}: {shown}"
-                fix = "name ours differently (--link-task, --prefix), or take that one out: handeyed robot remove"
+                fix = f"name ours differently (--link-task, --prefix), or {ANOTHER}"
                 found.append(Finding("not-ours", True, what, fix))
             elif ours is None and file.casefold().startswith(folder):
                 what = f"{kind} still names {file}, which this program has not"
-                found.append(Finding("left-over", True, what, "handeyed robot remove, with the backup of that set-up"))
+                found.append(Finding("left-over", True, what, ANOTHER))
+    for name, fragment in package.fragments.items():
+        named = _listed(survey, fragment, package)
+        absent = [each.name for each in named if not _is_there(survey, fragment, each)]
+        if absent and len(absent) < len(named):
+            what = f"the controller has {name} in part: {', '.join(absent)} is not there"
+            found.append(Finding("in-part", True, what, ANOTHER))
     return tuple(found)
 
 
-def wants(survey: ControllerSurvey, name: str, fragment: CfgFile, package: Package) -> bool:
+def wants(survey: ControllerSurvey, fragment: CfgFile, package: Package) -> bool:
     """Whether a fragment is still to be loaded: one of its instances, as far as they are listed, is not there.
 
     The serial port is wanted only for a link over a serial line.
     """
+    return any(not _is_there(survey, fragment, each) for each in _listed(survey, fragment, package))
+
+
+def _listed(survey: ControllerSurvey, fragment: CfgFile, package: Package) -> list[CfgInstance]:
+    """Wanted instances that can be recognised in the controller's lists."""
     serial = package.setting("cell_use_serial").upper() == "TRUE"
-    there = {kind.partition("/")[2]: instances for kind, instances in survey.instances.items()}
-    named = [
+    return [
         each
         for each in fragment.instances
         if each.kind != "SYSSIG_OUT"
         and (serial or each.kind != "COM_PHY_CHANNEL")
-        and ("Name" in each.attributes or all(one.attributes for one in there.get(each.kind, ())))
+        and ("Name" in each.attributes or all(one.attributes for one in _instances(survey, fragment, each)))
     ]
-    return any(each.name not in {one.name for one in there.get(each.kind, ())} for each in named)
+
+
+def _is_there(survey: ControllerSurvey, fragment: CfgFile, wanted: CfgInstance) -> bool:
+    return wanted.name in {one.name for one in _instances(survey, fragment, wanted)}
+
+
+def _instances(survey: ControllerSurvey, fragment: CfgFile, wanted: CfgInstance) -> tuple[ConfigurationInstance, ...]:
+    return survey.instances.get(f"{fragment.domain}/{wanted.kind}", ())
 
 
 def _symbols(survey: ControllerSurvey, package: Package, values: Mapping[str, str]) -> dict[str, str]:

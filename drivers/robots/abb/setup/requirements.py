@@ -7,7 +7,7 @@ projects that docs/rapid.md names. Names of grants: as Robot Web Services list t
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from drivers.robots.abb.setup.survey import ControllerSurvey
+from drivers.robots.abb.setup.survey import FIREWALL, MISCELLANEOUS, ControllerSurvey
 
 FULL_ACCESS = "UAS_FULL_ACCESS"
 UAS = {
@@ -62,13 +62,23 @@ WRITE_DATA = Right(
     "Modify current value",
     "settings in use change with the next Reset RAPID",
 )
+WRITE_BACKUP = Right("grant-backup", ("UAS_BACKUP",), "Backup and save", "nothing is changed without a backup", True)
+RESTART = Right(
+    "grant-restart",
+    ("UAS_SYSTEM_ADMINISTRATION",),
+    "Administration of installed systems",
+    "Reset RAPID is done by somebody who has it",
+)
 REMOTE_STOP = Right(
     "grant-remote-stop",
     ("UAS_REMOTE_START_STOP_IN_AUTO",),
     "Remote Start and Stop in Auto",
     "[robot] stop_address is refused when it is needed",
 )
-RIGHTS = (WRITE_FILES, WRITE_CONFIGURATION, WRITE_DATA)
+RIGHTS = (WRITE_FILES, WRITE_BACKUP, WRITE_CONFIGURATION, WRITE_DATA, RESTART)
+FIREWALL_MENU = "RobotStudio: Configuration, Communication, Firewall Manager"
+DOORS = {"RapidSockets": "the link does not answer", "UDPUC": "no position stream leaves the controller"}
+"""Services of the firewall that an installation needs, and what is without them."""
 
 
 def findings(
@@ -82,10 +92,12 @@ def findings(
     found = [
         *_system(survey),
         *_options(survey, serial=serial, egm=egm),
+        *_networks(survey, serial=serial, egm=egm),
         *_units(survey, task, unit),
         *_rights(survey),
         *_state(survey),
-        *_frames(survey, load_is_default=load_is_default),
+        *_frames(survey),
+        *_load(survey, load_is_default=load_is_default),
     ]
     return tuple(sorted(found, key=lambda finding: not finding.missing))
 
@@ -119,6 +131,24 @@ def _options(survey: ControllerSurvey, *, serial: bool, egm: bool) -> Iterable[F
         yield Finding("egm", True, f"option {guided} is missing: no [robot.egm]", OPTIONS_MENU)
 
 
+def _networks(survey: ControllerSurvey, *, serial: bool, egm: bool) -> Iterable[Finding]:
+    networks, at = survey.networks, survey.networks.reached
+    if networks.listed and not (serial or survey.virtual):
+        listed = ", ".join(map(str, networks.listed))
+        where = f"{at}: set-up lets the link listen there" if at else f"none of its own addresses: {listed}"
+        fix = "another one of its addresses: --set cell_address=..."
+        yield Finding("address", False, f"the controller was reached at {where}", fix)
+    kinds = ["Public", "Private", "I/O"] if at is None else [at.kind]
+    for door in survey.instances.get(FIREWALL, ()):
+        switches = {kind: f"EnableOn{kind.replace('/', '')}Net" for kind in kinds}
+        closed = all(door.attributes.get(name, "").lower() == "false" for name in switches.values())
+        if closed and door.name in DOORS and not (serial if door.name == "RapidSockets" else not egm):
+            where = " or ".join(kinds)
+            what = f"the firewall lets {door.name} through on no {where} network: {DOORS[door.name]}"
+            fix = f"{FIREWALL_MENU}: {door.name}, {' or '.join(switches.values())} Yes; restart"
+            yield Finding("firewall", False, what, fix)
+
+
 def _wanted(survey: ControllerSurvey) -> str:
     return "616-1 PC Interface and 623-1 Multitasking" if survey.family == 6 else "3114-1 Multitasking"
 
@@ -135,7 +165,7 @@ def _units(survey: ControllerSurvey, task: str, unit: str) -> Iterable[Finding]:
     if survey.units and unit not in survey.units:
         what = f"no mechanical unit is named {unit}: there are {', '.join(survey.units)}"
         yield Finding("unit", True, what, "name it in the address: rws://HOST?mechunit=NAME")
-    own = [name for name in survey.modules if not name.upper().startswith(("CELL_", "BASE", "USER"))]
+    own = [name for name in survey.modules.get(task, ()) if not name.upper().startswith(("CELL_", "BASE", "USER"))]
     if own:
         what = f"{task} holds {', '.join(own)}"
         yield Finding("other-modules", False, what, "only one module of a task may have a main; backup comes first")
@@ -162,13 +192,21 @@ def _state(survey: ControllerSurvey) -> Iterable[Finding]:
         yield Finding("mastership", False, "RobotWare 8 has no mastership", "load in RobotStudio")
 
 
-def _frames(survey: ControllerSurvey, *, load_is_default: bool) -> Iterable[Finding]:
+def _load(survey: ControllerSurvey, *, load_is_default: bool) -> Iterable[Finding]:
+    for each in survey.instances.get(MISCELLANEOUS, ()):
+        if each.name == "ModalPayLoadMode" and each.attributes.get("Value") == "0":
+            what = "ModalPayLoadMode is 0: the program's GripLoad stops with an error"
+            fix = "RobotStudio: Configuration, Controller, General RAPID: ModalPayLoadMode 1, when no program needs 0"
+            yield Finding("payload-mode", True, what, fix)
+    if load_is_default:
+        what = "the load of cell_flange is the 1 gram of tool0: arming is refused with NO_LOAD"
+        fix = "pendant: Program Editor, Debug, Call Routine, LoadIdentify; then --set cell_flange=... before it moves"
+        yield Finding("tool-load", False, what, fix)
+
+
+def _frames(survey: ControllerSurvey) -> Iterable[Finding]:
     if not survey.base_at_world and survey.base_frame is not None:
         shown = ", ".join(f"{value:.6g}" for value in survey.base_frame)
         what = f"the base frame is not the world frame: [{shown}]"
         fix = "the link gives poses in world: name it in [robot] base_frame (mm, quaternion w x y z)"
         yield Finding("base-frame", False, what, fix)
-    if load_is_default:
-        what = "the load of cell_flange is the 1 gram of tool0: arming is refused with NO_LOAD"
-        fix = "pendant: Program Editor, Debug, Call Routine, LoadIdentify; then --set cell_flange=... before it moves"
-        yield Finding("tool-load", False, what, fix)

@@ -1,5 +1,7 @@
 """What a controller is and has, read over Robot Web Services before anything is changed."""
 
+import asyncio
+import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
@@ -7,6 +9,28 @@ from drivers.robots.abb.rws.administration import ConfigurationInstance, RwsAdmi
 from protocols.cfg_file import CfgFile
 
 IDENTITY = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
+FIREWALL, MISCELLANEOUS = "SIO/FIREWALL_MANAGEMENT", "SYS/SYS_MISC"
+"""Types of the configuration that are read whatever is installed."""
+
+
+@dataclass(frozen=True)
+class Network:
+    """A network of the controller. `kind`: "Public", "Private", "I/O", ... as the firewall has them."""
+
+    connector: str
+    kind: str
+    address: str
+
+    def __str__(self) -> str:
+        return f"{self.address} ({self.connector}, {self.kind})"
+
+
+@dataclass(frozen=True)
+class Networks:
+    """Those that the controller lists, and the one where it was reached, None when it is none of them."""
+
+    listed: tuple[Network, ...]
+    reached: Network | None
 
 
 @dataclass(frozen=True)
@@ -14,8 +38,8 @@ class ControllerSurvey:
     """State before an installation. None: the controller does not say.
 
     `mastership`: "nomaster", "remote" or "local". `instances`: of the configuration by "DOMAIN/TYPE".
-    `files`: content of those files to be written that exist already. `symbols`: values of the settings in use, by
-    task/module/name; {} while the modules are not loaded.
+    `modules`: by task. `files`: content of those files to be written that exist already. `symbols`: values of the
+    settings in use, by task/module/name; {} while the modules are not loaded.
     """
 
     name: str
@@ -30,9 +54,10 @@ class ControllerSurvey:
     tasks: Mapping[str, bool]
     units: tuple[str, ...]
     base_frame: tuple[float, ...] | None
+    networks: Networks
     mastership: str | None
     instances: Mapping[str, tuple[ConfigurationInstance, ...]]
-    modules: tuple[str, ...]
+    modules: Mapping[str, tuple[str, ...]]
     files: Mapping[str, bytes]
     symbols: Mapping[str, str]
 
@@ -46,6 +71,16 @@ class ControllerSurvey:
     def motion_tasks(self) -> tuple[str, ...]:
         """Tasks that move an arm."""
         return tuple(name for name, moves in self.tasks.items() if moves)
+
+    @property
+    def lost_by_reset(self) -> tuple[str, ...]:
+        """Loaded modules, as task/module, that no entry of the configuration loads: Reset RAPID deletes them."""
+        entries = self.instances.get("SYS/CAB_TASK_MODULES", ())
+        stays = {each.attributes.get("ModName", "").casefold() for each in entries} | {"base", "user"}
+        stays |= {re.split(r"[:/.]", each.attributes.get("File", "").casefold())[-2:][0] for each in entries}
+        return tuple(
+            f"{task}/{name}" for task, names in self.modules.items() for name in names if name.casefold() not in stays
+        )
 
     def summary(self) -> tuple[str, ...]:
         """Lines for a person."""
@@ -63,6 +98,17 @@ class ControllerSurvey:
         return all(abs(abs(value) - wanted) <= slack for value, wanted, slack in pairs)
 
 
+async def read_networks(controller: RwsAdministration) -> Networks:
+    """Read at which of its networks the controller was reached. Raises DeviceError."""
+    listed = tuple(
+        Network(*(str(each.get(key, "")) for key in ("_title", "network", "addr")))
+        for each in await controller.read("/ctrl/network") or ()
+    )
+    found = await asyncio.get_running_loop().getaddrinfo(controller.address.host, None)
+    own = {str(address[0]) for *_, address in found}
+    return Networks(listed, next((each for each in listed if each.address in own), None))
+
+
 async def read_survey(
     controller: RwsAdministration, fragments: Iterable[CfgFile], files: Iterable[str], symbols: Iterable[str], task: str
 ) -> ControllerSurvey:
@@ -77,8 +123,10 @@ async def read_survey(
     tasks = {
         str(each.get("name") or each.get("_title", "")): str(each.get("motiontask", "")).upper() == "TRUE"
         for each in await controller.read("/rw/rapid/tasks") or ()
+        if "taskstate" in each  # RobotWare 7 lists spy and pointers beside the tasks
     }
     kinds = {f"{fragment.domain}/{each.kind}" for fragment in fragments for each in fragment.instances}
+    kinds |= {MISCELLANEOUS, FIREWALL} if controller.version == 2 else {MISCELLANEOUS}
     found = {path: await controller.read_file(path) for path in files}
     in_use = {name: await controller.read_symbol(f"{task}/{name}") for name in symbols}
     return ControllerSurvey(
@@ -93,10 +141,11 @@ async def read_survey(
         grants=await controller.read_grants(),
         tasks=tasks,
         units=units,
+        networks=await read_networks(controller),
         base_frame=await controller.read_base_frame(controller.address.mechunit),
         mastership=str(mastership["mastership"]) if "mastership" in mastership else None,
         instances={kind: await controller.read_instances(*kind.split("/")) for kind in sorted(kinds)},
-        modules=await controller.read_modules(task),
+        modules={each: await controller.read_modules(each) for each in tasks},
         files={path: content for path, content in found.items() if content is not None},
         symbols={f"{task}/{name}": value for name, value in in_use.items() if value is not None},
     )
