@@ -150,6 +150,7 @@ async def _setup(where: "RwsAddress", modules: Path, wish: _Wish) -> None:
         earlier = _read_record(folder) if (folder / RECORD).exists() else SetupRecord()
         record = (await back_up(controller, survey, plan, name)).after(earlier)
         _write_record(folder, record)
+        typer.echo(f"backup in {folder}: cut off, go on with --backup {folder}", err=True)
         outcomes = await install(controller, plan)
     done: dict[str, Any] = {"done": [vars(each) for each in outcomes], "backup": str(folder)}
     done["controller_backup"] = name if plan.needs_backup else None

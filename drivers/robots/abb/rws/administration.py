@@ -165,7 +165,7 @@ class RwsAdministration:
         call, query = dialect.backup
         answer = await self._client.post(call, query, {"backup": f"/fileservice/{dialect.backups}/{name}"})
         progress = urlsplit(answer.headers.get("location", "")).path
-        for _ in range(BACKUP_LIMIT_S // BACKUP_POLL_S):
+        for _ in range(int(BACKUP_LIMIT_S / BACKUP_POLL_S)):
             values = await self.read_first(progress) if progress else {}
             if values.get("state") == "ready":
                 return

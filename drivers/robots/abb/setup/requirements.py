@@ -185,7 +185,7 @@ def _state(survey: ControllerSurvey) -> Iterable[Finding]:
         what = f"the controller is in manual mode ({survey.mode}): configuration and data are written in AUTO only"
         yield Finding("manual-mode", False, what, "switch to AUTO, or do those steps at the pendant")
     if survey.mastership in ("remote", "local"):
-        where = "the pendant" if survey.mastership == "local" else "another client"
+        where = "the pendant" if survey.mastership == "local" else "another client, or a set-up cut off 5 minutes ago,"
         fix = "RobotStudio: Controller, Release Write Access; at the pendant log off; or do the steps listed by hand"
         yield Finding("mastership", False, f"{where} holds the write access", fix)
     if survey.mastership is None and survey.family >= 8:
