@@ -65,7 +65,7 @@ async def _run(
     from daemon.tools.acceptance_report import acceptance_document
     from drivers.registry import cb_transport
     from drivers.robots.abb.acceptance.bench import Bench
-    from drivers.robots.abb.acceptance.program import run_rows
+    from drivers.robots.abb.acceptance.program import head, run_rows
     from drivers.robots.abb.rws.address import RwsAddress
 
     person: Person = Operator(operator) if operator else Terminal()
@@ -76,8 +76,9 @@ async def _run(
     def note(result: "RowResult") -> None:
         typer.echo(result.line(), err=quiet)
 
+    controller = await head(bench)
     results = await run_rows(bench, rows, note)
-    controller, log = await _controller(bench)
+    log = await _event_log(bench)
     return acceptance_document(
         address=address,
         services=None if where is None else where.address,
@@ -89,21 +90,17 @@ async def _run(
     )
 
 
-async def _controller(bench: "Bench") -> tuple[dict[str, Any], list[dict[str, Any]]]:
-    """What the controller says of itself, and its event log; empty without Robot Web Services."""
+async def _event_log(bench: "Bench") -> list[dict[str, Any]]:
+    """The newest entries; [] when they cannot be read."""
     from drivers.errors import DeviceError
 
     if bench.services is None:
-        return {}, []
+        return []
     try:
-        async with bench.administration() as controller:
-            system = await controller.read_first("/rw/system")
         async with bench.robot_services() as robot:
-            entries = await robot.read_event_log()
-    except DeviceError as error:
-        return {"not read": str(error)}, []
-    shown = {name: system[name] for name in ("name", "rwversion") if name in system}
-    return shown, [vars(entry) for entry in entries]
+            return [vars(entry) for entry in await robot.read_event_log()]
+    except DeviceError:
+        return []
 
 
 def _limits(given: list[str]) -> Any:

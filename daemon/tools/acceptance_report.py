@@ -107,12 +107,15 @@ def acceptance_page(document: Mapping[str, Any]) -> str:
     head = f"Acceptance of {document['address']}"
     rows = "".join(_row(row) for row in document["rows"])
     log = "\n".join(f"{e['at']}  {e['code']}  {e['title']}" for e in document["event_log"]) or "not read"
-    controller = ", ".join(f"{name} {value}" for name, value in document["controller"].items())
+    controller = "".join(
+        f"<tr><td>{escape(name)}</td><td>{escape(value)}</td></tr>" for name, value in document["controller"].items()
+    )
     return (
         f'<!doctype html><html lang="en"><head><meta charset="utf-8"><title>{escape(head)}</title>'
         f"<style>{_STYLE}</style></head><body><h1>{escape(head)}</h1>"
         f"<p><b>{'accepted' if document['accepted'] else 'not accepted'}</b>: {escape(counts)}. "
-        f"{escape(document['began_at'])}, handeyed {escape(document['handeyed'])}. {escape(controller)}</p>"
+        f"{escape(document['began_at'])}, handeyed {escape(document['handeyed'])}.</p>"
+        f"<table><tbody>{controller}</tbody></table>"
         "<table><thead><tr><th>row</th><th>verdict</th><th>assumption</th><th>seen</th><th>s</th></tr></thead>"
         f"<tbody>{rows}</tbody></table><h2>Event log of the controller</h2><pre>{escape(log)}</pre></body></html>\n"
     )

@@ -3,8 +3,9 @@
 import asyncio
 import json
 import socket
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
+from hashlib import sha256
 from pathlib import Path
 
 import numpy as np
@@ -14,12 +15,20 @@ from calibration.transforms import Array, rotation_from_vector, transform
 from daemon.cli.robot_acceptance import Operator
 from daemon.tools.acceptance_report import RobotAcceptanceDocument, acceptance_document, acceptance_page
 from drivers.registry import cb_transport
-from drivers.robots.abb.acceptance.bench import AcceptanceLimits, Bench
-from drivers.robots.abb.acceptance.person import Answer, Step
-from drivers.robots.abb.acceptance.program import ROWS, RowResult, run_rows
+from drivers.robots.abb.acceptance.bench import AcceptanceLimits, Bench, RowSkipped
+from drivers.robots.abb.acceptance.person import TO_MANUAL, Answer, Person, Step
+from drivers.robots.abb.acceptance.program import ROWS, RowResult, head, run_rows
 from drivers.robots.abb.acceptance.rows_motion import WRAP_MS, fastest_mm_s
 from drivers.robots.abb.rws.address import RwsAddress
 from mock_robot.faults.robot_faults import FAULTS
+from mock_robot.links import cb_program, servers
+from mock_robot.links.cb_program import Controller
+from mock_robot.rws import equipment
+from protocols.cb import messages as cb
+from protocols.cb.codes import Command, Status
+from protocols.cb.frames import Frame
+from protocols.cb.layouts import pack
+from protocols.cfg_file import CfgInstance
 from tests.daemon.cli.running import handeyed
 from tests.mock_robot.rws_cell import RwsCell, rws_cell_apart
 from tests.support.waiting import LIMIT_S
@@ -32,21 +41,28 @@ PATIENT = replace(QUICK, repeats=10, reply_s=LIMIT_S, service_s=LIMIT_S, stop_s=
 PATIENT_OPTIONS = [f"{name}={value}" for name, value in vars(PATIENT).items() if value is not None]
 
 
+def ignore(text: str) -> None:
+    """Take no note."""
+
+
 class Willing:
     """Answers every step without doing anything."""
 
     def __init__(self, answer: Answer = Answer.DONE) -> None:
-        self.answer, self.steps = answer, list[str]()
+        self.answer, self.steps, self.note = answer, list[str](), ignore
 
     async def do(self, step: Step) -> Answer:
         self.steps.append(step.code)
+        self.note(step.text)
         return self.answer
 
 
-def try_row(cell: RwsCell, row: str, limits: AcceptanceLimits = QUICK, address: str = "") -> RowResult:
+def try_row(
+    cell: RwsCell, row: str, limits: AcceptanceLimits = QUICK, address: str = "", person: Person | None = None
+) -> RowResult:
     """Run one row with a person at the mock's switches."""
     link = address or f"tcp://{cell.robot[0]}:{cell.robot[1]}"
-    bench = Bench(cb_transport(link), RwsAddress.parse(cell.rws(1)), Operator(cell.control), limits)
+    bench = Bench(cb_transport(link), RwsAddress.parse(cell.rws(1)), person or Operator(cell.control), limits)
     rows = [each for each in ROWS if each.code == row]
     return asyncio.run(run_rows(bench, rows, lambda result: None))[0]
 
@@ -112,7 +128,7 @@ OTHERS = {
     "robot-quaternion-not-unit": "pose",
     "robot-metres": "frames",
     "robot-quaternion-xyzw": "frames",
-    "robot-wrong-configuration": "frames",
+    "robot-wrong-configuration": "posture",
     "robot-clock-jump": "clock",
     "rws-401": "services",
     "rws-406": "services",
@@ -128,6 +144,45 @@ LATE = {"link-restart", "robot-clock-jump"}
 """Faults that begin with the first move of their row."""
 AT_2_0 = {"rws-410"}
 ELSEWHERE = AT_2_0 | {name for name in FAULTS if name.startswith(("serial-", "egm-"))}
+
+
+def ends_at_borders(controller: Controller, seq: int, request: cb.Move, now_s: float) -> cb.Reply:
+    """A program that takes a goal in its own quarter turn only, and has no word for another one."""
+    there = controller.arm.arm.configuration(controller.arm.joints_at(controller.robot_s(now_s)))
+    same = abs(request.configuration[2] - there[2]) != 1
+    return Controller._move_request(controller, seq, request, now_s) if same else cb.Refused(Status.BAD_FIELD)
+
+
+def writes_each_time(controller: Controller, seq: int, request: cb.Ping, now_s: float) -> cb.Reply:
+    controller.record(now_s, 80003, "a client is there")
+    return cb.Pong()
+
+
+def forgets_to_stop(controller: Controller, seq: int, request: cb.Stop, now_s: float) -> cb.Reply:
+    return cb.Stopped()
+
+
+async def greets(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+    """Serve a second client, too."""
+    seq = int.from_bytes((await reader.read(servers.CHUNK))[4:6], "little")
+    welcome = pack(cb.Welcome(1, cb_program.CAPABILITIES, 1, 1, 1024, 6))
+    writer.write(Frame(Command.HELLO | 0x80, seq, welcome).encode())
+    await writer.drain()
+
+
+FLAWS: dict[str, Callable[[pytest.MonkeyPatch], None]] = {
+    "equipment": lambda patch: patch.setattr(equipment, "OPTIONS", {1: ("616-1 PC Interface",)}),
+    "refusals": lambda patch: patch.setattr(cb_program, "MAX_SPEED_MM_S", 1e9),
+    "stop": lambda patch: patch.setitem(cb_program._HANDLERS, cb.Stop, forgets_to_stop),
+    "borders": lambda patch: patch.setitem(cb_program._HANDLERS, cb.Move, ends_at_borders),
+    "silence": lambda patch: patch.setattr(cb_program, "HEARTBEAT_S", 1e9),
+    "killed": lambda patch: patch.setattr(Controller, "disconnect", lambda controller, now_s: None),
+    "second-client": lambda patch: patch.setattr(servers, "_turn_away", greets),
+    "event-log": lambda patch: patch.setitem(cb_program._HANDLERS, cb.Ping, writes_each_time),
+}
+"""Flaws of a program, each of which one row is there to find."""
+IDLE_PERSON = ("plug", "estop", "key", "enabling-device", "program-stop", "power-cut", "power-cut-main", "restart")
+"""Rows that fail when nothing happens at the controller."""
 
 
 @pytest.fixture(scope="module")
@@ -151,6 +206,77 @@ def test_a_fault_fails_its_row(cell: RwsCell, fault: str, row: str) -> None:
         cell.does(lambda: cell.controller.recover(cell.cell.clock()))
     assert result.verdict == "failed", result
     assert result.what
+
+
+def test_every_row_has_something_that_fails_it() -> None:
+    elsewhere = {"egm", "camera-speed", "reads"}
+    assert {*LINK.values(), *OTHERS.values(), *FLAWS, *IDLE_PERSON, *elsewhere} == {row.code for row in ROWS}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("row", sorted(FLAWS))
+def test_a_flaw_of_the_program_fails_its_row_alone(row: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    limits = replace(QUICK, idle_s=1.5, slow_mm_s=2.0 if row in ("silence", "killed") else QUICK.slow_mm_s)
+    with rws_cell_apart() as cell:
+        FLAWS[row](monkeypatch)
+        others = [try_row(cell, other) for other in ("timings", "pose", "round-trip")]
+        result = try_row(cell, row, limits)
+    assert [other.verdict for other in others] == ["passed"] * 3, others
+    assert result.verdict == "failed", result
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("row", IDLE_PERSON)
+def test_a_switch_that_does_nothing_fails_its_row(row: str) -> None:
+    with rws_cell_apart() as cell:
+        result = try_row(cell, row, replace(QUICK, reconnect_s=1.0), person=Willing())
+    assert result.verdict == "failed", result
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("reads", "verdict"), [(1000, "passed"), (40, "failed")])
+def test_few_repeats_among_many_reads_are_reported_and_accepted(reads: int, verdict: str) -> None:
+    with rws_cell_apart() as cell:
+        cell.does(lambda: cell.cell.inject_fault("link-reply-lost", strikes=2, only=Command.GET_POSE))
+        result = try_row(cell, "reads", replace(QUICK, reads=reads, repeats_share=0.01))
+    assert result.verdict == verdict, result
+    assert verdict == "failed" or float(result.measured["repeats"]) >= 2.0
+
+
+def test_the_mains_are_cut_last_and_by_consent(cell: RwsCell) -> None:
+    assert [row.code for row in ROWS[-2:]] == ["power-cut", "power-cut-main"]
+    before = cell.controller.session
+    assert try_row(cell, "power-cut", person=Willing(Answer.NO)).verdict == "skipped"
+    assert cell.controller.session == before
+
+
+def test_a_cabinet_without_a_key_is_spoken_of_as_one(cell: RwsCell) -> None:
+    options = ("616-1 PC Interface", "623-1 Multitasking", "3044-2 Keyless Mode Switch, 2 modes")
+    for have, words in ((options[:2], "turn the key to manual"), (options, "choose manual")):
+        person, shown = Willing(Answer.SKIP), list[str]()
+        bench = Bench(cb_transport("tcp://127.0.0.1:1"), RwsAddress.parse(cell.rws(1)), person, QUICK)
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(equipment, "OPTIONS", {1: have})
+            asyncio.run(head(bench))
+        person.note = shown.append
+        with pytest.raises(RowSkipped):
+            asyncio.run(bench.ask_person(TO_MANUAL))
+        assert words in shown[0]
+
+
+def test_the_head_names_controller_modules_and_how_to_see_the_background_task(cell: RwsCell) -> None:
+    entry = {"File": "HOME:/handeyed/CELL_comm.mod", "ModName": "CELL_comm", "Task": "T_HANDEYED"}
+    have = cell.world.equipment.configuration
+    have["SYS"]["CAB_TASK_MODULES"] = {entry["File"]: CfgInstance("CAB_TASK_MODULES", entry, 1)}
+    cell.world.volumes.files["HOME/handeyed/CELL_comm.mod"] = b"MODULE CELL_comm"
+    try:
+        bench = Bench(cb_transport("tcp://127.0.0.1:1"), RwsAddress.parse(cell.rws(2)), Willing(), QUICK)
+        shown = asyncio.run(head(bench))
+    finally:
+        del have["SYS"]["CAB_TASK_MODULES"], cell.world.volumes.files["HOME/handeyed/CELL_comm.mod"]
+    assert shown["rwversion"].startswith("7.")
+    assert shown["CELL_comm"] == f"SHA-256 {sha256(b'MODULE CELL_comm').hexdigest()[:16]}"
+    assert "Task: T_HANDEYED, Type NORMAL" in shown["background task"]
 
 
 @pytest.mark.parametrize("fault", sorted(name for name in FAULTS if name.startswith("serial-")))
@@ -195,11 +321,10 @@ def test_egm_that_is_not_as_it_should_be_fails_its_row() -> None:
 
 
 @pytest.mark.parametrize(("answer", "verdict"), [(Answer.SKIP, "skipped"), (Answer.NO, "failed")])
-def test_what_the_person_answers_decides(cell: RwsCell, answer: Answer, verdict: str) -> None:
+def test_what_the_person_answers_decides(answer: Answer, verdict: str) -> None:
     person = Willing(answer)
-    bench = Bench(cb_transport(f"tcp://{cell.robot[0]}:{cell.robot[1]}"), RwsAddress.parse(cell.rws(1)), person, QUICK)
-    rows = [each for each in ROWS if each.code == "frames"]
-    assert asyncio.run(run_rows(bench, rows, lambda result: None))[0].verdict == verdict
+    with rws_cell_apart() as cell:
+        assert try_row(cell, "frames", person=person).verdict == verdict
     assert person.steps == ["pendant"]
 
 

@@ -12,7 +12,7 @@ from calibration.transforms import Array, difference, transform
 from drivers.errors import DeviceError, MoveFailed
 from drivers.interfaces import MoveGoal, PoseReading
 from drivers.robots.abb import cb_wire
-from drivers.robots.abb.acceptance.person import ROOM, Answer, Person, Step
+from drivers.robots.abb.acceptance.person import KEY, ROOM, Answer, Person, Step
 from drivers.robots.abb.acceptance.wire import Exchange, Wire
 from drivers.robots.abb.cb_move_monitor import MoveMonitor
 from drivers.robots.abb.rws.address import RwsAddress
@@ -44,12 +44,14 @@ STILL_MM, STILL_RAD = 0.05, 1e-4
 class AcceptanceLimits:
     """Durations, sizes of the moves, and what is accepted. The defaults take about an hour with a person.
 
-    `repeats`: requests of a row that may be sent again as the answer was late, for a PC that does other work meanwhile.
+    `repeats`: requests of a row that may be sent again as the answer was late, for a PC that does other work meanwhile;
+    `repeats_share`: of `reads`.
     """
 
     reads: int = 10_000
     samples: int = 200
     repeats: int = 0
+    repeats_share: float = 0.001
     idle_s: float = 600.0
     stand_s: float = 5.0
     travel_mm: float = 120.0
@@ -85,6 +87,7 @@ class Bench:
     limits: AcceptanceLimits = field(default_factory=AcceptanceLimits)
     timing: Timing = field(default_factory=Timing)
     home: PoseReading | None = None
+    choose: str = KEY
     _wire: Wire | None = field(default=None, init=False)
 
     @asynccontextmanager
@@ -123,16 +126,16 @@ class Bench:
 
     async def ask_person(self, step: Step, **shown: object) -> None:
         """Have something done. Raises RowSkipped when the person skips it, RowFailed when the answer is no."""
-        beats = asyncio.create_task(self._beat())
+        beats, text = asyncio.create_task(self._beat()), step.text.format(choose=self.choose, **shown)
         try:
-            answer = await self.person.do(replace(step, text=step.text.format(**shown)))
+            answer = await self.person.do(replace(step, text=text))
         finally:
             beats.cancel()
             await asyncio.gather(beats, return_exceptions=True)
-        if answer is Answer.SKIP:
+        if answer is Answer.SKIP or (step.consent and answer is Answer.NO):
             raise RowSkipped("skipped by the person")
         if answer is Answer.NO:
-            raise RowFailed(f"the person answers no: {step.text.format(**shown)}")
+            raise RowFailed(f"the person answers no: {text}")
 
     async def _beat(self) -> None:
         with suppress(DeviceError):

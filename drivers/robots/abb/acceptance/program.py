@@ -1,13 +1,16 @@
 """The rows in order, and the run: one result a row, whatever happens in it."""
 
+import re
 from collections.abc import Awaitable, Callable, Iterable
 from dataclasses import dataclass
+from hashlib import sha256
 from typing import Literal
 
 from calibration.errors import CalibrationError
 from drivers.errors import DeviceError
 from drivers.robots.abb.acceptance import rows_link, rows_motion
 from drivers.robots.abb.acceptance.bench import Bench, RowFailed, RowSkipped
+from drivers.robots.abb.acceptance.person import KEYLESS
 from drivers.robots.abb.acceptance.rows_link import Measured
 
 Verdict = Literal["passed", "failed", "skipped"]
@@ -70,14 +73,47 @@ ROWS: tuple[Row, ...] = (
     Row("key", rows_motion.turn_key, person=True),
     Row("enabling-device", rows_motion.release_enabling_device, person=True),
     Row("program-stop", rows_motion.stop_program, person=True),
-    Row("power-cut", rows_motion.cut_power, person=True),
-    Row("power-cut-main", rows_motion.cut_power_to_main, person=True),
     Row("restart", rows_motion.restart, person=True),
     Row("events", rows_link.see_events, person=True),
     Row("event-log", rows_link.watch_log),
     Row("reads", rows_link.read_often),
+    Row("power-cut", rows_motion.cut_power, person=True),
+    Row("power-cut-main", rows_motion.cut_power_to_main, person=True),
 )
-"""In the order of an hour at the controller. Those with `person` move the arm, or ask for something."""
+"""In the order of an hour at the controller, mains cuts last. With `person` a row moves the arm, or asks."""
+
+
+BACKGROUND = (
+    "{task} is semi-static: the pendant does not list it. To see, stop or debug it, RobotStudio: Configuration, "
+    "Controller, Task: {task}, Type NORMAL, restart; afterwards SEMISTATIC again"
+)
+_MODULE_FILE = re.compile(r"HOME:/(.+/\w+_(?:shared|comm|motion|main|egm)\.\w+)", re.IGNORECASE)
+
+
+async def head(bench: Bench) -> dict[str, str]:
+    """The controller, RobotWare, hashes of the program's files, its background task; {} without services.
+
+    A cabinet without a key is spoken of as one.
+    """
+    if bench.services is None:
+        return {}
+    shown = {}
+    try:
+        async with bench.administration() as controller:
+            system = await controller.read_first("/rw/system")
+            shown = {name: str(system[name]) for name in ("name", "rwversion") if name in system}
+            if any("keyless" in option.lower() for option in await controller.read_options() or ()):
+                bench.choose = KEYLESS
+            for each in await controller.read_instances("SYS", "CAB_TASK_MODULES"):
+                found = _MODULE_FILE.fullmatch(each.attributes.get("File", ""))
+                content = await controller.read_file(found[1]) if found else None
+                if content is not None:
+                    shown[each.name] = f"SHA-256 {sha256(content).hexdigest()[:16]}"
+                    if each.name.lower().endswith("_comm"):
+                        shown["background task"] = BACKGROUND.format(task=each.attributes.get("Task", ""))
+    except DeviceError as error:
+        shown["not read"] = str(error)
+    return shown
 
 
 async def run_rows(bench: Bench, rows: Iterable[Row], note: Callable[[RowResult], None]) -> list[RowResult]:

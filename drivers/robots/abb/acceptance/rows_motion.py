@@ -10,6 +10,7 @@ from drivers.interfaces import MoveGoal, PoseReading
 from drivers.robots.abb import cb_wire
 from drivers.robots.abb.acceptance.bench import BEAT_S, Bench, RowFailed, RowSkipped, goal_of
 from drivers.robots.abb.acceptance.person import (
+    CUT_CONSENT,
     DISABLE,
     ENABLE,
     ESTOP,
@@ -325,11 +326,13 @@ async def stop_program(bench: Bench) -> Measured:
 
 async def cut_power(bench: Bench) -> Measured:
     """A power cut in a slow move; started without PP to main, nothing old moves."""
+    await bench.ask_person(CUT_CONSENT)
     return await _interrupt(bench, POWER_CUT, (), POWER_ON, reconnects=True)
 
 
 async def cut_power_to_main(bench: Bench) -> Measured:
     """A power cut in a slow move; after PP to main nothing old moves."""
+    await bench.ask_person(CUT_CONSENT)
     return await _interrupt(bench, POWER_CUT, (), POWER_ON_MAIN, reconnects=True)
 
 
