@@ -169,11 +169,7 @@ async def _remove(where: "RwsAddress", record: "SetupRecord") -> "tuple[list[Out
 
 
 def _show(
-    document: dict[str, Any],
-    survey: "ControllerSurvey",
-    found: "Iterable[Finding]",
-    plan: "SetupPlan",
-    wish: _Wish,
+    document: dict[str, Any], survey: "ControllerSurvey", found: "Iterable[Finding]", plan: "SetupPlan", wish: _Wish
 ) -> None:
     missing = any(finding.missing for finding in found)
     if wish.json and (wish.dry_run or missing or not plan.changes_anything):

@@ -131,12 +131,7 @@ class SimulatedArm:
         return self._motion.end_s
 
     def depart(
-        self,
-        joints: Array,
-        speed_mm_s: float,
-        linear: bool,
-        now_s: float,
-        turn_rad_s: float = REORIENTATION_RAD_S,
+        self, joints: Array, speed_mm_s: float, linear: bool, now_s: float, turn_rad_s: float = REORIENTATION_RAD_S
     ) -> float:
         """Start a move from the current position; returns the fraction of its path that can be followed (1: all)."""
         here = self.joints_at(now_s)

@@ -165,6 +165,18 @@ class Cabinet(ABC):
         """A PERS of the program, by names in lower case; None for a program that has no RAPID."""
         return None
 
+    def program(self) -> dict[str, tuple[bool, dict[str, str]]]:
+        """Tasks of a program in RAPID: whether each moves the arm, and the kinds of its modules by name."""
+        return {}
+
+    def signals_now(self) -> dict[str, tuple[str, str, bool, float]]:
+        """A program's signals by name: kind, device, whether a remote client may write it, value."""
+        return {}
+
+    def set_signal(self, name: str, value: float) -> bool:
+        """Set a program's signal; returns whether there is one of that name."""
+        return False
+
     # --- switches, operated by people, tests and faults ---
 
     def switch_motors(self, on: bool, now_s: float) -> None:

@@ -137,10 +137,7 @@ class DeviceApp:
         self._app = Starlette(routes=[Route(path, each.answer) for path, each in stations.items()])
 
     async def __call__(
-        self,
-        scope: Message,
-        receive: Callable[[], Awaitable[Message]],
-        send: Callable[[Message], Awaitable[None]],
+        self, scope: Message, receive: Callable[[], Awaitable[Message]], send: Callable[[Message], Awaitable[None]]
     ) -> None:
         """Handle one request."""
         await self._app(scope, receive, send)

@@ -20,7 +20,7 @@ from mock_robot.rapid.home import HomeFragments
 from mock_robot.rapid.interrupts import Interrupts
 from mock_robot.rapid.program import PersistentMemory, Program
 from mock_robot.rapid.services import MAX_CLOCK_S, OpenDevices, Services
-from mock_robot.rapid.signals import Signal
+from mock_robot.rapid.signals import DIGITAL, Signal
 from mock_robot.rapid.symbols import LiveSymbol
 from mock_robot.rapid.tasks import ERROR, ErrorEvent, ProgramTask
 from mock_robot.rapid.unit import MotionUnit
@@ -279,6 +279,30 @@ class RapidController(Cabinet):
             places = (*((f"{own}{files[module]}/{name}",) if module else ()), own + name, name)
             return next((found for place in places if (found := self.memory.symbol(place)) is not None), None)
         return None
+
+    def program(self) -> dict[str, tuple[bool, dict[str, str]]]:
+        """See Cabinet."""
+        return {
+            each.plan.name: (
+                each.plan.motion,
+                {
+                    source.name.rpartition(".")[0]: "SysMod" if source.name.lower().endswith(".sys") else "ProgMod"
+                    for source in each.plan.sources
+                },
+            )
+            for each in self._loaded
+        }
+
+    def signals_now(self) -> dict[str, tuple[str, str, bool, float]]:
+        """See Cabinet."""
+        return {each.name: (each.kind, each.place, each.written, float(each.read())) for each in self.signals.values()}
+
+    def set_signal(self, name: str, value: float) -> bool:
+        """See Cabinet."""
+        signal = self.signals.get(name)
+        if signal is not None:
+            signal.value = bool(value) if signal.kind in DIGITAL else value
+        return signal is not None
 
     def _executes(self, task_name: str) -> bool:
         return any(loaded.task.running for loaded in self._loaded if loaded.task.name == task_name)

@@ -101,7 +101,9 @@ class HomeFragments(Fragments):
     def signals(self) -> dict[str, Signal]:
         """Signals by name; system outputs are left low."""
         return {
-            each["Name"]: Signal(each["Name"], each["SignalType"])
+            each["Name"]: Signal(
+                each["Name"], each["SignalType"], written=each.get("Access") == "All", device=each.get("Device", "")
+            )
             for each in self.read("EIO").get("EIO_SIGNAL", [])
             if each.get("SignalType") in SIGNAL_TYPES and "Name" in each
         }
@@ -135,11 +137,7 @@ def _task_folder(path: Path) -> Path:
     return next((each for each in path.parents if _BACKUP_TASK.fullmatch(each.name)), path.parent)
 
 
-def load_module(
-    path: Path,
-    beside: Iterable[Path] = (),
-    signals: Mapping[str, Signal] = MappingProxyType({}),
-) -> None:
+def load_module(path: Path, beside: Iterable[Path] = (), signals: Mapping[str, Signal] = MappingProxyType({})) -> None:
     """Parse and compile one module with those beside it. Raises RapidSyntaxError, RapidProgramError."""
     own = Source(path.name, module_text(path))
     if _is_encoded(own.text):

@@ -9,16 +9,7 @@ from mock_robot.rapid.calls import call
 from mock_robot.rapid.errors import CycleLeft, LongJump, ProgramStopped, RaisedFurther, RapidProgramError
 from mock_robot.rapid.expressions import expression
 from mock_robot.rapid.headers import SYSTEM, builtins, declare_types, parameters_of, system_types
-from mock_robot.rapid.scope import (
-    CompileContext,
-    Data,
-    ErrorNumbers,
-    Frame,
-    Persistent,
-    Routine,
-    Scope,
-    Slot,
-)
+from mock_robot.rapid.scope import CompileContext, Data, ErrorNumbers, Frame, Persistent, Routine, Scope, Slot
 from mock_robot.rapid.signals import SIGNAL_TYPES, Signal
 from mock_robot.rapid.statements import Run, block
 from mock_robot.rapid.symbols import LiveSymbol

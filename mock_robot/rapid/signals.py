@@ -21,14 +21,16 @@ DIGITAL = ("DI", "DO")
 class Signal:
     """A signal of EIO.cfg. `kind`: DI, DO, GI, GO, AI or AO. `source`: what it mirrors; programs only read it then.
 
-    A digital one is a bool, the others are numbers; `value` is its state, without a source's.
+    A digital one is a bool, the others are numbers; `value` is its state, without a source's. `written`: a remote
+    client may write it (-Access "All").
     """
 
     def __init__(
-        self, name: str, kind: str, source: Callable[[], bool] | None = None, value: bool | float = False
+        self, name: str, kind: str, source: Callable[[], bool] | None = None, written: bool = False, device: str = ""
     ) -> None:
-        self.name, self.kind, self.source = name, kind, source
-        self.value: Any = value if kind in DIGITAL else float(value)
+        self.name, self.kind, self.source, self.written = name, kind, source, written
+        self.place = {"": "", "DRV_1": "Local/DRV_1"}.get(device, f"Virtual/{device}")
+        self.value: Any = False if kind in DIGITAL else 0.0
 
     def read(self) -> Any:
         """Its state now."""

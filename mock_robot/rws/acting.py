@@ -6,7 +6,7 @@ from enum import Enum
 
 from mock_robot.cabinet.panel import Mode
 from mock_robot.rws.context import RequestContext
-from mock_robot.rws.equipment import instance_id
+from mock_robot.rws.equipment import instance_id, listed_title
 from mock_robot.rws.exchange import DONE, Item, Reply
 from mock_robot.rws.mastership import DOMAINS, Consent
 from mock_robot.rws.memory import module_name
@@ -254,9 +254,9 @@ def back_up(context: RequestContext, parts: Parts) -> Reply:
 
 
 def delete_instance(context: RequestContext, parts: Parts) -> Reply:
-    kinds = context.world.equipment.configuration.get(parts["domain"].upper(), {})
-    there = kinds.get(parts["type"].upper(), {})
-    named = [title for title in there if parts["instance"] in (title, instance_id(title))]
+    version = context.dialect.version
+    there = context.world.equipment.configuration.get(parts["domain"].upper(), {}).get(parts["type"], {})
+    named = [k for k, each in there.items() if parts["instance"] in (instance_id(k), listed_title(k, each, version))]
     if not named:
         raise RwsRefused(NO_INSTANCE_1 if context.dialect.version == 1 else NO_RESOURCE)
     _allow_configuration(context)
@@ -273,7 +273,7 @@ def _allow_configuration(context: RequestContext) -> None:
 
 
 def write_signal(context: RequestContext, parts: Parts) -> Reply:
-    found = context.world.memory.signal(parts["signal"])
+    found = context.world.signal(parts["signal"])
     if found is None:
         raise RwsRefused(NO_SIGNAL)
     try:
@@ -285,7 +285,8 @@ def write_signal(context: RequestContext, parts: Parts) -> Reply:
     context.world.mastership.require(
         context.session, "motion", context.world.mode, context.now_s, explicit=False
     )  # in manual mode with the operator's consent
-    found[1].value = value
+    if not context.world.cabinet.set_signal(found[0], value):
+        found[1].value = value
     return DONE
 
 

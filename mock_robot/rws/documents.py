@@ -1,24 +1,27 @@
 """Encodes replies and refusals: XHTML and JSON of RWS 1.0, XHTML and hal+json of RWS 2.0."""
 
 import json
-from collections.abc import Callable, Iterable, Mapping, Sequence
+import re
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
 from typing import Any
 
-from mock_robot.rws.exchange import Item, Reply
+from mock_robot.rws.exchange import Item, Reply, RwsRequest
 from mock_robot.rws.refusals import RwsRefused
 
 XHTML_HEAD = '<?xml version="1.0" encoding="UTF-8"?><html xmlns="http://www.w3.org/1999/xhtml">'
 SUCCESS = 294912
+_WITH_STATUS = re.compile(r"/rw/(panel/.*|mastership.*|rapid/execution|rapid/tasks/[^/]+/(modules|pcp)|.*/jointtarget)")
+"""Answers of 7.20 that name their status."""
 
 
 @dataclass(frozen=True)
 class Encoding:
-    """One of the four encodings. Both functions take the URL that links are relative to."""
+    """One of the four encodings."""
 
     media_type: str
-    reply: Callable[[Reply, str], str]
+    reply: Callable[[Reply, RwsRequest], str]
     refusal: Callable[[RwsRefused, str], str]
 
 
@@ -26,18 +29,20 @@ def _links(base: str) -> dict[str, Any]:
     return {"base": {"href": base}}
 
 
-def _objects(items: Iterable[Item]) -> list[dict[str, Any]]:
-    return [{"_type": item.kind, "_title": item.title, **item.values} for item in items]
+def _object(item: Item) -> dict[str, Any]:
+    return {"_type": item.kind, "_title": item.title, **item.values}
 
 
-def _links_of(reply: Reply, base: str) -> dict[str, Any]:
+def _links_of(reply: Reply, asked: RwsRequest) -> dict[str, Any]:
     """With that of the next page, which escapes as XHTML does, as OmniCore's."""
-    following = {"next": {"href": "?" + escape(reply.following)}} if reply.following else {}
-    return {**_links(base), **following}
+    path = asked.path[1:]
+    following = {"next": {"href": f"{path}?{escape(reply.following)}"}} if reply.following else {}
+    return {**_links(asked.base), "self": {"href": path}, **following}
 
 
-def _json_1(reply: Reply, base: str) -> str:
-    return json.dumps({"_links": _links_of(reply, base), "_embedded": {"_state": _objects(reply.items)}})
+def _json_1(reply: Reply, asked: RwsRequest) -> str:
+    items = [_object(item) for item in reply.items]
+    return json.dumps({"_links": _links_of(reply, asked), "_embedded": {"_state": items}})
 
 
 def _refusal_json_1(refused: RwsRefused, base: str) -> str:
@@ -45,24 +50,28 @@ def _refusal_json_1(refused: RwsRefused, base: str) -> str:
     return json.dumps({"_links": _links(base), "_embedded": {"status": status, "_state": []}})
 
 
-def _json_2(reply: Reply, base: str) -> str:
-    document: dict[str, Any] = {"_links": _links_of(reply, base), "status": {"code": SUCCESS}}
-    if reply.listed:
-        written = json.dumps({**document, "_embedded": {"resources": _objects(reply.items)}})
-        return written.replace('"value": -', '"value": -0')  # RobotWare 7.20 writes negative arguments of its log so
-    return json.dumps({**document, "state": _objects(reply.items)})
+def _json_2(reply: Reply, asked: RwsRequest) -> str:
+    document: dict[str, Any] = {"_links": _links_of(reply, asked)}
+    if _WITH_STATUS.fullmatch(asked.path):
+        document["status"] = {"code": SUCCESS}
+    if not reply.listed:
+        return json.dumps({**document, "state": [_object(item) for item in reply.items]})
+    links = [{"self": {"href": f"{asked.path[1:]}/{item.title}"}} for item in reply.items]
+    items = [{"_links": link, **_object(item)} for link, item in zip(links, reply.items, strict=True)]
+    written = json.dumps({**document, "_embedded": {"resources": items}})
+    return written.replace('"value": -', '"value": -0')  # RobotWare 7.20 writes negative arguments of its log so
 
 
 def _refusal_json_2(refused: RwsRefused, base: str) -> str:
     return json.dumps({"_links": _links(base), "status": {"code": refused.code, "msg": refused.text}})
 
 
-def _xhtml(reply: Reply, base: str) -> str:
+def _xhtml(reply: Reply, asked: RwsRequest) -> str:
     entries = "".join(f'<li class="{item.kind}" title="{escape(item.title)}">{_spans(item.values)}</li>'
                       for item in reply.items)  # fmt: skip
     following = f'<a href="?{escape(reply.following)}" rel="next"></a>' if reply.following else ""
     return (
-        f'{XHTML_HEAD}<head><title>rws</title><base href="{base}"/></head>'
+        f'{XHTML_HEAD}<head><title>rws</title><base href="{asked.base}"/></head>'
         f'<body><div class="state"><a href="" rel="self"></a>{following}<ul>{entries}</ul></div></body></html>'
     )
 

@@ -82,13 +82,12 @@ class Equipment:
             raise RwsRefused(NO_GRANT)
 
     def instances(self, domain: str, kind: str, version: int) -> list[Item]:
-        """Instances of a type, with their attributes; RobotWare 7 lists those without a name by an id alone."""
-        found = self.configuration.get(domain.upper(), {}).get(kind.upper(), {})
-        untitled = version == 2 and kind.upper() in UNNAMED
+        """Instances of a type, with their attributes."""
+        found = self.configuration.get(domain.upper(), {}).get(kind, {})
         return [
             Item(
                 "cfg-dt-instance-li",
-                "" if untitled else title,
+                listed_title(title, each, version),
                 {"rdonly": "false", "instanceid": instance_id(title), "attrib": _attributes(each)},
             )
             for title, each in found.items()
@@ -116,6 +115,11 @@ class Equipment:
             for each in instances.values():
                 lines.append("      " + " ".join(f'-{k} "{v}"' if v else f"-{k}" for k, v in each.attributes.items()))
         return "\r\n".join(lines) + "\r\n"
+
+
+def listed_title(title: str, instance: CfgInstance, version: int) -> str:
+    """As 1.0 lists an instance; RobotWare 7 lists it by its name, and by an id alone when it has none."""
+    return title if version == 1 else instance.attributes.get("Name") or instance.attributes.get("name", "")
 
 
 def instance_id(title: str) -> str:

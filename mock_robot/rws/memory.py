@@ -82,12 +82,6 @@ class RwsMemory:
         live = cabinet.symbol(task, module, name)
         return None if live is None else (path.strip("/"), live)
 
-    def signal(self, path: str) -> tuple[str, RwsSignal] | None:
-        """Find `name`, or `network/device/name`."""
-        place, _, name = path.strip("/").rpartition("/")
-        signal = self.signals.get(name)
-        return None if signal is None or (place and place != signal.place) else (name, signal)
-
 
 def module_name(content: bytes) -> str | None:
     """Name in a file's MODULE line."""

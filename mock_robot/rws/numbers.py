@@ -3,8 +3,8 @@
 import numpy as np
 
 MIN_UNUSED_AXIS = 8.9e9
-UNUSED_1, UNUSED_2 = "8.999999e+09", "9E+09"
-"""9E9 as RobotWare 6 and 7 print it."""
+UNUSED_1, UNUSED_2 = "8.999999e+09", "9000000000"
+"""9E9 as RobotWare 6 and 7.20 print it."""
 
 
 def format_float(value: float) -> str:

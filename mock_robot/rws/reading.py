@@ -1,6 +1,7 @@
 """Handlers that read: panel, motion system, RAPID, signals, event log, identity."""
 
 from collections.abc import Mapping
+from datetime import timedelta
 
 from calibration.transforms import quaternion_from_rotation
 from mock_robot.rws.context import RequestContext
@@ -17,7 +18,7 @@ UNSET = "0.0.0.0"  # noqa: S104  as the controller writes an address that is not
 
 
 def controller_state(context: RequestContext, parts: Parts) -> Reply:
-    title = "ctrlstate" if context.dialect.version == 1 else "ctrl-state"
+    title = _title(context, "ctrlstate", "ctrl-state")
     return Reply(items=[Item("pnl-ctrlstate", title, {"ctrlstate": context.world.controller_state})])
 
 
@@ -27,7 +28,9 @@ def operating_mode(context: RequestContext, parts: Parts) -> Reply:
 
 def speed_ratio(context: RequestContext, parts: Parts) -> Reply:
     ratio = round(100 * context.world.cabinet.panel.speed_override)
-    return Reply(items=[Item("pnl-speedratio", "speedratio", {"speedratio": str(ratio)})])
+    return Reply(
+        items=[Item("pnl-speedratio", _title(context, "speedratio", "speed-ratio"), {"speedratio": str(ratio)})]
+    )
 
 
 def execution(context: RequestContext, parts: Parts) -> Reply:
@@ -38,11 +41,11 @@ def execution(context: RequestContext, parts: Parts) -> Reply:
 def robtarget(context: RequestContext, parts: Parts) -> Reply:
     position, quaternion = _pose(context, parts)
     axes = [format_axis(axis, context.dialect.unused_axis) for axis in context.world.robtarget_axes]
+    spellings = ("eax_", "eax") if context.dialect.version == 1 else ("eax_",)
     values = {
         **_name_components(position, quaternion),
         **_configuration(context, ("cf1", "cf4", "cf6", "cfx")),
-        **{f"eax_{letter}": axis for letter, axis in zip(AXES, axes, strict=True)},
-        **{f"eax{letter}": axis for letter, axis in zip(AXES, axes, strict=True)},
+        **{name + letter: axis for name in spellings for letter, axis in zip(AXES, axes, strict=True)},
     }
     return Reply(items=[Item("ms-robtargets", MECHUNIT, values)])
 
@@ -50,12 +53,13 @@ def robtarget(context: RequestContext, parts: Parts) -> Reply:
 def cartesian(context: RequestContext, parts: Parts) -> Reply:
     position, quaternion = _pose(context, parts)
     values = {**_name_components(position, quaternion), **_configuration(context, context.dialect.configuration_names)}
-    return Reply(items=[Item("ms-mechunit-cartesian", MECHUNIT, values)])
+    return Reply(items=[Item("ms-mechunit-cartesian", _title(context, MECHUNIT, "cartesian"), values)])
 
 
 def jointtarget(context: RequestContext, parts: Parts) -> Reply:
     _require_mechunit(parts)
-    axes = [format_axis(axis, context.dialect.unused_axis) for axis in context.world.jointtarget_axes]
+    unused = _title(context, context.dialect.unused_axis, "0")
+    axes = [format_axis(axis, unused) for axis in context.world.jointtarget_axes]
     values = {
         **{f"rax_{number}": format_float(angle) for number, angle in enumerate(context.world.joints_deg, start=1)},
         **{f"eax_{letter}": axis for letter, axis in zip(AXES, axes, strict=True)},
@@ -68,18 +72,36 @@ def mechunits(context: RequestContext, parts: Parts) -> Reply:
     return Reply(items=[Item("ms-mechunit-li", MECHUNIT, values)], listed=True)
 
 
+def motion_system(context: RequestContext, parts: Parts) -> Reply:
+    values = {"change-count": "7", "mechunit-name": MECHUNIT, "poll-rate": "60", "absacc-active": "OFF"}
+    misc = context.world.equipment.configuration["SYS"]["SYS_MISC"]["ModalPayLoadMode"].attributes["Value"]
+    mode = {"modal-payload-mode": "ON" if misc == "1" else "OFF"}
+    return Reply(items=[Item("ms", "motionsystem", values | mode)])
+
+
+def clock(context: RequestContext, parts: Parts) -> Reply:
+    at = context.world.elog.epoch + timedelta(seconds=context.now_s)
+    return Reply(items=[Item("ctrl-clock-info", "clock", {"datetime": f"{at:%Y-%m-%d T %H:%M:%S}"})])
+
+
 def mechunit(context: RequestContext, parts: Parts) -> Reply:
     _require_mechunit(parts)
     selected = context.world.selection
+    joined = dict.fromkeys(("is-integrated-unit", "has-integrated-unit"), "NoIntegratedUnit")
     values = {
-        "type": "TCPRobot",
-        "task": "T_ROB1",
-        "mode": "Activated",
-        "axes": "6",
         "tool-name": selected.tool,
         "wobj-name": selected.wobj,
         "payload-name": "load0",
-        "coord-system": "Base",
+        "total-payload-name": "load0",
+        "status": "Synchronized",
+        "mode": "Activated",
+        "jog-mode": "Cartesian",
+        "type": "TCPRobot",
+        _title(context, "task", "task-name"): "T_ROB1",
+        "coord-system": "World",
+        "axes": "6",
+        "axes-total": "6",
+        **(joined if context.dialect.version == 2 else {}),
     }
     return Reply(items=[Item("ms-mechunit", MECHUNIT, values)])
 
@@ -106,36 +128,37 @@ def configuration(context: RequestContext, parts: Parts) -> Reply:
 
 
 def tasks(context: RequestContext, parts: Parts) -> Reply:
+    """RobotWare 7 lists a spy and two pointers before them."""
     memory, run = context.world.memory, context.world.execution_state
-    items = [
-        Item(
-            "rap-task-li",
-            name,
-            {
-                "name": name,
-                "type": "normal",
-                "taskstate": "linked",
-                "excstate": "started" if run == "running" else "stopped",
-                "active": "Off" if name in memory.inactive else "On",
-                "motiontask": "TRUE" if moves else "FALSE",
-            },
-        )
-        for name, moves in memory.tasks.items()
-    ]
-    return Reply(items=items, listed=True)
+    started = {True: "started", False: "started" if run == "running" else "stopped"}
+    values = {
+        name: {
+            "name": name,
+            "type": "normal" if moves else "semistatic",
+            "taskstate": "initiated",
+            "excstate": started[not moves],
+            "active": "Off" if name in memory.inactive else "On",
+            "motiontask": "TRUE" if moves else "FALSE",
+        }
+        for name, moves in context.world.tasks.items()
+    }
+    beside = {"spy": "spy", "program-pointer": "syncstate-pp", "motion-pointer": "syncstate-mp"}
+    links = [Item(f"rap-tasks-{kind}-li", title) for title, kind in beside.items()]
+    items = [Item("rap-task-li", name, each) for name, each in values.items()]
+    return Reply(items=[*(links if context.dialect.version == 2 else ()), *items], listed=True)
 
 
 def modules(context: RequestContext, parts: Parts) -> Reply:
     task = parts.get("task") or context.asked.query.get("task", "")
-    loaded = context.world.memory.modules.get(task)
+    loaded = context.world.modules.get(task)
     if loaded is None:
         raise RwsRefused(NO_RESOURCE)
-    kind = "rap-module-info-li"
-    return Reply(items=[Item(kind, name, {"name": name, "type": sort}) for name, sort in loaded.items()])
+    kind, place = "rap-module-info-li", _title(context, "", f"{task}/")
+    return Reply(items=[Item(kind, place + name, {"name": name, "type": sort}) for name, sort in loaded.items()])
 
 
 def module(context: RequestContext, parts: Parts) -> Reply:
-    loaded = context.world.memory.modules.get(parts["task"], {})
+    loaded = context.world.modules.get(parts["task"], {})
     found = next((name for name in loaded if name.lower() == parts["module"].lower()), None)
     if found is None:
         raise RwsRefused(NO_RESOURCE if context.dialect.version == 1 else context.dialect.no_module)
@@ -169,12 +192,12 @@ def symbols(context: RequestContext, parts: Parts) -> Reply:
 
 
 def signals(context: RequestContext, parts: Parts) -> Reply:
-    items = [_signal_item(context, name, "ios-signal-li") for name in context.world.memory.signals]
-    return Reply(items=items[:100], listed=True, page=100)
+    items = [_signal_item(context, name, "ios-signal-li") for name in context.world.signals]
+    return Reply(items=items, listed=True, page=100)
 
 
 def signal(context: RequestContext, parts: Parts) -> Reply:
-    found = context.world.memory.signal(parts["signal"])
+    found = context.world.signal(parts["signal"])
     if found is None:
         raise RwsRefused(NO_SIGNAL)
     return Reply(items=[_signal_item(context, found[0], "ios-signal")])
@@ -187,7 +210,7 @@ def event_log(context: RequestContext, parts: Parts) -> Reply:
         return Reply(items=context.world.elog.items(), listed=True)
     if lifo and "v=2.1" not in context.asked.headers.get("accept", ""):
         raise RwsRefused(LIFO_IN_2_0)
-    return Reply(items=context.world.elog.items(oldest_first=not lifo), listed=True)
+    return Reply(items=context.world.elog.items(oldest_first=not lifo, version=2), listed=True)
 
 
 def event_log_entry(context: RequestContext, parts: Parts) -> Reply:
@@ -197,12 +220,24 @@ def event_log_entry(context: RequestContext, parts: Parts) -> Reply:
     raise RwsRefused(NO_RESOURCE)
 
 
+def masterships(context: RequestContext, parts: Parts) -> Reply:
+    """What a mastership can be asked for: RobotWare 7 has `edit` for configuration and RAPID."""
+    names = _title(context, "cfg motion rapid", "edit motion").split()
+    return Reply(items=[Item("msh-resource-li", name) for name in names], listed=True)
+
+
 def system(context: RequestContext, parts: Parts) -> Reply:
     version = VERSIONS[context.dialect.version]
     major, minor, build = version.partition("+")[0].split(".")
     values = {"name": "handeyed mock", "rwversion": version, "rwversionname": version, "major": major, "minor": minor,
               "build": build, "title": "RobotWare", "sysid": "{00000000-0000-0000-0000-000000000001}"}  # fmt: skip
-    return Reply(items=[Item("sys-system", "system", values)])
+    more = {"revision": "0", "sub-revision": "0", "buildtag": "", "robapi-compatibility-revision": "5",
+            "type": "RobotWare", "description": "Controller Software", "date": "2025-11-05", "mctimestamp": "",
+            "starttm": f"{context.world.elog.epoch:%Y-%m-%d T %H:%M:%S}", "rwdistributionversion": version}  # fmt: skip
+    first = context.dialect.version == 1
+    return Reply(
+        items=[Item(_title(context, "sys-system-li", "sys-system"), "system", values | ({} if first else more))]
+    )
 
 
 def options(context: RequestContext, parts: Parts) -> Reply:
@@ -211,8 +246,9 @@ def options(context: RequestContext, parts: Parts) -> Reply:
 
 
 def identity(context: RequestContext, parts: Parts) -> Reply:
-    kind = "Virtual Controller" if context.world.equipment.virtual else "Real Controller"
-    values = {"ctrl-name": "handeyed mock", "ctrl-id": "1600-000001", "ctrl-type": kind}
+    kind = "Virtual Controller" if context.world.equipment.virtual else _title(context, "Real Controller", "c30")
+    mac = {"ctrl-mac": "00:00:00:00:00:00"} if context.dialect.version == 2 else {}
+    values = {"ctrl-name": "handeyed mock", "ctrl-id": "1600-000001", "ctrl-type": kind, **mac}
     return Reply(items=[Item("ctrl-identity-info", "identity", values)])
 
 
@@ -249,6 +285,10 @@ def ramdisk(context: RequestContext, parts: Parts) -> Reply:
 # --- helpers ---
 
 
+def _title(context: RequestContext, first: str, second: str) -> str:
+    return first if context.dialect.version == 1 else second
+
+
 def _require_mechunit(parts: Parts) -> None:
     if parts["mechunit"].upper() != MECHUNIT:
         raise RwsRefused(NO_RESOURCE)
@@ -276,7 +316,7 @@ def _configuration(context: RequestContext, names: tuple[str, str, str, str]) ->
 
 
 def _signal_item(context: RequestContext, name: str, kind: str) -> Item:
-    held = context.world.memory.signals[name]
+    held = context.world.signals[name]
     title = f"{held.place}/{name}" if held.place else name
     lvalue = held.lvalue(context.world.cabinet)
     return Item(

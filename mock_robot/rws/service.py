@@ -103,7 +103,7 @@ class Service:
             content = writing.refusal(refused, base).encode()
             await _respond(send, refused.status, writing.media_type, content, cookies)
         else:
-            await self._write(send, writing, reply, base, cookies)
+            await self._write(send, writing, reply, asked, cookies)
 
     def _admit(self, asked: RwsRequest) -> tuple[Session, list[tuple[str, str]]]:
         """The session, and the cookies of a new one. Raises Unauthorized, SessionsExhausted, TooBusy."""
@@ -185,7 +185,7 @@ class Service:
         return JSON_2 if "hal+json" in asked.headers.get("accept", "").lower() else XHTML_2
 
     async def _write(
-        self, send: Send, writing: Encoding, reply: Reply, base: str, cookies: list[tuple[str, str]]
+        self, send: Send, writing: Encoding, reply: Reply, asked: RwsRequest, cookies: list[tuple[str, str]]
     ) -> None:
         headers = [*reply.headers, *(cookies if not reply.headers else [])]
         if reply.status == 204:
@@ -194,7 +194,7 @@ class Service:
         if reply.content is not None:
             await _respond(send, reply.status, reply.media_type, reply.content, headers)
             return
-        content = b"<garbled" if self.world.faults.strike("rws-garbage") else writing.reply(reply, base).encode()
+        content = b"<garbled" if self.world.faults.strike("rws-garbage") else writing.reply(reply, asked).encode()
         await _respond(send, reply.status, writing.media_type, content, headers)
 
     def _end_session(self, session: Session) -> None:

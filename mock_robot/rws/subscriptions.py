@@ -141,13 +141,13 @@ class Subscriptions:
         return [Item("", item.title, {"seqnum": item.title.rpartition("/")[2]}) for item in self.world.elog.items()]
 
     def _signal(self, path: str) -> tuple[str, str, Callable[[], list[Item]]] | None:
-        found = self.world.memory.signal(path)
+        found = self.world.signal(path)
         if found is None:
             return None
-        signal, title = found[1], f"{found[1].place}/{found[0]}".strip("/")
+        name, title = found[0], f"{found[1].place}/{found[0]}".strip("/")
 
         def read() -> list[Item]:
-            lvalue = signal.lvalue(self.world.cabinet)
+            lvalue = self.world.signals[name].lvalue(self.world.cabinet)
             return [Item("", title, {"lvalue": lvalue, "lstate": "not simulated"})]
 
         return "ios-signalstate-ev", f"/rw/iosystem/signals/{title};state", read

@@ -48,21 +48,21 @@ class ControllerEventLog:
         """Number of the newest entry; 0 when there is none."""
         return self.cabinet.recorded
 
-    def items(self, above: int = 0, *, oldest_first: bool = False) -> list[Item]:
+    def items(self, above: int = 0, *, oldest_first: bool = False, version: int = 1) -> list[Item]:
         """One page of the entries with numbers above `above`, from the newest or from the oldest on."""
         log, newest = self.cabinet.log, self.newest
         numbered = [(newest - back, entry) for back, entry in enumerate(reversed(log))]
         page = (numbered[::-1] if oldest_first else numbered)[:PAGE]
-        return [self._item(number, entry) for number, entry in page if number > above]
+        return [self._item(number, entry, version) for number, entry in page if number > above]
 
-    def _item(self, number: int, entry: LogEntry) -> Item:
+    def _item(self, number: int, entry: LogEntry, version: int) -> Item:
         at = self.epoch + timedelta(seconds=entry.at_s)
         lines = entry.text.split("\n") if entry.code in USER_EVENTS else []
         kind = next((kind for codes, kind in _TYPES if entry.code in codes), WARNING)
         values = {
             "msgtype": str(kind),
             "code": str(entry.code),
-            "src-name": "MC0",
+            **({"src-name": "MC0"} if version == 1 else {}),
             "tstamp": f"{at:%Y-%m-%d T %H:%M:%S}",
             "title": entry.text.split("\n")[0],
             "desc": entry.text.replace("\n", " "),
@@ -108,6 +108,31 @@ class World:
     def __post_init__(self) -> None:
         self.volumes = Volumes(self.cabinet.disk.files, self.cabinet.disk.folders)
         self.elog = ControllerEventLog.starting_at(self.cabinet, self.clock())
+
+    @property
+    def tasks(self) -> dict[str, bool]:
+        """The tasks, those of the program that runs among them, and whether each moves the arm."""
+        return self.memory.tasks | {name: moves for name, (moves, _) in self.cabinet.program().items()}
+
+    @property
+    def modules(self) -> dict[str, dict[str, str]]:
+        """Loaded modules by task, and the kind of each."""
+        program = self.cabinet.program().items()
+        return {
+            task: self.memory.modules.get(task, {}) | dict(program).get(task, (False, {}))[1] for task in self.tasks
+        }
+
+    @property
+    def signals(self) -> dict[str, RwsSignal]:
+        """Signals by name, those of the program that runs in place of the cabinet's own."""
+        own = {name: RwsSignal(*signal) for name, signal in self.cabinet.signals_now().items()}
+        return self.memory.signals | own
+
+    def signal(self, path: str) -> tuple[str, RwsSignal] | None:
+        """Find `name`, or `network/device/name`."""
+        place, _, name = path.strip("/").rpartition("/")
+        signal = self.signals.get(name)
+        return None if signal is None or (place and place != signal.place) else (name, signal)
 
     def take_configuration(self) -> None:
         """Restart with what was loaded: tasks and signals of the configuration are there from now on."""

@@ -13,15 +13,7 @@ from protocols.cb.codes import VERSION, Status
 from protocols.cb.errors import NotAllowedNow
 from protocols.cb.events import ClientEvent, GarbledReply, GreetingLost, ReplyReceived
 from protocols.cb.frames import FramingBroken, GarbageSkipped
-from protocols.cb.messages import (
-    Hello,
-    Ping,
-    Refused,
-    Reply,
-    Request,
-    Stop,
-    Welcome,
-)
+from protocols.cb.messages import Hello, Ping, Refused, Reply, Request, Stop, Welcome
 
 REPLY_LIMIT_S = 2.0
 REPEAT_AFTER_S, MAX_REPEAT_S = 0.25, 1.0

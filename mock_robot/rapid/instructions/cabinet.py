@@ -38,10 +38,5 @@ def runs_on_robot_controller(task: ProgramTask) -> bool:
 
 
 DOES = MappingProxyType(
-    {
-        "OpMode": op_mode,
-        "CSpeedOverride": speed_override,
-        "GetSysInfo": system_info,
-        "RobOS": runs_on_robot_controller,
-    }
+    {"OpMode": op_mode, "CSpeedOverride": speed_override, "GetSysInfo": system_info, "RobOS": runs_on_robot_controller}
 )

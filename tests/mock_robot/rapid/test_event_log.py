@@ -61,7 +61,7 @@ class Controller:
 
     def __post_init__(self) -> None:
         self.task = SimulatedTask(self.until_s, self._meanwhile)
-        on, off = Signal("on", "DO", value=True), Signal("off", "DO")
+        on, off = Signal("on", "DO", lambda: True), Signal("off", "DO")
         program = Program(self.task, self.memory, dict(zip(SIGNALS, (on, off, on, off), strict=True)))
         plan = next(plan for plan in task_plans(Fragments(DEPLOYED, 6)) if plan.name == "T_HANDEYED")
         program.load(plan.sources)

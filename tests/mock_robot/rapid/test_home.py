@@ -92,6 +92,22 @@ def test_a_foreign_program_runs_beside_its_own_client(tmp_path: Path) -> None:
         assert symbol.value == "2"
 
 
+def test_its_tasks_modules_and_signals_are_shown_and_those_that_all_may_write_are_set(tmp_path: Path) -> None:
+    home = write_home(tmp_path, free_port())
+    eio = home / "SYSPAR" / "EIO.cfg"
+    eio.write_text(EIO + '\n      -Name "mode" -SignalType "AO" -Access "All" -Device "DRV_1"\n')
+    with rws_cell_apart(home=home) as cell, cell.client_1() as client:
+        tasks = client.get("/rw/rapid/tasks?json=1").json()["_embedded"]["_state"]
+        assert ("T_SRV", "semistatic") in [(task["name"], task["type"]) for task in tasks]
+        modules = client.get("/rw/rapid/modules?task=T_SRV&json=1").json()["_embedded"]["_state"]
+        assert "server" in [module["name"] for module in modules]
+        for signal, status in (("Local/DRV_1/mode", 204), ("Virtual/Virt1/do_served", 403)):
+            answer = client.post(f"/rw/iosystem/signals/{signal}?action=set", data={"lvalue": "1.5"})
+            assert answer.status_code == status
+        shown = client.get("/rw/iosystem/signals/Local/DRV_1/mode?json=1").json()["_embedded"]["_state"][0]
+        assert (shown["type"], shown["lvalue"]) == ("AO", "1.5")
+
+
 def test_tasks_and_signals_are_those_of_the_configuration(tmp_path: Path) -> None:
     home = HomeFragments(write_home(tmp_path, 1), 6)
     assert [(plan.name, plan.kind, [source.name for source in plan.sources]) for plan in home.task_plans()] == [

@@ -21,18 +21,7 @@ from drivers.robots.abb.rws.robot import RwsRobot
 from drivers.timing import Timing
 from drivers.transports.transport import Transport
 from protocols.cb.codes import Status
-from protocols.cb.messages import (
-    GetJoints,
-    GetPose,
-    GetStatus,
-    Joints,
-    Ping,
-    Pose,
-    Refused,
-    Report,
-    Request,
-    SetArmed,
-)
+from protocols.cb.messages import GetJoints, GetPose, GetStatus, Joints, Ping, Pose, Refused, Report, Request, SetArmed
 
 Kind = TypeVar("Kind")
 POLL_S = 0.02

@@ -88,11 +88,8 @@ class Dialect:
         return f"RWS {self.version}.0"
 
     def page(self, content: bytes) -> tuple[list[Resource], dict[str, str]]:
-        """Resources of a response, and the query of the next page, {} on the last one. Raises ValueError.
-
-        RobotWare 7.20 writes numbers as -01 in its event log, and `&amp;` between the parts of a query.
-        """
-        document = json.loads(_NUMBER.sub(r"\1\2", content.decode()))
+        """Resources of a response, and the query of the next page, {} on the last one. Raises ValueError."""
+        document = json_of(content)
         embedded = document.get("_embedded", {}) if isinstance(document, dict) else None
         if not isinstance(embedded, dict):
             raise ValueError("no document of resources")
@@ -103,6 +100,11 @@ class Dialect:
         for name in ("_links", "next", "href"):
             following = following.get(name) if isinstance(following, dict) else None
         return items, dict(parse_qsl(unescape(str(following or "")).partition("?")[2]))
+
+
+def json_of(content: bytes) -> Any:
+    """A document. RobotWare 7.20 writes -01 in its event log, and `&amp;` in a query. Raises ValueError."""
+    return json.loads(_NUMBER.sub(r"\1\2", content.decode()))
 
 
 def error_in(content: bytes) -> tuple[int | None, str]:

@@ -6,15 +6,7 @@ from dataclasses import replace
 
 from calibration.transforms import Array
 from drivers.errors import DeviceError, DeviceTimeout, DeviceUnreachable, GarbledAnswer, LinkLost
-from drivers.interfaces import (
-    LinkHealth,
-    MoveGoal,
-    PoseReading,
-    Robot,
-    RobotCapabilities,
-    RobotStatus,
-    Standstill,
-)
+from drivers.interfaces import LinkHealth, MoveGoal, PoseReading, Robot, RobotCapabilities, RobotStatus, Standstill
 from drivers.robots.abb.rws.robot import RwsRobot
 from drivers.timing import Timing
 
