@@ -109,9 +109,7 @@ class RapidController(Cabinet):
                 loaded.task.end()
             self._loaded.clear()
             self.devices.close()
-            for session in self.unit.egm.values():
-                session.end()
-            self.unit.egm.clear()
+            self.unit.end_egm()
 
     def whereabouts(self) -> dict[str, list[str]]:
         """Statements each task is at, innermost first, for debugging."""
@@ -228,10 +226,11 @@ class RapidController(Cabinet):
             super().run_program(running, now_s)
 
     def move_pointer_to_main(self, now_s: float) -> None:
-        """PP to main at the pendant: every normal task begins at main, without its path and its interrupts."""
+        """PP to main at the pendant: every normal task begins at main, without its path, interrupts and EGM."""
         with self._switching:
             super().move_pointer_to_main(now_s)
             self.unit.clear()
+            self.unit.end_egm()
             for loaded in self._loaded:
                 if loaded.plan.kind == "NORMAL":
                     loaded.interrupts.end()

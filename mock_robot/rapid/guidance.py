@@ -70,8 +70,9 @@ class EgmSession:
         self.heard_s = monotonic()
         if self._thread is None:
             self._ended.clear()
-            self._thread = threading.Thread(target=self._live, name="rapid EGM", daemon=True)
-            self._thread.start()
+            thread = threading.Thread(target=self._live, name="rapid EGM", daemon=True)
+            thread.start()
+            self._thread = thread  # another thread may end it at once: only one that runs
 
     def end(self) -> None:
         """Stop sending and guiding."""

@@ -100,11 +100,22 @@ class HomeFragments(Fragments):
 
     def signals(self) -> dict[str, Signal]:
         """Signals by name; system outputs are left low."""
+        eio = self.read("EIO")
+        networks = {each.get("Name", "").upper(): each.get("Name", "") for each in eio.get("INDUSTRIAL_NETWORK", [])}
+        places = {
+            each.get("Name", ""): f"{networks.get(kind[:-7], 'Local')}/{each.get('Name', '')}"
+            for kind, instances in eio.items()
+            for each in instances
+            if kind.endswith("_DEVICE")
+        }
         return {
             each["Name"]: Signal(
-                each["Name"], each["SignalType"], written=each.get("Access") == "All", device=each.get("Device", "")
+                each["Name"],
+                each["SignalType"],
+                written=each.get("Access") == "All",
+                place=places.get(each.get("Device", ""), each.get("Device", "") and f"Local/{each['Device']}"),
             )
-            for each in self.read("EIO").get("EIO_SIGNAL", [])
+            for each in eio.get("EIO_SIGNAL", [])
             if each.get("SignalType") in SIGNAL_TYPES and "Name" in each
         }
 

@@ -26,10 +26,9 @@ class Signal:
     """
 
     def __init__(
-        self, name: str, kind: str, source: Callable[[], bool] | None = None, written: bool = False, device: str = ""
+        self, name: str, kind: str, source: Callable[[], bool] | None = None, written: bool = False, place: str = ""
     ) -> None:
-        self.name, self.kind, self.source, self.written = name, kind, source, written
-        self.place = {"": "", "DRV_1": "Local/DRV_1"}.get(device, f"Virtual/{device}")
+        self.name, self.kind, self.source, self.written, self.place = name, kind, source, written, place
         self.value: Any = False if kind in DIGITAL else 0.0
 
     def read(self) -> Any:

@@ -128,6 +128,12 @@ class MotionUnit:
             self._brake()
             self._order = None
 
+    def end_egm(self) -> None:
+        """End the sessions of EGM and free their identities."""
+        for session in self.egm.values():
+            session.end()
+        self.egm.clear()
+
     # --- called by the cabinet ---
 
     def hold(self) -> None:

@@ -132,7 +132,7 @@ def stop(context: RequestContext, parts: Parts) -> Reply:
 
 def reset_pointer(context: RequestContext, parts: Parts) -> Reply:
     allow(context, Act.RESET_POINTER)
-    context.world.cabinet.record(context.now_s, 10155, "program pointer set to main")
+    context.world.cabinet.move_pointer_to_main(context.now_s)
     return DONE
 
 
@@ -169,7 +169,7 @@ def deactivate(context: RequestContext, parts: Parts) -> Reply:
 
 def _select(context: RequestContext, parts: Parts, active: bool) -> Reply:
     task = parts.get("task") or context.asked.form.get("task", "")
-    if task not in context.world.memory.tasks:
+    if task not in context.world.tasks:
         raise RwsRefused(NO_RESOURCE)
     allow(context, Act.LOAD)
     (context.world.memory.inactive.discard if active else context.world.memory.inactive.add)(task)

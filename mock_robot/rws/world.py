@@ -129,10 +129,10 @@ class World:
         return self.memory.signals | own
 
     def signal(self, path: str) -> tuple[str, RwsSignal] | None:
-        """Find `name`, or `network/device/name`."""
+        """Find `name`, or `network/device/name`; a signal without a device is found at any."""
         place, _, name = path.strip("/").rpartition("/")
         signal = self.signals.get(name)
-        return None if signal is None or (place and place != signal.place) else (name, signal)
+        return None if signal is None or (place and signal.place not in ("", place)) else (name, signal)
 
     def take_configuration(self) -> None:
         """Restart with what was loaded: tasks and signals of the configuration are there from now on."""

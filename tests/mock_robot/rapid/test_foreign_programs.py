@@ -207,6 +207,18 @@ def test_a_sensor_that_sends_nothing_ends_the_guidance(tmp_path: Path) -> None:
         assert "ERR_UDPUC_COMM" in controller.log[-1].text
 
 
+def test_the_pointer_at_main_frees_egm(tmp_path: Path) -> None:
+    """Upstream's tests of abb_robot_client begin each program so, and find no EGM running."""
+    text = GUIDED
+    for name, part in JOINT.items():
+        text = text.replace("{" + name + "}", part)
+    with home_running(tmp_path, {"guided": text}, SIO=SIO.replace("{port}", "9")) as controller:
+        eventually_blocking(lambda: bool(controller.unit.egm))
+        controller.run_program(False, controller.clock())
+        controller.move_pointer_to_main(controller.clock())
+        assert not controller.unit.egm
+
+
 @pytest.mark.parametrize(
     "correction",
     [Correction(3, (1.0, 2.0, 3.0)), Correction(4, (), (1.0, 2.0, 3.0), (1.0, 0.0, 0.0, 0.0)),
