@@ -11,13 +11,10 @@ from daemon.cli.robot_acceptance import acceptance
 from daemon.cli.robot_files import module_files, program_files
 from daemon.cli.robot_frame import write_frame
 from daemon.cli.robot_jog import jog
-from daemon.cli.robot_setup import remove, setup
+from daemon.cli.robot_setup import remove, rws_address, setup
 
 if TYPE_CHECKING:
     from drivers.robots.abb.rws.address import RwsAddress
-    from drivers.robots.abb.rws.parsing import ControllerState
-
-MAX_CONNECT_S = 15.0
 
 app = typer.Typer(cls=CommandGroup, no_args_is_help=True, help="The controller over Robot Web Services.")
 
@@ -53,41 +50,23 @@ def upload(
     """
     import asyncio
 
-    from drivers.errors import AddressNotUnderstood
-    from drivers.robots.abb.rws.address import RwsAddress
-
-    if not address.startswith("rws://"):
-        raise AddressNotUnderstood(address, "modules are copied over Robot Web Services", "write rws://host")
-    where = RwsAddress.parse(address)
+    where = rws_address(address)
     module_files(folder)  # refused before the controller is asked
-    state, robotware = asyncio.run(_state(where))
-    files = program_files(folder, robotware, called=called, egm=egm)
-    typer.echo(f"{where.address}: {state}")
-    for name, content in files.items():
-        typer.echo(f"  HOME:/{to}/{name}  {len(content)} bytes")
-    if not (yes or typer.confirm(f"Write these {len(files)} files?", default=False)):
-        raise CommandError(where.address, "nothing was written", "consent to it, or give --yes")
-    asyncio.run(_upload(where, files, to))
+    asyncio.run(_upload(where, folder, to, called, egm, yes))
     typer.echo("written; docs/rapid.md says what comes next")
 
 
-async def _state(where: "RwsAddress") -> "tuple[ControllerState, int]":
-    from drivers.robots.abb.rws.robot import RwsRobot
+async def _upload(where: "RwsAddress", folder: Path, to: str, called: bool, egm: str | None, yes: bool) -> None:
+    from drivers.robots.abb.rws.administration import RwsAdministration
 
-    robot = RwsRobot(where)
-    robot.start()
-    try:
-        await robot.wait_for_link(MAX_CONNECT_S)
-        return await robot.read_state(), robot.robotware
-    finally:
-        await robot.close()
-
-
-async def _upload(where: "RwsAddress", files: dict[str, bytes], to: str) -> None:
-    from drivers.robots.abb.rws.robot import RwsRobot
-
-    robot = RwsRobot(where)
-    try:
-        await robot.upload_modules(files, folder=to)
-    finally:
-        await robot.close()
+    async with RwsAdministration(where) as controller:
+        panel = await controller.read_panel()
+        files = program_files(folder, {1: 6, 2: 7}[controller.version], called=called, egm=egm)
+        typer.echo(f"{where.address}: " + ", ".join(map(str, panel.values())))
+        for name, content in files.items():
+            typer.echo(f"  HOME:/{to}/{name}  {len(content)} bytes")
+        if not (yes or typer.confirm(f"Write these {len(files)} files?", default=False)):
+            raise CommandError(where.address, "nothing was written", "consent to it, or give --yes")
+        await controller.make_folder(to)
+        for name, content in files.items():
+            await controller.write_file(f"{to}/{name}", content)

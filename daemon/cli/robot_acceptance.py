@@ -1,5 +1,6 @@
 """`handeyed robot acceptance`: every assumption about a controller, checked on the wire in one guided program."""
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -155,58 +156,25 @@ class Terminal:
 class Operator:
     """The control port of a mock cell, which turns the switches that a person would."""
 
-    ACTS: tuple[tuple[str, tuple[tuple[str, str, dict[str, Any]], ...]], ...] = (
-        ("estop", (("POST", "/emergency-stop", {"pressed": True}),)),
-        (
-            "estop-release",
-            (
-                ("POST", "/emergency-stop", {"pressed": False}),
-                ("POST", "/motors", {"on": True}),
-                ("POST", "/program", {"running": True}),
-            ),
-        ),
-        ("to-manual", (("POST", "/mode", {"mode": "MANR"}),)),
-        (
-            "to-auto",
-            (
-                ("POST", "/mode", {"mode": "AUTO"}),
-                ("POST", "/motors", {"on": True}),
-                ("POST", "/program", {"running": True}),
-            ),
-        ),
-        (
-            "enable",
-            (
-                ("POST", "/mode", {"mode": "MANR"}),
-                ("POST", "/motors", {"on": True}),
-                ("POST", "/program", {"running": True}),
-            ),
-        ),
-        ("disable", (("POST", "/motors", {"on": False}),)),
-        ("program-stop", (("POST", "/program", {"running": False}),)),
-        ("program-start", (("POST", "/program", {"running": True}),)),
-        ("pull", (("POST", "/faults/link-half-open", {}),)),
-        ("plug", (("DELETE", "/faults/link-half-open", {}),)),
-        ("power-cut", (("POST", "/power-failure", {}),)),
-        ("power-on", (("POST", "/motors", {"on": True}), ("POST", "/program", {"running": True}))),
-        (
-            "power-on-main",
-            (
-                ("POST", "/pointer-to-main", {}),
-                ("POST", "/motors", {"on": True}),
-                ("POST", "/program", {"running": True}),
-            ),
-        ),
-        ("restart", (("POST", "/restart", {}), ("POST", "/program", {"running": True}))),
-        (
-            "event",
-            (
-                ("POST", "/mode", {"mode": "MANR"}),
-                ("POST", "/mode", {"mode": "AUTO"}),
-                ("POST", "/program", {"running": True}),
-            ),
-        ),
-    )
+    RUN = (("POST", "/motors", {"on": True}), ("POST", "/program", {"running": True}))
+    TO_MANUAL, TO_AUTO = (("POST", "/mode", {"mode": mode}) for mode in ("MANR", "AUTO"))
+    ACTS: Mapping[str, tuple[tuple[str, str, dict[str, Any]], ...]] = {
+        "estop": (("POST", "/emergency-stop", {"pressed": True}),),
+        "estop-release": (("POST", "/emergency-stop", {"pressed": False}), *RUN),
+        "to-manual": (TO_MANUAL,),
+        "to-auto": (TO_AUTO, *RUN),
+        "enable": (TO_MANUAL, *RUN),
+        "disable": (("POST", "/motors", {"on": False}),),
+        "program-stop": (("POST", "/program", {"running": False}),),
+        "program-start": RUN[1:],
+        "pull": (("POST", "/faults/link-half-open", {}),),
+        "plug": (("DELETE", "/faults/link-half-open", {}),),
+        "power-cut": (("POST", "/power-failure", {}),),
+        "power-on": RUN,
+        "power-on-main": (("POST", "/pointer-to-main", {}), *RUN),
+        "restart": (("POST", "/restart", {}), *RUN[1:]),
+        "event": (TO_MANUAL, TO_AUTO, *RUN[1:]),
+    }
     """Requests by the code of a step; a step without any is only answered."""
 
     def __init__(self, url: str) -> None:
@@ -219,7 +187,7 @@ class Operator:
         from drivers.robots.abb.acceptance.person import Answer
 
         async with httpx.AsyncClient(base_url=self._url, trust_env=False, timeout=20.0) as client:
-            for method, path, body in dict(self.ACTS).get(step.code, ()):
+            for method, path, body in self.ACTS.get(step.code, ()):
                 try:
                     answer = await client.request(method, path, json=body)
                     answer.raise_for_status()

@@ -13,9 +13,10 @@ from daemon.cli.output import Json
 from daemon.cli.robot_files import module_folder, program_files
 
 if TYPE_CHECKING:
+    from drivers.robots.abb.rapid_names import RapidNames
     from drivers.robots.abb.rws.address import RwsAddress
     from drivers.robots.abb.setup.installer import Outcome, SetupRecord
-    from drivers.robots.abb.setup.plan import Package, SetupPlan
+    from drivers.robots.abb.setup.plan import SetupPlan
     from drivers.robots.abb.setup.requirements import Finding
     from drivers.robots.abb.setup.survey import ControllerSurvey
 
@@ -51,14 +52,13 @@ def setup(
     """
     import asyncio
 
+    from drivers.robots.abb.rapid_names import RapidNames
+
     values = dict(_setting(each) for each in setting or ())
-    asyncio.run(
-        _setup(
-            _rws(address),
-            module_folder(modules),
-            _Wish(to, values, _Choice(task, link_task, port, prefix, called, egm), backup, dry_run, yes, json),
-        )
-    )
+    where = rws_address(address)
+    names = RapidNames(task, link_task, where.mechunit, port, prefix)
+    wish = _Wish(to, values, names, called, egm, backup, dry_run, yes, json)
+    asyncio.run(_setup(where, module_folder(modules), wish))
 
 
 def remove(
@@ -76,7 +76,7 @@ def remove(
     record = _read_record(backup)
     if not (yes or typer.confirm(f"Undo {backup}: {len(record.files)} files?", default=False, err=True)):
         raise CommandError(address, "nothing was changed", "consent to it, or give --yes")
-    outcomes, family = asyncio.run(_remove(_rws(address), record))
+    outcomes, family = asyncio.run(_remove(rws_address(address), record))
     from drivers.robots.abb.setup.installer import steps_after_removal
 
     _report({"done": [vars(each) for each in outcomes], "by_hand": list(steps_after_removal(family))}, json=json)
@@ -87,24 +87,14 @@ def remove(
 
 
 @dataclass(frozen=True)
-class _Choice:
-    """Which program is installed: names, who has the main, and where EGM is sent."""
-
-    task: str
-    link_task: str
-    port: int
-    prefix: str
-    called: bool
-    egm: str | None
-
-
-@dataclass(frozen=True)
 class _Wish:
     """What the command line asks for."""
 
     folder: str
     settings: dict[str, str]
-    choice: _Choice
+    names: "RapidNames"
+    called: bool
+    egm: str | None
     backup: Path | None
     dry_run: bool
     yes: bool
@@ -114,14 +104,15 @@ class _Wish:
 async def _setup(where: "RwsAddress", modules: Path, wish: _Wish) -> None:
     from drivers.robots.abb.rws.administration import RwsAdministration
     from drivers.robots.abb.setup.installer import SetupRecord, back_up, install
-    from drivers.robots.abb.setup.plan import configuration_findings, plan_setup
+    from drivers.robots.abb.setup.plan import Package, configuration_findings, plan_setup
     from drivers.robots.abb.setup.requirements import findings
     from drivers.robots.abb.setup.settings import module_name
     from drivers.robots.abb.setup.survey import read_networks, read_survey
 
     async with RwsAdministration(where) as controller:
-        task = wish.choice.task
-        package = _package(modules, wish.folder, {1: 6, 2: 7}[controller.version], wish.choice, where.mechunit)
+        task = wish.names.motion_task
+        files = program_files(modules, {1: 6, 2: 7}[controller.version], called=wish.called, egm=wish.egm)
+        package = Package.of(wish.folder, files, wish.names)
         reached = (await read_networks(controller)).reached
         here = {"cell_address": reached.address} if reached else {}
         values = {package.names.rename(name): value for name, value in (here | wish.settings).items()}
@@ -133,7 +124,7 @@ async def _setup(where: "RwsAddress", modules: Path, wish: _Wish) -> None:
             task=task,
             unit=where.mechunit,
             serial=wanted.setting("cell_use_serial").upper() == "TRUE",
-            egm=wish.choice.egm is not None,
+            egm=wish.egm is not None,
             load_is_default=wanted.load_is_default,
         )
         plan = plan_setup(survey, package, values, found, task)
@@ -240,12 +231,13 @@ def _report(document: dict[str, Any], *, json: bool) -> None:
 # --- files and arguments ---
 
 
-def _rws(address: str) -> "RwsAddress":
+def rws_address(address: str) -> "RwsAddress":
+    """The address of Robot Web Services. Raises AddressNotUnderstood."""
     from drivers.errors import AddressNotUnderstood
     from drivers.robots.abb.rws.address import RwsAddress
 
     if not address.startswith("rws://"):
-        raise AddressNotUnderstood(address, "a controller is set up over Robot Web Services", "write rws://host")
+        raise AddressNotUnderstood(address, "this is done over Robot Web Services", "write rws://host")
     return RwsAddress.parse(address)
 
 
@@ -254,15 +246,6 @@ def _setting(text: str) -> tuple[str, str]:
     if not (name and equals and value):
         raise CommandError(text, "this is no setting", "write NAME=VALUE", ExitStatus.UNREADABLE)
     return name.strip(), value
-
-
-def _package(modules: Path, folder: str, robotware: int, choice: _Choice, unit: str) -> "Package":
-    from drivers.robots.abb.rapid_names import RapidNames
-    from drivers.robots.abb.setup.plan import Package
-
-    files = program_files(modules, robotware, called=choice.called, egm=choice.egm)
-    names = RapidNames(choice.task, choice.link_task, unit, choice.port, choice.prefix)
-    return Package.of(folder, files, names)
 
 
 def _backup_name(name: str) -> str:

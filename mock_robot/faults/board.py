@@ -27,7 +27,6 @@ class Fault:
     """One fault. `strikes`: how many times it acts by default; None: until cleared."""
 
     name: str
-    area: Literal["link", "serial", "robot", "rws", "egm"]
     summary: str
     strikes: int | None = 1
     begin: StateFault | None = None
@@ -35,6 +34,11 @@ class Fault:
     reply: ReplyFault | None = None
     send: SendFault | None = None
     receive: ReceiveFault | None = None
+
+    @property
+    def area(self) -> str:
+        """link, serial, robot, rws or egm: the first word of its name."""
+        return self.name.partition("-")[0]
 
 
 @dataclass

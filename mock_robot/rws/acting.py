@@ -136,14 +136,6 @@ def reset_pointer(context: RequestContext, parts: Parts) -> Reply:
     return DONE
 
 
-def set_cycle(context: RequestContext, parts: Parts) -> Reply:
-    if context.asked.form.get("cycle") not in ("once", "forever", "asis"):
-        raise RwsRefused(BAD_ARGUMENT)
-    allow(context, Act.WRITE_DATA)
-    context.world.cycle = context.asked.form["cycle"]
-    return DONE
-
-
 def write_symbol(context: RequestContext, parts: Parts) -> Reply:
     found = context.world.memory.symbol(parts["symbol"], context.world.cabinet)
     if found is None:

@@ -87,22 +87,11 @@ def clock(context: RequestContext, parts: Parts) -> Reply:
 def mechunit(context: RequestContext, parts: Parts) -> Reply:
     _require_mechunit(parts)
     selected = context.world.selection
-    joined = dict.fromkeys(("is-integrated-unit", "has-integrated-unit"), "NoIntegratedUnit")
-    values = {
-        "tool-name": selected.tool,
-        "wobj-name": selected.wobj,
-        "payload-name": "load0",
-        "total-payload-name": "load0",
-        "status": "Synchronized",
-        "mode": "Activated",
-        "jog-mode": "Cartesian",
-        "type": "TCPRobot",
-        _title(context, "task", "task-name"): "T_ROB1",
-        "coord-system": "World",
-        "axes": "6",
-        "axes-total": "6",
-        **(joined if context.dialect.version == 2 else {}),
-    }
+    values = {"tool-name": selected.tool, "wobj-name": selected.wobj, "payload-name": "load0",
+              "total-payload-name": "load0", "status": "Synchronized", "mode": "Activated", "jog-mode": "Cartesian",
+              "type": "TCPRobot", _title(context, "task", "task-name"): "T_ROB1", "coord-system": "World", "axes": "6",
+              "axes-total": "6", "is-integrated-unit": "NoIntegratedUnit",
+              "has-integrated-unit": "NoIntegratedUnit"}  # fmt: skip
     return Reply(items=[Item("ms-mechunit", MECHUNIT, values)])
 
 
@@ -180,17 +169,6 @@ def symbol_properties(context: RequestContext, parts: Parts) -> Reply:
     return Reply(items=[Item("rap-symproppers", f"RAPID/{found[0]}", values)])
 
 
-def symbols(context: RequestContext, parts: Parts) -> Reply:
-    """Search by block and kind of symbol, the only filters known clients use."""
-    block = context.asked.form.get("blockurl", "RAPID").removeprefix("RAPID").strip("/").lower()
-    items = [
-        Item("rap-symproppers-li", f"RAPID/{path}", {"symburl": f"RAPID/{path}", "symtyp": "per", "dattyp": each.type})
-        for path, each in context.world.memory.symbols.items()
-        if path.lower().startswith(block)
-    ]
-    return Reply(items=items)
-
-
 def signals(context: RequestContext, parts: Parts) -> Reply:
     items = [_signal_item(context, name, "ios-signal-li") for name in context.world.signals]
     return Reply(items=items, listed=True, page=100)
@@ -213,13 +191,6 @@ def event_log(context: RequestContext, parts: Parts) -> Reply:
     return Reply(items=context.world.elog.items(oldest_first=not lifo, version=2), listed=True)
 
 
-def event_log_entry(context: RequestContext, parts: Parts) -> Reply:
-    for item in context.world.elog.items():
-        if item.title.endswith("/" + parts["number"]):
-            return Reply(items=[item])
-    raise RwsRefused(NO_RESOURCE)
-
-
 def masterships(context: RequestContext, parts: Parts) -> Reply:
     """What a mastership can be asked for: RobotWare 7 has `edit` for configuration and RAPID."""
     names = _title(context, "cfg motion rapid", "edit motion").split()
@@ -234,10 +205,8 @@ def system(context: RequestContext, parts: Parts) -> Reply:
     more = {"revision": "0", "sub-revision": "0", "buildtag": "", "robapi-compatibility-revision": "5",
             "type": "RobotWare", "description": "Controller Software", "date": "2025-11-05", "mctimestamp": "",
             "starttm": f"{context.world.elog.epoch:%Y-%m-%d T %H:%M:%S}", "rwdistributionversion": version}  # fmt: skip
-    first = context.dialect.version == 1
-    return Reply(
-        items=[Item(_title(context, "sys-system-li", "sys-system"), "system", values | ({} if first else more))]
-    )
+    kind = _title(context, "sys-system-li", "sys-system")
+    return Reply(items=[Item(kind, "system", values if kind.endswith("-li") else values | more)])
 
 
 def options(context: RequestContext, parts: Parts) -> Reply:

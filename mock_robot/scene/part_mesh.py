@@ -1,9 +1,9 @@
-"""The part as a triangle mesh, and as a PLY file."""
+"""The part as a triangle mesh, and as points."""
 
 import numpy as np
 from numpy.typing import NDArray
 
-from calibration.transforms import Array, map_points
+from calibration.transforms import Array
 from mock_robot.scene.part import DOOR, Door
 
 
@@ -20,19 +20,6 @@ def mesh(step_mm: float = 8.0, door: Door = DOOR) -> tuple[Array, NDArray[np.int
     used, renumbered = np.unique(triangles, return_inverse=True)
     vertices = np.column_stack([flat[used], door.height(*flat[used].T)])
     return vertices, renumbered.reshape(triangles.shape).astype(np.int32)
-
-
-def mesh_ply(base_T_part: Array, step_mm: float = 8.0, door: Door = DOOR) -> bytes:
-    """Binary PLY of the part in the base frame, mm."""
-    vertices, triangles = mesh(step_mm, door)
-    faces = np.empty(len(triangles), dtype=[("count", "u1"), ("corners", "<i4", 3)])
-    faces["count"], faces["corners"] = 3, triangles
-    header = (
-        "ply\nformat binary_little_endian 1.0\n"
-        f"element vertex {len(vertices)}\nproperty float x\nproperty float y\nproperty float z\n"
-        f"element face {len(triangles)}\nproperty list uchar int vertex_indices\nend_header\n"
-    )
-    return header.encode() + map_points(base_T_part, vertices).astype("<f4").tobytes() + faces.tobytes()
 
 
 def surface_samples(step_mm: float, door: Door = DOOR) -> Array:

@@ -5,11 +5,10 @@ Field numbers are facts of ABB's messages (package abb.egm, proto2). EgmSensor: 
 millimetres, quaternions (u0, u1, u2, u3) = (w, x, y, z). Euler angles and speed references are not read.
 """
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 
 from protocols.egm.messages import MessageType, NotEgm
-from protocols.egm.protobuf import NotProtobuf, Value, double_field, doubles, fields, integer_field, message_field
+from protocols.egm.protobuf import NotProtobuf, Value, doubles, fields
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,36 +34,10 @@ def decode_correction(data: bytes) -> Correction:
             raise NotProtobuf(f"a header of type {header.get(3)!r}, not of a correction")
         pose = dict(fields(_bytes(planned.get(2))))
         return Correction(
-            int(seqno),
-            _numbers(_bytes(planned.get(1))),
-            _numbers(_bytes(pose.get(1))),
-            _numbers(_bytes(pose.get(2))),
+            int(seqno), _numbers(_bytes(planned.get(1))), _numbers(_bytes(pose.get(1))), _numbers(_bytes(pose.get(2)))
         )
     except (NotProtobuf, TypeError, ValueError) as error:
         raise NotEgm(str(error)) from error
-
-
-def encode_correction(correction: Correction) -> bytes:
-    """Encode a packet as a sensor sends it."""
-    across = correction.across_path_mm
-    kind = MessageType.PATH_CORRECTION if across else MessageType.CORRECTION
-    header = message_field(1, (integer_field(1, correction.seqno), integer_field(2, 0), integer_field(3, kind)))
-    if across:
-        return header + message_field(2, (message_field(1, _doubles(across)), integer_field(2, 0)))
-    joints = message_field(1, (double_field(1, value) for value in correction.joints_deg))
-    pose = (
-        message_field(1, _doubles(correction.position_mm)),
-        message_field(2, _doubles(correction.quaternion_wxyz)),
-    )
-    planned = (
-        *((joints,) if correction.joints_deg else ()),
-        *((message_field(2, pose),) if correction.position_mm else ()),
-    )
-    return header + message_field(2, planned)
-
-
-def _doubles(values: Iterable[float]) -> Iterable[bytes]:
-    return (double_field(number, value) for number, value in enumerate(values, 1))
 
 
 def _bytes(value: Value | None) -> bytes:

@@ -6,9 +6,9 @@ import pytest
 
 from drivers.robots.abb.rapid_names import RapidNames
 from mock_robot.rapid.program import PersistentMemory, Program, Source
-from mock_robot.rapid.rules import offences
 from mock_robot.rapid.signals import Signal
 from mock_robot.rapid.tasks import ProgramTask
+from tests.mock_robot.rapid.rules import offences
 from tests.mock_robot.rapid.snippets import Nobody
 
 RAPID = Path(__file__).parents[3] / "deploy" / "rapid"

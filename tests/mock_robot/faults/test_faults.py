@@ -38,7 +38,6 @@ def steps_of(client: ControllerClient, request: cb.Request = STATUS) -> list[obj
 
 def test_every_fault_has_a_place_to_strike_and_a_sentence() -> None:
     for name, fault in FAULTS.items():
-        assert name.split("-")[0] == fault.area
         assert fault.area in ("rws", "egm") or any((fault.begin, fault.reply, fault.send, fault.receive)), name
         assert fault.summary
     assert len(FAULTS) >= 30

@@ -16,10 +16,11 @@ from mock_robot.arm.simulated_arm import ArmNoise, SimulatedArm
 from mock_robot.rapid.controller import RapidController
 from mock_robot.rapid.errors import RapidProgramError
 from mock_robot.rapid.headers import builtins
-from protocols.egm.corrections import Correction, decode_correction, encode_correction
+from protocols.egm.corrections import Correction, decode_correction
 from protocols.egm.messages import decode
 from tests.mock_robot.controller_client import ARM, HOME
 from tests.mock_robot.rapid import customer_program
+from tests.mock_robot.rapid.sensor import encode_correction
 from tests.mock_robot.rapid.snippets import ran
 from tests.support.waiting import eventually_blocking
 

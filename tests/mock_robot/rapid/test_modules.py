@@ -12,10 +12,10 @@ from mock_robot.rapid.errors import RapidSyntaxError
 from mock_robot.rapid.headers import builtins
 from mock_robot.rapid.instructions.table import DOES
 from mock_robot.rapid.program import PersistentMemory, Program
-from mock_robot.rapid.rules import offences
 from mock_robot.rapid.signals import Signal
 from mock_robot.rapid.syntax import parse_module
 from mock_robot.rapid.tasks import ProgramTask
+from tests.mock_robot.rapid.rules import offences
 from tests.mock_robot.rapid.snippets import Nobody
 
 RAPID = Path(__file__).parents[3] / "deploy" / "rapid"

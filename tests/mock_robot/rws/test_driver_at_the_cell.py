@@ -13,6 +13,7 @@ from drivers.interfaces import MoveGoal, Standstill
 from drivers.registry import open_robot
 from drivers.robots.abb.cb_robot import CbRobot
 from drivers.robots.abb.rws.address import RwsAddress
+from drivers.robots.abb.rws.administration import RwsAdministration
 from drivers.robots.abb.rws.robot import RwsRobot
 from drivers.transports.tcp import TcpTransport
 from mock_robot.cabinet.panel import Mode
@@ -25,6 +26,10 @@ from tests.support.waiting import LIMIT_S, eventually, quick_timing
 pytestmark = pytest.mark.slow
 
 VERSIONS = pytest.mark.parametrize("version", [1, 2])
+
+
+def administration_of(cell: RwsCell, version: int) -> RwsAdministration:
+    return RwsAdministration(RwsAddress.parse(cell.rws(version)), quick_timing())
 
 
 @asynccontextmanager
@@ -159,28 +164,20 @@ async def test_the_panel_is_reported_by_the_controller(version: int) -> None:
 
 
 @VERSIONS
-async def test_files_are_copied_without_mastership_and_loaded_only_with_it(version: int) -> None:
-    modules = {"CELL_shared.sys": b"MODULE CELL_shared(SYSMODULE)\r\nENDMODULE\r\n"}
-    async with rws_cell() as cell, robot_at(cell, version) as robot:
+async def test_files_are_copied_without_mastership_in_every_mode(version: int) -> None:
+    text = b"MODULE CELL_shared(SYSMODULE)\r\nENDMODULE\r\n"
+    async with rws_cell() as cell, administration_of(cell, version) as controller:
         cell.cell.inject_fault("rws-mastership-held")
         cell.controller.switch_mode(Mode.MANR, cell.cell.clock())
-        await robot.upload_modules(modules, folder="a/b")
+        await controller.make_folder("a/b")
+        await controller.write_file("a/b/CELL_shared.sys", text)
         assert cell.world.volumes.folders == {"HOME/a", "HOME/a/b"}
-        assert cell.world.volumes.files.pop("HOME/a/b/CELL_shared.sys") == modules["CELL_shared.sys"]
+        assert cell.world.volumes.files.pop("HOME/a/b/CELL_shared.sys") == text
         cell.controller.switch_mode(Mode.AUTO, cell.cell.clock())
         with pytest.raises(RequestRefused) as refused:
-            await robot.upload_modules(modules, load_into="T_ROB1")
+            async with controller.hold_mastership("cfg"):
+                pass
         assert refused.value.status == "MASTERSHIP_HELD"
-        cell.cell.clear_faults()
-        cell.controller.run_program(True, cell.cell.clock())
-        with pytest.raises(RequestRefused) as running:
-            await robot.upload_modules(modules, load_into="T_ROB1")
-        assert running.value.status == "WRONG_STATE"
-        await robot.stop_and_disarm()
-        await robot.upload_modules(modules, load_into="T_ROB1")
-        assert cell.world.volumes.files == {"HOME/handeyed/CELL_shared.sys": modules["CELL_shared.sys"]}
-        assert cell.world.memory.modules["T_ROB1"]["CELL_shared"] == "SysMod"
-        assert cell.world.mastership.holder("rapid") is None
 
 
 @VERSIONS
@@ -265,12 +262,12 @@ async def test_a_subscription_that_has_gone_mute_is_noticed_and_opened_again(ver
         await eventually(lambda: robot.newest_event == cell.controller.recorded)
 
 
-async def test_robotware_8_has_no_mastership_and_the_upload_says_so() -> None:
-    async with rws_cell() as cell, robot_at(cell, 2) as robot:
+async def test_robotware_8_has_no_mastership_and_the_refusal_says_so() -> None:
+    async with rws_cell() as cell, administration_of(cell, 2) as controller:
         cell.cell.inject_fault("rws-410")
-        await robot.upload_modules({"x.mod": b"MODULE x\nENDMODULE"})
         with pytest.raises(RequestRefused, match="no mastership any more") as refused:
-            await robot.upload_modules({"x.mod": b"MODULE x\nENDMODULE"}, load_into="T_ROB1")
+            async with controller.hold_mastership("cfg"):
+                pass
         assert refused.value.status == "GONE"
 
 

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.spatial import cKDTree
 
 from mock_robot.scene.part import DOOR, polygon_distance
-from mock_robot.scene.part_mesh import mesh, mesh_ply, surface_samples
+from mock_robot.scene.part_mesh import mesh, surface_samples
 
 X, Y = st.floats(-600, 600), st.floats(-300, 300)
 
@@ -82,12 +82,3 @@ def test_the_mesh_lies_on_the_metal_and_covers_its_area() -> None:
     assert np.all(normals[:, 2] > -1e-6), "triangles face the viewer"
     flat_area = normals[:, 2].sum() / 2
     assert flat_area == pytest.approx(len(surface_samples(2.0)) * 4.0, rel=0.01)
-
-
-def test_the_mesh_file_says_how_long_it_is() -> None:
-    content = mesh_ply(np.eye(4), 40.0)
-    vertices, triangles = mesh(40.0)
-    head, _, body = content.partition(b"end_header\n")
-    assert f"element vertex {len(vertices)}".encode() in head
-    assert f"element face {len(triangles)}".encode() in head
-    assert len(body) == 12 * len(vertices) + 13 * len(triangles)

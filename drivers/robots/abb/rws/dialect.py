@@ -32,8 +32,6 @@ class Dialect:
     query: Mapping[str, str]
     controller_state: str
     stop: Call
-    take_mastership: Call
-    release_mastership: Call
     home: str
     backups: str
     subprotocol: str
@@ -43,11 +41,6 @@ class Dialect:
         if self.version == 1:
             return f"/fileservice/{parent}", {"fs-action": "create", "fs-newname": name}
         return f"/fileservice/{parent}/create", {"fs-newname": name}
-
-    def load_module(self, task: str) -> Call:
-        """Call that loads a module."""
-        path = f"/rw/rapid/tasks/{task}"
-        return (path, {"action": "loadmod"}) if self.version == 1 else (f"{path}/loadmod", {})
 
     def mastership(self, domain: str, action: str) -> Call:
         """Call that requests or releases the mastership of cfg or rapid; both are `edit` in 2.0."""
@@ -134,8 +127,6 @@ DIALECTS: Mapping[int, Dialect] = {
         query={"json": "1"},
         controller_state="/rw/panel/ctrlstate",
         stop=("/rw/rapid/execution", {"action": "stop"}),
-        take_mastership=("/rw/mastership/rapid", {"action": "request"}),
-        release_mastership=("/rw/mastership/rapid", {"action": "release"}),
         home="$HOME",
         backups="$BACKUP",
         subprotocol="robapi2_subscription",
@@ -150,8 +141,6 @@ DIALECTS: Mapping[int, Dialect] = {
         query={},
         controller_state="/rw/panel/ctrl-state",
         stop=("/rw/rapid/execution/stop", {}),
-        take_mastership=("/rw/mastership/edit/request", {}),
-        release_mastership=("/rw/mastership/edit/release", {}),
         home="HOME",
         backups="BACKUP",
         subprotocol="rws_subscription",

@@ -53,16 +53,12 @@ class RapidFrame:
         dialect = await self._client.find()
         changed = [*parts]
         changed[FRAME_AT[self._kind]] = frame
-        path, query = (
-            (f"/rw/rapid/symbol/data/RAPID/{self._symbol}", {"action": "set"})
-            if dialect.version == 1
-            else (f"/rw/rapid/symbol/RAPID/{self._symbol}/data", {})
-        )
-        await self._client.post(*dialect.take_mastership, {})
+        path, query = dialect.set_symbol(self._symbol)
+        await self._client.post(*dialect.mastership("rapid", "request"), {})
         try:
             await self._client.post(path, query, {"value": f"[{','.join(changed)}]"})
         finally:
-            await self._client.post(*dialect.release_mastership, {})
+            await self._client.post(*dialect.mastership("rapid", "release"), {})
         if not _same(await self.read(), changed):
             what = f"{self._symbol} reads back otherwise than it was written"
             raise GarbledAnswer(self._device, what, "compare it on the pendant before anything moves")

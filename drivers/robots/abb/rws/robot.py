@@ -1,7 +1,6 @@
 """drivers.interfaces.Robot over Robot Web Services: reads everything, can stop the program, never moves."""
 
 import asyncio
-from collections.abc import Mapping
 from typing import Literal, NoReturn
 
 from calibration.transforms import Array
@@ -136,28 +135,6 @@ class RwsRobot:
     async def move_to(self, goal: MoveGoal) -> NoReturn:
         """Raises MoveRefused."""
         raise MoveRefused(self._device, f"the move was refused, {READ_ONLY}", INSTEAD, "READ_ONLY")
-
-    async def upload_modules(
-        self, modules: Mapping[str, bytes], *, folder: str = "handeyed", load_into: str | None = None
-    ) -> None:
-        """Write files to HOME:/`folder`, and load them into a task when one is named. Called only on request.
-
-        Files need no mastership. Loading holds it meanwhile, and the program must be stopped. Raises DeviceError.
-        """
-        dialect = await self._client.find()
-        await self._client.make_folder(folder)
-        for name, content in modules.items():
-            await self._client.put_file(f"{folder}/{name}", content)
-        if load_into is None:
-            return
-        await self._client.post(*dialect.take_mastership, {})
-        try:
-            for name in modules:
-                path, query = dialect.load_module(load_into)
-                form = {"modulepath": f"{dialect.home}/{folder}/{name}", "replace": "true"}
-                await self._client.post(path, query, form)
-        finally:
-            await self._client.post(*dialect.release_mastership, {})
 
     def frame_of(self, symbol: str, kind: str) -> RapidFrame:
         """The frame of a tooldata or wobjdata, as T_ROB1/camera_tool, to read and write. Called only on request."""

@@ -12,8 +12,8 @@ from calibration.errors import ExportRefused
 from calibration.kinematics.arm import Configuration
 from calibration.transforms import difference, transform_from_quaternion
 from daemon.config.settings import CalibrationSettings
-from mock_robot.rapid.rules import offences
 from tests.calibration.documents.exports.some_poses import ARM, JOINTS_DEG, POSES
+from tests.mock_robot.rapid.rules import offences
 from tests.mock_robot.rapid.snippets import Snippet
 
 
