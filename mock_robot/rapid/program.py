@@ -177,6 +177,8 @@ class Program:
             slot: Slot = self.memory.slot(within + called, kind, value)
         else:
             slot = Slot(value())
+        if storage != "var" and kind.name == "socketdev":
+            raise context.wrong(line, f"{called} is a socketdev, which can be VAR only")
         scope = context.scope if reach == "local" else self.scope
         scope.declare(Data(called, kind, storage, slot), context.module, line)
 
@@ -187,10 +189,18 @@ def _clash_allowed(only: Source | None, source: Source) -> AbstractContextManage
 
 
 def _type_and_initial(context: CompileContext, node: Node) -> tuple[Type, Run | None]:
-    """Parts of a declaration: REACH, STORAGE, type, name, at most one dimension, initial value."""
+    """Parts of a declaration: REACH, STORAGE, type, name, up to three dimensions, initial value of constants."""
     kind: Type = context.require_type(name(node, 2), line_of(node))
     initial = optional_part(node, -1)
     dimensions = parts(node) if initial is None else parts(node)[:-1]
+    if len(dimensions) > 3:
+        raise context.wrong(line_of(node), f"{name(node, 3)} has {len(dimensions)} dimensions, an array at most three")
+    for each in [] if initial is None else initial.find_pred(lambda inner: inner.data in ("function", "target")):
+        found = context.scope.find(name(each, 0))
+        if not (isinstance(found, Data) and found.storage == "const") and found is not None:
+            raise context.wrong(
+                line_of(node), f"the initial value of {name(node, 3)} is not of constants: {found.name}"
+            )
     for dimension in reversed(dimensions):
         kind = Array(kind, int(expression(context, dimension, NUM).evaluate([None])))
     return kind, None if initial is None else expression(context, initial, kind).evaluate

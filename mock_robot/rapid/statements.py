@@ -262,6 +262,8 @@ def _raise(context: CompileContext, node: Node) -> Run:
         number = expression(context, asked, NUM).evaluate
     elif not context.in_handler:
         raise context.wrong(line_of(node), "RAISE without a number belongs into an ERROR handler")
+    if context.in_handler and number is not None:
+        raise context.wrong(line_of(node), "RAISE with a number does not belong into an ERROR handler")
     inside, numbered, task = context.in_handler, context.errors.error_of, context.task
 
     def run(frame: Frame) -> None:

@@ -7,14 +7,28 @@ from typing import Literal
 from lark import Lark, Token, Tree
 from lark.exceptions import UnexpectedInput
 
-from mock_robot.rapid.errors import RapidSyntaxError
+from mock_robot.rapid.errors import RapidProgramError, RapidSyntaxError
 
 Node = Tree[Token]
+MAX_NAME_LENGTH = 32
+_RESERVED_WORDS = """
+alias and backward case connect const default div do else elseif endfor endfunc endif endmodule endproc endrecord
+endtest endtrap endwhile error exit false for from func goto if inout local mod module not or pers proc raise record
+retry return step test then to trap true trynext undo var while with xor
+"""
+RESERVED = frozenset(_RESERVED_WORDS.split())
+"""Words that are no names (kernel manual 3HAC050946, reserved words)."""
 
 
 def parse_module(text: str, module: str) -> Node:
-    """Parse a module; raises RapidSyntaxError."""
-    return _parse(text, module, "module")
+    """Parse a module; raises RapidSyntaxError, and RapidProgramError for a name that can be none."""
+    tree = _parse(text, module, "module")
+    for token in tree.scan_values(lambda leaf: isinstance(leaf, Token) and leaf.type == "NAME"):
+        if token.casefold() in RESERVED:
+            raise RapidProgramError(module, line_of(token), f"{token} is a reserved word")
+        if len(token) > MAX_NAME_LENGTH:
+            raise RapidProgramError(module, line_of(token), f"{token} is longer than {MAX_NAME_LENGTH} characters")
+    return tree
 
 
 @cache

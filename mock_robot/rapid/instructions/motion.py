@@ -94,7 +94,7 @@ def _travel(task: ProgramTask, joints: Array, speed: list[float], *, linear: boo
         raise ProgramStopped(NEAR_SINGULARITY, task.name, text)
 
 
-def stop_move(task: ProgramTask, all_tasks: bool | None) -> None:
+def stop_move(task: ProgramTask, quick: bool | None, all_tasks: bool | None) -> None:
     """Returns at once; the arm brakes meanwhile."""
     if all_tasks and task.motion:
         raise RapidError("ERR_ARGVALERR", "\\AllMotionTasks is for tasks that move nothing")

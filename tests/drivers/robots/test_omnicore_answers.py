@@ -10,6 +10,9 @@ from drivers.robots.abb.rws.administration import RwsAdministration
 from drivers.robots.abb.rws.client import RwsClient
 from drivers.robots.abb.rws.dialect import DIALECTS
 from drivers.robots.abb.rws.parsing import log_entry
+from mock_robot.rapid.cfg_types import attributes_of
+from mock_robot.rapid.controller import DEPLOYED
+from protocols.cfg_file import parse_cfg
 
 pytestmark = pytest.mark.data
 
@@ -51,3 +54,28 @@ async def test_instances_are_known_by_their_content(answers: Path, monkeypatch: 
     assert all(each.instance_id for each in modules)
     tasks = {each.name: each.attributes for each in await controller.read_instances("SYS", "CAB_TASKS")}
     assert (tasks["T_COMM"]["Type"], tasks["T_COMM"]["Entry"]) == ("SEMISTATIC", "comm")
+
+
+KINDS = ["EIO_SIGNAL", "EIO_CROSS", "EIO_ACCESS", "SYSSIG_IN", "SYSSIG_OUT", "CAB_TASKS", "CAB_TASK_MODULES",
+         "CAB_EXEC_HOOKS", "UDPUC_HOST"]  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_mock_knows_the_attributes_that_a_controller_lists(answers: Path, kind: str) -> None:
+    """The nine system inputs and outputs that every controller brings along stand in SYS, those of a user in EIO."""
+    listed = [
+        each for file in (answers / "cfg").glob(f"*/{kind}.json") for each in DIALECTS[2].page(file.read_bytes())[0]
+    ]
+    known = next(filter(None, (attributes_of(domain, kind, 7) for domain in ("EIO", "SYS", "SIO"))))
+    assert known == {attribute["_title"] for instance in listed for attribute in instance["attrib"]}
+
+
+def test_the_fragments_use_what_a_controller_lists(answers: Path) -> None:
+    statuses = {
+        attribute["value"]
+        for instance in DIALECTS[2].page((answers / "cfg" / "SYS" / "SYSSIG_OUT.json").read_bytes())[0]
+        for attribute in instance["attrib"]
+        if attribute["_title"] == "Status"
+    }
+    outputs = parse_cfg((DEPLOYED / "rw7" / "EIO.cfg").read_text("ascii")).of("SYSSIG_OUT")
+    assert {each.attributes["Status"] for each in outputs} - statuses == {"TaskExecuting", "Error"}

@@ -56,7 +56,7 @@ def module(body: str, around: str = "", handler: str = "") -> str:
     """A module with that main, declarations and routines `around` it; data first, then routines."""
     data, _, routines = around.partition("---")
     error = f"ERROR\n{handler}\n" if handler else ""
-    return f"MODULE TEST\n{data}\n{routines}\nPROC main()\n{body}\n{error}ENDPROC\nENDMODULE\n"
+    return f"MODULE SNIPPET\n{data}\n{routines}\nPROC main()\n{body}\n{error}ENDPROC\nENDMODULE\n"
 
 
 def ran(body: str, around: str = "", handler: str = "") -> Snippet:

@@ -64,6 +64,7 @@ def load(folder: Path, robotware: int = 6) -> None:
         ),
         ("rw6/EIO.cfg", "EIO:CFG_1.0:6:1::", "EIO:CFG_1.0:5:0::", "is no header of RobotWare 6"),
         ("rw7/EIO.cfg", "EIO:CFG_1.0::", "EIO:CFG_1.0:6:1::", "is no header of RobotWare 7"),
+        ("rw7/EIO.cfg", '-SignalType "DO"', '-SignalType "DO" -Colour "red"', "EIO_SIGNAL has no attribute Colour"),
         ("rw6/EIO.cfg", "EIO_SIGNAL:", "EIO_SIGNALS:", "no type of EIO is named EIO_SIGNALS"),
         ("rw6/SYS.cfg", '-Name "T_HANDEYED"', '-Name "T_ROB1"', "the controller has a task T_ROB1 already"),
         ("rw6/SYS.cfg", "SEMISTATIC", "SOMETIMES", "Type is one of NORMAL"),

@@ -276,6 +276,33 @@ def test_what_no_controller_would_start_names_file_and_line(line: str, why: str)
     assert (refused.value.module, refused.value.line) == ("TEST.mod", 17)
 
 
+@pytest.mark.parametrize(
+    ("data", "why"),
+    [
+        ("VAR num step;", "step is a reserved word"),
+        ("VAR num error;", "error is a reserved word"),
+        (f"VAR num {'a' * 33};", "longer than 32"),
+        ("VAR num n{2, 2, 2, 2};", "an array at most three"),
+        ("VAR num n := Abs(1);", "not of constants: abs"),
+        ("VAR num m;\nVAR num n := m;", "not of constants: m"),
+        ("PERS socketdev s;", "which can be VAR only"),
+    ],
+)
+def test_what_no_controller_declares_is_refused(data: str, why: str) -> None:
+    with pytest.raises(RapidProgramError, match=why):
+        Snippet(module("", data))
+
+
+def test_what_a_controller_declares_is_taken() -> None:
+    data = f"CONST num c := 2;\nCONST num d := 2 * c;\nVAR num n{{2, c, 2}};\nVAR num {'a' * 32} := d + pi;"
+    Snippet(module("StopMove \\Quick \\AllMotionTasks;\nn{1, 2, 1} := 1;", data))
+
+
+def test_an_error_is_not_raised_by_number_in_a_handler() -> None:
+    with pytest.raises(RapidProgramError, match="RAISE with a number does not belong"):
+        Snippet(module("WaitTime 0;\nERROR\nRAISE ERR_DIVZERO;"))
+
+
 def test_names_differ_by_more_than_case() -> None:
     with pytest.raises(RapidProgramError, match="busy is declared twice"):
         Snippet(module("", "VAR num busy;\nCONST num BUSY := 1;"))
