@@ -15,11 +15,12 @@ from extensions.sweeps.mathematics.profiler import ArtefactSweep, solve_profiler
 from mock_robot.arm.paths import LinePath
 from mock_robot.arm.simulated_arm import ArmMotion, ArmNoise, plan_motion
 from mock_robot.scene.part import DOOR
-from mock_robot.scene.profiler_view import ProfilerModel, profile_door, profile_sphere
+from mock_robot.scene.profiler_view import ProfilerModel, profile_door
 from mock_robot.truth.truth import TARGET_MIDDLE_MM, CellTruth
 from registration.profiles.profile_block import ProfileBlock
 from registration.profiles.robot_path import RobotPath
 from tests.simulated.door_sweeps import STAND_OFF_MM, base_T_profiler_before_door
+from tests.support.profiled_sphere import profile_sphere
 
 SPEED_MM_S = 100.0
 PROFILES_HZ, POSES_HZ = 100.0, 50.0

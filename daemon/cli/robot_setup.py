@@ -3,6 +3,7 @@
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass
+from json import dumps
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -21,6 +22,9 @@ if TYPE_CHECKING:
     from drivers.robots.abb.setup.survey import ControllerSurvey
 
 RECORD = "setup.json"
+SHOWN = ("name", "robotware", "virtual", "mode", "execution", "options", "grants", "tasks", "units", "base_frame",
+         "mastership")  # fmt: skip
+"""What --json gives of the controller."""
 Address = Annotated[str, typer.Argument(help="rws://host, rws://user:password@host:port?version=2")]
 Yes = Annotated[bool, typer.Option("--yes", help="Do not ask for consent.")]
 
@@ -79,8 +83,9 @@ def remove(
     outcomes, family = asyncio.run(_remove(rws_address(address), record))
     from drivers.robots.abb.setup.installer import steps_after_removal
 
-    _report({"done": [vars(each) for each in outcomes], "by_hand": list(steps_after_removal(family))}, json=json)
-    if not json:
+    if json:
+        typer.echo(dumps({"done": [vars(each) for each in outcomes], "by_hand": steps_after_removal(family)}))
+    else:
         typer.echo("\n".join(each.line() for each in outcomes))
         typer.echo("\n".join(f"by hand  {step}" for step in steps_after_removal(family)))
     raise typer.Exit(ExitStatus.OK if all(each.ok for each in outcomes) else ExitStatus.FAILED)
@@ -113,7 +118,7 @@ async def _setup(where: "RwsAddress", modules: Path, wish: _Wish) -> None:
         task = wish.names.motion_task
         files = program_files(modules, {1: 6, 2: 7}[controller.version], called=wish.called, egm=wish.egm)
         package = Package.of(wish.folder, files, wish.names)
-        reached = (await read_networks(controller)).reached
+        _, reached = await read_networks(controller)
         here = {"cell_address": reached.address} if reached else {}
         values = {package.names.rename(name): value for name, value in (here | wish.settings).items()}
         wanted = package.with_settings(values)  # a setting that cannot be is refused before anything is read
@@ -164,7 +169,7 @@ def _show(
 ) -> None:
     missing = any(finding.missing for finding in found)
     if wish.json and (wish.dry_run or missing or not plan.changes_anything):
-        _report(document, json=True)
+        typer.echo(dumps(document))
     if wish.json:
         return
     typer.echo(f"{document['address']}: " + "\n  ".join(survey.summary()))
@@ -179,8 +184,9 @@ def _show(
 
 def _finish(document: dict[str, Any], outcomes: "list[Outcome]", plan: "SetupPlan", wish: _Wish) -> None:
     address, folder, whole = document["address"], document["backup"], document["controller_backup"]
-    _report(document, json=wish.json)
-    if not wish.json:
+    if wish.json:
+        typer.echo(dumps(document))
+    else:
         typer.echo("\n".join(each.line() for each in outcomes))
         if whole:
             typer.echo(f"backup   of the whole controller, on its disk: BACKUP/{whole}")
@@ -196,36 +202,11 @@ def _document(
 ) -> dict[str, Any]:
     return {
         "address": address,
-        "controller": {
-            "name": survey.name,
-            "robotware": survey.robotware,
-            "virtual": survey.virtual,
-            "mode": survey.mode,
-            "state": survey.controller,
-            "execution": survey.execution,
-            "options": survey.options,
-            "grants": survey.grants,
-            "tasks": dict(survey.tasks),
-            "units": list(survey.units),
-            "base_frame": survey.base_frame,
-            "mastership": survey.mastership,
-        },
+        "controller": {**{name: getattr(survey, name) for name in SHOWN}, "state": survey.controller},
         "findings": [vars(finding) for finding in found],
-        "plan": {
-            "write": list(plan.writes),
-            "replace": list(plan.replaced),
-            "load": list(plan.load),
-            "set": dict(plan.symbols),
-        },
-        "by_hand": list(plan.by_hand),
+        "plan": {"write": plan.writes, "replace": plan.replaced, "load": plan.load, "set": plan.symbols},
+        "by_hand": plan.by_hand,
     }
-
-
-def _report(document: dict[str, Any], *, json: bool) -> None:
-    if json:
-        from json import dumps
-
-        typer.echo(dumps(document))
 
 
 # --- files and arguments ---
@@ -256,8 +237,6 @@ def _backup_name(name: str) -> str:
 
 
 def _write_record(folder: Path, record: "SetupRecord") -> None:
-    from json import dumps
-
     try:
         (folder / "HOME").mkdir(parents=True, exist_ok=True)
         for path, content in record.files.items():
@@ -281,12 +260,11 @@ def _read_record(folder: Path) -> "SetupRecord":
     home = folder / "HOME"
     try:
         contents = {str(p.relative_to(home)): read_bounded(p) for p in sorted(home.rglob("*")) if p.is_file()}
-        content = read_bounded(folder / RECORD)
-        kept = parse_document(SetupRecordDocument, content, str(folder / RECORD)).configuration
-        record = SetupRecord.from_document(content, contents)
-        record.configuration = {name: read_bounded(folder / name) for name in kept}
-        return record
-    except (OSError, ValueError, DocumentError) as error:
+        kept = parse_document(SetupRecordDocument, read_bounded(folder / RECORD), str(folder / RECORD))
+        files = {path: contents[path] if existed else None for path, existed in kept.files.items()}
+        before = {name: read_bounded(folder / name) for name in kept.configuration}
+        return SetupRecord(files, kept.instances, kept.symbols, before)
+    except (OSError, KeyError, DocumentError) as error:
         raise CommandError(
             str(folder), f"no backup of a setup ({error})", "name the folder that it made", ExitStatus.UNREADABLE
         ) from None

@@ -10,7 +10,7 @@ from typing import Any
 from mock_robot.cabinet.cabinet import Cabinet
 from mock_robot.cabinet.panel import Mode
 from mock_robot.cabinet.wire_steps import Close, Pause, Reset, Send, WireStep
-from mock_robot.faults.board import Fault, ReplyFault, StateFault
+from mock_robot.faults.board import Fault, StateFault
 from protocols.cb.messages import Pose, Reply, Report
 
 DELAY_S = 0.4
@@ -43,18 +43,18 @@ def _half(data: bytes) -> bytes:
     return data[: len(data) // 2]
 
 
-def _set_attribute(name: str, value: float) -> StateFault:
-    """Set an attribute of the controller or its panel."""
+def _set(name: str, value: float, ended: float) -> tuple[StateFault, StateFault]:
+    """Set an attribute of the controller or its panel, and set it to `ended` afterwards."""
 
-    def turn(controller: Cabinet, now_s: float) -> None:
-        setattr(controller if hasattr(controller, name) else controller.panel, name, value)
+    def turn(to: float) -> StateFault:
+        return lambda c, now_s: setattr(c if hasattr(c, name) else c.panel, name, to)
 
-    return turn
+    return turn(value), turn(ended)
 
 
-def _alter_pose(change: Callable[[Pose], Pose]) -> ReplyFault:
-    """Apply `change` to poses only."""
-    return lambda reply: change(reply) if isinstance(reply, Pose) else reply
+def _wrong_pose(name: str, summary: str, change: Callable[[Pose], Pose]) -> Fault:
+    """A fault that changes every pose, and nothing else."""
+    return Fault(name, summary, None, reply=lambda reply: change(reply) if isinstance(reply, Pose) else reply)
 
 
 def _scale(values: Any, factor: float) -> Any:
@@ -94,70 +94,46 @@ _ROWS = (
         "robot-emergency-stop",
         "the emergency stop is pressed",
         None,
-        begin=lambda c, now_s: c.press_emergency_stop(True, now_s),
-        end=lambda c, now_s: c.press_emergency_stop(False, now_s),
+        lambda c, now_s: c.press_emergency_stop(True, now_s),
+        lambda c, now_s: c.press_emergency_stop(False, now_s),
     ),
     Fault(
-        "robot-motors-off",
-        "the motors lose power",
-        None,
-        begin=lambda c, now_s: c.switch_motors(False, now_s),
-        end=lambda c, now_s: c.recover(now_s),
+        "robot-motors-off", "the motors lose power", None, lambda c, at_s: c.switch_motors(False, at_s), Cabinet.recover
     ),
     Fault(
         "robot-manual-mode",
         "somebody turns the key to manual full speed",
         None,
-        begin=lambda c, now_s: c.switch_mode(Mode.MANF, now_s),
-        end=lambda c, now_s: c.recover(now_s),
+        lambda c, now_s: c.switch_mode(Mode.MANF, now_s),
+        Cabinet.recover,
     ),
     Fault(
         "robot-program-stopped",
         "the motion program is stopped at the pendant",
         None,
-        begin=lambda c, now_s: c.run_program(False, now_s),
-        end=lambda c, now_s: c.run_program(True, now_s),
+        lambda c, now_s: c.run_program(False, now_s),
+        lambda c, now_s: c.run_program(True, now_s),
     ),
+    Fault("robot-not-settled", "the arm never reports standstill", None, *_set("settles", False, True)),
     Fault(
-        "robot-not-settled",
-        "the arm never reports standstill",
-        None,
-        _set_attribute("settles", False),
-        _set_attribute("settles", True),
+        "robot-override-zero", "speed override 0: moves begin and go nowhere", None, *_set("speed_override", 0.0, 1.0)
     ),
-    Fault(
-        "robot-override-zero",
-        "speed override 0: moves begin and go nowhere",
-        None,
-        _set_attribute("speed_override", 0.0),
-        _set_attribute("speed_override", 1.0),
-    ),
-    Fault(
-        "robot-nan-pose", "a pose with NaN", None, reply=_alter_pose(lambda p: replace(p, position_mm=(nan, nan, nan)))
-    ),
-    Fault(
+    _wrong_pose("robot-nan-pose", "a pose with NaN", lambda p: replace(p, position_mm=(nan, nan, nan))),
+    _wrong_pose(
         "robot-quaternion-not-unit",
         "a quaternion of length 0.9",
-        None,
-        reply=_alter_pose(lambda p: replace(p, quaternion_wxyz=_scale(p.quaternion_wxyz, 0.9))),
+        lambda p: replace(p, quaternion_wxyz=_scale(p.quaternion_wxyz, 0.9)),
     ),
-    Fault(
-        "robot-metres",
-        "positions in metres",
-        None,
-        reply=_alter_pose(lambda p: replace(p, position_mm=_scale(p.position_mm, 1e-3))),
-    ),
-    Fault(
+    _wrong_pose("robot-metres", "positions in metres", lambda p: replace(p, position_mm=_scale(p.position_mm, 1e-3))),
+    _wrong_pose(
         "robot-quaternion-xyzw",
         "the scalar part comes last",
-        None,
-        reply=_alter_pose(lambda p: replace(p, quaternion_wxyz=(*p.quaternion_wxyz[1:], p.quaternion_wxyz[0]))),
+        lambda p: replace(p, quaternion_wxyz=(*p.quaternion_wxyz[1:], p.quaternion_wxyz[0])),
     ),
-    Fault(
+    _wrong_pose(
         "robot-wrong-configuration",
         "poses carry another configuration than the arm's",
-        None,
-        reply=_alter_pose(lambda p: replace(p, configuration=(*p.configuration[:3], p.configuration[3] ^ 2))),
+        lambda p: replace(p, configuration=(*p.configuration[:3], p.configuration[3] ^ 2)),
     ),
     Fault("robot-clock-jump", "the controller's clock is an hour ahead", None, reply=_clock_jump),
     # --- Robot Web Services and EGM: queried by name in mock_robot.rws and mock_robot.devices.egm ---

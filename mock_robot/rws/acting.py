@@ -2,42 +2,18 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from enum import Enum
 
+from mock_robot.cabinet.disk import NoVolume
 from mock_robot.cabinet.panel import Mode
+from mock_robot.rws import refusals
 from mock_robot.rws.context import RequestContext
 from mock_robot.rws.equipment import instance_id, listed_title
 from mock_robot.rws.exchange import DONE, Item, Reply
 from mock_robot.rws.mastership import DOMAINS, Consent
 from mock_robot.rws.memory import module_name
-from mock_robot.rws.refusals import (
-    BAD_ARGUMENT,
-    EXISTS,
-    NO_INSTANCE_1,
-    NO_MODULE,
-    NO_PATH,
-    NO_RESOURCE,
-    NO_SIGNAL,
-    REJECTED,
-    WRONG_STATE,
-    RwsRefused,
-)
-from mock_robot.rws.volumes import NoVolume
+from mock_robot.rws.refusals import RwsRefused
 
 Parts = Mapping[str, str]
-
-
-class Act(Enum):
-    """Operations with preconditions."""
-
-    MOTORS_ON = "motors on"
-    MOTORS_OFF = "motors off"
-    START = "start"
-    STOP = "stop"
-    RESET_POINTER = "program pointer to main"
-    SPEED = "speed ratio"
-    WRITE_DATA = "write RAPID data"
-    LOAD = "load or unload a module"
 
 
 @dataclass(frozen=True)
@@ -51,31 +27,53 @@ class Rule:
     consent_to_execute: bool = False
 
 
-RULES: Mapping[Act, Rule] = {
-    Act.MOTORS_ON: Rule(states=frozenset({"motoroff", "motoron", "emergencystopreset"}), manual=False),
-    Act.MOTORS_OFF: Rule(),
-    Act.START: Rule(frozenset({"motoron"}), "stopped", master="rapid", consent_to_execute=True),
-    Act.STOP: Rule(),
-    Act.RESET_POINTER: Rule(execution="stopped", master="rapid"),
-    Act.SPEED: Rule(manual=False, master="rapid"),
-    Act.WRITE_DATA: Rule(master="rapid"),
-    Act.LOAD: Rule(execution="stopped", master="rapid"),
+RULES: Mapping[str, Rule] = {
+    "motors on": Rule(states=frozenset({"motoroff", "motoron", "emergencystopreset"}), manual=False),
+    "motors off": Rule(),
+    "start": Rule(frozenset({"motoron"}), "stopped", master="rapid", consent_to_execute=True),
+    "stop": Rule(),
+    "program pointer to main": Rule(execution="stopped", master="rapid"),
+    "speed ratio": Rule(manual=False, master="rapid"),
+    "write RAPID data": Rule(master="rapid"),
+    "load or unload a module": Rule(execution="stopped", master="rapid"),
 }
 
 
-def allow(context: RequestContext, act: Act) -> None:
+def allow(context: RequestContext, act: str) -> None:
     """Check an operation's rule; raises RwsRefused. Order as on the controllers: mode, mastership, state, execution."""
     rule, world = RULES[act], context.world
     if not rule.manual and world.mode is not Mode.AUTO:
-        raise RwsRefused(REJECTED, f"{act.value}: only in automatic mode")
+        raise RwsRefused(refusals.REJECTED, f"{act}: only in automatic mode")
     if rule.consent_to_execute and not world.mastership.may_execute(context.session, world.mode, context.now_s):
-        raise RwsRefused(REJECTED, f"{act.value}: the operator has to grant it (RMMP exec)")
+        raise RwsRefused(refusals.REJECTED, f"{act}: the operator has to grant it (RMMP exec)")
     if rule.master is not None:
         context.require_master(rule.master)
     if rule.states is not None and world.controller_state not in rule.states:
-        raise RwsRefused(WRONG_STATE, f"{act.value}: not in state {world.controller_state}")
+        raise RwsRefused(refusals.WRONG_STATE, f"{act}: not in state {world.controller_state}")
     if rule.execution is not None and world.execution_state != rule.execution:
-        raise RwsRefused(WRONG_STATE, f"{act.value}: not while execution is {world.execution_state}")
+        raise RwsRefused(refusals.WRONG_STATE, f"{act}: not while execution is {world.execution_state}")
+
+
+def _path(context: RequestContext, name: str) -> str:
+    """The canonical path that a form names. Raises RwsRefused."""
+    try:
+        return context.world.volumes.canonical(context.asked.form.get(name, "").removeprefix("/fileservice/"))
+    except NoVolume:
+        raise RwsRefused(refusals.NO_PATH) from None
+
+
+def _content(context: RequestContext, name: str) -> bytes:
+    content = context.world.volumes.files.get(_path(context, name))
+    if content is None:
+        raise RwsRefused(refusals.NO_PATH)
+    return content
+
+
+def _number(context: RequestContext, name: str) -> float:
+    try:
+        return float(context.asked.form.get(name, ""))
+    except ValueError:
+        raise RwsRefused(refusals.BAD_ARGUMENT) from None
 
 
 # --- panel ---
@@ -83,22 +81,19 @@ def allow(context: RequestContext, act: Act) -> None:
 
 def set_controller_state(context: RequestContext, parts: Parts) -> Reply:
     wanted = context.asked.form.get("ctrl-state")
-    acts = {"motoron": Act.MOTORS_ON, "motoroff": Act.MOTORS_OFF}
+    acts = {"motoron": "motors on", "motoroff": "motors off"}
     if wanted not in acts:
-        raise RwsRefused(BAD_ARGUMENT)
+        raise RwsRefused(refusals.BAD_ARGUMENT)
     allow(context, acts[wanted])
     context.world.cabinet.switch_motors(wanted == "motoron", context.now_s)
     return DONE
 
 
 def set_speed_ratio(context: RequestContext, parts: Parts) -> Reply:
-    try:
-        ratio = float(context.asked.form.get("speed-ratio", ""))
-    except ValueError:
-        raise RwsRefused(BAD_ARGUMENT) from None
+    ratio = _number(context, "speed-ratio")
     if not 0 <= ratio <= 100:
-        raise RwsRefused(BAD_ARGUMENT)
-    allow(context, Act.SPEED)
+        raise RwsRefused(refusals.BAD_ARGUMENT)
+    allow(context, "speed ratio")
     context.world.cabinet.panel.speed_override = ratio / 100
     return DONE
 
@@ -109,8 +104,8 @@ def set_speed_ratio(context: RequestContext, parts: Parts) -> Reply:
 def start(context: RequestContext, parts: Parts) -> Reply:
     required = {"regain", "execmode", "cycle", "condition", "stopatbp", "alltaskbytsp"}
     if not required <= context.asked.form.keys():
-        raise RwsRefused(BAD_ARGUMENT, f"Missing {', '.join(sorted(required - context.asked.form.keys()))}")
-    allow(context, Act.START)
+        raise RwsRefused(refusals.BAD_ARGUMENT, f"Missing {', '.join(sorted(required - context.asked.form.keys()))}")
+    allow(context, "start")
     cycle = context.asked.form["cycle"]
     context.world.cycle = context.world.cycle if cycle == "asis" else cycle
     context.world.cabinet.run_program(True, context.now_s)
@@ -121,8 +116,8 @@ def start(context: RequestContext, parts: Parts) -> Reply:
 
 def stop(context: RequestContext, parts: Parts) -> Reply:
     if context.asked.form.get("stopmode", "stop") not in ("cycle", "instr", "stop", "qstop"):
-        raise RwsRefused(BAD_ARGUMENT)
-    allow(context, Act.STOP)
+        raise RwsRefused(refusals.BAD_ARGUMENT)
+    allow(context, "stop")
     if context.dialect.version == 2 and context.world.mode is Mode.AUTO:
         context.world.equipment.require("UAS_REMOTE_START_STOP_IN_AUTO")
     if context.world.execution_state == "running":
@@ -131,7 +126,7 @@ def stop(context: RequestContext, parts: Parts) -> Reply:
 
 
 def reset_pointer(context: RequestContext, parts: Parts) -> Reply:
-    allow(context, Act.RESET_POINTER)
+    allow(context, "program pointer to main")
     context.world.cabinet.move_pointer_to_main(context.now_s)
     return DONE
 
@@ -141,29 +136,22 @@ def write_symbol(context: RequestContext, parts: Parts) -> Reply:
     if found is None:
         raise RwsRefused(context.dialect.no_symbol)
     if not context.asked.form.get("value"):
-        raise RwsRefused(BAD_ARGUMENT)
+        raise RwsRefused(refusals.BAD_ARGUMENT)
     context.world.equipment.require("UAS_RAPID_CURRVALUE")
-    allow(context, Act.WRITE_DATA)
+    allow(context, "write RAPID data")
     try:
         found[1].value = context.asked.form["value"]
     except ValueError as error:
-        raise RwsRefused(BAD_ARGUMENT, str(error)) from None
+        raise RwsRefused(refusals.BAD_ARGUMENT, str(error)) from None
     return DONE
 
 
-def activate(context: RequestContext, parts: Parts) -> Reply:
-    return _select(context, parts, True)
-
-
-def deactivate(context: RequestContext, parts: Parts) -> Reply:
-    return _select(context, parts, False)
-
-
-def _select(context: RequestContext, parts: Parts, active: bool) -> Reply:
+def select(context: RequestContext, parts: Parts, *, active: bool) -> Reply:
+    """Activate or deactivate a task."""
     task = parts.get("task") or context.asked.form.get("task", "")
     if task not in context.world.tasks:
-        raise RwsRefused(NO_RESOURCE)
-    allow(context, Act.LOAD)
+        raise RwsRefused(refusals.NO_RESOURCE)
+    allow(context, "load or unload a module")
     (context.world.memory.inactive.discard if active else context.world.memory.inactive.add)(task)
     return DONE
 
@@ -171,15 +159,12 @@ def _select(context: RequestContext, parts: Parts, active: bool) -> Reply:
 def load_module(context: RequestContext, parts: Parts) -> Reply:
     world, task = context.world, parts["task"]
     if task not in world.memory.modules:
-        raise RwsRefused(NO_RESOURCE)
-    try:
-        content = world.volumes.files[world.volumes.canonical(context.asked.form.get("modulepath", ""))]
-    except (KeyError, NoVolume):
-        raise RwsRefused(NO_PATH) from None
-    allow(context, Act.LOAD)
+        raise RwsRefused(refusals.NO_RESOURCE)
+    content = _content(context, "modulepath")
+    allow(context, "load or unload a module")
     name = module_name(content)
     if name is None or (name in world.memory.modules[task] and context.asked.form.get("replace", "false") != "true"):
-        raise RwsRefused(BAD_ARGUMENT, "No module in the file, or its name is loaded already")
+        raise RwsRefused(refusals.BAD_ARGUMENT, "No module in the file, or its name is loaded already")
     world.memory.modules[task][name] = "SysMod" if b"SYSMODULE" in content[:200].upper() else "ProgMod"
     world.cabinet.record(context.now_s, 10044, f"module {name} loaded into {task}")
     return DONE
@@ -188,8 +173,8 @@ def load_module(context: RequestContext, parts: Parts) -> Reply:
 def unload_module(context: RequestContext, parts: Parts) -> Reply:
     loaded = context.world.memory.modules.get(parts["task"], {})
     if context.asked.form.get("module") not in loaded:
-        raise RwsRefused(NO_MODULE)
-    allow(context, Act.LOAD)
+        raise RwsRefused(refusals.NO_MODULE)
+    allow(context, "load or unload a module")
     del loaded[context.asked.form["module"]]
     return DONE
 
@@ -201,28 +186,21 @@ def load_configuration(context: RequestContext, parts: Parts) -> Reply:
     """Load a file of HOME when it has no duplicates."""
     world, form = context.world, context.asked.form
     if form.get("action-type") not in ("add", "replace", "add-with-reset"):
-        raise RwsRefused(BAD_ARGUMENT)
-    try:
-        content = world.volumes.files[world.volumes.canonical(form.get("filepath", ""))]
-    except (KeyError, NoVolume):
-        raise RwsRefused(NO_PATH) from None
+        raise RwsRefused(refusals.BAD_ARGUMENT)
+    content = _content(context, "filepath")
     _allow_configuration(context)
     wrong = world.equipment.load(content.decode("latin-1"))
     if wrong is not None:
-        raise RwsRefused(BAD_ARGUMENT, wrong)
+        raise RwsRefused(refusals.BAD_ARGUMENT, wrong)
     world.cabinet.record(context.now_s, 10045, "configuration loaded: it acts with the next restart")
     return DONE
 
 
 def save_configuration(context: RequestContext, parts: Parts) -> Reply:
     world = context.world
-    path = context.asked.form.get("filepath", "").removeprefix("/fileservice/")
-    try:
-        canonical = world.volumes.canonical(path)
-    except NoVolume:
-        raise RwsRefused(NO_PATH) from None
+    canonical = _path(context, "filepath")
     if not world.volumes.has_folder(canonical.rpartition("/")[0]):
-        raise RwsRefused(NO_PATH)
+        raise RwsRefused(refusals.NO_PATH)
     world.equipment.require("UAS_BACKUP")
     world.volumes.files[canonical] = world.equipment.text(parts["domain"]).encode("latin-1")
     return DONE
@@ -232,12 +210,9 @@ def back_up(context: RequestContext, parts: Parts) -> Reply:
     """Begin a full backup, whose progress is polled. HOME cannot hold it, nor a name that is taken."""
     world = context.world
     world.equipment.require("UAS_BACKUP")
-    try:
-        folder = world.volumes.canonical(context.asked.form.get("backup", "").removeprefix("/fileservice/"))
-    except NoVolume:
-        raise RwsRefused(NO_PATH) from None
+    folder = _path(context, "backup")
     if folder.startswith("HOME") or world.volumes.has_folder(folder):
-        raise RwsRefused(EXISTS)
+        raise RwsRefused(refusals.EXISTS)
     for domain in world.equipment.configuration:
         world.volumes.files[f"{folder}/SYSPAR/{domain}.cfg"] = world.equipment.text(domain).encode("latin-1")
     number = str(len(world.backups) + 1)
@@ -250,7 +225,7 @@ def delete_instance(context: RequestContext, parts: Parts) -> Reply:
     there = context.world.equipment.configuration.get(parts["domain"].upper(), {}).get(parts["type"], {})
     named = [k for k, each in there.items() if parts["instance"] in (instance_id(k), listed_title(k, each, version))]
     if not named:
-        raise RwsRefused(NO_INSTANCE_1 if context.dialect.version == 1 else NO_RESOURCE)
+        raise RwsRefused(refusals.NO_INSTANCE_1 if context.dialect.version == 1 else refusals.NO_RESOURCE)
     _allow_configuration(context)
     del there[named[0]]
     return DONE
@@ -267,13 +242,10 @@ def _allow_configuration(context: RequestContext) -> None:
 def write_signal(context: RequestContext, parts: Parts) -> Reply:
     found = context.world.signal(parts["signal"])
     if found is None:
-        raise RwsRefused(NO_SIGNAL)
-    try:
-        value = float(context.asked.form.get("lvalue", ""))
-    except ValueError:
-        raise RwsRefused(BAD_ARGUMENT) from None
+        raise RwsRefused(refusals.NO_SIGNAL)
+    value = _number(context, "lvalue")
     if not found[1].written:
-        raise RwsRefused(REJECTED, "Rejected: the signal's access level allows no remote client")
+        raise RwsRefused(refusals.REJECTED, "Rejected: the signal's access level allows no remote client")
     context.world.mastership.require(
         context.session, "motion", context.world.mode, context.now_s, explicit=False
     )  # in manual mode with the operator's consent
@@ -289,7 +261,7 @@ def domains_of(context: RequestContext, parts: Parts) -> tuple[str, ...]:
     try:
         return names[parts.get("domain") or ""]
     except KeyError:
-        raise RwsRefused(NO_RESOURCE) from None
+        raise RwsRefused(refusals.NO_RESOURCE) from None
 
 
 def request_mastership(context: RequestContext, parts: Parts) -> Reply:
@@ -314,7 +286,7 @@ def mastership(context: RequestContext, parts: Parts) -> Reply:
 def ask_consent(context: RequestContext, parts: Parts) -> Reply:
     privilege = context.asked.form.get("privilege", "")
     if privilege not in ("modify", "exec"):
-        raise RwsRefused(BAD_ARGUMENT)
+        raise RwsRefused(refusals.BAD_ARGUMENT)
     context.world.mastership.ask_consent(context.session, privilege, context.world.mode, context.now_s)
     return Reply(202, [Item("user-rmmp", "rmmp", {"status": Consent.PENDING.value})])
 

@@ -2,10 +2,10 @@
 
 from collections.abc import Mapping
 
+from mock_robot.cabinet.disk import Disk, NoVolume
 from mock_robot.rws.context import RequestContext
-from mock_robot.rws.exchange import DONE, Reply
+from mock_robot.rws.exchange import DONE, Item, Reply
 from mock_robot.rws.refusals import BAD_ARGUMENT, EXISTS, RwsRefused
-from mock_robot.rws.volumes import NoVolume
 
 Parts = Mapping[str, str]
 
@@ -14,7 +14,7 @@ def read_file(context: RequestContext, parts: Parts) -> Reply:
     path, volumes = _path(context, parts), context.world.volumes
     if path in volumes.files:
         return Reply(content=volumes.files[path])
-    items = volumes.listing(path)
+    items = _listing(volumes, path)
     if items is None:
         raise RwsRefused(context.dialect.no_file)
     return Reply(items=items, listed=True)
@@ -52,6 +52,20 @@ def delete_file(context: RequestContext, parts: Parts) -> Reply:
         raise RwsRefused(context.dialect.no_file)
     volumes.folders.discard(path)
     return DONE
+
+
+def _listing(disk: Disk, folder: str) -> list[Item] | None:
+    """Entries of a folder; None when it does not exist."""
+    if not disk.has_folder(folder):
+        return None
+    every = {path[len(folder) + 1 :] for path in (*disk.files, *disk.folders) if path.startswith(folder + "/")}
+    files = sorted(name for name in every if f"{folder}/{name}" in disk.files and "/" not in name)
+    folders = sorted({name.partition("/")[0] for name in every}.difference(files))
+    size = {name: str(len(disk.files[f"{folder}/{name}"])) for name in files}
+    return [
+        *(Item("fs-dir", name, {}) for name in folders),
+        *(Item("fs-file", name, {"fs-size": size[name], "fs-readonly": "false"}) for name in files),
+    ]
 
 
 def _path(context: RequestContext, parts: Parts) -> str:

@@ -4,11 +4,11 @@ from collections.abc import Mapping
 from datetime import timedelta
 
 from calibration.transforms import quaternion_from_rotation
+from mock_robot.cabinet.disk import RAMDISK_PATH
 from mock_robot.rws.context import RequestContext
 from mock_robot.rws.exchange import Item, Reply
 from mock_robot.rws.numbers import format_axis, format_float
 from mock_robot.rws.refusals import BAD_ARGUMENT, LIFO_IN_2_0, NO_RESOURCE, NO_SIGNAL, RwsRefused
-from mock_robot.rws.volumes import RAMDISK_PATH
 
 Parts = Mapping[str, str]
 MECHUNIT = "ROB_1"

@@ -3,30 +3,36 @@
 import re
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from functools import partial
 
-from mock_robot.rws import acting, disk, reading
+from mock_robot.rws import acting, disk, reading, refusals
 from mock_robot.rws.context import RequestContext, ServiceDialect
 from mock_robot.rws.exchange import Reply
 from mock_robot.rws.numbers import UNUSED_1, UNUSED_2
-from mock_robot.rws.refusals import (
-    BAD_ARGUMENT,
-    NO_FILE_1,
-    NO_FILE_2,
-    NO_MODULE,
-    NO_MODULE_2,
-    NO_RESOURCE,
-    NO_SYMBOL_1,
-    NO_SYMBOL_2,
-    NO_VOLUME_2,
-    RwsRefused,
-)
+from mock_robot.rws.refusals import RwsRefused
 
 Handler = Callable[[RequestContext, Mapping[str, str]], Reply]
 Row = tuple[str, str, str | None, Handler]
 
-RWS_1 = ServiceDialect(1, False, UNUSED_1, ("j1", "j4", "j6", "jx"), NO_SYMBOL_1, NO_MODULE, NO_FILE_1, NO_FILE_1)
+RWS_1 = ServiceDialect(
+    1,
+    False,
+    UNUSED_1,
+    ("j1", "j4", "j6", "jx"),
+    refusals.NO_SYMBOL_1,
+    refusals.NO_MODULE,
+    refusals.NO_FILE_1,
+    refusals.NO_FILE_1,
+)
 RWS_2 = ServiceDialect(
-    2, True, UNUSED_2, ("cf1", "cf4", "cf6", "cfx"), NO_SYMBOL_2, NO_MODULE_2, NO_FILE_2, NO_VOLUME_2
+    2,
+    True,
+    UNUSED_2,
+    ("cf1", "cf4", "cf6", "cfx"),
+    refusals.NO_SYMBOL_2,
+    refusals.NO_MODULE_2,
+    refusals.NO_FILE_2,
+    refusals.NO_VOLUME_2,
 )
 
 _UNIT = "/rw/motionsystem/mechunits/(?P<mechunit>[^/]+)"
@@ -79,8 +85,8 @@ _FIRST: tuple[Row, ...] = (
     ("POST", "/rw/rapid/execution", "start", acting.start),
     ("POST", "/rw/rapid/execution", "stop", acting.stop),
     ("POST", "/rw/rapid/execution", "resetpp", acting.reset_pointer),
-    ("POST", _TASK, "activate", acting.activate),
-    ("POST", _TASK, "deactivate", acting.deactivate),
+    ("POST", _TASK, "activate", partial(acting.select, active=True)),
+    ("POST", _TASK, "deactivate", partial(acting.select, active=False)),
     ("POST", _TASK, "loadmod", acting.load_module),
     ("POST", _TASK, "unloadmod", acting.unload_module),
     ("GET", "/rw/rapid/modules", None, reading.modules),
@@ -103,8 +109,8 @@ _SECOND: tuple[Row, ...] = (
     ("POST", "/rw/rapid/execution/start", None, acting.start),
     ("POST", "/rw/rapid/execution/stop", None, acting.stop),
     ("POST", "/rw/rapid/execution/resetpp", None, acting.reset_pointer),
-    ("POST", "/rw/rapid/tasks/activate", None, acting.activate),
-    ("POST", "/rw/rapid/tasks/deactivate", None, acting.deactivate),
+    ("POST", "/rw/rapid/tasks/activate", None, partial(acting.select, active=True)),
+    ("POST", "/rw/rapid/tasks/deactivate", None, partial(acting.select, active=False)),
     ("POST", f"{_TASK}/loadmod", None, acting.load_module),
     ("POST", f"{_TASK}/unloadmod", None, acting.unload_module),
     ("GET", f"{_TASK}/modules", None, reading.modules),
@@ -142,7 +148,7 @@ class Routes:
             known = True
             if method != "POST" or verb == asked.action:
                 return handler(context, match.groupdict())
-        raise RwsRefused(BAD_ARGUMENT if known else NO_RESOURCE, "Invalid action" if known else None)
+        raise RwsRefused(refusals.BAD_ARGUMENT if known else refusals.NO_RESOURCE, "Invalid action" if known else None)
 
 
 ROUTES = {1: Routes.of((*_SHARED, *_FIRST)), 2: Routes.of((*_SHARED, *_SECOND))}

@@ -15,7 +15,6 @@ from mock_robot.rws.equipment import Equipment
 from mock_robot.rws.exchange import Item
 from mock_robot.rws.mastership import Mastership
 from mock_robot.rws.memory import RwsMemory, RwsSignal
-from mock_robot.rws.volumes import Volumes
 
 INFORMATION, WARNING, ERROR = 1, 2, 3
 _TYPES: tuple[tuple[range, int], ...] = (
@@ -106,7 +105,7 @@ class World:
     backups: dict[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        self.volumes = Volumes(self.cabinet.disk.files, self.cabinet.disk.folders)
+        self.volumes = self.cabinet.disk
         self.elog = ControllerEventLog.starting_at(self.cabinet, self.clock())
 
     @property

@@ -41,16 +41,3 @@ def profile_door(
     scanner = ScannerModel(range_mm=profiler.range_mm)
     z = np.array([cast(scanner, pose, rays, door)[0] / length for pose in part_T_profiler])
     return profiler.measured(z, rng)
-
-
-def profile_sphere(
-    profiler: ProfilerModel, profiler_T_base: Array, centre_mm: Array, radius_mm: float, rng: np.random.Generator
-) -> tuple[Array, Array]:
-    """x and z (n, columns) in mm of a sphere in base from poses (n, 4, 4), NaN beside it."""
-    centre = profiler_T_base[:, :3, :3] @ centre_mm + profiler_T_base[:, :3, 3]
-    slopes = profiler.slopes()
-    square = 1 + slopes**2
-    half = slopes * centre[:, :1] + centre[:, 2:]
-    left = half**2 - square * (np.sum(centre**2, axis=1, keepdims=True) - radius_mm**2)
-    with np.errstate(invalid="ignore"):
-        return profiler.measured((half - np.sqrt(left)) / square, rng)

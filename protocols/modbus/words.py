@@ -36,18 +36,6 @@ def text_words(text: str, registers: int) -> Words:
     return struct.unpack(f">{registers}H", content)
 
 
-def float_of(words: Sequence[int], order: WordOrder) -> float:
-    """Decode a float32 from two registers."""
-    value: float = struct.unpack(">f", _bytes(words, order))[0]
-    return value
-
-
-def integer_of(words: Sequence[int], order: WordOrder) -> int:
-    """Decode an int32 from two registers."""
-    value: int = struct.unpack(">i", _bytes(words, order))[0]
-    return value
-
-
 def unsigned_of(words: Sequence[int], order: WordOrder) -> int:
     """Decode a uint32 from two registers."""
     value: int = struct.unpack(">I", _bytes(words, order))[0]

@@ -11,10 +11,11 @@ from pymodbus.client import AsyncModbusTcpClient
 
 from daemon.plc.service import PlcService
 from daemon.plc.switch import PlcSwitch
-from protocols.modbus.words import WordOrder, crc16, float_of, integer_of, text_of, unsigned_of
+from protocols.modbus.words import WordOrder, crc16, text_of, unsigned_of
 from protocols.plc.codes import ControlBit, StatusBit
 from protocols.plc.registers import BY_NAME, RESULT, SIZE, Kind
 from tests.daemon.cell_under_test import Bench
+from tests.support.registers import float_of, integer_of
 from tests.support.waiting import LIMIT_S
 
 MOVING = {"port": 0, "writers": ["127.0.0.1"], "motion": True}

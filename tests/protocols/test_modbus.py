@@ -14,15 +14,14 @@ from protocols.modbus.mbap import Adu, MbapReader
 from protocols.modbus.words import (
     WordOrder,
     crc16,
-    float_of,
     float_words,
-    integer_of,
     integer_words,
     text_of,
     text_words,
     unsigned_of,
     unsigned_words,
 )
+from tests.support.registers import float_of, integer_of
 
 ID = Identification("v", "p", "1.0", name="cell")
 

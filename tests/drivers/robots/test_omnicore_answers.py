@@ -1,15 +1,22 @@
 """What a real OmniCore (RobotWare 7.20) answered, read by the driver."""
 
 import json
+import re
 from pathlib import Path
 
 import pytest
 
+from daemon.cli.robot_files import program_files
+from drivers.errors import RequestRefused
+from drivers.robots.abb.rapid_names import RapidNames
 from drivers.robots.abb.rws.address import RwsAddress
 from drivers.robots.abb.rws.administration import RwsAdministration
 from drivers.robots.abb.rws.client import RwsClient
 from drivers.robots.abb.rws.dialect import DIALECTS
 from drivers.robots.abb.rws.parsing import log_entry
+from drivers.robots.abb.setup.plan import Package, configuration_findings, plan_setup
+from drivers.robots.abb.setup.requirements import findings
+from drivers.robots.abb.setup.survey import read_survey
 from mock_robot.rapid.cfg_types import attributes_of
 from mock_robot.rapid.controller import DEPLOYED
 from protocols.cfg_file import parse_cfg
@@ -41,13 +48,59 @@ def test_the_event_log_is_read_though_it_is_no_json(answers: Path) -> None:
     assert {entry.code for entry in entries} >= {41830}
 
 
-async def test_instances_are_known_by_their_content(answers: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+PLACES = {
+    "/rw/panel/ctrl-state": "misc/ctrl-state",
+    "/rw/rapid/execution": "misc/rapid-execution",
+    "/rw/motionsystem/mechunits": "misc/mechunits",
+    "/ctrl/identity": "misc/ctrl-identity",
+    "/ctrl/network": "misc/ctrl-network",
+    "/rw/rapid/tasks": "rapid/_tasks",
+}
+
+
+@pytest.fixture
+def controller(answers: Path, monkeypatch: pytest.MonkeyPatch) -> RwsAdministration:
+    """Set-up's session with the controller, which answers from its files and has nothing else."""
+
     async def get(self: RwsClient, path: str, query: object = None) -> list[dict[str, object]]:
-        domain, kind = path.split("/")[3:5]
-        return DIALECTS[2].page((answers / "cfg" / domain / f"{kind}.json").read_bytes())[0]
+        parts = path.split("/")[1:]
+        file = PLACES.get(path, f"misc/{parts[-1]}")
+        if path.startswith("/rw/cfg/"):
+            file = f"cfg/{parts[2]}/{parts[3]}"
+        if parts[-1] == "modules":
+            file = f"rapid/{parts[3]}/_modules"
+        if not (answers / f"{file}.json").exists():
+            raise RequestRefused("robot", "not there", "", "NOT_FOUND")
+        return DIALECTS[2].page((answers / f"{file}.json").read_bytes())[0]
+
+    async def get_file(self: RwsClient, path: str) -> None:
+        return None
 
     monkeypatch.setattr(RwsClient, "get", get)
-    controller = RwsAdministration(RwsAddress.parse("rws://127.0.0.1"))
+    monkeypatch.setattr(RwsClient, "get_file", get_file)
+    session = RwsAdministration(RwsAddress.parse("rws://192.168.125.1"))
+    monkeypatch.setattr(session._client, "dialect", DIALECTS[2])
+    return session
+
+
+async def test_a_set_up_of_that_controller_finds_nothing_that_stops_it(controller: RwsAdministration) -> None:
+    files = program_files(DEPLOYED, 7, called=False, egm="192.168.125.99")
+    package = Package.of("handeyed", files, RapidNames())
+    survey = await read_survey(controller, package.fragments.values(), package.paths, (), "T_ROB1")
+    assert list(survey.tasks) == ["SC_CBC", "T_ROB1", "T_GOFA_LED", "T_COMM"]
+    assert str(survey.reached) == "192.168.125.1 (X6, Private)"
+    needs = findings(survey, task="T_ROB1", unit="ROB_1", serial=False, egm=True, load_is_default=True)
+    found = configuration_findings(survey, package) + needs
+    assert [each.line() for each in found if each.missing] == []
+    assert "payload-mode" not in {each.code for each in found}
+    assert "firewall" not in {each.code for each in found}
+    plan = plan_setup(survey, package, {}, found, "T_ROB1")
+    assert set(plan.load) == {"EIO.cfg", "SYS.cfg", "SIO_egm.cfg"}
+    reset = next(step for step in plan.by_hand if "Reset RAPID" in step)
+    assert {"T_ROB1/MainModule", "T_COMM/CommModule"} <= set(re.findall(r"\w+/\w+", reset))
+
+
+async def test_instances_are_known_by_their_content(controller: RwsAdministration) -> None:
     modules = await controller.read_instances("SYS", "CAB_TASK_MODULES")
     assert {each.title for each in modules} == {""}
     assert "CAL_WRIST" in {each.name for each in modules}

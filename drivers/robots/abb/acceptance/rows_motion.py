@@ -8,25 +8,8 @@ from calibration.transforms import Array, difference, transform
 from drivers.errors import DeviceError
 from drivers.interfaces import MoveGoal, PoseReading
 from drivers.robots.abb import cb_wire
+from drivers.robots.abb.acceptance import person
 from drivers.robots.abb.acceptance.bench import BEAT_S, Bench, RowFailed, RowSkipped, goal_of
-from drivers.robots.abb.acceptance.person import (
-    CUT_CONSENT,
-    DISABLE,
-    ENABLE,
-    ESTOP,
-    ESTOP_RELEASE,
-    PLUG,
-    POWER_CUT,
-    POWER_ON,
-    POWER_ON_MAIN,
-    PROGRAM_START,
-    PROGRAM_STOP,
-    PULL,
-    RESTART,
-    TO_AUTO,
-    TO_MANUAL,
-    Step,
-)
 from drivers.robots.abb.acceptance.rows_link import Measured
 from drivers.robots.abb.acceptance.wire import Wire
 from protocols.cb.codes import Flag
@@ -213,10 +196,10 @@ async def _lose(bench: Bench, how: str) -> Measured:
         await bench.arm(wire)
         goal = bench.away(home, limits.slow_mm_s)
         if how == "pulled":
-            await bench.ask_person(PLUG)
+            await bench.ask_person(person.PLUG)
         _, left = await bench.under_way(wire, goal)
         if how == "pulled":
-            await bench.ask_person(PULL)
+            await bench.ask_person(person.PULL)
             await _until_lost(bench, wire)
         if how == "silent":
             await bench.timing.sleep(limits.silence_s + limits.margin_s)
@@ -225,7 +208,7 @@ async def _lose(bench: Bench, how: str) -> Measured:
     if how != "silent":
         await bench.timing.sleep(limits.silence_s + limits.margin_s)
     if how == "pulled":
-        await bench.ask_person(PLUG)
+        await bench.ask_person(person.PLUG)
     wire = await bench.reconnect()
     try:
         stood = await bench.pose(wire)
@@ -254,7 +237,7 @@ async def _until_lost(bench: Bench, wire: Wire) -> None:
 
 
 async def _interrupt(
-    bench: Bench, act: Step, ends: tuple[str, ...], then: Step, *, reconnects: bool = False
+    bench: Bench, act: person.Step, ends: tuple[str, ...], then: person.Step, *, reconnects: bool = False
 ) -> Measured:
     """A move is interrupted by a person; the arm stands, and stays so when the program is started again."""
     limits = bench.limits
@@ -305,35 +288,35 @@ async def _home_when_ready(bench: Bench, wire: Wire) -> None:
 
 async def press_estop(bench: Bench) -> Measured:
     """Emergency stop in a slow move; after release and start without PP to main the arm stays where it is."""
-    return await _interrupt(bench, ESTOP, ("ESTOP", "MOTORS_OFF", "ABORTED"), ESTOP_RELEASE)
+    return await _interrupt(bench, person.ESTOP, ("ESTOP", "MOTORS_OFF", "ABORTED"), person.ESTOP_RELEASE)
 
 
 async def turn_key(bench: Bench) -> Measured:
     """Turning the key in a slow move stops it and disarms."""
-    return await _interrupt(bench, TO_MANUAL, ("WRONG_MODE", "ABORTED", "MOTORS_OFF"), TO_AUTO)
+    return await _interrupt(bench, person.TO_MANUAL, ("WRONG_MODE", "ABORTED", "MOTORS_OFF"), person.TO_AUTO)
 
 
 async def release_enabling_device(bench: Bench) -> Measured:
     """In manual mode, releasing the enabling device stops a slow move."""
-    await bench.ask_person(ENABLE)
-    return await _interrupt(bench, DISABLE, ("MOTORS_OFF", "ABORTED", "WRONG_MODE"), TO_AUTO)
+    await bench.ask_person(person.ENABLE)
+    return await _interrupt(bench, person.DISABLE, ("MOTORS_OFF", "ABORTED", "WRONG_MODE"), person.TO_AUTO)
 
 
 async def stop_program(bench: Bench) -> Measured:
     """Stop at the pendant in a slow move; after Start the old move does not go on."""
-    return await _interrupt(bench, PROGRAM_STOP, ("WRONG_MODE", "ABORTED"), PROGRAM_START)
+    return await _interrupt(bench, person.PROGRAM_STOP, ("WRONG_MODE", "ABORTED"), person.PROGRAM_START)
 
 
 async def cut_power(bench: Bench) -> Measured:
     """A power cut in a slow move; started without PP to main, nothing old moves."""
-    await bench.ask_person(CUT_CONSENT)
-    return await _interrupt(bench, POWER_CUT, (), POWER_ON, reconnects=True)
+    await bench.ask_person(person.CUT_CONSENT)
+    return await _interrupt(bench, person.POWER_CUT, (), person.POWER_ON, reconnects=True)
 
 
 async def cut_power_to_main(bench: Bench) -> Measured:
     """A power cut in a slow move; after PP to main nothing old moves."""
-    await bench.ask_person(CUT_CONSENT)
-    return await _interrupt(bench, POWER_CUT, (), POWER_ON_MAIN, reconnects=True)
+    await bench.ask_person(person.CUT_CONSENT)
+    return await _interrupt(bench, person.POWER_CUT, (), person.POWER_ON_MAIN, reconnects=True)
 
 
 async def restart(bench: Bench) -> Measured:
@@ -341,7 +324,7 @@ async def restart(bench: Bench) -> Measured:
     async with bench.wire() as wire:
         before = wire.welcome.session if wire.welcome else 0
     began_s = bench.timing.clock()
-    await bench.ask_person(RESTART)
+    await bench.ask_person(person.RESTART)
     wire = await bench.reconnect()
     try:
         after = wire.welcome.session if wire.welcome else 0

@@ -1,6 +1,5 @@
 """Carries a plan out, reads back what was done, and undoes it from its record."""
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -57,21 +56,6 @@ class SetupRecord:
             "symbols": self.symbols,
             "configuration": sorted(self.configuration),
         }
-
-    @classmethod
-    def from_document(cls, text: bytes, contents: Mapping[str, bytes]) -> "SetupRecord":
-        """Parse; `contents` has the files that existed. Raises ValueError."""
-        document = json.loads(text)
-        if not isinstance(document, dict) or document.get("version") != VERSION:
-            raise ValueError(f"no record of version {VERSION}")
-        try:
-            return cls(
-                {str(path): contents[path] if kept else None for path, kept in document["files"].items()},
-                [(str(d), str(k), str(n)) for d, k, n in document["instances"]],
-                {str(name): str(value) for name, value in document["symbols"].items()},
-            )
-        except (KeyError, TypeError, AttributeError) as error:
-            raise ValueError(f"{error} is missing") from None
 
 
 async def back_up(controller: RwsAdministration, survey: ControllerSurvey, plan: SetupPlan, backup: str) -> SetupRecord:

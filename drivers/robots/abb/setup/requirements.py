@@ -132,9 +132,9 @@ def _options(survey: ControllerSurvey, *, serial: bool, egm: bool) -> Iterable[F
 
 
 def _networks(survey: ControllerSurvey, *, serial: bool, egm: bool) -> Iterable[Finding]:
-    networks, at = survey.networks, survey.networks.reached
-    if networks.listed and not (serial or survey.virtual):
-        listed = ", ".join(map(str, networks.listed))
+    at = survey.reached
+    if survey.networks and not (serial or survey.virtual):
+        listed = ", ".join(map(str, survey.networks))
         where = f"{at}: set-up lets the link listen there" if at else f"none of its own addresses: {listed}"
         fix = "another one of its addresses: --set cell_address=..."
         yield Finding("address", False, f"the controller was reached at {where}", fix)

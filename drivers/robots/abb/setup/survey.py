@@ -26,14 +26,6 @@ class Network:
 
 
 @dataclass(frozen=True)
-class Networks:
-    """Those that the controller lists, and the one where it was reached, None when it is none of them."""
-
-    listed: tuple[Network, ...]
-    reached: Network | None
-
-
-@dataclass(frozen=True)
 class ControllerSurvey:
     """State before an installation. None: the controller does not say.
 
@@ -54,7 +46,8 @@ class ControllerSurvey:
     tasks: Mapping[str, bool]
     units: tuple[str, ...]
     base_frame: tuple[float, ...] | None
-    networks: Networks
+    networks: tuple[Network, ...]
+    reached: Network | None
     mastership: str | None
     instances: Mapping[str, tuple[ConfigurationInstance, ...]]
     modules: Mapping[str, tuple[str, ...]]
@@ -98,15 +91,15 @@ class ControllerSurvey:
         return all(abs(abs(value) - wanted) <= slack for value, wanted, slack in pairs)
 
 
-async def read_networks(controller: RwsAdministration) -> Networks:
-    """Read at which of its networks the controller was reached. Raises DeviceError."""
+async def read_networks(controller: RwsAdministration) -> tuple[tuple[Network, ...], Network | None]:
+    """Networks of the controller, and the one where it was reached, None when it is none. Raises DeviceError."""
     listed = tuple(
         Network(*(str(each.get(key, "")) for key in ("_title", "network", "addr")))
         for each in await controller.read("/ctrl/network") or ()
+        if str(each.get("addr", "")).strip("0.")
     )
-    found = await asyncio.get_running_loop().getaddrinfo(controller.address.host, None)
-    own = {str(address[0]) for *_, address in found}
-    return Networks(listed, next((each for each in listed if each.address in own), None))
+    own = {str(at[0]) for *_, at in await asyncio.get_running_loop().getaddrinfo(controller.address.host, None)}
+    return listed, next((each for each in listed if each.address in own), None)
 
 
 async def read_survey(
@@ -118,6 +111,7 @@ async def read_survey(
     DeviceError.
     """
     system, identity = await controller.read_first("/rw/system"), await controller.read_first("/ctrl/identity")
+    networks, reached = await read_networks(controller)
     panel, mastership = await controller.read_panel(), await controller.read_mastership()
     units = tuple(str(each.get("_title", "")) for each in await controller.read("/rw/motionsystem/mechunits") or ())
     tasks = {
@@ -141,7 +135,8 @@ async def read_survey(
         grants=await controller.read_grants(),
         tasks=tasks,
         units=units,
-        networks=await read_networks(controller),
+        networks=networks,
+        reached=reached,
         base_frame=await controller.read_base_frame(controller.address.mechunit),
         mastership=str(mastership["mastership"]) if "mastership" in mastership else None,
         instances={kind: await controller.read_instances(*kind.split("/")) for kind in sorted(kinds)},
