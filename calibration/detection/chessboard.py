@@ -47,9 +47,10 @@ class Board:
 def detect_chessboard(image: Grey, target: Chessboard) -> Detection:
     """The inner corners, at most a quarter of them missing. Raises DetectionError `not-found`, `other-board`."""
     other: tuple[int, ...] | None = None
-    for board in _find_boards(image, target):
+    for board in find_boards(image, target):
         if sorted(board.found.shape) == sorted((target.columns, target.rows)):
-            if (~board.found).sum() <= _max_missing(target.columns * target.rows):
+            share = MAX_MISSING_SHARE if board.found.size >= FEW_CORNERS else MAX_MISSING_SHARE_OF_FEW
+            if (~board.found).sum() <= int(share * board.found.size):
                 order = canonical_order(board.points, board.black_first, target.columns, target.rows).ravel()
                 ids = np.flatnonzero(board.found.ravel()[order])
                 return Detection(ids, board.points.reshape(-1, 2)[order[ids]])
@@ -63,21 +64,7 @@ def detect_chessboard(image: Grey, target: Chessboard) -> Detection:
     raise DetectionError("not-found", what, Sentence("see-whole-chessboard"))
 
 
-def board_sizes(image: Grey, target: Chessboard) -> set[tuple[int, ...]]:
-    """Sizes, in either order, of the nearly whole boards in an image that are about as large as `target` or larger."""
-    return {
-        board.found.shape
-        for board in _find_boards(image, target)
-        if (~board.found).sum() <= _max_missing(board.found.size)
-    }
-
-
-def _max_missing(count: int) -> int:
-    """Corners of `count` that may be missing."""
-    return int(count * (MAX_MISSING_SHARE if count >= FEW_CORNERS else MAX_MISSING_SHARE_OF_FEW))
-
-
-def _find_boards(image: Grey, target: Chessboard) -> Iterator[Board]:
+def find_boards(image: Grey, target: Chessboard) -> Iterator[Board]:
     """Every board found at each of SEARCHES, of whatever size."""
     tried = set()
     min_corners = max(4, int(MIN_SHARE_JOINED * target.columns * target.rows))

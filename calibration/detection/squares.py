@@ -1,5 +1,6 @@
 """Squares around chessboard corners: which are black, and how large a window fits between them."""
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -11,6 +12,9 @@ MIN_HALF_WINDOW_PX, MAX_HALF_WINDOW_PX = 2, 9
 PROBE_OF_SIDE = 0.25
 """Where a square's colour is read: this share of both sides from the corner, clear of blur and ChArUco markers."""
 
+MIN_BLANK = 0.7
+"""Least level of a chessboard's white squares in their middle, from black (0) to white (1): a marker is darker."""
+
 
 def corner_contrast(image: Grey, corners: Array, along_u: Array, along_v: Array) -> Array:
     """Darkest white minus brightest black (n,), in grey levels, of the four squares around each corner (n, 2) px.
@@ -19,17 +23,29 @@ def corner_contrast(image: Grey, corners: Array, along_u: Array, along_v: Array)
     alternate. `along_u`, `along_v` (n, 2): the sides of the square, in px.
     """
     u, v = PROBE_OF_SIDE * along_u, PROBE_OF_SIDE * along_v
-    same = [_level(image, corners + u + v), _level(image, corners - u - v)]
-    other = [_level(image, corners + u - v), _level(image, corners - u + v)]
+    same = [level_at(image, corners + u + v), level_at(image, corners - u - v)]
+    other = [level_at(image, corners + u - v), level_at(image, corners - u + v)]
     black_first = np.minimum(*other) - np.maximum(*same)
     white_first = np.minimum(*same) - np.maximum(*other)
     return np.asarray(np.where(black_first > 0, black_first, np.where(white_first > 0, -white_first, 0.0)))
 
 
-def _level(image: Grey, points: Array) -> NDArray[np.float64]:
+def level_at(image: Grey, points: Array) -> NDArray[np.float64]:
+    """Grey levels (...) of the pixels nearest to points (..., 2)."""
     column = np.clip(np.rint(points[..., 0]).astype(np.intp), 0, image.shape[1] - 1)
     row = np.clip(np.rint(points[..., 1]).astype(np.intp), 0, image.shape[0] - 1)
     return image[row, column].astype(float)
+
+
+def squares_are_blank(image: Grey, corners: Array) -> bool:
+    """Whether the white squares between corners (v, u, 2) px are white in their middle."""
+    middles = (corners[:-1, :-1] + corners[1:, :-1] + corners[:-1, 1:] + corners[1:, 1:]) / 4
+    levels = level_at(np.asarray(cv2.blur(image, (3, 3)), np.uint8), middles)
+    v, u = np.indices(levels.shape)
+    one, other = levels[(u + v) % 2 == 0], levels[(u + v) % 2 == 1]
+    black, white = sorted((one, other), key=lambda group: float(np.median(group)))
+    darkest, brightest = np.percentile(black, 10), np.percentile(white, 90)
+    return bool(np.median(white) - darkest > MIN_BLANK * (brightest - darkest) and white.std() < brightest - darkest)
 
 
 def narrowest_side(along_u: Array, along_v: Array) -> Array:

@@ -53,7 +53,11 @@ SEEN = {
     "see-more": "bring more of the target into view",
     "seen-no-pose": "no pose of the target in front of the camera explains its points",
     "see-intrinsics": "check the camera's matrix and distortion, and the target's description",
-    # calibration/detection/alternatives.py
+    # calibration/detection/recognition.py
+    "doubt-few-points": "only {found} of its {of} points are seen",
+    "doubt-beyond-picture": "it may go on beyond the picture: more rows or columns than are seen",
+    "doubt-marker-size": "its markers are too small in the picture to measure: enlarge it, or measure one",
+    "doubt-one-marker": "something else may look like one marker of {dictionary}",
     "seen-another": "{refused}, but one that differs in {settings: and } is there",
     "see-settings": "set {settings:, } in the target's description, if this is yours",
     # calibration/targets.py

@@ -10,9 +10,9 @@ from math import degrees
 from pathlib import Path
 from typing import Any, TypeVar
 
-from calibration.detection.alternatives import find_alternative
 from calibration.detection.detect import detect
 from calibration.detection.image import grey_image
+from calibration.detection.recognition import find_alternative
 from calibration.errors import DetectionError
 from daemon.cell.devices import open_devices
 from daemon.cell.vibration import VibrationGate

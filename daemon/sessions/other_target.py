@@ -11,7 +11,7 @@ from calibration.sentences.sentence import Sentence, with_fix
 from calibration.targets import Target
 
 if TYPE_CHECKING:
-    from calibration.detection.alternatives import Alternative
+    from calibration.detection.recognition import Alternative
 
 MAX_FOUND_SHARE = 1 / 3
 """With more of the pictures showing the target, its description is right."""
@@ -33,7 +33,7 @@ def explain_missing(views: Sequence[View], target: Target, read: Callable[[str],
         return list(views)
     step = max(1, len(missed) // MAX_PICTURES)
     looked_at = [read(view.image or "") for view in missed[::step][:MAX_PICTURES]]
-    from calibration.detection.alternatives import find_alternative  # the detector is needed by runs only
+    from calibration.detection.recognition import find_alternative  # the detector is needed by runs only
 
     alternatives = [find_alternative(picture, target) for picture in looked_at]
     seen = [alternative for alternative in alternatives if alternative is not None]

@@ -1,4 +1,4 @@
-"""Another target than described: which description fits what the image shows."""
+"""Targets that nobody described, and other ones than described: which description fits what the image shows."""
 
 from dataclasses import replace
 
@@ -6,12 +6,14 @@ import cv2
 import numpy as np
 import pytest
 
-from calibration.detection.alternatives import find_alternative
 from calibration.detection.detect import detect
 from calibration.detection.image import grey_image
+from calibration.detection.recognition import find_alternative, recognise
 from calibration.errors import DetectionError
-from calibration.targets import AprilTagGrid, ArucoGrid, Charuco, Chessboard, CircleGrid, Target
+from calibration.targets import AprilTagGrid, ArucoGrid, ArucoMarker, Charuco, Chessboard, CircleGrid, Target
+from mock_robot.scene.printed_target import PrintOptions
 from tests.calibration.detection.sights import pictures
+from tests.simulated.recognisable import is_same_print
 
 CHARUCO = Charuco(7, 5, 30.0, 22.0, "DICT_5X5_100")
 EVEN = Charuco(8, 6, 30.0, 22.0, "DICT_5X5_100")
@@ -81,3 +83,49 @@ def test_settings_are_written_as_in_the_settings_file() -> None:
 
     assert found is not None
     assert found.changes == (("dictionary", '"DICT_4X4_100"'), ("legacy", "true"))
+
+
+PRINTS: dict[str, tuple[Target, PrintOptions | None]] = {
+    "ChArUco": (Charuco(11, 7, 20.0, 14.0, "DICT_6X6_250"), None),
+    "ChArUco that begins with a marker": (Charuco(6, 8, 20.0, 15.0, "DICT_4X4_50", legacy=True), None),
+    "chessboard": (CHESSBOARD, None),
+    "dots with a large one": (
+        CircleGrid("symmetric", 6, 9, 20.0, "black", "large-dot"), PrintOptions(large_dot_ratio=0.8),
+    ),
+    "white dots": (CircleGrid("symmetric", 9, 6, 20.0, "white"), None),
+    "asymmetric dots": (CIRCLES, None),
+    "AprilTags": (AprilTagGrid(5, 4, 20.0, 6.0, "tag25h9"), None),
+    "ArUco markers from 7 on": (ArucoGrid(4, 3, 20.0, 7.0, "DICT_7X7_50", 7), None),
+    "one marker": (ArucoMarker(60.0, "DICT_5X5_250", 17), None),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("printed", "sheet"), PRINTS.values(), ids=PRINTS)
+def test_a_target_that_nobody_described_is_recognised(printed: Target, sheet: PrintOptions | None) -> None:
+    for picture in pictures(printed, 2, seed=4, sheet=sheet):
+        found = recognise(picture.image)
+
+        assert found is not None
+        assert is_same_print(found.target, printed), found.target
+        assert found.doubts == ()
+
+
+def test_a_board_that_leaves_the_picture_is_doubted() -> None:
+    picture = pictures(CHARUCO, 1, seed=4)[0]
+    corner = picture.pixels[:, 0].max()
+
+    found = recognise(np.ascontiguousarray(picture.image[:, : int(corner) - 5]))
+
+    assert found is None or "doubt-beyond-picture" in [doubt.id for doubt in found.doubts]
+    whole = recognise(picture.image)
+    assert whole is not None
+    assert whole.doubts == ()
+
+
+def test_a_chessboard_is_not_named_where_squares_hold_markers_too_small_to_read() -> None:
+    far = pictures(Charuco(12, 9, 20.0, 12.0, "DICT_7X7_1000"), 1, seed=4, fill=0.75)[0].image
+    small = np.asarray(cv2.resize(far, None, fx=0.2, fy=0.2, interpolation=cv2.INTER_AREA))
+
+    found = recognise(small)
+
+    assert found is None or not isinstance(found.target, Chessboard)
