@@ -20,8 +20,8 @@ from calibration.documents.imports.leaves import table_of_data
 from calibration.documents.imports.pose_files import read_poses
 from calibration.documents.plan import PlanDocument, PlannedDocument, PredictedDocument
 from calibration.documents.requirement import VerdictSettings
-from calibration.documents.target import TargetDocument
-from calibration.documents.validation import Document, validate_json
+from calibration.documents.target import TargetFile
+from calibration.documents.validation import validate_json
 from calibration.errors import DocumentError, DocumentProblem, UndeterminedError
 from calibration.kinematics.stance import Stance
 from calibration.likelihood.predicted_uncertainty import predict
@@ -36,13 +36,6 @@ from daemon.runtime.bounded_read import read_document
 from daemon.runtime.version import SOFTWARE
 from daemon.sessions.session_reader import load_problem, open_session
 from registration.io.reading import open_cloud
-
-
-class TargetFile(Document):
-    """A target alone."""
-
-    target: TargetDocument
-
 
 MM = {"mm": 1.0, "m": 1000.0}
 

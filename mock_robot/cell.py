@@ -102,6 +102,7 @@ class MockCell:
         self.controller = self._wires.controller
         self.faults = FaultBoards(self.controller, self._wires.board)
         self.rws = RwsStation(self.controller, self._wires.board, clock)
+        self.rws.world.equipment.arm = truth.arm
         self.egm = EgmSender(self.controller, self._wires.board, clock)
         self._closing = AsyncExitStack()
 

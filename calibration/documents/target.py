@@ -181,3 +181,9 @@ def document_of_target(target: targets.Target) -> TargetDocument | None:
         return None
     found: TargetDocument = TypeAdapter(TargetDocument).validate_python({"kind": target.kind, **asdict(target)})
     return found
+
+
+class TargetFile(Document):
+    """The part of a session.json, plan.json or handeyed.toml that describes the target."""
+
+    target: TargetDocument

@@ -23,11 +23,9 @@ from daemon.cli.output import CheckResult
 from daemon.config.settings import MAIN_CAMERA, MAIN_SCANNER, Settings, SettingsFile
 from daemon.errors import NotStill
 from daemon.runtime.clock import Clock
-from drivers.errors import DeviceError, DeviceTimeout, DeviceUnreachable, NothingMeasured
-from drivers.interfaces import Camera, CaptureSettings, IdentifiedDevice, ProfileSource, Scanner
-
-MAX_CONNECT_S = 4.0
-RETRY_S = 0.1
+from daemon.tools.first_setup.devices import MAX_CONNECT_S, ask, name_of
+from drivers.errors import DeviceError, NothingMeasured
+from drivers.interfaces import Camera, CaptureSettings, ProfileSource, Scanner
 
 Answer = TypeVar("Answer")
 
@@ -83,17 +81,11 @@ async def check_devices(settings: Settings, loaded: SettingsFile | None = None) 
 
 
 async def _check_device(name: str, device: Answer, check: Callable[[Answer], Awaitable[CheckResult]]) -> CheckResult:
-    """Run `check` on the device, repeating for MAX_CONNECT_S until it is connected."""
-    limit_s = asyncio.get_running_loop().time() + MAX_CONNECT_S
-    while True:
-        try:
-            return await check(device)
-        except (DeviceUnreachable, DeviceTimeout) as error:
-            if asyncio.get_running_loop().time() > limit_s:
-                return _failure(name, error)
-            await asyncio.sleep(RETRY_S)
-        except DeviceError as error:
-            return _failure(name, error)
+    """Run `check` on the device, repeating until it is connected."""
+    try:
+        return await ask(device, check)
+    except DeviceError as error:
+        return _failure(name, error)
 
 
 def _failure(name: str, error: DeviceError) -> CheckResult:
@@ -104,7 +96,8 @@ async def _check_camera(name: str, settings: Settings, camera: Camera) -> CheckR
     view = settings.of_camera(name)
     frame = await camera.grab(Clock().monotonic_s())
     height, width = frame.image.shape[:2]
-    picture = f"{await _who(camera)}a picture of {width} x {height}{_how(frame.capture)}"
+    who = await name_of(camera)
+    picture = f"{f'found {who}; ' if who else ''}a picture of {width} x {height}{_how(frame.capture)}"
     expected = view.camera.intrinsics
     if expected is not None and (width, height) != expected.image_size:
         size = f"{expected.image_size[0]} x {expected.image_size[1]}"
@@ -121,14 +114,6 @@ async def _check_camera(name: str, settings: Settings, camera: Camera) -> CheckR
     return CheckResult(
         name, True, f"{picture}; it shows {len(found.ids)} of the target's {len(target.points_mm)} points"
     )
-
-
-async def _who(camera: Camera) -> str:
-    """Vendor, model and serial number, with a semicolon; empty for a camera that does not report them."""
-    if not isinstance(camera, IdentifiedDevice):
-        return ""
-    who = await camera.identify()
-    return f"found {who.vendor} {who.model}, serial number {who.serial}; "
 
 
 def _how(capture: CaptureSettings | None) -> str:

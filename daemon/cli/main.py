@@ -18,6 +18,7 @@ from daemon.cli.devices import devices
 from daemon.cli.export import export
 from daemon.cli.health import health
 from daemon.cli.import_session import import_session
+from daemon.cli.init import init
 from daemon.cli.keys import app as keys
 from daemon.cli.mock import mock
 from daemon.cli.output import CommandGroup, Commands
@@ -74,6 +75,7 @@ def command_line(extensions: Mapping[str, Commands]) -> typer.Typer:
     app.callback()(options)
     app.command(rich_help_panel=TRY)(demo)
     app.command(rich_help_panel=TRY, context_settings=PASS_ARGUMENTS_ON)(mock)
+    app.command(rich_help_panel=CELL)(init)
     app.command(rich_help_panel=CELL)(check)
     app.command(rich_help_panel=CELL)(health)
     app.command(rich_help_panel=CELL)(devices)

@@ -140,8 +140,8 @@ def from_file(
 
 
 def _write(data: Any, page: str, out: Path, json: bool, origin: str = "target") -> None:
+    from calibration.documents.target import TargetFile
     from calibration.documents.validation import validate_document
-    from daemon.cli.target_file import TargetFile
     from daemon.tools.target_print.layout import lay_out, parse_page
     from daemon.tools.target_print.pdf import pdf
     from daemon.tools.target_print.svg import svg
@@ -167,7 +167,7 @@ def _write(data: Any, page: str, out: Path, json: bool, origin: str = "target") 
 
 
 def _summary(out: Path, size: str, target: "TargetDocument") -> str:
-    from daemon.cli.target_file import toml_snippet
+    from daemon.config.toml_text import toml_text
     from daemon.tools.target_print.layout import PRINT_NOTE
 
     note = _ambiguity_note(target)
@@ -175,7 +175,7 @@ def _summary(out: Path, size: str, target: "TargetDocument") -> str:
         [
             f"{out}: {size}. {PRINT_NOTE}",
             *([f"! {note}"] if note else []),
-            f"\nIn handeyed.toml:\n\n{toml_snippet(target)}",
+            f"\nIn handeyed.toml:\n\n{toml_text({'target': target.model_dump(exclude_none=True)}).rstrip()}",
             f'\nIn session.json and plan.json:\n\n"target": {target.model_dump_json()}',
         ]
     )

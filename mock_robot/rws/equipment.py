@@ -54,10 +54,12 @@ SYS_MISC:
 class Equipment:
     """Settable by tests and by `handeyed mock run`. `without`: numbers of absent options; `denied`: absent grants.
 
+    `arm`: its name, which is among the options.
     `configuration`: instances by domain and type, by the title they are listed under. What is loaded acts with the
     next restart.
     """
 
+    arm: str = ""
     virtual: bool = False
     without: frozenset[str] = frozenset()
     denied: frozenset[str] = frozenset()
@@ -70,7 +72,8 @@ class Equipment:
 
     def options(self, version: int) -> list[str]:
         """Options that are there."""
-        return [option for option in OPTIONS[version] if option.partition(" ")[0] not in self.without]
+        options = (*OPTIONS[version], *([self.arm] if self.arm else []))
+        return [option for option in options if option.partition(" ")[0] not in self.without]
 
     def grants(self, version: int) -> list[str]:
         """Grants of the user."""

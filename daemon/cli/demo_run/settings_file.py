@@ -1,7 +1,8 @@
 """handeyed.toml for the mock cell, from its data sheet, as an integrator would write it; without the truth."""
 
-import json
 from typing import Any
+
+from daemon.config.toml_text import toml_text
 
 TOLERANCE_MM = 1.0
 """Largest U (k = 2) of a mapped point in the demo's cell."""
@@ -35,17 +36,4 @@ def settings_text(announcement: dict[str, Any], port: int) -> str:
         "storage": {"folder": "store", "reserve_mb": 50.0},
         "report": {"cell": "Mock cell"},
     }
-    return "\n".join(f"[{name}]\n{_lines(values)}\n" for name, values in sections.items())
-
-
-def _lines(values: dict[str, Any]) -> str:
-    return "\n".join(f"{key} = {_toml(value)}" for key, value in values.items() if value is not None)
-
-
-def _toml(value: Any) -> str:
-    """A value as inline TOML; numbers, strings and booleans are written as in JSON."""
-    if isinstance(value, dict):
-        return "{ " + ", ".join(f"{key} = {_toml(item)}" for key, item in value.items()) + " }"
-    if isinstance(value, list):
-        return "[" + ", ".join(_toml(item) for item in value) + "]"
-    return json.dumps(value)
+    return toml_text(sections)

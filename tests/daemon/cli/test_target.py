@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from calibration.detection.detect import detect
+from calibration.documents.target import TargetFile
 from calibration.documents.validation import validate_document
-from daemon.cli.target_file import TargetFile
 from tests.daemon.cli.running import handeyed
 
 DPI = 300

@@ -1,0 +1,105 @@
+"""`handeyed init` at a mock cell that is a process of its own: from an empty folder to settings that work."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from typer.testing import CliRunner
+
+from daemon.cli.demo_run.processes import start_child
+from daemon.cli.main import app
+from daemon.config.settings import load_settings
+from tests.daemon.cli.running import Ran, handeyed
+
+FAST = ["mock_robot", "run", "--with-parent", "--time-scale", "100"]
+MAX_ANSWERS = 8
+
+
+@pytest.fixture(scope="module")
+def cell(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, Any]]:
+    with start_child("mock", FAST, tmp_path_factory.mktemp("mock")) as mock:
+        yield mock.announcement
+
+
+def init(file: Path, *answers: str) -> Ran:
+    result = CliRunner().invoke(app, ["init", str(file)], input="".join(f"{answer}\n" for answer in answers))
+    return Ran(result.exit_code, result.stdout, result.stderr)
+
+
+def answers_of(cell: dict[str, Any]) -> list[str]:
+    """Controller, camera, where it is, the target's size, the tolerance, the box."""
+    return [cell["rws"]["1.0"], cell["camera"], "arm", "200/10 calliper", "", "program"]
+
+
+def test_few_answers_make_settings_that_the_check_finds_well(cell: dict[str, Any], tmp_path: Path) -> None:
+    file = tmp_path / "handeyed.toml"
+    file.write_text("# an old one\n")
+
+    ran = init(file, *answers_of(cell))
+
+    assert (ran.status, ran.err) == (0, "")
+    assert len(answers_of(cell)) <= MAX_ANSWERS
+    settings = load_settings(file)
+    assert settings.robot.address == f"tcp://{cell['robot']['host']}:{cell['robot']['port']}"
+    assert settings.robot.model == cell["cell"]["arm"]
+    assert [list(corner) for corner in settings.robot.box_mm] == cell["cell"]["box_mm"]
+    described = settings.target.model_dump()
+    assert described == described | {key: value for key, value in cell["cell"]["target"].items() if value is not None}
+    assert settings.calibration.tolerance_mm == 1.0
+    assert (tmp_path / "handeyed.toml.1").read_text() == "# an old one\n"
+    assert "RobotWare 6" in ran.out
+    assert "616-1 PC Interface" in ran.out
+    checked = handeyed("check", file)
+    assert checked.status == 0, checked.out
+
+
+def test_what_is_refused_is_asked_again(cell: dict[str, Any], tmp_path: Path) -> None:
+    controller, camera, setup, size, tolerance, box = answers_of(cell)
+    wrong = ["127.0.0.1:1", controller, "video", camera, "ceiling", setup, "wide", size, "-1", tolerance, "0 0 0 1 1 1"]
+
+    ran = init(tmp_path / "handeyed.toml", *wrong, box)
+
+    assert ran.status == 0
+    assert ran.out.count("  ! ") == 6
+    assert (tmp_path / "handeyed.toml").exists()
+
+
+def test_a_box_is_taken_with_the_arm(cell: dict[str, Any], tmp_path: Path) -> None:
+    ran = init(tmp_path / "handeyed.toml", *answers_of(cell)[:-1], "here", "0 500 0")
+
+    assert ran.status == 0
+    low, high = load_settings(tmp_path / "handeyed.toml").robot.box_mm
+    assert f"flange at ({high[0]:.0f}, {low[1]:.0f}, {high[2]:.0f}) mm" in ran.out
+
+
+def test_nothing_is_written_when_the_answers_end(cell: dict[str, Any], tmp_path: Path) -> None:
+    ran = init(tmp_path / "handeyed.toml", *answers_of(cell)[:2])
+
+    assert ran.status == 1
+    assert ran.err == "the answers: they end before the last question: nothing was written\n"
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_without_the_robot_program_the_arm_is_read_only(tmp_path: Path) -> None:
+    with start_child("mock", [*FAST, "--controller", "rapid", "--serial"], tmp_path) as mock:
+        announced = mock.announcement
+        ran = init(tmp_path / "handeyed.toml", *answers_of(announced)[:-1], "0 -900 0 1400 900 1600")
+
+    assert ran.status == 0, ran.err
+    assert "handeyed robot setup" in ran.out
+    assert load_settings(tmp_path / "handeyed.toml").robot.address.startswith("rws://")
+
+
+@pytest.mark.slow
+def test_the_settings_calibrate_the_cell(cell: dict[str, Any], tmp_path: Path) -> None:
+    file = tmp_path / "handeyed.toml"
+    assert init(file, *answers_of(cell)).status == 0
+    lines = [line for line in file.read_text().splitlines() if not line.startswith(("[server]", "port"))]
+    file.write_text("\n".join([*lines, "[server]", "port = 0"]))
+
+    with start_child("daemon", ["daemon.cli", "serve", str(file)], tmp_path) as daemon:
+        ran = handeyed("calibrate", "--url", daemon.announcement["url"])
+
+    assert ran.status == 0, ran.err
+    assert "accepted" in ran.out.splitlines()[0]

@@ -1,0 +1,124 @@
+"""Answers of the first set-up: what each becomes, which are refused, and the file they make."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from calibration.documents.pose import PoseDocument
+from calibration.targets import AprilTagGrid, ArucoMarker, Charuco, Chessboard, CircleGrid, Target
+from calibration.transforms import transform
+from daemon.config.settings import parse_settings
+from daemon.tools.first_setup.answers import (
+    AnswerRefused,
+    CellAnswers,
+    box_of,
+    describe_target,
+    keep_old,
+    parse_corners,
+    parse_setup,
+    parse_size,
+    parse_tolerance,
+)
+
+BOARD = Charuco(9, 7, 1.0, 0.747, "DICT_5X5_100")
+TAGS = AprilTagGrid(5, 4, 1.0, 0.3333)
+RULER = "ruler-class-2"
+SQUARES = Chessboard(9, 6, 1.0)
+
+SIZES: list[tuple[str, Target, dict[str, float], dict[str, Any]]] = [
+    ("22", SQUARES, {"pitch_mm": 22.0}, {}),
+    ("220/10", SQUARES, {"pitch_mm": 22.0}, {}),
+    ("220,4 / 10 calliper", SQUARES, {"pitch_mm": 22.04}, {"length_mm": 220.4, "instrument": "calliper"}),
+    (
+        "200/10 ruler",
+        BOARD,
+        {"square_mm": 20.0, "marker_mm": 15.0},
+        {"length_mm": 200.0, "instrument": "ruler-class-2"},
+    ),
+    ("20 14.8", BOARD, {"square_mm": 20.0, "marker_mm": 14.8}, {}),
+    ("24 caliper", TAGS, {"tag_mm": 24.0, "gap_mm": 8.0}, {"length_mm": 24.0, "instrument": "calliper"}),
+    ("90", ArucoMarker(1.0, "DICT_5X5_100", 3), {"marker_mm": 90.0}, {}),
+]
+
+
+@pytest.mark.parametrize(("answer", "recognised", "lengths", "known"), SIZES, ids=[row[0] for row in SIZES])
+def test_a_size_makes_the_target(answer: str, recognised: Target, lengths: dict[str, float], known: Any) -> None:
+    size = parse_size(answer, recognised)
+
+    assert {name: getattr(size.target, name) for name in lengths} == lengths
+    assert size.known == ({"source": "measured", **known} if known else {})
+
+
+REFUSED = [
+    (lambda: parse_size("", SQUARES), "no edge of a square"),
+    (lambda: parse_size("0", SQUARES), "gives 0 mm"),
+    (lambda: parse_size("22/0", SQUARES), "above 0"),
+    (lambda: parse_size("22 5", SQUARES), "one length"),
+    (lambda: parse_size("20 20", BOARD), "smaller than the square"),
+    (lambda: parse_size("22 yardstick", SQUARES), "use one of ruler-class-1"),
+    (lambda: parse_size("22 mm", SQUARES), "no instrument"),
+    (lambda: parse_tolerance("0"), "above 0"),
+    (lambda: parse_tolerance("nan"), "no tolerance"),
+    (lambda: parse_tolerance("500"), "up to 50"),
+    (lambda: parse_setup("ceiling"), "arm or beside"),
+    (lambda: parse_corners("1 2", (0, 0, 0), None), "no corner"),
+    (lambda: parse_corners("1 2 1e999", (0, 0, 0), None), "no corner"),
+    (lambda: parse_corners("program", (0, 0, 0), None), "states no box"),
+    (lambda: box_of([(0, 0, 0), (100, 100, 10)], (5, 5, 5)), "thinner than 50 mm in z"),
+    (lambda: box_of([(0, 0, 0), (100, 100, 100)], (500, 5, 5)), "stands outside"),
+]
+
+
+@pytest.mark.parametrize(("answer", "words"), REFUSED, ids=[words for _, words in REFUSED])
+def test_what_cannot_be_is_refused_with_what_to_write(answer: Any, words: str) -> None:
+    with pytest.raises(AnswerRefused) as refused:
+        answer()
+
+    assert words in f"{refused.value.what}: {refused.value.fix}"
+    assert refused.value.fix
+
+
+def test_corners_in_any_order_make_the_box() -> None:
+    here = (700.0, 0.0, 900.0)
+    assert parse_corners("here", here, None) == [here]
+    assert parse_corners("[[300, -900, 300], [1400, 900, 1600]]", here, None) == [(300, -900, 300), (1400, 900, 1600)]
+    assert box_of([(1400, -900, 300), (300, 900, 1600)], here) == ((300, -900, 300), (1400, 900, 1600))
+    assert parse_corners("program", here, ((0, 0, 0), (1, 1, 1))) == [(0, 0, 0), (1, 1, 1)]
+
+
+def test_the_other_words() -> None:
+    assert parse_setup(" Beside ") == "eye-to-hand"
+    assert parse_setup("eye-in-hand") == "eye-in-hand"
+    assert parse_tolerance("0,5 mm") == 0.5
+    assert describe_target(BOARD) == "charuco 9 x 7 squares, dictionary DICT_5X5_100"
+    white = CircleGrid("symmetric", 9, 6, 1.0, "white", "large-dot")
+    assert describe_target(white) == "circles 9 x 6 dots, layout symmetric, dots white, origin large-dot"
+
+
+def test_the_file_is_short_and_holds_every_answer() -> None:
+    hangs = PoseDocument.of(transform([[1, 0, 0], [0, -1, 0], [0, 0, -1]], [0.0, 0.0, 2500.0]))
+    size = parse_size("220/10 16.5 calliper", BOARD)
+    box = ((300.0, -900.0, 300.0), (1400.0, 900.0, 1600.0))
+    cell = CellAnswers("tcp://10.0.0.2:4242", "IRB 1600-6/1.45", hangs, "video:0", "eye-in-hand", size, 0.5, box, 8373)
+
+    text = cell.settings_text()
+
+    settings = parse_settings(text.encode(), "handeyed.toml")
+    assert len([line for line in text.splitlines() if "=" in line]) <= 18
+    assert settings.robot.world_T_base is not None
+    assert settings.robot.world_T_base[2, 3] == 2500.0
+    assert settings.target.target() == Charuco(9, 7, 22.0, 16.5, "DICT_5X5_100")
+    assert settings.calibration.known.target.length_mm == 220.0
+    assert (settings.calibration.tolerance_mm, settings.server.port) == (0.5, 8373)
+
+
+def test_old_files_are_kept_one_beside_the_other(tmp_path: Path) -> None:
+    file = tmp_path / "handeyed.toml"
+    assert keep_old(file) is None
+    for content in ("first", "second"):
+        file.write_text(content)
+        keep_old(file)
+
+    assert [(tmp_path / f"handeyed.toml.{n}").read_text() for n in (1, 2)] == ["first", "second"]
+    assert not file.exists()
