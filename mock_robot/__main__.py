@@ -1,4 +1,4 @@
-"""python -m mock_robot run | truth | score | faults"""
+"""`handeyed mock run | truth | score | faults`, also python -m mock_robot."""
 
 import argparse
 import json
@@ -21,12 +21,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         return int(options.command(options))
     except (OSError, MockError) as error:
-        sys.stderr.write(f"mock_robot: {error}\n")
+        sys.stderr.write(f"handeyed mock: {error}\n")
         return 1
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="mock_robot", description="A simulated ABB cell with known truth.")
+    parser = argparse.ArgumentParser(prog="handeyed mock", description="A simulated ABB cell with known truth.")
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
 
     run = commands.add_parser("run", help="start the cell; print one JSON line with every address when it is ready")

@@ -121,11 +121,17 @@ def problem_of_detail(detail: Any) -> DocumentProblem:
     place = _place(detail["loc"])
     if detail["type"] == "missing":
         return DocumentProblem(place, "missing", "add it")
-    what = f"{_shown(detail['input'])}: {detail['msg'][:1].lower()}{detail['msg'][1:]}"
     limits = {
         name: int(x) if isinstance(x, float) and x.is_integer() else x for name, x in detail.get("ctx", {}).items()
     }
-    return DocumentProblem(place, what, _FIXES.get(detail["type"], "change what the message names").format(**limits))
+    if (fix := _FIXES.get(detail["type"])) is not None:
+        what = f"{detail['ctx']['tag']!r}" if "tag" in limits else _shown(detail["input"])
+        wrong = _WRONG.get(detail["type"], "not possible").format(**limits)
+        return DocumentProblem(place, f"{what} is {wrong}", fix.format(**limits))
+    what, _, fix = detail["msg"].removeprefix("Value error, ").partition(": ")
+    # Of an object the place says which one is meant.
+    shown = "" if isinstance(detail["input"], dict | BaseModel) else f"{_shown(detail['input'])}: "
+    return DocumentProblem(place, f"{shown}{what}", fix or "change what the message names")
 
 
 _NUMBER, _WHOLE, _LIST, _OBJECT = "give a number", "give a whole number", "give a list", "give an object"
@@ -145,7 +151,16 @@ _FIXES = {
     "too_long": "give at most {max_length}", "too_short": "give at least {min_length}",
     "none_required": "leave it out",
 }  # fmt: skip
-"""What to do by pydantic's type of error; of any other the message says what is wrong."""
+"""What to do by pydantic's type of error; any other is ours, and says what is wrong, or what and its fix."""
+
+
+_WRONG = {
+    "greater_than": "not above {gt}", "greater_than_equal": "below {ge}", "less_than": "not below {lt}",
+    "less_than_equal": "above {le}", "finite_number": "not finite",
+    "too_long": "of length {actual_length}", "too_short": "of length {actual_length}",
+    "string_too_long": "longer than {max_length}", "string_too_short": "shorter than {min_length}",
+}  # fmt: skip
+"""What is wrong, by the same; of the others that it is not possible."""
 
 
 def _place(location: tuple[int | str, ...]) -> str:

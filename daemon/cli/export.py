@@ -13,14 +13,16 @@ if TYPE_CHECKING:
     from calibration.documents.exports.subject import ExportOptions
 
 LIST = "list"
-WHAT = 'calibration.json, planned.json, session.json, or an id of the daemon ("current": the one in force).'
+WHAT = (
+    'calibration.json or its folder, planned.json, session.json, or an id of the daemon ("current": the one in force).'
+)
 CHILD = "Name of the camera's frame; one that ends with camera_link is its body frame (REP 103)."
 
 
 def export(
-    what: Annotated[str, typer.Argument(metavar="FILE|ID", help=WHAT)],
+    what: Annotated[str, typer.Argument(metavar="FILE|FOLDER|ID", help=WHAT)],
     form: Annotated[str, typer.Option("--as", metavar="FORMAT", help="The format; without it they are listed.")] = LIST,
-    out: Annotated[Path | None, typer.Option("--out", help="Write here, not to standard output.")] = None,
+    out: Annotated[Path | None, typer.Option("--out", "-o", help="Write here, not to standard output.")] = None,
     parent: Annotated[str | None, typer.Option(help="Name of the flange's or base's frame.")] = None,
     child: Annotated[str, typer.Option(help=CHILD)] = "camera_optical_frame",
     decimals: Annotated[int, typer.Option(min=0, max=9, help="Decimals of lengths in mm.")] = 4,
@@ -38,8 +40,9 @@ def export(
         typer.echo(_listing())
         return
     try:
-        if Path(what).is_file() or what.endswith(".json"):
-            content = _from_file(Path(what), form, ExportOptions(parent, child, decimals), robot)
+        path = Path(what) / "calibration.json" if Path(what).is_dir() else Path(what)
+        if path.is_file() or path.suffix == ".json" or len(path.parts) > 1:
+            content = _from_file(path, form, ExportOptions(parent, child, decimals), robot)
         else:
             content = _from_daemon(url, what, form, ExportOptions(parent, child, decimals))
     except ExportRefused as error:

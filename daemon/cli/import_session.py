@@ -22,7 +22,9 @@ CONVENTION_HELP = "Of orientations: a brand (abb, kuka, ur, ...) or a name such 
 
 def import_session(
     folders: Annotated[list[Path], typer.Argument(metavar="FOLDER...", help=FOLDERS_HELP)],
-    out: Annotated[Path, typer.Option(metavar="DIR", help="New folder; with several FOLDERs one in it for each.")],
+    out: Annotated[
+        Path, typer.Option("--out", "-o", metavar="DIR", help="New folder; with several FOLDERs one in it for each.")
+    ],
     images: Annotated[str | None, typer.Option(metavar="GLOB", help="Pictures or clouds of the views.")] = None,
     poses: Annotated[str | None, typer.Option(metavar="GLOB", help="File or files with the robot's poses.")] = None,
     camera_poses: Annotated[

@@ -27,9 +27,9 @@ class ReportLanguage(StrEnum):
 
 def report(
     what: Annotated[str, typer.Argument(metavar="FOLDER|FILE|ID", help=WHAT)],
-    out: Annotated[Path, typer.Option(help="Write here: .html, or .pdf with the extra `report`.")] = Path(
-        "report.html"
-    ),
+    out: Annotated[
+        Path, typer.Option("--out", "-o", help="Write here: .html, or .pdf with the extra `report`.")
+    ] = Path("report.html"),
     settings: Annotated[Path | None, typer.Option(help="Settings with names and serials, in its table report.")] = None,
     url: Annotated[str, typer.Option(help="The daemon's address, for an id.")] = "http://127.0.0.1:8372",
     language: Annotated[ReportLanguage, typer.Option(help="The language of its words.")] = ReportLanguage.EN,

@@ -38,7 +38,9 @@ def solve(
     out: Annotated[
         Path | None,
         typer.Option(
-            help="Also write calibration.json here; with several folders: a folder for NAME/calibration.json."
+            "--out",
+            "-o",
+            help="Also write calibration.json here; with several folders: a folder for NAME/calibration.json.",
         ),
     ] = None,
     artefact: Annotated[

@@ -28,6 +28,7 @@ Progress = Callable[[int, int], None]
 """Called with (views done, views in all), from the calling thread."""
 
 
+PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".pgm")
 WITHOUT_FILES = "give corners_px, points_mm or camera_T_target, or solve the folder with 'handeyed solve'"
 
 
@@ -51,6 +52,9 @@ def open_session(path: Path) -> SessionFolder:
         raise _document_error(
             str(folder), "folder", "not there" if not folder.exists() else "not a folder", "check the path"
         )
+    if not file.exists() and any(path.suffix.lower() in PICTURES for path in folder.iterdir()):
+        fix = f"make one of them and a file of poses: handeyed import {folder} --out SESSION"
+        raise _document_error(str(file), "file", "the folder holds pictures, and no session.json", fix)
     document = parse_document(SessionDocument, read_document(file), str(file))
     _require_sound(document, str(file))
     return SessionFolder(folder, document)

@@ -144,7 +144,8 @@ class FrameReader:
         """Why the buffer cannot begin a frame; empty when it can, judged by the bytes so far."""
         start = bytes(self._buffer[:2])
         if not MAGIC.startswith(start):
-            return f"expected the magic 43 42, got {start.hex(' ')}"
+            who = " (a web server answers there)" if start == b"HT" else ""
+            return f"expected the magic 43 42, got {start.hex(' ')}{who}"
         if len(self._buffer) >= SUMMED_HEADER_BYTES:
             promised = int.from_bytes(self._buffer[8:10], "little")
             if promised > MAX_PAYLOAD_BYTES:

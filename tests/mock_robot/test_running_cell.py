@@ -378,7 +378,7 @@ def test_what_cannot_be_scored_is_a_sentence(tmp_path: Path, capsys: pytest.Capt
     cloud = tmp_path / "cloud.ply"
     cloud.write_bytes(b"ply")
     assert main(["score", "--seed", "7", "--cloud", str(cloud)]) == 1
-    assert capsys.readouterr().err.startswith("mock_robot: ")
+    assert capsys.readouterr().err.startswith("handeyed mock: ")
 
 
 @pytest.mark.parametrize("host", ["999.1.1.1", "192.0.2.7"])
@@ -398,3 +398,10 @@ def test_a_wrong_port_on_the_command_line_is_a_sentence(port: str, capsys: pytes
     with pytest.raises(SystemExit, match="2"):
         main(["run", f"--robot-port={port}"])
     assert f"{port} is not a port: 0 (chosen by the system) to 65535" in capsys.readouterr().err
+
+
+def test_the_usage_names_the_command_as_it_is_typed(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        main(["run", "--help"])
+
+    assert capsys.readouterr().out.startswith("usage: handeyed mock run ")

@@ -82,10 +82,11 @@ def test_strict_breaks_at_garbage_and_stays_broken(garbage):
     [
         (b"A", "expected the magic 43 42, got 41"),
         (b"\x43\x43", "expected the magic 43 42, got 43 43"),
+        (b"HTTP/1.1 400", "expected the magic 43 42, got 48 54 (a web server answers there)"),
         (b"\x43\x42\x01\x01\x01\x00\x00\x00\xf5\x03", "1013 bytes is promised, at most 1012"),
         (PING[:-1] + b"\0", "checksum"),
     ],
-    ids=["not a magic", "half a magic", "too long", "wrong sum"],
+    ids=["not a magic", "half a magic", "a web server", "too long", "wrong sum"],
 )
 def test_strict_says_what_broke(data, reason):
     broken = FrameReader(resynchronise=False).feed(data)[-1]

@@ -33,15 +33,18 @@ SPOILT_DOCUMENTS = {
     "unknown key": (_rename("setup", "setpu"), "setpu: unknown key: did you mean 'setup'?"),
     "NaN": (
         _set("views", 2, "base_T_flange", "translation_mm", 1, to=float("nan")),
-        "views[2].base_T_flange.translation_mm[1]: nan: input should be a finite number",
+        "views[2].base_T_flange.translation_mm[1]: nan is not finite: give a number",
     ),
     "quaternion of norm 0.9": (
         _set("views", 1, "base_T_flange", "quaternion_wxyz", to=[0.9, 0, 0, 0]),
         "norm 0.9 is not 1: a quaternion is w, x, y, z with w first and norm 1",
     ),
     "no views": (_set("views", to=[]), "views: there are none: a calibration needs three views or more"),
-    "unknown version": (_set("schema_version", to=2), "schema_version: 2: input should be 1"),
-    "unknown target": (_set("target", "kind", to="checker"), "target: "),
+    "unknown version": (_set("schema_version", to=2), "schema_version: 2 is not possible: give 1"),
+    "unknown target": (
+        _set("target", "kind", to="checker"),
+        "target: 'checker' is not possible: give one of 'chessboard', 'charuco'",
+    ),
     "point outside the target": (
         _set("views", 0, "corners_px", 3, 0, to=24),
         "views[0].corners_px[3]: the target has no point 24: ids run from 0 to 23, row by row",
@@ -102,7 +105,10 @@ def _damaged(folder: Path) -> None:
 AGAIN = "take the picture again, or remove the view from session.json"
 
 SPOILT_FILES = {
-    "session missing": (lambda folder: (folder / SESSION).unlink(), "file: no such file or directory: check the path"),
+    "session missing": (
+        lambda folder: (folder / SESSION).unlink(),
+        "file: the folder holds pictures, and no session.json: make one of them and a file of poses: handeyed import",
+    ),
     "session torn": (_torn, "line 1, column"),
     "session not text": (
         lambda folder: (folder / SESSION).write_bytes(b"\xff{}"),

@@ -37,4 +37,8 @@ def test_version_1_is_compared_without_knowing_whether_it_agrees() -> None:
 
 def test_an_unreadable_one_is_refused(tmp_path: Path) -> None:
     assert handeyed("compare", VERSION_1, tmp_path / "nowhere.json").status == 2
+    session = with_corners(tmp_path / "session") / "session.json"
+    ran = handeyed("compare", VERSION_1, session)
+    assert (ran.status, len(ran.errors)) == (2, 1)
+    assert f"this is a session, not its calibration: solve it: handeyed solve {session.parent}" in ran.err
     assert DEFAULT_FALSE_ALARM == FALSE_ALARM_PROBABILITY

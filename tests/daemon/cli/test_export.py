@@ -54,6 +54,14 @@ def test_planned_poses_go_into_the_settings_and_into_rapid(tmp_path: Path) -> No
     assert "the arm is not known" in refused.err
 
 
+def test_a_folder_stands_for_its_calibration_and_no_path_for_an_id(tmp_path: Path) -> None:
+    (tmp_path / "calibration.json").write_bytes(VERSION_1.read_bytes())
+    for what in (tmp_path, tmp_path / "calibration.json"):
+        assert handeyed("export", what, "--as", "kuka", "-o", tmp_path / "out").status == 0
+    ran = handeyed("export", tmp_path / "nowhere" / "result", "--as", "kuka")
+    assert (ran.status, "no such file" in ran.err) == (2, True)
+
+
 def test_what_cannot_be_exported_is_refused(tmp_path: Path) -> None:
     assert handeyed("export", tmp_path / "nowhere.json", "--as", "csv").status == 2
     wrong = handeyed("export", VERSION_1, "--as", "halkon")

@@ -122,3 +122,14 @@ def test_the_mock_is_a_program_of_its_own() -> None:
 
 def test_an_unknown_command_is_refused() -> None:
     assert handeyed("slove").status == 2
+
+
+def test_every_file_that_is_written_is_named_by_o() -> None:
+    def commands(group: Any) -> Iterator[Any]:
+        for command in group.commands.values():
+            yield from commands(command) if hasattr(command, "commands") else [command]
+
+    options = [(command.name, one.opts) for command in commands(typer.main.get_command(app)) for one in command.params]
+    written = [(name, opts) for name, opts in options if "--out" in opts]
+    assert len(written) > 10
+    assert [name for name, opts in written if "-o" not in opts] == []

@@ -74,7 +74,7 @@ REFUSED: dict[str, tuple[dict[str, Any], str]] = {
         "robot: no arm is named 'IRB 2600-1.65'; near are IRB 2600-20/1.65, IRB 2600-12/1.65",
     ),
     "unknown key": ({"pose": 3}, "pose: unknown key: did you mean 'poses'?"),
-    "too few": ({"poses": 2}, "poses: 2: "),
+    "too few": ({"poses": 2}, "poses: 2 is below 3: "),
 }
 
 

@@ -124,8 +124,8 @@ REFUSED = {
         ["apriltag-grid", "--family", "tag1"],
         "the tag family 'tag1' is not known: use one of tag36h11",
     ),
-    "not a number": (["circles", "--pitch-mm", "nan"], "target: target.circles.pitch_mm: nan: "),
-    "unknown layout": (["circles", "--layout", "round"], "target: target.circles.layout: 'round': "),
+    "not a number": (["circles", "--pitch-mm", "nan"], "target: target.circles.pitch_mm: nan is not finite: "),
+    "unknown layout": (["circles", "--layout", "round"], "target: target.circles.layout: 'round' is not possible: "),
 }
 
 

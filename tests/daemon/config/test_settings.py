@@ -138,13 +138,13 @@ def test_the_errors_of_an_arm_that_is_not_known_by_six_axes_are_not_asked_for(mo
             "target.apriltag-grid",
             "use one of tag36h11",
         ),
-        (('address = "tcp://r:1"', "speed_mm_s = 300"), "robot.speed_mm_s", "less than or equal to 250"),
+        (('address = "tcp://r:1"', "speed_mm_s = 300"), "robot.speed_mm_s", "300 is above 250"),
         (('address = "tcp://r:1"', ""), "robot.address", "missing"),
         (("[1, 1, 1]", "[1, -1, 1]"), "robot", "each minimum below its maximum"),
         (("[1, 1, 1]", "[1, nan, 1]"), "robot.box_mm[1][1]", "finite"),
         (('address = "tcp://r:1"', 'address = "tcp://r:1"\nmodel = "IRB 1600-6"'), "robot.model", "IRB 1600-6/1.45"),
         (("[camera]", '[server]\nhost = "0.0.0.0"\n[camera]'), "server", "handeyed tls init"),
-        (("[camera]", "[calibration]\ncount = 2\n[camera]"), "calibration.count", "greater than or equal to 3"),
+        (("[camera]", "[calibration]\ncount = 2\n[camera]"), "calibration.count", "2 is below 3: give 3 or more"),
         (
             (
                 "[camera]",
