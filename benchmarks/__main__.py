@@ -39,6 +39,7 @@ QUICK: dict[str, tuple[str, ...]] = {
     "daemon.soak": ("--minutes", "1"),
     "daemon.torture": ("--rounds", "20"),
     "detection": ("--views", "4"),
+    "detection.recognition": ("--pictures", "40", "--stride", "20"),
     "diagnosis": ("--sessions", "4", "--real", "2", "--clean", "50", "--factors", "1", "1.5"),
     "diagnosis.damaged": ("--sessions", "100"),
     "diagnosis.postures": ("--sessions", "2"),

@@ -14,7 +14,6 @@ from typing import Any, Literal
 
 import cv2
 import numpy as np
-import scipy
 from numpy.typing import NDArray
 
 from calibration.detection.charuco import find_charuco_lattices, identify_lattice
@@ -101,8 +100,6 @@ def verify(image: Grey, target: Target) -> Recognised | None:
     share = len(seen.ids) / len(target.points_mm)
     if share < MIN_SHARE:
         return None
-    if isinstance(target, AprilTagGrid | ArucoGrid):
-        target = with_measured_gap(target, seen, image)
     doubts = [Sentence("doubt-few-points", found=len(seen.ids), of=len(target.points_mm))] if share < SURE_SHARE else []
     if _may_go_on(image, target, seen):
         doubts.append(Sentence("doubt-beyond-picture"))
@@ -111,18 +108,6 @@ def verify(image: Grey, target: Target) -> Recognised | None:
     if isinstance(target, ArucoMarker) and not target.dictionary.startswith(SURE_DICTIONARIES):
         doubts.append(Sentence("doubt-one-marker", dictionary=target.dictionary))
     return Recognised(target, len(seen.ids), tuple(doubts))
-
-
-def with_measured_gap(target: Any, seen: Detection, image: Grey) -> Any:
-    """The grid with the gap by which its corners fit a plane best."""
-    size = (image.shape[1], image.shape[0])
-
-    def misfit(gap: float) -> float:
-        points = replace(target, gap_mm=gap).points_mm[seen.ids, :2]
-        return float((fit_plane_view(points, seen.corners_px, size)[1] ** 2).sum())
-
-    bounds = (0.9 * target.gap_mm, 1.1 * target.gap_mm)
-    return replace(target, gap_mm=round(float(scipy.optimize.minimize_scalar(misfit, bounds=bounds).x), 4))
 
 
 def _may_go_on(image: Grey, target: Target, seen: Detection) -> bool:
@@ -257,9 +242,9 @@ class ReadMarkers:
         dictionary = self.dictionary(int(ids.max()) + 1)
         family = next((name for name, its in TAG_FAMILIES.items() if its == dictionary), None)
         if family is not None and first == 0:
-            yield AprilTagGrid(columns, rows, 1.0, step - 1, family)
+            yield AprilTagGrid(columns, rows, 1.0, round(step - 1, 3), family)
         else:
-            yield ArucoGrid(columns, rows - top, 1.0, step - 1, dictionary, first + top * columns)
+            yield ArucoGrid(columns, rows - top, 1.0, round(step - 1, 3), dictionary, first + top * columns)
 
 
 def _map(homography: Any, points: Any) -> Array:
