@@ -4,12 +4,17 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from calibration.targets import Chessboard
 from daemon.cli.demo_run.processes import start_child
 from daemon.cli.main import app
 from daemon.config.settings import load_settings
+from daemon.tools.first_setup import devices
+from daemon.tools.first_setup.devices import SeenCamera
+from tests.calibration.detection.sights import pictures
 from tests.daemon.cli.running import Ran, handeyed
 
 FAST = ["mock_robot", "run", "--with-parent", "--time-scale", "100"]
@@ -103,3 +108,24 @@ def test_the_settings_calibrate_the_cell(cell: dict[str, Any], tmp_path: Path) -
 
     assert ran.status == 0, ran.err
     assert "accepted" in ran.out.splitlines()[0]
+
+
+def test_pictures_are_taken_until_a_target_is_recognised(
+    cell: dict[str, Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    black = np.zeros((480, 640), np.uint8)
+    grey = np.random.default_rng(1).integers(90, 160, (480, 640)).astype(np.uint8)
+    board = pictures(Chessboard(9, 6, 20.0), 1)[0].image
+    shown = iter([black, black, grey, board])
+
+    async def take_picture(address: str) -> SeenCamera:
+        return SeenCamera(address, "", next(shown))
+
+    monkeypatch.setattr(devices, "take_picture", take_picture)
+    controller, _, setup, _, tolerance, box = answers_of(cell)
+
+    ran = init(tmp_path / "handeyed.toml", controller, "video:0", setup, "", "", "", "20", tolerance, box)
+
+    assert ran.status == 0, ran.err
+    assert "  ! the image is black (brightest 0 of 255): check lens cap, light, exposure" in ran.out
+    assert load_settings(tmp_path / "handeyed.toml").target.target() == Chessboard(9, 6, 20.0)
