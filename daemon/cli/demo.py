@@ -30,6 +30,7 @@ def demo(
     from daemon.cli.demo_run.report import next_steps, report, report_json
     from daemon.cli.demo_run.scenario import VIEW_FILE, run_scenario
     from daemon.cli.demo_run.settings_file import settings_text
+    from daemon.cli.local_daemon import free_port
 
     _clear_folder(folder)
     printer = ProgressPrinter(aside=as_json)
@@ -43,7 +44,7 @@ def demo(
     ):
         starting.finish(f"on real sockets, the arm {time_scale:g} x as fast as real")
         settings = folder / "handeyed.toml"
-        settings.write_text(settings_text(cell.announcement, _choose_port() if keep else 0))
+        settings.write_text(settings_text(cell.announcement, free_port() if keep else 0))
         serve = ["daemon.cli", "serve", str(settings)]
         with printer.progress_line("daemon", str(settings)) as step, start_child("daemon", serve, folder) as daemon:
             url = daemon.announcement["url"]
@@ -95,17 +96,3 @@ def _clear_folder(folder: Path) -> None:
     except OSError as error:
         reason = (error.strerror or str(error)).lower()
         raise CommandError(str(folder), f"cannot be used ({reason})", "give another one with --folder") from None
-
-
-def _choose_port() -> int:
-    """The default port when it is free, so that the printed curl lines stay the same; else 0."""
-    import socket
-
-    from daemon.config.server_settings import ServerSettings
-
-    usual = ServerSettings()
-    try:
-        with socket.create_server((usual.host, usual.port)):
-            return usual.port
-    except OSError:
-        return 0

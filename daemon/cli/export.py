@@ -8,6 +8,7 @@ from urllib.parse import quote, urlencode
 import typer
 
 from daemon.cli.errors import CommandError, ExitStatus
+from daemon.cli.output import writing
 
 if TYPE_CHECKING:
     from calibration.documents.exports.subject import ExportOptions
@@ -48,7 +49,8 @@ def export(
     except ExportRefused as error:
         raise CommandError(what, error.what, error.fix, ExitStatus.UNREADABLE) from None
     if out is not None:
-        out.write_bytes(content)
+        with writing(out):
+            out.write_bytes(content)
     else:
         sys.stdout.buffer.write(content)
 

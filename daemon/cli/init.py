@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, TypeVar
 import typer
 
 from daemon.cli.errors import CommandError
+from daemon.cli.output import writing
 
 if TYPE_CHECKING:
     from daemon.tools.first_setup.answers import Corner, TargetSize
@@ -28,6 +29,7 @@ def init(
     asked again. deploy/handeyed.example.toml explains every other setting.
     """
     from calibration.kinematics.abb_arms import find_any_arm
+    from daemon.cli.local_daemon import free_port
     from daemon.config.settings import parse_settings
     from daemon.tools.first_setup.answers import CellAnswers, keep_old, parse_setup, parse_tolerance
 
@@ -43,16 +45,13 @@ def init(
     usual = f"{USUAL_TOLERANCE_MM:g}"
     tolerance_mm = _ask("How exactly must a point be known, mm (the largest U, k = 2)?", parse_tolerance, usual)
     box_mm = _box(controller)
-    frame, port = controller.base_frame, _free_port()
+    frame, port = controller.base_frame, free_port()
     cell = CellAnswers(controller.address, model, frame, camera.address, setup, size, tolerance_mm, box_mm, port)
     text = cell.settings_text()
     parse_settings(text.encode(), str(file))
-    try:
+    with writing(file, "name another file"):
         kept = keep_old(file)
         file.write_text(text, encoding="utf-8")
-    except OSError as error:
-        reason = (error.strerror or str(error)).lower()
-        raise CommandError(str(file), f"cannot be written ({reason})", "name another file") from None
     old = f"; the old one is {kept}" if kept is not None else ""
     typer.echo(f"\n{file} is written{old}. Next:\n  handeyed check {file}\n  handeyed serve {file}")
 
@@ -158,19 +157,3 @@ def _box(controller: "SeenController") -> "tuple[Corner, Corner]":
 
     program = "" if allowed is None else f", or program for {allowed[0]} to {allowed[1]}"
     return _ask(f"The box for the flange, mm in the base: x y z x y z; here at one corner{program}", both)
-
-
-def _free_port() -> int | None:
-    """The next free port for the daemon, when its usual one is taken; None when that is free."""
-    import socket
-
-    from daemon.config.server_settings import ServerSettings
-
-    usual = ServerSettings()
-    for port in range(usual.port, usual.port + 100):
-        try:
-            with socket.create_server((usual.host, port)):
-                return None if port == usual.port else port
-        except OSError:
-            continue
-    return None

@@ -1,10 +1,15 @@
-"""The daemon that runs with given settings on this machine: its URL, and a client that trusts its certificate."""
+"""The daemon that runs with given settings on this machine: its URL, a client that trusts its certificate, its port."""
 
+import socket
 from pathlib import Path
 
 from daemon.cli.rest_client import DaemonClient
 from daemon.cli.service import ANY_HOST, pinned
+from daemon.config.server_settings import ServerSettings
 from daemon.config.settings import Settings
+
+MAX_PORTS = 100
+"""Ports that are tried from the usual one on."""
 
 
 def url_of(settings: Settings) -> str:
@@ -19,3 +24,15 @@ def client_of(settings: Settings, limit_s: float) -> DaemonClient:
     """A client of that daemon, which trusts exactly the certificate that the settings name. Raises CommandError."""
     certificate = settings.server.certificate
     return DaemonClient(url_of(settings), limit_s, trust=None if certificate is None else pinned(Path(certificate)))
+
+
+def free_port() -> int:
+    """The daemon's usual port when it is free, so that what is printed stays the same; else the next that is."""
+    usual = ServerSettings()
+    for port in range(usual.port, usual.port + MAX_PORTS):
+        try:
+            socket.create_server((usual.host, port)).close()
+        except OSError:
+            continue
+        return port
+    return 0

@@ -28,14 +28,21 @@ def print_error(text: str) -> None:
         print_error_line(line)
 
 
-def write_document(file: Path, document: "BaseModel") -> None:
-    """Write a document as JSON, in a folder that is made when it is missing. Raises CommandError."""
+@contextmanager
+def writing(place: Path, fix: str = "choose another --out") -> Iterator[None]:
+    """Context manager: what cannot be written in it is a CommandError that names `place` and `fix`."""
     try:
-        file.parent.mkdir(parents=True, exist_ok=True)
-        file.write_text(document.model_dump_json(indent=1) + "\n", encoding="utf-8")
+        yield
     except OSError as error:
         reason = (error.strerror or str(error)).lower()
-        raise CommandError(str(file), f"cannot be written ({reason})", "choose another --out") from None
+        raise CommandError(str(place), f"cannot be written ({reason})", fix) from None
+
+
+def write_document(file: Path, document: "BaseModel") -> None:
+    """Write a document as JSON, in a folder that is made when it is missing. Raises CommandError."""
+    with writing(file):
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_text(document.model_dump_json(indent=1) + "\n", encoding="utf-8")
 
 
 class CommandGroup(typer.core.TyperGroup):

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from daemon.cli.errors import CommandError
+from daemon.cli.output import writing
 
 if TYPE_CHECKING:
     from calibration.documents.calibration import CalibrationDocument
@@ -45,11 +45,8 @@ def report(
         content = _from_files(path, out.suffix == ".pdf", settings, language)
     else:
         content = _from_daemon(url, what, out.suffix == ".pdf", language)
-    try:
+    with writing(out):
         out.write_bytes(content)
-    except OSError as error:
-        reason = (error.strerror or str(error)).lower()
-        raise CommandError(str(out), f"cannot be written ({reason})", "choose another --out") from None
     typer.echo(str(out))
 
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from daemon.cli.errors import CommandError, ExitStatus
-from daemon.cli.output import Json, print_error, progress_bar, write_document
+from daemon.cli.output import Json, print_error, progress_bar, write_document, writing
 
 if TYPE_CHECKING:
     from calibration.documents.calibration import CalibrationDocument
@@ -311,9 +311,6 @@ def _write_pictures(
     from daemon.tools.session_pictures.write import write_pictures
 
     order, title = [view.index for view in worst_first(document.views)], session.path.resolve().name
-    try:
+    with writing(folder, "choose another --pictures"):
         page = write_pictures(folder, title, problem, solution, order, lambda name: read_grey(session.path / name))
-    except OSError as error:
-        reason = (error.strerror or str(error)).lower()
-        raise CommandError(str(folder), f"cannot be written ({reason})", "choose another --pictures") from None
     print_error(f"{page}: residuals of {len(order)} views")

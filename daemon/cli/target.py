@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from daemon.cli.errors import CommandError, ExitStatus
-from daemon.cli.output import CommandGroup, Json
+from daemon.cli.output import CommandGroup, Json, writing
 
 if TYPE_CHECKING:
     from calibration.documents.target import TargetDocument
@@ -152,11 +152,8 @@ def _write(data: Any, page: str, out: Path, json: bool, origin: str = "target") 
         raise CommandError(str(out), "neither .pdf nor .svg", "choose one of them", ExitStatus.UNREADABLE)
     snippet, title = document.model_dump_json(), f"handeyed target: {document.kind}"
     sheet = lay_out(document.target(), parse_page(page), title, snippet)
-    try:
+    with writing(out):
         out.write_bytes(writers[out.suffix.lower()](sheet, title))
-    except OSError as error:
-        reason = (error.strerror or str(error)).lower()
-        raise CommandError(str(out), f"cannot be written ({reason})", "choose another --out") from None
     if json:
         from json import dumps
 

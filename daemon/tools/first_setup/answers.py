@@ -11,6 +11,7 @@ from calibration.knowledge import INSTRUMENT_ERRORS, Instrument
 from calibration.problem import Setup
 from calibration.targets import AprilTagGrid, ArucoGrid, ArucoMarker, Charuco, Chessboard, CircleGrid, Target
 from calibration.transforms import Array
+from daemon.config.server_settings import ServerSettings
 from daemon.config.toml_text import toml_text
 from daemon.errors import DaemonError
 
@@ -57,10 +58,7 @@ class TargetSize:
 
 @dataclass(frozen=True)
 class CellAnswers:
-    """All that was asked. `base_frame`: where the base stands in the controller's world; None: they are one.
-
-    `port`: at which the daemon serves; None: the usual one.
-    """
+    """All that was asked. `base_frame`: where the base stands in the controller's world; None: they are one."""
 
     controller: str
     model: str | None
@@ -70,7 +68,7 @@ class CellAnswers:
     size: TargetSize
     tolerance_mm: float
     box_mm: tuple[Corner, Corner]
-    port: int | None = None
+    port: int = ServerSettings().port
 
     def settings_text(self) -> str:
         """The settings file: what was asked, and nothing that has a default."""
@@ -86,7 +84,7 @@ class CellAnswers:
                 "calibration": {"tolerance_mm": self.tolerance_mm},
                 "calibration.known.target": self.size.known,
                 "storage": {"folder": STORE},
-                "server": {"port": self.port},
+                "server": {} if self.port == ServerSettings().port else {"port": self.port},
             }
         )
 

@@ -60,6 +60,8 @@ def test_a_folder_stands_for_its_calibration_and_no_path_for_an_id(tmp_path: Pat
         assert handeyed("export", what, "--as", "kuka", "-o", tmp_path / "out").status == 0
     ran = handeyed("export", tmp_path / "nowhere" / "result", "--as", "kuka")
     assert (ran.status, "no such file" in ran.err) == (2, True)
+    ran = handeyed("export", VERSION_1, "--as", "kuka", "-o", tmp_path / "nowhere" / "out")
+    assert (ran.status, "cannot be written (no such file" in ran.err) == (1, True)
 
 
 def test_what_cannot_be_exported_is_refused(tmp_path: Path) -> None:
