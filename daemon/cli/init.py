@@ -50,8 +50,10 @@ def init(
     text = cell.settings_text()
     parse_settings(text.encode(), str(file))
     with writing(file, "name another file"):
+        new = file.with_name(f"{file.name}.new")
+        new.write_text(text, encoding="utf-8")
         kept = keep_old(file)
-        file.write_text(text, encoding="utf-8")
+        new.rename(file)
     old = f"; the old one is {kept}" if kept is not None else ""
     typer.echo(f"\n{file} is written{old}. Next:\n  handeyed check {file}\n  handeyed serve {file}")
 

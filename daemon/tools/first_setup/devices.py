@@ -16,7 +16,7 @@ from daemon.runtime.clock import Clock
 from daemon.tools.first_setup.answers import Corner, corner_of
 from drivers.errors import AddressNotUnderstood, DeviceError, DeviceTimeout, DeviceUnreachable
 from drivers.interfaces import Camera, IdentifiedDevice
-from drivers.registry import open_camera, open_robot
+from drivers.registry import check_robot_address, open_camera, open_robot
 from drivers.robots.abb.rws.address import RwsAddress
 from drivers.robots.abb.rws.administration import RwsAdministration
 from drivers.robots.abb.setup.survey import ControllerSurvey, read_survey
@@ -94,11 +94,16 @@ async def look_at_controller(answer: str) -> SeenController:
 
     Its services say what it is, and at which port its program listens; the program moves the arm. Raises DeviceError.
     """
-    parts = urlsplit(answer if "//" in answer else f"rws://{answer}")
+    fix = "write the controller's address, as 192.168.125.1"
+    try:
+        parts = urlsplit(answer if "//" in answer else f"rws://{answer}")
+    except ValueError as error:
+        raise AddressNotUnderstood(answer, str(error), fix) from None
+    host = f"[{parts.hostname}]" if ":" in (parts.hostname or "") else parts.hostname
     link = answer if parts.scheme not in ("rws", "http", "https") else None
-    services = (
-        f"rws://{parts.hostname}" if link else f"rws://{parts.netloc}" + (f"?{parts.query}" if parts.query else "")
-    )
+    if link is not None:
+        check_robot_address(link)
+    services = f"rws://{host}" if link else f"rws://{parts.netloc}" + (f"?{parts.query}" if parts.query else "")
     survey, problem = None, None
     if parts.hostname:
         try:
@@ -106,15 +111,15 @@ async def look_at_controller(answer: str) -> SeenController:
         except DeviceError as error:
             problem = error
     elif link is None:
-        raise AddressNotUnderstood(answer, "it names no host", "write the controller's address, as 192.168.125.1")
+        raise AddressNotUnderstood(answer, "it names no host", fix)
     said = None if survey is None else next(iter(survey.symbols.values()), None)
-    link = link or f"tcp://{parts.hostname}:{LINK_PORT if said is None else int(float(said))}"
+    link = link or f"tcp://{host}:{LINK_PORT if said is None else int(float(said))}"
     seen = _seen(link, survey)
     try:
         return await _read_robot(seen)
     except DeviceError as error:
         if survey is None:
-            raise problem or error from None
+            raise (error if link == answer else problem or error) from None
         advice = f"{error.what}: the arm is read and views are taken by hand, until the robot program answers"
         return replace(await _read_robot(replace(seen, address=services)), advice=advice)
 

@@ -61,13 +61,28 @@ def test_few_answers_make_settings_that_the_check_finds_well(cell: dict[str, Any
 
 def test_what_is_refused_is_asked_again(cell: dict[str, Any], tmp_path: Path) -> None:
     controller, camera, setup, size, tolerance, box = answers_of(cell)
-    wrong = ["127.0.0.1:1", controller, "video", camera, "ceiling", setup, "wide", size, "-1", tolerance, "0 0 0 1 1 1"]
+    wrong = [
+        "127.0.0.1:1",
+        "rws://[",
+        "tcp://127.0.0.1:1",
+        controller,
+        "video",
+        camera,
+        "ceiling",
+        setup,
+        "wide",
+        size,
+        "-1",
+        tolerance,
+        "0 0 0 1 1 1",
+    ]
 
     ran = init(tmp_path / "handeyed.toml", *wrong, box)
 
     assert ran.status == 0
-    assert ran.out.count("  ! ") == 6
-    assert (tmp_path / "handeyed.toml").exists()
+    assert ran.out.count("  ! ") == 8
+    assert "robot tcp://127.0.0.1:1" in ran.out
+    assert [file.name for file in tmp_path.iterdir()] == ["handeyed.toml"]
 
 
 def test_a_box_is_taken_with_the_arm(cell: dict[str, Any], tmp_path: Path) -> None:
