@@ -26,13 +26,14 @@ class Mode(Enum):
 
 @dataclass
 class Panel:
-    """Switch positions. `speed_override` of the pendant, 0 to 1."""
+    """Switch positions. `speed_override` of the pendant, 0 to 1. `cycle`: forever, or once and then stopped."""
 
     motors_on: bool = True
     mode: Mode = Mode.AUTO
     emergency_stop: bool = False
     program_running: bool = True
     speed_override: float = 1.0
+    cycle: str = "forever"
 
     def forbids_motion(self) -> Status | None:
         """First reason that forbids motion, or None."""

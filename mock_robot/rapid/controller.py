@@ -184,7 +184,14 @@ class RapidController(Cabinet):
             self.signals,
             egm_devices(self._fragments),
         )
-        task.main = program.main()
+        main = program.main()
+
+        def cycle() -> None:
+            main()
+            if plan.motion and self.panel.cycle == "once":
+                self.run_program(False, self.clock())
+
+        task.main = cycle
         return Loaded(plan, task, interrupts)
 
     def _watch(self) -> None:
@@ -281,15 +288,11 @@ class RapidController(Cabinet):
 
     def program(self) -> dict[str, tuple[bool, dict[str, str]]]:
         """See Cabinet."""
+        kinds = {".sys": "SysMod", ".SYS": "SysMod"}
+        named = {each.plan: [source.name for source in each.plan.sources] for each in self._loaded}
         return {
-            each.plan.name: (
-                each.plan.motion,
-                {
-                    source.name.rpartition(".")[0]: "SysMod" if source.name.lower().endswith(".sys") else "ProgMod"
-                    for source in each.plan.sources
-                },
-            )
-            for each in self._loaded
+            plan.name: (plan.motion, {name[:-4]: kinds.get(name[-4:], "ProgMod") for name in names})
+            for plan, names in named.items()
         }
 
     def signals_now(self) -> dict[str, tuple[str, str, bool, float]]:

@@ -89,7 +89,8 @@ class EgmSession:
 
     def _live(self) -> None:
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as own:
-            own.bind((LOOPBACK, 0))
+            own.bind((LOOPBACK, self.unit.egm_ports.get(self.target, 0)))  # a device keeps its port
+            self.unit.egm_ports[self.target] = own.getsockname()[1]
             own.setblocking(False)
             turn = 0
             while not self._ended.wait(PERIOD_S):

@@ -48,6 +48,7 @@ class MotionUnit:
     override_percent: float = 100.0
     max_speed_mm_s: float = 5000.0
     egm: dict[int, Any] = field(default_factory=dict)
+    egm_ports: dict[int | None, int] = field(default_factory=dict)
     active: dict[str, tuple[str, Any]] = field(default_factory=dict)
     stopped_by: set[str] = field(default_factory=set, init=False)
     held: bool = field(default=True, init=False)

@@ -106,8 +106,8 @@ def start(context: RequestContext, parts: Parts) -> Reply:
     if not required <= context.asked.form.keys():
         raise RwsRefused(refusals.BAD_ARGUMENT, f"Missing {', '.join(sorted(required - context.asked.form.keys()))}")
     allow(context, "start")
-    cycle = context.asked.form["cycle"]
-    context.world.cycle = context.world.cycle if cycle == "asis" else cycle
+    if context.asked.form["cycle"] != "asis":
+        context.world.cabinet.panel.cycle = context.asked.form["cycle"]
     context.world.cabinet.run_program(True, context.now_s)
     for program in context.world.programs:
         program()

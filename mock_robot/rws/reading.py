@@ -34,7 +34,7 @@ def speed_ratio(context: RequestContext, parts: Parts) -> Reply:
 
 
 def execution(context: RequestContext, parts: Parts) -> Reply:
-    values = {"ctrlexecstate": context.world.execution_state, "cycle": context.world.cycle}
+    values = {"ctrlexecstate": context.world.execution_state, "cycle": context.world.cabinet.panel.cycle}
     return Reply(items=[Item("rap-execution", "execution", values)])
 
 
@@ -119,13 +119,12 @@ def configuration(context: RequestContext, parts: Parts) -> Reply:
 def tasks(context: RequestContext, parts: Parts) -> Reply:
     """RobotWare 7 lists a spy and two pointers before them."""
     memory, run = context.world.memory, context.world.execution_state
-    started = {True: "started", False: "started" if run == "running" else "stopped"}
     values = {
         name: {
             "name": name,
             "type": "normal" if moves else "semistatic",
             "taskstate": "initiated",
-            "excstate": started[not moves],
+            "excstate": "started" if run == "running" or not moves else "stopped",
             "active": "Off" if name in memory.inactive else "On",
             "motiontask": "TRUE" if moves else "FALSE",
         }
@@ -228,14 +227,9 @@ def network(context: RequestContext, parts: Parts) -> Reply:
         ("X23", "WAN", "Public", context.world.address),
         ("X2", "LAN3", "I/O", "192.168.1.211"),
     )
-    unset = dict.fromkeys(("dns-primary", "dns-secondary", "gateway"), UNSET)
-    rest = {"mask": "255.255.255.0", "dhcp": "disabled", **unset}
-    return Reply(
-        items=[
-            Item("ctrl-netw", title, {"logical-name": name, "network": kind, "addr": address, **rest})
-            for title, name, kind, address in rows
-        ]
-    )
+    keys = ("logical-name", "network", "addr", "mask", "dhcp", "dns-primary", "dns-secondary", "gateway")
+    rest = ("255.255.255.0", "disabled", UNSET, UNSET, UNSET)
+    return Reply(items=[Item("ctrl-netw", row[0], dict(zip(keys, row[1:] + rest, strict=True))) for row in rows])
 
 
 def progress(context: RequestContext, parts: Parts) -> Reply:

@@ -99,7 +99,6 @@ class World:
     tools: dict[str, Array] = field(default_factory=lambda: {"tool0": np.eye(4), "tGripper": _shift_z(150.0)})
     wobjs: dict[str, Array] = field(default_factory=lambda: {"wobj0": np.eye(4), "wobjTableN": _shift_z(100.0)})
     picked: PendantSelection = PendantSelection()
-    cycle: str = "forever"
     programs: list[Callable[[], None]] = field(default_factory=list)
     address: str = "127.0.0.1"
     backups: dict[str, str] = field(default_factory=dict)

@@ -214,10 +214,27 @@ def test_the_pointer_at_main_frees_egm(tmp_path: Path) -> None:
     for name, part in JOINT.items():
         text = text.replace("{" + name + "}", part)
     with home_running(tmp_path, {"guided": text}, SIO=SIO.replace("{port}", "9")) as controller:
-        eventually_blocking(lambda: bool(controller.unit.egm))
+        eventually_blocking(lambda: bool(controller.unit.egm_ports))
+        ports = dict(controller.unit.egm_ports)
         controller.run_program(False, controller.clock())
         controller.move_pointer_to_main(controller.clock())
         assert not controller.unit.egm
+        controller.run_program(True, controller.clock())
+        eventually_blocking(lambda: bool(controller.unit.egm))
+        assert controller.unit.egm_ports == ports
+
+
+def test_a_cycle_that_is_asked_for_once_ends_with_the_program(tmp_path: Path) -> None:
+    text = "MODULE count\nPERS num rounds := 0;\nPROC main()\nrounds := rounds + 1;\nENDPROC\nENDMODULE\n"
+    with home_running(tmp_path, {"count": text}) as controller:
+        eventually_blocking(lambda: controller.memory["rounds"].value > 1)
+        controller.run_program(False, controller.clock())
+        controller.panel.cycle, before = "once", controller.memory["rounds"].value
+        controller.move_pointer_to_main(controller.clock())
+        controller.run_program(True, controller.clock())
+        eventually_blocking(lambda: controller.memory["rounds"].value > before)
+        eventually_blocking(lambda: not controller.panel.program_running)
+        assert controller.memory["rounds"].value == before + 1
 
 
 @pytest.mark.parametrize(
