@@ -30,7 +30,7 @@ from daemon.model.records import (
     RunKind,
     RunRecord,
     ScanRecord,
-    ScanViewRecord,
+    ScanViewDocument,
 )
 from daemon.model.requests import (
     CalibrateRequest,
@@ -294,7 +294,7 @@ class Operations:
 
         return await self._start("jog", move.request, prepare)
 
-    async def scan_here(self, scan_id: str) -> ScanViewRecord:
+    async def scan_here(self, scan_id: str) -> ScanViewDocument:
         """Add a view with the daemon's scanner from where the arm stands.
 
         Raises CellBusy, NoScanner, NotStill, DeviceError.

@@ -191,11 +191,11 @@ class FlangePose:
 
 
 @dataclass(frozen=True)
-class ScanViewRecord:
-    """One view of a scan: the cloud's file in the scan's folder, and the pose of the arm.
+class ScanViewDocument:
+    """One cloud of a scan. `joints_deg`: the arm's axes, null where the pose came without; `external_axes` likewise.
 
-    `points`, with those that are not finite, and `bytes` are None, and `created_by` is empty, in views from before
-    these were stored.
+    `points`, with those that are not finite, and `bytes` of the file: null, and `created_by` empty, in views from
+    before these were stored. `created_by`: the key's name, or who sent it without one.
     """
 
     view: int
@@ -203,7 +203,7 @@ class ScanViewRecord:
     unit: Unit
     base_T_flange: PoseDocument
     created_at: str
-    joints_deg: tuple[float, ...] | None = None
+    joints_deg: tuple[float, ...] | None
     external_axes: tuple[float | None, ...] | None = None
     points: int | None = None
     bytes: int | None = None

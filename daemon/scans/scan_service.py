@@ -18,7 +18,7 @@ from calibration.transforms import Array
 from daemon.cell.arm_in_cell import ArmInCell
 from daemon.config.settings import MAIN_CAMERA, MAIN_SCANNER, NamedScannerSettings
 from daemon.errors import CalibrationUnusable, NoCalibration, NotFound, ScanEmpty, StorageError
-from daemon.model.records import FlangePose, ScanRecord, ScanViewRecord, Unit
+from daemon.model.records import FlangePose, ScanRecord, ScanViewDocument, Unit
 from daemon.model.requests import ArtefactRequest
 from daemon.runtime.clock import Clock
 from daemon.runtime.event_bus import Publish
@@ -86,7 +86,7 @@ class ScanService:
         await self.store.save_scan(scan)
         return scan
 
-    async def add_scanned_view(self, scan: ScanRecord, cloud: ScannedCloud, pose: FlangePose) -> ScanViewRecord:
+    async def add_scanned_view(self, scan: ScanRecord, cloud: ScannedCloud, pose: FlangePose) -> ScanViewDocument:
         """Store a cloud of the daemon's scanner as the next view. Raises RegistrationError, StorageError."""
 
         async def whole() -> AsyncIterator[bytes]:
@@ -98,7 +98,7 @@ class ScanService:
 
     async def add_view(
         self, scan_id: str, body: AsyncIterator[bytes], media_type: str, unit: Unit, pose: FlangePose
-    ) -> ScanViewRecord:
+    ) -> ScanViewDocument:
         """Store a streamed cloud as the next view when complete. Raises RegistrationError, NotFound, StorageError."""
         scan = await self.store.scan(scan_id)
         folder = self.store.scan_folder(scan_id)
@@ -204,7 +204,7 @@ class ScanService:
             assess_scanner, scan_id, self.store.scan_folder(scan_id), views, artefact
         )
 
-    async def _views(self, scan_id: str) -> list[ScanViewRecord]:
+    async def _views(self, scan_id: str) -> list[ScanViewDocument]:
         """The views of a scan, at least one. Raises ScanEmpty, NotFound."""
         views = await self.store.scan_views(scan_id)
         if not views:
@@ -283,19 +283,16 @@ class ScanService:
 
     async def _write_document(self, scan_id: str) -> None:
         """Write scan.json from the rows of the store. Raises StorageError."""
-        views = [_view_json(view) for view in await self.store.scan_views(scan_id)]
+        views: list[dict[str, Any]] = []
+        for view in await self.store.scan_views(scan_id):
+            found = {"cloud": view.file, "unit": view.unit, "base_T_flange": view.base_T_flange.model_dump(mode="json")}
+            beside = {"joints_deg": view.joints_deg, "external_axes": view.external_axes}
+            views.append({**found, **{name: values for name, values in beside.items() if values is not None}})
         scan = await self.store.scan(scan_id)
         source = f"scan {scan.id} {scan.name}".strip()
         document = {"schema_version": 1, "source": source, "setup": "eye-in-hand", "views": views}
         content = json.dumps(document, indent=1).encode()
         await self.store.write_file(self.store.scan_folder(scan_id) / "scan.json", [content])
-
-
-def _view_json(view: ScanViewRecord) -> dict[str, Any]:
-    """A view of scan.json."""
-    found = {"cloud": view.file, "unit": view.unit, "base_T_flange": view.base_T_flange.model_dump(mode="json")}
-    beside = {"joints_deg": view.joints_deg, "external_axes": view.external_axes}
-    return {**found, **{name: values for name, values in beside.items() if values is not None}}
 
 
 def _remove_partial_files(scans: Path) -> None:

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Literal
 
 from calibration.documents.validation import Document
-from daemon.model.records import ScanViewRecord
+from daemon.model.records import ScanViewDocument
 from daemon.model.requests import ArtefactRequest
 from registration.io.reading import open_cloud
 from registration.points.rigid_motion import scale_to_mm
@@ -64,7 +64,7 @@ class AcceptanceDocument(Document):
 
 
 def assess_scanner(
-    scan_id: str, folder: Path, views: list[ScanViewRecord], artefact: ArtefactRequest
+    scan_id: str, folder: Path, views: list[ScanViewDocument], artefact: ArtefactRequest
 ) -> AcceptanceDocument:
     """Evaluate every view of a scan. Raises SphereError, CloudError."""
     return assess_clouds(scan_id, [(folder / view.file, view.unit) for view in views], artefact)

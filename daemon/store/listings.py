@@ -9,11 +9,11 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from calibration.documents.calibration import AccuracyDocument
-from calibration.documents.pose import PoseDocument
 from daemon.errors import CursorUnknown
-from daemon.model.records import RunRecord, ScanRecord
+from daemon.model.records import RunRecord, ScanRecord, ScanViewDocument
 from daemon.store.damaged_rows import DamagedRow, parse_each
 from daemon.store.database import Database
+from daemon.store.named_rows import Table
 from daemon.store.page_filters import NO_FILTERS, PageFilters
 
 _REQUEST_IS_SOUND = "CASE WHEN json_valid(request) THEN json_type(request) = 'object' ELSE 0 END"
@@ -34,14 +34,21 @@ _CALIBRATIONS = (
     f" {ACCURACY},"
     " CASE WHEN json_valid(document) THEN json_type(document, '$.verdict') = 'object' ELSE 0 END FROM calibrations"
 )
-_SCANS = "SELECT * FROM scans"
-
-
-SCAN_VIEWS = (
-    "SELECT view, file, unit, base_T_flange, created_at, joints_deg, external_axes, points, bytes, created_by FROM"
-    " scan_views"
-    " WHERE scan_id = ? ORDER BY view"
+SCANS = Table("scans", ScanRecord)
+_SCAN_VIEWS = Table(
+    "scan_views", ScanViewDocument, compound=("base_T_flange", "joints_deg", "external_axes"), beside=("scan_id",)
 )
+
+
+def insert_view(db: sqlite3.Connection, scan_id: str, view: ScanViewDocument) -> None:
+    """Insert a view of a scan."""
+    _SCAN_VIEWS.insert(db, view, scan_id=scan_id)
+
+
+def views_of(db: sqlite3.Connection, scan_id: str) -> list[ScanViewDocument]:
+    """The views of a scan in the order of their arrival. Raises ValueError for one that is not what was stored."""
+    rows = db.execute(f"{_SCAN_VIEWS.select} WHERE scan_id = ? ORDER BY view", (scan_id,))
+    return [_SCAN_VIEWS.record(row) for row in rows]
 
 
 @dataclass(frozen=True)
@@ -94,14 +101,10 @@ class CalibrationListing:
 
 @dataclass(frozen=True)
 class ScanListing:
-    """A scan of a list.
-
-    `views`: view, file, unit, base_T_flange (JSON), created_at, joints_deg (JSON), external_axes (JSON), points, bytes
-    and created_by of each.
-    """
+    """A scan of a list, with its views."""
 
     scan: ScanRecord
-    views: tuple[tuple[int, str, str, str, str, str | None, str | None, int | None, int | None, str], ...]
+    views: list[ScanViewDocument]
 
     @property
     def id(self) -> str:
@@ -143,15 +146,10 @@ class Listings:
 
         def read(db: sqlite3.Connection) -> list[ScanListing | DamagedRow]:
             def listing(row: tuple[Any, ...]) -> ScanListing:
-                scan_id, created_at, name, refine, *scanner = row
-                views = db.execute(SCAN_VIEWS, (scan_id,)).fetchall()
-                for _, _, _, base_T_flange, _, *axes, _, _, _ in views:
-                    PoseDocument.model_validate_json(base_T_flange)
-                    for values in axes:
-                        json.loads(values or "null")
-                return ScanListing(ScanRecord(scan_id, created_at, name, bool(refine), *scanner), tuple(views))
+                scan = SCANS.record(row)
+                return ScanListing(scan, views_of(db, scan.id))
 
-            return parse_each(listing, read_page(db, _SCANS, "scans", limit, before, filters))
+            return parse_each(listing, read_page(db, SCANS.select, "scans", limit, before, filters))
 
         return await self._reader.read(read)
 

@@ -16,7 +16,6 @@ from typing import Any
 
 from calibration.documents.arm import ArmErrorsDocument
 from calibration.documents.calibration import AccuracyDocument, CalibrationDocument
-from calibration.documents.pose import PoseDocument
 from daemon.config.settings import MAIN_CAMERA
 from daemon.errors import AppliedMeanwhile, NoCalibration, NotFound, StorageFull, StorageInconsistent
 from daemon.model.records import (
@@ -26,7 +25,7 @@ from daemon.model.records import (
     FlangePose,
     RunRecord,
     ScanRecord,
-    ScanViewRecord,
+    ScanViewDocument,
     Unit,
 )
 from daemon.model.run_states import FINAL_STATES, RunState
@@ -42,7 +41,7 @@ from daemon.store.damaged_rows import parse_each, parse_row, parse_stored, parsi
 from daemon.store.database import Database
 from daemon.store.documents import ACCEPTANCES, RIGS, DocumentKind, DocumentRecord, Documents
 from daemon.store.idempotency_keys import IdempotencyKeys
-from daemon.store.listings import ACCURACY, SCAN_VIEWS, Listings, read_page
+from daemon.store.listings import ACCURACY, SCANS, Listings, insert_view, read_page, views_of
 from daemon.store.opening import LockedStore
 from daemon.store.outbox import Outbox
 
@@ -61,27 +60,6 @@ def read_run_or_failed(row: Any) -> RunRecord:
     except StorageInconsistent as error:
         cause = Cause(error.code, error.what, error.fix)
         return RunRecord(str(row[0]), row[1], RunState.FAILED, 0, 0, str(row[8]), str(row[9]), cause)
-
-
-def read_scan(row: tuple[Any, ...]) -> ScanRecord:
-    """The record of a row."""
-    scan_id, created_at, name, refine, *scanner = row
-    return ScanRecord(scan_id, created_at, name, bool(refine), *scanner)
-
-
-def read_scan_view(row: tuple[Any, ...]) -> ScanViewRecord:
-    """The record of a row. Raises ValueError for a damaged one."""
-    view, file, unit, pose, created_at, *axes, points, size_bytes, created_by = row
-    joints_deg, external_axes = (values and tuple(json.loads(values)) for values in axes)
-    at = PoseDocument.model_validate_json(pose)
-    return ScanViewRecord(view, file, unit, at, created_at, joints_deg, external_axes, points, size_bytes, created_by)
-
-
-def scan_view_row(scan_id: str, view: ScanViewRecord) -> tuple[Any, ...]:
-    """The row of a record."""
-    axes = (None if values is None else json.dumps(values) for values in (view.joints_deg, view.external_axes))
-    return (scan_id, view.view, view.file, view.unit, view.base_T_flange.model_dump_json(), view.created_at, *axes,
-            view.points, view.bytes, view.created_by)  # fmt: skip
 
 
 class StoredEvents:
@@ -384,10 +362,10 @@ class Store:
 
     async def save_scan(self, scan: ScanRecord) -> None:
         """Insert a scan."""
-        context, row = current_audit_context(), (scan.id, scan.created_at, scan.name, scan.refine, scan.scanner)
+        context = current_audit_context()
 
         def insert(db: sqlite3.Connection) -> None:
-            db.execute("INSERT INTO scans VALUES (?, ?, ?, ?, ?)", row)
+            SCANS.insert(db, scan)
             record_change(db, context, scan.created_at, "scan", scan.id, name=scan.name)
 
         await self._database.write(insert)
@@ -395,18 +373,16 @@ class Store:
 
     async def scan(self, scan_id: str) -> ScanRecord:
         """The scan with this id. Raises NotFound."""
-        query = "SELECT * FROM scans WHERE id = ?"
+        query = f"{SCANS.select} WHERE id = ?"
         row = await self._database.read(lambda db: db.execute(query, (scan_id,)).fetchone())
         if row is None:
             raise NotFound(f"there is no scan {scan_id!r}", "GET /scans lists them")
-        return read_scan(row)
+        return parse_row(SCANS.record, row, "scan")
 
     async def scans(self, limit: int, before: str | None = None) -> list[ScanRecord]:
         """Up to `limit` scans older than the one with the id `before`, newest first. Raises CursorUnknown."""
-        query = "SELECT * FROM scans"
-        return await self._database.read(
-            lambda db: [read_scan(row) for row in read_page(db, query, "scans", limit, before)]
-        )
+        rows = await self._database.read(lambda db: read_page(db, SCANS.select, "scans", limit, before))
+        return [parse_row(SCANS.record, row, "scan") for row in rows]
 
     async def acceptances_of(self, scanner: str, limit: int) -> list[DocumentRecord]:
         """The latest verifications of a scanner by name, at most `limit`, the oldest first. Raises StorageError."""
@@ -417,19 +393,19 @@ class Store:
 
     async def add_scan_view(
         self, scan_id: str, upload: Path, unit: Unit, pose: FlangePose, created_at: str, *, points: int
-    ) -> ScanViewRecord:
+    ) -> ScanViewDocument:
         """Append the uploaded file to the scan as its next view; the file is on the disk before its row."""
         context = current_audit_context()
 
-        def insert(db: sqlite3.Connection) -> ScanViewRecord:
+        def insert(db: sqlite3.Connection) -> ScanViewDocument:
             count = db.execute("SELECT COUNT(*) FROM scan_views WHERE scan_id = ?", (scan_id,)).fetchone()[0]
             file = f"view_{count:03d}{upload.suffix}"
-            view = ScanViewRecord(
+            view = ScanViewDocument(
                 count, file, unit, pose.base_T_flange, created_at, pose.joints_deg, pose.external_axes,
                 points, upload.stat().st_size, context.actor,
             )  # fmt: skip
             rename_durably(upload, upload.with_name(view.file), self._at)
-            db.execute("INSERT INTO scan_views VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)", scan_view_row(scan_id, view))
+            insert_view(db, scan_id, view)
             record_change(db, context, created_at, "view", f"{scan_id} {view.view}")
             return view
 
@@ -443,12 +419,12 @@ class Store:
         rows = await self._database.read(lambda db: db.execute(query, (limit,)).fetchall())
         return [scan_id for (scan_id,) in rows]
 
-    async def scan_views(self, scan_id: str) -> list[ScanViewRecord]:
+    async def scan_views(self, scan_id: str) -> list[ScanViewDocument]:
         """The views of a scan in the order of their arrival."""
 
-        def read(db: sqlite3.Connection) -> list[ScanViewRecord]:
+        def read(db: sqlite3.Connection) -> list[ScanViewDocument]:
             with parsing(f"a view of scan {scan_id}"):
-                return [read_scan_view(row) for row in db.execute(SCAN_VIEWS, (scan_id,))]
+                return views_of(db, scan_id)
 
         return await self._database.read(read)
 

@@ -12,7 +12,7 @@ import re
 from dataclasses import replace
 from urllib.parse import parse_qsl, urlencode
 
-from pydantic import BaseModel, TypeAdapter, ValidationError
+from pydantic import BaseModel, RootModel, TypeAdapter, ValidationError
 from starlette.requests import ClientDisconnect, Request
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
@@ -25,10 +25,11 @@ from daemon.api.problems import answer, problem_of
 from daemon.api.run_answers import answer_started
 from daemon.api.schemas.calibrations import AppliedDocument
 from daemon.api.schemas.rigs import StoredRig
-from daemon.api.schemas.scans import ScanDocument, ScanViewDocument
+from daemon.api.schemas.scans import ScanDocument
 from daemon.api.streaming.request_body import body_chunks
 from daemon.application import Application
 from daemon.errors import DaemonError, StorageError
+from daemon.model.records import ScanViewDocument
 from daemon.store.actor import AuditContext, IdempotentRequest, acting_as, current_audit_context
 from daemon.store.idempotency_keys import StoredRequest
 
@@ -53,7 +54,7 @@ async def _scan(app: Application, scan_id: str) -> Rebuilt:
 async def _view(app: Application, subject: str) -> Rebuilt:
     scan_id, _, number = subject.partition(" ")
     view = (await app.store.scan_views(scan_id))[int(number)]
-    return _json(201, ScanViewDocument.of(view), f"/scans/{scan_id}")
+    return _json(201, RootModel[ScanViewDocument](view), f"/scans/{scan_id}")
 
 
 async def _apply(app: Application, sequence: str) -> Rebuilt:

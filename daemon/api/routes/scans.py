@@ -32,8 +32,6 @@ from daemon.api.schemas.scans import (
     RegistrationState,
     ScanDocument,
     ScanList,
-    ScanViewDocument,
-    listing_json,
 )
 from daemon.api.streaming.cloud_request import (
     ANSWER_SUFFIXES,
@@ -52,7 +50,7 @@ from daemon.api.streaming.cloud_request import (
 from daemon.api.streaming.temporary_file import TemporaryFileResponse
 from daemon.application import Application
 from daemon.errors import NotFound
-from daemon.model.records import RunRecord
+from daemon.model.records import RunRecord, ScanViewDocument
 from daemon.model.requests import ScanRequest
 from daemon.scans.scan_service import ReportTask
 from daemon.store.damaged_rows import split_damaged
@@ -77,7 +75,12 @@ async def scans(app: App, limit: Limit = 50, before: Before = None, name: NamePa
     filters = PageFilters.of({"name": name})
     page, following = page_of(await app.store.listings.scans(limit + 1, before, filters), limit, "/scans", filters)
     read, damaged = split_damaged(page)
-    return await respond_page(app, lambda: page_json("scans", map(listing_json, read), following, damaged))
+
+    def as_json() -> bytes:
+        found = (ScanDocument.of(row.scan, row.views).model_dump_json() for row in read)
+        return page_json("scans", found, following, damaged)
+
+    return await respond_page(app, as_json)
 
 
 @router.post(
@@ -130,11 +133,9 @@ async def add_view(
     """A cloud seen from `pose`; without a body the daemon's scanner takes one where the arm stands."""
     await app.store.scan(scan_id)
     if _has_no_body(request):
-        view = await app.operations.scan_here(scan_id)
-    else:
-        media_type, at = media_type_of(request), await flange_pose_of(app, pose, joints, external_axes)
-        view = await app.scans.add_view(scan_id, request.stream(), media_type, unit, at)
-    return ScanViewDocument.of(view)
+        return await app.operations.scan_here(scan_id)
+    media_type, at = media_type_of(request), await flange_pose_of(app, pose, joints, external_axes)
+    return await app.scans.add_view(scan_id, request.stream(), media_type, unit, at)
 
 
 def _has_no_body(request: Request) -> bool:

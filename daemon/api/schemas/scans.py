@@ -1,36 +1,10 @@
 """Schemas of scans, their views and clouds. Lengths in mm."""
 
-import json
 from typing import Literal
 
-from calibration.documents.pose import PoseDocument
 from daemon.api.schemas.answer import EXAMPLE_AT, EXAMPLE_ID, Answer, example
 from daemon.api.schemas.runs import RunDocument
-from daemon.model.records import RunRecord, ScanRecord, ScanViewRecord
-from daemon.store.listings import ScanListing
-
-
-class ScanViewDocument(Answer):
-    """One cloud of a scan. `joints_deg`: the arm's axes, null where the pose came without; `external_axes` likewise.
-
-    `points`, with those that are not finite, and `bytes` of the file: null, and `created_by` empty, in views from
-    before these were stored. `created_by`: the key's name, or who sent it without one.
-    """
-
-    view: int
-    file: str
-    unit: Literal["mm", "m"]
-    base_T_flange: PoseDocument
-    created_at: str
-    joints_deg: list[float] | None
-    external_axes: list[float | None] | None = None
-    points: int | None = None
-    bytes: int | None = None
-    created_by: str = ""
-
-    @classmethod
-    def of(cls, view: ScanViewRecord) -> "ScanViewDocument":
-        return cls(**vars(view))
+from daemon.model.records import RunRecord, ScanRecord, ScanViewDocument
 
 
 class ScanDocument(Answer):
@@ -61,7 +35,7 @@ class ScanDocument(Answer):
     links: dict[str, str]
 
     @classmethod
-    def of(cls, scan: ScanRecord, views: list[ScanViewRecord], run: RunRecord | None = None) -> "ScanDocument":
+    def of(cls, scan: ScanRecord, views: list[ScanViewDocument], run: RunRecord | None = None) -> "ScanDocument":
         links = {
             "self": f"/scans/{scan.id}",
             "views": f"/scans/{scan.id}/views",
@@ -70,8 +44,7 @@ class ScanDocument(Answer):
         }
         return cls(
             id=scan.id, name=scan.name, refine=scan.refine, scanner=scan.scanner, created_at=scan.created_at,
-            views=[ScanViewDocument.of(view) for view in views],
-            run=None if run is None else RunDocument.of(run), links=links,
+            views=views, run=None if run is None else RunDocument.of(run), links=links,
         )  # fmt: skip
 
 
@@ -90,23 +63,6 @@ class CloudDocument(Answer):
     unit: Literal["mm"]
     calibration_id: str
     points: list[tuple[float, float, float]]
-
-
-def listing_json(listing: ScanListing) -> str:
-    """The ScanDocument of a list as JSON, with the views' poses as stored."""
-    rest = ScanDocument.of(listing.scan, []).model_dump_json(exclude={"views"})
-    views = ",".join(_view_json(*view) for view in listing.views)
-    return f'{rest[:-1]},"views":[{views}]}}'
-
-
-def _view_json(
-    view: int, file: str, unit: str, base_T_flange: str, created_at: str, joints_deg: str | None, axes: str | None,
-    points: int | None, size_bytes: int | None, created_by: str,
-) -> str:  # fmt: skip
-    plain = {"view": view, "file": file, "unit": unit, "created_at": created_at}
-    given = json.dumps({**plain, "points": points, "bytes": size_bytes, "created_by": created_by})
-    beside = f'"joints_deg":{joints_deg or "null"},"external_axes":{axes or "null"}'
-    return f'{given[:-1]},"base_T_flange":{base_T_flange},{beside}}}'
 
 
 class ScanList(Answer):
