@@ -1,7 +1,8 @@
 """Common column names, so that clouds of different formats can be merged.
 
 The common names are PLY's: x y z, nx ny nz, red green blue, intensity, and any further column. PCL's packed `rgb` is
-split, padding is dropped, and 64-bit integers become doubles, since PLY has none.
+split, padding is dropped, and 64-bit integers become doubles, since PLY has none. Colours of 16 bits count to 65,535,
+all others to 255: a change of type scales them.
 """
 
 from collections.abc import Callable, Iterable
@@ -14,7 +15,7 @@ from numpy.typing import NDArray
 
 from registration.io.formats import pcl
 from registration.io.formats.pcd import PADDING
-from registration.points.layout import Layout, Records
+from registration.points.layout import COLOURS, Layout, Records
 
 Getter = Callable[[Records], NDArray[Any]]
 
@@ -32,6 +33,26 @@ def _element(name: str, index: int, block: Records) -> NDArray[Any]:
 
 def _colour(name: str, colour: str, block: Records) -> NDArray[Any]:
     return pcl.unpack_colour(block[name], colour)
+
+
+def scale_colour(getter: Getter, target: np.dtype[Any], block: Records) -> NDArray[Any]:
+    """A colour in the range of `target`; one outside the range becomes the nearest within."""
+    colour = getter(block)
+    if np.dtype(np.uint16) not in (colour.dtype, target) and target.kind != "u":
+        return colour
+    factor = (257.0 if target == np.uint16 else 1.0) / (257.0 if colour.dtype == np.uint16 else 1.0)
+    values = np.nan_to_num(colour * factor)
+    limit = np.iinfo(target).max if target.kind in "ui" else np.inf
+    return np.rint(values).clip(0, limit) if target.kind in "ui" else values
+
+
+def with_colours(layout: Layout, *kinds: type[np.unsignedinteger[Any]]) -> Layout:
+    """The layout with red, green and blue of one of `kinds`, the first unless they are already of one of them."""
+    names = layout.dtype.names or ()
+    if not set(COLOURS) <= set(names) or all(layout.dtype[name] in kinds for name in COLOURS):
+        return layout
+    types = [(name, np.dtype(kinds[0]) if name in COLOURS else layout.dtype[name]) for name in names]
+    return Layout.of(np.dtype(types))
 
 
 def common_columns(layout: Layout) -> dict[str, tuple[np.dtype[Any], Getter]]:
@@ -73,7 +94,11 @@ class Conversion:
     def between(cls, source: Layout, target: Layout) -> "Conversion":
         """`target` must hold common names that `source` has."""
         columns = common_columns(source)
-        return cls(target, tuple((name, columns[name][1]) for name in target.dtype.names or ()))
+        getters = {name: columns[name][1] for name in target.dtype.names or ()}
+        for name in set(COLOURS) & set(getters):
+            if columns[name][0] != target.dtype[name]:
+                getters[name] = partial(scale_colour, getters[name], target.dtype[name])
+        return cls(target, tuple(getters.items()))
 
     def convert(self, block: Records) -> Records:
         out = np.empty(len(block), self.layout.dtype)

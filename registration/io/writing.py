@@ -9,6 +9,7 @@ from typing import Protocol
 import numpy as np
 
 from registration.errors import CloudUnsupported
+from registration.io.columns import with_colours
 from registration.io.durable_file import GuardedFile, new_file
 from registration.io.formats import npy, pcd, ply, rows
 from registration.io.formats.bodies import TextEncoder
@@ -40,9 +41,13 @@ def _text(layout: Layout, separator: str) -> Form:
     return Form(layout, lambda count: rows.format_header(layout, separator), TextEncoder(layout, separator).encode)
 
 
+def ply_form(layout: Layout, _file: str) -> Form:
+    return Form(layout, lambda count: ply.format_header(layout, count), _raw)
+
+
 FORMS: dict[str, Callable[[Layout, str], Form]] = {
-    ".ply": lambda layout, _: Form(layout, lambda count: ply.format_header(layout, count), _raw),
-    ".pcd": _pcd,
+    ".ply": lambda layout, file: ply_form(with_colours(layout, np.uint8), file),
+    ".pcd": lambda layout, file: _pcd(with_colours(layout, np.uint8), file),
     ".npy": lambda layout, _: Form(layout, lambda count: npy.format_header(layout, count), _raw),
     ".xyz": lambda layout, _: _text(layout, " "),
     ".csv": lambda layout, _: _text(layout, ","),
@@ -63,7 +68,8 @@ def form_of(path: Path, layout: Layout) -> Form:
     """Format of `path` for a cloud of common columns. Raises CloudUnsupported."""
     suffix = path.suffix.lower()
     if suffix in LIBRARIES:
-        return Form(e57_layout(layout) if suffix == ".e57" else layout, lambda count: b"", _raw)
+        coloured = with_colours(layout, np.uint8) if suffix == ".e57" else with_colours(layout, np.uint16, np.uint8)
+        return Form(e57_layout(coloured) if suffix == ".e57" else coloured, lambda count: b"", _raw)
     if suffix not in FORMS:
         fix = f"use one of {', '.join([*FORMS, *LIBRARIES])}"
         raise CloudUnsupported(path.name, "suffix", f"clouds of type {suffix!r} are not written", fix)
@@ -126,7 +132,7 @@ def new_cloud(
         form = _naming_the_frame(form, calibration_id)
     with new_file(path, durable=durable) as file:
         if library is not None:
-            with library(file, layout, f"handeyed {calibration_id or ''}".strip()) as out:
+            with library(file, form.layout, f"handeyed {calibration_id or ''}".strip()) as out:
                 yield LibraryWriter(out, form)
             return
         writer = CloudWriter(file, form)

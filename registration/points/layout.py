@@ -14,6 +14,8 @@ Records = NDArray[Any]
 
 Triple = tuple[str, str, str]
 
+COLOURS: Triple = ("red", "green", "blue")
+
 NORMALS: tuple[Triple, ...] = (("nx", "ny", "nz"), ("normal_x", "normal_y", "normal_z"))
 
 

@@ -10,12 +10,11 @@ import numpy as np
 from registration.errors import CloudUnsupported
 from registration.io.durable_file import GuardedFile
 from registration.io.formats.extras import COLUMNS, library
-from registration.points.layout import Layout, Records
+from registration.points.layout import COLOURS, Layout, Records
 
 BLOCK_POINTS = 1 << 16
 METRES = 1e-3
 FIELDS = {common: theirs for theirs, common in COLUMNS.items()}
-COLOURS = ("red", "green", "blue")
 
 
 def e57_layout(layout: Layout) -> Layout:

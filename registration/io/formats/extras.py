@@ -17,7 +17,7 @@ from registration.io.durable_file import GuardedFile
 from registration.io.formats import las
 from registration.io.formats.e57_xml import require_plain_xml
 from registration.io.formats.laz import require_sound_chunks
-from registration.points.layout import Layout, Records
+from registration.points.layout import COLOURS, Layout, Records
 
 BLOCK_POINTS = 1 << 16
 E57_BLOCK_POINTS = 1 << 14
@@ -134,8 +134,10 @@ class E57Source:
             block = np.empty(E57_BLOCK_POINTS, self.layout.dtype)
             with translate_errors(self._name, f"scan {index}", *self._errors):
                 reader = header.points.reader(self._straight_into(block))
-                count = reader.read()
+                count, factor = reader.read(), colour_factor(header)
             while count:
+                for name in COLOURS if factor != 1 and "red" in block.dtype.fields else ():
+                    block[name] *= factor
                 yield block[:count]
                 with translate_errors(self._name, f"scan {index}", *self._errors):
                     count = reader.read()
@@ -159,6 +161,13 @@ COLUMNS = {
     "intensity": "intensity",
     "timeStamp": "time",
 }
+
+
+def colour_factor(header: Any) -> float:
+    """255 over the largest colour that a scan of an E57 file declares."""
+    if not header.node.isDefined("colorLimits/colorRedMaximum"):
+        return 1.0
+    return 255.0 / float(header.node["colorLimits"]["colorRedMaximum"].value() or 255.0)
 
 
 def _is_identity(header: Any) -> bool:

@@ -1,4 +1,7 @@
-"""XYZ and CSV: one point per line. A first line of words names the columns; the default is x, y, z, c3, c4, ..."""
+"""XYZ and CSV: one point per line. A first line of words names the columns; the default is x, y, z, c3, c4, ...
+
+Six columns without names whose last three are whole numbers of a byte, not all 0 or 1, are x, y, z, red, green, blue.
+"""
 
 import re
 
@@ -6,7 +9,7 @@ import numpy as np
 
 from registration.errors import CloudFormatError
 from registration.io.formats.header import HEADER_LIMIT, CloudHeader, shorten
-from registration.points.layout import Layout
+from registration.points.layout import COLOURS, Layout
 
 COLUMN_LIMIT = 256
 NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?|[+-]?nan|[+-]?inf(inity)?", re.IGNORECASE)
@@ -28,6 +31,8 @@ def parse_header(prefix: bytes, file: str) -> CloudHeader | None:
     words = line.lstrip("#/ ").split(separator)
     named = not all(NUMBER.fullmatch(word.strip()) for word in words)
     names = [_column(word) for word in words] if named else _default_names(len(words))
+    if not named and len(names) == 6 and are_bytes(prefix[: prefix.rfind(b"\n")].decode("ascii", "replace"), separator):
+        names[3:] = COLOURS
     if not {"x", "y", "z"} <= set(names) or len(set(names)) != len(names) or len(names) > COLUMN_LIMIT:
         what = f"{shorten(line)} names no columns x, y, z (once each), nor is it numbers"
         raise CloudFormatError(file, "line 1", what, "write a first line such as 'x,y,z' or numbers only")
@@ -39,6 +44,12 @@ def parse_header(prefix: bytes, file: str) -> CloudHeader | None:
 def _column(word: str) -> str:
     name = word.strip().strip('"').strip().lower()
     return SYNONYMS.get(name, name)
+
+
+def are_bytes(lines: str, separator: str | None) -> bool:
+    words = [word.strip() for line in lines.splitlines() for word in line.split(separator)[3:]]
+    numbers = [int(word) if word.isdecimal() and len(word) < 4 else 256 for word in words]
+    return 1 < max(numbers, default=0) < 256
 
 
 def _default_names(count: int) -> list[str]:

@@ -1,0 +1,207 @@
+"""Clouds written by us as foreign readers see them: every pair of formats, for points, colours and further columns."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from registration.fusion.concatenation import PlacedCloud, merge_clouds
+from registration.points.layout import COLOURS, Layout, Records
+from tests.registration.clouds import BASE_T_CAMERA, moved
+from tests.registration.io.cloud_files import write
+
+Table = dict[str, NDArray[Any]]
+
+
+def library(name: str) -> Any:
+    return pytest.importorskip(name, reason=f"{name} is not installed: its format is not tested")
+
+
+def by_plyfile(path: Path) -> Table:
+    vertices = library("plyfile").PlyData.read(str(path))["vertex"].data
+    return {name: vertices[name] for name in vertices.dtype.names}
+
+
+def by_the_format(path: Path) -> Table:
+    """A PCD of single numbers as its specification says, with PCL's packed colours."""
+    head, _, body = path.read_bytes().partition(b"DATA binary\n")
+    words = {line.split()[0]: line.split()[1:] for line in head.decode().splitlines()}
+    kinds = [f"<{kind.lower()}{size}" for kind, size in zip(words["TYPE"], words["SIZE"], strict=True)]
+    records = np.frombuffer(body, list(zip(words["FIELDS"], kinds, strict=True)))
+    table = {name: records[name] for name in words["FIELDS"]}
+    bits = table.pop("rgb").view(np.uint32)
+    colours = {name: (bits >> shift & 255).astype(np.uint8) for name, shift in zip(COLOURS, (16, 8, 0), strict=True)}
+    return {name.replace("normal_", "n"): column for name, column in table.items()} | colours
+
+
+def by_laspy(path: Path) -> Table:
+    cloud = library("laspy").read(str(path))
+    return {name: np.asarray(cloud[name]) for name in ("x", "y", "z", *cloud.point_format.dimension_names)}
+
+
+def by_pye57(path: Path) -> Table:
+    file = library("pye57").E57(str(path))
+    scan = file.read_scan(0, ignore_missing_fields=True, intensity=True, colors=True)
+    file.close()
+    names = {f"cartesian{axis}": axis.lower() for axis in "XYZ"}
+    names |= {f"color{colour.title()}": colour for colour in COLOURS}
+    return {names.get(name, name): column * (1e3 if "cartesian" in name else 1) for name, column in scan.items()}
+
+
+def by_numpy(path: Path) -> Table:
+    records = np.load(path)
+    return {name: records[name] for name in records.dtype.names}
+
+
+def by_genfromtxt(path: Path) -> Table:
+    records = np.genfromtxt(path, names=True, delimiter="," if path.suffix == ".csv" else None)
+    return {name: records[name] for name in records.dtype.names}
+
+
+READERS: dict[str, Callable[[Path], Table]] = {
+    ".ply": by_plyfile,
+    ".pcd": by_the_format,
+    ".las": by_laspy,
+    ".laz": by_laspy,
+    ".e57": by_pye57,
+    ".npy": by_numpy,
+    ".xyz": by_genfromtxt,
+    ".csv": by_genfromtxt,
+}
+LAS = (".las", ".laz")
+EIGHT_BITS = (".ply", ".pcd", ".e57")
+
+
+def records(colours: str, far_mm: float, count: int = 500) -> tuple[Layout, Records]:
+    """Points around `far_mm`, some not finite, with normals, colours of the type, intensity and a column more."""
+    random = np.random.default_rng(41)
+    names = [*((name, "<f8") for name in ("x", "y", "z")), *((name, "<f4") for name in ("nx", "ny", "nz"))]
+    kinds = [*names, *((name, colours) for name in COLOURS), ("intensity", "<u2"), ("gps_time", "<f8"), ("fit", "<f4")]
+    made = np.zeros(count, kinds)
+    for name in ("x", "y", "z"):
+        made[name] = far_mm + random.uniform(-500, 500, count)
+    normals = random.normal(size=(count, 3))
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    for axis, name in enumerate(("nx", "ny", "nz")):
+        made[name] = normals[:, axis]
+    most = np.iinfo(np.dtype(colours)).max
+    for name in COLOURS:
+        made[name] = random.integers(0, most, count, endpoint=True)
+    made["intensity"], made["gps_time"], made["fit"] = (
+        np.arange(count) * 100,
+        np.arange(count) / 7,
+        np.arange(count) / 3,
+    )
+    return Layout.of(made.dtype), made
+
+
+@pytest.mark.parametrize("target", READERS)
+@pytest.mark.parametrize("source", READERS)
+@pytest.mark.parametrize(("colours", "far_mm"), [("u1", 0.0), ("<u2", 0.0), ("<u2", 7654.321)])
+def test_a_foreign_reader_finds_what_was_written(
+    tmp_path: Path, source: str, target: str, colours: str, far_mm: float
+) -> None:
+    layout, made = records(colours, far_mm)
+    if source in (".ply", ".npy", ".xyz", ".csv"):
+        made["x"][7] = np.nan
+    if source in (".xyz", ".csv"):
+        colours, layout = "u1", records("u1", far_mm)[0]
+        made = made if made.dtype == layout.dtype else _with_eight_bits(made, layout)
+    if source in EIGHT_BITS and colours != "u1":
+        made, layout = _with_eight_bits(made, records("u1", far_mm)[0]), records("u1", far_mm)[0]
+    write(tmp_path / f"in{source}", layout, made)
+    merged = merge_clouds([PlacedCloud(tmp_path / f"in{source}", *_placed(source))], tmp_path / f"out{target}")
+
+    sound = made[np.isfinite(made["x"])]
+    table = READERS[target](tmp_path / f"out{target}")
+    found = np.stack([np.asarray(table[name], float) for name in ("x", "y", "z")], axis=1)
+    np.testing.assert_allclose(found, moved(sound), rtol=0, atol=0.01)
+    kept = set(table) | {name.removesuffix("_as_read") for name in table}
+    assert set(merged.columns_lost) | kept >= set(_held_by(source)), "a column is neither kept nor named as lost"
+    assert not set(merged.columns_lost) & set(table)
+    if {"nx", "ny", "nz"} <= set(table):
+        turned = np.stack([sound[name] for name in ("nx", "ny", "nz")], axis=1) @ BASE_T_CAMERA[:3, :3].T
+        np.testing.assert_allclose(np.stack([table[n] for n in ("nx", "ny", "nz")], axis=1), turned, atol=1e-6)
+    for name in ("intensity", "gps_time", "fit"):
+        if name in table and name in _held_by(source):
+            column = table.get(f"{name}_as_read", table[name])
+            np.testing.assert_allclose(column, sound[name], rtol=1e-6, err_msg=name)
+    for name in COLOURS:
+        share = sound[name] / np.iinfo(sound[name].dtype).max
+        most = 65535 if target in LAS or np.max(table[name]) > 255 else 255
+        assert target not in EIGHT_BITS or table[name].dtype == np.uint8, "Open3D and others take bytes only"
+        np.testing.assert_allclose(table[name] / most, share, atol=0.51 / 255, err_msg=name)
+
+
+def _with_eight_bits(made: Records, layout: Layout) -> Records:
+    out = np.zeros(len(made), layout.dtype)
+    for name in layout.dtype.names or ():
+        out[name] = np.rint(made[name] / 257) if name in COLOURS and made.dtype[name] == np.uint16 else made[name]
+    return out
+
+
+def _placed(source: str) -> tuple[str, Any]:
+    return "m" if source == ".e57" else "mm", BASE_T_CAMERA
+
+
+def _held_by(source: str) -> tuple[str, ...]:
+    held = ("x", "y", "z", *COLOURS, "intensity")
+    return held if source == ".e57" else (*held, "nx", "ny", "nz", "gps_time", "fit")
+
+
+@pytest.mark.parametrize("kinds", [(".las", ".las"), (".laz", ".las"), (".las", ".laz"), (".laz", ".laz")])
+@pytest.mark.parametrize("version", [("1.2", 2), ("1.2", 3), ("1.4", 7)])
+def test_las_of_another_writer_is_merged_into_las(
+    tmp_path: Path, kinds: tuple[str, str], version: tuple[str, int]
+) -> None:
+    laspy = library("laspy")
+    theirs = laspy.create(file_version=version[0], point_format=version[1])
+    theirs.header.scales = [0.001] * 3
+    theirs.x, theirs.y, theirs.z = np.arange(300) / 3, np.arange(300) / 5, np.arange(300) / 7
+    theirs.classification, theirs.red = np.arange(300) % 32, np.arange(300) * 200
+    theirs.return_number, theirs.intensity = np.full(300, 3), np.arange(300)
+    file = tmp_path / f"in{kinds[0]}"
+    theirs.write(str(file))
+    merged = merge_clouds([PlacedCloud(file, "mm", np.eye(4))] * 2, tmp_path / f"out{kinds[1]}")
+    ours = laspy.read(str(tmp_path / f"out{kinds[1]}"))
+    assert merged.points == 600 and merged.columns_lost == ()
+    for name in theirs.point_format.dimension_names:
+        if name not in ("X", "Y", "Z"):
+            np.testing.assert_array_equal(np.asarray(ours[name])[:300], np.asarray(theirs[name]), err_msg=name)
+
+
+@pytest.mark.parametrize(
+    ("text", "colours"),
+    [
+        ("1.5 2 3 0 0 0\n4 5 6 200 100 50\n", [[0, 200], [0, 100], [0, 50]]),
+        ("1.5,2,3,9,8,7\n4,5,6,255,100,50\n", [[9, 255], [8, 100], [7, 50]]),
+        ("1.5 2 3 0 0 1\n4 5 6 0 1 0\n", None),
+        ("1.5 2 3 0.5 0.5 0.7\n4 5 6 0 1 0\n", None),
+        ("1.5 2 3 9 8 7\n4 5 6 256 1 0\n", None),
+    ],
+    ids=["colours", "commas", "normals", "fractions", "beyond a byte"],
+)
+def test_six_columns_without_names_are_colours_where_they_are_bytes(
+    tmp_path: Path, text: str, colours: list[list[int]] | None
+) -> None:
+    (tmp_path / "in.xyz").write_text(text)
+    merge_clouds([PlacedCloud(tmp_path / "in.xyz", "mm", np.eye(4))], tmp_path / "out.ply")
+    table = by_plyfile(tmp_path / "out.ply")
+    assert ("red" in table) == (colours is not None)
+    if colours is not None:
+        assert [table[name].tolist() for name in COLOURS] == colours
+
+
+def test_colours_of_an_e57_are_read_against_its_limits(tmp_path: Path) -> None:
+    pye57 = library("pye57")
+    file = pye57.E57(str(tmp_path / "in.e57"), mode="w")
+    points = {f"cartesian{axis}": np.arange(3.0) for axis in "XYZ"}
+    file.write_scan_raw(points | {f"color{colour.title()}": np.array([0, 51, 255], np.uint8) for colour in COLOURS})
+    limits = file.data3d[0]["colorLimits"]
+    assert limits["colorRedMaximum"].value() == 255
+    file.close()
+    merge_clouds([PlacedCloud(tmp_path / "in.e57", "m", np.eye(4))], tmp_path / "out.las")
+    assert by_laspy(tmp_path / "out.las")["red"].tolist() == [0, 51 * 257, 65535]
