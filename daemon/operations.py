@@ -63,7 +63,7 @@ from daemon.runs.run_log import RunLog
 from daemon.runs.scan_run import ScanRun
 from daemon.runs.sequence_plan import Drive, MakeSequence, OpenBeside, RunSessions, plan_sequence
 from daemon.runs.supervisor import RunPlan, Supervisor
-from daemon.runs.together import CameraBeside, ScannerBeside, TogetherRun
+from daemon.runs.together import CameraBeside, LookBeside, ScannerBeside, TogetherRun
 from daemon.runs.verification_run import VerificationRun, WithoutFirstView
 from daemon.runtime.clock import Clock
 from daemon.runtime.workers import Workers
@@ -394,7 +394,7 @@ class Operations:
                 raise CalibrationUnusable(what, "solve sensors together that are on one mount")
 
         def open_beside(log: RunLog) -> list[SensorBeside]:
-            return [self._sensor_beside(name, target, log) for name in names]
+            return [LookBeside(name, self._sensor_beside(name, target, log), log) for name in names]
 
         return open_beside
 

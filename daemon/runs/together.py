@@ -26,8 +26,9 @@ from daemon.scans.rig_sensors import RigSensors
 from daemon.scans.upload import SUFFIXES
 from daemon.sessions.session_files import SESSION_FILE
 from daemon.sessions.session_reader import load_problem, open_session
-from daemon.sessions.session_writer import SessionWriter
+from daemon.sessions.session_writer import SensorBeside, SessionWriter
 from daemon.store.store import Store
+from drivers.errors import DeviceError
 from drivers.interfaces import PoseReading
 
 
@@ -77,6 +78,22 @@ class ScannerBeside:
 
 
 @dataclass(frozen=True, eq=False)
+class LookBeside:
+    """A sensor beside the camera: a look that its device refuses is noted in the run's log, and fails nothing else."""
+
+    name: str
+    sensor: SensorBeside
+    log: RunLog
+
+    async def look(self, reading: PoseReading, at: str) -> None:
+        """Store what it sees, or note why it sees nothing. Raises NoScanner, NotStill, StorageError."""
+        try:
+            await self.sensor.look(reading, at)
+        except DeviceError as error:
+            self.log.missed[self.name] = str(error)
+
+
+@dataclass(frozen=True, eq=False)
 class TogetherRun:
     """A calibration run of several sensors on one mount: each camera alone, then all in one estimate.
 
@@ -100,8 +117,11 @@ class TogetherRun:
                 together["calibrations"][name] = await self._calibrate(name, run, log)
             except CalibrationError as error:
                 together["refused"][name] = str(error)
+        problems, alone, refused = await self.main.workers.run(self.solve_each, log.id)
+        together["refused"] = refused | together["refused"]
+        together["refused"] |= {name: log.missed[name] for name in log.missed if name not in alone}
         try:
-            rig = await self.main.workers.run(self._solve, log.id)
+            rig = await self.main.workers.run(self._solve, problems, alone)
             together["rig"] = rig.verdict.model_dump(mode="json")
             record = await self.rigs.save(rig, log.id, despite_verdict=False)
             together["rig_id"] = record.id
@@ -117,14 +137,28 @@ class TogetherRun:
         return await run.keep(await run.workers.run(run.solve, problem, f"{log.id}-{name}", at), log.id)
 
     def _problem(self, run_id: str, name: str) -> Problem:
-        return load_problem(open_session(self.main.store.session_folder(run_id, name)))
+        store = self.main.store
+        folder = store.run_folder(run_id) if name == self.main.camera else store.folder_beside(run_id, name)
+        return load_problem(open_session(folder))
 
-    def _solve(self, run_id: str) -> RigDocument:
-        """The joint solution of all sessions. Raises CalibrationError."""
-        from calibration.solve import solve_hand_eye, solve_rig  # see run_modules
+    def solve_each(self, run_id: str) -> tuple[dict[str, Problem], dict[str, Solution], dict[str, str]]:
+        """The session and solution of each sensor alone, and why the others have none."""
+        from calibration.solve import solve_hand_eye  # see run_modules
 
-        names = (self.main.camera, *self.cameras, *self.scanners)
-        problems = {name: self._problem(run_id, name) for name in names}
-        alone: dict[str, Solution] = {name: solve_hand_eye(problem) for name, problem in problems.items()}
+        problems: dict[str, Problem] = {}
+        alone: dict[str, Solution] = {}
+        refused: dict[str, str] = {}
+        for name in (self.main.camera, *self.cameras, *self.scanners):
+            try:
+                problem = self._problem(run_id, name)
+                alone[name], problems[name] = solve_hand_eye(problem), problem
+            except CalibrationError as error:
+                refused[name] = str(error)
+        return problems, alone, refused
+
+    def _solve(self, problems: dict[str, Problem], alone: dict[str, Solution]) -> RigDocument:
+        """The joint solution of these sessions. Raises CalibrationError."""
+        from calibration.solve import solve_rig  # see run_modules
+
         limits: VerdictLimits = self.main.limits
         return rig_document(solve_rig(problems), alone, limits.tolerance_mm)

@@ -12,12 +12,13 @@ from calibration.documents.pose import PoseDocument
 from calibration.errors import DocumentError
 from calibration.transforms import difference
 from daemon.drift.schedule import DriftSchedule
-from drivers.errors import DeviceTimeout, DeviceUnreachable
+from drivers.errors import DeviceTimeout, DeviceUnreachable, NothingMeasured
+from drivers.interfaces import ScannedCloud
 from protocols.plc.codes import ControlBit, StatusBit
 from protocols.plc.registers import BY_NAME
 from tests.daemon.cell_under_test import Bench, Parts, pose_json, serving, settings_for
 from tests.daemon.clouds import PLY, POSE, cloud
-from tests.daemon.fakes import FLANGE_T_CAMERA, FakeCamera, ply_of
+from tests.daemon.fakes import FLANGE_T_CAMERA, FakeCamera, FakeScanner, ply_of
 from tests.daemon.named_cameras import WRIST, calibrate, two_cameras, wrist
 from tests.daemon.plcs import MOVING, ladder
 from tests.daemon.rig_files import a_rig
@@ -79,6 +80,23 @@ async def test_a_camera_that_sees_nothing_is_named_and_fails_nothing_else(tmp_pa
         together = (await calibrate(bench.client, together=["wrist"]))["result"]["together"]
         assert together["rig_id"] is None
         assert "rig" in together["refused"]
+
+
+class EmptyScanner(FakeScanner):
+    """Answers with a cloud without points."""
+
+    async def scan(self, newer_than_s: float) -> ScannedCloud:
+        raise NothingMeasured("scanner", "the cloud has no points", "look at what it sees")
+
+
+async def test_a_scanner_whose_clouds_are_empty_is_named_and_fails_nothing_else(tmp_path: Path) -> None:
+    parts = Parts(scanner=EmptyScanner())
+    parts.cameras["wrist"] = FakeCamera(parts.robot, flange_T_camera=WRIST)
+    async with serving(settings_for(tmp_path, cameras={"wrist": wrist()}), parts) as bench:
+        together = (await calibrate(bench.client, together=["wrist", "scanner"]))["result"]["together"]
+        assert together["refused"]["scanner"] == "scanner: the cloud has no points: look at what it sees"
+        assert together["calibrations"]["wrist"]["calibration_id"]
+        assert "accepted" in together["rig"]  # of the two cameras
 
 
 @pytest.mark.parametrize("manual", [False, True])
