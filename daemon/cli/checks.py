@@ -5,6 +5,7 @@ import getpass
 import os
 import shutil
 from collections.abc import Awaitable, Callable
+from contextlib import aclosing
 from functools import partial
 from math import degrees
 from pathlib import Path
@@ -136,7 +137,11 @@ async def _check_vibration(gate: VibrationGate) -> CheckResult:
 
 async def _check_scanner(name: str, scanner: Scanner) -> CheckResult:
     if isinstance(scanner, ProfileSource):
-        return CheckResult(name, True, f"a line profiler: {scanner.link.detail}")
+        if scanner.lag_s and scanner.link.connected:  # files, which are written while a sweep runs
+            return CheckResult(name, True, f"a line profiler: {scanner.link.detail}; its files are read during a sweep")
+        async with aclosing(scanner.profiles()) as profiles:  # type: ignore[type-var]
+            block = await anext(profiles)
+        return CheckResult(name, True, f"a line profiler: {block.z_mm.shape[1]} points a profile")
     try:
         cloud = await scanner.scan(Clock().monotonic_s())
     except NothingMeasured:

@@ -17,7 +17,7 @@ from calibration.transforms import transform
 from daemon.cli.checks import _check_scanner
 from daemon.errors import NotStill
 from daemon.model.records import AppliedCalibration, CalibrationRecord
-from drivers.errors import DeviceError, LinkLost, SweepNeeded
+from drivers.errors import DeviceError, LinkLost, StreamStalled, SweepNeeded
 from drivers.interfaces import LinkHealth, PoseReading, ScannedCloud
 from extensions.sweeps.service import SweepService
 from registration.profiles.profile_block import ProfileBlock
@@ -280,9 +280,23 @@ async def test_stopping_the_daemon_breaks_a_sweep_off(tmp_path: Path) -> None:
         await eventually(lambda: sweep.state == "failed")
 
 
-async def test_check_names_a_line_profiler() -> None:
-    found = await _check_scanner("laser", FakeProfiler())
-    assert (found.ok, found.what) == (True, "a line profiler: connected")
+async def test_check_waits_for_a_profile() -> None:
+    profiler = FakeProfiler()
+    profiler.measure(0.0)
+    found = await _check_scanner("laser", profiler)
+    assert (found.ok, found.what) == (True, "a line profiler: 3 points a profile")
+
+
+async def test_check_of_a_line_profiler_that_sends_nothing_raises_its_cause() -> None:
+    profiler = FakeProfiler()
+    profiler.blocks.put_nowait(StreamStalled("laser", "no profile came in 5 s", "check the trigger"))
+    with pytest.raises(StreamStalled, match="no profile came"):
+        await _check_scanner("laser", profiler)
+
+
+async def test_check_of_files_of_profiles_waits_for_no_sweep() -> None:
+    found = await _check_scanner("laser", FakeProfiler(lag_s=3.0))
+    assert (found.ok, found.what) == (True, "a line profiler: connected; its files are read during a sweep")
 
 
 async def test_points_of_a_sweep_on_a_track_lie_as_from_its_zero(tmp_path: Path) -> None:
