@@ -88,7 +88,7 @@ class CloudStream:
         A writable chunk may be overwritten in place, which saves a copy.
         """
         data = memoryview(chunk).cast("B")
-        if self._header is None:
+        if self._header is None and data:
             content = self._prefix + data
             header = self._parser(content, self._file)
             if header is None:

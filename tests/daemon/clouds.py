@@ -27,13 +27,13 @@ def in_base(points: Array, pose: str = POSE) -> Array:
     return map_points(transform_from_quaternion(numbers[:3], numbers[3:]) @ FLANGE_T_CAMERA, points)
 
 
-def laz_of(points: Array) -> bytes:
-    """LAZ with intensities 0, 1, 2, ...; the test is skipped without laspy."""
+def laz_of(points: Array, *, compress: bool = True) -> bytes:
+    """LAZ (LAS: not compressed) with intensities 0, 1, 2, ...; the test is skipped without laspy."""
     laspy = pytest.importorskip("laspy", reason="laspy is not installed: LAZ is not tested")
     content = laspy.create(point_format=3)
     content.header.scales = [0.001] * 3
     content.x, content.y, content.z = points.T
     content.intensity = np.arange(len(points)) % 60_000
     file = io.BytesIO()
-    content.write(file, do_compress=True)
+    content.write(file, do_compress=compress)
     return file.getvalue()

@@ -27,7 +27,8 @@ ExternalAxesQuery = Annotated[str | None, Query(max_length=200, description=AXES
 UnitQuery = Annotated[Literal["mm", "m"], Query(description="unit of the cloud's coordinates")]
 
 SYNONYMS = {"application/ply": "application/x-ply", "model/ply": "application/x-ply",
-            "application/pcd": "application/x-pcd", "application/x-laz": LAZ}  # fmt: skip
+            "application/pcd": "application/x-pcd", "application/x-laz": LAZ,
+            "application/vnd.las": LAZ}  # fmt: skip
 
 JSON = "application/json"
 ANSWER_SUFFIXES = {"application/x-ply": ".ply", "application/x-pcd": ".pcd", "application/octet-stream": ".bin",

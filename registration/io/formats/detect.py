@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 
-from registration.errors import CloudUnsupported
+from registration.errors import CloudFormatError, CloudUnsupported
 from registration.io.formats import pcd, ply
 from registration.io.formats.header import CloudHeader
 from registration.points.layout import XYZ_FLOAT32
@@ -10,8 +10,30 @@ from registration.points.layout import XYZ_FLOAT32
 HeaderParser = Callable[[bytes, str], CloudHeader | None]
 
 
+MAGIC = {
+    b"ASTM-E57": "E57",
+    b"LASF": "LAS or LAZ",
+    b"ply\n": "PLY",
+    b"ply\r": "PLY",
+    b"# .PCD": "PCD",
+    b"\x93NUMPY": "NPY",
+    b"PK\x03\x04": "ZIP or NPZ",
+    b"solid ": "STL",
+}
+"""How files of other formats begin."""
+
+
 def octets(prefix: bytes, file: str) -> CloudHeader | None:
-    """Raw float32 x, y, z, little endian, no header, up to the end of the bytes."""
+    """Raw float32 x, y, z, little endian, no header, up to the end of the bytes; None for 1 to 7 bytes.
+
+    Raises CloudFormatError for a file of another format.
+    """
+    if 0 < len(prefix) < max(map(len, MAGIC)):
+        return None
+    for magic, name in MAGIC.items():
+        if prefix.startswith(magic):
+            what = f"this begins as {name} does, not as float32 x, y, z"
+            raise CloudFormatError(file, "byte 0", what, "state its own type, or convert it to PLY")
     return CloudHeader("octets", "binary", XYZ_FLOAT32, None, 0, b"")
 
 

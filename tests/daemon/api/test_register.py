@@ -4,6 +4,7 @@ import asyncio
 import contextlib
 import io
 import socket
+from collections.abc import AsyncIterator
 from pathlib import Path
 from urllib.parse import urlsplit
 
@@ -200,3 +201,33 @@ async def test_a_pose_farther_than_a_kilometre_is_refused(bench: Bench, pose: st
     for path in ("/register", f"{scan}/views"):
         refused = await bench.client.post(f"{path}?unit=mm&pose={pose}", content=ply_of(cloud(10)), headers=PLY)
         assert (refused.status_code, refused.json()["code"]) == (422, "request-refused")
+
+
+@pytest.mark.parametrize(
+    ("magic", "name"), [(b"ASTM-E57", "E57"), (b"LASF", "LAS"), (b"ply\n", "PLY"), (b"PK\x03\x04", "NPZ")]
+)
+@pytest.mark.parametrize("split", [0, 3, 4800])
+async def test_octets_that_begin_as_another_format_are_refused(
+    bench: Bench, magic: bytes, name: str, split: int
+) -> None:
+    await apply_calibration(bench)
+    content = magic.ljust(4800, b"\1")
+
+    async def pieces() -> AsyncIterator[bytes]:
+        for piece in (content[:split], content[split:]):
+            if piece:
+                yield piece
+
+    answer = await bench.client.post("/register", params={"pose": POSE}, content=pieces(), headers=OCTETS)
+    assert (answer.status_code, answer.json()["code"]) == (422, "cloud-malformed"), answer.text
+    assert name in answer.text
+
+
+async def test_las_is_taken_under_its_registered_type(bench: Bench) -> None:
+    await apply_calibration(bench)
+    headers = {"content-type": "application/vnd.las"}
+    answer = await bench.client.post(
+        "/register", params={"pose": POSE}, content=laz_of(cloud(50), compress=False), headers=headers
+    )
+    assert answer.status_code == 200, answer.text
+    assert answer.headers["content-type"] == LAZ["content-type"]
