@@ -143,6 +143,10 @@ class HttpSource(PolledDevice):
         try:
             async with self._answer() as answer:
                 self._raise_for_status(answer)
+                if answer.headers.get("content-type", "").strip().lower().startswith("multipart/"):
+                    self._report.up("it answers, but with a stream")
+                    fix = f"write it as video:{self._url.copy_with(userinfo=b'', query=None)}"
+                    raise GarbledAnswer(self.device, "it sends a stream of pictures (multipart), not one", fix)
                 content = await self._read_bounded_body(answer)
         except httpx.ConnectTimeout as error:
             raise self._unreachable(f"no connection in {CONNECT_LIMIT_S:g} s") from error

@@ -15,6 +15,8 @@ from drivers.link_status import LinkReport
 from drivers.timing import Timing
 
 LIMIT_S = 5.0
+OPENING_SHARE = 0.8
+"""A stream is waited for by this share of the limit, so that the cause is known at its end. FFmpeg waits 30 s."""
 LATENCY_S = 0.1
 """Delay from exposure to `read`, with one buffer. Network streams need more."""
 SETTLE_S = 5.0
@@ -117,10 +119,14 @@ class VideoCamera:
         path = f"/dev/video{self._source}" if isinstance(self._source, int) else self._source
         if "://" not in path and not Path(path).exists():
             raise DeviceUnreachable(self._device, f"there is no {path}", "plug the camera in, or correct the address")
-        capture = cv2.VideoCapture(self._source)
+        stream, limit_ms = "://" in path, int(OPENING_SHARE * self._limit_s * 1e3)
+        limits = [cv2.CAP_PROP_OPEN_TIMEOUT_MSEC, limit_ms, cv2.CAP_PROP_READ_TIMEOUT_MSEC, limit_ms]
+        capture = cv2.VideoCapture(path, cv2.CAP_FFMPEG, limits) if stream else cv2.VideoCapture(self._source)
         if not capture.isOpened():
             capture.release()
             fix = "check that it is a camera or a video, and the right to use it (group video)"
+            if stream:
+                fix = "check that the stream's server answers, path, user and password: ffprobe says why it does not"
             raise DeviceUnreachable(self._device, "it cannot be opened", fix)
         capture.set(cv2.CAP_PROP_BUFFERSIZE, 1)
         return capture

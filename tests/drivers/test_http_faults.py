@@ -34,6 +34,11 @@ def moved(to: str) -> Answer:
 FAULTS = {
     "empty body": (Answer(b""), GarbledAnswer, "the answer is empty"),
     "a page": (Answer(b"<html>", "text/html"), GarbledAnswer, "neither PNG nor JPEG"),
+    "a stream": (
+        Answer(b"--f", "multipart/x-mixed-replace; boundary=f"),
+        GarbledAnswer,
+        "write it as video:http://127",
+    ),
     "half a picture": (Answer(PNG[:300]), GarbledAnswer, "ends early"),
     "cut off": (Answer(PNG[:300], announced=len(PNG)), GarbledAnswer, "no whole HTTP answer"),
     "not found": (Answer(b"no", status=404), GarbledAnswer, "404 Not Found"),

@@ -1,6 +1,7 @@
 """What every camera driver does: HTTP snapshot, OpenCV capture, folder."""
 
 import contextlib
+import socket
 import threading
 import time
 from dataclasses import dataclass
@@ -232,3 +233,11 @@ async def test_a_file_that_is_no_video(tmp_path, capfd):
     with pytest.raises(DeviceError, match="cannot be opened"):
         await camera.grab(0.0)
     await camera.close()
+
+
+def test_a_stream_whose_server_says_nothing_is_given_up_within_the_limit() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as silent:
+        camera = VideoCamera(f"rtsp://127.0.0.1:{silent.getsockname()[1]}/live", limit_s=0.2)
+        with pytest.raises(DeviceError, match="the stream's server answers") as refused:
+            camera._open()
+    assert "group video" not in str(refused.value)
