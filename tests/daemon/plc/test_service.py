@@ -204,16 +204,16 @@ async def test_the_arm_s_temperature_is_stated_with_each_write_of_it(tmp_path: P
         temperature = BY_NAME["arm_temperature"].address
         known = bench.application.cell.arm
         await plc.client.write_register(temperature, 315)
-        assert known.read().temperature_c == 31.5
+        assert known.conditions().temperature_c == 31.5
         known.state_temperature(20.0)
         await plc.client.write_register(BY_NAME["heartbeat_in"].address, 7)
-        assert known.read().temperature_c == 20.0, "a heartbeat does not say that the arm is as warm as before"
+        assert known.conditions().temperature_c == 20.0, "a heartbeat does not say that the arm is as warm as before"
         await plc.client.write_registers(0, [0, 8, 0, 0, 0, 0, 0, 320])
-        assert known.read().temperature_c == 32.0
+        assert known.conditions().temperature_c == 32.0
         for none in (0, 1001, 65535):
             known.state_temperature(20.0)
             await plc.client.write_register(temperature, none)
-            assert known.read().temperature_c == 20.0
+            assert known.conditions().temperature_c == 20.0
 
 
 async def test_only_listed_registers_are_written(tmp_path: Path) -> None:
