@@ -105,7 +105,7 @@ def read_scan(folder: Path) -> list[ScanView]:
     ]
 
 
-def placed_by(calibration: CalibrationInUse, views: Sequence[ScanView]) -> list[ScanView]:
+def place_views(calibration: CalibrationInUse, views: Sequence[ScanView]) -> list[ScanView]:
     """The views in the poses that the calibration gives to those reported. Raises as its `base_T_flange`."""
     poses = calibration.base_T_flange([view.stance for view in views])
     return [replace(view, stance=Stance(pose)) for view, pose in zip(views, poses, strict=True)]

@@ -51,7 +51,7 @@ def register(
     from daemon.runtime.bounded_read import read_document
     from registration.fusion.merging import Merge
     from registration.report import register_scan
-    from registration.scan import placed_by, read_scan, scanner_mount_of
+    from registration.scan import place_views, read_scan, scanner_mount_of
 
     document = parse_document(CalibrationDocument, read_document(calibration), str(calibration))
     merge = Merge(voxel_mm, normals, cast("Outliers", outliers))
@@ -60,7 +60,7 @@ def register(
     given = read_in_use(document, arm, arm_temperature)
     scanned = read_scan(folder)
     try:
-        views_in_use = placed_by(given, scanned)
+        views_in_use = place_views(given, scanned)
     except CalibrationError as error:
         if arm is None:
             raise

@@ -36,11 +36,11 @@ def stitch(
     from daemon.cli.arm_file import read_in_use
     from daemon.cli.compare import read_calibration
     from registration.report import stitch_views
-    from registration.scan import placed_by, read_scan, scanner_mount_of
+    from registration.scan import place_views, read_scan, scanner_mount_of
 
     require_finite(tolerance_mm=tolerance_mm, reach_mm=reach_mm, arm_temperature=arm_temperature)
     given = read_in_use(read_calibration(calibration), arm, arm_temperature)
-    found = stitch_views(placed_by(given, read_scan(folder)), scanner_mount_of(given.document), reach_mm)
+    found = stitch_views(place_views(given, read_scan(folder)), scanner_mount_of(given.document), reach_mm)
     typer.echo(found.model_dump_json() if json else "\n".join(map(_line, found.pairs)))
     within = tolerance_mm is None or found.largest_mm <= tolerance_mm
     raise typer.Exit(ExitStatus.OK if within else ExitStatus.NOT_ACCEPTED)

@@ -17,7 +17,7 @@ from registration.documents import ScanDocument
 from registration.errors import RegistrationError
 from registration.fusion.merging import Merge
 from registration.report import register_scan
-from registration.scan import ScannerMount, ScanView, placed_by, read_scan, scanner_mount_of
+from registration.scan import ScannerMount, ScanView, place_views, read_scan, scanner_mount_of
 
 SCAN, MERGED, REPORT = "scan.json", "merged.ply", "report.json"
 
@@ -86,7 +86,7 @@ def _register_scan(task: RegistrationTask) -> OutcomeDocument:
     names = _file_names(source)
     with source.fetch(names) as folder:
         scanned = read_scan(folder)
-        views = placed_by(given, scanned)
+        views = place_views(given, scanned)
         for view in views:
             if not view.path.is_file():
                 raise FileNotFoundError(f"{task.scan}/{view.path.name} is missing")
