@@ -16,8 +16,7 @@ from calibration.documents.validation import Document
 from calibration.likelihood.mapped_points import scale_variance_mm2
 from calibration.planning.expectation import NOTHING_EXPECTED, Expectation
 from calibration.problem import ANCHORS, MOUNTS, Setup
-from calibration.sentences.english import ENGLISH
-from calibration.sentences.sentence import AS_WRITTEN, Sentence, as_sentence
+from calibration.sentences.sentence import AS_WRITTEN, Sentence, as_sentence, is_known
 from calibration.solution import (
     COVERAGE_FACTOR,
     ArmScale,
@@ -545,7 +544,7 @@ def _view(view: ViewResult) -> dict[str, object]:
 def _why(view: ViewResult) -> str:
     """The sentence of a view's reason."""
     known = f"view-{view.reason}"
-    return view.why or (Sentence(known) if known in ENGLISH else str(view.reason))
+    return view.why or (Sentence(known) if is_known(known) else str(view.reason))
 
 
 def _correction(correction: tuple[Array, Array] | None) -> dict[str, object] | None:

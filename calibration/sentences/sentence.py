@@ -1,12 +1,25 @@
-"""A sentence made from an id and parameters by a table of templates, so that programs and translations have both."""
+"""A sentence made from an id and parameters by a table of templates, so that programs and translations have both.
 
+words/LANGUAGE.json holds the templates by section and id, the same in every language. A place {name:form} is filled by
+the parameter of that name, in Python's format language; `views` lists indices of views, `step` writes a sign and a gap,
+and the form of a list stands between its items. The operator's page reads the same files and fills them alike.
+"""
+
+import json
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cache
 from math import isfinite
+from pathlib import Path
 from string import Formatter
-from typing import Any, Self
+from types import MappingProxyType
+from typing import Any, Literal, Self, get_args
 
-from calibration.sentences.english import ENGLISH
+LanguageTag = Literal["en", "de", "es", "zh"]
+LANGUAGES: tuple[LanguageTag, ...] = get_args(LanguageTag)
+
+WORDS = Path(__file__).parent / "words"
+DECIMAL_COMMA = ("de", "es")
 
 AS_WRITTEN = "as-written"
 """The id of a text that no table holds: a message of a library or a device, or one of a file of version 1."""
@@ -21,12 +34,28 @@ NOT_FINITE = ("inf", "-inf", "nan")
 class Language:
     """The templates of its sentences by id, and what parts whole numbers from their fractions."""
 
-    tag: str
+    tag: LanguageTag
     templates: Mapping[str, str]
     decimal: str = "."
 
 
-IN_ENGLISH = Language("en", ENGLISH)
+@cache
+def sections_in(tag: LanguageTag) -> Mapping[str, Mapping[str, str]]:
+    """The templates by section and id; each file is read once."""
+    sections: dict[str, dict[str, str]] = json.loads((WORDS / f"{tag}.json").read_text(encoding="utf-8"))
+    return MappingProxyType({name: MappingProxyType(section) for name, section in sections.items()})
+
+
+@cache
+def sentences_in(tag: LanguageTag) -> Language:
+    """All sentences in that language."""
+    templates = {sentence_id: text for section in sections_in(tag).values() for sentence_id, text in section.items()}
+    return Language(tag, MappingProxyType(templates), "," if tag in DECIMAL_COMMA else ".")
+
+
+def is_known(sentence_id: str) -> bool:
+    """Whether there is a sentence of this id."""
+    return sentence_id in sentences_in("en").templates
 
 
 class Sentence(str):
@@ -58,8 +87,9 @@ def with_fix(what: str, fix: str) -> Sentence:
     return Sentence("what-and-fix", what=as_sentence(what), fix=as_sentence(fix))
 
 
-def text_of(sentence_id: str, params: Mapping[str, Any], language: Language = IN_ENGLISH) -> str:
-    """The text of a pair in a language: parameters fill the template's places. Raises KeyError for an unknown id."""
+def text_of(sentence_id: str, params: Mapping[str, Any], language: Language | None = None) -> str:
+    """The text of a pair, in English without a `language`. Raises KeyError for an unknown id or a missing parameter."""
+    language = language or sentences_in("en")
     return _Templates(language).vformat(language.templates[sentence_id], (), params)
 
 
@@ -71,7 +101,7 @@ class _Templates(Formatter):
 
     def format_field(self, value: Any, format_spec: str) -> str:
         if format_spec == "views":
-            return _views(value, named=self._language.tag == IN_ENGLISH.tag)
+            return _views(value, named=self._language.tag == "en")
         if format_spec == "step":
             return self._decimal(f"{'-+'[value > 0]} {abs(value)}")
         if isinstance(value, str) and value in NOT_FINITE:

@@ -8,6 +8,8 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
+from calibration.sentences.sentence import WORDS
+
 FOLDER = Path(__file__).parent
 
 MEDIA_TYPES = {
@@ -23,13 +25,7 @@ VERSION_MARK = "{version}"
 PRELOADS_MARK = "{preloads}"
 """Replaced in index.html by a link to each module of the shell: all are fetched at once, not one after another."""
 SHELL = "app.js"
-_ROW = re.compile(r"^  '([^']+)': '(.*)',$", re.MULTILINE)
 _IMPORT = re.compile(r"^(?:import|export) [^;]*? from '([^']+)';", re.MULTILINE)
-
-
-def sentences_in(language: str) -> dict[str, str]:
-    """The templates of the daemon's sentences by id, of the page's words in a language that is not English."""
-    return dict(_ROW.findall((FOLDER / "words" / f"daemon.{language}.js").read_text(encoding="utf-8")))
 
 
 @dataclass(frozen=True)
@@ -42,12 +38,14 @@ class PageFile:
 
 
 class PageFiles:
-    """The files by path below FOLDER, read when first asked for; about 0.1 s."""
+    """The files by path below FOLDER, and the daemon's sentences beside the page's words; read when first asked for."""
 
     @cached_property
     def _contents(self) -> dict[str, bytes]:
         paths = sorted(path for path in FOLDER.rglob("*") if path.suffix in MEDIA_TYPES)
-        return {path.relative_to(FOLDER).as_posix(): path.read_bytes() for path in paths}
+        files = {path.relative_to(FOLDER).as_posix(): path for path in paths}
+        files |= {f"words/sentences.{path.name}": path for path in sorted(WORDS.glob("*.json"))}
+        return {name: path.read_bytes() for name, path in files.items()}
 
     @cached_property
     def version(self) -> str:

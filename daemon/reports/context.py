@@ -10,8 +10,8 @@ from calibration.documents.arm_field import ArmFieldDocument, arm_field
 from calibration.documents.calibration import CalibrationDocument
 from calibration.documents.target import TargetDocument
 from calibration.errors import GeometryError
+from calibration.sentences.sentence import LanguageTag
 from daemon.config.report_settings import ReportSettings
-from daemon.reports.languages import LanguageTag
 
 if TYPE_CHECKING:  # the daemon's modules are on Linux only; `handeyed report` is not
     from daemon.config.settings import Settings

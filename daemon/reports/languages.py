@@ -1,32 +1,27 @@
-"""The languages of reports: their own words, and the daemon's sentences as the page has them."""
+"""The languages of reports: their own words, and the daemon's sentences."""
 
 import json
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
-from typing import Literal, get_args
 
 from calibration.documents.calibration import SentenceDocument
-from calibration.sentences.sentence import IN_ENGLISH, Language, Sentence, text_of
-from daemon.page import sentences_in
-
-LanguageTag = Literal["en", "de", "es", "zh"]
-LANGUAGES: tuple[LanguageTag, ...] = get_args(LanguageTag)
+from calibration.sentences.sentence import Language, LanguageTag, Sentence, sentences_in, text_of
 
 WORDS = Path(__file__).parent / "words"
-DECIMAL_COMMA = ("de", "es")
 
 
 @cache
 def language_of(tag: LanguageTag) -> Language:
     """The words of reports and the daemon's sentences; read once."""
     words: dict[str, str] = json.loads((WORDS / f"{tag}.json").read_text(encoding="utf-8"))
-    sentences = IN_ENGLISH.templates if tag == IN_ENGLISH.tag else sentences_in(tag)
-    return Language(tag, {**sentences, **words}, "," if tag in DECIMAL_COMMA else ".")
+    sentences = sentences_in(tag)
+    return replace(sentences, templates={**sentences.templates, **words})
 
 
 def said(language: Language, message: str, sentence: SentenceDocument | Sentence) -> str:
     """A stored sentence in that language; `message`, its English text, where the language has none for it."""
-    if language.tag == IN_ENGLISH.tag:
+    if language.tag == "en":
         return message
     try:
         return text_of(sentence.id, sentence.params, language)

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 from calibration.documents.calibration import SentenceDocument
 from calibration.documents.numbers import number, significant
 from calibration.documents.target import TargetDocument
-from calibration.sentences.sentence import Language, Sentence, text_of
+from calibration.sentences.sentence import Language, LanguageTag, Sentence, text_of
 from daemon.reports.context import Picture, ReportContext
-from daemon.reports.languages import LanguageTag, language_of, said
+from daemon.reports.languages import language_of, said
 
 if TYPE_CHECKING:
     from jinja2 import Environment

@@ -6,8 +6,7 @@ from pydantic import Field, JsonValue
 
 from calibration.documents.validation import Document, parse_document
 from calibration.errors import DocumentError
-from calibration.sentences.english import ENGLISH
-from calibration.sentences.sentence import AS_WRITTEN, Sentence, as_sentence
+from calibration.sentences.sentence import AS_WRITTEN, Sentence, as_sentence, is_known
 from daemon.runtime.bounded_read import read_document
 
 DETECTIONS_FILE = "detections.json"
@@ -31,7 +30,7 @@ class MissedDocument(Document):
 
     def sentence(self) -> Sentence:
         """The sentence; of AS_WRITTEN where its id is not known here."""
-        known = self.id != AS_WRITTEN and self.id in ENGLISH
+        known = self.id != AS_WRITTEN and is_known(self.id)
         return Sentence(self.id, **self.params) if known else as_sentence(self.what)
 
 

@@ -49,6 +49,8 @@ def test_it_has_one_package_with_every_room_below(wheel: Path) -> None:
     assert "handeyed/py.typed" in names
     assert {name for name in names if name.endswith((".mod", ".sys"))}
     assert "handeyed/mock_robot/rapid/rapid.lark" in names
+    for words in ("calibration/sentences/words", "daemon/page/words", "daemon/reports/words"):
+        assert {f"handeyed/{words}/{language}.json" for language in ("en", "de", "es", "zh")} <= set(names), words
 
 
 def test_the_library_and_the_command_run_beside_modules_of_these_names(beside_a_plant: Path) -> None:

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from fastapi import APIRouter
 
 from calibration.errors import CalibrationError
-from calibration.sentences.english import ADVICE, FINDINGS, SESSION_CAUSES, VIEW_CAUSES, VIEWS
+from calibration.sentences.sentence import sections_in
 from daemon.api.dependencies import App, Identifier
 from daemon.api.problems import HTTP_CODES, problem_responses, status_of_kind
 from daemon.api.schemas.about import HelpDocument, HelpList
@@ -14,6 +14,9 @@ from drivers.errors import DeviceError
 from registration.errors import RegistrationError
 
 router = APIRouter(prefix="/help", tags=["health"])
+
+FINDINGS = ("views", "view-causes", "session-causes", "findings")
+"""Sections of the sentences whose ids are codes of findings."""
 
 
 @router.get("", response_model=HelpList)
@@ -33,12 +36,13 @@ async def one_code(app: App, code: Identifier) -> HelpDocument:
 
 def _entries() -> dict[str, HelpDocument]:
     """By code: of errors what their class says, of sentences their template."""
+    sections = sections_in("en")
     found = {
         code: HelpDocument(code=code, kind="finding", what=text)
-        for table in (VIEWS, VIEW_CAUSES, SESSION_CAUSES, FINDINGS)
-        for code, text in table.items()
+        for section in FINDINGS
+        for code, text in sections[section].items()
     }
-    found |= {code: HelpDocument(code=code, kind="advice", what=text) for code, text in ADVICE.items()}
+    found |= {code: HelpDocument(code=code, kind="advice", what=text) for code, text in sections["advice"].items()}
     for kind in (DaemonError, DeviceError, RegistrationError, CalibrationError):
         for error in _leaves(kind):
             code = getattr(error, "code", None)

@@ -13,6 +13,7 @@ from fastapi import APIRouter, Depends, Query, Request, Response
 from numpy.typing import NDArray
 
 from calibration.documents.calibration import CalibrationDocument
+from calibration.sentences.sentence import LANGUAGES, LanguageTag
 from calibration.targets import Target
 from daemon.api.dependencies import App, Identifier, WidthQuery, WithCamera
 from daemon.api.negotiation import choose_picture_type, media_ranges, weighted_values
@@ -23,7 +24,6 @@ from daemon.application import Application
 from daemon.errors import NotFound
 from daemon.reports.context import DeviationMap, Picture, ReportContext, context_of, session_sha256, shown_field
 from daemon.reports.errors import ReportTooSlow
-from daemon.reports.languages import LANGUAGES, LanguageTag
 from daemon.reports.pages import policy_of
 from daemon.reports.pdf import Attached, write_pdf
 from daemon.reports.reports import (

@@ -1,9 +1,9 @@
 // Texts by id and parameters in the chosen language; what is missing there is shown in English.
 import { effect, signal } from '../vendor/preact.js';
-import en from '../words/en.js';
 import { fill, pseudo } from '../words/fill.js';
 import { LANGUAGES, language } from './choices.js';
 
+const en = await texts('en');
 const dictionary = signal({ tag: 'en', page: en, daemon: {} });
 
 /** Ends when the texts in the language chosen at first are there, or cannot be fetched. */
@@ -13,14 +13,21 @@ effect(() => {
   spoken = load(language.value).catch(() => {});
 });
 
+/** The texts of words/`name`.json by id. Throws when they do not come. */
+async function texts(name) {
+  const response = await fetch(new URL(`../words/${name}.json`, import.meta.url));
+  if (!response.ok) throw new Error(`no words of ${name}: ${response.status}`);
+  return response.json();
+}
+
 async function load(tag) {
   if (tag === 'pseudo') {
     show({ tag, page: Object.fromEntries(Object.entries(en).map(([id, text]) => [id, pseudo(text)])), daemon: {} });
   } else if (tag === 'en') {
     show({ tag, page: en, daemon: {} });
   } else if (['de', 'zh', 'es'].includes(tag)) {
-    const [page, daemon] = await Promise.all([import(`../words/${tag}.js`), import(`../words/daemon.${tag}.js`)]);
-    if (language.value === tag) show({ tag, page: page.default, daemon: daemon.default });
+    const [page, sections, errors] = await Promise.all([texts(tag), texts(`sentences.${tag}`), texts(`errors.${tag}`)]);
+    if (language.value === tag) show({ tag, page, daemon: Object.assign({}, ...Object.values(sections), errors) });
   }
 }
 

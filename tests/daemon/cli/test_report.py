@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
+from calibration.sentences.sentence import LANGUAGES
 from daemon.cli.report import ReportLanguage
-from daemon.reports.languages import LANGUAGES
 from tests.daemon.cli.running import handeyed
 from tests.daemon.cli.sessions import with_corners
 

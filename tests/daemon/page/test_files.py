@@ -8,6 +8,7 @@ import re
 import httpx
 import pytest
 
+from calibration.sentences.sentence import LANGUAGES, sections_in
 from daemon.page import FOLDER, PageFiles
 from daemon.scans.upload import SUFFIXES
 from tests.daemon.cell_under_test import Bench
@@ -59,17 +60,25 @@ async def test_files_are_packed_for_those_who_unpack(bench: Bench) -> None:
 
 def test_the_shell_is_small() -> None:
     """At most 60 kB packed: what is fetched before the first screen, without the screens."""
-    shell = ("index.html", "page.css", *PageFiles().shell)
+    shell = ("index.html", "page.css", "words/en.json", *PageFiles().shell)
     assert "vendor/preact.js" in shell
     assert "vendor/three.js" not in shell
     assert sum(len(gzip.compress((FOLDER / name).read_bytes())) for name in shell) <= 60_000
 
 
 async def test_the_shell_is_fetched_at_once(bench: Bench) -> None:
-    """The index names every module of the shell: none waits until another has come, and imports it."""
+    """The index names every module of the shell, and its words: none waits until another has come and asks for it."""
     index = (await bench.client.get("/page/")).text
     named = re.findall(r'<(?:link rel="modulepreload" href|script type="module" src)="[0-9a-f]{16}/([^"]+)"', index)
     assert sorted(named) == sorted(PageFiles().shell)
+    assert f'<link rel="preload" as="fetch" crossorigin href="{PageFiles().version}/words/en.json">' in index
+
+
+async def test_the_page_reads_the_sentences_of_the_reports(bench: Bench) -> None:
+    for tag in LANGUAGES:
+        served = await bench.client.get(f"/page/{PageFiles().version}/words/sentences.{tag}.json")
+        assert served.headers["Content-Type"] == "application/json"
+        assert served.json() == sections_in(tag)
 
 
 def test_libraries_are_as_they_were_built() -> None:

@@ -5,7 +5,6 @@ import re
 from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
-from string import Formatter
 
 import numpy as np
 import pytest
@@ -22,6 +21,7 @@ from calibration.documents.target import TargetDocument
 from calibration.likelihood.mapped_points import point_sigmas_mm
 from calibration.monitoring.cell_change import PossibleChange
 from calibration.monitoring.control_chart import DriftStanding
+from calibration.sentences.sentence import LANGUAGES, LanguageTag
 from daemon.config.report_settings import ReportSettings
 from daemon.drift.chart import DriftChart, DriftPoint, DriftReport
 from daemon.model.records import RunRecord, ScanRecord
@@ -29,7 +29,7 @@ from daemon.model.run_states import RunState
 from daemon.reports.budget import point_variances
 from daemon.reports.charts import LOOKS, Bar, ChartPoint, bar_chart, control_chart, limit_scale
 from daemon.reports.context import Picture, ReportContext
-from daemon.reports.languages import LANGUAGES, WORDS, LanguageTag
+from daemon.reports.languages import WORDS
 from daemon.reports.pages import TEMPLATES, policy_of
 from daemon.reports.reports import (
     acceptance_report,
@@ -259,18 +259,6 @@ TARGETS: tuple[dict[str, object], ...] = (
 def words_in(language: LanguageTag) -> dict[str, str]:
     words: dict[str, str] = json.loads((WORDS / f"{language}.json").read_text(encoding="utf-8"))
     return words
-
-
-@pytest.mark.parametrize("language", LANGUAGES)
-def test_every_language_says_the_same_things_with_the_same_values(language: LanguageTag) -> None:
-    english, words = words_in("en"), words_in(language)
-    assert words.keys() == english.keys()
-    for word, template in words.items():
-        assert sorted(places_in(template)) == sorted(places_in(english[word])), word
-
-
-def places_in(template: str) -> list[tuple[str, str]]:
-    return [(name, form or "") for _, name, form, _ in Formatter().parse(template) if name is not None]
 
 
 def test_no_word_is_left_over() -> None:

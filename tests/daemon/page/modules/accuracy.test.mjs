@@ -1,5 +1,6 @@
 // U of one calibration has the same digits in Cell, Run and Result (`Uncertainty`) and in History.
 import assert from 'node:assert/strict';
+import { readFile } from 'node:fs/promises';
 import { join } from 'node:path';
 import test from 'node:test';
 
@@ -12,6 +13,7 @@ const browser = {
   localStorage: stored, sessionStorage: stored, addEventListener: nothing, location: { search: '', hash: '', href: 'http://cell/page/' },
   navigator: { languages: ['en'], language: 'en' }, BroadcastChannel: class { postMessage = nothing; },
   matchMedia: () => ({ matches: false, addEventListener: nothing }), history: { replaceState: nothing },
+  fetch: async (address) => new Response(await readFile(address)),
 };
 for (const [name, value] of Object.entries(browser)) Object.defineProperty(globalThis, name, { value, configurable: true, writable: true });
 const { Uncertainty } = await import(join(page, 'parts', 'in_force.js'));
