@@ -26,12 +26,12 @@ from calibration.errors import DocumentError, DocumentProblem, UndeterminedError
 from calibration.kinematics.stance import Stance
 from calibration.likelihood.predicted_uncertainty import predict
 from calibration.planning.plan import plan_poses
-from calibration.pose_pairs.point_pairs import point_pair_findings, solve_point_pairs
+from calibration.pose_pairs.point_pairs import judge_point_pairs, solve_point_pairs
 from calibration.problem import Detection, MeasuredPose, Problem, Setup, View
 from calibration.solve import poses_at_zero, solve_hand_eye
 from calibration.targets import TrackedFrame
 from calibration.transforms import Array, inverse, map_points
-from calibration.verdict import judge, verdict_of
+from calibration.verdict import judge
 from daemon.runtime.bounded_read import read_document
 from daemon.runtime.version import SOFTWARE
 from daemon.sessions.session_reader import load_problem, open_session
@@ -53,7 +53,10 @@ class Session:
 
         Raises DocumentError for a file that cannot be used.
         """
-        return cls(load_problem(open_session(Path(folder)), progress))
+        session = open_session(Path(folder))
+        if (pairs := session.document.point_pairs) is not None:
+            return cls.of_points(*pairs)
+        return cls(load_problem(session, progress))
 
     @classmethod
     def of_corners(
@@ -166,7 +169,7 @@ def solve(
             solution = solve_point_pairs(known.problem.setup, *known.point_pairs)
         except UndeterminedError as why:
             raise DocumentError("of_points", [DocumentProblem("points", why.what, why.fix)]) from None
-        verdict = verdict_of(solution, point_pair_findings(solution, limits), limits)
+        verdict = judge_point_pairs(solution, limits)
     else:
         solution = solve_hand_eye(known.problem, method=method)
         verdict = judge(poses_at_zero(known.problem, solution), solution, limits)

@@ -18,6 +18,7 @@ from calibration.kinematics.robot_accuracy import USUAL_BELIEF, NoiseBelief
 from calibration.kinematics.stance import Stance
 from calibration.problem import AxisOffset, Setup
 from calibration.targets import Target, TrackedFrame
+from calibration.transforms import Array
 
 Pixels = Annotated[int, Field(ge=16, le=65536)]
 
@@ -61,10 +62,10 @@ class CameraDocument(Document):
         )
 
 
-OBSERVATIONS = ("image", "corners_px", "cloud", "points_mm", "camera_T_target")
+OBSERVATIONS = ("image", "corners_px", "cloud", "points_mm", "camera_T_target", "camera_point_mm")
 """What a view may hold: a picture, or what another program has found in it or measured."""
 
-IN_SPACE = ("cloud", "points_mm", "camera_T_target")
+IN_SPACE = ("cloud", "points_mm", "camera_T_target", "camera_point_mm")
 """Those of them that need no intrinsics."""
 
 
@@ -103,6 +104,8 @@ class ViewDocument(Document):
     """[id, x, y, z] of target points in the camera's frame, mm."""
     camera_T_target: PoseDocument | None = None
     """The target's pose in the camera's frame, mm."""
+    camera_point_mm: tuple[float, float, float] | None = None
+    """The point at the pose's place, a tip's or a ball's, in a standing camera's frame, mm."""
     covariance: list[list[float]] | None = None
     """6 x 6 of camera_T_target: rotation vector rad, translation mm, in the camera's axes."""
 
@@ -240,6 +243,13 @@ class SessionDocument(Document):
     def axis_reading(self, index: int) -> float | None:
         """Reading, mm or rad, of the external axis in that view; None without one."""
         return None if self.external_axis is None else self.external_axis.reading(self.views[index].external_axes)
+
+    @property
+    def point_pairs(self) -> tuple[Array, Array] | None:
+        """Points (n, 3) in base and in the camera, mm, of views that hold `camera_point_mm`; None of other views."""
+        seen = [view.camera_point_mm for view in self.views if view.camera_point_mm is not None]
+        places = [view.base_T_flange.translation_mm for view in self.views]
+        return (np.array(places, float), np.array(seen)) if seen and len(seen) == len(places) else None
 
     @property
     def in_space(self) -> bool:

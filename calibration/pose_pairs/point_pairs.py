@@ -16,7 +16,7 @@ from calibration.problem import Setup
 from calibration.sentences.sentence import Sentence
 from calibration.solution import COVERAGE_FACTOR, Finding, Noise, Observability, Solution
 from calibration.transforms import Array, map_points, nearest_rotation, skew, transform
-from calibration.verdict import VerdictLimits, point_findings
+from calibration.verdict import Verdict, VerdictLimits, point_findings, verdict_of
 
 MIN_POINTS = 4
 """Three points always agree so well that their errors do not show."""
@@ -74,6 +74,7 @@ def _findings(sigma_mm: float, n: int) -> Iterator[Finding]:
         yield Finding("point-pairs-noise", "info", message, Sentence("none-needed"))
 
 
-def point_pair_findings(solution: Solution, limits: VerdictLimits) -> tuple[Finding, ...]:
-    """The findings of a solution of point pairs with that of its uncertainty."""
-    return (*solution.findings, *point_findings(solution, limits, Sentence("add-point-pairs")))
+def judge_point_pairs(solution: Solution, limits: VerdictLimits) -> Verdict:
+    """The verdict of a solution of point pairs, with a finding on its uncertainty."""
+    findings = (*solution.findings, *point_findings(solution, limits, Sentence("add-point-pairs")))
+    return verdict_of(solution, findings, limits)

@@ -90,7 +90,8 @@ def _session(folder: Path) -> "tuple[CalibrationDocument, ReportContext]":
     if known.is_file():
         document = read_calibration(known)
     else:
-        document, (_, _, solution) = solve_session(folder, "auto", requirement_of(None, None), None)
+        document, solved = solve_session(folder, "auto", requirement_of(None, None), None)
+        solution = None if solved is None else solved[2]
     pictures = (
         ()
         if isinstance(target, TrackedFrame)

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from calibration.documents.calibration import CalibrationDocument
     from calibration.documents.knowledge import KnowledgeDocument
     from calibration.documents.requirement import PointsFile
-    from calibration.documents.session import CameraDocument
+    from calibration.documents.session import CameraDocument, SessionDocument
     from calibration.likelihood.mapped_points import NamedPoint
     from calibration.problem import Problem
     from calibration.solution import Solution
@@ -222,7 +222,8 @@ def solve_session(
     required: "Requirement",
     camera: "CameraDocument | None",
     known: "KnowledgeDocument | None" = None,
-) -> "tuple[CalibrationDocument, tuple[SessionFolder, Problem, Solution]]":
+) -> "tuple[CalibrationDocument, tuple[SessionFolder, Problem, Solution] | None]":
+    """The calibration and what it is of; None of pairs of points. Raises CommandError, DocumentError."""
     from dataclasses import replace
 
     from calibration.documents.calibration import calibration_document
@@ -236,6 +237,8 @@ def solve_session(
     from daemon.sessions.session_reader import find_repeated_poses, load_problem, open_session
 
     clock, session = Clock(), open_session(folder)
+    if session.document.point_pairs is not None:
+        return _solve_points(session.document, str(session.file), required), None
     changes: dict[str, Any] = {} if known is None else {"known": session.document.known.replaced_by(known)}
     if camera is not None:
         changes["camera"] = camera
@@ -262,6 +265,29 @@ def solve_session(
         target=problem.target,
     )
     return document, (session, problem, solution)
+
+
+def _solve_points(document: "SessionDocument", origin: str, required: "Requirement") -> "CalibrationDocument":
+    """The calibration of pairs of points. Raises DocumentError where they do not determine it."""
+    import numpy as np
+
+    from calibration.documents.calibration import calibration_document
+    from calibration.errors import DocumentError, DocumentProblem, UndeterminedError
+    from calibration.likelihood.mapped_points import with_points
+    from calibration.pose_pairs.point_pairs import judge_point_pairs, solve_point_pairs
+    from daemon.runtime.clock import Clock, time_ordered_id
+    from daemon.runtime.version import SOFTWARE
+
+    clock, pairs, (limits, points) = Clock(), document.point_pairs, required
+    assert pairs is not None
+    try:
+        solution = with_points(solve_point_pairs(document.setup, *pairs), points, np.eye(4)[None])
+    except UndeterminedError as why:
+        raise DocumentError(origin, [DocumentProblem("views", why.what, why.fix)]) from None
+    verdict = judge_point_pairs(solution, limits)
+    return calibration_document(
+        solution, verdict, calibration_id=time_ordered_id(clock), created_at=clock.timestamp(), software=SOFTWARE
+    )
 
 
 def symmetry_lines(problem: "Problem") -> list[str]:

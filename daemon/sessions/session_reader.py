@@ -82,6 +82,9 @@ def _require_sound(document: SessionDocument, origin: str) -> None:
 def load_problem(session: SessionFolder, progress: Progress = lambda done, of: None) -> Problem:
     """Detect the target in every image, in up to 8 threads (OpenCV releases the GIL). Raises DocumentError."""
     document, target = session.document, session.document.described_target()
+    if document.point_pairs is not None:
+        what, fix = "pairs of points have no poses of a target", "solve them with 'handeyed solve'"
+        raise _document_error(str(session.file), "views", what, fix)
     if document.in_space:
         return _problem_in_space(session, target, progress)
     camera = document.camera.camera() if document.camera else None
@@ -233,8 +236,11 @@ def _check_observations(document: SessionDocument) -> list[DocumentProblem]:
     if len(kinds) > 1:
         what = f"they hold {' and '.join(kinds)}"
         problems.append(DocumentProblem("views", what, "give the same in every view, or make two sessions of them"))
-    if document.target is None and any(kind != "camera_T_target" for kind in kinds):
+    if document.target is None and not {*kinds} <= {"camera_T_target", "camera_point_mm"}:
         problems.append(DocumentProblem("target", "missing", "add it"))
+    if "camera_point_mm" in kinds and document.setup == "eye-in-hand":
+        what, fix = "a camera on the flange", "give camera_point_mm for a standing camera only, or camera_T_target"
+        problems.append(DocumentProblem("setup", what, fix))
     if not document.in_space and "camera" not in document.model_fields_set:
         problems.append(DocumentProblem("camera", "missing", "add it; null to have the intrinsics estimated"))
     without = [index for index, view in enumerate(document.views) if view.covariance is None]

@@ -208,10 +208,6 @@ def recognise_columns(names: Sequence[str], origin: str) -> Columns:
     if not columns.pose and not (len(columns.lengths) == 3 and columns.turn):
         columns.joints = joints_of(names)
     if not columns.joints and not columns.pose and not (len(columns.lengths) == 3 and columns.turn):
-        if sorted(_without_frame(name) for name in names) == sorted("xyz" * 2):
-            what = f"pairs of points, no poses: {', '.join(names)}"
-            fix = "solve them by handeyed.Session.of_points, or calibrate the tip by handeyed tip and touch the target"
-            raise refusal(origin, "header", what, fix)
         what = f"no pose among the names {', '.join(names[:12])}" + (" ..." if len(names) > 12 else "")
         fix = "name the numbers x, y, z and qw, qx, qy, qz, or rx, ry, rz, or A, B, C, or W, P, R"
         raise refusal(origin, "header", what, fix)
@@ -227,11 +223,6 @@ def recognise_columns(names: Sequence[str], origin: str) -> Columns:
     columns.time = None if columns.time in columns.turn else columns.time
     columns.ignored = [index for index in range(len(names)) if index not in used]
     return columns
-
-
-def _without_frame(name: str) -> str:
-    """The last word of a name: x of robot_x."""
-    return (words_of(name) or [""])[-1]
 
 
 def text_columns(names: Sequence[str]) -> Columns:

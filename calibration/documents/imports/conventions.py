@@ -23,7 +23,7 @@ from calibration.transforms import (
     rotation_from_vector,
 )
 
-Kind = Literal["quaternion", "angles", "matrix", "joints"]
+Kind = Literal["quaternion", "angles", "matrix", "joints", "points"]
 LengthUnit = Literal["m", "mm"]
 
 MAX_MATRIX_ERROR = 5e-3
@@ -32,7 +32,7 @@ MAX_MATRIX_ERROR = 5e-3
 
 @dataclass(frozen=True)
 class Convention:
-    """How the numbers of an orientation are meant; `kind` says how many: 4, 3, 9 row by row, or 6 joints."""
+    """How the numbers of an orientation are meant; `kind` says how many: 4, 3, 9 row by row, 6 joints, or none."""
 
     name: str
     kind: Kind
@@ -45,6 +45,8 @@ class Convention:
         match self.kind:
             case "quaternion":
                 return f"a quaternion {', '.join(self.order)}"
+            case "points":
+                return "points without an orientation"
             case "matrix":
                 return "a matrix" if self.order == "rows" else "a matrix, column by column"
         unit = "degrees" if self.degrees else "radians"
@@ -69,6 +71,7 @@ CONVENTIONS: dict[str, Convention] = {
     **_named("matrix-columns", "matrix", "columns"),
     **_named("joints", "joints", "joints", degrees=True),
     **_named("joints-rad", "joints", "joints"),
+    **_named("points", "points", "none"),
     **_named("rotation-vector", "angles", "vector"),
     **_named("rotation-vector-deg", "angles", "vector", degrees=True),
     **{
@@ -81,7 +84,7 @@ CONVENTIONS: dict[str, Convention] = {
 }
 """Every convention by its name: Euler angles are degrees, with `-rad` radians."""
 
-NUMBERS: dict[Kind, int] = {"quaternion": 4, "angles": 3, "matrix": 9, "joints": 6}
+NUMBERS: dict[Kind, int] = {"quaternion": 4, "angles": 3, "matrix": 9, "joints": 6, "points": 0}
 
 
 @dataclass(frozen=True)
@@ -133,6 +136,8 @@ def rotations_of(convention: Convention, numbers: Array, *, by_axis: bool = Fals
     match convention.kind:
         case "quaternion":
             return _from_quaternions(numbers if convention.order == "wxyz" else np.roll(numbers, 1, axis=1))
+        case "points":
+            return np.tile(np.eye(3), (len(numbers), 1, 1))
         case "matrix":
             matrices = numbers.reshape(-1, 3, 3)
             return _from_matrices(matrices if convention.order == "rows" else np.swapaxes(matrices, 1, 2))

@@ -17,6 +17,7 @@ from calibration.documents.imports.conventions import CONVENTIONS
 from calibration.documents.imports.number_tables import (
     Cell,
     are_rotations,
+    point_pairs,
     table_of_joints,
     table_of_one_side,
     table_of_rows,
@@ -26,6 +27,7 @@ from calibration.documents.imports.pairing import natural
 from calibration.documents.imports.pose_table import PoseTable, table_of_matrices
 from calibration.documents.imports.refusal import MAX_POSES, refusal
 from calibration.documents.imports.sides import build_by_sides
+from calibration.errors import DocumentError
 from calibration.problem import Setup
 from calibration.transforms import Array
 
@@ -95,7 +97,15 @@ def table_of_data(data: Any, origin: str) -> PoseTable:
 
     found = text_columns(names)
     shared = [at for at in (found.image, found.time, found.label) if at is not None and not _kind(leaves[names[at]][0])]
-    table = _as_recorded(replace(build_by_sides(names, shared, build), setup=setup_of(data)), data, names)
+    try:
+        built = build_by_sides(names, shared, build)
+    except DocumentError:
+        columns = [np.array(leaves[name]) for name in names if _kind(leaves[name][0]) == (3,)]
+        points = point_pairs(origin, [name for name in names if _kind(leaves[name][0]) == (3,)], columns)
+        if points is None:
+            raise
+        built = points
+    table = _as_recorded(replace(built, setup=setup_of(data)), data, names)
     return table if labels is None or len(set(labels)) < len(labels) else _with_labels(table, labels)
 
 

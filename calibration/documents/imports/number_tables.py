@@ -8,13 +8,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from calibration.documents.imports.columns import Columns, recognise_columns, text_columns
+from calibration.documents.imports.columns import Columns, recognise_columns, text_columns, words_of
 from calibration.documents.imports.conventions import CONVENTIONS, Convention
 from calibration.documents.imports.pairs import columns_as_pairs
 from calibration.documents.imports.pose_table import MIN_STATED_MM, MM, PoseTable, table_of_matrices
 from calibration.documents.imports.refusal import MAX_POSES, refusal
-from calibration.documents.imports.sides import build_by_sides
+from calibration.documents.imports.sides import build_by_sides, relation_of
 from calibration.documents.imports.timestamps import seconds_of
+from calibration.errors import DocumentError
 from calibration.transforms import QUATERNION_NORM_TOLERANCE, Array
 
 Cell = float | str
@@ -37,7 +38,39 @@ def table_of_columns(origin: str, names: Sequence[str], rows: Sequence[Sequence[
 
     found = text_columns(names)
     shared = [index for index in (found.image, found.time, found.label) if index is not None]
-    return build_by_sides(names, shared, build)
+    try:
+        return build_by_sides(names, shared, build)
+    except DocumentError:
+        numbers = [
+            np.array([row[at] if isinstance(row[at], float) else np.nan for row in rows]) for at in range(len(names))
+        ]
+        if (points := point_pairs(origin, names, numbers)) is None:
+            raise
+        return points
+
+
+def point_pairs(origin: str, names: Sequence[str], columns: Sequence[Array]) -> PoseTable | None:
+    """The robot's points with the camera's, of columns (n,) or (n, 3), where the names of each side give three numbers;
+    else None."""
+    found = []
+    for side in ("robot", "camera"):
+        said = [relation_of(name) for name in names]
+        own = [at for at, one in enumerate(said) if one is not None and one.side == side and not one.weak]
+        axes = [(words_of(names[at]) or [""])[-1] for at in own]
+        own = [own[axes.index(axis)] for axis in "xyz"] if sorted(axes) == ["x", "y", "z"] else own
+        points = np.column_stack([columns[at] for at in own]) if own else np.empty((0, 0))
+        if points.shape[1] != 3:
+            return None
+        labels = tuple(str(at + 1) for at in range(len(points)))
+        layout = f"points {', '.join(names[at] for at in own)}"
+        table = PoseTable(
+            origin, labels, points, np.empty((len(points), 0)), "points", layout, POINTS, frame="base_T_flange"
+        )
+        found.append(table.checked())
+    return replace(found[0], side="robot", camera=replace(found[1], side="camera"))
+
+
+POINTS = CONVENTIONS["points"]
 
 
 def table_of_one_side(origin: str, names: Sequence[str], rows: Sequence[Sequence[Cell]]) -> PoseTable:

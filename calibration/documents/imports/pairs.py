@@ -73,7 +73,8 @@ def columns_as_pairs(origin: str, rows: Array) -> PoseTable | None:
     def table(numbers: Array, turn_first: bool) -> PoseTable:
         turn, place = (numbers[:, :3], numbers[:, 3:]) if turn_first else (numbers[:, 3:], numbers[:, :3])
         order = "a rotation vector and a place" if turn_first else "a place and a rotation vector"
-        return PoseTable(origin, tuple(str(at + 1) for at in range(len(rows))), place, turn, "angles", order, VECTOR)
+        labels = tuple(str(at + 1) for at in range(len(rows)))
+        return PoseTable(origin, labels, place, turn, "angles", order, VECTOR).checked()
 
     if len(rows) < MIN_PAIRS:
         return None

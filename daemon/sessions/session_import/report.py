@@ -32,7 +32,8 @@ def report(understood: Understood, file: Path) -> str:
     elif understood.images and not understood.is_scan:
         lines.append("camera       not given: the intrinsics will be estimated")
     lines += [f"note         {note}" for note in understood.notes]
-    lines.append(f"first pose   {first_pose(understood.base_T_flange[0])}")
+    if table.kind != "points":
+        lines.append(f"first pose   {first_pose(understood.base_T_flange[0])}")
     command = f"handeyed register {file.parent} --calibration calibration.json --out cloud.ply"
     lines.append(f"written      {file}; next: " + (command if understood.is_scan else f"handeyed solve {file.parent}"))
     return "\n".join(lines)
@@ -40,7 +41,9 @@ def report(understood: Understood, file: Path) -> str:
 
 def _pairs(understood: Understood) -> str:
     labels = understood.imported.poses.labels
-    images = [image.name for image in understood.images] or ["the camera's pose"] * len(labels)
+    images = [image.name for image in understood.images] or [
+        f"the camera's {'point' if understood.camera_points_mm is not None else 'pose'}"
+    ] * len(labels)
     pairs = [f"{image} - {label}" for image, label in zip(images, labels, strict=True)]
     if len(pairs) > MAX_SHOWN:
         pairs = [*pairs[: MAX_SHOWN - 1], "...", pairs[-1]]

@@ -46,6 +46,7 @@ class Understood:
     base_T_flange : (n, 4, 4) by `reading`; camera_T_target likewise, where the set has it instead of images.
     images : (n,) absolute paths; `words` says why that reading.
     track : number and direction (3,) of an external axis that the controller leaves out of its poses.
+    camera_points_mm : (n, 3) of pairs of points; `base_T_flange` has the robot's as places.
     """
 
     request: ImportRequest
@@ -59,6 +60,7 @@ class Understood:
     camera: CameraDocument | None
     notes: tuple[str, ...]
     track: tuple[int, tuple[float, float, float]] | None = None
+    camera_points_mm: Array | None = None
 
     @property
     def is_scan(self) -> bool:

@@ -12,8 +12,9 @@ from calibration.diagnosis.evidence import Evidence
 from calibration.diagnosis.fit import Fit
 from calibration.diagnosis.plausibility import circle_of
 from calibration.documents.imports.conventions import Convention, LengthUnit
+from calibration.documents.imports.number_tables import POINTS
 from calibration.documents.imports.pairs import agreeing_conventions, equal_sides
-from calibration.documents.imports.pose_table import PoseTable
+from calibration.documents.imports.pose_table import MM, PoseTable
 from calibration.documents.imports.readings import Decision, Reading, compare, decide, readings_of
 from calibration.documents.imports.refusal import refusal
 from calibration.documents.imports.sets.folder import CLOUDS, ImportedSet
@@ -51,6 +52,8 @@ def understand(request: ImportRequest, progress: Progress = lambda done, of: Non
     imported = read_set(files, request.part, request.chosen, request.arm)
     _require_motion(imported.poses)
     imported, beside = _one_sight(request, imported)
+    if imported.poses.kind == "points":
+        return _of_points(request, imported)
     images = tuple(files.path(name).absolute() for name in imported.images)
     target = _target(request, imported)
     camera = _camera(request, imported, images)
@@ -90,6 +93,29 @@ def understand(request: ImportRequest, progress: Progress = lambda done, of: Non
         request, replace(imported, poses=table), reading, decision.words, poses, best.seen, images, target, camera,
         notes, decision.track,
     )  # fmt: skip
+
+
+def _of_points(request: ImportRequest, imported: ImportedSet) -> Understood:
+    """Pairs of points of a standing camera, in units that make them one rigid body. Raises DocumentError."""
+    robot, camera = imported.poses, imported.camera_poses
+    assert camera is not None
+    if request.setup == "eye-in-hand":
+        what = "pairs of points of a camera on the flange"
+        raise refusal(robot.origin, "--setup", what, "give the arm's pose at each: handeyed.Session.of_points")
+    units = [
+        (mine, its)
+        for mine in ([request.unit] if request.unit else robot.units())
+        for its in ([request.camera_unit] if request.camera_unit else [mine, *({*MM} - {mine})])
+    ]
+    ratio = float(np.std(robot.lengths)) / max(float(np.std(camera.lengths)), 1e-12)
+    unit, of_camera = min(units, key=lambda pair: abs(np.log(max(ratio, 1e-12) * MM[pair[0]] / MM[pair[1]])))
+    note = f"the camera's points: {of_camera}, {camera.layout}"
+    reading = Reading("eye-to-hand", POINTS, unit, "base_T_flange")
+    poses, seen = robot.poses(POINTS, unit, "base_T_flange"), camera.lengths * MM[of_camera]
+    words = "of a standing camera; the points themselves show how well they agree"
+    return Understood(
+        request, imported, reading, words, poses, None, (), None, None, (*robot.notes, note), camera_points_mm=seen
+    )
 
 
 def _one_sight(request: ImportRequest, imported: ImportedSet) -> tuple[ImportedSet, tuple[str, ...]]:

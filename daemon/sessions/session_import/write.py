@@ -68,6 +68,8 @@ def _document(understood: Understood, names: Sequence[str], unit: LengthUnit | N
             view["external_axes"] = [float(one) if np.isfinite(one) else None for one in axes[at]]
         if understood.camera_T_target is not None:
             view["camera_T_target"] = PoseDocument.of(understood.camera_T_target[at]).model_dump(mode="json")
+        elif understood.camera_points_mm is not None:
+            view["camera_point_mm"] = understood.camera_points_mm[at].tolist()
         elif unit is not None:
             view |= {"cloud": names[at], "unit": unit}
         else:
@@ -80,7 +82,7 @@ def _document(understood: Understood, names: Sequence[str], unit: LengthUnit | N
     }
     if understood.target is not None:
         document["target"] = understood.target.model_dump(mode="json", exclude_none=True)
-    if unit is None and understood.camera_T_target is None:
+    if understood.images and unit is None:
         document["camera"] = None if understood.camera is None else understood.camera.model_dump(mode="json")
     if understood.track is not None:
         number, direction = understood.track

@@ -9,10 +9,13 @@ import numpy as np
 import pytest
 import scipy.io
 
+import handeyed as library
+from calibration.documents.calibration import CalibrationDocument
 from calibration.problem import MeasuredPose
 from calibration.transforms import (
     Array,
     inverse,
+    map_points,
     quaternion_from_rotation,
     rotation_from_vector,
     transform,
@@ -157,3 +160,44 @@ def test_two_poses_whose_names_do_not_decide_are_asked_for(tmp_path: Path) -> No
     ran = handeyed("import", tmp_path, "--setup", "eye-in-hand", "--out", tmp_path / "s")
     assert ran.status == 2
     assert "2 poses in a record (first, second), and their names do not say whose" in ran.err
+
+
+POINTS = np.random.default_rng(4).uniform(-200.0, 200.0, (10, 3))
+STANDING = transform(rotation_from_vector([3.0, 0.2, -0.1]), [820.0, 40.0, 1150.0])
+TOUCHED = map_points(STANDING, POINTS)
+
+POINT_PAIRS = {
+    "names of both sides": ("p.csv", lines("robot_x,robot_y,robot_z,cam_x,cam_y,cam_z", *_rows(TOUCHED, POINTS))),
+    "arrays, the camera's in metres": (
+        "p.json", json.dumps({"p_cam": (POINTS / 1000).tolist(), "p_robot": TOUCHED.tolist()}).encode(),
+    ),
+    "records": (
+        "p.json",
+        _json([{"robot": one, "camera": other} for one, other in zip(TOUCHED, POINTS, strict=True)]),
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", POINT_PAIRS)
+def test_points_that_a_tip_touched_are_a_calibration(name: str, tmp_path: Path) -> None:
+    file, content = POINT_PAIRS[name]
+    (tmp_path / "p").mkdir()
+    (tmp_path / "p" / file).write_bytes(content)
+    ran = handeyed("import", tmp_path / "p", "--out", tmp_path / "s")
+    assert ran.status == 0, ran.err
+    solved = handeyed("solve", tmp_path / "s", "--json")
+    found = CalibrationDocument.model_validate_json(solved.out).base_T_camera
+    assert found is not None
+    assert np.allclose(found.transform(), STANDING, atol=1e-3)
+    assert handeyed("report", tmp_path / "s", "--out", tmp_path / "r.html").status == 0
+    again = library.solve(tmp_path / "s").base_T_camera
+    assert again is not None
+    assert np.allclose(again.transform(), found.transform())
+
+
+def test_points_with_a_wrong_pair_are_not_accepted(tmp_path: Path) -> None:
+    (tmp_path / "p").mkdir()
+    wrong = lines("robot_x,robot_y,robot_z,cam_x,cam_y,cam_z", *_rows(np.roll(TOUCHED, 1, axis=0), POINTS))
+    (tmp_path / "p" / "p.csv").write_bytes(wrong)
+    assert handeyed("import", tmp_path / "p", "--out", tmp_path / "s").status == 0
+    assert handeyed("solve", tmp_path / "s").status == 3

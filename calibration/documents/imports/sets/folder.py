@@ -101,7 +101,7 @@ def read(files: Files, chosen: Chosen) -> ImportedSet:
     if chosen.camera_poses:
         poses = replace(poses, camera=_poses(files, chosen.camera_poses, "camera"))
     pictures = () if chosen.camera_poses and not chosen.images else _images(files, chosen.images)
-    if not pictures and poses.camera is None:
+    if not pictures and poses.camera is None and poses.kind != "points":
         poses = rows_as_pairs(poses) or poses
     camera, seen = _camera(files), poses.camera
     if seen is not None and len(seen) != len(poses):

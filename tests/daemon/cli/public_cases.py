@@ -1,0 +1,79 @@
+"""Cases of public bug reports in HANDEYED_DATA: how each is imported, and the X that it holds."""
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from calibration.documents.calibration import CalibrationDocument
+from calibration.transforms import (
+    Array,
+    difference,
+    inverse,
+    nearest_rotation,
+    rotation_from_vector,
+    transform,
+    transform_from_quaternion,
+)
+
+X = transform_from_quaternion([45.0, -20.0, 95.0], [0.7193, -0.0069, 0.0431, 0.6933])
+TOOL = transform(rotation_from_vector([1.2092, -1.2092, 1.2092]), [0.0, 0.0, 215.0])
+IN_HAND = ("--setup", "eye-in-hand")
+PICTURES = ("--target", "chessboard:9x6:25", "--camera", "camera.yaml", *IN_HAND)
+ARM = ("--arm", "IRB 1600-6/1.45")
+
+BASE_T_CAMERA = transform(
+    nearest_rotation(np.array([[-0.981, -0.173, 0.087], [-0.177, 0.984, -0.035], [-0.080, -0.049, -0.996]]))[0],
+    [820.0, 40.0, 1150.0],
+)
+"""Rows as the case's README has them, of three decimals."""
+
+
+@dataclass(frozen=True, eq=False)
+class Case:
+    """A folder of `cases`: options of the import beside --out, files that hold the poses, and the right X."""
+
+    name: str
+    stated: Sequence[str]
+    files: Sequence[str]
+    X: Array
+
+    def options(self, folder: Path) -> list[str]:
+        """The options with the camera's file by its path."""
+        return [str(folder / one) if one == "camera.yaml" else one for one in self.stated]
+
+    def error_of(self, calibration: str) -> tuple[float, float]:
+        """Distance in mm and angle in degrees of the X of a calibration.json from the right one."""
+        document = CalibrationDocument.model_validate_json(calibration)
+        found = document.flange_T_camera or document.base_T_camera
+        assert found is not None
+        off_mm, off_rad = difference(self.X, found.transform())
+        return float(off_mm), float(np.degrees(off_rad))
+
+
+def data_folder() -> Path:
+    """HANDEYED_DATA."""
+    return Path(os.environ.get("HANDEYED_DATA", Path(__file__).resolve().parents[3].parent / "shared/data"))
+
+
+CASES = (
+    Case("camera_poses_in_metres", (*IN_HAND, "--poses", "robot.csv", "--camera-poses", "camera.csv"),
+         ("robot.csv", "camera.csv"), X),
+    Case("joints_with_names", (*PICTURES, "--poses", "joints.csv", *ARM), ("joints.csv",), X),
+    Case("joints_without_names", (*PICTURES, *ARM), ("angles.txt",), X),
+    Case("pairs_nested_rotation_translation", IN_HAND, ("pairs.json",), X),
+    Case("pairs_opencv_json", IN_HAND, ("samples.json",), X),
+    Case("pairs_opencv_npz", IN_HAND, ("samples.npz",), X),
+    Case("pairs_same_file", (*IN_HAND, "--poses", "poses.yml", "--camera-poses", "poses.yml"), ("poses.yml",), X),
+    Case("pairs_twelve_numbers", IN_HAND, ("pairs.csv",), X),
+    Case("point_pairs", ("--setup", "eye-to-hand"), ("points.csv",), BASE_T_CAMERA),
+    Case("poses_xml_filestorage", (*PICTURES, "--poses", "robot_pose.xml"), ("robot_pose.xml",), X),
+    Case("rapid_track_not_in_poses", PICTURES, ("Teach.mod",), X),
+    Case("record_with_camera_pose", PICTURES, ("records.json",), X),
+    Case("timestamps_with_underscore", PICTURES, ("poses.json",), X),
+    Case("translation_axis_reversed", (*PICTURES, "--axes", "x,-y,z"), ("poses.csv",), X),
+    Case("urscript_tool_variable", PICTURES, ("cell.script",), inverse(TOOL) @ X),
+    Case("yaml_named_lists", (*PICTURES, "--poses", "robot_poses.yaml"), ("robot_poses.yaml",), X),
+)  # fmt: skip
