@@ -21,6 +21,7 @@ QUICK: dict[str, tuple[str, ...]] = {
     "arm": ("--arms", "1"),
     "daemon.abort": ("--aborts", "4", "--viewers", "300"),
     "daemon.camera_stream": ("--requests", "200"),
+    "daemon.damaged_files": ("--files", "300"),
     "daemon.described_wrongly": ("--seeds", "1"),
     "daemon.disk_faults": ("--every", "40"),
     "daemon.drift": ("--cells", "30"),

@@ -52,6 +52,14 @@ class Case:
         off_mm, off_rad = difference(self.X, found.transform())
         return float(off_mm), float(np.degrees(off_rad))
 
+    def ratio_of(self, calibration: str) -> float:
+        """How many times as long the translation of the X of a calibration.json is as the right one, along it."""
+        document = CalibrationDocument.model_validate_json(calibration)
+        found = document.flange_T_camera or document.base_T_camera
+        assert found is not None
+        right = self.X[:3, 3]
+        return float(found.transform()[:3, 3] @ right / (right @ right))
+
 
 def data_folder() -> Path:
     """HANDEYED_DATA."""

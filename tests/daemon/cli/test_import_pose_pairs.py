@@ -14,6 +14,7 @@ from calibration.documents.calibration import CalibrationDocument
 from calibration.problem import MeasuredPose
 from calibration.transforms import (
     Array,
+    difference,
     inverse,
     map_points,
     quaternion_from_rotation,
@@ -23,6 +24,7 @@ from calibration.transforms import (
 )
 from daemon.sessions.session_import.request import ImportRequest
 from daemon.sessions.session_import.understand import understand
+from tests.calibration.documents.imports.file_damage import DAMAGES
 from tests.calibration.documents.imports.written import lines, npy, npz
 from tests.daemon.cli.running import handeyed
 from tests.simulated.measured_sessions import measured_cell, tracker
@@ -201,3 +203,29 @@ def test_points_with_a_wrong_pair_are_not_accepted(tmp_path: Path) -> None:
     (tmp_path / "p" / "p.csv").write_bytes(wrong)
     assert handeyed("import", tmp_path / "p", "--out", tmp_path / "s").status == 0
     assert handeyed("solve", tmp_path / "s").status == 3
+
+
+DAMAGED = ("four arrays in JSON, metres", "twelve numbers", "named columns", "numbered keys of FileStorage")
+
+
+@pytest.mark.parametrize("kind", DAMAGES)
+def test_a_damaged_file_is_refused_or_gives_the_right_x(kind: str, tmp_path: Path) -> None:
+    """A few of `python -m benchmarks.daemon.damaged_files`; an exception is raised by `handeyed`."""
+    for seed, layout in enumerate(DAMAGED):
+        ((name, content),) = LAYOUTS[layout].items()
+        folder = tmp_path / str(seed)
+        folder.mkdir()
+        (folder / name).write_bytes(DAMAGES[kind](content, np.random.default_rng(seed)))
+        if handeyed("import", folder, "--setup", "eye-in-hand", "--out", folder / "s").status == 0:
+            solved = handeyed("solve", folder / "s", "--json")
+            found = CalibrationDocument.model_validate_json(solved.out)
+            if solved.status == 0 and found.flange_T_camera is not None:
+                off_mm, off_rad = difference(X, found.flange_T_camera.transform())
+                assert off_mm < 1.0 and off_rad < 0.003, layout
+
+
+def test_a_number_that_is_none_among_twelve_is_named(tmp_path: Path) -> None:
+    rows = _rows(V, t / 1000, v, s / 1000)
+    (tmp_path / "a.csv").write_bytes(lines(*rows[:3], rows[3].replace(rows[3].split(",")[4], "nan"), *rows[4:]))
+    ran = handeyed("import", tmp_path, "--setup", "eye-in-hand", "--out", tmp_path / "s")
+    assert ran.status == 2 and "pose 4: a number is missing or not finite" in ran.err
