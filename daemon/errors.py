@@ -38,6 +38,7 @@ DaemonError
 │   ├── StorageInconsistent   the store is damaged, cut off, moved or replaced; nothing is written
 │   └── StorageTooNew     written by a newer handeyed
 ├── PortTaken             the daemon cannot listen where the settings say
+├── AnswerRefused         an answer of the first set-up that cannot be
 ├── (access/errors.py)    keys, roles, certificates
 ├── (api/http_errors.py)  errors of HTTP requests
 └── Stopping              the daemon is shutting down
@@ -59,6 +60,12 @@ class DaemonError(Exception):
     def __init__(self, what: str, fix: str) -> None:
         self.what, self.fix = what, fix
         super().__init__(f"{what}: {fix}")
+
+
+class AnswerRefused(DaemonError):
+    """An answer of the first set-up that cannot be."""
+
+    code = "answer-refused"
 
 
 class RunInProgress(DaemonError):

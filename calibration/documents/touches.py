@@ -12,10 +12,7 @@ from calibration.kinematics.stance import Stance
 Sigma = Annotated[float, Field(ge=0, le=100)]
 Joints = Annotated[tuple[Annotated[float, Field(ge=-1e4, le=1e4)], ...], Field(min_length=1, max_length=12)]
 
-STANCES = (
-    ("base_T_flange", "joints_deg", "external_axes"),
-    ("seen_from", "seen_joints_deg", "seen_external_axes"),
-)
+STANCES = ("base_T_flange", "joints_deg", "external_axes"), ("seen_from", "seen_joints_deg", "seen_external_axes")
 """Fields of a pose, and those that say more of where the arm stood there."""
 
 

@@ -13,7 +13,7 @@ from calibration.targets import AprilTagGrid, ArucoGrid, ArucoMarker, Charuco, C
 from calibration.transforms import Array
 from daemon.config.server_settings import ServerSettings
 from daemon.config.toml_text import toml_text
-from daemon.errors import DaemonError
+from daemon.errors import AnswerRefused
 
 MIN_BOX_MM, MAX_TOLERANCE_MM, MAX_EDGE_MM = 50.0, 50.0, 2000.0
 HALF_MM, SNAP_SHARE = 0.5, 0.04
@@ -40,12 +40,6 @@ INSTRUMENTS: dict[str, Instrument] = {
 }
 _NUMBER = r"\d+(?:[.,]\d+)?"
 _SIZE = re.compile(rf"({_NUMBER})(?:\s*/\s*(\d+))?(?:\s+({_NUMBER}))?(?:\s+([a-z][a-z0-9-]*))?", re.IGNORECASE)
-
-
-class AnswerRefused(DaemonError):
-    """An answer of the first set-up that cannot be."""
-
-    code = "answer-refused"
 
 
 @dataclass(frozen=True)

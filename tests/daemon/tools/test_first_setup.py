@@ -9,8 +9,8 @@ from calibration.documents.pose import PoseDocument
 from calibration.targets import AprilTagGrid, ArucoMarker, Charuco, Chessboard, CircleGrid, Target
 from calibration.transforms import transform
 from daemon.config.settings import parse_settings
+from daemon.errors import AnswerRefused
 from daemon.tools.first_setup.answers import (
-    AnswerRefused,
     CellAnswers,
     box_of,
     describe_target,
