@@ -11,6 +11,7 @@ from calibration.documents.calibration_in_use import CalibrationInUse
 from calibration.documents.pose import PoseDocument
 from calibration.kinematics.abb_arms import find_arm
 from calibration.kinematics.arm_errors import Postures
+from calibration.kinematics.stance import Stance
 from calibration.transforms import Array, map_points
 from tests.daemon.fakes import ply_of, points_of
 from tests.stories.plant import plant, small_pictures
@@ -45,7 +46,8 @@ async def test_points_are_placed_better_between_the_views_of_the_run(tmp_path: P
         views = np.radians([view["joints_deg"] for view in calibration["views"]])
         between = (views[:-1] + views[1:]) / 2
         reported, true = arm.forward(between), built.base_T_flange(Postures(between)) @ truth.mount_T_scanner
-        corrected = in_use.base_T_flange(list(reported), list(between)) @ transform_of(in_use.document.mount_T_camera)
+        stances = [*map(Stance, reported, between)]
+        corrected = in_use.base_T_flange(stances) @ transform_of(in_use.document.mount_T_camera)
         before, after = [], []
         for joints, pose, as_built, place in zip(between, reported, corrected, true, strict=True):
             flange = PoseDocument.of(pose)

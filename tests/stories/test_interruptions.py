@@ -156,6 +156,12 @@ def taught_settings(cell: RunningCell, folder: Path) -> dict[str, Any]:
     return settings_of(cell.announcement, folder, calibration={"poses": poses}).model_dump(mode="json")
 
 
+def _heed_signals() -> None:
+    """What starts the tests may ignore signals (nohup, a job in the background), and the daemon inherits that."""
+    for number in (signal.SIGHUP, signal.SIGINT, signal.SIGQUIT):
+        signal.signal(number, signal.SIG_DFL)
+
+
 @asynccontextmanager
 async def daemon_process(folder: Path, settings: dict[str, Any]) -> AsyncIterator[Process]:
     ready, config = folder / f"ready-{os.urandom(4).hex()}.json", folder / "settings.json"
@@ -166,8 +172,9 @@ async def daemon_process(folder: Path, settings: dict[str, Any]) -> AsyncIterato
         " ready_file=pathlib.Path(sys.argv[2]))"
     )
     process = await asyncio.create_subprocess_exec(
-        sys.executable, "-c", program, str(config), str(ready), cwd=ROOT, stdout=asyncio.subprocess.DEVNULL
-    )
+        sys.executable, "-c", program, str(config), str(ready), cwd=ROOT, stdout=asyncio.subprocess.DEVNULL,
+        preexec_fn=_heed_signals,
+    )  # fmt: skip
     try:
         await eventually(lambda: ready.exists() or process.returncode is not None)
         running = Process(process, json.loads(ready.read_text())["url"])
