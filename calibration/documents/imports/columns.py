@@ -59,21 +59,10 @@ UNITS: dict[str, LengthUnit] = {
 MM_OF = {"cm": 10.0, "um": 1e-3, "inch": 25.4, "inches": 25.4}
 """Units that are converted to mm as they are read."""
 
-ANGLES = {
-    "deg": True,
-    "degree": True,
-    "degrees": True,
-    "°": True,
-    "grad": True,
-    "grader": True,
-    "degres": True,
-    "grados": True,
-    "gradi": True,
-    "度": True,
-    "rad": False,
-    "radian": False,
-    "radians": False,
-}
+_DEGREES = ("deg", "degree", "degrees", "°", "grad", "grader", "degres", "grados", "gradi", "度")
+ANGLES = dict.fromkeys(_DEGREES, True) | dict.fromkeys(("rad", "radian", "radians"), False)
+"""Words of a unit of angles, and whether it is degrees."""
+
 AXIS_WORDS = frozenset("xyzw")
 AXES = {"roll": "x", "pitch": "y", "yaw": "z"}
 SEQUENCES = (("a", "b", "c"), ("w", "p", "r"), ("o", "a", "t"), ("alpha", "beta", "gamma"), ("phi", "theta", "psi"))

@@ -73,6 +73,14 @@ def understand(request: ImportRequest, progress: Progress = lambda done, of: Non
     table, decision, reading = best.table, best.decision, best.decision.reading
     if reading is None:
         raise _undecided(request, best)
+    is_open = request.frame is None and table.frame is None
+    if best.seen is not None and is_open and table.named_frame not in (None, reading.frame):
+        what = (
+            f"the names say {table.named_frame} of the robot's poses, and beside the camera's only {reading.frame} fits"
+        )
+        raise refusal(
+            table.origin, "names", what, "say which side is inverted by its name, or give --frame", "pose-pairs"
+        )
     poses = table.poses(reading.convention, reading.unit, reading.frame)
     _require_two_sides(table, best.evidence, poses)
     unused = imported.camera is not None and camera is None and bool(images) and request.camera is None

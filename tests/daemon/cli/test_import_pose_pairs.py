@@ -229,3 +229,12 @@ def test_a_number_that_is_none_among_twelve_is_named(tmp_path: Path) -> None:
     (tmp_path / "a.csv").write_bytes(lines(*rows[:3], rows[3].replace(rows[3].split(",")[4], "nan"), *rows[4:]))
     ran = handeyed("import", tmp_path, "--setup", "eye-in-hand", "--out", tmp_path / "s")
     assert ran.status == 2 and "pose 4: a number is missing or not finite" in ran.err
+
+
+def test_names_of_both_sides_that_contradict_the_fit_are_asked_for(tmp_path: Path) -> None:
+    """Both sides inverted fit as well as neither: with one name wrong, X would be that of the inverted poses."""
+    wrong = {"R_gripper2base": R, "t_gripper2base": t, "R_cam2target": r, "t_cam2target": s}
+    (tmp_path / "a.json").write_bytes(_json(wrong))
+    ran = handeyed("import", tmp_path, "--setup", "eye-in-hand", "--out", tmp_path / "s")
+    assert ran.status == 2
+    assert "the names say base_T_flange of the robot's poses" in ran.err
