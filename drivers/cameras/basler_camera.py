@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
+from warnings import catch_warnings, simplefilter
 
 import numpy as np
 
@@ -107,7 +108,9 @@ class OpenPylonCamera:
 
 def _import_pylon() -> Any:
     try:
-        from pypylon import pylon
+        with catch_warnings():  # its SWIG wrapper ends the process where a DeprecationWarning of its types is an error
+            simplefilter("ignore", DeprecationWarning)
+            from pypylon import pylon
     except ImportError as error:
         raise LibraryMissing(
             "camera basler:", f"pypylon is not installed ({error})", "pip install 'handeyed[basler]'"

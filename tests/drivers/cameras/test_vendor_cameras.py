@@ -234,6 +234,15 @@ async def test_a_gige_vision_camera_with_another_serial_number():
 
 
 @pytest.mark.slow
+def test_pylon_is_loaded_where_warnings_are_errors():
+    """In a process of its own: the types of its wrapper, made under -W error, end the process (pypylon 26.9)."""
+    pytest.importorskip("pypylon", reason="pypylon is not installed: pip install pypylon")
+    program = "from drivers.cameras.basler_camera import PylonLibrary; print(len(PylonLibrary().discover()))"
+    done = subprocess.run([sys.executable, "-W", "error", "-c", program], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout) == (0, "0\n"), done.stderr
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("scheme", ["basler", "genicam", "aravis"])
 def test_a_library_that_is_not_installed_is_named(scheme):
     """In a process of its own, which cannot import pypylon, harvesters or load aravis."""
