@@ -13,6 +13,9 @@ from registration.points.rigid_motion import MAX_TRANSLATION_MM, RIGID_TOLERANCE
 MAX_GAP_S = 0.1
 """Poses further apart are not interpolated: braking at 10 m/s² deviates by 12 mm from a straight line in 0.1 s."""
 
+STANDING_MM = 0.02
+"""Least motion of an arm in a sweep, in the elements of its pose."""
+
 
 @dataclass(frozen=True, eq=False)
 class RobotPath:
@@ -37,6 +40,11 @@ class RobotPath:
             raise PathError(f"pose {int(backward[0]) + 1} is not later than the one before it", fix)
         _require_rigid(poses)
         return cls(times, poses)
+
+    @property
+    def stands(self) -> bool:
+        """Whether the arm stood: no element of its pose changes by STANDING_MM."""
+        return bool(np.abs(self.base_T_flange - self.base_T_flange[0]).max() < STANDING_MM)
 
     def at(self, times_s: ArrayLike, max_gap_s: float = MAX_GAP_S, max_beyond_s: float = 0.0) -> Array:
         """base_T_flange (..., 4, 4) at times (...) of the robot's clock: translation linear, rotation by SLERP.

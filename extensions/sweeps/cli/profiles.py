@@ -18,6 +18,7 @@ app = typer.Typer(
     help="Line profilers on the flange: calibrate one from sweeps, put sweeps into the base frame.",
 )
 
+WRITTEN = "File to write: .ply, .pcd, .las, .laz, .e57 (metres), .npy, .xyz, .csv or .bin."
 Folder = Annotated[Path, typer.Argument(metavar="DIR", help="Folder with a profiles.json, its profiles and paths.")]
 
 
@@ -57,12 +58,9 @@ def calibrate(
     ]
     clock, solution = Clock(), solve_profiler(sweeps, None if first is None else first.transform())
     document = calibration_document(
-        solution,
-        judge_scan(solution, limits),
-        calibration_id=time_ordered_id(clock),
-        created_at=clock.timestamp(),
+        solution, judge_scan(solution, limits), calibration_id=time_ordered_id(clock), created_at=clock.timestamp(),
         software=SOFTWARE,
-    )
+    )  # fmt: skip
     if out is not None:
         write_document(out, document)
     if json:
@@ -81,12 +79,7 @@ def calibrate(
 def register(
     folder: Folder,
     calibration: Annotated[Path, typer.Option(help="calibration.json of `handeyed profiles calibrate`.")],
-    out: Annotated[
-        Path,
-        typer.Option(
-            "--out", "-o", help="File to write: .ply, .pcd, .las, .laz, .e57 (metres), .npy, .xyz, .csv or .bin."
-        ),
-    ],
+    out: Annotated[Path, typer.Option("--out", "-o", help=WRITTEN)],
     json: Json = False,
 ) -> None:
     """Put all sweeps of a folder into the robot's base frame, in mm, and write them as one cloud.

@@ -50,12 +50,8 @@ def read_profile_folder(folder: Path) -> list[RecordedSweep]:
             raise ProfileError(what, "add it to artefacts, with radius_mm of a sphere, null of a plane")
     return [
         RecordedSweep(
-            sweep.profiles,
-            folder / sweep.profiles,
-            folder / sweep.path,
-            document.time_unit,
-            sweep.artefact,
+            sweep.profiles, folder / sweep.profiles, folder / sweep.path, document.time_unit, sweep.artefact,
             None if sweep.artefact is None else radii[sweep.artefact],
         )
         for sweep in document.sweeps
-    ]
+    ]  # fmt: skip

@@ -41,11 +41,14 @@ class SurfacePoints:
     crossing: tuple[float, Array] | None
 
 
-def find_sphere(block: ProfileBlock, radius_mm: float) -> SurfacePoints:
-    """The sphere of a known radius in a sweep across it. Raises ProfileError, SphereError."""
+def find_sphere(block: ProfileBlock, radius_mm: float, *, standing: bool = False) -> SurfacePoints:
+    """The sphere of a known radius in a sweep across it. Raises ProfileError, SphereError.
+
+    standing : the arm stood, so that every profile shows one circle, whose middle stands for the sphere's at first.
+    """
     if not 0 < radius_mm < MAX_RANGE_MM:
         raise SphereError(f"a radius of {radius_mm} mm is not possible", "give the sphere's radius in mm")
-    searched = _searched(block)
+    searched = _searched(block, 1 if standing else MIN_PROFILES)
     tolerance = max(0.004 * radius_mm, 3 * _noise_mm(searched))
     rows, circles, kept = [], [], []
     random = np.random.default_rng(0)
@@ -56,9 +59,12 @@ def find_sphere(block: ProfileBlock, radius_mm: float) -> SurfacePoints:
             circles.append(circle[0])
             kept.append(circle[1])
     fix = "sweep across the whole sphere, and check the radius and the unit (m or mm)"
-    if len(rows) < MIN_PROFILES:
+    if len(rows) < (1 if standing else MIN_PROFILES):
         raise SphereError(f"{len(rows)} of {len(searched.points)} profiles show a circle", fix)
     x, z, radii = np.array(circles).T
+    if standing:
+        points, when = _collect(list(zip(searched.times_s[rows], kept, strict=True)))
+        return SurfacePoints(points, when, (float(when[0]), np.array([x.mean(), 0.0, z.mean()])))
     times = searched.times_s[rows]
     top, good = _parabola_top(times, radii**2)
     if good.sum() < MIN_PROFILES or not times[good].min() <= top[0] <= times[good].max():
@@ -72,16 +78,16 @@ def find_sphere(block: ProfileBlock, radius_mm: float) -> SurfacePoints:
     return SurfacePoints(points, when, (top[0], np.array([middle[0], 0.0, middle[1]])))
 
 
-def find_plane(block: ProfileBlock) -> SurfacePoints:
+def find_plane(block: ProfileBlock, *, standing: bool = False) -> SurfacePoints:
     """The plane in a sweep over it: the longest line of each profile. Raises ProfileError."""
-    searched = _searched(block)
+    searched = _searched(block, least := 1 if standing else MIN_PROFILES)
     tolerance = 3 * _noise_mm(searched)
     random, chosen = np.random.default_rng(0), []
     for time_s, points in zip(searched.times_s, searched.points, strict=True):
         line = _line(points, tolerance, random)
         if line is not None:
             chosen.append((time_s, line))
-    if len(chosen) < MIN_PROFILES:
+    if len(chosen) < least:
         what = f"{len(chosen)} of {len(searched.points)} profiles show a line"
         raise ProfileError(what, "sweep over a plane that fills most of the profile")
     points, when = _collect(chosen)
@@ -96,14 +102,14 @@ class _Searched:
     points: list[Array]
 
 
-def _searched(block: ProfileBlock) -> _Searched:
+def _searched(block: ProfileBlock, least: int) -> _Searched:
     with np.errstate(invalid="ignore"):
         usable = (np.abs(block.x_mm) < MAX_RANGE_MM) & (np.abs(block.z_mm) < MAX_RANGE_MM)
     rows = np.flatnonzero(usable.sum(axis=1) >= MIN_POINTS)
-    if len(block) < MIN_PROFILES:
+    if len(block) < least:
         what = f"a sweep of {len(block)} profiles, where {MIN_PROFILES} across the surface are needed"
-        raise ProfileError(what, "let the arm move within a sweep: profiles taken while it stands show one line each")
-    if len(rows) < MIN_PROFILES:
+        raise ProfileError(what, "sweep more slowly, or stand still while profiles are taken")
+    if len(rows) < least:
         what = f"{len(rows)} of {len(block)} profiles have {MIN_POINTS} points or more"
         raise ProfileError(what, "check exposure and measuring range, and sweep more slowly")
     rows = rows[np.unique(np.linspace(0, len(rows) - 1, PROFILES).astype(int))]

@@ -39,6 +39,7 @@ PRIOR_WEIGHT = 1.0
 LEVER_MM = 300.0
 UNITS = np.array([1 / LEVER_MM] * 3 + [1.0] * 3 + [0.01])
 """What moves a point by about a millimetre: rad, mm, and s at 100 mm/s."""
+MIN_CLOCK_INFORMATION = 1e-6
 MAX_SIGMA = 10.0
 """In these units: a larger standard deviation is not determined."""
 MIN_SHARE = 0.15
@@ -238,15 +239,9 @@ class _NormalEquations:
 
     @classmethod
     def of(
-        cls,
-        problem: ProfilerProblem,
-        errors: Array,
-        residuals: Array,
-        jacobian: Array,
-        by_errors: Array,
-        weights: Array,
-        robot: RobotNoise,
-    ) -> "_NormalEquations":
+        cls, problem: ProfilerProblem, errors: Array, residuals: Array, jacobian: Array, by_errors: Array,
+        weights: Array, robot: RobotNoise,
+    ) -> "_NormalEquations":  # fmt: skip
         prior = np.repeat(1 / robot.levels() ** 2, 3)
         own, own_gradient, between = [], [], []
         for index, error in enumerate(errors):
@@ -265,6 +260,8 @@ class _NormalEquations:
         own = np.linalg.inv(self.own)
         carried = own @ self.between
         information = self.shared - np.einsum("nij,nik->jk", self.between, carried)
+        if information[6, 6] < MIN_CLOCK_INFORMATION:  # no arm moves: nothing shows the clock, and it moves nothing
+            information[6, 6] = 1 / UNITS[6] ** 2
         covariance = covariance_of((information + information.T) / 2)
         gradient = self.shared_gradient - np.einsum("nij,ni->j", carried, self.own_gradient)
         step = -covariance @ gradient

@@ -26,6 +26,8 @@ REFINED = 4
 APART_RAD = float(np.radians(10.0))
 ALIKE_RATIO, ALIKE_MM = 1.3, 0.02
 """Another X fits as well when its median distance is at most so many times, and so much, larger."""
+MIN_FARTHER_RATIO = 2.0
+"""Of profiles taken standing with the sphere at one distance, a mirrored X fits as well; it is as much farther away."""
 MAX_OFFSET_S = 1.0
 """A first offset beyond it is the linear solution's error."""
 
@@ -54,6 +56,11 @@ def find_start(
     for other, median_mm in refined[1:]:
         apart = float(rotation_angle_rad(other.flange_T_profiler[:3, :3].T @ best.flange_T_profiler[:3, :3]))
         if apart > APART_RAD and median_mm < ALIKE_RATIO * least_mm + ALIKE_MM:
+            near, far = sorted((best, other), key=lambda one: float(np.linalg.norm(one.flange_T_profiler[:3, 3])))
+            distances_mm = [float(np.linalg.norm(one.flange_T_profiler[:3, 3])) for one in (near, far)]
+            if all(sweep.path.stands for sweep in sweeps) and distances_mm[1] > MIN_FARTHER_RATIO * distances_mm[0]:
+                best = near  # the other one has the light shine back to the flange, from beyond the sphere
+                continue
             what = Sentence("profiler-ambiguous", off_deg=float(np.degrees(apart)))
             raise UndeterminedError("profiler-ambiguous", what, FIX)
     return best

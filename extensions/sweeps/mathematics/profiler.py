@@ -36,6 +36,8 @@ class ArtefactSweep:
 def solve_profiler(sweeps: Sequence[ArtefactSweep], rough: Array | None = None) -> Solution:
     """X of the profiler's frame as `mount_T_camera`, and `clock_offset`; both None when they are not determined.
 
+    Profiles that are taken while the arm stands, on a sphere or planes, determine X and no clock.
+
     A sweep without its artefact is rejected with a reason. `rough`: X (4, 4) to begin with, else it is searched.
     Raises MotionError for a rough X that is none, and ProfileError for an artefact of two radii.
     """
@@ -59,17 +61,13 @@ def solve_profiler(sweeps: Sequence[ArtefactSweep], rough: Array | None = None) 
         )
         return solution_without_x(METHOD, "eye-in-hand", results, middles, refusal)
     errors_mm = dict(zip(found, answer.residual_mm.tolist(), strict=True))
+    clock = ClockOffset(answer.estimate.clock_offset_s, float(np.sqrt(answer.covariance[6, 6])))
     return solution_with_x(
-        METHOD,
-        "eye-in-hand",
-        answer.estimate.flange_T_profiler,
-        answer.covariance[:6, :6],
-        seen_mm,
+        METHOD, "eye-in-hand", answer.estimate.flange_T_profiler, answer.covariance[:6, :6], seen_mm,
         Noise(None, answer.robot.rotation_rad, answer.robot.translation_mm),
-        [_view(index, reasons.get(index), errors_mm.get(index)) for index in range(len(sweeps))],
-        middles,
-        clock_offset=ClockOffset(answer.estimate.clock_offset_s, float(np.sqrt(answer.covariance[6, 6]))),
-    )
+        [_view(index, reasons.get(index), errors_mm.get(index)) for index in range(len(sweeps))], middles,
+        clock_offset=None if all(sweeps[index].path.stands for index in found) else clock,
+    )  # fmt: skip
 
 
 def solve_sweeps(
@@ -83,7 +81,7 @@ def solve_sweeps(
         raise UndeterminedError("too-few-sweeps", Sentence("profiler-sweeps", sweeps=len(sweeps)), FIX)
     answer = refine(ProfilerProblem(sweeps), find_start(points, sweeps, radii_mm, rough))
     for sweep in sweeps:
-        sweep.path.at(sweep.times_s + answer.estimate.clock_offset_s, MAX_GAP_S)
+        sweep.path.at(sweep.times_s + answer.estimate.clock_offset_s, np.inf if sweep.path.stands else MAX_GAP_S)
     return answer
 
 
@@ -124,7 +122,9 @@ def _find_artefact(sweep: ArtefactSweep) -> SurfacePoints:
             f"{what} to {path.times_s[-1]:.3f} s are not of the same time",
             f"give times of clocks that agree within {MAX_OFFSET_S:g} s; what is left is estimated",
         )
-    return find_plane(block) if sweep.radius_mm is None else find_sphere(block, sweep.radius_mm)
+    if sweep.radius_mm is None:
+        return find_plane(block, standing=path.stands)
+    return find_sphere(block, sweep.radius_mm, standing=path.stands)
 
 
 def _middle_pose(sweep: ArtefactSweep) -> Array:

@@ -12,6 +12,7 @@ from calibration.transforms import (
     Array,
     difference,
     inverse,
+    map_points,
     nearest_rotation,
     rotation_from_vector,
     transform,
@@ -22,6 +23,7 @@ X = transform_from_quaternion([45.0, -20.0, 95.0], [0.7193, -0.0069, 0.0431, 0.6
 TOOL = transform(rotation_from_vector([1.2092, -1.2092, 1.2092]), [0.0, 0.0, 215.0])
 IN_HAND = ("--setup", "eye-in-hand")
 PICTURES = ("--target", "chessboard:9x6:25", "--camera", "camera.yaml", *IN_HAND)
+SEEN_MM = np.array([0.0, 0.0, 600.0])
 ARM = ("--arm", "IRB 1600-6/1.45")
 
 BASE_T_CAMERA = transform(
@@ -45,12 +47,14 @@ class Case:
         return [str(folder / one) if one == "camera.yaml" else one for one in self.stated]
 
     def error_of(self, calibration: str) -> tuple[float, float]:
-        """Distance in mm and angle in degrees of the X of a calibration.json from the right one."""
+        """Distance in mm of a point that the camera sees, and angle in degrees, between the X of a calibration.json and
+        the right one."""
         document = CalibrationDocument.model_validate_json(calibration)
         found = document.flange_T_camera or document.base_T_camera
         assert found is not None
-        off_mm, off_rad = difference(self.X, found.transform())
-        return float(off_mm), float(np.degrees(off_rad))
+        _, off_rad = difference(self.X, found.transform())
+        apart = map_points(found.transform(), SEEN_MM) - map_points(self.X, SEEN_MM)
+        return float(np.linalg.norm(apart)), float(np.degrees(off_rad))
 
     def ratio_of(self, calibration: str) -> float:
         """How many times as long the translation of the X of a calibration.json is as the right one, along it."""

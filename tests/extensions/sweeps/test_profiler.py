@@ -124,6 +124,33 @@ def test_a_wrong_radius_and_other_times_are_refused() -> None:
         solve_profiler([ArtefactSweep(*data[0], "ball", 25.0), ArtefactSweep(*data[1], "ball", 12.5)])
 
 
+def _stand(data: Sequence[tuple[ProfileBlock, RobotPath]]) -> list[tuple[ProfileBlock, RobotPath]]:
+    """One profile of each sweep, near its middle, and the arm as if it had stood there."""
+    taken = []
+    for index, (block, path) in enumerate(data):
+        at = len(block) // 2 + 8 * (index % 5 - 2)
+        pose = path.at(block.times_s[at] + OFFSET_S)
+        still = RobotPath.of(block.times_s[at] + np.array([-0.5, 0.5]), np.stack([pose, pose]))
+        taken.append((block[at : at + 1], still))
+    return taken
+
+
+@pytest.mark.parametrize("surfaces", [[None] * 16, [0, 1, 2] * 6], ids=["sphere", "planes"])
+def test_one_profile_at_each_pose_determines_x_and_no_clock(surfaces: list[int | None]) -> None:
+    solution = solve_profiler(named(surfaces, _stand(sweeps(surfaces, 9, RobotNoise(0.05, 1e-4)))))
+    assert solution.mount_T_camera is not None and solution.clock_offset is None and solution.uncertainty is not None
+    off = vector_from_transform(inverse(solution.mount_T_camera) @ FLANGE_T_PROFILER)
+    assert np.all(np.abs(off) < 4 * np.sqrt(np.diag(solution.uncertainty.covariance)))
+    assert np.abs(off[:3]).max() < 0.02 and np.abs(off[3:]).max() < 1.5
+
+
+@pytest.mark.parametrize("ratio", [0.8, 1.15])
+def test_profiles_taken_standing_with_a_wrong_radius_are_not_accepted(ratio: float) -> None:
+    data = _stand(sweeps([None] * 16, 9, RobotNoise(0.05, 1e-4)))
+    solution = solve_profiler([ArtefactSweep(block, path, "ball", ratio * RADIUS_MM) for block, path in data])
+    assert not judge_scan(solution).accepted
+
+
 def _later(block: ProfileBlock, by_s: float) -> ProfileBlock:
     return ProfileBlock(block.times_s + by_s, block.x_mm, block.z_mm)
 

@@ -8,7 +8,7 @@ import pytest
 
 from calibration.documents.calibration import CalibrationDocument
 from calibration.kinematics.robot_accuracy import RobotNoise
-from calibration.transforms import difference
+from calibration.transforms import difference, rotation_from_vector, transform
 from tests.daemon.calibrations import a_calibration
 from tests.daemon.cli.running import handeyed
 from tests.extensions.sweeps.profile_sweeps import FLANGE_T_PROFILER, OFFSET_S, PLANES, sweeps, write_folder
@@ -78,3 +78,16 @@ def test_a_folder_without_profiles_is_refused(tmp_path: Path) -> None:
     ran = handeyed("profiles", "calibrate", tmp_path)
     assert ran.status == 2
     assert "profiles.json" in ran.err and "Traceback" not in ran.err
+
+
+@pytest.mark.data
+def test_profiles_taken_standing_are_a_calibration(real_data: Path) -> None:
+    folder = real_data / "cases" / "profiles_taken_standing" / "as_sweeps"
+    if not folder.is_dir():
+        pytest.skip("HANDEYED_DATA has no folder cases/profiles_taken_standing")
+    ran = handeyed("profiles", "calibrate", folder, "--json")
+    assert ran.status == 0, ran.err
+    found = CalibrationDocument.model_validate_json(ran.out).flange_T_camera
+    assert found is not None
+    off_mm, off_rad = difference(transform(rotation_from_vector([0, 0, np.pi / 2]), [30, 0, 120]), found.transform())
+    assert off_mm < 0.3 and off_rad < 0.002
