@@ -60,27 +60,25 @@ class Convention:
         return f"Euler angles about fixed {', '.join(self.order)} (extrinsic) in {unit}"
 
 
-def _named(name: str, kind: Kind, order: str, degrees: bool = False) -> dict[str, Convention]:
-    return {name: Convention(name, kind, order, degrees)}
-
-
 CONVENTIONS: dict[str, Convention] = {
-    **_named("quaternion-wxyz", "quaternion", "wxyz"),
-    **_named("quaternion-xyzw", "quaternion", "xyzw"),
-    **_named("matrix", "matrix", "rows"),
-    **_named("matrix-columns", "matrix", "columns"),
-    **_named("joints", "joints", "joints", degrees=True),
-    **_named("joints-rad", "joints", "joints"),
-    **_named("points", "points", "none"),
-    **_named("rotation-vector", "angles", "vector"),
-    **_named("rotation-vector-deg", "angles", "vector", degrees=True),
-    **{
-        name: convention
-        for intrinsic in ORDERS
-        for order in (intrinsic, intrinsic.lower())
-        for degrees in (True, False)
-        for name, convention in _named(f"euler-{order}" + ("" if degrees else "-rad"), "angles", order, degrees).items()
-    },
+    one.name: one
+    for one in (
+        Convention("quaternion-wxyz", "quaternion", "wxyz"),
+        Convention("quaternion-xyzw", "quaternion", "xyzw"),
+        Convention("matrix", "matrix", "rows"),
+        Convention("matrix-columns", "matrix", "columns"),
+        Convention("joints", "joints", "joints", degrees=True),
+        Convention("joints-rad", "joints", "joints"),
+        Convention("points", "points", "none"),
+        Convention("rotation-vector", "angles", "vector"),
+        Convention("rotation-vector-deg", "angles", "vector", degrees=True),
+        *(
+            Convention(f"euler-{order}{'' if degrees else '-rad'}", "angles", order, degrees)
+            for intrinsic in ORDERS
+            for order in (intrinsic, intrinsic.lower())
+            for degrees in (True, False)
+        ),
+    )
 }
 """Every convention by its name: Euler angles are degrees, with `-rad` radians."""
 
@@ -185,9 +183,6 @@ def allowed_conventions(kind: Kind, numbers: Array, *, by_axis: bool = False) ->
             ]
     return tuple(found)
 
-
-THREE_AXES = ORDERS[:6]
-"""Intrinsic orders in which every axis occurs once."""
 
 MAX_ANGLE_RAD = 6.5
 """Slightly more than a full turn: a larger number is an angle in degrees."""

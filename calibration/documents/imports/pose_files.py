@@ -3,6 +3,7 @@
 import re
 from collections.abc import Callable
 from pathlib import PurePath
+from typing import Any
 
 from calibration.documents.imports.arrays import read_mat, read_npy, read_npz
 from calibration.documents.imports.halcon_pose import read_halcon_pose
@@ -18,21 +19,11 @@ from calibration.errors import DocumentError
 Reader = Callable[[bytes, str], PoseTable]
 
 
-def _json(content: bytes, origin: str) -> PoseTable:
-    return table_of_data(read_json(content, origin), origin)
+def _reader_of(read: Callable[[bytes, str], Any]) -> Reader:
+    return lambda content, origin: table_of_data(read(content, origin), origin)
 
 
-def _json_lines(content: bytes, origin: str) -> PoseTable:
-    return table_of_data(read_json_lines(content, origin), origin)
-
-
-def _yaml(content: bytes, origin: str) -> PoseTable:
-    return table_of_data(read_yaml(content, origin), origin)
-
-
-def _xml(content: bytes, origin: str) -> PoseTable:
-    return table_of_data(read_xml_tree(content, origin, "robot-poses"), origin)
-
+_json, _json_lines, _yaml = (_reader_of(one) for one in (read_json, read_json_lines, read_yaml))
 
 _THREE_AND_FOUR = r"\[\s*\[(?:[^][,]*,){2}[^][,]*\]\s*,\s*\[(?:[^][,]*,){3}[^][,]*\]"
 _RAPID = re.compile(rf"\b(robtarget|jointtarget)\b|\bMODULE\s|{_THREE_AND_FOUR}", re.IGNORECASE)
@@ -64,32 +55,16 @@ def read_any_text(content: bytes, origin: str) -> PoseTable:
 
 
 FAMILIES: dict[str, Reader] = {
-    ".csv": read_text_table,
-    ".tsv": read_text_table,
-    ".txt": read_any_text,
+    **dict.fromkeys((".csv", ".tsv", ".log", ".tum"), read_text_table),
+    **dict.fromkeys((".txt", ".conf", ".xf", ".mod", ".modx", ".prg", ".sys", ".dat", ".pose"), read_any_text),
+    **dict.fromkeys((".src", ".ls", ".script"), read_keyed_text),
+    **dict.fromkeys((".yaml", ".yml", ".samples"), _yaml),
+    **dict.fromkeys((".jsonl", ".ndjson"), _json_lines),
     ".json": _json,
-    ".jsonl": _json_lines,
-    ".ndjson": _json_lines,
-    ".yaml": _yaml,
-    ".yml": _yaml,
-    ".samples": _yaml,
-    ".xml": _xml,
-    ".log": read_text_table,
-    ".conf": read_any_text,
-    ".xf": read_any_text,
+    ".xml": _reader_of(lambda content, origin: read_xml_tree(content, origin, "robot-poses")),
     ".npy": read_npy,
     ".npz": read_npz,
     ".mat": read_mat,
-    ".mod": read_any_text,
-    ".modx": read_any_text,
-    ".prg": read_any_text,
-    ".sys": read_any_text,
-    ".dat": read_any_text,
-    ".src": read_keyed_text,
-    ".ls": read_keyed_text,
-    ".script": read_keyed_text,
-    ".tum": read_text_table,
-    ".pose": read_any_text,
 }
 """Readers by suffix."""
 

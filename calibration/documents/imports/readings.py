@@ -5,7 +5,7 @@ same equations are not distinguished by any data: poses of the flange in the bas
 inverted poses with the camera beside the robot.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import permutations, product
 
@@ -144,11 +144,7 @@ def compare(table: PoseTable, readings: Sequence[Reading], evidence: Evidence | 
     if evidence is None or len(evidence) < MIN_VIEWS:
         return [Compared(tuple(group), None) for _, group in groups]
     few = evidence.take(evenly_spaced(len(evidence), MAX_COMPARED_VIEWS))
-    fitted: list[Fit] = []
-    with np.errstate(all="ignore"):  # wrong readings may overflow; their likelihood is then the lowest
-        for start in range(0, len(groups), BATCH):
-            batch = groups[start : start + BATCH]
-            fitted += fits([replace(few, setup="eye-in-hand", base_T_flange=moved[few.indices]) for moved, _ in batch])
+    fitted = _fits_of(replace(few, setup="eye-in-hand", base_T_flange=moved[few.indices]) for moved, _ in groups)
     compared = [Compared(tuple(group), fit) for (_, group), fit in zip(groups, fitted, strict=True)]
     return sorted(compared, key=lambda one: -(one.fit.log_likelihood if one.fit else 0.0))
 
@@ -209,22 +205,15 @@ def _translations_apart(table: PoseTable, compared: Sequence[Compared], evidence
     seen = angles_between_images(few.camera_T_target)
     turned = []
     for one in (reading for group in compared for reading in group.readings[:1]):
-        moved = anchor_T_mount_of(one.setup, table.poses(one.convention, one.unit, one.frame))[few.indices]
-        turned.append((mean_mismatch_rad(angles_between(moved[:, :3, :3]), seen), one))
+        turns = _placed(few, table, one).base_T_flange[:, :3, :3]
+        turned.append((mean_mismatch_rad(angles_between(turns), seen), one))
     least = min(mismatch for mismatch, _ in turned)
-    if least > MAX_TURN_RAD:
+    if least > MAX_TURN_RAD or table.kind == "joints":  # an arm's joints leave no choice of lengths
         return Decision(None, "")
     near = [one for mismatch, one in turned if mismatch <= 2 * least + MORE_TURN_RAD][:MAX_TURNED]
     words = f"; the rotations agree to {np.degrees(least):.2g} deg, so that target and pairs are right"
     tried = [(change, one) for one in near for change in _changes_of_lengths(table)]
-    fitted: list[Fit] = []
-    with np.errstate(all="ignore"):
-        for start in range(0, len(tried), BATCH):
-            changed = [
-                anchor_T_mount_of(one.setup, change.table.poses(one.convention, one.unit, one.frame))[few.indices]
-                for change, one in tried[start : start + BATCH]
-            ]
-            fitted += fits([replace(few, setup="eye-in-hand", base_T_flange=poses) for poses in changed])
+    fitted = _fits_of(_placed(few, change.table, one) for change, one in tried)
     best = max(range(len(tried)), key=lambda at: fitted[at].log_likelihood)
     (change, reading), fit = tried[best], fitted[best]
     if Compared((reading,), fit).possible:
@@ -250,8 +239,6 @@ class _Change:
 
 def _changes_of_lengths(table: PoseTable) -> Iterator[_Change]:
     """Other units, reversed and exchanged axes, and a track along an axis of the base whose readings the table has."""
-    if table.kind == "joints":
-        return
     for factor, unit in ((1000.0, "metres"), (10.0, "centimetres"), (25.4, "inches"), (1e-3, "micrometres")):
         fix = f"multiply the places by {factor:g}, or name their unit"
         yield _Change(replace(table, lengths=factor * table.lengths), f"places in {unit}", fix)
@@ -284,11 +271,12 @@ def _other_size(table: PoseTable, compared: Sequence[Compared], evidence: Eviden
     sizes = SIZE_STEP ** np.arange(-steps, steps + 1.0)
     found: list[tuple[Fit, float, Reading]] = []
     for reading in (one.readings[0] for one in compared[:MAX_RESIZED_READINGS]):
-        moved = anchor_T_mount_of(reading.setup, table.poses(reading.convention, reading.unit, reading.frame))
-        seen = replace(few, setup="eye-in-hand", base_T_flange=moved[few.indices])
-        coarse = float(sizes[int(np.argmin([fit.robot_translation_mm for fit in _fits_of(seen, sizes)]))])
+        seen = _placed(few, table, reading)
+        far = _fits_of(seen.scale_target(float(size)) for size in sizes)
+        coarse = float(sizes[int(np.argmin([fit.robot_translation_mm for fit in far]))])
         near = coarse * FINE_SIZE_STEP ** np.arange(-25, 26.0)
-        found += [(fit, float(size), reading) for fit, size in zip(_fits_of(seen, near), near, strict=True)]
+        fitted = _fits_of(seen.scale_target(float(size)) for size in near)
+        found += [(fit, float(size), reading) for fit, size in zip(fitted, near, strict=True)]
     fit, size, reading = max(found, key=lambda one: one[0].log_likelihood)
     assert compared[0].fit is not None
     gain = fit.log_likelihood - compared[0].fit.log_likelihood
@@ -298,12 +286,18 @@ def _other_size(table: PoseTable, compared: Sequence[Compared], evidence: Eviden
     return f"; with a target {size:.3g} times as large they agree to {_noise(fit)} ({reading.words}): compare its size"
 
 
-def _fits_of(seen: Evidence, sizes: Array) -> list[Fit]:
-    """The fit of each size of the target."""
-    fitted: list[Fit] = []
+def _placed(few: Evidence, table: PoseTable, reading: Reading) -> Evidence:
+    """The evidence with the robot's poses of a reading."""
+    moved = anchor_T_mount_of(reading.setup, table.poses(reading.convention, reading.unit, reading.frame))
+    return replace(few, setup="eye-in-hand", base_T_flange=moved[few.indices])
+
+
+def _fits_of(sessions: Iterable[Evidence]) -> list[Fit]:
+    """The fit of each; where wrong readings overflow, the likelihood is the lowest."""
+    every, fitted = list(sessions), list[Fit]()
     with np.errstate(all="ignore"):
-        for start in range(0, len(sizes), BATCH):
-            fitted += fits([seen.scale_target(float(size)) for size in sizes[start : start + BATCH]])
+        for start in range(0, len(every), BATCH):
+            fitted += fits(every[start : start + BATCH])
     return fitted
 
 

@@ -1,6 +1,7 @@
 """CSV, TSV and TXT with poses: any separator, with or without a header, decimal commas, comments, 4 x 4 blocks."""
 
 import re
+from dataclasses import replace
 
 import numpy as np
 
@@ -99,12 +100,8 @@ def _without_names(origin: str, cells: list[list[Cell]]) -> PoseTable:
         what = f"{len(numbers[first])} numbers, where row 1 has {len(numbers[0])}"
         raise refusal(origin, f"row {first + 1}", what, "give every row as many")
     table = table_of_rows(origin, np.array(numbers), labels)
-    if labels is None or not all("." in label for label in labels):
-        return table
-    return PoseTable(
-        origin, table.labels, table.lengths, table.numbers, table.kind, table.layout, table.convention,
-        images=tuple(labels),
-    )  # fmt: skip
+    of_files = labels is not None and all("." in label for label in labels)
+    return replace(table, images=tuple(labels or ())) if of_files else table
 
 
 def _blocks(origin: str, matrices: Array) -> PoseTable:
