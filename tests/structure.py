@@ -22,7 +22,7 @@ MAX_WEIGHTS = {
     "lines of Python of the core": 97_587,
     "lines of Python with the extensions": 100_904,
     "files of the fullest folder": 52,
-    "private functions used once": 891,
+    "private functions used once": 890,
     "of them of at most 8 lines": 458,
     "functions of 8 parameters or more": 44,
     "pairs of a dataclass and a document with the same fields": 38,

@@ -63,6 +63,9 @@ FLANGE_RADIUS_MM, MIN_STEEPNESS = 25.0, float(np.cos(np.radians(45.0)))
 MOVED_MM, MOVED_RAD = 1.0, float(np.radians(0.1))
 """Least motion of the target in the camera between two views for one that was not the robot's scatter."""
 
+MAX_BEHIND_SHARE = 0.5
+"""Of views in which the target is behind the camera: one or two are wrong measurements."""
+
 SETTLED_BY_GUESS = frozenset({"mount-too-far", "setup-fits-either-way", "flange-in-sight"})
 """Findings that a known place of the camera settles."""
 
@@ -198,29 +201,20 @@ def _circle(session: _Session) -> Iterator[Finding]:
 
 
 def _repeats(session: _Session) -> Iterator[Finding]:
-    """Two views of which one side is the same to the last digit, and the other is not."""
+    """Two views with one side equal to the last digit, and the other not; the solver leaves out repeated pictures."""
     robot, seen = session.evidence.base_T_flange, session.evidence.camera_T_target
-    least = {"robot": (MOVED_MM, MOVED_RAD), "camera": (SAME_POSE_MM, SAME_POSE_RAD)}
-    for side, poses, others in (("robot", robot, seen), ("camera", seen, robot)):
-        if side == "camera" and not session.problem.in_space:
-            continue  # repeated pictures are left out by the solver
-        rows = _rows_repeated(poses, others, least[side])
-        if rows:
-            views = [int(session.evidence.indices[row]) for row in rows]
+    robots, cameras = ("robot", robot, seen, MOVED_MM, MOVED_RAD), ("camera", seen, robot, SAME_POSE_MM, SAME_POSE_RAD)
+    for side, poses, others, least_mm, least_rad in (robots, cameras) if session.problem.in_space else (robots,):
+        first: dict[bytes, int] = {}
+        views = []
+        for row, pose in enumerate(poses):
+            earlier = first.setdefault(pose.tobytes(), row)
+            moved_mm, moved_rad = difference(others[earlier], others[row])
+            if earlier < row and (moved_mm > least_mm or moved_rad > least_rad):
+                views.append(int(session.evidence.indices[row]))
+        if views:
             message = Sentence(f"{side}-poses-repeated", views=views)
             yield Finding(f"{side}-poses-repeated", "error", message, Sentence("record-each-pose-anew"))
-
-
-def _rows_repeated(poses: Array, others: Array, least: tuple[float, float]) -> list[int]:
-    """Rows that repeat an earlier one bit by bit, while the other side moved by at least so many mm or rad."""
-    first: dict[bytes, int] = {}
-    rows = []
-    for row, pose in enumerate(poses):
-        earlier = first.setdefault(np.ascontiguousarray(pose).tobytes(), row)
-        moved_mm, moved_rad = difference(others[earlier], others[row])
-        if earlier < row and (moved_mm > least[0] or moved_rad > least[1]):
-            rows.append(row)
-    return rows
 
 
 def _mount(session: _Session) -> Iterator[Finding]:
@@ -243,7 +237,13 @@ def _mount(session: _Session) -> Iterator[Finding]:
 
 
 def _sight(session: _Session) -> Iterator[Finding]:
-    """The flange itself between the camera and the target, in every view."""
+    """The target behind the camera in most views, or the flange itself before it in every one."""
+    if session.problem.in_space:  # an axis that points backwards; inverted on both sides, poses fit as well
+        depths = map_points(session.evidence.camera_T_target, session.centre_mm)[:, 0, 2]
+        behind = [int(index) for index in session.evidence.indices[depths < 0]]
+        if len(behind) > MAX_BEHIND_SHARE * len(depths):
+            message = Sentence("target-behind-camera", views=behind, depth_mm=-float(np.median(depths)))
+            yield Finding("target-behind-camera", "warning", message, Sentence("look-along-z"))
     if session.chain is None or MOUNTS[session.problem.setup] == "base":
         return
     flange_T_camera = session.chain[0]

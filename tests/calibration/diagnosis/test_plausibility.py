@@ -18,7 +18,7 @@ from tests.simulated.varied_sessions import varied
 
 CODES = {
     "circular-poses", "exact-poses", "robot-poses-repeated", "camera-poses-repeated", "mount-too-far", "stand-too-far",
-    "flange-in-sight", "setup-fits-either-way",
+    "flange-in-sight", "setup-fits-either-way", "target-behind-camera",
 }  # fmt: skip
 
 NO_NOISE = CellNoise(0.0, 0.0, 0.0)
@@ -54,6 +54,7 @@ def from_pictures(problem: Problem, X: Array, Y: Array) -> Problem:
 
 
 IDENTITY = np.eye(4)
+HALF_TURN = transform(rotation_from_vector([np.pi, 0.0, 0.0]), [0.0, 0.0, 0.0])
 ANYWHERE = transform(rotation_from_vector([0.4, 1.0, -0.2]), [300.0, 20.0, 500.0])
 X_OF_CELL = transform(rotation_from_vector([0.2, -0.3, 1.0]), [60.0, -40.0, 90.0])
 
@@ -127,6 +128,10 @@ ROWS: dict[str, tuple[Callable[[], Problem], str, bool]] = {
     "behind the flange, looking through it": (lambda: cell(13, X=BEHIND_THE_FLANGE).problem, "flange-in-sight", False),
     "three views of the other setup": (
         lambda: of_other_setup(few(cell(14, 3).problem, 3)), "setup-fits-either-way", False,
+    ),
+    "a camera whose z axis points backwards": (
+        lambda: with_camera_poses(pairs(16, X_OF_CELL, ANYWHERE, exact=False), lambda seen: HALF_TURN @ seen),
+        "target-behind-camera", True,
     ),
     "a tracker that says the same twice": (
         lambda: measure_twice(few(pairs(15, X_OF_CELL, ANYWHERE, exact=False), 4)), "camera-poses-repeated", False,
