@@ -23,7 +23,7 @@ LENGTH_WORDS = frozenset((
     "posicion", "posizione", "posicao", "lage", "ort", "坐标", "座標", "位置",
 ))  # fmt: skip
 TURN_WORDS = frozenset((
-    "q", "quat", "quaternion", "orientation", "rotation", "rot", "ori", "r", "e", "euler", "eul", "angle",
+    "q", "quat", "quaternion", "orientation", "orient", "rotation", "rot", "ori", "r", "e", "euler", "eul", "angle",
     "ang", "theta", "rvec", "rotvec", "axisangle", "rodrigues", "rpy", "wxyz", "xyzw",
     "rvecs", "rotations", "orientations", "quaternions", "quats", "rmat",
     "drehung", "winkel", "orientierung", "giro", "angulo", "orientacion", "rotazione", "angolo", "vridning", "vinkel",
@@ -123,8 +123,10 @@ class _Named:
         self.plain: dict[str, int] = {}
         self.turn_words: dict[str, set[str]] = {}
         self.unit_of: dict[int, str] = {}
-        for index, name in enumerate(names):
-            self._take(index, words_of(name))
+        words = [words_of(name) for name in names]
+        self.is_grid = any(one[-1:] == ["00"] for one in words)
+        for index, one in enumerate(words):
+            self._take(index, one)
         self._leave_out_joints()
 
     def _leave_out_joints(self) -> None:
@@ -139,6 +141,8 @@ class _Named:
             words = [word for word in words if word not in units or word == words[0]]
         words = [word for word in words if word not in NOISE] or words[-1:] or [""]
         element = _ELEMENT.fullmatch("".join(words[-2:] if len(words) > 1 and words[-1].isdigit() else words[-1:]))
+        if element is None and self.is_grid:  # ee_00 to ee_33
+            element = re.fullmatch(r"([0-3])([0-3])", words[-1])
         if element is not None:
             self.elements[int(element[1]), int(element[2])] = index
             return

@@ -46,6 +46,7 @@ ONE_VIEW = (*MATRICES, *ROWS, *TURNS, (3,), (4,), ())
 
 Leaf = Array | np.float64 | str
 _NUMBERED = re.compile(r"(\D.*?)[_\- ]?(\d+)")
+_NUMBER_WITHIN = re.compile(r"(\D+?)(\d+)(_.+)")  # frame0_robot_R
 
 
 def number_of(value: Any) -> float | None:
@@ -288,7 +289,11 @@ def _over_views(data: dict[str, Any], origin: str) -> tuple[list[Any], list[str]
     flat: dict[str, Any] = dict(_leaves(data, origin, most=MAX_POSES * 16))
     records = {name: value for name, value in data.items() if isinstance(value, list) and _are_records(value)}
     flat |= records
-    arrays = {name: leaf for name, leaf in flat.items() if isinstance(leaf, np.ndarray) and leaf.shape not in ONE_VIEW}
+    arrays = {
+        name: leaf
+        for name, leaf in flat.items()
+        if isinstance(leaf, np.ndarray) and {leaf.shape, _squeeze(leaf).shape}.isdisjoint(ONE_VIEW)
+    }
     over = {name: len(leaf) for name, leaf in arrays.items() if leaf.ndim > 1}
     over |= {name: len(leaf) for name, leaf in flat.items() if isinstance(leaf, list)}
     if over and (any(name in arrays for name in over) or len(over) > 1):
@@ -302,8 +307,8 @@ def _over_views(data: dict[str, Any], origin: str) -> tuple[list[Any], list[str]
         return _require_few(views, origin), None
     numbered: dict[str, dict[str, Any]] = {}
     for name, value in data.items():
-        if (found := _NUMBERED.fullmatch(name)) and isinstance(value, list | dict):
-            numbered.setdefault(found[1], {})[found[2]] = value
+        if (found := _NUMBERED.fullmatch(name) or _NUMBER_WITHIN.fullmatch(name)) and isinstance(value, list | dict):
+            numbered.setdefault("".join(found.groups()[::2]), {})[found[2]] = value
     if not numbered or max(map(len, numbered.values())) < 2:
         return None
     n = max(map(len, numbered.values()))
@@ -321,7 +326,7 @@ def _are_records(values: list[Any]) -> bool:
 
 def _squeeze(leaf: Any) -> Any:
     """A column (k, 1) or a row (1, k) as k numbers."""
-    return np.ravel(leaf) if isinstance(leaf, np.ndarray) and 1 in leaf.shape else leaf
+    return np.ravel(leaf) if isinstance(leaf, np.ndarray) and leaf.ndim == 2 and 1 in leaf.shape else leaf
 
 
 def _alike(values: list[Any]) -> bool:
@@ -352,7 +357,7 @@ def _leaves(
         array = None if isinstance(data, dict) else array_of(data)
         if array is not None:
             if array.size <= most:
-                yield name, array if array.ndim > 2 or most > MAX_CELLS else _squeeze(array)
+                yield name, array if most > MAX_CELLS else _squeeze(array)
             return
         if len(data) > MAX_CELLS:
             return

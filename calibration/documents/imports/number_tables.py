@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from calibration.documents.imports.columns import Columns, recognise_columns, text_columns, words_of
-from calibration.documents.imports.conventions import CONVENTIONS, Convention
+from calibration.documents.imports.conventions import CONVENTIONS
 from calibration.documents.imports.pairs import columns_as_pairs
 from calibration.documents.imports.pose_table import MIN_STATED_MM, MM, PoseTable, table_of_matrices
 from calibration.documents.imports.refusal import MAX_POSES, refusal
@@ -31,7 +31,9 @@ TURN_FIRST = "the orientation stands before the place: the last three numbers of
 
 def table_of_columns(origin: str, names: Sequence[str], rows: Sequence[Sequence[Cell]]) -> PoseTable:
     """The table of rows with named columns, with the camera's poses where they name both. Raises DocumentError."""
-    _require_rows(origin, rows)
+    if not 0 < len(rows) <= MAX_POSES:
+        what = "no poses in it" if not rows else f"{len(rows)} rows, where {MAX_POSES} are read"
+        raise refusal(origin, "rows", what, "give one row for each view")
 
     def build(indices: Sequence[int]) -> PoseTable:
         return table_of_one_side(origin, [names[at] for at in indices], [[row[at] for at in indices] for row in rows])
@@ -79,7 +81,6 @@ def table_of_one_side(origin: str, names: Sequence[str], rows: Sequence[Sequence
     numbers = [*columns.lengths, *columns.turn, *columns.pose, *columns.joints]
     values = _numbers(origin, names, rows, numbers)
     values[:, : len(columns.lengths)] *= columns.scale
-    _require_reach(origin, values[:, : len(columns.lengths)], columns)
     labels = tuple(str(at + 1) for at in range(len(rows)))
     layout = "columns " + ", ".join(names[index] for index in numbers[:8]) + (" ..." if len(numbers) > 8 else "")
     if columns.joints:
@@ -88,14 +89,18 @@ def table_of_one_side(origin: str, names: Sequence[str], rows: Sequence[Sequence
     elif columns.pose:
         table = table_of_rows(origin, values, labels, layout)
     else:
-        kind = {3: "angles", 4: "quaternion", 9: "matrix"}[len(columns.turn)]
+        kind, said = {3: "angles", 4: "quaternion", 9: "matrix"}[len(columns.turn)], columns.convention
+        said = CONVENTIONS["rotation-vector-deg"] if said and said.order == "vector" and columns.degrees else said
         table = PoseTable(
-            origin, labels, values[:, :3], values[:, 3:], kind, layout,  # type: ignore[arg-type]
-            _with_degrees(columns, values[:, 3:]), columns.by_axis,
+            origin, labels, values[:, :3], values[:, 3:], kind, layout, said, columns.by_axis,  # type: ignore[arg-type]
         )  # fmt: skip
     table = replace(table, layout=layout, unit=table.unit or columns.unit).checked()
     if columns.unit is not None:
         table.require_reach(columns.unit, "header")
+        reach_mm = float(np.linalg.norm(table.lengths, axis=1).max()) * MM[columns.unit]
+        if len(rows) > 1 and reach_mm < MIN_STATED_MM:
+            what = f"in {columns.unit} as the header says, every pose is within {reach_mm:.3g} mm of the base"
+            raise refusal(origin, "header", what, "correct the unit in the header")
     return with_names(table, columns, names, rows)
 
 
@@ -106,8 +111,8 @@ def with_names(table: PoseTable, columns: Columns, names: Sequence[str], rows: S
     if columns.image is not None and all(isinstance(row[columns.image], str) for row in rows):
         images = tuple(str(row[columns.image]).strip() for row in rows)
     if columns.time is not None:
-        found = _times([row[columns.time] for row in rows])
-        times = times if found is None else found
+        seconds = [cell if isinstance(cell := row[columns.time], float) else seconds_of(cell) for row in rows]
+        times = times if any(one is None for one in seconds) else np.array(seconds, float)
     notes = (f"not used: {', '.join(ignored)}",) if ignored else ()
     labels = _labels(columns, rows) or table.labels
     return replace(table, labels=labels, images=images, times_s=times, notes=(*table.notes, *notes))
@@ -125,48 +130,14 @@ def table_of_joints(origin: str, labels: Sequence[str], joints: Array, layout: s
     ).checked()  # fmt: skip
 
 
-def _require_reach(origin: str, lengths: Array, columns: Columns) -> None:
-    """Raises DocumentError when the unit in the header puts all poses at the base."""
-    if columns.unit is None or len(lengths) < 2 or not np.isfinite(lengths).all():
-        return
-    reach_mm = float(np.linalg.norm(lengths, axis=1).max()) * MM[columns.unit]
-    if reach_mm < MIN_STATED_MM:
-        what = f"in {columns.unit} as the header says, every pose is within {reach_mm:.3g} mm of the base"
-        raise refusal(origin, "header", what, "correct the unit in the header")
-
-
-def _times(cells: Sequence[Cell]) -> Array | None:
-    """The times (n,) in s, from numbers or from dates with times; None where a cell is neither."""
-    seconds = [cell if isinstance(cell, float) else seconds_of(cell) for cell in cells]
-    return None if any(one is None for one in seconds) else np.array(seconds, float)
-
-
-def _with_degrees(columns: Columns, angles: Array) -> Convention | None:
-    """The convention that the header states; a rotation vector said to be in degrees is one."""
-    if columns.convention is not None and columns.convention.order == "vector" and columns.degrees:
-        return CONVENTIONS["rotation-vector-deg"]
-    return columns.convention
-
-
-def _require_rows(origin: str, rows: Sequence[Sequence[Cell]]) -> None:
-    if not rows:
-        raise refusal(origin, "rows", "no poses in it", "give one row for each view")
-    if len(rows) > MAX_POSES:
-        raise refusal(origin, "rows", f"{len(rows)} rows, where {MAX_POSES} are read", "give the rows of the views")
-
-
 def _numbers(origin: str, names: Sequence[str], rows: Sequence[Sequence[Cell]], wanted: Sequence[int]) -> Array:
     values = np.empty((len(rows), len(wanted)))
     for at, row in enumerate(rows):
         for place, index in enumerate(wanted):
             cell = row[index]
             if not isinstance(cell, float):
-                raise refusal(
-                    origin,
-                    f"row {at + 1}, {names[index]}",
-                    f"{cell[:40]!r} is no number" if cell else "empty",
-                    "correct it",
-                )
+                what = f"{cell[:40]!r} is no number" if cell else "empty"
+                raise refusal(origin, f"row {at + 1}, {names[index]}", what, "correct it")
             values[at, place] = cell
     return values
 
@@ -175,14 +146,13 @@ def _labels(columns: Columns, rows: Sequence[Sequence[Cell]]) -> tuple[str, ...]
     """What the rows call themselves; None where nothing differs from row to row."""
     for index in (columns.label, columns.image):
         if index is not None:
-            named = tuple(_text(row[index]) for row in rows)
+            named = tuple(
+                str(int(cell) if isinstance(cell, float) and cell.is_integer() and abs(cell) < 1e15 else cell).strip()
+                for cell in (row[index] for row in rows)
+            )
             if len(set(named)) == len(named):
                 return named
     return None
-
-
-def _text(cell: Cell) -> str:
-    return str(int(cell)) if isinstance(cell, float) and cell.is_integer() and abs(cell) < 1e15 else str(cell).strip()
 
 
 def table_of_rows(origin: str, rows: Array, labels: Sequence[str] | None = None, layout: str = "") -> PoseTable:

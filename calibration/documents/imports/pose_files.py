@@ -55,8 +55,8 @@ def read_any_text(content: bytes, origin: str) -> PoseTable:
 
 
 FAMILIES: dict[str, Reader] = {
-    **dict.fromkeys((".csv", ".tsv", ".log", ".tum"), read_text_table),
-    **dict.fromkeys((".txt", ".conf", ".xf", ".mod", ".modx", ".prg", ".sys", ".dat", ".pose"), read_any_text),
+    **dict.fromkeys((".csv", ".tsv", ".tum"), read_text_table),
+    **dict.fromkeys((".txt", ".log", ".conf", ".xf", ".mod", ".modx", ".prg", ".sys", ".dat", ".pose"), read_any_text),
     **dict.fromkeys((".src", ".ls", ".script"), read_keyed_text),
     **dict.fromkeys((".yaml", ".yml", ".samples"), _yaml),
     **dict.fromkeys((".jsonl", ".ndjson"), _json_lines),

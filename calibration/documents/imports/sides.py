@@ -36,6 +36,15 @@ DETECTOR_WORDS = frozenset(("rvec", "rvecs", "tvec", "tvecs", "rmat", "rmats"))
 CONNECTORS = {"2": False, "to": False, "t": True, "in": False, "wrt": False, "from": True}
 """Between the frames a and b: whether the numbers map b to a (base_T_flange) and not a to b (gripper2base)."""
 
+LETTERS = {
+    **dict.fromkeys(("be", "bg", "bf", "bh", "bt", "we", "wg", "wf", "wh", "fe"), "base_T_flange"),
+    **dict.fromkeys(("eb", "gb", "fb", "hb", "tb", "ew", "gw", "fw", "hw", "ef"), "flange_T_base"),
+    **dict.fromkeys(("co", "ct", "cm", "cp", "cw"), "camera_T_target"),
+    **dict.fromkeys(("oc", "tc", "mc", "pc"), "target_T_camera"),
+}
+"""What frames of one letter say, as in bTg, fMe and cMo."""
+
+_LETTERS = re.compile(r"(?<![A-Za-z])([a-z])[TMHP]([a-z])(?![A-Za-z])")
 _JOINED = re.compile(r"([a-z]+)(2|to|in|wrt)([a-z]+)")
 
 
@@ -53,6 +62,7 @@ class Relation:
 
 def relation_of(path: str) -> Relation | None:
     """What a path of names (parts between dots or slashes) says; None for nothing."""
+    path = _LETTERS.sub(lambda letters: LETTERS.get(letters[1] + letters[2], letters[0]), path)
     parts = re.split(r"[./]", re.sub(r"(?<=[a-z])(?=[A-Z][a-z])", "_", path))
     for part in reversed(parts):
         if (relation := _of_part(part)) is not None:
@@ -106,6 +116,10 @@ def build_by_sides(names: Sequence[str], shared: Sequence[int], build: Callable[
         if index not in shared:
             indices[None if one is None or (one.weak and "robot" not in named) else one.side].append(index)
     if not indices["robot"] and not indices["camera"]:
+        with contextlib.suppress(DocumentError):  # a detector's pose beside one of no name, which is then the robot's
+            weak = [index for index in indices[None] if relations[index] is not None]
+            camera = replace(build([*weak, *shared]), side="camera")
+            return replace(build([*sorted({*indices[None]} - {*weak}), *shared]), side="robot", camera=camera)
         return _with_relation(build([*range(len(names))]), relations, range(len(names)))
     found: dict[Side, PoseTable] = {}
     for side, others in (("robot", indices["robot"]), ("camera", indices["camera"])):

@@ -58,13 +58,13 @@ def _rows(*columns: Array, separator: str = ",") -> list[str]:
     return [separator.join(f"{number:.9f}" for number in row) for row in np.concatenate(columns, axis=1)]
 
 
-def _storage() -> bytes:
+def _storage_of(matrices: dict[str, Array]) -> bytes:
     """OpenCV's FileStorage with a key for each matrix."""
-    keys = [(f"{side}{at:02}", pose) for at, both in enumerate(zip(ROBOT, CAMERA, strict=True), 1)
-            for side, pose in zip(("gripper2base", "target2cam"), both, strict=True)]  # fmt: skip
-    matrices = [f"{key}: !!opencv-matrix\n   rows: 4\n   cols: 4\n   dt: d\n   data: {pose.ravel().tolist()}"
-                for key, pose in keys]  # fmt: skip
-    return lines("%YAML:1.0", "---", *matrices)
+    written = [
+        f"{key}: !!opencv-matrix\n  rows: {len(one)}\n  cols: {one.shape[1]}\n  dt: d\n  data: {one.ravel().tolist()}"
+        for key, one in matrices.items()
+    ]
+    return lines("%YAML:1.0", "---", *written)
 
 
 def _xml() -> bytes:
@@ -74,12 +74,13 @@ def _xml() -> bytes:
     return lines('<?xml version="1.0"?>', "<opencv_storage>", *parts, "</opencv_storage>")
 
 
-def _mat() -> bytes:
+def _mat(**arrays: Array) -> bytes:
     stream = io.BytesIO()
-    scipy.io.savemat(stream, {"bTe": 0.0, "robot_T": np.moveaxis(ROBOT, 0, 2), "board_T": np.moveaxis(CAMERA, 0, 2)})
+    scipy.io.savemat(stream, {"bTe": 0.0, **arrays})
     return stream.getvalue()
 
 
+LAST = np.moveaxis(ROBOT, 0, 2), np.moveaxis(CAMERA, 0, 2)
 ALTERNATING = np.stack([np.concatenate([t / 1000, V], axis=1), np.concatenate([s / 1000, v], axis=1)], axis=1)
 
 LAYOUTS: dict[str, dict[str, bytes]] = {
@@ -102,7 +103,9 @@ LAYOUTS: dict[str, dict[str, bytes]] = {
         {"tcp": [*(place / 1000), *turn], "rvec": b, "tvec": c / 1000}
         for place, turn, b, c in zip(t, Q, v, s, strict=True)])},
     "pairs of matrices": {"a.json": _json(np.stack([ROBOT, CAMERA], axis=1))},
-    "numbered keys of FileStorage": {"poses.yml": _storage()},
+    "numbered keys of FileStorage": {"poses.yml": _storage_of({
+        f"{side}{at:02}": pose for at, both in enumerate(zip(ROBOT, CAMERA, strict=True), 1)
+        for side, pose in zip(("gripper2base", "target2cam"), both, strict=True)})},
     "FileStorage in XML": {"poses.xml": _xml()},
     "twelve numbers": {"a.csv": lines(*_rows(V, t / 1000, v, s / 1000))},
     "twelve numbers, the camera first": {"a.csv": lines(*_rows(s / 1000, v, t / 1000, V))},
@@ -118,13 +121,34 @@ LAYOUTS: dict[str, dict[str, bytes]] = {
                    "t_target2cam.npy": npy(s)},
     "a file a view": {f"view_{at}.npz": npz(R_gripper2base=R[at], t_gripper2base=t[at], R_target2cam=r[at],
                                             t_target2cam=s[at]) for at in range(8)},
-    "MATLAB's": {"poses.mat": _mat()},
+    "MATLAB's": {"poses.mat": _mat(robot_T=LAST[0], board_T=LAST[1])},
+    "MATLAB's, with frames of one letter": {"poses.mat": _mat(bTg=LAST[0], cTo=LAST[1])},
+    "inverse poses, with frames of one letter": {"a.json": _json({"gTb": inverse(ROBOT), "oMc": inverse(CAMERA)})},
+    "columns of two matrices": {"a.csv": lines(
+        ",".join(f"{side}_{row}{column}" for side in ("ee", "cam") for row in range(4) for column in range(4)),
+        *_rows(ROBOT.reshape(-1, 16), CAMERA.reshape(-1, 16)))},
+    "records by their numbers, with a detection": {"a.json": _json({str(at): {
+        "pose": [*t[at], *V[at]], "rvec": v[at], "tvec": s[at] / 1000} for at in range(8)})},
+    "records of a detection's columns": {"a.json": _json({"date": "2026-01-02", "poses": [
+        {"robot_pose": dict(zip(("x", "y", "z", "qw", "qx", "qy", "qz"), [*t[at], *Q[at]], strict=True)),
+         "aruco": {"rvec": v[at][:, None], "tvec": s[at][:, None]}} for at in range(8)]})},
+    "lines of places and orientations, and a matrix as one list": {"a.jsonl": b"\n".join(_json(
+        {"tcp": {"pos": t[at], "orient": Q[at]}, "board_in_camera": CAMERA[at].ravel()}) for at in range(8))},
+    "numbers within the keys of FileStorage": {"a.yml": _storage_of(
+        {f"frame{at}_{name}": matrix for at in range(8) for name, matrix in (
+            ("robot_R", R[at]), ("robot_t", t[at, :, None]),
+            ("cam_rvec", v[at, :, None]), ("cam_tvec", s[at, :, None]))})},
+    "a file a view and side": {f"{side}_{at}.txt": lines(*_rows(poses[at], separator=" "))
+                               for side, poses in (("robot", ROBOT), ("cam", CAMERA)) for at in range(8)},
+    "a folder a side": {f"{side}/{at}.txt": lines(*_rows(poses[at], separator=" "))
+                        for side, poses in (("arm", ROBOT), ("board", CAMERA)) for at in range(8)},
 }  # fmt: skip
 
 
 @pytest.mark.parametrize("layout", LAYOUTS)
 def test_the_pairs_are_read(layout: str, tmp_path: Path) -> None:
     for name, content in LAYOUTS[layout].items():
+        (tmp_path / name).parent.mkdir(exist_ok=True)
         (tmp_path / name).write_bytes(content)
     understood = understand(ImportRequest(tmp_path, setup="eye-in-hand"))
     assert understood.camera_T_target is not None

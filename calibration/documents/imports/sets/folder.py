@@ -146,7 +146,7 @@ def _poses(files: Files, pattern: str, side: Side) -> PoseTable:
 def find_poses(files: Files, but: str | None = None) -> PoseTable:
     """The poses of a folder: one file with several, files with one each, or a file for each side; none that `but`, a
     glob, names. Raises DocumentError."""
-    several: list[PoseTable] = []
+    several: dict[str, PoseTable] = {}
     single: dict[tuple[str, str], list[str]] = {}
     refused: list[tuple[str, DocumentError]] = []
     others = set() if but is None else set(matching(files.names, but))
@@ -158,21 +158,21 @@ def find_poses(files: Files, but: str | None = None) -> PoseTable:
             refused.append((name, error))
             continue
         if len(table) > 1:
-            if not any(equal_sides(table, other) for other in several):
-                several.append(table)
+            if not any(equal_sides(table, other) for other in several.values()):
+                several[name] = table
         else:
             path = PurePosixPath(name)
             stem = re.sub(r"\d+", "", path.stem)
             single.setdefault((f"{path.parent}/{stem}", path.suffix), []).append(name)
-    groups = sorted((names for names in single.values() if len(names) > 1), key=len)
-    tables = [*several, *(read_one_each(files, sorted(names, key=natural)) for names in groups)]
-    if len(tables) == 1:
-        return tables[0]
-    if (both := _both_sides(tables)) is not None:
+    for (stem, suffix), names in single.items():
+        if len(names) > 1:
+            several[f"{stem}...{suffix}"] = read_one_each(files, sorted(names, key=natural))
+    if len(several) == 1:
+        return next(iter(several.values()))
+    if (both := _both_sides(several)) is not None:
         return both
-    if tables:
-        found = [table.origin for table in several] + [f"{names[0]} ..." for names in groups]
-        what = f"poses in several files ({shown(found)})"
+    if several:
+        what = f"poses in several files ({shown([*several])})"
         raise refusal(files.origin, "poses", what, "name those of the robot by --poses")
     arrays = {
         PurePosixPath(name).stem: load_npy(files.read(name), name) for name in candidates if name.endswith(".npy")
@@ -182,18 +182,23 @@ def find_poses(files: Files, but: str | None = None) -> PoseTable:
     raise _nearest(files, refused)
 
 
-def _both_sides(tables: Sequence[PoseTable]) -> PoseTable | None:
-    """The robot's table with the camera's, of two files whose names or columns say whose they are; else None."""
-    if len(tables) != 2 or len(tables[0]) != len(tables[1]) or any(table.camera is not None for table in tables):
+def _both_sides(tables: dict[str, PoseTable]) -> PoseTable | None:
+    """The robot's table with the camera's, of two files, or of files with one pose each in two groups, whose names or
+    columns say whose they are; else None."""
+    if (
+        len(tables) != 2
+        or len({*map(len, tables.values())}) > 1
+        or any(one.camera is not None for one in tables.values())
+    ):
         return None
-    said = [relation_of(PurePosixPath(table.origin).stem) for table in tables]
-    sides = [
-        table.side if one is None or one.side is None else one.side for table, one in zip(tables, said, strict=True)
-    ]
-    if sides[0] == sides[1] or "camera" not in sides:
+    by_side = {}
+    for name, table in tables.items():
+        said = relation_of(str(PurePosixPath(name).with_suffix("")))
+        by_side[table.side if said is None or said.side is None else said.side] = table
+    if len(by_side) != 2 or "camera" not in by_side:
         return None
-    robot, camera = (tables[sides.index("camera") ^ 1], tables[sides.index("camera")])
-    return replace(robot, side="robot", camera=replace(camera, side="camera"))
+    camera = by_side.pop("camera")
+    return replace(*by_side.values(), side="robot", camera=replace(camera, side="camera"))
 
 
 def _nearest(files: Files, refused: Sequence[tuple[str, DocumentError]]) -> DocumentError:
