@@ -38,6 +38,9 @@ POSE_NUMBERS = frozenset(("x", "y", "z", "w", "qw", "qx", "qy", "qz", "rx", "ry"
 MAX_CELLS = 200
 """Numbers of one record; a pose has 16 at most, a record may have joints and measurements besides."""
 
+MAX_TEXT = 1000
+"""Characters of a text that is read as numbers."""
+
 MATRICES = ((4, 4), (3, 4), (16,))
 ROWS = ((6,), (7,), (12,))
 TURNS = ((3, 3), (9,))
@@ -246,7 +249,10 @@ def table_of_array(array: Array, origin: str, labels: Sequence[str] | None = Non
 
 
 def _opencv_matrix(data: Any) -> Any:
-    """OpenCV's and ViSP's {rows, cols, data} as a list; Zivid's {FloatMatrix: {Data: ...}} likewise."""
+    """OpenCV's and ViSP's {rows, cols, data}, Zivid's {FloatMatrix: {Data: ...}} and a text of numbers as a list."""
+    if isinstance(data, str):
+        numbers = [number_of(one) for one in re.split(r"[\s,;]+", data.strip("[]() ")[:MAX_TEXT])]
+        return data if (len(numbers),) not in ((3,), (4,), *ROWS, *MATRICES, *TURNS) or None in numbers else numbers
     if isinstance(data, dict):
         if isinstance(data.get("FloatMatrix"), dict):
             return data["FloatMatrix"].get("Data")
@@ -287,8 +293,7 @@ def _records(data: Any, origin: str) -> tuple[list[Any], list[str] | None]:
 def _over_views(data: dict[str, Any], origin: str) -> tuple[list[Any], list[str] | None] | None:
     """The records of arrays over the views, or of names with the view's number; None where there are neither."""
     flat: dict[str, Any] = dict(_leaves(data, origin, most=MAX_POSES * 16))
-    records = {name: value for name, value in data.items() if isinstance(value, list) and _are_records(value)}
-    flat |= records
+    flat |= {name: one for name, one in data.items() if isinstance(one, list) and one and isinstance(one[0], dict)}
     arrays = {
         name: leaf
         for name, leaf in flat.items()
@@ -318,10 +323,6 @@ def _over_views(data: dict[str, Any], origin: str) -> tuple[list[Any], list[str]
         what = f"the numbers behind {' and '.join(full)} differ"
         raise refusal(origin, "document", what, "give every view both poses")
     return [{stem: views[number] for stem, views in full.items()} for number in numbers], numbers
-
-
-def _are_records(values: list[Any]) -> bool:
-    return bool(values) and all(isinstance(value, dict) for value in values)
 
 
 def _squeeze(leaf: Any) -> Any:

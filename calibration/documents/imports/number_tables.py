@@ -10,7 +10,7 @@ import numpy as np
 
 from calibration.documents.imports.columns import Columns, recognise_columns, text_columns, words_of
 from calibration.documents.imports.conventions import CONVENTIONS
-from calibration.documents.imports.pairs import columns_as_pairs
+from calibration.documents.imports.pairs import MIN_PAIRS, best_split
 from calibration.documents.imports.pose_table import MIN_STATED_MM, MM, PoseTable, table_of_matrices
 from calibration.documents.imports.refusal import MAX_POSES, refusal
 from calibration.documents.imports.sides import build_by_sides, relation_of
@@ -21,7 +21,6 @@ from calibration.transforms import QUATERNION_NORM_TOLERANCE, Array
 Cell = float | str
 
 WIDTHS = "6 (x, y, z and three angles), 7 (x, y, z and a quaternion), 8 (with a time before), 12 or 16 (a matrix)"
-
 
 MAX_ANGLE_DEG = 360.0
 """Larger numbers are no angles of an orientation."""
@@ -172,6 +171,10 @@ def table_of_rows(origin: str, rows: Array, labels: Sequence[str] | None = None,
         names = names if labels else tuple(f"{time:.9g}" for time in times)
     if width == 7 and not _unit_norms(rows[:, 3:]) and _counts(rows[:, 0]):
         names, rows, width = tuple(str(int(number)) for number in rows[:, 0]), rows[:, 1:], 6
+    if width in (14, 24, 32) and (both := _halves(origin, rows, names)) is not None:
+        return both
+    if width == 3:
+        return PoseTable(origin, names, rows, np.empty((len(rows), 0)), "points", said, POINTS).checked()
     if width not in (6, 7):
         raise refusal(origin, "rows", f"{width} numbers a row without names", f"give {WIDTHS}, or a header")
     notes: tuple[str, ...] = ()
@@ -203,9 +206,21 @@ def _twelve(origin: str, labels: Sequence[str], rows: Array, layout: str) -> Pos
     for turn, length in ((rows[:, :9], rows[:, 9:]), (rows[:, 3:], rows[:, :3])):
         if are_rotations(turn.reshape(-1, 3, 3)):
             return PoseTable(origin, tuple(labels), length, turn, "matrix", layout).checked()
-    if (pairs := columns_as_pairs(origin, rows)) is not None:
-        return pairs
+    if (both := _halves(origin, rows, labels)) is not None:
+        return both
     raise refusal(origin, "pose 1", "twelve numbers without a rotation matrix among them", f"give {WIDTHS}")
+
+
+def _halves(origin: str, rows: Array, labels: Sequence[str]) -> PoseTable | None:
+    """The robot's and the camera's pose side by side in each row, whose rotations agree; None where they do not.
+
+    Raises DocumentError for halves that are no poses.
+    """
+    splits = []
+    for shift in (0, 3) if rows.shape[1] == 12 else (0,):  # a place before its angles, or behind them
+        halves = [np.roll(half, shift, axis=1) for half in np.split(rows, 2, axis=1)]
+        splits.append((table_of_rows(origin, halves[0], labels), table_of_rows(origin, halves[1], labels)))
+    return best_split(splits) if len(rows) >= MIN_PAIRS else None
 
 
 def _counts(column: Array) -> bool:
@@ -214,8 +229,7 @@ def _counts(column: Array) -> bool:
 
 
 def _unit_norms(numbers: Array) -> bool:
-    norms = np.linalg.norm(numbers, axis=1)
-    return bool(np.all(np.abs(norms - 1) <= 2 * QUATERNION_NORM_TOLERANCE))
+    return bool(np.all(np.abs(np.linalg.norm(numbers, axis=1) - 1) <= 2 * QUATERNION_NORM_TOLERANCE))
 
 
 def are_rotations(matrices: Array) -> bool:

@@ -5,13 +5,13 @@ place, units and directions are (`calibration.diagnosis.angle_agreement`). It co
 conventions can be compared, and rows of numbers can be tried as the poses of two sides.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from calibration.diagnosis.angle_agreement import angles_between, mean_mismatch_rad
-from calibration.documents.imports.conventions import CONVENTIONS, Convention
+from calibration.documents.imports.conventions import Convention
 from calibration.documents.imports.pose_table import PoseTable
 from calibration.errors import GeometryError
 from calibration.transforms import Array
@@ -25,8 +25,6 @@ MORE_MISMATCH_RAD = float(np.radians(0.2))
 MIN_PAIRS = 3
 MAX_COMPARED = 40
 """Views by which conventions are compared."""
-
-VECTOR = CONVENTIONS["rotation-vector"]
 
 
 def angles_of(table: PoseTable, conventions: Sequence[Convention]) -> list[tuple[Convention, Array]]:
@@ -55,7 +53,7 @@ def agreeing_conventions(
     return least, robots, cameras
 
 
-def best_split(splits: Iterator[tuple[PoseTable, PoseTable]]) -> PoseTable | None:
+def best_split(splits: Iterable[tuple[PoseTable, PoseTable]]) -> PoseTable | None:
     """The robot's table with the camera's beside it, of the split whose sides turn alike; None where none does."""
     best, found = MAX_MISMATCH_RAD, None
     for robot, camera in splits:
@@ -65,21 +63,6 @@ def best_split(splits: Iterator[tuple[PoseTable, PoseTable]]) -> PoseTable | Non
             note = "no name says whose the poses are: that follows from what the flange carries, which is near to it"
             best, found = mismatch, replace(robot, camera=camera, side=None, notes=(*robot.notes, note))
     return found
-
-
-def columns_as_pairs(origin: str, rows: Array) -> PoseTable | None:
-    """Twelve numbers a row (n, 12) as a place and a rotation vector, in either order, of robot and camera."""
-
-    def table(numbers: Array, turn_first: bool) -> PoseTable:
-        turn, place = (numbers[:, :3], numbers[:, 3:]) if turn_first else (numbers[:, 3:], numbers[:, :3])
-        order = "a rotation vector and a place" if turn_first else "a place and a rotation vector"
-        labels = tuple(str(at + 1) for at in range(len(rows)))
-        return PoseTable(origin, labels, place, turn, "angles", order, VECTOR).checked()
-
-    if len(rows) < MIN_PAIRS:
-        return None
-    splits = ((table(rows[:, :6], first), table(rows[:, 6:], first)) for first in (True, False))
-    return best_split(splits)
 
 
 def rows_as_pairs(table: PoseTable) -> PoseTable | None:

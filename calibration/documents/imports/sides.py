@@ -7,6 +7,7 @@ detectors call their numbers, count where nothing else does.
 
 import contextlib
 import re
+import unicodedata
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 
@@ -14,18 +15,18 @@ from calibration.documents.imports.pose_table import Frame, PoseTable, Side
 from calibration.errors import DocumentError
 
 FRAMES = {
-    "base": ("base", "world", "robot", "arm", "robotbase", "baselink", "coords", "rob"),
+    "base": ("base", "world", "robot", "arm", "robotbase", "baselink", "coords", "rob", "roboter", "机器人"),
     "flange": (
         "flange", "gripper", "grip", "ee", "eef", "tcp", "tool", "tool0", "hand", "effector", "endeffector", "end",
-        "wrist", "link", "robtarget",
+        "wrist", "link", "robtarget", "flansch", "werkzeug", "greifer", "brida", "pinza", "flangia", "法兰", "夹爪",
     ),
     "camera": (
         "camera", "cam", "optical", "sensor", "tracking", "tracker", "lens", "ccs", "detection", "detected", "vision",
-        "pnp", "solvepnp",
+        "pnp", "solvepnp", "eye", "kamera", "camara", "telecamera", "相机", "カメラ",
     ),
     "target": (
         "target", "board", "marker", "tag", "object", "obj", "pattern", "checkerboard", "chessboard", "aruco",
-        "charuco", "apriltag", "grid", "plate", "calib",
+        "charuco", "apriltag", "grid", "plate", "calib", "tafel", "schachbrett", "tablero", "scacchiera", "标定板",
     ),
 }  # fmt: skip
 """Words of the four frames; `base` also those of a robot as a whole."""
@@ -62,6 +63,8 @@ class Relation:
 
 def relation_of(path: str) -> Relation | None:
     """What a path of names (parts between dots or slashes) says; None for nothing."""
+    path = "".join(one for one in unicodedata.normalize("NFD", path) if not unicodedata.combining(one))
+    path = re.sub(r"(?<=[\u3040-\u9fff])(?=[A-Za-z0-9])", "_", path)
     path = _LETTERS.sub(lambda letters: LETTERS.get(letters[1] + letters[2], letters[0]), path)
     parts = re.split(r"[./]", re.sub(r"(?<=[a-z])(?=[A-Z][a-z])", "_", path))
     for part in reversed(parts):

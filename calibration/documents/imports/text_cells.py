@@ -91,7 +91,8 @@ def _split(line: str, separator: str | None) -> list[str]:
 
 
 def _bare(cell: str) -> str:
-    return cell.strip().strip("\"'[]()").strip()
+    bare = cell.strip().strip("\"'[]()").strip()
+    return bare + "".join(end for begin, end in ("[]", "()") if begin in bare and end not in bare)  # x [mm]
 
 
 @dataclass(frozen=True)

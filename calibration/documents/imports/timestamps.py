@@ -1,7 +1,7 @@
 """Date and time in texts: `2026-11-22T10:15:02.118Z`, `22.11.2026 10:15:02`, and `IMG_20261122_101502` in names."""
 
 import re
-from datetime import UTC, datetime, timedelta, timezone
+from datetime import datetime
 
 _GAP = r"[-_.:/ ]?"
 _YEAR_FIRST = rf"(?P<year>(?:19|20)\d{{2}}){_GAP}(?P<month>\d{{2}}){_GAP}(?P<day>\d{{2}})"
@@ -18,14 +18,7 @@ def seconds_of(text: str) -> float | None:
         return None
     parts = [int(found[part]) for part in ("year", "month", "day", "hour", "minute", "second")]
     try:
-        moment = datetime(*parts, tzinfo=_zone(found["zone"]))  # type: ignore[arg-type,misc]
+        moment = datetime(*parts, tzinfo=datetime.strptime(found["zone"] or "Z", "%z").tzinfo)  # type: ignore[arg-type,misc]
     except ValueError:
         return None
     return moment.timestamp() + float(f"0.{found['fraction'] or 0}")
-
-
-def _zone(text: str | None) -> timezone:
-    if text in (None, "Z"):
-        return UTC
-    sign, digits = (-1 if text[0] == "-" else 1), text[1:].replace(":", "")
-    return timezone(sign * timedelta(hours=int(digits[:2]), minutes=int(digits[2:])))

@@ -250,11 +250,9 @@ def _of_axes(table: PoseTable, decision: Decision) -> tuple[str, ...]:
 
 def _of_options(request: ImportRequest, table: PoseTable) -> tuple[str, ...]:
     """Options that were not used."""
-    unused = [("--arm", request.arm is not None and table.kind != "joints", "the file holds poses")]
-    unused.append(
-        ("--camera-unit", request.camera_unit is not None and table.camera is None, "there are no camera's poses")
-    )
-    return tuple(f"{option} is not used: {why}" for option, is_unused, why in unused if is_unused)
+    rows = (("--arm", request.arm, table.kind == "joints", "the file holds poses"),
+            ("--camera-unit", request.camera_unit, table.camera, "there are no camera's poses"))  # fmt: skip
+    return tuple(f"{option} is not used: {why}" for option, given, user, why in rows if given is not None and not user)
 
 
 def _require_motion(table: PoseTable) -> None:

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import scipy.io
+from scipy.spatial.transform import Rotation
 
 import handeyed as library
 from calibration.documents.calibration import CalibrationDocument
@@ -138,6 +139,20 @@ LAYOUTS: dict[str, dict[str, bytes]] = {
         {f"frame{at}_{name}": matrix for at in range(8) for name, matrix in (
             ("robot_R", R[at]), ("robot_t", t[at, :, None]),
             ("cam_rvec", v[at, :, None]), ("cam_tvec", s[at, :, None]))})},
+    "places and Euler angles beside rotation vectors, without a header": {"a.csv": lines(
+        *_rows(t, np.degrees(Rotation.from_matrix(R).as_euler("xyz")), s, v))},
+    "seven and seven numbers": {"a.csv": lines(*_rows(t, Q, s, q))},
+    "two matrices a row": {"a.csv": lines(*_rows(ROBOT[:, :3].reshape(-1, 12), CAMERA[:, :3].reshape(-1, 12)))},
+    "numbers in texts": {"a.json": _json([
+        {"robot": _rows(t[at : at + 1], Q[at : at + 1])[0], "eye": _rows(s[at : at + 1], q[at : at + 1])[0]}
+        for at in range(8)])},
+    "a German table": {"a.csv": lines(
+        "Nr;" + ";".join(f"{side} {axis} [{unit}]" for side in ("Roboter", "Kamera") for axis, unit in zip(
+            ("X", "Y", "Z", "RX", "RY", "RZ"), ("mm", "mm", "mm", "rad", "rad", "rad"), strict=True)),
+        *(f"{at};{row.replace('.', ',')}" for at, row in enumerate(_rows(t, V, s, v, separator=";"), 1)))},
+    "matrices of FileStorage, a file a view and side": {
+        f"{side}_{at}.yaml": _storage_of({"PoseState": poses[at]})
+        for side, poses in (("robot_pose", ROBOT), ("checkerboard_pose", CAMERA)) for at in range(8)},
     "a file a view and side": {f"{side}_{at}.txt": lines(*_rows(poses[at], separator=" "))
                                for side, poses in (("robot", ROBOT), ("cam", CAMERA)) for at in range(8)},
     "a folder a side": {f"{side}/{at}.txt": lines(*_rows(poses[at], separator=" "))
@@ -262,3 +277,12 @@ def test_names_of_both_sides_that_contradict_the_fit_are_asked_for(tmp_path: Pat
     ran = handeyed("import", tmp_path, "--setup", "eye-in-hand", "--out", tmp_path / "s")
     assert ran.status == 2
     assert "the names say base_T_flange of the robot's poses" in ran.err
+
+
+def test_points_of_two_files_are_read(tmp_path: Path) -> None:
+    """Of a camera beside the arm, whose rows have no names."""
+    seen = np.random.default_rng(6).uniform([-200, -200, 400], [200, 200, 800], (8, 3))
+    (tmp_path / "robot_points.txt").write_bytes(lines(*_rows(map_points(X, seen), separator=" ")))
+    (tmp_path / "camera_points.txt").write_bytes(lines(*_rows(seen, separator=" ")))
+    ran = handeyed("import", tmp_path, "--setup", "eye-to-hand", "--out", tmp_path / "s")
+    assert ran.status == 0, ran.err

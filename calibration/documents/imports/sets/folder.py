@@ -147,6 +147,7 @@ def find_poses(files: Files, but: str | None = None) -> PoseTable:
     """The poses of a folder: one file with several, files with one each, or a file for each side; none that `but`, a
     glob, names. Raises DocumentError."""
     several: dict[str, PoseTable] = {}
+    points: dict[str, PoseTable] = {}
     single: dict[tuple[str, str], list[str]] = {}
     refused: list[tuple[str, DocumentError]] = []
     others = set() if but is None else set(matching(files.names, but))
@@ -157,7 +158,9 @@ def find_poses(files: Files, but: str | None = None) -> PoseTable:
         except DocumentError as error:
             refused.append((name, error))
             continue
-        if len(table) > 1:
+        if table.kind == "points" and table.camera is None:
+            points[name] = table
+        elif len(table) > 1:
             if not any(equal_sides(table, other) for other in several.values()):
                 several[name] = table
         else:
@@ -169,7 +172,7 @@ def find_poses(files: Files, but: str | None = None) -> PoseTable:
             several[f"{stem}...{suffix}"] = read_one_each(files, sorted(names, key=natural))
     if len(several) == 1:
         return next(iter(several.values()))
-    if (both := _both_sides(several)) is not None:
+    if both := _both_sides(several):
         return both
     if several:
         what = f"poses in several files ({shown([*several])})"
@@ -179,6 +182,9 @@ def find_poses(files: Files, but: str | None = None) -> PoseTable:
     }
     if len(arrays) > 1:
         return table_of_data(arrays, files.origin)
+    if (both := _both_sides(points)) is not None:
+        return both
+    refused += [(name, refusal(name, "rows", "3 numbers a row: points of one side", "give poses")) for name in points]
     raise _nearest(files, refused)
 
 

@@ -67,7 +67,9 @@ class Layout:
     describe: Callable[[Files, str], Described] = lambda files, part: {}
 
     def recognise(self, files: Files) -> bool:
-        return any(re.search(self.marker, name) for name in files.names)
+        """Whether it is such a set: pairs of poses without pictures are any folder, where none are described."""
+        wanted = (self.marker, self.images) if self.name == "Zivid" else (self.marker,)
+        return all(any(re.search(pattern, name) for name in files.names) for pattern in wanted)
 
     def read(self, files: Files, part: str | None) -> ImportedSet:
         """The set; `part` names one of several parts. Raises DocumentError."""
@@ -77,7 +79,10 @@ class Layout:
             for key, pattern in (("poses", self.poses), ("images", self.images))
         }
         poses = self._table(files, names["poses"])
-        images = of_suffix(names["images"], PICTURES) or _of_one_suffix(of_suffix(names["images"], CLOUDS))
+        clouds = of_suffix(names["images"], CLOUDS)
+        images = of_suffix(names["images"], PICTURES) or of_suffix(
+            clouds, frozenset(PurePosixPath(name).suffix.lower() for name in clouds[:1])
+        )
         described = self.describe(files, chosen)
         if self.seen is not None and not images and (seen := self._names_of(files, self.seen, chosen)):
             return ImportedSet(
@@ -109,10 +114,6 @@ class Layout:
         table = read_poses(names[0], files.read(names[0])) if len(names) == 1 else read_one_each(files, names)
         convention = table.convention if self.convention is None else CONVENTIONS[self.convention]
         return replace(table, unit=self.unit, frame=self.frame, convention=convention, side=None, named_frame=None)
-
-
-def _of_one_suffix(names: Sequence[str]) -> list[str]:
-    return [name for name in names if PurePosixPath(name).suffix == PurePosixPath(names[0]).suffix]
 
 
 def _metric(files: Files, part: str) -> Described:
