@@ -6,7 +6,7 @@ PIP := $(BIN)/pip --disable-pip-version-check --quiet
 LOCK := $(BIN)/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-emit-index-url \
 	--no-emit-find-links --custom-compile-command "make lock"
 
-.PHONY: help demo cell install quick test test-all test-busy test-opencv4 test-deployed test-systemd check bench torture lock sbom deb release format clean page-vendor
+.PHONY: help demo cell install quick test test-all test-night test-busy test-opencv4 test-deployed test-systemd check bench torture lock sbom deb release format clean page-vendor
 
 help:
 	@echo "make demo     install, then calibrate and register against the mock cell, and print the truth beside it"
@@ -66,6 +66,10 @@ test: $(VENV)/developing
 
 test-all: $(VENV)/developing
 	$(BIN)/pytest -n $(TEST_WORKERS) --dist worksteal
+
+# The statistics whole, of which every commit tries a third.
+test-night: $(VENV)/developing
+	HANDEYED_NIGHT=1 $(BIN)/pytest -n $(TEST_WORKERS) --dist worksteal
 
 test-busy: $(VENV)/developing
 	$(BIN)/python -m tests.support.busy $(BIN)/pytest -n $(TEST_WORKERS) --dist worksteal

@@ -14,6 +14,16 @@ def cases(normal: int) -> int:
     return max(normal, int(os.environ.get("HANDEYED_CASES", "0")))
 
 
+def by_night() -> bool:
+    """Whether statistics are tried whole, as `make test-night` does (HANDEYED_NIGHT=1)."""
+    return os.environ.get("HANDEYED_NIGHT") == "1"
+
+
+def seeds(count: int) -> range:
+    """The seeds of a statistic: every third of 0 to `count` - 1, by night all of them."""
+    return range(0, count, 1 if by_night() else 3)
+
+
 def long_enough_s(normal: float = 120.0) -> float:
     """The time limit of one test: it grows with what HANDEYED_CASES asks for."""
     return max(normal, 0.02 * cases(0))

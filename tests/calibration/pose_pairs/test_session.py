@@ -21,6 +21,7 @@ from tests.simulated.measured_sessions import (
     with_camera_poses,
     with_robot_poses,
 )
+from tests.support.cases import seeds
 
 SETUPS: tuple[Setup, ...] = ("eye-in-hand", "eye-to-hand")
 QUICK_AND_SLOW_SETUPS = ("eye-in-hand", pytest.param("eye-to-hand", marks=pytest.mark.slow))
@@ -67,7 +68,7 @@ def test_a_few_views_and_lengths_a_little_off_are_not_taken_for_drift(views: int
 @pytest.mark.parametrize("views", [6, 12, 24])
 def test_errors_have_the_size_that_is_claimed(measure: Measure, setup: Setup, views: int) -> None:
     squares = []
-    for seed in range(20):
+    for seed in seeds(20):
         cell = measured_cell(np.random.default_rng([7, seed]), views, measure, setup=setup)
         solution = solve_hand_eye(cell.problem)
         assert solution.mount_T_camera is not None

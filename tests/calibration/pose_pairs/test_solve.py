@@ -18,6 +18,7 @@ from calibration.transforms import (
     vector_from_transform,
 )
 from tests.simulated.pose_pairs import PoseNoise, drawn_session, with_alike_errors
+from tests.support.cases import seeds
 
 X = transform(rotation_from_vector([0.3, -2.0, 0.4]), [40.0, -60.0, 90.0])
 Y = transform(rotation_from_vector([-0.2, 0.1, 1.4]), [700.0, 100.0, -50.0])
@@ -39,7 +40,7 @@ def poses(
 @pytest.mark.parametrize("setup", ["eye-in-hand", "eye-to-hand"])
 def test_errors_have_the_size_that_the_covariance_predicts(setup: Setup) -> None:
     normalised = []
-    for seed in range(20):
+    for seed in seeds(20):
         rng = np.random.default_rng(seed)
         found = solve_hand_eye_poses(setup, *poses(rng, 0.4 * rng.standard_normal((15, 3)), setup))
         off = inverse(X) @ found.mount_T_camera
@@ -52,7 +53,7 @@ def test_errors_have_the_size_that_the_covariance_predicts(setup: Setup) -> None
 def test_five_views_do_not_claim_more_than_they_know() -> None:
     """Levels learnt from so few numbers are mostly too small: taken at their likeliest, the mean here is six."""
     squares = []
-    for seed in range(24):
+    for seed in seeds(24):
         session = drawn_session(np.random.default_rng(seed), 5, PoseNoise(0.02, 0.1, 0.02, 0.1), "random")
         found = solve_hand_eye_poses("eye-in-hand", session.anchor_T_mount, session.camera_T_target)
         off = inverse(session.mount_T_camera) @ found.mount_T_camera
