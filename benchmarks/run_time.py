@@ -15,7 +15,7 @@ from pathlib import Path
 
 from daemon.cli.demo_run.processes import start_child
 from daemon.cli.demo_run.settings_file import settings_text
-from daemon.cli.rest_client import DaemonClient, ServerEvent
+from handeyed.client import Client, ServerEvent
 
 POSES, BAR = 8, 0.05
 OF_THE_CELL = ("moving", "settling", "capturing")
@@ -32,8 +32,8 @@ def state_times_s(url: str) -> dict[str, float]:
         times[state] += now_s - since_s
         state, since_s = event["state"], now_s
 
-    with DaemonClient(url) as daemon:
-        run = daemon.run("/calibrate", {"count": POSES}, follow)
+    with Client(url) as daemon:
+        run = daemon.follow("/calibrate", {"count": POSES}, follow)
     if run["state"] != "finished":
         raise SystemExit(f"the run {run['state']}: {run['cause']}")
     return dict(times)

@@ -8,23 +8,26 @@
     points_base = handeyed.register(points, result, base_T_flange)
 
 Lengths are in mm, `a_T_b` maps coordinates of b to coordinates of a, quaternions have w first. Everything named here is
-stable (semantic versioning); the rooms beneath are not.
+stable (semantic versioning); the rooms beneath are not. `Client` asks a running daemon (handeyed/client.py).
 """
 
 import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from handeyed.client import Client
+    from handeyed.errors import ClientError
     from handeyed.library import Session, assess, export, plan, read_cloud, register, solve
 
-__all__ = ["Session", "assess", "export", "plan", "read_cloud", "register", "solve"]
+__all__ = ["Client", "ClientError", "Session", "assess", "export", "plan", "read_cloud", "register", "solve"]
 
 
 def __getattr__(name: str) -> Any:
     """Import the library with the first name that is asked for: the command starts without it."""
     if name not in __all__:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(importlib.import_module("handeyed.library"), name)
+    module = {"Client": "client", "ClientError": "errors"}.get(name, "library")
+    return getattr(importlib.import_module(f"handeyed.{module}"), name)
 
 
 def __dir__() -> list[str]:

@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 import typer
 
-from daemon.cli.errors import CommandError, ExitStatus
+from daemon.cli.errors import ExitStatus
 from daemon.cli.output import Json
 
 Url = Annotated[str, typer.Option("--url", envvar="HANDEYED_URL", help="Where the daemon listens.")]
@@ -42,23 +42,23 @@ def calibrate(
 
     Exit status: 0 accepted, 3 solved or refused but not accepted, 1 the run failed.
     """
-    from calibration.documents.calibration import CalibrationDocument
     from calibration.documents.calibration_text import summary
     from daemon.cli.manual import calibrate_manually
-    from daemon.cli.rest_client import DaemonClient
+    from daemon.cli.rest_client import connect
 
     given = {"count": count, "uncertainty_mm": uncertainty, "tolerance_mm": tolerance}
     given |= {"manual": manual or None, "arm": arm}
     body = _request_body(request, given)
-    with DaemonClient(url) as daemon:
-        run = calibrate_manually(daemon, body) if body.get("manual") else daemon.run("/calibrate", body, _show_progress)
-        if run["state"] != "finished":
-            cause = run["cause"] or {"what": f"the run was {run['state']}", "fix": "start it again"}
-            raise CommandError(f"{daemon.url}/runs/{run['id']}", cause["what"], cause["fix"])
-        document = CalibrationDocument.model_validate(daemon.get(f"/calibrations/{run['result']['calibration_id']}"))
-        applied, why_not = run["result"]["applied"], run["result"]["not_applied"]
+    with connect(url) as daemon:
+        run = (
+            calibrate_manually(daemon, body)
+            if body.get("manual")
+            else daemon.follow("/calibrate", body, _show_progress)
+        )
+        result, document = daemon.require_finished(run), daemon.result(run)
+        applied, why_not = result["applied"], result["not_applied"]
         if apply and document.verdict.accepted and not applied and not why_not:
-            daemon.post(f"/calibrations/{document.id}/apply", {"applied_by": "handeyed calibrate"})
+            daemon.activate(document.id, by="handeyed calibrate")
             applied = True
     typer.echo(document.model_dump_json() if json else summary(f"calibration {document.id}", document))
     if not json:

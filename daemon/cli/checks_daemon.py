@@ -8,9 +8,11 @@ from collections.abc import Callable
 from daemon.cli.errors import CommandError
 from daemon.cli.local_daemon import client_of, url_of
 from daemon.cli.output import CheckResult
-from daemon.cli.rest_client import DaemonClient, NoDaemon
+from daemon.cli.rest_client import connect
 from daemon.cli.service import running_service
 from daemon.config.settings import Settings, SettingsFile
+from handeyed.client import Client
+from handeyed.errors import ClientError, NoDaemon
 
 MAX_ANSWER_S = 4.0
 WITH_A_KEY = "give a key in HANDEYED_KEY, or check as root or as the daemon's user"
@@ -24,30 +26,30 @@ def check_daemon(settings: Settings, loaded: SettingsFile | None) -> list[CheckR
     found = _ask(lambda: client_of(settings, MAX_ANSWER_S), loaded)
     service = running_service()
     if found is None and service is not None and not service.is_at(url_of(settings)):
-        found = _ask(lambda: DaemonClient(service.url, MAX_ANSWER_S), loaded)
+        found = _ask(lambda: connect(service.url, MAX_ANSWER_S), loaded)
     return found
 
 
-def _ask(connect: Callable[[], DaemonClient], loaded: SettingsFile | None) -> list[CheckResult] | None:
+def _ask(ask: Callable[[], Client], loaded: SettingsFile | None) -> list[CheckResult] | None:
     """The results through one daemon; None when nothing listens there."""
     try:
-        with connect() as daemon:
+        with ask() as daemon:
             software = daemon.get("/health")["software"]
             return _results(daemon, f"{software} runs at {daemon.url} and holds the devices", loaded)
     except NoDaemon:
         return None
-    except (CommandError, KeyError, TypeError, ValueError) as error:
-        where, what = (
-            (error.where, error.what) if isinstance(error, CommandError) else ("the port", "no daemon's answer")
-        )
+    except (ClientError, CommandError, KeyError, TypeError, ValueError) as error:
+        where, what = "the port", "no daemon's answer"
+        if isinstance(error, ClientError | CommandError):
+            where, what = error.where, error.what
         said = f"something answers at {where}, but not as a daemon with these settings ({what}); no device was asked"
         return [CheckResult("daemon", False, said, "see who listens there: ss -ltnp")]
 
 
-def _results(daemon: DaemonClient, runs: str, loaded: SettingsFile | None) -> list[CheckResult]:
+def _results(daemon: Client, runs: str, loaded: SettingsFile | None) -> list[CheckResult]:
     try:
         about, readiness = daemon.get("/about"), daemon.get("/calibrate")
-    except CommandError as error:
+    except ClientError as error:
         return [CheckResult("daemon", True, runs), CheckResult("cell", False, error.what, WITH_A_KEY)]
     other = other_settings(about.get("settings"), loaded)
     if other is not None:

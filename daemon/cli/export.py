@@ -102,11 +102,11 @@ def _poses(file: Path, content: bytes, robot: str | None) -> Any:
 
 
 def _from_daemon(url: str, calibration_id: str, form: str, options: "ExportOptions") -> bytes:
-    from daemon.cli.rest_client import DaemonClient
+    from daemon.cli.rest_client import connect
 
     query = {"child": options.child, "decimals": options.decimals}
     if options.parent is not None:
         query["parent"] = options.parent
-    with DaemonClient(url) as daemon:
+    with connect(url) as daemon:
         path = f"/calibrations/{quote(calibration_id, safe='')}/exports/{quote(form, safe='')}"
         return daemon.read(f"{path}?{urlencode(query)}")

@@ -3,10 +3,11 @@
 import socket
 from pathlib import Path
 
-from daemon.cli.rest_client import DaemonClient
+from daemon.cli.rest_client import connect
 from daemon.cli.service import ANY_HOST, pinned
 from daemon.config.server_settings import ServerSettings
 from daemon.config.settings import Settings
+from handeyed.client import Client
 
 MAX_PORTS = 100
 """Ports that are tried from the usual one on."""
@@ -20,10 +21,10 @@ def url_of(settings: Settings) -> str:
     return f"{scheme}://[{host}]:{server.port}" if ":" in host else f"{scheme}://{host}:{server.port}"
 
 
-def client_of(settings: Settings, limit_s: float) -> DaemonClient:
+def client_of(settings: Settings, limit_s: float) -> Client:
     """A client of that daemon, which trusts exactly the certificate that the settings name. Raises CommandError."""
     certificate = settings.server.certificate
-    return DaemonClient(url_of(settings), limit_s, trust=None if certificate is None else pinned(Path(certificate)))
+    return connect(url_of(settings), limit_s, None if certificate is None else pinned(Path(certificate)))
 
 
 def free_port() -> int:

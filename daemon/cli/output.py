@@ -53,6 +53,7 @@ class CommandGroup(typer.core.TyperGroup):
         from daemon.errors import DaemonError
         from daemon.tools.target_print.errors import PrintRefused
         from drivers.errors import DeviceError
+        from handeyed.errors import ClientError, NotAnAddress
         from registration.errors import RegistrationError
 
         try:
@@ -63,10 +64,10 @@ class CommandGroup(typer.core.TyperGroup):
         except CommandError as error:
             print_error(str(error))
             raise typer.Exit(error.status) from None
-        except (PrintRefused, RegistrationError) as error:
+        except (NotAnAddress, PrintRefused, RegistrationError) as error:
             print_error(str(error))
             raise typer.Exit(ExitStatus.UNREADABLE) from None
-        except (CalibrationError, DaemonError, DeviceError) as error:
+        except (CalibrationError, ClientError, DaemonError, DeviceError) as error:
             print_error(str(error))
             raise typer.Exit(ExitStatus.FAILED) from None
 

@@ -115,8 +115,8 @@ def _with_names(context: "ReportContext", settings: Path) -> "ReportContext":
 def _from_daemon(url: str, calibration_id: str, pdf: bool, language: ReportLanguage) -> bytes:
     from urllib.parse import quote
 
-    from daemon.cli.rest_client import DaemonClient
+    from daemon.cli.rest_client import connect
 
-    with DaemonClient(url, MAX_REPORT_S) as daemon:
+    with connect(url, MAX_REPORT_S) as daemon:
         form = "pdf" if pdf else "html"
         return daemon.read(f"/calibrations/{quote(calibration_id, safe='')}/report?format={form}&language={language}")

@@ -54,10 +54,10 @@ def _of_folder(folder: Path, artefact: "ArtefactRequest") -> "AcceptanceDocument
 
 
 def _of_daemon(url: str, scan_id: str, artefact: "ArtefactRequest") -> "AcceptanceDocument":
-    from daemon.cli.rest_client import DaemonClient
+    from daemon.cli.rest_client import connect
     from daemon.scans.scanner_acceptance import AcceptanceDocument
 
-    with DaemonClient(url, MAX_EVALUATION_S) as daemon:
+    with connect(url, MAX_EVALUATION_S) as daemon:
         answer = daemon.post("/verify", {"scan_id": scan_id, "artefact": artefact.model_dump(exclude_none=True)})
     try:
         return AcceptanceDocument.model_validate(answer)

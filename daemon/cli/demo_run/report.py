@@ -8,7 +8,7 @@ from typing import Any
 from calibration.documents.calibration_text import accuracy_text
 from calibration.documents.numbers import significant
 from daemon.cli.demo_run.scenario import DemoResult
-from daemon.cli.rest_client import DEFAULT_URL
+from handeyed.client import DEFAULT_URL
 
 
 def report(found: DemoResult) -> str:

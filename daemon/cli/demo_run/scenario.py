@@ -14,8 +14,9 @@ from calibration.documents.calibration import CalibrationDocument
 from daemon.cli.demo_run.progress import ProgressLine, ProgressPrinter
 from daemon.cli.demo_run.settings_file import TOLERANCE_MM
 from daemon.cli.errors import CommandError
-from daemon.cli.rest_client import DaemonClient, ServerEvent
+from daemon.cli.rest_client import connect
 from daemon.runtime.module_names import module_name
+from handeyed.client import Client, ServerEvent
 
 VIEW_FILE = "view.ply"
 """The last view in the scanner's frame; the arm still stands where it was taken."""
@@ -34,8 +35,8 @@ class DemoResult:
 
 
 def run_scenario(url: str, folder: Path, seed: int, printer: ProgressPrinter) -> DemoResult:
-    """Run the scenario with the daemon at `url`; files go into `folder`. Raises CommandError."""
-    with DaemonClient(url) as daemon:
+    """Run the scenario with the daemon at `url`; files go into `folder`. Raises ClientError, CommandError."""
+    with connect(url) as daemon:
         calibration = _calibrate(daemon, printer)
         calibration_file = folder / "calibration.json"
         calibration_file.write_text(calibration.model_dump_json(indent=1) + "\n")
@@ -48,11 +49,10 @@ def run_scenario(url: str, folder: Path, seed: int, printer: ProgressPrinter) ->
     return DemoResult(calibration, calibration_file, cloud_file, scan_id, truth, score)
 
 
-def _calibrate(daemon: DaemonClient, printer: ProgressPrinter) -> CalibrationDocument:
+def _calibrate(daemon: Client, printer: ProgressPrinter) -> CalibrationDocument:
     """Run until U meets the tolerance of the settings: the daemon says itself how many poses that takes."""
     with printer.progress_line("calibrate", f"planned, until U <= {TOLERANCE_MM:g} mm") as step:
-        run = _require_success(daemon.run("/calibrate", {}, _show_progress(step, " at most")))
-        document = CalibrationDocument.model_validate(daemon.get(f"/calibrations/{run['result']['calibration_id']}"))
+        document = daemon.result(daemon.follow("/calibrate", {}, _show_progress(step, " at most")))
         if not document.verdict.accepted:
             errors = [finding for finding in document.verdict.findings if finding.severity == "error"]
             raise CommandError("calibrate", f"not accepted: {errors[0].message}", errors[0].fix)
@@ -60,13 +60,14 @@ def _calibrate(daemon: DaemonClient, printer: ProgressPrinter) -> CalibrationDoc
     return document
 
 
-def _scan(daemon: DaemonClient, file: Path, printer: ProgressPrinter) -> tuple[str, Path]:
+def _scan(daemon: Client, file: Path, printer: ProgressPrinter) -> tuple[str, Path]:
     with printer.progress_line("scan", "a car door, wider than one view") as step:
-        run = _require_success(daemon.run("/scans", {"name": "door", "capture": True}, _show_progress(step)))
-        scan_id = run["result"]["scan_id"]
+        run = daemon.follow("/scans", {"name": "door", "capture": True}, _show_progress(step))
+        result = daemon.require_finished(run)
+        scan_id = result["scan_id"]
         step.update("merging")
         size = daemon.download(f"/scans/{scan_id}/cloud", file)
-        step.finish(f"{run['result']['views']} views, {size / 1e6:.0f} MB merged")
+        step.finish(f"{result['views']} views, {size / 1e6:.0f} MB merged")
     return scan_id, file
 
 
@@ -77,13 +78,6 @@ def _show_progress(line: ProgressLine, or_fewer: str = "") -> Callable[[ServerEv
         line.update(f"station {min(event['station'] + 1, of)} of {of}{or_fewer}: {event['state']}{predicted}")
 
     return show
-
-
-def _require_success(run: Any) -> Any:
-    if run["state"] != "finished":
-        cause = run["cause"] or {"what": f"the run was {run['state']}", "fix": "try again"}
-        raise CommandError(f"{run['kind']} run {run['id']}", cause["what"], cause["fix"])
-    return run
 
 
 def run_mock(arguments: list[str]) -> dict[str, Any]:

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from daemon.access.service_key import AUTHORIZATION, ServiceKey, read_authorization
-from daemon.cli.rest_client import DEFAULT_URL, DaemonClient
+from daemon.cli.rest_client import DEFAULT_URL, connect
 from daemon.cli.service import RunningService, running_service
 from daemon.runtime.systemd import Systemd
 from tests.daemon.cell_under_test import serving, settings_for
@@ -75,7 +75,7 @@ def runtime(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     ],
 )
 def test_commands_give_the_key_to_the_service_and_to_nobody_else(runtime: Path, url: str, known: bool) -> None:
-    with DaemonClient(url) as daemon:
+    with connect(url) as daemon:
         assert ("authorization" in daemon._http.headers) == known
         assert url != DEFAULT_URL or daemon.url == "http://127.0.0.1:9000"
 

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from daemon.cli.checks import check_devices
-from daemon.cli.errors import CommandError
-from daemon.cli.rest_client import DaemonClient
+from daemon.cli.rest_client import connect
+from handeyed import ClientError
 from tests.daemon.access_keys import bearer
 from tests.daemon.cell_under_test import serving, settings_for
 from tests.daemon.cli.running import handeyed
@@ -95,17 +95,17 @@ async def test_commands_ask_with_the_key_of_the_environment(
 ) -> None:
     async with serving(settings_for(tmp_path / "store")) as bench:
         key = (await asyncio.to_thread(handeyed, "keys", "add", config, "Ann")).out.strip()
-        with pytest.raises(CommandError, match="this needs a key"):
+        with pytest.raises(ClientError, match="this needs a key"):
             await asyncio.to_thread(asks, bench.url)
         monkeypatch.setenv("HANDEYED_KEY", key)
         assert await asyncio.to_thread(asks, bench.url) == {"runs": [], "next": None, "damaged": []}
         monkeypatch.setenv("HANDEYED_CA", str(config))
-        with pytest.raises(CommandError, match=r"authority\.pem"):
+        with pytest.raises(ClientError, match=r"authority\.pem"):
             await asyncio.to_thread(asks, bench.url)
 
 
 def asks(url: str) -> object:
-    with DaemonClient(url) as daemon:
+    with connect(url) as daemon:
         return daemon.get("/runs")
 
 

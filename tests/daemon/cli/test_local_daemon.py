@@ -10,10 +10,10 @@ from pathlib import Path
 import pytest
 
 from daemon.access.certificates import CERTIFICATE, PRIVATE_KEY, make_certificate
-from daemon.cli.errors import CommandError
 from daemon.cli.local_daemon import client_of
-from daemon.cli.rest_client import DaemonClient
+from daemon.cli.rest_client import connect
 from daemon.config.settings import Settings
+from handeyed import ClientError
 from tests.conftest import ROOT
 from tests.daemon.cell_under_test import serving, settings_for
 from tests.daemon.runtime.service_manager import Manager
@@ -37,7 +37,7 @@ async def test_the_settings_certificate_is_trusted_and_no_other(tmp_path: Path) 
     settings, other = over_tls(tmp_path, "cell-7"), over_tls(tmp_path, "cell-8")
     async with serving(settings) as bench:
         assert (await asyncio.to_thread(software, settings, bench.url)).startswith("handeyed ")
-        with pytest.raises(CommandError, match="its certificate is not trusted"):
+        with pytest.raises(ClientError, match="its certificate is not trusted"):
             await asyncio.to_thread(software, other, bench.url)
 
 
@@ -47,7 +47,7 @@ async def test_a_certificate_is_for_this_machine_too(tmp_path: Path, monkeypatch
     monkeypatch.setenv("HANDEYED_CA", str(tmp_path / "tls-cell-7" / "authority.pem"))
 
     def ask(url: str) -> str:
-        with DaemonClient(url) as daemon:
+        with connect(url) as daemon:
             return str(daemon.get("/health")["status"])
 
     async with serving(settings) as bench:
