@@ -17,7 +17,7 @@ LEFT_OUT = shutil.ignore_patterns("__pycache__", "*.pyc")
 
 
 class RoomsBelowPackage(BuildHookInterface):  # type: ignore[misc]
-    """`rooms` of its configuration are moved below PACKAGE; `data` maps a folder to its place there."""
+    """`rooms` of its configuration are moved below PACKAGE; `data` maps a folder, or files, to a folder there."""
 
     def initialize(self, version: str, build_data: dict[str, Any]) -> None:
         """Add the moved tree to a standard wheel; an editable one uses the repository as it is."""
@@ -30,7 +30,12 @@ class RoomsBelowPackage(BuildHookInterface):  # type: ignore[misc]
         for room in rooms:
             shutil.copytree(root / room, package / room, ignore=LEFT_OUT)
         for source, place in self.config.get("data", {}).items():
-            shutil.copytree(root / source, package / place, ignore=LEFT_OUT, dirs_exist_ok=True)
+            for found in sorted(root.glob(source)):
+                if found.is_dir():
+                    shutil.copytree(found, package / place, ignore=LEFT_OUT, dirs_exist_ok=True)
+                else:
+                    (package / place).mkdir(parents=True, exist_ok=True)
+                    shutil.copy(found, package / place)
         for file in sorted(package.rglob("*.py")):
             file.write_text(below_package(file.read_text(encoding="utf-8"), rooms, str(file)), encoding="utf-8")
         build_data["force_include"][str(package)] = PACKAGE

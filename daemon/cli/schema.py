@@ -1,10 +1,13 @@
 """`handeyed schema NAME`: the JSON Schema of a file that goes in or comes out."""
 
-import json
 from enum import StrEnum
+from pathlib import Path
 from typing import Annotated
 
 import typer
+
+_PLACES = (Path(__file__).parent / "schemas", Path(__file__).parents[2] / "docs")
+"""Of the schemas that `tests.calibration.documents.schema_file` writes: when installed, in the repository."""
 
 
 class SchemaName(StrEnum):
@@ -37,6 +40,5 @@ class SchemaName(StrEnum):
 
 def schema(name: Annotated[SchemaName, typer.Argument(metavar="|".join(SchemaName))]) -> None:
     """Print the JSON Schema of a file: session.json, scan.json, plan.json, ..., and what is written."""
-    from daemon.cli.file_schemas.schemas import schema_of
-
-    typer.echo(json.dumps(schema_of(name.value), indent=1))
+    folder = next(place for place in _PLACES if place.is_dir())
+    typer.echo((folder / f"{name.value}.schema.json").read_text(encoding="utf-8"), nl=False)

@@ -55,9 +55,8 @@ def test_it_has_one_package_with_every_room_below(wheel: Path) -> None:
 
 def test_the_library_and_the_command_run_beside_modules_of_these_names(beside_a_plant: Path) -> None:
     listed = run(beside_a_plant, "-c", "import handeyed; print(*handeyed.__all__)")
-    assert listed.stdout.split() == ["Session", "assess", "export", "plan", "read_cloud", "register", "solve"], (
-        listed.stderr
-    )
+    names = ["Client", "ClientError", "Session", "assess", "export", "plan", "read_cloud", "register", "solve"]
+    assert listed.stdout.split() == names, listed.stderr
     exported = run(beside_a_plant, "-m", "handeyed", "export", str(VERSION_1), "--as", "kuka")
     assert "$TOOL={X" in exported.stdout, exported.stderr
     composed = run(beside_a_plant, "-c", "import handeyed.daemon.composition, handeyed.mock_robot.cell")

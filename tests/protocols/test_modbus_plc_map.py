@@ -11,7 +11,7 @@ from protocols.plc.codes import PlcCommand, PlcVerdict
 from protocols.plc.error_codes import ERROR_CODES, UNKNOWN, number_of
 from protocols.plc.registers import BY_NAME, REGISTERS, RESULT, SIZE, WRITABLE, Kind
 from protocols.plc.results import Accuracy, CameraPose, CommandResult, Sigma, result_block
-from protocols.plc.tables import BIT_MEANINGS, BITS, csv_text, markdown_text
+from tests.protocols.register_docs import BIT_MEANINGS, BITS, csv_text, markdown_text
 from tests.support.registers import float_of, integer_of
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
@@ -104,6 +104,8 @@ def test_what_is_not_known_is_zero_and_said_to_be() -> None:
 
 
 def test_the_documents_are_up_to_date() -> None:
-    """`python -m daemon.plc.register_docs` writes both."""
-    assert (DOCS / "plc-registers.csv").read_text(encoding="utf-8") == csv_text(), "python -m daemon.plc.register_docs"
-    assert markdown_text() in (DOCS / "plc.md").read_text(encoding="utf-8"), "python -m daemon.plc.register_docs"
+    """`python -m tests.protocols.register_docs` writes both."""
+    assert (DOCS / "plc-registers.csv").read_text(encoding="utf-8") == csv_text(), (
+        "python -m tests.protocols.register_docs"
+    )
+    assert markdown_text() in (DOCS / "plc.md").read_text(encoding="utf-8"), "python -m tests.protocols.register_docs"

@@ -4,7 +4,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from daemon.cli.file_schemas.schemas import FILES, schema_of
+from tests.calibration.documents.file_schemas import FILES, schema_of
 
 DOCS = Path(__file__).parents[3] / "docs"
 FILE = DOCS / "calibration.schema.json"

@@ -13,7 +13,7 @@ import pytest
 
 from calibration.documents.validation import Document, parse_document
 from calibration.errors import DocumentError
-from daemon.cli.file_schemas.schemas import FILES, schema_of
+from tests.calibration.documents.file_schemas import FILES, schema_of
 from tests.daemon.cli.running import handeyed
 from tests.structure import nodes_of, python_files
 

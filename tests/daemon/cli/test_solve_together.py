@@ -9,7 +9,7 @@ import pytest
 
 from calibration.documents.rig import RigDocument
 from calibration.transforms import difference, inverse, map_points, rotation_from_vector, transform
-from daemon.cli.file_schemas.schemas import schema_of
+from tests.calibration.documents.file_schemas import schema_of
 from tests.daemon.cli.running import handeyed
 from tests.daemon.cli.sessions import (
     FLANGE_T_CAMERA,

@@ -5,7 +5,7 @@ import pytest
 
 from calibration.transforms import Array, map_points, rotation_from_vector, transform
 from mock_robot.scene.part import DOOR
-from mock_robot.scene.part_mesh import surface_samples
+from mock_robot.scene.part_samples import surface_samples
 from mock_robot.scene.scanner_view import cloud_ply
 from mock_robot.truth.score import Unscorable, score_calibration, score_cloud
 from mock_robot.truth.score_ply import UnreadablePly, read_points

@@ -1,13 +1,17 @@
-"""The register map as CSV for PLC engineers and as Markdown for docs/plc.md."""
+"""`python -m tests.protocols.register_docs`: write docs/plc-registers.csv, and the tables of docs/plc.md."""
 
 import csv
 from collections.abc import Iterable
 from enum import IntFlag
 from io import StringIO
+from pathlib import Path
 
 from protocols.plc.codes import ContentsBit, ControlBit, StatusBit
 from protocols.plc.error_codes import ERROR_CODES, UNKNOWN
 from protocols.plc.registers import REGISTERS, RESULT, STATUS, Register
+
+DOCS = Path(__file__).resolve().parents[2] / "docs"
+BEGIN, END = "<!-- tables: written by python -m tests.protocols.register_docs -->\n\n", "\n<!-- end of the tables -->"
 
 BITS: dict[str, type[IntFlag]] = {"control": ControlBit, "status": StatusBit, "contents": ContentsBit}
 
@@ -124,3 +128,16 @@ def _places(register: Register) -> str:
 def _table(head: tuple[str, ...], rows: Iterable[tuple[str, ...]]) -> str:
     lines = [head, tuple("---" for _ in head), *rows]
     return "\n".join("| " + " | ".join(line) + " |" for line in lines)
+
+
+def main() -> None:
+    """Write both files in this repository."""
+    page = DOCS / "plc.md"
+    head, _, rest = page.read_text(encoding="utf-8").partition(BEGIN)
+    tail = rest.partition(END)[2]
+    page.write_text(head + BEGIN + markdown_text() + END + tail, encoding="utf-8")
+    (DOCS / "plc-registers.csv").write_text(csv_text(), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

@@ -17,7 +17,15 @@ from calibration.documents.tip import TipDocument
 from calibration.documents.touch_test import TouchTestDocument
 from calibration.documents.touches import TouchesDocument
 from calibration.monitoring.comparison import ComparisonDocument
-from daemon.cli.file_schemas.examples import (
+from daemon.scans.scanner_acceptance import AcceptanceDocument
+from daemon.sessions.detections import DetectionsDocument
+from daemon.store.backup import BackupManifestDocument
+from daemon.tools.acceptance_report import RobotAcceptanceDocument
+from daemon.tools.batch_registration.manifest import ManifestDocument
+from daemon.tools.batch_registration.tasks import OutcomeDocument
+from daemon.tools.setup_record import SetupRecordDocument
+from registration.documents import ProfilesDocument, RegistrationReportDocument, ScanDocument, StitchingDocument
+from tests.calibration.documents.schema_examples import (
     ACCEPTANCE,
     BACKUP,
     DETECTIONS,
@@ -32,14 +40,6 @@ from daemon.cli.file_schemas.examples import (
     TIP,
     TOUCHES,
 )
-from daemon.scans.scanner_acceptance import AcceptanceDocument
-from daemon.sessions.detections import DetectionsDocument
-from daemon.store.backup import BackupManifestDocument
-from daemon.tools.acceptance_report import RobotAcceptanceDocument
-from daemon.tools.batch_registration.manifest import ManifestDocument
-from daemon.tools.batch_registration.tasks import OutcomeDocument
-from daemon.tools.setup_record import SetupRecordDocument
-from registration.documents import ProfilesDocument, RegistrationReportDocument, ScanDocument, StitchingDocument
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 

@@ -1,1 +1,0 @@
-"""JSON Schemas of the files that go in and come out: `handeyed schema`."""
