@@ -6,7 +6,7 @@ PIP := $(BIN)/pip --disable-pip-version-check --quiet
 LOCK := $(BIN)/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-emit-index-url \
 	--no-emit-find-links --custom-compile-command "make lock"
 
-.PHONY: help demo cell install quick test test-all test-night test-busy test-opencv4 test-deployed test-systemd check bench torture lock sbom deb release format clean page-vendor
+.PHONY: help demo cell install quick test test-all test-night test-busy test-opencv4 test-deployed test-systemd check bench torture lock sbom deb release docs format clean page-vendor
 
 help:
 	@echo "make demo     install, then calibrate and register against the mock cell, and print the truth beside it"
@@ -21,6 +21,7 @@ help:
 	@echo "make test-systemd  the package under a live systemd, in a container: the story of docs/runbook.md, as root"
 	@echo "make check    formatting, lint, types, import contracts"
 	@echo "make bench    measure for half an hour, and write docs/benchmarks.md"
+	@echo "make docs     build the documentation into daemon/site, which the daemon serves under /docs/, and check its links"
 	@echo "make deb      build the Debian package into dist/"
 	@echo "make release  package, wheel, wheelhouse, SBOM, checksums and a folder for apt, in dist/releases; KEY= signs them"
 	@echo "make torture  kill -9 at random and at every failpoint, 1000 times, and 2000 histories of everything that can happen"
@@ -132,6 +133,18 @@ $(VENV)/measuring: $(VENV)/developing
 	@$(PIP) install --group bench
 	@touch $@
 
+# Without the internet, once its packages are installed. The wheel and the package take daemon/site with them.
+docs: export NO_MKDOCS_2_WARNING := 1
+docs: $(VENV)/documenting
+	$(BIN)/mkdocs build --quiet
+	@echo "daemon/site: handeyed serve shows it under /docs/"
+
+$(VENV)/documenting: $(VENV)/installed
+	@echo "Installing mkdocs ..."
+	@$(PIP) install --upgrade "pip>=25.1" # Debian 12's pip knows no dependency groups
+	@$(PIP) install --group docs
+	@touch $@
+
 page-vendor:
 	node deploy/page-vendor.mjs
 
@@ -169,4 +182,4 @@ sbom: $(VENV)/developing
 	@echo "build/sbom.cdx.json"
 
 clean:
-	rm -rf $(VENV) $(OPENCV4) $(DEPLOYED) build dist .demo
+	rm -rf $(VENV) $(OPENCV4) $(DEPLOYED) build dist .demo daemon/site

@@ -35,6 +35,12 @@ trap 'rm -rf "$work"' EXIT
 rm -rf "$out"
 mkdir -p "$out"
 
+say "the documentation ..."
+"$PYTHON" -m venv "$work/docs"
+"$work/docs/bin/pip" --quiet --disable-pip-version-check install --require-hashes -r "$SOURCE/deploy/requirements.lock"
+"$work/docs/bin/pip" --quiet --disable-pip-version-check install 'mkdocs>=1.6,<2' 'mkdocs-material>=9.6,<10'
+(cd "$SOURCE" && NO_MKDOCS_2_WARNING=1 "$work/docs/bin/mkdocs" build --quiet) # daemon/site: package and wheel take it
+
 say "the package ..."
 PYTHON=$PYTHON "$SOURCE/deploy/deb/build.sh" "$out" >/dev/null
 

@@ -105,6 +105,10 @@ class Client:
         return self
 
     def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """End its connections."""
         self._http.close()
 
     def get(self, path: str) -> Any:

@@ -11,6 +11,7 @@ POLICY: tuple[tuple[str, str, Role], ...] = (
     ("GET", "/session", Role.NOBODY),  # who is signed in, and what is asked for
     ("DELETE", "/session", Role.NOBODY),  # ends the caller's own
     ("POST", "/session/touch", Role.VIEWER),
+    ("GET", "/docs/*", Role.NOBODY),  # static files
     ("GET", "/page/*", Role.NOBODY),  # static files; the page asks for a key itself
     ("GET", "/audit", Role.ADMIN),
     ("GET", "/audit/verified", Role.ADMIN),

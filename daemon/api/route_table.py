@@ -8,6 +8,7 @@ from daemon.api.routes import (
     calibrate,
     calibrations,
     cell,
+    docs,
     drift,
     events,
     exports,
@@ -72,7 +73,9 @@ async def welcome(request: Request) -> Response | Welcome:
     if "text/html" in request.headers.get("accept", ""):
         return Response(status_code=303, headers={"Location": "/page/", "Vary": "Accept"})
     added = (extension.links for extension in request.app.state.extensions)
-    return Welcome(software=SOFTWARE, links=LINKS | {name: path for links in added for name, path in links.items()})
+    built = {"docs": "/docs/"} if docs.SITE.is_dir() else {}
+    links = LINKS | built | {name: path for links in added for name, path in links.items()}
+    return Welcome(software=SOFTWARE, links=links)
 
 
 ROUTERS: tuple[APIRouter, ...] = (
@@ -95,6 +98,7 @@ ROUTERS: tuple[APIRouter, ...] = (
     support.router,
     session.router,
     page.router,
+    docs.router,
     keys.router,
     help_codes.router,
 )

@@ -44,7 +44,7 @@ SINGLE_HEADERS = frozenset({
 REQUEST_ID = re.compile(r"[A-Za-z0-9._:-]{1,64}")
 
 LINKED_PATHS = re.compile(
-    r"/(?:health|page/.*|openapi\.json|calibrations/current|(?:runs|calibrations|scans)(?:/[^/]+)?)?"
+    r"/(?:health|page/.*|docs/.*|openapi\.json|calibrations/current|(?:runs|calibrations|scans)(?:/[^/]+)?)?"
 )
 """Documents that a link on a page of another origin may lead to: read from the store, without work for a device."""
 
