@@ -5,7 +5,7 @@ import re
 import subprocess
 import sys
 from collections.abc import Iterator
-from importlib.util import find_spec, module_from_spec, spec_from_file_location
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +14,7 @@ import typer
 
 from daemon.cli.main import app
 from tests.structure import ROOT
+from tests.support.docs_site import docs_site
 
 DOCS = ROOT / "docs"
 MAX_WORDS = 40
@@ -24,17 +25,9 @@ LONGER = {"page.md": 7, "reliability.md": 15, "rws.md": 3}
 """Sentences above MAX_WORDS that are still there, by page: fewer is welcome, more is not."""
 
 
-def site() -> Any:
-    spec = spec_from_file_location("docs_site", ROOT / "deploy" / "docs_site.py")
-    assert spec is not None and spec.loader is not None
-    module = module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
 @pytest.fixture(scope="module")
 def generated() -> dict[str, str]:
-    pages: dict[str, str] = site().generated_pages()
+    pages: dict[str, str] = docs_site().generated_pages()
     return pages
 
 
@@ -86,7 +79,7 @@ def test_every_metric_that_a_rule_asks_for_is_listed(generated: dict[str, str]) 
 
 
 def test_links_out_of_the_site_are_changed_or_left_as_words() -> None:
-    relinked = site().relinked
+    relinked = docs_site().relinked
     links = ("../SECURITY.md#keys", "../daemon/server.py", "plc.md#drift", "how-to/add-a-robot.md", "https://x.y")
     text = " ".join(f"[{name}]({link})" for name, link in zip("abcde", links, strict=True))
     found = relinked(text, DOCS, "")
