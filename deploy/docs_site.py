@@ -57,7 +57,7 @@ def on_post_build(config: Any) -> None:
             (site / name).write_text(script, encoding="utf-8")
             text = text.replace(f"<script>{script}</script>", f'<script src="{up}{name}"></script>')
         page.write_text(text, encoding="utf-8")
-    for name in ("sitemap.xml", "sitemap.xml.gz"):
+    for name in ("404.html", "sitemap.xml", "sitemap.xml.gz"):  # the daemon says itself what it does not have
         (site / name).unlink(missing_ok=True)
     for unused in site.rglob("*.map"):
         unused.unlink()
@@ -93,10 +93,10 @@ def relinked(markdown: str, here: Path, up: str) -> str:
         if picture or not path or "://" in link or link.startswith("mailto:"):
             return found[0]
         target = (here / path).resolve()
-        if target.is_dir():
+        if (target / "README.md").is_file():
             target /= "README.md"
         place = ELSEWHERE.get(str(target.relative_to(ROOT))) if target.is_relative_to(ROOT) else None
-        if target.is_relative_to(DOCS) and target.exists():
+        if target.is_relative_to(DOCS) and not target.is_dir():  # generated ones are not there yet
             place = str(target.relative_to(DOCS))
         return text if place is None else f"[{text}]({up}{place}{'#' + anchor if anchor else ''})"
 

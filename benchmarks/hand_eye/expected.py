@@ -42,12 +42,12 @@ def question(camera: str, arm: str, target: str, pictures: int) -> dict[str, Any
 
 def main() -> None:
     """Print the table."""
-    print(
-        f"{'camera':8}{'arm, one sigma':22}{'target':10}" + "".join(f"{f'{count} pictures':>13}" for count in PICTURES)
-    )
+    heads = "".join(f"{count:8}" for count in PICTURES)
+    print(f"{'camera':8}{'arm, one sigma':20}{'target':8}{heads} pictures")
     for camera, arm, target in product(CAMERAS, ARMS, TARGETS):
         found = [handeyed.plan(question(camera, arm, target, count)).predicted.expanded_mm for count in PICTURES]
-        print(f"{camera:8}{arm:22}{target:10}" + "".join("            -" if u is None else f"{u:13.2f}" for u in found))
+        values = "".join("       -" if u is None else f"{u:8.2f}" for u in found)
+        print(f"{camera:8}{arm:20}{target:8}{values}")
 
 
 if __name__ == "__main__":

@@ -84,7 +84,9 @@ def test_links_out_of_the_site_are_changed_or_left_as_words() -> None:
     text = " ".join(f"[{name}]({link})" for name, link in zip("abcde", links, strict=True))
     found = relinked(text, DOCS, "")
     assert found == "[a](security.md#keys) b [c](plc.md#drift) [d](how-to/add-a-robot.md) [e](https://x.y)"
-    assert relinked("[a](docs/plc.md)", ROOT, "") == "[a](plc.md)"
+    assert relinked("[a](docs/plc.md) [b](docs/how-to)", ROOT, "") == "[a](plc.md) b"
+    assert relinked("[a](../reference/codes.md)", DOCS / "use", "../") == "[a](../reference/codes.md)"
+    assert relinked("[a](../nowhere.md)", DOCS / "use", "../") == "[a](../nowhere.md)", "the strict build names it"
 
 
 @pytest.mark.slow
