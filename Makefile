@@ -154,6 +154,7 @@ lock: $(VENV)/developing
 	$(LOCK) --group build --output-file deploy/build.lock
 
 deb:
+	@$(MAKE) --no-print-directory docs || echo "mkdocs cannot be had here: the package has no /docs/"
 	PYTHON=/usr/bin/python3 deploy/deb/build.sh
 	@if command -v lintian >/dev/null; then lintian --fail-on error,warning dist/handeyed_*.deb; else echo "lintian is not here: not checked"; fi
 

@@ -28,6 +28,7 @@ from daemon.drift.cell_cameras import CellCamera
 from daemon.errors import NoCalibration
 from daemon.model.requests import CalibrateRequest, VerifyRequest
 from daemon.runs.foresight import Foresight
+from daemon.runs.pose_selection import MAX_VIEWS
 from daemon.scans.scanner_acceptance import AcceptanceDocument
 from daemon.store.actor import current_audit_context
 from daemon.store.damaged_rows import split_damaged
@@ -188,4 +189,5 @@ def _poses_text(settings: CalibrationSettings) -> str:
     goals = ((settings.tolerance_mm, "to U = {:g} mm"), (settings.uncertainty_mm, "to {:g} mm"))
     stated = " and ".join(words.format(goal_mm) for goal_mm, words in goals if goal_mm)
     enough = f", until a mapped point is known {stated}" if stated else ""
-    return f"a first look from where the arm stands, then up to {settings.count} planned one after the other{enough}"
+    most = settings.count or MAX_VIEWS - 1
+    return f"a first look from where the arm stands, then up to {most} planned one after the other{enough}"

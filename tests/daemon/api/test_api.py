@@ -306,6 +306,14 @@ async def test_get_calibrate_moves_nothing_and_says_how_to_start(bench: Bench) -
     assert not bench.robot.goals
 
 
+@pytest.mark.parametrize(("count", "most"), [(8, "up to 8 planned"), (None, "up to 11 planned")])
+async def test_get_calibrate_says_how_many_poses_are_planned_at_most(
+    tmp_path: Path, count: int | None, most: str
+) -> None:
+    async with serving(settings_for(tmp_path, calibration={"poses": [], "count": count})) as bench:
+        assert most in (await bench.client.get("/calibrate")).json()["poses"]
+
+
 async def test_events_report_every_step_and_can_be_caught_up(bench: Bench) -> None:
     run = (await bench.client.post("/calibrate", params={"wait": LIMIT_S})).json()
     events = await read_events(bench.client, until="finished", last_event_id="0")
