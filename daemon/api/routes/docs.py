@@ -11,10 +11,10 @@ SITE = Path(__file__).parents[2] / "site"
 """Built before the wheel and the Debian package are; a checkout has it after `make docs`."""
 
 CONTENT_SECURITY_POLICY = (
-    "default-src 'none'; script-src 'self'; style-src 'self' 'unsafe-inline'; img-src 'self' data:; connect-src 'self';"
+    "default-src 'none'; script-src 'self'; style-src 'self' 'unsafe-inline'; img-src 'self' data:; connect-src {docs};"
     " font-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
 )
-"""Scripts of this daemon only. The theme writes styles and HTML of its own, which the page may not."""
+"""Scripts of this daemon only, which read the site and nothing else: the theme's are not ours, and write HTML."""
 
 router = APIRouter(prefix="/docs", include_in_schema=False)
 
@@ -32,6 +32,6 @@ async def document(request: Request, name: str, h: str | None = None) -> Respons
     if not SITE.is_dir():
         raise NotFound("this installation has no documentation", "make docs builds it; a release brings it")
     response = await StaticFiles(directory=SITE, html=True, check_dir=False).get_response(name or ".", request.scope)
-    response.headers["Content-Security-Policy"] = CONTENT_SECURITY_POLICY
+    response.headers["Content-Security-Policy"] = CONTENT_SECURITY_POLICY.format(docs=f"{request.base_url}docs/")
     response.headers["Cache-Control"] = "no-cache"
     return response
