@@ -61,5 +61,9 @@ def test_the_library_and_the_command_run_beside_modules_of_these_names(beside_a_
     assert "$TOOL={X" in exported.stdout, exported.stderr
     composed = run(beside_a_plant, "-c", "import handeyed.daemon.composition, handeyed.mock_robot.cell")
     assert composed.returncode == 0, composed.stderr
+    printed = run(beside_a_plant, "-m", "handeyed", "schema", "session")
+    assert printed.stdout == (ROOT / "docs" / "session.schema.json").read_text(), printed.stderr
+    client = run(beside_a_plant, "-c", "import handeyed; handeyed.Client('http://127.0.0.1:1').close()")
+    assert client.returncode == 0, client.stderr
     mock = run(beside_a_plant, "-m", "handeyed", "mock", "truth")
     assert "flange_T_camera" in mock.stdout, mock.stderr
