@@ -53,6 +53,8 @@ def report(reports: list[TortureReport], took_s: float) -> None:
           " nothing lost, nothing half done, the arm never moved by itself")  # fmt: skip
     for place, count in sorted(killed.items()):
         print(f"  killed {place:<44}{count:6}")
+    if not ready_s:
+        return  # only histories are asked for
     middle, slowest = statistics.median(ready_s), max(ready_s)
     print(f"ready again, forked: median {middle:.2f} s, slowest {slowest:.2f} s (bar {READY_BAR_S:g} s)")
 

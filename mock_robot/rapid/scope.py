@@ -183,6 +183,7 @@ class CompileContext:
     """Compile-time context of a statement: task, module, scope and routine.
 
     `call` compiles a call of a routine: handed in because a call's arguments are expressions, and a call is one.
+    `labels` are those that a GOTO may name here: of its block and those around it.
     """
 
     task: Any
@@ -192,6 +193,7 @@ class CompileContext:
     call: "CompileCall"
     routine: Routine | None = None
     in_handler: bool = False
+    labels: frozenset[str] = frozenset()
 
     def wrong(self, line: int, why: str) -> RapidProgramError:
         """The error to raise for a line."""

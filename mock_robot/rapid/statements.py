@@ -1,6 +1,7 @@
 """Compiles statements to closures. A closure returns None to continue with the next statement, or a `Flow`."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from enum import IntEnum
 from typing import Any
 
@@ -50,9 +51,10 @@ def block(context: CompileContext, statements: list[Node]) -> Run:
 
     A program that stops by itself stands at its statement, and tries it again when it is started.
     """
+    labels = {name(node, 0): place for place, node in enumerate(statements) if node.data == "label"}
+    context = replace(context, labels=context.labels | labels.keys())
     runs = [_KINDS[node.data](context, node) for node in statements]
     lines = [line_of(node) for node in statements]
-    labels = {name(node, 0): place for place, node in enumerate(statements) if node.data == "label"}
     task, module, count = context.task, context.module, len(runs)
     in_handler = context.in_handler
     handle = _stop_in_handler if in_handler else _handle
@@ -280,6 +282,8 @@ def _raise(context: CompileContext, node: Node) -> Run:
 
 def _goto(context: CompileContext, node: Node) -> Run:
     label = name(node, 0)
+    if label not in context.labels:
+        raise context.wrong(line_of(node), f"GOTO {label}: no such label in this block or in one around it")
 
     def run(frame: Frame) -> None:
         raise _GoTo(label)

@@ -303,6 +303,25 @@ def test_an_error_is_not_raised_by_number_in_a_handler() -> None:
         Snippet(module("WaitTime 0;\nERROR\nRAISE ERR_DIVZERO;"))
 
 
+@pytest.mark.parametrize(
+    "body",
+    [
+        "GOTO inside;\nWHILE n < 3 DO\ninside:\nn := n + 1;\nENDWHILE",
+        "GOTO inside;\nFOR i FROM 1 TO 3 DO\ninside:\nn := i;\nENDFOR",
+        "IF n = 1 THEN\nGOTO inside;\nELSE\ninside:\nn := 2;\nENDIF",
+        "GOTO nowhere;",
+    ],
+)
+def test_goto_leads_neither_into_a_loop_or_branch_nor_nowhere(body: str) -> None:
+    with pytest.raises(RapidProgramError, match="no such label in this block"):
+        Snippet(module(body, "VAR num n;"))
+
+
+def test_goto_leads_out_of_a_loop() -> None:
+    body = "WHILE TRUE DO\nn := n + 1;\nIF n > 4 GOTO done;\nENDWHILE\ndone:\nn := 10 * n;"
+    assert ran(body, "VAR num n;")["n"] == 50
+
+
 def test_names_differ_by_more_than_case() -> None:
     with pytest.raises(RapidProgramError, match="busy is declared twice"):
         Snippet(module("", "VAR num busy;\nCONST num BUSY := 1;"))
