@@ -1,7 +1,11 @@
 """Error handlers of RAPID: RETRY, TRYNEXT, RAISE, RETURN and UNDO, by small programs."""
 
+import re
+
 import pytest
 
+from mock_robot.rapid import statements
+from mock_robot.rapid.controller import DEPLOYED
 from mock_robot.rapid.errors import CycleLeft, ProgramStopped
 from tests.mock_robot.rapid.snippets import Snippet, module, ran
 
@@ -102,3 +106,63 @@ def test_the_limits_of_a_controller(body: str, error: str) -> None:
     data = "VAR string s;\nVAR num n;\nVAR num list{3};\nVAR rawbytes rb;"
     with pytest.raises(ProgramStopped, match=error):
         ran(body, data)
+
+
+AROUND_OBEY = """VAR errnum CELL_ERR_ABORT := -1;
+VAR intnum cell_abort_intno;
+VAR intnum cell_watch_intno;
+VAR bool cell_wanted := TRUE;
+VAR bool cell_abort;
+VAR bool cell_serves;
+VAR bool fails := {fails};
+VAR num moves;
+VAR num seen;
+---
+{obey}
+PROC cell_enter()
+ENDPROC
+PROC cell_leave()
+ENDPROC
+PROC cell_settle()
+ENDPROC
+PROC cell_moves(bool stays)
+  VAR num zero;
+  moves := moves + 1;
+  cell_wanted := moves < 3;
+  IF moves = 1 RAISE CELL_ERR_ABORT;
+  IF fails seen := 1 / zero;
+ERROR
+  RAISE;
+ENDPROC
+"""
+OTHER_ERROR_IN_MAIN = "IF ERRNO = ERR_DIVZERO seen := 5;\nTRYNEXT;"
+
+
+@pytest.fixture(params=["takes what it lists", "takes every error"])
+def listed_clause(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
+    """No manual says which of both `ERROR (number)` does with an error that is raised out of a call."""
+    if request.param == "takes every error":
+        monkeypatch.setattr(statements, "_lists", lambda *_: True)
+    return str(request.param)
+
+
+def around_obey(fails: str) -> str:
+    shipped = re.search(r"PROC cell_obey\(.*?ENDPROC", (DEPLOYED / "CELL_motion.mod").read_text(), re.DOTALL)
+    assert shipped
+    return AROUND_OBEY.format(fails=fails, obey=shipped[0])
+
+
+@pytest.mark.usefixtures("listed_clause")
+def test_obeying_goes_on_after_an_abort() -> None:
+    snippet = ran("cell_obey FALSE;", around_obey("FALSE"), OTHER_ERROR_IN_MAIN)
+    assert (snippet["moves"], snippet["seen"]) == (3, 0)
+
+
+def test_obeying_ends_at_any_other_error(listed_clause: str) -> None:
+    snippet = Snippet(module("cell_obey FALSE;", around_obey("TRUE"), OTHER_ERROR_IN_MAIN))
+    if listed_clause == "takes every error":
+        assert snippet.runs()["seen"] == 5
+    else:
+        with pytest.raises(ProgramStopped, match="cell_obey has no ERROR handler"):
+            snippet.runs()
+    assert snippet["moves"] == 2
