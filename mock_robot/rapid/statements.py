@@ -30,10 +30,7 @@ class Flow(IntEnum):
 
 
 class _RaisedHere(Exception):
-    """RAISE in a handler; `error` when it names another one."""
-
-    def __init__(self, error: RapidError | None) -> None:
-        self.error = error
+    """RAISE in a handler."""
 
 
 class _GoTo(Exception):
@@ -118,8 +115,8 @@ def _run_handler(context: CompileContext, frame: Frame, routine: Routine, error:
     outer, task.handled = task.handled, error
     try:
         return Flow(routine.handler(frame) or Flow.RETURNED)
-    except _RaisedHere as raised:
-        raise RaisedFurther(raised.error or error) from None
+    except _RaisedHere:
+        raise RaisedFurther(error) from None
     finally:
         task.handled = outer
         if not error.logged:
@@ -259,23 +256,17 @@ def _return(context: CompileContext, node: Node) -> Run:
 
 
 def _raise(context: CompileContext, node: Node) -> Run:
-    number: Evaluate | None = None
-    if (asked := optional_part(node, 0)) is not None:
-        number = expression(context, asked, NUM).evaluate
-    elif not context.in_handler:
-        raise context.wrong(line_of(node), "RAISE without a number belongs into an ERROR handler")
-    if context.in_handler and number is not None:
-        raise context.wrong(line_of(node), "RAISE with a number does not belong into an ERROR handler")
-    inside, numbered, task = context.in_handler, context.errors.error_of, context.task
+    asked, errors, task = optional_part(node, 0), context.errors, context.task
+    if context.in_handler is (asked is not None):
+        raise context.wrong(line_of(node), f"RAISE {'with' if asked else 'without'} a number "
+                            f"{'does not belong' if asked else 'belongs'} into an ERROR handler")  # fmt: skip
+    number = None if asked is None else expression(context, asked, NUM).evaluate
 
     def run(frame: Frame) -> None:
-        value = None if number is None else number(frame)
-        error = None if value is None else numbered(value)
-        if error is not None and value is not None and any(lists(value) for lists in task.recovery_points):
-            raise LongJump(error, value)
-        if inside or error is None:
-            raise _RaisedHere(error)
-        raise error
+        if number is None:
+            raise _RaisedHere
+        error = errors.error_of(value := number(frame))
+        raise LongJump(error, value) if any(lists(value) for lists in task.recovery_points) else error
 
     return run
 
