@@ -5,6 +5,7 @@ from typing import Any
 
 import pytest
 
+from daemon.api.problems import PASSING, RETRY_AFTER_S, STATUS
 from tests.daemon.cell_under_test import Bench, Parts, serving, settings_for
 from tests.daemon.fakes import Gate
 
@@ -51,6 +52,33 @@ async def test_what_passes_by_itself_says_when_to_come_again(tmp_path: Path) -> 
         assert (off.status_code, int(off.headers["retry-after"]) > 0) == (503, True)
         never = await bench.client.post("/verify")
         assert (never.json()["code"], "retry-after" in never.headers) == ("no-calibration", False)
+
+
+MENDED_BY_SOMEBODY = {
+    "run-over": "it stays over",
+    "not-waiting": "the run never waits for anybody",
+    "same-pose": "the arm is moved on",
+    "too-few-views": "more views are taken",
+    "no-calibration": "one is made",
+    "calibration-unusable": "another one is made",
+    "no-scanner": "the settings name one",
+    "scan-empty": "a view is added",
+    "no-poses": "poses are given",
+    "arm-unknown": "the settings name the arm",
+    "key-exists": "another name is given",
+    "sweep-needed": "the scanner is swept",
+    "move-refused": "the reason stands at the controller",
+    "not-comparable": "other documents are compared",
+    "export-refused": "another format is asked for",
+}
+"""Codes of a 409 that waiting does not mend, and what does."""
+
+
+def test_each_conflict_says_when_to_come_again_or_is_mended_by_somebody() -> None:
+    conflicts = {kind.code for kind, status in STATUS.items() if status == 409 and hasattr(kind, "code")}
+    assert conflicts >= PASSING
+    assert conflicts - PASSING == set(MENDED_BY_SOMEBODY)
+    assert 503 in RETRY_AFTER_S
 
 
 @pytest.mark.parametrize(
