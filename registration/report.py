@@ -22,10 +22,12 @@ from registration.fusion.concatenation import MergedCloud, PlacedCloud, merge_cl
 from registration.fusion.merging import EVERY_POINT, Merge
 from registration.fusion.pose_adjustment import ViewCorrection
 from registration.fusion.stitching import StitchingGap, measure_gap
+from registration.points.range_check import FIX
 from registration.scan import (
     Registration,
     ScannerMount,
     ScanView,
+    ViewSample,
     register_views,
     sample_views,
     write_views,
@@ -42,14 +44,18 @@ def register_scan(
     merge: Merge = EVERY_POINT,
     views_out: Path | None = None,
     further: Sequence[FindingDocument] = (),
+    force: bool = False,
 ) -> RegistrationReportDocument:
     """Register, write the merged cloud to `out` (completely or not at all), report. `clock` gives seconds.
 
     With `views_out`, an existing folder, also write each registered view; `further` findings stand in the report.
-    Raises RegistrationError's leaves.
+    Clouds whose unit cannot be are refused unless `force`. Raises RegistrationError's leaves.
     """
     began = clock()
     samples = sample_views(views)
+    doubts = unit_findings(samples)
+    if doubts and not force:
+        raise ScanError(doubts[0].message, doubts[0].fix)
     sampled = clock()
     registration = register_views(views, samples, hand, refine=refine)
     registered = clock()
@@ -58,7 +64,7 @@ def register_scan(
     if views_out is not None:
         write_views(registration.views, views_out)
     seconds = Seconds(read=sampled - began, register=registered - sampled, write=clock() - registered)
-    findings = [*further, *column_findings(merged.columns_lost), *_outliers(merged)]
+    findings = [*further, *doubts, *column_findings(merged.columns_lost), *_outliers(merged)]
     return report_of(registration, hand, merged.points, seconds, findings)
 
 
@@ -150,6 +156,15 @@ def column_findings(lost: Sequence[str]) -> list[FindingDocument]:
         return []
     what = f"the columns {', '.join(lost)} are not in every view, or not in this format, and were left out"
     return [_finding("columns-dropped", "warning", what, "scan every view with the same settings, and write a PLY")]
+
+
+def unit_findings(samples: Sequence[ViewSample]) -> list[FindingDocument]:
+    """Finding about views whose unit cannot be; empty without any."""
+    doubted = [index for index, sample in enumerate(samples) if sample.doubt is not None]
+    if not doubted:
+        return []
+    what = f"views {_list(doubted)}: {samples[doubted[0]].doubt}"
+    return [_finding("unit-impossible", "error", what, FIX)]
 
 
 def _outliers(merged: MergedCloud) -> list[FindingDocument]:

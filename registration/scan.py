@@ -28,6 +28,7 @@ from registration.io.convert import move_file
 from registration.io.durable_file import GuardedFile
 from registration.io.reading import open_cloud
 from registration.points.layout import Layout, Records
+from registration.points.range_check import RangeCheck
 from registration.points.rigid_motion import RigidMotion, scale_to_mm
 from registration.points.surface import MAX_RANGE_MM, Surface, sample_points
 
@@ -135,12 +136,16 @@ def scanner_mount_of(document: CalibrationDocument) -> ScannerMount:
 
 @dataclass(frozen=True, eq=False)
 class ViewSample:
-    """What was read of a view: its surface, its columns, how many points it has, and how many are not finite."""
+    """What was read of a view: its surface, its columns, how many points it has, and how many are not finite.
+
+    `doubt`: why its unit cannot be.
+    """
 
     surface: Surface
     layout: Layout
     points: int
     non_finite: int
+    doubt: str | None = None
 
 
 def sample_views(views: Sequence[ScanView], on_progress: OnProgress = ignore_progress) -> list[ViewSample]:
@@ -168,12 +173,12 @@ def _sample(view: ScanView, on_read: OnProgress) -> ViewSample:
     """`on_read` is called with the share of the points that is read."""
     scale = scale_to_mm(view.unit)
     with open_cloud(view.path) as cloud:
-        blocks = _CountedBlocks(cloud.blocks(), cloud.layout, cloud.count, on_read)
+        blocks = _CountedBlocks(cloud.blocks(), cloud.layout, cloud.count, on_read, RangeCheck(view.unit))
         points = sample_points(blocks, cloud.layout, scale)
         if not len(points) and blocks.points > blocks.non_finite:
             what = f"{view.path.name}: no point lies within {MAX_RANGE_MM / 1e6:g} km of the scanner"
             raise ScanError(what, "check the cloud and its unit")
-        return ViewSample(Surface.of(points), cloud.layout, blocks.points, blocks.non_finite)
+        return ViewSample(Surface.of(points), cloud.layout, blocks.points, blocks.non_finite, blocks.range.doubt)
 
 
 def register_views(
@@ -220,13 +225,16 @@ def register_views(
 class _CountedBlocks:
     """Blocks whose points are counted while they pass; `on_read` is called with the share of `count` that has."""
 
-    def __init__(self, blocks: Iterator[Records], layout: Layout, count: int | None, on_read: OnProgress) -> None:
-        self._blocks, self._layout, self._count, self._on_read = blocks, layout, count, on_read
+    def __init__(
+        self, blocks: Iterator[Records], layout: Layout, count: int | None, on_read: OnProgress, range_: RangeCheck
+    ) -> None:
+        self._blocks, self._layout, self._count, self._on_read, self.range = blocks, layout, count, on_read, range_
         self.points = self.non_finite = 0
 
     def __iter__(self) -> Iterator[Records]:
         for block in self._blocks:
             self.points += len(block)
+            self.range.look(block, self._layout)
             self.non_finite += len(block) - int(np.count_nonzero(self._layout.finite(block)))
             if self._count:
                 self._on_read(min(self.points / self._count, 1.0))

@@ -38,6 +38,7 @@ def register(
     arm_temperature: Annotated[
         float | None, typer.Option(help="With --arm: of the arm's links, in °C, when the scan was taken.")
     ] = None,
+    force: Annotated[bool, typer.Option("--force", help="Register clouds whose unit cannot be, too.")] = False,
     json: Json = False,
 ) -> None:
     """Put every cloud of a scan into the robot's base frame, in mm, and write them as one.
@@ -75,6 +76,7 @@ def register(
         merge=merge,
         views_out=views,
         further=given.findings([view.stance for view in scanned]),
+        force=force,
     )
     typer.echo(report.model_dump_json() if json else _summary(report, out))
     if not document.verdict.accepted:

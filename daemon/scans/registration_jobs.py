@@ -25,7 +25,7 @@ from daemon.scans.progress import ProgressReports
 from daemon.store.store import Store
 from registration.documents import RegistrationReportDocument
 from registration.fusion.concatenation import size_of
-from registration.report import column_findings, report_of
+from registration.report import column_findings, report_of, unit_findings
 from registration.scan import ScannerMount, ScanView, layout_of_views, register_views, sample_views, scanner_mount_of
 
 log = logging.getLogger(__name__)
@@ -200,7 +200,8 @@ def _register(
     _, lost = layout_of_views(registration.views)
     points = sum(view.points - view.non_finite for view in registration.views)
     seconds = {"read": read - began, "register": clock() - read, "write": 0.0}
-    return report_of(registration, hand, points, seconds, [*wanted.findings, *column_findings(lost)])  # type: ignore[arg-type]
+    findings = [*wanted.findings, *unit_findings(samples), *column_findings(lost)]
+    return report_of(registration, hand, points, seconds, findings)  # type: ignore[arg-type]
 
 
 def _report_part(on_progress: Callable[[float], None], before: float, share: float, part: float) -> None:

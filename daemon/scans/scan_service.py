@@ -26,7 +26,7 @@ from daemon.runtime.workers import Workers
 from daemon.scans.progress import ProgressReports
 from daemon.scans.registration_jobs import RegistrationJobs, RegistrationRequest
 from daemon.scans.scanner_acceptance import AcceptanceDocument, assess_scanner
-from daemon.scans.upload import receive_upload
+from daemon.scans.upload import NPZ, PLY, SUFFIXES, receive_upload
 from daemon.store.database import storage_errors
 from daemon.store.store import Store
 from drivers.interfaces import ScannedCloud
@@ -94,15 +94,26 @@ class ScanService:
 
         settings = self.settings_of(scan.scanner)
         unit: Unit = settings.unit if settings else "mm"
-        return await self.add_view(scan.id, whole(), cloud.media_type, unit, pose)
+        return await self.add_view(scan.id, whole(), cloud.media_type, unit, pose, force=True)
 
     async def add_view(
-        self, scan_id: str, body: AsyncIterator[bytes], media_type: str, unit: Unit, pose: FlangePose
+        self,
+        scan_id: str,
+        body: AsyncIterator[bytes],
+        media_type: str,
+        unit: Unit,
+        pose: FlangePose,
+        *,
+        force: bool = False,
     ) -> ScanViewDocument:
-        """Store a streamed cloud as the next view when complete. Raises RegistrationError, NotFound, StorageError."""
+        """Store a streamed cloud as the next view when complete; `force`: also one whose unit cannot be.
+
+        Raises RegistrationError, NotFound, StorageError.
+        """
         scan = await self.store.scan(scan_id)
         folder = self.store.scan_folder(scan_id)
-        async with receive_upload(body, folder, self.new_id(self.clock), media_type, unit, self.workers) as upload:
+        name = self.new_id(self.clock)
+        async with receive_upload(body, folder, name, media_type, unit, self.workers, force=force) as upload:
             view = await self.store.add_scan_view(
                 scan_id, upload.file, unit, pose, self.clock.timestamp(), points=upload.points
             )
@@ -112,15 +123,16 @@ class ScanService:
         return view
 
     async def transform_cloud(
-        self, body: AsyncIterator[bytes], media_type: str, unit: Unit, base_T_scanner: Array
+        self, body: AsyncIterator[bytes], media_type: str, unit: Unit, base_T_scanner: Array, *, force: bool = False
     ) -> tuple[Path, int]:
         """Transform a cloud that cannot be streamed into base, in mm; returns file and number of points.
 
         The caller deletes the file. Raises RegistrationError, StorageError.
         """
         name, folder = self.new_id(self.clock), self.store.folder / "scans" / TRANSIT_FOLDER
-        async with receive_upload(body, folder, name, media_type, unit, self.workers) as upload:
-            target = folder / f"merged-{name}{upload.file.suffix}"
+        async with receive_upload(body, folder, name, media_type, unit, self.workers, force=force) as upload:
+            suffix = SUFFIXES[PLY] if media_type == NPZ else upload.file.suffix  # NPZ is not written
+            target = folder / f"merged-{name}{suffix}"
             motion = RigidMotion.of(base_T_scanner, unit)
             moved = await self.workers.run(partial(move_file, upload.file, target, motion, durable=False))
         return target, moved.points

@@ -1,4 +1,4 @@
-"""Receive an uploaded cloud into a file, checking it while it arrives; LAZ, which has its index last, afterwards."""
+"""Receive an uploaded cloud into a file, checking it while it arrives; LAZ and NPZ, whose index is last, afterwards."""
 
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager, suppress
@@ -13,13 +13,19 @@ from daemon.runtime.workers import Workers
 from daemon.store.database import storage_errors
 from registration.io.reading import open_cloud
 from registration.io.stream import CloudStream
+from registration.points.range_check import RangeCheck
 
 LAZ = "application/vnd.laszip"
+PLY = "application/x-ply"
+NPZ = "application/x-npz"
+WHOLE = (LAZ, NPZ)
+"""Formats whose index is at the end: they cannot be streamed."""
 SUFFIXES = {
-    "application/x-ply": ".ply",
+    PLY: ".ply",
     "application/x-pcd": ".pcd",
     "application/octet-stream": ".f32",
     LAZ: ".laz",
+    NPZ: ".npz",
 }
 """File suffixes by media type; octets are float32 x, y, z."""
 
@@ -36,22 +42,30 @@ class Upload:
 
 @asynccontextmanager
 async def receive_upload(
-    body: AsyncIterator[bytes], folder: Path, name: str, media_type: str, unit: str, workers: Workers
+    body: AsyncIterator[bytes],
+    folder: Path,
+    name: str,
+    media_type: str,
+    unit: str,
+    workers: Workers,
+    *,
+    force: bool,
 ) -> AsyncIterator[Upload]:
     """Yield the complete cloud in a file of `folder`, which is deleted afterwards unless it was renamed.
 
-    Raises CloudError, StorageError.
+    A cloud whose unit cannot be is refused unless `force`. Raises CloudError, ScanError, StorageError.
     """
+    check = None if force else RangeCheck(unit)
     file = folder / f".{name}.upload{SUFFIXES[media_type]}"
     try:
         await workers.run(_make_folder, folder)
         with await workers.run(_open, file) as out:
-            stream = None if media_type == LAZ else CloudStream(media_type, np.eye(4), unit)
+            stream = None if media_type in WHOLE else CloudStream(media_type, np.eye(4), unit, range_check=check)
             async for chunk in body:
                 await workers.run(_append, out, file, stream, chunk)
             if stream is not None:
                 stream.finish()
-        yield Upload(file, await workers.run(_read_through, file) if stream is None else stream.points)
+        yield Upload(file, await workers.run(_read_through, file, check) if stream is None else stream.points)
     finally:
         with suppress(OSError):
             await workers.run(file.unlink, missing_ok=True)
@@ -75,7 +89,14 @@ def _append(out: BinaryIO, file: Path, stream: CloudStream | None, chunk: bytes)
         out.write(chunk)
 
 
-def _read_through(file: Path) -> int:
-    """Check a LAZ file by reading all its blocks; returns the number of points."""
+def _read_through(file: Path, check: RangeCheck | None) -> int:
+    """Check a file of WHOLE by reading all its blocks; returns the number of points."""
+    points = 0
     with open_cloud(file, ORIGIN) as cloud:
-        return sum(len(block) for block in cloud.blocks())
+        for block in cloud.blocks():
+            points += len(block)
+            if check is not None:
+                check.look(block, cloud.layout)
+    if check is not None:
+        check.require(ORIGIN)
+    return points

@@ -4,9 +4,7 @@ PCD holds width and height. PLY does not: they stand in its header as `obj_info 
 by the caller. NPZ holds arrays: `points` (height, width, 3) and `intensity` (height, width[, channels]).
 """
 
-import io
 import re
-import zipfile
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,19 +13,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from calibration.documents.imports.arrays import DAMAGED_ARCHIVE
 from registration.errors import CloudFormatError, CloudIOError, CloudUnsupported
 from registration.io.formats.header import HEADER_LIMIT
+from registration.io.formats.npz import MAX_FILE_BYTES, read_arrays
 from registration.io.reading import open_cloud
 from registration.io.regular_file import read_regular
 from registration.points.layout import Array
 from registration.points.rigid_motion import scale_to_mm
 
 MAX_PIXELS = 64_000_000
-MAX_FILE_BYTES = 2_000_000_000
-"""Largest NPZ, packed or unpacked."""
 
-POINTS = ("points", "points_mm", "xyz", "pointcloud", "point_cloud")
 INTENSITY = ("intensity", "grey", "gray", "luminance", "reflectance", "texture", "image", "scalar_intensity")
 COLOURS = (("red", "green", "blue"), ("r", "g", "b"))
 PACKED_COLOURS = ("rgb", "rgba")
@@ -98,25 +93,15 @@ def _npz_columns(path: Path) -> Mapping[str, NDArray[Any]]:
         content = read_regular(path, MAX_FILE_BYTES)
     except OSError as error:
         raise CloudIOError(name, "file", (error.strerror or str(error)).lower(), "check the file") from None
-    try:
-        with zipfile.ZipFile(io.BytesIO(content)) as archive:
-            if sum(entry.file_size for entry in archive.infolist()) > MAX_FILE_BYTES:
-                raise CloudUnsupported(name, "file", "it unpacks to more than 2 GB", "give one view of the camera")
-        with np.load(io.BytesIO(content), allow_pickle=False) as arrays:
-            held = {str(key).lower(): np.asarray(arrays[key]) for key in arrays.files}
-    except DAMAGED_ARCHIVE as error:
-        raise CloudFormatError(name, "file", f"this is no NPZ of arrays ({error})", "write it again") from None
-    points = next((held[key] for key in POINTS if key in held), None)
-    if points is None or points.ndim != 3 or points.shape[2] != 3 or points.dtype.kind not in "iuf":
-        what = f"there is no array 'points' of (height, width, 3) among {', '.join(held) or 'none'}"
-        raise CloudFormatError(name, "arrays", what, "write np.savez(file, points=..., intensity=...)")
+    points, beside = read_arrays(content, name)
+    if points.ndim != 3:
+        fix = "write np.savez(file, points=..., intensity=...) with points of (height, width, 3)"
+        raise CloudFormatError(name, "arrays", "its points are no picture of a camera's pixels", fix)
     columns = {axis: points[:, :, index] for index, axis in enumerate("xyz")}
-    for key, array in held.items():
-        if array.dtype.kind not in "iuf" or array.shape[:2] != points.shape[:2]:
-            continue
+    for key, array in beside.items():
         if array.ndim == 2:
             columns[key] = array
-        elif array.ndim == 3 and array.shape[2] in (1, 3, 4) and array is not points:
+        elif array.shape[2] in (1, 3, 4):
             columns[INTENSITY[0]] = array[:, :, :3].mean(axis=2)
     return columns
 

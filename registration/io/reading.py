@@ -17,6 +17,7 @@ from registration.io.formats.compressed import CompressedSource
 from registration.io.formats.detect import HeaderParser, octets
 from registration.io.formats.extras import E57Source, LasSource
 from registration.io.formats.header import HEADER_LIMIT, CloudHeader
+from registration.io.formats.npz import NpzSource
 from registration.io.formats.sections import SectionPassage
 from registration.io.formats.stl import open_stl
 from registration.io.stream import BLOCK_BYTES
@@ -144,5 +145,6 @@ SPECIAL: dict[str, Callable[[GuardedFile, str], CloudSource]] = {
     ".las": lambda file, name: LasSource(file, name, compressed=False),
     ".laz": lambda file, name: LasSource(file, name, compressed=True),
     ".e57": E57Source,
+    ".npz": NpzSource,
 }
 """Formats that are not a header with records."""

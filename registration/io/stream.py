@@ -21,6 +21,7 @@ from registration.io.formats.detect import HeaderParser, parser_of
 from registration.io.formats.header import CloudHeader
 from registration.io.formats.sections import SectionPassage
 from registration.points.layout import Records
+from registration.points.range_check import RangeCheck
 from registration.points.rigid_motion import BlockMover, RigidMotion
 
 BLOCK_BYTES = 1 << 18
@@ -41,13 +42,17 @@ class CloudStream:
         *,
         out_unit: str = "mm",
         file: str = "request body",
+        range_check: RangeCheck | None = None,
     ) -> None:
+        """`range_check`: refuses, at the cloud's end, one whose unit cannot be."""
+        self._range = range_check
         self._start(parser_of(media_type, file), RigidMotion.of(base_T_camera, unit, out_unit), file)
 
     @classmethod
     def with_parser(cls, parser: HeaderParser, motion: RigidMotion, file: str) -> "CloudStream":
         """For formats without a media type."""
         stream = cls.__new__(cls)
+        stream._range = None
         stream._start(parser, motion, file)
         return stream
 
@@ -63,6 +68,11 @@ class CloudStream:
     def header(self) -> CloudHeader | None:
         """The parsed header, None until it is complete."""
         return self._header
+
+    @property
+    def in_range(self) -> bool:
+        """Whether a point has come that lies where one can be; True of a cloud whose range is not checked."""
+        return self._range is None or self._range.sound
 
     @property
     def points(self) -> int:
@@ -116,6 +126,8 @@ class CloudStream:
         for block in self._points.finish():
             yield self._move(block)
         self._tail.finish()
+        if self._range is not None:
+            self._range.require(self._file)
 
     def _begin(self, header: CloudHeader) -> bytes:
         if header.encoding == "compressed":
@@ -151,7 +163,9 @@ class CloudStream:
             require_end(self._header, self._file, self._points.points, data)
 
     def _move(self, block: Records) -> bytes | memoryview:
-        assert self._mover is not None
+        assert self._mover is not None and self._header is not None
+        if self._range is not None:
+            self._range.look(block, self._header.layout)
         if self._mover.in_place and not block.flags.writeable:
             block = block.copy()
         moved = self._mover.move(block, into=np.empty_like(block))  # not overwritten while it waits to be sent

@@ -12,6 +12,7 @@ from daemon.api.streaming.cloud_request import (
     CLOUD_CONTENT,
     TAKES_A_CLOUD,
     ExternalAxesQuery,
+    ForceQuery,
     JointsQuery,
     PoseQuery,
     UnitQuery,
@@ -24,8 +25,9 @@ from daemon.api.streaming.request_body import body_chunks
 from daemon.api.streaming.temporary_file import TemporaryFileResponse
 from daemon.config.settings import MAIN_SCANNER
 from daemon.errors import CalibrationUnusable
-from daemon.scans.upload import LAZ
+from daemon.scans.upload import NPZ, PLY, WHOLE
 from registration.io.stream import CloudStream
+from registration.points.range_check import RangeCheck
 
 router = APIRouter(tags=["register"])
 
@@ -49,6 +51,7 @@ async def register(
     joints: JointsQuery = None,
     external_axes: ExternalAxesQuery = None,
     scanner: Sensor = None,
+    force: ForceQuery = False,
 ) -> Response:
     """The cloud in the robot's base frame, in mm, in the format it came in, answered while it still comes in.
 
@@ -56,6 +59,8 @@ async def register(
     one standard deviation of a point there (`Handeyed-Point-Sigma-Mm`) and whether the joints are within the range of
     the session (`Handeyed-Joints-Seen`). A
     given pose without `joints` gets them by inverse kinematics, with `Handeyed-Warning: pose-without-joints`.
+    A cloud of which every point is nearer than 1 mm or farther than 20 m is refused without `force`; one without finite
+    points has `Handeyed-Warning: no-points`.
     With `scanner` by that sensor of the rig in force (POST /rigs), named by Handeyed-Rig, and the reported pose; a
     scanner of the settings that gives its camera_T_scanner goes by the calibration of its camera.
     """
@@ -82,10 +87,14 @@ async def register(
         named = {"Handeyed-Calibration": used.document.id, **of_arm}
     numbers = (*at.base_T_flange.translation_mm, *at.base_T_flange.quaternion_wxyz)
     headers = {"Handeyed-Pose": ",".join(f"{x!r}" for x in numbers), **named}
-    if media_type == LAZ:  # its index is at the end, so it cannot be streamed
-        file, points = await app.scans.transform_cloud(body_chunks(request.receive), media_type, unit, base_T_scanner)
+    if media_type in WHOLE:  # their index is at the end, so they cannot be streamed
+        file, points = await app.scans.transform_cloud(
+            body_chunks(request.receive), media_type, unit, base_T_scanner, force=force
+        )
+        if not points:
+            headers["Handeyed-Warning"] = ", ".join(filter(None, [headers.get("Handeyed-Warning"), "no-points"]))
         app.metrics.registered_points += points
         app.metrics.registered_bytes += file.stat().st_size
-        return TemporaryFileResponse(file, media_type=media_type, headers=headers)
-    stream = CloudStream(media_type, base_T_scanner, unit)
+        return TemporaryFileResponse(file, media_type=PLY if media_type == NPZ else media_type, headers=headers)
+    stream = CloudStream(media_type, base_T_scanner, unit, range_check=None if force else RangeCheck(unit))
     return CloudResponse(stream, media_type, headers, app.store.folder, app.metrics.count_cloud)

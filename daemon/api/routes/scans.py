@@ -39,6 +39,7 @@ from daemon.api.streaming.cloud_request import (
     JSON,
     TAKES_A_CLOUD,
     ExternalAxesQuery,
+    ForceQuery,
     JointsQuery,
     PoseQuery,
     UnitQuery,
@@ -129,13 +130,14 @@ async def add_view(
     unit: UnitQuery = "mm",
     joints: JointsQuery = None,
     external_axes: ExternalAxesQuery = None,
+    force: ForceQuery = False,
 ) -> ScanViewDocument:
     """A cloud seen from `pose`; without a body the daemon's scanner takes one where the arm stands."""
     await app.store.scan(scan_id)
     if _has_no_body(request):
         return await app.operations.scan_here(scan_id)
     media_type, at = media_type_of(request), await flange_pose_of(app, pose, joints, external_axes)
-    return await app.scans.add_view(scan_id, request.stream(), media_type, unit, at)
+    return await app.scans.add_view(scan_id, request.stream(), media_type, unit, at, force=force)
 
 
 def _has_no_body(request: Request) -> bool:

@@ -25,6 +25,7 @@ JointsQuery = Annotated[str | None, Query(max_length=200, description=JOINTS)]
 AXES_BESIDE = "the controller's external axes from the first at a given pose, mm or degrees, with commas"
 ExternalAxesQuery = Annotated[str | None, Query(max_length=200, description=AXES_BESIDE)]
 UnitQuery = Annotated[Literal["mm", "m"], Query(description="unit of the cloud's coordinates")]
+ForceQuery = Annotated[bool, Query(description="take a cloud whose unit cannot be, too")]
 
 SYNONYMS = {"application/ply": "application/x-ply", "model/ply": "application/x-ply",
             "application/pcd": "application/x-pcd", "application/x-laz": LAZ,

@@ -50,7 +50,7 @@ class StreamedCloud:
         try:
             async for chunk in body_chunks(receive):
                 size += await self._put(self.stream.parts(chunk))
-                if size and not ready.is_set() and not self._is_small:
+                if size and self.stream.in_range and not ready.is_set() and not self._is_small:
                     self._check_length()
                     ready.set()
             size += await self._put(self.stream.last_parts())
@@ -127,7 +127,7 @@ class CloudResponse(Response):
             await ready.wait()
             error = taking.exception() if taking.done() else None
             if error is None:
-                await self._start(passage, send)
+                await self._start(passage, send, whole=taking.done())
                 # A task of its own avoids resuming through the whole chain of middleware for each chunk.
                 await asyncio.create_task(self._send(spool, taking, send))
             elif isinstance(error, REFUSALS):
@@ -139,8 +139,10 @@ class CloudResponse(Response):
             await asyncio.gather(taking, return_exceptions=True)
             spool.close()
 
-    async def _start(self, passage: StreamedCloud, send: Send) -> None:
+    async def _start(self, passage: StreamedCloud, send: Send, *, whole: bool) -> None:
         headers = dict(self._every_header)
+        if whole and self._stream.points == self._stream.non_finite:
+            headers["Handeyed-Warning"] = ", ".join(filter(None, [headers.get("Handeyed-Warning"), "no-points"]))
         if (length := passage.answer_length()) is not None:
             headers["Content-Length"] = str(length)
         pairs = [(name.lower().encode(), value.encode()) for name, value in headers.items()]

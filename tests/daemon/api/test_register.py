@@ -51,6 +51,38 @@ async def test_pose_now_is_where_the_arm_stands(bench: Bench) -> None:
     np.testing.assert_allclose(points_of(answer.content), expected, atol=1e-3)
 
 
+@pytest.mark.parametrize("count", [10, 100_000], ids=["small", "larger than a body that is read before the answer"])
+@pytest.mark.parametrize("kind", ["octets", "LAZ"])
+async def test_a_unit_that_cannot_be_is_refused_without_force(bench: Bench, count: int, kind: str) -> None:
+    await apply_calibration(bench)
+    points = np.abs(cloud(count)) + 50.0
+    content, headers = (laz_of(points), LAZ) if kind == "LAZ" else (points.astype("<f4").tobytes(), OCTETS)
+    asked = {"pose": POSE, "unit": "m"}
+    refused = await bench.client.post("/register", params=asked, content=content, headers=headers)
+    assert refused.status_code == 422
+    assert "every point is farther than 20 m" in refused.json()["detail"]
+    taken = await bench.client.post("/register", params={**asked, "force": "true"}, content=content, headers=headers)
+    assert taken.status_code == 200
+
+
+@pytest.mark.parametrize("points", [np.empty((0, 3)), np.full((5, 3), np.nan)], ids=["none", "not finite"])
+async def test_a_cloud_without_points_is_said(bench: Bench, points: np.ndarray) -> None:
+    await apply_calibration(bench)
+    content = points.astype("<f4").tobytes()
+    answer = await bench.client.post("/register", params={"pose": POSE}, content=content, headers=OCTETS)
+    assert (answer.status_code, answer.headers.get("handeyed-warning")) == (200, "no-points")
+
+
+async def test_an_npz_comes_back_as_a_ply(bench: Bench) -> None:
+    await apply_calibration(bench)
+    points, body = cloud(10), io.BytesIO()
+    np.savez(body, points=points.astype("<f4"))
+    headers = {"Content-Type": "application/x-npz"}
+    answer = await bench.client.post("/register", params={"pose": POSE}, content=body.getvalue(), headers=headers)
+    assert (answer.status_code, answer.headers["content-type"]) == (200, "application/x-ply"), answer.text
+    np.testing.assert_allclose(points_of(answer.content), in_base(points), atol=1e-3)
+
+
 @pytest.mark.slow
 async def test_a_client_that_sends_everything_before_it_reads_gets_50_mb_back(bench: Bench) -> None:
     """httpx, requests and most others: without a spool both ends would wait for each other for ever."""

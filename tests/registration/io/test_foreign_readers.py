@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from registration.errors import CloudFormatError
 from registration.fusion.concatenation import PlacedCloud, merge_clouds
 from registration.points.layout import COLOURS, Layout, Records
 from tests.registration.clouds import BASE_T_CAMERA, moved
@@ -205,3 +206,34 @@ def test_colours_of_an_e57_are_read_against_its_limits(tmp_path: Path) -> None:
     file.close()
     merge_clouds([PlacedCloud(tmp_path / "in.e57", "m", np.eye(4))], tmp_path / "out.las")
     assert by_laspy(tmp_path / "out.las")["red"].tolist() == [0, 51 * 257, 65535]
+
+
+@pytest.mark.parametrize("target", READERS)
+@pytest.mark.parametrize("shape", [(500,), (20, 25)], ids=["in a row", "organised"])
+def test_arrays_of_an_npz_are_kept_or_named(tmp_path: Path, target: str, shape: tuple[int, ...]) -> None:
+    _, made = records("u1", 0.0)
+    made["x"][7] = np.nan
+    stacked = {
+        key: np.stack([made[name] for name in names], axis=1).reshape(*shape, 3)
+        for key, names in {"points": ("x", "y", "z"), "normals": ("nx", "ny", "nz"), "rgb": COLOURS}.items()
+    }
+    np.savez(tmp_path / "in.npz", **stacked, intensity=made["intensity"].reshape(shape), exposure=np.float64(3))
+    merged = merge_clouds([PlacedCloud(tmp_path / "in.npz", "mm", BASE_T_CAMERA)], tmp_path / f"out{target}")
+    table, sound = READERS[target](tmp_path / f"out{target}"), made[np.isfinite(made["x"])]
+    found = np.stack([np.asarray(table[name], float) for name in ("x", "y", "z")], axis=1)
+    np.testing.assert_allclose(found, moved(sound), rtol=0, atol=0.01)
+    held = {"x", "y", "z", "nx", "ny", "nz", *COLOURS, "intensity"}
+    assert held <= set(table) | set(merged.columns_lost), "a column is neither kept nor named as lost"
+    np.testing.assert_array_equal(table["intensity"], sound["intensity"])
+    for name in COLOURS:
+        most = 257 if target in LAS else 1
+        np.testing.assert_array_equal(table[name], sound[name].astype(int) * most, err_msg=name)
+
+
+def test_a_damaged_npz_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "in.npz").write_bytes(b"PK\x03\x04" + bytes(60))
+    with pytest.raises(CloudFormatError, match="this is no NPZ of arrays"):
+        merge_clouds([PlacedCloud(tmp_path / "in.npz", "mm", np.eye(4))], tmp_path / "out.ply")
+    np.savez(tmp_path / "in.npz", depth=np.ones((3, 3)))
+    with pytest.raises(CloudFormatError, match=r"no array 'points' of .* among depth"):
+        merge_clouds([PlacedCloud(tmp_path / "in.npz", "mm", np.eye(4))], tmp_path / "out.ply")

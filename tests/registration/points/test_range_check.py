@@ -1,0 +1,51 @@
+"""Clouds in a unit that cannot be: every point at the camera, or beyond the reach of any scanner on an arm."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from registration.errors import ScanError
+from registration.points.layout import XYZ_FLOAT64
+from registration.points.range_check import RangeCheck
+from registration.report import register_scan
+from registration.scan import read_scan
+from tests.registration.parts import HAND, flat, poses, ticks, view_of, write_scan
+
+NONE = float("nan")
+
+
+@pytest.mark.parametrize(
+    ("unit", "depths", "says"),
+    [
+        ("mm", [0.5, 0.7], "nearer than 1 mm"),
+        ("m", [500.0, 700.0], "farther than 20 m"),
+        ("mm", [0.0, 0.0], "nearer than 1 mm"),
+        ("mm", [0.0, 9e9], "nearer than 1 mm or farther than 20 m"),
+        ("mm", [NONE, 0.5], "nearer than 1 mm"),
+        ("mm", [0.0, 500.0], None),
+        ("m", [9e9, 0.5, NONE], None),
+        ("mm", [NONE], None),
+        ("mm", [], None),
+    ],
+)
+def test_a_unit_cannot_be_where_no_point_can(unit: str, depths: list[float], says: str | None) -> None:
+    check = RangeCheck(unit)
+    block = np.zeros(len(depths), XYZ_FLOAT64.dtype)
+    block["z"] = depths
+    for piece in (block[:1], block[1:]):
+        check.look(piece, XYZ_FLOAT64)
+    assert (says is None) == (check.doubt is None)
+    assert says is None or says in str(check.doubt)
+
+
+def test_a_scan_of_an_impossible_unit_is_refused_unless_forced(tmp_path: Path) -> None:
+    stands = poses(2)
+    write_scan(tmp_path, [view_of(flat, pose @ HAND.flange_T_camera, 1) / 1e3 for pose in stands], stands, "mm")
+    out = tmp_path / "out.ply"
+    with pytest.raises(ScanError, match=r"views 0, 1: every point is nearer than 1 mm .*force"):
+        register_scan(read_scan(tmp_path), HAND, out, ticks())
+    assert not out.exists()
+    report = register_scan(read_scan(tmp_path), HAND, out, ticks(), force=True)
+    assert not report.verdict.accepted
+    assert "unit-impossible" in [finding.code for finding in report.verdict.findings]
