@@ -30,8 +30,8 @@ class RunLog:
         self.run = run
         self.concluding = False
         self.unsaved = False
-        self.missed: dict[str, str] = {}
-        """Why a sensor beside the camera last failed to look, by its name."""
+        self.missed: dict[str, list[str]] = {}
+        """Why a sensor beside the camera failed to look, each time, by its name."""
         self.since_s = clock.monotonic_s()
         self.at_each_step: Callable[[], None] = ignore_step
         self._save, self._events, self._clock = save, events, clock

@@ -90,7 +90,7 @@ class LookBeside:
         try:
             await self.sensor.look(reading, at)
         except DeviceError as error:
-            self.log.missed[self.name] = str(error)
+            self.log.missed.setdefault(self.name, []).append(str(error))
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,10 +108,11 @@ class TogetherRun:
     async def drive(self, sequence: PoseSequence, log: RunLog) -> RunResult:
         """Run the sequence, and store a calibration of each camera, and the rig, in force when it is accepted.
 
-        A sensor that cannot be calibrated, and a rig that is refused, are named in the result and fail nothing else.
+        A sensor that cannot be calibrated, and a rig that is refused, are named in the result and fail nothing else;
+        one that is calibrated without some of its looks is named in `missed`.
         """
         event, result = await self.main.drive(sequence, log)
-        together: dict[str, Any] = {"calibrations": {}, "rig_id": None, "refused": {}}
+        together: dict[str, Any] = {"calibrations": {}, "rig_id": None, "refused": {}, "missed": {}}
         for name, run in self.cameras.items():
             try:
                 together["calibrations"][name] = await self._calibrate(name, run, log)
@@ -119,7 +120,11 @@ class TogetherRun:
                 together["refused"][name] = str(error)
         problems, alone, refused = await self.main.workers.run(self.solve_each, log.id)
         together["refused"] = refused | together["refused"]
-        together["refused"] |= {name: log.missed[name] for name in log.missed if name not in alone}
+        for name, reasons in log.missed.items():
+            if name in alone:
+                together["missed"][name] = f"{len(reasons)} of {log.run.stations} looks failed, the last: {reasons[-1]}"
+            else:
+                together["refused"][name] = reasons[-1]
         try:
             rig = await self.main.workers.run(self._solve, problems, alone)
             together["rig"] = rig.verdict.model_dump(mode="json")

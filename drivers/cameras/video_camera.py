@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.backoff import Backoff
+from drivers.cameras.stream_answer import refusal_of
 from drivers.errors import DeviceError, DeviceTimeout, DeviceUnreachable, GarbledAnswer, LinkLost
 from drivers.interfaces import CameraFrame, LinkHealth
 from drivers.link_status import LinkReport
@@ -45,6 +46,7 @@ class VideoCamera:
         self._device = f"{name} video:{source}"
         self._report = LinkReport(self._timing.clock)
         self._newest: CameraFrame | None = None
+        self._refusal: DeviceError | None = None
         self._arrived = asyncio.Event()
         self._ending = threading.Event()
         self._thread: threading.Thread | None = None
@@ -70,6 +72,8 @@ class VideoCamera:
             if newest is not None and newest.taken_at_s > newer_than_s:
                 self._require_size(newest.image)
                 return newest
+            if self._refusal is not None:
+                raise self._refusal
             self._arrived.clear()
             arrived = asyncio.ensure_future(self._arrived.wait())
             in_time = await self._timing.wait_until_done(arrived, max(0.0, deadline_s - self._timing.clock()))
@@ -119,6 +123,10 @@ class VideoCamera:
         path = f"/dev/video{self._source}" if isinstance(self._source, int) else self._source
         if "://" not in path and not Path(path).exists():
             raise DeviceUnreachable(self._device, f"there is no {path}", "plug the camera in, or correct the address")
+        self._refusal = refusal_of(path, self._device, OPENING_SHARE * self._limit_s)
+        if self._refusal is not None:
+            self._wake()
+            raise self._refusal
         stream, limit_ms = "://" in path, int(OPENING_SHARE * self._limit_s * 1e3)
         limits = [cv2.CAP_PROP_OPEN_TIMEOUT_MSEC, limit_ms, cv2.CAP_PROP_READ_TIMEOUT_MSEC, limit_ms]
         capture = cv2.VideoCapture(path, cv2.CAP_FFMPEG, limits) if stream else cv2.VideoCapture(self._source)
@@ -142,6 +150,10 @@ class VideoCamera:
         self._newest = frame
         if not self._report.health.connected:
             self._report.up(f"frames of {frame.image.shape[1]}×{frame.image.shape[0]} come")
+        self._wake()
+
+    def _wake(self) -> None:
+        """Let those who wait for a frame look again."""
         if self._loop is not None and not self._loop.is_closed():
             self._loop.call_soon_threadsafe(self._arrived.set)
 

@@ -30,9 +30,11 @@ class NothingOnPath(DaemonError):
 
     def __init__(self, profiles: int, left_out: int) -> None:
         self.profiles, self.left_out = profiles, left_out
+        empty, clock = "check that the part is within the sensor's range", "check the sensor's clock and clock_offset_s"
+        what = f"{profiles - left_out} were taken on it and are empty, {left_out} before or after it"
         super().__init__(
-            f"of {profiles} profiles no point lies on the robot's path, {left_out} were taken before or after it",
-            "check the clock of the sensor, clock_offset_s in the settings, and that the part is within its range",
+            f"of {profiles} profiles no point lies on the robot's path: {what}",
+            f"{empty}, then {clock[6:]}" if 2 * left_out < profiles else f"{clock}, then {empty[6:]}",
         )
 
 

@@ -12,8 +12,8 @@ from calibration.documents.pose import PoseDocument
 from calibration.errors import DocumentError
 from calibration.transforms import difference
 from daemon.drift.schedule import DriftSchedule
-from drivers.errors import DeviceTimeout, DeviceUnreachable, NothingMeasured
-from drivers.interfaces import ScannedCloud
+from drivers.errors import DeviceTimeout, DeviceUnreachable, LinkLost, NothingMeasured
+from drivers.interfaces import CameraFrame, ScannedCloud
 from protocols.plc.codes import ControlBit, StatusBit
 from protocols.plc.registers import BY_NAME
 from tests.daemon.cell_under_test import Bench, Parts, pose_json, serving, settings_for
@@ -80,6 +80,27 @@ async def test_a_camera_that_sees_nothing_is_named_and_fails_nothing_else(tmp_pa
         together = (await calibrate(bench.client, together=["wrist"]))["result"]["together"]
         assert together["rig_id"] is None
         assert "rig" in together["refused"]
+
+
+class FailsOnce(FakeCamera):
+    """A camera whose second picture does not come."""
+
+    looks = 0
+
+    async def grab(self, newer_than_s: float) -> CameraFrame:
+        self.looks += 1
+        if self.looks == 2:
+            raise LinkLost("wrist", "the cable is off", "plug it in")
+        return await super().grab(newer_than_s)
+
+
+async def test_looks_that_fail_are_said_beside_the_calibration_without_them(tmp_path: Path) -> None:
+    parts = Parts()
+    parts.cameras["wrist"] = FailsOnce(parts.robot, flange_T_camera=WRIST)
+    async with serving(settings_for(tmp_path, cameras={"wrist": wrist()}), parts) as bench:
+        together = (await calibrate(bench.client, together=["wrist"]))["result"]["together"]
+        assert together["calibrations"]["wrist"]["calibration_id"]
+        assert "of 5 looks failed, the last: wrist: the cable is off" in together["missed"]["wrist"]
 
 
 class EmptyScanner(FakeScanner):

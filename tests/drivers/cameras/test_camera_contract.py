@@ -1,5 +1,6 @@
 """What every camera driver does: HTTP snapshot, OpenCV capture, folder."""
 
+import asyncio
 import contextlib
 import socket
 import threading
@@ -241,3 +242,38 @@ def test_a_stream_whose_server_says_nothing_is_given_up_within_the_limit() -> No
         with pytest.raises(DeviceError, match="the stream's server answers") as refused:
             camera._open()
     assert "group video" not in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("answer", "error", "says"),
+    [
+        (b"RTSP/1.0 503 Service Unavailable\r\nCSeq: 1\r\n\r\n", DeviceUnreachable, "503 Service Unavailable"),
+        (b"RTSP/1.0 404 Not Found\r\nCSeq: 1\r\n\r\n", GarbledAnswer, "404 Not Found: check path"),
+    ],
+)
+async def test_what_a_streams_server_refuses_is_told_at_once(answer: bytes, error: type[Exception], says: str) -> None:
+    asked: list[bytes] = []
+
+    async def refuse(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        asked.append(await reader.readuntil(b"\r\n\r\n"))
+        writer.write(answer)
+        await writer.drain()
+        writer.close()
+
+    async with await asyncio.start_server(refuse, "127.0.0.1", 0) as server:
+        port = server.sockets[0].getsockname()[1]
+        camera = VideoCamera(f"rtsp://user:secret@127.0.0.1:{port}/live", limit_s=3600.0)
+        camera.start()
+        with pytest.raises(error, match=says):
+            await asyncio.wait_for(camera.grab(0.0), LIMIT_S)
+        await camera.close()
+    assert asked[0].startswith(f"DESCRIBE rtsp://127.0.0.1:{port}/live RTSP/1.0".encode())
+
+
+async def test_a_stream_over_http_that_is_not_there_is_told_at_once() -> None:
+    with http_device(Answer(b"no", status=404)) as device:
+        camera = VideoCamera(device.url, limit_s=3600.0)
+        camera.start()
+        with pytest.raises(GarbledAnswer, match="404 Not Found"):
+            await asyncio.wait_for(camera.grab(0.0), LIMIT_S)
+        await camera.close()
