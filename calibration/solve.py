@@ -16,8 +16,8 @@ from calibration.kinematics.abb_arms import ARMS
 from calibration.kinematics.arm import Arm
 from calibration.kinematics.arm_errors import AXES, ArmErrorModel, Postures, approach_sides
 from calibration.kinematics.external_axis import ExternalAxis
-from calibration.kinematics.joint_check import require_consistent_joints
-from calibration.kinematics.load import NO_LOAD, Load
+from calibration.kinematics.joint_check import require_joints_of_each_view
+from calibration.kinematics.load import NO_LOAD, SAME_SHARE, Load
 from calibration.likelihood.estimate import Estimate
 from calibration.preprocessing.prepare import PreparedSession, prepare, update_target_shape
 from calibration.problem import Problem
@@ -223,10 +223,10 @@ def identify_arm_session(arm: Arm, problems: Sequence[Problem], distances: Seque
 
     `distances`: known ones between the target's places, which are counted as the problems are. All views hold joints.
     Raises UndeterminedError where a session does not determine X without errors of the arm, GeometryError for views
-    without joints or of different loads, JointsDisagree for joints that are not this arm's, UnusualArm for errors that
-    arms do not have.
+    without joints, of different loads or of one beyond the arm's payload, JointsDisagree for joints that are not this
+    arm's, UnusualArm for errors that arms do not have.
     """
-    load, found = _load_of(problems), []
+    load, found = _load_of(arm, problems), []
     for problem in problems:
         one = estimate_session(_with_own_joints(arm, problem))
         seen = TargetViews(one.prepared, one.selection.used, one.best)
@@ -243,10 +243,15 @@ def identify_arm_session(arm: Arm, problems: Sequence[Problem], distances: Seque
     return fit if warmth_k is None else replace(fit, temperature_c=mean_c)
 
 
-def _load_of(problems: Sequence[Problem]) -> Load | None:
+def _load_of(arm: Arm, problems: Sequence[Problem]) -> Load | None:
     """What the flange carried in all of them, None where any of them does not state it. Raises GeometryError."""
     loads = [problem.load for problem in problems]
     known = [load for load in loads if load is not None]
+    heaviest_kg = max((load.mass_kg for load in known), default=0.0)
+    if arm.payload_kg is not None and heaviest_kg > (1 + SAME_SHARE) * arm.payload_kg:
+        raise GeometryError(
+            f"the sessions carried {heaviest_kg:g} kg, an {arm.name} carries {arm.payload_kg:g} kg: correct the load"
+        )
     for other in known[1:]:
         if not other.is_as(known[0]):
             raise GeometryError(
@@ -262,7 +267,8 @@ def _with_own_joints(arm: Arm, problem: Problem) -> Problem:
     without = [view.index for view, one in zip(problem.views, joints, strict=True) if one is None or len(one) != AXES]
     if without:
         raise GeometryError(f"views {without} hold no joints of six axes, from which an arm's errors are identified")
-    require_consistent_joints(arm, np.array(joints), np.array([view.base_T_flange for view in problem.views]), ARMS)
+    poses, numbers = np.array([view.base_T_flange for view in problem.views]), [view.index for view in problem.views]
+    require_joints_of_each_view(arm, np.array(joints), poses, ARMS, numbers)
     return problem
 
 

@@ -5,6 +5,7 @@ The wrist centre is decoupled after Pieper; the eight closed-form branches are n
 reference, confdata), so that a branch is found by its configuration and not by search.
 """
 
+import re
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
@@ -110,6 +111,12 @@ class Arm:
     def identifier(self) -> str:
         """Text by which `find_arm` finds the arm again: its name, or its line."""
         return self.row or self.name
+
+    @property
+    def payload_kg(self) -> float | None:
+        """What a listed arm carries by its name; None for an arm of one's own."""
+        named = None if self.row else re.search(r"-([\d.]+)/", self.name)
+        return float(named[1]) if named else None
 
     @property
     def wrist_offset_mm(self) -> float:

@@ -10,13 +10,17 @@ from dataclasses import dataclass
 from itertools import combinations, permutations, product
 
 import numpy as np
+from numpy.typing import NDArray
 
 from calibration.errors import CalibrationError
 from calibration.kinematics.arm import Arm
-from calibration.transforms import Array, inverse, rotation_angle_rad
+from calibration.transforms import Array, inverse, rotation_angle_rad, vector_from_rotation
 
 MAX_OFF_MM = 3.0
 """Largest median distance of joints' and reported poses: a controller with its own corrections differs by less."""
+
+MAX_VIEW_OFF_MM = 0.1
+"""Largest distance in one view that an arm's errors are identified from: controllers agree with the drawing to 0.02."""
 
 LEVER_MM = 500.0
 """A difference of rotation counts as that of a point so far from the flange."""
@@ -24,6 +28,7 @@ LEVER_MM = 500.0
 MAX_TRIED_VIEWS = 12
 MIN_FRAME_VIEWS = 3
 """Any single view has some constant transform between its pose and its joints: fewer show no other frame."""
+AXES, SHIFT_ROUNDS, MIN_SHIFT_RAD = 6, 3, float(np.radians(1e-3))
 _SHIFTS_DEG = (90.0, -90.0, 180.0)
 
 
@@ -41,7 +46,7 @@ class JointsDisagree(CalibrationError):
 
     def __init__(self, mistake: JointMistake, off_mm: float) -> None:
         self.mistake, self.off_mm = mistake, off_mm
-        super().__init__(f"{mistake.what} (joints and poses differ by {off_mm:.0f} mm): {mistake.fix}")
+        super().__init__(f"{mistake.what} (joints and poses differ by {off_mm:.4g} mm): {mistake.fix}")
 
 
 def require_consistent_joints(
@@ -60,6 +65,79 @@ def require_consistent_joints(
     raise JointsDisagree(_likely_mistake(arm, joints_rad[rows], base_T_flange[rows], others or {}), off_mm)
 
 
+def require_joints_of_each_view(
+    arm: Arm, joints_rad: Array, base_T_flange: Array, others: Mapping[str, Arm], views: Sequence[int]
+) -> None:
+    """As `require_consistent_joints`, and where the joints of any one of the `views`, by their numbers, do not."""
+    drawn = arm.forward(joints_rad)
+    off_mm = _distances_mm(drawn, base_T_flange)
+    wrong = np.flatnonzero(off_mm > MAX_VIEW_OFF_MM)
+    if not len(wrong):
+        return
+    mistake = None
+    if len(views) - len(wrong) >= MIN_FRAME_VIEWS:
+        mistake = _of_swapped_views(drawn, base_T_flange, wrong, views)
+    if mistake is None:
+        require_consistent_joints(arm, joints_rad, base_T_flange, others)
+        mistake = _of_all_views(arm, joints_rad, base_T_flange) if 2 * len(wrong) > len(views) else None
+    raise JointsDisagree(
+        mistake
+        or JointMistake(
+            "joints-contradict-poses",
+            f"{_views(wrong, views)}: the joints do not give the pose",
+            "record both at the same moment, with three decimals and without corrections by the controller",
+        ),
+        float(off_mm.max()),
+    )
+
+
+def _of_swapped_views(drawn: Array, poses: Array, wrong: NDArray[np.intp], views: Sequence[int]) -> JointMistake | None:
+    """The mistake where each view in the places `wrong` has the joints of some other."""
+    off_mm = np.array([_distances_mm(np.broadcast_to(drawn[row], poses.shape), poses) for row in wrong])
+    if off_mm.min(axis=1).max() > MAX_VIEW_OFF_MM:
+        return None
+    what = f"{_views(wrong, views)}: the joints are those of {_views(off_mm.argmin(axis=1), views)}"
+    return JointMistake("joints-of-another-view", what, "give each view its own joints")
+
+
+def _views(rows: NDArray[np.intp], views: Sequence[int]) -> str:
+    return f"view{'s' * (len(rows) > 1)} {', '.join(str(views[row]) for row in rows)}"
+
+
+def _of_all_views(arm: Arm, joints: Array, poses: Array) -> JointMistake | None:
+    """The mistake that most views have in common and that moves the flange by millimetres at most."""
+    shift = _shift_rad(arm, joints, poses)
+    if _distances_mm(arm.forward(joints + shift), poses).max() <= MAX_VIEW_OFF_MM:
+        axes = np.flatnonzero(np.abs(shift) > MIN_SHIFT_RAD)
+        sizes = " and ".join(f"{-size:.3f}°" for size in np.degrees(shift[axes]))
+        what = f"the zeros of {_axes([int(axis) + 1 for axis in axes])} are shifted by {sizes}"
+        return JointMistake("joints-with-shifted-zeros", what, "take joints and poses from one controller")
+    degrees = np.degrees(joints)
+    for decimals in range(3):
+        if np.allclose(degrees, np.round(degrees, decimals), rtol=0, atol=1e-6):
+            what = f"the joints are rounded to {10.0**-decimals:g}°"
+            fix = "record them with three decimals, or leave them out and record the confdata"
+            return JointMistake("joints-rounded", what, fix)
+    return _in_another_frame(arm.forward(joints), poses, MAX_VIEW_OFF_MM)
+
+
+def _shift_rad(arm: Arm, joints: Array, poses: Array) -> Array:
+    """The constant (6,) that, added to the joints, gives the poses best."""
+    shift, steps = np.zeros(AXES), 1e-6 * np.eye(AXES)
+    for _ in range(SHIFT_ROUNDS):
+        drawn = arm.forward(joints + shift)
+        slopes = [_off_by(drawn, arm.forward(joints + shift + step)) / 1e-6 for step in steps]
+        shift = shift + np.linalg.lstsq(np.array(slopes).T, _off_by(drawn, poses), rcond=None)[0]
+    return shift
+
+
+def _off_by(poses: Array, others: Array) -> Array:
+    """Motions (6 n,) from poses to others, rotations as those of a point at LEVER_MM."""
+    between = inverse(poses) @ others
+    turned = LEVER_MM * vector_from_rotation(between[:, :3, :3])
+    return np.concatenate([turned, between[:, :3, 3]], axis=1).ravel()
+
+
 def any_arm_fits(arms: Iterable[Arm], joints_rad: Sequence[Array], base_T_flange: Array) -> bool:
     """Whether the joints, (6,) of each pose, give the poses (n, 4, 4) with one of the arms."""
     if any(len(joints) != 6 for joints in joints_rad):
@@ -76,21 +154,25 @@ def _likely_mistake(arm: Arm, joints: Array, poses: Array, others: Mapping[str, 
             return JointMistake(
                 "joints-of-another-arm", f"the session is of an {other.name}, not of an {arm.name}", "name that arm"
             )
-    drawn = arm.forward(joints)
+    return _in_another_frame(arm.forward(joints), poses, MAX_OFF_MM) or JointMistake(
+        "joints-contradict-poses",
+        f"no usual mistake explains the joints as those of an {arm.name}",
+        "check the arm's name, and that joints and pose of a view are of the same moment",
+    )
+
+
+def _in_another_frame(drawn: Array, poses: Array, max_off_mm: float) -> JointMistake | None:
+    """The mistake where poses as drawn and as reported have a constant between them."""
     before, behind = poses @ inverse(drawn), inverse(drawn) @ poses
     for constant, where in ((before, "in a work object"), (behind, "of a tool")):
-        same = _distance_mm(constant, np.broadcast_to(constant[:1], constant.shape)) <= MAX_OFF_MM
+        same = _distance_mm(constant, np.broadcast_to(constant[:1], constant.shape)) <= max_off_mm
         if same and len(poses) >= MIN_FRAME_VIEWS:
             return JointMistake(
                 "poses-in-another-frame",
                 f"the poses are {where}, not of the flange in the base",
                 "record base_T_flange with tool0 and wobj0",
             )
-    return JointMistake(
-        "joints-contradict-poses",
-        f"no usual mistake explains the joints as those of an {arm.name}",
-        "check the arm's name, and that joints and pose of a view are of the same moment",
-    )
+    return None
 
 
 def _of_another_view(arm: Arm, joints: Array, poses: Array) -> JointMistake | None:
@@ -162,7 +244,12 @@ def _off_mm(arm: Arm, joints: Array, poses: Array) -> float:
 
 
 def _distance_mm(poses: Array, others: Array) -> float:
-    """Median over the views of the distance of two poses (n, 4, 4)."""
+    """Median over the views of `_distances_mm`."""
+    return float(np.median(_distances_mm(poses, others)))
+
+
+def _distances_mm(poses: Array, others: Array) -> Array:
+    """Distances (n,) of two poses (n, 4, 4)."""
     apart = np.linalg.norm(poses[:, :3, 3] - others[:, :3, 3], axis=-1)
     turned = rotation_angle_rad(np.swapaxes(poses[:, :3, :3], 1, 2) @ others[:, :3, :3])
-    return float(np.median(np.maximum(apart, LEVER_MM * turned)))
+    return np.asarray(np.maximum(apart, LEVER_MM * turned))

@@ -65,6 +65,14 @@ def test_views_with_different_loads_are_refused() -> None:
         identify_arm_session(ARM, [first, replace(second, load=LIGHT)])
 
 
+def test_a_load_beyond_the_payload_is_refused() -> None:
+    rng = np.random.default_rng(0)
+    targets, built = target_places(rng, ARM, 1), build_arm(ARM, "standard", 0)
+    (problem,) = arm_cell(rng, built, [reachable_views(rng, ARM, targets[0], 4)], targets, load=HEAVY).problems
+    with pytest.raises(GeometryError, match=r"500 kg, an IRB 6700-200/2\.60 carries 200 kg"):
+        identify_arm_session(ARM, [replace(problem, load=replace(HEAVY, mass_kg=500.0))])
+
+
 @pytest.mark.parametrize(
     ("other", "same"),
     [
