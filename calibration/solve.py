@@ -23,6 +23,7 @@ from calibration.preprocessing.prepare import PreparedSession, prepare, update_t
 from calibration.problem import Problem
 from calibration.sentences.sentence import Sentence
 from calibration.solution import Solution
+from calibration.solver.arm_contradictions import SessionsContradict
 from calibration.solver.arm_identification import ArmFit, UnusualArm, identify_arm
 from calibration.solver.arm_session import KnownDistance, TargetViews
 from calibration.solver.external_axis import AxisFit, find_axis, fit_axis, readings_of
@@ -224,13 +225,13 @@ def identify_arm_session(arm: Arm, problems: Sequence[Problem], distances: Seque
     `distances`: known ones between the target's places, which are counted as the problems are. All views hold joints.
     Raises UndeterminedError where a session does not determine X without errors of the arm, GeometryError for views
     without joints, of different loads or of one beyond the arm's payload, JointsDisagree for joints that are not this
-    arm's, UnusualArm for errors that arms do not have.
+    arm's, SessionsContradict for views that do not belong together, UnusualArm for errors that arms do not have.
     """
     load, found = _load_of(arm, problems), []
     for problem in problems:
-        one = estimate_session(_with_own_joints(arm, problem))
-        seen = TargetViews(one.prepared, one.selection.used, one.best)
-        found.append((seen, _standstills_of(problem, one.prepared)))
+        alone = estimate_session(_with_own_joints(arm, problem))
+        seen = TargetViews(alone.prepared, alone.selection.used, alone.best)
+        found.append((seen, _standstills_of(problem, alone.prepared)))
     order = sorted(range(len(found)), key=lambda row: -int(np.count_nonzero(found[row][0].used)))
     views, standstills = zip(*(found[row] for row in order), strict=True)
     known = [replace(one, first=order.index(one.first), second=order.index(one.second)) for one in distances]
@@ -238,6 +239,10 @@ def identify_arm_session(arm: Arm, problems: Sequence[Problem], distances: Seque
     mean_c = round(float(temperatures_c.mean()), 2)  # a step of 0.01 K moves no point by a micrometre
     warmth_k = None if np.isnan(mean_c) else temperatures_c - mean_c
     fit = identify_arm(ArmErrorModel(arm), views, Postures(joints, load or NO_LOAD, sides, warmth_k), known)
+    if one := fit.contradiction:
+        place = order[one.place]
+        number = None if one.position is None else problems[place].views[one.position].index
+        raise SessionsContradict(one, place + 1, number)
     if unusual := fit.beyond_usual():
         raise UnusualArm(arm.name, unusual)
     return fit if warmth_k is None else replace(fit, temperature_c=mean_c)

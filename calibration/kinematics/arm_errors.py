@@ -202,11 +202,11 @@ class ArmErrorModel:
                 found[axis, :, row] = np.cos(q[:, axis])
             elif kind == "play" and postures.sides is not None:
                 found[axis, :, row] = -postures.sides[:, axis]
-        for name, (axis, moment) in self._moments(postures).items():
+        for name, (axis, moment) in self.moments(postures).items():
             found[axis - 1, :, self.index(f"sag_{name}")] = moment
         return found
 
-    def _moments(self, postures: Postures) -> dict[str, tuple[int, Array]]:
+    def moments(self, postures: Postures) -> dict[str, tuple[int, Array]]:
         """Axis and moment (n,) about it: of own weight over that of the stretched arm, of the load in N m."""
         arm, load = self.arm, postures.load
         shoulder, elbow, wrist, _ = np.moveaxis(arm.skeleton(postures.joints_rad), -2, 0)

@@ -47,6 +47,11 @@ class Chain:
         anchor_T_mount = anchor_T_mount_of(self.setup, self.corrected_base_T_flange())
         return predicted_camera_T_target(anchor_T_mount, self.mount_T_camera, self.anchor_T_target)
 
+    def flange_T_target(self) -> Array:
+        """The target (n, 4, 4) in the frame of the flange, as each view saw it."""
+        seen = self.mount_T_camera @ self.camera_T_target()
+        return seen if self.setup == "eye-in-hand" else inverse(self.corrected_base_T_flange()) @ seen
+
     def shared_jacobian(self, camera_T_target: Array) -> Array:
         """Derivative (n, 6, 12) of the poses Z by X and Y."""
         return derivative_by_shared(camera_T_target)

@@ -17,7 +17,6 @@ from calibration.camera import CameraModel
 from calibration.errors import CalibrationError
 from calibration.kinematics.arm_errors import LADDER, MAX_USUAL_SIGMAS, ArmErrorModel, Group, Postures
 from calibration.kinematics.arm_estimate import ArmEstimate
-from calibration.likelihood.chain import Chain
 from calibration.likelihood.leave_out import split
 from calibration.likelihood.mapped_points import point_rows
 from calibration.likelihood.mixed_model import MixedModel, Variances, per_view_equations, solve
@@ -26,10 +25,11 @@ from calibration.likelihood.shared_columns import take_views
 from calibration.likelihood.variance_components import estimate_variances
 from calibration.linear_algebra import covariance_of, inverse_or_pseudo_inverse, squared_distances
 from calibration.problem import Setup
+from calibration.solver.arm_contradictions import Contradiction, find_contradiction
 from calibration.solver.arm_hypotheses import Restricted, hypotheses, restrict
 from calibration.solver.arm_session import ArmSession, CheckedDistance, KnownDistance, TargetViews, begin_arm_session
 from calibration.solver.view_outliers import MAX_ROUNDS, min_remaining, outlier_limit
-from calibration.transforms import Array, inverse, map_points, transform_from_vector
+from calibration.transforms import Array, map_points, transform_from_vector
 
 MIN_LOG_EVIDENCE = 5.0
 """Exceeded by chance in less than one of 140 perfect arms (Markov's inequality)."""
@@ -78,6 +78,7 @@ class ArmFit(ArmEstimate):
     views : number of those that agree.
     seen : those views.
     distances : the known ones, in their order, beside those found.
+    contradiction : what in the sessions does not belong together; errors of an arm must not be taken from them then.
     """
 
     taken_up: bool
@@ -90,6 +91,7 @@ class ArmFit(ArmEstimate):
     seen: ArmViews
     ladder: tuple[LadderRow, ...]
     distances: tuple[CheckedDistance, ...] = ()
+    contradiction: Contradiction | None = None
 
     def beyond_usual(self) -> list[str]:
         """Names of parameters above MAX_USUAL_SIGMAS, the largest first: no arm's errors."""
@@ -139,13 +141,14 @@ def identify_arm(
     restricted = restrict(session, wanted)
     logs = np.array([one.log_likelihood() for one in restricted])
     with_errors = np.array([one.up_to is not None for one in wanted])
+    contradiction = find_contradiction(session, restricted[int(np.argmax(np.where(with_errors, logs, -np.inf)))])
     likely = np.flatnonzero(with_errors & (logs > logs[with_errors].max() - MAX_LOG_DEFICIT))
     first = [restricted[row].unknowns(_step(restricted[row]), session) for row in likely]
     session = session.move(np.mean(first, axis=0)[session.poses :])
     kept = [*np.flatnonzero(~with_errors), *likely]
     again = restrict(session, [wanted[row] for row in kept], [restricted[row].variances for row in kept])
     found = [_Candidate(one, marginalise(one.model, one.variances)) for one in again]
-    return _conclude(session, found)
+    return replace(_conclude(session, found), contradiction=contradiction)
 
 
 def _step(one: Restricted) -> Array:
@@ -270,7 +273,7 @@ def _hold_out(session: ArmSession, candidate: _Candidate, regions: Sequence[NDAr
     """Sums (g,) of squared prediction errors of the target's middle, mm², at the views of each region left out."""
     model, n = candidate.of.model, len(session.postures)
     middle = session.views[0].rows.nominal_mm.mean(axis=0, keepdims=True)
-    centre = np.concatenate([map_points(_flange_T_target(chain), middle)[:, 0] for chain in session.chains])
+    centre = np.concatenate([map_points(chain.flange_T_target(), middle)[:, 0] for chain in session.chains])
     rows = point_rows(centre)
     whole = inverse_or_pseudo_inverse(model.UU)
     squares = []
@@ -295,13 +298,6 @@ def _regions(session: ArmSession) -> list[NDArray[np.intp]]:
         ):
             region.append(own[rows])
     return [np.concatenate(region) for region in regions if region]
-
-
-def _flange_T_target(chain: Chain) -> Array:
-    """The target (n, 4, 4) in the frame of the flange, as each view saw it."""
-    if chain.setup == "eye-in-hand":
-        return chain.mount_T_camera @ chain.camera_T_target()
-    return inverse(chain.corrected_base_T_flange()) @ chain.mount_T_camera @ chain.camera_T_target()
 
 
 def select_views_with_arm(model: MixedModel, variances: Variances, used: NDArray[np.bool_]) -> NDArray[np.bool_]:

@@ -74,6 +74,7 @@ def arm_cell(
     noise: CellNoise = REPEATABILITY,
     load: Load = NO_LOAD,
     temperatures_c: Sequence[Array] | None = None,
+    mount_T_camera: Array = MOUNT_T_CAMERA,
 ) -> ArmCell:
     """The views from joints (n, 6) of each target (4, 4); axes come to a view from the one before.
 
@@ -87,7 +88,7 @@ def arm_cell(
         warm_c = None if temperatures_c is None else temperatures_c[place]
         warmth_k = None if warm_c is None else warm_c - SWITCHED_ON_C
         stands = built.base_T_flange(Postures(joints, load, approached, warmth_k)) @ scatter
-        seen = inverse(stands @ MOUNT_T_CAMERA) @ base_T_target
+        seen = inverse(stands @ mount_T_camera) @ base_T_target
         pixels = CAMERA.project(map_points(seen, BOARD.points_mm).reshape(-1, 3)).reshape(n, -1, 2)
         pixels = pixels + noise.image_px * rng.standard_normal(pixels.shape)
         ids, poses = np.arange(pixels.shape[1]), built.drawing.forward(joints)
@@ -98,7 +99,7 @@ def arm_cell(
         ]
         known = None if load == NO_LOAD else load
         problems.append(Problem("eye-in-hand", BOARD, CAMERA, CAMERA.image_size, tuple(views), load=known))
-    return ArmCell(built, tuple(problems), MOUNT_T_CAMERA)
+    return ArmCell(built, tuple(problems), mount_T_camera)
 
 
 def draw_scatter(rng: np.random.Generator, count: int, noise: CellNoise = REPEATABILITY) -> Array:
