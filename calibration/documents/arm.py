@@ -180,6 +180,15 @@ def arm_summary(document: ArmErrorsDocument) -> str:
     without, *models = document.ladder
     found = "errors of the arm are taken up" if document.taken_up else "no errors of the arm are shown by these views"
     lines = [f"{document.arm}: {found} (log-evidence {document.log_evidence:+.1f})"]
+    if document.joints_from_poses:
+        lines.append(
+            f"  the joints of {document.joints_from_poses} of {document.views} views are guessed from their poses; a"
+            " wrist that was turned over makes them wrong: record joints_deg, or confdata"
+        )
+    if document.lowest_joints_deg[4] * document.highest_joints_deg[4] > 0:
+        lines.append(
+            "  all views are in one posture of the wrist: some with it turned over tell more than as many others"
+        )
     lines.append(f"  {'model':16} {'probability':>11} {'hold-out mm':>11}")
     lines.append(f"  {'drawing':16} {'':>11} {without.hold_out_mm:11.3f}")
     lines += [f"  {f'up to {row.up_to}':16} {row.probability:11.0%} {row.hold_out_mm:11.3f}" for row in models]

@@ -40,7 +40,7 @@ MIN_VIEWS = 3
 class Contradiction:
     """What does not belong together, since the view at a position of the place's session, or in all of the session.
 
-    `log_evidence` of it beside the arm's errors against these alone; `move_mm` of the target as seen, RMS over the views.
+    `log_evidence` of it beside the arm's errors against these alone; `move_mm`: of the target as seen, RMS over views.
     """
 
     kind: ContradictionKind

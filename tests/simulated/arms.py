@@ -40,8 +40,12 @@ def reachable_views(
     *,
     tilt_rad: float = float(np.radians(40.0)),
     any_posture: bool = True,
+    one_posture: bool = False,
 ) -> Array:
-    """Joints (count, 6) from which the camera sees the target at (4, 4); of each pose one of the arm's postures."""
+    """Joints (count, 6) from which the camera sees the target at (4, 4); of each pose one of the arm's postures.
+
+    `any_posture`: also with the arm turned back. `one_posture`: of cfx 0 only, as an operator jogs.
+    """
     found: list[Array] = []
     for _ in range(100 * count):
         wanted = base_T_target @ inverse(MOUNT_T_CAMERA @ looking(rng, BOARD, tilt_rad))
@@ -52,6 +56,8 @@ def reachable_views(
         solutions = solutions[np.abs(solutions).max(axis=1) < np.radians(200.0)]
         if not any_posture:
             solutions = solutions[np.abs(solutions[:, 0]) < np.pi / 2]
+        if one_posture:
+            solutions = np.array([one for one in solutions if arm.configuration(one).cfx == 0])
         if len(solutions):
             found.append(solutions[rng.integers(len(solutions))])
         if len(found) == count:

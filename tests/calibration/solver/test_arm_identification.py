@@ -164,6 +164,17 @@ def test_arm_json_keeps_the_arm_and_x() -> None:
     assert "taken up" in arm_summary(written)
 
 
+def test_six_views_are_too_few_and_a_session_in_one_posture_asks_for_another() -> None:
+    rng, target = np.random.default_rng(7), TARGETS[0]
+    for count, one_posture in ((6, True), (12, True), (12, False)):
+        joints = reachable_views(rng, ARM, target, count, one_posture=one_posture)
+        cell = arm_cell(rng, build_arm(ARM, "standard", 4), [joints], [target])
+        fit = identify_arm_session(ARM, cell.problems)
+        written = arm_document(fit, cell.problems, created_at="2026-11-22T12:00:00Z", software="handeyed 0")
+        assert fit.taken_up is (count >= 10)
+        assert ("in one posture of the wrist" in arm_summary(written)) is one_posture
+
+
 def test_joints_of_another_arm_are_refused_not_fitted() -> None:
     cell, _, _ = identified("standard")
     with pytest.raises(JointsDisagree, match="IRB 2600"):
