@@ -7,7 +7,7 @@ in a box of a third by 0.7 by 0.4 of the reach; the registered point is 450 to 6
 
 import argparse
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 
@@ -266,7 +266,7 @@ def _rms(values: Sequence[float]) -> float:
     return float(np.sqrt(np.mean(np.square(values))))
 
 
-TABLES = {
+TABLES: dict[str, Callable[[range, Sequence[str]], None]] = {
     "planned": planned_table,
     "ordinary": ordinary_table,
     "others": others_table,
