@@ -1,0 +1,1 @@
+-- calibrations.document holds calibration.json 2 from here on, which older daemons cannot read; 1 stays as it is.

@@ -1,0 +1,1 @@
+ALTER TABLE scan_views ADD COLUMN joints_deg TEXT; -- null where the pose came without
