@@ -23,7 +23,7 @@ from calibration.preprocessing.prepare import PreparedSession, prepare, update_t
 from calibration.problem import Problem
 from calibration.sentences.sentence import Sentence
 from calibration.solution import Solution
-from calibration.solver.arm_contradictions import SessionsContradict
+from calibration.solver.arm_hypotheses import SessionsContradict
 from calibration.solver.arm_identification import ArmFit, UnusualArm, identify_arm
 from calibration.solver.arm_session import KnownDistance, TargetViews
 from calibration.solver.external_axis import AxisFit, find_axis, fit_axis, readings_of

@@ -2,21 +2,29 @@
 
 An estimate without errors of the arm takes them for what is left to it, a target of another size or a principal point
 that is off. Where it has taken up one of these, every group is tried with it and with target and camera as described.
+
+What does not belong together (another arm, a camera that was remounted, a target or a base that moved) is a constant
+change of some views' poses beside the errors of one arm: of those of one session, or of those from one view on. All are
+tried at the noise levels of the likeliest model with errors of the arm, by the closed form of the evidence; the best of
+each kind is compared with that model at noise levels of its own.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from calibration.errors import CalibrationError
 from calibration.kinematics.arm_errors import LADDER, Group, Postures
-from calibration.likelihood.mixed_model import MixedModel, Variances
+from calibration.likelihood.mixed_model import MixedModel, Variances, solve
 from calibration.likelihood.noise_marginalisation import restricted_log_likelihood
 from calibration.likelihood.shared_columns import fix_unknowns, with_arm
 from calibration.likelihood.variance_components import estimate_variances
+from calibration.linear_algebra import covariance_of
 from calibration.solver.arm_session import ArmSession
-from calibration.transforms import Array
+from calibration.transforms import Array, adjoint, inverse, map_points
 
 SCALES = (0.15, 0.4, 1.0, 2.0)
 """Of the parameters' standard deviations; each has the same prior probability."""
@@ -148,3 +156,134 @@ def _with_prior_size(session: ArmSession, model: MixedModel) -> MixedModel:
     known[place] = max(SIZE_SIGMA, abs(scale - 1)) ** -2.0
     offset[place] = np.log(scale)
     return replace(model, prior_information=known, prior_offset=offset)
+
+
+ContradictionKind = Literal["other-arm", "camera-remounted", "camera-moved", "target-or-base-moved"]
+
+MIN_GAIN = 20.0
+"""Of log-evidence. An arm whose errors have other forms than the model gains up to 8 by being two arms."""
+
+MIN_MOVE_MM = 0.1
+"""At the target; less is in the scatter of an arm."""
+
+MOVE_SIGMAS = np.repeat([1e-3, 1.0], 3)
+"""rad, mm: one standard deviation of a camera or target that moved."""
+
+MIN_VIEWS = 3
+"""On either side of the view from which something has moved: fewer are single wrong views."""
+
+
+@dataclass(frozen=True)
+class Contradiction:
+    """What does not belong together, since the view at a position of the place's session, or in all of the session.
+
+    `log_evidence` of it beside the arm's errors against these alone; `move_mm`: of the target as seen, RMS over views.
+    """
+
+    kind: ContradictionKind
+    place: int
+    position: int | None
+    log_evidence: float
+    move_mm: float
+
+
+_SENTENCES: dict[ContradictionKind, str] = {
+    "other-arm": "session {session} is of another arm than the others, or a zero or a load was changed: solve it alone",
+    "camera-remounted": "the camera sits elsewhere in session {session} than in the others: solve it alone",
+    "camera-moved": "the camera moved before view {view} of session {session}: fasten it, take the views again",
+    "target-or-base-moved": "the target, or the robot on its base, moved before view {view} of session {session}:"
+    " fasten both, take the views again",
+}
+
+
+class SessionsContradict(CalibrationError):
+    """Errors of the arm are not taken from views that do not belong together; `found` is what does not.
+
+    `session`: counted from 1; `view`: its number there.
+    """
+
+    def __init__(self, found: Contradiction, session: int, view: int | None) -> None:
+        self.found = found
+        what = _SENTENCES[found.kind].format(session=session, view=view)
+        super().__init__(f"{what} (points of the target differ by {found.move_mm:.1f} mm)")
+
+
+@dataclass(frozen=True, eq=False)
+class _Change:
+    """A change of views' poses by `columns` (n, 6, c) with standard deviations (c,), zero but for some of the views."""
+
+    kind: ContradictionKind
+    place: int
+    first: int | None
+    columns: Array
+    sigmas: Array
+
+
+def find_contradiction(session: ArmSession, likeliest: Restricted) -> Contradiction | None:
+    """The likeliest one beside the errors of the arm as `likeliest` has them, None where one arm explains the views."""
+    best: dict[ContradictionKind, tuple[float, _Change]] = {}
+    score = _Score(likeliest)
+    for change in _changes(session):
+        gain = score.gain(change)
+        if change.kind not in best or gain > best[change.kind][0]:
+            best[change.kind] = gain, change
+    found = [_measure(session, likeliest, change) for gain, change in best.values() if gain > 0]
+    found = [one for one in found if one.log_evidence > MIN_GAIN and one.move_mm > MIN_MOVE_MM]
+    return max(found, key=lambda one: one.log_evidence, default=None)
+
+
+def _changes(session: ArmSession) -> Iterator[_Change]:
+    back = adjoint(inverse(np.concatenate([chain.base_T_flange for chain in session.chains])))
+    held, apart = np.broadcast_to(np.eye(6), back.shape), back  # what is on the flange, and what stands in the cell
+    in_hand = session.views[0].rows.setup == "eye-in-hand"
+    of_camera, of_target = (held, apart) if in_hand else (apart, held)
+    of_arm = session.arm.jacobian(session.parameters, session.postures)
+    for place in range(len(session.views)):
+        own = session.places == place
+        if len(session.views) > 1:
+            yield _Change("other-arm", place, None, of_arm * own[:, None, None], np.sqrt(2) * session.arm.sigmas)
+            yield _Change("camera-remounted", place, None, of_camera * own[:, None, None], MOVE_SIGMAS)
+        for first in np.flatnonzero(own)[MIN_VIEWS : 1 - MIN_VIEWS]:
+            since = (own & (np.arange(len(own)) >= first))[:, None, None]
+            yield _Change("camera-moved", place, int(first), of_camera * since, MOVE_SIGMAS)
+            yield _Change("target-or-base-moved", place, int(first), of_target * since, MOVE_SIGMAS)
+
+
+class _Score:
+    """The gain of log-evidence by changes, at the noise levels without them."""
+
+    def __init__(self, of: Restricted) -> None:
+        model, levels = of.model, of.variances
+        step, p = solve(model, levels), model.unknowns
+        own = covariance_of(model.UU)
+        self._covariance = step.covariance
+        self._weights = np.linalg.inv(levels.pixel * own + np.diag(levels.deviations() ** 2))
+        self._shared = own @ model.UAy[:, :, :p]
+        self._off = (self._shared @ step.b + (own @ model.UAy[:, :, p, None])[..., 0])[..., None]
+
+    def gain(self, change: _Change) -> float:
+        some = np.any(change.columns, axis=(1, 2))
+        columns = change.columns[some] * change.sigmas
+        weighed = self._weights[some] @ columns
+        across = np.einsum("nij,nik->jk", self._shared[some], weighed)
+        information = np.einsum("nij,nik->jk", columns, weighed) - across.T @ self._covariance @ across
+        gradient = np.einsum("nij,nik->jk", weighed, self._off[some])[:, 0]
+        whole = np.eye(len(information)) + information
+        return float(0.5 * gradient @ np.linalg.solve(whole, gradient) - 0.5 * np.linalg.slogdet(whole)[1])
+
+
+def _measure(session: ArmSession, likeliest: Restricted, change: _Change) -> Contradiction:
+    """The change at noise levels of its own."""
+    c = len(change.sigmas)
+    model = with_arm(likeliest.model, change.columns, change.sigmas**-2.0, np.zeros(c))
+    levels = estimate_variances(model, likeliest.variances)
+    gain = restricted_log_likelihood(model, levels) + likeliest.of.log_prior - likeliest.log_likelihood()
+    moved = (change.columns @ solve(model, levels).b[-c:])[np.any(change.columns, axis=(1, 2))]
+    middle = session.views[0].rows.nominal_mm.mean(axis=0, keepdims=True)
+    at = np.concatenate([map_points(chain.flange_T_target(), middle)[:, 0] for chain in session.chains])
+    by = moved[:, 3:] + np.cross(moved[:, :3], at[np.any(change.columns, axis=(1, 2))])
+    position = None
+    if change.first is not None:
+        before = int(np.flatnonzero(session.places == change.place)[0])
+        position = int(session.views[change.place].rows.seen.positions[change.first - before])
+    return Contradiction(change.kind, change.place, position, gain, float(np.sqrt(np.mean(np.sum(by**2, axis=1)))))

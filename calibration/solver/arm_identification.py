@@ -25,8 +25,7 @@ from calibration.likelihood.shared_columns import take_views
 from calibration.likelihood.variance_components import estimate_variances
 from calibration.linear_algebra import covariance_of, inverse_or_pseudo_inverse, squared_distances
 from calibration.problem import Setup
-from calibration.solver.arm_contradictions import Contradiction, find_contradiction
-from calibration.solver.arm_hypotheses import Restricted, hypotheses, restrict
+from calibration.solver.arm_hypotheses import Contradiction, Restricted, find_contradiction, hypotheses, restrict
 from calibration.solver.arm_session import ArmSession, CheckedDistance, KnownDistance, TargetViews, begin_arm_session
 from calibration.solver.view_outliers import MAX_ROUNDS, min_remaining, outlier_limit
 from calibration.transforms import Array, map_points, transform_from_vector

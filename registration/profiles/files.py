@@ -54,11 +54,6 @@ def read_path(file: Path) -> RobotPath:
         raise PathError(f"{file.name}: {error.what}", error.fix) from None
 
 
-def write_npz(file: Path, block: ProfileBlock) -> None:
-    """Write profiles as .npz, times in s. Raises OSError."""
-    np.savez_compressed(file, time=block.times_s, x_mm=block.x_mm, z_mm=block.z_mm)
-
-
 def _read(file: Path) -> bytes:
     try:
         return read_regular(file, MAX_FILE_BYTES)

@@ -11,9 +11,8 @@ from daemon.api.routes.rigs import sensors_of
 from daemon.api.streaming.cloud_request import (
     CLOUD_CONTENT,
     TAKES_A_CLOUD,
-    ExternalAxesQuery,
+    Beside,
     ForceQuery,
-    JointsQuery,
     PoseQuery,
     UnitQuery,
     arm_headers,
@@ -46,10 +45,9 @@ async def register(
     request: Request,
     app: App,
     pose: PoseQuery,
+    beside: Beside,
     unit: UnitQuery = "mm",
     calibration: Which = "current",
-    joints: JointsQuery = None,
-    external_axes: ExternalAxesQuery = None,
     scanner: Sensor = None,
     force: ForceQuery = False,
 ) -> Response:
@@ -74,14 +72,14 @@ async def register(
         if app.settings.robot.external_axis is not None:
             what = "a rig is placed without the external axis that [robot.external_axis] declares"
             raise CalibrationUnusable(what, f"give [scanners.{scanner}] camera_T_scanner, and leave the rig out")
-        at = await flange_pose_of(app, pose, joints, external_axes)
+        at = await flange_pose_of(app, pose, beside)
         rig_id, base_T_scanner = await sensors_of(app).base_T_sensor(scanner, at.base_T_flange.transform())
         named = {"Handeyed-Rig": rig_id}
     else:
         by_name = scanner or MAIN_SCANNER
-        beside = app.settings.camera_beside(by_name) if app.settings.cameras else None
-        used = await app.operations.calibrations.in_use(await app.operations.calibrations.find(calibration, beside))
-        at = await flange_pose_of(app, pose, joints, external_axes)
+        camera = app.settings.camera_beside(by_name) if app.settings.cameras else None
+        used = await app.operations.calibrations.in_use(await app.operations.calibrations.find(calibration, camera))
+        at = await flange_pose_of(app, pose, beside)
         base_T_scanner = await app.service_workers.run(app.scans.base_T_scanner, used, at, by_name)
         of_arm = await app.service_workers.run(arm_headers, used, [at])
         named = {"Handeyed-Calibration": used.document.id, **of_arm}

@@ -38,9 +38,8 @@ from daemon.api.streaming.cloud_request import (
     BINARY,
     JSON,
     TAKES_A_CLOUD,
-    ExternalAxesQuery,
+    Beside,
     ForceQuery,
-    JointsQuery,
     PoseQuery,
     UnitQuery,
     arm_headers,
@@ -126,17 +125,16 @@ async def add_view(
     request: Request,
     app: App,
     scan_id: Identifier,
+    beside: Beside,
     pose: PoseQuery = "now",
     unit: UnitQuery = "mm",
-    joints: JointsQuery = None,
-    external_axes: ExternalAxesQuery = None,
     force: ForceQuery = False,
 ) -> ScanViewDocument:
     """A cloud seen from `pose`; without a body the daemon's scanner takes one where the arm stands."""
     await app.store.scan(scan_id)
     if _has_no_body(request):
         return await app.operations.scan_here(scan_id)
-    media_type, at = media_type_of(request), await flange_pose_of(app, pose, joints, external_axes)
+    media_type, at = media_type_of(request), await flange_pose_of(app, pose, beside)
     return await app.scans.add_view(scan_id, request.stream(), media_type, unit, at, force=force)
 
 

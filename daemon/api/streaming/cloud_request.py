@@ -1,9 +1,10 @@
 """Parse the requests for clouds: pose and unit in the query, media types in the headers."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
-from fastapi import Query, Request
+from fastapi import Depends, Query, Request
 
 from calibration.documents.calibration_in_use import AS_BUILT, CalibrationInUse
 from calibration.documents.pose import PoseDocument
@@ -21,9 +22,18 @@ from registration.points.rigid_motion import MAX_TRANSLATION_MM
 POSE = "base_T_flange as x,y,z,qw,qx,qy,qz (mm, w first), or 'now': where the arm stands"
 PoseQuery = Annotated[str, Query(max_length=300, description=POSE, examples=["now"])]
 JOINTS = "the arm's axes 1 to 6 at a given pose, degrees, with commas; where the arm's errors are in force"
-JointsQuery = Annotated[str | None, Query(max_length=200, description=JOINTS)]
 AXES_BESIDE = "the controller's external axes from the first at a given pose, mm or degrees, with commas"
-ExternalAxesQuery = Annotated[str | None, Query(max_length=200, description=AXES_BESIDE)]
+
+
+@dataclass(frozen=True)
+class BesidePose:
+    """What a request says of the arm beside the pose of its flange."""
+
+    joints: Annotated[str | None, Query(max_length=200, description=JOINTS)] = None
+    external_axes: Annotated[str | None, Query(max_length=200, description=AXES_BESIDE)] = None
+
+
+Beside = Annotated[BesidePose, Depends()]
 UnitQuery = Annotated[Literal["mm", "m"], Query(description="unit of the cloud's coordinates")]
 ForceQuery = Annotated[bool, Query(description="take a cloud whose unit cannot be, too")]
 
@@ -76,19 +86,20 @@ def _matches(media: str, kind: str) -> bool:
     return media in ("*/*", kind.split("/")[0] + "/*", kind)
 
 
-async def flange_pose_of(app: Application, pose: str, joints: str | None, beside: str | None = None) -> FlangePose:
+async def flange_pose_of(app: Application, pose: str, beside: BesidePose) -> FlangePose:
     """Pose and axes of a request, or where the arm stands.
 
     Raises InvalidRequest, DocumentError, NotStill, DeviceError.
     """
     if pose == "now":
-        for name, given in (("joints", joints), ("external_axes", beside)):
+        for name, given in vars(beside).items():
             if given is not None:
                 fix = f"leave {name} out, or give the pose, too"
                 raise InvalidRequest([DocumentProblem(f"query.{name}", "with pose=now the daemon reads them", fix)])
         return FlangePose.of(await app.readings.flange_pose())
-    axes = None if beside is None else _parse_external_axes(beside)
-    return FlangePose(parse_pose(pose), None if joints is None else _parse_joints(joints), axes)
+    joints = None if beside.joints is None else _parse_joints(beside.joints)
+    axes = None if beside.external_axes is None else _parse_external_axes(beside.external_axes)
+    return FlangePose(parse_pose(pose), joints, axes)
 
 
 def _parse_external_axes(text: str) -> tuple[float, ...]:

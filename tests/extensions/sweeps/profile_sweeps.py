@@ -9,9 +9,10 @@ import numpy as np
 
 from calibration.kinematics.robot_accuracy import RobotNoise
 from calibration.transforms import Array, inverse, quaternion_from_rotation, rotation_from_vector, transform
-from registration.profiles.files import POSE_COLUMNS, write_npz
+from registration.profiles.files import POSE_COLUMNS
 from registration.profiles.profile_block import ProfileBlock
 from registration.profiles.robot_path import RobotPath
+from tests.support.profile_files import write_npz
 
 FLANGE_T_PROFILER = transform(rotation_from_vector([0.25, -0.4, 1.3]), [60.0, -35.0, 110.0])
 CENTRE_MM = np.array([900.0, 120.0, 250.0])

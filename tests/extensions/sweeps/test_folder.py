@@ -9,8 +9,8 @@ import pytest
 from calibration.errors import DocumentError
 from extensions.sweeps.mathematics.folder import read_profile_folder
 from registration.errors import ProfileError, RegistrationError
-from registration.profiles.files import write_npz
 from registration.profiles.profile_block import ProfileBlock
+from tests.support.profile_files import write_npz
 
 
 def write_profiles_json(folder: Path, **change: Any) -> None:

@@ -10,7 +10,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from registration.errors import PathError, ProfileError, RegistrationError
-from registration.profiles.files import read_path, read_profiles, write_npz
+from registration.profiles.files import read_path, read_profiles
+from tests.support.profile_files import write_npz
 
 ROWS = "time,x_mm,z_mm\n0.5,1,10\n0.5,2,11\n0.6,1.5,12\n"
 POSES = "time_s,x_mm,y_mm,z_mm,qw,qx,qy,qz\n0,1,2,3,1,0,0,0\n0.1,2,2,3,0.8,0.6,0,0\n"
