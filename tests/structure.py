@@ -29,7 +29,7 @@ MAX_WEIGHTS = {
     "converters between them: of, of_row, of_record, row": 67,
     "files that name: external axis": 37,
     "files that name: arm errors and conditions": 25,
-    "files that name: touch tests": 21,
+    "files that name: touch tests": 19,
     "files that name: further sensors": 14,
 }
 """Ratchets: a change that lightens one lowers its limit, and none is raised."""
