@@ -16,7 +16,7 @@ import { go, linkTo } from '../state/place.js';
 import { upload } from '../state/upload.js';
 import { deviceName, reportAt, t } from '../state/words.js';
 
-const TYPES = { ply: 'application/x-ply', pcd: 'application/x-pcd', laz: 'application/vnd.laszip' };
+const TYPES = { ply: 'application/x-ply', pcd: 'application/x-pcd', laz: 'application/vnd.laszip', npz: 'application/x-npz' };
 
 export const Scans = ({ argument }) => (argument ? html`<${Scan} id=${argument} />` : html`<${List} />`);
 

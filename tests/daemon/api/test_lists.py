@@ -2,6 +2,7 @@
 
 import asyncio
 import json
+import struct
 import threading
 from dataclasses import replace
 from typing import Any
@@ -55,7 +56,9 @@ async def test_a_listed_scan_is_the_scan(bench: Bench) -> None:
     octets = {"content-type": "application/octet-stream"}
     for k in range(3):
         pose = {"pose": f"900.5,0,{k},1,0,0,0"}
-        sent = await bench.client.post(f"{location}/views", params=pose, headers=octets, content=b"\0" * 12)
+        sent = await bench.client.post(
+            f"{location}/views", params=pose, headers=octets, content=struct.pack("<3f", 0, 0, 500)
+        )
         assert sent.status_code == 201, sent.text
     assert (await bench.client.get("/scans")).json()["scans"] == [(await bench.client.get(location)).json()]
 

@@ -24,8 +24,8 @@ from drivers.scanners.gocator_profiler import GocatorProfiler, coordinates_mm
 from drivers.scanners.profiler_address import ProfilerHost, parse_profiler_address
 from drivers.timing import Timing
 from protocols.gocator.data_channel import NO_VALUE, ProfileGroup, RawProfiles, Stamp, encode
-from registration.profiles.files import write_npz
 from registration.profiles.profile_block import ProfileBlock
+from tests.support.profile_files import write_npz
 from tests.support.waiting import LIMIT_S, SkippableTime, eventually
 
 
