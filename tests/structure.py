@@ -19,11 +19,11 @@ ROOMS = (*CORE, "extensions")
 
 MAX_UNITS = {"calibration": 24, "daemon": 23, "mock_robot": 16, "registration": 10}
 MAX_WEIGHTS = {
-    "lines of Python of the core": 97_623,
-    "lines of Python with the extensions": 100_942,
+    "lines of Python of the core": 97_626,
+    "lines of Python with the extensions": 100_945,
     "files of the fullest folder": 52,
-    "private functions used once": 884,
-    "of them of at most 8 lines": 448,
+    "private functions used once": 885,
+    "of them of at most 8 lines": 449,
     "functions of 8 parameters or more": 44,
     "pairs of a dataclass and a document with the same fields": 38,
     "converters between them: of, of_row, of_record, row": 67,

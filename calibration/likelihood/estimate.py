@@ -33,9 +33,6 @@ MAX_NOISE_ITERATIONS = 10
 STEP_TOLERANCE_SIGMA = 1e-3
 """The iteration ends when the RMS step is below this many standard deviations of the estimate."""
 
-MAX_LOG_FOCAL_STEP = 0.3
-"""Longest step of a given lens's log focal length: distances follow it exponentially, so a longer one overshoots."""
-
 MAX_AVERAGES = 6
 AVERAGE_TOLERANCE_SIGMA = 0.02
 """The mean over priors and noise levels is taken about itself until it moves by less, in standard deviations (RMS)."""
@@ -135,20 +132,18 @@ def estimate(
     """
     z = np.zeros(0 if nuisances is None else len(nuisances)) if z is None else z
     chain, converged, coefficients = start, False, np.zeros(0)
-    log_focal = slice(12, 12 if nuisances is None or nuisances.estimated else 13)
     for iteration in range(MAX_ITERATIONS):
         model = linearise(pixels, chain, nuisances, z, trend=trend)
         if not fixed_noise and iteration < MAX_NOISE_ITERATIONS:
             variances = estimate_variances(model, variances)
         step = solve(model, variances)
-        b = step.b / max(1.0, float(np.abs(step.b[log_focal]).max(initial=0.0)) / MAX_LOG_FOCAL_STEP)
         # Each step starts at the result of the last one, but for the trend's coefficients, which start at zero.
-        change = b.copy()
+        change = step.b.copy()
         change[len(change) - len(coefficients) :] -= coefficients
-        coefficients = b[len(b) - 6 * model.trend_terms :]
+        coefficients = step.b[len(step.b) - 6 * model.trend_terms :]
         small = change @ step.information @ change < STEP_TOLERANCE_SIGMA**2 * len(change)
         # The last step is far below its uncertainty, so no new linearisation is needed after it.
-        chain, z = _apply_step(chain, z, model, b, step.K)
+        chain, z = _apply_step(chain, z, model, step.b, step.K)
         if small:
             converged = True
             break

@@ -4,6 +4,7 @@ import asyncio
 import contextlib
 import io
 import socket
+import struct
 from collections.abc import AsyncIterator
 from pathlib import Path
 from urllib.parse import urlsplit
@@ -119,7 +120,7 @@ async def test_a_client_that_never_reads_its_answer_is_cut_off_and_leaves_nothin
     impatient = ConnectionLimiter(HttpLimits(idle_s=5.0))
     async with serving(settings_for(tmp_path), door=impatient) as bench:
         await apply_calibration(bench)
-        body = bytes(12 * 2_000_000)
+        body = struct.pack("<3f", 0, 0, 500) * 2_000_000
         head = f"POST /register?pose={POSE} HTTP/1.1\r\nHost: localhost\r\nContent-Type: application/octet-stream\r\n"
         url = urlsplit(bench.url)
         with socket.create_connection((url.hostname, url.port)) as client:
