@@ -124,7 +124,7 @@ class _Named:
         self.turn_words: dict[str, set[str]] = {}
         self.unit_of: dict[int, str] = {}
         words = [words_of(name) for name in names]
-        self.is_grid = any(one[-1:] == ["00"] for one in words)
+        self.is_grid = {"00", "22"} <= {one[-1] for one in words if one}
         for index, one in enumerate(words):
             self._take(index, one)
         self._leave_out_joints()
@@ -250,10 +250,9 @@ def _unit_of(named: _Named, indices: Sequence[int], origin: str) -> str | None:
 
 def _in_order(slots: dict[str, int]) -> list[int]:
     """Indices of numbered slots that are consecutive from 0 or 1."""
-    numbers = sorted(int(slot) for slot in slots if slot.isdigit())
-    if not numbers or numbers[0] > 1 or numbers != list(range(numbers[0], numbers[0] + len(numbers))):
-        return []
-    return [slots[str(number)] for number in numbers]
+    numbered = {int(slot): index for slot, index in slots.items() if slot.isdecimal()}  # 00 and 01, too
+    numbers, n = sorted(numbered), len(numbered)
+    return [numbered[number] for number in numbers] if numbers in ([*range(n)], [*range(1, n + 1)]) else []
 
 
 def _lengths(named: _Named) -> list[int]:

@@ -128,6 +128,8 @@ LAYOUTS: dict[str, dict[str, bytes]] = {
     "columns of two matrices": {"a.csv": lines(
         ",".join(f"{side}_{row}{column}" for side in ("ee", "cam") for row in range(4) for column in range(4)),
         *_rows(ROBOT.reshape(-1, 16), CAMERA.reshape(-1, 16)))},
+    "columns of six numbers with two digits": {"a.csv": lines(
+        ",".join(f"{side}_{at:02}" for side in ("tcp", "board") for at in range(6)), *_rows(t, V, s, v))},
     "records by their numbers, with a detection": {"a.json": _json({str(at): {
         "pose": [*t[at], *V[at]], "rvec": v[at], "tvec": s[at] / 1000} for at in range(8)})},
     "records of a detection's columns": {"a.json": _json({"date": "2026-01-02", "poses": [
