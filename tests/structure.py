@@ -19,8 +19,8 @@ ROOMS = (*CORE, "extensions")
 
 MAX_UNITS = {"calibration": 24, "daemon": 23, "mock_robot": 16, "registration": 10}
 MAX_WEIGHTS = {
-    "lines of Python of the core": 97_625,
-    "lines of Python with the extensions": 100_944,
+    "lines of Python of the core": 97_624,
+    "lines of Python with the extensions": 100_943,
     "files of the fullest folder": 52,
     "private functions used once": 885,
     "of them of at most 8 lines": 449,

@@ -188,8 +188,13 @@ class RapidController(Cabinet):
 
         def cycle() -> None:
             main()
-            if plan.motion and self.panel.cycle == "once":
-                self.run_program(False, self.clock())
+            over = not plan.motion
+            while not over:  # a pendant that switches between the last instruction and here is heeded first
+                task.attend()
+                with self._switching:
+                    over = not task.attention
+                    if over and self.panel.cycle == "once":
+                        self.run_program(False, self.clock())
 
         task.main = cycle
         return Loaded(plan, task, interrupts)

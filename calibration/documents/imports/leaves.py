@@ -294,11 +294,8 @@ def _over_views(data: dict[str, Any], origin: str) -> tuple[list[Any], list[str]
     """The records of arrays over the views, or of names with the view's number; None where there are neither."""
     flat: dict[str, Any] = dict(_leaves(data, origin, most=MAX_POSES * 16))
     flat |= {name: one for name, one in data.items() if isinstance(one, list) and one and isinstance(one[0], dict)}
-    arrays = {
-        name: leaf
-        for name, leaf in flat.items()
-        if isinstance(leaf, np.ndarray) and {leaf.shape, _squeeze(leaf).shape}.isdisjoint(ONE_VIEW)
-    }
+    every = {name: leaf for name, leaf in flat.items() if isinstance(leaf, np.ndarray)}
+    arrays = {name: leaf for name, leaf in every.items() if {leaf.shape, _squeeze(leaf).shape}.isdisjoint(ONE_VIEW)}
     over = {name: len(leaf) for name, leaf in arrays.items() if leaf.ndim > 1}
     over |= {name: len(leaf) for name, leaf in flat.items() if isinstance(leaf, list)}
     if over and (any(name in arrays for name in over) or len(over) > 1):

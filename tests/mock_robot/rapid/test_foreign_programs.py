@@ -229,8 +229,10 @@ def test_a_cycle_that_is_asked_for_once_ends_with_the_program(tmp_path: Path) ->
     with home_running(tmp_path, {"count": text}) as controller:
         eventually_blocking(lambda: controller.memory["rounds"].value > 1)
         controller.run_program(False, controller.clock())
-        controller.panel.cycle, before = "once", controller.memory["rounds"].value
+        controller.panel.cycle = "once"
         controller.move_pointer_to_main(controller.clock())
+        eventually_blocking(lambda: not any(controller.whereabouts().values()))  # the statement under way has ended
+        before = controller.memory["rounds"].value
         controller.run_program(True, controller.clock())
         eventually_blocking(lambda: controller.memory["rounds"].value > before)
         eventually_blocking(lambda: not controller.panel.program_running)

@@ -191,11 +191,8 @@ def find_poses(files: Files, but: str | None = None) -> PoseTable:
 def _both_sides(tables: dict[str, PoseTable]) -> PoseTable | None:
     """The robot's table with the camera's, of two files, or of files with one pose each in two groups, whose names or
     columns say whose they are; else None."""
-    if (
-        len(tables) != 2
-        or len({*map(len, tables.values())}) > 1
-        or any(one.camera is not None for one in tables.values())
-    ):
+    counts = {*map(len, tables.values())}
+    if len(tables) != 2 or len(counts) > 1 or any(one.camera is not None for one in tables.values()):
         return None
     by_side = {}
     for name, table in tables.items():
