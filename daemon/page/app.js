@@ -1,7 +1,7 @@
 // The page: header, banners, and the screen of the place in the address.
 import { Component, html, render, useEffect } from './vendor/preact.js';
 import { Banners } from './parts/banners.js';
-import { Header } from './parts/header.js';
+import { Header, Tabs } from './parts/header.js';
 import { SensorChoice } from './parts/sensor_choice.js';
 import { Whole } from './parts/whole.js';
 import { ask } from './state/ask.js';
@@ -77,7 +77,7 @@ function Page() {
     <${Header} screen=${known} />
     <main id="content" tabindex="-1">
       <h1 class="sr-only" tabindex="-1">${t(`place.${wanted}`)}</h1>
-      ${session.value === null || !Screen ? html`<p class="quiet">${t('missing.wait')}</p>` : html`<${Guard} key=${`${wanted}/${argument}`}><${Whole}><${SensorChoice} screen=${wanted} named=${wanted !== 'verify' && argument} /><${Screen} argument=${argument} /></${Whole}></${Guard}>`}
+      ${session.value === null || !Screen ? html`<p class="quiet">${t('missing.wait')}</p>` : html`<${Guard} key=${`${wanted}/${argument}`}><${Whole}><${Tabs} screen=${wanted} /><${SensorChoice} screen=${wanted} named=${wanted !== 'verify' && argument} /><${Screen} argument=${argument} /></${Whole}></${Guard}>`}
       <${Banners} />
     </main>`;
 }

@@ -10,8 +10,11 @@ const CODES = new Set(['arm-errors', 'arm-as-drawn']);
 const SHOWN = 6;
 
 /** Nothing where the arm's errors were not asked for: the verdict's findings say whether they were. */
+/** Whether errors of the arm were looked for. */
+export const armIdentified = (document) => document.verdict.findings.some(({ code }) => CODES.has(code));
+
 export function ArmErrors({ document, path }) {
-  const identified = document.verdict.findings.some(({ code }) => CODES.has(code));
+  const identified = armIdentified(document);
   const arm = useAsked(identified ? `${path}/arm` : null);
   const field = useAsked(arm.data?.taken_up ? `${path}/arm/field` : null);
   if (!identified) return null;

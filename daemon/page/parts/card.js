@@ -1,8 +1,8 @@
-// The frame of everything: a titled section.
+// The frame of everything: a titled section; `flush`: filled by a picture or a scene, the title on it.
 import { html } from '../vendor/preact.js';
 
-export const Card = ({ title, children, wide, brief, id, aside }) =>
-  html`<section class="card ${wide ? `wide-${wide}` : ''} ${brief ? 'brief' : ''}" aria-labelledby=${id}>
+export const Card = ({ title, children, wide, brief, flush, low, id, aside }) =>
+  html`<section class="card ${wide ? `wide-${wide}` : ''} ${brief ? 'brief' : ''} ${flush ? 'flush' : ''} ${low ? 'low' : ''}" aria-labelledby=${id}>
     <header><h2 id=${id}>${title}</h2>${aside}</header>
     ${children}
   </section>`;

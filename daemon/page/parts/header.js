@@ -1,44 +1,53 @@
-// Always there: cell, places, robot, run and who started it, the age of what is shown, who is signed in, "End run".
+// Always there, in one row: cell, places, robot, the age of what is shown, help, who is signed in, "End run".
 import { html, useEffect, useRef, useState } from '../vendor/preact.js';
 import { ask } from '../state/ask.js';
-import { fixed, timeOfDay } from '../state/numbers.js';
+import { fixed } from '../state/numbers.js';
 import { age_s, holder, lost, may, note, old, robot, run, running, session } from '../state/now.js';
 import { linkTo, place } from '../state/place.js';
 import { t } from '../state/words.js';
 
-const PLACES = ['cell', 'calibrate', 'run', 'result', 'verify', 'scans', 'jog', 'devices', 'history', 'audit', 'settings', 'help'];
+/** The places, and the screens that each of them holds; the first one is what the place opens with. */
+export const PLACES = {
+  cell: ['cell', 'jog'], calibrate: ['calibrate', 'run', 'result'], check: ['verify'], scans: ['scans'], history: ['history', 'audit'], setup: ['devices', 'settings'],
+};
+const TABS = { history: ['history', 'audit'], setup: ['devices', 'settings'] };
 const ADMIN = new Set(['audit']);
+const ON_A_PHONE = 4; // the rest is below "More"
+
+const placeOf = (screen) => Object.keys(PLACES).find((name) => PLACES[name].includes(screen));
 
 export function Header({ screen }) {
   return html`<header class="top">
-    <div class="state">
-      <a class="cell-name" href=${linkTo('cell')}>${session.value?.cell || 'handeyed'}</a>
-      <${StateLine} />
-      <${Who} />
-      <${EndRun} />
-    </div>
-    <${Places} screen=${screen} />
+    <a class="cell-name" href=${linkTo('cell')}>${session.value?.cell || 'handeyed'}</a>
+    <${Places} here=${placeOf(screen)} />
+    <${StateLine} />
+    <a class="round" href=${linkTo('help')} aria-current=${screen === 'help' ? 'page' : undefined}><span aria-hidden="true">?</span><span class="sr-only">${t('place.help')}</span></a>
+    <${Who} />
+    <${EndRun} />
   </header>`;
 }
 
-function Places({ screen }) {
+function Places({ here }) {
   const [open, setOpen] = useState(false);
   useEffect(() => setOpen(false), [place.value]);
-  const places = PLACES.filter((name) => !ADMIN.has(name) || may('admin'));
+  const link = (name) => html`<li class=${Object.keys(PLACES).indexOf(name) < ON_A_PHONE ? '' : 'further'}><a href=${linkTo(PLACES[name][0])} aria-current=${name === here ? 'page' : undefined}>${t(`place.${name}`)}</a></li>`;
   return html`<nav aria-label=${t('places')} class=${open ? 'open' : ''}>
-    <button type="button" class="menu" aria-expanded=${open} aria-controls="places" onClick=${() => setOpen(!open)}>
-      <span aria-hidden="true">☰</span> ${t(`place.${screen}`)}
-    </button>
-    <ul id="places">${places.map((name) => html`<li><a href=${linkTo(name)} aria-current=${name === screen ? 'page' : undefined}>${t(`place.${name}`)}</a></li>`)}</ul>
+    <ul id="places">${Object.keys(PLACES).map(link)}<li class="phone"><a href=${linkTo('jog')}>${t('place.jog')}</a></li></ul>
+    <button type="button" class="menu" aria-expanded=${open} aria-controls="places" onClick=${() => setOpen(!open)}>${t('places.more')}</button>
   </nav>`;
 }
 
+/** The screens of one place beside each other, where it has more than one and they are no steps of a flow. */
+export function Tabs({ screen }) {
+  const names = (TABS[placeOf(screen)] ?? []).filter((name) => !ADMIN.has(name) || may('admin'));
+  if (names.length < 2) return null;
+  return html`<nav class="tabs" aria-label=${t(`place.${placeOf(screen)}`)}>${names.map((name) => html`<a class="chip button" href=${linkTo(name)} aria-current=${name === screen ? 'page' : undefined}>${t(`place.${name}`)}</a>`)}</nav>`;
+}
+
 function StateLine() {
-  const dim = old.value ? 'dimmed' : '';
   return html`<dl class="line">
-    <div class=${dim}><dt>${t('head.robot')}</dt><dd>${robotWords()}</dd></div>
-    <div class=${dim}><dt>${t('head.run')}</dt><dd>${runWords()}</dd></div>
-    <div><dt>${t('head.age')}</dt><dd>${ageWords()}</dd></div>
+    <div class=${old.value ? 'dimmed' : ''}><dt class="sr-only">${t('head.robot')}</dt><dd>${robotWords()}</dd></div>
+    <div><dt class="sr-only">${t('head.age')}</dt><dd>${ageWords()}</dd></div>
   </dl>`;
 }
 
@@ -58,17 +67,11 @@ function robotWords() {
   return `● ${t(now.moving ? 'robot.moving' : 'robot.on')}`;
 }
 
-function runWords() {
-  if (!running.value) return t(holder.value ? 'run.held' : 'run.none', { by: holder.value });
-  const { kind, state, station, stations, started_by, created_at } = run.value;
-  const step = ['moving', 'settling', 'capturing'].includes(state) && stations ? ` ${Math.min(station + 1, stations)}/${stations}` : '';
-  return html`<a href=${linkTo('run')}>${t(`kind.${kind}`)}: ${t(`state.${state}`)}${step}</a>
-    ${started_by && html` <span class="by">${t('run.by', { name: started_by, at: timeOfDay(created_at) })}</span>`}`;
-}
-
 function Who() {
   const { name, role } = session.value ?? {};
-  return html`<div class="who"><a href=${linkTo('sign-in')}>${!role || role === 'nobody' ? t('who.nobody') : html`${name}<span class="quiet"> ${t(`role.${role}`)}</span>`}</a></div>`;
+  const nobody = !role || role === 'nobody';
+  const said = nobody ? t('who.nobody') : `${name}, ${t(`role.${role}`)}`;
+  return html`<a class="round who" href=${linkTo('sign-in')} title=${said}><span aria-hidden="true">${nobody ? '–' : [...name].slice(0, 2).join('')}</span><span class="sr-only">${said}</span></a>`;
 }
 
 /** Ends the run in progress at once. Pressed without a link, it is sent as soon as there is one again. */
@@ -97,7 +100,8 @@ function EndRun() {
     wanted.current = run.value.id;
     send();
   };
-  return html`<div class="end"><button type="button" class="end-run" aria-disabled=${off ? 'true' : undefined} onClick=${press} aria-describedby="end-note">
-    <span aria-hidden="true">■</span> ${t(state === 'waiting' ? 'end.waiting' : state === 'sent' ? 'end.sent' : 'end')}
-  </button><span id="end-note" class="small quiet">${t('end.note')}</span></div>`;
+  const waits = state === 'waiting' ? 'end.waiting' : state === 'sent' ? 'end.sent' : 'end';
+  return html`<button type="button" class="end-run" aria-disabled=${off ? 'true' : undefined} onClick=${press}>
+    <span><span aria-hidden="true">■</span> ${t(waits)}</span><small>${running.value ? t('end.note') : holder.value ? t('run.held', { by: holder.value }) : t('run.none')}</small>
+  </button>`;
 }

@@ -9,7 +9,7 @@ const HOLD_MS = 1000;
 const SWITCH_MS = [3000, 10000]; // two presses this far apart, for people who cannot hold
 
 /** `act(key)` after a hold of a second by finger, mouse, Enter or Space; or by two presses 3 s apart. */
-export function HoldButton({ act, label, moves = true, disabled = false, why = '', id }) {
+export function HoldButton({ act, label, moves = true, primary = false, disabled = false, why = '', id }) {
   const key = useRef(newKey());
   const timer = useRef(0);
   const pressed = useRef(0);
@@ -67,7 +67,7 @@ export function HoldButton({ act, label, moves = true, disabled = false, why = '
   };
   const said = { idle: t(moves ? 'hold.moves' : 'hold.act'), holding: t('hold.on'), armed: t('hold.again'), sending: t('hold.sent') };
   return html`<div class="hold">
-    <button type="button" id=${id} class="hold-button ${moves ? 'moves' : ''} ${state}" aria-disabled=${off ? 'true' : undefined}
+    <button type="button" id=${id} class="hold-button ${moves ? 'moves' : ''} ${primary ? 'primary' : ''} ${state}" aria-disabled=${off ? 'true' : undefined}
       aria-describedby=${id && `${id}-how`}
       onPointerDown=${onPointer} onPointerUp=${end} onPointerCancel=${end} onLostPointerCapture=${end} onBlur=${end}
       onKeyDown=${onKey} onKeyUp=${onKey} onClick=${onClick} onContextMenu=${(event) => event.preventDefault()}>

@@ -1,6 +1,7 @@
 // By hand: the advice large, the way to go, a jog, what the camera sees; "Take view" is never refused for being elsewhere.
 import { html, useMemo, useState } from '../vendor/preact.js';
 import { Act } from '../parts/act.js';
+import { Bar, Steps } from '../parts/bar.js';
 import { Card } from '../parts/card.js';
 import { CellScene } from '../parts/cell_scene.js';
 import { JogControls } from '../parts/jog_controls.js';
@@ -46,25 +47,26 @@ export function ByHand({ shown }) {
   const moving = shown.state === 'moving'; // of a run by hand: it jogs
   const jogs = arm.data?.moves ?? false; // a robot that is only read is jogged with the pendant
   const off = !may('operator') || old.value || !waits;
-  return html`<div class=${jogs ? 'grid by-hand' : 'grid'}>
-    <${Card} title=${t('jog.title', { view: Math.min(station + 1, stations), of: stations })} id="advice" wide="3">
-      <p class="sentence" role="status">${waits || moving ? html`<${Advice} planning=${planning} here=${here} near=${near} />` : t(`state.${shown.state}`)}</p>
-      <p class="quiet">${t(jogs ? 'jog.nothing-moves' : 'jog.pendant-only')}${planning?.now_mm ? ` ${t('jog.so-far', { U: mm(planning.now_mm) })}` : ''}</p>
-      ${planning?.note && html`<p class="note warn" role="alert" lang="en"><span class="mark" aria-hidden="true">!</span> ${planning.note}</p>`}
-    </${Card}>
-    <${Card} title=${t('way.title')} id="way">
-      ${here && next ? html`<${WayToGo} here=${here} there=${next} near=${planning.near} />` : html`<p class="quiet">${t('way.free')}</p>`}
-      <div class="row jog-acts">
-        <${Act} label=${t('jog.take')} primary=${near || !next} disabled=${off} act=${act('stations')} />
-        <${Act} label=${t('jog.finish')} disabled=${off || station < 3} act=${act('finish')} />
-      </div>
-      ${station < 3 && html`<p class="small quiet">${t('jog.least')}</p>`}
-    </${Card}>
-    ${jogs && html`<${Card} title=${t('move.title')} id="move">
-      <${JogControls} arm=${arm.data} joints_deg=${now?.joints_deg} send=${jog} busy=${waits ? '' : t(moving ? 'move.moving' : `state.${shown.state}`)} />
-      <p role="status">${moving ? html`<b>● ${t('move.moving')}</b>` : waits && stands && html`<b>✓ ${t('move.done')}</b>`}</p></${Card}>`}
-    <${Card} title=${t('cell.camera')} id="camera"><${LivePicture} of=${cameraOf(shown)} /></${Card}>
-    <${Card} title=${t('cell.scene')} id="scene" wide=${jogs ? '3' : undefined}><${CellScene} parts=${parts} dim=${old.value} /></${Card}>
+  return html`<div class="cockpit by-hand">
+    <${Bar} steps=${html`<${Steps} at="pictures" run=${shown.id} />`}
+      sentence=${html`<span id="advice">${t('jog.title', { view: Math.min(station + 1, stations), of: stations })}: ${waits || moving ? html`<${Advice} planning=${planning} here=${here} near=${near} />` : t(`state.${shown.state}`)}</span>`}
+      about=${`${t(jogs ? 'jog.nothing-moves' : 'jog.pendant-only')}${planning?.now_mm ? ` ${t('jog.so-far', { U: mm(planning.now_mm) })}` : ''}`} />
+    <${Card} title=${t('cell.camera')} id="camera" flush><${LivePicture} of=${cameraOf(shown)} /></${Card}>
+    <div class="side">
+      <${Card} title=${t('way.title')} id="way">
+        ${planning?.note && html`<p class="note warn" role="alert" lang="en"><span class="mark" aria-hidden="true">!</span> ${planning.note}</p>`}
+        ${here && next ? html`<${WayToGo} here=${here} there=${next} near=${planning.near} />` : html`<p class="quiet">${t('way.free')}</p>`}
+        <div class="row jog-acts">
+          <${Act} label=${t('jog.take')} primary disabled=${off} act=${act('stations')} />
+          <${Act} label=${t('jog.finish')} disabled=${off || station < 3} act=${act('finish')} />
+        </div>
+        ${station < 3 && html`<p class="small quiet">${t('jog.least')}</p>`}
+      </${Card}>
+      ${jogs && html`<${Card} title=${t('move.title')} id="move">
+        <${JogControls} arm=${arm.data} joints_deg=${now?.joints_deg} send=${jog} busy=${waits ? '' : t(moving ? 'move.moving' : `state.${shown.state}`)} />
+        <p role="status">${moving ? html`<b>● ${t('move.moving')}</b>` : waits && stands && html`<b>✓ ${t('move.done')}</b>`}</p></${Card}>`}
+    </div>
+    <${Card} title=${t('cell.scene')} id="scene" flush><${CellScene} parts=${parts} dim=${old.value} /></${Card}>
   </div>`;
 }
 

@@ -1,20 +1,37 @@
-// Calibrate: ready? how, what will move, hold to start. Four steps on one page.
-import { html, useMemo, useState } from '../vendor/preact.js';
+// Calibrate, one flow with one address a run: prepare, pictures, result. Here is what comes before anything moves.
+import { html, useEffect, useMemo, useState } from '../vendor/preact.js';
 import { Act } from '../parts/act.js';
+import { Bar, Steps } from '../parts/bar.js';
 import { Card, Facts } from '../parts/card.js';
 import { CellScene } from '../parts/cell_scene.js';
 import { HoldButton } from '../parts/hold_button.js';
+import { LivePicture } from '../parts/live_picture.js';
 import { Missing, useAsked } from '../parts/loaded.js';
+import { MoveArm } from '../parts/move_arm.js';
 import { carriedBy, placesOf } from '../parts/places.js';
 import { Reasons } from '../parts/reasons.js';
 import { ask, newKey } from '../state/ask.js';
 import { fixed, mm } from '../state/numbers.js';
-import { may, note, robot, running } from '../state/now.js';
+import { may, note, robot, run, running } from '../state/now.js';
 import { camera, cameraNamed, ofCamera, readyWith } from '../state/sensors.js';
 import { go } from '../state/place.js';
 import { t } from '../state/words.js';
+import { Result } from './result.js';
+import { Run } from './run.js';
 
-export function Calibrate() {
+/** `argument`: the id of a run, which is followed to its result. */
+export function Calibrate({ argument }) {
+  const named = useAsked(argument && argument !== run.value?.id ? `/runs/${encodeURIComponent(argument)}` : null, ['run']);
+  const shown = argument === run.value?.id ? run.value : named.data;
+  const result = shown?.over ? shown.result?.calibration_id : null;
+  useEffect(() => {
+    if (result) document.querySelector('h1')?.focus({ preventScroll: true });
+  }, [result]);
+  if (!argument) return html`<${Prepare} />`;
+  return result ? html`<${Result} argument=${result} />` : html`<${Run} argument=${argument} />`;
+}
+
+function Prepare() {
   const [how, setHow] = useState({ way: 'daemon', until: 'settings', count: 6, tolerance_mm: 0.3, arm: null });
   const arm = useAsked(ofCamera('/arm'));
   const status = useAsked(ofCamera('/calibrate'), ['run', 'applied']);
@@ -26,20 +43,22 @@ export function Calibrate() {
   const body = { ...requestOf(how), ...cameraNamed(camera.value) };
   const off = !may('operator') || running.value || !readyWith()?.calibrate?.ready;
   const begin = async (key) => {
-    await ask('/calibrate', { method: 'POST', body, key });
+    const { data } = await ask('/calibrate', { method: 'POST', body, key });
     note('run');
-    go('run');
+    go('calibrate', data.id);
   };
-  return html`<div class="grid steps">
-    <${Card} title=${t('calibrate.1')} id="step-1"><${Reasons} /><${Missing} asked=${status} />
-      ${status.data && html`<p class="quiet">${t(`policy.${status.data.policy}`)}</p>`}</${Card}>
-    <${Card} title=${t('calibrate.2')} id="step-2"><${How} how=${how} change=${change} taught=${arm.data?.taught_poses?.length ?? 0} model=${arm.data?.model} armByDefault=${arm.data?.identifies_arm ?? false} /></${Card}>
-    <${Card} title=${t('calibrate.3')} id="step-3" wide="2"><${WhatMoves} how=${how} body=${body} arm=${arm.data} plan=${plan} setPlan=${setPlan} /></${Card}>
-    <${Card} title=${t('calibrate.4')} id="step-4">
-      ${how.way === 'manual'
-        ? html`<p>${t('calibrate.manual-start')}</p><${Act} label=${t('calibrate.manual')} primary disabled=${off} act=${() => begin(newKey())} />`
-        : html`<p>${t('calibrate.moves')}</p><${HoldButton} id="hold-calibrate" label=${t('calibrate.start')} act=${begin} disabled=${off} why=${t(may('operator') ? 'calibrate.not-yet' : 'missing.role')} />`}
-    </${Card}>
+  const manual = how.way === 'manual';
+  return html`<div class="cockpit prepare">
+    <${Bar} steps=${html`<${Steps} at="prepare" />`} about=${html`<${Reasons} /><${Missing} asked=${status} />`}>
+      <${MoveArm} arm=${arm.data} />
+      ${manual
+        ? html`<${Act} label=${t('calibrate.manual')} primary disabled=${off} act=${() => begin(newKey())} />`
+        : html`<${HoldButton} id="hold-calibrate" primary label=${t('calibrate.start')} act=${begin} disabled=${off} why=${t(may('operator') ? 'calibrate.not-yet' : 'missing.role')} />`}
+    </${Bar}>
+    <${Card} title=${t('cell.camera')} id="camera" flush><${LivePicture} /></${Card}>
+    <${WhatMoves} body=${body} arm=${arm.data} plan=${plan} />
+    <${Card} title=${t('calibrate.3')} id="moves"><${Before} how=${how} body=${body} arm=${arm.data} status=${status.data} plan=${plan} setPlan=${setPlan} /></${Card}>
+    <${Card} title=${t('calibrate.2')} id="how"><${How} how=${how} change=${change} taught=${arm.data?.taught_poses?.length ?? 0} model=${arm.data?.model} armByDefault=${arm.data?.identifies_arm ?? false} /></${Card}>
   </div>`;
 }
 
@@ -75,25 +94,32 @@ function Stepper({ value, low, high, step, label, text, set }) {
     <button type="button" onClick=${() => to(value + step)} aria-label=${t('more')}>+</button></div>`;
 }
 
-function WhatMoves({ how, body, arm, plan, setPlan }) {
-  const inForce = useAsked(ofCamera('/calibrations/current'), ['applied']);
+function WhatMoves({ arm, plan }) {
+  const active = useAsked(ofCamera('/calibrations/current'), ['applied']);
   const now = robot.value;
-  const places = placesOf(inForce.data?.calibration, now?.base_T_flange);
+  const places = placesOf(active.data?.calibration, now?.base_T_flange);
   const parts = useMemo(() => {
-    const { carried, at } = carriedBy(inForce.data?.calibration, arm?.setup);
+    const { carried, at } = carriedBy(active.data?.calibration, arm?.setup);
     return {
       skeleton_mm: now?.skeleton_mm, flange_mm: now?.base_T_flange?.translation_mm, box_mm: arm?.box_mm, outline_mm: arm?.target_points_mm,
-      target: places.target, here: inForce.data?.calibration?.base_T_camera, carried, planned: (plan?.poses ?? []).map(({ base_T_flange }) => at(base_T_flange)),
+      target: places.target, here: active.data?.calibration?.base_T_camera, carried, planned: (plan?.poses ?? []).map(({ base_T_flange }) => at(base_T_flange)),
     };
-  }, [now, arm, plan, inForce.data]);
+  }, [now, arm, plan, active.data]);
+  return html`<${Card} title=${arm?.model || t('cell.scene')} id="scene" flush><${CellScene} parts=${parts} /></${Card}>`;
+}
+
+/** What a person knows before the arm moves: who may be where, how fast, how many pictures, the accuracy to expect. */
+function Before({ how, body, arm, status, plan, setPlan }) {
   const look = async () => setPlan((await ask('/plan', { method: 'POST', body, limit_s: 60 })).data);
   const last = plan?.predicted_mm?.at(-1);
-  return html`<${CellScene} parts=${parts} />
+  const manual = how.way === 'manual';
+  return html`<p>${t(manual ? 'calibrate.manual-start' : 'calibrate.moves')}</p>
     <${Facts} rows=${[
       arm && [t('moves.speed'), `${fixed(arm.speed_mm_s, 0)} mm/s`],
       plan && [t('moves.poses'), fixed(plan.poses.length, 0)],
       last !== undefined && last !== null && [t('moves.expect'), `± ${mm(last)}`],
     ]} />
-    ${how.way === 'manual' ? html`<p class="quiet">${t('moves.manual')}</p>`
-      : html`<p class="quiet">${t('moves.first')}</p>${may('operator') && html`<${Act} label=${t('moves.plan')} act=${look} />`}`}`;
+    ${!manual && html`<p class="quiet">${t('moves.first')}</p>`}
+    ${!manual && may('operator') && html`<${Act} label=${t('moves.plan')} act=${look} />`}
+    ${status && html`<p class="quiet">${t(`policy.${status.policy}`)}</p>`}`;
 }

@@ -1,24 +1,31 @@
-// The state of the cell: the arm in 3D, what the camera sees, what is in force, whether a run may start, devices.
+// May I work? One sentence and what to do, what the camera sees, the arm, the accuracy; below: checks, devices, lately.
 import { html, useMemo } from '../vendor/preact.js';
+import { Bar } from '../parts/bar.js';
 import { Card, Facts } from '../parts/card.js';
 import { CellScene } from '../parts/cell_scene.js';
+import { ControlChart } from '../parts/chart.js';
 import { Uncertainty } from '../parts/in_force.js';
 import { LivePicture } from '../parts/live_picture.js';
 import { Missing, useAsked } from '../parts/loaded.js';
+import { MoveArm } from '../parts/move_arm.js';
 import { placesOf } from '../parts/places.js';
 import { Cause } from '../parts/problem.js';
+import { QuickCheck } from '../parts/quick_check.js';
 import { Reasons } from '../parts/reasons.js';
 import { mm, moment } from '../state/numbers.js';
-import { devices, old, robot } from '../state/now.js';
-import { ofCamera } from '../state/sensors.js';
+import { devices, old, robot, running } from '../state/now.js';
+import { ofCamera, readyWith } from '../state/sensors.js';
 import { linkTo } from '../state/place.js';
 import { deviceName, t } from '../state/words.js';
+import { rowsOf } from './history.js';
 
-export function Cell() {
+const LATELY = 4;
+
+export function Cell({ moving = false }) {
   const arm = useAsked(ofCamera('/arm'));
-  const inForce = useAsked(ofCamera('/calibrations/current'), ['applied', 'calibration', 'run']);
+  const active = useAsked(ofCamera('/calibrations/current'), ['applied', 'calibration', 'run']);
   const drift = useAsked(ofCamera('/drift'), ['drift', 'applied', 'run']);
-  const calibration = inForce.data?.calibration;
+  const calibration = active.data?.calibration;
   const now = robot.value;
   const places = placesOf(calibration, now?.base_T_flange);
   const parts = useMemo(
@@ -32,26 +39,42 @@ export function Cell() {
     }),
     [now, arm.data, calibration],
   );
-  return html`<div class="grid">
-    <${Card} title=${t('cell.scene')} id="scene" wide="2"><${CellScene} parts=${parts} dim=${old.value} /></${Card}>
+  const state = standingOf({ running: running.value, ready: readyWith()?.calibrate, none: active.error?.status === 404, drift: drift.data });
+  return html`<div class="cockpit cell">
+    <${Bar} mark=${SIGNS[state]} sentence=${t(`cell.${state}`)} about=${ABOUT[state](drift.data)}>
+      <${MoveArm} arm=${arm.data} open=${moving} />
+      ${calibration && html`<${QuickCheck} />`}
+      ${state === 'running' ? html`<a class="button primary" href=${linkTo('run')}>${t('reasons.look')}</a>` : html`<a class="button primary" href=${linkTo('calibrate')}>${t('cell.calibrate')}</a>`}
+    </${Bar}>
+    <${Card} title=${t('cell.camera')} id="camera" flush><${LivePicture} /></${Card}>
+    <${Card} title=${arm.data?.model || t('cell.scene')} id="scene" flush><${CellScene} parts=${parts} dim=${old.value} /></${Card}>
     <${Card} title=${t('cell.force')} id="force">
-      <${Missing} asked=${inForce} none=${t('cell.no-force')} />
-      ${calibration && html`<${Uncertainty} accuracy=${inForce.data} limits=${calibration.verdict.limits} />
-        <${Facts} rows=${[
-          [t('force.since'), moment(inForce.data.applied.applied_at)],
-          [t('force.by'), inForce.data.applied.applied_by],
-          drift.data && [t('place.verify'), driftWords(drift.data)],
-        ]} />
-        <p><a class="button" href=${linkTo('result', calibration.id)}>${t('place.result')}</a></p>`}
-      ${!calibration && inForce.error?.status === 404 && html`<p><a class="button primary" href=${linkTo('calibrate')}>${t('place.calibrate')}</a></p>`}
+      <${Missing} asked=${active} none=${t('cell.no-force')} />
+      ${calibration && html`<${Uncertainty} accuracy=${active.data} limits=${calibration.verdict.limits} brief />
+        <${Facts} rows=${[[t('force.since'), moment(active.data.applied.applied_at)], [t('force.by'), active.data.applied.applied_by]]} />
+        <p class="last"><a class="button quiet-button" href=${linkTo('result', calibration.id)}>${t('cell.result')}</a></p>`}
     </${Card}>
-    <${Card} title=${t('cell.camera')} id="camera"><${LivePicture} /></${Card}>
-    <${Card} title=${t('cell.ready')} id="ready">
-      <${Reasons} />
-      <p><a class="button" href=${linkTo('calibrate')}>${t('place.calibrate')}</a></p>
-    </${Card}>
-    <${Card} title=${t('place.devices')} id="devices"><${DeviceList} /></${Card}>
+    <div class="below">
+      <${Card} title=${t('drift.title')} id="drift">${drift.data && html`<${ControlChart} points=${drift.data.points} learn=${drift.data.rules.learn} limit_mm=${drift.data.limit_mm} />`}</${Card}>
+      <${Card} title=${t('place.devices')} id="devices"><${DeviceList} /></${Card}>
+      <${Card} title=${t('cell.lately')} id="lately"><${Lately} /></${Card}>
+    </div>
   </div>`;
+}
+
+const SIGNS = { running: '●', 'not-ready': '!', none: '1', moved: '▲', unchecked: '✓', good: '✓' };
+const ABOUT = {
+  running: () => html`<${Reasons} />`, 'not-ready': () => html`<${Reasons} />`, none: () => t('cell.none-about'),
+  moved: (drift) => driftWords(drift), unchecked: () => t('cell.unchecked-about'), good: (drift) => driftWords(drift),
+};
+
+/** Which of the sentences of the cell holds: the first thing that is in the way of working decides. */
+export function standingOf({ running: runs, ready, none, drift }) {
+  if (runs) return 'running';
+  if (!ready?.ready) return 'not-ready';
+  if (none) return 'none';
+  if (['drifting', 'out-of-tolerance'].includes(drift?.standing)) return 'moved';
+  return drift?.standing === 'steady' ? 'good' : 'unchecked';
 }
 
 export function driftWords({ standing, shift_mm, limit_mm }) {
@@ -65,3 +88,11 @@ const DeviceList = () =>
     ${!connected && (last_error ? html`<${Cause} cause=${last_error} />` : html`<p class="small quiet" lang="en">${detail}</p>`)}
   </li>`)}</ul>
   <p><a href=${linkTo('devices')}>${t('cell.devices')}</a></p>`;
+
+/** The newest events of the cell. */
+function Lately() {
+  const runs = useAsked(`/runs?limit=${LATELY}`, ['run'], { late: true });
+  const calibrations = useAsked(`/calibrations?limit=${LATELY}`, ['calibration', 'applied', 'run'], { late: true });
+  const rows = rowsOf(runs.data?.runs, calibrations.data).slice(0, LATELY);
+  return html`<ul class="plain lately">${rows.map((row) => html`<li key=${row.key}><a href=${row.link}><span class="quiet">${moment(row.at)}</span> <b>${row.title}</b> ${row.words}</a></li>`)}</ul>`;
+}

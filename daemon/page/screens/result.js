@@ -1,6 +1,7 @@
-// A result: verdict and U on its scale, what was found, beside what is in force, the views and their pictures.
+// A result: verdict and accuracy on its scale, what to know, the comparison with the active one, the pictures; more by choice.
 import { html, useState } from '../vendor/preact.js';
-import { ArmErrors } from '../parts/arm_errors.js';
+import { ArmErrors, armIdentified } from '../parts/arm_errors.js';
+import { Bar, Steps } from '../parts/bar.js';
 import { Card, Facts } from '../parts/card.js';
 import { Ellipsoids } from '../parts/ellipsoids.js';
 import { Exports } from '../parts/exports.js';
@@ -32,26 +33,43 @@ export function Result({ argument }) {
   return html`<${Shown} document=${found.data} current=${current} row=${row} />`;
 }
 
+const MORE = ['files', 'again', 'arm', 'direction'];
+
 function Shown({ document, current, row }) {
-  const inForce = current.data?.applied.calibration_id === document.id;
+  const [more, setMore] = useState(null);
+  const active = current.data?.applied.calibration_id === document.id;
   const path = `/calibrations/${encodeURIComponent(document.id)}`;
+  const run = row?.run_id ?? null;
   const { uncertainty } = document;
-  return html`<div class="grid">
-    <${Card} title=${inForce ? t('result.in-force') : t('place.result')} id="verdict"><${Verdict} document=${document} current=${current} inForce=${inForce} run=${row?.run_id ?? null} /></${Card}>
-    <${Card} title=${t('result.found')} id="found"><${Findings} findings=${document.verdict.findings} /></${Card}>
-    <${Card} title=${t('compare.title')} id="compare"><${Compare} document=${document} current=${current} inForce=${inForce} /></${Card}>
-    <${Views} document=${document} run=${row?.run_id ?? null} />
-    ${uncertainty?.covariance && uncertainty.points.length > 0 && html`<${Card} title=${t('ellipsoid.title')} id="ellipsoids" wide="half"><${Ellipsoids} uncertainty=${uncertainty} worst=${document.accuracy.worst_point} /></${Card}>`}
-    <${Card} title=${t(document.setup === 'eye-to-hand' ? 'pose.title-stand' : 'pose.title')} id="pose" wide="half"><${PoseFacts} document=${document} camera=${row?.camera} /></${Card}>
-    <${ArmErrors} document=${document} path=${path} />
-    ${document.flange_T_camera || document.base_T_camera ? html`<${Card} title=${t('exports.title')} id="exports" wide="half"><${Exports} path=${path} /></${Card}>` : null}
-    ${may('operator') && html`<${Card} title=${t('again.title')} id="again" wide="half"><${SolveAgain} path=${path} views=${document.views} /></${Card}>`}
+  const has = {
+    files: Boolean(document.flange_T_camera || document.base_T_camera), again: may('operator'),
+    arm: armIdentified(document), direction: Boolean(uncertainty?.covariance && uncertainty.points.length),
+  };
+  return html`<div class="cockpit result">
+    <${Bar} steps=${html`<${Steps} at="result" run=${run} result=${document.id} />`}>
+      <a class="button" href=${reportAt(`${path}/report`)} target="_blank" rel="noreferrer">${t('result.report')}</a>
+      <a class="button" href=${path} download=${`${document.id}.json`}>${t('result.json')}</a>
+    </${Bar}>
+    <${Card} title=${active ? t('result.in-force') : t('place.result')} id="verdict"><${Verdict} document=${document} current=${current} active=${active} run=${run} /></${Card}>
+    <div class="side">
+      <${Card} title=${t('result.found')} id="found"><${Findings} findings=${document.verdict.findings} /></${Card}>
+      <${Card} title=${t('compare.title')} id="compare"><${Compare} document=${document} current=${current} active=${active} /></${Card}>
+      <${Card} title=${t(document.setup === 'eye-to-hand' ? 'pose.title-stand' : 'pose.title')} id="pose"><${PoseFacts} document=${document} camera=${row?.camera} /></${Card}>
+    </div>
+    <${Views} document=${document} run=${run} />
+    <div class="more">
+      <div class="row" role="group" aria-label=${t('result.more')}>${MORE.filter((name) => has[name]).map((name) => html`<button type="button" class="chip" aria-pressed=${more === name} onClick=${() => setMore(more === name ? null : name)}>${t(`result.more.${name}`)}</button>`)}</div>
+      ${more === 'files' && html`<${Card} title=${t('exports.title')} id="exports"><${Exports} path=${path} /></${Card}>`}
+      ${more === 'again' && html`<${Card} title=${t('again.title')} id="again"><${SolveAgain} path=${path} views=${document.views} /></${Card}>`}
+      ${more === 'arm' && html`<${ArmErrors} document=${document} path=${path} />`}
+      ${more === 'direction' && html`<${Card} title=${t('ellipsoid.title')} id="ellipsoids"><${Ellipsoids} uncertainty=${uncertainty} worst=${document.accuracy.worst_point} /></${Card}>`}
+    </div>
   </div>`;
 }
 
-function Verdict({ document, current, inForce, run }) {
+function Verdict({ document, current, active, run }) {
   const { accepted, rule } = document.verdict;
-  const made = useAsked(run && !inForce ? `/runs/${encodeURIComponent(run)}` : null);
+  const made = useAsked(run && !active ? `/runs/${encodeURIComponent(run)}` : null);
   const result = made.data?.result?.calibration_id === document.id ? made.data.result : null;
   const waits = result?.not_applied && sentence(result.not_applied);
   const path = `/calibrations/${encodeURIComponent(document.id)}`;
@@ -64,15 +82,11 @@ function Verdict({ document, current, inForce, run }) {
   const said = rule && sentence(rule);
   return html`
     <p class="sentence">${accepted ? `✓ ${t('verdict.accepted')}` : `✕ ${t('verdict.refused')}`}</p>
-    <${Uncertainty} accuracy=${inForce ? current.data : document.accuracy} limits=${document.verdict.limits} />
+    <${Uncertainty} accuracy=${active ? current.data : document.accuracy} limits=${document.verdict.limits} />
     ${waits && html`<p class="note warn" lang=${waits.lang}><span class="mark" aria-hidden="true">!</span> ${waits.text}</p>`}
-    ${inForce ? html`<p><b>● ${t('result.since', { at: moment(current.data.applied.applied_at), by: current.data.applied.applied_by })}</b></p>`
-      : accepted && may('operator') && html`<${HoldButton} id="hold-apply" moves=${false} label=${t('result.apply')} act=${apply({})} />`}
-    <div class="row">
-      <a class="button" href=${reportAt(`${path}/report`)} target="_blank" rel="noreferrer">${t('result.report')}</a>
-      <a class="button" href=${path} download=${`${document.id}.json`}>${t('result.json')}</a>
-    </div>
-    ${!accepted && !inForce && (document.flange_T_camera ?? document.base_T_camera) && may('admin') && html`<${Despite} document=${document} apply=${apply} />`}
+    ${active ? html`<p><b>● ${t('result.since', { at: moment(current.data.applied.applied_at), by: current.data.applied.applied_by })}</b></p>`
+      : accepted && may('operator') && html`<${HoldButton} id="hold-apply" primary moves=${false} label=${t('result.apply')} act=${apply({})} />`}
+    ${!accepted && !active && (document.flange_T_camera ?? document.base_T_camera) && may('admin') && html`<${Despite} document=${document} apply=${apply} />`}
     ${said && html`<p class="small quiet" lang=${said.lang}>${said.text}</p>`}`;
 }
 
@@ -89,11 +103,11 @@ function Despite({ document, apply }) {
   </details>`;
 }
 
-function Compare({ document, current, inForce }) {
-  const path = current.data && !inForce ? `/calibrations/${encodeURIComponent(document.id)}/compare?with=current` : null;
+function Compare({ document, current, active }) {
+  const path = current.data && !active ? `/calibrations/${encodeURIComponent(document.id)}/compare?with=current` : null;
   const compared = useAsked(path);
   if (current.error?.status === 404) return html`<p class="quiet">${t('cell.no-force')}</p>`;
-  if (inForce) return html`<p class="quiet">${t('compare.same')}</p>`;
+  if (active) return html`<p class="quiet">${t('compare.same')}</p>`;
   if (!compared.data) return html`<${Missing} asked=${compared} none=${t('compare.none')} />`;
   const { translation_mm, rotation_deg, points, agree, summary } = compared.data;
   const worst = points?.reduce((a, b) => (b.difference_mm > a.difference_mm ? b : a), points[0]);
@@ -119,14 +133,14 @@ function Views({ document, run }) {
   const index = chosen ?? worst?.index;
   const view = seen.data?.views.find((one) => one.index === index);
   const corners = (view?.corners ?? []).map(([id, u, v, du, dv, duFree, dvFree]) => (free ? [id, u, v, duFree, dvFree] : [id, u, v, du, dv]));
-  return html`
-    <${Card} title=${t('views.title')} id="views" wide="half"><${ViewTable} rows=${rows} chosen=${index} choose=${setChosen} result /></${Card}>
-    <${Card} title=${t('view.title', { view: index ?? '—' })} id="view" wide="half">
+  return html`<div class="side">
+    <${Card} title=${t('view.title', { view: index ?? '—' })} id="view" flush>
       <${Picture} src=${run && index !== undefined ? `/runs/${encodeURIComponent(run)}/frames/${index}?width=960` : null} size=${view?.size ?? document.camera?.image_size} corners=${corners} arrows
-        alt=${t('view.alt', { view: index ?? '—', count: corners.length })} />
+        alt=${t('view.alt', { view: index ?? '—', count: corners.length })} /></${Card}>
+    <${Card} title=${t('views.title')} id="views"><${ViewTable} rows=${rows} chosen=${index} choose=${setChosen} result />
       ${corners.length > 0 && html`<label class="check"><input type="checkbox" checked=${free} onChange=${() => setFree(!free)} /><span>${t('view.free')}</span></label>
         <p class="small quiet">${t(free ? 'view.free-about' : 'view.reported-about')}</p>`}
-    </${Card}>`;
+    </${Card}></div>`;
 }
 
 function PoseFacts({ document, camera: name }) {

@@ -1,5 +1,6 @@
-// A run: its sentence, its steps, what the views tell and the next will, the cell, the last picture, the views.
-import { html, useMemo, useState } from '../vendor/preact.js';
+// A run: its sentence, steps and times, the newest picture, the arm, what is known and expected, all pictures in a row.
+import { html, useMemo, useRef, useState } from '../vendor/preact.js';
+import { Bar, Steps } from '../parts/bar.js';
 import { Card, Facts } from '../parts/card.js';
 import { CellScene } from '../parts/cell_scene.js';
 import { UncertaintyCurve } from '../parts/chart.js';
@@ -9,8 +10,8 @@ import { Picture } from '../parts/picture.js';
 import { carriedBy, placesOf } from '../parts/places.js';
 import { Cause } from '../parts/problem.js';
 import { ViewTable } from '../parts/view_table.js';
-import { mm, moment } from '../state/numbers.js';
-import { old, robot, run } from '../state/now.js';
+import { fixed, mm, moment } from '../state/numbers.js';
+import { clock, old, robot, run } from '../state/now.js';
 import { cameraOf, ofCamera } from '../state/sensors.js';
 import { linkTo } from '../state/place.js';
 import { sentence, t } from '../state/words.js';
@@ -31,62 +32,125 @@ export function Run({ argument }) {
 function RunShown({ shown }) {
   const [chosen, setChosen] = useState(null);
   const arm = useAsked(ofCamera('/arm', cameraOf(shown)));
-  const views = useAsked(['scan', 'jog'].includes(shown.kind) ? null : `/runs/${encodeURIComponent(shown.id)}/views`, ['run']);
-  const inForce = useAsked(ofCamera('/calibrations/current', cameraOf(shown)), ['applied']);
+  const sees = !['scan', 'jog'].includes(shown.kind);
+  const views = useAsked(sees ? `/runs/${encodeURIComponent(shown.id)}/views` : null, ['run']);
+  const active = useAsked(ofCamera('/calibrations/current', cameraOf(shown)), ['applied']);
   const rows = views.data?.views ?? [];
   const view = rows.find(({ index }) => index === chosen) ?? rows.at(-1);
-  const planning = shown.planning;
+  const { planning } = shown;
+  const calibrates = shown.kind === 'calibration';
   const now = robot.value;
-  const places = placesOf(inForce.data?.calibration, now?.base_T_flange);
+  const places = placesOf(active.data?.calibration, now?.base_T_flange);
   const parts = useMemo(() => {
-    const { carried, at } = carriedBy(inForce.data?.calibration, arm.data?.setup);
+    const { carried, at } = carriedBy(active.data?.calibration, arm.data?.setup);
     const ahead = shown.over ? [] : (planning?.planned_poses ?? []);
     return {
       skeleton_mm: now?.skeleton_mm, flange_mm: now?.base_T_flange?.translation_mm, box_mm: arm.data?.box_mm,
-      outline_mm: views.data?.target_outline_mm ?? arm.data?.target_points_mm, target: places.target, here: inForce.data?.calibration?.base_T_camera,
+      outline_mm: views.data?.target_outline_mm ?? arm.data?.target_points_mm, target: places.target, here: active.data?.calibration?.base_T_camera,
       carried, views: rows.map(({ base_T_flange }) => at(base_T_flange)),
       next: ahead.length ? at(ahead[0].base_T_flange) : null, planned: ahead.slice(1).map(({ base_T_flange }) => at(base_T_flange)),
     };
-  }, [now, arm.data, views.data, inForce.data, shown]);
-  return html`<div class="grid">
-    <${Card} title=${t(`kind.${shown.kind}`)} id="sentence"><${Sentence} shown=${shown} /></${Card}>
-    <${Card} title=${t('cell.scene')} id="scene" wide="2"><${CellScene} parts=${parts} dim=${old.value} /></${Card}>
-    ${shown.kind === 'calibration' && html`<${Card} title=${t('curve.title')} id="curve" wide="half">
-      <${UncertaintyCurve} history=${planning?.history ?? []} goal_mm=${planning?.goal?.tolerance_mm ?? shown.request?.tolerance_mm} stations=${shown.stations} /></${Card}>`}
-    ${!['scan', 'jog'].includes(shown.kind) && html`<${Card} title=${view ? t('view.title', { view: view.index }) : t('cell.camera')} id="picture" wide="half">
-      <${Picture} src=${view && `/runs/${encodeURIComponent(shown.id)}/frames/${view.index}?width=960`} size=${view?.size ?? undefined} corners=${view?.corners ?? []}
+  }, [now, arm.data, views.data, active.data, shown]);
+  const result = shown.result?.calibration_id;
+  const size = view?.size ?? undefined;
+  return html`<div class="cockpit run">
+    <${Bar} steps=${calibrates && html`<${Steps} at="pictures" run=${shown.id} result=${result} />`} mark=${SIGNS[shown.state]}
+      sentence=${sentenceOf(shown)} about=${html`<${StepBar} shown=${shown} /><${Times} shown=${shown} />`}>
+      ${result && html`<a class="button primary" href=${linkTo('result', result)}>${t('place.result')}</a>`}
+      ${shown.kind === 'verify' && shown.over && html`<a class="button primary" href=${linkTo('verify')}>${t('place.verify')}</a>`}
+      ${shown.result?.scan_id && html`<a class="button primary" href=${linkTo('scans', shown.result.scan_id)}>${t('place.scans')}</a>`}
+    </${Bar}>
+    ${sees && html`<${Card} title=${view ? t('view.title', { view: view.index }) : t('cell.camera')} id="picture" flush>
+      <${Picture} src=${view && frameOf(shown, view, 960)} size=${size} corners=${view?.corners ?? []}
         alt=${view ? t('view.alt', { view: view.index, count: view.corners?.length ?? 0 }) : t('view.none')} />
-    </${Card}>
-    <${Card} title=${t('views.title')} id="views" wide=${shown.kind === 'calibration' ? '3' : 'half'}><${Missing} asked=${views} none=${t('view.none')} />
+      ${calibrates && rows.length > 0 && html`<${Coverage} rows=${rows} size=${size} />`}
+    </${Card}>`}
+    <${Card} title=${t('cell.scene')} id="scene" flush><${CellScene} parts=${parts} dim=${old.value} /></${Card}>
+    <${Card} title=${t(calibrates ? 'curve.title' : `kind.${shown.kind}`)} id="known"><${Known} shown=${shown} /></${Card}>
+    ${sees && html`<${Film} shown=${shown} rows=${rows} chosen=${view?.index} choose=${setChosen} />`}
+    ${sees && html`<${Card} title=${t('views.title')} id="views" low><${Missing} asked=${views} none=${t('view.none')} />
       ${views.data && html`<${ViewTable} rows=${rows} chosen=${view?.index} choose=${setChosen} />`}</${Card}>`}
   </div>`;
 }
 
-export function Sentence({ shown }) {
-  const { state, station, stations, planning, cause, over } = shown;
-  const sign = { finished: '✓', failed: '✕', aborted: '■' }[state] ?? '';
+const SIGNS = { finished: '✓', failed: '✕', aborted: '■' };
+
+const frameOf = (shown, view, width) => `/runs/${encodeURIComponent(shown.id)}/frames/${view.index}?width=${width}`;
+
+export function sentenceOf({ kind, state, station, stations, over }) {
+  if (over) return `${t(`kind.${kind}`)}: ${t(`state.${state}`)}`;
+  return stations ? `${t('run.view', { view: Math.min(station + 1, stations), of: stations })}: ${t(`state.${state}`)}` : t(`state.${state}`);
+}
+
+/** What is known so far and expected at the end, or what came of it; why it ended, who began it. */
+function Known({ shown }) {
+  const { planning, cause, over, request } = shown;
   const found = shown.result?.expanded_mm ? shown.result : null;
   const waits = shown.result?.not_applied && sentence(shown.result.not_applied);
-  const U = !found && planning?.now_mm ? `± ${mm(planning.now_mm)}` : null;
+  const history = planning?.history ?? [];
+  const expected = history.findLast(({ planned_mm }) => planned_mm !== null)?.planned_mm;
   return html`
-    <p class="sentence" role="status">${sign} ${t(`state.${state}`)}${!over && stations ? `, ${t('run.view', { view: Math.min(station + 1, stations), of: stations })}` : ''}</p>
-    <${StepBar} station=${over && state === 'finished' ? stations : station} stations=${stations} over=${over} />
-    ${U && html`<p class="figure">${U}</p><p class="quiet">${t('U.predicted')}</p>`}
     ${found && html`<${Uncertainty} accuracy=${found} />`}
+    ${!found && !over && planning && html`<div class="two-figures"><div><p class="quiet">${t('curve.told')}</p><p class="figure">${planning.now_mm ? `± ${mm(planning.now_mm)}` : '—'}</p></div>
+      <div><p class="quiet">${t('curve.next')}</p><p class="figure expected">${expected ? `± ${mm(expected)}` : '—'}</p></div></div>`}
     ${waits && html`<p class="note warn" lang=${waits.lang}><span class="mark" aria-hidden="true">!</span> ${waits.text}</p>`}
     ${cause && html`<div class="note warn"><${Cause} cause=${cause} />
       <p class="small"><a href=${linkTo('help', cause.code)}>${cause.code}</a></p></div>`}
+    ${!found && !cause && shown.kind === 'calibration' && html`<${UncertaintyCurve} history=${history} goal_mm=${planning?.goal?.tolerance_mm ?? request?.tolerance_mm} stations=${shown.stations} />`}
     <${Facts} rows=${[
       shown.started_by && [t('run.started-by'), shown.started_by], [t('run.since'), moment(shown.created_at)],
       over && [t('run.ended'), moment(shown.updated_at)],
-    ]} />
-    ${shown.result?.calibration_id && html`<p><a class="button primary" href=${linkTo('result', shown.result.calibration_id)}>${t('place.result')}</a></p>`}
-    ${shown.kind === 'verify' && over && html`<p><a class="button" href=${linkTo('verify')}>${t('place.verify')}</a></p>`}
-    ${shown.result?.scan_id && html`<p><a class="button" href=${linkTo('scans', shown.result.scan_id)}>${t('place.scans')}</a></p>`}`;
+    ]} />`;
 }
 
-function StepBar({ station, stations, over }) {
+/** The pictures of the run in a row: those taken, the one that comes, those planned. */
+function Film({ shown, rows, chosen, choose }) {
+  const ahead = shown.over ? 0 : Math.max(0, shown.stations - shown.station);
+  const words = (index) => t(index === 0 ? `state.${shown.state}` : 'film.planned');
+  return html`<ol class="film card" aria-label=${t('views.title')}>
+    ${rows.map((view) => html`<li key=${view.index}><button type="button" aria-pressed=${view.index === chosen} onClick=${() => choose(view.index)}>
+      <${Picture} src=${frameOf(shown, view, 240)} size=${view.size ?? undefined} alt="" /><span class="sr-only">${t('view.title', { view: view.index })}</span><b aria-hidden="true">${view.index}</b><span aria-hidden="true">${view.corners?.length ? `✓ ${view.corners.length}` : '✕'}</span></button></li>`)}
+    ${Array.from({ length: Math.min(ahead, 12) }, (_, index) => html`<li key=${`ahead-${index}`} class=${index === 0 ? 'next' : 'planned'}>${words(index)}</li>`)}
+  </ol>`;
+}
+
+const [COLUMNS, ROWS] = [12, 8];
+
+/** Which parts of the picture had corners of the target so far. */
+function Coverage({ rows, size: [width, height] = [1920, 1200] }) {
+  const seen = new Set(rows.flatMap(({ corners }) => (corners ?? []).map(([, u, v]) => Math.floor((u / width) * COLUMNS) + COLUMNS * Math.floor((v / height) * ROWS))));
+  const share = fixed((100 * seen.size) / (COLUMNS * ROWS), 0);
+  return html`<figure class="coverage"><svg viewBox="0 0 ${COLUMNS} ${ROWS}" aria-hidden="true">${[...seen].map((at) => html`<rect x=${at % COLUMNS} y=${Math.floor(at / COLUMNS)} width="0.9" height="0.9" />`)}</svg>
+    <figcaption>${t('coverage', { share })}</figcaption></figure>`;
+}
+
+/** Time since the run began, and the time left by the pace of its pictures; from its second picture on. */
+function Times({ shown }) {
+  const heard = useRef({ key: '', at: 0 });
+  const history = shown.planning?.history ?? [];
+  const newest = history.at(-1);
+  const key = `${shown.id} ${newest?.at}`;
+  if (heard.current.key !== key) heard.current = { key, at: clock.value };
+  const since_s = (clock.value - heard.current.at) / 1000;
+  const { elapsed_s, left_s } = timesOf(shown, since_s);
+  if (shown.over || elapsed_s === null) return null;
+  return html`<p class="small times">${left_s !== null && html`<b>${t('run.left', { s: fixed(left_s, 0) })}</b> · `}${t('run.so-far', { s: fixed(elapsed_s, 0) })}</p>`;
+}
+
+/** Seconds a run took so far and has left, `since_s` after its newest picture; null where that is not known. */
+export function timesOf({ created_at, stations, planning }, since_s) {
+  const history = planning?.history ?? [];
+  const [first, newest] = [history[0], history.at(-1)];
+  if (!newest) return { elapsed_s: null, left_s: null };
+  const elapsed_s = (Date.parse(newest.at) - Date.parse(created_at)) / 1000 + since_s;
+  if (newest.station === first.station || !stations) return { elapsed_s, left_s: null };
+  const each_s = (Date.parse(newest.at) - Date.parse(first.at)) / 1000 / (newest.station - first.station);
+  return { elapsed_s, left_s: Math.max(0, each_s * Math.max(0, stations - newest.station) - since_s) };
+}
+
+function StepBar({ shown: { state, station, stations, over } }) {
   if (!stations) return null;
-  return html`<div class="step-bar" role="img" aria-label=${t('run.steps', { done: Math.min(station, stations), of: stations })}>
-    ${Array.from({ length: Math.min(stations, 40) }, (_, index) => html`<span class=${index < station ? 'done' : index === station && !over ? 'doing' : ''}></span>`)}</div>`;
+  const done = over && state === 'finished' ? stations : station;
+  return html`<div class="step-bar" role="img" aria-label=${t('run.steps', { done: Math.min(done, stations), of: stations })}>
+    ${Array.from({ length: Math.min(stations, 40) }, (_, index) => html`<span class=${index < done ? 'done' : index === done && !over ? 'doing' : ''}></span>`)}</div>`;
 }

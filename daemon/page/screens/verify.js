@@ -1,18 +1,19 @@
-// Verify: does the calibration in force still hold? The last verification, the control chart since it is in force, touch tests.
+// Check: does the active calibration still hold? The last quick check, the control chart since its activation, touch tests.
 import { html } from '../vendor/preact.js';
+import { Bar } from '../parts/bar.js';
 import { Card, Facts } from '../parts/card.js';
 import { ControlChart, TouchChart } from '../parts/chart.js';
-import { HoldButton } from '../parts/hold_button.js';
+import { LivePicture } from '../parts/live_picture.js';
 import { Missing, useAsked } from '../parts/loaded.js';
+import { MoveArm } from '../parts/move_arm.js';
 import { Cause } from '../parts/problem.js';
+import { QuickCheck } from '../parts/quick_check.js';
 import { Reasons } from '../parts/reasons.js';
 import { TouchForm } from '../parts/touch_test.js';
 import { TouchResult, signOf, verdictOf } from '../parts/touch_result.js';
-import { ask } from '../state/ask.js';
 import { count, fixed, mm, moment, vector } from '../state/numbers.js';
-import { may, note, running } from '../state/now.js';
-import { camera, cameraNamed, cameras, cameraOf, ofCamera, readyWith } from '../state/sensors.js';
-import { go, linkTo } from '../state/place.js';
+import { camera, cameras, cameraOf, ofCamera } from '../state/sensors.js';
+import { linkTo } from '../state/place.js';
 import { sentence, t } from '../state/words.js';
 
 const VERIFICATIONS = 5; // among the newest of them, for each camera, is one that saw the target's points
@@ -22,30 +23,33 @@ export function Verify({ argument }) {
   const runs = useAsked(`/runs?kind=verify&limit=${VERIFICATIONS * Math.max(1, cameras.value.length)}`, ['run']);
   const seen = runs.data?.runs.filter((run) => cameraOf(run) === camera.value) ?? [];
   const last = seen.find(({ kind }) => kind === 'verify');
-  const begin = async (key) => {
-    await ask('/verify', { method: 'POST', body: cameraNamed(camera.value), key });
-    note('run');
-    go('run');
-  };
-  const off = !may('operator') || running.value || !readyWith()?.calibrate?.ready || drift.data?.calibration_id === null;
-  return html`<div class="grid">
-    <${Card} title=${t('verify.title')} id="hold"><${Reasons} /><p>${t('verify.about')}</p>
-      <${HoldButton} id="hold-verify" label=${t('verify.start')} act=${begin} disabled=${off} why=${t(may('operator') ? 'verify.not-yet' : 'missing.role')} />
-    </${Card}>
-    <${Card} title=${t('drift.title')} id="drift" wide="2"><${Missing} asked=${drift} />${drift.data && html`<${Drift} drift=${drift.data} />`}</${Card}>
-    <${Card} title=${t('verify.last')} id="last" wide="2"><${Missing} asked=${runs} />${runs.data && html`<${Last} run=${last} />`}</${Card}>
-    <${Card} title=${t('drift.points')} id="points"><${DriftTable} points=${drift.data?.points ?? []} /></${Card}>
-    <${Touches} chosen=${argument} runs=${seen} charted=${drift.data?.touch_tests ?? []} />
+  const arm = useAsked(ofCamera('/arm'));
+  const touching = Boolean(argument); // 'touch', or the id of a touch test
+  const way = (address, label) => html`<a class="button chip" href=${linkTo('verify', address)} aria-current=${Boolean(address) === touching ? 'page' : undefined}>${label}</a>`;
+  const standing = drift.data && `${SIGNS[drift.data.standing]} ${drift.data.standing === 'learning' ? learningWords(drift.data) : t(`standing.${drift.data.standing}`)}`;
+  return html`<div class="cockpit checking">
+    <${Bar} sentence=${standing} about=${html`<${Missing} asked=${drift} /><${Reasons} />`}>
+      <${MoveArm} arm=${arm.data} />
+      <${QuickCheck} primary off=${drift.data?.calibration_id === null} />
+    </${Bar}>
+    <nav class="row ways" aria-label=${t('place.check')}>${way('', t('verify.title'))}${way('touch', t('touch.title'))}</nav>
+    <${Card} title=${t('cell.camera')} id="camera" flush><${LivePicture} /></${Card}>
+    ${touching
+      ? html`<${Touches} chosen=${argument === 'touch' ? '' : argument} runs=${seen} charted=${drift.data?.touch_tests ?? []} />`
+      : html`<div class="side"><${Card} title=${t('drift.title')} id="drift">${drift.data && html`<${Drift} drift=${drift.data} />`}</${Card}>
+        <${Card} title=${t('verify.last')} id="last"><${Missing} asked=${runs} />${runs.data && html`<${Last} run=${last} />`}</${Card}>
+        <${Card} title=${t('drift.points')} id="points"><${DriftTable} points=${drift.data?.points ?? []} /></${Card}></div>`}
   </div>`;
 }
 
+const SIGNS = { drifting: '▲', 'out-of-tolerance': '▲', steady: '✓', learning: '…', off: '○' };
+
+const learningWords = ({ rules, points }) => t('drift.left', { count: Math.max(0, rules.learn - points.filter(({ standing }) => standing === 'learning').length) });
+
 function Drift({ drift }) {
-  const sign = { drifting: '▲', 'out-of-tolerance': '▲', steady: '✓', learning: '…', off: '○' }[drift.standing];
   const alarm = drift.alarm && sentence({ ...drift.alarm_detail, message: drift.alarm });
-  const left = Math.max(0, drift.rules.learn - drift.points.filter(({ standing }) => standing === 'learning').length);
-  return html`<p class="sentence" role="status">${sign} ${t(`standing.${drift.standing}`)}</p>
+  return html`
     ${alarm && html`<p class="note warn" role="alert" lang=${alarm.lang}><span class="mark" aria-hidden="true">!</span> ${alarm.text}</p>`}
-    ${drift.standing === 'learning' && html`<p class="quiet">${t('drift.left', { count: left })}</p>`}
     <${ControlChart} points=${drift.points} learn=${drift.rules.learn} limit_mm=${drift.limit_mm} />`;
 }
 
@@ -66,18 +70,18 @@ function Touches({ chosen, runs, charted }) {
   const named = useAsked(chosen && list.data && !listed ? `/touches/${encodeURIComponent(chosen)}` : null);
   const shown = chosen ? (listed ?? named.data) : tests[0];
   const verification = runs.find(({ state, result }) => state === 'finished' && result?.verification?.frame === 'base' && result.verification.base_T_flange);
-  return html`
+  return html`<div class="side">
     <${Card} title=${t('touch.title')} id="touch">${verification && !list.data
       ? html`<${Missing} asked=${list} />`
       : verification ? html`<${TouchForm} key=${verification.id} verification=${verification} last=${tests[0]} points_mm=${arm.data?.target_points_mm} moves=${arm.data?.moves} />`
       : html`<p>${t('touch.about')}</p><p class="quiet">${t('touch.verify-first')}</p>`}</${Card}>
-    <${Card} title=${t('touch.result')} id="touched" wide="2"><${Missing} asked=${chosen && !listed && list.data ? named : list} none=${t('touch.unknown')} />
+    <${Card} title=${t('touch.result')} id="touched"><${Missing} asked=${chosen && !listed && list.data ? named : list} none=${t('touch.unknown')} />
       ${list.data && (shown ? html`<${TouchResult} test=${shown} />` : !chosen && html`<p class="quiet">${t('touch.never')}</p>`)}</${Card}>
-    <${Card} title=${t('touch.tests')} id="touches" wide="3"><div class="halves">
+    <${Card} title=${t('touch.tests')} id="touches"><div class="halves">
       ${charted.length ? html`<${TouchChart} tests=${charted} />` : html`<p class="quiet">${t('touch.none')}</p>`}
       <ul class="timeline">${tests.map((test) => html`<li key=${test.id}><a href=${linkTo('verify', test.id)} aria-current=${test.id === shown?.id ? 'true' : undefined}><span class="sign" aria-hidden="true">${signOf(test.result)}</span>
         <span class="when">${moment(test.created_at)}</span><span class="what">${t(`touch.${verdictOf(test.result)}`, { mm: mm(test.result.tolerance_mm) })} · ${mm(test.result.largest_mm)}</span></a></li>`)}</ul></div>
-    </${Card}>`;
+    </${Card}></div>`;
 }
 
 /** What the last verification found. */

@@ -27,16 +27,16 @@ FOLDER = Path(__file__).resolve().parents[3] / "docs" / "page"
 CHROMIUM = "/usr/bin/chromium"
 ARGUMENTS = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
 PLACES = (
-    "sign-in", "cell", "calibrate", "run", "result", "verify", "scans", "jog", "devices", "history", "audit",
-    "settings", "help",
+    "sign-in", "cell", "calibrate", "run", "result", "verify", "scans", "devices", "history", "audit", "settings",
+    "help",
 )  # fmt: skip
-WIDTH, HEIGHT = 1280, 900
+WIDTH, HEIGHT = 1366, 768
 KEPT_WIDTH = 960
-HEADER_PX = 145
+HEADER_PX = 68
 """Of the top of a window, that stays while it is scrolled."""
 SETTLE_MS = 8000
 WIDTHS, THEMES, LANGUAGES = (360, 768, 1280, 1920), ("light", "dark"), ("en", "de", "zh", "es", "pseudo")
-FARTHER_DOWN = {"rig": ("devices", "#rig"), "touch": ("verify", "#touch")}
+FARTHER_DOWN = {"rig": ("devices", "#rig"), "touch": ("verify/touch", "#touch")}
 """Further pictures: of a screen's lower parts, by the first card in them."""
 
 SHOWN = "div.arriving"

@@ -72,18 +72,16 @@ async def test_the_first_calibration_of_a_camera_on_a_stand(open_page: Opened, c
     bench, keys = cell
     assert (await bench.client.get("/calibrations/current", headers=bearer(keys["viewer"]))).status_code == 404
     async with open_page("operator", "cell") as page:
-        await page.get_by_text("No calibration is in force").wait_for()
+        await page.get_by_text("No calibration is active").wait_for()
         await page.get_by_text("corners found").first.wait_for()
         await press(page.get_by_role("link", name="Calibrate").and_(page.locator(".button.primary")))
         await page.get_by_text("Ready.").wait_for()
-        result = page.get_by_role("link", name="Result", exact=True).and_(page.locator(".button"))
-        await hold_until(page, hold_by_key, "Calibrate (arm moves)", result.is_visible)
-        await press(result)
-        await page.get_by_text("✓ Accepted").wait_for()
+        good = page.get_by_text("✓ Good")
+        await hold_until(page, hold_by_key, "Calibrate (arm moves)", good.is_visible)
         await page.get_by_role("heading", name="Camera in the base").wait_for()
-        await hold_until(page, hold_by_key, "Put in force", page.get_by_text("In force since").is_visible)
+        await hold_until(page, hold_by_key, "Activate", page.get_by_text("Active since").is_visible)
         await page.evaluate("location.hash = '#/verify'")
-        await page.get_by_role("button", name="Verify (arm moves)").wait_for()
+        await page.get_by_role("button", name="Quick check (arm moves)").wait_for()
     answer = await bench.client.get("/calibrations/current", headers=bearer(keys["viewer"]))
     found = PoseDocument.model_validate(answer.json()["calibration"]["base_T_camera"]).transform()
     assert np.linalg.norm(found[:3, 3] - BASE_T_CAMERA[:3, 3]) < 1.0

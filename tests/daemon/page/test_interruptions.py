@@ -35,10 +35,10 @@ async def test_a_daemon_that_ends_and_comes_back_is_followed_by_itself(browser: 
             await page.get_by_text(LIVE).wait_for()
             await bench.client.post("/calibrate")
             await asyncio.wait_for(gate.reached.wait(), LIMIT_S)
-            await page.get_by_text("moving to the next view").first.wait_for()
+            await page.get_by_text("the arm is moving").first.wait_for()
         await page.get_by_text("No connection to the daemon for").wait_for()
         assert await page.get_by_text(LIVE).count() == 0
-        assert await page.locator(".line .dimmed").count() == 2, "robot and run are of before"
+        assert await page.locator(".line .dimmed").count() == 1, "the robot is of before"
         await page.evaluate(axe)
         assert await page.evaluate(AXE_FINDINGS) == [], "what is old can still be read"
         await page.route("**/runs?limit=1", lambda route: route.abort("connectionreset"), times=1)
@@ -82,7 +82,7 @@ async def test_a_drift_alarm_is_shown_where_the_calibration_is_used(browser: Any
         for _ in range(3):
             await bench.verify()
         await page.goto(f"{bench.url}/page/?lang=en#/verify")
-        await page.get_by_text("✓ steady").wait_for()
+        await page.get_by_text("✓ It still holds").wait_for()
         camera.knock = transform(rotation_from_vector(np.array([0.0, 0.02, 0.0])), [0.0, 0.0, 0.0])
         await bench.verify()
         await page.get_by_text("▲ drifting").wait_for()
@@ -140,12 +140,15 @@ async def test_a_result_is_reported_exported_and_solved_again(
         report = await opened.value
         await report.get_by_role("heading", name="Calibration report").wait_for()
         async with page.expect_download() as saved:
+            await press(page.get_by_role("button", name="For my robot: files"))
             await page.get_by_role("link", name="tf_static.yaml").click()
         assert (await saved.value).suggested_filename == "tf_static.yaml"
+        await press(page.get_by_role("button", name="Which way it may be wrong"))
         await page.get_by_text("along the axes of the ellipsoid").wait_for()
-        await page.get_by_role("group", name="Views to use").get_by_role("button", name="2").click()
-        await page.get_by_text("4 of 5 views are used").wait_for()
-        await page.get_by_role("button", name="Solve again").click()
+        await press(page.get_by_role("button", name="Recalculate"))
+        await page.get_by_role("group", name="Pictures to use").get_by_role("button", name="2").click()
+        await page.get_by_text("4 of 5 pictures are used").wait_for()
+        await page.get_by_role("button", name="Recalculate (nothing moves)").click()
         await page.get_by_text("4 / 5").or_(page.get_by_text("4 / 4")).wait_for()
 
 

@@ -107,10 +107,10 @@ async def test_a_jog_that_is_refused_says_why(open_page: Opened, cell: Cell) -> 
 
 
 async def take_view(page: Any, number: int) -> None:
-    """Press *Take view*, and wait until the page asks for the view after it."""
-    await press(page.get_by_role("button", name="Take view"))
-    await page.get_by_text(f"By hand: view {number + 1} of").wait_for()
-    await page.get_by_role("button", name="Take view").and_(page.locator(":not([aria-disabled])")).wait_for()
+    """Press *Take picture*, and wait until the page asks for the view after it."""
+    await press(page.get_by_role("button", name="Take picture"))
+    await page.get_by_text(f"Picture {number + 1} of").wait_for()
+    await page.get_by_role("button", name="Take picture").and_(page.locator(":not([aria-disabled])")).wait_for()
 
 
 @pytest_asyncio.fixture(loop_scope="module")
@@ -134,7 +134,7 @@ async def test_between_two_views_by_hand_the_page_jogs_the_arm(
         asked: list[Any] = []
         page.on("request", lambda request: asked.append(request) if request.url.endswith("/jog") else None)
         await take_view(page, 1)
-        advice = await page.locator("section[aria-labelledby=advice] .sentence").inner_text()
+        advice = await page.locator("#advice").inner_text()
         up_mm = re.search(r"(−?\d+)\) mm in the base", advice)
         assert up_mm, advice
 
@@ -172,7 +172,7 @@ async def test_a_robot_that_is_only_read_is_jogged_with_the_pendant(open_page: O
         await page.route("**/arm", only_read)
         await page.evaluate("location.hash = '#/run'")
         await page.get_by_text("Nothing moves by itself: jog with the pendant.").wait_for()
-        await page.get_by_role("button", name="Take view").wait_for()
+        await page.get_by_role("button", name="Take picture").wait_for()
         assert await page.locator(".hold-button").count() == 0
         await page.unroute_all(behavior="ignoreErrors")
 
@@ -197,7 +197,7 @@ async def test_points_are_touched_one_after_the_other_by_keyboard_alone(
     bench, keys = cell
     goals = len(bench.robot.goals)
     stood = bench.robot.base_T_flange.copy()
-    async with open_page("operator", "verify") as page:
+    async with open_page("operator", "verify/touch") as page:
         take = page.get_by_role("button", name="The tip is at point")
         assert await take.get_attribute("aria-disabled") == "true"
         await page.locator("section[aria-labelledby=touch] input[type=file]").set_input_files(
@@ -226,8 +226,8 @@ async def test_the_next_point_is_named_though_the_tests_are_answered_last(open_p
     cross = await touch_two_points(bench)
     async with open_page("operator", "help") as page:
         shown = await hold_requests(page, "**/touches?*")
-        await page.evaluate("location.hash = '#/verify'")
-        await page.locator("section[aria-labelledby=last] dl").wait_for(state="attached")
+        await page.evaluate("location.hash = '#/verify/touch'")
+        await page.get_by_role("heading", name="Touch test", exact=True).wait_for(state="attached")
         shown.set()
         await page.get_by_role("button", name=f"The tip is at point {cross[2]}").wait_for()
 
@@ -235,7 +235,7 @@ async def test_the_next_point_is_named_though_the_tests_are_answered_last(open_p
 async def test_a_touch_test_of_another_person_is_shown_at_once(open_page: Opened, cell: Cell) -> None:
     bench, _ = cell
     await touch_two_points(bench)
-    async with open_page("viewer", "verify") as page:
+    async with open_page("viewer", "verify/touch") as page:
         tests = page.locator("section[aria-labelledby=touches] .timeline li")
         await tests.first.wait_for()
         before = await tests.count()
@@ -248,7 +248,7 @@ async def test_a_touch_test_made_before_the_stream_is_open_is_shown(open_page: O
     await touch_two_points(bench)
     async with open_page("viewer", "help") as page:
         made = await hold_requests(page, "**/events")
-        await page.evaluate("location.hash = '#/verify'")
+        await page.evaluate("location.hash = '#/verify/touch'")
         await page.reload()
         tests = page.locator("section[aria-labelledby=touches] .timeline li")
         await tests.first.wait_for()
@@ -266,11 +266,11 @@ async def test_a_rig_is_looked_at_and_put_in_force_from_its_file(open_page: Open
         await chosen.set_input_files(written(tmp_path, "notes.json", [1, 2]))
         await page.get_by_text("notes.json is no rig.json").wait_for()
         await chosen.set_input_files(written(tmp_path, "refused.json", a_rig(accepted=False)))
-        await page.get_by_text("only an admin can put it in force").wait_for()
+        await page.get_by_text("only an admin can activate it").wait_for()
         await chosen.set_input_files(written(tmp_path, "rig.json", a_rig()))
         await page.get_by_role("region", name="rig.json").get_by_text("scanner in camera").wait_for()
         earlier = page.get_by_text("Earlier ones: 1")
-        await hold_until(page, hold_by_key, "Put in force", earlier.is_visible)
+        await hold_until(page, hold_by_key, "Activate", earlier.is_visible)
     rigs = (await bench.client.get("/rigs", headers=bearer(keys["viewer"]))).json()["rigs"]
     assert [(one["created_by"], one["rig"] == rigs[0]["rig"]) for one in rigs] == [("operator", True), ("admin", False)]
 
@@ -286,10 +286,11 @@ async def test_the_errors_of_the_arm_are_asked_for_and_shown_before_and_after(op
         await eventually(lambda: bool(asked))
         assert json.loads(asked[0]) == {"arm": True}
         await page.evaluate("location.hash = '#/result/cal-1'")
+        await press(page.get_by_role("button", name="Errors of the arm"))
         await page.get_by_text("Errors of the arm are in use.").wait_for()
         await page.get_by_text("Before: missed by, as drawn").wait_for()
         await page.get_by_text("zero_2").wait_for()
-        await page.get_by_text("30 more views would bring a registered point from 0.42 mm to 0.15 mm").wait_for()
+        await page.get_by_text("30 more pictures would bring a registered point from 0.42 mm to 0.15 mm").wait_for()
         report = (await bench.client.get("/calibrations/cal-1/report", headers={"Accept": "text/html"})).text
         assert "30 views more would bring a registered point from 0.420 to 0.150 mm RMS" in report
         field = (await bench.client.get("/calibrations/cal-1/arm/field")).json()
@@ -337,7 +338,7 @@ async def _refuse(route: Any, asked: list[Any]) -> None:
     await route.abort()
 
 
-NEW = ("jog", "verify", "devices", "result/cal-1", "calibrate")
+NEW = ("jog", "verify", "verify/touch", "devices", "result/cal-1", "calibrate")
 
 
 @pytest.mark.parametrize("theme", ["light", "dark"])

@@ -37,9 +37,9 @@ async def test_each_screen_asks_for_the_camera_chosen(open_page: Opened, cell: C
     async with open_page("operator", "cell") as page:
         asked: set[str] = set()
         page.on("request", lambda request: asked.add(request.url.removeprefix(cell[0].url)))
-        await page.get_by_text("No calibration is in force").first.wait_for()
+        await page.get_by_text("No calibration is active").first.wait_for()
         await press(page.get_by_role("button", name="wrist"))
-        await page.get_by_text("No calibration is in force").wait_for(state="detached")
+        await page.get_by_text("No calibration is active").wait_for(state="detached")
         await eventually(lambda: "/camera/frame?width=960&camera=wrist" in asked)
         for place, path in (
             ("calibrate", "/calibrate?camera=wrist"),
@@ -60,7 +60,7 @@ async def test_the_camera_chosen_is_planned_and_verified(open_page: Opened, cell
         await press(page.get_by_role("button", name="Show the poses"))
         await eventually(lambda: any(request.url.endswith("/plan") for request in asked))
         await page.evaluate("location.hash = '#/verify'")
-        await hold_until(page, hold_by_key, "Verify (arm moves)", verification_asked(asked))
+        await hold_until(page, hold_by_key, "Quick check (arm moves)", verification_asked(asked))
         bodies = {
             request.url.rsplit("/", 1)[-1]: json.loads(request.post_data) for request in asked if request.post_data
         }
@@ -77,13 +77,13 @@ def verification_asked(asked: list[Any]) -> Callable[[], Awaitable[bool]]:
 async def test_a_camera_that_does_not_answer_hinders_no_run_with_the_other(open_page: Opened, cell: Cell) -> None:
     camera = cell[0].camera
     async with open_page("operator", "verify") as page:
-        reasons = page.locator("section[aria-labelledby=hold]")
+        reasons = page.locator(".bar-top")
         camera.failing = DeviceUnreachable("camera", "it does not answer", "switch it on")
         try:
             await reasons.get_by_text("it does not answer").wait_for()
             await press(page.get_by_role("button", name="wrist"))
             await reasons.get_by_text("it does not answer").wait_for(state="detached")
-            await page.get_by_role("button", name="Verify (arm moves)", disabled=False).wait_for()
+            await page.get_by_role("button", name="Quick check (arm moves)", disabled=False).wait_for()
         finally:
             camera.failing = None
 
@@ -95,7 +95,7 @@ async def test_a_result_is_shown_and_compared_as_of_its_own_camera(open_page: Op
     async with open_page("viewer", "result") as page:
         await page.get_by_text("No calibration was made yet").first.wait_for()
         await press(page.get_by_role("button", name="wrist"))
-        await page.get_by_text("In force since").first.wait_for()
+        await page.get_by_text("Active since").first.wait_for()
         await page.evaluate("id => { location.hash = '#/result/' + id }", listed[0]["id"])
-        await page.get_by_text("In force since").first.wait_for()
+        await page.get_by_text("Active since").first.wait_for()
         assert await page.get_by_role("button", name="wrist").count() == 0

@@ -31,15 +31,13 @@ async def test_from_signing_in_to_a_calibration_in_force(
         await page.get_by_label("Key or code").fill(keys["operator"])
         await page.keyboard.press("Enter")
         await page.get_by_text("Ready.").wait_for()
-        result = page.get_by_role("link", name="Result", exact=True).and_(page.locator(".button"))
-        await hold_until(page, hold, "Calibrate (arm moves)", result.is_visible)
+        good = page.get_by_text("✓ Good")
+        await hold_until(page, hold, "Calibrate (arm moves)", good.is_visible)
         newest = (await bench.client.get("/runs", headers={"Authorization": f"Bearer {keys['viewer']}"})).json()[
             "runs"
         ][0]
         assert newest["started_by"] == "operator"
-        await press(result)
-        await page.get_by_text("✓ Accepted").wait_for()
-        await hold_until(page, hold, "Put in force", page.get_by_text("In force since").is_visible)
+        await hold_until(page, hold, "Activate", page.get_by_text("Active since").is_visible)
     now = await bench.client.get("/calibrations/current", headers={"Authorization": f"Bearer {keys['viewer']}"})
     assert now.json()["applied"]["calibration_id"] == newest["result"]["calibration_id"]
 
@@ -68,8 +66,10 @@ async def test_a_viewer_sees_everything_and_starts_nothing(open_page: Opened) ->
         await button.wait_for()
         assert await button.get_attribute("aria-disabled") == "true"
         assert await page.get_by_role("button", name="End run").get_attribute("aria-disabled") == "true"
-        assert await page.get_by_role("link", name="Audit").count() == 0
-        await page.goto(page.url.replace("calibrate", "audit"))
+        await page.evaluate("location.hash = '#/history'")
+        await page.get_by_role("heading", name="History").first.wait_for()
+        assert await page.get_by_role("link", name="Log").count() == 0
+        await page.evaluate("location.hash = '#/audit'")
         await page.get_by_text("Your role does not allow this").first.wait_for()
 
 
@@ -187,6 +187,8 @@ async def test_end_run_is_in_view_and_nothing_overflows(open_page: Opened, width
                 await page.locator(".card").first.wait_for()
                 await page.wait_for_timeout(150)
                 assert await page.evaluate("document.documentElement.scrollWidth <= innerWidth"), (query, place)
+                if width <= 360:  # a telephone shows "End run" while there is a run
+                    continue
                 box = await page.locator(".end-run").bounding_box()
                 assert box["x"] >= 0 and box["x"] + box["width"] <= width and box["y"] + box["height"] <= 780
 
@@ -279,14 +281,14 @@ async def test_by_hand_the_arm_is_jogged_and_never_moved(open_page: Opened, cell
     moves = len(bench.robot.goals)
     async with open_page("operator", "calibrate") as page:
         await page.get_by_text("Ready.").wait_for()
-        await page.get_by_label("By hand").check()
+        await page.get_by_label("Guided by hand").check()
         await page.get_by_role("button", name="Begin by hand").click()
         for pose in poses_around_the_target(4):
             bench.robot.base_T_flange = pose.copy()
-            await page.get_by_role("button", name="Take view").and_(page.locator(":not([aria-disabled])")).click()
-            await page.get_by_role("button", name="Take view").and_(page.locator(":not([aria-disabled])")).wait_for()
+            await page.get_by_role("button", name="Take picture").and_(page.locator(":not([aria-disabled])")).click()
+            await page.get_by_role("button", name="Take picture").and_(page.locator(":not([aria-disabled])")).wait_for()
         await page.get_by_role("button", name="Finish").and_(page.locator(":not([aria-disabled])")).click()
-        await page.get_by_role("link", name="Result", exact=True).and_(page.locator(".button")).wait_for()
+        await page.get_by_text("✓ Good").wait_for()
     assert len(bench.robot.goals) == moves
     newest = (await bench.client.get("/runs", headers={"Authorization": f"Bearer {keys['viewer']}"})).json()["runs"][0]
     assert (newest["state"], newest["request"]["manual"]) == ("finished", True)

@@ -1,0 +1,115 @@
+"""The page as a cockpit: what has to be seen and reached without scrolling, at the sizes that people have."""
+
+from typing import Any
+
+import pytest
+
+from tests.daemon.access_keys import bearer
+from tests.daemon.cell_under_test import Bench
+from tests.daemon.fakes import Gate
+from tests.daemon.page.conftest import Opened
+from tests.daemon.page.holding import hold_by_key, hold_until
+from tests.support.waiting import LIMIT_S
+
+pytestmark = [pytest.mark.asyncio(loop_scope="module"), pytest.mark.slow]
+
+SCREEN = {"width": 1366, "height": 768}
+PHONE = {"width": 390, "height": 844}
+Cell = tuple[Bench, dict[str, str]]
+
+
+async def box_of(page: Any, selector: str) -> Any:
+    """x, y, width and height of the one visible element; the place is waited for."""
+    found = page.locator(selector).locator("visible=true")
+    await found.first.wait_for()
+    assert await found.count() == 1, (selector, await found.count())
+    return await found.bounding_box()
+
+
+async def calibrated(cell: Cell) -> str:
+    """The id of a calibration that was activated."""
+    bench, keys = cell
+    answer = await bench.client.post(
+        "/calibrate", json={"count": 5}, params={"wait": LIMIT_S}, headers=bearer(keys["operator"])
+    )
+    made: str = answer.json()["result"]["calibration_id"]
+    applied = await bench.client.post(
+        f"/calibrations/{made}/apply", json={"applied_by": "operator"}, headers=bearer(keys["operator"])
+    )
+    assert applied.status_code == 200, applied.text
+    return made
+
+
+@pytest.mark.parametrize(("place", "least_px"), [("cell", 640), ("calibrate", 640), ("verify", 640), ("result", 500)])
+async def test_picture_number_and_action_are_on_the_first_screen(
+    open_page: Opened, cell: Cell, place: str, least_px: int
+) -> None:
+    await calibrated(cell)
+    async with open_page("operator", place, viewport=SCREEN) as page:
+        picture = await box_of(page, ".flush .picture .frame")
+        assert picture["width"] >= least_px
+        assert picture["y"] + picture["height"] <= SCREEN["height"]
+        if place in ("cell", "result"):
+            number = await box_of(page, ".figure")
+            assert number["y"] + number["height"] <= 480
+        if place != "result":
+            action = await box_of(page, "main .primary")
+            assert action["y"] + action["height"] <= SCREEN["height"]
+            assert action["width"] >= 200 and action["height"] >= 60
+        assert (await box_of(page, ".top"))["height"] <= 64
+        assert await page.evaluate("scrollY") == 0
+
+
+async def test_a_telephone_shows_sentence_number_picture_and_action_at_once(open_page: Opened, cell: Cell) -> None:
+    await calibrated(cell)
+    async with open_page("operator", "cell", viewport=PHONE, has_touch=True) as page:
+        action = await box_of(page, "main .primary")
+        assert action["y"] + action["height"] <= PHONE["height"]
+        for selector in (".bar-top .sentence", ".figure", ".flush .picture .frame"):
+            box = await box_of(page, selector)
+            assert box["y"] + box["height"] <= action["y"], selector
+        assert (await box_of(page, ".top"))["height"] <= 56
+
+
+@pytest.mark.parametrize("language", ["en", "de"])
+async def test_the_six_places_stand_in_one_row(open_page: Opened, language: str) -> None:
+    async with open_page("admin", "cell", f"lang={language}", viewport={"width": 1024, "height": 768}) as page:
+        await page.locator("#places a").first.wait_for()
+        links = page.locator("#places a").locator("visible=true")
+        assert await links.count() == 6
+        assert len({(await links.nth(index).bounding_box())["y"] for index in range(6)}) == 1
+
+
+async def test_a_calibration_has_one_address_from_its_start_to_its_result(open_page: Opened, cell: Cell) -> None:
+    bench, _ = cell
+    bench.robot.before_move = gate = Gate(len(bench.robot.goals) + 2)
+    try:
+        async with open_page("operator", "calibrate", viewport=PHONE, has_touch=True) as page:
+            await page.get_by_text("Ready.").wait_for()
+
+            async def reached() -> bool:
+                return gate.reached.is_set()
+
+            await hold_until(page, hold_by_key, "Calibrate (arm moves)", reached)
+            await page.get_by_text("Picture 2 of").first.wait_for()
+            address = page.url
+            end = await box_of(page, ".end-run")
+            assert end["x"] >= 0 and end["x"] + end["width"] <= PHONE["width"]
+            gate.open.set()
+            await page.get_by_text("✓ Good").wait_for()
+            assert page.url == address and "#/calibrate/" in address
+            assert await page.evaluate("document.activeElement.tagName") == "H1", "the focus is not lost"
+    finally:
+        gate.open.set()
+        bench.robot.before_move = None
+
+
+async def test_the_arm_is_moved_in_a_drawer_beside_the_picture(open_page: Opened, cell: Cell) -> None:
+    async with open_page("operator", "cell", viewport=SCREEN) as page:
+        await page.get_by_role("button", name="Move arm").press("Enter")
+        drawer = await box_of(page, ".drawer")
+        picture = await box_of(page, ".flush .picture .frame")
+        assert picture["x"] + picture["width"] <= drawer["x"]
+        await page.keyboard.press("Escape")
+        await page.locator(".drawer").wait_for(state="detached")
+        assert await page.evaluate("document.activeElement.textContent") == "Move arm"
