@@ -5,7 +5,7 @@ import { t } from '../state/words.js';
 import { logTicks, ticks } from './ticks.js';
 
 const W = 640;
-const H = 276;
+const H = 200;
 const LEFT = 66;
 const BOTTOM = 50;
 const RIGHT = 14;

@@ -14,6 +14,9 @@ function PointName({ name }) {
   return html`<span>${parts.map((part) => t(`volume.${part}`)).join(' ')}</span>`;
 }
 
+/** Who activated a calibration: a name, or the rule that does it without a person. */
+export const activator = (name) => (name === 'policy auto' ? t('force.auto') : name);
+
 /** `accuracy`: expanded_mm, worst_point and so on, of a calibration, a result or a list; `limits`: of its verdict; `brief`: without what was expected. */
 export function Uncertainty({ accuracy, limits, brief = false }) {
   const { expanded_mm: U_mm, worst_point: point, tolerance_mm, tolerance_stated, expected_mm, before_mm, why } = accuracy;

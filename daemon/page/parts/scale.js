@@ -22,6 +22,6 @@ export function Scale({ value, warning, limit }) {
       <rect fill="url(#cross)" y="12" height="12" x=${x(limit)} width=${WIDTH - x(limit)} />
       ${at !== null && html`<path class="pointer" d="M${at} 30V8M${at - 6} 0H${at + 6}L${at} 9Z" />`}
     </svg>
-    <figcaption class="small quiet"><span>${warning < limit && `${t('scale.warning')} ${mm(warning)}`}</span><span>${t('scale.limit')} ${mm(limit)}</span></figcaption>
+    ${warning < limit && html`<figcaption class="small quiet"><span>${t('scale.warning')} ${mm(warning)}</span><span>${t('scale.limit')} ${mm(limit)}</span></figcaption>`}
   </figure>`;
 }

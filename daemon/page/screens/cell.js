@@ -4,7 +4,7 @@ import { Bar } from '../parts/bar.js';
 import { Card, Facts } from '../parts/card.js';
 import { CellScene } from '../parts/cell_scene.js';
 import { ControlChart } from '../parts/chart.js';
-import { Uncertainty } from '../parts/in_force.js';
+import { Uncertainty, activator } from '../parts/in_force.js';
 import { LivePicture } from '../parts/live_picture.js';
 import { Missing, useAsked } from '../parts/loaded.js';
 import { MoveArm } from '../parts/move_arm.js';
@@ -51,7 +51,7 @@ export function Cell({ moving = false }) {
     <${Card} title=${t('cell.force')} id="force">
       <${Missing} asked=${active} none=${t('cell.no-force')} />
       ${calibration && html`<${Uncertainty} accuracy=${active.data} limits=${calibration.verdict.limits} brief />
-        <${Facts} rows=${[[t('force.since'), moment(active.data.applied.applied_at)], [t('force.by'), active.data.applied.applied_by]]} />
+        <${Facts} rows=${[[t('force.since'), moment(active.data.applied.applied_at)], [t('force.by'), activator(active.data.applied.applied_by)]]} />
         <p class="last"><a class="button quiet-button" href=${linkTo('result', calibration.id)}>${t('cell.result')}</a></p>`}
     </${Card}>
     <div class="below">

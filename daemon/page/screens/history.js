@@ -1,6 +1,7 @@
 // History: runs, calibrations, what was put in force, and scans in one line of time; by kind and state.
 import { html, useState } from '../vendor/preact.js';
 import { Card } from '../parts/card.js';
+import { activator } from '../parts/in_force.js';
 import { Missing, useAsked } from '../parts/loaded.js';
 import { mm, moment } from '../state/numbers.js';
 import { linkTo } from '../state/place.js';
@@ -39,7 +40,7 @@ export function rowsOf(runs = [], lists, scans = []) {
       words: `${t(accepted ? 'verdict.accepted' : 'verdict.refused')}${expanded_mm ? `, ± ${mm(expanded_mm)}` : ''}${current ? ` · ${t('result.in-force')}` : ''}`,
     })),
     ...applied.map(({ calibration_id, applied_at, applied_by, sequence }) => ({
-      kind: 'applied', key: `a${sequence}`, at: applied_at, link: linkTo('result', calibration_id), sign: '●', title: t('history.put'), words: applied_by,
+      kind: 'applied', key: `a${sequence}`, at: applied_at, link: linkTo('result', calibration_id), sign: '●', title: t('history.put'), words: activator(applied_by),
     })),
     ...scans.map(({ id, name, created_at, views }) => ({
       kind: 'scan', key: `s${id}`, at: created_at, link: linkTo('scans', id), sign: '◇', title: t('kind.scan'), words: `${name} · ${t('scan.views', { count: views.length })}`,

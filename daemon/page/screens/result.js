@@ -7,7 +7,7 @@ import { Ellipsoids } from '../parts/ellipsoids.js';
 import { Exports } from '../parts/exports.js';
 import { Findings } from '../parts/findings.js';
 import { HoldButton } from '../parts/hold_button.js';
-import { Uncertainty } from '../parts/in_force.js';
+import { Uncertainty, activator } from '../parts/in_force.js';
 import { Missing, useAsked } from '../parts/loaded.js';
 import { Picture } from '../parts/picture.js';
 import { SolveAgain } from '../parts/solve_again.js';
@@ -84,7 +84,7 @@ function Verdict({ document, current, active, run }) {
     <p class="sentence">${accepted ? `✓ ${t('verdict.accepted')}` : `✕ ${t('verdict.refused')}`}</p>
     <${Uncertainty} accuracy=${active ? current.data : document.accuracy} limits=${document.verdict.limits} />
     ${waits && html`<p class="note warn" lang=${waits.lang}><span class="mark" aria-hidden="true">!</span> ${waits.text}</p>`}
-    ${active ? html`<p><b>● ${t('result.since', { at: moment(current.data.applied.applied_at), by: current.data.applied.applied_by })}</b></p>`
+    ${active ? html`<p><b>● ${t('result.since', { at: moment(current.data.applied.applied_at), by: activator(current.data.applied.applied_by) })}</b></p>`
       : accepted && may('operator') && html`<${HoldButton} id="hold-apply" primary moves=${false} label=${t('result.apply')} act=${apply({})} />`}
     ${!accepted && !active && (document.flange_T_camera ?? document.base_T_camera) && may('admin') && html`<${Despite} document=${document} apply=${apply} />`}
     ${said && html`<p class="small quiet" lang=${said.lang}>${said.text}</p>`}`;

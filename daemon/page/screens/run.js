@@ -10,7 +10,7 @@ import { Picture } from '../parts/picture.js';
 import { carriedBy, placesOf } from '../parts/places.js';
 import { Cause } from '../parts/problem.js';
 import { ViewTable } from '../parts/view_table.js';
-import { fixed, mm, moment } from '../state/numbers.js';
+import { fixed, mm, moment, timeOfDay } from '../state/numbers.js';
 import { clock, old, robot, run } from '../state/now.js';
 import { cameraOf, ofCamera } from '../state/sensors.js';
 import { linkTo } from '../state/place.js';
@@ -97,10 +97,7 @@ function Known({ shown }) {
     ${cause && html`<div class="note warn"><${Cause} cause=${cause} />
       <p class="small"><a href=${linkTo('help', cause.code)}>${cause.code}</a></p></div>`}
     ${!found && !cause && shown.kind === 'calibration' && html`<${UncertaintyCurve} history=${history} goal_mm=${planning?.goal?.tolerance_mm ?? request?.tolerance_mm} stations=${shown.stations} />`}
-    <${Facts} rows=${[
-      shown.started_by && [t('run.started-by'), shown.started_by], [t('run.since'), moment(shown.created_at)],
-      over && [t('run.ended'), moment(shown.updated_at)],
-    ]} />`;
+    ${over && html`<${Facts} rows=${[shown.started_by && [t('run.started-by'), shown.started_by], [t('run.since'), moment(shown.created_at)], [t('run.ended'), moment(shown.updated_at)]]} />`}`;
 }
 
 /** The pictures of the run in a row: those taken, the one that comes, those planned. */
@@ -133,8 +130,9 @@ function Times({ shown }) {
   if (heard.current.key !== key) heard.current = { key, at: clock.value };
   const since_s = (clock.value - heard.current.at) / 1000;
   const { elapsed_s, left_s } = timesOf(shown, since_s);
-  if (shown.over || elapsed_s === null) return null;
-  return html`<p class="small times">${left_s !== null && html`<b>${t('run.left', { s: fixed(left_s, 0) })}</b> · `}${t('run.so-far', { s: fixed(elapsed_s, 0) })}</p>`;
+  if (shown.over) return null;
+  const parts = [left_s !== null && html`<b>${t('run.left', { s: fixed(left_s, 0) })}</b> · `, elapsed_s !== null && html`${t('run.so-far', { s: fixed(elapsed_s, 0) })} · `];
+  return html`<p class="small times">${parts}${t('run.begun', { name: shown.started_by ?? '—', at: timeOfDay(shown.created_at) })}</p>`;
 }
 
 /** Seconds a run took so far and has left, `since_s` after its newest picture; null where that is not known. */
