@@ -128,8 +128,15 @@ class SettingsReload:
         app = self.application
         names = changes(app.settings, after)
         done = [name for name in names if name in APPLIED]
-        for name, change in (("webhooks", self._change_webhooks), ("plc", self._change_plc)):
-            if name in done and not await change(after):
+        for name, change in (("webhooks", self.webhooks.change), ("plc", self.plc.change)):
+            why = "a PLC holds abort" if name == "plc" and app.supervisor.abort_is_held else ""
+            try:
+                if name in done and not why:
+                    await change(getattr(after, name))
+            except DaemonError as error:
+                why = str(error)
+            if name in done and why:
+                log.error("[%s] is as before: %s", name, why)
                 done.remove(name)
         while app.supervisor.in_progress is not None and {"calibration", "part", "report"} & {*done}:
             await app.clock.sleep(RELOAD_POLL_S)
@@ -143,25 +150,6 @@ class SettingsReload:
         log.info("settings taken over: %s", ", ".join(done) or "nothing has changed that could be")
         if self.waits_for_restart:
             log.warning("these settings need a restart: %s", ", ".join(self.waits_for_restart))
-
-    async def _change_webhooks(self, after: Settings) -> bool:
-        try:
-            await self.webhooks.change(after.webhooks)
-        except DaemonError as error:
-            log.error("[[webhooks]] are as before: %s", error)
-            return False
-        return True
-
-    async def _change_plc(self, after: Settings) -> bool:
-        if self.application.supervisor.abort_is_held:
-            log.error("[plc] is as before: a PLC holds abort")
-            return False
-        try:
-            await self.plc.change(after.plc)
-        except DaemonError as error:
-            log.error("[plc] is as before: %s", error)
-            return False
-        return True
 
 
 class Server(uvicorn.Server):

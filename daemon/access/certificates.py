@@ -15,7 +15,8 @@ from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
 from daemon.access.errors import CertificateUnusable
-from daemon.runtime.durable_files import fsync_folder, make_folder
+from daemon.runtime.durable_files import make_folder
+from registration.io.durable_file import fsync_path
 
 CERTIFICATE, PRIVATE_KEY, AUTHORITY = "certificate.pem", "private_key.pem", "authority.pem"
 DEFAULT_DAYS = 3650
@@ -67,7 +68,7 @@ def make_certificate(folder: Path, hosts: Sequence[str], now: datetime, days: in
         _write_new(folder / PRIVATE_KEY, secret, 0o600)
         _write_new(folder / AUTHORITY, root.public_bytes(pem), 0o644)
         _write_new(folder / CERTIFICATE, leaf.public_bytes(pem), 0o644)
-        fsync_folder(folder)
+        fsync_path(folder)
     except OSError as error:
         reason = (error.strerror or str(error)).lower()
         raise CertificateUnusable(f"{folder} cannot be written ({reason})", "give another --out") from None

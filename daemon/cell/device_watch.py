@@ -1,12 +1,11 @@
 """Notes when each device's link goes up and down, and its last error."""
 
-import asyncio
 from dataclasses import dataclass, replace
 
 from daemon.cell.cell import Cell
 from daemon.runtime.clock import Clock
 from daemon.runtime.event_bus import Publish
-from daemon.runtime.tasks import end_task
+from daemon.runtime.tasks import InBackground
 from drivers.errors import DeviceError, DeviceUnreachable
 from drivers.interfaces import LinkHealth
 
@@ -37,13 +36,12 @@ class DeviceState:
     last_error: DeviceFault | None = None
 
 
-class DeviceWatch:
+class DeviceWatch(InBackground):
     """Background service: the state of each device, and an event `device` for each link that goes up or down."""
 
     def __init__(self, cell: Cell, clock: Clock, publish: Publish) -> None:
         self._cell, self._clock, self._publish = cell, clock, publish
         self._states: dict[str, DeviceState] = {}
-        self._task: asyncio.Task[None] | None = None
 
     def states(self) -> tuple[DeviceState, ...]:
         """The state of each device now, by what its driver knows: nothing is sent to the device."""
@@ -58,13 +56,7 @@ class DeviceWatch:
             self._states[name], last_error=DeviceFault(error.code, error.what, error.fix, self._clock.timestamp())
         )
 
-    async def start(self) -> None:
-        self._task = asyncio.create_task(self._look_repeatedly(), name="looks at the links")
-
-    async def stop(self) -> None:
-        await end_task(self._task)
-
-    async def _look_repeatedly(self) -> None:
+    async def run(self) -> None:
         while True:
             self.states()
             await self._clock.sleep(CHECK_S)

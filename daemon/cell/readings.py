@@ -8,7 +8,7 @@ from daemon.cell.recent_reading import RecentReading
 from daemon.runtime.clock import Clock
 from daemon.runtime.shared_reading import SharedReading
 from drivers.errors import RequestRefused
-from drivers.interfaces import PoseReading, RobotSetup, RobotStatus
+from drivers.interfaces import PoseReading, Robot, RobotSetup, RobotStatus
 from drivers.robots.base_frame import configured
 
 
@@ -27,7 +27,7 @@ class CellReadings:
     def __init__(self, cell: Cell, clock: Clock) -> None:
         self._cell = cell
         self.robot = RecentReading(self._read_robot, clock.monotonic_s)
-        self.setup = RecentReading(self._read_setup, clock.monotonic_s)
+        self.setup = RecentReading(lambda: read_setup(cell.robot), clock.monotonic_s)
         self._settled_pose = SharedReading(cell.read_settled_pose)
 
     async def flange_pose(self) -> PoseReading:
@@ -38,12 +38,13 @@ class CellReadings:
         robot = self._cell.robot
         return RobotReading(await robot.read_status(), await robot.read_pose(), await robot.read_joints())
 
-    async def _read_setup(self) -> RobotSetup | None:
-        """Settings of the robot's program; None where there is none, or one that does not give them."""
-        program = configured(self._cell.robot)
-        if program is None:
-            return None
-        try:
-            return await program.read_setup()
-        except RequestRefused:
-            return None
+
+async def read_setup(robot: Robot) -> RobotSetup | None:
+    """Settings of the robot's program; None where there is none, or one that does not give them."""
+    program = configured(robot)
+    if program is None:
+        return None
+    try:
+        return await program.read_setup()
+    except RequestRefused:
+        return None

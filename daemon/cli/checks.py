@@ -86,11 +86,7 @@ async def _check_device(name: str, device: Answer, check: Callable[[Answer], Awa
     try:
         return await ask(device, check)
     except DeviceError as error:
-        return _failure(name, error)
-
-
-def _failure(name: str, error: DeviceError) -> CheckResult:
-    return CheckResult(name, False, f"{error.device.removeprefix(f'{name} ')}: {error.what}", error.fix)
+        return CheckResult(name, False, f"{error.device.removeprefix(f'{name} ')}: {error.what}", error.fix)
 
 
 async def _check_camera(name: str, settings: Settings, camera: Camera) -> CheckResult:

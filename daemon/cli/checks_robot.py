@@ -10,11 +10,12 @@ from calibration.transforms import difference as pose_difference
 from calibration.transforms import quaternion_from_rotation
 from daemon.cell.cell import motion_obstacles
 from daemon.cell.frame_check import frame_difference
+from daemon.cell.readings import read_setup
 from daemon.cli.output import CheckResult
 from daemon.config.settings import RobotSettings, Settings
 from drivers.errors import DeviceUnreachable, GarbledAnswer, RequestRefused
 from drivers.interfaces import Robot, RobotSetup
-from drivers.robots.base_frame import configured, read_base_frame
+from drivers.robots.base_frame import read_base_frame
 
 MIN_LOAD_KG = 0.01
 """A load below this is the 1 gram of tool0: nobody measured it."""
@@ -41,7 +42,7 @@ async def check_robot(robot: Robot, settings: Settings) -> CheckResult:
         difference = frame_difference(find_any_arm(settings.robot.model), await robot.read_joints(), pose)
         if not difference.agrees:
             return CheckResult("robot", False, difference.what, difference.fix)
-    setup = await _setup_of(robot)
+    setup = await read_setup(robot)
     for what, fix in [] if setup is None else setup_problems(setup, settings.robot):
         return CheckResult("robot", False, what, fix)
     could = "could move" if robot.capabilities.moves else "is read only: views are taken by hand, with --manual"
@@ -70,17 +71,6 @@ async def _base_frame_problem(robot: Robot, settings: RobotSettings) -> tuple[st
         f"the controller's base frame is {off_mm:.0f} mm and {np.degrees(off_rad):.1f} deg from [robot] base_frame",
         f"base_frame = {{ translation_mm = [{numbers}], quaternion_wxyz = [{turn}] }}",
     )
-
-
-async def _setup_of(robot: Robot) -> RobotSetup | None:
-    """Settings of the robot's program; None where there is none, or an earlier one."""
-    program = configured(robot)
-    if program is None:
-        return None
-    try:
-        return await program.read_setup()
-    except RequestRefused:
-        return None
 
 
 def setup_problems(setup: RobotSetup, robot: RobotSettings) -> Iterator[tuple[str, str]]:

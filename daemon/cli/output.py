@@ -58,13 +58,10 @@ class CommandGroup(typer.core.TyperGroup):
 
         try:
             return super().invoke(ctx)
-        except DocumentError as error:
-            print_error(str(error))
-            raise typer.Exit(ExitStatus.UNREADABLE) from None
         except CommandError as error:
             print_error(str(error))
             raise typer.Exit(error.status) from None
-        except (NotAnAddress, PrintRefused, RegistrationError) as error:
+        except (DocumentError, NotAnAddress, PrintRefused, RegistrationError) as error:
             print_error(str(error))
             raise typer.Exit(ExitStatus.UNREADABLE) from None
         except (CalibrationError, ClientError, DaemonError, DeviceError) as error:

@@ -1,6 +1,5 @@
 """Scheduled verifications, which move the arm; off unless the settings turn them on."""
 
-import asyncio
 import logging
 from dataclasses import dataclass, field
 
@@ -13,7 +12,7 @@ from daemon.model.run_states import RunState
 from daemon.operations import Operations
 from daemon.runtime.clock import Clock
 from daemon.runtime.logs import about_request
-from daemon.runtime.tasks import end_task
+from daemon.runtime.tasks import InBackground
 from daemon.store.actor import AuditContext, acting_as
 from drivers.errors import DeviceError
 
@@ -49,7 +48,7 @@ class _Seen:
 
 
 @dataclass(eq=False)
-class DriftSchedule:
+class DriftSchedule(InBackground):
     """Background service: verifies every `every_s`, first one interval after the start, while the cell is in use.
 
     The cell is in use when since the daemon's start a run was started over REST or by a PLC and finished, and since
@@ -61,7 +60,6 @@ class DriftSchedule:
     operations: Operations
     clock: Clock
     every_s: float
-    _task: asyncio.Task[None] | None = field(default=None, init=False)
     _withdrawn_run: str = field(default="", init=False)
     _withdrawn_because: str = field(default="", init=False)
     _seen_after: str = field(default="", init=False)
@@ -69,17 +67,14 @@ class DriftSchedule:
 
     async def start(self) -> None:
         if self.every_s > 0:
-            self._task = asyncio.create_task(self._verify_when_due(), name="drift schedule")
-
-    async def stop(self) -> None:
-        await end_task(self._task)
+            await super().start()
 
     def warnings(self) -> list[str]:
         """Why nothing is scheduled, for GET /ready."""
         why = self._skip_reason() if self.every_s > 0 else ""
         return [Sentence("schedule-waits", why=why)] if why else []
 
-    async def _verify_when_due(self) -> None:
+    async def run(self) -> None:
         due_s = self.clock.monotonic_s() + self.every_s
         while True:
             await self.clock.sleep(POLL_S)

@@ -10,7 +10,7 @@ from pymodbus.server import ModbusSerialServer
 from pymodbus.simulator import DataType, SimData, SimDevice
 
 from daemon.config.plc_settings import PlcSerialSettings
-from daemon.runtime.tasks import end_task
+from daemon.runtime.tasks import InBackground
 from drivers.backoff import Backoff
 from drivers.serial_errors import SERIAL_ERRORS, reason_of
 from protocols.modbus.bank import Bank, Identification
@@ -25,7 +25,7 @@ READS_BITS = (Function.READ_COILS, Function.READ_DISCRETE_INPUTS)
 WRITES_BITS = (Function.WRITE_COIL, Function.WRITE_COILS)
 
 
-class ModbusRtu:
+class ModbusRtu(InBackground):
     """Serves one line and reopens it when it is lost. The client on the line may write; no other can reach it."""
 
     def __init__(
@@ -35,16 +35,9 @@ class ModbusRtu:
         self._backoff = Backoff(chance)
         self._lost = asyncio.Event()
         self._server: ModbusSerialServer | None = None
-        self._task: asyncio.Task[None] | None = None
         self.opened = asyncio.Event()
 
-    async def start(self) -> None:
-        self._task = asyncio.create_task(self._keep_open(), name="Modbus RTU")
-
-    async def stop(self) -> None:
-        await end_task(self._task)
-
-    async def _keep_open(self) -> None:
+    async def run(self) -> None:
         warned = False
         while True:
             try:

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from daemon.runtime.failpoints import NO_FAILPOINTS, Failpoints
+from registration.io.durable_file import fsync_path
 from registration.io.regular_file import require_replaceable
 
 WriteFile = Callable[[Path, Iterable[bytes]], None]
@@ -65,7 +66,7 @@ def _rename(written: Path, final: Path, at: Failpoints) -> None:
 
 def _fsync_names(folder: Path, at: Failpoints) -> None:
     at.reach("before fsync of the folder")
-    fsync_folder(folder)
+    fsync_path(folder)
     at.reach("after fsync of the folder")
 
 
@@ -75,13 +76,4 @@ def make_folder(folder: Path, mode: int = 0o750) -> None:
         return
     make_folder(folder.parent, mode)
     folder.mkdir(mode, exist_ok=True)
-    fsync_folder(folder.parent)
-
-
-def fsync_folder(folder: Path) -> None:
-    """Fsync a folder, so that the names in it survive a power cut."""
-    descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)
+    fsync_path(folder.parent)

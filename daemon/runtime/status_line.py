@@ -1,12 +1,11 @@
 """The line that `systemctl status` shows: what the daemon does, what holds it, or its first warning."""
 
-import asyncio
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from daemon.runtime.clock import Clock
 from daemon.runtime.systemd import Systemd
-from daemon.runtime.tasks import end_task
+from daemon.runtime.tasks import InBackground
 
 PERIOD_S = 1.0
 
@@ -30,20 +29,12 @@ class Doing:
         return f"{self.run} is in progress{warning}" if self.run else f"up, no run in progress{warning}"
 
 
-class StatusLine:
+class StatusLine(InBackground):
     """Background service: gives systemd the line whenever it changes."""
 
     def __init__(self, systemd: Systemd, doing: Callable[[], Doing], clock: Clock) -> None:
         self._systemd, self._doing, self._clock = systemd, doing, clock
         self._latest = ""
-        self._task: asyncio.Task[None] | None = None
-
-    async def start(self) -> None:
-        if self._systemd.address is not None:
-            self._task = asyncio.create_task(self._repeat(), name="status line")
-
-    async def stop(self) -> None:
-        await end_task(self._task)
 
     def send(self) -> None:
         """Send the line if it is another than the last."""
@@ -52,7 +43,7 @@ class StatusLine:
             self._latest = line
             self._systemd.notify(f"STATUS={line}")
 
-    async def _repeat(self) -> None:
-        while True:
+    async def run(self) -> None:
+        while self._systemd.address is not None:
             self.send()
             await self._clock.sleep(PERIOD_S)

@@ -4,12 +4,11 @@
 neither key nor certificate, and only root can write below /run.
 """
 
-import asyncio
 from pathlib import Path
 
 from calibration.sentences.sentence import Sentence
 from daemon.runtime.clock import Clock
-from daemon.runtime.tasks import end_task
+from daemon.runtime.tasks import InBackground
 
 PERIOD_S = 0.5
 
@@ -19,7 +18,7 @@ MAX_SILENT_S = 60.0
 MAX_REASON = 100
 
 
-class UpdateHold:
+class UpdateHold(InBackground):
     """Background service: `reason` is the file's text while it is kept fresh, else None."""
 
     def __init__(self, clock: Clock, file: Path | None) -> None:
@@ -27,17 +26,11 @@ class UpdateHold:
         self._clock, self._file = clock, file
         self._touched_ns: int | None = None
         self._touched_at_s = 0.0
-        self._task: asyncio.Task[None] | None = None
         self.reason: str | None = None
 
     async def start(self) -> None:
-        if self._file is None:
-            return
         self.look()
-        self._task = asyncio.create_task(self._repeat(), name="looks for an update's hold")
-
-    async def stop(self) -> None:
-        await end_task(self._task)
+        await super().start()
 
     def look(self) -> None:
         """Read the file once. Its age is counted from the last touch that was seen: clocks of the day may jump."""
@@ -59,7 +52,7 @@ class UpdateHold:
         """The reason of the hold, for GET /ready."""
         return [] if self.reason is None else [Sentence("update-holds", update=self.reason)]
 
-    async def _repeat(self) -> None:
+    async def run(self) -> None:
         while True:
             await self._clock.sleep(PERIOD_S)
             self.look()

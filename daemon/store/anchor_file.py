@@ -4,8 +4,9 @@ import json
 from pathlib import Path
 
 from daemon.access.audit_chain import AuditAnchor
-from daemon.runtime.durable_files import fsync_folder, write_durably
+from daemon.runtime.durable_files import write_durably
 from daemon.store.database import storage_errors
+from registration.io.durable_file import fsync_path
 
 ANCHOR_NAME = "audit-anchor.json"
 """In the store's folder. Anchors that were acknowledged as not met are kept beside it as `audit-anchor.json.unmet`."""
@@ -38,5 +39,5 @@ def set_anchor_aside(folder: Path) -> Path | None:
     while (aside := file.with_name(f"{file.name}.unmet" + (f"-{number}" if number > 1 else ""))).exists():
         number += 1
     file.rename(aside)
-    fsync_folder(folder)
+    fsync_path(folder)
     return aside

@@ -1,6 +1,5 @@
 """Warns of keys that end soon: a MES whose key ends at night is refused from then on."""
 
-import asyncio
 from collections.abc import Iterable
 from contextlib import suppress
 from datetime import datetime
@@ -10,7 +9,7 @@ from daemon.access.keys import KeyRecord
 from daemon.errors import StorageError
 from daemon.runtime.clock import Clock
 from daemon.runtime.metrics import Labels, Metric
-from daemon.runtime.tasks import end_task
+from daemon.runtime.tasks import InBackground
 from daemon.store.access_keys import AccessKeys
 
 PERIOD_S = 60.0
@@ -23,20 +22,16 @@ def ending(records: Iterable[KeyRecord], now: str) -> list[KeyRecord]:
     return [record for record in latest.values() if record.expires_at is not None]
 
 
-class KeyExpiry:
+class KeyExpiry(InBackground):
     """Background service: knows when each key ends, as read each PERIOD_S."""
 
     def __init__(self, keys: AccessKeys, clock: Clock) -> None:
         self._keys, self._clock = keys, clock
         self._ending: list[KeyRecord] = []
-        self._task: asyncio.Task[None] | None = None
 
     async def start(self) -> None:
         await self.look()
-        self._task = asyncio.create_task(self._repeat(), name="looks for keys that end soon")
-
-    async def stop(self) -> None:
-        await end_task(self._task)
+        await super().start()
 
     async def look(self) -> None:
         """Read the keys once; a store that fails is passed over: others report it."""
@@ -61,7 +56,7 @@ class KeyExpiry:
     def _left_days(self, record: KeyRecord) -> float:
         return (_end_of(record) - self._clock.utc_now()).total_seconds() / 86400
 
-    async def _repeat(self) -> None:
+    async def run(self) -> None:
         while True:
             await self._clock.sleep(PERIOD_S)
             await self.look()

@@ -3,7 +3,6 @@
 Keys change in other processes, too (`handeyed keys`), so the table is read while there are such requests.
 """
 
-import asyncio
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 
@@ -11,7 +10,7 @@ from daemon.access.errors import KeyMissing
 from daemon.access.roles import LOCAL, LOCAL_READER, NOBODY, SERVICE, Caller
 from daemon.errors import StorageError
 from daemon.runtime.clock import Clock
-from daemon.runtime.tasks import end_task
+from daemon.runtime.tasks import InBackground
 from daemon.store.access_keys import AccessKeys
 from daemon.store.browser_sessions import BrowserSessions
 
@@ -21,13 +20,12 @@ CHECK_S = 0.5
 OnEnd = Callable[[KeyMissing], None]
 
 
-class KeyWatch:
+class KeyWatch(InBackground):
     """Background service: knows the requests in progress and their callers."""
 
     def __init__(self, keys: AccessKeys, sessions: BrowserSessions, clock: Clock) -> None:
         self._keys, self._sessions, self._clock = keys, sessions, clock
         self._requests: dict[object, tuple[Caller, OnEnd]] = {}
-        self._task: asyncio.Task[None] | None = None
 
     @contextmanager
     def watch(self, caller: Caller, on_end: OnEnd) -> Iterator[None]:
@@ -40,13 +38,7 @@ class KeyWatch:
         finally:
             self._requests.pop(request, None)
 
-    async def start(self) -> None:
-        self._task = asyncio.create_task(self._check_repeatedly(), name="looks for keys that end")
-
-    async def stop(self) -> None:
-        await end_task(self._task)
-
-    async def _check_repeatedly(self) -> None:
+    async def run(self) -> None:
         while True:
             await self._clock.sleep(CHECK_S)
             if self._requests:

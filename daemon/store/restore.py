@@ -17,13 +17,14 @@ from pathlib import Path
 from typing import IO, Any
 
 from daemon.errors import BackupUnusable, StorageError
-from daemon.runtime.durable_files import create_file, fsync_folder, make_folder
+from daemon.runtime.durable_files import create_file, make_folder
 from daemon.store.backup import FOLDERS, FORMAT, MANIFEST, BackupManifestDocument
 from daemon.store.consistency import NO_LIMIT_S, count_missing_files, find_fault
 from daemon.store.database import DATABASE_NAME, storage_errors
 from daemon.store.lock import LOCK_NAME, FolderLock
 from daemon.store.run_ages import AGES_NAME
 from daemon.store.schema import SCHEMA_VERSION
+from registration.io.durable_file import fsync_path
 
 UNPACKED = ".restoring"
 CHECKED = ".restored"
@@ -67,9 +68,10 @@ def restore(source: Path, store: Path) -> int:
             _require_complete(source, found)
             _require_whole(source, unpacked)
             with storage_errors(store):
-                _fsync_all(unpacked)
+                for path in (unpacked, *unpacked.rglob("*")):
+                    fsync_path(path)
                 unpacked.rename(store / CHECKED)
-                fsync_folder(store)
+                fsync_path(store)
         except BaseException:
             shutil.rmtree(unpacked, ignore_errors=True)
             raise
@@ -97,9 +99,9 @@ def finish_restore(store: Path) -> None:
                     f"move {target} away",
                 )
             if entry.name == DATABASE_NAME:
-                fsync_folder(store)
+                fsync_path(store)
             entry.rename(target)
-        fsync_folder(store)
+        fsync_path(store)
         checked.rmdir()
 
 
@@ -191,12 +193,3 @@ def _require_whole(source: Path, folder: Path) -> None:
         raise BackupUnusable(f"what is in {source} is damaged: {fault.what}", "use another backup")
     if missing := count_missing_files(database):
         raise BackupUnusable(f"{source} lacks {missing} files of scans", "use another backup")
-
-
-def _fsync_all(folder: Path) -> None:
-    for path in [folder, *folder.rglob("*")]:
-        descriptor = os.open(path, os.O_RDONLY | os.O_NOFOLLOW)
-        try:
-            os.fsync(descriptor)
-        finally:
-            os.close(descriptor)

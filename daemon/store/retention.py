@@ -15,7 +15,7 @@ from daemon.errors import StorageError
 from daemon.model.records import RunRecord
 from daemon.runtime.clock import Clock
 from daemon.runtime.metrics import Metric
-from daemon.runtime.tasks import end_task
+from daemon.runtime.tasks import InBackground
 from daemon.runtime.workers import Workers
 from daemon.store.database import storage_errors
 from daemon.store.run_ages import AGES_NAME, RunAges, read_ages
@@ -46,7 +46,7 @@ def runs_to_prune(runs: Sequence[RunRecord], keep_runs: int, old: Set[str], kept
 
 
 @dataclass(eq=False)
-class Retention:
+class Retention(InBackground):
     """Background service: deletes the pictures of old runs at the start of the daemon and every hour."""
 
     store: Store
@@ -56,13 +56,6 @@ class Retention:
     _run_bytes: float = field(default=0.0, init=False)
     _ages: RunAges | None = field(default=None, init=False)
     _aged_s: float | None = field(default=None, init=False)
-    _task: asyncio.Task[None] | None = field(default=None, init=False)
-
-    async def start(self) -> None:
-        self._task = asyncio.create_task(self._tidy_for_ever())
-
-    async def stop(self) -> None:
-        await end_task(self._task)
 
     async def tidy(self) -> list[Path]:
         """Delete the pictures of old runs, unless the store has a fault; returns the files. Raises StorageError."""
@@ -113,7 +106,7 @@ class Retention:
             runs += page
         return runs
 
-    async def _tidy_for_ever(self) -> None:
+    async def run(self) -> None:
         while True:
             try:
                 await self.tidy()

@@ -142,7 +142,7 @@ def new_file(path: Path, *, durable: bool = True) -> Iterator[GuardedFile]:
                 _settle(lambda: os.fsync(raw.fileno()), path.name)
         _settle(lambda: part.replace(path), path.name)
         if durable:
-            _settle(lambda: _sync_folder(path.parent), path.name)
+            _settle(lambda: fsync_path(path.parent), path.name)
     finally:
         part.unlink(missing_ok=True)
 
@@ -154,10 +154,11 @@ def _settle(step: Callable[[], object], name: str) -> None:
         raise _error(name, "file", "completed", error) from None
 
 
-def _sync_folder(folder: Path) -> None:
+def fsync_path(path: Path) -> None:
+    """Fsync a file's content, or the names in a folder, so that they survive a power cut. Raises OSError."""
     if not hasattr(os, "O_DIRECTORY"):
         return  # Windows opens no folders
-    handle = os.open(folder, os.O_RDONLY)
+    handle = os.open(path, os.O_RDONLY)
     try:
         os.fsync(handle)
     finally:

@@ -10,7 +10,6 @@ import sys
 from contextlib import closing
 from pathlib import Path
 
-from daemon.runtime.durable_files import fsync_folder
 from daemon.store.backup import back_up
 from daemon.store.database import DATABASE_NAME
 from daemon.store.offline import open_offline
@@ -18,6 +17,7 @@ from daemon.store.restore import restore
 from daemon.store.run_ages import AGES_NAME, RunAges
 from daemon.store.schema import MIGRATIONS
 from daemon.store.store import Store
+from registration.io.durable_file import fsync_path
 from tests.daemon.records import AT
 from tests.daemon.save_paths import save_steps
 
@@ -54,13 +54,13 @@ async def work(root: Path) -> None:
 def make_old_store(folder: Path) -> None:
     """A store of the schema before this one, durably."""
     folder.mkdir()
-    fsync_folder(folder.parent)
+    fsync_path(folder.parent)
     with closing(sqlite3.connect(folder / DATABASE_NAME)) as old:
         for number, migration in enumerate(MIGRATIONS[:-1], start=1):
             old.executescript(f"BEGIN; {migration} PRAGMA user_version = {number}; COMMIT;")
         old.execute("INSERT INTO scans (id, created_at, name, refine) VALUES ('s', ?, 'door', 0)", (AT,))
         old.commit()
-    fsync_folder(folder)
+    fsync_path(folder)
 
 
 if __name__ == "__main__":
