@@ -1,4 +1,4 @@
-"""The TLS context of the server, from the certificate that the settings name."""
+"""TLS contexts of the server and of its clients on this machine, from the certificate that the settings name."""
 
 import ssl
 
@@ -20,4 +20,19 @@ def server_context(certificate: str, private_key: str) -> ssl.SSLContext:
     except OSError as error:
         reason = (error.strerror or str(error)).lower()
         raise CertificateUnusable(f"{certificate} with {private_key}: {reason}", fix) from None
+    return context
+
+
+def pinned(certificate: str) -> ssl.SSLContext:
+    """TLS that accepts this certificate and no other, whatever names are in it. Raises CertificateUnusable."""
+    context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
+    context.check_hostname = False  # it is known itself, not by its name
+    context.verify_flags |= ssl.VerifyFlags.VERIFY_X509_PARTIAL_CHAIN
+    try:
+        context.load_verify_locations(certificate)
+    except OSError as error:  # ssl.SSLError is one
+        reason = (error.strerror or str(error)).lower()
+        raise CertificateUnusable(
+            f"{certificate}: cannot be read ({reason})", "ask as root or as the daemon's user"
+        ) from None
     return context

@@ -25,6 +25,10 @@ def check(
 
     settings, loaded = load_settings_file(config)
     results = [CheckResult("settings", True, f"{config} is complete and consistent")]
+    if len(files := set(loaded.given_by.values())) > 1:
+        for file in sorted(files, key=lambda each: each != str(config)):
+            names = ", ".join(name for name, by in loaded.given_by.items() if by == file)
+            results.append(CheckResult("settings", True, f"{file} gives {names}"))
     if not config_only:
         results += [check_storage(settings), *asyncio.run(check_devices(settings, loaded))]
     if json:

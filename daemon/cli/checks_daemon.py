@@ -5,8 +5,8 @@ A device that a daemon holds is never opened: an ABB controller would refuse, a 
 
 from collections.abc import Callable
 
-from daemon.cli.errors import CommandError
-from daemon.cli.local_daemon import client_of, url_of
+from daemon.access.errors import CertificateUnusable
+from daemon.cli.local_daemon import client_of
 from daemon.cli.output import CheckResult
 from daemon.cli.rest_client import connect
 from daemon.cli.service import running_service
@@ -25,7 +25,7 @@ def check_daemon(settings: Settings, loaded: SettingsFile | None) -> list[CheckR
     """
     found = _ask(lambda: client_of(settings, MAX_ANSWER_S), loaded)
     service = running_service()
-    if found is None and service is not None and not service.is_at(url_of(settings)):
+    if found is None and service is not None and not service.is_at(settings.server.local_url):
         found = _ask(lambda: connect(service.url, MAX_ANSWER_S), loaded)
     return found
 
@@ -38,10 +38,9 @@ def _ask(ask: Callable[[], Client], loaded: SettingsFile | None) -> list[CheckRe
             return _results(daemon, f"{software} runs at {daemon.url} and holds the devices", loaded)
     except NoDaemon:
         return None
-    except (ClientError, CommandError, KeyError, TypeError, ValueError) as error:
-        where, what = "the port", "no daemon's answer"
-        if isinstance(error, ClientError | CommandError):
-            where, what = error.where, error.what
+    except (ClientError, CertificateUnusable, KeyError, TypeError, ValueError) as error:
+        where = error.where if isinstance(error, ClientError) else "the port"
+        what = error.what if isinstance(error, ClientError | CertificateUnusable) else "no daemon's answer"
         said = f"something answers at {where}, but not as a daemon with these settings ({what}); no device was asked"
         return [CheckResult("daemon", False, said, "see who listens there: ss -ltnp")]
 

@@ -3,12 +3,13 @@
 import os
 import ssl
 
-from daemon.cli.service import pinned, running_service
+from daemon.access.tls_context import pinned
+from daemon.cli.service import running_service
 from handeyed.client import DEFAULT_URL, MAX_ANSWER_S, Client
 
 
 def connect(url: str, limit_s: float = MAX_ANSWER_S, tls: ssl.SSLContext | None = None) -> Client:
-    """A client of the daemon at `url`. Raises ClientError, CommandError.
+    """A client of the daemon at `url`. Raises ClientError, CertificateUnusable.
 
     HANDEYED_KEY holds the API key, HANDEYED_CA the authority of its certificate. Root and the service's group need
     neither for the service of this machine, which DEFAULT_URL means wherever it listens.
@@ -19,6 +20,6 @@ def connect(url: str, limit_s: float = MAX_ANSWER_S, tls: ssl.SSLContext | None 
     if service is None or not service.is_at(url.rstrip("/")):
         return Client(url, tls=tls, timeout_s=limit_s)
     if tls is None and service.certificate is not None and "HANDEYED_CA" not in os.environ:
-        tls = pinned(service.certificate)
+        tls = pinned(str(service.certificate))
     key = os.environ.get("HANDEYED_KEY") or (service.authorization or "").removeprefix("Bearer ")
     return Client(url, key=key, tls=tls, timeout_s=limit_s)

@@ -11,6 +11,8 @@ from calibration.documents.validation import Document
 
 Topic = Literal["run.ended", "calibration.stored", "calibration.applied", "scan.view", "alarm"]
 
+ANY_HOST = {"0.0.0.0": "127.0.0.1", "::": "::1"}  # noqa: S104 - where to ask one that listens at every address
+
 
 def is_loopback(host: str) -> bool:
     """True for addresses that only this machine can reach."""
@@ -55,6 +57,13 @@ class ServerSettings(Document):
                 " makes them), or use 127.0.0.1"
             )
         return self
+
+    @property
+    def local_url(self) -> str:
+        """Where a daemon with these settings answers on this machine."""
+        host = ANY_HOST.get(self.host, self.host)
+        scheme = "http" if self.certificate is None else "https"
+        return f"{scheme}://[{host}]:{self.port}" if ":" in host else f"{scheme}://{host}:{self.port}"
 
     @property
     def loopback(self) -> bool:

@@ -1,9 +1,10 @@
-"""The daemon's settings: one TOML file, loaded once, frozen. deploy/handeyed.example.toml shows every key."""
+"""The daemon's settings: a TOML file and fragments, loaded once, frozen. deploy/handeyed.example.toml has every key."""
 
 import hashlib
+import re
 import tomllib
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -390,49 +391,111 @@ class Settings(Document):
         return self
 
 
+FRAGMENTS = "conf.d"
+"""Folder beside the settings file: its *.toml in the order of their names, each over what was read before."""
+
+
 @dataclass(frozen=True)
 class SettingsFile:
-    """Which file was loaded, and the SHA-256 of what it held then, in hexadecimal."""
+    """Which file was loaded, and the SHA-256, in hexadecimal, of what it and its fragments held then.
+
+    `given_by`: the file of each value in force, as "robot.speed_mm_s".
+    """
 
     file: str
     sha256: str
+    given_by: Mapping[str, str] = field(default_factory=dict)
+
+    def name_files(self, error: DocumentError) -> DocumentError:
+        """The error with the file of each value that it names, where fragments are read."""
+        problems = list(error.problems) if len(set(self.given_by.values())) > 1 else []
+        for number, problem in enumerate(problems):
+            place = re.sub(r"\[\d+\].*", "", problem.place)
+            places = (f"{place}.", re.sub(r"[^.]*\.([^.]*)$", r"\1.", place))  # without the kind of a target
+            files = {file for name, file in self.given_by.items() if f"{name}.".startswith(places)}
+            if len(files) == 1:
+                problems[number] = replace(problem, what=f"{problem.what} (in {files.pop()})")
+        return DocumentError(error.origin, problems) if problems else error
 
 
 def load_settings(path: Path) -> Settings:
-    """Load the settings from a TOML file. Raises DocumentError with file, place, what and fix."""
+    """Load the settings from a TOML file and its fragments. Raises DocumentError with file, place, what and fix."""
     return load_settings_file(path)[0]
 
 
 def load_settings_file(path: Path) -> tuple[Settings, SettingsFile]:
     """As `load_settings`, and what was loaded. Raises DocumentError."""
+    data, loaded = read_settings(path)
     try:
-        content = read_bounded(path)
-    except OSError as error:
-        raise _unreadable(path, "document", error.strerror or str(error), "give the path of a settings file") from None
-    settings = parse_settings(content, str(path))
-    folder = path.resolve().parent / settings.storage.folder
+        settings = validate_document(Settings, data, str(path))
+    except DocumentError as error:
+        raise loaded.name_files(error) from None
     beside = path.resolve().parent
-    loaded = settings.model_copy(
-        update={
-            "storage": settings.storage.model_copy(update={"folder": str(folder)}),
-            "server": settings.server.beside(beside),
-            "webhooks": tuple(webhook.beside(beside) for webhook in settings.webhooks),
-        }
-    )
-    return loaded, SettingsFile(str(path.resolve()), hashlib.sha256(content).hexdigest())
+    update = {
+        "storage": settings.storage.model_copy(update={"folder": str(beside / settings.storage.folder)}),
+        "server": settings.server.beside(beside),
+        "webhooks": tuple(webhook.beside(beside) for webhook in settings.webhooks),
+    }
+    return settings.model_copy(update=update), loaded
+
+
+def read_settings(path: Path) -> tuple[dict[str, Any], SettingsFile]:
+    """What the file and its fragments hold, not yet validated, and which file gives what. Raises DocumentError."""
+    data: dict[str, Any] = {}
+    given_by: dict[str, str] = {}
+    whole, folder = hashlib.sha256(), path.resolve().parent / FRAGMENTS
+    try:
+        found = sorted(file for file in folder.iterdir() if re.fullmatch(r"[^.].*\.toml", file.name))
+    except (FileNotFoundError, NotADirectoryError):
+        found = []
+    except OSError as error:
+        raise _unreadable(folder, "folder", error.strerror or str(error), "let the daemon's user read it") from None
+    for file in (path, *found):
+        try:
+            content = read_bounded(file)
+        except OSError as error:
+            what = error.strerror or str(error)
+            raise _unreadable(file, "document", what, "give the path of a settings file") from None
+        whole.update(content if file == path else f"\n{file.name}\n".encode() + content)
+        merge_tables(data, _parse_toml(content, str(file)), given_by, str(file))
+    return data, SettingsFile(str(path.resolve()), whole.hexdigest(), given_by)
+
+
+def merge_tables(data: dict[str, Any], more: dict[str, Any], given_by: dict[str, str], file: str) -> None:
+    """Put `more` over `data` key by key, and note in `given_by` that `file` gives its values.
+
+    A list is replaced as a whole, and so is a table of another `kind`, such as a target.
+    """
+    pending = [(data, more, "")]
+    while pending:
+        into, table, above = pending.pop(0)
+        for key, value in table.items():
+            name, old = f"{above}{key}", into.get(key)
+            kept = isinstance(value, dict) and isinstance(old, dict) and value.get("kind") in (None, old.get("kind"))
+            if key in into and not kept:
+                for replaced in [each for each in given_by if f"{each}.".startswith(f"{name}.")]:
+                    del given_by[replaced]
+            if isinstance(value, dict):
+                into[key] = old if kept else {}
+                pending.append((into[key], value, f"{name}."))
+            else:
+                into[key], given_by[name] = value, file
 
 
 def parse_settings(content: bytes, origin: str) -> Settings:
     """Parse the content of a TOML file. Raises DocumentError."""
+    return validate_document(Settings, _parse_toml(content, origin), origin)
+
+
+def _parse_toml(content: bytes, origin: str) -> dict[str, Any]:
     try:
-        data = tomllib.loads(content.decode())
+        return tomllib.loads(content.decode())
     except UnicodeDecodeError as error:
         raise _unreadable(origin, f"byte {error.start}", "not UTF-8 text", "save the file as UTF-8") from None
     except tomllib.TOMLDecodeError as error:
         raise _unreadable(origin, "document", f"not TOML ({error})", "correct the line") from None
     except (ValueError, RecursionError) as error:  # an integer of thousands of digits; brackets a thousand deep
         raise _unreadable(origin, "document", f"beyond what is read ({error})", "shorten it") from None
-    return validate_document(Settings, data, origin)
 
 
 def _unreadable(origin: Path | str, place: str, what: str, fix: str) -> DocumentError:

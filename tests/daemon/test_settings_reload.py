@@ -88,6 +88,18 @@ async def test_tolerance_and_log_level_are_taken_over_and_the_file_is_then_the_d
         assert bench.application.settings_file == load_settings_file(file)[1]
 
 
+async def test_a_fragment_is_taken_over_and_the_hash_of_about_covers_it(file: Path) -> None:
+    async with serving_file(file) as bench:
+        before = (await bench.client.get("/about")).json()["settings"]
+        (file.parent / "conf.d").mkdir()
+        (file.parent / "conf.d" / "plant.toml").write_text("[calibration]\ntolerance_mm = 0.25\n")
+        assert await reload(bench) == []
+        assert (await shown(bench))["calibration"]["tolerance_mm"] == 0.25
+        after = (await bench.client.get("/about")).json()["settings"]
+        assert (after["file"], after["sha256"] != before["sha256"]) == (before["file"], True)
+        assert after == {"file": str(file), "sha256": load_settings_file(file)[1].sha256}
+
+
 async def test_what_needs_a_restart_is_named_and_not_taken_over(file: Path) -> None:
     async with serving_file(file) as bench:
         before = bench.application.settings_file

@@ -6,12 +6,9 @@ import json
 import os
 import shutil
 import sqlite3
-import ssl
 import subprocess
 import tarfile
-import tomllib
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, field
 from datetime import datetime
 from functools import partial
@@ -21,9 +18,10 @@ from typing import Any
 import httpx
 
 from calibration.errors import DocumentError
-from daemon.config.settings import Settings, load_settings
+from daemon.access.errors import CertificateUnusable
+from daemon.access.tls_context import pinned
+from daemon.config.settings import Settings, load_settings, read_settings
 from daemon.errors import StorageError
-from daemon.runtime.bounded_read import read_bounded
 from daemon.runtime.durable_files import write_durably
 from daemon.runtime.key_redaction import redact_keys
 from daemon.runtime.version import SOFTWARE
@@ -47,15 +45,15 @@ COMMANDS: dict[str, tuple[str, ...]] = {
 
 def fetch_pages(settings: Settings, authorization: str | None) -> dict[str, str]:
     """The daemon's answers to PAGES by path. `authorization`: the header's value; None: without a key."""
-    scheme = "https" if getattr(settings.server, "certificate", None) else "http"
-    host = f"[{settings.server.host}]" if ":" in settings.server.host else settings.server.host
+    certificate = settings.server.certificate
     pages: dict[str, str] = {}
+    try:
+        tls = True if certificate is None else pinned(certificate)
+    except CertificateUnusable as error:
+        return {PAGES[0]: f"not asked: {error}"}
+    headers = {} if authorization is None else {"Authorization": authorization}
     with httpx.Client(
-        base_url=f"{scheme}://{host}:{settings.server.port}",
-        timeout=MAX_ANSWER_S,
-        trust_env=False,
-        verify=_certificate(settings.server.certificate),
-        headers={} if authorization is None else {"Authorization": authorization},
+        base_url=settings.server.local_url, timeout=MAX_ANSWER_S, trust_env=False, verify=tls, headers=headers
     ) as client:
         for path in PAGES:
             try:
@@ -64,17 +62,6 @@ def fetch_pages(settings: Settings, authorization: str | None) -> dict[str, str]
                 pages[path] = f"no answer: {type(error).__name__}: {error}"
                 break
     return pages
-
-
-def _certificate(file: str | None) -> ssl.SSLContext:
-    """TLS that trusts the certificate of the settings only: the key goes to our own daemon."""
-    context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
-    context.check_hostname = False
-    context.verify_flags |= ssl.VerifyFlags.VERIFY_X509_PARTIAL_CHAIN
-    if file is not None:
-        with suppress(OSError):  # ssl.SSLError is one: then nothing is trusted, and the page says so
-            context.load_verify_locations(file)
-    return context
 
 
 def _answer_of(client: httpx.Client, path: str) -> str:
@@ -152,8 +139,7 @@ def gather(config: Path, log_file: Path | None = None, authorization: str | None
 
     `authorization`: what the daemon is asked with, once there are keys.
     """
-    given = _json_or_error(lambda: redact_values(tomllib.loads(read_bounded(config).decode())))
-    files = {"settings.json": given}
+    files = {"settings.json": _json_or_error(lambda: redact_values(read_settings(config)[0]))}
     try:
         settings = load_settings(config)
     except DocumentError as error:
@@ -200,7 +186,7 @@ def _json_or_error(gathered: Callable[[], Any]) -> str:
     """The JSON of the returned value, or of the reason why it could not be gathered."""
     try:
         return json.dumps(gathered(), indent=1, default=str)
-    except (OSError, ValueError, RecursionError, sqlite3.Error, StorageError) as error:
+    except (OSError, ValueError, RecursionError, sqlite3.Error, DocumentError, StorageError) as error:
         return json.dumps({"could not be gathered": redact(f"{type(error).__name__}: {error}")})
 
 

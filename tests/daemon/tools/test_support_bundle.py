@@ -208,6 +208,10 @@ def test_settings_that_cannot_be_loaded_are_no_reason_to_stop(tmp_path: Path) ->
     found = gather(config).files
     assert "camera: missing: add it" in found["settings-problems.txt"]
     assert json.loads(found["settings.json"])["robot"] == {"address": "tcp://r:1", "password": REMOVED}
+    (tmp_path / "conf.d").mkdir()
+    (tmp_path / "conf.d" / "plant.toml").write_text('[robot]\naddress = "tcp://s:1"\npassword = "other-secret"\n')
+    assert json.loads(gather(config).files["settings.json"])["robot"] == {"address": "tcp://s:1", "password": REMOVED}
+    (tmp_path / "conf.d" / "plant.toml").unlink()
     config.write_bytes(b"\xff not TOML")
     assert "could not be gathered" in gather(config).files["settings.json"]
     assert "could not be gathered" in gather(tmp_path / "none.toml").files["settings.json"]
