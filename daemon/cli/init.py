@@ -32,7 +32,10 @@ def init(
     from daemon.cli.local_daemon import free_port
     from daemon.config.settings import parse_settings
     from daemon.tools.first_setup.answers import CellAnswers, keep_old, parse_setup, parse_tolerance
+    from registration.io.regular_file import require_replaceable
 
+    with writing(file, "name another file"):
+        require_replaceable(file)
     controller = _controller()
     model = controller.model or _ask(
         "The arm, as `handeyed arms` lists it; Enter: another one",

@@ -1,5 +1,6 @@
 """`handeyed init` at a mock cell that is a process of its own: from an empty folder to settings that work."""
 
+import os
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -144,3 +145,15 @@ def test_pictures_are_taken_until_a_target_is_recognised(
     assert ran.status == 0, ran.err
     assert "  ! the image is black (brightest 0 of 255): check lens cap, light, exposure" in ran.out
     assert load_settings(tmp_path / "handeyed.toml").target.target() == Chessboard(9, 6, 20.0)
+
+
+@pytest.mark.parametrize("kind", ["a link", "a pipe", "a folder"])
+def test_nothing_but_a_file_is_replaced_and_that_is_said_before_the_first_question(tmp_path: Path, kind: str) -> None:
+    """As root, `handeyed init /dev/null` renamed the device."""
+    file = tmp_path / "handeyed.toml"
+    {"a link": lambda: file.symlink_to("other"), "a pipe": lambda: os.mkfifo(file), "a folder": file.mkdir}[kind]()
+    before = file.lstat()
+    ran = init(file)
+    assert (ran.status, ran.out) == (1, "")
+    assert f"{file}: cannot be written (it is a" in ran.err
+    assert (file.lstat().st_ino, [*tmp_path.iterdir()]) == (before.st_ino, [file])
