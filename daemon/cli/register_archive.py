@@ -1,15 +1,13 @@
 """`handeyed register-archive DIR`: register every scan below a folder, on one machine or several."""
 
+from collections import Counter
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from daemon.cli.errors import CommandError, ExitStatus
 from daemon.cli.output import Json, print_error, progress_bar
-
-if TYPE_CHECKING:
-    from daemon.tools.batch_registration.tasks import OutcomeDocument, RegistrationTask
 
 
 def register_archive(
@@ -33,28 +31,12 @@ def register_archive(
 
     Exit status: 0 all done, 3 done but some not accepted, 2 some could not be read (they are named).
     """
-    from daemon.tools.batch_registration.executors import open_executor
-
-    tasks = _tasks(folder, calibration, out, refine, voxel_mm, arm)
-    outcomes = []
-    with open_executor(scheduler, workers) as run, progress_bar(folder) as progress:
-        for outcome in run(tasks):
-            outcomes.append(outcome)
-            progress(len(outcomes), len(tasks))
-            if outcome.error is not None:
-                print_error(f"{folder}: {outcome.scan or '.'}: {outcome.error}")
-    outcomes.sort(key=lambda each: each.scan)
-    typer.echo(_json_lines(outcomes) if json else _summary(out, outcomes))
-    raise typer.Exit(_status(outcomes))
-
-
-def _tasks(
-    folder: str, calibration: Path, out: str, refine: bool, voxel_mm: float | None, arm: Path | None
-) -> "list[RegistrationTask]":
     from calibration.documents.calibration import CalibrationDocument
     from calibration.documents.validation import parse_document
     from daemon.cli.arm_file import read_in_use
     from daemon.runtime.bounded_read import read_document
+    from daemon.tools.batch_registration.executors import open_executor
+    from daemon.tools.batch_registration.finished import FinishedScans
     from daemon.tools.batch_registration.remote_folder import RemoteFolder
     from daemon.tools.batch_registration.tasks import SCAN, RegistrationTask
     from registration.scan import scanner_mount_of
@@ -64,26 +46,26 @@ def _tasks(
     scanner_mount_of(given.document)
     errors = None if arm is None else read_document(arm).decode()
     source, target = RemoteFolder.of(folder), RemoteFolder.of(out)
-    scans = source.folders_with(SCAN)
-    if not scans:
-        raise CommandError(folder, f"no folder below holds a {SCAN}", "name another folder", ExitStatus.UNREADABLE)
-    return [
-        RegistrationTask(source.url, target.url, scan, content.decode(), refine, voxel_mm, errors) for scan in scans
+    listed = source.list_marks()
+    tasks = [
+        RegistrationTask(source.url, target.url, scan, content.decode(), refine, voxel_mm, errors)
+        for scan in sorted(scan for scan, files in listed.items() if SCAN in files)
     ]
-
-
-def _summary(out: str, outcomes: "list[OutcomeDocument]") -> str:
+    if not tasks:
+        raise CommandError(folder, f"no folder below holds a {SCAN}", "name another folder", ExitStatus.UNREADABLE)
+    outcomes = []
+    with open_executor(scheduler, workers) as run, progress_bar(folder) as progress:
+        for outcome in FinishedScans(target, listed).run(tasks, run):
+            outcomes.append(outcome)
+            progress(len(outcomes), len(tasks))
+            if outcome.error is not None:
+                print_error(f"{folder}: {outcome.scan or '.'}: {outcome.error}")
+    outcomes.sort(key=lambda each: each.scan)
+    counts = Counter(each.state for each in outcomes)
+    numbers = ", ".join(f"{counts[state]} {state}" for state in ("registered", "unchanged", "failed") if counts[state])
     points = sum(each.points for each in outcomes)
-    counts = {state: sum(each.state == state for each in outcomes) for state in ("registered", "unchanged", "failed")}
-    numbers = ", ".join(f"{count} {state}" for state, count in counts.items() if count)
-    return f"{out}: {len(outcomes)} scans ({numbers}), {points:,} points in the base frame, mm"
-
-
-def _json_lines(outcomes: "list[OutcomeDocument]") -> str:
-    return "\n".join(each.model_dump_json() for each in outcomes)
-
-
-def _status(outcomes: "list[OutcomeDocument]") -> ExitStatus:
+    summary = f"{out}: {len(outcomes)} scans ({numbers}), {points:,} points in the base frame, mm"
+    typer.echo("\n".join(each.model_dump_json() for each in outcomes) if json else summary)
     if any(each.state == "failed" for each in outcomes):
-        return ExitStatus.UNREADABLE
-    return ExitStatus.OK if all(each.accepted for each in outcomes) else ExitStatus.NOT_ACCEPTED
+        raise typer.Exit(ExitStatus.UNREADABLE)
+    raise typer.Exit(ExitStatus.OK if all(each.accepted for each in outcomes) else ExitStatus.NOT_ACCEPTED)

@@ -12,7 +12,7 @@ from typing import Any
 
 from daemon.tools.batch_registration.errors import ArchiveError
 from daemon.tools.batch_registration.remote_folder import import_extra
-from daemon.tools.batch_registration.tasks import OutcomeDocument, RegistrationTask, run_task
+from daemon.tools.batch_registration.tasks import OutcomeDocument, RegistrationTask, outcome_of_failure, run_task
 
 Executor = Callable[[Sequence[RegistrationTask]], Iterator[OutcomeDocument]]
 
@@ -44,22 +44,13 @@ def _client(scheduler: str, workers: int) -> Iterator[Any]:
     distributed = import_extra("distributed")
     for name in ("distributed", "distributed.client"):  # what they log is told in an error of ours
         logging.getLogger(name).setLevel(logging.CRITICAL)
+    options: dict[str, Any] = {"address": scheduler, "timeout": MAX_CONNECT_S}
     if scheduler == LOCAL:
-        with (
-            distributed.LocalCluster(
-                n_workers=workers,
-                threads_per_worker=1,
-                processes=True,
-                dashboard_address="127.0.0.1:0",  # None takes port 8787, with a warning where it is in use
-                scheduler_kwargs={"dashboard": False},
-                silence_logs=50,
-            ) as cluster,
-            distributed.Client(cluster) as client,
-        ):
-            yield client
-        return
+        options = {"n_workers": workers, "threads_per_worker": 1, "processes": True, "silence_logs": 50,
+                   "dashboard_address": "127.0.0.1:0",  # None takes port 8787, with a warning where it is in use
+                   "scheduler_kwargs": {"dashboard": False}}  # fmt: skip
     try:
-        client = distributed.Client(scheduler, timeout=MAX_CONNECT_S)
+        client = distributed.Client(**options)
     except (OSError, ValueError, TimeoutError) as error:
         fix = "start it with `dask scheduler`, and workers with `dask worker`"
         raise ArchiveError(f"no Dask scheduler answers at {scheduler} ({error})", fix) from None
@@ -77,12 +68,8 @@ def _run_on_dask(client: Any, tasks: Sequence[RegistrationTask]) -> Iterator[Out
     for future in distributed.as_completed(list(scans)):
         try:
             error = future.exception()
-            yield future.result() if error is None else _failed(scans[future], error)
+            failed = f"its worker failed ({error}): try it again"
+            yield future.result() if error is None else outcome_of_failure(scans[future], failed)
         except (asyncio.CancelledError, concurrent.futures.CancelledError, OSError):  # the connection is closed
             raise ArchiveError("the Dask scheduler is gone", RESUME) from None
         future.release()
-
-
-def _failed(scan: str, error: BaseException) -> OutcomeDocument:
-    what = f"its worker failed ({error}): try it again"
-    return OutcomeDocument(scan=scan, state="failed", accepted=False, error=what)

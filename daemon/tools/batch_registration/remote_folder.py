@@ -20,6 +20,12 @@ INSTALL = "install handeyed[archive]"
 MAX_DOCUMENT_BYTES = 1 << 26
 """64 MB: scan.json and manifest.json are far smaller."""
 
+MARKS = ("ETag", "etag", "md5Hash", "LastModified", "last_modified", "mtime", "created")
+"""What a listing says of a file that is another one when the file was written again; some of them, by the place."""
+
+Listing = dict[str, dict[str, str]]
+"""By folder, "" for the upper one, and name of a file: its mark; empty where the place gives none."""
+
 
 def import_extra(name: str) -> Any:
     """Import a library of the extra `archive`. Raises ArchiveError when it is not installed."""
@@ -59,18 +65,20 @@ class RemoteFolder:
     def child(self, name: str) -> "RemoteFolder":
         return RemoteFolder(f"{self.url}/{name}") if name else self
 
-    def folders_with(self, name: str) -> list[str]:
-        """The folders below this one that hold a file `name`: relative paths, sorted. Raises ArchiveError."""
+    def list_marks(self) -> Listing:
+        """A mark of each file below that changes with it, by one listing. Raises ArchiveError."""
         system, path = self._system()
+        listing: Listing = {}
         try:
             system.invalidate_cache()
-            if not system.isdir(path):
-                raise ArchiveError(f"{self.url}: there is no such folder", "give the folder that holds the scans")
-            found = [Path(each) for each in system.find(path) if Path(each).name == name]
+            for place, about in system.find(path, detail=True).items():
+                file = Path(place).relative_to(path)
+                found = [str(about[name]) for name in ("size", *MARKS) if name in about]
+                folder = "" if file.parent == Path() else file.parent.as_posix()
+                listing.setdefault(folder, {})[file.name] = " ".join(found) if len(found) > 1 else ""
         except OSError as error:
             raise ArchiveError(f"{self.url}: it cannot be listed ({error})", "check address and rights") from None
-        root = Path(path)
-        return sorted("" if each.parent == root else each.parent.relative_to(root).as_posix() for each in found)
+        return listing
 
     def read(self, name: str) -> bytes | None:
         """The content of a small file; None when it does not exist. Raises OSError, ArchiveError."""

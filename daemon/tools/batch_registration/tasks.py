@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Literal
 
 from calibration.documents.arm import ArmErrorsDocument
-from calibration.documents.calibration import CalibrationDocument, FindingDocument
+from calibration.documents.calibration import CalibrationDocument
 from calibration.documents.calibration_in_use import CalibrationInUse
 from calibration.documents.validation import Document, parse_document
 from calibration.errors import CalibrationError
@@ -17,7 +17,7 @@ from registration.documents import ScanDocument
 from registration.errors import RegistrationError
 from registration.fusion.merging import Merge
 from registration.report import register_scan
-from registration.scan import ScannerMount, ScanView, place_views, read_scan, scanner_mount_of
+from registration.scan import place_views, read_scan, scanner_mount_of
 
 SCAN, MERGED, REPORT = "scan.json", "merged.ply", "report.json"
 
@@ -71,13 +71,13 @@ def run_task(task: RegistrationTask) -> OutcomeDocument:
     try:
         return _register_scan(task)
     except (RegistrationError, CalibrationError, ArchiveError) as error:
-        return _failure(task, str(error))
+        return outcome_of_failure(task.scan, str(error))
     except OSError as error:
-        return _failure(task, f"it cannot be read or written ({error}): check rights and free space")
+        return outcome_of_failure(task.scan, f"it cannot be read or written ({error}): check rights and free space")
 
 
-def _failure(task: RegistrationTask, what: str) -> OutcomeDocument:
-    return OutcomeDocument(scan=task.scan, state="failed", accepted=False, error=what)
+def outcome_of_failure(scan: str, what: str) -> OutcomeDocument:
+    return OutcomeDocument(scan=scan, state="failed", accepted=False, error=what)
 
 
 def _register_scan(task: RegistrationTask) -> OutcomeDocument:
@@ -95,9 +95,22 @@ def _register_scan(task: RegistrationTask) -> OutcomeDocument:
         if done is not None:
             return OutcomeDocument(scan=task.scan, state="unchanged", points=done.points, accepted=done.accepted)
         target.remove(MANIFEST_NAME)  # its files are about to be replaced
+        merge, findings = Merge(task.voxel_mm), given.findings([view.stance for view in scanned])
         with target.upload_after() as out:
-            findings = given.findings([view.stance for view in scanned])
-            manifest = _write_results(task, views, scanner_mount_of(given.document), findings, out, inputs)
+            report = register_scan(
+                views, scanner_mount_of(given.document), out / MERGED,
+                lambda: 0.0,  # a clock that stands still: equal inputs give equal reports
+                refine=task.refine, merge=merge, further=findings,
+            )  # fmt: skip
+            RemoteFolder(str(out)).write(REPORT, report.model_dump_json(indent=1).encode())
+            manifest = ManifestDocument(
+                scan=task.scan,
+                calibration_id=given.document.id,
+                input_sha256=inputs,
+                points=report.points,
+                accepted=report.verdict.accepted,
+                files=[describe_file(out / MERGED), describe_file(out / REPORT)],
+            )
     target.write(MANIFEST_NAME, manifest.model_dump_json(indent=1).encode())
     return OutcomeDocument(scan=task.scan, state="registered", points=manifest.points, accepted=manifest.accepted)
 
@@ -124,30 +137,3 @@ def _matching_manifest(target: RemoteFolder, inputs: str, calibration_id: str) -
     same = (manifest.input_sha256, manifest.calibration_id) == (inputs, calibration_id)
     whole = all(target.size(file.name) == file.bytes for file in manifest.files)
     return manifest if same and whole else None
-
-
-def _write_results(
-    task: RegistrationTask,
-    views: list[ScanView],
-    hand: ScannerMount,
-    findings: list[FindingDocument],
-    out: Path,
-    inputs: str,
-) -> ManifestDocument:
-    report = register_scan(
-        views, hand, out / MERGED, _no_clock, refine=task.refine, merge=Merge(task.voxel_mm), further=findings
-    )
-    RemoteFolder(str(out)).write(REPORT, report.model_dump_json(indent=1).encode())
-    return ManifestDocument(
-        scan=task.scan,
-        calibration_id=hand.calibration_id,
-        input_sha256=inputs,
-        points=report.points,
-        accepted=report.verdict.accepted,
-        files=[describe_file(out / MERGED), describe_file(out / REPORT)],
-    )
-
-
-def _no_clock() -> float:
-    """A clock that stands still, so that equal inputs give equal reports."""
-    return 0.0

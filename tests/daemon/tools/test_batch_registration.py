@@ -1,18 +1,22 @@
 """`handeyed register-archive`: the same bytes however many workers, resumed where it stopped, no scan stops another."""
 
 import json
+import shutil
 import signal
 import subprocess
 import sys
+from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import httpx
 import numpy as np
 import pytest
 
 from calibration.documents.pose import PoseDocument
 from calibration.transforms import inverse, map_points, rotation_from_vector, transform
+from daemon.tools.batch_registration.finished import FINISHED_NAME
 from daemon.tools.batch_registration.manifest import MANIFEST_NAME
 from daemon.tools.batch_registration.remote_folder import RemoteFolder
 from daemon.tools.batch_registration.tasks import RegistrationTask, run_task
@@ -64,7 +68,9 @@ def command(archive: Path, calibration: Path, out: Path, *more: str) -> list[str
 
 
 def bytes_of(folder: Path) -> dict[str, bytes]:
-    return {str(file.relative_to(folder)): file.read_bytes() for file in sorted(folder.rglob("*")) if file.is_file()}
+    """The results by their names; finished.json is about these files, and so another one for others."""
+    files = [file for file in sorted(folder.rglob("*")) if file.is_file() and file.name != FINISHED_NAME]
+    return {str(file.relative_to(folder)): file.read_bytes() for file in files}
 
 
 def states(out: str) -> dict[str, str]:
@@ -150,7 +156,7 @@ def test_scans_and_results_may_lie_anywhere_fsspec_reaches(archive: Path, tmp_pa
     memory.put(str(archive), "/in", recursive=True)
     source, target = RemoteFolder.of("memory://in"), RemoteFolder.of("memory://out")
     calibration = a_calibration("cal-1").model_dump_json()
-    scans = source.folders_with("scan.json")
+    scans = sorted(source.list_marks())
     assert scans == ["2026/fender", "2026/roof", "door", "hood"]
     tasks = [RegistrationTask(source.url, target.url, scan, calibration) for scan in scans]
     assert [run_task(task).state for task in tasks] == ["registered"] * 4
@@ -167,7 +173,7 @@ def test_scans_and_results_may_lie_anywhere_fsspec_reaches(archive: Path, tmp_pa
 @pytest.fixture
 def bucket(monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
     """An empty bucket of an S3 server."""
-    pytest.importorskip("s3fs")
+    pytest.importorskip("s3fs").S3FileSystem.clear_instance_cache()  # of another test's server
     server = pytest.importorskip("moto.server").ThreadedMotoServer(ip_address="127.0.0.1", port=0, verbose=False)
     server.start()
     try:
@@ -179,6 +185,7 @@ def bucket(monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
             "AWS_DEFAULT_REGION": "us-east-1",
         }.items():
             monkeypatch.setenv(name, value)
+        httpx.post(f"http://{host}:{port}/moto-api/reset").raise_for_status()
         yield "s3://parts"
     finally:
         server.stop()
@@ -198,6 +205,66 @@ def test_scans_and_results_may_lie_in_s3(archive: Path, tmp_path: Path, calibrat
     handeyed(*command(archive, calibration, tmp_path / "out", "--scheduler", "here"))
     for name, content in bytes_of(tmp_path / "out").items():
         assert s3.cat_file(f"{bucket}/out/{name}") == content
+
+
+def counted(monkeypatch: pytest.MonkeyPatch) -> Counter[str]:
+    """Requests to S3 by their names, from now on."""
+    client = pytest.importorskip("aiobotocore.client").AioBaseClient
+    ask, asked = client._make_api_call, Counter[str]()
+
+    async def count(self: Any, name: str, parameters: Any) -> Any:
+        asked[name] += 1
+        return await ask(self, name, parameters)
+
+    monkeypatch.setattr(client, "_make_api_call", count)
+    return asked
+
+
+def test_finished_scans_in_s3_are_skipped_by_two_listings_however_many_there_are(
+    archive: Path, calibration: Path, bucket: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    import fsspec
+
+    s3: Any = fsspec.filesystem("s3", skip_instance_cache=True)
+    s3.mkdir(bucket)
+    there = ["register-archive", f"{bucket}/in", "--calibration", str(calibration), "--out", f"{bucket}/out", "--json",
+             "--scheduler", "here"]  # fmt: skip
+    for more in (0, 4):
+        for seed in range(more):
+            a_scan(archive / f"part{seed}", seed)
+        s3.put(str(archive) + "/", f"{bucket}/in/", recursive=True)
+        handeyed(*there)
+        asked = counted(monkeypatch)
+        assert set(states(handeyed(*there).out).values()) == {"unchanged"}
+        assert asked == {"ListObjectsV2": 2, "GetObject": 1}
+    cloud = f"{bucket}/in/door/view_0.ply"
+    s3.pipe_file(cloud, s3.cat_file(cloud)[:-12] + np.zeros(3, "<f4").tobytes())  # of the same size
+    s3.rm_file(f"{bucket}/out/hood/report.json")
+    found = states(handeyed(*there).out)
+    assert {scan for scan, state in found.items() if state == "registered"} == {"door", "hood"}
+
+
+@pytest.mark.parametrize("content", [b"", b"[1]", b'{"0": 3}', b'{"0": {"scan": "door"}}', b"\xff", None])
+def test_without_a_good_finished_json_the_contents_are_compared(
+    tmp_path: Path, archive: Path, calibration: Path, content: bytes | None
+) -> None:
+    arguments = command(archive, calibration, tmp_path / "out", "--scheduler", "here", "--json")
+    handeyed(*arguments)
+    finished = tmp_path / "out" / FINISHED_NAME
+    known = finished.read_bytes()
+    finished.unlink() if content is None else finished.write_bytes(content)
+    assert set(states(handeyed(*arguments).out).values()) == {"unchanged"}
+    assert finished.read_bytes() == known
+
+
+def test_options_and_place_are_part_of_what_is_finished(tmp_path: Path, archive: Path, calibration: Path) -> None:
+    arguments = command(archive, calibration, tmp_path / "out", "--scheduler", "here", "--json")
+    handeyed(*arguments)
+    assert set(states(handeyed(*arguments, "--voxel-mm", "2").out).values()) == {"registered"}
+    shutil.copytree(tmp_path / "out", tmp_path / "copy")
+    elsewhere = command(archive, calibration, tmp_path / "copy", "--scheduler", "here", "--json", "--voxel-mm", "2")
+    monitored = handeyed(*elsewhere)
+    assert set(states(monitored.out).values()) == {"unchanged"}
 
 
 @pytest.mark.parametrize(
