@@ -22,9 +22,9 @@ running() { have_systemd && systemctl --quiet is-active handeyed; }
 switch() { "$SOURCE/deploy/handeyed-release" "$@"; }
 
 uninstall() {
-    systemctl_if disable --now handeyed 2>/dev/null || true
+    systemctl_if disable --now handeyed handeyed-backup.timer 2>/dev/null || true
     rm -rf "$ROOT"
-    rm -f "$UNIT" "$RULES" /usr/local/bin/handeyed /usr/local/sbin/handeyed-release
+    rm -f "$UNIT" /etc/systemd/system/handeyed-backup.* "$RULES" /usr/local/bin/handeyed /usr/local/sbin/handeyed-release
     systemctl_if daemon-reload
     say "handeyed is removed. Settings stay in $CONFIG, data in /var/lib/handeyed; the user 'handeyed' stays with them."
 }
@@ -32,7 +32,7 @@ uninstall() {
 fingerprint() { # of everything that makes the release: same source, same name
     cd "$SOURCE"
     find calibration daemon drivers extensions handeyed mock_robot protocols registration hatch_build.py hatch_version.py pyproject.toml deploy/*.lock deploy/rapid \
-        deploy/prometheus deploy/grafana deploy/handeyed.example.toml docs SECURITY.md CHANGELOG.md \
+        deploy/fleet deploy/prometheus deploy/grafana deploy/handeyed.example.toml docs SECURITY.md CHANGELOG.md \
         -type f ! -name '*.pyc' -print0 | LC_ALL=C sort -z | xargs -0 sha256sum | sha256sum | cut -c1-12
 }
 
@@ -46,7 +46,7 @@ settle_in() { # user, folders, settings, unit, devices
     for group in dialout video; do
         if getent group "$group" >/dev/null; then usermod --append --groups "$group" handeyed; fi
     done
-    install -d -m 0750 -o root -g handeyed "$CONFIG"
+    install -d -m 0750 -o root -g handeyed "$CONFIG" "$CONFIG/conf.d"
     install -d -m 0750 -o handeyed -g handeyed /var/lib/handeyed
     install -m 0644 "$SOURCE/deploy/handeyed.example.toml" "$CONFIG/handeyed.example.toml"
     if [ ! -e "$CONFIG/handeyed.toml" ]; then
@@ -54,6 +54,9 @@ settle_in() { # user, folders, settings, unit, devices
         say "wrote $CONFIG/handeyed.toml: edit it before the first start"
     fi
     install -D -m 0644 "$SOURCE/deploy/handeyed.service" "$UNIT"
+    for unit in service timer; do
+        install -m 0644 "$SOURCE/deploy/fleet/handeyed-backup.$unit" "/etc/systemd/system/handeyed-backup.$unit"
+    done
     install -D -m 0644 "$SOURCE/deploy/99-handeyed.rules" "$RULES"
     install -m 0755 "$SOURCE/deploy/handeyed-release" /usr/local/sbin/handeyed-release
     ln -sfn "$ROOT/current/bin/handeyed" /usr/local/bin/handeyed

@@ -5,6 +5,7 @@ import logging
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
+from datetime import datetime
 
 from calibration.documents.calibration import CalibrationDocument
 from calibration.errors import CalibrationError
@@ -83,6 +84,11 @@ class DriftMonitor:
             ("shift_meters", "How far the fixed target seems to have moved, averaged.", report.shift_mm / 1e3),
             ("limit_meters", "How far it may seem so by chance.", (report.limit_mm or 0.0) / 1e3),
             ("scatter_meters", "Scatter of the target over the positions, one axis.", report.scatter_mm / 1e3),
+            (
+                "verified_timestamp_seconds",
+                "When the last verification was made, in seconds since 1970; 0: never.",
+                datetime.fromisoformat(self.chart.points[-1].at).timestamp() if self.chart.points else 0.0,
+            ),
         )
         for name, about, value in values:
             yield Metric(f"handeyed_drift_{name}", "gauge", about, {labels: value})

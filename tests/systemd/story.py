@@ -233,6 +233,17 @@ def reload(story: Story) -> None:
         raise Failed("the reload has restarted it")
 
 
+def fragment(story: Story) -> None:
+    """A file in conf.d is over the settings, named by the check, and taken by a reload."""
+    story.settings()
+    story.shown("systemctl restart handeyed")
+    story.shown("printf '[report]\\nplant = \"PLANT\"\\n' >/etc/handeyed/conf.d/10-plant.toml", PLANT="Plant 3")
+    checked = story.shown("runuser -u handeyed -- handeyed check --config-only /etc/handeyed/handeyed.toml")
+    expect(checked, "/etc/handeyed/conf.d/10-plant.toml gives report.plant")
+    story.shown("systemctl reload handeyed")
+    story.machine.until(f"curl -s {AUTHORIZATION} {HTTP}/settings", ['"plant":"Plant 3"'])
+
+
 def lock_up(story: Story) -> None:
     """Keys and a certificate as the runbook prints them; check, health and commands go on without variables."""
     added = story.shown("runuser -u handeyed -- handeyed keys add /etc/handeyed/handeyed.toml MES --role operator")
@@ -362,6 +373,6 @@ def release_of(story: Story) -> str:
 
 
 STEPS: tuple[Callable[[Story], None], ...] = (
-    install, connect, calibrate, look, kill, hang, wrong_settings, restarts, late_address, reload, lock_up,
+    install, connect, calibrate, look, kill, hang, wrong_settings, restarts, late_address, reload, fragment, lock_up,
     ask_for_help, back_up, update, update_to_a_broken_release, roll_back, remove,
 )  # fmt: skip

@@ -2,7 +2,9 @@
 
 import asyncio
 import json
+import re
 from dataclasses import replace
+from datetime import datetime
 from pathlib import Path
 from typing import Any
 
@@ -66,6 +68,8 @@ async def test_a_knocked_camera_raises_the_alarm_everywhere_and_a_new_calibratio
         metrics = (await bench.client.get("/metrics")).text
         assert "\nhandeyed_drift_alarm 1\n" in metrics
         assert "\nhandeyed_drift_verifications 5\n" in metrics
+        (verified,) = re.findall(r"\nhandeyed_drift_verified_timestamp_seconds (\S+)\n", metrics)
+        assert float(verified) == datetime.fromisoformat(watch.chart.points[-1].at).timestamp()
         async with asyncio.timeout(LIMIT_S):
             async for event in bench.application.events.listen(heard):
                 if event is not None and event.kind == "drift":

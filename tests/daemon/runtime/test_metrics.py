@@ -8,6 +8,7 @@ import subprocess
 from pathlib import Path
 
 import pytest
+import yaml
 
 from daemon.runtime.metrics import Metric, exposition, process_families
 from tests.daemon.cell_under_test import serving, settings_for
@@ -49,7 +50,8 @@ async def test_promtool_finds_nothing_wrong(tmp_path: Path) -> None:
 @needs_promtool
 @pytest.mark.parametrize(
     "arguments",
-    [("check", "config", "prometheus.yml"), ("check", "rules", "handeyed.rules.yml"),
+    [("check", "config", "prometheus.yml"), ("check", "config", "--syntax-only", "fleet.yml"),
+     ("check", "rules", "handeyed.rules.yml"),
      ("test", "rules", "handeyed.rules.test.yml")],
     ids=" ".join,
 )  # fmt: skip
@@ -61,11 +63,32 @@ async def test_rules_and_panels_ask_for_what_there_is(tmp_path: Path) -> None:
     page = await page_of_a_cell_that_has_worked(tmp_path)
     there = {"up", *re.findall(r"^# TYPE (\w+)", page, re.MULTILINE)}
     rules = (DEPLOY / "prometheus" / "handeyed.rules.yml").read_text(encoding="utf-8")
-    dashboard = json.loads((DEPLOY / "grafana" / "handeyed.json").read_text(encoding="utf-8"))
-    asked = [target["expr"] for panel in dashboard["panels"] for target in panel["targets"]]
     assert set(NAME.findall(rules)) <= there
-    assert set(NAME.findall("\n".join(asked))) <= there
-    assert len({panel["id"] for panel in dashboard["panels"]}) == len(dashboard["panels"])
+    for name in ("handeyed", "fleet"):
+        dashboard = json.loads((DEPLOY / "grafana" / f"{name}.json").read_text(encoding="utf-8"))
+        asked = [target["expr"] for panel in dashboard["panels"] for target in panel["targets"]]
+        assert set(NAME.findall("\n".join(asked))) <= there
+        assert len({panel["id"] for panel in dashboard["panels"]}) == len(dashboard["panels"])
+
+
+def test_the_cells_of_a_plant_have_the_labels_that_rules_and_dashboards_choose_by() -> None:
+    folder = DEPLOY / "prometheus"
+    jobs = yaml.safe_load((folder / "fleet.yml").read_text(encoding="utf-8"))["scrape_configs"]
+    files = [file for job in jobs for sd in job["file_sd_configs"] for file in sd["files"]]
+    groups = [group for file in files for group in yaml.safe_load((folder / file).read_text(encoding="utf-8"))]
+    assert [(group["labels"]["job"], group["labels"]["cell"]) for group in groups] == [("handeyed", "press-1")]
+
+
+@needs_promtool
+@pytest.mark.parametrize("dashboard", ["handeyed", "fleet"])
+def test_the_panels_ask_what_prometheus_understands(dashboard: str, tmp_path: Path) -> None:
+    """promtool parses what stands in a rule."""
+    panels = json.loads((DEPLOY / "grafana" / f"{dashboard}.json").read_text(encoding="utf-8"))["panels"]
+    asked = [target["expr"].replace("$cell", "c") for panel in panels for target in panel["targets"]]
+    rules = [{"record": f"panel:{number}", "expr": expr} for number, expr in enumerate(asked)]
+    file = tmp_path / "rules.yml"
+    file.write_text(json.dumps({"groups": [{"name": "panels", "rules": rules}]}))
+    assert f"{len(rules)} rules found" in promtool("check", "rules", str(file))
 
 
 def test_a_counter_keeps_every_digit() -> None:
