@@ -170,14 +170,14 @@ class CellModel(RuleBasedStateMachine):
     @invariant()
     def nothing_is_wrong(self) -> None:
         self._do(self.world.check_disarmed())
-        assert self.world.witness.wrong == []
+        assert self.world.witness.wrong == [], self.world.witness.wrong  # no pytest shows it in make torture
 
     def teardown(self) -> None:
         try:
             wrong = self._do(check_all(self.world))
             CellModel.counts.update(self.world.counts, departures=self.world.witness.departures, histories=1)
             CellModel.counts.update(runs=len(self.world.runs))
-            assert wrong == []
+            assert wrong == [], wrong
         finally:
             self._do(self._open.aclose())
             self._runner.close()
