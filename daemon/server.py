@@ -1,7 +1,7 @@
 """The daemon's process: uvicorn, signals, the announcement of its URL, and changed settings that it takes over.
 
-`systemctl reload handeyed`, SIGHUP to a service: what APPLIED names is taken over at once, [calibration], [part] and
-[report] after the run in progress. Of everything else the daemon says that it needs a restart.
+`systemctl reload handeyed`, SIGHUP to a service: what APPLIED names is taken over at once, [calibration], [part],
+[report] and the camera's exposure after the run in progress. Of all else the daemon says that it needs a restart.
 """
 
 import asyncio
@@ -30,6 +30,7 @@ from daemon.access.tls_context import server_context
 from daemon.api.app import create_api, prepare, routes
 from daemon.api.extension import Extensions
 from daemon.application import Application
+from daemon.cell.devices import open_exposure_control
 from daemon.config.settings import Settings, SettingsFile, load_settings_file
 from daemon.errors import DaemonError
 from daemon.http.connection_limiter import ConnectionLimiter
@@ -62,7 +63,7 @@ SWITCH_S = 0.0005
 Announce = Callable[[str], None]
 """Called with the URL once requests are answered."""
 
-APPLIED = ("calibration", "part", "report", "webhooks", "plc", "server.log_level")
+APPLIED = ("calibration", "part", "report", "webhooks", "plc", "server.log_level", "camera.exposure")
 """Sections and keys that are taken over while the daemon runs."""
 
 RELOAD_POLL_S = 0.5
@@ -90,8 +91,8 @@ def changes(before: Settings, after: Settings) -> list[str]:
 def taken_over(before: Settings, after: Settings, names: list[str]) -> Settings:
     """`before` with what `names` lists of `after`."""
     update: dict[str, Any] = {name: getattr(after, name) for name in names if "." not in name}
-    if "server.log_level" in names:
-        update["server"] = before.server.model_copy(update={"log_level": after.server.log_level})
+    for section, _, key in (name.partition(".") for name in names if "." in name):
+        update[section] = getattr(before, section).model_copy(update={key: getattr(getattr(after, section), key)})
     return before.model_copy(update=update)
 
 
@@ -138,12 +139,14 @@ class SettingsReload:
             if name in done and why:
                 log.error("[%s] is as before: %s", name, why)
                 done.remove(name)
-        while app.supervisor.in_progress is not None and {"calibration", "part", "report"} & {*done}:
+        while app.supervisor.in_progress is not None and {"calibration", "part", "report", "camera.exposure"} & {*done}:
             await app.clock.sleep(RELOAD_POLL_S)
         app.settings = taken_over(app.settings, after, done)
         logging.getLogger().setLevel(app.settings.server.log_level.upper())
         for camera in app.cameras.cameras:
             camera.settings = camera.operations.settings = app.settings.of_camera(camera.name)
+            cell = camera.operations.cell
+            cell.exposure = open_exposure_control(camera.settings, cell.camera, app.workers, app.clock)
         self.waits_for_restart = tuple(name for name in names if name not in done)
         if not self.waits_for_restart:
             app.settings_file = self.loaded = file

@@ -213,7 +213,7 @@ class Cell:
         self._interlocks = interlocks
         self._devices, self._vibration_gate = devices, devices.vibration_gate
         self._outputs, self._world_T_base = devices.outputs, world_T_base
-        self._settling, self._clock, self._at, self._exposure = settling, clock, at, exposure
+        self._settling, self._clock, self._at, self.exposure = settling, clock, at, exposure
         self._occupancy = _Occupancy()
         self.safe_stop = SafeStop(self.robot, clock, lambda: self._occupancy.leased, publish)
         self._look_through(MAIN_CAMERA, devices.camera)
@@ -223,14 +223,14 @@ class Cell:
         }
 
     def _look_through(self, name: str, camera: Camera) -> None:
-        self._camera_name, self._camera = name, camera
+        self._camera_name, self.camera = name, camera
         self._camera_turns = CameraTurns(camera, self._clock)
         self._camera_staleness = StaleCaptureDetector(name)
 
     def seen_by(self, name: str, exposure: "ExposureControl | None") -> "Cell":
         """The same cell, with the same holder, through another of its cameras."""
         view = copy(self)
-        view._exposure = exposure
+        view.exposure = exposure
         view._look_through(name, self._devices.cameras[name])
         return view
 
@@ -346,7 +346,7 @@ class Cell:
         self._at.reach("before capture")
         take = partial(self._outputs.capture, self.grab) if self._outputs else self.grab
         newer_than_s = before.taken_at_s
-        frame = await (self._exposure.expose(take, newer_than_s) if self._exposure else take(newer_than_s))
+        frame = await (self.exposure.expose(take, newer_than_s) if self.exposure else take(newer_than_s))
         self._at.reach("after capture")
         check_still(before, await self.robot.read_pose(), self._settling)
         self._camera_staleness.check_frame(frame, before)
@@ -386,11 +386,11 @@ class Cell:
 
     async def obstacles(self) -> tuple[str, ...]:
         """Reasons why a run with robot and camera could not start now; empty when it could."""
-        return (*await self.robot_obstacles(), *_link_obstacle(self._camera_name, self._camera))
+        return (*await self.robot_obstacles(), *_link_obstacle(self._camera_name, self.camera))
 
     def capture_obstacles(self) -> tuple[str, ...]:
         """Reasons why poses and pictures could not be read now, for runs that do not move the arm."""
-        return (*_link_obstacle("robot", self.robot), *_link_obstacle(self._camera_name, self._camera))
+        return (*_link_obstacle("robot", self.robot), *_link_obstacle(self._camera_name, self.camera))
 
     async def robot_obstacles(self) -> tuple[str, ...]:
         """Reasons why the robot could not be moved now: a stop that is not confirmed, controller and interlocks.

@@ -69,7 +69,7 @@ class ExposureControl:
     def __init__(
         self, camera: Camera, target: Target, limits: ExposureLimits, workers: Workers, monotonic_s: Callable[[], float]
     ) -> None:
-        self._camera, self._target, self._limits = camera, target, limits
+        self._camera, self._target, self.limits = camera, target, limits
         self._workers, self._monotonic_s = workers, monotonic_s
 
     async def expose(self, grab: Callable[[float], Awaitable[CameraFrame]], newer_than_s: float) -> CameraFrame:
@@ -82,7 +82,7 @@ class ExposureControl:
             if state is None:
                 break
             now, camera_range = state
-            wanted = await self._workers.run(self._search, frame.image, now, self._limits.within(camera_range))
+            wanted = await self._workers.run(self._search, frame.image, now, self.limits.within(camera_range))
             if wanted is None:
                 break
             await self._camera.set_exposure(wanted)

@@ -11,7 +11,8 @@ from typing import Any
 
 import pytest
 
-from daemon.config.settings import Settings, load_settings_file
+from daemon.cell.exposure_control import ExposureLimits
+from daemon.config.settings import ExposureSettings, Settings, load_settings_file
 from daemon.plc.switch import PlcSwitch
 from daemon.server import changes, taken_over
 from tests.daemon.cell_under_test import Bench, serving, settings_for
@@ -98,6 +99,30 @@ async def test_a_fragment_is_taken_over_and_the_hash_of_about_covers_it(file: Pa
         after = (await bench.client.get("/about")).json()["settings"]
         assert (after["file"], after["sha256"] != before["sha256"]) == (before["file"], True)
         assert after == {"file": str(file), "sha256": load_settings_file(file)[1].sha256}
+
+
+def limits_of(bench: Bench) -> ExposureLimits | None:
+    control = bench.application.cameras.main.operations.cell.exposure
+    return None if control is None else control.limits
+
+
+async def test_the_limits_of_the_camera_s_exposure_are_taken_over_when_no_run_is_in_progress(file: Path) -> None:
+    async with serving_file(file) as bench:
+        assert limits_of(bench) is None
+        run = (await bench.client.post("/calibrate", json={"manual": True})).json()["id"]
+        write(file, more="[camera.exposure]\nexposure_us = [20.0, 500.0]\n")
+        assert bench.application.reload is not None
+        reloading = asyncio.create_task(bench.application.reload())
+        await asyncio.sleep(0)
+        assert limits_of(bench) is None
+        await bench.client.post(f"/runs/{run}/abort")
+        await reloading
+        assert limits_of(bench) == ExposureLimits((20.0, 500.0), (0.0, 6.0))
+        assert (await shown(bench))["camera"]["exposure"]["exposure_us"] == [20.0, 500.0]
+        assert (await bench.client.get("/ready")).json()["warnings"] == []
+        write(file)
+        assert await reload(bench) == []
+        assert limits_of(bench) is None
 
 
 async def test_what_needs_a_restart_is_named_and_not_taken_over(file: Path) -> None:
@@ -192,6 +217,10 @@ def changed(settings: Settings, section: str, **values: Any) -> Settings:
         (lambda s: s, []),
         (lambda s: changed(s, "robot", speed_mm_s=1.0), ["robot.speed_mm_s"]),
         (lambda s: s.model_copy(update={"scanner": None}), ["scanner"]),
+        (
+            lambda s: changed(s, "camera", limit_s=1.0, exposure=ExposureSettings()),
+            ["camera.exposure", "camera.limit_s"],
+        ),
         (lambda s: changed(s, "server", port=1, log_level="debug"), ["server.log_level", "server.port"]),
     ],
 )
@@ -201,5 +230,5 @@ def test_changes_have_the_names_of_the_file(
     before = settings_for(tmp_path)
     after = change(before)
     assert changes(before, after) == names
-    done = taken_over(before, after, ["server.log_level"])
-    assert changes(done, after) == [name for name in names if name != "server.log_level"]
+    taken = [name for name in names if name in ("server.log_level", "camera.exposure")]
+    assert changes(taken_over(before, after, taken), after) == [name for name in names if name not in taken]

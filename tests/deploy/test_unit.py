@@ -1,6 +1,7 @@
 """deploy/: what systemd and the shell say of our files."""
 
 import fcntl
+import json
 import os
 import re
 import shutil
@@ -193,6 +194,16 @@ def test_installer_and_package_put_the_program_where_the_unit_looks() -> None:
         assert "\nROOT=/opt/handeyed\n" in (DEPLOY / script).read_text()
     assert "ROOT=${HANDEYED_ROOT:-/opt/handeyed}" in (DEPLOY / "handeyed-release").read_text()
     assert "release=/opt/handeyed/releases/$HANDEYED_VERSION" in (DEPLOY / "deb/build.sh").read_text()
+
+
+def test_the_container_is_asked_for_its_health_at_the_settings_that_it_serves() -> None:
+    text = (DEPLOY / "Containerfile").read_text()
+    program = "/opt/handeyed/current/bin/handeyed"
+    (asked,) = re.findall(r"^HEALTHCHECK .* CMD (\[.*\])$", text, re.MULTILINE)
+    (entry,) = re.findall(r"^ENTRYPOINT (\[.*\])$", text, re.MULTILINE)
+    (served,) = re.findall(r"^CMD (\[.*\])$", text, re.MULTILINE)
+    assert json.loads(asked) == [program, "health", json.loads(served)[1]]
+    assert (json.loads(entry), json.loads(served)[0]) == ([program], "serve")
 
 
 ABOUT_THE_SOURCE = ("architecture.md", "reliability.md")

@@ -31,9 +31,7 @@ class FinishedScans:
     def run(self, tasks: Sequence[RegistrationTask], execute: Executor) -> Iterator[OutcomeDocument]:
         """Outcomes of the tasks, first those of scans whose files are as they were. Raises ArchiveError, OSError."""
         known: dict[str, OutcomeDocument] = {}
-        with suppress(
-            ArchiveError, OSError, RecursionError, TypeError, ValueError, AttributeError
-        ):  # it is another file
+        with suppress(ArchiveError, OSError, RecursionError, TypeError, ValueError, AttributeError):
             rows = json.loads(self.target.read(FINISHED_NAME) or b"{}")
             known = {mark: OutcomeDocument(**row) for mark, row in rows.items()}
         results = self.target.list_marks()

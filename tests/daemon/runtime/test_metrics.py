@@ -17,6 +17,9 @@ from tests.support.waiting import LIMIT_S
 DEPLOY = Path(__file__).resolve().parents[3] / "deploy"
 NAME = re.compile(r"\b(handeyed_\w+|process_\w+|up)\b(?=[{\[ ])")
 
+NEVER_UNSEEN = {"up", "handeyed_store_sound", "handeyed_arm_stop_unconfirmed", "handeyed_runs_ended_total"}
+"""What each dashboard shows."""
+
 needs_promtool = pytest.mark.skipif(
     shutil.which("promtool") is None, reason="promtool is not here: apt-get install prometheus"
 )
@@ -69,6 +72,7 @@ async def test_rules_and_panels_ask_for_what_there_is(tmp_path: Path) -> None:
         asked = [target["expr"] for panel in dashboard["panels"] for target in panel["targets"]]
         assert set(NAME.findall("\n".join(asked))) <= there
         assert len({panel["id"] for panel in dashboard["panels"]}) == len(dashboard["panels"])
+        assert set(NAME.findall("\n".join(asked))) >= NEVER_UNSEEN
 
 
 def test_the_cells_of_a_plant_have_the_labels_that_rules_and_dashboards_choose_by() -> None:
