@@ -19,7 +19,7 @@ from calibration.kinematics.external_axis import ExternalAxis
 from calibration.kinematics.joint_check import require_joints_of_each_view
 from calibration.kinematics.load import NO_LOAD, SAME_SHARE, Load
 from calibration.likelihood.estimate import Estimate
-from calibration.preprocessing.prepare import PreparedSession, prepare, update_target_shape
+from calibration.preprocessing.prepare import PreparedSession, at_given_lens, prepare_at_seen_lens, update_target_shape
 from calibration.problem import Problem
 from calibration.sentences.sentence import Sentence
 from calibration.solution import Solution
@@ -119,7 +119,7 @@ def _estimate_images(problem: Problem, method: str) -> tuple[Problem, Solution, 
         return problem, solution_without_x(problem, method, undetermined), None
     except (np.linalg.LinAlgError, ArithmeticError):
         return problem, solution_without_x(problem, method, UndeterminedError(*CONTRADICTORY)), None
-    return problem, solution, estimate.prepared
+    return problem, solution, at_given_lens(problem, estimate.prepared)
 
 
 def _estimate_with_axis(problem: Problem, given: ExternalAxis) -> tuple[Problem, SessionEstimate, AxisFit]:
@@ -169,12 +169,12 @@ def estimate_session(problem: Problem) -> SessionEstimate:
     From the best closed form of the views that agree; then with the target's shape, with errors of the robot that
     follow its pose, and with its covariance widened by what all views may share.
     """
-    prepared = prepare(problem)
+    prepared, z = prepare_at_seen_lens(problem)
     used = agreeing_rows(prepared)
     if not np.all(used):
         require_observable(prepared.seen.base_T_flange[used], offset_given=prepared.given is not None)
     start = find_initial_guess(prepared.take(used))
-    estimate = SessionEstimate(prepared, start, select_views(prepared, used, start.chain, start.variances))
+    estimate = SessionEstimate(prepared, start, select_views(prepared, used, start.chain, start.variances, z))
     if estimate.prepared.shape is not None and problem.camera is None:
         estimate = _with_target_shape(estimate)
     trend = fit_trend(estimate.best)

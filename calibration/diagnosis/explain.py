@@ -25,7 +25,7 @@ from calibration.diagnosis.target_check import target_findings
 from calibration.errors import UndeterminedError
 from calibration.observations.observations import Observations, observe
 from calibration.observations.reprojection import pixel_statistics
-from calibration.observations.view_poses import candidate_poses, refine_poses
+from calibration.observations.view_poses import candidate_poses, poses_by_lens, refine_poses
 from calibration.preprocessing.prepare import IMAGE_DISAGREES, PreparedSession, prepare
 from calibration.problem import Problem
 from calibration.solution import COVERAGE_FACTOR, Finding, Solution, Uncertainty
@@ -139,7 +139,7 @@ def _findings_with_x(problem: Problem, solution: Solution, prepared: PreparedSes
     differs = {finding.code for finding in solution.findings} & {*LENS_DEVIATIONS, SHAPE_DEVIATION}
     if differs and solution.camera is not None and prepared.seen_as_found is not None:
         estimated = replace(prepared, seen=prepared.seen_as_found)
-        own_poses = refine_poses(estimated.seen, solution.camera, poses)
+        own_poses = poses_by_lens(estimated.seen, solution.camera, camera, poses)
         found = _with_turned_views(problem, estimated, solution.camera, own_poses)
     point = None if solution.mount_T_camera is None else MappedPoint.of(used, prepared.scale, camera, poses)
     another_target = tuple(target_findings(problem)) if _points_lie_elsewhere(prepared, poses) else ()

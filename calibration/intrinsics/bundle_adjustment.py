@@ -23,6 +23,7 @@ FISHEYE_SIGMA = (1.0,) * 4
 """Prior of a fisheye's k1 to k4."""
 MAX_ITERATIONS, COST_TOLERANCE = 60, 1e-10
 MAX_DAMPING = 1e8
+ONLY_FOCAL = np.arange(RATIONAL_INTRINSICS) < 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,6 +89,12 @@ def predicted_gain(seen: Observations, camera: CameraModel, poses: Array, free: 
     own, by_gradient, _ = _schur(normal, 0.0)
     right = normal.gradient - np.einsum("nij,ni->j", normal.coupling, by_gradient)
     return float(right @ scaled_pseudo_inverse(own, MIN_DETERMINED) @ right) / max(normal.variance, 1e-300)
+
+
+def focal_step(seen: Observations, camera: CameraModel, poses: Array) -> float:
+    """The linear step of the logarithm of the focal length, with the poses (n, 4, 4)."""
+    normal = _normal(seen, camera, poses, ONLY_FOCAL, 1.0, np.zeros(len(camera.distortion)))
+    return float(np.mean(_solve(normal, 0.0)[0] / np.diagonal(camera.matrix)[:2]))
 
 
 def camera_has(camera: CameraModel) -> NDArray[np.bool_]:

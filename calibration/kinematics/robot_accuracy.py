@@ -49,7 +49,6 @@ PRIOR_NOISE = RobotNoise(0.2, float(np.radians(0.02)))
 PRIOR_FACTOR = 4.0
 """One deviation of the log-normal prior about PRIOR_NOISE: a quarter of it to four times it."""
 
-
 STATED_FACTOR = 2.0
 """The same about a level that somebody has stated."""
 

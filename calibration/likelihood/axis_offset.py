@@ -33,8 +33,9 @@ class GivenCoordinate:
     def squares(self, mount_T_camera: Array, anchor_T_target: Array, unknowns: int) -> Array:
         """[A, y]' [A, y] (p + 1, p + 1) of the coordinate's difference from its value, for p unknowns."""
         row = np.zeros(unknowns + 1)
-        row[:12] = self._slope(mount_T_camera, anchor_T_target)
         axis, place = self._of(mount_T_camera, anchor_T_target)
+        first = 3 if self.offset.of == "camera" else 9
+        row[first : first + 3] = place[:3, :3].T @ axis
         row[-1] = axis @ place[:3, 3] - self.offset.coordinate_mm
         return WEIGHT * np.outer(row, row)
 
@@ -44,12 +45,6 @@ class GivenCoordinate:
         together[3:6] = mount_T_camera[:3, :3].T @ self.axis_mount
         together[9:] = anchor_T_target[:3, :3].T @ self.axis_anchor
         return self.offset.sigma_mm**2 * np.outer(together, together)
-
-    def _slope(self, mount_T_camera: Array, anchor_T_target: Array) -> Array:
-        axis, place = self._of(mount_T_camera, anchor_T_target)
-        first, slope = (3 if self.offset.of == "camera" else 9), np.zeros(12)
-        slope[first : first + 3] = place[:3, :3].T @ axis
-        return slope
 
     def _of(self, mount_T_camera: Array, anchor_T_target: Array) -> tuple[Array, Array]:
         """The axis, positive at its largest component, and the pose (4, 4) whose origin the coordinate is of."""

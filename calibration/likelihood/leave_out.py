@@ -202,7 +202,9 @@ def _compare(best: Estimate, name: GroupedBy, groups: Groups, weights: Array) ->
     without = covariance_of(total - parts)
     towards = all_gradient - np.array([gradient[rows].sum(axis=0) for rows in groups])
     steps = (covariance @ all_gradient - (without @ towards[..., None])[..., 0])[:, :6]
-    expected = _expected(total, parts, without, covariance)
+    between = without[:, None] @ (total - parts[:, None] - parts[None]) @ without[None]
+    between[np.arange(len(parts)), np.arange(len(parts))] = without
+    expected = (between - covariance)[:, :, :6, :6]  # covariances of the steps of X under the model
     root = np.linalg.cholesky(weights)
     rooted = np.swapaxes(root, 0, 1) @ expected @ root  # (g, g, 6, 6)
     mean = float(np.einsum("ggkk->", rooted))
@@ -213,14 +215,6 @@ def _compare(best: Estimate, name: GroupedBy, groups: Groups, weights: Array) ->
     share = _share_beyond(ratio, redundancy) if significant else 0.0
     point_mm = float(np.sqrt(ratio * np.sum(weights * covariance[:6, :6])))
     return LeaveOut(point_mm, ratio, redundancy, share, name, len(groups))
-
-
-def _expected(total: Array, parts: Array, without: Array, covariance: Array) -> Array:
-    """Covariances (g, g, 6, 6) of the steps of X under the model."""
-    between = without[:, None] @ (total - parts[:, None] - parts[None]) @ without[None]
-    own = np.arange(len(parts))
-    between[own, own] = without
-    return np.asarray((between - covariance)[:, :, :6, :6])
 
 
 def _share_beyond(ratio: float, redundancy: float) -> float:

@@ -42,8 +42,7 @@ class Marginal:
     """Mean of the shared step (p,), its covariance (p, p), and the squares of the mean standard deviations.
 
     `log_evidence` of the model, up to a constant common to all models. `belief`: in the noise, after the session.
-    `prior_information` (p,): of the normal density
-    that stands for the mixture there. `arm_scale` for a model with a mixture.
+    `prior_information` (p,): of the normal density that stands for the mixture there; `arm_scale` for a mixture.
     """
 
     b: Array
@@ -186,7 +185,9 @@ def _at_levels(model: MixedModel, variances: Variances, deviations: Array) -> _A
     at = np.arange(0) if mixture is None else model.mixture_at + np.arange(mixture.information.shape[1])
     others = np.setdiff1d(np.arange(p), at)
     explained = sum_products(columns, K @ columns)
-    beside = _without_mixture(model, at).beside_views(variances)
+    without = model.prior_information.copy()
+    without[at] = 0.0  # the normal density that stands for the mixture
+    beside = replace(model, prior_information=without).beside_views(variances)
     both = (total - explained) / pixel + beside  # (k, p + 1, p + 1)
     rest, log_rest = scaled_inverse_and_log_determinant(both[:, others][:, :, others], MIN_EIGENVALUE)
     slope = rest @ both[:, others][:, :, at]
@@ -212,13 +213,6 @@ def _at_levels(model: MixedModel, variances: Variances, deviations: Array) -> _A
     b[:, :, others] = start[:, None] - np.einsum("kij,kmj->kmi", slope, z)
     b[:, :, at] = z
     return _AtLevels(log_evidence, b, own, rest, slope, at, others)
-
-
-def _without_mixture(model: MixedModel, at: NDArray[np.intp]) -> MixedModel:
-    """The model without the normal density that stands for its mixture at these places."""
-    information = model.prior_information.copy()
-    information[at] = 0.0
-    return replace(model, prior_information=information)
 
 
 def restricted_log_likelihood(model: MixedModel, variances: Variances) -> float:

@@ -42,9 +42,10 @@ class Redundancy:
 def estimate_variances(model: MixedModel, variances: Variances, iterations: int = 30) -> Variances:
     """The noise levels of restricted maximum likelihood, starting from the given ones."""
     for _ in range(iterations):
-        previous = variances
+        old = np.sqrt(list(vars(variances).values()))
         variances = _update(redundancy(model, variances), variances)
-        if _is_stationary(previous, variances):
+        new = np.sqrt(list(vars(variances).values()))
+        if np.all(np.abs(new - old) <= 1e-3 * np.maximum(new, 1e-9)):
             break
     return variances
 
@@ -124,8 +125,3 @@ def nonnegative_variances(fisher: Array, quadratic: Array) -> Array:
     larger = score == score.max(axis=-1, keepdims=True)
     alone = np.where(larger, scale * np.maximum(score, 0.0), 0.0)
     return np.where(np.all(both >= 0, axis=-1, keepdims=True), both, alone)
-
-
-def _is_stationary(before: Variances, after: Variances) -> bool:
-    old, new = np.sqrt(list(vars(before).values())), np.sqrt(list(vars(after).values()))
-    return bool(np.all(np.abs(new - old) <= 1e-3 * np.maximum(new, 1e-9)))

@@ -123,6 +123,13 @@ STEP_TOLERANCE = 1e-7
 """rad, mm: the refinement ends when the largest step is shorter."""
 
 
+def poses_by_lens(seen: Observations, camera: CameraModel, before: CameraModel, camera_T_target: Array) -> Array:
+    """As `refine_poses`, from poses by the camera `before`: distances follow the focal length."""
+    poses = camera_T_target.copy()
+    poses[:, 2, 3] *= camera.matrix[0, 0] / before.matrix[0, 0]
+    return refine_poses(seen, camera, poses)
+
+
 def refine_poses(seen: Observations, camera: CameraModel, camera_T_target: Array, iterations: int = 6) -> Array:
     """The poses (n, 4, 4) that minimise each view's reprojection error, by Gauss-Newton from the given ones."""
     before = 0.0

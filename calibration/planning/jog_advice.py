@@ -20,7 +20,7 @@ from calibration.likelihood.predicted_uncertainty import (
 from calibration.linear_algebra import covariance_or_inf
 from calibration.planning.next_view import StoppingRule
 from calibration.planning.point_criterion import point_matrices, worst_variances
-from calibration.planning.scene_belief import SceneBelief, ScenePrior, infer_scene
+from calibration.planning.scene_belief import ScenePrior, infer_scene
 from calibration.planning.viewpoint_selection import Reachable
 from calibration.planning.viewpoints import ViewpointLimits, within_limits
 from calibration.problem import Problem
@@ -86,7 +86,9 @@ def advise(
     except UndeterminedError:
         return _advise_without_x(problem)
     now_mm = belief.now_mm
-    enough = GOAL_REACHED if now_mm is not None and _meets_goal(belief, stop) else ""
+    goal = stop.uncertainty_mm is not None or stop.tolerance_mm is not None
+    met = now_mm is not None and (stop.met_by(belief) if goal else stop.views_left <= 0)
+    enough = GOAL_REACHED if met else ""
     taken = np.array([view.base_T_flange for view in problem.views if view.detection is not None])
     found = _best_jog(belief.scene, prior.covariance(), limits, taken, base_T_flange_now, reachable)
     if found is None:
@@ -98,11 +100,6 @@ def advise(
     turns, pose, planned_mm = found
     shift_mm = pose[:3, 3] - base_T_flange_now[:3, 3]
     return Advice(enough + _instruction(turns, shift_mm), pose, now_mm, planned_mm, turns, shift_mm)
-
-
-def _meets_goal(belief: SceneBelief, stop: StoppingRule) -> bool:
-    stated = stop.uncertainty_mm is not None or stop.tolerance_mm is not None
-    return stop.met_by(belief) if stated else stop.views_left <= 0
 
 
 def _best_jog(

@@ -113,7 +113,7 @@ def infer_scene(prior: ScenePrior, problem: Problem, *, caution: float = 1.0, di
     `diagnosed`: the uncertainty is widened by what a diagnosis finds, which takes twice the time.
     Raises UndeterminedError when prior and views together do not determine where camera and target are.
     """
-    seen = _usable_views(problem)
+    seen = [problem.views[position] for position in observe(problem)[0].positions]
     camera = prior.camera or default_camera(problem.image_size)
     if not seen:
         return _belief_of_prior(prior, camera, caution)
@@ -142,11 +142,6 @@ def default_camera(image_size: tuple[int, int]) -> CameraModel:
     focal = DEFAULT_FOCAL_OF_WIDTH * width
     matrix = np.array([[focal, 0, (width - 1) / 2], [0, focal, (height - 1) / 2], [0, 0, 1.0]])
     return CameraModel(matrix, np.zeros(5), image_size)
-
-
-def _usable_views(problem: Problem) -> list[View]:
-    usable, _ = observe(problem)
-    return [problem.views[position] for position in usable.positions]
 
 
 def _belief_of_prior(prior: ScenePrior, camera: CameraModel, caution: float) -> SceneBelief:

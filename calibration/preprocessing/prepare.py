@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from calibration.camera import CameraModel
 from calibration.closed_forms.observability import only_axis, require_observable
 from calibration.errors import UndeterminedError
+from calibration.intrinsics.bundle_adjustment import ONLY_FOCAL, adjust, focal_step
 from calibration.intrinsics.estimate import estimate_camera
 from calibration.kinematics.robot_accuracy import NoiseBelief
 from calibration.likelihood.axis_offset import GivenCoordinate
@@ -20,17 +21,20 @@ from calibration.observations.observations import (
     observe,
 )
 from calibration.observations.reprojection import INTRINSICS
-from calibration.observations.view_poses import candidate_poses, refine_poses
+from calibration.observations.view_poses import candidate_poses, poses_by_lens, refine_poses
 from calibration.preprocessing.corner_outliers import reject_corner_outliers
 from calibration.preprocessing.image_weights import weight_by_view_noise
 from calibration.preprocessing.pose_ambiguity import resolve_pose_ambiguity
-from calibration.preprocessing.target_shape import TargetShape, estimate_shape, shape_deviates
+from calibration.preprocessing.target_shape import ShapeFit, TargetShape, estimate_shape, shape_deviates
 from calibration.problem import Problem, Setup, anchor_T_mount_of
 from calibration.sentences.sentence import Sentence
 from calibration.transforms import Array
 
 MIN_IMAGES = 3
 """Least number of different images for an X."""
+
+FAR, MIN_FAR_SIGMAS = 0.1, 5.0
+"""Least logarithm of a focal length over the given one, also in standard deviations, for starting at that."""
 
 IMAGE_DISAGREES = UnusableReason("image-disagrees", Sentence("image-disagrees"))
 
@@ -118,6 +122,32 @@ def prepare(problem: Problem) -> PreparedSession:
     return replace(drawn, seen=weight_by_view_noise(drawn.seen, drawn.camera, drawn.camera_T_target))
 
 
+def prepare_at_seen_lens(problem: Problem) -> tuple[PreparedSession, Array | None]:
+    """As `prepare`, and None; where the corners show a lens far from the given one, by that, and its deviations z (q,).
+
+    Distances follow the focal length: no linear step leads from a lens half or twice as long to the right one.
+    """
+    prepared, given = prepare(problem), problem.camera
+    if given is None or abs(focal_step(prepared.seen, given, prepared.camera_T_target)) < FAR:
+        return prepared, None
+    found = adjust(prepared.seen, given, prepared.camera_T_target, ONLY_FOCAL)
+    z, focal = np.zeros(len(prepared.nuisances)), found.camera.matrix[0, 0]
+    z[0] = np.log(focal / given.matrix[0, 0])
+    if abs(z[0]) < max(FAR, MIN_FAR_SIGMAS * np.sqrt(found.covariance[0, 0]) / focal):
+        return prepared, None
+    camera = prepared.nuisances.camera_at(z)
+    return replace(prepare(replace(problem, camera=camera)), nuisances=prepared.nuisances), z
+
+
+def at_given_lens(problem: Problem, prepared: PreparedSession) -> PreparedSession:
+    """The session with each view's own pose by the lens as given."""
+    given = problem.camera
+    if given is None or given is prepared.camera:
+        return prepared
+    poses = poses_by_lens(prepared.seen, given, prepared.camera, prepared.camera_T_target)
+    return replace(prepared, camera=given, camera_T_target=poses)
+
+
 def _given_coordinate(problem: Problem, base_T_flange: Array) -> GivenCoordinate | None:
     """The session's axis_offset along the only axis of these poses (n, 4, 4); None where they turn about several."""
     axis = None if problem.axis_offset is None else only_axis(base_T_flange)
@@ -147,15 +177,8 @@ def update_target_shape(prepared: PreparedSession, best: Estimate) -> PreparedSe
     """The session with the target's shape estimated again at the camera of the estimate."""
     seen = replace(prepared.seen, points_mm=prepared.nominal_mm[prepared.seen.ids])
     poses = refine_poses(seen, best.camera, prepared.camera_T_target)
-    real = estimate_shape(seen, best.camera, poses, np.zeros(INTRINSICS, bool), prepared.nominal_mm)
-    nuisances = replace(prepared.nuisances, camera=best.camera)
-    return replace(
-        prepared,
-        seen=real.seen,
-        camera=best.camera,
-        nuisances=nuisances,
-        camera_T_target=real.camera_T_target,
-        shape=real.shape,
+    return _as_found(
+        prepared, estimate_shape(seen, best.camera, poses, np.zeros(INTRINSICS, bool), prepared.nominal_mm)
     )
 
 
@@ -166,14 +189,16 @@ def _with_estimated_shape(prepared: PreparedSession) -> PreparedSession:
     if not prepared.nuisances.estimated:  # the lens as given is where the estimate starts
         poses = refine_poses(real.seen, prepared.camera, real.camera_T_target)
         return replace(prepared, seen=real.seen, camera_T_target=poses, shape=real.shape)
+    return _as_found(prepared, real)
+
+
+def _as_found(prepared: PreparedSession, real: ShapeFit) -> PreparedSession:
+    """The session with this target and camera."""
+    nuisances = replace(prepared.nuisances, camera=real.camera)
     return replace(
-        prepared,
-        seen=real.seen,
-        camera=real.camera,
-        nuisances=replace(prepared.nuisances, camera=real.camera),
-        camera_T_target=real.camera_T_target,
+        prepared, seen=real.seen, camera=real.camera, nuisances=nuisances, camera_T_target=real.camera_T_target,
         shape=real.shape,
-    )
+    )  # fmt: skip
 
 
 def _camera(problem: Problem, seen: Observations) -> tuple[CameraModel, Array | None]:

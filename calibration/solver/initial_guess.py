@@ -58,8 +58,12 @@ def find_initial_guess(prepared: PreparedSession) -> InitialGuess:
     statistics = pixel_statistics(few.seen, few.camera, few.camera_T_target)
     pixels = quadratic_pixels(statistics, few.camera_T_target)
     found: dict[str, Estimate] = {}
-    for name in START_METHODS if prepared.given is None else (ONE_AXIS,):
-        chain = chain_from_mount(few, _mount_T_camera(name, few))
+    if prepared.given is None:
+        starts = {name: CLOSED_FORMS[name](few.anchor_T_mount, few.camera_T_target) for name in START_METHODS}
+    else:
+        starts = {ONE_AXIS: one_axis(few.anchor_T_mount, few.camera_T_target, prepared.given.axis_mount)}
+    for name, mount_T_camera in starts.items():
+        chain = chain_from_mount(few, mount_T_camera)
         if not np.all(np.isfinite(chain.mount_T_camera)):
             continue
         if found:
@@ -80,13 +84,6 @@ def find_initial_guess(prepared: PreparedSession) -> InitialGuess:
     behind = [1.5 * len(few.seen) * (scatter[name] - scatter[likeliest]) for name in elsewhere]
     chain = chain_from_mount(prepared, best.chain.mount_T_camera)
     return InitialGuess(chain, best.variances, elsewhere, min(behind, default=np.inf) < MIN_LOG_LIKELIHOOD_LEAD)
-
-
-def _mount_T_camera(name: str, prepared: PreparedSession) -> Array:
-    """X (4, 4) by the closed form of this name."""
-    if prepared.given is not None:
-        return one_axis(prepared.anchor_T_mount, prepared.camera_T_target, prepared.given.axis_mount)
-    return CLOSED_FORMS[name](prepared.anchor_T_mount, prepared.camera_T_target)
 
 
 def chain_from_mount(prepared: PreparedSession, mount_T_camera: Array) -> Chain:

@@ -20,7 +20,7 @@ from calibration.observations.view_poses import refine_poses
 from calibration.preprocessing.prepare import PreparedSession
 from calibration.problem import Problem
 from calibration.sentences.sentence import Sentence, as_sentence
-from calibration.solution import Finding, LeaveOut, Noise, Observability, PointResiduals, Solution, ViewResult
+from calibration.solution import Finding, Noise, Observability, PointResiduals, Solution, ViewResult
 from calibration.solver.closed_form import solve_closed_form
 from calibration.solver.findings import method_findings, solver_findings
 from calibration.solver.initial_guess import InitialGuess
@@ -44,7 +44,9 @@ def build_solution(
     distance_mm = float(np.median(np.linalg.norm(map_points(own_poses, centre), axis=-1)))
     points_mm = working_points_mm(best.camera, distance_mm)
     covariance = best.step.covariance[:6, :6] if closed_form is None else closed_form.covariance
-    left_out = _leave_groups_out(best, own_poses, centre[0], points_mm) if closed_form is None else None
+    weights, left_out = point_weights(points_mm), None
+    if closed_form is None and np.all(np.isfinite(weights)):  # a camera may not see its working volume
+        left_out = leave_groups_out(best, own_poses @ transform(np.eye(3), centre[0]), weights)
     if left_out is not None:
         # Of errors that all views share, for which the covariance is widened, nothing shows in views left out.
         covariance = covariance + (left_out.inflation - 1) * covariance_of(best.step.information)[:6, :6]
@@ -66,14 +68,6 @@ def build_solution(
         axis_offset=None if prepared.given is None else prepared.given.offset,
         target_scale=best.scale,
     )
-
-
-def _leave_groups_out(best: Estimate, own_poses: Array, centre_mm: Array, points_mm: Array) -> LeaveOut | None:
-    """The uncertainty by leaving out views; None for few views, or a camera that cannot see its working volume."""
-    weights = point_weights(points_mm)
-    if not np.all(np.isfinite(weights)):
-        return None
-    return leave_groups_out(best, own_poses @ transform(np.eye(3), centre_mm), weights)
 
 
 def solution_without_x(problem: Problem, method: str, why: UndeterminedError) -> Solution:

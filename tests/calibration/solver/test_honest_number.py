@@ -12,7 +12,7 @@ from calibration.solution import Solution
 from calibration.solve import estimate_hand_eye, solve_hand_eye
 from calibration.transforms import map_points
 from calibration.verdict import judge
-from tests.simulated.described_wrongly import FAULTS, HIGH, LOW, Wrong, WrongSession, wrong_session
+from tests.simulated.described_wrongly import FAULTS, HIGH, LOW, Poses, Wrong, WrongSession, wrong_session
 from tests.simulated.faults import SETUPS
 
 
@@ -31,6 +31,12 @@ def test_x_is_right_within_its_uncertainty_at_the_default_number_of_views(fault:
     for seed, (views, noise) in enumerate(((3, LOW), (4, LOW), (4, HIGH), (5, HIGH))):
         session = wrong_session(np.random.default_rng(seed), views, FAULTS[fault], noise, setup, "planned")
         assert error_over_u(session, estimate_hand_eye(session.problem)) < 1.5, (fault, views)
+
+
+@pytest.mark.parametrize(("focal", "views", "poses"), [(0.5, 4, "planned"), (0.5, 6, "random"), (0.4, 8, "random")])
+def test_a_lens_half_as_long_as_stated_is_found(focal: float, views: int, poses: Poses) -> None:
+    session = wrong_session(np.random.default_rng(900), views, Wrong(focal=focal), LOW, "eye-in-hand", poses)
+    assert error_over_u(session, estimate_hand_eye(session.problem)) < 1.0
 
 
 @pytest.mark.parametrize(
