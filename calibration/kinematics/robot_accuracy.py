@@ -73,9 +73,9 @@ class NoiseBelief:
         """Distances (..., 2) of logarithms of levels from the median, in standard deviations."""
         return np.asarray((logs - np.log(self.median.levels())) / np.log(self.factors))
 
-    def rms(self) -> RobotNoise:
-        """The root of the mean square of the levels: X's mean covariance is about the one at these."""
-        rotation, translation = self.median.levels() * np.exp(np.log(self.factors) ** 2)
+    def mean(self) -> RobotNoise:
+        """The mean levels: U, nearly proportional to them, is expected to be the one at these."""
+        rotation, translation = self.median.levels() * np.exp(np.log(self.factors) ** 2 / 2)
         return RobotNoise(float(translation), float(rotation))
 
     def for_next_run(self) -> "NoiseBelief":

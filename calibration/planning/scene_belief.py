@@ -103,8 +103,9 @@ class SceneBelief:
 
     @property
     def now_mm(self) -> float | None:
-        """U (k = 2) at the worst of the points that matter from the views so far; None before they determine X."""
-        return self.predicted_worst_mm if np.isfinite(self.predicted_worst_mm) else None
+        """U (k = 2) at the worst of the points that matter, that a goal is held against; None before there is an X."""
+        now_mm = max(self.estimated_worst_mm, self.predicted_worst_mm)
+        return now_mm if np.isfinite(now_mm) else None
 
 
 def infer_scene(prior: ScenePrior, problem: Problem, *, caution: float = 1.0, diagnosed: bool = False) -> SceneBelief:
@@ -203,7 +204,7 @@ def expected_noise(solution: Solution) -> ExpectedNoise | None:
     image_px, robot = solution.noise.image_px, solution.noise.belief
     if image_px is None or robot is None:
         return None
-    return ExpectedNoise(max(image_px, MIN_IMAGE_NOISE_PX), robot.rms().rotation_rad, robot.rms().translation_mm)
+    return ExpectedNoise(max(image_px, MIN_IMAGE_NOISE_PX), robot.mean().rotation_rad, robot.mean().translation_mm)
 
 
 def _rough_belief(
@@ -292,8 +293,7 @@ def _diagonal_covariance(rotation_rad: float, translation_mm: float) -> Array:
 
 
 def _scene(prior: ScenePrior, camera: CameraModel, mount_T_camera: Array, anchor_T_target: Array) -> Scene:
-    free = prior.camera is None
     return Scene(
-        prior.setup, prior.target, camera, mount_T_camera, anchor_T_target, prior.noise, free, prior.points,
-        prior.knowledge,
+        prior.setup, prior.target, camera, mount_T_camera, anchor_T_target, prior.noise, prior.camera is None,
+        prior.points, prior.knowledge,
     )  # fmt: skip
