@@ -20,6 +20,7 @@ from calibration.pose_pairs.reml_optimizer import (
     restriction_term,
 )
 from calibration.pose_pairs.residuals import LinearisedPairs, PosePairs, ScaledChain, linearise
+from calibration.solution import ArmScale
 from calibration.transforms import Array
 
 OUTLIER_PROBABILITY = 1e-4
@@ -34,6 +35,7 @@ class PoseFit:
     variances : by source, rad² or mm².
     tail_dof : degrees of freedom of the t distribution of the errors, infinite for normal ones.
     camera : the kind of camera noise, a key of CAMERAS, GIVEN or RANDOM_WALK.
+    arm_scale : lengths by the arm over the camera's, None until they are compared.
     """
 
     chain: ScaledChain
@@ -42,6 +44,7 @@ class PoseFit:
     log_likelihood: float
     tail_dof: float
     camera: str
+    arm_scale: ArmScale | None = None
 
     def evidence(self, views: int) -> float:
         """Score for choosing between models: log-likelihood less the penalty of G. Schwarz, Ann. Stat. 6(2), 1978."""

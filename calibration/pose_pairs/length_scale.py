@@ -13,6 +13,7 @@ from calibration.pose_pairs.noise_models import RANDOM_WALK, cameras_of
 from calibration.pose_pairs.random_walk_noise import with_random_walk
 from calibration.pose_pairs.residuals import PosePairs, initial_chain
 from calibration.pose_pairs.session_findings import contradicts
+from calibration.solution import ArmScale
 
 MIN_SCALE_VIEWS = 6
 SCALE_FALSE_ALARM_PROBABILITY = 1e-5
@@ -86,7 +87,8 @@ def with_lengths(
     limit = deviation * f_quantile(1, 3 * views - 7, SCALE_FALSE_ALARM_PROBABILITY) ** 0.5
     if abs(share) > max(limit, MIN_SCALE_ERROR):
         wrong = contradicts(scaled) or abs(share) > MAX_SCALE_ERROR
-        return (pairs, fitted) if wrong else (free, scaled)
+        lengths = ArmScale(-share, deviation**2, -scaled.covariance[:6, 12])
+        return (pairs, fitted) if wrong else (free, replace(scaled, arm_scale=lengths))
     return pairs, _averaged(fitted, scaled, usual_error, 3 * views - 7)
 
 
@@ -112,8 +114,11 @@ def _averaged(fitted: PoseFit, scaled: PoseFit, usual_error: float, freedom: int
     covariance = fitted.covariance[:12, :12] + variance * kept * np.outer(slope, slope)
     covariance += (1 - probability) ** 2 * np.outer(shift, shift)
     moved = fitted.chain.apply_step(probability * shift)
-    chain = replace(moved, scale=float(np.exp(probability * share * kept)))
-    return replace(fitted, chain=chain, covariance=covariance)
+    share *= kept
+    chain = replace(moved, scale=float(np.exp(probability * share)))
+    spread = variance * kept + ((1 - probability) * share) ** 2
+    lengths = ArmScale(-probability * share, spread, -spread * slope[:6])
+    return replace(fitted, chain=chain, covariance=covariance, arm_scale=lengths)
 
 
 def _probability_of(share: float, variance: float, prior_variance: float, freedom: int) -> float:

@@ -103,6 +103,7 @@ def linearise(pairs: PosePairs, chain: ScaledChain) -> LinearisedPairs:
     columns = [by_camera @ derivative_by_shared(metric)]
     if not pairs.metric:
         columns.append(np.concatenate([np.zeros((len(pairs), 3, 1)), predicted[:, :3, 3:]], axis=1))
+    resolution = np.broadcast_to(np.diag(floor_variances(chain.scale)), (len(pairs), 6, 6))
     return LinearisedPairs(
         np.concatenate([vector_from_rotation(turn), shift], axis=1),
         np.concatenate(columns, axis=2),
@@ -111,13 +112,8 @@ def linearise(pairs: PosePairs, chain: ScaledChain) -> LinearisedPairs:
         by_flange,
         by_flange @ adjoint(inverse(pairs.base_T_flange)),
         chain.scale,
-        _floor(pairs, chain.scale),
+        resolution if pairs.covariance is None else resolution + pairs.covariance,
     )
-
-
-def _floor(pairs: PosePairs, scale: float) -> Array:
-    resolution = np.broadcast_to(np.diag(floor_variances(scale)), (len(pairs), 6, 6))
-    return resolution if pairs.covariance is None else resolution + pairs.covariance
 
 
 def residuals_by_motion(camera_T_target: Array, motion: Array, scale: float = 1.0) -> Array:

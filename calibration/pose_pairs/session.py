@@ -1,6 +1,6 @@
 """Calibration of a session whose views measure the target in space: poses, or points reduced to poses."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -127,7 +127,9 @@ def _solution(problem: Problem, seen: MeasuredViews, refused: dict[int, Unusable
         anchor_T_target=chain.anchor_T_target,
         camera=None,
         camera_source="given",
-        uncertainty=uncertainty_of(covariance, chain.mount_T_camera, fit.points_mm()),
+        uncertainty=replace(
+            uncertainty_of(covariance, chain.mount_T_camera, fit.points_mm()), arm_scale=fit.fitted.arm_scale
+        ),
         noise=Noise(None, float(np.sqrt(levels["robot rotation"])), float(np.sqrt(levels["robot translation"]))),
         views=_views(problem, seen, refused, fit),
         observability=_observability(problem, seen.base_T_flange[fit.used], chain.mount_T_camera, covariance),

@@ -49,17 +49,14 @@ def contradicts(fitted: PoseFit) -> bool:
     answer is accepted is decided by the user's limits (`VerdictLimits.possible_...`), in the verdict.
     """
     return any(
-        _is_impossible(_largest_level(fitted, turns), _largest_level(fitted, shifts))
+        _largest_level(fitted, shifts) > MAX_POSSIBLE_NOISE.translation_mm
+        or _largest_level(fitted, turns) > MAX_POSSIBLE_NOISE.rotation_rad
         for turns, shifts in ((("robot rotation",), ("robot translation",)), (CAMERA_TURNS, CAMERA_SHIFTS))
     )
 
 
 def _largest_level(fitted: PoseFit, sources: tuple[str, ...]) -> float:
     return float(np.sqrt(max((fitted.variances.get(name, 0.0) for name in sources), default=0.0)))
-
-
-def _is_impossible(turn_rad: float, shift_mm: float) -> bool:
-    return shift_mm > MAX_POSSIBLE_NOISE.translation_mm or turn_rad > MAX_POSSIBLE_NOISE.rotation_rad
 
 
 def _unusable(problem: Problem, refused: dict[int, UnusableReason]) -> Iterator[Finding]:

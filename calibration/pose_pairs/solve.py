@@ -91,7 +91,12 @@ def fit_pose_pairs(pairs: PosePairs) -> tuple[PoseFit, NDArray[np.bool_]]:
             break
         used = agreeing
     likeliest = marginalise_few(pairs.take(used), with_random_walk(pairs.take(used), likeliest))
-    _require_scale(pairs, likeliest)
+    if not pairs.metric and not np.sqrt(likeliest.covariance[12, 12]) < MAX_SCALE_SIGMA:
+        raise UndeterminedError(
+            "scale-undetermined",
+            Sentence("camera-hardly-moves"),
+            Sentence("move-camera-further"),
+        )
     return likeliest, used
 
 
@@ -100,15 +105,6 @@ def _likeliest(pairs: PosePairs) -> PoseFit:
     tails = TAILS if len(pairs) >= MIN_VIEWS else TAILS[:1]
     fitted = [fit_independent_noise(pairs, start, camera, t) for camera in cameras_of(pairs) for t in tails]
     return max(fitted, key=lambda one: one.evidence(len(pairs)))
-
-
-def _require_scale(pairs: PosePairs, fitted: PoseFit) -> None:
-    if not pairs.metric and not np.sqrt(fitted.covariance[12, 12]) < MAX_SCALE_SIGMA:
-        raise UndeterminedError(
-            "scale-undetermined",
-            Sentence("camera-hardly-moves"),
-            Sentence("move-camera-further"),
-        )
 
 
 def _agreeing(pairs: PosePairs) -> NDArray[np.bool_]:

@@ -8,10 +8,11 @@ import pytest
 
 from calibration.diagnosis.convention_hypotheses import change_quaternion_order
 from calibration.diagnosis.orientation_readings import euler_numbers, rotation_from_euler
+from calibration.likelihood.mapped_points import point_sigmas_mm, scale_variance_mm2
 from calibration.problem import MeasuredPoints, MeasuredPose, Problem, Setup
 from calibration.solution import Solution
 from calibration.solve import solve_hand_eye
-from calibration.transforms import Array, inverse, transform, vector_from_rotation
+from calibration.transforms import Array, inverse, map_points, transform, vector_from_rotation
 from calibration.verdict import DEFAULT_VERDICT_LIMITS, VerdictLimits, judge, weigh
 from tests.simulated.measured_sessions import (
     Measure,
@@ -218,3 +219,20 @@ def test_poses_of_no_cell_leave_nothing_to_solve(size: float) -> None:
     assert solution.mount_T_camera is None
     assert [finding.code for finding in solution.findings] == ["too-few-poses"]
     assert {view.reason for view in solution.views} != {None}
+
+
+def test_a_registered_point_is_uncertain_by_the_lengths_of_the_camera() -> None:
+    """The camera's poses are long by a share that hardly shows; X takes up what it shifts at the target's distance."""
+    seen_mm, squares = np.array([[0.0, 0.0, 700.0]]), []
+    for seed in range(8):
+        rng = np.random.default_rng([77, seed])
+        cell = measured_cell(rng, 10, tracker())
+        factor = 1 + 1e-3 * rng.standard_normal()
+        solution = solve_hand_eye(with_camera_poses(cell.problem, longer(factor)))
+        assert solution.mount_T_camera is not None and solution.uncertainty is not None
+        scale = solution.uncertainty.arm_scale
+        assert scale is not None
+        off = map_points(solution.mount_T_camera, seen_mm) - map_points(cell.mount_T_camera, seen_mm / factor)
+        by_x = point_sigmas_mm(solution.uncertainty.covariance, seen_mm)[0] ** 2
+        squares.append(np.sum(off**2) / (by_x + scale_variance_mm2(scale, seen_mm[0])))
+    assert 0.4 < np.mean(squares) < 1.7
