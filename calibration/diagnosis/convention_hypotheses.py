@@ -13,6 +13,7 @@ from calibration.diagnosis.fit import Fit, fit
 from calibration.diagnosis.hypothesis import Hypothesis
 from calibration.diagnosis.orientation_readings import READINGS, likely_readings
 from calibration.diagnosis.pose_errors import p_value_beside_all_errors
+from calibration.kinematics.conventions import MM
 from calibration.problem import Setup
 from calibration.sentences.sentence import Sentence
 from calibration.transforms import (
@@ -126,20 +127,20 @@ CONVENTIONS = (
         "poses-in-metres",
         Sentence("poses-in-metres"),
         Sentence("undo-poses-in-metres"),
-        _scale_translations(1000.0),
+        _scale_translations(MM["m"]),
     ),
     Convention(
         "poses-in-micrometres",
         Sentence("poses-in-micrometres"),
         Sentence("undo-poses-in-micrometres"),
-        _scale_translations(0.001),
-        shrinks=0.001,
+        _scale_translations(MM["um"]),
+        shrinks=MM["um"],
     ),
     Convention(
         "poses-in-inches",
         Sentence("poses-in-inches"),
         Sentence("undo-poses-in-inches"),
-        _scale_translations(25.4),
+        _scale_translations(MM["inches"]),
     ),
     Convention(
         "radians-read-as-degrees",

@@ -12,17 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibration.diagnosis.angle_agreement import angles_between, choose_candidates, mean_mismatch_rad
+from calibration.kinematics.conventions import ORDERS, euler_numbers, rotation_from_euler
 from calibration.sentences.sentence import Sentence
 from calibration.transforms import Array, rotation_from_vector, vector_from_rotation
 
-ORDERS = ("XYZ", "XZY", "YXZ", "YZX", "ZXY", "ZYX", "XYX", "XZX", "YXY", "YZY", "ZXZ", "ZYZ")
-"""Intrinsic orders; the first six are of three axes (Tait and Bryan), the others of two."""
-
-MIN_LOCK_SINE = 0.01
-"""Sine of the angle from gimbal lock below which two of the numbers are not determined; such views are left out."""
-
 MIN_SMALL_LOCK_SINE = 0.002
-"""The same where radians were read as degrees, and all angles are small: 6 decimals of a quaternion are 0.8° then."""
+"""MIN_LOCK_SINE where radians were read as degrees, and angles are small: 6 decimals of a quaternion are 0.8° then."""
 
 MAX_SCREENED_VIEWS = 12
 """Views by whose angles the readings are compared first."""
@@ -130,58 +125,6 @@ def readings_of(rotations: Array) -> Iterator[Reading]:
         np.swapaxes(rotations, 1, 2)[:, None],
         everywhere,
     )
-
-
-def rotation_from_euler(angles_rad: Array, order: str) -> Array:
-    """(..., 3, 3) of intrinsic Euler angles (..., 3): R_i(a) R_j(b) R_k(c) for the order "ijk"."""
-    one, two, three = (_about("XYZ".index(axis), angles_rad[..., at]) for at, axis in enumerate(order))
-    rotation: Array = one @ two @ three
-    return rotation
-
-
-def euler_numbers(
-    rotations: Array, order: str, min_lock_sine: float = MIN_LOCK_SINE
-) -> tuple[Array, NDArray[np.bool_]]:
-    """Both triples of intrinsic Euler angles (n, 2, 3) rad of rotations (n, 3, 3), and whether they are determined."""
-    a, b, c = euler_angles(rotations, order).T
-    if order[0] == order[2]:
-        other, determined = -b, np.abs(np.sin(b)) > min_lock_sine
-    else:
-        other, determined = np.pi - b, np.abs(np.cos(b)) > min_lock_sine
-    both = np.stack([np.stack([a, b, c], axis=1), np.stack([a + np.pi, other, c + np.pi], axis=1)], axis=1)
-    return (both + np.pi) % (2 * np.pi) - np.pi, determined
-
-
-def euler_angles(rotations: Array, order: str) -> Array:
-    """Intrinsic Euler angles (n, 3) rad of rotations (n, 3, 3); the middle one is within pi/2, or from 0 to pi."""
-    i, j, k = _axes(order)
-    sign = 1.0 if (i, j, k) in ((0, 1, 2), (1, 2, 0), (2, 0, 1)) else -1.0
-    if order[0] == order[2]:
-        b = np.arccos(np.clip(rotations[:, i, i], -1, 1))
-        a = np.arctan2(rotations[:, j, i], -sign * rotations[:, k, i])
-        c = np.arctan2(rotations[:, i, j], sign * rotations[:, i, k])
-    else:
-        b = np.arcsin(np.clip(sign * rotations[:, i, k], -1, 1))
-        a = np.arctan2(-sign * rotations[:, j, k], rotations[:, k, k])
-        c = np.arctan2(-sign * rotations[:, i, j], rotations[:, i, i])
-    return np.stack([a, b, c], axis=1)
-
-
-def _axes(order: str) -> tuple[int, int, int]:
-    """The first and second axis of an order, and the one that is neither."""
-    i, j = "XYZ".index(order[0]), "XYZ".index(order[1])
-    return i, j, 3 - i - j
-
-
-def _about(axis: int, angle_rad: Array) -> Array:
-    """Rotations (..., 3, 3) by angles (...) about a coordinate axis."""
-    j, k = (axis + 1) % 3, (axis + 2) % 3
-    rotation = np.zeros((*angle_rad.shape, 3, 3))
-    rotation[..., axis, axis] = 1.0
-    rotation[..., j, j] = rotation[..., k, k] = np.cos(angle_rad)
-    rotation[..., k, j] = np.sin(angle_rad)
-    rotation[..., j, k] = -rotation[..., k, j]
-    return rotation
 
 
 def _both_vectors(rotations: Array) -> Array:

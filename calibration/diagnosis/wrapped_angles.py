@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from calibration.diagnosis.evidence import Evidence
 from calibration.diagnosis.hypothesis import Hypothesis
-from calibration.diagnosis.orientation_readings import ORDERS, euler_angles, euler_numbers, rotation_from_euler
+from calibration.kinematics.conventions import ORDERS, euler_angles, euler_numbers, rotation_from_euler
 from calibration.sentences.sentence import Sentence
 from calibration.transforms import (
     Array,

@@ -10,9 +10,9 @@ from daemon.cli.errors import CommandError, ExitStatus
 from daemon.cli.output import Json, progress_bar
 
 if TYPE_CHECKING:
-    from calibration.documents.imports.conventions import Convention, LengthUnit
     from calibration.documents.imports.intrinsics import Intrinsics
     from calibration.documents.target import TargetDocument
+    from calibration.kinematics.conventions import Convention, LengthUnit
 
 AXES = frozenset(f"{sign}{axis}" for sign in ("", "-") for axis in "xyz")
 FOLDERS_HELP = "Folders with poses and pictures, or a set of another program."
@@ -112,8 +112,8 @@ def _axes(text: str) -> tuple[str, ...]:
 
 
 def _conventions(name: str) -> "tuple[tuple[Convention, ...], LengthUnit | None]":
-    from calibration.documents.imports.conventions import find_conventions
     from calibration.errors import GeometryError
+    from calibration.kinematics.conventions import find_conventions
 
     try:
         return find_conventions(name)

@@ -12,8 +12,8 @@ import numpy as np
 
 from calibration.documents.arm_field import ArmFieldDocument
 from calibration.documents.calibration import TRANSFORM_NAMES, CalibrationDocument
-from calibration.documents.exports.notation import angles_xyz
 from calibration.documents.numbers import DASH, MINUS, places
+from calibration.kinematics.conventions import numbers_of
 from calibration.monitoring.cell_change import PossibleChange
 from calibration.planning.more_arm_views import BOX_STEPS
 from calibration.sentences.sentence import as_sentence, text_of
@@ -53,7 +53,7 @@ def calibration_report(document: CalibrationDocument, context: ReportContext) ->
         "calibration", document.id, context,
         document=document, x=x, x_name=x_name, target_name=target_name, U_mm=U_mm, U_deg=U_deg,
         translation=[] if x is None else [*zip(x.translation_mm, map(places, U_mm), strict=True)],
-        angles_deg=[] if x is None else np.degrees(angles_xyz(x.transform()[:3, :3])).tolist(),
+        angles_deg=[] if x is None else [*numbers_of("euler-xyz", x.transform()[:3, :3])],
         angle_places=places(max((u for u in U_deg if u is not None), default=None)),
         points=sorted(sure.points, key=lambda point: -point.expanded_mm)[:SHOWN_POINTS] if sure else [],
         scale=None if expanded_mm is None or tolerance_mm is None else limit_scale(expanded_mm, tolerance_mm, limit),

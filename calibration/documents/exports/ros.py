@@ -4,7 +4,6 @@ Metres; the quaternion as x, y, z, w. Options of static_transform_publisher as i
 easy_handeye2's HandeyeCalibration.msg; the launch file as moveit_calibration's control widget saves it.
 """
 
-from calibration.documents.exports.notation import angles_xyz
 from calibration.documents.exports.subject import Subject
 
 UNITS = "metres; quaternion x, y, z, w with w >= 0"
@@ -12,8 +11,8 @@ UNITS = "metres; quaternion x, y, z, w with w >= 0"
 
 def _named(subject: Subject) -> tuple[dict[str, str], dict[str, str]]:
     """Translation x, y, z in metres and rotation x, y, z, w by name."""
-    w, x, y, z = subject.quaternion_wxyz()
-    return dict(zip("xyz", subject.metres(), strict=True)), {"x": x, "y": y, "z": z, "w": w}
+    quaternion = subject.turn("quaternion-xyzw")
+    return dict(zip("xyz", subject.metres(), strict=True)), dict(zip("xyzw", quaternion, strict=True))
 
 
 def write_launch(subject: Subject) -> str:
@@ -80,7 +79,7 @@ def write_easy_handeye2(subject: Subject) -> str:
 def write_moveit(subject: Subject) -> str:
     """The launch file of moveit_calibration, a ROS 1 static transform."""
     translation, rotation = _named(subject)
-    angles = " ".join(subject.radians(angles_xyz(subject.parent_T_child[:3, :3])))
+    angles = " ".join(subject.turn("euler-xyz-rad"))
     about = "; ".join([*subject.about(), UNITS])
     position, quaternion = " ".join(translation.values()), " ".join(rotation.values())
     return (

@@ -3,13 +3,12 @@
 import re
 from dataclasses import dataclass
 
-import numpy as np
-
 from calibration.documents.calibration import TRANSFORM_NAMES, CalibrationDocument
 from calibration.documents.exports.notation import fixed
 from calibration.documents.pose import PoseDocument
 from calibration.errors import ExportRefused
-from calibration.transforms import Array, inverse, quaternion_from_rotation, transform
+from calibration.kinematics.conventions import CONVENTIONS, numbers_of
+from calibration.transforms import Array, inverse, transform
 
 OPTICAL_FRAME, BODY_FRAME = "camera_optical_frame", "camera_link"
 """Frames of a camera: OpenCV's (x right, y down, z ahead), and REP 103's (x ahead, y left, z up)."""
@@ -104,17 +103,10 @@ class Subject:
         """x, y, z in metres."""
         return [fixed(value / 1000, self.decimals + 3) for value in self.parent_T_child[:3, 3]]
 
-    def quaternion_wxyz(self) -> list[str]:
-        """w, x, y, z; w is not negative."""
-        return [fixed(q, self.decimals + 5) for q in quaternion_from_rotation(self.parent_T_child[:3, :3])]
-
-    def degrees(self, angles_rad: tuple[float, ...]) -> list[str]:
-        """Angles in degrees."""
-        return [fixed(float(np.degrees(angle)), self.decimals + 1) for angle in angles_rad]
-
-    def radians(self, angles_rad: tuple[float, ...]) -> list[str]:
-        """Angles in rad."""
-        return [fixed(angle, self.decimals + 5) for angle in angles_rad]
+    def turn(self, convention: str, rotation: Array | None = None) -> list[str]:
+        """The numbers of that convention of a rotation (3, 3), by default X's; a quaternion's w is not negative."""
+        numbers = numbers_of(convention, self.parent_T_child[:3, :3] if rotation is None else rotation)
+        return [fixed(one, self.decimals + (1 if CONVENTIONS[convention].degrees else 5)) for one in numbers]
 
 
 def subject_of(calibration: CalibrationDocument, options: ExportOptions) -> Subject:

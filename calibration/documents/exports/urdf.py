@@ -1,6 +1,5 @@
 """URDF: a xacro macro with the camera's links. Metres, rad, turns about fixed axes: R = Rz(yaw) Ry(pitch) Rx(roll)."""
 
-from calibration.documents.exports.notation import angles_xyz
 from calibration.documents.exports.subject import OPTICAL_FRAME, Subject
 
 QUARTER_TURN = "1.570796326794897"
@@ -8,9 +7,8 @@ QUARTER_TURN = "1.570796326794897"
 
 def write_urdf(subject: Subject) -> str:
     """A macro that joins `child` to `parent`; with a body frame the optical frame hangs on it."""
-    angles = subject.radians(angles_xyz(subject.parent_T_child[:3, :3]))
     about = "; ".join([*subject.about(), "metres, rad, rpy about fixed axes"])
-    links = _link("${parent}", subject.child, " ".join(subject.metres()), " ".join(angles))
+    links = _link("${parent}", subject.child, " ".join(subject.metres()), " ".join(subject.turn("euler-xyz-rad")))
     if subject.is_body_frame:
         links += _link(f"${{prefix}}{subject.child}", OPTICAL_FRAME, "0 0 0", f"-{QUARTER_TURN} 0 -{QUARTER_TURN}")
     return (

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from calibration.documents.exports.notation import angles_zyx, fixed
+from calibration.documents.exports.notation import fixed
 from calibration.documents.exports.subject import Subject
 from calibration.transforms import Array, inverse
 
@@ -42,7 +42,7 @@ def _place(subject: Subject) -> str:
 
 def _halcon(subject: Subject, a_T_b: Array, about: str) -> str:
     """A pose of type 0 ('Rp+T', 'gba', 'point'): R = Rx Ry Rz, angles 0 to 360 (MVTec, create_pose, write_pose)."""
-    angles = subject.degrees(angles_zyx(a_T_b[:3, :3]))
+    angles = subject.turn("euler-XYZ", a_T_b[:3, :3])
     positive = [fixed(float(angle) % 360.0, subject.decimals + 1) for angle in angles]
     position = [fixed(value / 1000, subject.decimals + 3) for value in a_T_b[:3, 3]]
     return subject.comment("#", about) + (

@@ -10,9 +10,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Literal
 
-from calibration.documents.imports.conventions import CONVENTIONS, Convention, LengthUnit
 from calibration.documents.imports.refusal import refusal
 from calibration.documents.imports.sides import WORD_FRAMES
+from calibration.kinematics.conventions import CONVENTIONS, MM, Convention, LengthUnit
 
 Family = Literal["length", "turn", "pose"]
 
@@ -51,13 +51,11 @@ LABEL_WORDS = frozenset((
 NOISE = frozenset(("actual", "current", "wrt", "in", "of", "to", "the", *WORD_FRAMES))
 """Words that do not say what a number is; whose it is, is for `sides`."""
 
-UNITS: dict[str, LengthUnit] = {
-    "mm": "mm", "millimeter": "mm", "millimeters": "mm", "millimetres": "mm",
-    "m": "m", "meter": "m", "meters": "m", "metre": "m", "metres": "m", "毫米": "mm", "米": "m",
-    "cm": "mm", "um": "mm", "inch": "mm", "inches": "mm",
+UNITS = {unit: unit for unit in MM} | {
+    "millimeter": "mm", "millimeters": "mm", "millimetres": "mm", "毫米": "mm", "inch": "inches",
+    "meter": "m", "meters": "m", "metre": "m", "metres": "m", "米": "m",
 }  # fmt: skip
-MM_OF = {"cm": 10.0, "um": 1e-3, "inch": 25.4, "inches": 25.4}
-"""Units that are converted to mm as they are read."""
+"""Words of a unit of lengths."""
 
 _DEGREES = ("deg", "degree", "degrees", "°", "grad", "grader", "degres", "grados", "gradi", "度")
 ANGLES = dict.fromkeys(_DEGREES, True) | dict.fromkeys(("rad", "radian", "radians"), False)
@@ -205,7 +203,8 @@ def recognise_columns(names: Sequence[str], origin: str) -> Columns:
         fix = "name the numbers x, y, z and qw, qx, qy, qz, or rx, ry, rz, or A, B, C, or W, P, R"
         raise refusal(origin, "header", what, fix)
     if (length := _unit_of(named, columns.lengths, origin)) is not None:
-        columns.unit, columns.scale = UNITS[length], MM_OF.get(length, 1.0)
+        unit: LengthUnit = "m" if UNITS[length] == "m" else "mm"
+        columns.unit, columns.scale = unit, MM[UNITS[length]] / MM[unit]
     if (turn := _unit_of(named, columns.turn, origin)) is not None:
         columns.degrees = ANGLES[turn]
     if columns.joints:
@@ -241,7 +240,7 @@ def joints_of(names: Sequence[str]) -> list[int]:
 def _unit_of(named: _Named, indices: Sequence[int], origin: str) -> str | None:
     """The unit that the names of these numbers say; None for none. Raises DocumentError where they differ."""
     said = {index: named.unit_of[index] for index in indices if index in named.unit_of}
-    meanings = {(UNITS.get(unit), MM_OF.get(unit), ANGLES.get(unit)) for unit in said.values()}
+    meanings = {(UNITS.get(unit), ANGLES.get(unit)) for unit in said.values()}
     if len(meanings) > 1:
         columns = ", ".join(named.names[index] for index in said)
         raise refusal(origin, "header", f"different units in {columns}", "write them in one unit, and name it")

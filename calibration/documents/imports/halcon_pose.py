@@ -8,9 +8,9 @@ import re
 
 import numpy as np
 
-from calibration.documents.imports.conventions import CONVENTIONS
 from calibration.documents.imports.pose_table import PoseTable
 from calibration.documents.imports.refusal import decode, refusal
+from calibration.kinematics.conventions import CONVENTIONS
 from calibration.transforms import Array
 
 ORDERS = {0: "euler-XYZ", 2: "euler-xyz", 4: "rodrigues"}

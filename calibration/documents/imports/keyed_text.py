@@ -4,10 +4,10 @@ import re
 
 import numpy as np
 
-from calibration.documents.imports.conventions import CONVENTIONS
 from calibration.documents.imports.number_tables import table_of_columns
 from calibration.documents.imports.pose_table import PoseTable
 from calibration.documents.imports.refusal import decode, refusal
+from calibration.kinematics.conventions import CONVENTIONS
 from calibration.transforms import Array
 
 _NUMBER = r"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?"

@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 
 from calibration.documents.imports.columns import JOINT_WORDS, TURN_WORDS, text_columns, words_of
-from calibration.documents.imports.conventions import CONVENTIONS
 from calibration.documents.imports.number_tables import (
     Cell,
     are_rotations,
@@ -28,6 +27,7 @@ from calibration.documents.imports.pose_table import PoseTable, table_of_matrice
 from calibration.documents.imports.refusal import MAX_POSES, refusal
 from calibration.documents.imports.sides import build_by_sides
 from calibration.errors import DocumentError
+from calibration.kinematics.conventions import CONVENTIONS
 from calibration.problem import Setup
 from calibration.transforms import Array
 

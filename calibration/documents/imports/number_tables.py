@@ -9,13 +9,13 @@ from dataclasses import replace
 import numpy as np
 
 from calibration.documents.imports.columns import Columns, recognise_columns, text_columns, words_of
-from calibration.documents.imports.conventions import CONVENTIONS
 from calibration.documents.imports.pairs import MIN_PAIRS, best_split
-from calibration.documents.imports.pose_table import MIN_STATED_MM, MM, PoseTable, table_of_matrices
+from calibration.documents.imports.pose_table import MIN_STATED_MM, PoseTable, table_of_matrices
 from calibration.documents.imports.refusal import MAX_POSES, refusal
 from calibration.documents.imports.sides import build_by_sides, relation_of
 from calibration.documents.imports.timestamps import seconds_of
 from calibration.errors import DocumentError
+from calibration.kinematics.conventions import CONVENTIONS, MM
 from calibration.transforms import QUATERNION_NORM_TOLERANCE, Array
 
 Cell = float | str

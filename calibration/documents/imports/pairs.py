@@ -11,9 +11,9 @@ from dataclasses import replace
 import numpy as np
 
 from calibration.diagnosis.angle_agreement import angles_between, mean_mismatch_rad
-from calibration.documents.imports.conventions import Convention
 from calibration.documents.imports.pose_table import PoseTable
 from calibration.errors import GeometryError
+from calibration.kinematics.conventions import Convention
 from calibration.transforms import Array
 
 MAX_MISMATCH_RAD = float(np.radians(2.0))

@@ -2,29 +2,27 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
 
 import numpy as np
 
-from calibration.documents.imports.conventions import (
-    CONVENTIONS,
-    NUMBERS,
-    Convention,
-    Kind,
-    LengthUnit,
-    allowed_conventions,
-    rotations_of,
-)
 from calibration.documents.imports.refusal import MAX_POSES, refusal
 from calibration.errors import GeometryError
 from calibration.kinematics.arm import Arm
+from calibration.kinematics.conventions import (
+    CONVENTIONS,
+    LENGTH_UNITS,
+    MM,
+    NUMBERS,
+    Convention,
+    Frame,
+    Kind,
+    LengthUnit,
+    Side,
+    allowed_conventions,
+    rotations_of,
+)
 from calibration.problem import Setup
 from calibration.transforms import QUATERNION_NORM_TOLERANCE, Array, inverse, transform
-
-Frame = Literal["base_T_flange", "flange_T_base"]
-Side = Literal["robot", "camera"]
-
-MM: dict[LengthUnit, float] = {"m": 1000.0, "mm": 1.0}
 
 MAX_ARM_MM = 20_000.0
 """Longest distance of a flange from its base, on tracks too."""
@@ -142,7 +140,7 @@ class PoseTable:
         if self.unit is not None:
             return (self.unit,)
         reach = float(np.median(np.linalg.norm(self.lengths, axis=1)))
-        fitting = [unit for unit, mm in MM.items() if MIN_ARM_MM <= reach * mm <= MAX_ARM_MM]
+        fitting = [unit for unit in LENGTH_UNITS if MIN_ARM_MM <= reach * MM[unit] <= MAX_ARM_MM]
         return tuple(fitting) or ("mm",)
 
     def is_perhaps_in_cm(self) -> bool:

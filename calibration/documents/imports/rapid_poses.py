@@ -12,10 +12,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from calibration.documents.imports.conventions import CONVENTIONS
 from calibration.documents.imports.number_tables import table_of_joints
 from calibration.documents.imports.pose_table import PoseTable
 from calibration.documents.imports.refusal import decode, refusal
+from calibration.kinematics.conventions import CONVENTIONS
 
 _NUMBER = re.compile(r"\s*[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?\s*")
 _CELL = r"[^][,;]*"

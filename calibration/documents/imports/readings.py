@@ -17,9 +17,9 @@ from calibration.diagnosis.diagnose import MIN_LOG_LIKELIHOOD_GAIN, MIN_VIEWS, e
 from calibration.diagnosis.evidence import Evidence
 from calibration.diagnosis.fit import Fit, fits
 from calibration.diagnosis.hypothesis import few_views_factor
-from calibration.documents.imports.conventions import Convention, LengthUnit
-from calibration.documents.imports.pose_table import MM, Frame, PoseTable
+from calibration.documents.imports.pose_table import PoseTable
 from calibration.errors import GeometryError, UndeterminedError
+from calibration.kinematics.conventions import MM, Convention, Frame, LengthUnit
 from calibration.kinematics.robot_accuracy import MAX_POSSIBLE_NOISE
 from calibration.problem import Setup, anchor_T_mount_of
 from calibration.transforms import Array
@@ -239,9 +239,10 @@ class _Change:
 
 def _changes_of_lengths(table: PoseTable) -> Iterator[_Change]:
     """Other units, reversed and exchanged axes, and a track along an axis of the base whose readings the table has."""
-    for factor, unit in ((1000.0, "metres"), (10.0, "centimetres"), (25.4, "inches"), (1e-3, "micrometres")):
-        fix = f"multiply the places by {factor:g}, or name their unit"
-        yield _Change(replace(table, lengths=factor * table.lengths), f"places in {unit}", fix)
+    for unit, factor in MM.items():
+        if factor != 1.0:
+            fix = f"multiply the places by {factor:g}, or name their unit"
+            yield _Change(replace(table, lengths=factor * table.lengths), f"places in {unit}", fix)
     for order in permutations(range(3)):
         for signs in product((1.0, -1.0), repeat=3):
             if order == (0, 1, 2) and signs == (1.0, 1.0, 1.0):

@@ -11,8 +11,9 @@ import unicodedata
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 
-from calibration.documents.imports.pose_table import Frame, PoseTable, Side
+from calibration.documents.imports.pose_table import PoseTable
 from calibration.errors import DocumentError
+from calibration.kinematics.conventions import Frame, Side
 
 FRAMES = {
     "base": ("base", "world", "robot", "arm", "robotbase", "baselink", "coords", "rob", "roboter", "机器人"),

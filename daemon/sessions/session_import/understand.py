@@ -11,10 +11,9 @@ from calibration.diagnosis.convention_hypotheses import MIN_SETUP_RATIO
 from calibration.diagnosis.evidence import Evidence
 from calibration.diagnosis.fit import Fit
 from calibration.diagnosis.plausibility import circle_of
-from calibration.documents.imports.conventions import Convention, LengthUnit
 from calibration.documents.imports.number_tables import POINTS
 from calibration.documents.imports.pairs import agreeing_conventions, equal_sides
-from calibration.documents.imports.pose_table import MM, PoseTable
+from calibration.documents.imports.pose_table import PoseTable
 from calibration.documents.imports.readings import Decision, Reading, compare, decide, readings_of
 from calibration.documents.imports.refusal import refusal
 from calibration.documents.imports.sets.folder import CLOUDS, ImportedSet
@@ -26,6 +25,7 @@ from calibration.documents.session import CameraDocument, SessionDocument, ViewD
 from calibration.documents.target import TargetDocument
 from calibration.errors import DocumentError, GeometryError
 from calibration.kinematics.abb_arms import find_arm
+from calibration.kinematics.conventions import LENGTH_UNITS, MM, Convention, LengthUnit
 from calibration.problem import Problem, Setup
 from calibration.transforms import Array
 from daemon.sessions.session_files import ImageError, read_grey
@@ -113,7 +113,7 @@ def _of_points(request: ImportRequest, imported: ImportedSet) -> Understood:
     units = [
         (mine, its)
         for mine in ([request.unit] if request.unit else robot.units())
-        for its in ([request.camera_unit] if request.camera_unit else [mine, *({*MM} - {mine})])
+        for its in ([request.camera_unit] if request.camera_unit else [mine, *({*LENGTH_UNITS} - {mine})])
     ]
     ratio = float(np.std(robot.lengths)) / max(float(np.std(camera.lengths)), 1e-12)
     unit, of_camera = min(units, key=lambda pair: abs(np.log(max(ratio, 1e-12) * MM[pair[0]] / MM[pair[1]])))

@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from calibration.documents.imports.conventions import LengthUnit
 from calibration.documents.imports.refusal import refusal
 from calibration.documents.pose import PoseDocument
 from calibration.documents.session import SessionDocument
 from calibration.documents.validation import validate_document
+from calibration.kinematics.conventions import LengthUnit
 from daemon.sessions.session_files import SESSION_FILE
 from daemon.sessions.session_import.request import Understood, require_cloud_unit
 from registration.documents import ScanDocument

@@ -5,7 +5,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from calibration.diagnosis.angle_agreement import angles_between
-from calibration.diagnosis.orientation_readings import ORDERS, READINGS, likely_readings, readings_of
+from calibration.diagnosis.orientation_readings import READINGS, likely_readings, readings_of
+from calibration.kinematics.conventions import ORDERS
 from calibration.transforms import Array, rotation_angle_rad
 
 EVERY_ORDER = [*ORDERS, *(order.lower() for order in ORDERS)]

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from calibration.diagnosis.convention_hypotheses import change_quaternion_order
-from calibration.diagnosis.orientation_readings import euler_numbers, rotation_from_euler
+from calibration.kinematics.conventions import euler_numbers, rotation_from_euler
 from calibration.likelihood.mapped_points import point_sigmas_mm, scale_variance_mm2
 from calibration.problem import MeasuredPoints, MeasuredPose, Problem, Setup
 from calibration.solution import Solution

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from calibration.documents.imports.conventions import CONVENTIONS
 from calibration.documents.imports.pose_table import PoseTable
 from calibration.documents.imports.readings import compare, decide, readings_of
 from calibration.documents.imports.view_evidence import evidence_of_views
+from calibration.kinematics.conventions import CONVENTIONS
 from calibration.transforms import Array
 from daemon.sessions.session_reader import load_problem, open_session
 from tests.daemon.cli.running import handeyed

@@ -8,16 +8,16 @@ from pathlib import PurePosixPath
 from typing import Any, Protocol
 
 from calibration.documents.imports.arrays import load_npy
-from calibration.documents.imports.conventions import LengthUnit
 from calibration.documents.imports.intrinsics import Intrinsics, read_intrinsics
 from calibration.documents.imports.leaves import table_of_data
 from calibration.documents.imports.pairing import natural, pair, shown
 from calibration.documents.imports.pairs import equal_sides, rows_as_pairs
 from calibration.documents.imports.pose_files import FAMILIES, read_poses
-from calibration.documents.imports.pose_table import PoseTable, Side, concatenate
+from calibration.documents.imports.pose_table import PoseTable, concatenate
 from calibration.documents.imports.refusal import refusal
 from calibration.documents.imports.sides import relation_of
 from calibration.errors import DocumentError
+from calibration.kinematics.conventions import LengthUnit, Side
 from calibration.problem import Setup
 
 PICTURES = frozenset((".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp", ".pgm", ".ppm"))

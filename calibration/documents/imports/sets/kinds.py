@@ -16,13 +16,12 @@ from typing import Any
 
 import numpy as np
 
-from calibration.documents.imports.conventions import CONVENTIONS, LengthUnit
 from calibration.documents.imports.intrinsics import intrinsics_of, read_intrinsics
 from calibration.documents.imports.leaves import array_of, number_of, setup_of, table_of_array, table_of_data
 from calibration.documents.imports.number_tables import table_of_rows
 from calibration.documents.imports.pairing import natural, pair
 from calibration.documents.imports.pose_files import read_poses
-from calibration.documents.imports.pose_table import Frame, PoseTable, concatenate
+from calibration.documents.imports.pose_table import PoseTable, concatenate
 from calibration.documents.imports.refusal import decode, refusal
 from calibration.documents.imports.sets import folder
 from calibration.documents.imports.sets.folder import (
@@ -38,6 +37,7 @@ from calibration.documents.imports.text_tables import read_named_columns
 from calibration.documents.imports.trees import read_json, read_json_lines, read_yaml
 from calibration.errors import GeometryError
 from calibration.kinematics.abb_arms import find_arm
+from calibration.kinematics.conventions import CONVENTIONS, Frame, LengthUnit
 
 Described = dict[str, Any]
 """Further fields of an ImportedSet: target, camera, setup, notes."""

@@ -5,9 +5,9 @@ import json
 import numpy as np
 import pytest
 
-from calibration.documents.imports.conventions import find_conventions
 from calibration.documents.imports.pose_files import read_poses
 from calibration.errors import DocumentError
+from calibration.kinematics.conventions import find_conventions
 from tests.calibration.documents.imports.written import FILES, MM, POSES, WXYZ, euler, lines, matrices, rows
 
 

@@ -1,11 +1,11 @@
-"""Every convention against scipy, and the brands."""
+"""Every convention against scipy in both directions, and the brands."""
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from calibration.documents.imports.conventions import BRANDS, CONVENTIONS, find_conventions, rotations_of
 from calibration.errors import GeometryError
+from calibration.kinematics.conventions import BRANDS, CONVENTIONS, NUMBERS, find_conventions, numbers_of, rotations_of
 from calibration.transforms import rotation_from_vector
 
 ANGLES = np.array([[10.0, 20.0, 30.0], [-170.0, 40.0, 95.0]])
@@ -32,6 +32,16 @@ def test_the_other_kinds() -> None:
         "rotation-vector-deg": np.degrees([[0.1, -0.2, 0.3]]),
     }.items():  # fmt: skip
         np.testing.assert_allclose(rotations_of(CONVENTIONS[name], numbers), rotation, atol=1e-12, err_msg=name)
+
+
+@pytest.mark.parametrize("name", [name for name, one in CONVENTIONS.items() if one.kind not in ("joints", "points")])
+def test_what_is_written_in_a_convention_is_read_in_it(name: str) -> None:
+    turned = rotation_from_vector([[0.1, -0.2, 0.3], [2.0, 1.0, -1.5], [0.0, 0.0, 0.0]])
+    locked = Rotation.from_euler("ZYX", [[20.0, 90.0, 10.0], [-40.0, -90.0, 170.0], [30.0, 0.0, 50.0]], degrees=True)
+    for rotation in [*turned, *locked.as_matrix()]:
+        numbers = np.array(numbers_of(name, rotation))
+        assert len(numbers) == NUMBERS[CONVENTIONS[name].kind]
+        np.testing.assert_allclose(rotations_of(CONVENTIONS[name], numbers[None])[0], rotation, atol=1e-9)
 
 
 @pytest.mark.parametrize("brand", BRANDS)

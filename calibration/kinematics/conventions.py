@@ -1,4 +1,4 @@
-"""How robots and programs write an orientation: one table of conventions, and one of brands.
+"""How robots and programs write lengths and orientations: the tables that import, diagnosis and export share.
 
 A name is that of the quaternion's order, the rotation vector, the matrix' order, or of Euler angles: upper case for
 intrinsic rotations (about axes that turn along), lower case for extrinsic ones (about fixed axes), as scipy does.
@@ -12,19 +12,33 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
-from calibration.diagnosis.orientation_readings import ORDERS, rotation_from_euler
 from calibration.errors import GeometryError
 from calibration.transforms import (
     QUATERNION_NORM_TOLERANCE,
     Array,
     nearest_rotation,
+    quaternion_from_rotation,
     rotation_from_quaternion,
     rotation_from_vector,
+    vector_from_rotation,
 )
 
 Kind = Literal["quaternion", "angles", "matrix", "joints", "points"]
 LengthUnit = Literal["m", "mm"]
+LENGTH_UNITS: tuple[LengthUnit, ...] = ("m", "mm")
+Frame = Literal["base_T_flange", "flange_T_base"]
+Side = Literal["robot", "camera"]
+
+MM: dict[str, float] = {"mm": 1.0, "m": 1000.0, "cm": 10.0, "um": 1e-3, "inches": 25.4}
+"""Units of lengths in mm; those that are no LengthUnit are converted as they are read."""
+
+ORDERS = ("XYZ", "XZY", "YXZ", "YZX", "ZXY", "ZYX", "XYX", "XZX", "YXY", "YZY", "ZXZ", "ZYZ")
+"""Intrinsic orders; the first six are of three axes (Tait and Bryan), the others of two."""
+
+MIN_LOCK_SINE = 0.01
+"""Sine of the angle from gimbal lock below which two of three Euler angles are not determined."""
 
 MAX_MATRIX_ERROR = 5e-3
 """Largest distance of a matrix from a rotation (Frobenius); three decimals give up to 1.5e-3."""
@@ -93,6 +107,11 @@ class Brand:
     conventions: tuple[str, ...]
     unit: LengthUnit
 
+    @property
+    def angles(self) -> str:
+        """The convention of its three numbers."""
+        return next(one for one in self.conventions if CONVENTIONS[one].kind == "angles")
+
 
 BRANDS: dict[str, Brand] = {
     "abb": Brand("RAPID's q1, q2, q3, q4 or EulerZYX shown as EX, EY, EZ", ("quaternion-wxyz", "euler-xyz"), "mm"),
@@ -148,6 +167,76 @@ def rotations_of(convention: Convention, numbers: Array, *, by_axis: bool = Fals
     if order.isupper():
         return rotation_from_euler(radians, order)
     return rotation_from_euler(radians[:, ::-1], order[::-1].upper())
+
+
+def numbers_of(name: str, rotation: Array) -> tuple[float, ...]:
+    """The numbers of a rotation (3, 3) in the convention of that name, whose quaternions have w >= 0."""
+    convention = CONVENTIONS[name]
+    match convention.kind:
+        case "quaternion":
+            wxyz = quaternion_from_rotation(rotation)
+            return tuple((wxyz if convention.order == "wxyz" else np.roll(wxyz, -1)).tolist())
+        case "matrix":
+            return tuple((rotation if convention.order == "rows" else rotation.T).ravel().tolist())
+    if convention.order == "vector":
+        radians = vector_from_rotation(rotation)
+    elif convention.order.isupper():
+        radians = euler_angles(rotation[None], convention.order)[0]
+    else:
+        radians = euler_angles(rotation[None], convention.order[::-1].upper())[0, ::-1]
+    return tuple((np.degrees(radians) if convention.degrees else radians).tolist())
+
+
+def rotation_from_euler(angles_rad: Array, order: str) -> Array:
+    """(..., 3, 3) of intrinsic Euler angles (..., 3): R_i(a) R_j(b) R_k(c) for the order "ijk"."""
+    one, two, three = (_about("XYZ".index(axis), angles_rad[..., at]) for at, axis in enumerate(order))
+    rotation: Array = one @ two @ three
+    return rotation
+
+
+def euler_angles(rotations: Array, order: str) -> Array:
+    """Intrinsic Euler angles (n, 3) rad of rotations (n, 3, 3); the middle one is within pi/2, or from 0 to pi.
+
+    The third is found after the first turn is taken away, so that the three give the rotation back in gimbal lock, too.
+    """
+    i, j = "XYZ".index(order[0]), "XYZ".index(order[1])
+    k = 3 - i - j
+    sign = 1.0 if (i, j, k) in ((0, 1, 2), (1, 2, 0), (2, 0, 1)) else -1.0
+    r, of_two = np.moveaxis(rotations, 0, -1), order[0] == order[2]
+    a = np.arctan2(r[j, i], -sign * r[k, i]) if of_two else np.arctan2(-sign * r[j, k], r[k, k])
+    cosine, sine = np.cos(a), sign * np.sin(a)
+    row = cosine * r[j] + sine * r[k]
+    if of_two:
+        b = np.arctan2(sign * (sine * r[j, i] - cosine * r[k, i]), r[i, i])
+        c = np.arctan2(-sign * row[k], row[j])
+    else:
+        b = np.arctan2(sign * r[i, k], cosine * r[k, k] - sine * r[j, k])
+        c = np.arctan2(sign * row[i], row[j])
+    return np.stack([a, b, c], axis=1)
+
+
+def euler_numbers(
+    rotations: Array, order: str, min_lock_sine: float = MIN_LOCK_SINE
+) -> tuple[Array, NDArray[np.bool_]]:
+    """Both triples of intrinsic Euler angles (n, 2, 3) rad of rotations (n, 3, 3), and whether they are determined."""
+    a, b, c = euler_angles(rotations, order).T
+    if order[0] == order[2]:
+        other, determined = -b, np.abs(np.sin(b)) > min_lock_sine
+    else:
+        other, determined = np.pi - b, np.abs(np.cos(b)) > min_lock_sine
+    both = np.stack([np.stack([a, b, c], axis=1), np.stack([a + np.pi, other, c + np.pi], axis=1)], axis=1)
+    return (both + np.pi) % (2 * np.pi) - np.pi, determined
+
+
+def _about(axis: int, angle_rad: Array) -> Array:
+    """Rotations (..., 3, 3) by angles (...) about a coordinate axis."""
+    j, k = (axis + 1) % 3, (axis + 2) % 3
+    rotation = np.zeros((*angle_rad.shape, 3, 3))
+    rotation[..., axis, axis] = 1.0
+    rotation[..., j, j] = rotation[..., k, k] = np.cos(angle_rad)
+    rotation[..., k, j] = np.sin(angle_rad)
+    rotation[..., j, k] = -rotation[..., k, j]
+    return rotation
 
 
 def _from_quaternions(wxyz: Array) -> Array:
