@@ -47,7 +47,7 @@ def arms(
 
 
 def _describe(file: Path, tip: str | None, name: str, *, json: bool) -> None:
-    from calibration.documents.imports.arm_description import read_arm_description
+    from calibration.documents.arm_description import read_arm_description
     from calibration.kinematics.arm_row import write_arm_row
 
     try:

@@ -130,8 +130,8 @@ def _intrinsics(file: Path) -> "Intrinsics":
 
 
 def _target(text: str) -> "TargetDocument":
-    from calibration.documents.imports.target_text import target_of_data, target_of_text
     from calibration.documents.imports.trees import read_json, read_yaml
+    from calibration.documents.target_text import target_of_data, target_of_text
     from daemon.runtime.bounded_read import read_document
 
     file = Path(text)

@@ -36,7 +36,7 @@ POSE_WORDS = frozenset((
     "h",
 ))  # fmt: skip
 IMAGE_WORDS = frozenset((
-    "image", "img", "picture", "photo", "file", "filename", "imagefile", "imagepath", "path", "images",
+    "image", "img", "picture", "photo", "file", "filename", "imagefile", "imagepath", "path", "images", "profile",
     "cloud", "bild", "bilddatei", "foto", "imagen", "immagine", "imagem", "图像", "图片", "画像",
 ))  # fmt: skip
 TIME_WORDS = frozenset((

@@ -3,7 +3,7 @@
 All use OpenCV's matrix; their distortion is OpenCV's plumb bob or rational model, or its fisheye ("equidistant").
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Container, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import PurePath
 from typing import Any
@@ -20,13 +20,23 @@ from calibration.documents.validation import validate_document
 HEADING = "intrinsics"
 FISHEYE = ("equidistant", "fisheye", "kannala_brandt", "kb4")
 MODELS = ("pinhole", "plumb_bob", "rational_polynomial", "radtan", "radial-tangential", "brown_conrady", "none", "")
-MATRIX_KEYS = ("camera_matrix", "cameramatrix", "matrix", "k", "cam_k", "intrinsic_matrix", "intrinsic", "mtx")
-DISTORTION_KEYS = (
-    "distortion_coefficients", "distortioncoefficients", "distcoeffs", "dist_coeffs", "distortion_coeffs", "distortion",
-    "dist_coeff", "d", "dist",
+Keys = tuple[tuple[str, ...], ...]
+"""Ways to name numbers: one key of a list, or a key for each."""
+
+MATRIX: Keys = (
+    ("camera_matrix",), ("cameramatrix",), ("matrix",), ("k",), ("cam_k",), ("intrinsic_matrix",), ("intrinsic",),
+    ("mtx",),
 )  # fmt: skip
-SIZE_KEYS = (
+FOUR: Keys = (("fx", "fy", "cx", "cy"), ("px", "py", "u0", "v0"), ("intrinsics",))
+DISTORTION: Keys = (
+    ("distortion_coefficients",), ("distortioncoefficients",), ("distcoeffs",), ("dist_coeffs",),
+    ("distortion_coeffs",), ("distortion",), ("dist_coeff",), ("d",), ("dist",),
+    ("dist_k0", "dist_k1", "dist_px", "dist_py", "dist_k2", "dist_k3", "dist_k4", "dist_k5"),
+    ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6"), ("kud",),
+)  # fmt: skip
+SIZE: Keys = (
     ("image_width", "image_height"), ("img_width", "img_height"), ("width", "height"), ("imagewidth", "imageheight"),
+    ("resolution",), ("image_size",), ("imagesize",),
 )  # fmt: skip
 
 
@@ -69,7 +79,7 @@ def intrinsics_of(data: Any, origin: str) -> Intrinsics:
     """The intrinsics in plain data, at its top or one or two levels below. Raises DocumentError."""
     for record in _mappings(data):
         plain = {str(key).lower(): value for key, value in record.items()}
-        if (matrix := _matrix(plain)) is not None:
+        if (matrix := _numbers(plain, MATRIX, (9,)) or _numbers(plain, FOUR, (4,))) is not None:
             return _intrinsics(plain, matrix, origin)
     what = "no intrinsics: neither a camera matrix nor fx, fy, cx, cy"
     raise refusal(origin, "document", what, "give camera_matrix and distortion_coefficients", HEADING)
@@ -83,95 +93,52 @@ def _mappings(data: Any, depth: int = 0) -> Iterator[Mapping[Any, Any]]:
                 yield from _mappings(value, depth + 1)
 
 
-def _list(value: Any) -> list[float] | None:
-    """The numbers of a list, of nested lists, or of a mapping {rows, cols, data}."""
-    if isinstance(value, Mapping):
-        value = value.get("data", value.get("parameters"))
-        return _list(value)
-    if isinstance(value, str):
-        value = value.split()
-    array = array_of(value)
-    return None if array is None else [float(number) for number in array.ravel()]
-
-
-def _matrix(plain: Mapping[str, Any]) -> list[float] | None:
-    """The nine numbers of the camera matrix, row by row."""
-    for key in MATRIX_KEYS:
-        numbers = _list(plain.get(key)) if key in plain else None
-        if numbers is not None and len(numbers) == 9:
-            return numbers
-    for keys in (("fx", "fy", "cx", "cy"), ("px", "py", "u0", "v0")):
-        given = [number_of(plain.get(key)) for key in keys]
-        if all(number is not None for number in given):
-            fx, fy, cx, cy = (float(number or 0.0) for number in given)
-            return [fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0]
-    listed = _list(plain.get("intrinsics")) if "intrinsics" in plain else None
-    if listed is not None and len(listed) == 4:
-        fx, fy, cx, cy = listed
-        return [fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0]
+def _numbers(
+    plain: Mapping[str, Any], names: Keys, counts: Container[int], missing: float | None = None
+) -> list[float] | None:
+    """The numbers of the first of the names that has as many; `missing` is for a key of several that is not there."""
+    for keys in names:
+        if keys[0] not in plain:
+            continue
+        value: Any = plain[keys[0]]
+        while isinstance(value, Mapping):
+            value = value.get("data", value.get("parameters"))
+        if len(keys) > 1:
+            value = [missing if number_of(plain.get(key)) is None else number_of(plain.get(key)) for key in keys]
+        array = array_of(value.split() if isinstance(value, str) else value if isinstance(value, list) else [value])
+        if array is not None and array.size in counts:
+            return [float(number) for number in array.ravel()]
     return None
 
 
 def _intrinsics(plain: Mapping[str, Any], matrix: list[float], origin: str) -> Intrinsics:
+    if len(matrix) == 4:
+        fx, fy, cx, cy = matrix
+        matrix = [fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0]
     rows = np.array(matrix).reshape(3, 3)
     if not (np.all(np.isfinite(rows)) and rows[0, 0] > 0 and rows[1, 1] > 0 and np.allclose(rows[2], [0, 0, 1])):
         fix = "write fx, 0, cx / 0, fy, cy / 0, 0, 1"
         raise refusal(origin, "camera matrix", "not one of a camera", fix, HEADING)
-    model = _model(plain)
+    nested = plain.get("distortion")
+    given = plain.get("distortion_model") or plain.get("lens") or (isinstance(nested, Mapping) and nested.get("type"))
+    camera = str(plain.get("camera_model", "pinhole")).lower()
+    model = str(given or "").lower() if camera in ("pinhole", "fisheye", "equidistant") else camera
     if model not in (*MODELS, *FISHEYE):
         raise refusal(origin, "distortion model", f"{model!r} is not read", "calibrate as pinhole or fisheye", HEADING)
     lens: LensModel = "fisheye" if model in FISHEYE or number_of(plain.get("fisheye_model")) else "pinhole"
-    stated = _distortion(plain)
+    stated = _numbers(plain, DISTORTION, range(1, MAX_COEFFICIENTS), missing=0.0)
     distortion = stated or [0.0] * (4 if lens == "fisheye" else 5)
-    distortion = distortion if len(distortion) in COEFFICIENT_COUNTS[lens] else _shorten(distortion, lens)
-    matrix_rows = tuple(tuple(float(number) for number in row) for row in rows)
-    return Intrinsics(matrix_rows, tuple(distortion), lens, _size(plain), origin, stated is not None)
+    if len(distortion) not in COEFFICIENT_COUNTS[lens]:  # without zeros at the end, filled to a number that it has
+        kept = max((at for at, one in enumerate(distortion, 1) if one != 0), default=0)
+        least = min((count for count in COEFFICIENT_COUNTS[lens] if count >= kept), default=len(distortion))
+        distortion = (distortion[:kept] + [0.0] * least)[:least] if least >= kept else distortion
+    size = _numbers(plain, SIZE, (2,))
+    fits = size is not None and all(0 < side < MAX_SIDE_PX for side in size)
+    return Intrinsics(
+        tuple(tuple(float(number) for number in row) for row in rows), tuple(distortion), lens,
+        (int(size[0]), int(size[1])) if size is not None and fits else None, origin, stated is not None,
+    )  # fmt: skip
 
 
-def _model(plain: Mapping[str, Any]) -> str:
-    nested = plain.get("distortion")
-    kind = nested.get("type", "") if isinstance(nested, Mapping) else ""
-    camera = str(plain.get("camera_model", "pinhole")).lower()
-    if camera not in ("pinhole", "fisheye", "equidistant"):
-        return camera
-    given = plain.get("distortion_model") or plain.get("lens") or kind or ""
-    return str(given).lower()
-
-
-def _distortion(plain: Mapping[str, Any]) -> list[float] | None:
-    for key in DISTORTION_KEYS:
-        value = plain.get(key)
-        if isinstance(value, Mapping) and isinstance(value.get("parameters"), Mapping | list):
-            value = value["parameters"]
-        if value is not None and (numbers := _list(value)) is not None:
-            return numbers
-    for names in (
-        ("dist_k0", "dist_k1", "dist_px", "dist_py", "dist_k2", "dist_k3", "dist_k4", "dist_k5"),
-        ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6"),
-    ):
-        if names[0] in plain:
-            return [number_of(plain.get(name)) or 0.0 for name in names]
-    kud = number_of(plain.get("kud"))
-    return None if kud is None else [kud, 0.0, 0.0, 0.0, 0.0]
-
-
-def _shorten(distortion: list[float], lens: LensModel) -> list[float]:
-    """The coefficients without zeros at the end, filled to a number that the lens has."""
-    kept = len(distortion)
-    while kept and distortion[kept - 1] == 0:
-        kept -= 1
-    fitting = [count for count in COEFFICIENT_COUNTS[lens] if count >= kept]
-    return (distortion[:kept] + [0.0] * min(fitting))[: min(fitting)] if fitting else distortion
-
-
-def _size(plain: Mapping[str, Any]) -> tuple[int, int] | None:
-    pairs = [(plain.get(width), plain.get(height)) for width, height in SIZE_KEYS]
-    for key in ("resolution", "image_size", "imagesize"):
-        listed = _list(plain.get(key)) if key in plain else None
-        if listed is not None and len(listed) == 2:
-            pairs.append((listed[0], listed[1]))
-    for pair in pairs:
-        width, height = (number_of(side) for side in pair)
-        if width and height and 0 < width < 1e6 and 0 < height < 1e6:
-            return int(width), int(height)
-    return None
+MAX_COEFFICIENTS, MAX_SIDE_PX = 100, 1e6
+"""More numbers are no distortion, and a longer side is no picture's."""

@@ -15,9 +15,10 @@ _UR = re.compile(rf"(?:(\w+)\s*=\s*)?p\s*\[\s*({_NUMBER}(?:\s*,\s*{_NUMBER}){{5}
 _MOVE = re.compile(r"\b(?:movej|movel|movep|movec|servoj|get_inverse_kin)\s*\(", re.IGNORECASE)
 _SET_TOOL = re.compile(rf"\bset_tcp\s*\(\s*(?:(\w+)|p\s*\[\s*({_NUMBER}(?:\s*,\s*{_NUMBER}){{5}})\s*\])")
 _OFFSET = re.compile(r"\b(pose_trans|pose_add|interpolate_pose)\s*\(")
+_LIST = re.compile(rf"\b([A-Za-z]\w{{0,13}})\s*[=:]?\s*[\[(]\s*({_NUMBER}(?:[\s,;]+{_NUMBER}){{2,15}})\s*[\])]")
 _COMMA_NUMBER = r"[-+]?\d+,\d+(?:[eE][-+]?\d+)?"
 _PAIR = re.compile(
-    rf"\b([A-Za-z][A-Za-z0-9]{{0,9}})\s*[=:\s]\s*({_COMMA_NUMBER}|{_NUMBER})\s*(mm|m|deg|°|rad)?"
+    rf"\b([A-Za-z][A-Za-z0-9_]{{0,15}})\s*[=:\s]\s*({_COMMA_NUMBER}|{_NUMBER})\s*(mm|m|deg|°|rad)?"
     r"(?=[\s;}\]]|,(?!\d)|$)"
 )
 
@@ -34,6 +35,7 @@ def read_keyed_text(content: bytes, origin: str) -> PoseTable:
     text = decode(content, origin)
     if _UR.search(text):
         return _universal_robots(origin, text)
+    text = _LIST.sub(_as_pairs, text)
     found: dict[str, list[float]] = {}
     units: set[str] = set()
     pairs = _PAIR.findall(text)
@@ -42,20 +44,28 @@ def read_keyed_text(content: bytes, origin: str) -> PoseTable:
     for key, number, unit in pairs:
         found.setdefault(key.upper(), []).append(float(number.replace(",", ".")))
         units |= {unit} - {""}
-    for keys in KEYS:
-        count = len(found.get("X", []))
-        if count and all(len(found.get(key, [])) == count for key in keys):
-            names = [f"{key} mm" if at < 3 and "mm" in units else key for at, key in enumerate(keys)]
-            rows = [[found[key][at] for key in keys] for at in range(count)]
-            return table_of_columns(origin, names, rows)
-    for keys in KEYS:
-        counts = {key: len(found.get(key, [])) for key in keys}
-        if all(counts.values()):
-            what = f"not as many of every number: {', '.join(f'{count} {key}' for key, count in counts.items())}"
-            raise refusal(origin, "text", what, "give every pose all numbers, and remove tools and bases")
+    by_keys = {keys: [len(found.get(key, [])) for key in keys] for keys in KEYS}
+    uneven = {keys: counts for keys, counts in by_keys.items() if all(counts) and len({*counts}) > 1}
+    most = max(map(len, found.values()), default=0)
+    by_keys[tuple(key for key, numbers in found.items() if len(numbers) == most)] = [] if uneven else [most]
+    for keys, counts in by_keys.items():
+        if any(counts) and len({*counts}) == 1:
+            names = [f"{key} mm" if key in "XYZ" and "mm" in units else key for key in keys]
+            rows = zip(*(found[key] for key in keys), strict=True)
+            return table_of_columns(origin, names, [list(row) for row in rows])
+    for keys, counts in uneven.items():
+        told = ", ".join(f"{count} {key}" for key, count in zip(keys, counts, strict=True))
+        fix = "give every pose all numbers, and remove tools and bases"
+        raise refusal(origin, "text", f"not as many of every number: {told}", fix)
     raise refusal(
         origin, "text", "no poses in it", "give X, Y, Z with A, B, C, with W, P, R or with q1 to q4, or a table"
     )
+
+
+def _as_pairs(listed: re.Match[str]) -> str:
+    """`Q=[1, 0, 0, 0]` as Q1=1 Q2=0 Q3=0 Q4=0, and `rvec: [...]` as rvec_1=... of lists with longer names."""
+    key = listed[1] if len(listed[1]) == 1 else f"{listed[1]}_"
+    return " ".join(f"{key}{at}={number}" for at, number in enumerate(re.split(r"[\s,;]+", listed[2]), 1))
 
 
 def _universal_robots(origin: str, text: str) -> PoseTable:

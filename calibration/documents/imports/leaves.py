@@ -16,17 +16,15 @@ from calibration.documents.imports.columns import JOINT_WORDS, TURN_WORDS, text_
 from calibration.documents.imports.number_tables import (
     Cell,
     are_rotations,
-    point_pairs,
     table_of_joints,
     table_of_one_side,
     table_of_rows,
+    table_of_sides,
     with_names,
 )
 from calibration.documents.imports.pairing import natural
 from calibration.documents.imports.pose_table import PoseTable, table_of_matrices
 from calibration.documents.imports.refusal import MAX_POSES, refusal
-from calibration.documents.imports.sides import build_by_sides
-from calibration.errors import DocumentError
 from calibration.kinematics.conventions import CONVENTIONS
 from calibration.problem import Setup
 from calibration.transforms import Array
@@ -94,21 +92,7 @@ def table_of_data(data: Any, origin: str) -> PoseTable:
     if not names:
         raise refusal(origin, "records", "they have no key in common", "give every pose the same keys")
     _require_the_same_numbers(flat, names, origin)
-    leaves = {name: [record[name] for record in flat] for name in names}
-
-    def build(indices: Sequence[int]) -> PoseTable:
-        return _table_of_leaves(origin, {names[at]: leaves[names[at]] for at in indices})
-
-    found = text_columns(names)
-    shared = [at for at in (found.image, found.time, found.label) if at is not None and not _kind(leaves[names[at]][0])]
-    try:
-        built = build_by_sides(names, shared, build)
-    except DocumentError:
-        columns = [np.array(leaves[name]) for name in names if _kind(leaves[name][0]) == (3,)]
-        points = point_pairs(origin, [name for name in names if _kind(leaves[name][0]) == (3,)], columns)
-        if points is None:
-            raise
-        built = points
+    built = table_of_sides(origin, names, [[record[name] for record in flat] for name in names], _table_of_leaves)
     table = _as_recorded(replace(built, setup=setup_of(data)), data, names)
     return table if labels is None or len(set(labels)) < len(labels) else _with_labels(table, labels)
 
@@ -175,16 +159,18 @@ def _require_the_same_numbers(flat: Sequence[dict[str, Leaf]], names: Sequence[s
                 raise refusal(origin, f"record {at}", what, "complete it, or remove it")
 
 
-def _table_of_leaves(origin: str, leaves: dict[str, list[Leaf]]) -> PoseTable:
+def _table_of_leaves(origin: str, named: Sequence[str], columns: Sequence[Sequence[Leaf]]) -> PoseTable:
     """The table of the leaves of one side: by their shapes where one of them is a pose, else by their names."""
+    leaves = dict(zip(named, columns, strict=True))
     kinds = {name: _kind(column[0]) for name, column in leaves.items()}
-    matrices, rows, turns, places = (
-        [name for name, kind in kinds.items() if kind in wanted] for wanted in (MATRICES, ROWS, TURNS, ((3,),))
+    matrices, rows, turns, places, texts = (
+        [name for name, kind in kinds.items() if kind in wanted] for wanted in (MATRICES, ROWS, TURNS, ((3,),), ((),))
     )
     turns = [name for name in turns if are_rotations(np.array(leaves[name], float).reshape(-1, 3, 3))]
     if not leaves:
         raise refusal(origin, "records", "no numbers of a pose", "name them")
-    labels = [str(at + 1) for at in range(len(next(iter(leaves.values()))))]
+    labels = [str(at + 1) for at in range(len(columns[0]))]
+    cells = {name: [leaf if isinstance(leaf, str) else float(leaf) for leaf in leaves[name]] for name in texts}
     whole: PoseTable | None = None
     if len(matrices) == 1:
         whole = table_of_array(np.array(leaves[matrices[0]]), origin)
@@ -202,25 +188,16 @@ def _table_of_leaves(origin: str, leaves: dict[str, list[Leaf]]) -> PoseTable:
         what = f"{len(matrices)} poses in a record ({', '.join(matrices[:4])}), and their names do not say whose"
         raise refusal(origin, "records", what, "name them robot and camera, or gripper2base and target2cam")
     if whole is not None:
-        texts = [name for name, kind in kinds.items() if kind == ()]
-        cells = [[_cell(leaves[name][at]) for name in texts] for at in range(len(labels))]
-        return with_names(whole, text_columns(texts), texts, cells)
-    names: list[str] = []
-    columns: list[list[Cell]] = []
+        return with_names(whole, text_columns(texts), texts, [*cells.values()])
+    flat: dict[str, list[Cell]] = {}
     for name, column in leaves.items():
-        kind = kinds[name]
-        if kind == ():
-            names, columns = [*names, name], [*columns, [_cell(leaf) for leaf in column]]
+        if name in cells:
+            flat[name] = cells[name]
             continue
-        grid = kind == (3, 3) and (len(turns) == 1 or set(words_of(name)) & TURN_WORDS)
-        numbers = np.array(column, float).reshape(len(column), -1)
-        names += [f"{name}.r{at // 3}{at % 3}" if grid else f"{name}.{at}" for at in range(numbers.shape[1])]
-        columns += numbers.T.tolist()
-    return table_of_one_side(origin, names, [list(row) for row in zip(*columns, strict=True)])
-
-
-def _cell(leaf: Leaf) -> Cell:
-    return leaf if isinstance(leaf, str) else float(leaf)
+        grid = kinds[name] == (3, 3) and (len(turns) == 1 or set(words_of(name)) & TURN_WORDS)
+        for at, numbers in enumerate(np.array(column, float).reshape(len(column), -1).T.tolist()):
+            flat[f"{name}.r{at // 3}{at % 3}" if grid else f"{name}.{at}"] = numbers
+    return table_of_one_side(origin, [*flat], [*flat.values()])
 
 
 def table_of_array(array: Array, origin: str, labels: Sequence[str] | None = None) -> PoseTable:

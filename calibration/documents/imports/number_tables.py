@@ -3,8 +3,9 @@
 Without names the number of columns says what stands there: 6, 7, 8 (with a time), 12 or 16.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -33,33 +34,45 @@ def table_of_columns(origin: str, names: Sequence[str], rows: Sequence[Sequence[
     if not 0 < len(rows) <= MAX_POSES:
         what = "no poses in it" if not rows else f"{len(rows)} rows, where {MAX_POSES} are read"
         raise refusal(origin, "rows", what, "give one row for each view")
+    return table_of_sides(origin, names, [*zip(*rows, strict=True)], table_of_one_side)
 
-    def build(indices: Sequence[int]) -> PoseTable:
-        return table_of_one_side(origin, [names[at] for at in indices], [[row[at] for at in indices] for row in rows])
 
+Named = Callable[[str, Sequence[str], Sequence[Sequence[Any]]], PoseTable]
+"""Makes a table of named columns of one side."""
+
+
+def table_of_sides(origin: str, names: Sequence[str], columns: Sequence[Sequence[Any]], build: Named) -> PoseTable:
+    """What `build` makes of the columns of each side, or pairs of points. Raises DocumentError.
+
+    columns : of numbers, texts or arrays, one for each pose; pictures, times and labels belong to both sides.
+    """
     found = text_columns(names)
-    shared = [index for index in (found.image, found.time, found.label) if index is not None]
+    texts = (found.image, found.time, found.label)
+    shared = [at for at in texts if at is not None and np.ndim(columns[at][0]) == 0]
     try:
-        return build_by_sides(names, shared, build)
+        return build_by_sides(
+            names, shared, lambda at: build(origin, [names[one] for one in at], [columns[one] for one in at])
+        )
     except DocumentError:
-        numbers = [
-            np.array([row[at] if isinstance(row[at], float) else np.nan for row in rows]) for at in range(len(names))
-        ]
-        if (points := point_pairs(origin, names, numbers)) is None:
+        if (points := _point_pairs(origin, names, columns)) is None:
             raise
         return points
 
 
-def point_pairs(origin: str, names: Sequence[str], columns: Sequence[Array]) -> PoseTable | None:
-    """The robot's points with the camera's, of columns (n,) or (n, 3), where the names of each side give three numbers;
-    else None."""
+def _point_pairs(origin: str, names: Sequence[str], columns: Sequence[Sequence[Any]]) -> PoseTable | None:
+    """The robot's points with the camera's, where the names of each side give three numbers; else None."""
     found = []
     for side in ("robot", "camera"):
         said = [relation_of(name) for name in names]
         own = [at for at, one in enumerate(said) if one is not None and one.side == side and not one.weak]
         axes = [(words_of(names[at]) or [""])[-1] for at in own]
         own = [own[axes.index(axis)] for axis in "xyz"] if sorted(axes) == ["x", "y", "z"] else own
-        points = np.column_stack([columns[at] for at in own]) if own else np.empty((0, 0))
+        own = own if len(own) == 3 else [at for at in own if np.shape(columns[at][0]) == (3,)]
+        points = np.column_stack([np.array(columns[at], object) for at in own]) if own else np.empty((0, 0))
+        try:
+            points = points.astype(float)
+        except ValueError:  # a text among them
+            return None
         if points.shape[1] != 3:
             return None
         labels = tuple(str(at + 1) for at in range(len(points)))
@@ -74,13 +87,18 @@ def point_pairs(origin: str, names: Sequence[str], columns: Sequence[Array]) -> 
 POINTS = CONVENTIONS["points"]
 
 
-def table_of_one_side(origin: str, names: Sequence[str], rows: Sequence[Sequence[Cell]]) -> PoseTable:
-    """The table of rows with named columns, whosever they are. Raises DocumentError."""
+def table_of_one_side(origin: str, names: Sequence[str], cells: Sequence[Sequence[Cell]]) -> PoseTable:
+    """The table of columns of cells with names, whosever they are. Raises DocumentError."""
     columns = recognise_columns(names, origin)
     numbers = [*columns.lengths, *columns.turn, *columns.pose, *columns.joints]
-    values = _numbers(origin, names, rows, numbers)
+    for index in numbers:
+        for at, cell in enumerate(cells[index], 1):
+            if isinstance(cell, str):
+                what = f"{cell[:40]!r} is no number" if cell else "empty"
+                raise refusal(origin, f"row {at}, {names[index]}", what, "correct it")
+    values = np.column_stack([np.array(cells[index], float) for index in numbers])
     values[:, : len(columns.lengths)] *= columns.scale
-    labels = tuple(str(at + 1) for at in range(len(rows)))
+    labels = tuple(str(at + 1) for at in range(len(values)))
     layout = "columns " + ", ".join(names[index] for index in numbers[:8]) + (" ..." if len(numbers) > 8 else "")
     if columns.joints:
         table = table_of_joints(origin, labels, values, layout)
@@ -97,23 +115,28 @@ def table_of_one_side(origin: str, names: Sequence[str], rows: Sequence[Sequence
     if columns.unit is not None:
         table.require_reach(columns.unit, "header")
         reach_mm = float(np.linalg.norm(table.lengths, axis=1).max()) * MM[columns.unit]
-        if len(rows) > 1 and reach_mm < MIN_STATED_MM:
+        if len(values) > 1 and reach_mm < MIN_STATED_MM:
             what = f"in {columns.unit} as the header says, every pose is within {reach_mm:.3g} mm of the base"
             raise refusal(origin, "header", what, "correct the unit in the header")
-    return with_names(table, columns, names, rows)
+    return with_names(table, columns, names, cells)
 
 
-def with_names(table: PoseTable, columns: Columns, names: Sequence[str], rows: Sequence[Sequence[Cell]]) -> PoseTable:
-    """The table with the labels, pictures and times of the rows, and a note of the columns that are not used."""
+def with_names(table: PoseTable, columns: Columns, names: Sequence[str], cells: Sequence[Sequence[Cell]]) -> PoseTable:
+    """The table with the labels, pictures and times of the columns of cells, and a note of those that are not used."""
     ignored = [names[index] for index in columns.ignored]
-    images, times = table.images, table.times_s
-    if columns.image is not None and all(isinstance(row[columns.image], str) for row in rows):
-        images = tuple(str(row[columns.image]).strip() for row in rows)
+    images, times, labels = table.images, table.times_s, table.labels
+    if columns.image is not None and all(isinstance(cell, str) for cell in cells[columns.image]):
+        images = tuple(str(cell).strip() for cell in cells[columns.image])
     if columns.time is not None:
-        seconds = [cell if isinstance(cell := row[columns.time], float) else seconds_of(cell) for row in rows]
+        seconds = [cell if isinstance(cell, float) else seconds_of(cell) for cell in cells[columns.time]]
         times = times if any(one is None for one in seconds) else np.array(seconds, float)
+    for index in (one for one in (columns.image, columns.label) if one is not None):  # the later one counts
+        named = tuple(
+            str(int(cell) if isinstance(cell, float) and cell.is_integer() and abs(cell) < 1e15 else cell).strip()
+            for cell in cells[index]
+        )
+        labels = named if len(set(named)) == len(named) else labels
     notes = (f"not used: {', '.join(ignored)}",) if ignored else ()
-    labels = _labels(columns, rows) or table.labels
     return replace(table, labels=labels, images=images, times_s=times, notes=(*table.notes, *notes))
 
 
@@ -127,31 +150,6 @@ def table_of_joints(origin: str, labels: Sequence[str], joints: Array, layout: s
         origin, tuple(labels), np.zeros((len(joints), 3)), joints, "joints", f"joints: {layout}", unit="mm",
         frame="base_T_flange",
     ).checked()  # fmt: skip
-
-
-def _numbers(origin: str, names: Sequence[str], rows: Sequence[Sequence[Cell]], wanted: Sequence[int]) -> Array:
-    values = np.empty((len(rows), len(wanted)))
-    for at, row in enumerate(rows):
-        for place, index in enumerate(wanted):
-            cell = row[index]
-            if not isinstance(cell, float):
-                what = f"{cell[:40]!r} is no number" if cell else "empty"
-                raise refusal(origin, f"row {at + 1}, {names[index]}", what, "correct it")
-            values[at, place] = cell
-    return values
-
-
-def _labels(columns: Columns, rows: Sequence[Sequence[Cell]]) -> tuple[str, ...] | None:
-    """What the rows call themselves; None where nothing differs from row to row."""
-    for index in (columns.label, columns.image):
-        if index is not None:
-            named = tuple(
-                str(int(cell) if isinstance(cell, float) and cell.is_integer() and abs(cell) < 1e15 else cell).strip()
-                for cell in (row[index] for row in rows)
-            )
-            if len(set(named)) == len(named):
-                return named
-    return None
 
 
 def table_of_rows(origin: str, rows: Array, labels: Sequence[str] | None = None, layout: str = "") -> PoseTable:

@@ -1,5 +1,6 @@
 """Robot poses as a file has them: numbers, with what the file says of their meaning and what it leaves open."""
 
+import contextlib
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -100,66 +101,57 @@ class PoseTable:
         if not finite.all():
             row = int(np.flatnonzero(~finite)[0])
             raise refusal(self.origin, f"pose {self.labels[row]}", "a number is missing or not finite", "correct it")
-        self._require_quaternions()
-        self._require_one_unit()
-        return self
-
-    def _require_quaternions(self) -> None:
         norms = np.linalg.norm(self.numbers, axis=1)
         wrong = np.abs(norms - 1) > QUATERNION_NORM_TOLERANCE
         if self.kind == "quaternion" and wrong.any():
             row = int(wrong.argmax())
             what = f"a quaternion of norm {norms[row]:.4g}, not 1"
             raise refusal(self.origin, f"pose {self.labels[row]}", what, "give unit quaternions")
-
-    def _require_one_unit(self) -> None:
-        """Raises DocumentError when some poses are in metres and others in mm."""
         reach = np.linalg.norm(self.lengths, axis=1)
         near = reach < reach.max(initial=0.0) / MIXED_RATIO
         if near.any() and np.median(reach[near]) > 0.0 and 1 / 5 < 1000 * np.median(reach[near]) / reach.max() < 5:
             row = int(near.argmax())
             what = f"{reach[row]:.4g} from the base, where others are up to {reach.max():.4g}: another unit"
             raise refusal(self.origin, f"pose {self.labels[row]}", what, "give all lengths in one unit")
+        return self
 
     def conventions(self) -> tuple[Convention, ...]:
         """The one that the source states, or all that its numbers allow."""
         if self.convention is not None:
             return (self.convention,)
-        found = allowed_conventions(self.kind, self.numbers, by_axis=self.by_axis)
-        return tuple(one for one in found if self._is_possible(one))
-
-    def _is_possible(self, convention: Convention) -> bool:
-        try:
-            self.poses(convention, "mm", "base_T_flange")
-        except GeometryError:
-            return False
-        return True
+        possible = []
+        for one in allowed_conventions(self.kind, self.numbers, by_axis=self.by_axis):
+            with contextlib.suppress(GeometryError):
+                self.poses(one, "mm", "base_T_flange")
+                possible.append(one)
+        return tuple(possible)
 
     def units(self) -> tuple[LengthUnit, ...]:
         """The one that the source states, or those for which the lengths are those of an arm."""
         if self.unit is not None:
             return (self.unit,)
-        reach = float(np.median(np.linalg.norm(self.lengths, axis=1)))
-        fitting = [unit for unit in LENGTH_UNITS if MIN_ARM_MM <= reach * MM[unit] <= MAX_ARM_MM]
+        fitting = [unit for unit in LENGTH_UNITS if MIN_ARM_MM <= self.reach_mm(unit) <= MAX_ARM_MM]
         return tuple(fitting) or ("mm",)
 
-    def is_perhaps_in_cm(self) -> bool:
-        """Whether the lengths, without a unit, would be usual ones of an arm in centimetres."""
-        reach = float(np.median(np.linalg.norm(self.lengths, axis=1)))
-        return self.unit is None and MIN_ARM_MM <= reach < SMALL_ARM_MM
+    def reach_mm(self, unit: LengthUnit) -> float:
+        """Distance of the flange from its base in the median of the poses, with lengths in that unit."""
+        return float(np.median(np.linalg.norm(self.lengths, axis=1))) * MM[unit]
 
     def doubtful_reach(self, unit: LengthUnit) -> str:
-        """What to say of lengths without a unit that put the flange farther from its base than most arms; or ""."""
-        reach = float(np.median(np.linalg.norm(self.lengths, axis=1))) * MM[unit]
-        if self.unit is not None or reach <= LARGE_ARM_MM:
-            return ""
-        return f"lengths without a unit are taken as {unit}, which puts the flange {reach / 1000:.3g} m from its base"
+        """What to say of lengths without a unit that put the flange nearer to its base or farther than most arms; or
+        ""."""
+        reach_mm = self.reach_mm(unit)
+        if self.unit is None and reach_mm > LARGE_ARM_MM:
+            far = f"which puts the flange {reach_mm / 1000:.3g} m from its base"
+            return f"lengths without a unit are taken as {unit}, {far}"
+        if self.unit is None and unit == "mm" and MIN_ARM_MM <= reach_mm < SMALL_ARM_MM:
+            return "lengths without a unit are taken as mm; were they cm, name the columns x_cm, y_cm, z_cm"
+        return ""
 
     def require_reach(self, unit: LengthUnit, said_by: str) -> None:
         """Raises DocumentError when a stated unit puts the poses farther from the base than any arm reaches."""
-        reach = float(np.median(np.linalg.norm(self.lengths, axis=1))) * MM[unit]
-        if reach > MAX_ARM_MM:
-            what = f"in {unit} as stated, the poses are {reach / 1000:.3g} m from the base"
+        if (reach_mm := self.reach_mm(unit)) > MAX_ARM_MM:
+            what = f"in {unit} as stated, the poses are {reach_mm / 1000:.3g} m from the base"
             raise refusal(self.origin, said_by, what, "correct the unit")
 
     def frames(self) -> tuple[Frame, ...]:
@@ -222,6 +214,10 @@ def concatenate(tables: Sequence[PoseTable], labels: Sequence[str], origin: str)
         ):  # fmt: skip
             what = f"another layout ({table.layout}) than {labels[0]} ({first.layout})"
             raise refusal(origin, label, what, "write all poses alike")
+    cameras = [table.camera for table in tables if table.camera is not None]
+    if first.camera is not None and len(cameras) < len(tables):
+        missing = next(table.origin for table in tables if table.camera is None)
+        raise refusal(missing, "file", "without the camera's pose that the others have", "write all poses alike")
     return replace(
         first,
         origin=origin,
@@ -231,17 +227,10 @@ def concatenate(tables: Sequence[PoseTable], labels: Sequence[str], origin: str)
         layout=f"{len(tables)} files with one pose each: {first.layout}",
         images=None,
         times_s=None,
-        camera=None if first.camera is None else concatenate([_camera_of(one) for one in tables], labels, origin),
+        camera=None if first.camera is None else concatenate(cameras, labels, origin),
         external_axes=None if first.external_axes is None else np.concatenate(
             [one.external_axes for one in tables if one.external_axes is not None]),
     ).checked()  # fmt: skip
-
-
-def _camera_of(table: PoseTable) -> PoseTable:
-    """Raises DocumentError for a file without the camera's pose that others have."""
-    if table.camera is None:
-        raise refusal(table.origin, "file", "without the camera's pose that the others have", "write all poses alike")
-    return table.camera
 
 
 def table_of_matrices(origin: str, labels: Sequence[str], matrices: Array, layout: str) -> PoseTable:

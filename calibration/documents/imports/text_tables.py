@@ -69,7 +69,8 @@ def _without_names(origin: str, cells: list[list[Cell]]) -> PoseTable:
     labels: list[str] | None = None
     meshes = [row for row in cells if len(row) > 2 and isinstance(row[0], str) and isinstance(row[1], str)]
     if meshes and len({row[0] for row in meshes}) == 1 and {len(row) for row in meshes} == {9}:
-        cells = [row[1:] for row in meshes]  # a .conf of Stanford's scans: bmesh NAME tx ty tz qx qy qz qw
+        names = ["cloud", "x", "y", "z", "qx", "qy", "qz", "qw"]  # a .conf of Stanford's scans
+        return table_of_columns(origin, names, [row[1:] for row in meshes])
     if all(isinstance(row[0], str) and len(row) > 1 for row in cells):
         labels, cells = [str(row[0]) for row in cells], [row[1:] for row in cells]
         if are_names_of_columns(labels) and len({len(row) for row in cells}) == 1:

@@ -14,15 +14,15 @@ from calibration.diagnosis.plausibility import circle_of
 from calibration.documents.imports.number_tables import POINTS
 from calibration.documents.imports.pairs import agreeing_conventions, equal_sides
 from calibration.documents.imports.pose_table import PoseTable
-from calibration.documents.imports.readings import Decision, Reading, compare, decide, readings_of
 from calibration.documents.imports.refusal import refusal
 from calibration.documents.imports.sets.folder import CLOUDS, ImportedSet
 from calibration.documents.imports.sets.kinds import read_set
-from calibration.documents.imports.target_text import FORMS, example, target_of_data
-from calibration.documents.imports.view_evidence import evidence_of_views
 from calibration.documents.pose import PoseDocument
+from calibration.documents.readings import Decision, Reading, compare, decide, readings_of
 from calibration.documents.session import CameraDocument, SessionDocument, ViewDocument
 from calibration.documents.target import TargetDocument
+from calibration.documents.target_text import FORMS, example, target_of_data
+from calibration.documents.view_evidence import evidence_of_views
 from calibration.errors import DocumentError, GeometryError
 from calibration.kinematics.abb_arms import find_arm
 from calibration.kinematics.conventions import LENGTH_UNITS, MM, Convention, LengthUnit
@@ -86,16 +86,14 @@ def understand(request: ImportRequest, progress: Progress = lambda done, of: Non
     unused = imported.camera is not None and camera is None and bool(images) and request.camera is None
     lens = ("the set's intrinsics state no distortion and are not used; --camera uses them",) if unused else ()
     links = (f"{len(files.links)} links are not followed",) if files.links else ()
-    small = reading.unit == "mm" and request.unit is None and table.is_perhaps_in_cm()
-    size = ("lengths without a unit are taken as mm; were they cm, name the columns x_cm, y_cm, z_cm",) if small else ()
-    far = table.doubtful_reach(reading.unit) if request.unit is None else ""
+    doubt = table.doubtful_reach(reading.unit) if request.unit is None else ""
     still = [label for label, pose in zip(table.labels, poses, strict=True) if np.allclose(pose, np.eye(4))]
     own = (f"pose {still[0]} is the identity: are the poses relative to it, and not to the base?",) if still else ()
     missing = best.missing
     unseen = (f"the poses are not compared with the pictures{missing}",) if best.evidence is None and missing else ()
     notes = (
         *table.notes, *imported.notes, *beside, *best.notes, *_of_axes(table, decision),
-        *_of_options(request, table), *size, *filter(None, [far]), *own, *unseen, *lens, *links,
+        *_of_options(request, table), *filter(None, [doubt]), *own, *unseen, *lens, *links,
     )  # fmt: skip
     return Understood(
         request, replace(imported, poses=table), reading, decision.words, poses, best.seen, images, target, camera,

@@ -9,8 +9,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from calibration.documents.imports.pose_table import PoseTable
-from calibration.documents.imports.readings import compare, decide, readings_of
-from calibration.documents.imports.view_evidence import evidence_of_views
+from calibration.documents.readings import compare, decide, readings_of
+from calibration.documents.view_evidence import evidence_of_views
 from calibration.kinematics.conventions import CONVENTIONS
 from calibration.transforms import Array
 from daemon.sessions.session_reader import load_problem, open_session
@@ -201,6 +201,29 @@ def test_one_file_for_both_sides_is_no_measurement(tmp_path: Path) -> None:
         ran = handeyed("import", tmp_path / "in", *both, "--setup", setup, "--out", tmp_path / "s")
         assert ran.status == 2
         assert "are the same numbers: give the poses that the robot reported" in ran.err
+
+
+def test_clouds_with_stanford_s_transforms_become_a_scan(tmp_path: Path) -> None:
+    beside = tmp_path / "beside"
+    together = tmp_path / "together"
+    turns = Rotation.from_matrix(POSES[:3, :3, :3]).as_quat()
+    for folder in (beside, together):
+        folder.mkdir()
+        for at in range(3):
+            (folder / f"scan_{at}.ply").write_bytes(b"ply\n")
+    for at, pose in enumerate(POSES[:3]):  # one matrix beside each cloud
+        np.savetxt(beside / f"scan_{at}.xf", pose)
+    numbers = np.concatenate([POSES[:3, :3, 3], turns], axis=1).tolist()
+    meshes = [f"bmesh scan_{at}.ply {' '.join(map(repr, numbers[at]))}" for at in (2, 1, 0)]
+    (together / "scans.conf").write_text("\n".join(["camera 0 0 0 0 0 0 1", *meshes]))
+    for folder, order in ((beside, [0, 1, 2]), (together, [2, 1, 0])):
+        ran = handeyed("import", folder, "--out", tmp_path / f"{folder.name}_s", "--cloud-unit", "mm")
+        assert ran.status == 0, ran.err
+        views = json.loads((tmp_path / f"{folder.name}_s" / "scan.json").read_text())["views"]
+        assert [view["cloud"] for view in views] == [f"scan_{at}.ply" for at in order]
+        np.testing.assert_allclose(
+            [view["base_T_flange"]["translation_mm"] for view in views], POSES[order, :3, 3], atol=1e-6
+        )
 
 
 def test_clouds_without_a_target_become_a_scan(tmp_path: Path) -> None:

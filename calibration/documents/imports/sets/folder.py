@@ -87,12 +87,13 @@ def matching(names: Sequence[str], pattern: str) -> tuple[str, ...]:
     return tuple(sorted(found, key=natural))
 
 
-def read_one_each(files: Files, names: Sequence[str]) -> PoseTable:
-    """One table of files with a pose each; one error when they are wrong alike. Raises DocumentError."""
+def read_named(files: Files, names: Sequence[str]) -> PoseTable:
+    """The table of a file, or of files with a pose each; one error when these are wrong alike. Raises DocumentError."""
     if not names:
         raise refusal(files.origin, "poses", "no files with poses", "give them by --poses")
     tables = [read_poses(name, files.read(name)) for name in names]
-    return concatenate(tables, [PurePosixPath(name).stem for name in names], files.origin)
+    stems = [PurePosixPath(name).stem for name in names]
+    return tables[0] if len(tables) == 1 else concatenate(tables, stems, files.origin)
 
 
 def read(files: Files, chosen: Chosen) -> ImportedSet:
@@ -139,7 +140,7 @@ def _poses(files: Files, pattern: str, side: Side) -> PoseTable:
     option = "--poses" if side == "robot" else "--camera-poses"
     if not names:
         raise refusal(files.origin, option, f"no file fits {pattern}", "check the pattern")
-    table = read_poses(names[0], files.read(names[0])) if len(names) == 1 else read_one_each(files, names)
+    table = read_named(files, names)
     return table.camera if side == "camera" and table.camera is not None else table
 
 
@@ -169,7 +170,7 @@ def find_poses(files: Files, but: str | None = None) -> PoseTable:
             single.setdefault((f"{path.parent}/{stem}", path.suffix), []).append(name)
     for (stem, suffix), names in single.items():
         if len(names) > 1:
-            several[f"{stem}...{suffix}"] = read_one_each(files, sorted(names, key=natural))
+            several[f"{stem}...{suffix}"] = read_named(files, sorted(names, key=natural))
     if len(several) == 1:
         return next(iter(several.values()))
     if both := _both_sides(several):

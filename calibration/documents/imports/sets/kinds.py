@@ -14,10 +14,8 @@ from dataclasses import dataclass, replace
 from pathlib import PurePosixPath
 from typing import Any
 
-import numpy as np
-
 from calibration.documents.imports.intrinsics import intrinsics_of, read_intrinsics
-from calibration.documents.imports.leaves import array_of, number_of, setup_of, table_of_array, table_of_data
+from calibration.documents.imports.leaves import array_of, number_of, setup_of, table_of_data
 from calibration.documents.imports.number_tables import table_of_rows
 from calibration.documents.imports.pairing import natural, pair
 from calibration.documents.imports.pose_files import read_poses
@@ -31,7 +29,7 @@ from calibration.documents.imports.sets.folder import (
     ImportedSet,
     matching,
     of_suffix,
-    read_one_each,
+    read_named,
 )
 from calibration.documents.imports.text_tables import read_named_columns
 from calibration.documents.imports.trees import read_json, read_json_lines, read_yaml
@@ -49,12 +47,13 @@ PART = r"(?P<part>[^/]+)"
 class Layout:
     """A set by the names of its files: regular expressions, in which {part} is a camera's or scene's folder.
 
-    marker : a file that every such set has. parts : names whose group `part` is one of several parts, `example` one.
-    poses, seen : files of the robot's poses, and of the camera's where there are no pictures.
+    markers : files that every such set has; pairs of poses without pictures are any folder. parts : names whose group
+    `part` is one of several parts, `example` one. poses, seen : files of the robot's poses, and of the camera's where
+    there are no pictures.
     """
 
     name: str
-    marker: str
+    markers: tuple[str, ...]
     poses: str
     images: str
     unit: LengthUnit
@@ -67,51 +66,41 @@ class Layout:
     describe: Callable[[Files, str], Described] = lambda files, part: {}
 
     def recognise(self, files: Files) -> bool:
-        """Whether it is such a set: pairs of poses without pictures are any folder, where none are described."""
-        wanted = (self.marker, self.images) if self.name == "Zivid" else (self.marker,)
-        return all(any(re.search(pattern, name) for name in files.names) for pattern in wanted)
+        """Whether it is such a set."""
+        return all(any(re.search(marker, name) for name in files.names) for marker in self.markers)
 
     def read(self, files: Files, part: str | None) -> ImportedSet:
         """The set; `part` names one of several parts. Raises DocumentError."""
-        chosen = self._part(files, part)
-        names = {
-            key: self._names_of(files, pattern, chosen)
-            for key, pattern in (("poses", self.poses), ("images", self.images))
-        }
-        poses = self._table(files, names["poses"])
-        clouds = of_suffix(names["images"], CLOUDS)
-        images = of_suffix(names["images"], PICTURES) or of_suffix(
+        chosen = ""
+        if self.parts is not None:
+            found = (re.search(self.parts, name) for name in files.names)
+            parts = [*dict.fromkeys(match["part"] or "" for match in found if match)]
+            chosen = part.strip("/") if part else parts[0] if len(parts) == 1 else "?"
+            if chosen not in parts:
+                kind = "cameras" if "camera" in self.example else "scenes"
+                what = f"{len(parts)} {kind} ({', '.join(parts[:6])})"
+                raise refusal(files.origin, "--part", what, f"name one: --part {self.example}", self.heading)
+        poses = self._table(files, self._names_of(files, self.poses, chosen))
+        listed = self._names_of(files, self.images, chosen)
+        clouds = of_suffix(listed, CLOUDS)
+        images = of_suffix(listed, PICTURES) or of_suffix(
             clouds, frozenset(PurePosixPath(name).suffix.lower() for name in clouds[:1])
         )
         described = self.describe(files, chosen)
         if self.seen is not None and not images and (seen := self._names_of(files, self.seen, chosen)):
-            return ImportedSet(
-                self.name, poses, pairing="by number", camera_poses=self._table(files, seen), **described
-            )
-        if not images and of_suffix(names["images"], frozenset((".zdf",))):
+            return ImportedSet(self.name, poses, (), "by number", self._table(files, seen), **described)
+        if not images and of_suffix(listed, frozenset((".zdf",))):
             what, fix = "only .zdf, the camera's own format", "save PNG, PLY or NPZ beside them with Zivid's SDK"
             raise refusal(files.origin, "images", what, fix, self.heading)
         paired = pair(images, poses)
         return ImportedSet(self.name, poses.take(paired.rows), paired.images, paired.words, **described)
-
-    def _part(self, files: Files, part: str | None) -> str:
-        if self.parts is None:
-            return ""
-        found = [match["part"] or "" for name in files.names if (match := re.search(self.parts, name))]
-        parts = tuple(dict.fromkeys(found))
-        chosen = part.strip("/") if part else parts[0] if len(parts) == 1 else None
-        if chosen not in parts:
-            kind, listed = ("cameras" if "camera" in self.example else "scenes"), ", ".join(parts[:6])
-            what = f"{len(parts)} {kind} ({listed})"
-            raise refusal(files.origin, "--part", what, f"name one: --part {self.example}", self.heading)
-        return str(chosen)
 
     def _names_of(self, files: Files, pattern: str, part: str) -> list[str]:
         inside = pattern.replace("{part}/", f"{re.escape(part)}/" if part else "")
         return [name for name in files.names if re.search(inside, name)]
 
     def _table(self, files: Files, names: Sequence[str]) -> PoseTable:
-        table = read_poses(names[0], files.read(names[0])) if len(names) == 1 else read_one_each(files, names)
+        table = read_named(files, names)
         convention = table.convention if self.convention is None else CONVENTIONS[self.convention]
         return replace(table, unit=self.unit, frame=self.frame, convention=convention, side=None, named_frame=None)
 
@@ -156,18 +145,18 @@ def _visp(files: Files, part: str) -> Described:
     return {}
 
 
+ZIVID_POSES, ZIVID_IMAGES = r"(^|/)(pos|robot_pose_)_?\d+\.ya?ml$", r"(^|/)(img|capture_)_?\d+\.\w+$"
 LAYOUTS = (
-    Layout("METRIC", r"^CalibrationInfo\.yaml$", r"^{part}/pose/", r"^{part}/", "m", "metric",
+    Layout("METRIC", (r"^CalibrationInfo\.yaml$",), r"^{part}/pose/", r"^{part}/", "m", "metric",
            parts=rf"^{PART}/pose/", example="camera1", describe=_metric),
-    Layout("BOP", r"(^|/)scene_camera\.json$", r"^{part}/scene_camera\.json$", r"^{part}/(rgb|gray|grey)/", "mm", "bop",
-           "flange_T_base", "matrix", r"^(?:(?P<part>.*)/)?scene_camera\.json$", "000001", describe=_bop),
-    Layout("RWHE", r"^robot_cali\.txt$", r"^robot_cali\.txt$", r"^(?!internal_images/)(.*/)?{part}/[^/]*$", "mm",
+    Layout("BOP", (r"(^|/)scene_camera\.json$",), r"^{part}/scene_camera\.json$", r"^{part}/(rgb|gray|grey)/", "mm",
+           "bop", "flange_T_base", "matrix", r"^(?:(?P<part>.*)/)?scene_camera\.json$", "000001", describe=_bop),
+    Layout("RWHE", (r"^robot_cali\.txt$",), r"^robot_cali\.txt$", r"^(?!internal_images/)(.*/)?{part}/[^/]*$", "mm",
            "rwhe", "flange_T_base", example="camera0", describe=_rwhe,
            parts=rf"^(?!internal_images/)(?:.*/)?{PART}/[^/]+\.(?:png|jpe?g|tiff?|bmp|p[gp]m)$"),
-    Layout("ViSP", r"rPe_?\d+\.ya?ml$", r"rPe_?\d+\.ya?ml$", r"", "m", "pose-pairs", convention="rotation-vector",
+    Layout("ViSP", (r"rPe_?\d+\.ya?ml$",), r"rPe_?\d+\.ya?ml$", r"", "m", "pose-pairs", convention="rotation-vector",
            seen=r"cPo_?\d+\.ya?ml$", describe=_visp),
-    Layout("Zivid", r"(^|/)(pos|robot_pose_)_?\d+\.ya?ml$", r"(^|/)(pos|robot_pose_)_?\d+\.ya?ml$",
-           r"(^|/)(img|capture_)_?\d+\.\w+$", "mm", "zivid"),
+    Layout("Zivid", (ZIVID_POSES, ZIVID_IMAGES), ZIVID_POSES, ZIVID_IMAGES, "mm", "zivid"),
 )  # fmt: skip
 
 CONFIGURATION = "cal_data.yaml"
@@ -264,8 +253,22 @@ def _poses_of_spec(files: Files, spec: dict[str, Any]) -> PoseTable:
     if rotation is None or stated.get("translation_units") not in ("m", "mm"):
         what = f"rotation {stated.get('rotation_format')!r} in {stated.get('translation_units')!r}"
         raise refusal(SPEC, "pose_convention", what, f"one of {', '.join(ROTATIONS)} in m or mm", "dataset_spec")
-    name = str(source.get("path"))
-    table = _table_of_spec(files, name, source)
+    name, columns, field = str(source.get("path")), source.get("columns"), source.get("matrix_field")
+    content, wanted = files.read(name), [str(field)]
+    if isinstance(columns, dict):
+        turn = [str(one) for one in columns.get("rotation") or []]
+        wanted = turn if len(turn) == 16 else [str(columns.get(key)) for key in ("tx", "ty", "tz")] + turn
+    if not isinstance(columns, dict) and not isinstance(field, str):
+        table = read_poses(name, content)
+    elif not name.endswith((".json", ".jsonl")):
+        table = table_of_rows(name, read_named_columns(content, name, wanted))
+    else:
+        records = read_json_lines(content, name) if name.endswith("l") else read_json(content, name)
+        found = array_of([[one.get(key) if isinstance(one, dict) else None for key in wanted] for one in records])
+        if found is None or (field and found[0].size != 16):
+            what = f"not all have {', '.join(wanted)}" + (" as a 4 x 4 matrix" if field else " as numbers")
+            raise refusal(name, "records", what, "correct it", "dataset_spec")
+        table = table_of_rows(name, found.reshape(len(found), -1))
     if table.kind != CONVENTIONS[rotation].kind:
         what = f"the poses are {table.layout}, not {stated.get('rotation_format')}"
         raise refusal(SPEC, "pose_convention.rotation_format", what, "make them agree", "dataset_spec")
@@ -276,38 +279,14 @@ def _poses_of_spec(files: Files, spec: dict[str, Any]) -> PoseTable:
     ).checked()  # fmt: skip
 
 
-def _table_of_spec(files: Files, name: str, source: dict[str, Any]) -> PoseTable:
-    content, columns, field = files.read(name), source.get("columns"), source.get("matrix_field")
-    if not isinstance(columns, dict) and not isinstance(field, str):
-        return read_poses(name, content)
-    if isinstance(columns, dict):
-        turn = [str(one) for one in columns.get("rotation") or []]
-        wanted = turn if len(turn) == 16 else [str(columns.get(key)) for key in ("tx", "ty", "tz")] + turn
-        if not name.endswith((".json", ".jsonl")):
-            return table_of_rows(name, read_named_columns(content, name, wanted))
-    else:
-        wanted = [str(field)]
-    records = read_json_lines(content, name) if name.endswith("l") else read_json(content, name)
-    found = [[array_of(one.get(key)) if field else number_of(one.get(key)) for key in wanted]
-             if isinstance(one, dict) else [None] for one in records]  # fmt: skip
-    if any(cell is None or (field and np.size(cell) != 16) for row in found for cell in row):
-        what = f"{wanted[0]} is missing or no 4 x 4 matrix" if field else f"not all have {', '.join(wanted)}"
-        raise refusal(name, "records", what, "correct it", "dataset_spec")
-    rows = np.array(found, float)
-    return table_of_array(rows.reshape(-1, 4, 4), name) if field else table_of_rows(name, rows)
-
-
 def _target_of_spec(target: Any) -> dict[str, Any] | None:
-    if not isinstance(target, dict):
-        return None
-    size = {"columns": target.get("cols"), "rows": target.get("rows")}
-    square, marker = (_mm(target.get(key)) for key in ("square_size_m", "marker_size_m"))
-    if target.get("kind") == "chessboard" and square:
-        return {"kind": "chessboard", **size, "pitch_mm": square}
-    if target.get("kind") == "charuco" and square and marker:
+    stated = target if isinstance(target, dict) else {}
+    size = {"columns": stated.get("cols"), "rows": stated.get("rows")}
+    square, marker = (_mm(stated.get(key)) for key in ("square_size_m", "marker_size_m"))
+    if stated.get("kind") == "charuco" and square and marker:
         lengths = {"square_mm": square, "marker_mm": marker}
-        return {"kind": "charuco", **size, **lengths, "dictionary": target.get("dictionary")}
-    return None
+        return {"kind": "charuco", **size, **lengths, "dictionary": stated.get("dictionary")}
+    return {"kind": "chessboard", **size, "pitch_mm": square} if stated.get("kind") == "chessboard" and square else None
 
 
 OWN = ("session.json", "scan.json")

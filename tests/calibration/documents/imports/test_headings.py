@@ -8,7 +8,7 @@ from tests.structure import ROOT, nodes_of, python_files
 
 
 def _headings() -> Iterator[str]:
-    for file in python_files("calibration/documents/imports", "daemon/sessions/session_import"):
+    for file in python_files("calibration/documents", "daemon/sessions/session_import"):
         for node in nodes_of(file):
             match node:
                 case ast.Call(func=ast.Name(id="refusal"), args=[_, _, _, _, ast.Constant(value=str(heading))]):

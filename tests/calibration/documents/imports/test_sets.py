@@ -10,7 +10,7 @@ import pytest
 from calibration.documents.imports.intrinsics import read_intrinsics
 from calibration.documents.imports.sets.folder import Chosen, ImportedSet
 from calibration.documents.imports.sets.kinds import LAYOUTS, STATED, read_set
-from calibration.documents.imports.target_text import target_of_data, target_of_text
+from calibration.documents.target_text import target_of_data, target_of_text
 from calibration.errors import DocumentError
 from calibration.kinematics.abb_arms import find_arm
 from calibration.transforms import inverse

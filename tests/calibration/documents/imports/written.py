@@ -135,6 +135,14 @@ FILES: dict[str, tuple[str, bytes, str]] = {
     "Fanuc": ("a.ls", keyed("P[1]{{\n X = {:.4f} mm, Y = {:.4f} mm, Z = {:.4f} mm,\n W = {:.6f} deg,"
                             " P = {:.6f} deg, R = {:.6f} deg\n}};", euler("xyz")), "fanuc"),
     "UR": ("a.script", lines(*(f"p{at} = p[{row}]" for at, row in enumerate(rows(MM / 1000, VECTORS)))), ""),
+    "a program's log": ("a.log", lines(*(f"10:00:0{at},125 Pose {at}: X={x:.6f} Y={y:.6f} Z={z:.6f} Q=[{turn}]"
+                        for at, ((x, y, z), turn) in enumerate(zip(MM, rows(WXYZ), strict=True)))), "abb"),
+    "lists in a log": ("a.log", lines(*(f"pose {at}: position: [{mm}] rvec: [{turn}]"
+                       for at, (mm, turn) in enumerate(zip(rows(MM), rows(VECTORS), strict=True)))), ""),
+    "Open3D's trajectory": ("a.log", lines(*(f"{at} {at} 3\n" + "\n".join(" ".join(map(str, row)) for row in pose)
+                            for at, pose in enumerate(POSES))), ""),
+    "Stanford's conf": ("a.conf", lines("camera 0 0 0 0 0 0 1", *(f"bmesh scan_{at}.ply {row}" for at, row in enumerate(
+                        rows(MM, np.roll(WXYZ, -1, axis=1), separator=" ")))), ""),
     "TUM": ("a.txt", lines(*rows(np.array([[1e9], [1e9 + 1], [1e9 + 2]]), MM / 1000, np.roll(WXYZ, -1, axis=1),
             separator=" ")), "quaternion-xyzw"),
 }  # fmt: skip

@@ -6,7 +6,7 @@ from scipy.spatial.transform import Rotation
 
 from calibration.diagnosis.evidence import Evidence
 from calibration.documents.imports.pose_table import PoseTable
-from calibration.documents.imports.readings import compare, decide, readings_of
+from calibration.documents.readings import compare, decide, readings_of
 from calibration.kinematics.conventions import CONVENTIONS, Kind
 from calibration.problem import Setup, anchor_T_mount_of
 from calibration.transforms import (

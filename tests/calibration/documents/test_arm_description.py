@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from calibration.documents.imports.arm_description import read_arm_description
+from calibration.documents.arm_description import read_arm_description
 from calibration.errors import CalibrationError, GeometryError
 from calibration.kinematics.abb_arms import ARMS, find_arm
 from calibration.kinematics.arm import Arm
