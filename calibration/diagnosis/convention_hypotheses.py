@@ -32,15 +32,13 @@ MIN_SCALE_ERROR = 2e-4
 
 @dataclass(frozen=True)
 class Convention:
-    """A wrong convention; `undo` corrects robot poses (n, 4, 4), given also the images' poses (n, 4, 4).
+    """A wrong convention by the code of its sentence; `undo` corrects robot poses (n, 4, 4), given the images' poses.
 
     `shrinks`: the factor by which it makes translations smaller, 1 when it does not. The robot's errors shrink with
     them, which is no evidence: views of one point from one distance fit translations of any size, each with another X.
     """
 
     code: str
-    message: str
-    fix: str
     undo: Callable[[Array, Array], Array]
     shrinks: float = 1.0
 
@@ -58,10 +56,6 @@ def _w_last(base_T_flange: Array, _: Array) -> Array:
 def _w_first(base_T_flange: Array, _: Array) -> Array:
     w_last = np.roll(quaternion_from_rotation(base_T_flange[:, :3, :3]), -1, axis=1)
     return transform(rotation_from_quaternion(w_last), base_T_flange[:, :3, 3])
-
-
-def _invert(base_T_flange: Array, _: Array) -> Array:
-    return inverse(base_T_flange)
 
 
 def _scale_translations(factor: float) -> Callable[[Array, Array], Array]:
@@ -105,55 +99,14 @@ MIN_NEIGHBOURS, MAX_NEIGHBOURS = 4, 40
 """Bounds of the number of pairs of successive views on which a shift of the poses by one is tested."""
 
 CONVENTIONS = (
-    Convention(
-        "quaternion-w-last",
-        Sentence("quaternion-w-last"),
-        Sentence("undo-quaternion-w-last"),
-        _w_last,
-    ),
-    Convention(
-        "quaternion-w-first",
-        Sentence("quaternion-w-first"),
-        Sentence("undo-quaternion-w-first"),
-        _w_first,
-    ),
-    Convention(
-        "poses-inverted",
-        Sentence("poses-inverted"),
-        Sentence("undo-poses-inverted"),
-        _invert,
-    ),
-    Convention(
-        "poses-in-metres",
-        Sentence("poses-in-metres"),
-        Sentence("undo-poses-in-metres"),
-        _scale_translations(MM["m"]),
-    ),
-    Convention(
-        "poses-in-micrometres",
-        Sentence("poses-in-micrometres"),
-        Sentence("undo-poses-in-micrometres"),
-        _scale_translations(MM["um"]),
-        shrinks=MM["um"],
-    ),
-    Convention(
-        "poses-in-inches",
-        Sentence("poses-in-inches"),
-        Sentence("undo-poses-in-inches"),
-        _scale_translations(MM["inches"]),
-    ),
-    Convention(
-        "radians-read-as-degrees",
-        Sentence("radians-read-as-degrees"),
-        Sentence("undo-radians-read-as-degrees"),
-        _radians_read_as_degrees,
-    ),
-    Convention(
-        "degrees-read-as-radians",
-        Sentence("degrees-read-as-radians"),
-        Sentence("undo-degrees-read-as-radians"),
-        _degrees_read_as_radians,
-    ),
+    Convention("quaternion-w-last", _w_last),
+    Convention("quaternion-w-first", _w_first),
+    Convention("poses-inverted", lambda base_T_flange, _: inverse(base_T_flange)),
+    Convention("poses-in-metres", _scale_translations(MM["m"])),
+    Convention("poses-in-micrometres", _scale_translations(MM["um"]), shrinks=MM["um"]),
+    Convention("poses-in-inches", _scale_translations(MM["inches"])),
+    Convention("radians-read-as-degrees", _radians_read_as_degrees),
+    Convention("degrees-read-as-radians", _degrees_read_as_radians),
 )
 
 
@@ -172,7 +125,7 @@ def reading_hypotheses(evidence: Evidence, alternatives: int = len(CONVENTIONS))
         if np.median(np.linalg.norm(corrected.base_T_flange[:, :3, 3], axis=1)) > MAX_CELL_MM:
             continue
         yield Hypothesis(
-            convention.code, (), corrected, evidence, convention.message, convention.fix,
+            convention.code, (), corrected, evidence, Sentence(convention.code), Sentence(f"undo-{convention.code}"),
             alternatives=alternatives, whole_session=True,
             bonus=3 * len(corrected) * float(np.log(convention.shrinks)),
         )  # fmt: skip

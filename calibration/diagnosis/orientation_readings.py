@@ -94,19 +94,17 @@ def readings_of(rotations: Array) -> Iterator[Reading]:
     everywhere = np.ones(len(rotations), bool)
     for read in ORDERS:
         numbers, determined = euler_numbers(rotations, read)
-        for true in ORDERS:
-            if true != read:
-                yield _euler_order(
-                    f"intrinsic {read}", f"intrinsic {true}", rotation_from_euler(numbers, true), determined
-                )
-            # Extrinsic is the reversed order of the reversed numbers.
-            turned = rotation_from_euler(numbers[..., ::-1], true[::-1])
-            yield _euler_order(f"intrinsic {read}", f"extrinsic {true}", turned, determined)
-        yield _vector_as_euler(f"intrinsic {read}", rotation_from_vector(numbers.reshape(-1, 3)), numbers, determined)
-        backwards = numbers[..., ::-1]
-        yield _vector_as_euler(
-            f"extrinsic {read[::-1]}", rotation_from_vector(backwards.reshape(-1, 3)), backwards, determined
-        )
+        orders = [(f"intrinsic {true}", rotation_from_euler(numbers, true)) for true in ORDERS if true != read]
+        for true in ORDERS:  # extrinsic is the reversed order of the reversed numbers
+            orders.append((f"extrinsic {true}", rotation_from_euler(numbers[..., ::-1], true[::-1])))
+        for named, turned in orders:
+            message = Sentence("euler-order", read=f"intrinsic {read}", true=named)
+            fix = Sentence("convert-intrinsic" if named.startswith("i") else "convert-extrinsic", true=named)
+            yield Reading("euler-order", message, fix, turned, determined)
+        for named, written in ((f"intrinsic {read}", numbers), (f"extrinsic {read[::-1]}", numbers[..., ::-1])):
+            turned = rotation_from_vector(written.reshape(-1, 3)).reshape(*written.shape[:2], 3, 3)
+            message, fix = Sentence("vector-read-as-euler", read=named), Sentence("convert-as-vector")
+            yield Reading("vector-read-as-euler", message, fix, turned, determined)
         yield Reading(
             "radians-read-as-degrees",
             Sentence("euler-radians-read-as-degrees", read=read),
@@ -116,8 +114,12 @@ def readings_of(rotations: Array) -> Iterator[Reading]:
         )
     vectors = _both_vectors(rotations)
     for true in ORDERS:
-        yield _euler_as_vector(f"intrinsic {true}", rotation_from_euler(vectors, true), everywhere)
-        yield _euler_as_vector(f"extrinsic {true}", rotation_from_euler(vectors[..., ::-1], true[::-1]), everywhere)
+        for named, turned in (
+            (f"intrinsic {true}", rotation_from_euler(vectors, true)),
+            (f"extrinsic {true}", rotation_from_euler(vectors[..., ::-1], true[::-1])),
+        ):
+            message, fix = Sentence("euler-read-as-vector", true=named), Sentence("convert-as-euler", true=named)
+            yield Reading("euler-read-as-vector", message, fix, turned, everywhere)
     yield Reading(
         "rotation-transposed",
         Sentence("rotation-transposed"),
@@ -132,33 +134,3 @@ def _both_vectors(rotations: Array) -> Array:
     vectors = vector_from_rotation(rotations).reshape(-1, 3)
     turns = np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), 1e-12)
     return np.stack([vectors, vectors * (1 - 2 * np.pi / turns)], axis=1)
-
-
-def _euler_order(read: str, true: str, candidates: Array, determined: NDArray[np.bool_]) -> Reading:
-    return Reading(
-        "euler-order",
-        Sentence("euler-order", read=read, true=true),
-        Sentence("convert-intrinsic" if true[0] == "i" else "convert-extrinsic", true=true),
-        candidates,
-        determined,
-    )
-
-
-def _vector_as_euler(read: str, rotations: Array, numbers: Array, determined: NDArray[np.bool_]) -> Reading:
-    return Reading(
-        "vector-read-as-euler",
-        Sentence("vector-read-as-euler", read=read),
-        Sentence("convert-as-vector"),
-        rotations.reshape(*numbers.shape[:2], 3, 3),
-        determined,
-    )
-
-
-def _euler_as_vector(true: str, candidates: Array, determined: NDArray[np.bool_]) -> Reading:
-    return Reading(
-        "euler-read-as-vector",
-        Sentence("euler-read-as-vector", true=true),
-        Sentence("convert-as-euler", true=true),
-        candidates,
-        determined,
-    )

@@ -11,9 +11,8 @@ import numpy as np
 from calibration.documents.imports.pose_table import PoseTable
 from calibration.documents.imports.refusal import decode, refusal
 from calibration.kinematics.conventions import CONVENTIONS
-from calibration.transforms import Array
 
-ORDERS = {0: "euler-XYZ", 2: "euler-xyz", 4: "rodrigues"}
+ORDERS = {0: "euler-XYZ", 2: "euler-xyz", 4: "rotation-vector"}
 
 
 def read_halcon_pose(content: bytes, origin: str) -> PoseTable:
@@ -31,18 +30,8 @@ def read_halcon_pose(content: bytes, origin: str) -> PoseTable:
     if turn.shape != (1, 3) or length.shape != (1, 3) or code & 9 or code not in ORDERS:
         what = f"representation {code} of {turn.shape[1]} and {length.shape[1]} numbers is not read"
         raise refusal(origin, "f", what, "convert it: convert_pose_type(Pose, 'Rp+T', 'gba', 'point')", "halcon")
-    if ORDERS[code] == "rodrigues":
-        turn, name = _vector(turn), "rotation-vector"
-    else:
-        name = ORDERS[code]
-    return PoseTable(
-        origin, ("1",), length, turn, "angles", f"a pose of HALCON, representation {code}", CONVENTIONS[name], unit="m"
-    ).checked()
-
-
-def _vector(rodrigues: Array) -> Array:
-    """The rotation vector in rad of HALCON's Rodrigues vector, whose length is the tangent of half the angle."""
-    length = np.linalg.norm(rodrigues, axis=1, keepdims=True)
-    scale = np.where(length > 0, 2 * np.arctan(length) / np.maximum(length, 1e-300), 2.0)
-    vector: Array = rodrigues * scale
-    return vector
+    if code == 4:
+        length_of = np.linalg.norm(turn)  # the tangent of half the angle
+        turn = turn * (2 * np.arctan(length_of) / length_of if length_of > 0 else 2.0)
+    layout = f"a pose of HALCON, representation {code}"
+    return PoseTable(origin, ("1",), length, turn, "angles", layout, CONVENTIONS[ORDERS[code]], unit="m").checked()

@@ -44,7 +44,7 @@ def read_keyed_text(content: bytes, origin: str) -> PoseTable:
     for key, number, unit in pairs:
         found.setdefault(key.upper(), []).append(float(number.replace(",", ".")))
         units |= {unit} - {""}
-    by_keys = {keys: [len(found.get(key, [])) for key in keys] for keys in KEYS}
+    by_keys: dict[tuple[str, ...], list[int]] = {keys: [len(found.get(key, [])) for key in keys] for keys in KEYS}
     uneven = {keys: counts for keys, counts in by_keys.items() if all(counts) and len({*counts}) > 1}
     most = max(map(len, found.values()), default=0)
     by_keys[tuple(key for key, numbers in found.items() if len(numbers) == most)] = [] if uneven else [most]
@@ -54,9 +54,9 @@ def read_keyed_text(content: bytes, origin: str) -> PoseTable:
             rows = zip(*(found[key] for key in keys), strict=True)
             return table_of_columns(origin, names, [list(row) for row in rows])
     for keys, counts in uneven.items():
-        told = ", ".join(f"{count} {key}" for key, count in zip(keys, counts, strict=True))
+        counted = ", ".join(f"{count} {key}" for key, count in zip(keys, counts, strict=True))
         fix = "give every pose all numbers, and remove tools and bases"
-        raise refusal(origin, "text", f"not as many of every number: {told}", fix)
+        raise refusal(origin, "text", f"not as many of every number: {counted}", fix)
     raise refusal(
         origin, "text", "no poses in it", "give X, Y, Z with A, B, C, with W, P, R or with q1 to q4, or a table"
     )

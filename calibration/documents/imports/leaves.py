@@ -84,6 +84,8 @@ def table_of_data(data: Any, origin: str) -> PoseTable:
     data = _opencv_matrix(data)
     if (array := array_of(data)) is not None:
         return table_of_array(array, origin)
+    if isinstance(data, dict) and "frameCount" in data:  # handeye_calib_camodocal: base_T_tip and camera_T_tag
+        data = {str(key).replace("T1_", "robot_").replace("T2_", "camera_"): value for key, value in data.items()}
     records, labels = _records(data, origin)
     if labels is None and (array := array_of(records)) is not None:
         return table_of_array(array, origin)

@@ -122,14 +122,9 @@ def _times_of(stems: Sequence[str], table: PoseTable) -> Array | None:
     numbers = [re.sub(r"[^\d.]", "", stem) for stem in stems]
     if not all(re.fullmatch(r"\d{6,}(\.\d+)?|\d+\.\d+", number) for number in numbers):
         return None
-    scale = next((s for s in (1.0, 1e-3, 1e-6, 1e-9) if _near(float(numbers[0]) * s, table)), None)
+    low, high, first = float(table.times_s.min()) - 60, float(table.times_s.max()) + 60, float(numbers[0])
+    scale = next((one for one in (1.0, 1e-3, 1e-6, 1e-9) if low <= first * one <= high), None)
     return None if scale is None else np.array([float(number) * scale for number in numbers])
-
-
-def _near(seconds: float, table: PoseTable) -> bool:
-    assert table.times_s is not None
-    low, high = float(table.times_s.min()), float(table.times_s.max())
-    return low - 60 <= seconds <= high + 60
 
 
 def shown(names: Sequence[str]) -> str:

@@ -100,11 +100,13 @@ def read(files: Files, chosen: Chosen) -> ImportedSet:
     """Poses and pictures of a folder, paired; or pairs of poses. Raises DocumentError."""
     poses = _poses(files, chosen.poses, "robot") if chosen.poses else find_poses(files, chosen.camera_poses)
     if chosen.camera_poses:
-        poses = replace(poses, camera=_poses(files, chosen.camera_poses, "camera"))
+        camera = _poses(files, chosen.camera_poses, "camera")
+        poses = replace(poses, side="robot" if chosen.poses else poses.side, camera=camera)
     pictures = () if chosen.camera_poses and not chosen.images else _images(files, chosen.images)
     if not pictures and poses.camera is None and poses.kind != "points":
         poses = rows_as_pairs(poses) or poses
-    camera, seen = _camera(files), poses.camera
+    lenses = [find_intrinsics(files, name) for name in of_suffix(files.names, CAMERA_SUFFIXES)[:MAX_CANDIDATES]]
+    cameras, seen = [one for one in lenses if one is not None], poses.camera
     if seen is not None and len(seen) != len(poses):
         what = f"{len(poses)} poses of the robot and {len(seen)} of the camera"
         raise refusal(poses.origin, "pairs", what, "give one of each for every view", "pairs")
@@ -116,7 +118,8 @@ def read(files: Files, chosen: Chosen) -> ImportedSet:
     paired = pair(pictures, poses)
     taken = poses.take(paired.rows)
     return ImportedSet(
-        "folder", taken, paired.images, paired.words, taken.camera, camera=camera, setup=poses.setup
+        "folder", taken, paired.images, paired.words, taken.camera, None, cameras[0] if len(cameras) == 1 else None,
+        poses.setup,
     )  # fmt: skip
 
 
@@ -231,10 +234,3 @@ def find_intrinsics(files: Files, name: str) -> Intrinsics | None:
         return read_intrinsics(name, files.read(name))
     except DocumentError:
         return None
-
-
-def _camera(files: Files) -> Intrinsics | None:
-    """The only intrinsics in the folder."""
-    names = of_suffix(files.names, CAMERA_SUFFIXES)[:MAX_CANDIDATES]
-    found = [one for name in names if (one := find_intrinsics(files, name)) is not None]
-    return found[0] if len(found) == 1 else None

@@ -109,12 +109,8 @@ def _metric(files: Files, part: str) -> Described:
     data = read_yaml(files.read("CalibrationInfo.yaml"), "CalibrationInfo.yaml")
     info: dict[str, Any] = data if isinstance(data, dict) else {}
     lens = f"{part}/intrinsic_pars_file.yaml"
-    size, target = number_of(info.get("size")), None
-    if info.get("pattern_type") == "checkerboard" and size is not None:
-        counts = {"columns": info.get("number_of_columns"), "rows": info.get("number_of_rows")}
-        target = {"kind": "chessboard", **counts, "pitch_mm": round(1000 * size, 9)}
     return {
-        "target": target,
+        "target": _target(info, "pattern_type"),
         "camera": read_intrinsics(lens, files.read(lens)) if lens in files.names else None,
         "setup": "eye-to-hand" if number_of(info.get("calibration_setup")) else "eye-in-hand",
     }
@@ -179,43 +175,52 @@ def _industrial_calibration(files: Files, part: str | None) -> ImportedSet:
     names = [str(view["pose"]) for view in views]
     tables = [read_poses(name, files.read(name)) for name in names]
     poses = concatenate(tables, [PurePosixPath(name).stem for name in names], CONFIGURATION)
-    finder, static = data.get("target_finder"), data.get("static_camera")
+    static = data.get("static_camera")
     return ImportedSet(
         "industrial_calibration",
         replace(poses, unit="m", frame="base_T_flange"),
         tuple(str(view["image"]) for view in views),
         f"by {CONFIGURATION}",
-        target=_target_of_finder(finder) if isinstance(finder, dict) else None,
+        target=_target(data.get("target_finder"), "type"),
         camera=intrinsics_of(data["intrinsics"], CONFIGURATION) if isinstance(data.get("intrinsics"), dict) else None,
         setup=None if static is None else "eye-to-hand" if static else "eye-in-hand",
     )
 
 
-def _target_of_finder(finder: dict[str, Any]) -> dict[str, Any] | None:
-    """The target of a target_finder, lengths in m; None for a kind that is not known."""
-    size = {"columns": finder.get("cols"), "rows": finder.get("rows")}
-    number = number_of(finder.get("dictionary"))
-    dictionary = DICTIONARIES[int(number)] if number is not None and 0 <= number < len(DICTIONARIES) else None
-    square, marker, gap, spacing = (
-        _mm(finder.get(key)) for key in ("chessboard_dim", "aruco_marker_dim", "marker_gap", "spacing")
-    )
-    kinds: dict[str, dict[str, Any]] = {
-        "ModifiedCircleGridTargetFinder": {
-            "kind": "circles", "layout": "symmetric", **size, "pitch_mm": spacing, "origin": "large-dot",
-        },
-        "CharucoGridTargetFinder": {
-            "kind": "charuco", **size, "square_mm": square, "marker_mm": marker, "dictionary": dictionary,
-        },
-        "ArucoGridTargetFinder": {
-            "kind": "aruco-grid", **size, "marker_mm": marker, "gap_mm": gap, "dictionary": dictionary,
-        },
-    }  # fmt: skip
-    return kinds.get(str(finder.get("type")))
+LENGTHS_M = {
+    "chessboard_dim": "square_mm", "aruco_marker_dim": "marker_mm", "marker_gap": "gap_mm", "spacing": "pitch_mm",
+    "square_size_m": "square_mm", "marker_size_m": "marker_mm", "size": "pitch_mm",
+}  # fmt: skip
+"""Names of a target's lengths, and of what they are in session.json."""
+
+TARGETS: dict[str, tuple[dict[str, str], tuple[str, ...]]] = {
+    "ModifiedCircleGridTargetFinder": (
+        {"kind": "circles", "layout": "symmetric", "origin": "large-dot"}, ("columns", "rows", "pitch_mm"),
+    ),
+    "CharucoGridTargetFinder": ({"kind": "charuco"}, ("columns", "rows", "square_mm", "marker_mm", "dictionary")),
+    "ArucoGridTargetFinder": ({"kind": "aruco-grid"}, ("columns", "rows", "marker_mm", "gap_mm", "dictionary")),
+    "charuco": ({"kind": "charuco"}, ("columns", "rows", "square_mm", "marker_mm", "dictionary")),
+    "chessboard": ({"kind": "chessboard"}, ("columns", "rows", "pitch_mm")),
+    "checkerboard": ({"kind": "chessboard"}, ("columns", "rows", "pitch_mm")),
+}  # fmt: skip
+"""Kinds of targets as sets call them: what is fixed, and what the set states."""
 
 
-def _mm(metres: Any) -> float | None:
-    number = number_of(metres)
-    return None if number is None else round(1000 * number, 9)
+def _target(stated: Any, kind: str) -> dict[str, Any] | None:
+    """The target that a mapping states, whose lengths are m, with its kind by that key; None where it is not known."""
+    data: dict[str, Any] = stated if isinstance(stated, dict) else {}
+    fixed, names = TARGETS.get(str(data.get(kind)), ({}, ()))
+    lengths = {LENGTHS_M[key]: number for key in LENGTHS_M if (number := number_of(data.get(key))) is not None}
+    given: dict[str, Any] = {name: round(1000 * metres, 9) for name, metres in lengths.items()}
+    if "pitch_mm" in names and "square_mm" in given:
+        given["pitch_mm"] = given["square_mm"]
+    given["columns"] = data.get("cols", data.get("number_of_columns"))
+    given["rows"] = data.get("rows", data.get("number_of_rows"))
+    number, given["dictionary"] = number_of(data.get("dictionary")), data.get("dictionary")
+    if number is not None and 0 <= number < len(DICTIONARIES):
+        given["dictionary"] = DICTIONARIES[int(number)]
+    whole = names and all(given.get(name) is not None for name in names if name.endswith("_mm"))
+    return {**fixed, **{name: given.get(name) for name in names}} if whole else None
 
 
 SPEC = "dataset_spec.json"
@@ -240,9 +245,8 @@ def _dataset_spec(files: Files, part: str | None) -> ImportedSet:
     listed = images.get("pattern", images.get("paths")) if isinstance(images, dict) else images
     names = matching(files.names, listed) if isinstance(listed, str) else [str(name) for name in listed or []]
     paired = pair(names, poses)  # a token's regular expression is not run: it may take for ever
-    return ImportedSet(
-        "dataset_spec", poses.take(paired.rows), paired.images, paired.words, target=_target_of_spec(spec.get("target"))
-    )
+    target = _target(spec.get("target"), "kind")
+    return ImportedSet("dataset_spec", poses.take(paired.rows), paired.images, paired.words, target=target)
 
 
 def _poses_of_spec(files: Files, spec: dict[str, Any]) -> PoseTable:
@@ -277,16 +281,6 @@ def _poses_of_spec(files: Files, spec: dict[str, Any]) -> PoseTable:
         table, convention=CONVENTIONS[rotation], by_axis=False, unit=stated["translation_units"],
         frame="flange_T_base" if inverted else "base_T_flange", camera=None,
     ).checked()  # fmt: skip
-
-
-def _target_of_spec(target: Any) -> dict[str, Any] | None:
-    stated = target if isinstance(target, dict) else {}
-    size = {"columns": stated.get("cols"), "rows": stated.get("rows")}
-    square, marker = (_mm(stated.get(key)) for key in ("square_size_m", "marker_size_m"))
-    if stated.get("kind") == "charuco" and square and marker:
-        lengths = {"square_mm": square, "marker_mm": marker}
-        return {"kind": "charuco", **size, **lengths, "dictionary": stated.get("dictionary")}
-    return {"kind": "chessboard", **size, "pitch_mm": square} if stated.get("kind") == "chessboard" and square else None
 
 
 OWN = ("session.json", "scan.json")
