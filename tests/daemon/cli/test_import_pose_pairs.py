@@ -155,6 +155,12 @@ LAYOUTS: dict[str, dict[str, bytes]] = {
     "matrices of FileStorage, a file a view and side": {
         f"{side}_{at}.yaml": _storage_of({"PoseState": poses[at]})
         for side, poses in (("robot_pose", ROBOT), ("checkerboard_pose", CAMERA)) for at in range(8)},
+    "handeye_calib_camodocal": {"a.yml": _storage_of(
+        {f"T{side}_{at}": poses[at] for at in range(8) for side, poses in ((1, ROBOT), (2, CAMERA))}
+    ) + b"frameCount: 8\n"},
+    "a log of the robot, an array of the camera": {
+        "robot.log": lines(*(f"Pose {at}: X={t[at, 0]:.6f} Y={t[at, 1]:.6f} Z={t[at, 2]:.6f} Q={Q[at].tolist()}"
+                             for at in range(8))), "camera_poses.npy": npy(CAMERA)},
     "a file a view and side": {f"{side}_{at}.txt": lines(*_rows(poses[at], separator=" "))
                                for side, poses in (("robot", ROBOT), ("cam", CAMERA)) for at in range(8)},
     "a folder a side": {f"{side}/{at}.txt": lines(*_rows(poses[at], separator=" "))
@@ -195,6 +201,28 @@ def test_translations_that_do_not_fit_beside_rotations_that_do_are_explained(cha
         given = f"--axes={','.join(axes)}"
         ran = handeyed("import", tmp_path / "in", "--setup", "eye-in-hand", given, "--out", tmp_path / "s")
         assert ran.status == 0, ran.err
+
+
+def test_the_camera_s_unit_and_convention_may_be_stated(tmp_path: Path) -> None:
+    (tmp_path / "in").mkdir()
+    (tmp_path / "in" / "robot.csv").write_bytes(lines("x,y,z,qw,qx,qy,qz", *_rows(t, Q)))
+    (tmp_path / "in" / "camera.csv").write_bytes(lines(*_rows(s / 1000, v)))
+    given = (
+        "import",
+        tmp_path / "in",
+        "--poses",
+        "robot.csv",
+        "--camera-poses",
+        "camera.csv",
+        "--setup",
+        "eye-in-hand",
+    )
+    stated = ("--camera-unit", "m", "--camera-convention", "rotation-vector", "--arm", "IRB 1600-6/1.45")
+    ran = handeyed(*given, *stated, "--out", tmp_path / "s")
+    assert ran.status == 0, ran.err
+    assert "the camera's poses: rotation-vector, m" in ran.out
+    assert "--arm is not used: the file holds poses" in ran.out
+    assert handeyed(*given, "--camera-unit", "mm", "--out", tmp_path / "t").status == 2
 
 
 def test_two_poses_whose_names_do_not_decide_are_asked_for(tmp_path: Path) -> None:
