@@ -23,9 +23,9 @@ from calibration.kinematics.arm import Arm
 from calibration.kinematics.load import NO_LOAD, Load
 from calibration.transforms import Array, adjoint, inverse, map_points, rotation_from_vector, transform
 
-Group = Literal["zeros", "links", "gears", "sag", "play", "warmth"]
+Group = Literal["zeros", "links", "gears", "sag", "rest", "play", "warmth"]
 
-LADDER: tuple[Group, ...] = ("zeros", "links", "gears", "sag", "play")
+LADDER: tuple[Group, ...] = ("zeros", "links", "gears", "sag", "rest", "play")
 """From what explains most in ordinary arms to what explains least; a model has the groups up to one of them."""
 
 AXES = 6
@@ -38,15 +38,32 @@ _LINK_ERRORS = {1: "rx tx ty", 2: "rx rz tz", 3: "rz tx tz", 4: "rz ty tz", 5: "
 """What can be distinguished of the error of each link: up to axis 2, 3, 4, 5 and 6."""
 
 _COMPONENTS = ("rx", "ry", "rz", "tx", "ty", "tz")
-_SAGS = ("2_by_lower_arm", "2_by_forearm", "3_by_forearm", "2_by_load", "3_by_load", "5_by_load")
+_OWN_SAGS = {
+    "2_by_lower_arm": (1.3, 0.9),
+    "2_by_forearm": (0.6, 0.4),
+    "3_by_forearm": (0.9, 0.6),
+}
+_CUBIC_SAGS = {
+    "2_by_both_cubed": (0.0, 0.6),
+    "3_by_forearm_cubed": (0.0, 0.3),
+}
+"""Mean and standard deviation, 1e-4 rad at the stretched arm for each metre of its reach, that a controller leaves of the
+sag by own weight. Of an axis by the third power of the moment, as gears are softer or stiffer under load: none in mean."""
+
+_LOAD_SAGS = ("2_by_load", "3_by_load", "5_by_load")
+
+_BENDS = {2: ("lower_arm", [1.0, 0.0, 0.0]), 3: ("forearm", [0.0, 0.0, -1.0])}
+"""By whose weight a link bends, and whither with all joints zero."""
 
 ZERO_SIGMA_RAD = float(np.radians(0.02))
 TWIST_SIGMA_RAD = float(np.radians(0.015))
 LENGTH_SIGMA_MM = 0.2
 ECCENTRICITY_SIGMA_RAD = 6e-5
 RATIO_SIGMA = 2e-5
-OWN_SAG_SIGMA_RAD = 2e-4
-"""At the stretched arm, of its own weight, what the controller does not compensate."""
+REST_HARMONICS = (2, 3)
+"""Of each axis's angle. Their amplitudes are as the first one's over the harmonic: what parameters lack is smooth."""
+BEND_MEAN_MM, BEND_SIGMA_MM = 0.1, 0.1
+"""Of a link of an arm of 1 m reach, level, by its own weight; it grows with the reach."""
 COMPLIANCE_SIGMA = 2e-6
 """rad/(N m) of an axis of an arm of 1 m reach; it falls with the third power of the reach."""
 PLAY_SIGMA_RAD = 4e-5
@@ -150,40 +167,36 @@ class ArmErrorModel:
         regressors = self._regressors(postures)
         to_flange = adjoint(inverse(flange) @ np.array(frames))  # (12, n, 6, 6)
         result = np.zeros((len(postures), 6, len(self)))
-        rows = np.arange(len(self))
-        for axis in range(AXES):
+        for axis, moved in enumerate(self._link_regressors(postures)):
             turned = to_flange[2 * axis, :, :, :3] @ _DIRECTIONS[axis]
-            result += turned[:, :, None] * regressors[axis][:, None]
-            of_link = [row for row in rows if self.parameters[row].name.startswith(f"link_{axis + 1}_")]
-            parts = [_COMPONENTS.index(self.parameters[row].name[-2:]) for row in of_link]
-            result[:, :, of_link] = to_flange[2 * axis + 1][:, :, parts]
-            if postures.warmth_k is not None:
-                grown = to_flange[2 * axis + 1][:, :, 3:] @ self._links[axis]
-                result[:, :, self.index("expansion")] += grown * postures.warmth_k[:, None]
+            result += turned[:, :, None] * regressors[axis][:, None] + to_flange[2 * axis + 1] @ moved
         return result
 
     def _frames(self, parameters: Array, postures: Postures) -> list[Array]:
         """Frames (n, 4, 4) in the base behind each turn and each link, twelve of them, and the flange."""
         turns = postures.joints_rad + np.einsum("ank,k->na", self._regressors(postures), parameters)
-        growth = np.zeros(len(postures))
-        if postures.warmth_k is not None:
-            growth = postures.warmth_k * parameters[self.index("expansion")]
         here, frames = np.broadcast_to(np.eye(4), (len(postures), 4, 4)), []
-        for axis in range(AXES):
+        for axis, error in enumerate(self._link_regressors(postures) @ parameters):
             turn = rotation_from_vector(turns[:, axis, None] * _DIRECTIONS[axis])
             here = here @ transform(turn, np.zeros((len(postures), 3)))
             frames.append(here)
-            error = self._link_error(parameters, axis + 1)
-            shift = self._links[axis] * (1 + growth[:, None]) + error[3:]
-            here = here @ transform(np.broadcast_to(rotation_from_vector(error[:3]), turn.shape), shift)
+            here = here @ transform(rotation_from_vector(error[:, :3]), self._links[axis] + error[:, 3:])
             frames.append(here)
         return [*frames, here @ self._tool]
 
-    def _link_error(self, parameters: Array, link: int) -> Array:
-        error = np.zeros(6)
-        for component in _LINK_ERRORS.get(link, "").split():
-            error[_COMPONENTS.index(component)] = parameters[self.index(f"link_{link}_{component}")]
-        return error
+    def _link_regressors(self, postures: Postures) -> Array:
+        """Derivative (6, n, 6, k) of the error [rotation rad, translation mm] at the end of each link by the parameters."""
+        found = np.zeros((AXES, len(postures), 6, len(self)))
+        for row, parameter in enumerate(self.parameters):
+            if parameter.name.startswith("link_"):
+                _, link, component = parameter.name.split("_")
+                found[int(link) - 1, :, _COMPONENTS.index(component), row] = 1.0
+        moments = self.moments(postures)
+        for bent, (own, along) in _BENDS.items():
+            found[bent - 1, :, 3:, self.index(f"bend_{bent}")] = moments[f"{bent}_by_{own}"][1][:, None] * along
+        if postures.warmth_k is not None:
+            found[:, :, 3:, self.index("expansion")] = self._links[:, None] * postures.warmth_k[:, None]
+        return found
 
     def _regressors(self, postures: Postures) -> Array:
         """Derivative (6, n, k) of each axis's true angle by the parameters."""
@@ -196,10 +209,9 @@ class ArmErrorModel:
                 found[axis, :, row] = 1.0
             elif kind == "ratio":
                 found[axis, :, row] = q[:, axis]
-            elif kind == "sine":
-                found[axis, :, row] = np.sin(q[:, axis])
-            elif kind == "cosine":
-                found[axis, :, row] = np.cos(q[:, axis])
+            elif kind.startswith(("sine", "cosine")):
+                wave = np.sin if kind.startswith("sine") else np.cos
+                found[axis, :, row] = wave(int(kind.strip("cosine") or 1) * q[:, axis])
             elif kind == "play" and postures.sides is not None:
                 found[axis, :, row] = -postures.sides[:, axis]
         for name, (axis, moment) in self.moments(postures).items():
@@ -215,10 +227,14 @@ class ArmErrorModel:
         across = rotation_from_vector(postures.joints_rad[:, :1] * _DIRECTIONS[0]) @ _DIRECTIONS[1]
         newtons = load.mass_kg * GRAVITY_M_S2 * 1e-3
         forearm = arm.reach_mm - arm.shoulder_forward_mm - arm.lower_arm_mm
+        of_lower_arm = _moment(across, elbow - shoulder) / arm.lower_arm_mm
+        of_forearm = _moment(across, wrist - elbow) / forearm
         return {
-            "2_by_lower_arm": (2, _moment(across, elbow - shoulder) / arm.lower_arm_mm),
-            "2_by_forearm": (2, _moment(across, wrist - elbow) / forearm),
-            "3_by_forearm": (3, _moment(across, wrist - elbow) / forearm),
+            "2_by_lower_arm": (2, of_lower_arm),
+            "2_by_forearm": (2, of_forearm),
+            "3_by_forearm": (3, of_forearm),
+            "2_by_both_cubed": (2, ((of_lower_arm + of_forearm) / 2) ** 3),
+            "3_by_forearm_cubed": (3, of_forearm**3),
             "2_by_load": (2, newtons * _moment(across, carried - shoulder)),
             "3_by_load": (3, newtons * _moment(across, carried - elbow)),
             "5_by_load": (5, newtons * _moment(base_R_wrist, carried - wrist)),
@@ -253,10 +269,30 @@ def _parameters(arm: Arm) -> tuple[ErrorParameter, ...]:
             ErrorParameter(f"{wave}_{axis}", "gears", "rad", axis, ECCENTRICITY_SIGMA_RAD)
             for wave in ("sine", "cosine")
         ]
-    for name in _SAGS:
-        loaded = name.endswith("load")
-        sigma = COMPLIANCE_SIGMA / reach_m**3 if loaded else OWN_SAG_SIGMA_RAD
-        found.append(ErrorParameter(f"sag_{name}", "sag", "rad/(N m)" if loaded else "rad", int(name[0]), sigma))
+    found += _own_sags(_OWN_SAGS, reach_m)
+    found += [
+        ErrorParameter(f"sag_{name}", "sag", "rad/(N m)", int(name[0]), COMPLIANCE_SIGMA / reach_m**3)
+        for name in _LOAD_SAGS
+    ]
     found += [ErrorParameter(f"play_{axis}", "play", "rad", axis, PLAY_SIGMA_RAD) for axis in range(1, AXES + 1)]
     found.append(ErrorParameter("expansion", "warmth", "1/K", 1, EXPANSION_SIGMA, EXPANSION_MEAN))
+    found += _own_sags(_CUBIC_SAGS, reach_m)
+    found += [
+        ErrorParameter(f"bend_{link}", "sag", "mm", link, BEND_SIGMA_MM * reach_m, BEND_MEAN_MM * reach_m)
+        for link in _BENDS
+    ]
+    found += [
+        ErrorParameter(f"{wave}{harmonic}_{axis}", "rest", "rad", axis, ECCENTRICITY_SIGMA_RAD / harmonic)
+        for axis in range(1, AXES + 1)
+        for harmonic in REST_HARMONICS
+        for wave in ("sine", "cosine")
+    ]
     return tuple(found)
+
+
+def _own_sags(sags: dict[str, tuple[float, float]], reach_m: float) -> list[ErrorParameter]:
+    share = 1e-4 * reach_m
+    return [
+        ErrorParameter(f"sag_{name}", "sag", "rad", int(name[0]), share * sigma, share * mean)
+        for name, (mean, sigma) in sags.items()
+    ]

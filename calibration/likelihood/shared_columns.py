@@ -74,19 +74,23 @@ def _spread(columns: Array, own: NDArray[np.intp], width: int) -> Array:
 
 def fix_unknowns(model: MixedModel, fixed: NDArray[np.intp], step: Array) -> MixedModel:
     """The model in which the unknowns at places `fixed` (f,) take the `step` (f,), and the others remain unknown."""
-    p = model.unknowns
-    kept = np.setdiff1d(np.arange(p), fixed)
-    mapped = np.zeros((p + 1, len(kept) + 1))
-    mapped[kept, np.arange(len(kept))] = 1.0
-    mapped[p, -1] = 1.0
-    mapped[fixed, -1] = step
+    kept = np.setdiff1d(np.arange(model.unknowns), fixed)
+
+    def substitute(columns: Array) -> Array:
+        taken: Array = columns[..., np.append(kept, model.unknowns)]
+        taken[..., -1] += columns[..., fixed] @ step
+        return taken
+
+    def substitute_both(squares: Array) -> Array:
+        return np.swapaxes(substitute(np.swapaxes(substitute(squares), -1, -2)), -1, -2)
+
     return replace(
         model,
-        by_robot=np.concatenate([model.UU, model.UAy @ mapped], axis=2),
-        squares=mapped.T @ model.squares @ mapped,
+        by_robot=np.concatenate([model.UU, substitute(model.UAy)], axis=2),
+        squares=substitute_both(model.squares),
         prior_information=model.prior_information[kept],
         prior_offset=model.prior_offset[kept],
-        direct=None if model.direct is None else mapped.T @ model.direct @ mapped,
+        direct=None if model.direct is None else substitute_both(model.direct),
     )
 
 

@@ -71,9 +71,7 @@ class Restricted:
         """The step of X and the places, and all errors of the arm (6 + 6m + k,), after a step b (p,)."""
         first, found = self.model.unknowns - len(self.errors), np.zeros(session.poses + len(session.arm))
         found[: session.poses] = b[: session.poses]
-        found[session.poses + self.errors] = (
-            b[first:] + self.model.prior_offset[first:] + session.arm.means[self.errors]
-        )
+        found[session.poses + self.errors] = b[first:] + session.parameters[self.errors]
         return found
 
     def target_scale(self, b: Array, session: ArmSession) -> float:
@@ -122,8 +120,8 @@ def restrict(
     model = _with_prior_size(session, session.linearise())
     others, k = model.unknowns, len(session.arm)
     jacobian = session.arm.jacobian(session.parameters, session.postures)
-    from_prior = session.parameters - session.arm.means
-    whole = session.add_distances(with_arm(model, jacobian, session.arm.sigmas**-2.0, from_prior))
+    whole = session.add_distances(with_arm(model, jacobian, session.arm.sigmas**-2.0, session.parameters))
+    scaled = session.arm.indices(*LADDER)
     found, variances = [], replace(session.best.variances, trend_rotation=0.0, trend_translation=0.0)
     for row, one in enumerate(wanted):
         columns = session.arm.indices(*_groups_of(one, session.postures))
@@ -131,9 +129,13 @@ def restrict(
         fixed, steps = others + absent, -session.parameters[absent]
         if one.as_described:
             fixed, steps = np.append(session.size_place(), fixed), np.append(-np.log(session.best.scale), steps)
-        known = whole.prior_information.copy()
-        known[others + session.arm.indices(*LADDER)] /= max(one.scale, 1e-9) ** 2
-        restricted = fix_unknowns(replace(whole, prior_information=known), fixed, steps)
+        scales = np.ones(k)
+        scales[scaled] = max(one.scale, 1e-9)
+        known, offset = whole.prior_information.copy(), whole.prior_offset.copy()
+        known[others:] /= scales**2
+        offset[others:] -= scales * session.arm.means
+        about = replace(whole, prior_information=known, prior_offset=offset)
+        restricted = fix_unknowns(about, fixed, steps)
         variances = estimate_variances(restricted, levels[row] if levels else variances)
         found.append(Restricted(one, columns, restricted, variances))
     return found

@@ -138,9 +138,9 @@ def identify_arm(
     `views`: the place with most views first; camera and noise levels start from its estimate. `postures`: of all views,
     one place after the other. `distances`: known ones between the places.
     """
-    session = _select(begin_arm_session(arm, views, postures, distances))
+    session, levels = _select(begin_arm_session(arm, views, postures, distances))
     wanted = hypotheses(session)
-    restricted = restrict(session, wanted)
+    restricted = restrict(session, wanted, levels)
     logs = np.array([one.log_likelihood() for one in restricted])
     with_errors = np.array([one.up_to is not None for one in wanted])
     contradiction = find_contradiction(session, restricted[int(np.argmax(np.where(with_errors, logs, -np.inf)))])
@@ -157,8 +157,10 @@ def _step(one: Restricted) -> Array:
     return solve(one.model, one.variances).b
 
 
-def _select(session: ArmSession) -> ArmSession:
+def _select(session: ArmSession) -> tuple[ArmSession, list[Variances]]:
     """Only the views that the likeliest model explains, beginning with those used without errors of the arm.
+
+    And the noise levels of each hypothesis with these.
 
     A model with errors is taken no narrower than an arm as delivered: the views used without errors are those that show
     little of them, and by themselves make the arm a calibrated one, which the others then contradict.
@@ -170,7 +172,8 @@ def _select(session: ArmSession) -> ArmSession:
     if best.up_to is not None:
         best = replace(best, scale=max(best.scale, 1.0))
     (whole,) = restrict(session, [best], [levels])
-    return session.take(select_views_with_arm(whole.model, levels, session.used))
+    chosen = session.take(select_views_with_arm(whole.model, levels, session.used))
+    return chosen, [one.variances for one in restricted]
 
 
 def _average(session: ArmSession, candidates: Sequence[_Candidate]) -> tuple[Array, Array]:
