@@ -30,7 +30,7 @@ class ArmParameterDocument(Document):
     name: str
     """Name of the error."""
     group: Group
-    """zeros, links, gears, sag, play or warmth."""
+    """zeros, links, gears, sag, rest, play or warmth."""
     axis: int = Field(ge=1, le=6)
     """Axis 1 to 6 that it belongs to."""
     unit: str

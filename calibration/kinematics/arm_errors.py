@@ -14,6 +14,7 @@ Standard deviations are those of arms as delivered; docs/arm-errors.md has their
 """
 
 from dataclasses import dataclass
+from itertools import product
 from typing import Literal
 
 import numpy as np
@@ -37,18 +38,12 @@ _DIRECTIONS = np.eye(3)[[2, 1, 1, 0, 1, 0]]
 _LINK_ERRORS = {1: "rx tx ty", 2: "rx rz tz", 3: "rz tx tz", 4: "rz ty tz", 5: "rz tz"}
 """What can be distinguished of the error of each link: up to axis 2, 3, 4, 5 and 6."""
 
+_WAVES = ("sine", "cosine")
 _COMPONENTS = ("rx", "ry", "rz", "tx", "ty", "tz")
-_OWN_SAGS = {
-    "2_by_lower_arm": (1.3, 0.9),
-    "2_by_forearm": (0.6, 0.4),
-    "3_by_forearm": (0.9, 0.6),
-}
-_CUBIC_SAGS = {
-    "2_by_both_cubed": (0.0, 0.6),
-    "3_by_forearm_cubed": (0.0, 0.3),
-}
-"""Mean and standard deviation, 1e-4 rad at the stretched arm for each metre of its reach, that a controller leaves of the
-sag by own weight. Of an axis by the third power of the moment, as gears are softer or stiffer under load: none in mean."""
+_OWN_SAGS = {"2_by_lower_arm": (1.3e-4, 0.9e-4), "2_by_forearm": (0.6e-4, 0.4e-4), "3_by_forearm": (0.9e-4, 0.6e-4)}
+_CUBIC_SAGS = {"2_by_both_cubed": (0.0, 0.6e-4), "3_by_forearm_cubed": (0.0, 0.3e-4)}
+"""Mean and standard deviation of the sag by own weight, rad at the stretched arm for each metre of its reach, which the
+controller leaves; and of the part by the third power of the moment: gears are softer or stiffer under load."""
 
 _LOAD_SAGS = ("2_by_load", "3_by_load", "5_by_load")
 
@@ -62,8 +57,8 @@ ECCENTRICITY_SIGMA_RAD = 6e-5
 RATIO_SIGMA = 2e-5
 REST_HARMONICS = (2, 3)
 """Of each axis's angle. Their amplitudes are as the first one's over the harmonic: what parameters lack is smooth."""
-BEND_MEAN_MM, BEND_SIGMA_MM = 0.1, 0.1
-"""Of a link of an arm of 1 m reach, level, by its own weight; it grows with the reach."""
+BEND_MM = 0.1
+"""Mean and standard deviation, of a level link of an arm of 1 m reach by its own weight; it grows with the reach."""
 COMPLIANCE_SIGMA = 2e-6
 """rad/(N m) of an axis of an arm of 1 m reach; it falls with the third power of the reach."""
 PLAY_SIGMA_RAD = 4e-5
@@ -185,7 +180,7 @@ class ArmErrorModel:
         return [*frames, here @ self._tool]
 
     def _link_regressors(self, postures: Postures) -> Array:
-        """Derivative (6, n, 6, k) of the error [rotation rad, translation mm] at the end of each link by the parameters."""
+        """Derivative (6, n, 6, k) of the error [rotation rad, translation mm] behind each link by the parameters."""
         found = np.zeros((AXES, len(postures), 6, len(self)))
         for row, parameter in enumerate(self.parameters):
             if parameter.name.startswith("link_"):
@@ -202,18 +197,14 @@ class ArmErrorModel:
         """Derivative (6, n, k) of each axis's true angle by the parameters."""
         q = postures.joints_rad
         found = np.zeros((AXES, len(q), len(self)))
+        of_axis = {"zero": np.ones(q.shape), "ratio": q}
+        for harmonic, name in {1: "", **{other: str(other) for other in REST_HARMONICS}}.items():
+            of_axis |= {f"sine{name}": np.sin(harmonic * q), f"cosine{name}": np.cos(harmonic * q)}
+        if postures.sides is not None:
+            of_axis["play"] = -postures.sides
         for row, parameter in enumerate(self.parameters):
-            axis = parameter.axis - 1
-            kind = parameter.name.split("_")[0]
-            if kind == "zero":
-                found[axis, :, row] = 1.0
-            elif kind == "ratio":
-                found[axis, :, row] = q[:, axis]
-            elif kind.startswith(("sine", "cosine")):
-                wave = np.sin if kind.startswith("sine") else np.cos
-                found[axis, :, row] = wave(int(kind.strip("cosine") or 1) * q[:, axis])
-            elif kind == "play" and postures.sides is not None:
-                found[axis, :, row] = -postures.sides[:, axis]
+            if (kind := parameter.name.split("_")[0]) in of_axis:
+                found[parameter.axis - 1, :, row] = of_axis[kind][:, parameter.axis - 1]
         for name, (axis, moment) in self.moments(postures).items():
             found[axis - 1, :, self.index(f"sag_{name}")] = moment
         return found
@@ -265,34 +256,19 @@ def _parameters(arm: Arm) -> tuple[ErrorParameter, ...]:
             found.append(ErrorParameter(f"link_{link}_{component}", "links", unit, link + 1, sigma))
     for axis in range(1, AXES + 1):
         found.append(ErrorParameter(f"ratio_{axis}", "gears", "rad/rad", axis, RATIO_SIGMA))
-        found += [
-            ErrorParameter(f"{wave}_{axis}", "gears", "rad", axis, ECCENTRICITY_SIGMA_RAD)
-            for wave in ("sine", "cosine")
-        ]
-    found += _own_sags(_OWN_SAGS, reach_m)
-    found += [
-        ErrorParameter(f"sag_{name}", "sag", "rad/(N m)", int(name[0]), COMPLIANCE_SIGMA / reach_m**3)
-        for name in _LOAD_SAGS
-    ]
+        for wave in _WAVES:
+            found.append(ErrorParameter(f"{wave}_{axis}", "gears", "rad", axis, ECCENTRICITY_SIGMA_RAD))
+    for name, (mean, sigma) in _OWN_SAGS.items():
+        found.append(ErrorParameter(f"sag_{name}", "sag", "rad", int(name[0]), sigma * reach_m, mean * reach_m))
+    for name in _LOAD_SAGS:
+        found.append(ErrorParameter(f"sag_{name}", "sag", "rad/(N m)", int(name[0]), COMPLIANCE_SIGMA / reach_m**3))
     found += [ErrorParameter(f"play_{axis}", "play", "rad", axis, PLAY_SIGMA_RAD) for axis in range(1, AXES + 1)]
     found.append(ErrorParameter("expansion", "warmth", "1/K", 1, EXPANSION_SIGMA, EXPANSION_MEAN))
-    found += _own_sags(_CUBIC_SAGS, reach_m)
-    found += [
-        ErrorParameter(f"bend_{link}", "sag", "mm", link, BEND_SIGMA_MM * reach_m, BEND_MEAN_MM * reach_m)
-        for link in _BENDS
-    ]
-    found += [
-        ErrorParameter(f"{wave}{harmonic}_{axis}", "rest", "rad", axis, ECCENTRICITY_SIGMA_RAD / harmonic)
-        for axis in range(1, AXES + 1)
-        for harmonic in REST_HARMONICS
-        for wave in ("sine", "cosine")
-    ]
+    for name, (mean, sigma) in _CUBIC_SAGS.items():
+        found.append(ErrorParameter(f"sag_{name}", "sag", "rad", int(name[0]), sigma * reach_m, mean * reach_m))
+    for link in _BENDS:
+        found.append(ErrorParameter(f"bend_{link}", "sag", "mm", link, BEND_MM * reach_m, BEND_MM * reach_m))
+    for axis, harmonic, wave in product(range(1, AXES + 1), REST_HARMONICS, _WAVES):
+        sigma = ECCENTRICITY_SIGMA_RAD / harmonic
+        found.append(ErrorParameter(f"{wave}{harmonic}_{axis}", "rest", "rad", axis, sigma))
     return tuple(found)
-
-
-def _own_sags(sags: dict[str, tuple[float, float]], reach_m: float) -> list[ErrorParameter]:
-    share = 1e-4 * reach_m
-    return [
-        ErrorParameter(f"sag_{name}", "sag", "rad", int(name[0]), share * sigma, share * mean)
-        for name, (mean, sigma) in sags.items()
-    ]

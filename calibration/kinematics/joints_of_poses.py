@@ -10,10 +10,8 @@ from calibration.transforms import Array
 USUAL_RAD = np.radians([0.0, 0.0, 0.0, 0.0, 30.0, 0.0])
 """The posture in which most cells work: the part in front, elbow up, wrist not turned over."""
 
-
 MIN_RANGE_RAD = float(np.radians(5.0))
 """Half the range of an axis that hardly moved."""
-
 
 Confdata = tuple[int, int, int, int]
 
@@ -36,15 +34,11 @@ def joints_of_poses(
         if known is not None:
             near = known
         elif posture is not None:
-            near = arm.matching(pose, posture, near if _stands_in(arm, near, posture) else None)
+            near = arm.matching(pose, posture, near if tuple(arm.configuration(near)) == posture else None)
         else:
             near = arm.nearest(pose, near)
         found.append(near)
     return np.array(found)
-
-
-def _stands_in(arm: Arm, joints_rad: Array, posture: Confdata) -> bool:
-    return tuple(arm.configuration(joints_rad)) == posture
 
 
 def joints_in_range(arm: Arm, base_T_flange: Array, lowest_rad: Array, highest_rad: Array) -> Array:

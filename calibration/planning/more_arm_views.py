@@ -67,7 +67,13 @@ def plan_more_arm_views(
     flange_to_point = arm.forward(middle)[:3, :3] @ map_points(fit.mount_T_camera, point[None])[0]
     box_mm = box_around(arm, joints) + flange_to_point if box_mm is None else box_mm
     at = joints_at_places(arm, middle, grid_in(box_mm, BOX_STEPS) - flange_to_point, range_rad)
-    limits, scenes = _limits(fit, target), _scenes(fit, target)
+    limits, levels, seen = _limits(fit, target), fit.variances, fit.seen
+    pixel, rotation, translation = np.sqrt([levels.pixel, levels.rotation, levels.translation]).tolist()
+    noise = ExpectedNoise(max(pixel, MIN_IMAGE_NOISE_PX), rotation, translation)
+    scenes = [
+        Scene("eye-in-hand", target, seen.camera, fit.mount_T_camera, place, noise, seen.intrinsics_free)
+        for place in fit.anchor_T_target
+    ]
     rng = np.random.default_rng(seed)
     postures = []
     for scene in scenes:
@@ -87,20 +93,6 @@ def plan_more_arm_views(
         np.array([postures[place].joints_rad[row] for place, row in plan.views]),
         np.array([place for place, _ in plan.views]),
     )
-
-
-def _scenes(fit: ArmFit, target: Target) -> list[Scene]:
-    levels = fit.variances
-    noise = ExpectedNoise(
-        max(float(np.sqrt(levels.pixel)), MIN_IMAGE_NOISE_PX),
-        float(np.sqrt(levels.rotation)),
-        float(np.sqrt(levels.translation)),
-    )
-    seen, x = fit.seen, fit.mount_T_camera
-    return [
-        Scene("eye-in-hand", target, seen.camera, x, place, noise, seen.intrinsics_free)
-        for place in fit.anchor_T_target
-    ]
 
 
 def _limits(fit: ArmFit, target: Target) -> ViewpointLimits:

@@ -26,8 +26,8 @@ from calibration.linear_algebra import covariance_of
 from calibration.solver.arm_session import ArmSession
 from calibration.transforms import Array, adjoint, inverse, map_points
 
-SCALES = (0.15, 0.4, 1.0, 2.0)
-"""Of the parameters' standard deviations; each has the same prior probability."""
+SCALES = {0.15: 0.1, 0.4: 0.2, 1.0: 0.5, 2.0: 0.2}
+"""Of the parameters' means and standard deviations, with prior probabilities: most arms are as delivered."""
 
 PRIOR_OFF_PROBABILITY = 0.1
 """Prior probability that the target's size is off, where that was found without errors of the arm."""
@@ -35,8 +35,9 @@ PRIOR_OFF_PROBABILITY = 0.1
 SIZE_SIGMA = 2e-3
 """Standard deviation of a target's size that is off, as a share: printers and paper."""
 
-NEXT_GROUP_PROBABILITY = 0.9
-"""Prior probability that an arm with the errors up to one group has those of the next; all have gears and weight."""
+NEXT_GROUP_PROBABILITY = 0.98
+"""Prior probability that an arm with the errors up to one group has those of the next: all have gears and weight, and
+what views do not show of them must stay uncertain."""
 
 
 @dataclass(frozen=True)
@@ -101,8 +102,8 @@ def hypotheses(session: ArmSession) -> list[Hypothesis]:
     known: list[tuple[Group | None, float, float]] = [(None, 0.0, 0.0)]
     for place, group in enumerate(groups):
         last = place + 1 == len(groups)
-        share = NEXT_GROUP_PROBABILITY**place * (1.0 if last else 1 - NEXT_GROUP_PROBABILITY) / len(SCALES)
-        known += [(group, scale, float(np.log(share))) for scale in SCALES]
+        share = NEXT_GROUP_PROBABILITY**place * (1.0 if last else 1 - NEXT_GROUP_PROBABILITY)
+        known += [(group, scale, float(np.log(share * prior))) for scale, prior in SCALES.items()]
     return [
         Hypothesis(group, scale, as_described, log_prior + log_odds)
         for group, scale, log_prior in known
@@ -117,18 +118,20 @@ def restrict(
 
     `levels`: where the search for them starts.
     """
-    model = _with_prior_size(session, session.linearise())
-    others, k = model.unknowns, len(session.arm)
+    model = session.linearise()
+    others, k, size, scale = model.unknowns, len(session.arm), session.size_place(), session.best.scale
     jacobian = session.arm.jacobian(session.parameters, session.postures)
     whole = session.add_distances(with_arm(model, jacobian, session.arm.sigmas**-2.0, session.parameters))
     scaled = session.arm.indices(*LADDER)
+    whole.prior_information[size] = max(SIZE_SIGMA, abs(scale - 1)) ** -2.0  # a print may be some per cent off
+    whole.prior_offset[size] = np.log(scale)
     found, variances = [], replace(session.best.variances, trend_rotation=0.0, trend_translation=0.0)
     for row, one in enumerate(wanted):
         columns = session.arm.indices(*_groups_of(one, session.postures))
         absent = np.setdiff1d(np.arange(k), columns)
         fixed, steps = others + absent, -session.parameters[absent]
         if one.as_described:
-            fixed, steps = np.append(session.size_place(), fixed), np.append(-np.log(session.best.scale), steps)
+            fixed, steps = np.append(size, fixed), np.append(-np.log(scale), steps)
         scales = np.ones(k)
         scales[scaled] = max(one.scale, 1e-9)
         known, offset = whole.prior_information.copy(), whole.prior_offset.copy()
@@ -146,18 +149,6 @@ def _groups_of(one: Hypothesis, postures: Postures) -> tuple[Group, ...]:
         return ()
     groups = LADDER[: LADDER.index(one.up_to) + 1]
     return groups if postures.warmth_k is None else (*groups, "warmth")
-
-
-def _with_prior_size(session: ArmSession, model: MixedModel) -> MixedModel:
-    """The model with the prior of the target's size about the described one.
-
-    As wide as targets that are off, or as what was found: a print may be some per cent off.
-    """
-    place, scale = session.size_place(), session.best.scale
-    known, offset = model.prior_information.copy(), model.prior_offset.copy()
-    known[place] = max(SIZE_SIGMA, abs(scale - 1)) ** -2.0
-    offset[place] = np.log(scale)
-    return replace(model, prior_information=known, prior_offset=offset)
 
 
 ContradictionKind = Literal["other-arm", "camera-remounted", "camera-moved", "target-or-base-moved"]

@@ -145,16 +145,13 @@ def identify_arm(
     with_errors = np.array([one.up_to is not None for one in wanted])
     contradiction = find_contradiction(session, restricted[int(np.argmax(np.where(with_errors, logs, -np.inf)))])
     likely = np.flatnonzero(with_errors & (logs > logs[with_errors].max() - MAX_LOG_DEFICIT))
-    first = [restricted[row].unknowns(_step(restricted[row]), session) for row in likely]
+    steps = [solve(restricted[row].model, restricted[row].variances).b for row in likely]
+    first = [restricted[row].unknowns(step, session) for row, step in zip(likely, steps, strict=True)]
     session = session.move(np.mean(first, axis=0)[session.poses :])
     kept = [*np.flatnonzero(~with_errors), *likely]
     again = restrict(session, [wanted[row] for row in kept], [restricted[row].variances for row in kept])
     found = [_Candidate(one, marginalise(one.model, one.variances)) for one in again]
     return replace(_conclude(session, found), contradiction=contradiction)
-
-
-def _step(one: Restricted) -> Array:
-    return solve(one.model, one.variances).b
 
 
 def _select(session: ArmSession) -> tuple[ArmSession, list[Variances]]:
