@@ -91,10 +91,26 @@ def tls_trust(url: httpx.URL) -> ssl.SSLContext | bool:
 class HttpSource(PolledDevice):
     """One URL. Between requests a connection attempt every 5 s checks whether the server listens."""
 
-    def __init__(self, url: str, timing: Timing, *, name: str, limit_s: float, max_bytes: int) -> None:
-        self._url = httpx.URL(url)
-        super().__init__(f"{name} {self._url.copy_with(userinfo=b'', query=None)}", timing)
-        self._limit_s, self._max_bytes = limit_s, max_bytes
+    kind: str
+    limit_s: float
+    max_bytes: int
+
+    def __init__(
+        self,
+        url: str,
+        timing: Timing | None = None,
+        *,
+        image_size: tuple[int, int] | None = None,
+        limit_s: float | None = None,
+        max_bytes: int | None = None,
+        name: str | None = None,
+    ) -> None:
+        """`image_size`: of a camera's pictures. What is not given is of the kind of device."""
+        self._url, self._image_size = httpx.URL(url), image_size
+        shown = self._url.copy_with(userinfo=b"", query=None)
+        super().__init__(f"{name or self.kind} {shown}", timing or Timing())
+        self._limit_s = limit_s = self.limit_s if limit_s is None else limit_s
+        self._max_bytes = self.max_bytes if max_bytes is None else max_bytes
         self._client = httpx.AsyncClient(
             verify=tls_trust(self._url),
             timeout=httpx.Timeout(limit_s, connect=CONNECT_LIMIT_S),

@@ -255,6 +255,7 @@ CAMERAS: dict[str, tuple[Parse, MakeCamera]] = {
     "https": (_url, HttpCamera),
     "video": (_video, VideoCamera),
     "rtsp": (_url, partial(VideoCamera, latency_s=STREAM_LATENCY_S)),
+    "rtsps": (_url, partial(VideoCamera, latency_s=STREAM_LATENCY_S)),
     "folder": (_folder, FolderCamera),
     "basler": (parse_camera_address, partial(GenICamCamera, lambda address: PylonLibrary())),
     "genicam": (parse_camera_address, partial(GenICamCamera, lambda address: HarvestersLibrary(address.producer))),

@@ -65,21 +65,29 @@ def files_in(folder: Path, suffixes: tuple[str, ...]) -> list[Sighting]:
 class WatchedFolder(PolledDevice):
     """Polls every 0.1 s. A file's age is its modification time, but at least the time since it was first seen."""
 
+    kind: str
+    suffixes: tuple[str, ...]
+    limit_s: float
+    max_bytes: int
+
     def __init__(
         self,
         folder: Path,
-        suffixes: tuple[str, ...],
-        timing: Timing,
+        timing: Timing | None = None,
         *,
-        name: str,
-        limit_s: float,
-        max_bytes: int,
+        image_size: tuple[int, int] | None = None,
+        limit_s: float | None = None,
+        max_bytes: int | None = None,
         lag_s: float = LAG_S,
         wall_clock: Callable[[], float] = time.time,
+        name: str | None = None,
     ) -> None:
-        super().__init__(f"{name} folder:{folder}", timing)
-        self._folder, self._suffixes = folder, suffixes
-        self._limit_s, self._max_bytes, self._lag_s, self._wall_clock = limit_s, max_bytes, lag_s, wall_clock
+        """`image_size`: of a camera's pictures. What is not given is of the kind of device."""
+        timing = timing or Timing()
+        super().__init__(f"{name or self.kind} folder:{folder}", timing)
+        self._folder, self._image_size, self._lag_s, self._wall_clock = folder, image_size, lag_s, wall_clock
+        self._limit_s = self.limit_s if limit_s is None else limit_s
+        self._max_bytes = self.max_bytes if max_bytes is None else max_bytes
         self._first_seen_s: dict[Sighting, float] = {}
         self._looked = False
         self._lister, self._reader = (FileThread(f"{what} {self.device}", timing) for what in ("lists", "reads"))
@@ -131,7 +139,7 @@ class WatchedFolder(PolledDevice):
     async def _look(self) -> None:
         while True:
             try:
-                sightings = await self._lister.run(lambda: files_in(self._folder, self._suffixes), POLL_LIMIT_S)
+                sightings = await self._lister.run(lambda: files_in(self._folder, self.suffixes), POLL_LIMIT_S)
             except TimeoutError:
                 self._forget(f"the folder was not listed in {POLL_LIMIT_S:g} s")
             except OSError as error:

@@ -77,6 +77,9 @@ def report_of(
 ) -> RegistrationReportDocument:
     """Report of a registration, with `further` findings of the merge."""
     findings = [*_findings(registration, hand), *further]
+    if not points:
+        what = f"the merged cloud of {len(registration.views)} views has no points"
+        findings.append(_finding("no-points", "error", what, "scan where the part is within the scanner's range"))
     after = registration.after
     return RegistrationReportDocument(
         calibration_id=hand.calibration_id,
@@ -123,7 +126,7 @@ def _findings(registration: Registration, hand: ScannerMount) -> list[FindingDoc
     if alone and len(registration.views) > 1:
         what = f"views {_list(alone)} overlap no other; they keep the robot's pose"
         findings.append(_finding("view-alone", "warning", what, "add views between, so that surfaces are seen twice"))
-    empty = [index for index, view in enumerate(registration.views) if not view.points]
+    empty = [index for index, view in enumerate(registration.views) if view.points == view.non_finite]
     if empty:
         findings.append(_finding("view-empty", "warning", f"views {_list(empty)} have no points", "scan them again"))
     non_finite = sum(view.non_finite for view in registration.views)

@@ -1,13 +1,16 @@
 """`handeyed register-archive DIR`: register every scan below a folder, on one machine or several."""
 
-from collections import Counter
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from daemon.cli.errors import CommandError, ExitStatus
 from daemon.cli.output import Json, print_error, progress_bar
+
+if TYPE_CHECKING:
+    from daemon.tools.batch_registration.finished import FinishedScans
+    from daemon.tools.batch_registration.tasks import OutcomeDocument, RegistrationTask
 
 
 def register_archive(
@@ -25,17 +28,35 @@ def register_archive(
     arm: Annotated[
         Path | None, typer.Option(help="arm.json of solve --arm: place the flange where the arm as built has it.")
     ] = None,
+    force: Annotated[bool, typer.Option("--force", help="Register clouds whose unit cannot be, too.")] = False,
     json: Json = False,
 ) -> None:
     """Register every scan of an archive; finished scans are skipped.
 
     Exit status: 0 all done, 3 done but some not accepted, 2 some could not be read (they are named).
     """
+    from daemon.tools.batch_registration.executors import open_executor
+
+    tasks, finished = _tasks(folder, calibration, out, arm, {"refine": refine, "voxel_mm": voxel_mm, "force": force})
+    outcomes = []
+    with open_executor(scheduler, workers) as run, progress_bar(folder) as progress:
+        for outcome in finished.run(tasks, run):
+            outcomes.append(outcome)
+            progress(len(outcomes), len(tasks))
+            if outcome.error is not None:
+                print_error(f"{folder}: {outcome.scan or '.'}: {outcome.error}")
+    outcomes.sort(key=lambda each: each.scan)
+    typer.echo("\n".join(one.model_dump_json() for one in outcomes) if json else _summary(out, outcomes))
+    raise typer.Exit(_status(outcomes))
+
+
+def _tasks(
+    folder: str, calibration: Path, out: str, arm: Path | None, how: dict[str, Any]
+) -> "tuple[list[RegistrationTask], FinishedScans]":
     from calibration.documents.calibration import CalibrationDocument
     from calibration.documents.validation import parse_document
     from daemon.cli.arm_file import read_in_use
     from daemon.runtime.bounded_read import read_document
-    from daemon.tools.batch_registration.executors import open_executor
     from daemon.tools.batch_registration.finished import FinishedScans
     from daemon.tools.batch_registration.remote_folder import RemoteFolder
     from daemon.tools.batch_registration.tasks import SCAN, RegistrationTask
@@ -47,25 +68,21 @@ def register_archive(
     errors = None if arm is None else read_document(arm).decode()
     source, target = RemoteFolder.of(folder), RemoteFolder.of(out)
     listed = source.list_marks()
-    tasks = [
-        RegistrationTask(source.url, target.url, scan, content.decode(), refine, voxel_mm, errors)
-        for scan in sorted(scan for scan, files in listed.items() if SCAN in files)
-    ]
-    if not tasks:
+    scans = sorted(scan for scan, files in listed.items() if SCAN in files)
+    if not scans:
         raise CommandError(folder, f"no folder below holds a {SCAN}", "name another folder", ExitStatus.UNREADABLE)
-    outcomes = []
-    with open_executor(scheduler, workers) as run, progress_bar(folder) as progress:
-        for outcome in FinishedScans(target, listed).run(tasks, run):
-            outcomes.append(outcome)
-            progress(len(outcomes), len(tasks))
-            if outcome.error is not None:
-                print_error(f"{folder}: {outcome.scan or '.'}: {outcome.error}")
-    outcomes.sort(key=lambda each: each.scan)
-    counts = Counter(each.state for each in outcomes)
-    numbers = ", ".join(f"{counts[state]} {state}" for state in ("registered", "unchanged", "failed") if counts[state])
+    tasks = [RegistrationTask(source.url, target.url, scan, content.decode(), arm=errors, **how) for scan in scans]
+    return tasks, FinishedScans(target, listed)
+
+
+def _summary(out: str, outcomes: "list[OutcomeDocument]") -> str:
     points = sum(each.points for each in outcomes)
-    summary = f"{out}: {len(outcomes)} scans ({numbers}), {points:,} points in the base frame, mm"
-    typer.echo("\n".join(each.model_dump_json() for each in outcomes) if json else summary)
+    counts = {state: sum(each.state == state for each in outcomes) for state in ("registered", "unchanged", "failed")}
+    numbers = ", ".join(f"{count} {state}" for state, count in counts.items() if count)
+    return f"{out}: {len(outcomes)} scans ({numbers}), {points:,} points in the base frame, mm"
+
+
+def _status(outcomes: "list[OutcomeDocument]") -> ExitStatus:
     if any(each.state == "failed" for each in outcomes):
-        raise typer.Exit(ExitStatus.UNREADABLE)
-    raise typer.Exit(ExitStatus.OK if all(each.accepted for each in outcomes) else ExitStatus.NOT_ACCEPTED)
+        return ExitStatus.UNREADABLE
+    return ExitStatus.OK if all(each.accepted for each in outcomes) else ExitStatus.NOT_ACCEPTED

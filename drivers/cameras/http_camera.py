@@ -5,10 +5,6 @@ import asyncio
 from drivers.cameras.decoding import decode, file_bits
 from drivers.http_source import HttpSource
 from drivers.interfaces import CameraFrame, CaptureSettings
-from drivers.timing import Timing
-
-LIMIT_S = 5.0
-MAX_BYTES = 64 * 2**20
 
 
 class HttpCamera(HttpSource):
@@ -17,18 +13,7 @@ class HttpCamera(HttpSource):
     It may state the camera's temperature, too.
     """
 
-    def __init__(
-        self,
-        url: str,
-        timing: Timing | None = None,
-        *,
-        image_size: tuple[int, int] | None = None,
-        limit_s: float = LIMIT_S,
-        max_bytes: int = MAX_BYTES,
-        name: str = "camera",
-    ) -> None:
-        super().__init__(url, timing or Timing(), name=name, limit_s=limit_s, max_bytes=max_bytes)
-        self._image_size = image_size
+    kind, limit_s, max_bytes = "camera", 5.0, 64 * 2**20
 
     async def grab(self, newer_than_s: float) -> CameraFrame:
         """An image taken after `newer_than_s`; raises a DeviceError."""

@@ -3,11 +3,12 @@
 import http.client
 import re
 import socket
+import ssl
 from urllib.parse import urlsplit
 
 from drivers.errors import DeviceError, DeviceUnreachable, GarbledAnswer
 
-PORTS = {"rtsp": 554, "http": 80}
+PORTS = {"rtsp": 554, "rtsps": 322, "http": 80, "https": 443}
 STATUS = re.compile(rb"(?:RTSP|HTTP)/\d\.\d (\d{3}) ?([^\r\n]{0,80})")
 TO_SIGN_IN = 401
 """The player signs in by itself, with the user and password of the address."""
@@ -23,11 +24,16 @@ def refusal_of(url: str, device: str, limit_s: float) -> DeviceError | None:
         return None
     address = (parts.hostname, parts.port or PORTS[parts.scheme])
     try:
-        with socket.create_connection(address, limit_s) as server:
+        with (
+            socket.create_connection(address, limit_s) as plain,
+            _encrypt(plain, parts.hostname) if parts.scheme.endswith("s") else plain as server,
+        ):
             server.sendall(_request(parts.scheme, parts.hostname, url, parts.path, parts.query))
             answer = server.recv(256)
     except TimeoutError:
         return None
+    except ssl.SSLError as error:
+        return GarbledAnswer(device, f"no TLS with {address[0]}:{address[1]} ({error.reason})", "check scheme and port")
     except OSError as error:
         what = f"nobody answers at {address[0]}:{address[1]} ({error.strerror or error})"
         return DeviceUnreachable(device, what, "check that the device is on, the address and the port")
@@ -41,8 +47,15 @@ def refusal_of(url: str, device: str, limit_s: float) -> DeviceError | None:
     return GarbledAnswer(device, what, "check path, user and password of the address")
 
 
+def _encrypt(plain: socket.socket, host: str) -> ssl.SSLSocket:
+    """Whoever it is: the player decides whether to trust the certificate. Raises OSError."""
+    context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
+    context.check_hostname, context.verify_mode = False, ssl.CERT_NONE
+    return context.wrap_socket(plain, server_hostname=host)
+
+
 def _request(scheme: str, host: str, url: str, path: str, query: str) -> bytes:
-    if scheme == "rtsp":
+    if scheme.startswith("rtsp"):
         bare = urlsplit(url)._replace(netloc=urlsplit(url).netloc.rpartition("@")[2]).geturl()
         return f"DESCRIBE {bare} RTSP/1.0\r\nCSeq: 1\r\nAccept: application/sdp\r\n\r\n".encode()
     target = (path or "/") + (f"?{query}" if query else "")

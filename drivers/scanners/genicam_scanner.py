@@ -17,6 +17,8 @@ from drivers.errors import AnswerTooLarge, NothingMeasured
 from drivers.interfaces import ScannedCloud
 from drivers.scanners.cloud_files import EMPTY_FIX
 from drivers.timing import Timing
+from registration.io.formats.pcd import format_header
+from registration.points.layout import Layout
 
 LIMIT_S = 60.0
 MAX_BYTES = 2**30
@@ -60,10 +62,6 @@ def organised_pcd(image: RangeImage) -> bytes:
             grey = np.asarray(cv2.cvtColor(grey[..., :3], cv2.COLOR_BGR2GRAY))
         columns.append(grey[..., np.newaxis].astype(np.float32))
         names.append("intensity")
-    count = len(names)
-    header = (
-        f"# .PCD v0.7\nVERSION 0.7\nFIELDS {' '.join(names)}\nSIZE{' 4' * count}\nTYPE{' F' * count}\n"
-        f"COUNT{' 1' * count}\nWIDTH {width}\nHEIGHT {height}\nVIEWPOINT 0 0 0 1 0 0 0\n"
-        f"POINTS {width * height}\nDATA binary\n"
-    )
-    return header.encode() + np.concatenate(columns, axis=2).astype("<f4").tobytes()
+    layout = Layout.of(np.dtype([(name, "<f4") for name in names]))
+    header = format_header(layout, height * width, rows=height)
+    return header + np.concatenate(columns, axis=2).astype("<f4").tobytes()

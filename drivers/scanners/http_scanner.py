@@ -6,27 +6,15 @@ from drivers.errors import GarbledAnswer
 from drivers.http_source import HttpSource
 from drivers.interfaces import ScannedCloud
 from drivers.scanners.cloud_files import whole_cloud
-from drivers.timing import Timing
 
-LIMIT_S = 60.0
-"""A structured-light scan of one view takes seconds, its transfer as long."""
-MAX_BYTES = 2**30
 PICTURES_AND_PAGES = ("text/html", "image/")
 
 
 class HttpScanner(HttpSource):
     """drivers.interfaces.Scanner. The response may state a cloud's age; otherwise it was scanned after the request."""
 
-    def __init__(
-        self,
-        url: str,
-        timing: Timing | None = None,
-        *,
-        limit_s: float = LIMIT_S,
-        max_bytes: int = MAX_BYTES,
-        name: str = "scanner",
-    ) -> None:
-        super().__init__(url, timing or Timing(), name=name, limit_s=limit_s, max_bytes=max_bytes)
+    kind, max_bytes = "scanner", 2**30
+    limit_s = 60.0  # a structured-light scan of one view takes seconds, its transfer as long
 
     async def scan(self, newer_than_s: float) -> ScannedCloud:
         """A cloud scanned after `newer_than_s`; raises a DeviceError."""

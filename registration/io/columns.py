@@ -8,6 +8,7 @@ all others to 255: a change of type scales them.
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import partial
+from operator import itemgetter
 from typing import Any
 
 import numpy as np
@@ -22,17 +23,9 @@ Getter = Callable[[Records], NDArray[Any]]
 RENAMED = {theirs: common for common, theirs in pcl.NAMES.items()}
 
 
-def _column(name: str, block: Records) -> NDArray[Any]:
-    return block[name]
-
-
 def _element(name: str, index: int, block: Records) -> NDArray[Any]:
     column: NDArray[Any] = block[name].reshape(len(block), -1)[:, index]
     return column
-
-
-def _colour(name: str, colour: str, block: Records) -> NDArray[Any]:
-    return pcl.unpack_colour(block[name], colour)
 
 
 def scale_colour(getter: Getter, target: np.dtype[Any], block: Records) -> NDArray[Any]:
@@ -65,12 +58,12 @@ def common_columns(layout: Layout) -> dict[str, tuple[np.dtype[Any], Getter]]:
         if PADDING.fullmatch(name):
             continue
         if name in ("rgb", "rgba") and base.itemsize == 4 and base.isnative and not shape:
-            columns |= {colour: (np.dtype(np.uint8), partial(_colour, name, colour)) for colour in pcl.SHIFTS}
+            columns |= {colour: (np.dtype(np.uint8), partial(pcl.unpack_colour, name, colour)) for colour in pcl.SHIFTS}
         elif shape:
             count = int(np.prod(shape, dtype=int))
             columns |= {f"{name}_{index}": (kind, partial(_element, name, index)) for index in range(count)}
         else:
-            columns[RENAMED.get(name, name)] = (kind, partial(_column, name))
+            columns[RENAMED.get(name, name)] = (kind, itemgetter(name))
     return columns
 
 

@@ -13,11 +13,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from registration.errors import CloudFormatError, CloudIOError, CloudUnsupported
+from registration.errors import CloudFormatError, CloudUnsupported
+from registration.io.durable_file import GuardedFile
 from registration.io.formats.header import HEADER_LIMIT
-from registration.io.formats.npz import MAX_FILE_BYTES, read_arrays
+from registration.io.formats.npz import read_whole
+from registration.io.formats.pcl import SHIFTS, unpack_colour
 from registration.io.reading import open_cloud
-from registration.io.regular_file import read_regular
 from registration.points.layout import Array
 from registration.points.rigid_motion import scale_to_mm
 
@@ -72,11 +73,8 @@ def _file_columns(path: Path, size: tuple[int, int] | None) -> Mapping[str, NDAr
 
 def _size(path: Path, given: tuple[int, int] | None) -> tuple[int, int]:
     """Width and height from the header, else as `given`."""
-    try:
-        with path.open("rb") as file:
-            header = file.read(HEADER_LIMIT)
-    except OSError as error:
-        raise CloudIOError(path.name, "file", (error.strerror or str(error)).lower(), "check the file") from None
+    with GuardedFile.reading(path, path.name) as file:
+        header = file.read(HEADER_LIMIT)
     for across, down in SIZES:
         found = across.search(header), down.search(header)
         if found[0] is not None and found[1] is not None and int(found[1][1]) > 1:
@@ -88,15 +86,11 @@ def _size(path: Path, given: tuple[int, int] | None) -> tuple[int, int]:
 
 
 def _npz_columns(path: Path) -> Mapping[str, NDArray[Any]]:
-    name = path.name
-    try:
-        content = read_regular(path, MAX_FILE_BYTES)
-    except OSError as error:
-        raise CloudIOError(name, "file", (error.strerror or str(error)).lower(), "check the file") from None
-    points, beside = read_arrays(content, name)
+    with GuardedFile.reading(path, path.name) as file:
+        points, beside = read_whole(file, path.name)
     if points.ndim != 3:
         fix = "write np.savez(file, points=..., intensity=...) with points of (height, width, 3)"
-        raise CloudFormatError(name, "arrays", "its points are no picture of a camera's pixels", fix)
+        raise CloudFormatError(path.name, "arrays", "its points are no picture of a camera's pixels", fix)
     columns = {axis: points[:, :, index] for index, axis in enumerate("xyz")}
     for key, array in beside.items():
         if array.ndim == 2:
@@ -116,7 +110,6 @@ def _intensity(columns: Mapping[str, NDArray[Any]], name: str) -> NDArray[Any]:
             return np.asarray(np.mean([known[channel].astype(np.float32) for channel in channels], axis=0))
     for key in PACKED_COLOURS:
         if key in known and known[key].dtype.itemsize == 4:
-            packed = np.ascontiguousarray(known[key]).view(np.uint32)
-            return np.asarray(np.mean([(packed >> shift & 255).astype(np.float32) for shift in (16, 8, 0)], axis=0))
+            return np.asarray(np.mean([unpack_colour(key, colour, known) for colour in SHIFTS], axis=0))
     what = f"there is no intensity among {', '.join(known)}"
     raise CloudUnsupported(name, "columns", what, "write the cloud with intensity or colour")

@@ -97,32 +97,28 @@ async def flange_pose_of(app: Application, pose: str, beside: BesidePose) -> Fla
                 fix = f"leave {name} out, or give the pose, too"
                 raise InvalidRequest([DocumentProblem(f"query.{name}", "with pose=now the daemon reads them", fix)])
         return FlangePose.of(await app.readings.flange_pose())
-    joints = None if beside.joints is None else _parse_joints(beside.joints)
-    axes = None if beside.external_axes is None else _parse_external_axes(beside.external_axes)
+    joints, axes = (
+        None if text is None else _numbers(name, text, counts, within, form)
+        for name, text, counts, within, form in (
+            ("joints", beside.joints, range(AXES, AXES + 1), MAX_JOINT_DEG, JOINTS),
+            ("external_axes", beside.external_axes, range(1, AXES + 1), MAX_TRANSLATION_MM, AXES_BESIDE),
+        )
+    )
     return FlangePose(parse_pose(pose), joints, axes)
 
 
-def _parse_external_axes(text: str) -> tuple[float, ...]:
+def _numbers(name: str, text: str, counts: range, within: float, form: str) -> tuple[float, ...]:
+    """The numbers with commas of a parameter, as many as one of `counts`. Raises InvalidRequest."""
     parts = text.split(",")
-    axes = tuple(float(part.replace(" ", "+")) for part in parts if DECIMAL.fullmatch(part))
-    if not len(parts) == len(axes) <= AXES or max(map(abs, axes)) > MAX_TRANSLATION_MM:
-        problem = DocumentProblem("query.external_axes", f"{text[:60]!r} is not up to six axes", f"give {AXES_BESIDE}")
-        raise InvalidRequest([problem])
-    return axes
-
-
-def _parse_joints(text: str) -> tuple[float, ...]:
-    parts = text.split(",")
-    if len(parts) != AXES or not all(DECIMAL.fullmatch(part) for part in parts):
-        problem = DocumentProblem("query.joints", f"{text[:60]!r} is not six numbers", f"give {JOINTS}")
-        raise InvalidRequest([problem])
-    joints = tuple(float(part.replace(" ", "+")) for part in parts)
-    if max(map(abs, joints)) > MAX_JOINT_DEG:
-        problem = DocumentProblem(
-            "query.joints", f"an axis is turned by more than {MAX_JOINT_DEG:g} degrees", "correct it"
-        )
-        raise InvalidRequest([problem])
-    return joints
+    numbers = tuple(float(part.replace(" ", "+")) for part in parts if DECIMAL.fullmatch(part))
+    if len(parts) not in counts or len(numbers) != len(parts):
+        many = counts[-1] if len(counts) == 1 else f"up to {counts[-1]}"
+        what = f"{text[:60]!r} is not {many} numbers"
+        raise InvalidRequest([DocumentProblem(f"query.{name}", what, f"give {form}")])
+    if max(map(abs, numbers)) > within:
+        what = f"a number is beyond {within:g} either way"
+        raise InvalidRequest([DocumentProblem(f"query.{name}", what, f"give {form}")])
+    return numbers
 
 
 def arm_headers(calibration: CalibrationInUse, poses: Sequence[FlangePose]) -> dict[str, str]:
@@ -147,13 +143,6 @@ def arm_headers(calibration: CalibrationInUse, poses: Sequence[FlangePose]) -> d
 
 def parse_pose(text: str) -> PoseDocument:
     """Parse "x,y,z,qw,qx,qy,qz". Raises InvalidRequest, DocumentError."""
-    parts = text.split(",")
-    if len(parts) != 7 or not all(DECIMAL.fullmatch(part) for part in parts):
-        problem = DocumentProblem("query.pose", f"{text[:60]!r} is not seven numbers", f"give {POSE}")
-        raise InvalidRequest([problem])
-    numbers = [float(part.replace(" ", "+")) for part in parts]
-    if max(map(abs, numbers[:3])) > MAX_TRANSLATION_MM:
-        what = f"it is farther than {MAX_TRANSLATION_MM:g} mm from the base"
-        raise InvalidRequest([DocumentProblem("query.pose", what, f"give {POSE}")])
+    numbers = _numbers("pose", text, range(7, 8), MAX_TRANSLATION_MM, POSE)
     data = {"translation_mm": numbers[:3], "quaternion_wxyz": numbers[3:]}
     return validate_document(PoseDocument, data, "query.pose")

@@ -35,12 +35,13 @@ class RegistrationTask:
     refine: bool = False
     voxel_mm: float | None = None
     arm: str | None = None
+    force: bool = False
 
     @property
     def about(self) -> bytes:
         """The inputs beside the clouds, as bytes for the hash."""
-        arm = () if self.arm is None else (self.arm,)
-        return json.dumps([self.calibration, self.refine, self.voxel_mm, *arm]).encode()
+        further = [one for one in (self.arm, self.force) if one]
+        return json.dumps([self.calibration, self.refine, self.voxel_mm, *further]).encode()
 
     def calibration_in_use(self) -> CalibrationInUse:
         """Raises DocumentError, GeometryError."""
@@ -100,7 +101,7 @@ def _register_scan(task: RegistrationTask) -> OutcomeDocument:
             report = register_scan(
                 views, scanner_mount_of(given.document), out / MERGED,
                 lambda: 0.0,  # a clock that stands still: equal inputs give equal reports
-                refine=task.refine, merge=merge, further=findings,
+                refine=task.refine, merge=merge, further=findings, force=task.force,
             )  # fmt: skip
             RemoteFolder(str(out)).write(REPORT, report.model_dump_json(indent=1).encode())
             manifest = ManifestDocument(

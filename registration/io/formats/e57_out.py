@@ -1,7 +1,7 @@
 """Writes new E57 files (ASTM E2807) in blocks through pye57's libE57: one scan, lengths in metres as required."""
 
 import uuid
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any
 
@@ -31,8 +31,9 @@ class E57Out:
     def __init__(self, file: Any, pye57: Any, layout: Layout, name: str) -> None:
         self._lib, self._image, self._name = pye57.libe57, file.image_file, name
         self._columns = list(e57_layout(layout).dtype.names or ())
-        self._least, self._most = np.full(3, np.inf), np.full(3, -np.inf)
         self._xyz = layout.xyz
+        self._bounded = [*layout.xyz, *({"intensity"} & set(self._columns))]
+        self._least, self._most = (np.full(len(self._bounded), each) for each in (np.inf, -np.inf))
         self._scan = self._lib.StructureNode(self._image)
         self._set(self._scan, "guid", f"{{{uuid.UUID(int=0)}}}")
         self._set(self._scan, "name", "frame base")
@@ -46,10 +47,10 @@ class E57Out:
         """Write a block. Raises CloudUnsupported for points that are not finite."""
         for start in range(0, len(block), BLOCK_POINTS):
             piece = block[start : start + BLOCK_POINTS]
-            for axis, name in enumerate(self._xyz):
+            for axis, name in enumerate(self._bounded):
                 self._least[axis] = min(self._least[axis], piece[name].min())
                 self._most[axis] = max(self._most[axis], piece[name].max())
-            if not np.isfinite([self._least, self._most]).all():
+            if not np.isfinite([self._least[:3], self._most[:3]]).all():
                 raise CloudUnsupported(self._name, "points", "E57 holds only finite points", "write a PLY")
             for name in self._columns:
                 self._arrays[FIELDS[name]][: len(piece)] = piece[name] * (METRES if name in self._xyz else 1)
@@ -57,12 +58,21 @@ class E57Out:
 
     def finish(self) -> None:
         self._writer.close()
-        least, most = (np.where(np.isfinite(each), each, 0.0) * METRES for each in (self._least, self._most))
-        bounds = self._lib.StructureNode(self._image)
-        for axis, name in enumerate("xyz"):
-            self._set(bounds, f"{name}Minimum", float(least[axis]))
-            self._set(bounds, f"{name}Maximum", float(most[axis]))
-        self._scan.set("cartesianBounds", bounds)
+        least, most = (np.where(np.isfinite(each), each, 0.0).tolist() for each in (self._least, self._most))
+        bounds = {name: (least[axis] * METRES, most[axis] * METRES) for axis, name in enumerate("xyz")}
+        self._limit("cartesianBounds", bounds)
+        if "intensity" in self._bounded:
+            self._limit("intensityLimits", {"intensity": (least[3], most[3])})
+        if "red" in self._columns:
+            self._limit("colorLimits", {FIELDS[name]: (0.0, 255.0) for name in COLOURS})
+
+    def _limit(self, node: str, within: Mapping[str, tuple[float, float]]) -> None:
+        """The least and the largest value of columns, by which readers scale them."""
+        limits = self._lib.StructureNode(self._image)
+        for name, (least, most) in within.items():
+            self._set(limits, f"{name}Minimum", least)
+            self._set(limits, f"{name}Maximum", most)
+        self._scan.set(node, limits)
 
     def _prototype(self) -> Any:
         prototype = self._lib.StructureNode(self._image)

@@ -112,7 +112,7 @@ class E57Source:
     def __init__(self, file: GuardedFile, name: str) -> None:
         pye57 = library("pye57", "e57", name)
         require_plain_xml(file, name)
-        self._name = name
+        self._name, self._lib = name, pye57.libe57
         self._errors: tuple[type[Exception], ...] = (pye57.libe57.E57Exception,)
         with translate_errors(name, "header", *self._errors):
             # libE57 opens by path: by the descriptor's, so that it reads the file that was checked.
@@ -134,17 +134,18 @@ class E57Source:
             block = np.empty(E57_BLOCK_POINTS, self.layout.dtype)
             with translate_errors(self._name, f"scan {index}", *self._errors):
                 reader = header.points.reader(self._straight_into(block))
-                count, factor = reader.read(), colour_factor(header)
+                count = reader.read()
+                least, most = colour_range(header, self._lib) if "red" in block.dtype.fields else (0.0, 255.0)
             while count:
-                for name in COLOURS if factor != 1 and "red" in block.dtype.fields else ():
-                    block[name] *= factor
+                for name in COLOURS if (least, most) != (0.0, 255.0) else ():
+                    block[name] = (block[name] - least) * (255.0 / (most - least))
                 yield block[:count]
                 with translate_errors(self._name, f"scan {index}", *self._errors):
                     count = reader.read()
 
     def _straight_into(self, block: Records) -> Any:
         """libE57 buffers backed by the columns of `block`."""
-        libe57 = library("pye57", "e57", self._name).libe57
+        libe57 = self._lib
         buffers = libe57.VectorSourceDestBuffer()
         for field in self._fields:
             column = block[COLUMNS[field]]
@@ -163,11 +164,19 @@ COLUMNS = {
 }
 
 
-def colour_factor(header: Any) -> float:
-    """255 over the largest colour that a scan of an E57 file declares."""
-    if not header.node.isDefined("colorLimits/colorRedMaximum"):
-        return 1.0
-    return 255.0 / float(header.node["colorLimits"]["colorRedMaximum"].value() or 255.0)
+MAX_COLOUR_RANGE = 2.0**32
+"""A float without limits holds more."""
+
+
+def colour_range(header: Any, libe57: Any) -> tuple[float, float]:
+    """Least and largest colour of an E57 scan: by its limits, else by what its type holds; 0 and 255 by none."""
+    if header.node.isDefined("colorLimits/colorRedMaximum"):
+        limits = header.node["colorLimits"]
+        least, most = (float(limits[f"colorRed{end}"].value()) for end in ("Minimum", "Maximum"))
+    else:
+        red = libe57.StructureNode(header.points.prototype())["colorRed"]
+        least, most = float(red.minimum()), float(red.maximum())
+    return (least, most) if 0 < most - least < MAX_COLOUR_RANGE else (0.0, 255.0)
 
 
 def _is_identity(header: Any) -> bool:

@@ -23,8 +23,13 @@ NORMALS = ("normals", "normal")
 BLOCK_POINTS = 1 << 14
 
 
-def read_arrays(content: bytes, name: str) -> tuple[NDArray[Any], dict[str, NDArray[Any]]]:
+def read_whole(file: GuardedFile, name: str) -> tuple[NDArray[Any], dict[str, NDArray[Any]]]:
     """The points (..., 3), and the other arrays of numbers of the same pixels. Raises CloudError's leaves."""
+    size = file.seek(0, 2)
+    if size > MAX_FILE_BYTES:
+        raise CloudUnsupported(name, "file", "it is larger than 2 GB", "give one view of the camera")
+    file.seek(0)
+    content = file.read(size)
     try:
         with zipfile.ZipFile(io.BytesIO(content)) as archive:
             if sum(entry.file_size for entry in archive.infolist()) > MAX_FILE_BYTES:
@@ -51,11 +56,7 @@ class NpzSource:
 
     def __init__(self, file: GuardedFile, name: str) -> None:
         """Raises CloudError's leaves."""
-        size = file.seek(0, 2)
-        if size > MAX_FILE_BYTES:
-            raise CloudUnsupported(name, "file", "it is larger than 2 GB", "give one view of the camera")
-        file.seek(0)
-        self._columns = _columns(*read_arrays(file.read(size), name))
+        self._columns = _columns(*read_whole(file, name))
         self.layout = Layout.of(np.dtype([(key, column.dtype) for key, column in self._columns.items()]))
         self.count: int | None = len(self._columns["x"])
 

@@ -124,8 +124,8 @@ def _points(entries: dict[str, list[str]], lines: HeaderLines) -> int:
 PADDING = re.compile(r"_\d+")
 
 
-def format_header(layout: Layout, count: int, encoding: str = "binary") -> bytes:
-    """A PCD v0.7 header for records of `layout`, of the same length for every `count`."""
+def format_header(layout: Layout, count: int, encoding: str = "binary", rows: int = 1) -> bytes:
+    """A PCD v0.7 header for records of `layout`, of the same length for every `count`; organised with several rows."""
     fields = [(name, *_field(layout.dtype[name])) for name in layout.dtype.names or ()]
     lines = [
         "# .PCD v0.7 - Point Cloud Data file format",
@@ -135,8 +135,8 @@ def format_header(layout: Layout, count: int, encoding: str = "binary") -> bytes
         "SIZE " + " ".join(str(size) for _, size, _, _ in fields),
         "TYPE " + " ".join(kind for _, _, kind, _ in fields),
         "COUNT " + " ".join(str(number) for *_, number in fields),
-        f"WIDTH {count}",
-        "HEIGHT 1",
+        f"WIDTH {count // rows}",
+        f"HEIGHT {rows}",
         ORIGIN.decode(),
         f"POINTS {count}",
         f"DATA {encoding}",

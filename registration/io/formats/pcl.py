@@ -1,5 +1,6 @@
 """Columns under the Point Cloud Library's names and types, so that its readers and Open3D find them in a PCD."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -24,9 +25,9 @@ def _reach(column: NDArray[Any]) -> float:
     return float(np.abs(column, where=np.isfinite(column), out=np.zeros(len(column))).max(initial=0.0))
 
 
-def unpack_colour(column: NDArray[Any], colour: str) -> NDArray[np.uint8]:
-    """One colour of a packed column of four bytes each."""
-    bits = np.ascontiguousarray(column).view(np.uint32)
+def unpack_colour(name: str, colour: str, block: Records | Mapping[str, NDArray[Any]]) -> NDArray[np.uint8]:
+    """One colour of the packed column `name` of four bytes each."""
+    bits = np.ascontiguousarray(block[name]).view(np.uint32)
     return (bits >> np.uint32(SHIFTS[colour])).astype(np.uint8)
 
 

@@ -232,3 +232,42 @@ def test_refined_views_lie_closer_to_each_other(tmp_path: Path, calibration: Pat
     assert report["rms_mm"]["after"] < 0.5 * report["rms_mm"]["before"]
     assert all(view["correction"] is not None for view in report["views"])
     assert "mm after refinement" in handeyed(*arguments).out
+
+
+@pytest.mark.parametrize("shape", [(500,), (20, 25)], ids=["in a row", "organised"])
+def test_clouds_of_an_npz_are_registered(tmp_path: Path, calibration: Path, shape: tuple[int, ...]) -> None:
+    folder = scan(tmp_path / "scan")
+    views = json.loads((folder / "scan.json").read_text())["views"]
+    for view in views:
+        points = points_of(folder / view["cloud"]).reshape(*shape, 3)
+        view["cloud"] = view["cloud"].replace(".ply", ".npz")
+        np.savez(folder / view["cloud"], points=points, intensity=points[..., 2])
+    change(folder / "scan.json", views=views)
+    ran = handeyed("register", folder, "--calibration", calibration, "--out", tmp_path / "a.npy", "--json")
+    assert (ran.status, json.loads(ran.out)["points"]) == (0, 3000), ran.err
+    merged = np.load(tmp_path / "a.npy")
+    assert merged.dtype.names == ("x", "y", "z", "intensity")
+    moved = np.column_stack([merged[name] for name in "xyz"]).reshape(6, 500, 3)
+    assert np.abs(moved - POINTS_BASE).max() < 2e-3
+
+
+@pytest.mark.parametrize("points", [np.empty((0, 3)), np.full((5, 3), np.nan)], ids=["none", "not finite"])
+def test_a_scan_without_points_is_not_accepted(tmp_path: Path, calibration: Path, points: Array) -> None:
+    ran = handeyed(
+        "register", scan(tmp_path / "scan", points=points), "--calibration", calibration, "--out", tmp_path / "a.ply"
+    )
+    assert ran.status == 3
+    assert "0 points of 6 views" in ran.out
+    assert "the merged cloud of 6 views has no points\n    -> scan where the part is within" in ran.out
+
+
+def test_a_unit_that_cannot_be_is_refused_without_force(tmp_path: Path, calibration: Path) -> None:
+    folder = scan(tmp_path / "scan", "m")
+    views = json.loads((folder / "scan.json").read_text())["views"]
+    change(folder / "scan.json", views=[{**view, "unit": "mm"} for view in views])
+    options = ["register", folder, "--calibration", calibration, "--out", tmp_path / "a.ply"]
+    refused = handeyed(*options)
+    assert (refused.status, (tmp_path / "a.ply").exists()) == (2, False)
+    assert "every point is nearer than 1 mm" in refused.err
+    forced = handeyed(*options, "--force")
+    assert (forced.status, "every point is nearer than 1 mm" in forced.out) == (3, True)

@@ -1,5 +1,6 @@
 """Parts larger than one view."""
 
+import io
 from pathlib import Path
 from typing import Any
 
@@ -70,6 +71,19 @@ async def test_a_damaged_view_is_refused_and_leaves_nothing(bench: Bench, tmp_pa
     assert (answer.status_code, answer.json()["code"]) == (422, "cloud-truncated")
     assert (await bench.client.get(scan["links"]["self"])).json()["views"] == []
     assert names(tmp_path / "scans" / scan["id"]) == []
+
+
+async def test_a_view_may_be_an_npz(bench: Bench) -> None:
+    await apply_calibration(bench)
+    scan, points, body = await a_scan(bench), cloud(100), io.BytesIO()
+    np.savez(body, points=points.astype("<f4").reshape(10, 10, 3), intensity=np.ones((10, 10)))
+    sent = {"params": {"pose": POSES[0]}, "headers": {"Content-Type": "application/x-npz"}}
+    view = await bench.client.post(scan["links"]["views"], content=body.getvalue(), **sent)
+    assert (view.status_code, view.json()["points"]) == (201, 100), view.text
+    merged = await bench.client.get(scan["links"]["cloud"])
+    assert (merged.status_code, merged.headers["content-type"]) == (200, "application/x-ply")
+    damaged = await bench.client.post(scan["links"]["views"], content=body.getvalue()[:-30], **sent)
+    assert (damaged.status_code, damaged.json()["code"]) == (422, "cloud-malformed")
 
 
 async def test_without_views_or_calibration_there_is_no_cloud(bench: Bench) -> None:

@@ -135,6 +135,18 @@ def test_a_broken_scan_is_named_and_stops_no_other(tmp_path: Path, archive: Path
     assert not (tmp_path / "out" / "hood" / "merged.ply").exists()
 
 
+def test_a_unit_that_cannot_be_fails_one_scan_without_force(tmp_path: Path, archive: Path, calibration: Path) -> None:
+    document = json.loads((archive / "door" / "scan.json").read_text())
+    views = [{**view, "unit": "m"} for view in document["views"]]
+    (archive / "door" / "scan.json").write_text(json.dumps({**document, "views": views}))
+    arguments = command(archive, calibration, tmp_path / "out", "--scheduler", "here", "--json")
+    refused = handeyed(*arguments)
+    assert (refused.status, states(refused.out)["door"]) == (2, "failed")
+    assert "every point is farther than 20 m" in refused.err
+    forced = handeyed(*arguments, "--force")
+    assert (forced.status, set(states(forced.out).values())) == (3, {"registered"})
+
+
 def test_what_changed_is_registered_again_and_nothing_else(tmp_path: Path, archive: Path, calibration: Path) -> None:
     arguments = command(archive, calibration, tmp_path / "out", "--scheduler", "here", "--json")
     assert set(states(handeyed(*arguments).out).values()) == {"registered"}

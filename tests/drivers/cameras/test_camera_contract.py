@@ -3,6 +3,7 @@
 import asyncio
 import contextlib
 import socket
+import ssl
 import threading
 import time
 from dataclasses import dataclass
@@ -11,6 +12,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+import trustme
 
 from drivers.cameras.folder_camera import FolderCamera
 from drivers.cameras.http_camera import HttpCamera
@@ -251,23 +253,39 @@ def test_a_stream_whose_server_says_nothing_is_given_up_within_the_limit() -> No
         (b"RTSP/1.0 404 Not Found\r\nCSeq: 1\r\n\r\n", GarbledAnswer, "404 Not Found: check path"),
     ],
 )
-async def test_what_a_streams_server_refuses_is_told_at_once(answer: bytes, error: type[Exception], says: str) -> None:
+@pytest.mark.parametrize("scheme", ["rtsp", "rtsps", "https"])
+async def test_what_a_streams_server_refuses_is_told_at_once(
+    scheme: str, answer: bytes, error: type[Exception], says: str
+) -> None:
     asked: list[bytes] = []
+    tls = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+    trustme.CA().issue_cert("camera.example").configure_cert(tls)  # whoever it is: the player decides
 
     async def refuse(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         asked.append(await reader.readuntil(b"\r\n\r\n"))
-        writer.write(answer)
+        writer.write(answer if "rtsp" in scheme else answer.replace(b"RTSP", b"HTTP"))
         await writer.drain()
         writer.close()
 
-    async with await asyncio.start_server(refuse, "127.0.0.1", 0) as server:
+    secured = tls if scheme.endswith("s") else None
+    async with await asyncio.start_server(refuse, "127.0.0.1", 0, ssl=secured) as server:
         port = server.sockets[0].getsockname()[1]
-        camera = VideoCamera(f"rtsp://user:secret@127.0.0.1:{port}/live", limit_s=3600.0)
+        camera = VideoCamera(f"{scheme}://user:secret@127.0.0.1:{port}/live", limit_s=3600.0)
         camera.start()
         with pytest.raises(error, match=says):
             await asyncio.wait_for(camera.grab(0.0), LIMIT_S)
         await camera.close()
-    assert asked[0].startswith(f"DESCRIBE rtsp://127.0.0.1:{port}/live RTSP/1.0".encode())
+    wanted = f"DESCRIBE {scheme}://127.0.0.1:{port}/live RTSP/1.0" if "rtsp" in scheme else "GET /live HTTP/1.0"
+    assert asked[0].startswith(wanted.encode()) and b"secret" not in asked[0]
+
+
+async def test_a_stream_without_tls_at_an_address_with_it_is_told_at_once() -> None:
+    with http_device(Answer(b"no", status=404)) as device:
+        camera = VideoCamera(device.url.replace("http://", "rtsps://"), limit_s=3600.0)
+        camera.start()
+        with pytest.raises(GarbledAnswer, match=r"no TLS with .*: check scheme and port"):
+            await asyncio.wait_for(camera.grab(0.0), LIMIT_S)
+        await camera.close()
 
 
 async def test_a_stream_over_http_that_is_not_there_is_told_at_once() -> None:

@@ -196,16 +196,59 @@ def test_six_columns_without_names_are_colours_where_they_are_bytes(
         assert [table[name].tolist() for name in COLOURS] == colours
 
 
-def test_colours_of_an_e57_are_read_against_its_limits(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("held", "limits", "colours"),
+    [
+        ((0, 255), (0, 255), [0, 51, 255]),
+        ((0, 65535), (0, 65535), [0, 13107, 65535]),
+        ((0, 65535), None, [0, 13107, 65535]),
+        ((0, 1023), (100, 1000), [100, 280, 1000]),
+        (None, (0.0, 1.0), [0.0, 0.2, 1.0]),
+        (None, None, [0.0, 51.0, 255.0]),
+    ],
+    ids=["bytes", "16 bits", "16 bits without limits", "limits of its own", "shares", "floats without limits"],
+)
+def test_colours_of_an_e57_are_read_against_its_limits(
+    tmp_path: Path, held: tuple[int, int] | None, limits: tuple[float, float] | None, colours: list[float]
+) -> None:
     pye57 = library("pye57")
-    file = pye57.E57(str(tmp_path / "in.e57"), mode="w")
-    points = {f"cartesian{axis}": np.arange(3.0) for axis in "XYZ"}
-    file.write_scan_raw(points | {f"color{colour.title()}": np.array([0, 51, 255], np.uint8) for colour in COLOURS})
-    limits = file.data3d[0]["colorLimits"]
-    assert limits["colorRedMaximum"].value() == 255
+    lib, file = pye57.libe57, pye57.E57(str(tmp_path / "in.e57"), mode="w")
+    image, scan = file.image_file, pye57.libe57.StructureNode(file.image_file)
+    scan.set("guid", lib.StringNode(image, "{0}"))
+    prototype, buffers, columns = lib.StructureNode(image), lib.VectorSourceDestBuffer(), []
+    for name in (*(f"cartesian{axis}" for axis in "XYZ"), *(f"color{colour.title()}" for colour in COLOURS)):
+        whole = held is not None and name.startswith("color")
+        prototype.set(name, lib.IntegerNode(image, 0, *held) if whole else lib.FloatNode(image, 0.0))
+        columns.append(np.array(colours if name.startswith("color") else [1.0, 2.0, 3.0], np.float64))
+        buffers.append(lib.SourceDestBuffer(image, name, columns[-1], 3, True, True))
+    points = lib.CompressedVectorNode(image, prototype, lib.VectorNode(image, True))
+    scan.set("points", points)
+    if limits is not None:
+        node = lib.StructureNode(image)
+        for colour in COLOURS:
+            node.set(f"color{colour.title()}Minimum", lib.FloatNode(image, float(limits[0])))
+            node.set(f"color{colour.title()}Maximum", lib.FloatNode(image, float(limits[1])))
+        scan.set("colorLimits", node)
+    file.data3d.append(scan)
+    writer = points.writer(buffers)
+    writer.write(3)
+    writer.close()
     file.close()
     merge_clouds([PlacedCloud(tmp_path / "in.e57", "m", np.eye(4))], tmp_path / "out.las")
     assert by_laspy(tmp_path / "out.las")["red"].tolist() == [0, 51 * 257, 65535]
+
+
+def test_an_e57_declares_the_limits_of_what_it_holds(tmp_path: Path) -> None:
+    """By which its readers scale: an intensity of 16 bits is not cut at 1 or 255."""
+    layout, made = records("u1", 0.0)
+    write(tmp_path / "in.ply", layout, made)
+    merge_clouds([PlacedCloud(tmp_path / "in.ply", "mm", np.eye(4))], tmp_path / "out.e57")
+    file = library("pye57").E57(str(tmp_path / "out.e57"))
+    node = file.get_header(0).node
+    found = [node["intensityLimits"][f"intensity{end}"].value() for end in ("Minimum", "Maximum")]
+    assert found == [0.0, float(made["intensity"].max())] and found[1] > 255
+    assert [node["colorLimits"][f"colorGreen{end}"].value() for end in ("Minimum", "Maximum")] == [0.0, 255.0]
+    file.close()
 
 
 @pytest.mark.parametrize("target", READERS)
