@@ -1,17 +1,29 @@
 """`handeyed mock run | truth | score | faults`, also python -m mock_robot."""
 
 import argparse
+import asyncio
 import json
 import socket
 import sys
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from mock_robot.errors import MockError
 
+if TYPE_CHECKING:
+    from mock_robot.truth.truth import CellTruth
+
 ARM_CLASSES = ("perfect", "calibrated", "standard", "worn")
 """As mock_robot.arm.built_arm, which is imported only when it is used."""
+PORTS = {
+    "robot": "the robot program's link",
+    "devices": "cameras and scanners, HTTP",
+    "control": "what people do at the cell, HTTP",
+    "rws": "Robot Web Services 1.0, HTTP",
+    "rws2": "Robot Web Services 2.0, HTTPS",
+}
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -30,15 +42,11 @@ def _parser() -> argparse.ArgumentParser:
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
 
     run = commands.add_parser("run", help="start the cell; print one JSON line with every address when it is ready")
-    run.add_argument("--seed", type=int, default=7)
     _add_setup(run)
     run.add_argument("--time-scale", type=_positive, default=1.0, help="how many times faster than real the arm moves")
     run.add_argument("--host", type=_own_address, default="127.0.0.1", help="an address of this machine")
-    run.add_argument("--robot-port", type=_port, default=0, help="0: chosen by the system")
-    run.add_argument("--devices-port", type=_port, default=0)
-    run.add_argument("--control-port", type=_port, default=0)
-    run.add_argument("--rws-port", type=_port, default=0, help="Robot Web Services 1.0, HTTP")
-    run.add_argument("--rws2-port", type=_port, default=0, help="Robot Web Services 2.0, HTTPS")
+    for name, what in PORTS.items():
+        run.add_argument(f"--{name}-port", type=_port, default=0, help=f"{what}; 0: chosen by the system")
     run.add_argument(
         "--controller",
         choices=("rapid", "python"),
@@ -58,9 +66,6 @@ def _parser() -> argparse.ArgumentParser:
     run.add_argument("--virtual", action="store_true", help="RWS says that it is RobotStudio's controller")
     run.add_argument("--without", action="append", default=[], metavar="OPTION", help="an absent option, as 623-1")
     run.add_argument("--deny", action="append", default=[], metavar="GRANT", help="an absent grant, as UAS_CFG_WRITE")
-    run.add_argument(
-        "--arm", choices=ARM_CLASSES, default="perfect", help="the arm as built: as drawn, calibrated, ..."
-    )
     run.add_argument("--fault", action="append", default=[], metavar="NAME", help="begin with this fault; repeatable")
     run.add_argument("--ready-file", type=Path, help="write the JSON line there")
     run.add_argument("--with-parent", action="store_true", help="end when standard input closes")
@@ -72,13 +77,10 @@ def _parser() -> argparse.ArgumentParser:
     load.set_defaults(command=_load)
 
     truth = commands.add_parser("truth", help="print what is hidden from the daemon, as JSON")
-    truth.add_argument("--seed", type=int, default=7)
-    truth.add_argument("--arm", choices=ARM_CLASSES, default="perfect", help="the arm as built")
     _add_setup(truth)
     truth.set_defaults(command=_truth)
 
     score = commands.add_parser("score", help="compare results with the truth, as JSON")
-    score.add_argument("--seed", type=int, default=7)
     _add_setup(score)
     score.add_argument("--cloud", type=Path, metavar="PLY", help="a merged cloud in the robot's base frame")
     score.add_argument("--calibration", type=Path, metavar="JSON", help="a calibration.json")
@@ -91,10 +93,27 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _add_setup(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--seed", type=int, default=7)
+    parser.add_argument("--arm", choices=ARM_CLASSES, default="perfect", help="the arm as built: as drawn, ...")
+    parser.add_argument("--camera", action="append", default=[], metavar="NAME", help="a further camera; repeatable")
+    parser.add_argument(
+        "--scanner", action="append", default=[], metavar="NAME", help="a scanner that sees the target; repeatable"
+    )
+    parser.add_argument("--beside", choices=("track", "turntable"), help="what the controller leaves out of its poses")
+    parser.add_argument("--scara", action="store_true", help="the arm turns its flange about the vertical only")
     parser.add_argument(
         "--setup", choices=("eye-in-hand", "eye-to-hand"), default="eye-in-hand",
         help="camera on the flange, or on a stand with the target on the flange",
     )  # fmt: skip
+
+
+def _truth_of(options: argparse.Namespace) -> "CellTruth":
+    from mock_robot.cabinet.cabinet import Mounting
+    from mock_robot.truth.truth import CellTruth
+
+    truth = CellTruth.from_seed(options.seed, arm_class=options.arm, setup=options.setup)
+    beside = {"mounting": Mounting.with_axis(options.beside), "scara": options.scara}
+    return replace(truth.beside(options.camera, options.scanner), **beside)
 
 
 def _positive(text: str) -> float:
@@ -136,7 +155,7 @@ def _address(text: str) -> tuple[str, int]:
 def _run(options: argparse.Namespace) -> int:
     from mock_robot.process import run_cell  # imports the renderer, which only `run` needs
 
-    return run_cell(options)
+    return asyncio.run(run_cell(options, _truth_of(options)))
 
 
 def _load(options: argparse.Namespace) -> int:
@@ -153,11 +172,9 @@ def _load(options: argparse.Namespace) -> int:
 
 
 def _truth(options: argparse.Namespace) -> int:
-    from mock_robot.truth.truth import CellTruth
     from mock_robot.truth.truth_sheet import truth_document
 
-    truth = CellTruth.from_seed(options.seed, arm_class=options.arm, setup=options.setup)
-    _print(json.dumps(truth_document(truth), indent=2))
+    _print(json.dumps(truth_document(_truth_of(options)), indent=2))
     return 0
 
 
@@ -167,11 +184,10 @@ def _score(options: argparse.Namespace) -> int:
     from calibration.errors import CalibrationError
     from calibration.problem import MOUNTS
     from mock_robot.truth.score import score_calibration, score_cloud
-    from mock_robot.truth.truth import CellTruth
 
     if options.cloud is None and options.calibration is None:
         raise MockError("nothing to score: give --cloud PLY, --calibration JSON, or both")
-    truth = CellTruth.from_seed(options.seed, setup=options.setup)
+    truth = _truth_of(options)
     scores: dict[str, Any] = {"seed": options.seed}
     try:
         if options.calibration is not None:

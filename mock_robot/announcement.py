@@ -22,6 +22,8 @@ class Announcement:
     sheet: dict[str, Any]
     rws: RwsUrls | None = None
     profiler: str | None = None
+    cameras: tuple[str, ...] = ()
+    scanners: tuple[str, ...] = ()
 
     def document(self) -> dict[str, Any]:
         """The announcement as a JSON document."""
@@ -32,6 +34,8 @@ class Announcement:
             "robot": {"host": self.robot_host, "port": self.robot_port, "serial": self.serial_path},
             "camera": self._device("camera/snapshot.png"),
             "scanner": self._device("scanner/cloud.ply"),
+            "cameras": {name: self._device(f"cameras/{name}/snapshot.png") for name in self.cameras},
+            "scanners": {name: self._device(f"scanners/{name}/cloud.pcd") for name in self.scanners},
             "profiler": self.profiler,
             "rws": None if self.rws is None else {"1.0": self.rws.first, "2.0": self.rws.second},
             "control": self.control_url,

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from contextlib import AsyncExitStack
-from dataclasses import dataclass, replace
+from dataclasses import astuple, dataclass, replace
 from functools import partial
 from pathlib import Path
 from random import Random
@@ -12,10 +12,12 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from calibration.kinematics.abb_arms import find_any_arm
+from calibration.kinematics.arm import Arm
 from calibration.kinematics.load import Load
 from calibration.kinematics.seven_axes import SevenAxisArm
 from calibration.transforms import Array
 from mock_robot.announcement import Announcement
+from mock_robot.arm.scara import ScaraArm
 from mock_robot.arm.simulated_arm import ArmNoise, SimulatedArm
 from mock_robot.cabinet.cabinet import MotionBox
 from mock_robot.control_port import ControlPort
@@ -29,7 +31,7 @@ from mock_robot.rapid.controller import DEPLOYED
 from mock_robot.rws.station import RwsStation
 from mock_robot.truth.start_posture import start_joints
 from mock_robot.truth.truth import CellTruth
-from mock_robot.truth.truth_sheet import BOX_MM, cell_sheet
+from mock_robot.truth.truth_sheet import cell_sheet
 from protocols.cb.codes import Command
 
 LOOPBACK = "127.0.0.1"
@@ -85,6 +87,8 @@ class MockCell:
         home: Path | None = None,
     ) -> None:
         arm = find_any_arm(truth.arm)
+        if truth.scara and isinstance(arm, Arm):
+            arm = ScaraArm(*astuple(arm))
         noise = ArmNoise(truth.noise.robot_translation_mm, np.radians(truth.noise.robot_rotation_deg), truth.seed)
         if isinstance(arm, SevenAxisArm) and (program != "python" or home is not None):
             raise MockError(f"{arm.name} has seven axes: only the Python program moves it, the interpreter moves six")
@@ -95,11 +99,13 @@ class MockCell:
             session=session or Random().randrange(1, 65536),
             time_scale=time_scale,
             started_at_s=clock(),
-            box=MotionBox(*BOX_MM),
+            box=MotionBox(*cell_sheet(truth)["box_mm"]),
             clock=clock,
             seed=truth.seed,
         )
         self.controller = self._wires.controller
+        self.controller.mounting = replace(truth.mounting)
+        self.controller.stand_axes(truth.mounting.axes_at(0.0))
         self.faults = FaultBoards(self.controller, self._wires.board)
         self.rws = RwsStation(self.controller, self._wires.board, clock)
         self.rws.world.equipment.arm = truth.arm
@@ -119,8 +125,8 @@ class MockCell:
             await self.egm.start(*ports.egm)
             self._closing.push_async_callback(self.egm.close)
         profiler = None if ports.profiler is None else await self._start_profiler(ports.host, ports.profiler)
-        sheet = cell_sheet(self.truth)
-        return Announcement(self.truth.seed, host, port, serial, devices, control, sheet, rws, profiler)
+        sheet, further = cell_sheet(self.truth), (tuple(self.truth.further_cameras), tuple(self.truth.further_scanners))
+        return Announcement(self.truth.seed, host, port, serial, devices, control, sheet, rws, profiler, *further)
 
     async def close(self) -> None:
         """Close all interfaces."""
@@ -155,10 +161,10 @@ class MockCell:
         self.rws.nudge()
 
     def _devices(self) -> object:
-        from mock_robot.devices.http_devices import create_app  # imports renderer and ray caster only when needed
+        from mock_robot.devices.http_devices import DeviceApp  # imports renderer and ray caster only when needed
         from mock_robot.faults.device_faults import DEVICE_FAULTS
 
-        application = create_app(self.truth, self.flange_now)
+        application = DeviceApp(self.truth, lambda: self.flange_now().base_T_flange)
         self.faults = replace(self.faults, devices=application.faults, device_rows=DEVICE_FAULTS)
         return application
 

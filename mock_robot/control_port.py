@@ -143,12 +143,18 @@ class ControlPort:
         return self._state(fields)
 
     def _jog(self, fields: Fields) -> Any:
-        """Move the arm as an operator does with the joystick: to `joints_deg`, or to `base_T_flange`, `in_s` (1 s)."""
+        """Move the arm as an operator does with the joystick: to `joints_deg`, or to `base_T_flange`, `in_s` (1 s).
+
+        Or, with `axis_beside`, the track (mm) or the turntable (degrees) beside it, at once.
+        """
         controller, now_s = self.controller, self.clock()
         controller.tick(now_s)
         if controller.armed or controller.panel.emergency_stop or not controller.panel.motors_on:
             raise JogRefused("the arm is armed, its emergency stop is pressed or its motors are off")
         robot_s = controller.robot_s(now_s)
+        if "axis_beside" in fields:
+            controller.stand_axes(controller.mounting.axes_at(_number(fields["axis_beside"], "axis_beside", -1e4, 1e4)))
+            return self._state(fields)
         in_s = _number(fields.get("in_s", 1.0), "in_s", *JOG_S)
         try:
             controller.arm.jog(self._jog_goal(fields, robot_s), in_s * controller.time_scale, robot_s)

@@ -13,14 +13,10 @@ from mock_robot.rws.world import World
 from mock_robot.truth.truth import CellTruth
 
 
-def run_cell(options: argparse.Namespace) -> int:
+async def run_cell(options: argparse.Namespace, truth: CellTruth) -> int:
     """Run the cell until SIGTERM, SIGINT or, with --with-parent, the end of standard input. The exit code."""
-    return asyncio.run(_run(options))
-
-
-async def _run(options: argparse.Namespace) -> int:
     cell = MockCell(
-        CellTruth.from_seed(options.seed, arm_class=options.arm, setup=options.setup),
+        truth,
         time_scale=options.time_scale,
         program=options.controller or default_program(),
         home=options.home,

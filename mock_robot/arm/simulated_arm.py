@@ -165,14 +165,6 @@ class SimulatedArm:
         """Joints (6,) in rad."""
         return self._motion.joints_at(now_s)
 
-    def fastest_mm_s(self, points_mm: Array, step_s: float = 0.02) -> float:
-        """Largest speed of points (k, 3), given in the flange's frame, during the current move or the last one."""
-        motion = self._motion
-        times = np.arange(motion.start_s, motion.end_s + step_s, step_s)
-        flanges = self.arm.forward(np.array([motion.joints_at(float(time)) for time in times]))
-        points = points_mm @ np.swapaxes(flanges[:, :3, :3], -1, -2) + flanges[:, None, :3, 3]
-        return float(np.linalg.norm(np.diff(points, axis=0), axis=-1).max(initial=0.0) / step_s)
-
     def is_moving_at(self, now_s: float) -> bool:
         """Whether the arm is moving."""
         return now_s < self._motion.end_s

@@ -6,11 +6,11 @@ Times are passed in. `now_s` is wire time (heartbeat, time stamps); the arm runs
 from abc import ABC, abstractmethod
 from collections import deque
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
-from calibration.kinematics.external_axis import ExternalAxis, reading_of
+from calibration.kinematics.external_axis import AxisKind, ExternalAxis, reading_of
 from calibration.kinematics.seven_axes import SevenAxisArm
 from calibration.transforms import Array, inverse, transform
 from mock_robot.arm.simulated_arm import SimulatedArm
@@ -18,6 +18,15 @@ from mock_robot.cabinet.disk import Disk
 from mock_robot.cabinet.panel import Mode, Panel
 from protocols.cb import messages as cb
 from protocols.cb.codes import Flag, Status
+
+UP, LEFT = np.array([0.0, 0.0, 1.0]), np.array([0.0, 1.0, 0.0])
+BESIDE: dict[AxisKind, ExternalAxis] = {
+    "track": ExternalAxis("track", 1, LEFT, np.zeros(3)),
+    "turntable": ExternalAxis("turntable", 1, UP, np.array([1000.0, 150.0, 0.0])),
+}
+"""As drawn: what `handeyed mock run --beside` puts beside the arm."""
+OFF = np.array([*np.radians([0.3, -0.2]), 12.0, -8.0])
+"""Of that axis as built from the one as drawn: two turns of its direction, two shifts of its point in mm."""
 
 
 @dataclass
@@ -34,6 +43,25 @@ class Mounting:
     track: tuple[float, float, float] | None = None
     integrated: bool = True
     beside: ExternalAxis | None = None
+
+    @classmethod
+    def with_axis(cls, kind: AxisKind | None) -> "Mounting":
+        """A base with this axis beside it, which is built a little off its drawing; or with none."""
+        return cls(beside=BESIDE[kind].apply_step(OFF) if kind else None)
+
+    def document(self, drawn: bool) -> dict[str, Any]:
+        """The axis beside the arm as [robot.external_axis] has it, as drawn or as built; nothing without one."""
+        if self.beside is None:
+            return {}
+        axis = BESIDE[self.beside.kind] if drawn else self.beside
+        point_mm = {} if axis.kind == "track" else {"point_mm": axis.point_mm.tolist()}
+        held = {"kind": axis.kind, "number": axis.number, "direction": axis.direction.tolist(), **point_mm}
+        return {"external_axis": held}
+
+    def axes_at(self, reading: float) -> tuple[float, ...]:
+        """The controller's external axes with the one beside the arm there, in mm or degrees, and no others."""
+        number = 0 if self.beside is None else self.beside.number
+        return tuple(reading if each == number else UNUSED_AXIS for each in range(1, 7))
 
     def true_world_T_base(self, external_axes: tuple[float, ...]) -> Array:
         """Where the base stands."""
@@ -172,6 +200,10 @@ class Cabinet(ABC):
     def signals_now(self) -> dict[str, tuple[str, str, bool, float]]:
         """A program's signals by name: kind, device, whether a remote client may write it, value."""
         return {}
+
+    def stand_axes(self, external_axes: tuple[float, ...]) -> None:
+        """The external axes stand there now, as moved at the pendant."""
+        self.external_axes = external_axes
 
     def set_signal(self, name: str, value: float) -> bool:
         """Set a program's signal; returns whether there is one of that name."""

@@ -11,7 +11,7 @@ from collections.abc import Awaitable, Callable, MutableMapping
 from dataclasses import dataclass
 from functools import reduce
 from time import monotonic
-from typing import Any, Protocol
+from typing import Any
 from zlib import crc32
 
 import cv2
@@ -82,12 +82,6 @@ def cloud(truth: CellTruth, exposure: Exposure, rng: np.random.Generator) -> NDA
     return scan(ScannerModel(noise_mm=truth.noise.scanner_mm), poses, rng)
 
 
-def png(image: NDArray[np.uint8]) -> bytes:
-    """Encode the image as a PNG file."""
-    _, encoded = cv2.imencode(".png", image, PNG_SPEED)
-    return encoded.tobytes()
-
-
 EXPOSURE_S: dict[Device, float] = {"camera": 0.008, "scanner": 0.15}
 RANGE_OF_TARGET_MM = (200.0, 1500.0)
 """Where a further scanner measures: the views of a calibration are nearer than those of a part."""
@@ -97,13 +91,6 @@ MEDIA_TYPES: dict[Device, str] = {"camera": "image/png", "scanner": "application
 Message = MutableMapping[str, Any]
 Develop = Callable[[Exposure, tuple[DeviceFault, ...], np.random.Generator, int], bytes]
 """The file of an exposure, with these faults, and the number of the capture."""
-
-
-class FlangePose(Protocol):
-    """True flange pose."""
-
-    @property
-    def base_T_flange(self) -> Array: ...
 
 
 @dataclass(frozen=True)
@@ -118,7 +105,8 @@ class Capture:
 class DeviceApp:
     """The ASGI application and its fault board."""
 
-    def __init__(self, truth: CellTruth, flange_now: Callable[[], FlangePose]) -> None:
+    def __init__(self, truth: CellTruth, flange_now: Callable[[], Array]) -> None:
+        """`flange_now`: true base_T_flange (4, 4), called at the start and end of each capture, on the event loop."""
         self.faults = DeviceFaultBoard()
 
         def station(device: Device, develop: Develop, number: int = 0, media_type: str | None = None) -> _Station:
@@ -143,11 +131,6 @@ class DeviceApp:
         await self._app(scope, receive, send)
 
 
-def create_app(truth: CellTruth, flange_now: Callable[[], FlangePose]) -> DeviceApp:
-    """Create the application; `flange_now` is called at the start and end of each capture, on the event loop."""
-    return DeviceApp(truth, flange_now)
-
-
 class _Station:
     """One device: captures one at a time, renders in a thread, keeps its last file."""
 
@@ -155,7 +138,7 @@ class _Station:
         self,
         device: Device,
         seed: int,
-        flange_now: Callable[[], FlangePose],
+        flange_now: Callable[[], Array],
         faults: DeviceFaultBoard,
         develop: Develop,
         media_type: str | None = None,
@@ -192,9 +175,9 @@ class _Station:
         if self._last is not None and any(fault.repeats != "no" for fault in struck):
             return self._last
         number, began_s = self._captures, monotonic()
-        begin = self._flange_now().base_T_flange
+        begin = self._flange_now()
         await asyncio.sleep(EXPOSURE_S[self._device])
-        exposure = Exposure(begin, self._flange_now().base_T_flange)
+        exposure = Exposure(begin, self._flange_now())
         rng = np.random.default_rng([self._seed, len(self._device), number])
         content = await asyncio.to_thread(self._develop, exposure, struck, rng, number)
         self._last = Capture(content, began_s, number)
@@ -205,7 +188,7 @@ def _camera(truth: CellTruth) -> Develop:
     def develop(exposure: Exposure, struck: tuple[DeviceFault, ...], rng: np.random.Generator, number: int) -> bytes:
         image = picture(truth.at_picture(number), exposure, any(fault.hides_target for fault in struck), rng)
         image = reduce(lambda now, spoil: spoil(now), [f.picture for f in struck if f.picture], image)
-        return _on_its_way(png(image), struck)
+        return _on_its_way(cv2.imencode(".png", image, PNG_SPEED)[1].tobytes(), struck)
 
     return develop
 

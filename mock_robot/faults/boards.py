@@ -7,6 +7,7 @@ from typing import Protocol
 from mock_robot.cabinet.cabinet import Cabinet
 from mock_robot.errors import NoSuchState, UnknownFault
 from mock_robot.faults.board import FaultBoard
+from mock_robot.faults.device_faults import DeviceFaultBoard
 from protocols.cb.codes import Command
 
 
@@ -23,24 +24,13 @@ class FaultRow(Protocol):
     def summary(self) -> str: ...
 
 
-class DeviceFaults(Protocol):
-    """Interface of the board of camera and scanner."""
-
-    @property
-    def active(self) -> tuple[str, ...]: ...
-
-    def switch_on(self, name: str, strikes: int | None = None) -> None: ...
-
-    def clear(self, name: str | None = None) -> None: ...
-
-
 @dataclass(frozen=True)
 class FaultBoards:
     """Dispatches to the right board. `devices` and `device_rows` are None for a cell without camera and scanner."""
 
     controller: Cabinet
     robot: FaultBoard
-    devices: DeviceFaults | None = None
+    devices: DeviceFaultBoard | None = None
     device_rows: Mapping[str, FaultRow] | None = None
 
     @property

@@ -82,6 +82,11 @@ class RapidController(Cabinet):
         motion = next((plan.name for plan in self._plans if plan.motion), FACTORY_TASK)
         self.unit = MotionUnit(self, self.clock, motion, lambda: self.board.wake(self, self.clock()))
 
+    def stand_axes(self, external_axes: tuple[float, ...]) -> None:
+        """The external axes stand there now, as moved at the pendant."""
+        super().stand_axes(external_axes)
+        self.unit.external = list(external_axes)
+
     # --- lifecycle ---
 
     def begin(self, serial_fileno: int | None = None) -> None:

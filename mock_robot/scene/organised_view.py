@@ -9,11 +9,10 @@ from mock_robot.scene.camera_view import render
 from mock_robot.scene.optics import Optics
 from mock_robot.scene.printed_target import PrintOptions
 from mock_robot.scene.scanner_view import ScannerModel
+from registration.io.formats.pcd import format_header
+from registration.points.layout import Layout
 
-PCD_HEADER = (
-    "# .PCD v0.7\nVERSION 0.7\nFIELDS x y z intensity\nSIZE 4 4 4 4\nTYPE F F F F\nCOUNT 1 1 1 1\n"
-    "WIDTH {width}\nHEIGHT {height}\nVIEWPOINT 0 0 0 1 0 0 0\nPOINTS {points}\nDATA binary\n"
-)
+COLUMNS = Layout.of(np.dtype([(name, "<f4") for name in ("x", "y", "z", "intensity")]))
 
 
 def organised_pcd(
@@ -37,5 +36,4 @@ def organised_pcd(
     distance[~((depth > near) & (depth < far))] = np.nan
     distance = distance + rng.normal(0.0, scanner.noise_mm, distance.shape) * (distance / scanner.reference_mm) ** 2
     rows = np.column_stack([rays * distance[:, None], picture.reshape(-1)]).astype("<f4")
-    header = PCD_HEADER.format(width=scanner.columns, height=scanner.rows, points=len(rows))
-    return header.encode() + rows.tobytes()
+    return format_header(COLUMNS, len(rows), rows=scanner.rows) + rows.tobytes()

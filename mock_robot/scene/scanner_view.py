@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 
 from calibration.transforms import Array
 from mock_robot.scene.part import DOOR, Door
+from registration.io.formats.ply import format_header
+from registration.points.layout import XYZ_FLOAT32
 
 NEWTON_STEPS = 5
 TRACING_STEPS = 80
@@ -118,8 +120,5 @@ def _add_noise(
 
 def cloud_ply(points: NDArray[np.float32]) -> bytes:
     """Binary PLY, x y z as float32, mm."""
-    header = (
-        "ply\nformat binary_little_endian 1.0\ncomment millimetres, scanner frame\n"
-        f"element vertex {len(points)}\nproperty float x\nproperty float y\nproperty float z\nend_header\n"
-    )
-    return header.encode() + np.ascontiguousarray(points, "<f4").tobytes()
+    records = np.ascontiguousarray(points, "<f4")
+    return format_header(XYZ_FLOAT32, len(points)) + records.tobytes()

@@ -6,8 +6,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from calibration.transforms import Array, difference, inverse, map_points
-from mock_robot.scene.part import DOOR, Door
-from mock_robot.scene.part_samples import surface_samples
+from mock_robot.scene.part import DOOR, Door, surface_samples
 from mock_robot.truth.score_ply import read_points
 from mock_robot.truth.truth import CellTruth
 

@@ -9,7 +9,7 @@ TYPES = {
     "uint16": "u2", "int": "i4", "int32": "i4", "uint": "u4", "uint32": "u4", "float": "f4", "float32": "f4",
     "double": "f8", "float64": "f8",
 }  # fmt: skip
-ENDIANS = {"binary_little_endian": "<", "binary_big_endian": ">", "ascii": ""}
+ENDIANS = {"binary_little_endian": "<", "binary_big_endian": ">"}
 
 
 class UnreadablePly(ValueError):
@@ -25,7 +25,7 @@ def read_points(ply: bytes) -> Array:
     endian = next((ENDIANS.get(line[1]) for line in words if line[:1] == ["format"] and len(line) > 1), None)
     elements = [index for index, line in enumerate(words) if line[:1] == ["element"]]
     if endian is None or not elements or words[elements[0]][1:2] != ["vertex"]:
-        raise UnreadablePly("its header names no format, or its first element is not the vertices")
+        raise UnreadablePly("its header names no binary format, or its first element is not the vertices")
     promised = b"".join(word.encode() for word in words[elements[0]][2:3])
     if not promised.isdigit():
         raise UnreadablePly("its header does not say how many vertices there are")
@@ -35,21 +35,8 @@ def read_points(ply: bytes) -> Array:
     names = [name for name, _ in fields]
     if not {"x", "y", "z"} <= set(names) or not all(kind in TYPES for _, kind in fields):
         raise UnreadablePly(f"its vertices have {', '.join(names) or 'no properties'}: x, y and z are needed")
-    if not endian:
-        return _ascii(body, count, names)
     record = np.dtype([(name, endian + TYPES[kind]) for name, kind in fields])
     if len(body) < count * record.itemsize:
         raise UnreadablePly(f"its header promises {count} points, it ends after {len(body) // record.itemsize}")
     table = np.frombuffer(body, record, count)
     return np.column_stack([table[axis].astype(float) for axis in "xyz"])
-
-
-def _ascii(body: bytes, count: int, names: list[str]) -> Array:
-    try:
-        values = np.array(body.split()[: count * len(names)], float)
-    except ValueError as error:
-        raise UnreadablePly(f"a coordinate is not a number: {error}") from None
-    if len(values) < count * len(names):
-        raise UnreadablePly(f"its header promises {count} points, it ends after {len(values) // len(names)}")
-    columns: Array = values.reshape(count, len(names))[:, [names.index(axis) for axis in "xyz"]]
-    return columns

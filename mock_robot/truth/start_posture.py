@@ -29,7 +29,14 @@ def base_T_camera_above(truth: CellTruth, distance_mm: float, roll_rad: float) -
 
 
 def _looking(truth: CellTruth, roll_rad: float) -> Array:
-    """base_T_flange at which the camera sees the target's centre on its axis, square on, turned by the roll."""
+    """base_T_flange at which the camera sees the target's centre on its axis, square on, turned by the roll.
+
+    Of a SCARA as square as it can: its flange looks straight down.
+    """
+    if truth.scara:
+        turn = rotation_from_vector([0.0, 0.0, roll_rad]) @ np.diag([1.0, -1.0, -1.0])
+        seen = map_points(truth.flange_T_camera, np.array([[0.0, 0.0, START_DISTANCE_MM]]))[0]
+        return transform(turn, target_middle_mm(truth) - turn @ seen)
     if truth.setup == "eye-in-hand":
         return base_T_camera_above(truth, START_DISTANCE_MM, roll_rad) @ inverse(truth.flange_T_camera)
     turn = rotation_from_vector([0.0, 0.0, -roll_rad])

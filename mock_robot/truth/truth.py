@@ -3,7 +3,7 @@
 The daemon never sees it. What an integrator knows of the cell is in `mock_robot.truth.truth_sheet`.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -14,6 +14,7 @@ from calibration.problem import Setup, anchor_T_mount_of
 from calibration.targets import Charuco, Target
 from calibration.transforms import Array, inverse, rotation_from_vector, transform
 from mock_robot.arm.built_arm import ArmClass, BuiltArm, build_arm
+from mock_robot.cabinet.cabinet import Mounting
 from mock_robot.scene.optics import Optics
 from mock_robot.scene.printed_target import PrintOptions, print_target
 from mock_robot.truth.warming import CameraWarming
@@ -35,6 +36,10 @@ HOLDER_MM = np.array([0.0, 0.0, 30.0])
 
 PART_DISTANCE_MM = 700.0
 """The part's middle from the camera on the stand."""
+
+CAMERA_TURN, CAMERA_STEP_MM = rotation_from_vector([0.10, -0.06, 0.5]), np.array([35.0, -20.0, 5.0])
+SCANNER_STEP_MM = np.array([-40.0, 15.0, -10.0])
+"""Of each further camera from the first; of each further scanner from the last camera, as docs/cells.md has it."""
 
 TARGET_FACING_UP = np.array([[0.0, -1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 PART_FACING_THE_ROBOT = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
@@ -70,7 +75,7 @@ class CellTruth:
 
     `mount_T_camera`, `anchor_T_target`: as in `calibration.problem`, by the set-up. `further_cameras`: mount_T_camera
     of cameras of the same lens, by name; `further_scanners`: mount_T_scanner of scanners that see the target, by name.
-    `warming`: of the camera, None for one that is warm.
+    `warming`: of the camera, None for one that is warm. `scara`: the arm turns its flange about the vertical only.
     """
 
     seed: int
@@ -90,6 +95,8 @@ class CellTruth:
     further_cameras: Mapping[str, Array] = field(default_factory=dict)
     further_scanners: Mapping[str, Array] = field(default_factory=dict)
     warming: CameraWarming | None = None
+    mounting: Mounting = field(default_factory=Mounting)
+    scara: bool = False
 
     @classmethod
     def from_seed(
@@ -107,7 +114,8 @@ class CellTruth:
         """Build the cell of a seed; the same arguments give the same cell, to the last bit."""
         rng = np.random.default_rng([seed, 0x5EED])
         sheet = sheet or PrintOptions()
-        nominal = _with_camera_on_flange(rng, target, sheet)
+        part = transform(PART_FACING_THE_ROBOT, PART_MIDDLE_MM)
+        nominal = Nominal(_bracket(rng), _table(rng, target, sheet), part)
         if setup == "eye-to-hand":
             nominal = _with_camera_on_stand(target, sheet)
         mount_T_camera = _displace(nominal.mount_T_camera, rng, 4.0, 1.5)
@@ -147,6 +155,14 @@ class CellTruth:
         """Of a target beside the robot."""
         return self._of("eye-in-hand", self.anchor_T_target)
 
+    def beside(self, cameras: Sequence[str], scanners: Sequence[str]) -> "CellTruth":
+        """The cell with cameras of these names beside its camera, and scanners beside the last of them."""
+        placed = [self.mount_T_camera @ transform(CAMERA_TURN, n * CAMERA_STEP_MM) for n in range(1, len(cameras) + 1)]
+        last = [self.mount_T_camera, *placed][-1]
+        scanning = [last @ transform(np.eye(3), n * SCANNER_STEP_MM) for n in range(1, len(scanners) + 1)]
+        named = dict(zip(cameras, placed, strict=True)), dict(zip(scanners, scanning, strict=True))
+        return replace(self, further_cameras=named[0], further_scanners=named[1])
+
     def of_camera(self, name: str) -> "CellTruth":
         """The cell with this further camera in the place of its camera."""
         return replace(self, mount_T_camera=self.further_cameras[name])
@@ -171,11 +187,6 @@ class CellTruth:
     def _of(self, setup: Setup, pose: Array) -> Array:
         assert self.setup == setup, f"this cell is {self.setup}"
         return pose
-
-
-def _with_camera_on_flange(rng: np.random.Generator, target: Target, sheet: PrintOptions) -> Nominal:
-    part = transform(PART_FACING_THE_ROBOT, PART_MIDDLE_MM)
-    return Nominal(_bracket(rng), _table(rng, target, sheet), part)
 
 
 def _with_camera_on_stand(target: Target, sheet: PrintOptions) -> Nominal:

@@ -48,6 +48,8 @@ def _looking_at(x: float, y: float, door: Door) -> Array:
 
 BOX_MM = ((-900.0, -700.0, 200.0), (1400.0, 1150.0, 1500.0))
 """Allowed volume of the flange: around the table in front of the robot and the rack at its left."""
+WIDE_BOX_MM = ((-2000.0, -2000.0, 0.0), (2000.0, 2000.0, 2500.0))
+"""Of a cell with an axis beside the arm, of whose motion the reported poses know nothing."""
 
 
 def truth_document(truth: CellTruth) -> dict[str, Any]:
@@ -63,6 +65,8 @@ def truth_document(truth: CellTruth) -> dict[str, Any]:
         f"{MOUNTS[truth.setup]}_T_scanner": _pose(truth.mount_T_scanner),
         f"{ANCHORS[truth.setup]}_T_target": _pose(truth.anchor_T_target),
         "base_T_part": _pose(truth.base_T_part),
+        **{f"mount_T_{name}": _pose(at) for name, at in {**truth.further_cameras, **truth.further_scanners}.items()},
+        **truth.mounting.document(drawn=False),
         "target": target_document(truth.target),
         "camera": CameraDocument.of(truth.camera).model_dump(mode="json"),
         "noise": {
@@ -77,13 +81,14 @@ def cell_sheet(truth: CellTruth) -> dict[str, Any]:
     """What an integrator knows: nominal poses, the camera's certificate, taught poses. Nothing of the truth."""
     return {
         "schema_version": 1,
-        "arm": truth.arm,
+        "arm": None if truth.scara else truth.arm,
         "target": target_document(truth.target),
         "camera": CameraDocument.of(truth.camera).model_dump(mode="json"),
         "setup": truth.setup,
         f"{MOUNTS[truth.setup]}_T_camera_guess": _pose(_round_to_mm(truth.nominal.mount_T_camera)),
         f"{ANCHORS[truth.setup]}_T_target_guess": _pose(_round_to_mm(truth.nominal.anchor_T_target)),
-        "box_mm": [list(corner) for corner in BOX_MM],
+        "box_mm": [list(corner) for corner in (WIDE_BOX_MM if truth.mounting.beside else BOX_MM)],
+        **truth.mounting.document(drawn=True),
         "scan_poses": [_pose(pose) for pose in scan_poses_of(truth)],
     }
 

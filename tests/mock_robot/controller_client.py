@@ -32,6 +32,15 @@ def move_to(joints: Array, speed_mm_s: float = 250.0, kind: MoveKind = MoveKind.
     return cb.Move((x, y, z), (q1, q2, q3, q4), ARM.configuration(joints), UNUSED, speed_mm_s, kind)
 
 
+def fastest_mm_s(arm: SimulatedArm, points_mm: Array, step_s: float = 0.02) -> float:
+    """Largest speed of points (k, 3), given in the flange's frame, during the current move or the last one."""
+    motion = arm._motion
+    times = np.arange(motion.start_s, motion.end_s + step_s, step_s)
+    flanges = arm.arm.forward(np.array([motion.joints_at(float(time)) for time in times]))
+    points = points_mm @ np.swapaxes(flanges[:, :3, :3], -1, -2) + flanges[:, None, :3, 3]
+    return float(np.linalg.norm(np.diff(points, axis=0), axis=-1).max(initial=0.0) / step_s)
+
+
 def bare_controller(joints: Array = HOME, noise: ArmNoise | None = None, time_scale: float = 1.0) -> Controller:
     arm = SimulatedArm(ARM, joints, noise or ArmNoise())
     return Controller(arm, session=77, box=MotionBox(), time_scale=time_scale)

@@ -75,12 +75,14 @@ async def running_cell(
     devices: bool = True,
     truth: CellTruth | None = None,
     program: RobotProgram = "rapid",
+    profiler: int | None = None,
 ) -> AsyncIterator[RunningCell]:
     """A cell on ports the system chose, closed at the end whatever happens."""
     async with loop_time() as clock:
         cell = MockCell(truth or CellTruth.from_seed(seed), time_scale=time_scale, program=program, clock=clock)
         try:
-            yield RunningCell(cell, await cell.start(Ports(serial=serial, devices=0 if devices else None)))
+            ports = Ports(serial=serial, devices=0 if devices else None, profiler=profiler)
+            yield RunningCell(cell, await cell.start(ports))
         finally:
             await cell.close()
 

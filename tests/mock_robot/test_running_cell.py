@@ -18,8 +18,7 @@ from calibration.transforms import Array, inverse, map_points, transform
 from mock_robot.__main__ import main
 from mock_robot.cell import MockCell, RobotProgram
 from mock_robot.errors import UnknownFault
-from mock_robot.scene.part import DOOR
-from mock_robot.scene.part_samples import surface_samples
+from mock_robot.scene.part import DOOR, surface_samples
 from mock_robot.scene.scanner_view import cloud_ply
 from mock_robot.truth.start_posture import START_DISTANCE_MM, target_middle_mm
 from mock_robot.truth.truth import CellNoise, CellTruth

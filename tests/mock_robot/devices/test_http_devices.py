@@ -3,7 +3,6 @@
 import asyncio
 import threading
 from collections.abc import AsyncIterator, Callable
-from typing import NamedTuple
 
 import cv2
 import httpx
@@ -13,7 +12,7 @@ from numpy.typing import NDArray
 
 from calibration.detection.detect import detect
 from calibration.transforms import Array, inverse, map_points, rotation_from_vector, transform
-from mock_robot.devices.http_devices import DeviceApp, create_app
+from mock_robot.devices.http_devices import DeviceApp
 from mock_robot.errors import UnknownFault
 from mock_robot.faults.device_faults import DEVICE_FAULTS, DeviceFaultBoard
 from mock_robot.scene.camera_view import facing
@@ -28,10 +27,6 @@ pytestmark = pytest.mark.slow
 
 TRUTH = CellTruth.from_seed(7, noise=NO_NOISE)
 PICTURE, CLOUD = "/camera/snapshot.png", "/scanner/cloud.ply"
-
-
-class Standing(NamedTuple):
-    base_T_flange: Array
 
 
 def looking_at_the_target(distance_mm: float = 620.0) -> Array:
@@ -66,7 +61,7 @@ async def at() -> AsyncIterator[Callable[[Callable[[], Array]], Cell]]:
     cells: list[Cell] = []
 
     def build(pose: Callable[[], Array]) -> Cell:
-        cells.append(Cell(create_app(TRUTH, lambda: Standing(pose()))))
+        cells.append(Cell(DeviceApp(TRUTH, pose)))
         return cells[-1]
 
     yield build

@@ -18,6 +18,7 @@ from tests.mock_robot.controller_client import (
     UNUSED,
     ControllerClient,
     bare_controller,
+    fastest_mm_s,
     joints_now,
     move_to,
 )
@@ -339,7 +340,7 @@ def test_no_point_within_reach_moves_faster_than_the_request_allows(joints: np.n
     client = ControllerClient().is_armed()
     assert client.asks(move_to(joints, 80.0, kind=kind)) == cb.MoveAccepted()
     points = REACH_MM * np.array([*np.eye(3), *-np.eye(3)])
-    assert client.controller.arm.fastest_mm_s(points) <= 1.001 * 80.0
+    assert fastest_mm_s(client.controller.arm, points) <= 1.001 * 80.0
 
 
 def test_a_goal_beyond_a_border_of_confdata_is_reached_and_too_much_travel_is_refused() -> None:

@@ -17,7 +17,7 @@ from protocols.cb.codes import Flag, FrameSelector, MoveKind, Status
 from protocols.cb.frames import Frame
 from protocols.cb.layouts import pack
 from tests.mock_robot.cb_client import CbClient, over_serial, over_tcp
-from tests.mock_robot.controller_client import ARM, AWAY, HOME, UNUSED, move_to
+from tests.mock_robot.controller_client import ARM, AWAY, HOME, UNUSED, fastest_mm_s, move_to
 from tests.mock_robot.rapid.rapid_client import (
     answer_to,
     ends_as,
@@ -288,7 +288,7 @@ async def test_no_point_at_the_flange_moves_faster_than_the_request_allows(joint
         assert await client.asks(move_to(joints, limit_mm_s, kind=kind)) == cb.MoveAccepted()
         await eventually(lambda: cell.moving)
         arm, reach = cell.controller.arm, cell.controller.memory["cell_reach"].value  # type: ignore[attr-defined]
-        assert arm.fastest_mm_s(reach * np.array([*np.eye(3), *-np.eye(3)])) <= 1.001 * limit_mm_s
+        assert fastest_mm_s(arm, reach * np.array([*np.eye(3), *-np.eye(3)])) <= 1.001 * limit_mm_s
 
 
 async def test_manual_reduced_speed_is_capped_by_the_program() -> None:

@@ -8,8 +8,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from calibration.transforms import Array
-from mock_robot.scene.part import DOOR, Door, polygon_distance
-from mock_robot.scene.part_samples import surface_samples
+from mock_robot.scene.part import DOOR, Door, polygon_distance, surface_samples
 
 X, Y = st.floats(-600, 600), st.floats(-300, 300)
 

@@ -7,8 +7,7 @@ import pytest
 from scipy.spatial import cKDTree
 
 from calibration.transforms import Array, inverse, map_points, rotation_from_vector, transform
-from mock_robot.scene.part import DOOR
-from mock_robot.scene.part_samples import surface_samples
+from mock_robot.scene.part import DOOR, surface_samples
 from mock_robot.scene.scanner_view import ScannerModel, cast, cloud_ply, scan
 from mock_robot.truth.score_ply import read_points
 from mock_robot.truth.truth import CellTruth

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from calibration.transforms import Array, map_points, rotation_from_vector, transform
-from mock_robot.scene.part import DOOR
-from mock_robot.scene.part_samples import surface_samples
+from mock_robot.scene.part import DOOR, surface_samples
 from mock_robot.scene.scanner_view import cloud_ply
 from mock_robot.truth.score import Unscorable, score_calibration, score_cloud
 from mock_robot.truth.score_ply import UnreadablePly, read_points
@@ -81,7 +80,7 @@ def test_a_turned_calibration_errs_by_angle_times_distance() -> None:
     assert score["point_rms_mm"] == pytest.approx(angle * 610.0, rel=0.02)
 
 
-ASCII = b"ply\nformat ascii 1.0\nelement vertex 2\nproperty float x\nproperty float y\nproperty float z\n"
+TWO = b"ply\nformat binary_little_endian 1.0\nelement vertex 2\nproperty char x\nproperty char y\nproperty char z\n"
 MIXED = (
     b"ply\nformat binary_big_endian 1.0\nelement vertex 1\nproperty uchar red\nproperty double x\n"
     b"property float y\nproperty short z\nelement face 0\nproperty list uchar int vertex_indices\nend_header\n"
@@ -91,10 +90,10 @@ MIXED = (
 @pytest.mark.parametrize(
     ("content", "expected"),
     [
-        (ASCII + b"end_header\n1 2 3\n4 5 6\n", [[1, 2, 3], [4, 5, 6]]),
+        (TWO + b"end_header\n" + bytes([1, 2, 3, 4, 5, 6]), [[1, 2, 3], [4, 5, 6]]),
         (MIXED + np.array([(9, 1.5, 2.5, -3)], ">u1,>f8,>f4,>i2").tobytes(), [[1.5, 2.5, -3]]),
     ],
-    ids=["ascii", "big endian with colour"],
+    ids=["little endian", "big endian with colour"],
 )
 def test_other_ply_files_are_read(content: bytes, expected: list[list[float]]) -> None:
     assert read_points(content).tolist() == expected
@@ -105,11 +104,11 @@ def test_other_ply_files_are_read(content: bytes, expected: list[list[float]]) -
     [
         (b"", "PLY header"),
         (b"solid door\n", "PLY header"),
-        (b"ply\nend_header\n", "no format"),
-        (ASCII + b"end_header\n1 2 3\n", "ends after 1"),
-        (ASCII.replace(b"float z", b"float w") + b"end_header\n", "x, y and z"),
-        (ASCII.replace(b"vertex 2", b"vertex many") + b"end_header\n", "how many"),
-        (ASCII + b"end_header\n1 2 3\n4 5 door\n", "not a number"),
+        (b"ply\nend_header\n", "no binary format"),
+        (TWO + b"end_header\n" + bytes(3), "ends after 1"),
+        (TWO.replace(b"char z", b"char w") + b"end_header\n", "x, y and z"),
+        (TWO.replace(b"vertex 2", b"vertex many") + b"end_header\n", "how many"),
+        (TWO.replace(b"binary_little_endian", b"ascii") + b"end_header\n1 2 3\n4 5 6\n", "no binary format"),
     ],
 )
 def test_what_is_no_cloud_is_refused(content: bytes, words: str) -> None:
