@@ -13,7 +13,6 @@ from daemon.cell.device_watch import DeviceWatch
 from daemon.cell.readings import CellReadings
 from daemon.config.settings import Settings, SettingsFile
 from daemon.drift.cell_cameras import CellCamera, CellCameras
-from daemon.drift.monitor import DriftMonitor
 from daemon.errors import StorageError
 from daemon.operations import Operations
 from daemon.runs.supervisor import MAX_STEP_S, Supervisor
@@ -26,7 +25,6 @@ from daemon.runtime.systemd import Systemd
 from daemon.runtime.tasks import end_task
 from daemon.runtime.workers import Workers
 from daemon.scans.scan_service import ScanService
-from daemon.sessions.look import Looks
 from daemon.store.key_service import KeyService
 from daemon.store.key_watch import KeyWatch
 from daemon.store.sign_in import SignIn
@@ -122,16 +120,6 @@ class Application:
     def service(self, kind: type[Service]) -> Service:
         """The background service of that class; there is one."""
         return next(service for service in self.services if isinstance(service, kind))
-
-    @property
-    def looks(self) -> Looks:
-        """Looks of [camera]."""
-        return self.cameras.main.looks
-
-    @property
-    def drift(self) -> DriftMonitor:
-        """The chart of [camera]."""
-        return self.cameras.main.drift
 
     async def start(self) -> None:
         """End runs that the previous process left unfinished, start services and watchdog. Commands no motion."""

@@ -47,7 +47,7 @@ from daemon.runtime.workers import Workers
 from daemon.scans.registration_jobs import RegistrationJobs
 from daemon.scans.scan_service import ScanService
 from daemon.server import Announce, Server, SettingsReload, make_announcer
-from daemon.sessions.look import Looks
+from daemon.sessions.look import share_looks
 from daemon.sessions.pictures import LivePictures
 from daemon.store.key_expiry import KeyExpiry
 from daemon.store.key_service import KeyService
@@ -118,7 +118,7 @@ def build(
         view, seen_by = settings.of_camera(name), cell
         if name != MAIN_CAMERA:
             seen_by = cell.seen_by(name, open_exposure_control(view, devices.cameras[name], workers, clock))
-        pictures = LivePictures(seen_by.read_frame, service_workers, clock.monotonic_s)
+        pictures = LivePictures(seen_by.camera_turns.read, service_workers, clock.monotonic_s)
         drift = DriftMonitor(view, store, events, service_workers, clock, arm, name)
         return CellCamera(
             name,
@@ -127,7 +127,7 @@ def build(
                 operations, settings=view, cell=seen_by, camera=name, others=by_name, learnt_noise=drift.robot_noise
             ),
             pictures,
-            Looks(pictures.frame.read, view.target.target(), service_workers, clock),
+            share_looks(pictures.frame.read, view.target.target(), service_workers, clock),
             drift,
             RecentReading(seen_by.obstacles, clock.monotonic_s),
         )

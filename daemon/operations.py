@@ -266,7 +266,7 @@ class Operations:
         created: list[ScanRecord] = []
 
         async def prepare() -> RunPlan:
-            await self._check_ready((*await self.cell.robot_obstacles(), *self.cell.scanner_obstacles(name)))
+            await self._check_ready((*await self.cell.robot_obstacles(), *self.cell.sensor_obstacles((name,))))
             poses = request.poses or (scanner.poses if scanner else ())
             if not poses:
                 raise NoPoses(

@@ -7,7 +7,7 @@ followed at the same host only, and a Content-Encoding is refused, since a few k
 import asyncio
 import math
 import ssl
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Mapping
 from contextlib import asynccontextmanager
 from dataclasses import dataclass
 from email.utils import parsedate_to_datetime
@@ -26,7 +26,10 @@ HTTP_DATE_STEP_S = 1.0
 """HTTP dates and Age have a resolution of one second: content may be older by that much."""
 EXACT_AGE = "x-taken-at-age-s"
 TEMPERATURE = "x-camera-temperature-c"
+SCALES = "x-scales-by"
+"""Header that names the parameter of the query by which the server sends smaller pictures."""
 MAX_REDIRECTS = 5
+NO_QUERY: Mapping[str, str] = {}
 MAX_EXCERPT = 80
 """Characters of a foreign answer that an error shows at most."""
 
@@ -35,13 +38,14 @@ MAX_EXCERPT = 80
 class Fetched:
     """A response body, its media type without parameters, and the earliest moment the body can stem from.
 
-    `temperature_c`: of the device, by the header X-Camera-Temperature-C; None without it.
+    `temperature_c`: of the device, by the header X-Camera-Temperature-C; None without it. `scales_by`: by X-Scales-By.
     """
 
     content: bytes
     media_type: str
     taken_at_s: float
     temperature_c: float | None = None
+    scales_by: str | None = None
 
 
 def excerpt(text: object) -> str:
@@ -51,13 +55,13 @@ def excerpt(text: object) -> str:
 
 def age_s(headers: httpx.Headers) -> float:
     """Age of the content by its headers; 0 without any. Raises ValueError for a malformed header."""
-    age = _stated_age_s(headers)
+    age = _read_age_s(headers)
     if not math.isfinite(age):
         raise ValueError(f"{age:g} s")
     return age
 
 
-def stated_temperature_c(headers: httpx.Headers) -> float | None:
+def read_temperature_c(headers: httpx.Headers) -> float | None:
     """The device's temperature; None where the header is missing or no finite number."""
     try:
         stated = float(headers[TEMPERATURE])
@@ -66,7 +70,7 @@ def stated_temperature_c(headers: httpx.Headers) -> float | None:
     return stated if math.isfinite(stated) else None
 
 
-def _stated_age_s(headers: httpx.Headers) -> float:
+def _read_age_s(headers: httpx.Headers) -> float:
     if EXACT_AGE in headers:
         stated = float(headers[EXACT_AGE])
         return stated if math.isnan(stated) else max(0.0, stated)
@@ -89,7 +93,10 @@ def tls_trust(url: httpx.URL) -> ssl.SSLContext | bool:
 
 
 class HttpSource(PolledDevice):
-    """One URL. Between requests a connection attempt every 5 s checks whether the server listens."""
+    """One URL. Between requests a connection attempt every 5 s checks whether the server listens.
+
+    A subclass says how long an answer may take, and how large it may be.
+    """
 
     kind: str
     limit_s: float
@@ -113,7 +120,7 @@ class HttpSource(PolledDevice):
         self._max_bytes = self.max_bytes if max_bytes is None else max_bytes
         self._client = httpx.AsyncClient(
             verify=tls_trust(self._url),
-            timeout=httpx.Timeout(limit_s, connect=CONNECT_LIMIT_S),
+            timeout=httpx.Timeout(self._limit_s, connect=CONNECT_LIMIT_S),
             headers={"Accept-Encoding": "identity"},
         )
 
@@ -122,7 +129,7 @@ class HttpSource(PolledDevice):
         await super().close()
         await self._client.aclose()
 
-    async def fetch(self, newer_than_s: float) -> Fetched:
+    async def fetch(self, newer_than_s: float, query: Mapping[str, str] = NO_QUERY) -> Fetched:
         """Content from after `newer_than_s`; an unreachable server is tried again until the limit."""
         deadline_s = max(self._timing.clock(), newer_than_s) + self._limit_s
         backoff = Backoff(self._timing.chance)
@@ -130,7 +137,7 @@ class HttpSource(PolledDevice):
         while True:
             wait_s = RETRY_S
             try:
-                fetched = await self._within_limit(deadline_s, error)
+                fetched = await self._within_limit(deadline_s, error, query)
                 if fetched.taken_at_s > newer_than_s:
                     return fetched
                 late_s = newer_than_s - fetched.taken_at_s
@@ -142,9 +149,11 @@ class HttpSource(PolledDevice):
                 raise error
             await self._timing.sleep(wait_s)
 
-    async def _within_limit(self, deadline_s: float, otherwise: DeviceError | None) -> Fetched:
+    async def _within_limit(
+        self, deadline_s: float, otherwise: DeviceError | None, query: Mapping[str, str]
+    ) -> Fetched:
         """One response; on timeout raises `otherwise`, the error of the response before, or DeviceTimeout."""
-        asking = asyncio.ensure_future(self._ask())
+        asking = asyncio.ensure_future(self._ask(query))
         try:
             in_time = await self._timing.wait_until_done(asking, max(0.0, deadline_s - self._timing.clock()))
         finally:
@@ -154,10 +163,10 @@ class HttpSource(PolledDevice):
             raise otherwise or self._no_answer()
         return asking.result()
 
-    async def _ask(self) -> Fetched:
+    async def _ask(self, query: Mapping[str, str]) -> Fetched:
         asked_at_s = self._timing.clock()
         try:
-            async with self._answer() as answer:
+            async with self._answer(query) as answer:
                 self._raise_for_status(answer)
                 if answer.headers.get("content-type", "").strip().lower().startswith("multipart/"):
                     self._report.up("it answers, but with a stream")
@@ -183,12 +192,12 @@ class HttpSource(PolledDevice):
             ) from error
         self._report.up("it answers")
         media_type = excerpt(answer.headers.get("content-type", "").partition(";")[0].strip().lower())
-        return Fetched(content, media_type, taken_at_s, stated_temperature_c(answer.headers))
+        return Fetched(content, media_type, taken_at_s, read_temperature_c(answer.headers), answer.headers.get(SCALES))
 
     @asynccontextmanager
-    async def _answer(self) -> AsyncIterator[httpx.Response]:
+    async def _answer(self, query: Mapping[str, str]) -> AsyncIterator[httpx.Response]:
         """The answer to a GET, its body unread, after at most MAX_REDIRECTS redirects."""
-        request = self._client.build_request("GET", self._url)
+        request = self._client.build_request("GET", self._url.copy_merge_params(query))
         for _ in range(1 + MAX_REDIRECTS):
             answer = await self._client.send(request, stream=True)
             try:

@@ -253,6 +253,15 @@ class Camera(Device, Protocol):
         ...
 
 
+@runtime_checkable
+class PreviewCamera(Protocol):
+    """A camera that also sends smaller pictures, for screens."""
+
+    async def preview(self, newer_than_s: float, width: int) -> CameraFrame:
+        """As `grab`, about `width` px wide where the camera scales pictures."""
+        ...
+
+
 @dataclass(frozen=True)
 class Exposure:
     """Exposure time in microseconds and gain in dB."""

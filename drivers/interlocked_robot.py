@@ -3,9 +3,9 @@
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from calibration.transforms import Array
 from drivers.errors import InterlockRefused
-from drivers.interfaces import LinkHealth, MoveGoal, PoseReading, Robot, RobotCapabilities, RobotStatus, Standstill
+from drivers.interfaces import MoveGoal
+from drivers.robot_wrapper import RobotWrapper
 
 if TYPE_CHECKING:
     from drivers.interlocks import Interlocks
@@ -13,33 +13,11 @@ if TYPE_CHECKING:
 FIX = "close the gate, put the part in; or correct [interlocks] in the settings"
 
 
-@dataclass(frozen=True)
-class InterlockedRobot:
+@dataclass(frozen=True, eq=False)
+class InterlockedRobot(RobotWrapper):
     """As `robot`; arming and moving raise InterlockRefused when an interlock does not allow motion."""
 
-    robot: Robot
     interlocks: "Interlocks"
-
-    @property
-    def link(self) -> LinkHealth:
-        return self.robot.link
-
-    @property
-    def capabilities(self) -> RobotCapabilities:
-        return self.robot.capabilities
-
-    def start(self) -> None:
-        self.robot.start()
-
-    async def read_pose(self) -> PoseReading:
-        return await self.robot.read_pose()
-
-    async def read_joints(self) -> Array:
-        """Axis angles (6,) in rad."""
-        return await self.robot.read_joints()
-
-    async def read_status(self) -> RobotStatus:
-        return await self.robot.read_status()
 
     async def set_armed(self, armed: bool) -> None:
         if armed:
@@ -49,12 +27,6 @@ class InterlockedRobot:
     async def move_to(self, goal: MoveGoal) -> None:
         await self._require_interlocks()
         await self.robot.move_to(goal)
-
-    async def stop_and_disarm(self) -> None:
-        await self.robot.stop_and_disarm()
-
-    async def read_standstill(self) -> Standstill:
-        return await self.robot.read_standstill()
 
     async def close(self) -> None:
         await self.interlocks.close()

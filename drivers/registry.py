@@ -141,24 +141,13 @@ def cb_transport(address: str) -> Transport:
     return transport
 
 
-def check_robot_address(address: str) -> None:
-    """Raises AddressNotUnderstood; opens nothing."""
-    _look_up(ROBOTS, "robot", address)[0](address)
-
-
 def check_stop_address(address: str) -> None:
     """Raises AddressNotUnderstood; opens nothing."""
     _stop_address(address)
 
 
-def check_camera_address(address: str) -> None:
-    """Raises AddressNotUnderstood; opens nothing."""
-    _look_up(CAMERAS, "camera", address)[0](address)
-
-
-def check_scanner_address(address: str) -> None:
-    """Raises AddressNotUnderstood; opens nothing."""
-    _look_up(SCANNERS, "scanner", address)[0](address)
+def _check_address(table: dict[str, Any], device: str, address: str) -> None:
+    _look_up(table, device, address)[0](address)
 
 
 def _stop_address(address: str) -> RwsAddress:
@@ -279,3 +268,7 @@ SCANNERS: dict[str, tuple[Parse, MakeScanner]] = {
     "aravis": (parse_camera_address, partial(GenICamScanner, lambda address: AravisLibrary(address.name))),
     "realsense": (parse_camera_address, partial(GenICamScanner, lambda address: RealSenseLibrary("Depth"))),
 }
+check_robot_address = partial(_check_address, ROBOTS, "robot")
+check_camera_address = partial(_check_address, CAMERAS, "camera")
+check_scanner_address = partial(_check_address, SCANNERS, "scanner")
+"""Each raises AddressNotUnderstood; it opens nothing."""

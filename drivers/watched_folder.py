@@ -63,7 +63,10 @@ def files_in(folder: Path, suffixes: tuple[str, ...]) -> list[Sighting]:
 
 
 class WatchedFolder(PolledDevice):
-    """Polls every 0.1 s. A file's age is its modification time, but at least the time since it was first seen."""
+    """Polls every 0.1 s. A file's age is its modification time, but at least the time since it was first seen.
+
+    A subclass says which files, how long one may take, and how large it may be.
+    """
 
     kind: str
     suffixes: tuple[str, ...]
@@ -90,7 +93,7 @@ class WatchedFolder(PolledDevice):
         self._max_bytes = self.max_bytes if max_bytes is None else max_bytes
         self._first_seen_s: dict[Sighting, float] = {}
         self._looked = False
-        self._lister, self._reader = (FileThread(f"{what} {self.device}", timing) for what in ("lists", "reads"))
+        self._lister, self._reader = (FileThread(f"{what} {self.device}", self._timing) for what in ("lists", "reads"))
         self._newest: NewestFile | None = None
 
     async def newest(

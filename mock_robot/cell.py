@@ -7,7 +7,7 @@ from functools import partial
 from pathlib import Path
 from random import Random
 from time import monotonic
-from typing import Literal, NamedTuple
+from typing import Literal
 
 import numpy as np
 
@@ -45,13 +45,6 @@ _WIRES: dict[RobotProgram, type[PythonWires] | type[RapidWires]] = {"rapid": Rap
 def default_program() -> RobotProgram:
     """ "rapid" where its files are installed, otherwise "python"."""
     return "rapid" if DEPLOYED.is_dir() else "python"
-
-
-class FlangeNow(NamedTuple):
-    """True flange pose, and whether the flange moves."""
-
-    base_T_flange: Array
-    moving: bool
 
 
 @dataclass(frozen=True)
@@ -132,11 +125,6 @@ class MockCell:
         """Close all interfaces."""
         await self._closing.aclose()
 
-    def flange_now(self) -> FlangeNow:
-        """Flange pose as camera and scanner see it."""
-        now_s = self.clock()
-        return FlangeNow(self.flange_at(now_s), self.controller.arm.is_moving_at(self.controller.robot_s(now_s)))
-
     def flange_at(self, now_s: float) -> Array:
         """True flange pose (4, 4) at a time since the current move began."""
         start_T_base = self.controller.mounting.start_T_base(self.controller.external_axes)
@@ -162,10 +150,9 @@ class MockCell:
 
     def _devices(self) -> object:
         from mock_robot.devices.http_devices import DeviceApp  # imports renderer and ray caster only when needed
-        from mock_robot.faults.device_faults import DEVICE_FAULTS
 
-        application = DeviceApp(self.truth, lambda: self.flange_now().base_T_flange)
-        self.faults = replace(self.faults, devices=application.faults, device_rows=DEVICE_FAULTS)
+        application = DeviceApp(self.truth, lambda: self.flange_at(self.clock()))
+        self.faults = replace(self.faults, devices=application.faults)
         return application
 
     async def _start_profiler(self, host: str, port: int) -> str:

@@ -18,6 +18,7 @@ from calibration.kinematics.arm import UnreachablePoseError
 from calibration.transforms import Array
 from mock_robot.cabinet.cabinet import Cabinet
 from mock_robot.cabinet.panel import Mode
+from mock_robot.devices.http_server import read_body
 from mock_robot.errors import JogRefused, MockError, NoSuchState, UnknownFault
 from mock_robot.faults.boards import FaultBoards
 from protocols.cb.codes import Command, Flag
@@ -45,7 +46,7 @@ class ControlPort:
         """Handle one request."""
         if scope["type"] != "http":
             return
-        status, answer = self._answer(scope, await _body(receive))
+        status, answer = self._answer(scope, await read_body(receive, MAX_BODY_BYTES))
         content = json.dumps(answer).encode()
         media_type = b"application/json" if status < 400 else b"application/problem+json"
         await send(
@@ -211,16 +212,6 @@ _ROUTES: tuple[tuple[str, re.Pattern[str], Callable[[ControlPort, Fields], Any]]
         ("POST", "/pointer-to-main", ControlPort._pointer_to_main),
     )
 )
-
-
-async def _body(receive: Receive) -> bytes:
-    body = b""
-    while len(body) <= MAX_BODY_BYTES:
-        message = await receive()
-        body += message.get("body", b"")
-        if not message.get("more_body"):
-            break
-    return body
 
 
 def _fields(scope: Scope, body: bytes) -> dict[str, Any]:

@@ -16,6 +16,7 @@ from daemon.api import openapi, problems
 from daemon.api.dependencies import check_query_names
 from daemon.api.extension import Extensions
 from daemon.api.live.live_feed import LiveFeed
+from daemon.api.live.picture_stream import PictureStream
 from daemon.api.middleware.abort_first import AbortFirst
 from daemon.api.middleware.authentication import Authentication
 from daemon.api.middleware.disconnects import Disconnects
@@ -68,7 +69,8 @@ def routes(application: Application | None, extensions: Extensions = ()) -> Fast
     )
     app.state.application, app.state.extensions = application, extensions
     if application is not None:
-        app.state.live = LiveFeed(application)
+        app.state.live, cameras = LiveFeed(application), application.cameras.cameras
+        app.state.picture_streams = {camera.name: PictureStream(application, camera) for camera in cameras}
         app.state.robot_documents = RobotDocuments(application)
         app.add_route(openapi.PATH, openapi.OpenApiRoute(app, application.service_workers).respond)
     app.state.page_files = PageFiles()

@@ -11,7 +11,7 @@ DaemonError
 ├── UnknownMediaType      the body's media type is not supported
 ├── NotAcceptable         none of the accepted media types is available
 ├── CloudTooLarge         the cloud has too many points for JSON
-├── TooManyListeners      as many clients listen to /live as may
+├── TooManyListeners      as many clients listen to a stream as may
 └── CrossOrigin           the request comes from a page of another origin
 """
 
@@ -113,7 +113,7 @@ class CloudTooLarge(DaemonError):
 
 
 class TooManyListeners(DaemonError):
-    """As many clients listen to /live as may."""
+    """As many clients listen to a stream as may."""
 
     code = "too-many-listeners"
 

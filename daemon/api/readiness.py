@@ -27,7 +27,7 @@ async def readiness(app: Application, camera: CellCamera, scanner: str | None = 
         [Sentence("run-going-on", kind=str(run.kind), run=run.id)] if run else [*await camera.obstacles.read()]
     )
     calibrate += (*app.supervisor.obstacles(), *app.store.obstacles())
-    register = [] if scanner is None else [*app.cell.scanner_obstacles(scanner)]
+    register = [] if scanner is None else [*app.cell.sensor_obstacles((scanner,))]
     try:
         if scanner is not None and app.settings.placed_by_rig(scanner):
             await RigSensors(app.store, app.clock, app.settings.camera.setup).base_T_sensor(scanner, np.eye(4))

@@ -30,6 +30,7 @@ from drivers.interfaces import (
     MoveGoal,
     PathRecorder,
     PoseReading,
+    PreviewCamera,
     Robot,
     RobotStatus,
     ScannedCloud,
@@ -93,30 +94,47 @@ class CameraTurns:
     def __init__(self, camera: Camera, clock: Clock) -> None:
         self._camera, self._clock = camera, clock
         self._turn = asyncio.Lock()
-        self._latest: CameraFrame | None = None
         self._runs = 0
+        self.newest: tuple[int, CameraFrame | None] = 0, None
+        """Number and frame of the last grab, of a run or for screens."""
 
     async def grab(self, newer_than_s: float) -> CameraFrame:
         """A frame exposed after `newer_than_s`, for a run. Raises DeviceError."""
         self._runs += 1
         try:
             async with self._turn:
-                self._latest = None
                 with errors_of("camera"):
-                    self._latest = await self._camera.grab(newer_than_s)
-                return self._latest
+                    frame = await self._camera.grab(newer_than_s)
+                self.newest = self.newest[0] + 1, frame
+                return frame
         finally:
             self._runs -= 1
 
     async def read(self) -> CameraFrame:
         """A frame exposed after this call, or the one that a run grabs meanwhile. Raises DeviceError."""
-        shares_run = self._runs > 0
+        shares_run, before = self._runs > 0, self.newest[0]
         asked_at_s = self._clock.monotonic_s()
         async with self._turn:
-            if shares_run and self._latest is not None:
-                return self._latest
+            number, frame = self.newest
+            if shares_run and frame is not None and number > before:
+                return frame
             with errors_of("camera"):
                 return await self._camera.grab(asked_at_s)
+
+    async def preview(self, width: int) -> None:
+        """Make `newest` a frame of now, `width` px wide where the camera can; that of a run, if one grabs meanwhile.
+
+        Raises DeviceError.
+        """
+        async with self._turn:
+            if self._runs == 0:
+                now_s, camera = self._clock.monotonic_s(), self._camera
+                with errors_of("camera"):
+                    if isinstance(camera, PreviewCamera):
+                        frame = await camera.preview(now_s, width)
+                    else:
+                        frame = await camera.grab(now_s)
+                self.newest = self.newest[0] + 1, frame
 
 
 MAX_ROUND_TRIP_S = 0.05
@@ -224,7 +242,7 @@ class Cell:
 
     def _look_through(self, name: str, camera: Camera) -> None:
         self._camera_name, self.camera = name, camera
-        self._camera_turns = CameraTurns(camera, self._clock)
+        self.camera_turns = CameraTurns(camera, self._clock)
         self._camera_staleness = StaleCaptureDetector(name)
 
     def seen_by(self, name: str, exposure: "ExposureControl | None") -> "Cell":
@@ -344,7 +362,8 @@ class Cell:
         Raises NotStill, StaleCaptureError, DeviceError.
         """
         self._at.reach("before capture")
-        take = partial(self._outputs.capture, self.grab) if self._outputs else self.grab
+        grab = self.camera_turns.grab
+        take = partial(self._outputs.capture, grab) if self._outputs else grab
         newer_than_s = before.taken_at_s
         frame = await (self.exposure.expose(take, newer_than_s) if self.exposure else take(newer_than_s))
         self._at.reach("after capture")
@@ -375,14 +394,6 @@ class Cell:
         if streamed is None:
             return PolledPath(self.robot, self._clock)
         return streamed if self._world_T_base is None else PathInBase(streamed, self._world_T_base)
-
-    async def grab(self, newer_than_s: float) -> CameraFrame:
-        """A frame exposed after `newer_than_s`; goes before `read_frame`. Raises DeviceError."""
-        return await self._camera_turns.grab(newer_than_s)
-
-    async def read_frame(self) -> CameraFrame:
-        """A frame exposed after this call, or the one that a run has grabbed since. Raises DeviceError."""
-        return await self._camera_turns.read()
 
     async def obstacles(self) -> tuple[str, ...]:
         """Reasons why a run with robot and camera could not start now; empty when it could."""
@@ -435,10 +446,6 @@ class Cell:
             for reading in readings
             if not reading.allows
         }
-
-    def scanner_obstacles(self, name: str = MAIN_SCANNER) -> tuple[str, ...]:
-        """Reasons why the scanner could not take a cloud now."""
-        return self.sensor_obstacles((name,))
 
     def sensor_obstacles(self, names: Iterable[str]) -> tuple[str, ...]:
         """Reasons why the cameras and scanners of these names could not look now."""

@@ -7,7 +7,7 @@ from daemon.config.settings import Settings
 from daemon.drift.monitor import DriftMonitor
 from daemon.errors import NotFound
 from daemon.operations import Operations
-from daemon.sessions.look import Looks
+from daemon.sessions.look import Look
 from daemon.sessions.pictures import LivePictures
 
 
@@ -22,7 +22,7 @@ class CellCamera:
     settings: Settings
     operations: Operations
     pictures: LivePictures
-    looks: Looks
+    looks: RecentReading[Look]
     drift: DriftMonitor
     obstacles: RecentReading[tuple[str, ...]]
 

@@ -43,6 +43,7 @@ def open_listener(host: str, port: int, table: str = "server") -> socket.socket:
     # Connections inherit TCP_NODELAY. asyncio sets it only on sockets made with IPPROTO_TCP, which this one is not:
     # without it an answer's body waits 40 ms until the client acknowledges the head.
     listener.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+    listener.setsockopt(socket.IPPROTO_TCP, socket.TCP_NOTSENT_LOWAT, 65_536)  # else minutes of pictures wait in there
     return listener
 
 

@@ -90,19 +90,12 @@ def _grey(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
     return image if image.ndim == 2 else np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), np.uint8)
 
 
-class Looks:
-    """Looks shared by all who ask; a frame is that of `read_frame`."""
+def share_looks(
+    read_frame: Callable[[], Awaitable[CameraFrame]], target: Target, workers: Workers, clock: Clock
+) -> RecentReading[Look]:
+    """The target in a picture of at most the last MAX_AGE_S, for all who ask; a frame is that of `read_frame`."""
 
-    def __init__(
-        self, read_frame: Callable[[], Awaitable[CameraFrame]], target: Target, workers: Workers, clock: Clock
-    ) -> None:
-        self._read_frame, self._target, self._workers, self._clock = read_frame, target, workers, clock
-        self._recent = RecentReading(self._look, clock.monotonic_s, MAX_AGE_S)
+    async def look() -> Look:
+        return await workers.run(look_at, await read_frame(), target, clock.timestamp())
 
-    async def read(self) -> Look:
-        """The target in a picture of at most the last MAX_AGE_S. Raises DeviceError."""
-        return await self._recent.read()
-
-    async def _look(self) -> Look:
-        frame = await self._read_frame()
-        return await self._workers.run(look_at, frame, self._target, self._clock.timestamp())
+    return RecentReading(look, clock.monotonic_s, MAX_AGE_S)

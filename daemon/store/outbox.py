@@ -68,8 +68,3 @@ class Outbox:
             db.execute("DELETE FROM outbox WHERE number <= (SELECT max(number) FROM outbox) - ?", (MAX_MESSAGES,))
 
         await self._database.write(advance)
-
-    async def pending_counts(self) -> dict[str, int]:
-        """The number of messages each webhook has not received yet, by name."""
-        query = "SELECT name, (SELECT count(*) FROM outbox WHERE number > delivered) FROM webhooks ORDER BY name"
-        return dict(await self._database.read(lambda db: db.execute(query).fetchall()))

@@ -3,7 +3,7 @@
 import asyncio
 
 from drivers.cameras.decoding import decode, file_bits
-from drivers.http_source import HttpSource
+from drivers.http_source import NO_QUERY, Fetched, HttpSource
 from drivers.interfaces import CameraFrame, CaptureSettings
 
 
@@ -14,11 +14,20 @@ class HttpCamera(HttpSource):
     """
 
     kind, limit_s, max_bytes = "camera", 5.0, 64 * 2**20
+    _scales_by: str | None = None
 
     async def grab(self, newer_than_s: float) -> CameraFrame:
         """An image taken after `newer_than_s`; raises a DeviceError."""
-        fetched = await self.fetch(newer_than_s)
-        image = await asyncio.to_thread(decode, self.device, fetched.content, self._image_size)
+        return await self._frame(await self.fetch(newer_than_s), self._image_size)
+
+    async def preview(self, newer_than_s: float, width: int) -> CameraFrame:
+        """As `grab`, of about that width where an answer named the parameter for it in X-Scales-By."""
+        query = {self._scales_by: str(width)} if self._scales_by else NO_QUERY
+        return await self._frame(await self.fetch(newer_than_s, query), None)
+
+    async def _frame(self, fetched: Fetched, image_size: tuple[int, int] | None) -> CameraFrame:
+        self._scales_by = fetched.scales_by
+        image = await asyncio.to_thread(decode, self.device, fetched.content, image_size)
         temperature_c = fetched.temperature_c
         capture = (
             None if temperature_c is None else CaptureSettings(file_bits(fetched.content), temperature_c=temperature_c)

@@ -39,11 +39,10 @@ class VideoCamera:
         image_size: tuple[int, int] | None = None,
         limit_s: float = LIMIT_S,
         latency_s: float = LATENCY_S,
-        name: str = "camera",
     ) -> None:
         self._source, self._timing = source, timing or Timing()
         self._image_size, self._limit_s, self._latency_s = image_size, limit_s, latency_s
-        self._device = f"{name} video:{source}"
+        self._device = f"camera video:{source}"
         self._report = LinkReport(self._timing.clock)
         self._newest: CameraFrame | None = None
         self._refusal: DeviceError | None = None

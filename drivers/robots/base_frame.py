@@ -4,61 +4,26 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from calibration.transforms import Array, inverse
-from drivers.interfaces import (
-    ConfiguredRobot,
-    LinkHealth,
-    MoveGoal,
-    PoseReading,
-    Robot,
-    RobotCapabilities,
-    RobotStatus,
-    Standstill,
-)
+from drivers.interfaces import ConfiguredRobot, MoveGoal, PoseReading, Robot, RobotCapabilities
+from drivers.robot_wrapper import RobotWrapper
 
 
 @dataclass(frozen=True, eq=False)
-class RobotInBaseFrame:
+class RobotInBaseFrame(RobotWrapper):
     """As `robot`, with poses in the base frame; `world_T_base` (4, 4): where it stands in the controller's world."""
 
-    robot: Robot
     world_T_base: Array
-
-    @property
-    def link(self) -> LinkHealth:
-        return self.robot.link
 
     @property
     def capabilities(self) -> RobotCapabilities:
         return self.robot.capabilities._replace(pose_frame="base")
 
-    def start(self) -> None:
-        self.robot.start()
-
     async def read_pose(self) -> PoseReading:
         reading = await self.robot.read_pose()
         return replace(reading, base_T_flange=inverse(self.world_T_base) @ reading.base_T_flange)
 
-    async def read_joints(self) -> Array:
-        """Angles of the arm's axes (6,) or (7,) in rad."""
-        return await self.robot.read_joints()
-
-    async def read_status(self) -> RobotStatus:
-        return await self.robot.read_status()
-
-    async def set_armed(self, armed: bool) -> None:
-        await self.robot.set_armed(armed)
-
     async def move_to(self, goal: MoveGoal) -> None:
         await self.robot.move_to(replace(goal, base_T_flange=self.world_T_base @ goal.base_T_flange))
-
-    async def stop_and_disarm(self) -> None:
-        await self.robot.stop_and_disarm()
-
-    async def read_standstill(self) -> Standstill:
-        return await self.robot.read_standstill()
-
-    async def close(self) -> None:
-        await self.robot.close()
 
 
 def configured(robot: Robot) -> ConfiguredRobot | None:

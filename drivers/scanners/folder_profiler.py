@@ -32,9 +32,8 @@ class FolderProfiler(LineProfiler):
         limit_s: float = LIMIT_S,
         max_bytes: int = MAX_BYTES,
         wall_clock: Callable[[], float] = time.time,
-        name: str = "scanner",
     ) -> None:
-        super().__init__(f"{name} profiles:{folder}", timing or Timing(), limit_s)
+        super().__init__(f"scanner profiles:{folder}", timing or Timing(), limit_s)
         self._folder, self._max_bytes, self._wall_clock = folder, max_bytes, wall_clock
         self._files = FileThread(f"reads {self.device}", self._timing)
 

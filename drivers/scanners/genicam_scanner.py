@@ -27,6 +27,8 @@ MAX_BYTES = 2**30
 class GenICamScanner(GenICamDevice):
     """drivers.interfaces.Scanner and IdentifiedDevice. Each cloud is exposed after it was asked for."""
 
+    kind = "scanner"
+
     def __init__(
         self,
         make_library: Callable[[CameraAddress], Library],
@@ -35,9 +37,8 @@ class GenICamScanner(GenICamDevice):
         *,
         limit_s: float = LIMIT_S,
         max_bytes: int = MAX_BYTES,
-        name: str = "scanner",
     ) -> None:
-        super().__init__(make_library, address, timing, limit_s=limit_s, name=name)
+        super().__init__(make_library, address, timing, limit_s=limit_s)
         self._max_bytes = max_bytes
 
     async def scan(self, newer_than_s: float) -> ScannedCloud:

@@ -39,9 +39,8 @@ class GocatorProfiler(LineProfiler):
         *,
         limit_s: float = LIMIT_S,
         max_bytes: int = 0,
-        name: str = "scanner",
     ) -> None:
-        super().__init__(f"{name} profiles://{address.host}:{address.port}", timing or Timing(), limit_s)
+        super().__init__(f"scanner profiles://{address.host}:{address.port}", timing or Timing(), limit_s)
         self._address = address
         self._clock = ClockMapping()
 

@@ -17,36 +17,23 @@ VIBRATION_MM, VIBRATION_HZ = 0.3, 12.0
 LOST_EVERY = 5
 
 
-class _Listener(asyncio.DatagramProtocol):
-    """Counts packets sent back; a client that only monitors sends none."""
-
-    def __init__(self) -> None:
-        self.received = 0
-
-    def datagram_received(self, data: bytes, address: object) -> None:
-        """Count an unexpected correction."""
-        self.received += 1
-
-
-class EgmSender:
+class EgmSender(asyncio.DatagramProtocol):
     """The controller's side of EGM, a UDP client that sends from a port of its own."""
 
     def __init__(self, cabinet: Cabinet, faults: FaultBoard, clock: Callable[[], float]) -> None:
         self._cabinet, self._faults, self._clock = cabinet, faults, clock
-        self._listener = _Listener()
-        self._seqno = 0
+        self._seqno = self.corrections = 0
         self._sending: asyncio.Task[None] | None = None
         self._transport: asyncio.DatagramTransport | None = None
 
-    @property
-    def corrections(self) -> int:
-        """Number of packets received."""
-        return self._listener.received
+    def datagram_received(self, data: bytes, address: object) -> None:
+        """Count a packet that a client sends back; one that only monitors sends none."""
+        self.corrections += 1
 
     async def start(self, host: str, port: int) -> None:
         """Send to that address until `close`."""
         loop = asyncio.get_running_loop()
-        self._transport, _ = await loop.create_datagram_endpoint(lambda: self._listener, remote_addr=(host, port))
+        self._transport, _ = await loop.create_datagram_endpoint(lambda: self, remote_addr=(host, port))
         self._sending = asyncio.create_task(self._send(), name="EGM")
 
     async def close(self) -> None:

@@ -4,14 +4,15 @@ GET /camera/snapshot.png and /scanner/cloud.ply, and of further ones /cameras/NA
 /scanners/NAME/cloud.pcd (an organised cloud of the target), capture on request at the flange's true pose. Responses
 carry `X-Taken-At-Age-S` (age of the capture when the request arrived; 0 for one made on request) and `X-Capture-Id`
 (a counter per device); those of a camera that warms up and reports its temperature, `X-Camera-Temperature-C`.
+
+A camera's `?width=960`, which `X-Scales-By` names: a sketch for screens, as JPEG, which counts as no capture.
 """
 
 import asyncio
-from collections.abc import Awaitable, Callable, MutableMapping
-from dataclasses import dataclass
-from functools import reduce
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import partial, reduce
 from time import monotonic
-from typing import Any
 from zlib import crc32
 
 import cv2
@@ -24,8 +25,9 @@ from starlette.routing import Route
 
 from calibration.transforms import Array, difference, inverse, rotation_from_vector, transform, vector_from_rotation
 from mock_robot.faults.device_faults import Device, DeviceFault, DeviceFaultBoard
-from mock_robot.scene.camera_view import render, render_smeared
+from mock_robot.scene.camera_view import render, sketch
 from mock_robot.scene.organised_view import organised_pcd
+from mock_robot.scene.printed_target import print_target
 from mock_robot.scene.scanner_view import ScannerModel, cloud_ply, scan
 from mock_robot.truth.truth import CellTruth
 from mock_robot.truth.warming import CameraWarming
@@ -56,8 +58,10 @@ class Exposure:
         ]
 
 
-def picture(truth: CellTruth, exposure: Exposure, hidden: bool, rng: np.random.Generator) -> NDArray[np.uint8]:
-    """Camera image (h, w), smeared when the flange moved. `hidden`: the target is covered.
+def picture(
+    truth: CellTruth, exposure: Exposure, hidden: bool, rng: np.random.Generator, width: int = 0
+) -> NDArray[np.uint8]:
+    """Camera image (h, w), smeared when the flange moved. `hidden`: the target is covered. `width`: of a sketch.
 
     What lies around the target stays as it is while the flange stands; the noise is drawn from `rng`.
     """
@@ -65,9 +69,10 @@ def picture(truth: CellTruth, exposure: Exposure, hidden: bool, rng: np.random.G
     poses = [
         BEHIND if hidden else truth.camera_T_target(base_T_flange) for base_T_flange in exposure.poses(SMEARED_POSES)
     ]
-    if len(poses) == 1:
-        return render(truth.camera, truth.target, poses[0], truth.optics, rng, truth.sheet, surroundings)
-    return render_smeared(truth.camera, truth.target, poses, truth.optics, rng, truth.sheet, surroundings)
+    if width:
+        printed = print_target(truth.target, truth.sheet)
+        return sketch(truth.camera, printed, poses[-1], truth.optics, surroundings, width)
+    return render(truth.camera, truth.target, np.array(poses), truth.optics, rng, truth.sheet, surroundings)
 
 
 def _number_of_place(base_T_flange: Array) -> int:
@@ -88,9 +93,8 @@ RANGE_OF_TARGET_MM = (200.0, 1500.0)
 
 MEDIA_TYPES: dict[Device, str] = {"camera": "image/png", "scanner": "application/x-ply"}
 
-Message = MutableMapping[str, Any]
-Develop = Callable[[Exposure, tuple[DeviceFault, ...], np.random.Generator, int], bytes]
-"""The file of an exposure, with these faults, and the number of the capture."""
+Develop = Callable[[Exposure, tuple[DeviceFault, ...], np.random.Generator, int, int], bytes]
+"""The file of an exposure, with these faults, the number of the capture, and the width of a sketch, else 0."""
 
 
 @dataclass(frozen=True)
@@ -102,55 +106,45 @@ class Capture:
     number: int
 
 
-class DeviceApp:
+class DeviceApp(Starlette):
     """The ASGI application and its fault board."""
 
     def __init__(self, truth: CellTruth, flange_now: Callable[[], Array]) -> None:
-        """`flange_now`: true base_T_flange (4, 4), called at the start and end of each capture, on the event loop."""
+        """`flange_now`: true base_T_flange; it is called at the start and end of each capture, on the event loop."""
         self.faults = DeviceFaultBoard()
 
         def station(device: Device, develop: Develop, number: int = 0, media_type: str | None = None) -> _Station:
-            warming = truth.warming if device == "camera" else None
-            return _Station(device, truth.seed + number, flange_now, self.faults, develop, media_type, warming)
+            warming, seed = truth.warming if device == "camera" else None, truth.seed + number
+            return _Station(device, seed, flange_now, self.faults, develop, media_type or MEDIA_TYPES[device], warming)
 
         stations = {
-            "/camera/snapshot.png": station("camera", _camera(truth)),
-            "/scanner/cloud.ply": station("scanner", _scanner(truth)),
+            "/camera/snapshot.png": station("camera", partial(_camera, truth)),
+            "/scanner/cloud.ply": station("scanner", partial(_scanner, truth)),
         }
         for number, name in enumerate(truth.further_cameras, start=1):
-            stations[f"/cameras/{name}/snapshot.png"] = station("camera", _camera(truth.of_camera(name)), number)
+            stations[f"/cameras/{name}/snapshot.png"] = station(
+                "camera", partial(_camera, truth.of_camera(name)), number
+            )
         for number, name in enumerate(truth.further_scanners, start=1):
-            develop = _scanner_of_target(truth, name)
+            develop = partial(_scanner_of_target, truth, name)
             stations[f"/scanners/{name}/cloud.pcd"] = station("scanner", develop, number, "application/x-pcd")
-        self._app = Starlette(routes=[Route(path, each.answer) for path, each in stations.items()])
-
-    async def __call__(
-        self, scope: Message, receive: Callable[[], Awaitable[Message]], send: Callable[[Message], Awaitable[None]]
-    ) -> None:
-        """Handle one request."""
-        await self._app(scope, receive, send)
+        super().__init__(routes=[Route(path, each.answer) for path, each in stations.items()])
 
 
+@dataclass(eq=False)
 class _Station:
     """One device: captures one at a time, renders in a thread, keeps its last file."""
 
-    def __init__(
-        self,
-        device: Device,
-        seed: int,
-        flange_now: Callable[[], Array],
-        faults: DeviceFaultBoard,
-        develop: Develop,
-        media_type: str | None = None,
-        warming: CameraWarming | None = None,
-    ) -> None:
-        self._warming = warming
-        self._media_type = media_type or MEDIA_TYPES[device]
-        self._device, self._seed, self._flange_now = device, seed, flange_now
-        self._faults, self._develop = faults, develop
-        self._turn = asyncio.Lock()
-        self._last: Capture | None = None
-        self._captures = 0
+    _device: Device
+    _seed: int
+    _flange_now: Callable[[], Array]
+    _faults: DeviceFaultBoard
+    _develop: Develop
+    _media_type: str
+    _warming: CameraWarming | None
+    _turn: asyncio.Lock = field(default_factory=asyncio.Lock, init=False)
+    _last: Capture | None = field(default=None, init=False)
+    _captures: int = field(default=0, init=False)
 
     async def answer(self, request: Request) -> Response:
         """Capture and respond with the file."""
@@ -159,19 +153,22 @@ class _Station:
         status = max((fault.status for fault in struck), default=200)
         if status != 200:
             return PlainTextResponse(f"the {self._device} is not ready", status)
+        width = int(request.query_params.get("width", 0)) if self._device == "camera" else 0
         async with self._turn:
-            capture = await self._capture(struck)
+            capture = await self._capture(struck, width)
         await asyncio.sleep(sum(fault.delay_s for fault in struck))
         lying = any(fault.repeats == "lying" for fault in struck)
         age_s = 0.0 if lying else max(0.0, asked_s - capture.began_s)
         number = self._captures if lying else capture.number
         headers = {"X-Taken-At-Age-S": f"{age_s:.4f}", "X-Capture-Id": str(number), "Cache-Control": "no-store"}
+        if self._device == "camera":
+            headers["X-Scales-By"] = "width"
         if self._warming is not None and self._warming.reported:
             headers["X-Camera-Temperature-C"] = f"{self._warming.temperature_c(capture.number):.2f}"
-        return Response(capture.content, media_type=self._media_type, headers=headers)
+        return Response(capture.content, media_type="image/jpeg" if width else self._media_type, headers=headers)
 
-    async def _capture(self, struck: tuple[DeviceFault, ...]) -> Capture:
-        self._captures += 1
+    async def _capture(self, struck: tuple[DeviceFault, ...], width: int) -> Capture:
+        self._captures += not width
         if self._last is not None and any(fault.repeats != "no" for fault in struck):
             return self._last
         number, began_s = self._captures, monotonic()
@@ -179,37 +176,39 @@ class _Station:
         await asyncio.sleep(EXPOSURE_S[self._device])
         exposure = Exposure(begin, self._flange_now())
         rng = np.random.default_rng([self._seed, len(self._device), number])
-        content = await asyncio.to_thread(self._develop, exposure, struck, rng, number)
-        self._last = Capture(content, began_s, number)
-        return self._last
+        content = await asyncio.to_thread(self._develop, exposure, struck, rng, number, width)
+        content = reduce(lambda now, spoil: spoil(now), [fault.content for fault in struck if fault.content], content)
+        capture = Capture(content, began_s, number)
+        if not width:
+            self._last = capture
+        return capture
 
 
-def _camera(truth: CellTruth) -> Develop:
-    def develop(exposure: Exposure, struck: tuple[DeviceFault, ...], rng: np.random.Generator, number: int) -> bytes:
-        image = picture(truth.at_picture(number), exposure, any(fault.hides_target for fault in struck), rng)
-        image = reduce(lambda now, spoil: spoil(now), [f.picture for f in struck if f.picture], image)
-        return _on_its_way(cv2.imencode(".png", image, PNG_SPEED)[1].tobytes(), struck)
-
-    return develop
-
-
-def _scanner(truth: CellTruth) -> Develop:
-    def develop(exposure: Exposure, struck: tuple[DeviceFault, ...], rng: np.random.Generator, number: int) -> bytes:
-        points = cloud(truth, exposure, rng)
-        points = reduce(lambda now, spoil: spoil(now), [f.points for f in struck if f.points], points)
-        return _on_its_way(cloud_ply(points), struck)
-
-    return develop
+def _camera(
+    truth: CellTruth,
+    exposure: Exposure,
+    struck: tuple[DeviceFault, ...],
+    rng: np.random.Generator,
+    number: int,
+    width: int,
+) -> bytes:
+    hidden = any(fault.hides_target for fault in struck)
+    image = picture(truth.at_picture(number), exposure, hidden, rng, width)
+    image = reduce(lambda now, spoil: spoil(now), [f.picture for f in struck if f.picture], image)
+    _, encoded = cv2.imencode(".jpg", image) if width else cv2.imencode(".png", image, PNG_SPEED)
+    return encoded.tobytes()
 
 
-def _scanner_of_target(truth: CellTruth, name: str) -> Develop:
-    def develop(exposure: Exposure, struck: tuple[DeviceFault, ...], rng: np.random.Generator, number: int) -> bytes:
-        scanner_T_target = truth.scanner_T_target(name, exposure.end_base_T_flange)
-        model = ScannerModel(range_mm=RANGE_OF_TARGET_MM, noise_mm=truth.noise.scanner_mm)
-        return _on_its_way(organised_pcd(model, truth.target, scanner_T_target, truth.optics, rng, truth.sheet), struck)
-
-    return develop
+def _scanner(
+    truth: CellTruth, exposure: Exposure, struck: tuple[DeviceFault, ...], rng: np.random.Generator, *_: int
+) -> bytes:
+    points = cloud(truth, exposure, rng)
+    return cloud_ply(reduce(lambda now, spoil: spoil(now), [f.points for f in struck if f.points], points))
 
 
-def _on_its_way(content: bytes, struck: tuple[DeviceFault, ...]) -> bytes:
-    return reduce(lambda now, spoil: spoil(now), [f.content for f in struck if f.content], content)
+def _scanner_of_target(
+    truth: CellTruth, name: str, exposure: Exposure, _struck: object, rng: np.random.Generator, *_: int
+) -> bytes:
+    scanner_T_target = truth.scanner_T_target(name, exposure.end_base_T_flange)
+    model = ScannerModel(range_mm=RANGE_OF_TARGET_MM, noise_mm=truth.noise.scanner_mm)
+    return organised_pcd(model, truth.target, scanner_T_target, truth.optics, rng, truth.sheet)

@@ -2,11 +2,22 @@
 
 import asyncio
 import socket
-from collections.abc import Iterator
+from collections.abc import Awaitable, Callable, Iterator, MutableMapping
 from contextlib import contextmanager
 from typing import Any
 
 import uvicorn
+
+
+async def read_body(receive: Callable[[], Awaitable[MutableMapping[str, Any]]], max_bytes: int) -> bytes:
+    """The body of a request, the rest of one that is longer left unread."""
+    body = b""
+    while len(body) <= max_bytes:
+        message = await receive()
+        body += message.get("body", b"")
+        if not message.get("more_body"):
+            break
+    return body
 
 
 class _Server(uvicorn.Server):

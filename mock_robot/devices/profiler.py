@@ -7,6 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from calibration.transforms import Array, inverse
+from mock_robot.devices.tcp_server import TcpServer
 from mock_robot.scene.profiler_view import ProfilerModel, profile_door
 from mock_robot.truth.truth import CellTruth
 from protocols.gocator.data_channel import NO_VALUE, ProfileGroup, RawProfiles, Stamp, encode
@@ -21,43 +22,16 @@ MIDDLE_UM = 500_000
 POLL_S = 0.005
 
 
-class MockProfiler:
+class MockProfiler(TcpServer):
     """A TCP server; whoever connects gets the profiles from then on, at times of the mock's clock."""
 
     def __init__(self, truth: CellTruth, flange_at: Callable[[float], Array], clock: Callable[[], float]) -> None:
         """`flange_at`: true base_T_flange at a time of the clock, during the current move."""
+        super().__init__()
         self._truth, self._flange_at, self._clock = truth, flange_at, clock
         self._model, self._rng = ProfilerModel(), np.random.default_rng([truth.seed, 0x9A0F])
-        self._server: asyncio.Server | None = None
-        self._sending: set[asyncio.Task[None]] = set()
 
-    async def start(self, host: str, port: int) -> tuple[str, int]:
-        """Listen; returns the address (port 0: chosen by the system)."""
-        self._server = await asyncio.start_server(self._accept, host, port)
-        address = self._server.sockets[0].getsockname()
-        return str(address[0]), int(address[1])
-
-    async def close(self) -> None:
-        """Stop listening and disconnect."""
-        if self._server is not None:
-            self._server.close()
-        for sending in list(self._sending):
-            sending.cancel()
-        await asyncio.gather(*self._sending, return_exceptions=True)
-
-    async def _accept(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        task = asyncio.current_task()
-        assert task is not None
-        self._sending.add(task)
-        try:
-            await self._send(writer)
-        except (ConnectionError, asyncio.CancelledError):
-            pass
-        finally:
-            self._sending.discard(task)
-            writer.close()
-
-    async def _send(self, writer: asyncio.StreamWriter) -> None:
+    async def _converse(self, _task: object, _reader: object, writer: asyncio.StreamWriter) -> None:
         """Profiles are taken every 1 / PROFILES_HZ s of the clock, those that are due at once."""
         sent = self._taken()
         while True:

@@ -1,42 +1,29 @@
 """All faults of a cell behind one interface: those of the controller and its links, those of camera and scanner."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Protocol
+from typing import TYPE_CHECKING
 
 from mock_robot.cabinet.cabinet import Cabinet
 from mock_robot.errors import NoSuchState, UnknownFault
-from mock_robot.faults.board import FaultBoard
-from mock_robot.faults.device_faults import DeviceFaultBoard
+from mock_robot.faults.board import Fault, FaultBoard
 from protocols.cb.codes import Command
 
-
-class FaultRow(Protocol):
-    """Description of a fault."""
-
-    @property
-    def name(self) -> str: ...
-
-    @property
-    def area(self) -> str: ...
-
-    @property
-    def summary(self) -> str: ...
+if TYPE_CHECKING:
+    from mock_robot.faults.device_faults import DeviceFault, DeviceFaultBoard
 
 
 @dataclass(frozen=True)
 class FaultBoards:
-    """Dispatches to the right board. `devices` and `device_rows` are None for a cell without camera and scanner."""
+    """Dispatches to the right board. `devices` is None for a cell without camera and scanner."""
 
     controller: Cabinet
     robot: FaultBoard
-    devices: DeviceFaultBoard | None = None
-    device_rows: Mapping[str, FaultRow] | None = None
+    devices: "DeviceFaultBoard | None" = None
 
     @property
-    def rows(self) -> dict[str, FaultRow]:
+    def rows(self) -> "dict[str, Fault | DeviceFault]":
         """All faults available in this cell, by name."""
-        return {**self.robot.table, **(self.device_rows or {})}
+        return {**self.robot.table, **(self.devices.table if self.devices is not None else {})}
 
     @property
     def active(self) -> list[str]:

@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterable
 from contextlib import suppress
 
 from mock_robot.cabinet.wire_steps import Close, Pause, Reset, Send, WireStep
+from mock_robot.devices.tcp_server import TcpServer
 from mock_robot.faults.board import FaultBoard
 from mock_robot.links.cb_link import ControllerLink, RefusedLink
 from mock_robot.links.cb_program import HEARTBEAT_S, Controller
@@ -20,45 +21,19 @@ FAREWELL_S = 0.05
 CHUNK = 4096
 
 
-class TcpLinkServer:
+class TcpLinkServer(TcpServer):
     """The robot's server socket. A second client is answered BUSY and closed, unless the first has fallen silent."""
 
     def __init__(self, controller: Controller, faults: FaultBoard, clock: Clock) -> None:
+        super().__init__()
         self._controller, self._faults, self._clock = controller, faults, clock
-        self._server: asyncio.Server | None = None
         self._link: ControllerLink | None = None
-        self._conversations: set[asyncio.Task[None]] = set()
         self._talking: asyncio.Task[None] | None = None
         self._nudge = asyncio.Event()
-
-    async def start(self, host: str, port: int) -> tuple[str, int]:
-        """Listen; returns the address (port 0: chosen by the system)."""
-        self._server = await asyncio.start_server(self._accept, host, port)
-        address = self._server.sockets[0].getsockname()
-        return str(address[0]), int(address[1])
 
     def nudge(self) -> None:
         """React now to a change made from outside (a fault, a switch)."""
         self._nudge.set()
-
-    async def close(self) -> None:
-        """Stop listening and disconnect."""
-        if self._server is not None:
-            self._server.close()
-        for conversation in list(self._conversations):
-            conversation.cancel()
-        await asyncio.gather(*self._conversations, return_exceptions=True)
-
-    async def _accept(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        task = asyncio.current_task()
-        assert task is not None
-        self._conversations.add(task)
-        try:
-            with suppress(ConnectionError, asyncio.CancelledError):
-                await self._converse(task, reader, writer)
-        finally:
-            self._conversations.discard(task)
-            writer.close()
 
     async def _converse(
         self, task: asyncio.Task[None], reader: asyncio.StreamReader, writer: asyncio.StreamWriter

@@ -7,6 +7,7 @@ from collections.abc import Awaitable, Callable, Mapping, MutableMapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from mock_robot.devices.http_server import read_body
 from mock_robot.rws.context import RequestContext
 from mock_robot.rws.digest import DigestAuth
 from mock_robot.rws.documents import JSON_1, JSON_2, XHTML_1, XHTML_2, Encoding, subscription_created
@@ -56,7 +57,7 @@ class Service:
         if scope["type"] == "websocket":
             await self.polls.serve(scope, receive, send, self._session_of(_headers(scope)))
         elif scope["type"] == "http":
-            await self._serve(scope, await _body(receive), send)
+            await self._serve(scope, await read_body(receive, MAX_BODY_BYTES), send)
 
     def react_to_controller(self) -> None:
         """React to changes of the controller: a restart drops all sessions, faults take effect."""
@@ -205,16 +206,6 @@ class Service:
 
 def _headers(scope: Scope) -> dict[str, str]:
     return {name.decode("latin-1").lower(): value.decode("latin-1") for name, value in scope["headers"]}
-
-
-async def _body(receive: Receive) -> bytes:
-    body = bytearray()
-    while len(body) <= MAX_BODY_BYTES:
-        message = await receive()
-        body += message.get("body", b"")
-        if not message.get("more_body"):
-            break
-    return bytes(body)
 
 
 async def _respond(

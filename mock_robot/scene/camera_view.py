@@ -4,7 +4,8 @@ Every pixel's corners are mapped back through the lens onto the sheet (no bitmap
 pixel that the print covers is computed there. Pixel (0, 0) is the centre of the first pixel, as in `CameraModel`.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,39 +35,50 @@ def render(
 ) -> NDArray[np.uint8]:
     """Image (h, w). The target may lie partly or wholly outside it, behind the camera, or show its back.
 
+    `camera_T_target` (4, 4); or (n, 4, 4): the target passes through them while the image is exposed, evenly in time.
     `surroundings`: what lies around the target is drawn from it, by default from `rng`, as the noise is.
     """
-    printed = print_target(target, sheet)
-    return expose(scene_reflectance(camera, printed, camera_T_target, optics, surroundings or rng), optics, rng)
+    printed, rng_around = print_target(target, sheet), surroundings or rng
+    if len(poses := np.reshape(camera_T_target, (-1, 4, 4))) == 1:
+        return expose(scene_reflectance(camera, printed, poses[0], optics, rng_around), optics, rng)
+    around, total = int(rng_around.integers(2**32)), np.zeros(camera.image_size[::-1], np.float32)
+    for pose in poses:
+        total += scene_reflectance(camera, printed, pose, optics, np.random.default_rng(around))
+    return expose((total / len(poses)).astype(np.float32), optics, rng)
 
 
-def render_smeared(
+def sketch(
     camera: CameraModel,
-    target: Target,
-    camera_T_target: Sequence[Array],
+    target: PrintedTarget,
+    camera_T_target: Array,
     optics: Optics,
-    rng: np.random.Generator,
-    sheet: PrintOptions | None = None,
-    surroundings: np.random.Generator | None = None,
+    surroundings: np.random.Generator,
+    width: int,
 ) -> NDArray[np.uint8]:
-    """Image (h, w) exposed while the target passes through these poses, evenly in time."""
-    around = int((surroundings or rng).integers(2**32))
-    sheet_printed = print_target(target, sheet)
-    total: Picture = np.zeros(camera.image_size[::-1], np.float32)
-    for pose in camera_T_target:
-        total += scene_reflectance(camera, sheet_printed, pose, optics, np.random.default_rng(around))
-    return expose(total / np.float32(len(camera_T_target)), optics, rng)
+    """Image (h, w), `width` px wide, without noise and with jagged edges, in a tenth of the time of `render`."""
+    scale = min(1.0, width / camera.image_size[0])
+    matrix = np.array([[scale, 0, (scale - 1) / 2], [0, scale, (scale - 1) / 2], [0, 0, 1]]) @ camera.matrix
+    columns, rows = (round(scale * side) for side in camera.image_size)
+    small = replace(camera, matrix=matrix, image_size=(columns, rows))
+    quiet = replace(optics, blur_px=max(0.5, scale * optics.blur_px), read_noise=0.0, electrons_per_level=0.0)
+    scene = scene_reflectance(small, target, camera_T_target, quiet, surroundings, exact=False)
+    return expose(scene, quiet, surroundings)
 
 
 def scene_reflectance(
-    camera: CameraModel, target: PrintedTarget, camera_T_target: Array, optics: Optics, rng: np.random.Generator
+    camera: CameraModel,
+    target: PrintedTarget,
+    camera_T_target: Array,
+    optics: Optics,
+    rng: np.random.Generator,
+    exact: bool = True,
 ) -> Picture:
     """Reflectance (h, w) averaged over each pixel's square; the sheet covers its surroundings."""
     width, height = camera.image_size
     scene = clutter((height, width), optics.background, rng)
     seen_from_behind = camera_T_target[:3, 2] @ camera_T_target[:3, 3] <= 0
     sheet_from_ray: Array = np.linalg.inv(camera_T_target[:3, [0, 1, 3]]).astype(float)
-    paint = CellCoverage(target.cells)
+    paint = CellCoverage(target.cells, exact)
     for rows, columns in _tiles(camera, target, camera_T_target):
         u, v = _sheet_coordinates(camera, sheet_from_ray, rows, columns)
         white, on_sheet = paint(u, v)

@@ -52,9 +52,13 @@ class LineIndex:
 
 
 class CellCoverage:
-    """Coverage by cells: white and sheet share of pixels given by plane coordinates at their corners."""
+    """Coverage by cells: white and sheet share of pixels given by plane coordinates at their corners.
 
-    def __init__(self, cells: PrintedCells) -> None:
+    `exact` False: what is at their first corners, in a tenth of the time.
+    """
+
+    def __init__(self, cells: PrintedCells, exact: bool = True) -> None:
+        self._exact = exact
         self._u, self._v = cells.u_mm, cells.v_mm
         self._u_index, self._v_index = LineIndex(cells.u_mm), LineIndex(cells.v_mm)
         self._white = np.pad(cells.values, 1).astype(np.float32)
@@ -64,6 +68,8 @@ class CellCoverage:
         """`u`, `v` (h + 1, w + 1) at pixel corners -> white and sheet shares (h, w)."""
         i, j = self._u_index(u), self._v_index(v)
         white, sheet = self._white[j[:-1, :-1], i[:-1, :-1]], self._sheet[j[:-1, :-1], i[:-1, :-1]]
+        if not self._exact:
+            return white, sheet
         i_low, i_high = _extremes(i)
         j_low, j_high = _extremes(j)
         y, x = np.nonzero((i_low != i_high) | (j_low != j_high))

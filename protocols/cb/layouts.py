@@ -117,7 +117,7 @@ _FIELDS: dict[type[Any], tuple[_Field, ...]] = {
     ),
 }
 
-_STRUCTS = {kind: struct.Struct("<" + "".join(f.layout for f in fields)) for kind, fields in _FIELDS.items()}
+STRUCTS = {kind: struct.Struct("<" + "".join(f.layout for f in fields)) for kind, fields in _FIELDS.items()}
 
 REQUESTS: dict[Command, type[Request]] = {
     Command.PING: Ping,
@@ -174,14 +174,14 @@ def pack(message: Request | Answer) -> bytes:
             value = value.encode("latin-1", "replace")
         values += value if isinstance(value, tuple) else (value,)
     try:
-        return _STRUCTS[kind].pack(*values)
+        return STRUCTS[kind].pack(*values)
     except (struct.error, OverflowError) as error:
         raise FieldOutOfRange(kind.__name__, str(error)) from error
 
 
 def unpack(kind: type[Any], payload: bytes) -> Any:
     """Decode a payload as a message of type `kind`; raises PayloadRefused."""
-    layout = _STRUCTS[kind]
+    layout = STRUCTS[kind]
     if len(payload) != layout.size:
         raise PayloadRefused(kind.__name__, f"{len(payload)} bytes instead of {layout.size}", Status.BAD_LEN)
     values = iter(layout.unpack(payload))
@@ -194,8 +194,3 @@ def unpack(kind: type[Any], payload: bytes) -> Any:
         except ValueError as error:
             raise PayloadRefused(kind.__name__, f"{field.name}: {error}", Status.BAD_FIELD) from error
     return kind(**fields)
-
-
-def payload_bytes(kind: type[Any]) -> int:
-    """Payload length of a message type in bytes."""
-    return _STRUCTS[kind].size

@@ -166,7 +166,7 @@ async def test_a_device_whose_connection_takes_too_long_is_asked_again() -> None
             raise httpx.ConnectTimeout("", request=request)
         return httpx.Response(200, stream=httpx.ByteStream(PNG), headers={"Content-Type": "image/png"})
 
-    source = HttpSource("http://camera/now", fake.timing, name="camera", limit_s=60.0, max_bytes=4096)
+    source = HttpSource("http://camera/now", fake.timing, limit_s=60.0, max_bytes=4096)
     source._client = httpx.AsyncClient(transport=httpx.MockTransport(answer))
     fetching = asyncio.create_task(source.fetch(-1.0))
     while not fetching.done():
@@ -174,3 +174,23 @@ async def test_a_device_whose_connection_takes_too_long_is_asked_again() -> None
     assert (await fetching).content == PNG
     assert len(asked) == 3
     await source.close()
+
+
+async def test_smaller_pictures_are_asked_for_where_the_server_offers_them() -> None:
+    """An address with a query of its own keeps it; who offers nothing is asked as ever."""
+    asked: list[str] = []
+    offers: dict[str, str] = {}
+
+    def answer(request: httpx.Request) -> httpx.Response:
+        asked.append(str(request.url))
+        return httpx.Response(200, stream=httpx.ByteStream(PNG), headers={"Content-Type": "image/png", **offers})
+
+    camera = HttpCamera("http://camera/now?channel=2")
+    camera._client = httpx.AsyncClient(transport=httpx.MockTransport(answer))
+    await camera.preview(-1.0, 960)
+    offers["X-Scales-By"] = "width"
+    for take in (camera.preview(-1.0, 960), camera.preview(-1.0, 960), camera.grab(-1.0)):
+        await take
+    plain = "http://camera/now?channel=2"
+    assert asked == [plain, plain, f"{plain}&width=960", plain]
+    await camera.close()

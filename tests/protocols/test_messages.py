@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from protocols.cb.codes import REPLY_BIT, Command, Flag, MoveKind, Status
 from protocols.cb.errors import FieldOutOfRange, PayloadRefused
 from protocols.cb.frames import Frame
-from protocols.cb.layouts import ANSWERS, COMMAND_OF, REQUESTS, good_status, pack, payload_bytes, unpack
+from protocols.cb.layouts import ANSWERS, COMMAND_OF, REQUESTS, STRUCTS, good_status, pack, unpack
 from protocols.cb.messages import (
     Answer,
     GetPose,
@@ -54,7 +54,7 @@ def test_these_bytes_are_the_message(row: Row):
 def test_a_payload_of_another_length_is_refused(row: Row):
     payload = row.encoded[12:]
     for wrong in (payload + b"\0", payload[:-1]):
-        if len(wrong) != payload_bytes(type(row.message)):
+        if len(wrong) != STRUCTS[type(row.message)].size:
             with pytest.raises(PayloadRefused, match="bytes instead of") as refused:
                 unpack(type(row.message), wrong)
             assert refused.value.status is Status.BAD_LEN

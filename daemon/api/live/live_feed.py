@@ -191,7 +191,7 @@ class LiveFeed:
             self._look_text = "null"
             return
         if self._looking is None:
-            self._looking = asyncio.create_task(self._app.looks.read())
+            self._looking = asyncio.create_task(self._app.cameras.main.looks.read())
         await asyncio.wait([self._looking], timeout=0)
         if self._looking.done():
             looking, self._looking = self._looking, None
@@ -225,7 +225,7 @@ class LiveFeed:
             "software": json_of(SOFTWARE),
             "robot": json_of(robot),
             "run": json_of(None if run is None else RunDocument.of(run)),
-            "devices": json_of([LiveDevice.of(state) for state in app.device_watch.states()]),
+            "devices": json_of([LiveDevice(**vars(state)) for state in app.device_watch.states()]),
             "ready": self._ready,
             "ready_of": self._ready_of,
             "holder": json_of(app.cell.holder),

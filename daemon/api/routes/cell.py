@@ -4,6 +4,7 @@ from fastapi import APIRouter, Depends, Request, Response
 
 from daemon.api.dependencies import App, WidthQuery, WithCamera, no_body
 from daemon.api.device_checks import check_devices
+from daemon.api.live.picture_stream import STREAM, StreamedPictures, working_run
 from daemon.api.negotiation import PICTURE_TYPES, choose_picture_type, or_text, respond
 from daemon.api.plain_text import robot_text
 from daemon.api.problems import problem_responses
@@ -14,7 +15,6 @@ from daemon.api.schemas.cell import (
     ArmTemperatureRequest,
     CheckList,
     DeviceDocument,
-    LiveDevice,
     LookDocument,
     RobotDocument,
 )
@@ -22,8 +22,6 @@ from daemon.application import Application
 from daemon.config.settings import MAIN_CAMERA
 from daemon.drift.cell_cameras import CellCamera
 from daemon.errors import CellBusy
-from daemon.model.records import RunRecord
-from daemon.model.run_states import RunState
 from daemon.sessions.pictures import PictureType, Width, encode_file
 from daemon.sessions.session_writer import image_name
 from daemon.tools.support_bundle.redaction import redact
@@ -73,11 +71,8 @@ async def devices(app: App) -> list[DeviceDocument]:
     addresses = {"robot": settings.robot.address, "camera": settings.camera.address}
     addresses |= {name: camera.address for name, camera in settings.cameras.items()}
     addresses |= {name: scanner.address for name, scanner in settings.named_scanners().items()}
-    return [_device(LiveDevice.of(state), addresses.get(state.name, "")) for state in app.device_watch.states()]
-
-
-def _device(device: LiveDevice, address: str) -> DeviceDocument:
-    return DeviceDocument(**dict(device), kind=address.partition(":")[0], address=redact(address))
+    devices = ((state, redact(addresses.get(state.name, ""))) for state in app.device_watch.states())
+    return [DeviceDocument(**vars(one), kind=at.partition(":")[0], address=at) for one, at in devices]
 
 
 @router.post("/check", response_model=CheckList, dependencies=[Depends(no_body)], responses=problem_responses(400, 500))
@@ -142,18 +137,29 @@ def _capture_headers(capture: CaptureSettings | None) -> dict[str, str]:
     return {f"Handeyed-{name}": f"{value:g}" for name, value in values.items() if value is not None}
 
 
+@router.get(
+    "/camera/stream",
+    response_class=Response,
+    responses={200: {"description": "Pictures", "content": {STREAM: {}}}, **problem_responses(404, 503)},
+)
+async def camera_stream(request: Request, camera: WithCamera, width: WidthQuery = 480) -> Response:
+    """JPEG pictures as they come, for `<img>` or fetch: up to ten a second while they change, else two.
+
+    Headers of a part: `Handeyed-Picture` (its number), `Handeyed-Age-S`, and `Handeyed-Look`: GET /camera/look of this
+    picture, in pixels of its own size; not with every one where that takes long. A part of application/problem+json:
+    why none can be taken. While a run works, its pictures come, and none is taken for this. Who is slow misses some.
+    At most 64 listeners of a camera share one reader, 32 of one address.
+    """
+    address = request.client.host if request.client else "unknown"
+    return StreamedPictures(request.app.state.picture_streams[camera.name], address, width or 480)
+
+
 @router.get("/camera/look", response_model=LookDocument, responses=problem_responses(404, 409, 502, 503, 504))
 async def look(app: App, camera: WithCamera) -> LookDocument:
     """The target in a picture of at most the last 0.5 s, searched once for all who ask. 409 while a run works."""
     if (run := working_run(app)) is not None:
         raise CellBusy(f"run {run.id}")
     return LookDocument.of_look(await camera.looks.read())
-
-
-def working_run(app: Application) -> RunRecord | None:
-    """The run that uses the camera now: one in progress, unless it waits for its operator or is a jog."""
-    run = app.supervisor.in_progress
-    return None if run is None or run.state is RunState.WAITING or run.kind == "jog" else run
 
 
 async def stored_picture(app: Application, run_id: str, k: int, media_type: PictureType, width: Width | None) -> bytes:

@@ -17,7 +17,7 @@ from calibration.problem import Setup
 from calibration.sentences.sentence import as_sentence
 from daemon.api.schemas.answer import EXAMPLE_AT, Answer, example
 from daemon.api.schemas.runs import PlannedPoseDocument
-from daemon.cell.device_watch import DeviceState
+from daemon.cell.device_watch import DeviceFault
 from daemon.cell.frame_check import frame_difference
 from daemon.cell.readings import RobotReading
 from daemon.cell.skeleton import skeleton_mm
@@ -161,52 +161,32 @@ class LookDocument(Answer):
         )  # fmt: skip
 
 
-class DeviceFaultDocument(Answer):
-    """An error of a device, and when it was noted."""
-
-    code: str
-    what: str
-    fix: str
-    at: str
-
-
 FAULT_EXAMPLE = {
     "code": "device-unreachable",
     "what": "not connected yet",
     "fix": "check its power, cable and address: handeyed check asks every device",
     "at": EXAMPLE_AT,
 }
+LINK_EXAMPLE = {"name": "camera", "connected": False, "detail": "not connected yet", "since": EXAMPLE_AT,
+                "last_error": FAULT_EXAMPLE}  # fmt: skip
 
 
 class LiveDevice(Answer):
     """The link of a device. `since`: of this state; `last_error` stays when it is over."""
 
-    model_config = example(
-        name="camera", connected=False, detail="not connected yet", since=EXAMPLE_AT, last_error=FAULT_EXAMPLE
-    )
+    model_config = example(**LINK_EXAMPLE)
 
     name: str
     connected: bool
     detail: str
     since: str
-    last_error: DeviceFaultDocument | None
-
-    @classmethod
-    def of(cls, state: DeviceState) -> "LiveDevice":
-        fault = state.last_error
-        return cls(
-            name=state.name, connected=state.connected, detail=state.detail, since=state.since,
-            last_error=None if fault is None else DeviceFaultDocument(**vars(fault)),
-        )  # fmt: skip
+    last_error: DeviceFault | None
 
 
 class DeviceDocument(LiveDevice):
     """A device of the settings. `kind`: of its driver, by the address, which is shown without passwords."""
 
-    model_config = example(
-        name="camera", connected=False, detail="not connected yet", since=EXAMPLE_AT, last_error=FAULT_EXAMPLE,
-        kind="http", address="http://camera/frame.png",
-    )  # fmt: skip
+    model_config = example(**LINK_EXAMPLE, kind="http", address="http://camera/frame.png")
 
     kind: str
     address: str

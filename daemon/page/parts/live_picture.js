@@ -1,50 +1,66 @@
-// What the camera sees, with the corners found, asked anew every two seconds while it is looked at and nothing runs.
+// What the camera sees, with the corners found in just this picture: a stream that is open while somebody looks at it.
 import { html, useEffect, useState } from '../vendor/preact.js';
-import { ask } from '../state/ask.js';
-import { lost, look, run, running } from '../state/now.js';
+import { refusal } from '../state/ask.js';
+import { clock, linked, lost } from '../state/now.js';
 import { count } from '../state/numbers.js';
+import { followPictures } from '../state/pictures.js';
 import { camera, ofCamera } from '../state/sensors.js';
 import { t } from '../state/words.js';
 import { Picture } from './picture.js';
 import { Cause } from './problem.js';
 
-const EVERY_MS = 2000;
+const AGAIN_MS = 1000;
+const OLD_S = 1;
+const NOTHING = { src: null, number: null, size: undefined, look: null, seen: null, taken: 0, problem: null };
 
 /** `of`: name of the camera, by default the chosen one. */
 export function LivePicture({ of = camera.value }) {
-  const [shown, setShown] = useState({ src: null, look: null, turn: 0 });
-  const manual = run.value?.request?.manual && running.value;
+  const [shown, setShown] = useState(NOTHING);
+  const [visible, setVisible] = useState(!document.hidden);
   useEffect(() => {
-    let wanted = true;
-    let timer = 0;
+    const look = () => setVisible(!document.hidden);
+    document.addEventListener('visibilitychange', look);
+    return () => document.removeEventListener('visibilitychange', look);
+  }, []);
+  useEffect(() => {
+    if (!visible) return undefined;
+    const control = new AbortController();
     let held = null;
-    const next = async () => {
-      if (!document.hidden && !lost.value) {
-        try {
-          const seen = manual ? null : (await ask(ofCamera('/camera/look', of))).data;
-          const { data } = await ask(ofCamera('/camera/frame?width=960', of), { kind: 'blob', headers: { Accept: 'image/jpeg' } });
-          const url = URL.createObjectURL(data);
-          if (!wanted) return void URL.revokeObjectURL(url);
-          if (held) URL.revokeObjectURL(held);
-          held = url;
-          setShown({ src: url, look: seen, error: null });
-        } catch (error) {
-          if (wanted) setShown((before) => ({ ...before, error }));
-        }
-      }
-      if (wanted) timer = setTimeout(next, EVERY_MS);
+    const take = async ({ problem, file, number, age_s, look }) => {
+      if (problem) return void setShown((before) => ({ ...before, problem }));
+      const taken = performance.now() - 1000 * age_s;
+      const image = new Image();
+      image.src = URL.createObjectURL(file);
+      await image.decode(); // before it is shown: the last one stays until then
+      if (control.signal.aborted) return void URL.revokeObjectURL(image.src);
+      if (held) URL.revokeObjectURL(held);
+      held = image.src;
+      const size = look?.size ?? [image.naturalWidth, image.naturalHeight];
+      setShown(({ seen }) => ({ src: held, number, size, look, seen: look ?? seen, taken, problem: null }));
     };
-    next();
+    follow(ofCamera('/camera/stream?width=480', of), control.signal, take);
     return () => {
-      wanted = false;
-      clearTimeout(timer);
+      control.abort();
       if (held) URL.revokeObjectURL(held);
     };
-  }, [manual, of]);
-  const seen = manual ? look.value : shown.look;
-  const words = seenWords(seen);
-  return html`<${Picture} src=${shown.src} size=${seen?.size ?? undefined} corners=${seen?.corners ?? []} alt=${`${t('picture.camera')} ${words}`} dim=${lost.value} />
-    ${shown.error && !lost.value ? html`<${Cause} cause=${{ ...shown.error.problem, code: shown.error.code, what: shown.error.message }} />` : html`<p class="one-line" role="status">${words}</p>`}`;
+  }, [of, visible, linked.value]);
+  const words = seenWords(shown.seen);
+  const age_s = shown.src ? (Math.max(clock.value, performance.now()) - shown.taken) / 1000 : 0;
+  const aged = age_s > OLD_S ? t('picture.age', { s: count(Math.floor(age_s)) }) : '';
+  return html`<${Picture} src=${shown.src} number=${shown.number} size=${shown.size} corners=${shown.look?.corners ?? []} alt=${`${t('picture.camera')} ${words}`} dim=${lost.value} />
+    ${shown.problem && !lost.value ? html`<${Cause} cause=${{ ...shown.problem, what: shown.problem.detail }} />` : html`<p class="one-line"><span role="status">${words}</span> ${aged && html`<span class="quiet">${aged}</span>`}</p>`}`;
+}
+
+/** Follow the stream, and again whenever it ends, until `signal`. */
+async function follow(path, signal, take) {
+  while (!signal.aborted) {
+    try {
+      await followPictures(path, { signal, take });
+    } catch (error) {
+      if (error instanceof Response && !signal.aborted) take({ problem: (await refusal(error)).problem });
+    }
+    await new Promise((resolve) => setTimeout(resolve, AGAIN_MS));
+  }
 }
 
 export function seenWords(seen) {

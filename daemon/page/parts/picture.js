@@ -3,18 +3,18 @@ import { html, useState } from '../vendor/preact.js';
 import { significant } from '../state/numbers.js';
 import { t } from '../state/words.js';
 
-/** `corners`: [[id, u, v, du?, dv?] ...] in pixels of `size`; arrows (du, dv) enlarged so that the longest is a twentieth of the width. */
-export function Picture({ src, alt, size = [1920, 1200], corners = [], arrows = false, dim = false }) {
+/** `number`: of a live picture, which changes while the others stay. `corners`: [[id, u, v, du?, dv?] ...] in pixels of `size`; arrows (du, dv) enlarged so that the longest is a twentieth of the width. */
+export function Picture({ src, number = null, alt, size = [1920, 1200], corners = [], arrows = false, dim = false }) {
   const [broken, setBroken] = useState(null); // the address that brought no picture
   const [width, height] = size;
   const longest = arrows ? Math.max(0, ...corners.map(([, , , du = 0, dv = 0]) => Math.hypot(du, dv))) : 0;
   const times = longest > 0 ? width / 18 / longest : 0;
   const r = width / 220;
-  return html`<figure class="picture ${dim ? 'dimmed' : ''}">
+  return html`<figure class="picture ${dim ? 'dimmed' : ''}" data-number=${number}>
     <div class="frame">
       <svg viewBox="0 0 ${width} ${height}" role="img" aria-label=${alt}>
         <rect class="empty" width=${width} height=${height} />
-        ${src && broken !== src && html`<image key=${src} href=${src} width=${width} height=${height} onError=${() => setBroken(src)} />`}
+        ${src && broken !== src && html`<image key=${number === null ? src : 'live'} href=${src} width=${width} height=${height} onError=${() => setBroken(src)} />`}
         ${corners.map(([id, u, v]) => html`<circle key=${id} class="corner" cx=${u} cy=${v} r=${r} />`)}
         ${times > 0 && corners.map(([id, u, v, du = 0, dv = 0]) => html`<path key=${`a${id}`} class="arrow" d=${arrow(u, v, du * times, dv * times, r)} />`)}
       </svg>

@@ -25,9 +25,8 @@ class GenICamCamera(GenICamDevice):
         *,
         image_size: tuple[int, int] | None = None,
         limit_s: float = LIMIT_S,
-        name: str = "camera",
     ) -> None:
-        super().__init__(make_library, address, timing, limit_s=limit_s, name=name)
+        super().__init__(make_library, address, timing, limit_s=limit_s)
         self._image_size = image_size
 
     async def grab(self, newer_than_s: float) -> CameraFrame:

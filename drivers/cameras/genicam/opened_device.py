@@ -43,6 +43,8 @@ class GenICamDevice(PolledDevice):
     `make_library` gives the vendor's library for the address.
     """
 
+    kind = "camera"
+
     def __init__(
         self,
         make_library: Callable[[CameraAddress], Library],
@@ -50,9 +52,8 @@ class GenICamDevice(PolledDevice):
         timing: Timing | None = None,
         *,
         limit_s: float = LIMIT_S,
-        name: str,
     ) -> None:
-        super().__init__(f"{name} {address.text.partition('?')[0]}", timing or Timing())
+        super().__init__(f"{self.kind} {address.text.partition('?')[0]}", timing or Timing())
         self._library, self._address = make_library(address), address
         self._limit_s = limit_s
         self._thread = FileThread(f"calls of {self.device}", self._timing)

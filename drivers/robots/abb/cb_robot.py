@@ -59,12 +59,11 @@ class CbRobot:
         self,
         transport: Transport,
         timing: Timing | None = None,
-        name: str = "robot",
         *,
         limit_s: float | None = None,
         axes: int = 6,
     ) -> None:
-        self._device = f"{name} {transport.address}"
+        self._device = f"robot {transport.address}"
         self._timing, self._axes = timing or Timing(), axes
         self._link = CbLink(self._device, transport, self._timing, REPLY_LIMIT_S if limit_s is None else limit_s)
         self._armed_in: CbConversation | None = None

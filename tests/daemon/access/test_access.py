@@ -37,7 +37,7 @@ OPERATIONS = [
 ]
 
 
-ENDLESS = ("/events", "/live")
+ENDLESS = ("/events", "/live", "/camera/stream")
 
 
 @pytest.mark.slow

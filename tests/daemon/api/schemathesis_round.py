@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from daemon.api.live.live_feed import LiveFeed
+from daemon.api.live.picture_stream import PictureStream
 
 ROOT = Path(__file__).resolve().parents[3]
 
@@ -34,6 +35,7 @@ def end_streams_soon(events: Any) -> None:
 
     events.listen = briefly
     LiveFeed.messages = _first_message  # type: ignore[method-assign]
+    PictureStream.parts = _first_part  # type: ignore[method-assign]
 
 
 async def _first_message(self: LiveFeed, listener: Any) -> Any:
@@ -43,7 +45,12 @@ async def _first_message(self: LiveFeed, listener: Any) -> Any:
         return
 
 
-_MESSAGES = LiveFeed.messages
+async def _first_part(self: PictureStream, width: int) -> Any:
+    """GET /camera/stream, which ends with its first picture."""
+    yield b"".join([await anext(parts) for parts in [_PARTS(self, width)] for _ in range(2)])
+
+
+_MESSAGES, _PARTS = LiveFeed.messages, PictureStream.parts
 
 
 PHASES = "examples,coverage,fuzzing,stateful"

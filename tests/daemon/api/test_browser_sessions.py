@@ -127,7 +127,7 @@ async def test_signing_out_ends_the_session_and_its_stream_but_no_other(bench: B
     assert (await first.ask("DELETE", "/session")).status_code == 204
 
 
-@pytest.mark.parametrize("path", ["/live", "/events"])
+@pytest.mark.parametrize("path", ["/live", "/events", "/camera/stream"])
 async def test_a_session_and_its_streams_end_with_the_key(bench: Bench, path: str) -> None:
     browser = await sign_in(bench, key=await key_of(bench, "Ann", Role.OPERATOR))
     stream = await RawRequest.send(bench, f"GET {path}\nCookie: {browser.cookie}\nConnection: close")

@@ -13,7 +13,7 @@ from tests.daemon.clouds import OCTETS, POSE, cloud
 from tests.daemon.scans.scan_folders import a_scan
 
 OPENAPI: dict[str, Any] = json.loads((Path(__file__).parents[3] / "docs" / "openapi.json").read_text(encoding="utf-8"))
-STREAMS = ("/events", "/live")
+STREAMS = ("/events", "/live", "/camera/stream")
 
 TEXTS = ["-1", "nan", "1e308", "1e-320", "9223372036854775808", "\x00"]
 VALUES = [-1, 1e308, 10**400, "\x00", [[]], [1e308] * 7, {"a": 1}, float("nan"), "\ud800"]

@@ -12,7 +12,7 @@ from daemon.http.security_headers import CONTENT_SECURITY_POLICY, SECURITY_HEADE
 from tests.daemon.cell_under_test import Bench
 
 OPENAPI = json.loads((Path(__file__).parents[3] / "docs" / "openapi.json").read_text())
-ENDLESS = ("/events", "/live")
+ENDLESS = ("/events", "/live", "/camera/stream")
 WANTED = {name.decode(): value.decode() for name, value in SECURITY_HEADERS.items() if name != b"cache-control"}
 
 

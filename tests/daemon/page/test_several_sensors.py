@@ -40,7 +40,7 @@ async def test_each_screen_asks_for_the_camera_chosen(open_page: Opened, cell: C
         await page.get_by_text("No calibration is active").first.wait_for()
         await press(page.get_by_role("button", name="wrist"))
         await page.get_by_text("No calibration is active").wait_for(state="detached")
-        await eventually(lambda: "/camera/frame?width=960&camera=wrist" in asked)
+        await eventually(lambda: "/camera/stream?width=480&camera=wrist" in asked)
         for place, path in (
             ("calibrate", "/calibrate?camera=wrist"),
             ("verify", "/drift?camera=wrist"),

@@ -28,7 +28,7 @@ MAX_STALL_S = 0.1
 """Processor time of one turn. Answers are meant to stay below 20 ms; this leaves room for a slow machine."""
 
 OPENAPI = json.loads((Path(__file__).parents[3] / "docs" / "openapi.json").read_text(encoding="utf-8"))
-STREAMS = ("/events", "/live")
+STREAMS = ("/events", "/live", "/camera/stream")
 SWEEPS = ("/sweeps/{sweep_id}", "/sweeps/{sweep_id}/points")
 """Of a line profiler: one small document, and a stream."""
 ROWS = 500

@@ -24,6 +24,7 @@ from daemon.webhooks.errors import SecretUnusable
 from daemon.webhooks.signing import read_secrets, signature, signature_headers
 from tests.daemon.calibrations import a_calibration
 from tests.daemon.cell_under_test import serving, settings_for
+from tests.daemon.save_paths import pending_counts
 from tests.daemon.webhooks.receiver import Receiver, receiving
 
 SECRET = b"0123456789abcdef0123456789abcdef"
@@ -135,7 +136,7 @@ async def test_a_new_receiver_does_not_get_the_past_and_a_known_one_misses_nothi
         await first.start()
         await first.stop()
         await apply_some(store, "while nobody sends")
-        assert await store.outbox.pending_counts() == {"mes": 2}
+        assert await pending_counts(store) == {"mes": 2}
         await store.close()
         store = Store(tmp_path)
         second = dispatcher(store, webhook(tmp_path, mes, topics=("calibration.applied",)))

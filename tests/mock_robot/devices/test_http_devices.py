@@ -107,6 +107,31 @@ async def test_every_capture_says_its_age_and_number_and_has_its_own_noise(at: A
     assert first.content != second.content
 
 
+async def test_a_preview_is_a_small_sketch_of_the_same_view(at: At) -> None:
+    pose = looking_at_the_target()
+    answer = await at(lambda: pose).ask(f"{PICTURE}?width=960")
+    assert (answer.headers["content-type"], answer.headers["x-scales-by"]) == ("image/jpeg", "width")
+    small = cv2.imdecode(np.frombuffer(answer.content, np.uint8), cv2.IMREAD_GRAYSCALE)
+    assert small is not None and small.shape == (600, 960)
+    found = detect(np.asarray(small, np.uint8), TRUTH.target)
+    camera_T_target = inverse(pose @ TRUTH.flange_T_camera) @ TRUTH.base_T_target
+    true_px = TRUTH.camera.project(map_points(camera_T_target, TRUTH.target.points_mm))[found.ids]
+    assert len(found.ids) == 88
+    assert np.abs(2 * found.corners_px + 0.5 - true_px).max() < 2.0
+
+
+async def test_previews_change_no_capture(at: At) -> None:
+    pose = looking_at_the_target()
+    plain, previewed = at(lambda: pose), at(lambda: pose)
+    captures = [await plain.ask(PICTURE) for _ in range(2)]
+    beside = []
+    for _ in range(2):
+        await previewed.ask(f"{PICTURE}?width=480")
+        beside.append(await previewed.ask(PICTURE))
+    assert [answer.content for answer in beside] == [answer.content for answer in captures]
+    assert [answer.headers["x-capture-id"] for answer in beside] == ["1", "2"]
+
+
 async def test_two_pictures_of_a_standing_camera_differ_by_their_noise_alone(at: At) -> None:
     cell = at(looking_at_the_target)
     pictures = [await cell.picture(), await cell.picture()]

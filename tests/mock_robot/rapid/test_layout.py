@@ -4,7 +4,7 @@ import re
 from pathlib import Path
 
 from protocols.cb.codes import Status
-from protocols.cb.layouts import REQUESTS, payload_bytes
+from protocols.cb.layouts import REQUESTS, STRUCTS
 
 RAPID = Path(__file__).parents[3] / "deploy" / "rapid"
 EXAMPLE = RAPID.parent / "handeyed.example.toml"
@@ -13,7 +13,7 @@ EXAMPLE = RAPID.parent / "handeyed.example.toml"
 def test_every_request_has_the_length_of_the_link() -> None:
     found = re.findall(r"CASE (\d+):\s+RETURN (\d+);", (RAPID / "CELL_comm.mod").read_text("ascii"))
     assert {int(command): int(length) for command, length in found} == {
-        int(command): payload_bytes(kind) for command, kind in REQUESTS.items()
+        int(command): STRUCTS[kind].size for command, kind in REQUESTS.items()
     }
 
 

@@ -8,7 +8,7 @@ import pytest
 from calibration.camera import CameraModel
 from calibration.targets import AprilTagGrid, Charuco, Chessboard, CircleGrid, Target
 from calibration.transforms import Array, map_points, rotation_from_vector, transform
-from mock_robot.scene.camera_view import facing, render, render_smeared, scene_reflectance
+from mock_robot.scene.camera_view import facing, render, scene_reflectance
 from mock_robot.scene.optics import CLEAN, Optics
 from mock_robot.scene.printed_target import print_target
 
@@ -228,7 +228,7 @@ def test_the_same_seed_gives_the_same_picture_and_another_seed_other_noise() -> 
 def test_a_smeared_picture_is_the_mean_of_its_moments() -> None:
     pose = facing(400.0, print_target(BOARD))
     moved = transform(np.eye(3), [3.0, 0.0, 0.0]) @ pose
-    smeared = render_smeared(STRONG, BOARD, [pose, moved], CLEAN, np.random.default_rng(1)).astype(float)
+    smeared = render(STRONG, BOARD, np.array([pose, moved]), CLEAN, np.random.default_rng(1)).astype(float)
     first, second = (render(STRONG, BOARD, p, CLEAN, np.random.default_rng(1)).astype(float) for p in (pose, moved))
     assert np.abs(smeared - (first + second) / 2).max() < 1.01
     assert np.abs(first - second).max() > 100
