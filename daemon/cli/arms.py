@@ -5,8 +5,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from daemon.cli.errors import CommandError, ExitStatus
-from daemon.cli.output import Json
+from daemon.cli.output import Json, print_json
 
 if TYPE_CHECKING:
     from calibration.kinematics.arm import Arm
@@ -32,13 +31,11 @@ def arms(
     from calibration.kinematics.abb_arms import ARMS, evidence_of
 
     if json:
-        from json import dumps
-
         listed = [
             {**_facts(arm), "evidence": evidence_of(arm.name).state, "source": evidence_of(arm.name).source}
             for arm in ARMS.values()
         ]
-        typer.echo(dumps(listed))
+        print_json(listed)
     else:
         lines = (
             f"{arm.name:<21}reach {arm.reach_mm / 1e3:.2f} m  {evidence_of(arm.name).state}" for arm in ARMS.values()
@@ -49,17 +46,11 @@ def arms(
 def _describe(file: Path, tip: str | None, name: str, *, json: bool) -> None:
     from calibration.documents.arm_description import read_arm_description
     from calibration.kinematics.arm_row import write_arm_row
+    from daemon.runtime.bounded_read import read_document
 
-    try:
-        content = file.read_bytes()
-    except OSError as error:
-        reason = (error.strerror or str(error)).lower()
-        raise CommandError(str(file), f"cannot be read ({reason})", "check the path", ExitStatus.UNREADABLE) from None
-    arm = read_arm_description(content, file.name, name=name.replace("|", " "), tip=tip)
+    arm = read_arm_description(read_document(file), file.name, name=name.replace("|", " "), tip=tip)
     if json:
-        from json import dumps
-
-        typer.echo(dumps({**_facts(arm), "row": write_arm_row(arm)}))
+        print_json({**_facts(arm), "row": write_arm_row(arm)})
         return
     typer.echo(write_arm_row(arm))
     typer.echo(

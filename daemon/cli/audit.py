@@ -6,12 +6,14 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from daemon.cli.errors import CommandError, ExitStatus
-from daemon.cli.output import CommandGroup, Json
+from daemon.cli.output import CommandGroup, Json, print_json
 
 if TYPE_CHECKING:
     from daemon.access.audit_chain import AuditAnchor
 
-app = typer.Typer(cls=CommandGroup, no_args_is_help=True, help="The audit log: check that it is unchanged.")
+app = typer.Typer(
+    cls=CommandGroup, name="audit", no_args_is_help=True, help="The audit log: check that it is unchanged."
+)
 
 
 @app.callback()
@@ -41,9 +43,7 @@ def verify(
     database = Path(load_settings(config).storage.folder) / DATABASE_NAME
     rows, found = check_audit_log(database, [_anchor(text) for text in anchor or []])
     if json:
-        from json import dumps
-
-        typer.echo(dumps({"rows": rows, "whole": not found, "flaws": found}))
+        print_json({"rows": rows, "whole": not found, "flaws": found})
     else:
         typer.echo("\n".join(found) if found else f"the audit log is whole: {rows} rows")
     raise typer.Exit(ExitStatus.FAILED if found else ExitStatus.OK)

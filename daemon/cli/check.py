@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from daemon.cli.errors import ExitStatus
-from daemon.cli.output import CheckResult, Json
+from daemon.cli.output import CheckResult, Json, print_json
 
 
 def check(
@@ -32,9 +32,7 @@ def check(
     if not config_only:
         results += [check_storage(settings), *asyncio.run(check_devices(settings, loaded))]
     if json:
-        from json import dumps
-
-        typer.echo(dumps([vars(result) for result in results]))
+        print_json([vars(result) for result in results])
     else:
         typer.echo("\n".join(result.line() for result in results))
     raise typer.Exit(ExitStatus.OK if all(result.ok for result in results) else ExitStatus.FAILED)

@@ -2,7 +2,7 @@
 
 import typer
 
-from daemon.cli.output import Json
+from daemon.cli.output import Json, print_json
 
 
 def devices(json: Json = False) -> None:
@@ -14,8 +14,6 @@ def devices(json: Json = False) -> None:
 
     found = discover()
     if json:
-        from json import dumps
-
-        typer.echo(dumps([vars(entry) for entry in found]))
+        print_json([vars(entry) for entry in found])
     else:
         typer.echo("\n".join(entry.line() for entry in found))

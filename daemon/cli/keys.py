@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 import typer
 
 from daemon.cli.errors import CommandError, ExitStatus
-from daemon.cli.output import CommandGroup, Json
+from daemon.cli.output import CommandGroup, Json, print_json
 
 if TYPE_CHECKING:
     from daemon.access.keys import KeyRecord
@@ -17,7 +17,10 @@ if TYPE_CHECKING:
 Answer = TypeVar("Answer")
 
 app = typer.Typer(
-    cls=CommandGroup, no_args_is_help=True, help="Add, list, rotate and revoke keys: viewer, operator or admin."
+    cls=CommandGroup,
+    name="keys",
+    no_args_is_help=True,
+    help="Add, list, rotate and revoke keys: viewer, operator or admin.",
 )
 
 Config = Annotated[Path, typer.Argument(help="The daemon's settings.")]
@@ -51,10 +54,8 @@ def list_keys(config: Config, json: Json = False) -> None:
     now = Clock().timestamp()
     records = _with_key_service(config, lambda service: service.keys.all())
     if json:
-        from json import dumps
-
         rows = [{**{k: v for k, v in vars(r).items() if k != "hash"}, "state": r.state(now)} for r in records]
-        typer.echo(dumps(rows))
+        print_json(rows)
         return
     for record in records:
         until = f"until {record.expires_at}" if record.expires_at else "without end"
@@ -129,10 +130,8 @@ def _require_name(name: str) -> None:
 
 def _show(key: str, record: "KeyRecord", json: bool) -> None:
     if json:
-        from json import dumps
-
         shown = {"key": key, "id": record.id, "name": record.name, "role": record.role}
-        typer.echo(dumps({**shown, "expires_at": record.expires_at}))
+        print_json({**shown, "expires_at": record.expires_at})
         return
     typer.echo(key)
     until = f"until {record.expires_at}" if record.expires_at else "without end"

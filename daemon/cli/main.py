@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Mapping
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -38,12 +38,22 @@ from daemon.cli.verify_scanner import verify_scanner
 from daemon.cli.version import version
 from extensions.commands import COMMANDS
 
-PASS_ARGUMENTS_ON = {"ignore_unknown_options": True, "help_option_names": ["--about"]}
-"""`handeyed mock` passes its arguments on, including --help."""
-
 ABOUT = "Makes an ABB robot cell see: eye-in-hand calibration with an uncertainty to trust, clouds in the base frame."
 
-TRY, CELL, OFFLINE = "Try it", "In the cell", "From files"
+OFFLINE = "From files"
+PANELS: dict[str, Commands] = {
+    "Try it": (demo, mock),
+    "In the cell": (
+        init, check, health, devices, serve, calibrate, backup, restore, robot, target, keys, tls, audit, support_bundle
+    ),
+}  # fmt: skip
+EARLY: Commands = (import_session, solve, compare, export, report)
+LATE: Commands = (verify_scanner, stitch, register, register_archive, plan, assess, arms, schema, version)
+"""Commands by the heading of the help, in order; those of extensions stand between EARLY and LATE, OFFLINE."""
+
+NAMES: dict[Any, str] = {import_session: "import"}
+SETTINGS: dict[Any, dict[str, Any]] = {mock: {"ignore_unknown_options": True, "help_option_names": ["--about"]}}
+"""`handeyed mock` passes its arguments on, including --help."""
 
 
 def print_version(wanted: bool) -> None:
@@ -73,41 +83,13 @@ def command_line(extensions: Mapping[str, Commands]) -> typer.Typer:
         help=ABOUT,
     )
     app.callback()(options)
-    app.command(rich_help_panel=TRY)(demo)
-    app.command(rich_help_panel=TRY, context_settings=PASS_ARGUMENTS_ON)(mock)
-    app.command(rich_help_panel=CELL)(init)
-    app.command(rich_help_panel=CELL)(check)
-    app.command(rich_help_panel=CELL)(health)
-    app.command(rich_help_panel=CELL)(devices)
-    app.command(rich_help_panel=CELL)(serve)
-    app.command(rich_help_panel=CELL)(calibrate)
-    app.command(rich_help_panel=CELL)(backup)
-    app.command(rich_help_panel=CELL)(restore)
-    app.add_typer(robot, name="robot", rich_help_panel=CELL)
-    app.add_typer(target, name="target", rich_help_panel=CELL)
-    app.add_typer(keys, name="keys", rich_help_panel=CELL)
-    app.add_typer(tls, name="tls", rich_help_panel=CELL)
-    app.add_typer(audit, name="audit", rich_help_panel=CELL)
-    app.command("support-bundle", rich_help_panel=CELL)(support_bundle)
-    app.command("import", rich_help_panel=OFFLINE)(import_session)
-    app.command(rich_help_panel=OFFLINE)(solve)
-    app.command(rich_help_panel=OFFLINE)(compare)
-    app.command(rich_help_panel=OFFLINE)(export)
-    app.command(rich_help_panel=OFFLINE)(report)
-    for command in (command for commands in extensions.values() for command in commands):
-        if isinstance(command, typer.Typer):
-            app.add_typer(command, rich_help_panel=OFFLINE)
-        else:
-            app.command(rich_help_panel=OFFLINE)(command)
-    app.command("verify-scanner", rich_help_panel=OFFLINE)(verify_scanner)
-    app.command(rich_help_panel=OFFLINE)(stitch)
-    app.command(rich_help_panel=OFFLINE)(register)
-    app.command(rich_help_panel=OFFLINE)(register_archive)
-    app.command(rich_help_panel=OFFLINE)(plan)
-    app.command(rich_help_panel=OFFLINE)(assess)
-    app.command(rich_help_panel=OFFLINE)(arms)
-    app.command(rich_help_panel=OFFLINE)(schema)
-    app.command(rich_help_panel=OFFLINE)(version)
+    added = (command for commands in extensions.values() for command in commands)
+    for panel, commands in {**PANELS, OFFLINE: (*EARLY, *added, *LATE)}.items():
+        for command in commands:
+            if isinstance(command, typer.Typer):
+                app.add_typer(command, rich_help_panel=panel)
+            else:
+                app.command(NAMES.get(command), rich_help_panel=panel, context_settings=SETTINGS.get(command))(command)
     return app
 
 

@@ -4,6 +4,7 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from json import dumps
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -18,6 +19,11 @@ Commands = tuple[Callable[..., None] | typer.Typer, ...]
 """Of an extension: functions that are commands, and groups of commands, each with a name of its own."""
 
 Json = Annotated[bool, typer.Option("--json", help="Print JSON for programs instead of words for people.")]
+
+
+def print_json(value: Any) -> None:
+    """Print a value for programs, in one line."""
+    typer.echo(dumps(value))
 
 
 def print_error(text: str) -> None:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, cast
 import typer
 
 from daemon.cli.errors import CommandError, ExitStatus
-from daemon.cli.output import Json, print_error
+from daemon.cli.output import Json, print_error, writing
 
 if TYPE_CHECKING:
     from registration.documents import RegisteredViewDocument, RegistrationReportDocument
@@ -57,7 +57,8 @@ def register(
     document = parse_document(CalibrationDocument, read_document(calibration), str(calibration))
     merge = Merge(voxel_mm, normals, cast("Outliers", outliers))
     if views is not None:
-        _make_folder(views)
+        with writing(views, "check path and rights"):
+            views.mkdir(parents=True, exist_ok=True)
     given = read_in_use(document, arm, arm_temperature)
     scanned = read_scan(folder)
     try:
@@ -83,14 +84,6 @@ def register(
         print_error(f"{calibration}: verdict: this calibration was not accepted: calibrate again, and register anew")
     accepted = report.verdict.accepted and document.verdict.accepted
     raise typer.Exit(ExitStatus.OK if accepted else ExitStatus.NOT_ACCEPTED)
-
-
-def _make_folder(folder: Path) -> None:
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        what = f"the folder cannot be made ({error.strerror})"
-        raise CommandError(str(folder), what, "check path and rights", ExitStatus.UNREADABLE) from None
 
 
 def _summary(report: "RegistrationReportDocument", out: Path) -> str:

@@ -1,8 +1,7 @@
 """`handeyed report FOLDER|FILE|ID`: the calibration report as HTML or PDF."""
 
-from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
@@ -13,16 +12,8 @@ if TYPE_CHECKING:
     from daemon.reports.context import ReportContext
 
 MAX_REPORT_S = 60.0
+ReportLanguage = Literal["en", "de", "es", "zh"]
 WHAT = 'A session folder, a calibration.json, or an id of the daemon ("current": the one in force).'
-
-
-class ReportLanguage(StrEnum):
-    """Languages of reports."""
-
-    EN = "en"
-    DE = "de"
-    ES = "es"
-    ZH = "zh"
 
 
 def report(
@@ -32,7 +23,7 @@ def report(
     ] = Path("report.html"),
     settings: Annotated[Path | None, typer.Option(help="Settings with names and serials, in its table report.")] = None,
     url: Annotated[str, typer.Option(help="The daemon's address, for an id.")] = "http://127.0.0.1:8372",
-    language: Annotated[ReportLanguage, typer.Option(help="The language of its words.")] = ReportLanguage.EN,
+    language: Annotated[ReportLanguage, typer.Option(help="The language of its words.")] = "en",
 ) -> None:
     """Write the calibration report: result with U (k = 2), views with pictures, budget, verification, traceability.
 
@@ -59,7 +50,7 @@ def _from_files(path: Path, pdf: bool, settings: Path | None, language: ReportLa
 
     document, context = _session(path) if path.is_dir() else _calibration(path)
     content = document.model_dump_json().encode()
-    context = replace(context, language=language.value, document_sha256=sha256(content).hexdigest())
+    context = replace(context, language=language, document_sha256=sha256(content).hexdigest())
     if settings is not None:
         context = _with_names(context, settings)
     html = calibration_report(document, context)

@@ -16,7 +16,7 @@ from daemon.cli.robot_setup import remove, rws_address, setup
 if TYPE_CHECKING:
     from drivers.robots.abb.rws.address import RwsAddress
 
-app = typer.Typer(cls=CommandGroup, no_args_is_help=True, help="The controller over Robot Web Services.")
+app = typer.Typer(cls=CommandGroup, name="robot", no_args_is_help=True, help="The controller over Robot Web Services.")
 
 
 @app.callback()

@@ -1,13 +1,14 @@
 """`handeyed robot acceptance`: every assumption about a controller, checked on the wire in one guided program."""
 
 from collections.abc import Mapping
+from json import dumps, loads
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from daemon.cli.errors import CommandError, ExitStatus
-from daemon.cli.output import Json
+from daemon.cli.output import Json, print_json, writing
 
 if TYPE_CHECKING:
     from drivers.robots.abb.acceptance.bench import Bench
@@ -37,6 +38,7 @@ def acceptance(
     """
     import asyncio
 
+    from daemon.tools.acceptance_report import acceptance_page
     from drivers.robots.abb.acceptance.program import ROWS
 
     rows = [row for row in ROWS if not only or row.code in only]
@@ -46,11 +48,12 @@ def acceptance(
         typer.echo("\n".join(f"{row.code:<18}{row.assumption}" for row in rows))
         return
     document = asyncio.run(_run(address, services, rows, _limits(limit or []), operator, quiet=json))
-    _write(report, document)
+    with writing(report, "name another file with --report"):
+        report.parent.mkdir(parents=True, exist_ok=True)
+        report.write_text(acceptance_page(document), encoding="utf-8")
+        report.with_suffix(".json").write_text(dumps(document, indent=2), encoding="utf-8")
     if json:
-        from json import dumps
-
-        typer.echo(dumps(document))
+        print_json(document)
     else:
         counts = ", ".join(f"{number} {verdict}" for verdict, number in document["counts"].items())
         typer.echo(f"{counts}; {report}, {report.with_suffix('.json')}")
@@ -81,13 +84,13 @@ async def _run(
     results = await run_rows(bench, rows, note)
     log = await _event_log(bench)
     return acceptance_document(
+        [vars(result) for result in results],
+        handeyed=version("handeyed"),
+        began_at=began_at,
         address=address,
         services=None if where is None else where.address,
-        version=version("handeyed"),
-        began_at=began_at,
-        controller=controller,
-        results=[vars(result) for result in results],
-        log=log,
+        controller=dict(controller),
+        event_log=log,
     )
 
 
@@ -123,19 +126,6 @@ def _limits(given: list[str]) -> Any:
     return AcceptanceLimits(**values)
 
 
-def _write(report: Path, document: dict[str, Any]) -> None:
-    from json import dumps
-
-    from daemon.tools.acceptance_report import acceptance_page
-
-    try:
-        report.parent.mkdir(parents=True, exist_ok=True)
-        report.write_text(acceptance_page(document), encoding="utf-8")
-        report.with_suffix(".json").write_text(dumps(document, indent=2), encoding="utf-8")
-    except OSError as error:
-        raise CommandError(str(report), error.strerror or str(error), "name another file with --report") from None
-
-
 class Terminal:
     """A person at the terminal."""
 
@@ -156,25 +146,9 @@ class Terminal:
 class Operator:
     """The control port of a mock cell, which turns the switches that a person would."""
 
-    RUN = (("POST", "/motors", {"on": True}), ("POST", "/program", {"running": True}))
-    TO_MANUAL, TO_AUTO = (("POST", "/mode", {"mode": mode}) for mode in ("MANR", "AUTO"))
-    ACTS: Mapping[str, tuple[tuple[str, str, dict[str, Any]], ...]] = {
-        "estop": (("POST", "/emergency-stop", {"pressed": True}),),
-        "estop-release": (("POST", "/emergency-stop", {"pressed": False}), *RUN),
-        "to-manual": (TO_MANUAL,),
-        "to-auto": (TO_AUTO, *RUN),
-        "enable": (TO_MANUAL, *RUN),
-        "disable": (("POST", "/motors", {"on": False}),),
-        "program-stop": (("POST", "/program", {"running": False}),),
-        "program-start": RUN[1:],
-        "pull": (("POST", "/faults/link-half-open", {}),),
-        "plug": (("DELETE", "/faults/link-half-open", {}),),
-        "power-cut": (("POST", "/power-failure", {}),),
-        "power-on": RUN,
-        "power-on-main": (("POST", "/pointer-to-main", {}), *RUN),
-        "restart": (("POST", "/restart", {}), *RUN[1:]),
-        "event": (TO_MANUAL, TO_AUTO, *RUN[1:]),
-    }
+    ACTS: Mapping[str, list[tuple[str, str, dict[str, Any]]]] = loads(
+        Path(__file__).with_suffix(".json").read_text("utf-8")
+    )
     """Requests by the code of a step; a step without any is only answered."""
 
     def __init__(self, url: str) -> None:

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from daemon.cli.errors import CommandError, ExitStatus
+from daemon.cli.robot_setup import rws_address
 
 if TYPE_CHECKING:
     from calibration.documents.calibration import CalibrationDocument
@@ -36,18 +37,14 @@ def write_frame(
 
     from calibration.documents.exports.rapid import pose_text
     from daemon.cli.compare import read_calibration
-    from drivers.errors import AddressNotUnderstood
-    from drivers.robots.abb.rws.address import RwsAddress
 
-    if not address.startswith("rws://"):
-        raise AddressNotUnderstood(address, "a frame is written over Robot Web Services", "write rws://host")
+    where = rws_address(address)
     kind, name = _place(tooldata, wobjdata, task)
     document = read_calibration(file)
     if not (document.verdict.accepted or despite_verdict):
         fix = "calibrate again as its findings advise, or give --despite-verdict"
         raise CommandError(str(file), "the calibration is not accepted", fix, ExitStatus.NOT_ACCEPTED)
     frame = pose_text(_frame(document, kind, file))
-    where = RwsAddress.parse(address)
     asyncio.run(_write(where, kind, f"{task}/{name}", frame.replace(" ", ""), yes))
     typer.echo(f"{name}: written and read back")
 

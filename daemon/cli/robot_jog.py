@@ -1,5 +1,6 @@
 """`handeyed robot jog`: one small move of the arm, for the first pose and for views by hand."""
 
+from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -9,7 +10,6 @@ from daemon.cli.errors import CommandError, ExitStatus
 
 if TYPE_CHECKING:
     from collections.abc import AsyncIterator
-    from contextlib import AbstractAsyncContextManager
 
     from daemon.cell.cell import Cell
     from daemon.config.settings import Settings
@@ -69,32 +69,27 @@ async def _jog(settings: "Settings", request: "JogRequest", *, yes: bool) -> Non
         typer.echo(f"the axes stand at {', '.join(f'{angle:.2f}' for angle in stands['joints_deg'])} deg")
 
 
-def _open_cell(settings: "Settings") -> "AbstractAsyncContextManager[Cell]":
+@asynccontextmanager
+async def _open_cell(settings: "Settings") -> "AsyncIterator[Cell]":
     """The cell of the settings, its robot connected; closed afterwards. Raises DeviceError."""
-    from contextlib import asynccontextmanager
-
     from daemon.cell.cell import Cell
     from daemon.cell.devices import open_devices
     from daemon.runtime.clock import Clock
     from drivers.errors import DeviceUnreachable
 
-    @asynccontextmanager
-    async def opened() -> "AsyncIterator[Cell]":
-        clock = Clock()
-        interlocks = settings.interlocks.open() if settings.interlocks else None
-        cell = Cell(open_devices(settings, clock), settings.robot.settling, clock, interlocks)
-        try:
-            ends_s = clock.monotonic_s() + MAX_CONNECT_S
-            while not cell.robot.link.connected:
-                if clock.monotonic_s() > ends_s:
-                    fix = "see that no daemon runs, and that the controller is on"
-                    raise DeviceUnreachable("robot", cell.robot.link.detail, fix)
-                await clock.sleep(0.05)
-            yield cell
-        finally:
-            await cell.close()
-
-    return opened()
+    clock = Clock()
+    interlocks = settings.interlocks.open() if settings.interlocks else None
+    cell = Cell(open_devices(settings, clock), settings.robot.settling, clock, interlocks)
+    try:
+        ends_s = clock.monotonic_s() + MAX_CONNECT_S
+        while not cell.robot.link.connected:
+            if clock.monotonic_s() > ends_s:
+                fix = "see that no daemon runs, and that the controller is on"
+                raise DeviceUnreachable("robot", cell.robot.link.detail, fix)
+            await clock.sleep(0.05)
+        yield cell
+    finally:
+        await cell.close()
 
 
 def _text_of(goal: "JointGoal | MoveGoal") -> str:

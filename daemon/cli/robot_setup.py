@@ -213,13 +213,10 @@ def _document(
 
 
 def rws_address(address: str) -> "RwsAddress":
-    """The address of Robot Web Services. Raises AddressNotUnderstood."""
-    from drivers.errors import AddressNotUnderstood
+    """The address of Robot Web Services, also as http(s):// or a host alone. Raises AddressNotUnderstood."""
     from drivers.robots.abb.rws.address import RwsAddress
 
-    if not address.startswith("rws://"):
-        raise AddressNotUnderstood(address, "this is done over Robot Web Services", "write rws://host")
-    return RwsAddress.parse(address)
+    return RwsAddress.parse(re.sub(r"^https?://|^(?!\w+://)", "rws://", address))
 
 
 def _setting(text: str) -> tuple[str, str]:

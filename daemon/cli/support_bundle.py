@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from daemon.cli.output import Json
+from daemon.cli.output import Json, print_json
 
 
 def support_bundle(
@@ -21,7 +21,6 @@ def support_bundle(
 ) -> None:
     """Gather settings, log, versions, the store's summary and the last runs, without secrets. Nothing moves."""
     from datetime import UTC, datetime
-    from json import dumps
 
     from daemon.cli.service import running_service
     from daemon.tools.support_bundle.bundle import gather
@@ -32,6 +31,6 @@ def support_bundle(
     bundle = gather(config, log, f"Bearer {key}" if key else None if service is None else service.authorization)
     size = bundle.write(target, at)
     if as_json:
-        typer.echo(dumps({"file": str(target), "bytes": size, "contents": ["README.txt", *bundle.files]}))
+        print_json({"file": str(target), "bytes": size, "contents": ["README.txt", *bundle.files]})
         return
     typer.echo(f"{target}: {size / 1e3:.0f} kB, {1 + len(bundle.files)} files; look at it before you send it")

@@ -7,7 +7,9 @@ import typer
 
 from daemon.cli.output import CommandGroup
 
-app = typer.Typer(cls=CommandGroup, no_args_is_help=True, help="A certificate for listening on other addresses.")
+app = typer.Typer(
+    cls=CommandGroup, name="tls", no_args_is_help=True, help="A certificate for listening on other addresses."
+)
 
 
 @app.callback()

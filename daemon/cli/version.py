@@ -4,7 +4,7 @@ import platform
 
 import typer
 
-from daemon.cli.output import Json
+from daemon.cli.output import Json, print_json
 
 NUMERICS = ("numpy", "scipy", "opencv-python-headless")
 """Libraries whose version can change numerical results."""
@@ -17,8 +17,6 @@ def version(json: Json = False) -> None:
     versions = {name: metadata.version(name) for name in ("handeyed", *NUMERICS)}
     versions["python"] = platform.python_version()
     if json:
-        from json import dumps
-
-        typer.echo(dumps(versions))
+        print_json(versions)
     else:
         typer.echo("\n".join(f"{name} {number}" for name, number in versions.items()))

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -69,40 +70,34 @@ class Mark:
 def scatter_chart(marks: Sequence[Mark], x_label: str, y_label: str) -> str:
     """Marks over two linear axes; y begins at 0."""
     x_ticks = nice_ticks(min(mark.x for mark in marks), max(mark.x for mark in marks))
-    axes = _Axes((x_ticks[0], x_ticks[-1]), (0.0, _top(marks)))
-    shapes = [
-        f'<circle class="{mark.kind}" cx="{axes.x(mark.x):.1f}" cy="{axes.y(mark.y):.1f}" r="4">'
-        f"<title>{mark.title}</title></circle>{_cut_value(axes, mark)}"
-        for mark in marks
-    ]
-    return _chart([*_grid(axes, x_ticks), *shapes], x_label, y_label)
+    return _chart(marks, x_ticks, (x_ticks[0], x_ticks[-1]), 0.0, x_label, y_label)
 
 
 def bar_chart(marks: Sequence[Mark], x_label: str, y_label: str) -> str:
     """One bar for each mark, at its whole number x."""
     first, last = min(mark.x for mark in marks), max(mark.x for mark in marks)
-    axes = _Axes((first - 0.6, last + 0.6), (0.0, _top(marks)))
     x_ticks = np.unique(np.round(np.linspace(first, last, min(int(last - first) + 1, 12))))
-    wide = 0.8 * (axes.x(1.0) - axes.x(0.0))
-    shapes = [
-        f'<rect class="{mark.kind}" x="{axes.x(mark.x) - wide / 2:.1f}" y="{axes.y(mark.y):.1f}" width="{wide:.1f}"'
-        f' height="{axes.y(0.0) - axes.y(mark.y):.1f}"><title>{mark.title}</title></rect>{_cut_value(axes, mark)}'
-        for mark in marks
-    ]
-    return _chart([*_grid(axes, x_ticks), *shapes], x_label, y_label)
+    return _chart(marks, x_ticks, (first - 0.6, last + 0.6), 0.8, x_label, y_label)
 
 
-def _top(marks: Sequence[Mark]) -> float:
-    """Upper end of the y axis: all marks that are not rejected are below it."""
+def _chart(
+    marks: Sequence[Mark], x_ticks: Array, x_range: tuple[float, float], bar: float, x_label: str, y_label: str
+) -> str:
+    """The chart; `bar`: width of a bar in units of x, 0 for dots."""
+    from jinja2 import Template
+
     used = [mark.y for mark in marks if mark.kind != "rejected"] or [mark.y for mark in marks]
-    return min(max(mark.y for mark in marks), TOP_OF_USED * max(used))
-
-
-def _cut_value(axes: "_Axes", mark: Mark) -> str:
-    """The value of a mark that the axis cuts off."""
-    if mark.y <= axes.y_range[1]:
-        return ""
-    return f'<text x="{axes.x(mark.x):.1f}" y="{TOP - 8}" text-anchor="middle">{mark.y:.3g}</text>'
+    top = min(max(mark.y for mark in marks), TOP_OF_USED * max(used))
+    y_ticks = [tick for tick in nice_ticks(0.0, top) if tick <= top * (1 + 1e-9)]
+    (low, high), template = x_range, Template(Path(__file__).with_name("chart.svg").read_text("utf-8"), autoescape=True)
+    text: str = template.render(
+        x=lambda value: LEFT + (value - low) / (high - low) * (WIDTH - LEFT - RIGHT),
+        y=lambda value: HEIGHT - BOTTOM - (min(value / top, 1.0) if top else 0.0) * (HEIGHT - TOP - BOTTOM),
+        width=WIDTH, height=HEIGHT, left=LEFT, right=WIDTH - RIGHT, over=TOP - 8, bottom=HEIGHT - BOTTOM, top=top,
+        middle=(TOP + HEIGHT - BOTTOM) / 2, marks=marks, x_ticks=x_ticks, y_ticks=y_ticks, bar=bar,
+        x_label=x_label, y_label=y_label,
+    )  # fmt: skip
+    return text
 
 
 def nice_ticks(low: float, high: float) -> NDArray[np.float64]:
@@ -113,45 +108,3 @@ def nice_ticks(low: float, high: float) -> NDArray[np.float64]:
     power = 10.0 ** np.floor(np.log10(span / TICKS))
     step = power * next(factor for factor in (1, 2, 5, 10) if factor * power * TICKS >= span)
     return np.asarray(np.arange(np.floor(low / step), np.ceil(high / step) + 0.5) * step)
-
-
-@dataclass(frozen=True)
-class _Axes:
-    """Maps values to the chart's units; y beyond `y_range` is cut off."""
-
-    x_range: tuple[float, float]
-    y_range: tuple[float, float]
-
-    def x(self, value: float) -> float:
-        low, high = self.x_range
-        return LEFT + (value - low) / (high - low) * (WIDTH - LEFT - RIGHT)
-
-    def y(self, value: float) -> float:
-        low, high = self.y_range
-        share = min((value - low) / (high - low), 1.0) if high > low else 0.0
-        return HEIGHT - BOTTOM - share * (HEIGHT - TOP - BOTTOM)
-
-
-def _grid(axes: _Axes, x_ticks: NDArray[np.float64]) -> list[str]:
-    y_ticks = [tick for tick in nice_ticks(*axes.y_range) if tick <= axes.y_range[1] * (1 + 1e-9)]
-    lines = [
-        f'<path class="grid" d="M{LEFT} {axes.y(tick):.1f}H{WIDTH - RIGHT}"/>'
-        f'<text x="{LEFT - 6}" y="{axes.y(tick) + 4:.1f}" text-anchor="end">{tick:.6g}</text>'
-        for tick in y_ticks
-    ]
-    words = [
-        f'<text x="{axes.x(tick):.1f}" y="{HEIGHT - BOTTOM + 16}" text-anchor="middle">{tick:.6g}</text>'
-        for tick in x_ticks
-    ]
-    return [*lines, *words]
-
-
-def _chart(shapes: Sequence[str], x_label: str, y_label: str) -> str:
-    middle_x, middle_y = (LEFT + WIDTH - RIGHT) / 2, (TOP + HEIGHT - BOTTOM) / 2
-    return (
-        f'<svg viewBox="0 0 {WIDTH:g} {HEIGHT:g}" role="img" aria-label="{y_label} over {x_label}">'
-        f"{''.join(shapes)}"
-        f'<text x="{middle_x}" y="{HEIGHT - 6}" text-anchor="middle">{x_label}</text>'
-        f'<text transform="translate(13 {middle_y}) rotate(-90)" text-anchor="middle">{y_label}</text>'
-        "</svg>"
-    )

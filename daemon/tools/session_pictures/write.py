@@ -9,7 +9,7 @@ import numpy as np
 from calibration.problem import Problem, View
 from calibration.solution import Solution, ViewResult
 from daemon.tools.session_pictures.overlay import Picture, draw_view
-from daemon.tools.session_pictures.page import Figure, residual_page
+from daemon.tools.session_pictures.page import residual_page
 
 PAGE_FILE = "residuals.html"
 ARROW_OF_WIDTH = 0.03
@@ -56,7 +56,7 @@ def write_pictures(
         file = f"{index:03d}_{stem}.jpg"
         encoded = cv2.imencode(".jpg", picture, JPEG)[1]
         (folder / file).write_bytes(np.asarray(encoded, np.uint8).tobytes())
-        figures.append(Figure(file, result, reason))
+        figures.append((file, result, reason))
     page = folder / PAGE_FILE
     page.write_text(residual_page(title, solution, problem.image_size, figures, magnification), encoding="utf-8")
     return page

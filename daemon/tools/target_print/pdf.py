@@ -1,8 +1,6 @@
 """Write a sheet as a one-page PDF (ISO 32000-1); the page's transform converts mm to points."""
 
-from functools import singledispatch
-
-from daemon.tools.target_print.shapes import Disc, Rectangles, Sheet, TextLine
+from daemon.tools.target_print.shapes import Disc, Rectangles, Shape, Sheet, TextLine, number_text
 
 POINTS_PER_MM = 72 / 25.4
 CIRCLE_CONTROL_RATIO = 0.5522847498307936
@@ -13,7 +11,7 @@ GREY = {"black": "0", "white": "1"}
 
 def pdf(sheet: Sheet, title: str) -> bytes:
     """The bytes of the PDF, with PrintScaling None so that readers do not scale the page."""
-    width, height = (_number(side * POINTS_PER_MM) for side in (sheet.width, sheet.height))
+    width, height = (number_text(side * POINTS_PER_MM) for side in (sheet.width, sheet.height))
     scale = f"{POINTS_PER_MM:.12f}"
     content = "\n".join(
         [f"{scale} 0 0 -{scale} 0 {sheet.height * POINTS_PER_MM:.9f} cm", *(_draw(shape) for shape in sheet.shapes)]
@@ -39,34 +37,24 @@ def pdf(sheet: Sheet, title: str) -> bytes:
     return bytes(out)
 
 
-@singledispatch
-def _draw(shape: object) -> str:
-    raise TypeError(type(shape).__name__)
-
-
-@_draw.register
-def _(shape: Rectangles) -> str:
-    boxes = (_numbers(box.left, box.top, box.width, box.height) + " re" for box in shape.boxes)
-    return "\n".join([f"{GREY[shape.ink]} g", *boxes, "f"])
-
-
-@_draw.register
-def _(shape: Disc) -> str:
-    x, y, r, arm = shape.x, shape.y, shape.radius, shape.radius * CIRCLE_CONTROL_RATIO
-    curves = (
-        (x + r, y + arm, x + arm, y + r, x, y + r),
-        (x - arm, y + r, x - r, y + arm, x - r, y),
-        (x - r, y - arm, x - arm, y - r, x, y - r),
-        (x + arm, y - r, x + r, y - arm, x + r, y),
-    )
-    path = (_numbers(*curve) + " c" for curve in curves)
-    return "\n".join([f"{GREY[shape.ink]} g", _numbers(x + r, y) + " m", *path, "h f"])
-
-
-@_draw.register
-def _(shape: TextLine) -> str:
-    place = _numbers(shape.x, shape.y)
-    return f"0 g BT /F {_number(shape.size)} Tf 1 0 0 -1 {place} Tm ({_text(shape.text)}) Tj ET"
+def _draw(shape: Shape) -> str:
+    match shape:
+        case Rectangles():
+            boxes = (_numbers(box.left, box.top, box.width, box.height) + " re" for box in shape.boxes)
+            return "\n".join([f"{GREY[shape.ink]} g", *boxes, "f"])
+        case Disc():
+            x, y, r, arm = shape.x, shape.y, shape.radius, shape.radius * CIRCLE_CONTROL_RATIO
+            curves = (
+                (x + r, y + arm, x + arm, y + r, x, y + r),
+                (x - arm, y + r, x - r, y + arm, x - r, y),
+                (x - r, y - arm, x - arm, y - r, x, y - r),
+                (x + arm, y - r, x + r, y - arm, x + r, y),
+            )
+            path = (_numbers(*curve) + " c" for curve in curves)
+            return "\n".join([f"{GREY[shape.ink]} g", _numbers(x + r, y) + " m", *path, "h f"])
+        case TextLine():
+            place, size = _numbers(shape.x, shape.y), number_text(shape.size)
+            return f"0 g BT /F {size} Tf 1 0 0 -1 {place} Tm ({_text(shape.text)}) Tj ET"
 
 
 def _text(text: str) -> str:
@@ -74,8 +62,4 @@ def _text(text: str) -> str:
 
 
 def _numbers(*values: float) -> str:
-    return " ".join(_number(value) for value in values)
-
-
-def _number(value: float) -> str:
-    return f"{value:.5f}".rstrip("0").rstrip(".")
+    return " ".join(number_text(value) for value in values)

@@ -93,3 +93,8 @@ def chessboard_squares(columns: int, rows: int, edge: float, origin: float) -> l
         for row in range(rows)
         for column in range(columns)
     ]
+
+
+def number_text(value: float) -> str:
+    """A length to 0.01 um."""
+    return f"{value:.5f}".rstrip("0").rstrip(".")

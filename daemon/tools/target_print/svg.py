@@ -1,15 +1,14 @@
 """Write a sheet as SVG 1.1; one user unit is 1 mm."""
 
-from functools import singledispatch
 from html import escape
 
-from daemon.tools.target_print.shapes import Disc, Rectangles, Sheet, TextLine
+from daemon.tools.target_print.shapes import Disc, Rectangles, Shape, Sheet, TextLine, number_text
 
 
 def svg(sheet: Sheet, title: str) -> bytes:
     """The bytes of the SVG."""
-    size = f'width="{_number(sheet.width)}mm" height="{_number(sheet.height)}mm"'
-    view = f'viewBox="0 0 {_number(sheet.width)} {_number(sheet.height)}"'
+    size = f'width="{number_text(sheet.width)}mm" height="{number_text(sheet.height)}mm"'
+    view = f'viewBox="0 0 {number_text(sheet.width)} {number_text(sheet.height)}"'
     lines = [
         f'<svg xmlns="http://www.w3.org/2000/svg" {size} {view}>',
         f"<title>{escape(title, quote=False)}</title>",
@@ -20,31 +19,15 @@ def svg(sheet: Sheet, title: str) -> bytes:
     return "\n".join(lines).encode()
 
 
-@singledispatch
-def _draw(shape: object) -> str:
-    raise TypeError(type(shape).__name__)
-
-
-@_draw.register
-def _(shape: Rectangles) -> str:
-    path = "".join(
-        f"M{_number(box.left)} {_number(box.top)}H{_number(box.right)}V{_number(box.bottom)}H{_number(box.left)}Z"
-        for box in shape.boxes
-    )
-    return f'<path d="{path}" fill="{shape.ink}"/>'
-
-
-@_draw.register
-def _(shape: Disc) -> str:
-    place = f'cx="{_number(shape.x)}" cy="{_number(shape.y)}" r="{_number(shape.radius)}"'
-    return f'<circle {place} fill="{shape.ink}"/>'
-
-
-@_draw.register
-def _(shape: TextLine) -> str:
-    place = f'x="{_number(shape.x)}" y="{_number(shape.y)}" font-size="{_number(shape.size)}"'
-    return f'<text {place} font-family="Helvetica, Arial, sans-serif">{escape(shape.text, quote=False)}</text>'
-
-
-def _number(value: float) -> str:
-    return f"{value:.5f}".rstrip("0").rstrip(".")
+def _draw(shape: Shape) -> str:
+    match shape:
+        case Rectangles():
+            corners = ([number_text(at) for at in (box.left, box.top, box.right, box.bottom)] for box in shape.boxes)
+            path = "".join(f"M{left} {top}H{right}V{bottom}H{left}Z" for left, top, right, bottom in corners)
+            return f'<path d="{path}" fill="{shape.ink}"/>'
+        case Disc():
+            place = f'cx="{number_text(shape.x)}" cy="{number_text(shape.y)}" r="{number_text(shape.radius)}"'
+            return f'<circle {place} fill="{shape.ink}"/>'
+        case TextLine():
+            place = f'x="{number_text(shape.x)}" y="{number_text(shape.y)}" font-size="{number_text(shape.size)}"'
+            return f'<text {place} font-family="Helvetica, Arial, sans-serif">{escape(shape.text, quote=False)}</text>'

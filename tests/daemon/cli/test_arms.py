@@ -28,6 +28,6 @@ def test_the_table_of_the_documents_is_the_arm_they_name(tmp_path: Path) -> None
 
 def test_what_is_no_arm_ends_with_2(tmp_path: Path) -> None:
     (tmp_path / "arm.urdf").write_text("<robot/>")
-    for file, words in (("arm.urdf", "0 joints"), ("none.urdf", "cannot be read")):
+    for file, words in (("arm.urdf", "0 joints"), ("none.urdf", "no such file")):
         ran = handeyed("arms", "--from", tmp_path / file)
         assert (ran.status, words in ran.err) == (2, True)

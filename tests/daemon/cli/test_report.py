@@ -1,6 +1,7 @@
 """`handeyed report FOLDER|FILE`."""
 
 from pathlib import Path
+from typing import get_args
 
 from calibration.sentences.sentence import LANGUAGES
 from daemon.cli.report import ReportLanguage
@@ -34,4 +35,4 @@ def test_what_cannot_be_reported_is_refused(tmp_path: Path) -> None:
 
 
 def test_the_command_knows_every_language_of_reports() -> None:
-    assert tuple(ReportLanguage) == LANGUAGES
+    assert get_args(ReportLanguage) == LANGUAGES

@@ -348,8 +348,7 @@ def test_the_page_escapes_what_the_controller_says() -> None:
     row = {"code": "x", "assumption": "a", "verdict": "failed", "what": "<b>", "measured": {}, "seconds": 1.0}
     entry = {"at": "now", "code": 10, "title": "<script>"}
     page = acceptance_page(
-        acceptance_document(address="tcp://a", services=None, version="1", began_at="now", controller={},
-                            results=[row], log=[entry])
-    )  # fmt: skip
+        acceptance_document([row], address="tcp://a", handeyed="1", began_at="now", controller={}, event_log=[entry])
+    )
     assert "<script>" not in page
     assert "&lt;b&gt;" in page
