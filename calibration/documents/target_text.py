@@ -3,11 +3,13 @@
 Columns x rows and lengths in mm, as in session.json.
 """
 
+from dataclasses import asdict
 from typing import Any
 
 from calibration.documents.imports.refusal import refusal
 from calibration.documents.target import TargetDocument
 from calibration.documents.validation import Document, validate_document
+from calibration.targets import Target
 
 FORMS: dict[str, tuple[str, ...]] = {
     "chessboard": ("size", "pitch_mm"),
@@ -49,6 +51,16 @@ def target_of_text(text: str) -> TargetDocument:
         else:
             data[name] = part
     return target_of_data(data, f"--target {text}")
+
+
+def text_of_target(target: Target) -> str:
+    """The text from which `target_of_text` reads this target."""
+    values = {name: str(value) for name, value in asdict(target).items() if value is not None and value is not False}
+    kind = "-".join(filter(None, (target.kind, values.pop("layout", ""))))
+    values |= {"size": f"{values.get('columns')}x{values.get('rows')}"} | (
+        {"legacy": "legacy"} if "legacy" in values else {}
+    )
+    return ":".join([kind, *(values[name] for name in FORMS[kind] if name in values)])
 
 
 def target_of_data(data: dict[str, Any], origin: str) -> TargetDocument:

@@ -28,7 +28,7 @@ from daemon.drift.cell_cameras import CellCamera
 from daemon.errors import NoCalibration
 from daemon.model.requests import CalibrateRequest, VerifyRequest
 from daemon.runs.foresight import Foresight
-from daemon.runs.pose_selection import MAX_VIEWS
+from daemon.runs.pose_selection import stopping_rule
 from daemon.scans.scanner_acceptance import AcceptanceDocument
 from daemon.store.actor import current_audit_context
 from daemon.store.damaged_rows import split_damaged
@@ -186,8 +186,9 @@ async def _frame_warnings(app: Application) -> list[str]:
 def _poses_text(settings: CalibrationSettings) -> str:
     if settings.poses:
         return f"{len(settings.poses)} taught in the settings"
-    goals = ((settings.tolerance_mm, "to U = {:g} mm"), (settings.uncertainty_mm, "to {:g} mm"))
-    stated = " and ".join(words.format(goal_mm) for goal_mm, words in goals if goal_mm)
-    enough = f", until a mapped point is known {stated}" if stated else ""
-    most = settings.count or MAX_VIEWS - 1
-    return f"a first look from where the arm stands, then up to {most} planned one after the other{enough}"
+    rule = stopping_rule(settings, CalibrateRequest())
+    usual = "" if settings.tolerance_mm else " (not stated by you)"
+    goals = ((rule.tolerance_mm, f"to U = {{:g}} mm{usual}"), (rule.uncertainty_mm, "to {:g} mm"))
+    met = " and ".join(words.format(goal_mm) for goal_mm, words in goals if goal_mm)
+    enough = f", until a mapped point is known {met}" if met else ""
+    return f"a first look from where the arm stands, then up to {rule.views_left} planned one after the other{enough}"

@@ -2,22 +2,20 @@
 
 import re
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from calibration.documents.pose import PoseDocument
 from calibration.knowledge import INSTRUMENT_ERRORS, Instrument
 from calibration.problem import Setup
 from calibration.targets import AprilTagGrid, ArucoGrid, ArucoMarker, Charuco, Chessboard, CircleGrid, Target
 from calibration.transforms import Array
-from daemon.config.server_settings import ServerSettings
-from daemon.config.toml_text import toml_text
+from daemon.config.settings import Settings, parse_settings
 from daemon.errors import AnswerRefused
 
 MIN_BOX_MM, MAX_TOLERANCE_MM, MAX_EDGE_MM = 50.0, 50.0, 2000.0
-HALF_MM, SNAP_SHARE = 0.5, 0.04
-"""A second length of the target is proposed in these steps when it is so near to one, as a share."""
+HALF_MM, MARKER_SHARE, SNAP_SHARE = 0.5, 0.75, 0.04
+"""A second length is proposed in these steps, a marker's as this share of the square, when it is so near (a share)."""
 
 STORE = "store"
 """Folder of what the daemon keeps, beside the settings file."""
@@ -50,39 +48,6 @@ class TargetSize:
     known: dict[str, Any]
 
 
-@dataclass(frozen=True)
-class CellAnswers:
-    """All that was asked. `base_frame`: where the base stands in the controller's world; None: they are one."""
-
-    controller: str
-    model: str | None
-    base_frame: PoseDocument | None
-    camera: str
-    setup: Setup
-    size: TargetSize
-    tolerance_mm: float
-    box_mm: tuple[Corner, Corner]
-    port: int = ServerSettings().port
-
-    def settings_text(self) -> str:
-        """The settings file: what was asked, and nothing that has a default."""
-        frame = None if self.base_frame is None else self.base_frame.model_dump(mode="json")
-        robot = {"address": self.controller, "model": self.model, "base_frame": frame, "box_mm": self.box_mm}
-        values = {name: value for name, value in asdict(self.size.target).items() if value is not False}
-        target = {"kind": self.size.target.kind, **values}
-        return "# What `handeyed init` asked. handeyed.example.toml has every other setting.\n" + toml_text(
-            {
-                "robot": robot,
-                "camera": {"address": self.camera, "setup": self.setup},
-                "target": target,
-                "calibration": {"tolerance_mm": self.tolerance_mm},
-                "calibration.known.target": self.size.known,
-                "storage": {"folder": STORE},
-                "server": {} if self.port == ServerSettings().port else {"port": self.port},
-            }
-        )
-
-
 def parse_setup(text: str) -> Setup:
     """Where the camera is: eye-in-hand (on the arm) or eye-to-hand. Raises AnswerRefused."""
     words: dict[str, Setup] = {"arm": "eye-in-hand", "beside": "eye-to-hand"}
@@ -91,15 +56,6 @@ def parse_setup(text: str) -> Setup:
         return words[text.strip().lower()]
     except KeyError:
         raise AnswerRefused(f"{text[:40]!r} is no place of the camera", "answer arm or beside") from None
-
-
-def describe_target(target: Target) -> str:
-    """A recognised target in words: its kind, columns and rows, markers."""
-    values = {name: value for name, value in asdict(target).items() if not name.endswith("_mm")}
-    size = f"{values.pop('columns')} x {values.pop('rows')}" if "columns" in values else ""
-    counted = {Chessboard: "inner corners", Charuco: "squares", CircleGrid: "dots"}.get(type(target), "")
-    others = (f"{name} {value}" for name, value in values.items() if value not in (None, False))
-    return ", ".join([" ".join(filter(None, (target.kind, size, counted))), *others])
 
 
 def parse_size(text: str, recognised: Any) -> TargetSize:
@@ -120,9 +76,10 @@ def parse_size(text: str, recognised: Any) -> TargetSize:
     if second_name is None and answer[3] is not None:
         raise AnswerRefused(f"a {recognised.kind} has one length", f"write the {what} alone")
     if second_name is not None:
-        second = edge * float(getattr(recognised, second_name))
-        near = max(round(second / HALF_MM) * HALF_MM, HALF_MM)
-        second = near if abs(near - second) < SNAP_SHARE * second else round(second, 2)
+        seen = edge * float(getattr(recognised, second_name))
+        grid = max(round(seen / HALF_MM) * HALF_MM, HALF_MM)
+        usual = (MARKER_SHARE * edge, grid) if second_name == "marker_mm" else (grid,)
+        second = next((each for each in usual if abs(each - seen) < SNAP_SHARE * seen), round(seen, 2))
         lengths[second_name] = second if answer[3] is None else float(answer[3].replace(",", "."))
         if second_name == "marker_mm" and not 0 < lengths[second_name] < edge:
             raise AnswerRefused(f"{lengths[second_name]:g} mm is no {second_what}", "it is smaller than the square")
@@ -181,9 +138,30 @@ def corner_of(base_T_flange: Array) -> Corner:
     return x, y, z
 
 
-def keep_old(file: Path) -> Path | None:
-    """Rename the file that is there to the first free of FILE.1, FILE.2, ...; None when there was none."""
-    if not file.exists():
-        return None
-    kept = next(path for number in range(1, 1000) if not (path := file.with_name(f"{file.name}.{number}")).exists())
-    return file.rename(kept)
+def write_settings(file: Path, text: str) -> Path | None:
+    """Write the file; returns where one that was there is kept: FILE.1, FILE.2, ... Raises DocumentError, OSError."""
+    parse_settings(text.encode(), str(file))
+    new, kept = file.with_name(f"{file.name}.new"), None
+    new.write_text(text, encoding="utf-8")
+    if file.exists():
+        names = (file.with_name(f"{file.name}.{number}") for number in range(1, 1000))
+        kept = file.rename(next(path for path in names if not path.exists()))
+    new.rename(file)
+    return kept
+
+
+NOWHERE = "127.0.0.1:9"
+"""Where no device answers."""
+
+
+def settings_before(file: Path, port: int) -> Settings:
+    """Of a daemon whose cell is not set up: no device is there; keys and log lie where `file` will have them."""
+    return Settings.model_validate(
+        {
+            "robot": {"address": f"tcp://{NOWHERE}", "box_mm": ((0, 0, 0), (1, 1, 1))},
+            "camera": {"address": f"http://{NOWHERE}/"},
+            "target": {"kind": "chessboard", "columns": 9, "rows": 6, "pitch_mm": 20.0},
+            "server": {"port": port},
+            "storage": {"folder": str(file.resolve().parent / STORE)},
+        }
+    )

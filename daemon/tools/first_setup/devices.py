@@ -1,11 +1,15 @@
 """What a cell's devices say of themselves in the first set-up. They are read; nothing is changed or moved."""
 
 import asyncio
-from collections.abc import Awaitable, Callable
+import socket
+from collections.abc import Awaitable, Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
+from ipaddress import IPv4Interface
 from typing import Any, TypeVar
 from urllib.parse import urlsplit
 
+import httpx
 import numpy as np
 from numpy.typing import NDArray
 
@@ -23,8 +27,10 @@ from drivers.robots.abb.setup.survey import ControllerSurvey, read_survey
 from drivers.robots.base_frame import configured
 
 MAX_CONNECT_S, RETRY_S, MAX_PICTURE_S = 4.0, 0.1, 20.0
-USUAL_HOST, USUAL_PORTS, MAX_KNOCK_S = "192.168.125.1", (443, 80), 0.5
-"""The service port of every controller, and where its services listen."""
+USUAL_HOST, USUAL_SERVICES, REALM = "192.168.125.1", ("https://{host}/rw", "http://{host}/rw"), "robapi"
+"""The service port of every controller; its Robot Web Services of RobotWare 7 and 6; what they call themselves."""
+MAX_KNOCK_S, MAX_KNOCKS, MIN_PREFIX = 1.0, 64, 24
+"""Of a search: per service, side by side, and what is searched of a network: 256 addresses."""
 LINK_PORT, PORT_SETTING, TASK = 4242, "CELL_shared/cell_port", "T_ROB1"
 
 Opened = TypeVar("Opened")
@@ -77,16 +83,33 @@ async def ask(
             await asyncio.sleep(RETRY_S)
 
 
-async def find_controller() -> str | None:
-    """The usual address of a controller, if something listens there."""
-    for port in USUAL_PORTS:
-        try:
-            _, writer = await asyncio.wait_for(asyncio.open_connection(USUAL_HOST, port), MAX_KNOCK_S)
-        except OSError:  # and TimeoutError
-            continue
-        writer.close()
-        return USUAL_HOST
-    return None
+async def find_controllers(hosts: Sequence[str] = (USUAL_HOST,), services: Sequence[str] = USUAL_SERVICES) -> list[str]:
+    """Those of the hosts at which Robot Web Services answer, asked side by side within seconds."""
+    free = asyncio.Semaphore(MAX_KNOCKS)
+    async with httpx.AsyncClient(verify=False, timeout=MAX_KNOCK_S, trust_env=False) as client:  # noqa: S501
+
+        async def answers(host: str) -> bool:
+            for service in services:
+                with suppress(httpx.HTTPError):
+                    async with free:
+                        asked = await client.get(service.format(host=host))
+                    if REALM in asked.headers.get("www-authenticate", ""):
+                        return True
+            return False
+
+        found = await asyncio.gather(*map(answers, hosts))
+    return [host for host, here in zip(hosts, found, strict=True) if here]
+
+
+def own_networks() -> list[IPv4Interface]:
+    """This PC's addresses in private networks, each with the 256 addresses around it."""
+    own = set()
+    for far in (USUAL_HOST, "192.168.255.254", "172.31.255.254", "10.255.255.254"):
+        with suppress(OSError), socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as asked:  # sends nothing
+            asked.connect((far, 9))
+            own.add(asked.getsockname()[0])
+    near = (IPv4Interface(f"{address}/{MIN_PREFIX}") for address in sorted(own))
+    return [each for each in near if each.is_private and not each.is_loopback]
 
 
 async def look_at_controller(answer: str) -> SeenController:

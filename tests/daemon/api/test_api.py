@@ -306,12 +306,18 @@ async def test_get_calibrate_moves_nothing_and_says_how_to_start(bench: Bench) -
     assert not bench.robot.goals
 
 
-@pytest.mark.parametrize(("count", "most"), [(8, "up to 8 planned"), (None, "up to 11 planned")])
-async def test_get_calibrate_says_how_many_poses_are_planned_at_most(
-    tmp_path: Path, count: int | None, most: str
-) -> None:
-    async with serving(settings_for(tmp_path, calibration={"poses": [], "count": count})) as bench:
-        assert most in (await bench.client.get("/calibrate")).json()["poses"]
+@pytest.mark.parametrize(
+    ("stated", "end"),
+    [
+        ({"count": 8}, "up to 8 planned one after the other"),
+        ({"count": 8, "tolerance_mm": 0.5}, "up to 8 planned one after the other"),
+        ({"tolerance_mm": 0.5}, "until a mapped point is known to U = 0.5 mm"),
+        ({}, "up to 11 planned one after the other, until a mapped point is known to U = 1 mm (not stated by you)"),
+    ],
+)
+async def test_get_calibrate_says_when_a_planned_run_ends(tmp_path: Path, stated: dict[str, Any], end: str) -> None:
+    async with serving(settings_for(tmp_path, calibration={"poses": [], **stated})) as bench:
+        assert (await bench.client.get("/calibrate")).json()["poses"].endswith(end)
 
 
 async def test_events_report_every_step_and_can_be_caught_up(bench: Bench) -> None:

@@ -13,7 +13,7 @@ from calibration.targets import Chessboard
 from daemon.cli.demo_run.processes import start_child
 from daemon.cli.main import app
 from daemon.config.settings import load_settings
-from daemon.tools.first_setup import devices
+from daemon.tools.first_setup import interview
 from daemon.tools.first_setup.devices import SeenCamera
 from tests.calibration.detection.sights import pictures
 from tests.daemon.cli.running import Ran, handeyed
@@ -34,8 +34,8 @@ def init(file: Path, *answers: str) -> Ran:
 
 
 def answers_of(cell: dict[str, Any]) -> list[str]:
-    """Controller, camera, where it is, the target's size, the tolerance, the box."""
-    return [cell["rws"]["1.0"], cell["camera"], "arm", "200/10 calliper", "", "program"]
+    """Controller, camera, where it is, the target as recognised, its size, the tolerance, the box."""
+    return [cell["rws"]["1.0"], cell["camera"], "arm", "", "200/10 calliper", "", "program"]
 
 
 def test_few_answers_make_settings_that_the_check_finds_well(cell: dict[str, Any], tmp_path: Path) -> None:
@@ -61,7 +61,7 @@ def test_few_answers_make_settings_that_the_check_finds_well(cell: dict[str, Any
 
 
 def test_what_is_refused_is_asked_again(cell: dict[str, Any], tmp_path: Path) -> None:
-    controller, camera, setup, size, tolerance, box = answers_of(cell)
+    controller, camera, setup, target, size, tolerance, box = answers_of(cell)
     wrong = [
         "127.0.0.1:1",
         "rws://[",
@@ -71,6 +71,9 @@ def test_what_is_refused_is_asked_again(cell: dict[str, Any], tmp_path: Path) ->
         camera,
         "ceiling",
         setup,
+        "carpet",
+        "charuco:12x9:20:15:DICT_9X9",
+        target,
         "wide",
         size,
         "-1",
@@ -81,7 +84,7 @@ def test_what_is_refused_is_asked_again(cell: dict[str, Any], tmp_path: Path) ->
     ran = init(tmp_path / "handeyed.toml", *wrong, box)
 
     assert ran.status == 0
-    assert ran.out.count("  ! ") == 8
+    assert ran.out.count("  ! ") == 10
     assert "robot tcp://127.0.0.1:1" in ran.out
     assert [file.name for file in tmp_path.iterdir()] == ["handeyed.toml"]
 
@@ -92,6 +95,16 @@ def test_a_box_is_taken_with_the_arm(cell: dict[str, Any], tmp_path: Path) -> No
     assert ran.status == 0
     low, high = load_settings(tmp_path / "handeyed.toml").robot.box_mm
     assert f"flange at ({high[0]:.0f}, {low[1]:.0f}, {high[2]:.0f}) mm" in ran.out
+
+
+def test_a_target_that_is_wrongly_recognised_is_typed(cell: dict[str, Any], tmp_path: Path) -> None:
+    controller, camera, setup, _, size, tolerance, box = answers_of(cell)
+
+    ran = init(tmp_path / "handeyed.toml", controller, camera, setup, "chessboard:7x5:1", size, tolerance, box)
+
+    assert ran.status == 0
+    assert "  ! it is not found in the picture" in ran.out
+    assert load_settings(tmp_path / "handeyed.toml").target.target() == Chessboard(7, 5, 20.0)
 
 
 def test_nothing_is_written_when_the_answers_end(cell: dict[str, Any], tmp_path: Path) -> None:
@@ -137,10 +150,10 @@ def test_pictures_are_taken_until_a_target_is_recognised(
     async def take_picture(address: str) -> SeenCamera:
         return SeenCamera(address, "", next(shown))
 
-    monkeypatch.setattr(devices, "take_picture", take_picture)
-    controller, _, setup, _, tolerance, box = answers_of(cell)
+    monkeypatch.setattr(interview, "take_picture", take_picture)
+    controller, _, setup, _, _, tolerance, box = answers_of(cell)
 
-    ran = init(tmp_path / "handeyed.toml", controller, "video:0", setup, "", "", "", "20", tolerance, box)
+    ran = init(tmp_path / "handeyed.toml", controller, "video:0", setup, "", "", "", "", "20", tolerance, box)
 
     assert ran.status == 0, ran.err
     assert "  ! the image is black (brightest 0 of 255): check lens cap, light, exposure" in ran.out

@@ -7,6 +7,7 @@ from typer.testing import CliRunner
 
 from daemon.cli.main import app
 from daemon.cli.robot_files import program_files
+from daemon.cli.robot_setup import rws_address
 from mock_robot.cabinet.panel import Mode
 from tests.daemon.cli.running import handeyed
 from tests.mock_robot.rws_cell import RwsCell, rws_cell_apart
@@ -49,6 +50,11 @@ def test_what_cannot_be_uploaded_is_reported_before_anybody_is_asked(tmp_path: P
     assert "no RAPID module is in it" in handeyed("robot", "upload", "rws://127.0.0.1", tmp_path).err
     assert handeyed("robot", "upload", "rws://127.0.0.1", tmp_path / "none").status == 2
     assert "write rws://host" in handeyed("robot", "upload", "tcp://127.0.0.1:4242", MODULES).err
+
+
+@pytest.mark.parametrize("given", ["10.0.0.2", "http://10.0.0.2", "https://10.0.0.2", "rws://10.0.0.2"])
+def test_a_controller_is_named_as_a_person_copies_it(given: str) -> None:
+    assert rws_address(given).address == "rws://10.0.0.2"
 
 
 def written(cell: RwsCell) -> dict[str, bytes]:

@@ -1,25 +1,29 @@
 """Answers of the first set-up: what each becomes, which are refused, and the file they make."""
 
+import asyncio
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from calibration.documents.pose import PoseDocument
-from calibration.targets import AprilTagGrid, ArucoMarker, Charuco, Chessboard, CircleGrid, Target
+from calibration.errors import DocumentError
+from calibration.targets import AprilTagGrid, ArucoMarker, Charuco, Chessboard, Target
 from calibration.transforms import transform
 from daemon.config.settings import parse_settings
 from daemon.errors import AnswerRefused
 from daemon.tools.first_setup.answers import (
-    CellAnswers,
     box_of,
-    describe_target,
-    keep_old,
     parse_corners,
     parse_setup,
     parse_size,
     parse_tolerance,
+    write_settings,
 )
+from daemon.tools.first_setup.devices import SeenCamera, SeenController, find_controllers, own_networks
+from daemon.tools.first_setup.interview import Interview
+from tests.daemon.daemon_process import SETTINGS
 
 BOARD = Charuco(9, 7, 1.0, 0.747, "DICT_5X5_100")
 TAGS = AprilTagGrid(5, 4, 1.0, 0.3333)
@@ -36,6 +40,8 @@ SIZES: list[tuple[str, Target, dict[str, float], dict[str, Any]]] = [
         {"square_mm": 20.0, "marker_mm": 15.0},
         {"length_mm": 200.0, "instrument": "ruler-class-2"},
     ),
+    ("20", Charuco(12, 9, 1.0, 0.734, "DICT_5X5_100"), {"square_mm": 20.0, "marker_mm": 15.0}, {}),
+    ("20", Charuco(12, 9, 1.0, 0.795, "DICT_5X5_100"), {"square_mm": 20.0, "marker_mm": 16.0}, {}),
     ("20 14.8", BOARD, {"square_mm": 20.0, "marker_mm": 14.8}, {}),
     ("24 caliper", TAGS, {"tag_mm": 24.0, "gap_mm": 8.0}, {"length_mm": 24.0, "instrument": "calliper"}),
     ("90", ArucoMarker(1.0, "DICT_5X5_100", 3), {"marker_mm": 90.0}, {}),
@@ -91,18 +97,17 @@ def test_the_other_words() -> None:
     assert parse_setup(" Beside ") == "eye-to-hand"
     assert parse_setup("eye-in-hand") == "eye-in-hand"
     assert parse_tolerance("0,5 mm") == 0.5
-    assert describe_target(BOARD) == "charuco 9 x 7 squares, dictionary DICT_5X5_100"
-    white = CircleGrid("symmetric", 9, 6, 1.0, "white", "large-dot")
-    assert describe_target(white) == "circles 9 x 6 dots, layout symmetric, dots white, origin large-dot"
 
 
 def test_the_file_is_short_and_holds_every_answer() -> None:
     hangs = PoseDocument.of(transform([[1, 0, 0], [0, -1, 0], [0, 0, -1]], [0.0, 0.0, 2500.0]))
     size = parse_size("220/10 16.5 calliper", BOARD)
     box = ((300.0, -900.0, 300.0), (1400.0, 900.0, 1600.0))
-    cell = CellAnswers("tcp://10.0.0.2:4242", "IRB 1600-6/1.45", hangs, "video:0", "eye-in-hand", size, 0.5, box, 8373)
+    seen = SeenController("tcp://10.0.0.2:4242", (), None, hangs, None, (0.0, 0.0, 0.0))
+    camera = SeenCamera("video:0", "", np.zeros((2, 2), np.uint8))
+    answered = Interview(seen, camera, "IRB 1600-6/1.45", size=size, tolerance_mm=0.5, box_mm=box)
 
-    text = cell.settings_text()
+    text = answered.settings_text(8373)
 
     settings = parse_settings(text.encode(), "handeyed.toml")
     assert len([line for line in text.splitlines() if "=" in line]) <= 18
@@ -115,10 +120,38 @@ def test_the_file_is_short_and_holds_every_answer() -> None:
 
 def test_old_files_are_kept_one_beside_the_other(tmp_path: Path) -> None:
     file = tmp_path / "handeyed.toml"
-    assert keep_old(file) is None
-    for content in ("first", "second"):
-        file.write_text(content)
-        keep_old(file)
+    texts = [f"{SETTINGS}# {number}\n" for number in range(3)]
 
-    assert [(tmp_path / f"handeyed.toml.{n}").read_text() for n in (1, 2)] == ["first", "second"]
-    assert not file.exists()
+    kept = [write_settings(file, text) for text in texts]
+
+    assert kept == [None, tmp_path / "handeyed.toml.1", tmp_path / "handeyed.toml.2"]
+    assert [path.read_text() for path in (*filter(None, kept), file)] == texts
+    with pytest.raises(DocumentError):
+        write_settings(file, "no settings")
+    assert file.read_text() == texts[-1]
+
+
+async def test_a_search_finds_controllers_and_nothing_else() -> None:
+    async def answer(head: str) -> asyncio.Server:
+        async def serve(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+            await reader.readuntil(b"\r\n\r\n")
+            writer.write(f"HTTP/1.1 401 x\r\nContent-Length: 0\r\n{head}\r\n\r\n".encode())
+            writer.close()
+
+        return await asyncio.start_server(serve, "127.0.0.1", 0)
+
+    async with (
+        await answer('WWW-Authenticate: Digest realm="validusers@robapi.abb"') as abb,
+        await answer("X: y") as other,
+    ):
+        ports = [server.sockets[0].getsockname()[1] for server in (abb, other)]
+        services = ["http://127.0.0.1:{host}/rw"]
+        found = await find_controllers([str(port) for port in ports], services)
+
+    assert found == [str(ports[0])]
+
+
+def test_no_more_is_searched_than_256_addresses_of_each_own_network() -> None:
+    assert all(
+        each.is_private and not each.is_loopback and each.network.num_addresses <= 256 for each in own_networks()
+    )

@@ -41,7 +41,8 @@ class RwsAddress:
         except ValueError as error:
             raise AddressNotUnderstood(shown, str(error), _EXAMPLE) from None
         options = dict(parse_qsl(parts.query, keep_blank_values=True))
-        wrong = _address_problem(parts.hostname, parts.path, options)
+        other = "" if parts.scheme == "rws" else "this is done over Robot Web Services"
+        wrong = other or _address_problem(parts.hostname, parts.path, options)
         if wrong:
             raise AddressNotUnderstood(shown, wrong, _EXAMPLE)
         return cls(
