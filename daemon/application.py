@@ -5,6 +5,7 @@ import logging
 from collections.abc import Callable, Coroutine, Iterable
 from contextlib import suppress
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any, Protocol, TypeVar
 
 from daemon.access.service_key import ServiceKey
@@ -78,7 +79,8 @@ class Application:
     """All parts of the daemon, built by `composition`.
 
     `workers` compute for runs and nothing else; `merge_workers` merge and register scans, one at a time;
-    `service_workers` do what is left: uploads, encoding, lists, the drift chart.
+    `service_workers` do what is left: uploads, encoding, lists, the drift chart. `setup_file`: what the first set-up
+    writes, before the daemon ends and begins anew; None for a cell that is set up.
     """
 
     settings: Settings
@@ -109,6 +111,9 @@ class Application:
     warning_sources: tuple[WarningSource, ...] = ()
     reload: Callable[[], Coroutine[Any, Any, None]] | None = None
     metric_sources: tuple[MetricSource, ...] = ()
+    setup_file: Path | None = None
+    begins_anew: bool = False
+    end: Callable[[], None] = lambda: None
     _started_s: float = field(default=0.0, init=False)
     _stopping: asyncio.Task[None] | None = field(default=None, init=False)
     _watchdog: asyncio.Task[None] | None = field(default=None, init=False)

@@ -7,6 +7,7 @@ import random
 import sys
 from collections.abc import Callable, Iterable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -228,22 +229,35 @@ def _plc(cameras: CellCameras, clock: Clock) -> Callable[[PlcSettings], "PlcServ
     return make
 
 
-def serve(settings: Settings, *, ready_file: Path | None = None, settings_file: SettingsFile | None = None) -> None:
+def serve(
+    settings: Settings,
+    *,
+    ready_file: Path | None = None,
+    settings_file: SettingsFile | None = None,
+    setup_file: Path | None = None,
+) -> bool:
     """Run the daemon until SIGTERM, SIGINT or one of ENDING_SIGNALS. `ready_file` gets {"url", "pid"} once it answers.
 
-    `settings_file`: what the settings were loaded from, for GET /about.
+    `settings_file`: what the settings were loaded from, for GET /about. `setup_file`: what the first set-up writes;
+    then True is returned.
 
     Raises StorageError, DeviceError, PortTaken.
     """
     log_to_stdout(logging.getLevelNamesMapping()[settings.server.log_level.upper()])
     faulthandler.enable(sys.__stderr__ or sys.stderr)  # a fatal signal leaves its stack; so does the watchdog's SIGABRT
-    uvloop.run(_serve(settings, settings_file, make_announcer(ready_file, settings.server.certificate)))
+    return uvloop.run(
+        _serve(settings, settings_file, setup_file, make_announcer(ready_file, settings.server.certificate))
+    )
 
 
-async def _serve(settings: Settings, settings_file: SettingsFile | None, announce: Announce) -> None:
+async def _serve(
+    settings: Settings, settings_file: SettingsFile | None, setup_file: Path | None, announce: Announce
+) -> bool:
     application = build(settings, open_devices, settings_file=settings_file)
     is_service = application.systemd.address is not None
     reload = application.reload if is_service else None
     server = Server(application, announce, reload=reload, extensions=INSTALLED)
+    application.setup_file, application.end = setup_file, partial(setattr, server, "should_exit", True)
     await server.prepare()
     await server.listen()
+    return application.begins_anew

@@ -39,6 +39,7 @@ DaemonError
 │   └── StorageTooNew     written by a newer handeyed
 ├── PortTaken             the daemon cannot listen where the settings say
 ├── AnswerRefused         an answer of the first set-up that cannot be
+├── SetupConflict         the cell is set up already, or its settings file is another than was read
 ├── (access/errors.py)    keys, roles, certificates
 ├── (api/http_errors.py)  errors of HTTP requests
 └── Stopping              the daemon is shutting down
@@ -66,6 +67,12 @@ class AnswerRefused(DaemonError):
     """An answer of the first set-up that cannot be."""
 
     code = "answer-refused"
+
+
+class SetupConflict(DaemonError):
+    """The cell is set up already, or its settings file is another than was read."""
+
+    code = "setup-conflict"
 
 
 class RunInProgress(DaemonError):

@@ -269,7 +269,7 @@ class Server(uvicorn.Server):
     def handle_exit(self, sig: int, frame: FrameType | None) -> None:
         """On a signal stop the arm first, then everything else."""
         if self._loop is not None:
-            name = signal.Signals(sig).name
+            name, self._application.begins_anew = signal.Signals(sig).name, False
             self._loop.call_soon_threadsafe(self._application.begin_stop, f"the daemon, which is stopping ({name})")
         super().handle_exit(sig, frame)
 

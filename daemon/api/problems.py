@@ -29,6 +29,8 @@ from registration.errors import CloudIOError, CloudUnsupported, RegistrationErro
 STATUS: dict[type[Exception], int] = {
     errors.RunInProgress: 409,
     errors.CellBusy: 409,
+    errors.SetupConflict: 409,
+    errors.AnswerRefused: 422,
     errors.RunOver: 409,
     errors.NotWaiting: 409,
     errors.SamePose: 409,

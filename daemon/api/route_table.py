@@ -24,6 +24,7 @@ from daemon.api.routes import (
     runs,
     scans,
     session,
+    setup,
     support,
 )
 from daemon.api.schemas.health import Welcome
@@ -70,8 +71,9 @@ root = APIRouter(tags=["health"])
 @root.get("/", response_model=Welcome)
 async def welcome(request: Request) -> Response | Welcome:
     """Links to all resources; a browser is sent to the page."""
+    place = "/page/#/setup" if request.app.state.application.setup_file else "/page/"
     if "text/html" in request.headers.get("accept", ""):
-        return Response(status_code=303, headers={"Location": "/page/", "Vary": "Accept"})
+        return Response(status_code=303, headers={"Location": place, "Vary": "Accept"})
     added = (extension.links for extension in request.app.state.extensions)
     built = {"docs": "/docs/"} if docs.SITE.is_dir() else {}
     links = LINKS | built | {name: path for links in added for name, path in links.items()}
@@ -96,6 +98,7 @@ ROUTERS: tuple[APIRouter, ...] = (
     scans.router,
     admin.router,
     support.router,
+    setup.router,
     session.router,
     page.router,
     docs.router,

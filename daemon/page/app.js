@@ -25,6 +25,7 @@ const SCREENS = {
   history: () => import('./screens/history.js').then(({ History }) => History),
   audit: () => import('./screens/audit.js').then(({ Audit }) => Audit),
   settings: () => import('./screens/settings.js').then(({ Settings }) => Settings),
+  setup: () => import('./screens/setup.js').then(({ Setup }) => Setup),
   help: () => import('./screens/help.js').then(({ Help }) => Help),
   'sign-in': () => import('./screens/sign_in.js').then(({ SignIn }) => SignIn),
 };

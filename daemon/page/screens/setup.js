@@ -1,0 +1,303 @@
+// The first set-up of a cell in three steps, the same questions as `handeyed init`: each answer is tried when it is given, nothing moves.
+import { html, useEffect, useRef, useState } from '../vendor/preact.js';
+import { Facts } from '../parts/card.js';
+import { Missing, useAsked } from '../parts/loaded.js';
+import { Picture } from '../parts/picture.js';
+import { ProblemNote } from '../parts/problem.js';
+import { numberOf } from '../parts/typed.js';
+import { ask } from '../state/ask.js';
+import { fixed } from '../state/numbers.js';
+import { lost, may } from '../state/now.js';
+import { go, linkTo } from '../state/place.js';
+import { t } from '../state/words.js';
+
+const STEPS = ['connect', 'target', 'need'];
+const FIRST = { controller: '', model: '', camera: '', setup: 'arm', target: '', size: '', tolerance: '1', box: '' };
+const KINDS = ['chessboard', 'charuco', 'circles-symmetric', 'circles-asymmetric', 'apriltag-grid', 'aruco-grid', 'aruco-marker'];
+const INSTRUMENTS = ['', 'calliper', 'ruler-class-1', 'ruler-class-2'];
+const TOLERANCES = { 0.2: 'measure', 0.5: 'fit', 1: 'usual', 2: 'pick' }; // mm
+const AXES = ['X', 'Y', 'Z'];
+const TRY_S = 60;
+const AGAIN_MS = 500;
+
+export function Setup() {
+  const setup = useAsked('/setup', [], { late: true });
+  return html`<link rel="stylesheet" href=${new URL('./setup.css', import.meta.url).href} />
+    ${!may('admin') ? html`<p class="note">${t('missing.role')}</p>`
+      : setup.error ? html`<${Missing} asked=${setup} />`
+      : !setup.data ? html`<p class="quiet">${t('wizard.looking')}</p>`
+      : setup.data.set_up ? html`<${Done} file=${setup.data.file} />`
+      : html`<${Wizard} found=${setup.data} etag=${setup.etag} again=${setup.again} />`}`;
+}
+
+function Done({ file }) {
+  return html`<section class="card"><h2>${t('wizard.done')}</h2>
+    <${Facts} rows=${[file && [t('wizard.file'), html`<span class="mono">${file}</span>`]]} />
+    <p>${t('wizard.anew')} <code class="mono">handeyed serve --setup ${file ?? 'handeyed.toml'}</code></p>
+    <div class="row"><a class="button primary" href=${linkTo('cell')}>${t('person.cell')}</a></div></section>`;
+}
+
+/** A target in the words of `handeyed import --target`, taken apart (pure): { kind, columns, rows, rest }. */
+export function partsOfTarget(text) {
+  const [kind = '', ...parts] = text.split(':');
+  const size = /^(\d+)x(\d+)$/.exec(parts[0] ?? '');
+  const lengths = kind === 'chessboard' || kind.startsWith('circles') || kind === 'aruco-marker' ? 1 : 2;
+  return { kind, columns: size?.[1] ?? '', rows: size?.[2] ?? '', rest: parts.slice((size ? 1 : 0) + lengths).join(' ') };
+}
+
+/** The words of a target that a person described (pure). */
+export function textOfTarget({ kind, columns, rows, rest }) {
+  if (kind === 'aruco-marker') return `${kind}:1:${rest.trim().split(/\s+/).join(':')}`;
+  const second = { charuco: ':0.75', 'apriltag-grid': ':0.25', 'aruco-grid': ':0.25' }[kind] ?? '';
+  return [`${kind}:${columns}x${rows}:1${second}`, ...rest.trim().split(/\s+/).filter(Boolean)].join(':');
+}
+
+/** The share of the picture inside the corners' convex hull (pure). */
+export function coverage(corners, [width, height]) {
+  const points = corners.map(([, u, v]) => [u, v]).sort((a, b) => a[0] - b[0] || a[1] - b[1]);
+  const chain = (list) => list.reduce((kept, point) => {
+    while (kept.length > 1 && turn(kept.at(-2), kept.at(-1), point) <= 0) kept.pop();
+    kept.push(point);
+    return kept;
+  }, []);
+  const hull = [...chain(points).slice(0, -1), ...chain([...points].reverse()).slice(0, -1)];
+  const twice = hull.reduce((sum, [x, y], at) => sum + x * hull[(at + 1) % hull.length][1] - y * hull[(at + 1) % hull.length][0], 0);
+  return Math.abs(twice) / 2 / (width * height);
+}
+
+const turn = ([ax, ay], [bx, by], [cx, cy]) => (bx - ax) * (cy - ay) - (by - ay) * (cx - ax);
+
+function pictureOf(base64) {
+  const bytes = Uint8Array.from(atob(base64), (letter) => letter.charCodeAt(0));
+  return URL.createObjectURL(new Blob([bytes], { type: 'image/jpeg' }));
+}
+
+function Wizard({ found, etag, again }) {
+  const cameras = found.cameras.filter(({ problem }) => !problem);
+  const [answers, setAnswers] = useState({ ...FIRST, controller: found.controllers[0] ?? '', camera: cameras[0]?.address ?? '' });
+  const [tried, setTried] = useState({}); // by question: { asked, data } of the answer that was tried, or { error }
+  const [picture, setPicture] = useState(null);
+  const [step, setStep] = useState(0);
+  const [busy, setBusy] = useState('');
+  const [problem, setProblem] = useState(null);
+  const top = useRef(null);
+  useEffect(() => top.current?.querySelector('input:not([type=radio]), select, button')?.focus({ preventScroll: true }), [step]);
+
+  const change = (values) => {
+    setProblem(null);
+    setAnswers((before) => ({ ...before, ...values }));
+  };
+  /** Tries one answer; what it becomes replaces it. Throws Refused. */
+  const attempt = async (question, given) => {
+    setBusy(question);
+    setProblem(null);
+    try {
+      const { data } = await ask('/setup/try', { method: 'POST', body: { question, answers: given }, limit_s: TRY_S });
+      const next = { ...given, [question]: data.answer };
+      if (question === 'camera') next.target = data.target ?? '';
+      setTried((before) => ({ ...before, [question]: { asked: next[question], data } }));
+      if (data.picture) setPicture((before) => { if (before) URL.revokeObjectURL(before.src); return { src: pictureOf(data.picture), ...data, size: data.size ?? before?.size }; });
+      setAnswers(next);
+      return { next, data };
+    } catch (error) {
+      setTried((before) => ({ ...before, [question]: { error } }));
+      error.question = question;
+      throw error;
+    } finally {
+      setBusy('');
+    }
+  };
+  const fresh = (question, given) => tried[question]?.data && tried[question].asked === given[question];
+  /** Tries those answers that were not tried yet, and then goes on. */
+  const onward = (questions, then) => async (event) => {
+    event?.preventDefault();
+    if (busy || lost.value) return;
+    let given = answers;
+    try {
+      for (const question of questions) {
+        if (!fresh(question, given)) given = (await attempt(question, given)).next;
+      }
+      await then(given);
+    } catch (error) {
+      setProblem(error);
+    }
+  };
+  const one = (question, value = answers[question]) => onwardOne(question, { ...answers, [question]: value });
+  const onwardOne = async (question, given) => {
+    if (busy || lost.value) return null;
+    try {
+      return (await attempt(question, given)).data;
+    } catch (error) {
+      setProblem(error);
+      return null;
+    }
+  };
+  const save = async (given) => {
+    setBusy('save');
+    try {
+      await ask('/setup', { method: 'PUT', body: { answers: given }, headers: { 'If-Match': etag }, limit_s: 90 });
+      for (;;) { // the daemon begins anew with this file
+        await new Promise((resolve) => setTimeout(resolve, AGAIN_MS));
+        const now = await ask('/setup').then(({ data }) => data, () => null);
+        if (now?.set_up) break;
+      }
+      go('cell');
+    } finally {
+      setBusy('');
+    }
+  };
+  const shared = { answers, change, tried, busy, one, picture, found, cameras };
+  const at = STEPS[step];
+  const acts = {
+    connect: onward(['controller', ...(answers.model ? ['model'] : []), 'camera'], async () => setStep(1)),
+    target: onward(['target', 'size'], async () => setStep(2)),
+    need: onward(['tolerance', 'box'], save),
+  };
+  const Body = { connect: Connect, target: Target, need: Need }[at];
+  const late = problem?.code === 'setup-conflict';
+  return html`<div class="wizard">
+    <section class="card wizard-head"><h2>${t('wizard.title')}</h2>
+      <ol class="wizard-steps">${STEPS.map((name, index) => html`<li class=${index === step ? 'now' : index < step ? 'done' : ''} aria-current=${index === step ? 'step' : undefined}><b aria-hidden="true">${index < step ? '✓' : index + 1}</b> ${t(`wizard.step.${name}`)}</li>`)}</ol>
+      <p class="quiet small">${t('wizard.still')}</p></section>
+    <form class="wizard-body" ref=${top} onSubmit=${acts[at]} aria-busy=${busy !== ''}>
+      <${Body} ...${shared} />
+      ${problem && html`<div class="wizard-problem"><${ProblemNote} problem=${problem} again=${late ? again : undefined} /></div>`}
+      <footer class="card wizard-foot">
+        ${step > 0 && html`<button type="button" onClick=${() => setStep(step - 1)}>${t('wizard.back')}</button>`}
+        <p class="quiet small" role="status">${busy ? t(busy === 'save' ? 'wizard.saving' : 'wizard.trying') : at === 'need' ? t(found.sha256 ? 'wizard.keeps' : 'wizard.writes', { file: found.file }) : ''}</p>
+        <button type="submit" class="primary" aria-disabled=${busy || lost.value ? 'true' : undefined}>${t(`wizard.next.${at}`)}</button>
+      </footer>
+    </form>
+  </div>`;
+}
+
+/** What a device said of an answer: ✓ and its lines, doubts after. */
+function Said({ tried, given }) {
+  if (!tried?.data || tried.asked !== given) return null;
+  return html`<ul class="plain wizard-said">${tried.data.found.map((line) => html`<li lang="en"><span class="mark" aria-hidden="true">✓</span> ${line}</li>`)}
+    ${tried.data.doubts.map((line) => html`<li lang="en"><span class="mark" aria-hidden="true">!</span> ${line}</li>`)}</ul>`;
+}
+
+function Connect({ answers, change, tried, busy, one, picture, found, cameras }) {
+  const controller = tried.controller?.data;
+  const search = async () => {
+    const seen = await one('controller', 'search');
+    if (seen) change({ controller: seen.answer });
+  };
+  const hosts = [...new Set([...found.controllers, ...(controller && !controller.complete ? controller.found : [])])];
+  return html`<section class="card wizard-ask"><h3>${t('wizard.connect')}</h3>
+      <label for="controller">${t('wizard.controller')}</label>
+      <div class="wizard-answer"><input id="controller" value=${answers.controller} onInput=${(event) => change({ controller: event.target.value })} placeholder="192.168.125.1" autocomplete="off" spellcheck="false" required list="controllers" aria-describedby="controller-how" />
+        <button type="button" aria-disabled=${busy ? 'true' : undefined} onClick=${() => one('controller')}>${t('wizard.try')}</button></div>
+      <datalist id="controllers">${hosts.map((host) => html`<option value=${host} />`)}</datalist>
+      <p id="controller-how" class="small quiet">${t('wizard.controller.how')}</p>
+      <div class="row"><button type="button" aria-disabled=${busy ? 'true' : undefined} onClick=${search}>${t('wizard.search')}</button></div>
+      ${controller?.complete && !controller.model && html`<label for="model">${t('wizard.model')}</label><input id="model" value=${answers.model} placeholder="IRB 1600-6/1.45" autocomplete="off" onInput=${(event) => change({ model: event.target.value })} />`}
+      <label for="camera">${t('wizard.camera')}</label>
+      <div class="wizard-answer"><input id="camera" value=${answers.camera} onInput=${(event) => change({ camera: event.target.value })} placeholder="http://192.168.10.21/frame.png" autocomplete="off" spellcheck="false" required list="cameras" aria-describedby="camera-how" />
+        <button type="button" aria-disabled=${busy ? 'true' : undefined} onClick=${() => one('camera')}>${t('wizard.picture')}</button></div>
+      <datalist id="cameras">${cameras.map((each) => html`<option value=${each.address}>${`${each.vendor} ${each.model} ${each.network_address}`}</option>`)}</datalist>
+      <p id="camera-how" class="small quiet">${cameras.length ? t('wizard.cameras', { count: cameras.length }) : t('wizard.cameras.none')}</p>
+      <fieldset><legend>${t('wizard.where')}</legend><div class="row">${['arm', 'beside'].map((place) => html`<button type="button" class="chip" aria-pressed=${answers.setup === place} onClick=${() => change({ setup: place })}>${t(`wizard.where.${place}`)}</button>`)}</div></fieldset>
+    </section>
+    <${Side} picture=${picture}><section class="card"><h3>${t('wizard.tried')}</h3>
+      ${tried.controller?.data || tried.camera?.data ? html`<${Said} tried=${tried.controller} given=${answers.controller} /><${Said} tried=${tried.camera} given=${answers.camera} />` : html`<p class="quiet">${t('wizard.tried.none')}</p>`}</section></${Side}>`;
+}
+
+function Side({ picture, children }) {
+  const share = picture?.corners?.length > 2 ? coverage(picture.corners, picture.size) : 0;
+  const words = !picture ? t('wizard.picture.none') : picture.corners.length ? `✓ ${t('look.corners', { count: picture.corners.length, of: picture.of })}` : `✕ ${t('look.none')}`;
+  return html`<div class="wizard-side"><${Picture} src=${picture?.src} size=${picture?.size ?? undefined} corners=${picture?.corners ?? []} alt=${`${t('picture.camera')} ${words}`} />
+    <p role="status">${words}${share > 0 ? ` · ${t(share < 0.15 ? 'wizard.nearer' : share > 0.6 ? 'wizard.farther' : 'wizard.covers', { percent: fixed(100 * share, 0) })}` : ''}</p>${children}</div>`;
+}
+
+function targetWords(text) {
+  const { kind, columns, rows, rest } = partsOfTarget(text);
+  return [`${t(`wizard.kind.${kind}`)}${columns ? `, ${columns} × ${rows} ${t(`wizard.counted.${counted(kind)}`)}` : ''}`, rest].filter(Boolean).join(' · ');
+}
+
+const counted = (kind) => ({ chessboard: 'corners', charuco: 'squares', 'circles-symmetric': 'dots', 'circles-asymmetric': 'dots' }[kind] ?? 'markers');
+
+function Target({ answers, change, tried, busy, one, picture }) {
+  const recognised = tried.camera?.data.target ?? tried.target?.data.target ?? null;
+  const [typed, setTyped] = useState(answers.target && answers.target !== recognised ? partsOfTarget(answers.target) : null);
+  const [size, setSize] = useState({ length: '', count: '10', second: '', instrument: 'calliper' });
+  const describe = (values) => {
+    const next = { kind: 'charuco', columns: '12', rows: '9', rest: 'DICT_5X5_100', ...typed, ...values };
+    if (values.kind && values.kind !== typed?.kind) next.rest = { charuco: 'DICT_5X5_100', 'aruco-grid': 'DICT_5X5_100', 'aruco-marker': 'DICT_5X5_100 0', 'apriltag-grid': 'tag36h11' }[values.kind] ?? '';
+    setTyped(next);
+    change({ target: textOfTarget(next) });
+  };
+  const look = async () => {
+    const seen = await one('target', '');
+    if (seen) setTyped(null);
+  };
+  const measure = (values) => {
+    const next = { ...size, ...values };
+    setSize(next);
+    const length = next.count === '1' ? next.length.trim() : `${next.length.trim()}/${next.count}`;
+    change({ size: next.length.trim() ? [length, next.second.trim(), next.instrument].filter(Boolean).join(' ') : '' });
+  };
+  const kind = partsOfTarget(answers.target).kind;
+  const two = ['charuco', 'apriltag-grid', 'aruco-grid'].includes(kind);
+  return html`<section class="card wizard-ask"><h3>${t('wizard.target')}</h3>
+      <label class="check wizard-choice"><input type="radio" name="target" checked=${!typed && !!recognised} disabled=${!recognised} onChange=${() => { setTyped(null); change({ target: recognised }); }} />
+        <span>${recognised ? html`<b>${targetWords(recognised)}</b>` : t('wizard.target.none')}</span></label>
+      <label class="check wizard-choice"><input type="radio" name="target" checked=${!!typed} onChange=${() => describe({ ...partsOfTarget(answers.target || 'charuco:12x9:1:1:DICT_5X5_100') })} /><span>${t('wizard.target.other')}</span></label>
+      ${typed && html`<div class="wizard-typed">
+        <div><label for="kind">${t('wizard.kind')}</label><select id="kind" value=${typed.kind} onChange=${(event) => describe({ kind: event.target.value })}>${KINDS.map((name) => html`<option value=${name}>${t(`wizard.kind.${name}`)}</option>`)}</select></div>
+        ${typed.kind !== 'aruco-marker' && html`<div><label for="columns">${t('wizard.columns')}</label><input id="columns" inputmode="numeric" value=${typed.columns} onInput=${(event) => describe({ columns: event.target.value })} /></div>
+          <div><label for="rows">${t('wizard.rows')}</label><input id="rows" inputmode="numeric" value=${typed.rows} onInput=${(event) => describe({ rows: event.target.value })} /></div>`}
+        ${!['chessboard', 'circles-symmetric', 'circles-asymmetric'].includes(typed.kind) && html`<div><label for="rest">${t('wizard.dictionary')}</label><input id="rest" value=${typed.rest} onInput=${(event) => describe({ rest: event.target.value })} /></div>`}</div>`}
+      <div class="row"><button type="button" aria-disabled=${busy ? 'true' : undefined} onClick=${look}>${t('wizard.picture.again')}</button></div>
+      <div class="wizard-typed"><div><label for="length">${t(`wizard.measure.${two || kind === 'aruco-marker' ? kind : counted(kind)}`)}</label><input id="length" inputmode="decimal" required value=${size.length} placeholder="200" onInput=${(event) => measure({ length: event.target.value })} /></div>
+        <div><label for="count">${t('wizard.measure.count')}</label><select id="count" value=${size.count} onChange=${(event) => measure({ count: event.target.value })}>${['1', '5', '10'].map((many) => html`<option value=${many}>${many}</option>`)}</select></div>
+        ${two && html`<div><label for="second">${t(kind === 'charuco' ? 'wizard.measure.second' : 'wizard.measure.gap')}</label><input id="second" inputmode="decimal" value=${size.second} placeholder=${t('wizard.measure.picture')} onInput=${(event) => measure({ second: event.target.value })} /></div>`}
+        <div><label for="instrument">${t('wizard.measure.with')}</label><select id="instrument" value=${size.instrument} onChange=${(event) => measure({ instrument: event.target.value })}>${INSTRUMENTS.map((name) => html`<option value=${name}>${t(`wizard.with.${name || 'none'}`)}</option>`)}</select></div></div>
+      <${Said} tried=${tried.size} given=${answers.size} />
+      <p class="note small">${t('wizard.size.why')}</p>
+    </section>
+    <${Side} picture=${picture}><${Said} tried=${tried.target} given=${answers.target} /></${Side}>`;
+}
+
+function Need({ answers, change, tried, busy, one }) {
+  const controller = tried.controller?.data;
+  const given = answers.box.trim() ? answers.box.trim().split(/\s+/) : [];
+  const cells = Array.from({ length: 6 }, (_, index) => given[index] ?? '');
+  const flange = tried.box?.data?.flange_mm ?? controller?.flange_mm;
+  const edit = (index, value) => change({ box: cells.map((old, at) => (at === index ? value.trim() : old) || '-').join(' ') });
+  const shown = cells.map((value) => (value === '-' ? '' : value));
+  const corner = async () => {
+    const first = given.length === 3 ? given : [];
+    const seen = await one('box', 'here');
+    if (seen && first.length) change({ box: [...first, ...seen.answer.split(' ')].join(' ') });
+  };
+  const numbers = shown.map(numberOf);
+  return html`<section class="card wizard-ask"><h3>${t('wizard.need')}</h3>
+      <label for="tolerance">${t('wizard.tolerance')}</label>
+      <input id="tolerance" inputmode="decimal" required value=${answers.tolerance} onInput=${(event) => change({ tolerance: event.target.value })} aria-describedby="tolerance-how" />
+      <div class="row">${Object.entries(TOLERANCES).sort(([a], [b]) => a - b).map(([mm, use]) => html`<button type="button" class="chip" aria-pressed=${answers.tolerance === mm} onClick=${() => change({ tolerance: mm })}>${t(`wizard.tolerance.${use}`)}</button>`)}</div>
+      <p id="tolerance-how" class="small quiet">${t('wizard.tolerance.how')}</p>
+      <fieldset><legend>${t('wizard.box')}</legend>
+        <div class="wizard-box">${AXES.map((axis, at) => [0, 3].map((corner) => html`<label class="wizard-axis"><span>${axis} ${corner ? '2' : '1'}</span><input inputmode="decimal" required value=${shown[at + corner]} onInput=${(event) => edit(at + corner, event.target.value)} aria-label=${`${axis} ${t(corner ? 'wizard.box.second' : 'wizard.box.first')}, mm`} /></label>`))}</div></fieldset>
+      <div class="row"><button type="button" aria-disabled=${busy ? 'true' : undefined} onClick=${corner}>${t('wizard.box.here')}</button>
+        ${controller?.program_box_mm && html`<button type="button" aria-disabled=${busy ? 'true' : undefined} onClick=${() => one('box', 'program')}>${t('wizard.box.program')}</button>`}</div>
+      <p class="small quiet">${t('wizard.box.how')}</p>
+    </section>
+    <div class="wizard-side"><figure class="wizard-drawing"><${Drawing} numbers=${numbers} flange=${flange} /><figcaption class="small quiet">${t('wizard.box.drawn')}</figcaption></figure></div>`;
+}
+
+/** The box and the flange from above and from the side, to one scale. */
+function Drawing({ numbers, flange }) {
+  const [low, high] = [0, 1].map((end) => [0, 1, 2].map((axis) => Math[end ? 'max' : 'min'](numbers[axis], numbers[axis + 3])));
+  const whole = numbers.every(Number.isFinite);
+  const reach = Math.max(1000, ...(whole ? numbers : []).map(Math.abs), ...(flange ?? []).map(Math.abs)) * 1.15;
+  const view = (name, up, place) => html`<g transform=${`translate(${place} 0)`}>
+      <rect class="wizard-ground" x=${-reach} y=${-reach} width=${2 * reach} height=${2 * reach} />
+      <path class="grid-line" d=${`M${-reach} 0H${reach}M0 ${-reach}V${reach}`} />
+      <circle class="wizard-base" r=${reach / 14} />
+      ${whole && html`<rect class="wizard-space" x=${low[0]} y=${-high[up]} width=${high[0] - low[0]} height=${high[up] - low[up]} />`}
+      ${flange && html`<circle class="wizard-flange" cx=${flange[0]} cy=${-flange[up]} r=${reach / 30} />`}
+      <text x=${-reach * 0.94} y=${-reach * 0.86} font-size=${reach / 11}>${t(name)}</text></g>`;
+  return html`<svg viewBox=${`${-reach} ${-reach} ${4.1 * reach} ${2 * reach}`} role="img" aria-label=${t('wizard.box.drawn')}>${view('wizard.above', 1, 0)}${view('wizard.side', 2, 2.1 * reach)}</svg>`;
+}

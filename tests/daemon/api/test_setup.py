@@ -1,0 +1,144 @@
+"""GET, PUT /setup and POST /setup/try with stand-ins for controller and camera: what is checked and written."""
+
+from collections.abc import AsyncIterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+import pytest_asyncio
+
+from calibration.targets import Chessboard
+from daemon.config.settings import load_settings
+from daemon.tools.first_setup import interview
+from daemon.tools.first_setup.devices import SeenCamera, SeenController
+from drivers.errors import DeviceUnreachable
+from tests.calibration.detection.sights import pictures
+from tests.daemon.access_keys import bearer, with_keys
+from tests.daemon.cell_under_test import Bench
+
+BOX = ((-500.0, -500.0, 0.0), (1500.0, 500.0, 1500.0))
+CONTROLLER = SeenController(
+    "tcp://10.0.0.2:4242", ("RobotWare 7.14",), "IRB 1600-6/1.45", None, BOX, (900.0, 0.0, 900.0)
+)
+ANSWERS = {
+    "controller": "10.0.0.2",
+    "camera": "http://10.0.0.3/frame.png",
+    "target": "chessboard:9x6:1",
+    "size": "200/10 calliper",
+    "box": "program",
+}
+
+Cell = tuple[Bench, dict[str, dict[str, str]], Path]
+
+
+@pytest_asyncio.fixture
+async def cell(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> AsyncIterator[Cell]:
+    """A daemon that sets up a cell, the headers of each role, and the file that it writes."""
+    board = pictures(Chessboard(9, 6, 20.0), 1)[0].image
+
+    async def look_at_controller(answer: str) -> SeenController:
+        if answer != "10.0.0.2":
+            raise DeviceUnreachable("robot", "nobody answers there", "correct the address")
+        return CONTROLLER
+
+    async def take_picture(address: str) -> SeenCamera:
+        return SeenCamera(address, "a camera", board)
+
+    async def read_flange(seen: SeenController) -> Any:
+        return seen.flange_mm
+
+    async def find_controllers(*hosts: Any) -> list[str]:
+        return ["10.0.0.2"]
+
+    for stand_in in (look_at_controller, take_picture, read_flange):
+        monkeypatch.setattr(interview, stand_in.__name__, stand_in)
+    monkeypatch.setattr("daemon.api.routes.setup.find_controllers", find_controllers)
+    monkeypatch.setattr("daemon.api.routes.setup.discover", list)
+    file = tmp_path / "handeyed.toml"
+    async with with_keys(tmp_path / "store") as (bench, keys):
+        bench.application.setup_file = file
+        yield bench, {role: bearer(keys[role]) for role in ("viewer", "operator", "admin")}, file
+
+
+async def test_what_is_found_is_shown(cell: Cell) -> None:
+    bench, headers, file = cell
+    answer = await bench.client.get("/setup", headers=headers["admin"])
+    assert answer.json() == {
+        "set_up": False, "file": str(file), "sha256": None, "controllers": ["10.0.0.2"], "cameras": [],
+    }  # fmt: skip
+
+
+async def test_each_answer_is_checked_when_it_is_given(cell: Cell) -> None:
+    bench, headers, file = cell
+
+    async def attempt(question: str, **answers: str) -> Any:
+        body = {"question": question, "answers": {**ANSWERS, **answers}}
+        return await bench.client.post("/setup/try", json=body, headers=headers["admin"])
+
+    controller = (await attempt("controller")).json()
+    assert (controller["model"], controller["program_box_mm"]) == ("IRB 1600-6/1.45", [list(corner) for corner in BOX])
+    assert (await attempt("controller", controller="10.0.0.9")).status_code == 503
+    camera = (await attempt("camera")).json()
+    assert camera["target"].startswith("chessboard:9x6:")
+    assert (len(camera["corners"]), camera["of"]) == (54, 54)
+    assert camera["picture"]
+    assert (await attempt("target", target="chessboard:7x5:1")).json()["doubts"]
+    assert (await attempt("size", size="wide")).json()["code"] == "answer-refused"
+    assert (await attempt("box", box="here")).json()["answer"] == "900 0 900"
+    assert (await attempt("box", box="here")).json()["complete"] is False
+    assert (await attempt("tolerance", tolerance="-1")).status_code == 422
+    assert not file.exists()
+    assert not bench.robot.goals
+
+
+async def test_the_file_is_written_once_for_the_state_that_was_read(cell: Cell) -> None:
+    bench, headers, file = cell
+    tag = (await bench.client.get("/setup", headers=headers["admin"])).headers["etag"]
+    file.write_text("# somebody else's\n")
+
+    async def write(tag: str, **answers: str) -> Any:
+        body = {"answers": {**ANSWERS, **answers}}
+        return await bench.client.put("/setup", json=body, headers={**headers["admin"], "If-Match": tag})
+
+    assert (await write(tag)).json()["code"] == "setup-conflict"
+    assert file.read_text() == "# somebody else's\n"
+    tag = (await bench.client.get("/setup", headers=headers["admin"])).headers["etag"]
+    assert (await write(tag, box="here")).json()["code"] == "answer-refused"
+
+    written = (await write(tag)).json()
+
+    assert written == {"file": str(file), "kept": f"{file}.1"}
+    settings = load_settings(file)
+    assert (settings.robot.address, settings.robot.box_mm) == (CONTROLLER.address, BOX)
+    assert settings.target.target() == Chessboard(9, 6, 20.0)
+    assert file.with_name("handeyed.toml.1").read_text() == "# somebody else's\n"
+    assert bench.application.begins_anew
+    rows = await bench.application.store.audit.rows(5, None)
+    assert next(row.action for row in rows) == "write settings"
+
+
+@pytest.mark.parametrize("role", ["viewer", "operator"])
+async def test_it_is_for_admins(cell: Cell, role: str) -> None:
+    bench, headers, _ = cell
+    asked = (("GET", "/setup", None), ("PUT", "/setup", {"answers": ANSWERS}), ("POST", "/setup/try", {}))
+    for method, path, body in asked:
+        assert (await bench.client.request(method, path, json=body, headers=headers[role])).status_code == 403
+
+
+async def test_a_cell_that_is_set_up_is_left_alone(cell: Cell) -> None:
+    bench, headers, file = cell
+    bench.application.setup_file = None
+    assert (await bench.client.get("/setup", headers=headers["admin"])).json()["set_up"]
+    for method, path, body in (
+        ("PUT", "/setup", {"answers": ANSWERS}),
+        ("POST", "/setup/try", {"question": "controller", "answers": ANSWERS}),
+    ):
+        answer = await bench.client.request(method, path, json=body, headers={**headers["admin"], "If-Match": '"None"'})
+        assert (answer.status_code, answer.json()["code"]) == (409, "setup-conflict")
+    assert not file.exists()
+
+
+async def test_a_browser_is_sent_to_the_set_up(cell: Cell) -> None:
+    bench, headers, _ = cell
+    sent = await bench.client.get("/", headers={**headers["viewer"], "Accept": "text/html"})
+    assert sent.headers["Location"] == "/page/#/setup"
