@@ -10,7 +10,7 @@ import pytest
 from calibration.documents.imports.intrinsics import read_intrinsics
 from calibration.documents.imports.sets.folder import Chosen, ImportedSet
 from calibration.documents.imports.sets.kinds import LAYOUTS, STATED, read_set
-from calibration.documents.target_text import target_of_data, target_of_text
+from calibration.documents.target_text import target_of_data, target_of_text, text_of_target
 from calibration.errors import DocumentError
 from calibration.kinematics.abb_arms import find_arm
 from calibration.transforms import inverse
@@ -351,6 +351,25 @@ def test_a_fisheye_and_a_model_that_is_not_read() -> None:
 def test_a_target_that_is_none_is_refused(text: str, what: str) -> None:
     with pytest.raises(DocumentError, match=what):
         target_of_text(text)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "chessboard:9x6:1.0",
+        "charuco:12x9:1.0:0.734:DICT_5X5_100",
+        "charuco:12x8:20.0:15.0:DICT_4X4_50:legacy",
+        "circles-asymmetric:7x11:1.0:white",
+        "circles-symmetric:9x6:1.0:black:large-dot",
+        "apriltag-grid:5x4:1.0:0.3333:tag36h11",
+        "aruco-grid:5x4:1.0:0.25:DICT_5X5_100:3",
+        "aruco-marker:1.0:DICT_5X5_100:0",
+    ],
+)
+def test_a_target_is_written_as_it_is_read(text: str) -> None:
+    target = target_of_text(text).target()
+    assert target_of_text(text_of_target(target)).target() == target
+    assert text_of_target(target).startswith(text)
 
 
 def test_circles() -> None:
