@@ -8,10 +8,10 @@ import { t } from '../state/words.js';
 
 /** The places, and the screens that each of them holds; the first one is what the place opens with. */
 export const PLACES = {
-  cell: ['cell', 'jog'], calibrate: ['calibrate', 'run', 'result'], check: ['verify'], scans: ['scans'], history: ['history', 'audit'], setup: ['devices', 'settings'],
+  cell: ['cell', 'jog'], calibrate: ['calibrate', 'run', 'result'], check: ['verify'], scans: ['scans'], history: ['history', 'audit'], 'set-up': ['devices', 'settings', 'setup'],
 };
-const TABS = { history: ['history', 'audit'], setup: ['devices', 'settings'] };
-const ADMIN = new Set(['audit']);
+const TABS = { history: PLACES.history, 'set-up': PLACES['set-up'] };
+const ADMIN = new Set(['audit', 'setup']);
 const ON_A_PHONE = 4; // the rest is below "More"
 
 const placeOf = (screen) => Object.keys(PLACES).find((name) => PLACES[name].includes(screen));

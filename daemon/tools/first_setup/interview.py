@@ -7,8 +7,8 @@ from contextlib import suppress
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
-from calibration.documents.imports.target_text import target_of_text, text_of_target
 from calibration.documents.pose import Vector
+from calibration.documents.target_text import target_of_text, text_of_target
 from calibration.documents.validation import Document
 from calibration.errors import DetectionError
 from calibration.kinematics.abb_arms import find_any_arm
