@@ -184,8 +184,8 @@ class ArmErrorModel:
         found = np.zeros((AXES, len(postures), 6, len(self)))
         for row, parameter in enumerate(self.parameters):
             if parameter.name.startswith("link_"):
-                _, link, component = parameter.name.split("_")
-                found[int(link) - 1, :, _COMPONENTS.index(component), row] = 1.0
+                _, behind, component = parameter.name.split("_")
+                found[int(behind) - 1, :, _COMPONENTS.index(component), row] = 1.0
         moments = self.moments(postures)
         for bent, (own, along) in _BENDS.items():
             found[bent - 1, :, 3:, self.index(f"bend_{bent}")] = moments[f"{bent}_by_{own}"][1][:, None] * along
@@ -198,8 +198,9 @@ class ArmErrorModel:
         q = postures.joints_rad
         found = np.zeros((AXES, len(q), len(self)))
         of_axis = {"zero": np.ones(q.shape), "ratio": q}
-        for harmonic, name in {1: "", **{other: str(other) for other in REST_HARMONICS}}.items():
-            of_axis |= {f"sine{name}": np.sin(harmonic * q), f"cosine{name}": np.cos(harmonic * q)}
+        for label in ("", *map(str, REST_HARMONICS)):
+            turns = int(label or 1) * q
+            of_axis |= {f"sine{label}": np.sin(turns), f"cosine{label}": np.cos(turns)}
         if postures.sides is not None:
             of_axis["play"] = -postures.sides
         for row, parameter in enumerate(self.parameters):

@@ -67,7 +67,11 @@ def plan_more_arm_views(
     flange_to_point = arm.forward(middle)[:3, :3] @ map_points(fit.mount_T_camera, point[None])[0]
     box_mm = box_around(arm, joints) + flange_to_point if box_mm is None else box_mm
     at = joints_at_places(arm, middle, grid_in(box_mm, BOX_STEPS) - flange_to_point, range_rad)
-    limits, levels, seen = _limits(fit, target), fit.variances, fit.seen
+    levels, seen = fit.variances, fit.seen
+    centre = target.points_mm.mean(axis=0, keepdims=True)
+    distances = np.linalg.norm(map_points(seen.camera_T_target, centre), axis=-1)
+    nearest, furthest = float(MIN_DISTANCE_FACTOR * distances.min()), float(MAX_DISTANCE_FACTOR * distances.max())
+    limits = ViewpointLimits(DEFAULT_TILT_RAD, np.pi, (nearest, furthest))
     pixel, rotation, translation = np.sqrt([levels.pixel, levels.rotation, levels.translation]).tolist()
     noise = ExpectedNoise(max(pixel, MIN_IMAGE_NOISE_PX), rotation, translation)
     scenes = [
@@ -93,11 +97,3 @@ def plan_more_arm_views(
         np.array([postures[place].joints_rad[row] for place, row in plan.views]),
         np.array([place for place, _ in plan.views]),
     )
-
-
-def _limits(fit: ArmFit, target: Target) -> ViewpointLimits:
-    """About the distances from the target of the views taken."""
-    centre = target.points_mm.mean(axis=0, keepdims=True)
-    distances = np.linalg.norm(map_points(fit.seen.camera_T_target, centre), axis=-1)
-    nearest, furthest = float(MIN_DISTANCE_FACTOR * distances.min()), float(MAX_DISTANCE_FACTOR * distances.max())
-    return ViewpointLimits(DEFAULT_TILT_RAD, np.pi, (nearest, furthest))

@@ -122,7 +122,6 @@ def restrict(
     others, k, size, scale = model.unknowns, len(session.arm), session.size_place(), session.best.scale
     jacobian = session.arm.jacobian(session.parameters, session.postures)
     whole = session.add_distances(with_arm(model, jacobian, session.arm.sigmas**-2.0, session.parameters))
-    scaled = session.arm.indices(*LADDER)
     whole.prior_information[size] = max(SIZE_SIGMA, abs(scale - 1)) ** -2.0  # a print may be some per cent off
     whole.prior_offset[size] = np.log(scale)
     found, variances = [], replace(session.best.variances, trend_rotation=0.0, trend_translation=0.0)
@@ -133,12 +132,11 @@ def restrict(
         if one.as_described:
             fixed, steps = np.append(size, fixed), np.append(-np.log(scale), steps)
         scales = np.ones(k)
-        scales[scaled] = max(one.scale, 1e-9)
+        scales[session.arm.indices(*LADDER)] = max(one.scale, 1e-9)
         known, offset = whole.prior_information.copy(), whole.prior_offset.copy()
         known[others:] /= scales**2
         offset[others:] -= scales * session.arm.means
-        about = replace(whole, prior_information=known, prior_offset=offset)
-        restricted = fix_unknowns(about, fixed, steps)
+        restricted = fix_unknowns(replace(whole, prior_information=known, prior_offset=offset), fixed, steps)
         variances = estimate_variances(restricted, levels[row] if levels else variances)
         found.append(Restricted(one, columns, restricted, variances))
     return found

@@ -108,7 +108,8 @@ class UnusualArm(CalibrationError):
         self.arm, self.parameters = arm, parameters
         super().__init__(
             f"the views ask for errors that no {arm} has ({', '.join(parameters[:3])}): check that the target stood"
-            " still, its size, and the zeros of the axes (revolution counters, a new motor)"
+            " still, its size, the zeros of the axes (revolution counters, a new motor), and their gears for play and"
+            " wear"
         )
 
 
