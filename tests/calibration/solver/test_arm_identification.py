@@ -205,6 +205,6 @@ def test_a_zero_that_is_off_by_a_degree_is_no_error_of_an_arm() -> None:
     errors = np.radians(1.0) * (np.arange(len(built.errors)) == built.model.index("zero_3"))
     rng = np.random.default_rng(0)
     joints = [reachable_views(rng, ARM, target, 8) for target in TARGETS]
-    with pytest.raises(UnusualArm, match="revolution counters.* gears for play") as refused:
+    with pytest.raises(UnusualArm, match=r"revolution counters.* gears for play") as refused:
         identify_arm_session(ARM, arm_cell(rng, replace(built, errors=errors), joints, TARGETS).problems)
     assert refused.value.parameters[0] == "zero_3"
