@@ -54,7 +54,7 @@ def test_a_transport_says_its_address_as_it_was_written(address):
         (check_robot_address, "serial:///dev/ttyUSB0?baud=fast", "cannot be read"),
         (check_robot_address, "serial://ttyUSB0", "cannot be read"),
         (check_robot_address, "socket://h", "write socket://host:port"),
-        (check_camera_address, "ftp://h/x.png", "one of http:, https:, video:, rtsp:, folder:"),
+        (check_camera_address, "ftp://h/x.png", "one of http:, https:, video:, rtsp:, rtsps:, folder:"),
         (check_camera_address, "http:///x.png", "the host is missing"),
         (check_camera_address, "video:", "the device is missing"),
         (check_camera_address, "folder:", "the path is missing"),

@@ -131,6 +131,8 @@ class E57Source:
 
     def blocks(self) -> Iterator[Records]:
         for index, header in enumerate(self._headers):
+            if not int(header.point_count):
+                continue  # libE57 takes it for damage
             block = np.empty(E57_BLOCK_POINTS, self.layout.dtype)
             with translate_errors(self._name, f"scan {index}", *self._errors):
                 reader = header.points.reader(self._straight_into(block))

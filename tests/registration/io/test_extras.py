@@ -157,6 +157,14 @@ def test_e57_is_read_in_blocks(tmp_path: Path) -> None:
             read(tmp_path / "cut.e57")
 
 
+def test_an_e57_without_points_is_read(tmp_path: Path) -> None:
+    pytest.importorskip("pye57", reason="pye57 is not installed: E57 is not tested")
+    with new_cloud(tmp_path / "empty.e57", XYZ_FLOAT32):
+        pass
+    with open_cloud(tmp_path / "empty.e57") as source:
+        assert (source.count, list(source.blocks())) == (0, [])
+
+
 @pytest.mark.parametrize("suffix", [".las", ".laz", ".e57"])
 def test_a_ply_becomes_what_the_libraries_read(tmp_path: Path, suffix: str) -> None:
     pytest.importorskip({".e57": "pye57"}.get(suffix, "lazrs"), reason="its library is not installed: not tested")

@@ -6,13 +6,20 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from registration.errors import CloudFormatError
 from registration.fusion.concatenation import PlacedCloud, merge_clouds
+from registration.io.convert import move_file
+from registration.io.formats.pcd import format_header
+from registration.io.organised import read_organised
 from registration.points.layout import COLOURS, Layout, Records
+from registration.points.rigid_motion import RigidMotion
 from tests.registration.clouds import BASE_T_CAMERA, moved
-from tests.registration.io.cloud_files import write
+from tests.registration.io.cloud_files import read, write
+from tests.support.cases import cases
 
 Table = dict[str, NDArray[Any]]
 
@@ -33,6 +40,8 @@ def by_the_format(path: Path) -> Table:
     kinds = [f"<{kind.lower()}{size}" for kind, size in zip(words["TYPE"], words["SIZE"], strict=True)]
     records = np.frombuffer(body, list(zip(words["FIELDS"], kinds, strict=True)))
     table = {name: records[name] for name in words["FIELDS"]}
+    if "rgb" not in table:
+        return {name.replace("normal_", "n"): column for name, column in table.items()}
     bits = table.pop("rgb").view(np.uint32)
     colours = {name: (bits >> shift & 255).astype(np.uint8) for name, shift in zip(COLOURS, (16, 8, 0), strict=True)}
     return {name.replace("normal_", "n"): column for name, column in table.items()} | colours
@@ -45,7 +54,8 @@ def by_laspy(path: Path) -> Table:
 
 def by_pye57(path: Path) -> Table:
     file = library("pye57").E57(str(path))
-    scan = file.read_scan(0, ignore_missing_fields=True, intensity=True, colors=True)
+    held = file.get_header(0).point_fields
+    scan = file.read_scan(0, ignore_missing_fields=True, intensity="intensity" in held, colors="colorRed" in held)
     file.close()
     names = {f"cartesian{axis}": axis.lower() for axis in "XYZ"}
     names |= {f"color{colour.title()}": colour for colour in COLOURS}
@@ -54,6 +64,8 @@ def by_pye57(path: Path) -> Table:
 
 def by_numpy(path: Path) -> Table:
     records = np.load(path)
+    if records.dtype.names is None:  # points only
+        return dict(zip("xyz", records.T, strict=True))
     return {name: records[name] for name in records.dtype.names}
 
 
@@ -280,3 +292,121 @@ def test_a_damaged_npz_is_refused(tmp_path: Path) -> None:
     np.savez(tmp_path / "in.npz", depth=np.ones((3, 3)))
     with pytest.raises(CloudFormatError, match=r"no array 'points' of .* among depth"):
         merge_clouds([PlacedCloud(tmp_path / "in.npz", "mm", np.eye(4))], tmp_path / "out.ply")
+
+
+EXTRAS = {"gps_time": "<f8", "fit": "<f4", "label": "<i4", "classification": "u1", "flag": "i1"}
+FARTHEST_MM = {".pcd": 19_000.0, ".las": 10_000.0, ".laz": 10_000.0}
+"""Beyond this a format is refused, since it would lose digits."""
+
+
+@st.composite
+def any_clouds(draw: st.DrawFn, source: str, target: str) -> Records:
+    """Records that the source can hold: any columns, any of them missing, NaN, and far from the origin."""
+    colours = st.sampled_from([None, "u1"] if source in (*EIGHT_BITS, ".xyz", ".csv") else [None, "u1", "<u2"])
+    kinds = [(name, draw(st.sampled_from(["<f4", "<f8"]))) for name in ("x", "y", "z")]
+    kinds += [(name, "<f4") for name in ("nx", "ny", "nz")] if draw(st.booleans()) else []
+    kinds += [(name, kind) for name in COLOURS] if (kind := draw(colours)) else []
+    kinds += [("intensity", kind)] if (kind := draw(st.sampled_from([None, "u1", "<u2", "<f4"]))) else []
+    kinds += [(name, EXTRAS[name]) for name in draw(st.lists(st.sampled_from(sorted(EXTRAS)), unique=True))]
+    reach = min(FARTHEST_MM.get(source, 1e7), FARTHEST_MM.get(target, 1e7))
+    far_mm = draw(st.sampled_from([mm for mm in (0.0, 5432.1, 654_321.123) if mm < reach]))
+    random = np.random.default_rng(draw(st.integers(0, 1000)))
+    made = np.zeros(draw(st.integers(2, 40)), kinds)
+    for name in made.dtype.names or ():
+        kind = made.dtype[name]
+        whole = kind.kind in "ui"
+        made[name] = random.integers(0, np.iinfo(kind).max, len(made)) if whole else random.uniform(0, 1, len(made))
+    for name in ("x", "y", "z"):
+        made[name] = far_mm + random.uniform(-500, 500, len(made))
+    if source not in (*LAS, ".e57") and draw(st.booleans()):
+        made["y"][0] = np.nan
+    return made
+
+
+def values_as_read(path: Path) -> dict[str, Any]:
+    """The columns that the source's file holds, by their common names."""
+    found = read(path, common=True)
+    return {name: found[name] for name in found.dtype.names or ()}
+
+
+@pytest.mark.parametrize("target", READERS)
+@pytest.mark.parametrize("source", READERS)
+@given(data=st.data())
+@settings(max_examples=cases(5), deadline=None)
+def test_any_cloud_comes_out_with_all_its_columns_or_their_names(
+    tmp_path_factory: pytest.TempPathFactory, source: str, target: str, data: st.DataObject
+) -> None:
+    for name in ("laspy", "pye57"):
+        library(name)
+    folder, made = tmp_path_factory.mktemp("pair"), data.draw(any_clouds(source, target))
+    write(folder / f"in{source}", Layout.of(made.dtype), made)
+    before = values_as_read(folder / f"in{source}")
+    sound = np.isfinite(np.stack([before[name] for name in ("x", "y", "z")])).all(axis=0)
+    merged = merge_clouds([PlacedCloud(folder / f"in{source}", *_placed(source))], folder / f"out{target}")
+    assert (merged.points, merged.non_finite) == (np.count_nonzero(sound), np.count_nonzero(~sound))
+    table = READERS[target](folder / f"out{target}")
+    before_mm = np.stack([before[name] for name in ("x", "y", "z")], axis=1)[sound].astype(float)
+    before_mm *= 1e3 if source == ".e57" else 1
+    expected = before_mm @ BASE_T_CAMERA[:3, :3].T + BASE_T_CAMERA[:3, 3]
+    found = np.stack([np.atleast_1d(np.asarray(table[name], float)) for name in ("x", "y", "z")], axis=1)
+    single = source == ".pcd" or target == ".pcd" or any(before[name].dtype.itemsize == 4 for name in ("x", "y", "z"))
+    np.testing.assert_allclose(found, expected, rtol=0, atol=0.003 + 2e-7 * single * np.abs(expected).max(initial=0))
+    for name in before.keys() - {"x", "y", "z", "nx", "ny", "nz", *COLOURS}:
+        renamed = f"{name}_as_read" in table and f"{name}_as_read" not in before
+        held = f"{name}_as_read" if renamed else name if name in table else None
+        assert (held is None) == (name in merged.columns_lost), f"{name} is neither kept nor named as lost, or both"
+        if held is not None:
+            np.testing.assert_allclose(np.atleast_1d(table[held]), before[name][sound], rtol=1e-6, err_msg=name)
+    for name in before.keys() & set(COLOURS):
+        most = 257 if target in LAS and before[name].dtype != np.uint16 else 1
+        most = 1 / 257 if target in EIGHT_BITS and before[name].dtype == np.uint16 else most
+        np.testing.assert_allclose(
+            np.atleast_1d(table[name]), before[name][sound] * float(most), atol=0.51, err_msg=name
+        )
+
+
+@pytest.mark.parametrize("target", [".ply", ".pcd"])
+@pytest.mark.parametrize("source", READERS)
+def test_open3d_finds_points_colours_and_normals(tmp_path: Path, source: str, target: str) -> None:
+    """Colours from 0 to 1; its normals are those of the file."""
+    open3d = library("open3d")
+    layout, made = records("u1", 0.0)
+    write(tmp_path / f"in{source}", layout, made)
+    merge_clouds([PlacedCloud(tmp_path / f"in{source}", *_placed(source))], tmp_path / f"out{target}")
+    cloud = open3d.io.read_point_cloud(str(tmp_path / f"out{target}"))
+    np.testing.assert_allclose(np.asarray(cloud.points), moved(made), rtol=0, atol=0.01)
+    colours = np.stack([made[name] for name in COLOURS], axis=1) / 255
+    np.testing.assert_allclose(np.asarray(cloud.colors), colours, atol=0.51 / 255)
+    if "nx" in _held_by(source):
+        turned = np.stack([made[name] for name in ("nx", "ny", "nz")], axis=1) @ BASE_T_CAMERA[:3, :3].T
+        np.testing.assert_allclose(np.asarray(cloud.normals), turned, atol=1e-5)
+
+
+@pytest.mark.parametrize("source", READERS)
+def test_trimesh_finds_points_and_colours(tmp_path: Path, source: str) -> None:
+    trimesh = library("trimesh")
+    layout, made = records("u1", 0.0)
+    write(tmp_path / f"in{source}", layout, made)
+    merge_clouds([PlacedCloud(tmp_path / f"in{source}", *_placed(source))], tmp_path / "out.ply")
+    cloud = trimesh.load(tmp_path / "out.ply")
+    np.testing.assert_allclose(np.asarray(cloud.vertices), moved(made), rtol=0, atol=0.01)
+    assert np.array_equal(np.asarray(cloud.colors)[:, :3], np.stack([made[name] for name in COLOURS], axis=1))
+
+
+def test_an_organised_pcd_stays_one_where_it_is_moved_and_gives_its_points_where_it_is_merged(tmp_path: Path) -> None:
+    made = np.zeros(20 * 25, [(name, "<f4") for name in ("x", "y", "z", "intensity")])
+    for name in made.dtype.names or ():
+        made[name] = np.random.default_rng(3).uniform(100, 900, len(made))
+    made["z"][40:60] = np.nan
+    header = format_header(Layout.of(made.dtype), len(made), rows=20)
+    (tmp_path / "in.pcd").write_bytes(header + made.tobytes())
+    move_file(tmp_path / "in.pcd", tmp_path / "out.pcd", RigidMotion.of(BASE_T_CAMERA, "mm"))
+    cloud = read_organised(tmp_path / "out.pcd", "mm")
+    assert cloud.points_mm.shape == (20, 25, 3)
+    assert np.array_equal(np.isnan(cloud.points_mm[..., 0].ravel()), np.isnan(made["z"]))
+    np.testing.assert_allclose(cloud.points_mm.reshape(-1, 3), moved(made), atol=1e-3)
+    for target, reader in READERS.items():
+        merge_clouds([PlacedCloud(tmp_path / "in.pcd", "mm", BASE_T_CAMERA)], tmp_path / f"merged{target}")
+        table = reader(tmp_path / f"merged{target}")
+        found = np.stack([np.asarray(table[name], float) for name in ("x", "y", "z")], axis=1)
+        np.testing.assert_allclose(found, moved(made[np.isfinite(made["z"])]), atol=0.01)
