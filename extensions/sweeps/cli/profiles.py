@@ -32,9 +32,16 @@ def calibrate(
     tolerance: Annotated[
         float | None, typer.Option(metavar="MM", help="Accept up to this U (k = 2) at the worst of the points.")
     ] = None,
+    artefact: Annotated[
+        str | None,
+        typer.Option(help="Of profiles taken standing, a file each beside poses.csv: sphere:RADIUS_MM, plane or edge."),
+    ] = None,
+    convention: Annotated[str | None, typer.Option(help="Of poses.csv, where its names leave it open.")] = None,
     json: Json = False,
 ) -> None:
     """Find the profiler on the flange and the offset of its clock, from sweeps over a sphere or over planes.
+
+    With --artefact from one profile at each of 12 poses or more. An edge has the same face on the left in all of them.
 
     flange_T_camera is the profiler's frame: x along the laser line, z along the light, y = 0 the laser plane.
 
@@ -47,15 +54,19 @@ def calibrate(
     from daemon.runtime.version import SOFTWARE
     from extensions.sweeps.mathematics.folder import read_profile_folder
     from extensions.sweeps.mathematics.profiler import ArtefactSweep, solve_profiler
+    from extensions.sweeps.mathematics.standing import read_standing_profiles
     from registration.calibrate.outcome import judge_scan
 
     limits, _ = requirement_of(tolerance, None)
     first = None if rough is None else _calibration(rough).flange_T_camera
-    sweeps = [
-        ArtefactSweep(*sweep.read(), sweep.artefact, sweep.radius_mm)
-        for sweep in read_profile_folder(folder)
-        if sweep.artefact is not None
-    ]
+    if artefact is not None:
+        sweeps = read_standing_profiles(folder, artefact, convention)
+    else:
+        sweeps = [
+            ArtefactSweep(*sweep.read(), sweep.artefact, sweep.radius_mm)
+            for sweep in read_profile_folder(folder)
+            if sweep.artefact is not None
+        ]
     clock, solution = Clock(), solve_profiler(sweeps, None if first is None else first.transform())
     document = calibration_document(
         solution, judge_scan(solution, limits), calibration_id=time_ordered_id(clock), created_at=clock.timestamp(),

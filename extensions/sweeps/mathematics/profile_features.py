@@ -26,6 +26,8 @@ CIRCLE_SHARE = (0.35, 1.03)
 """Radii of circles that are looked for, as shares of the sphere's."""
 RADIUS_TOLERANCE = 0.04
 LINE_SHARE = 0.4
+MAX_EDGE_COSINE = float(np.cos(np.radians(10.0)))
+"""Of the angle between two faces; lines at less are one that is bent."""
 MAX_RANGE_MM = 1e5
 
 
@@ -78,18 +80,21 @@ def find_sphere(block: ProfileBlock, radius_mm: float, *, standing: bool = False
     return SurfacePoints(points, when, (top[0], np.array([middle[0], 0.0, middle[1]])))
 
 
-def find_plane(block: ProfileBlock, *, standing: bool = False) -> SurfacePoints:
-    """The plane in a sweep over it: the longest line of each profile. Raises ProfileError."""
+def find_plane(block: ProfileBlock, *, standing: bool = False, face: int | None = None) -> SurfacePoints:
+    """The plane in a sweep over it: the longest line of each profile. Raises ProfileError.
+
+    face : 0 of the left and 1 of the right of the two faces of an edge, whose lines are the two longest.
+    """
     searched = _searched(block, least := 1 if standing else MIN_PROFILES)
     tolerance = 3 * _noise_mm(searched)
     random, chosen = np.random.default_rng(0), []
     for time_s, points in zip(searched.times_s, searched.points, strict=True):
-        line = _line(points, tolerance, random)
+        line = _line(points, tolerance, random) if face is None else _face(points, tolerance, random, face)
         if line is not None:
             chosen.append((time_s, line))
     if len(chosen) < least:
-        what = f"{len(chosen)} of {len(searched.points)} profiles show a line"
-        raise ProfileError(what, "sweep over a plane that fills most of the profile")
+        what = f"{len(chosen)} of {len(searched.points)} profiles show {'a line' if face is None else 'two lines'}"
+        raise ProfileError(what, "measure a plane, or an edge, that fills most of the profile")
     points, when = _collect(chosen)
     return SurfacePoints(points, when, None)
 
@@ -178,6 +183,23 @@ def _line(points: Array, tolerance: float, random: np.random.Generator) -> Array
     normal = np.linalg.eigh((inside - middle).T @ (inside - middle))[1][:, 0]
     inside = points[np.abs((points - middle) @ normal) < tolerance]
     return inside if len(inside) >= max(MIN_POINTS, LINE_SHARE * len(points)) else None
+
+
+def _face(points: Array, tolerance: float, random: np.random.Generator, face: int) -> Array | None:
+    """The points (k, 2) of the left (0) or right (1) of the two longest lines; None without two at an angle."""
+    first = _line(points, tolerance, random)
+    if first is None:
+        return None
+    place = np.array([1.0, 1j])
+    rest = points[~np.isin(points @ place, first @ place)]
+    second = _line(rest, tolerance, random) if len(rest) >= MIN_POINTS else None
+    if second is None:
+        return None
+    along = [np.linalg.svd(one - one.mean(axis=0), full_matrices=False)[2][0] for one in (first, second)]
+    if abs(float(along[0] @ along[1])) > MAX_EDGE_COSINE:
+        return None
+    found: Array = sorted((first, second), key=lambda one: float(one[:, 0].mean()))[face]
+    return found
 
 
 def _parabola_top(times_s: Array, squares: Array) -> tuple[tuple[float, float], NDArray[np.bool_]]:

@@ -51,13 +51,13 @@ FIX = Sentence("vary-sweeps")
 class SweepPoints:
     """Points (k, 3) of one sweep on one surface in the profiler frame, y = 0, with their sensor times (k,), in order.
 
-    `surface`: its number. `path`: the arm's during the sweep.
+    `surface`: its number, or one for each point. `path`: the arm's during the sweep.
     """
 
     points_mm: Array
     times_s: Array
     path: RobotPath
-    surface: int
+    surface: int | NDArray[np.intp]
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,7 +135,7 @@ class ProfilerProblem:
         self.points = np.concatenate([sweep.points_mm for sweep in sweeps])
         counts = [len(sweep.points_mm) for sweep in sweeps]
         self.sweep_of: NDArray[np.intp] = np.repeat(np.arange(len(counts)), counts)
-        self.surface_of = np.repeat([sweep.surface for sweep in sweeps], counts)
+        self.surface_of = np.concatenate([np.broadcast_to(sweep.surface, len(sweep.points_mm)) for sweep in sweeps])
         self.place_s(0.0)
 
     def place_s(self, clock_offset_s: float) -> None:

@@ -6,7 +6,7 @@ import numpy as np
 
 from calibration.errors import UndeterminedError
 from calibration.sentences.sentence import Sentence
-from calibration.transforms import Array, rotation_angle_rad, transform
+from calibration.transforms import Array, rotation_angle_rad, rotation_from_vector, transform
 from extensions.sweeps.mathematics.profile_features import SurfacePoints
 from extensions.sweeps.mathematics.profile_solver import (
     DIFFERENCE_S,
@@ -23,6 +23,7 @@ COARSE_ITERATIONS, FINE_ITERATIONS = 25, 60
 COARSE_POINTS = 120
 """Points of a sweep with which the 24 starts are tried."""
 REFINED = 4
+TRIED_ROTATIONS, STARTS = 4000, 24
 APART_RAD = float(np.radians(10.0))
 ALIKE_RATIO, ALIKE_MM = 1.3, 0.02
 """Another X fits as well when its median distance is at most so many times, and so much, larger."""
@@ -37,15 +38,25 @@ def find_start(
 ) -> ProfilerEstimate:
     """The estimate to refine; `rough`: X (4, 4), else it is searched. Raises UndeterminedError when two fit alike."""
     problem = ProfilerProblem([_thinned(sweep, COARSE_POINTS) for sweep in sweeps])
-    rotations = cube_rotations() if rough is None else [rough[:3, :3]]
+    standing = all(sweep.path.stands for sweep in sweeps)
+    if rough is not None:
+        rotations = [rough[:3, :3]]
+    elif standing and all(radius is None for radius in radii_mm):
+        rotations = _rotations_of_lines(sweeps)
+    else:
+        rotations = cube_rotations()
     tried = []
     for rotation in rotations:
         start = _linear(rotation, found, sweeps, radii_mm)
         problem.place_s(start.clock_offset_s)
         tried.append(descend(problem, start, COARSE_ITERATIONS))
     tried.sort(key=lambda entry: entry[1])
+    starts = [start for start, _ in tried[:REFINED]]
+    if standing:  # a mirrored X may fit as well, and all of the best may be that one
+        starts = [one for at, (one, _) in enumerate(tried)
+                  if all(_angle_rad(one, other) > APART_RAD for other, _ in tried[:at])][:REFINED]  # fmt: skip
     refined = []
-    for start, _ in tried[:REFINED]:
+    for start in starts:
         estimate = start
         for _ in range(2):
             problem.place_s(estimate.clock_offset_s)
@@ -54,16 +65,38 @@ def find_start(
     refined.sort(key=lambda entry: entry[1])
     best, least_mm = refined[0]
     for other, median_mm in refined[1:]:
-        apart = float(rotation_angle_rad(other.flange_T_profiler[:3, :3].T @ best.flange_T_profiler[:3, :3]))
-        if apart > APART_RAD and median_mm < ALIKE_RATIO * least_mm + ALIKE_MM:
+        off_rad = _angle_rad(other, best)
+        if off_rad > APART_RAD and median_mm < ALIKE_RATIO * least_mm + ALIKE_MM:
             near, far = sorted((best, other), key=lambda one: float(np.linalg.norm(one.flange_T_profiler[:3, 3])))
             distances_mm = [float(np.linalg.norm(one.flange_T_profiler[:3, 3])) for one in (near, far)]
-            if all(sweep.path.stands for sweep in sweeps) and distances_mm[1] > MIN_FARTHER_RATIO * distances_mm[0]:
+            if standing and distances_mm[1] > MIN_FARTHER_RATIO * distances_mm[0]:
                 best = near  # the other one has the light shine back to the flange, from beyond the sphere
                 continue
-            what = Sentence("profiler-ambiguous", off_deg=float(np.degrees(apart)))
+            what = Sentence("profiler-ambiguous", off_deg=float(np.degrees(off_rad)))
             raise UndeterminedError("profiler-ambiguous", what, FIX)
     return best
+
+
+def _rotations_of_lines(sweeps: Sequence[SweepPoints]) -> list[Array]:
+    """Rotations of X, each apart from the others, under which the lines on each plane are nearest to being in a plane.
+
+    A profile taken standing is one line; lines on a plane that are nearly parallel do not show its normal.
+    """
+    tried = rotation_from_vector(np.random.default_rng(0).uniform(-np.pi, np.pi, (TRIED_ROTATIONS, 3)))
+    scatter = np.zeros((TRIED_ROTATIONS, 1 + max(int(sweep.surface) for sweep in sweeps), 3, 3))
+    for sweep in sweeps:
+        points = sweep.points_mm - sweep.points_mm.mean(axis=0)
+        along = tried @ np.linalg.svd(points, full_matrices=False)[2][0] @ sweep.path.base_T_flange[0, :3, :3].T
+        scatter[:, sweep.surface] += along[:, :, None] * along[:, None, :]
+    kept: list[Array] = []
+    for rotation in tried[np.argsort(np.linalg.eigvalsh(scatter)[:, :, 0].sum(axis=1))]:
+        if len(kept) < STARTS and all(rotation_angle_rad(rotation.T @ one) > APART_RAD for one in kept):
+            kept.append(rotation)
+    return kept
+
+
+def _angle_rad(one: ProfilerEstimate, other: ProfilerEstimate) -> float:
+    return float(rotation_angle_rad(one.flange_T_profiler[:3, :3].T @ other.flange_T_profiler[:3, :3]))
 
 
 def _thinned(sweep: SweepPoints, count: int) -> SweepPoints:

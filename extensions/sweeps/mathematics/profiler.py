@@ -1,7 +1,7 @@
 """X and the clock offset of a line profiler from sweeps over spheres and planes, as a Solution."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -25,12 +25,16 @@ SEEN_POINTS = 200
 
 @dataclass(frozen=True, eq=False)
 class ArtefactSweep:
-    """A sweep over one artefact that stands in base: its name, and the radius of a sphere, None of a plane."""
+    """A sweep over one artefact that stands in base: its name, and the radius of a sphere, None of a plane.
+
+    face : 0 of the left and 1 of the right face of an edge; the two sweeps of an edge have one block and one path.
+    """
 
     block: ProfileBlock
     path: RobotPath
     artefact: str
     radius_mm: float | None
+    face: int | None = None
 
 
 def solve_profiler(sweeps: Sequence[ArtefactSweep], rough: Array | None = None) -> Solution:
@@ -79,10 +83,21 @@ def solve_sweeps(
     """X, clock offset, surfaces and noise from the points found. Raises UndeterminedError, PathGap."""
     if len(sweeps) < MIN_SWEEPS:
         raise UndeterminedError("too-few-sweeps", Sentence("profiler-sweeps", sweeps=len(sweeps)), FIX)
-    answer = refine(ProfilerProblem(sweeps), find_start(points, sweeps, radii_mm, rough))
-    for sweep in sweeps:
+    start = find_start(points, sweeps, radii_mm, rough)
+    paths = [*{id(sweep.path): sweep.path for sweep in sweeps}.values()]
+    of = np.array([next(at for at, path in enumerate(paths) if path is sweep.path) for sweep in sweeps])
+    whole = [_together([sweep for sweep in sweeps if sweep.path is path]) for path in paths]  # one error of the arm
+    answer = refine(ProfilerProblem(whole), replace(start, errors=np.zeros((len(whole), 6))))
+    for sweep in whole:
         sweep.path.at(sweep.times_s + answer.estimate.clock_offset_s, np.inf if sweep.path.stands else MAX_GAP_S)
-    return answer
+    return replace(answer, residual_mm=answer.residual_mm[of])
+
+
+def _together(sweeps: Sequence[SweepPoints]) -> SweepPoints:
+    """The points of one path on all their surfaces."""
+    surfaces = [np.broadcast_to(sweep.surface, len(sweep.points_mm)) for sweep in sweeps]
+    points, times = (np.concatenate([getattr(one, name) for one in sweeps]) for name in ("points_mm", "times_s"))
+    return SweepPoints(points, times, sweeps[0].path, np.concatenate(surfaces))
 
 
 def _solve(
@@ -123,7 +138,7 @@ def _find_artefact(sweep: ArtefactSweep) -> SurfacePoints:
             f"give times of clocks that agree within {MAX_OFFSET_S:g} s; what is left is estimated",
         )
     if sweep.radius_mm is None:
-        return find_plane(block, standing=path.stands)
+        return find_plane(block, standing=path.stands, face=sweep.face)
     return find_sphere(block, sweep.radius_mm, standing=path.stands)
 
 

@@ -122,6 +122,41 @@ def write_folder(
     (folder / "profiles.json").write_text(json.dumps(document))
 
 
+EDGE = (PLANES[1], (PLANES[0][0], np.array([-0.6, 0.0, 0.8])))
+"""Two faces that meet along y, as place and normal."""
+
+
+def standing_profiles(folder: Path, seed: int, count: int = 14, *, sphere: bool) -> None:
+    """profile_NN.csv of the sphere, or of the edge of EDGE, at each pose of poses.csv, with the errors of an arm."""
+    folder.mkdir(parents=True, exist_ok=True)
+    random, x, rows = np.random.default_rng(seed), np.linspace(-30, 30, 241), []
+    for at in range(count):
+        looking = _facing(np.array([0.0, 0.0, 1.0])) @ rotation_from_vector(random.normal(0, [0.35, 0.35, 0.6]))
+        middle = np.array([random.normal(0, 4), random.normal(0, 5) if sphere else 0.0, 180 + random.normal(0, 20)])
+        aim = CENTRE_MM if sphere else PLANES[0][0]
+        base_T_profiler = transform(looking, aim - looking @ middle)
+        if sphere:
+            z = profile_of(None, base_T_profiler[None], x)[0]
+        else:  # of two faces that fall away from their edge the farther point is hidden
+            z = np.max([_depths(base_T_profiler, x, *face) for face in EDGE], axis=0)
+        z = z + random.normal(0, 0.01, len(z))
+        seen = np.isfinite(z)
+        np.savetxt(folder / f"profile_{at:02}.csv", np.column_stack([x, z])[seen], "%.4f", ",", header="x_mm,z_mm",
+                   comments="")  # fmt: skip
+        flange = base_T_profiler @ inverse(FLANGE_T_PROFILER)
+        flange[:3, 3] += random.normal(0, 0.03, 3)
+        numbers = [*flange[:3, 3], *quaternion_from_rotation(flange[:3, :3])]
+        rows.append(f"profile_{at:02}.csv," + ",".join(f"{number:.7f}" for number in numbers))
+    (folder / "poses.csv").write_text("\n".join(["profile,x_mm,y_mm,z_mm,qw,qx,qy,qz", *rows[::-1]]) + "\n")
+
+
+def _depths(base_T_profiler: Array, x: Array, place: Array, normal: Array) -> Array:
+    """z (m,) at which the light at x (m,) meets a plane."""
+    towards = normal @ base_T_profiler[:3, :3]
+    depths: Array = (normal @ (place - base_T_profiler[:3, 3]) - towards[0] * x) / towards[2]
+    return depths
+
+
 def _facing(normal: Array) -> Array:
     """base_R_profiler (3, 3) whose z looks against a normal."""
     across = np.cross(normal, [0.0, 1.0, 0.0])

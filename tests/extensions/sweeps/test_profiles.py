@@ -11,7 +11,15 @@ from calibration.kinematics.robot_accuracy import RobotNoise
 from calibration.transforms import difference, rotation_from_vector, transform
 from tests.daemon.calibrations import a_calibration
 from tests.daemon.cli.running import handeyed
-from tests.extensions.sweeps.profile_sweeps import FLANGE_T_PROFILER, OFFSET_S, PLANES, sweeps, write_folder
+from tests.extensions.sweeps.profile_sweeps import (
+    FLANGE_T_PROFILER,
+    OFFSET_S,
+    PLANES,
+    RADIUS_MM,
+    standing_profiles,
+    sweeps,
+    write_folder,
+)
 
 ROBOT = RobotNoise(0.1, float(np.radians(0.01)))
 SURFACES = [None] * 7
@@ -80,12 +88,40 @@ def test_a_folder_without_profiles_is_refused(tmp_path: Path) -> None:
     assert "profiles.json" in ran.err and "Traceback" not in ran.err
 
 
+@pytest.mark.parametrize(("artefact", "sphere"), [(f"sphere:{RADIUS_MM}", True), ("edge", False)])
+@pytest.mark.parametrize("seed", [1, 2])
+def test_bare_profiles_beside_poses_are_a_calibration(artefact: str, sphere: bool, seed: int, tmp_path: Path) -> None:
+    standing_profiles(tmp_path, seed, sphere=sphere)
+    ran = handeyed("profiles", "calibrate", tmp_path, "--artefact", artefact, "--json")
+    assert ran.status == 0, ran.err
+    found = CalibrationDocument.model_validate_json(ran.out).flange_T_camera
+    assert found is not None
+    off_mm, off_rad = difference(FLANGE_T_PROFILER, found.transform())
+    assert off_mm < 0.3 and off_rad < 0.002
+
+
+def test_what_is_missing_beside_bare_profiles_is_named(tmp_path: Path) -> None:
+    standing_profiles(tmp_path, 1, sphere=True)
+    for artefact, words in (("cube", "'cube' is no artefact"), ("sphere", "'sphere' is no artefact")):
+        assert words in handeyed("profiles", "calibrate", tmp_path, "--artefact", artefact).err
+    ran = handeyed("profiles", "calibrate", tmp_path, "--artefact", "edge")
+    assert ran.status == 3 and "show two lines" in ran.out
+    lines = (tmp_path / "poses.csv").read_text().splitlines()
+    (tmp_path / "poses.csv").write_text("\n".join([lines[0].replace("qw,qx,qy,qz", "a1,a2,a3,a4"), *lines[1:]]))
+    ran = handeyed("profiles", "calibrate", tmp_path, "--artefact", "plane")
+    assert ran.status == 2 and "no pose among the names" in ran.err
+    (tmp_path / "poses.csv").unlink()
+    ran = handeyed("profiles", "calibrate", tmp_path, "--artefact", "plane")
+    assert ran.status == 2 and "14 files of profiles (x, z) and 0 of poses" in ran.err
+
+
 @pytest.mark.data
-def test_profiles_taken_standing_are_a_calibration(real_data: Path) -> None:
-    folder = real_data / "cases" / "profiles_taken_standing" / "as_sweeps"
+@pytest.mark.parametrize("stated", [("as_sweeps",), (".", "--artefact", "sphere:25")], ids=["sweeps", "bare"])
+def test_profiles_taken_standing_are_a_calibration(stated: tuple[str, ...], real_data: Path) -> None:
+    folder = real_data / "cases" / "profiles_taken_standing"
     if not folder.is_dir():
         pytest.skip("HANDEYED_DATA has no folder cases/profiles_taken_standing")
-    ran = handeyed("profiles", "calibrate", folder, "--json")
+    ran = handeyed("profiles", "calibrate", folder / stated[0], *stated[1:], "--json")
     assert ran.status == 0, ran.err
     found = CalibrationDocument.model_validate_json(ran.out).flange_T_camera
     assert found is not None
