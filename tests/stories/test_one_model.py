@@ -1,5 +1,6 @@
 """Everything that can happen at a cell, in one model, and for each invariant a daemon without the safeguard for it."""
 
+import httpx
 import pytest
 
 from protocols.plc.codes import ControlBit
@@ -99,3 +100,14 @@ async def test_a_plcs_run_is_asked_for_and_another_ones_is_not() -> None:
         assert world.witness.departures > 0
         world.cell.controller.arm.depart(world.cell.controller.arm.joints_at(0.0), 100.0, False, 1e6)
         assert world.witness.wrong == ["consent: departure 4 was asked for by nobody who may"]
+
+
+async def test_a_start_that_outlasts_the_daemon_may_have_begun_and_a_refused_one_has_not() -> None:
+    async with a_world() as world:
+        before = world.sent
+        world._take("operator", httpx.Response(503, json={"code": "stopping"}), "/robot/jog")
+        assert world.sent == before + 1
+        world._take("operator", httpx.Response(409, json={"code": "run-in-progress"}), "/robot/jog")
+        world._take("operator", httpx.Response(503, json={"code": "stopping"}), "manual jog", starts=False)
+        assert world.sent == before + 1
+        assert world.witness.wrong == []

@@ -170,6 +170,7 @@ class World:
         if who not in MAY and answer.status_code not in (401, 403):
             self.witness.wrong.append(f"consent: {wanted} by {who} was answered {answer.status_code}")
         if answer.status_code >= 400:
+            self.sent += starts and document.get("code") == "stopping"  # the daemon ended first: it may have begun
             if "code" not in document or document["code"] == "internal-error":
                 self.witness.wrong.append(f"answer: {wanted} was answered {answer.status_code} {answer.text[:200]}")
             return None
