@@ -16,7 +16,6 @@ from typing import Any
 
 ROOT = Path(__file__).resolve().parents[1]
 DOCS = ROOT / "docs"
-sys.path.insert(0, str(ROOT))
 
 ELSEWHERE = {"SECURITY.md": "security.md", "CHANGELOG.md": "changelog.md", "CONTRIBUTING.md": "contributing.md"}
 """Pages of the repository's root, and where the site has them."""
@@ -71,6 +70,8 @@ def _script_file(site: Path, up: str, script: str) -> str:
 
 def generated_pages() -> dict[str, str]:
     """Markdown by its place in the site."""
+    if str(ROOT) not in sys.path:  # mkdocs takes back what a hook adds while it is loaded
+        sys.path.insert(0, str(ROOT))
     openapi = json.loads((ROOT / "docs" / "openapi.json").read_text(encoding="utf-8"))
     return {
         **rest_pages(openapi),

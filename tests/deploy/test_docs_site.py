@@ -4,6 +4,7 @@ import json
 import re
 import subprocess
 import sys
+import sysconfig
 from collections.abc import Iterator
 from importlib.util import find_spec
 from pathlib import Path
@@ -29,6 +30,28 @@ LONGER = {"page.md": 7, "reliability.md": 15, "rws.md": 3}
 def generated() -> dict[str, str]:
     pages: dict[str, str] = docs_site().generated_pages()
     return pages
+
+
+AS_MKDOCS_LOADS_A_HOOK = """
+import importlib.util, sys
+sys.path.append({libraries!r})
+before = sys.path.copy()
+found = importlib.util.spec_from_file_location("docs_site", {file!r})
+module = importlib.util.module_from_spec(found)
+found.loader.exec_module(module)
+sys.path[:] = before
+print(*module.generated_pages())
+"""
+
+
+def test_a_release_generates_the_pages_where_handeyed_is_not_installed(tmp_path: Path) -> None:
+    """deploy/release.sh builds the site with the libraries alone."""
+    libraries, file = sysconfig.get_path("purelib"), str(ROOT / "deploy" / "docs_site.py")
+    code = AS_MKDOCS_LOADS_A_HOOK.format(libraries=libraries, file=file)
+    command = [sys.executable, "-I", "-S", "-c", code]  # -S: the editable installation is not there
+    ran = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert ran.returncode == 0, ran.stderr
+    assert "reference/commands.md" in ran.stdout.split()
 
 
 def test_every_operation_has_a_heading_and_a_line_in_the_index(generated: dict[str, str]) -> None:
