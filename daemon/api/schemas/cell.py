@@ -1,6 +1,7 @@
 """Schemas of the cell's state. Lengths mm, angles deg, quaternions scalar first."""
 
 import math
+from dataclasses import astuple
 from typing import Literal
 
 from pydantic import JsonValue
@@ -12,6 +13,7 @@ from calibration.documents.pose import PoseDocument, Vector
 from calibration.documents.session import CameraDocument
 from calibration.documents.target import TargetDocument
 from calibration.documents.validation import Document
+from calibration.kinematics.arm import Arm
 from calibration.kinematics.seven_axes import AnyArm
 from calibration.problem import Setup
 from calibration.sentences.sentence import as_sentence
@@ -227,12 +229,15 @@ class ArmDocument(Answer):
 
     `setup`, `target`, `camera` and `taught_poses` are of the camera asked for; `cameras`: the names of all of them.
     `model` and `limits_deg` (lowest and highest of each axis) are null when the settings do not name the arm.
-    `identifies_arm`: whether a calibration finds the arm's errors, too, where its request does not say.
+    `lengths_mm`: base to axis 2 forward and up, lower arm, axis 4 above axis 3, forearm, wrist to flange, axis 6 above
+    axis 4; null for an arm with seven axes. `identifies_arm`: whether a calibration finds the arm's errors, too, where
+    its request does not say.
     """
 
     model: str | None
     limits_deg: list[tuple[float, float]] | None
     reach_mm: float | None
+    lengths_mm: list[float] | None
     box_mm: tuple[Vector, Vector]
     speed_mm_s: float
     joint_travel_deg: float
@@ -255,6 +260,7 @@ class ArmDocument(Answer):
             model=arm.name if arm else None,
             limits_deg=None if bounds is None else [(math.degrees(low), math.degrees(high)) for low, high in bounds],
             reach_mm=round(arm.reach_mm, 3) if arm else None,
+            lengths_mm=[*astuple(arm)[1:7], arm.wrist_offset_mm] if isinstance(arm, Arm) else None,
             box_mm=robot.box_mm,
             speed_mm_s=robot.speed_mm_s,
             joint_travel_deg=robot.joint_travel_deg,

@@ -1,18 +1,25 @@
-// The cell in three dimensions: arm, box, target, views taken (solid), planned (dashed), the next (filled).
-import { Group } from '../vendor/three.js';
+// The cell in three dimensions: arm, box, target, views taken (solid), planned (dashed), the next (filled), numbered in their order.
+import { Group, Vector3 } from '../vendor/three.js';
+import { armBody, isDrawable } from './arm_body.js';
 import { arm, box, discard, floor, frustum, outline, plate } from './bodies.js';
+import { createNumbers } from './numbers.js';
 import { createView } from './view.js';
 
+const FLANGE_MM = 40;
 const COLOURS = {
-  light: { grid: 0x8a949e, arm: 0xa9b1b9, seen: 0x2b3137, next: 0x0a5299, target: 0xffffff, edge: 0x1b1f23, box: 0x5a6570 },
-  dark: { grid: 0x6a747e, arm: 0x8f99a3, seen: 0xdfe5ea, next: 0x8ec2ff, target: 0xf4f6f8, edge: 0xc3ccd4, box: 0x98a3ad },
+  light: { grid: 0x8a949e, arm: 0xa9b1b9, casts: [0x6c7680, 0xd3d8dc], seen: 0x2b3137, next: 0x0a5299, target: 0xffffff, edge: 0x1b1f23, box: 0x5a6570 },
+  dark: { grid: 0x6a747e, arm: 0x8f99a3, casts: [0x5b6670, 0xaab4bd], seen: 0xdfe5ea, next: 0x8ec2ff, target: 0xf4f6f8, edge: 0xc3ccd4, box: 0x98a3ad },
 };
 
 /** A scene on `canvas`, or null where nothing can be drawn. `show(parts, dark)` replaces what has changed. */
 export async function createCellScene(canvas) {
-  const view = await createView(canvas);
+  let onDraw = () => {};
+  const view = await createView(canvas, { onDraw: () => onDraw() });
   if (!view) return null;
   const shown = new Map();
+  const bodies = {};
+  const numbers = view.flat ? null : createNumbers(canvas, (point) => new Vector3(...point).project(view.camera));
+  onDraw = () => numbers?.place();
   let framed = '';
   let added = false;
   const put = (name, key, make) => {
@@ -27,19 +34,32 @@ export async function createCellScene(canvas) {
   };
   return {
     flat: view.flat,
-    show({ skeleton_mm, box_mm, target, outline_mm, views = [], planned = [], next, here, ghost_mm, carried = 'camera' }, dark) {
+    /** The arm is a body where its lengths and joints are known and it can be drawn as one, else thick lines along its skeleton. */
+    show({ skeleton_mm, lengths_mm, joints_deg, ghost_deg, box_mm, target, outline_mm, views = [], planned = [], next, here, ghost_mm, carried = 'camera' }, dark) {
       const colour = dark ? COLOURS.dark : COLOURS.light;
       const of = (value) => `${dark}${JSON.stringify(value ?? null)}`;
       put('floor', of(0), () => [floor(colour.grid)]);
-      put('arm', of(skeleton_mm), () => (skeleton_mm ? [arm(skeleton_mm, colour.arm)] : []));
-      put('ghost', of(ghost_mm), () => (ghost_mm ? [outline([...ghost_mm, ...ghost_mm.slice(1, -1).reverse()], colour.next)] : []));
+      const drawable = !view.flat && isDrawable(lengths_mm);
+      const body = (name, joints, colours, how) => {
+        put(name, of([lengths_mm, Boolean(joints)]), () => {
+          bodies[name] = joints ? armBody(lengths_mm, colours, how) : null;
+          return joints ? [bodies[name].group] : [];
+        });
+        if (joints) bodies[name].pose(joints);
+        view.draw();
+      };
+      if (drawable && skeleton_mm && joints_deg) body('arm', joints_deg, colour.casts);
+      else put('arm', of(skeleton_mm), () => (skeleton_mm ? [arm(skeleton_mm, colour.arm)] : []));
+      if (drawable && ghost_deg) body('ghost', ghost_deg, [colour.next, colour.next], { ghost: true });
+      else put('ghost', of(ghost_mm), () => (ghost_mm ? [outline([...ghost_mm, ...ghost_mm.slice(1, -1).reverse()], colour.next)] : []));
       put('box', of(box_mm), () => (box_mm ? [box(...box_mm, colour.box)] : []));
       put('target', of([target, outline_mm]), () => (target ? [targetOf(target, outline_mm, colour)] : []));
-      const mark = (pose, look) => (carried === 'target' ? edgeOf(pose, outline_mm, look) : frustum(pose, look));
-      put('views', of([views, carried]), () => views.map((pose) => mark(pose, { colour: colour.seen })));
-      put('planned', of([planned, carried]), () => planned.map((pose) => mark(pose, { colour: colour.next, dashed: true })));
-      put('next', of([next, carried]), () => (next ? [mark(next, { colour: colour.next, filled: true, length: 160 })] : []));
-      put('here', of(here), () => (here ? [frustum(here, { colour: colour.seen, filled: true })] : []));
+      const mark = (pose, look) => markOf(pose, look, { known: Boolean(target), carried, outline_mm });
+      put('views', of([views, carried, Boolean(target)]), () => views.map((pose) => mark(pose, { colour: colour.seen })));
+      put('planned', of([planned, carried, Boolean(target)]), () => planned.map((pose) => mark(pose, { colour: colour.next, dashed: true })));
+      put('next', of([next, carried, Boolean(target)]), () => (next ? [mark(next, { colour: colour.next, filled: true, length: 160 })] : []));
+      put('here', of([here, Boolean(target)]), () => (here && target ? [frustum(here, { colour: colour.seen, filled: true })] : []));
+      numbers?.show({ taken: views, next, planned }, dark);
       const around = of([box_mm, Boolean(skeleton_mm)]);
       if (box_mm && around !== framed) {
         framed = around;
@@ -52,9 +72,16 @@ export async function createCellScene(canvas) {
     },
     dispose() {
       for (const { group } of shown.values()) discard(group);
+      numbers?.dispose();
       view.dispose();
     },
   };
+}
+
+/** What marks the pose of a view: the camera, or the target that the flange carries. While X is not known, so that nobody knows where they are, the flange. */
+export function markOf(pose, look, { known, carried, outline_mm }) {
+  if (!known) return plate(pose, [-FLANGE_MM, FLANGE_MM], [-FLANGE_MM, FLANGE_MM], null, look.colour);
+  return carried === 'target' ? edgeOf(pose, outline_mm, look) : frustum(pose, look);
 }
 
 /** The plate that holds the points of the target, with a margin. */

@@ -1,8 +1,13 @@
 """The start of a scene in three dimensions: in steps, so that the page answers between them."""
 
+from itertools import combinations
+from math import dist
+
 import pytest
 
+from tests.daemon.fakes import poses_around_the_target
 from tests.daemon.page.conftest import Opened
+from tests.daemon.page.holding import press
 
 pytestmark = [pytest.mark.asyncio(loop_scope="module"), pytest.mark.slow]
 
@@ -70,3 +75,16 @@ async def test_without_workers_the_scene_is_drawn_all_the_same(open_page: Opened
         await page.add_init_script(f"delete window.Worker; {COUNT_IDLE_PERIODS}")
         await page.reload()
         await page.wait_for_function("() => window.began?.shaders !== undefined")
+
+
+NUMBERS = """() => [...document.querySelectorAll('svg.numbers text')].map((one) => [
+    Number(one.textContent), Number(one.getAttribute('x')), Number(one.getAttribute('y'))])"""
+
+
+async def test_planned_pictures_are_numbered_in_their_order_and_can_be_told_apart(open_page: Opened) -> None:
+    async with open_page("operator", "calibrate") as page:
+        await press(page.get_by_role("button", name="Show the poses"))
+        await page.locator("svg.numbers text").first.wait_for()
+        found = await page.evaluate(NUMBERS)
+        assert [number for number, *_ in found] == list(range(1, len(poses_around_the_target()) + 1))
+        assert all(dist(one[1:], other[1:]) >= 22 for one, other in combinations(found, 2))
