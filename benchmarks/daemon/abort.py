@@ -119,14 +119,21 @@ class Plant:
             await flood.wait()
 
     async def _abort(self, run: dict[str, Any]) -> Sample:
-        await wait_until(lambda: self.cell.flange_now().moving and self.cell.controller.armed)
+        await wait_until(
+            lambda: (
+                self.cell.controller.arm.is_moving_at(self.cell.controller.robot_s(self.cell.clock()))
+                and self.cell.controller.armed
+            )
+        )
         if self.way == "rws":
             self.cell.inject_fault("link-half-open")
         began_s, (used_ms, waited_ms) = time.perf_counter(), used_and_waited_ms(self.daemon_pid)
         aborting = asyncio.create_task(self.client.post(f"/runs/{run['id']}/abort"))
         await wait_until(self.stopped)
         stop_s, (used_then_ms, waited_then_ms) = time.perf_counter(), used_and_waited_ms(self.daemon_pid)
-        await wait_until(lambda: not self.cell.flange_now().moving)
+        await wait_until(
+            lambda: not self.cell.controller.arm.is_moving_at(self.cell.controller.robot_s(self.cell.clock()))
+        )
         stands_s = time.perf_counter()
         answer = await aborting
         answer_s = time.perf_counter()

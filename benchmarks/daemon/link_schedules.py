@@ -237,7 +237,7 @@ async def _move_fails(robot: CbRobot, goal: MoveGoal, tally: Tally) -> bool:
 async def _comes_to_rest(cell: MockCell) -> None:
     """Wait until the controller stops and disarms by itself, after two seconds of silence."""
     ends_s = time.monotonic() + REST_LIMIT_S
-    while cell.flange_now().moving and time.monotonic() < ends_s:  # noqa: ASYNC110 - it happens in arm time
+    while cell.controller.arm.is_moving_at(cell.controller.robot_s(cell.clock())) and time.monotonic() < ends_s:  # noqa: ASYNC110 - it happens in arm time
         await asyncio.sleep(0.02)
 
 
@@ -247,7 +247,9 @@ async def _moves_by_itself(cell: MockCell, robot: CbRobot) -> bool:
     await _comes_to_rest(cell)
     departures = cell.controller.arm.departures
     await asyncio.sleep(0.5)
-    return cell.controller.arm.departures != departures or cell.flange_now().moving
+    return cell.controller.arm.departures != departures or cell.controller.arm.is_moving_at(
+        cell.controller.robot_s(cell.clock())
+    )
 
 
 def _somewhere(cell: MockCell, random: Random) -> MoveGoal:

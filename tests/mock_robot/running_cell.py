@@ -51,7 +51,8 @@ class RunningCell:
 
     @property
     def moving(self) -> bool:
-        return self.cell.flange_now().moving
+        now_s = self.cell.clock()
+        return self.cell.controller.arm.is_moving_at(self.cell.controller.robot_s(now_s))
 
     def inject_fault(
         self, fault: str, *, strikes: int | None = None, only: Command | None = None, after_moves: int = 0

@@ -255,7 +255,7 @@ async def test_camera_and_scanner_see_the_true_flange_and_their_faults_are_switc
 
 
 def _flange_poses(cell: RunningCell) -> tuple[Array, Array]:
-    return cell.cell.flange_now().base_T_flange, cell.controller.arm.reported_base_T_flange(0.0)
+    return cell.cell.flange_at(cell.cell.clock()), cell.controller.arm.reported_base_T_flange(0.0)
 
 
 def _projected(truth: CellTruth, base_T_flange: Array) -> Array:
@@ -266,7 +266,7 @@ def _projected(truth: CellTruth, base_T_flange: Array) -> Array:
 @pytest.mark.parametrize("seed", [1, 7, 23])
 def test_at_the_start_the_camera_looks_at_the_target_from_600_mm(seed: int) -> None:
     cell = MockCell(CellTruth.from_seed(seed))
-    base_T_camera = cell.flange_now().base_T_flange @ cell.truth.flange_T_camera
+    base_T_camera = cell.flange_at(cell.clock()) @ cell.truth.flange_T_camera
     offset = target_middle_mm(cell.truth) - base_T_camera[:3, 3]
     assert np.linalg.norm(offset) == pytest.approx(START_DISTANCE_MM, abs=1.0)
     assert offset @ base_T_camera[:3, 2] == pytest.approx(START_DISTANCE_MM, abs=1.0)

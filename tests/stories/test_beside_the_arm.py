@@ -169,7 +169,9 @@ async def register(cell: Cell, reading: float) -> float:
     axes = ",".join([*["0"] * (cell.axis.number - 1), str(reading)])
     given = await ask.post("/register", params={**at, "external_axes": axes}, content=cloud, headers=headers)
     assert np.allclose(points_of(given.content), points_of(answer.content), atol=0.05)
-    truth = map_points(cell.story.cell.cell.flange_now().base_T_flange @ cell.story.truth.mount_T_scanner, POINTS)
+    truth = map_points(
+        cell.story.cell.cell.flange_at(cell.story.cell.cell.clock()) @ cell.story.truth.mount_T_scanner, POINTS
+    )
     return float(np.linalg.norm(points_of(answer.content) - truth, axis=1).max())
 
 

@@ -41,7 +41,7 @@ def furthest_x_mm(story: Plant, moves: list[tuple[Array, Array]]) -> float:
 
 def poses_on_an_arc(story: Plant, *angles_and_radii: tuple[float, float]) -> list[dict[str, object]]:
     """As the flange is turned at the start, at angles (degrees) about axis 1 and radii (mm), 850 mm high."""
-    start = story.cell.cell.flange_now().base_T_flange
+    start = story.cell.cell.flange_at(story.cell.cell.clock())
     poses = []
     for angle_deg, radius_mm in angles_and_radii:
         turn = transform(rotation_from_vector([0, 0, np.radians(angle_deg)]), np.zeros(3))

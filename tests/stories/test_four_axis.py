@@ -62,7 +62,7 @@ async def test_the_target_is_touched_once_and_a_cloud_comes_out_in_base(tmp_path
         answer = await ask.post(
             "/register", params={"pose": "now"}, content=ply_of(points), headers={"content-type": "application/x-ply"}
         )
-        flange = story.cell.cell.flange_now().base_T_flange
+        flange = story.cell.cell.flange_at(story.cell.cell.clock())
         registered = points_of(answer.content) - map_points(flange @ truth.mount_T_scanner, points)
         print("story: registered points off by", np.linalg.norm(registered, axis=1).round(3), "mm")
         assert np.linalg.norm(registered, axis=1).max() < 2 * POINT_MM

@@ -61,7 +61,7 @@ async def test_calibrate_verify_register_and_scan_a_door(tmp_path: Path) -> None
         points = np.array([[0.0, 0, 600], [50, -20, 580]])
         params, headers = {"pose": "now"}, {"content-type": "application/x-ply"}
         answer = await ask.post("/register", params=params, content=ply_of(points), headers=headers)
-        truth = story.cell.cell.flange_now().base_T_flange @ story.truth.flange_T_camera
+        truth = story.cell.cell.flange_at(story.cell.cell.clock()) @ story.truth.flange_T_camera
         expected = points @ truth[:3, :3].T + truth[:3, 3]
         assert np.abs(points_of(answer.content) - expected).max() < THREE_POSES_MM
 

@@ -78,7 +78,7 @@ async def test_two_cameras_and_a_scanner_are_calibrated_together(tmp_path: Path)
                 headers={"content-type": "application/x-ply"},
             )  # fmt: skip
             assert answer.status_code == 200, answer.text
-            flange = cell.cell.flange_now().base_T_flange
+            flange = cell.cell.flange_at(cell.cell.clock())
             off_mm = np.linalg.norm(
                 points_of(answer.content) - map_points(flange @ truth.further_scanners["door"], points), axis=1
             )

@@ -31,7 +31,7 @@ DOWN = [0.0, 0.0, -1.0]
 
 def true_tip_mm(story: Plant) -> Array:
     """Where the tip really is in the base, (3,)."""
-    return map_points(story.cell.cell.flange_now().base_T_flange, TIP_MM[None])[0]
+    return map_points(story.cell.cell.flange_at(story.cell.cell.clock()), TIP_MM[None])[0]
 
 
 async def approaches(story: Plant, **body: Any) -> dict[str, Any]:

@@ -38,7 +38,7 @@ async def calibrate_and_register(cell: RunningCell, truth: CellTruth, address: s
         document = (await story.application.store.current())[1].document
         look = (await ask.get("/camera/look")).json()
         answer = await ask.post("/register", params={"pose": "now"}, content=ply_of(SEEN_MM), headers=PLY)
-        expected = map_points(cell.cell.flange_now().base_T_flange @ truth.mount_T_scanner, SEEN_MM)
+        expected = map_points(cell.cell.flange_at(cell.cell.clock()) @ truth.mount_T_scanner, SEEN_MM)
         off_mm = np.linalg.norm(points_of(answer.content) - expected, axis=1)
     assert document.mount_T_camera is not None
     point_mm = score_calibration(truth, document.mount_T_camera.transform())["point_rms_mm"]

@@ -115,7 +115,9 @@ async def test_stop_ends_the_program_and_the_move(version: int) -> None:
         cell.controller.arm.depart(AWAY, 20.0, False, cell.controller.robot_s(cell.cell.clock()))
         await robot.stop_and_disarm()
         assert not cell.controller.panel.program_running
-        await eventually(lambda: not cell.cell.flange_now().moving)
+        await eventually(
+            lambda: not cell.cell.controller.arm.is_moving_at(cell.cell.controller.robot_s(cell.cell.clock()))
+        )
         assert (await robot.read_event_log())[0].code == 10005
 
 
@@ -301,7 +303,9 @@ async def test_the_second_way_stops_a_move_when_the_cb_link_breaks(version: int)
             goal = MoveGoal(arm.forward(AWAY), Configuration(*arm.configuration(AWAY)), speed_mm_s=50.0)
             with pytest.raises(LinkLost):
                 await robot.move_to(goal)
-            await eventually(lambda: not cell.cell.flange_now().moving)
+            await eventually(
+                lambda: not cell.cell.controller.arm.is_moving_at(cell.cell.controller.robot_s(cell.cell.clock()))
+            )
             assert not cell.controller.panel.program_running
         finally:
             await robot.close()
