@@ -1,6 +1,6 @@
 """`handeyed robot acceptance`: every assumption about a controller, checked on the wire in one guided program."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping
 from json import dumps, loads
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -63,34 +63,34 @@ def acceptance(
 async def _run(
     address: str, services: str | None, rows: "list[Row]", limits: Any, operator: str | None, *, quiet: bool
 ) -> dict[str, Any]:
-    from datetime import UTC, datetime
-    from importlib.metadata import version
-
-    from daemon.tools.acceptance_report import acceptance_document
     from drivers.registry import cb_transport
     from drivers.robots.abb.acceptance.bench import Bench
-    from drivers.robots.abb.acceptance.program import head, run_rows
     from drivers.robots.abb.rws.address import RwsAddress
 
     person: Person = Operator(operator) if operator else Terminal()
     where = RwsAddress.parse(services) if services else None
     bench = Bench(cb_transport(address), where, person, limits)
+    return await accept(bench, rows, lambda result: typer.echo(result.line(), err=quiet))
+
+
+async def accept(bench: "Bench", rows: "Iterable[Row]", note: "Callable[[RowResult], None]") -> dict[str, Any]:
+    """The report of these rows; `note` gets each result as it is there."""
+    from datetime import UTC, datetime
+    from importlib.metadata import version
+
+    from daemon.tools.acceptance_report import acceptance_document
+    from drivers.robots.abb.acceptance.program import head, run_rows
+
     began_at = f"{datetime.now(UTC):%Y-%m-%d %H:%M:%S} UTC"
-
-    def note(result: "RowResult") -> None:
-        typer.echo(result.line(), err=quiet)
-
     controller = await head(bench)
-    results = await run_rows(bench, rows, note)
-    log = await _event_log(bench)
     return acceptance_document(
-        [vars(result) for result in results],
+        [vars(result) for result in await run_rows(bench, rows, note)],
         handeyed=version("handeyed"),
         began_at=began_at,
-        address=address,
-        services=None if where is None else where.address,
+        address=bench.transport.address,
+        services=None if bench.services is None else bench.services.address,
         controller=dict(controller),
-        event_log=log,
+        event_log=await _event_log(bench),
     )
 
 

@@ -2,7 +2,7 @@
 
 UNUSED_AXIS = 9e9
 """ABB's value for an external axis that does not exist."""
-UNUSED_AXES = (UNUSED_AXIS,) * 6
+UNUSED_AXES = (UNUSED_AXIS, UNUSED_AXIS, UNUSED_AXIS, UNUSED_AXIS, UNUSED_AXIS, UNUSED_AXIS)
 MIN_UNUSED_AXIS = 8.9e9
 """Axes at or above this do not exist: 9E9 is float32 8999999488 on the CB link, RWS prints 8.999999e+09 or 9E+09."""
 

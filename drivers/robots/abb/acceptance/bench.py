@@ -80,11 +80,11 @@ class Bench:
     _wire: Wire | None = field(default=None, init=False)
 
     @asynccontextmanager
-    async def wire(self) -> AsyncIterator[Wire]:
-        """A greeted connection, closed politely, and kept alive while the person works."""
-        wire = self._wire = Wire(self.transport, self.timing)
+    async def wire(self, *, patient: bool = False) -> AsyncIterator[Wire]:
+        """A greeted connection, closed politely, and kept alive while the person works; `patient`: as `reconnect`."""
+        wire = await self.reconnect(self.limits.reconnect_s if patient else 0.0)
         try:
-            yield await wire.open()
+            yield wire
         finally:
             await self.close(wire)
 
@@ -250,16 +250,16 @@ class Bench:
                     f"the arm moved by itself: {difference(first.base_T_flange, now.base_T_flange)[0]:.1f} mm"
                 )
 
-    async def reconnect(self) -> Wire:
+    async def reconnect(self, limit_s: float) -> Wire:
         """A greeted connection, as soon as the controller answers. Raises the last error after the limit."""
-        ends_s = self.timing.clock() + self.limits.reconnect_s
+        ends_s = self.timing.clock() + limit_s
         while True:
             wire = self._wire = Wire(self.transport, self.timing)
             try:
                 return await wire.open()
             except DeviceError:
                 await self.close(wire, politely=False)
-                if self.timing.clock() > ends_s:
+                if self.timing.clock() >= ends_s:
                     raise
                 await self.timing.sleep(BEAT_S)
 

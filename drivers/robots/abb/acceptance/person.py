@@ -47,6 +47,7 @@ ENABLE = Step("enable", "{choose} manual reduced speed, hold the enabling device
 DISABLE = Step("disable", "NOW: release the enabling device", now=True)
 PROGRAM_STOP = Step("program-stop", "NOW: press Stop at the pendant", now=True)
 PROGRAM_START = Step("program-start", "press Start, WITHOUT PP to main")
+HOLD_PLUG = Step("hold-plug", "next the network plug between this PC and the controller is pulled in a move: hold it")
 PULL = Step("pull", "NOW: pull the network plug between this PC and the controller", now=True)
 PLUG = Step("plug", "plug it in again")
 CUT_CONSENT = Step("cut-consent", "the next row switches the mains off while the arm moves: may it?", consent=True)

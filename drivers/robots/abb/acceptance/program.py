@@ -125,9 +125,7 @@ async def run_rows(bench: Bench, rows: Iterable[Row], note: Callable[[RowResult]
             measured = await row.run(bench)
         except RowSkipped as skipped:
             verdict, what = "skipped", str(skipped)
-        except RowFailed as failed:
-            verdict, what = "failed", str(failed)
-        except (DeviceError, CalibrationError) as error:
+        except (RowFailed, DeviceError, CalibrationError) as error:
             verdict, what = "failed", str(error)
         seconds = round(bench.timing.clock() - began_s, 2)
         result = RowResult(row.code, row.assumption, verdict, what, measured, seconds)  # type: ignore[arg-type]

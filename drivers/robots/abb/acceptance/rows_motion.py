@@ -1,5 +1,6 @@
 """Rows with motion: how the arm moves, stops and keeps still, with and without a person."""
 
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
@@ -9,7 +10,7 @@ from drivers.errors import DeviceError
 from drivers.interfaces import MoveGoal, PoseReading
 from drivers.robots.abb import cb_wire
 from drivers.robots.abb.acceptance import person
-from drivers.robots.abb.acceptance.bench import BEAT_S, Bench, RowFailed, RowSkipped, goal_of
+from drivers.robots.abb.acceptance.bench import BEAT_S, Bench, RowFailed, goal_of
 from drivers.robots.abb.acceptance.rows_link import Measured
 from drivers.robots.abb.acceptance.wire import Wire
 from protocols.cb.codes import Flag
@@ -90,7 +91,7 @@ async def _sample_turn(bench: Bench, wire: Wire, home: MoveGoal) -> list[tuple[i
             return await _sample(bench, wire, exchange.seq)
         if exchange.reply.name != "UNREACHABLE":
             raise RowFailed(f"a turn was refused: {exchange.reply.name}")
-    raise RowSkipped(f"no turn of {bench.limits.turn_deg:g}° keeps the posture here: jog the arm elsewhere")
+    raise RowFailed(f"no turn of {bench.limits.turn_deg:g}° keeps the posture here: jog the arm elsewhere")
 
 
 async def _sample(bench: Bench, wire: Wire, seq: int) -> list[tuple[int, Array]]:
@@ -137,6 +138,8 @@ async def borders(bench: Bench) -> Measured:
             if outcomes[name] not in ("OK", "UNREACHABLE"):
                 raise RowFailed(f"axis 6 at {name}: the move ended {outcomes[name] or 'never'}")
         await bench.go_home(wire)
+    if "OK" not in outcomes.values():
+        raise RowFailed(f"no goal beside {border_deg:g}° of axis 6 is reached from here: jog the arm elsewhere")
     return outcomes
 
 
@@ -175,115 +178,124 @@ async def keep_time(bench: Bench) -> Measured:
 
 async def fall_silent(bench: Bench) -> Measured:
     """When the PC falls silent, the arm stands within the link's limit, and is disarmed."""
-    return await _lose(bench, "silent")
+    return await _lose(bench, silent=True)
 
 
 async def kill_client(bench: Bench) -> Measured:
     """When the PC's program is killed, the arm stands within the link's limit, and is disarmed."""
-    return await _lose(bench, "killed")
+    return await _lose(bench)
 
 
 async def pull_plug(bench: Bench) -> Measured:
     """When the plug is pulled, the arm stands within the link's limit, and is disarmed."""
-    return await _lose(bench, "pulled")
+    await bench.ask_person(person.HOLD_PLUG)
+    return await _lose(bench, person.PULL, person.PLUG)
 
 
-async def _lose(bench: Bench, how: str) -> Measured:
+async def cut_power(bench: Bench) -> Measured:
+    """A power cut in a slow move; started without PP to main, nothing old moves."""
+    await bench.ask_person(person.CUT_CONSENT)
+    return await _lose(bench, person.POWER_CUT, person.POWER_ON, restarts=True)
+
+
+async def cut_power_to_main(bench: Bench) -> Measured:
+    """A power cut in a slow move; after PP to main nothing old moves."""
+    await bench.ask_person(person.CUT_CONSENT)
+    return await _lose(bench, person.POWER_CUT, person.POWER_ON_MAIN, restarts=True)
+
+
+async def _lose(
+    bench: Bench,
+    act: person.Step | None = None,
+    then: person.Step | None = None,
+    *,
+    silent: bool = False,
+    restarts: bool = False,
+) -> Measured:
+    """Lose the link in a slow move, wait until that would be over, and see how far the arm went on.
+
+    `act`: what a person does to lose it, and `then` to mend it; without, this program falls silent, or ends.
+    """
     limits = bench.limits
-    wire = await bench.reconnect()
+    speed_mm_s = limits.slow_mm_s / (2 if act else 1)  # a person needs a moment
+    held_s = limits.silence_s + limits.margin_s
+    allowed_mm = speed_mm_s * held_s + 2.0
+    wire = await bench.reconnect(limits.reconnect_s)
     try:
         home = await bench.go_home(wire)
         await bench.arm(wire)
-        goal = bench.away(home, limits.slow_mm_s)
-        if how == "pulled":
-            await bench.ask_person(person.PLUG)
+        goal = bench.away(home, speed_mm_s)
         _, left = await bench.under_way(wire, goal)
-        if how == "pulled":
-            await bench.ask_person(person.PULL)
-            await _until_lost(bench, wire)
-        if how == "silent":
-            await bench.timing.sleep(limits.silence_s + limits.margin_s)
+        session = wire.welcome.session if wire.welcome else 0
+        if act is not None:
+            await bench.ask_person(act)
+            left = await _last_pose(bench, wire, left)
+        rest_mm, _ = difference(left.base_T_flange, goal.base_T_flange)
+        wait_s = max(rest_mm / speed_mm_s, held_s)
+        if silent:
+            await bench.timing.sleep(wait_s)
     finally:
         await bench.close(wire, politely=False)
-    if how != "silent":
-        await bench.timing.sleep(limits.silence_s + limits.margin_s)
-    if how == "pulled":
-        await bench.ask_person(person.PLUG)
-    wire = await bench.reconnect()
-    try:
-        stood = await bench.pose(wire)
-        armed = (await bench.report(wire)).flags & Flag.ARMED
+    if not silent:
+        await bench.timing.sleep(wait_s)
+    if then is not None:
+        await bench.ask_person(then)
+        await bench.timing.sleep(limits.stand_s)  # an old move goes on, which the greeting would end
+    async with bench.wire(patient=True) as wire:
+        stood, flags = await bench.pose(wire), (await bench.report(wire)).flags
         await bench.stays(wire, min(1.0, limits.stand_s))
         travelled_mm, _ = difference(left.base_T_flange, stood.base_T_flange)
-        allowed_mm = limits.slow_mm_s * (limits.silence_s + limits.margin_s) + 2.0
-        if armed:
+        if restarts and wire.welcome and wire.welcome.session == session:
+            raise RowFailed("the session number is that of before: the controller did not restart")
+        if flags & Flag.ARMED:
             raise RowFailed("still armed after the reconnection")
-        if how != "pulled" and travelled_mm > allowed_mm:
+        if rest_mm <= allowed_mm:
+            raise RowFailed(f"{rest_mm:.0f} mm were left, {allowed_mm:.0f} may be run after the loss: nothing measured")
+        if travelled_mm > allowed_mm:
             raise RowFailed(f"the arm went on for {travelled_mm:.1f} mm, {allowed_mm:.1f} is what the limit allows")
-        await bench.go_home(wire)
-    finally:
-        await bench.close(wire)
+        await _home_when_ready(bench, wire)
     return {"mm": round(travelled_mm, 1)}
 
 
-async def _until_lost(bench: Bench, wire: Wire) -> None:
+async def _last_pose(bench: Bench, wire: Wire, last: PoseReading) -> PoseReading:
+    """The last pose that was read before the link was lost; `last` is one already. Raises RowFailed when it is not."""
     try:
         for _ in range(100):
-            await bench.pose(wire)
+            last = await bench.pose(wire)
             await bench.timing.sleep(BEAT_S / 2)
     except DeviceError:
-        return
-    raise RowFailed("the link still answers: was the plug pulled?")
+        return last
+    raise RowFailed("the link still answers: was it done?")
 
 
-async def _interrupt(
-    bench: Bench, act: person.Step, ends: tuple[str, ...], then: person.Step, *, reconnects: bool = False
-) -> Measured:
+async def _interrupt(bench: Bench, act: person.Step, ends: tuple[str, ...], then: person.Step) -> Measured:
     """A move is interrupted by a person; the arm stands, and stays so when the program is started again."""
     limits = bench.limits
-    wire = await bench.reconnect()
-    try:
+    async with bench.wire(patient=True) as wire:
         home = await bench.go_home(wire)
         await bench.arm(wire)
         seq, _ = await bench.under_way(wire, bench.away(home, limits.slow_mm_s))
-        session = wire.welcome.session if wire.welcome else 0
         await bench.ask_person(act)
-        ended = "LOST"
-        try:
-            ended = await bench.end_of(wire, seq, limits.travel_mm / limits.slow_mm_s + 10.0)
-        except DeviceError:
-            if not reconnects:
-                raise
-        if reconnects:
-            await bench.close(wire, politely=False)
-            await bench.ask_person(then)
-            wire = await bench.reconnect()
-            if wire.welcome and wire.welcome.session == session:
-                raise RowFailed("the session number is that of before: the controller did not restart")
-        else:
-            if ended not in ends:
-                raise RowFailed(f"the move ended {ended or 'never'}, expected {' or '.join(ends)}")
-            await bench.standing(wire, 5.0)
-            await bench.ask_person(then)
+        ended = await bench.end_of(wire, seq, limits.travel_mm / limits.slow_mm_s + 10.0)
+        await bench.standing(wire, 5.0)
+        await bench.ask_person(then)  # whatever was seen: the rows behind need the controller ready
+        if ended not in ends:
+            raise RowFailed(f"the move ended {ended or 'never'}, expected {' or '.join(ends)}")
         if (await bench.report(wire)).flags & Flag.ARMED:
             raise RowFailed("still armed")
         await bench.stays(wire, limits.stand_s)
         await _home_when_ready(bench, wire)
-    finally:
-        await bench.close(wire)
     return {"ended": ended}
 
 
 async def _home_when_ready(bench: Bench, wire: Wire) -> None:
     """Back to the start; the program may need a moment to answer after it was started."""
-    for attempt in range(20):
-        try:
+    for _ in range(19):
+        with suppress(RowFailed):
             await bench.go_home(wire)
             return
-        except RowFailed:
-            if attempt == 19:
-                raise
-            await bench.timing.sleep(0.25)
+        await bench.timing.sleep(0.25)
+    await bench.go_home(wire)
 
 
 async def press_estop(bench: Bench) -> Measured:
@@ -307,30 +319,15 @@ async def stop_program(bench: Bench) -> Measured:
     return await _interrupt(bench, person.PROGRAM_STOP, ("WRONG_MODE", "ABORTED"), person.PROGRAM_START)
 
 
-async def cut_power(bench: Bench) -> Measured:
-    """A power cut in a slow move; started without PP to main, nothing old moves."""
-    await bench.ask_person(person.CUT_CONSENT)
-    return await _interrupt(bench, person.POWER_CUT, (), person.POWER_ON, reconnects=True)
-
-
-async def cut_power_to_main(bench: Bench) -> Measured:
-    """A power cut in a slow move; after PP to main nothing old moves."""
-    await bench.ask_person(person.CUT_CONSENT)
-    return await _interrupt(bench, person.POWER_CUT, (), person.POWER_ON_MAIN, reconnects=True)
-
-
 async def restart(bench: Bench) -> Measured:
     """A restart begins a new session, disarmed; the link answers again by itself."""
     async with bench.wire() as wire:
         before = wire.welcome.session if wire.welcome else 0
     began_s = bench.timing.clock()
     await bench.ask_person(person.RESTART)
-    wire = await bench.reconnect()
-    try:
+    async with bench.wire(patient=True) as wire:
         after = wire.welcome.session if wire.welcome else 0
         flags = (await bench.report(wire)).flags
-    finally:
-        await bench.close(wire)
     if after == before:
         raise RowFailed(f"the session number is still {before}")
     if flags & Flag.ARMED:
