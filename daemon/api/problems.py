@@ -225,7 +225,8 @@ def answer(problem: Problem, headers: dict[str, str] | None = None) -> Response:
 
 async def handle(_request: Request, error: Exception) -> Response:
     """Exception handler for the errors of the table."""
-    return answer(problem_of(error))
+    passes = isinstance(error, device.MoveRefused) and error.status == "BUSY"  # another move is under way
+    return answer(problem_of(error), {"Retry-After": BUSY_S} if passes else None)
 
 
 async def handle_validation(_request: Request, error: Exception) -> Response:

@@ -5,7 +5,8 @@ from typing import Any
 
 import pytest
 
-from daemon.api.problems import PASSING, RETRY_AFTER_S, STATUS
+from daemon.api.problems import PASSING, RETRY_AFTER_S, STATUS, handle
+from drivers.errors import MoveRefused
 from tests.daemon.cell_under_test import Bench, Parts, serving, settings_for
 from tests.daemon.fakes import Gate
 
@@ -54,6 +55,13 @@ async def test_what_passes_by_itself_says_when_to_come_again(tmp_path: Path) -> 
         assert (never.json()["code"], "retry-after" in never.headers) == ("no-calibration", False)
 
 
+@pytest.mark.parametrize(("status", "passes"), [("BUSY", True), ("UNREACHABLE", False)])
+async def test_a_move_that_another_one_is_in_the_way_of_says_when_to_come_again(status: str, passes: bool) -> None:
+    answer = await handle(None, MoveRefused("robot", "a move is running", "wait for it", status))  # type: ignore[arg-type]
+    assert answer.status_code == 409
+    assert ("retry-after" in answer.headers) is passes
+
+
 MENDED_BY_SOMEBODY = {
     "run-over": "it stays over",
     "not-waiting": "the run never waits for anybody",
@@ -67,7 +75,7 @@ MENDED_BY_SOMEBODY = {
     "arm-unknown": "the settings name the arm",
     "key-exists": "another name is given",
     "sweep-needed": "the scanner is swept",
-    "move-refused": "the reason stands at the controller",
+    "move-refused": "the reason stands at the controller, but for BUSY",
     "not-comparable": "other documents are compared",
     "export-refused": "another format is asked for",
 }
