@@ -89,8 +89,13 @@ def _spans(values: Mapping[str, Any]) -> str:
 
 def _span(name: str, value: Any) -> str:
     if isinstance(value, Sequence) and not isinstance(value, str):
-        return f'<ul class="{name}">' + "".join(f"<li>{_spans(each)}</li>" for each in value) + "</ul>"
+        return f'<ul class="{name}">' + "".join(map(_write_entry, value)) + "</ul>"
     return f'<span class="{name}">{escape(str(value))}</span>'
+
+
+def _write_entry(values: Mapping[str, Any]) -> str:
+    head = f' class="{values["_type"]}" title="{escape(values["_title"])}"' if "_type" in values else ""
+    return f"<li{head}>{_spans({name: value for name, value in values.items() if name[0] != '_'})}</li>"
 
 
 def event(kind: str, href: str, group: int, item: Item) -> str:

@@ -53,7 +53,7 @@ def robtarget(context: RequestContext, parts: Parts) -> Reply:
 def cartesian(context: RequestContext, parts: Parts) -> Reply:
     position, quaternion = _pose(context, parts)
     values = {**_name_components(position, quaternion), **_configuration(context, context.dialect.configuration_names)}
-    return Reply(items=[Item("ms-mechunit-cartesian", _title(context, MECHUNIT, "cartesian"), values)])
+    return Reply(items=[Item("ms-mechunit-cartesian", "cartesian", values)])
 
 
 def jointtarget(context: RequestContext, parts: Parts) -> Reply:
@@ -164,7 +164,9 @@ def symbol_properties(context: RequestContext, parts: Parts) -> Reply:
     found = context.world.memory.symbol(parts["symbol"], context.world.cabinet)
     if found is None:
         raise RwsRefused(context.dialect.no_symbol)
-    values = {"symburl": f"RAPID/{found[0]}", "symtyp": "per", "dattyp": found[1].type, "dim": "", "local": "false"}
+    values = {"symburl": f"RAPID/{found[0]}", "symtyp": "per", "named": "true", "dattyp": found[1].type, "ndim": "0",
+              "dim": "", "local": "false", "rdonly": "false", "taskpers": "false",
+              "typurl": f"RAPID/{found[1].type}"}  # fmt: skip
     return Reply(items=[Item("rap-symproppers", f"RAPID/{found[0]}", values)])
 
 
@@ -199,24 +201,27 @@ def masterships(context: RequestContext, parts: Parts) -> Reply:
 def system(context: RequestContext, parts: Parts) -> Reply:
     version = VERSIONS[context.dialect.version]
     major, minor, build = version.partition("+")[0].split(".")
-    values = {"name": "handeyed mock", "rwversion": version, "rwversionname": version, "major": major, "minor": minor,
-              "build": build, "title": "RobotWare", "sysid": "{00000000-0000-0000-0000-000000000001}"}  # fmt: skip
-    more = {"revision": "0", "sub-revision": "0", "buildtag": "", "robapi-compatibility-revision": "5",
-            "type": "RobotWare", "description": "Controller Software", "date": "2025-11-05", "mctimestamp": "",
-            "starttm": f"{context.world.elog.epoch:%Y-%m-%d T %H:%M:%S}", "rwdistributionversion": version}  # fmt: skip
-    kind = _title(context, "sys-system-li", "sys-system")
-    return Reply(items=[Item(kind, "system", values if kind.endswith("-li") else values | more)])
+    values = {"name": "handeyed mock", "rwversion": version, "rwversionname": version,
+              "sysid": "{00000000-0000-0000-0000-000000000001}",
+              "starttm": f"{context.world.elog.epoch:%Y-%m-%d T %H:%M:%S}"}  # fmt: skip
+    if context.dialect.version == 1:
+        return Reply(items=[Item("sys-system-li", "system", values)])
+    more = {"major": major, "minor": minor, "build": build, "title": "RobotWare", "revision": "0", "sub-revision": "0",
+            "buildtag": "", "robapi-compatibility-revision": "5", "type": "RobotWare",
+            "description": "Controller Software", "date": "2025-11-05", "mctimestamp": "",
+            "rwdistributionversion": version}  # fmt: skip
+    return Reply(items=[Item("sys-system", "system", values | more)])
 
 
 def options(context: RequestContext, parts: Parts) -> Reply:
     names = context.world.equipment.options(context.dialect.version)
-    return Reply(items=[Item("sys-option-li", name, {"option": name}) for name in names], listed=True)
+    return Reply(items=[Item("sys-option-li", str(at), {"option": name}) for at, name in enumerate(names)], listed=True)
 
 
 def identity(context: RequestContext, parts: Parts) -> Reply:
     kind = "Virtual Controller" if context.world.equipment.virtual else _title(context, "Real Controller", "c30")
-    mac = {"ctrl-mac": "00:00:00:00:00:00"} if context.dialect.version == 2 else {}
-    values = {"ctrl-name": "handeyed mock", "ctrl-id": "1600-000001", "ctrl-type": kind, **mac}
+    more = {"ctrl-level": "System Level"} if context.dialect.version == 1 else {"ctrl-mac": "00:00:00:00:00:00"}
+    values = {"ctrl-name": "handeyed mock", "ctrl-id": "1600-000001", "ctrl-type": kind, **more}
     return Reply(items=[Item("ctrl-identity-info", "identity", values)])
 
 

@@ -78,6 +78,7 @@ def shape(value: Any, place: str = "") -> Iterator[str]:
 def differences() -> dict[str, set[str]]:
     """The table of docs/rws.md: resource to what differs."""
     text = (ROOT / "docs" / "rws.md").read_text("utf-8").partition("## Answers beside a real controller's")[2]
+    text = text.partition("\n### ")[0]
     found = dict[str, set[str]]()
     for paths, what in re.findall(r"^\| (`.+?`) \| (.+?) \| .+ \|$", text, re.MULTILINE):
         found |= dict.fromkeys(re.findall(r"`([^`]+)`", paths), set(re.findall(r"`([^`]+)`", what)) or {what})
