@@ -190,6 +190,7 @@ def test_the_whole_controller_is_backed_up_first_and_reset_rapid_says_what_it_ta
         done = run(cell, 2, "--yes", "--backup", tmp_path)
         assert done.status == 0, done.err
         assert "IT DELETES ALL PROGRAMS" in done.out
+        assert "Nothing tells which modules have unsaved changes (positions modified): save first" in done.out
         assert "no configuration loads T_ROB1/Welding" in done.out
         saved = [path for path in cell.world.volumes.files if path.startswith("BACKUP/")]
         assert saved
@@ -228,11 +229,20 @@ def test_files_stay_while_the_configuration_names_them(tmp_path: Path, monkeypat
         cell.does(lambda: bare(cell))
         assert run(cell, 2, "--yes", "--backup", tmp_path).status == 0
         files = dict(cell.world.volumes.files)
-        monkeypatch.setattr("mock_robot.rws.acting.instance_id", lambda title: "unknown")
-        undone = handeyed("robot", "remove", cell.rws(2), "--backup", tmp_path, "--yes")
+        with monkeypatch.context() as patch:  # a controller that deletes nothing by the id of an entry
+            patch.setattr("mock_robot.rws.acting.instance_id", lambda title: "unknown")
+            undone = handeyed("robot", "remove", cell.rws(2), "--backup", tmp_path, "--yes")
         assert undone.status == 1
+        by_hand = "delete it by hand (RobotStudio: Configuration, Controller), then run this again"
+        assert f"FAIL  SYS CAB_TASK_MODULES CELL_comm: {by_hand}" in undone.out
+        assert f"FAIL  SYS CAB_TASKS T_HANDEYED: {by_hand}" in undone.out
+        assert "T_HANDEYED" in cell.world.equipment.configuration["SYS"]["CAB_TASKS"]  # its modules name it
         assert "kept, since the configuration still names them" in undone.out
         assert cell.world.volumes.files == files
+        del cell.world.equipment.configuration["SYS"]["CAB_TASK_MODULES"]  # by hand
+        again = handeyed("robot", "remove", cell.rws(2), "--backup", tmp_path, "--yes")
+        assert again.status == 0, again.out
+        assert not of_home(cell)
 
 
 @pytest.mark.slow
@@ -246,6 +256,7 @@ def test_a_bare_controller_is_set_up_read_back_and_undone(version: int, tmp_path
         assert done.status == 0, done.out + done.err
         assert "by hand  1. restart with Reset RAPID" in done.out
         assert b"PERS num cell_reach :=555;" in world.volumes.files["HOME/handeyed/CELL_shared.sys"]
+        assert b'cell_address :="127.0.0.1";' in world.volumes.files["HOME/handeyed/CELL_shared.sys"]
         assert "T_HANDEYED" in world.equipment.configuration["SYS"]["CAB_TASKS"]
         assert "cell_do_motors" in world.equipment.configuration["EIO"]["EIO_SIGNAL"]
         cell.does(lambda: cell.controller.restart(cell.cell.clock()))

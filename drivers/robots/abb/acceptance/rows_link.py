@@ -243,8 +243,7 @@ async def watch_log(bench: Bench) -> Measured:
             await wire.ask(Ping())
             await bench.timing.sleep(min(0.5, bench.limits.idle_s))
         new = [entry for entry in await robot.read_event_log() if entry.number not in before]
-    allowed = max(1, round(bench.limits.idle_s / 60))
-    if len(new) > allowed:
+    if len(new) > max(1, round(bench.limits.idle_s / 60)):
         titles = ", ".join(sorted({f"{entry.code} {entry.title}" for entry in new}))
         raise RowFailed(f"{len(new)} entries in {bench.limits.idle_s:g} s: {titles}")
     return {"entries": float(len(new)), "seconds": bench.limits.idle_s}

@@ -1,10 +1,11 @@
 """Carries a plan out, reads back what was done, and undoes it from its record."""
 
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any
 
-from drivers.errors import DeviceError
+from drivers.errors import DeviceError, RequestRefused
 from drivers.robots.abb.rws.administration import ConfigurationInstance, RwsAdministration
 from drivers.robots.abb.setup import settings
 from drivers.robots.abb.setup.plan import LOAD_MENU, SetupPlan, reset_step
@@ -160,17 +161,20 @@ async def remove(controller: RwsAdministration, record: SetupRecord) -> list[Out
 
 
 async def _delete_instances(controller: RwsAdministration, record: SetupRecord) -> list[Outcome]:
-    """Delete what was loaded, and read back that nothing is left of it. What has no title is found by its content."""
-    outcomes = []
+    """Delete what was loaded, what names another first, and read back; nothing more once something is left."""
+    outcomes: list[Outcome] = []
     try:
         async with controller.hold_mastership("cfg"):
-            for domain, kind, name in record.instances:
-                for found in await _named(controller, domain, kind, name):
-                    await controller.delete_instance(domain, kind, found)
+            for domain, kind, name in sorted(record.instances, key=lambda each: each[1] not in NAME_OTHERS):
+                if all(outcome.ok for outcome in outcomes):
+                    for found in await _named(controller, domain, kind, name):
+                        with suppress(RequestRefused):  # what is left is read back
+                            await controller.delete_instance(domain, kind, found)
                 left = await _named(controller, domain, kind, name)
-                outcomes.append(Outcome(f"{domain} {kind} {name}", not left, BY_HAND if left else ""))
+                by_hand = BY_HAND.format(menu=MENUS.get(domain, domain))
+                outcomes.append(Outcome(f"{domain} {kind} {name}", not left, by_hand if left else ""))
     except DeviceError as error:
-        outcomes.append(Outcome("configuration", False, f"{error.what}: {BY_HAND}"))
+        outcomes.append(Outcome("configuration", False, f"{error.what}: {error.fix}, then run this again"))
     return outcomes
 
 
@@ -180,7 +184,9 @@ async def _named(controller: RwsAdministration, domain: str, kind: str, name: st
     return [each for each in there if each.name == name or (name and not each.attributes and name in each.title)]
 
 
-BY_HAND = "delete it by hand (RobotStudio: Configuration), before the files are gone"
+NAME_OTHERS = ("SYSSIG_OUT", "CAB_TASK_MODULES")
+MENUS = {"SYS": "Controller", "EIO": "I/O System", "SIO": "Communication"}
+BY_HAND = "delete it by hand (RobotStudio: Configuration, {menu}), then run this again: the files go last"
 
 
 async def _restore_file(controller: RwsAdministration, path: str, content: bytes | None) -> Outcome:

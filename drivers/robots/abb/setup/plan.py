@@ -16,8 +16,8 @@ RESET_MENU = {
     7: "pendant: Settings, Advanced restart, Reset RAPID",
 }
 RESET_RAPID = (
-    "restart with Reset RAPID ({menu}). IT DELETES ALL PROGRAMS AND DATA FROM MEMORY, with positions modified since "
-    "they were saved, and loads what the configuration names. Save first what is to stay{lost}"
+    "restart with Reset RAPID ({menu}). IT DELETES ALL PROGRAMS AND DATA FROM MEMORY and loads what the configuration "
+    "names. Nothing tells which modules have unsaved changes (positions modified): save first what is to stay{lost}"
 )
 POINTER = "run mode continuous; PP to main; motors on; start; then AUTO"
 CALLED = "{task}: write cell_motion; into your program where the arm may leave its work; " + POINTER

@@ -114,11 +114,11 @@ def _system(survey: ControllerSurvey) -> Iterable[Finding]:
 
 
 def _options(survey: ControllerSurvey, *, serial: bool, egm: bool) -> Iterable[Finding]:
-    if survey.options is None:
-        what = "the controller does not list its options"
-        yield Finding("options", False, what, f"{_wanted(survey)} are needed; {OPTIONS_MENU}")
-        return
     second = "623-1 Multitasking" if survey.family == 6 else "3114-1 Multitasking"
+    if survey.options is None:
+        needed = f"616-1 PC Interface and {second} are" if survey.family == 6 else f"{second} is"
+        yield Finding("options", False, "the controller does not list its options", f"{needed} needed; {OPTIONS_MENU}")
+        return
     if not _has(survey.options, second, "multitasking"):
         yield Finding("multitasking", True, f"option {second} is missing: no second task", OPTIONS_MENU)
     socket = _has(survey.options, "616-1 PC Interface", "pc interface") or _has(survey.options, "672-1", "socket mess")
@@ -147,10 +147,6 @@ def _networks(survey: ControllerSurvey, *, serial: bool, egm: bool) -> Iterable[
             what = f"the firewall lets {door.name} through on no {where} network: {DOORS[door.name]}"
             fix = f"{FIREWALL_MENU}: {door.name}, {' or '.join(switches.values())} Yes; restart"
             yield Finding("firewall", False, what, fix)
-
-
-def _wanted(survey: ControllerSurvey) -> str:
-    return "616-1 PC Interface and 623-1 Multitasking" if survey.family == 6 else "3114-1 Multitasking"
 
 
 def _has(options: Iterable[str], number_and_name: str, word: str) -> bool:
