@@ -192,6 +192,7 @@ def test_the_whole_controller_is_backed_up_first_and_reset_rapid_says_what_it_ta
         assert "IT DELETES ALL PROGRAMS" in done.out
         assert "Nothing tells which modules have unsaved changes (positions modified): save first" in done.out
         assert "no configuration loads T_ROB1/Welding" in done.out
+        assert "T_ROB1 holds Welding: a task has one main: --called, when that program is to stay" in done.out
         saved = [path for path in cell.world.volumes.files if path.startswith("BACKUP/")]
         assert saved
         assert saved[0].partition("/SYSPAR")[0] in done.out

@@ -164,7 +164,7 @@ def _units(survey: ControllerSurvey, task: str, unit: str) -> Iterable[Finding]:
     own = [name for name in survey.modules.get(task, ()) if not name.upper().startswith(("CELL_", "BASE", "USER"))]
     if own:
         what = f"{task} holds {', '.join(own)}"
-        yield Finding("other-modules", False, what, "only one module of a task may have a main; backup comes first")
+        yield Finding("other-modules", False, what, "a task has one main: --called, when that program is to stay")
 
 
 def _rights(survey: ControllerSurvey) -> Iterable[Finding]:
