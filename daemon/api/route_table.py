@@ -30,26 +30,14 @@ from daemon.api.routes import (
 from daemon.api.schemas.health import Welcome
 from daemon.runtime.version import SOFTWARE
 
+_PLACES = """
+runs calibrations drift scans robot arm devices acceptances rigs help about ready health events live metrics
+"""
 LINKS = {
     "how to calibrate": "/calibrate",
-    "runs": "/runs",
-    "calibrations": "/calibrations",
+    **{name: f"/{name}" for name in _PLACES.split()},
     "calibration in force": "/calibrations/current",
-    "drift": "/drift",
-    "scans": "/scans",
-    "robot": "/robot",
     "camera": "/camera/frame.png",
-    "arm": "/arm",
-    "devices": "/devices",
-    "acceptances": "/acceptances",
-    "rigs": "/rigs",
-    "help": "/help",
-    "about": "/about",
-    "ready": "/ready",
-    "health": "/health",
-    "events": "/events",
-    "live": "/live",
-    "metrics": "/metrics",
     "openapi": "/openapi.json",
 }
 

@@ -12,25 +12,10 @@ OPTIONS: Mapping[int, tuple[str, ...]] = {
     1: ("616-1 PC Interface", "623-1 Multitasking", "689-1 Externally Guided Motion (EGM)"),
     2: ("3114-1 Multitasking", "3124-1 Externally Guided Motion", "3119-1 RobotStudio Connect"),
 }
+_ALWAYS = ("UAS_CFG_WRITE", "UAS_RAPID_CURRVALUE", "UAS_RAPID_EXECUTE", "UAS_BACKUP", "UAS_SYSTEM_ADMINISTRATION")
 GRANTS: Mapping[int, tuple[str, ...]] = {
-    1: (
-        "UAS_FTP_READ",
-        "UAS_FTP_WRITE",
-        "UAS_CFG_WRITE",
-        "UAS_RAPID_CURRVALUE",
-        "UAS_RAPID_EXECUTE",
-        "UAS_BACKUP",
-        "UAS_SYSTEM_ADMINISTRATION",
-    ),
-    2: (
-        "UAS_FILE_ACCESS_READ_WRITE",
-        "UAS_CFG_WRITE",
-        "UAS_RAPID_CURRVALUE",
-        "UAS_RAPID_EXECUTE",
-        "UAS_REMOTE_START_STOP_IN_AUTO",
-        "UAS_BACKUP",
-        "UAS_SYSTEM_ADMINISTRATION",
-    ),
+    1: ("UAS_FTP_READ", "UAS_FTP_WRITE", *_ALWAYS),
+    2: ("UAS_FILE_ACCESS_READ_WRITE", "UAS_REMOTE_START_STOP_IN_AUTO", *_ALWAYS),
 }
 """By version of the services. Names as Robot Web Services list them."""
 UNNAMED = {"CAB_TASK_MODULES": "File"}
