@@ -63,8 +63,16 @@ def move(path: Path) -> None:
     move_file(path, path.with_name(f"out{path.suffix}"), RigidMotion.of(BASE_T_CAMERA, "mm"))
 
 
+def settings_beside(fragment: Path) -> Path:
+    """An empty settings file, whose fragment this is."""
+    file = fragment.parents[1] / "handeyed.toml"
+    file.write_text("")
+    return file
+
+
 DOORS: dict[str, tuple[str, Callable[[Path], object], type[Exception] | tuple[type[Exception], ...]]] = {
     "settings": ("a.toml", load_settings, DocumentError),
+    "fragment of the settings": ("conf.d/a.toml", lambda path: load_settings(settings_beside(path)), DocumentError),
     "document": ("a.json", lambda path: parse_document(ScanDocument, read_document(path), "a"), DocumentError),
     "session": ("session.json", lambda path: open_session(path.parent), DocumentError),
     "picture of a session": ("a.png", read_grey, ImageError),
@@ -89,6 +97,7 @@ HARMLESS = {
 @pytest.mark.parametrize("door", DOORS)
 def test_no_reader_hangs_or_fills_the_memory(tmp_path: Path, door: str, kind: str) -> None:
     name, read, error = DOORS[door]
+    (tmp_path / name).parent.mkdir(exist_ok=True)
     HOSTILE[kind](tmp_path / name)
     if (door, kind) in HARMLESS:
         read(tmp_path / name)

@@ -443,10 +443,11 @@ def read_settings(path: Path) -> tuple[dict[str, Any], SettingsFile]:
     """What the file and its fragments hold, not yet validated, and which file gives what. Raises DocumentError."""
     data: dict[str, Any] = {}
     given_by: dict[str, str] = {}
-    whole, folder = hashlib.sha256(), path.resolve().parent / FRAGMENTS
+    whole, folder = hashlib.sha256(), path.parent / FRAGMENTS
     try:
+        folder = path.resolve().parent / FRAGMENTS
         found = sorted(file for file in folder.iterdir() if re.fullmatch(r"[^.].*\.toml", file.name))
-    except (FileNotFoundError, NotADirectoryError):
+    except (FileNotFoundError, NotADirectoryError, RuntimeError):  # a link to itself is refused below
         found = []
     except OSError as error:
         raise _unreadable(folder, "folder", error.strerror or str(error), "let the daemon's user read it") from None
