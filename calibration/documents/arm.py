@@ -54,6 +54,10 @@ class ArmLadderDocument(Document):
     """Prediction error of views left out by region of joint space, RMS, mm."""
 
 
+FIRST_PARAMETERS = 49
+"""Number of parameters of the first version."""
+
+
 class ArmErrorsDocument(Document):
     """arm.json: the errors of an arm as built, by all its views."""
 
@@ -108,14 +112,20 @@ class ArmErrorsDocument(Document):
     """Known distances that disagree with the estimate by more than both know."""
 
     def estimate(self) -> ArmEstimate:
-        """The arm and X as numbers. Raises GeometryError for another arm's or damaged parameters."""
+        """The arm and X as numbers. Raises GeometryError for another arm's or damaged parameters.
+
+        Later versions have further parameters, after the others: a document without them is read with these as drawn.
+        """
         model = ArmErrorModel(find_arm(self.arm))
-        size, covariance = 6 + len(model), np.array(self.covariance, float)
-        if [one.name for one in self.parameters] != [one.name for one in model.parameters]:
+        size, covariance = 6 + len(self.parameters), np.array(self.covariance, float)
+        names = [one.name for one in model.parameters]
+        if [one.name for one in self.parameters] != names[: max(len(self.parameters), FIRST_PARAMETERS)]:
             raise GeometryError(f"arm.json: its parameters are not those of this version for {self.arm}: solve again")
         if covariance.shape != (size, size) or not np.all(np.isfinite(covariance)):
             raise GeometryError(f"arm.json: covariance must be {size} x {size} finite numbers")
-        values = np.array([one.value for one in self.parameters])
+        later = (0, len(names) - len(self.parameters))
+        values = np.pad([one.value for one in self.parameters], later)
+        covariance = np.pad(covariance, (later, later))
         load = NO_LOAD if self.load is None else self.load.load()
         mount_T_camera = self.mount_T_camera.transform()
         return ArmEstimate(model, values, covariance, mount_T_camera, load=load, temperature_c=self.temperature_c)

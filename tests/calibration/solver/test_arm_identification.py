@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 import calibration.solver.arm_identification as arm_identification
-from calibration.documents.arm import ArmErrorsDocument, arm_document, arm_summary
+from calibration.documents.arm import FIRST_PARAMETERS, ArmErrorsDocument, arm_document, arm_summary
+from calibration.errors import GeometryError
 from calibration.kinematics.abb_arms import find_arm
 from calibration.kinematics.arm_errors import Postures
 from calibration.kinematics.joint_check import JointsDisagree
@@ -162,6 +163,23 @@ def test_arm_json_keeps_the_arm_and_x() -> None:
     for one, other in zip(registered_points(fit, at, where), registered_points(read, at, where), strict=True):
         np.testing.assert_allclose(one, other, rtol=1e-6)
     assert "taken up" in arm_summary(written)
+
+
+def test_an_arm_json_of_the_first_version_places_points_as_it_did() -> None:
+    cell, _, fit = identified("standard")
+    written = arm_document(fit, cell.problems, created_at="2026-11-22T12:00:00Z", software="handeyed 0")
+    known = 6 + FIRST_PARAMETERS
+    covariance = [row[:known] for row in written.covariance[:known]]
+    parameters = written.parameters[:FIRST_PARAMETERS]
+    first = written.model_copy(update={"parameters": parameters, "covariance": covariance})
+    read, later = first.estimate(), written.estimate()
+    at = Postures(reachable_views(np.random.default_rng(5), ARM, TARGETS[0], 1))
+    cut = later.parameters * (np.arange(len(later.parameters)) < FIRST_PARAMETERS)
+    np.testing.assert_allclose(read.model.forward(read.parameters, at), later.model.forward(cut, at))
+    points_mm, covariances = registered_points(read, at, WHERE)
+    assert np.all(np.isfinite(points_mm)) and np.all(np.linalg.eigvalsh(covariances) > 0)
+    with pytest.raises(GeometryError, match="not those of this version"):
+        first.model_copy(update={"parameters": first.parameters[:-1]}).estimate()
 
 
 def test_six_views_are_too_few_and_a_session_in_one_posture_asks_for_another() -> None:
