@@ -21,7 +21,7 @@ Severity = Literal["error", "warning", "info"]
 class Finding:
     """A message for people: a stable `code`, what was found, and how to fix it.
 
-    `effect_mm`: by how much a mapped point moves when the cause is taken into account, None where that is not known.
+    `effect_mm`: by how much a measured point moves when the cause is taken into account, None where that is not known.
     `sizes`: what the verdict compares with its limits, by their names in `calibration.verdict.VerdictLimits`; while
     none is beyond its limit the severity is `within` at most. `least`: what a small effect may lower the severity to.
     """
@@ -130,7 +130,7 @@ class ArmScale:
 
 @dataclass(frozen=True, eq=False)
 class Uncertainty:
-    """One standard deviation of X and of a mapped point (`point_mm`).
+    """One standard deviation of X and of a measured point (`point_mm`).
 
     translation_mm : (3,) of X's translation along the mount's axes.
     rotation_rad : (3,) about the camera's axes.
@@ -176,7 +176,7 @@ GroupedBy = Literal["image", "pose", "view"]
 
 @dataclass(frozen=True)
 class LeaveOut:
-    """Uncertainty of a mapped point by leaving out groups of neighbouring views; it assumes no noise model.
+    """Uncertainty of a measured point by leaving out groups of neighbouring views; it assumes no noise model.
 
     point_mm : one standard deviation, by the grouping that disagrees most with the model.
     ratio : of the observed to the expected square; 1 under the model.

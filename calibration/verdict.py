@@ -26,7 +26,7 @@ class VerdictLimits:
     tolerance_mm : largest U (k = 2) at the worst of the points that matter.
     tolerance_stated : whether somebody stated it: see `with_tolerance`.
     point_warning_mm : the same, for a warning. A stated tolerance is both.
-    negligible_share, warning_share : of the tolerance: a contradiction that moves a mapped point by less is
+    negligible_share, warning_share : of the tolerance: a contradiction that moves a measured point by less is
         information, or a warning.
     print_scale_share : largest scale error of a print fitted to its page; more is a wrong number in the target's
         description.

@@ -24,9 +24,9 @@ DaemonError
 ├── OperatorGone          a manual run received no request in time
 ├── RunStalled            a step of a run exceeded its time limit
 ├── CursorUnknown         the cursor of a page does not exist
-├── AppliedMeanwhile      something else is in force than the request expects
+├── AppliedMeanwhile      something else is active than the request expects
 ├── BackupUnusable        a backup cannot be restored
-├── NoCalibration         no calibration is in force
+├── NoCalibration         no calibration is active
 ├── CalibrationUnusable   a calibration must not, or cannot, be applied
 ├── TargetNotSeen         too few stations saw the target
 ├── NoScanner             the settings name no scanner
@@ -236,14 +236,14 @@ class CursorUnknown(DaemonError):
 
 
 class AppliedMeanwhile(DaemonError):
-    """Something else is in force than the request expects."""
+    """Something else is active than the request expects."""
 
     code = "applied-meanwhile"
 
     def __init__(self, now: int) -> None:
         self.now = now
         super().__init__(
-            "another calibration is in force than If-Match names" if now else "no calibration is in force yet",
+            "another calibration is active than If-Match names" if now else "no calibration is active yet",
             "look at GET /calibrations/current and send its ETag, if this one is still to be applied",
         )
 
@@ -310,7 +310,7 @@ class RunStalled(DaemonError):
 
 
 class NoCalibration(DaemonError):
-    """No calibration is in force, of [camera] or of another camera by name."""
+    """No calibration is active, of [camera] or of another camera by name."""
 
     code = "no-calibration"
 

@@ -86,7 +86,7 @@ async def nothing_learnt() -> NoiseBelief | None:
 class Operations:
     """Starts runs, and takes views. Of its fields only `settings` is ever replaced, when they are reloaded.
 
-    `camera`: whose calibration is in force here; `settings` and `cell` are those of this camera; `others`: of all
+    `camera`: whose calibration is active here; `settings` and `cell` are those of this camera; `others`: of all
     cameras by name. `learnt_noise`: what the cell has learnt of the robot's.
     """
 
@@ -106,7 +106,7 @@ class Operations:
 
     @property
     def calibrations(self) -> Calibrations:
-        """What is stored, and what is in force for this camera."""
+        """What is stored, and what is active for this camera."""
         return Calibrations(self.store, self.clock, self.service_workers, self.cell.arm, self.camera)
 
     @property

@@ -98,7 +98,7 @@ def taken_over(before: Settings, after: Settings, names: list[str]) -> Settings:
 
 @dataclass(eq=False)
 class SettingsReload:
-    """Reloads the file of `loaded` into the application. `waits_for_restart`: what was changed and is not in force."""
+    """Reloads the file of `loaded` into the application. `waits_for_restart`: what was changed and is not active."""
 
     loaded: SettingsFile
     application: Application

@@ -19,17 +19,17 @@ ROOMS = (*CORE, "extensions")
 
 MAX_UNITS = {"calibration": 24, "daemon": 23, "mock_robot": 16, "registration": 10}
 MAX_WEIGHTS = {
-    "lines of Python of the core": 97_624,
-    "lines of Python with the extensions": 100_943,
+    "lines of Python of the core": 97_440,
+    "lines of Python with the extensions": 100_941,
     "files of the fullest folder": 52,
-    "private functions used once": 885,
-    "of them of at most 8 lines": 449,
-    "functions of 8 parameters or more": 44,
+    "private functions used once": 847,
+    "of them of at most 8 lines": 424,
+    "functions of 8 parameters or more": 37,
     "pairs of a dataclass and a document with the same fields": 38,
-    "converters between them: of, of_row, of_record, row": 67,
+    "converters between them: of, of_row, of_record, row": 66,
     "files that name: external axis": 37,
     "files that name: arm errors and conditions": 25,
-    "files that name: touch tests": 19,
+    "files that name: touch tests": 18,
     "files that name: further sensors": 14,
 }
 """Ratchets: a change that lightens one lowers its limit, and none is raised."""

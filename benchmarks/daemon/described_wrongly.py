@@ -1,7 +1,7 @@
 """`python -m benchmarks.daemon.described_wrongly [--seeds N] [--rows ...]`
 
 The whole daemon at its default, with the mock cell on real sockets, policy "auto" and a stated tolerance of 1 mm, while
-the settings describe the print, the lens or the arm's lengths wrongly. What is in force then is compared with the
+the settings describe the print, the lens or the arm's lengths wrongly. What is active then is compared with the
 mock's truth: the largest error of the working volume's points beside the stated U. Fails when anything in force is off
 by more than its U and 0.2 mm.
 """
@@ -50,7 +50,7 @@ ROWS = {
 
 @dataclass(frozen=True)
 class Outcome:
-    """Of one run: whether its result is in force; error, U and views; codes of what is not information."""
+    """Of one run: whether its result is active; error, U and views; codes of what is not information."""
 
     applied: bool
     error_mm: float
@@ -75,7 +75,7 @@ def described(sheet: dict[str, Any], row: Row) -> dict[str, dict[str, Any]]:
 
 
 async def outcome_of(row: Row, seed: int) -> Outcome:
-    """Calibrate once, and compare what is in force with the truth."""
+    """Calibrate once, and compare what is active with the truth."""
     with tempfile.TemporaryDirectory() as folder:
         changes = described(cell_sheet(CellTruth.from_seed(seed)), row)
         async with plant(Path(folder), seed=seed, planned=True, calibration=AUTO, **changes) as story:

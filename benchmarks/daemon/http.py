@@ -51,7 +51,7 @@ def echo_server(ready: Any) -> None:
 
 
 def daemon_process(folder: str, ready: Any) -> None:
-    """The daemon with its real server, fake devices, and a calibration in force."""
+    """The daemon with its real server, fake devices, and an active calibration."""
     import uvloop
 
     uvloop.run(_daemon(Path(folder), ready))

@@ -19,7 +19,7 @@ MULTIPLES = (1, 2, 3)
 
 
 def accepted_excess(seed: int) -> tuple[float, float] | None:
-    """RMS error of mapped points over its standard deviation, and that of the undamaged views alone where it is beyond
+    """RMS error of points over its standard deviation, and that of the undamaged views alone where it is beyond
     three; None for a refused session."""
     session = damaged_session(np.random.default_rng(seed))
     solution = solve_hand_eye(session.problem)

@@ -25,7 +25,7 @@ LIMITS = VerdictLimits().with_tolerance(4.0)
 
 @dataclass(frozen=True)
 class Outcome:
-    """Codes that refuse a session or warn; U (k = 2) and true error of a mapped point, mm.
+    """Codes that refuse a session or warn; U (k = 2) and true error of a measured point, mm.
 
     `bound_mm`: U by the Cramér-Rao bound of the same poses and noise without the imperfection.
     """
@@ -41,7 +41,7 @@ class Outcome:
 
 def print_imperfect(pool: Executor, seed: int, count: int, kinds: Collection[str] = tuple(IMPERFECTIONS)) -> None:
     """A row for each kind, and one of all."""
-    print(f"sessions without a fault, a little outside the model; {count} a row; U: k = 2, of a mapped point")
+    print(f"sessions without a fault, a little outside the model; {count} a row; U: k = 2, of a measured point")
     print(f"{'imperfection':<32}{'refused':>9}{'within U':>10}{'error/u':>9}{'U mm':>8}{'U/bound':>9}  refused for")
     every: list[Outcome] = []
     for kind in kinds:

@@ -32,8 +32,8 @@ def main() -> None:
     """Print the tables. Times are processor time of one core, independent of other load."""
     argparse.ArgumentParser(description=__doc__).parse_args()
     scene = seed_scene()
-    print(f"the seed's three poses: a mapped point {predict(scene, seed_poses()).point_mm:.3g} mm")
-    print("\nposes planned at once: seconds of one core, predicted uncertainty of a mapped point")
+    print(f"the seed's three poses: a measured point {predict(scene, seed_poses()).point_mm:.3g} mm")
+    print("\nposes planned at once: seconds of one core, predicted uncertainty of a measured point")
     for count in COUNTS:
         plan, seconds = _time(lambda count=count: plan_poses(scene, WIDE, count))
         print(f"{count:>5} poses {seconds:8.2f} s {plan.predicted.point_mm:8.3f} mm")

@@ -1,6 +1,6 @@
 """Offset of the centroid of a circle's image from the image of its centre, due to perspective and lens distortion.
 
-Source: Heikkilä, "Geometric camera calibration using circular control points", 2000; here the rim is mapped point by
+Source: Heikkilä, "Geometric camera calibration using circular control points", 2000; here the rim is measured point by
 point, so any camera model can be used.
 """
 

@@ -1,4 +1,4 @@
-"""By how much a mapped point moves when an explanation of a contradiction, or another lens, is taken into account."""
+"""By how much a measured point moves when an explanation of a contradiction, or another lens, is taken into account."""
 
 from collections.abc import Set
 from dataclasses import dataclass

@@ -22,7 +22,7 @@ def diagnosis_findings(
 ) -> tuple[Finding, ...]:
     """The diagnosis as a finding; `used`: indices of the views of the solution.
 
-    `effect_mm`: by how much a mapped point moves with the explanation, None where that is not known.
+    `effect_mm`: by how much a measured point moves with the explanation, None where that is not known.
     """
     cause = diagnosis.cause
     before, after = _lessened(diagnosis)
@@ -60,7 +60,7 @@ def lens_findings(
     """The finding that the `given` intrinsics do not fit.
 
     `agrees_better`: whether robot and images agree better with the others; if not, the target's shape or the light may
-    be what the pixels show. `effect_mm`: by how much a mapped point moves with the others from where the solution puts
+    be what the pixels show. `effect_mm`: by how much a point moves with the others from where the solution puts
     it, in which only a few of them are unknown; None where those fit as well.
     """
     matrix, factor = misfit.camera.matrix, _picture_scale(misfit.camera, given)

@@ -90,10 +90,10 @@ class PointUncertaintyDocument(Document):
 
 
 class LeaveOutDocument(Document):
-    """Uncertainty of a mapped point by leaving out groups of views, beside the model's; see `solution.LeaveOut`."""
+    """Uncertainty of a measured point by leaving out groups of views, beside the model's; see `solution.LeaveOut`."""
 
     point_mm: float
-    """One standard deviation of a mapped point, mm, RMS over the working volume."""
+    """One standard deviation of a measured point, mm, RMS over the working volume."""
     ratio: float
     """Observed over expected square of the errors. No unit."""
     redundancy: float
@@ -131,7 +131,7 @@ class UncertaintyDocument(Document):
     rotation_deg: Vector
     """One standard deviation about the camera's axes, degrees."""
     point_mm: float
-    """One standard deviation of a mapped point, mm, RMS over the working volume."""
+    """One standard deviation of a measured point, mm, RMS over the working volume."""
     covariance: tuple[Six, Six, Six, Six, Six, Six] | None = None
     """6 x 6 of a small motion v after X, X @ exp(v): rad and mm, in covariance_order."""
     covariance_frame: Literal["camera"] = "camera"
@@ -279,7 +279,7 @@ class FindingDocument(Document):
     fix: str
     """What to do, a sentence."""
     effect_mm: float | None = None
-    """By how much a mapped point moves with the cause taken into account, mm; null where not known."""
+    """By how much a measured point moves with the cause taken into account, mm; null where not known."""
 
 
 class VerdictDocument(Document):
@@ -349,7 +349,7 @@ class AccuracyDocument(Document):
     expected_mm: float | None = None
     """U that was expected of the same views, with the noise assumed before the run, mm."""
     before_mm: float | None = None
-    """U of the calibration that was in force when this one was made, mm."""
+    """U of the calibration that was active when this one was made, mm."""
     why: ReasonDocument | None = None
     """Why expanded_mm and expected_mm part by more than a factor of 1.5."""
 

@@ -167,7 +167,7 @@ class PredictedDocument(Document):
     """One standard deviation of X, and U; null where the poses do not determine it."""
 
     point_mm: float | None
-    """One standard deviation of a mapped point, mm, RMS over the points that matter."""
+    """One standard deviation of a measured point, mm, RMS over the points that matter."""
     expanded_mm: float | None = None
     """U (k = 2) at the worst of the points that matter, mm; null where undetermined."""
     worst_point: str | None = None

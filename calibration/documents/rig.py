@@ -36,7 +36,7 @@ class RigUncertaintyDocument(Document):
     rotation_deg: Vector
     """One standard deviation about the sensor's axes, degrees."""
     expanded_mm: float
-    """U (k = 2) of a mapped point at the worst place of the target, mm."""
+    """U (k = 2) of a measured point at the worst place of the target, mm."""
     covariance: tuple[Six, Six, Six, Six, Six, Six]
     """Of pose @ exp(.), rotation (rad) then translation (mm)."""
     covariance_order: tuple[str, str, str, str, str, str] = COVARIANCE_ORDER
@@ -182,7 +182,7 @@ def _findings(
     poses += [(f"{one.b} in {one.a}", one.uncertainty) for one in relative]
     for name, uncertainty in poses:
         if not uncertainty.expanded_mm <= tolerance_mm:
-            what = f"{name}: a mapped point is uncertain by U = {uncertainty.expanded_mm:.2g} mm (k = 2)"
+            what = f"{name}: a measured point is uncertain by U = {uncertainty.expanded_mm:.2g} mm (k = 2)"
             yield FindingDocument(
                 code="point-uncertain",
                 severity="error",

@@ -16,7 +16,7 @@ solution without group g differs from the solution by b_g, with the covariances
 
 where F = C^-1 is the information of all views, F_g that of the group and C_g = (F - F_g)^-1. Errors that neighbouring
 views share (a lens, light or a robot's geometry beyond the model) make the b_g larger than that. The ratio of the
-observed to the expected sum of squares of a mapped point is compared with its distribution under the model, chi-square
+observed to the expected sum of squares of a point is compared with its distribution under the model, chi-square
 with the degrees of freedom of the same expected variance (Satterthwaite). A ratio from few groups scatters, so it
 counts only where it is significant.
 Source: H. Kuensch, "The jackknife and the bootstrap for general stationary observations", Ann. Statist. 17, 1989.
@@ -159,7 +159,7 @@ Groups = Sequence[NDArray[np.intp]]
 def leave_groups_out(best: Estimate, camera_T_centre: Array, weights: Array) -> LeaveOut | None:
     """The uncertainty by the grouping that disagrees most with the model; None below MIN_GROUPED_VIEWS views.
 
-    `camera_T_centre` (n, 4, 4): the target's middle in each view; `weights` (6, 6): of a mapped point's squared error.
+    `camera_T_centre` (n, 4, 4): the target's middle in each view; `weights` (6, 6): of a point's squared error.
     """
     if len(camera_T_centre) < MIN_GROUPED_VIEWS:
         return None

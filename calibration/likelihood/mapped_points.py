@@ -1,6 +1,6 @@
 """The points that matter: where the uncertainty of a point mapped through X is evaluated.
 
-The standard deviation of a mapped point is the root of the trace of its covariance (3, 3), over the three axes
+The standard deviation of a measured point is the root of the trace of its covariance (3, 3), over the three axes
 together; U is COVERAGE_FACTOR (2) times it: at least 95 % of normal errors are smaller.
 """
 

@@ -176,7 +176,7 @@ def _noise(samples: Sequence[ChartSample], centres: Array) -> tuple[Array, Array
 def scatter_limit_mm(point_mm: float, robot_mm: float, positions: int, false_alarm_probability: float) -> float:
     """Largest scatter per axis that is explained by the calibration and the robot's noise at the target.
 
-    `point_mm`: uncertainty of a mapped point, `robot_mm`: the robot's noise, both over three axes together.
+    `point_mm`: uncertainty of a measured point, `robot_mm`: the robot's noise, both over three axes together.
     """
     dof = 3.0 * (positions - 1)
     return sqrt((point_mm**2 + robot_mm**2) / 3 * float(scipy.special.chdtri(dof, false_alarm_probability)) / dof)

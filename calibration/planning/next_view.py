@@ -37,7 +37,7 @@ CAUTION_FACTORS = (1.0, 0.5, 0.25)
 class StoppingRule:
     """When to stop: after `views_left` more views, or when every stated goal is met (None stated: use all views).
 
-    `uncertainty_mm`: RMS of a mapped point's standard deviation. `tolerance_mm`: U at the worst of the points that
+    `uncertainty_mm`: RMS of a measured point's standard deviation. `tolerance_mm`: U at the worst of the points that
     matter. Goals count from three views on, and up to five only with two distances and three rolls.
     """
 

@@ -86,7 +86,7 @@ class ScenePrior:
 class SceneBelief:
     """The most likely scene, and alternatives within its uncertainty.
 
-    estimated_mm : uncertainty of a mapped point by a calibration from these views; infinite before X is determined.
+    estimated_mm : uncertainty of a measured point by a calibration from these views; infinite before X is determined.
     predicted_mm : the same, predicted from the noise of the scene.
     estimated_worst_mm, predicted_worst_mm : U (k = 2) at the worst of the points that matter.
     views : by which it is known. varied : whether these have two distances and three rolls.

@@ -90,7 +90,7 @@ def _target(prepared: PreparedSession, selection: Selection) -> Iterator[Finding
 
 
 def _effect_mm(prepared: PreparedSession, best: Estimate, places: Sequence[int]) -> float:
-    """By how much a mapped point has moved (RMS) with the nuisances at these places of z as found."""
+    """By how much a measured point has moved (RMS) with the nuisances at these places of z as found."""
     distance_mm = float(np.median(np.linalg.norm(prepared.camera_T_target[:, :3, 3], axis=1)))
     weights, moved = point_weights(working_points_mm(best.camera, distance_mm)), best.shift_of_x(places)
     return float(np.sqrt(moved @ weights @ moved))

@@ -1,4 +1,4 @@
-"""ETag and If-Match of the calibration in force (RFC 9110, 8.8.3 and 13.1), against lost updates."""
+"""ETag and If-Match of the active calibration (RFC 9110, 8.8.3 and 13.1), against lost updates."""
 
 import re
 from collections.abc import Sequence
@@ -11,18 +11,18 @@ from daemon.api.http_errors import InvalidRequest
 
 TAG = re.compile(r'"applied-([0-9]{1,18})"')
 ANY = range(1, 2**62)
-"""Every sequence number from 1: "*" does not match while nothing is in force."""
+"""Every sequence number from 1: "*" does not match while nothing is active."""
 
 LIST = re.compile(r'^\s*(\*|(W/)?"[\x21\x23-\x7e]*"(\s*,\s*(W/)?"[\x21\x23-\x7e]*")*)\s*$')
 
 IfMatch = Annotated[
     str | None,
-    Header(max_length=500, description='ETag of GET /calibrations/current; "*": whatever is in force',
+    Header(max_length=500, description='ETag of GET /calibrations/current; "*": whatever is active',
            examples=['"applied-7"']),
 ]  # fmt: skip
 IfNoneMatch = Annotated[str | None, Header(max_length=500, description="ETag of an earlier answer: 304 when unchanged")]
 
-ETAG_HEADER: dict[str, Any] = {"ETag": {"schema": {"type": "string"}, "description": "changes with what is in force"}}
+ETAG_HEADER: dict[str, Any] = {"ETag": {"schema": {"type": "string"}, "description": "changes with what is active"}}
 UNCHANGED: dict[str, Any] = {"description": "The same as before", "headers": ETAG_HEADER}
 
 

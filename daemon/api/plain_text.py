@@ -92,10 +92,10 @@ def status_text(status: CalibrateStatus, base_url: str) -> str:
     """GET /calibrate."""
     lines = []
     if status.current is not None and status.applied is not None:
-        lines.append(f"calibration {status.current.id} is in force since {status.applied.applied_at}"
+        lines.append(f"calibration {status.current.id} is active since {status.applied.applied_at}"
                      f" (applied by {status.applied.applied_by}): {accuracy_text(status.current)}")  # fmt: skip
     else:
-        lines.append("no calibration is in force")
+        lines.append("no calibration is active")
     if status.in_progress is not None:
         run = status.in_progress
         lines.append(f"{run.kind} run {run.id} is {run.state}, station {run.station} of {run.stations}")

@@ -18,9 +18,9 @@ async def scanner_readiness(app: Application, scanner: str) -> ReadyDocument:
 
 
 async def readiness(app: Application, camera: CellCamera, scanner: str | None = None) -> ReadyDocument:
-    """Check the calibration in force of the camera, and robot and camera unless a run uses them.
+    """Check the active calibration of the camera, and robot and camera unless a run uses them.
 
-    With a `scanner`: whether it answers, and the rig in force where that gives its place.
+    With a `scanner`: whether it answers, and the active rig where that gives its place.
     """
     run = app.supervisor.in_progress
     calibrate: list[str] = (

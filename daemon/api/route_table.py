@@ -44,7 +44,7 @@ LINKS = {
 TAGS = {
     "calibrate": "The main job: the camera's pose on the flange, and its verification.",
     "runs": "Calibration, verification and scan runs: at most one at a time.",
-    "calibrations": "Calibrations, and which of them is in force.",
+    "calibrations": "Calibrations, and which of them is active.",
     "cell": "The present state of robot and camera.",
     "register": "Transform one cloud into the robot's base frame while it is streamed.",
     "scans": "Scans of parts from several views.",

@@ -17,7 +17,7 @@ def calibrate(
     count: Annotated[int | None, typer.Option(help="How many poses; the settings' number by default.")] = None,
     uncertainty: Annotated[
         float | None,
-        typer.Option(metavar="MM", help="Stop when a mapped point is known as well as this (one sigma, mm)."),
+        typer.Option(metavar="MM", help="Stop when a measured point is known as well as this (one sigma, mm)."),
     ] = None,
     tolerance: Annotated[
         float | None,
@@ -33,7 +33,7 @@ def calibrate(
     request: Annotated[
         Path | None, typer.Option("--request", help="A JSON file with the whole request: poses, count, target.")
     ] = None,
-    apply: Annotated[bool, typer.Option("--apply", help="Put it in force when the verdict accepts it.")] = False,
+    apply: Annotated[bool, typer.Option("--apply", help="Activate it when the verdict accepts it.")] = False,
     json: Json = False,
 ) -> None:
     """Calibrate through the daemon: THE ROBOT MOVES. Shows progress, then the verdict. Ctrl-C stops the arm.
@@ -64,7 +64,7 @@ def calibrate(
     if not json:
         if why_not:
             typer.echo(f"  {why_not['message']}")
-        typer.echo(f"  {'in force now' if applied else f'not in force: POST {url}/calibrations/{document.id}/apply'}")
+        typer.echo(f"  {'active now' if applied else f'not active: POST {url}/calibrations/{document.id}/apply'}")
     raise typer.Exit(ExitStatus.OK if document.verdict.accepted else ExitStatus.NOT_ACCEPTED)
 
 

@@ -14,9 +14,7 @@ if TYPE_CHECKING:
     from calibration.documents.exports.subject import ExportOptions
 
 LIST = "list"
-WHAT = (
-    'calibration.json or its folder, planned.json, session.json, or an id of the daemon ("current": the one in force).'
-)
+WHAT = 'calibration.json or its folder, planned.json, session.json, or an id of the daemon ("current": the active one).'
 CHILD = "Name of the camera's frame; one that ends with camera_link is its body frame (REP 103)."
 
 

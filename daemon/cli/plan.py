@@ -57,7 +57,7 @@ def prediction_text(predicted: "PredictedDocument") -> str:
     translation = ", ".join(f"{value:.3g}" for value in predicted.translation_mm)
     rotation = ", ".join(f"{value:.2g}" for value in predicted.rotation_deg)
     return (
-        f"predicted        a mapped point {predicted.point_mm:.3g} mm, U (k = 2) {predicted.expanded_mm:.3g} mm at"
+        f"predicted        a measured point {predicted.point_mm:.3g} mm, U (k = 2) {predicted.expanded_mm:.3g} mm at"
         f" {predicted.worst_point}; translation ({translation}) mm along the"
         f" flange's axes, rotation ({rotation}) deg about the camera's (one standard deviation)"
     )

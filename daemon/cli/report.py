@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 MAX_REPORT_S = 60.0
 ReportLanguage = Literal["en", "de", "es", "zh"]
-WHAT = 'A session folder, a calibration.json, or an id of the daemon ("current": the one in force).'
+WHAT = 'A session folder, a calibration.json, or an id of the daemon ("current": the active one).'
 
 
 def report(

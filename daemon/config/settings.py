@@ -203,8 +203,8 @@ class CalibrationSettings(Document):
 
     `count`: how many planned views; without it a run goes on until U meets the tolerance, for 12 views at most.
     `tolerance_mm`: largest U (k = 2) at the worst of the points that matter. Policy "auto" needs it, and leaves to a
-    person what is worse than the calibration in force, or contradicts it. `known`: of target, camera and arm.
-    `requests_may_loosen`: whether a request may state a larger one than is in force without it. The guesses are
+    person what is worse than the active calibration, or contradicts it. `known`: of target, camera and arm.
+    `requests_may_loosen`: whether a request may state a larger one than is active without it. The guesses are
     flange_T_camera and base_T_target of an eye-in-hand cell, base_T_camera and flange_T_target of an eye-to-hand one.
     `axis_offset`: for an arm that turns its flange about one axis only; its poses are taught, or jogged to.
     `arm`: whether a run identifies the arm's errors, too, where its request does not say.
@@ -346,7 +346,7 @@ class Settings(Document):
         return {**main, **self.scanners}
 
     def placed_by_rig(self, scanner: str) -> bool:
-        """Whether the rig in force gives this scanner's place: a further one without `camera_T_scanner`."""
+        """Whether the active rig gives this scanner's place: a further one without `camera_T_scanner`."""
         return scanner in self.scanners and self.scanners[scanner].camera_T_scanner is None
 
     def camera_beside(self, scanner: str) -> str:

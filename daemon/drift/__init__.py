@@ -1,1 +1,1 @@
-"""Drift monitoring of the calibration in force: control chart of its verifications, alarm, schedule."""
+"""Drift monitoring of the active calibration: control chart of its verifications, alarm, schedule."""

@@ -1,4 +1,4 @@
-"""Keeps the drift chart of the calibration in force up to date, for REST, PLC, metrics and alarms."""
+"""Keeps the drift chart of the active calibration up to date, for REST, PLC, metrics and alarms."""
 
 import asyncio
 import logging
@@ -99,16 +99,16 @@ class DriftMonitor:
         return self.chart
 
     async def robot_noise(self) -> NoiseBelief | None:
-        """By the calibration in force and its verifications; None without one. Raises StorageError."""
+        """By the active calibration and its verifications; None without one. Raises StorageError."""
         found = (await self.refresh()).robot_noise
         return None if found is None else found.belief()
 
     async def chart_of_earlier(self, calibration_id: str) -> DriftChart:
-        """The chart of one that was in force, from when it was first applied. Raises NotFound, StorageError."""
+        """The chart of one that was active, from when it was first applied. Raises NotFound, StorageError."""
         document = (await self.store.calibration(calibration_id)).document
         applied = [row for row in await self.store.history(MAX_HISTORY) if row.calibration_id == calibration_id]
         if not applied or document.mount_T_camera is None:
-            raise NotFound(f"calibration {calibration_id} was never in force", "GET /calibrations lists what was")
+            raise NotFound(f"calibration {calibration_id} was never active", "GET /calibrations lists what was")
         verifications = VerificationHistory(self.store, self.workers, self.settings.target.target())
         entries = await verifications.of(applied[-1], document)
         return await self._chart_of(entries, document)
@@ -158,7 +158,7 @@ class DriftMonitor:
         return await self._chart_of(await self._verifications.of(applied, record.document), record.document)
 
     async def _chart_of(self, entries: Sequence[ChartEntry], document: CalibrationDocument) -> DriftChart:
-        """By the errors of the arm that were in force with the calibration."""
+        """By the errors of the arm that were active with the calibration."""
         errors = await self.store.arm(document.id)
         try:
             used = (await self.workers.run(self.arm.in_use, document, errors)).document

@@ -1,4 +1,4 @@
-"""The verifications of the calibration in force, each read from the store once, as entries of the chart."""
+"""The verifications of the active calibration, each read from the store once, as entries of the chart."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -47,7 +47,7 @@ class ChartEntry:
 
 
 def belongs_to_chart(run: RunRecord, applied: AppliedCalibration, target_points: int) -> bool:
-    """True for a finished verification of the calibration in force with the fixed target and the settings' poses.
+    """True for a finished verification of the active calibration with the fixed target and the settings' poses.
 
     One with its own poses or target is not comparable, nor one with points that the settings' target does not have.
     """
@@ -107,7 +107,7 @@ class _RunEntries:
 
 @dataclass(eq=False)
 class VerificationHistory:
-    """The entries of the calibration in force, read incrementally. `target`: of the settings."""
+    """The entries of the active calibration, read incrementally. `target`: of the settings."""
 
     store: Store
     workers: Workers

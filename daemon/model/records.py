@@ -127,7 +127,7 @@ class CalibrationRecord:
 
 @dataclass(frozen=True)
 class AppliedCalibration:
-    """An entry of the history: a calibration that was put in force.
+    """An entry of the history: a calibration that was activated.
 
     `role`: of who applied it; `despite_verdict`: it was not accepted, and `reason` says why it was applied. `sequence`
     is assigned by the store and counts from 1.

@@ -50,7 +50,7 @@ class CalibrateRequest(Document):
     """Everything is optional: poses of the flange (else taught ones, else planned ones), how many, another target.
 
     `tolerance_mm`: largest U (k = 2) at the worst of the points that matter; the verdict applies it in place of the
-    settings', and planning ends when it is met. `uncertainty_mm`: planning ends when a mapped point is known as well as
+    settings', and planning ends when it is met. `uncertainty_mm`: planning ends when a measured point is known to
     this (one sigma). With either, `count` is the most.
     `manual`: the operator jogs the arm, by joystick or with POST /runs/{id}/jog, and takes each view with
     POST /runs/{id}/stations; nothing else moves it.
@@ -95,7 +95,7 @@ class ArtefactRequest(Document):
 class VerifyRequest(Document):
     """Poses to look at the target from; by default three of those a calibration would take.
 
-    `tolerance_mm`: U (k = 2) that the calibration in force shall have at the worst of the points that matter, and twice
+    `tolerance_mm`: U (k = 2) that the active calibration shall have at the worst of the points that matter, and twice
     the largest standard deviation of a point of the target over the poses; by default the settings'.
     `camera`: name of one of [cameras]; [camera] without it.
     With `artefact` and `scan_id` the scanner is verified instead: each view of that scan is a position of the artefact.

@@ -34,7 +34,7 @@ def calibration_result(run: RunRecord, document: CalibrationDocument, now: datet
 
 
 def verification_result(run: RunRecord, document: CalibrationDocument, now: datetime, holds: bool) -> CommandResult:
-    """The result of a verification: the calibration in force, and the largest sigma of the target's points."""
+    """The result of a verification: the active calibration, and the largest sigma of the target's points."""
     assert run.result is not None
     sigma_mm = run.result["verification"]["sigma_mm"]
     found = base_result(PlcCommand.VERIFY, run, document, now)
@@ -52,7 +52,7 @@ def registration_result(
 
 
 def base_result(command: PlcCommand, run: RunRecord, document: CalibrationDocument, now: datetime) -> CommandResult:
-    """The fields common to all results: run, X, its uncertainty and accuracy, and age; of a calibration in force."""
+    """The fields common to all results: run, X, its uncertainty and accuracy, and age; of an active calibration."""
     camera = sigma = None
     if document.mount_T_camera is not None:
         camera = CameraPose(document.mount_T_camera.translation_mm, document.mount_T_camera.quaternion_wxyz)

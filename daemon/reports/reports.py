@@ -96,7 +96,7 @@ def _verified(run: "RunRecord") -> dict[str, Any]:
 
 
 def drift_report(drift: "DriftChart", context: ReportContext) -> str:
-    """The control chart of the calibration in force."""
+    """The control chart of the active calibration."""
     first, last = (drift.points[0].at, drift.points[-1].at) if drift.points else (DASH, DASH)
     about = {"calibration": drift.report.calibration_id, "last": last}
     number = text_of("drift.number", about, language_of(context.language))

@@ -86,7 +86,7 @@ class CalibrationRun:
         return result_of(document, applied=applied, why_not=why_not)
 
     async def save(self, solved: Solved, run_id: str | None) -> CalibrationRecord:
-        """Store a calibration, beside the U of the one that is in force now. Raises StorageError."""
+        """Store a calibration, beside the U of the active one now. Raises StorageError."""
         document, arm = solved
         if (current := await self._in_force()) is not None:
             document = document.with_accuracy(before_mm=current.accuracy.expanded_mm)

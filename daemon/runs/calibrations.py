@@ -1,4 +1,4 @@
-"""The stored calibrations: the one in force of a camera, one by its id, and putting one in force."""
+"""The stored calibrations: the active one of a camera, one by its id, and putting active one."""
 
 import logging
 from collections.abc import Sequence
@@ -23,7 +23,7 @@ from daemon.store.store import Store
 log = logging.getLogger(__name__)
 
 MAX_WORSE = 1.25
-"""Largest U of a calibration that policy "auto" puts in force, over that of the one in force."""
+"""Largest U of a calibration that policy "auto" activates, over that of the active one."""
 
 
 @dataclass(frozen=True)
@@ -39,9 +39,9 @@ class Calibrations:
     async def apply(
         self, calibration_id: str, request: ApplyRequest, expected: Sequence[int] | None = None
     ) -> AppliedCalibration:
-        """Put a calibration in force. Raises NotFound, CalibrationUnusable, StorageError, AppliedMeanwhile.
+        """Put an active calibration. Raises NotFound, CalibrationUnusable, StorageError, AppliedMeanwhile.
 
-        `expected`: sequence numbers of which one must be in force now.
+        `expected`: sequence numbers of which one must be active now.
         """
         found = await self.store.calibration(calibration_id)
         check_usable(found, request)
@@ -53,12 +53,12 @@ class Calibrations:
         return await self.store.apply(applied, expected)
 
     async def current(self) -> CalibrationDocument:
-        """The calibration in force of this camera. Raises NoCalibration."""
+        """The active calibration of this camera. Raises NoCalibration."""
         _, record = await self.store.current(self.camera)
         return record.document
 
     async def find(self, which: str, of: str | None = None) -> CalibrationDocument:
-        """The calibration in force ("current") or by id; one of the camera `of`, where it is given.
+        """The active calibration ("current") or by id; one of the camera `of`, where it is given.
 
         Raises NoCalibration, NotFound, CalibrationUnusable.
         """
@@ -133,7 +133,7 @@ def result_of(document: CalibrationDocument, *, applied: bool, why_not: Sentence
 
 
 def why_not_applied(current: CalibrationDocument, new: CalibrationDocument) -> Sentence | None:
-    """Why a person should decide whether `new` replaces the calibration in force: it is worse, or contradicts it."""
+    """Why a person should decide whether `new` replaces the active calibration: it is worse, or contradicts it."""
     now_mm, before_mm = new.accuracy.expanded_mm, current.accuracy.expanded_mm
     if current.mount_T_camera is None or current.setup != new.setup or now_mm is None or before_mm is None:
         return None

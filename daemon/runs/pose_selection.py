@@ -25,7 +25,7 @@ from daemon.runs.adaptive_sequence import AdaptiveParameters
 
 @dataclass(frozen=True)
 class SceneGuess:
-    """Rough knowledge of the scene: the settings' guesses, else the calibration in force."""
+    """Rough knowledge of the scene: the settings' guesses, else the active calibration."""
 
     setup: Setup
     camera: CameraModel | None

@@ -217,7 +217,7 @@ class Supervisor:
     async def _recover_run(self, run: RunRecord, is_auto: Callable[[str], bool]) -> RunRecord:
         """The final record of an interrupted run: finished if its calibration, stored last, exists; else failed.
 
-        What policy "auto" left to a person is said as the run would have said it: the same is in force as then.
+        What policy "auto" left to a person is said as the run would have said it: the same is active as then.
         """
         now = self._clock.timestamp()
         try:

@@ -106,7 +106,7 @@ class TogetherRun:
     rigs: RigSensors
 
     async def drive(self, sequence: PoseSequence, log: RunLog) -> RunResult:
-        """Run the sequence, and store a calibration of each camera, and the rig, in force when it is accepted.
+        """Run the sequence, and store a calibration of each camera, and the rig, active when it is accepted.
 
         A sensor that cannot be calibrated, and a rig that is refused, are named in the result and fail nothing else;
         one that is calibrated without some of its looks is named in `missed`.

@@ -1,4 +1,4 @@
-"""The verification run: view the target again, and compute its points with the calibration in force."""
+"""The verification run: view the target again, and compute its points with the active calibration."""
 
 from dataclasses import dataclass, replace
 from typing import Any

@@ -1,4 +1,4 @@
-"""The sensors of the rig in force, by name."""
+"""The sensors of the active rig, by name."""
 
 from dataclasses import dataclass
 
@@ -15,14 +15,14 @@ from daemon.store.store import Store
 
 @dataclass(frozen=True)
 class RigSensors:
-    """Stores rigs, the newest of which is in force, and gives their sensors' poses. `setup`: of the cell."""
+    """Stores rigs, the newest of which is active, and gives their sensors' poses. `setup`: of the cell."""
 
     store: Store
     clock: Clock
     setup: Setup
 
     async def save(self, rig: RigDocument, new_id: str, *, despite_verdict: bool) -> DocumentRecord:
-        """Store a rig and put it in force. Raises DocumentError, CalibrationUnusable, StorageError."""
+        """Store a rig and activate it. Raises DocumentError, CalibrationUnusable, StorageError."""
         if rig.setup != self.setup:
             what = f"the rig is {rig.setup}, but [camera] setup is {self.setup}"
             raise CalibrationUnusable(what, "solve the sensors of this cell together")
@@ -37,10 +37,10 @@ class RigSensors:
         return record
 
     async def base_T_sensor(self, name: str, base_T_flange: Array) -> tuple[str, Array]:
-        """Id of the rig in force, and the pose (4, 4) of one of its sensors. Raises NotFound, StorageError."""
+        """Id of the active rig, and the pose (4, 4) of one of its sensors. Raises NotFound, StorageError."""
         newest = await self.store.rigs.about(self.setup, 1)
         if not newest:
-            raise NotFound("no rig is in force", "store one with POST /rigs: 'handeyed solve A B --together' makes it")
+            raise NotFound("no rig is active", "store one with POST /rigs: 'handeyed solve A B --together' makes it")
         rig = newest[0].parsed(RigDocument)
         poses = {sensor.name: sensor.mount_T_sensor for sensor in rig.sensors}
         if name not in poses:

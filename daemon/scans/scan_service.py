@@ -238,7 +238,7 @@ class ScanService:
         return RegistrationRequest(scan_id, views, calibration.document, flange_T_scanner, refine, findings)
 
     async def _start_refinement(self, scan: ScanRecord) -> None:
-        """Start a refined registration with the calibration in force; do nothing without one.
+        """Start a refined registration with the active calibration; do nothing without one.
 
         The view that asks for it is stored: poses that are refused are only logged, and again by the scan's report.
         """

@@ -291,9 +291,9 @@ class Store:
         return await self._database.read(read)
 
     async def apply(self, applied: AppliedCalibration, expected: Sequence[int] | None = None) -> AppliedCalibration:
-        """Put a calibration in force by appending it to the history; returns it with its sequence number.
+        """Put an active calibration by appending it to the history; returns it with its sequence number.
 
-        `expected`: sequence numbers of which one must be in force for that camera now (0: none ever was). Raises
+        `expected`: sequence numbers of which one must be active for that camera now (0: none ever was). Raises
         AppliedMeanwhile.
         """
         context = current_audit_context()
@@ -324,7 +324,7 @@ class Store:
         return stored
 
     async def history(self, limit: int = 1) -> list[AppliedCalibration]:
-        """The applied calibrations of all cameras, newest first: the first one of each camera is in force."""
+        """The applied calibrations of all cameras, newest first: the first one of each camera is active."""
         query = "SELECT * FROM applied ORDER BY sequence DESC LIMIT ?"
         rows = await self._database.read(lambda db: db.execute(query, (limit,)).fetchall())
         return [AppliedCalibration.of(row) for row in rows]
@@ -338,7 +338,7 @@ class Store:
         return AppliedCalibration.of(row)
 
     async def current(self, camera: str = MAIN_CAMERA) -> tuple[AppliedCalibration, CalibrationRecord]:
-        """The calibration in force of a camera and its entry in the history. Raises NoCalibration."""
+        """The active calibration of a camera and its entry in the history. Raises NoCalibration."""
 
         def newest(db: sqlite3.Connection) -> AppliedCalibration | None:
             rows = map(AppliedCalibration.of, db.execute("SELECT * FROM applied ORDER BY sequence DESC"))
@@ -350,7 +350,7 @@ class Store:
         return applied, await self.calibration(applied.calibration_id)
 
     async def runs_in_force(self) -> frozenset[str]:
-        """The runs that the calibrations in force of all cameras come from."""
+        """The runs that the active calibrations of all cameras come from."""
         query = """SELECT run_id FROM calibrations WHERE run_id IS NOT NULL AND id IN (
             SELECT calibration_id FROM applied WHERE sequence IN (SELECT max(sequence) FROM applied GROUP BY camera))"""
         return frozenset(run_id for (run_id,) in await self._database.read(lambda db: db.execute(query).fetchall()))

@@ -1,4 +1,4 @@
-"""A ROS 2 node: the calibration in force as a static transform, and a service that calibrates.
+"""A ROS 2 node: the active calibration as a static transform, and a service that calibrates.
 
     python3 handeyed_node.py --ros-args -p url:=http://127.0.0.1:8372
 
@@ -23,7 +23,7 @@ READ_S, RUN_S = 5.0, 600
 
 
 class HandeyedNode(Node):
-    """Polls the calibration in force by its ETag, which costs the daemon nothing while it stays the same."""
+    """Polls the active calibration by its ETag, which costs the daemon nothing while it stays the same."""
 
     def __init__(self) -> None:
         super().__init__("handeyed")
@@ -37,7 +37,7 @@ class HandeyedNode(Node):
         self.create_timer(self.get_parameter("period_s").value, self.publish)
 
     def publish(self) -> None:
-        """Publish the calibration in force when it is another one than before."""
+        """Publish the active calibration when it is another one than before."""
         try:
             with self._open("/calibrations/current", {"If-None-Match": self._etag} if self._etag else {}) as answer:
                 document, etag = json.load(answer), answer.headers["ETag"]
@@ -64,7 +64,7 @@ class HandeyedNode(Node):
         return sent
 
     def calibrate(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        """Run a calibration; whether it is put in force is the daemon's policy."""
+        """Run a calibration; whether it is activated is the daemon's policy."""
         try:
             with self._open(
                 f"/calibrate?wait={RUN_S}", {"Idempotency-Key": str(uuid.uuid4())}, b"{}", RUN_S + READ_S

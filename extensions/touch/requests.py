@@ -61,7 +61,7 @@ class ApproachRequest(Document):
     it is at most 60 degrees from the line of sight of each view that saw the point. Nothing moves when the tip stands
     beyond the point, or flange, camera or a point of [robot] carried_mm would come nearer to it than the tip.
     `touch`: the point, by `id` or `camera_mm`; `tip`, `verification`, `adds_to` and `camera` as of a touch test, the
-    verification at most 8 hours old and of the calibration in force. `short_tip`: the tip is within 5 mm of the
+    verification at most 8 hours old and of the active calibration. `short_tip`: the tip is within 5 mm of the
     flange's centre. `speed_mm_s`: by default 50 to the stand-off and 5 in a step; at most [robot] speed_mm_s, and 10 in
     a step.
     """

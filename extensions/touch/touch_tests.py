@@ -107,7 +107,7 @@ class TouchTests:
         return new
 
     async def find(self, request: ApproachRequest) -> "PointToTouch":
-        """The point of an approach, of the calibration in force.
+        """The point of an approach, of the active calibration.
 
         Raises NotFound, NoCalibration, DocumentError, GeometryError, StorageError.
         """
@@ -125,11 +125,11 @@ class TouchTests:
         return PointToTouch(sighting_of(given.document, touch, seen, ORIGIN), tip_mm, given)
 
     async def _require_current(self, base: "_Basis") -> None:
-        """Raises DocumentError for a calibration that is no longer in force, and an old verification."""
+        """Raises DocumentError for a calibration that is no longer active, and an old verification."""
         used = base.calibration
         _, in_force = await self.store.current(used.camera)
         if in_force.id != used.id:
-            what = f"the point was seen with calibration {used.id}, and {in_force.id} is in force"
+            what = f"the point was seen with calibration {used.id}, and {in_force.id} is active"
             raise _refusal("verification", what, "verify anew, and begin a new test")
         if base.run is None:
             return
@@ -174,7 +174,7 @@ class TouchTests:
     async def _calibration(
         self, camera: str | None, run: RunRecord | None, earlier: StoredTouchTest | None
     ) -> CalibrationRecord:
-        """That of the verification, else of the test to be added to, else the one in force of the camera."""
+        """That of the verification, else of the test to be added to, else the active one of the camera."""
         if run is not None and run.result is not None:
             record = await self.store.calibration(run.result["calibration_id"])
         elif earlier is not None:
@@ -233,7 +233,7 @@ def _evaluate(
 
 
 def _seen_by(run: RunRecord, given: CalibrationInUse) -> dict[int, SeenPoint]:
-    """The target's points as a verification saw them, with its joints where the arm's errors are in force."""
+    """The target's points as a verification saw them, with its joints where the arm's errors are active."""
     assert run.result is not None
     table, x = run.result["verification"], given.document.mount_T_camera
     if x is None:

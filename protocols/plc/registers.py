@@ -58,11 +58,11 @@ _X = "position of the camera on the flange (X)"
 _Q = "orientation of the camera on the flange, unit quaternion (ABB's q1..q4)"
 _SX = "one standard deviation of X's position"
 _SR = "one standard deviation of X's rotation about the camera's axis"
-_POINT = "one standard deviation of a mapped point"
+_POINT = "one standard deviation of a measured point"
 _WORST = "U (k = 2) at the worst of the points that matter: what the tolerance is compared with"
 _ASKED = "largest U that was accepted, in place of a stated one the default: see contents"
 _EXPECTED = "U that was expected of the same views before the run"
-_BEFORE = "U of the calibration that was in force when this one was made"
+_BEFORE = "U of the calibration that was active when this one was made"
 _DEVIATION = (
     "calibrate: hold-out error; verify: largest scatter of the target over the positions; register: RMS between views"
 )
@@ -97,7 +97,7 @@ REGISTERS: tuple[Register, ...] = (
     Register(26, "constant_int", Kind.INT32, "", "always 123456, for the same purpose"),
     Register(28, "station", Kind.UINT16, "", "stations done by the command in progress"),
     Register(29, "stations", Kind.UINT16, "", "stations planned"),
-    Register(30, "calibration_age", Kind.UINT32, "s", "since the calibration in force was made; 0 without one"),
+    Register(30, "calibration_age", Kind.UINT32, "s", "since the active calibration was made; 0 without one"),
     Register(32, "results_waiting", Kind.UINT16, "", "1 while a result waits for results_ack to be low"),
     Register(33, "drift_state", Kind.UINT16, "", "0 off, 1 learning, 2 steady, 3 drifting"),
     Register(34, "drift_shift", Kind.INT32, "µm", "how far the fixed target seems to have moved, averaged over time"),

@@ -32,7 +32,7 @@ class CameraPose:
 
 @dataclass(frozen=True)
 class Sigma:
-    """Standard deviations of X and of a mapped point."""
+    """Standard deviations of X and of a measured point."""
 
     x_mm: Three
     rotation_deg: Three
@@ -79,7 +79,7 @@ class Accuracy:
 class CommandResult:
     """Result of a command. None marks an unknown value, which the block's `contents` shows as missing.
 
-    `in_force`: the calibration of the result is the one in force.
+    `in_force`: the calibration of the result is the active one.
     """
 
     command: PlcCommand

@@ -85,7 +85,7 @@ def _observability(base_T_flange: Array, weakest: str) -> Observability:
 
 
 def _weakest(covariance: Array, seen_mm: Array) -> str:
-    """The axis about or along which X displaces the mapped points most."""
+    """The axis about or along which X displaces the measured points most."""
     reach = np.linalg.norm(seen_mm.mean(axis=0))
     deviations = np.sqrt(np.diagonal(covariance)) * np.repeat([reach, 1.0], 3)
     worst = int(np.argmax(deviations))

@@ -81,7 +81,7 @@ def with_views(document: CalibrationDocument) -> CalibrationDocument:
 
 
 async def apply_calibration(bench: Bench, calibration_id: str = "cal-1") -> None:
-    """Store a calibration of the fake cell's truth, and put it in force."""
+    """Store a calibration of the fake cell's truth, and activate it."""
     store = bench.application.store
     document = a_calibration(calibration_id)
     await store.save_calibration(CalibrationRecord(calibration_id, None, document.created_at, True, document))

@@ -132,7 +132,7 @@ async def test_what_needs_a_restart_is_named_and_not_taken_over(file: Path) -> N
         assert await reload(bench) == ["settings were changed that need a restart: robot.speed_mm_s"]
         settings = await shown(bench)
         assert (settings["calibration"]["tolerance_mm"], settings["robot"]["speed_mm_s"]) == (0.5, 100.0)
-        assert bench.application.settings_file == before  # `handeyed check` then says what is not in force
+        assert bench.application.settings_file == before  # `handeyed check` then says what is not active
         write(file, tolerance=0.5)
         assert await reload(bench) == []
 

@@ -1,4 +1,4 @@
-"""Two cameras by name: each with its own runs, pictures, calibration in force and chart."""
+"""Two cameras by name: each with its own runs, pictures, active calibration and chart."""
 
 import asyncio
 import json
@@ -203,7 +203,7 @@ async def test_each_scanner_is_ready_by_what_places_its_clouds(tmp_path: Path) -
         assert [(await register(name))["ready"] for name in scanners] == [False, False]
         await calibrate(bench.client, camera="wrist")
         assert (await register("door"))["ready"]
-        assert (await register("roof"))["reasons"] == ["no rig is in force"]
+        assert (await register("roof"))["reasons"] == ["no rig is active"]
         rig = a_rig()
         rig["sensors"][1]["name"] = "roof"
         assert (await bench.client.post("/rigs", json=rig)).status_code == 201

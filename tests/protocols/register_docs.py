@@ -17,7 +17,7 @@ BITS: dict[str, type[IntFlag]] = {"control": ControlBit, "status": StatusBit, "c
 
 BIT_MEANINGS: dict[tuple[type[IntFlag], int], str] = {
     (ControlBit, ControlBit.TRIGGER_CALIBRATE): "rising edge: calibrate",
-    (ControlBit, ControlBit.TRIGGER_VERIFY): "rising edge: verify the calibration in force",
+    (ControlBit, ControlBit.TRIGGER_VERIFY): "rising edge: verify the active calibration",
     (ControlBit, ControlBit.TRIGGER_REGISTER): "rising edge: scan the part from the taught poses and register it",
     (
         ControlBit,
@@ -70,7 +70,7 @@ BIT_MEANINGS: dict[tuple[type[IntFlag], int], str] = {
     (ContentsBit, ContentsBit.EXPECTED): "u_expected and its integer",
     (ContentsBit, ContentsBit.BEFORE): "u_before and its integer",
     (ContentsBit, ContentsBit.UNEXPECTED): "u_worst is more than 1.5 times u_expected, or less than that",
-    (ContentsBit, ContentsBit.IN_FORCE): "the result's calibration is in force; low after an accepted calibrate: it"
+    (ContentsBit, ContentsBit.IN_FORCE): "the result's calibration is active; low after an accepted calibrate: it"
     " waits for a person",
 }
 

@@ -10,7 +10,7 @@ from tests.simulated.damage import DISTANCE_MM, DamagedSession
 
 
 def excess(session: DamagedSession, solution: Solution) -> tuple[float, int]:
-    """The RMS error of mapped points by X over their standard deviation, of the truth that is nearest; which it is."""
+    """The RMS error of points by X over their standard deviation, of the truth that is nearest; which it is."""
     assert solution.mount_T_camera is not None and solution.uncertainty is not None and solution.camera is not None
     points_mm = working_points_mm(solution.camera, DISTANCE_MM)
     seen_mm = map_points(solution.mount_T_camera, points_mm)

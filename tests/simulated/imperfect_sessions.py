@@ -84,7 +84,7 @@ class ImperfectCell:
     noise: CellNoise
 
     def point_error_mm(self, solution: Solution) -> float:
-        """RMS error of a mapped point over the working volume; NaN without X.
+        """RMS error of a measured point over the working volume; NaN without X.
 
         With estimated intrinsics a point is where its pixel is seen at its true distance, since X and camera are used
         together; with given ones it is known in the camera's frame.

@@ -167,7 +167,7 @@ Each fault can be set on the mock cell when it starts (`handeyed mock run --faul
 (`POST /faults/NAME` on its control port; `DELETE` clears it). In this table it occurs
 between the first and the last station of a run. In every case the arm then stands still, disarmed, and moves only
 on a new, explicit start; as long as the controller has not confirmed that, `GET /ready` says so and no run starts.
-Captured data stay stored. A calibration that is not accepted is not put in force.
+Captured data stay stored. A calibration that is not accepted is not activated.
 
 `pytest tests/stories/test_faults.py` tries every row; `python -m tests.stories.fault_rows` writes this page.
 

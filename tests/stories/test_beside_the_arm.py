@@ -135,7 +135,7 @@ async def test_it_is_calibrated_by_hand_and_a_part_comes_out_where_it_is(tmp_pat
 
 
 async def calibrate(cell: Cell, beside: Beside) -> FoundAxisDocument:
-    """By hand, from three views at each reading; the result is in force."""
+    """By hand, from three views at each reading; the result is active."""
     ask, kind = cell.story.operator.client, beside.drawn["kind"]
     run = await cell.story.operator.starts("/calibrate", manual=True)
     for reading in beside.readings:

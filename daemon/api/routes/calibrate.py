@@ -157,7 +157,7 @@ def _on_flange(document: CalibrationDocument) -> PoseDocument | None:
 
 
 async def _fastest_mm_s(app: Application, camera: CellCamera, applied: PoseDocument | None) -> float | None:
-    """Largest speed of what moves; camera or target is where the calibration in force, or else the guess, has it."""
+    """Largest speed of what moves; camera or target is where the active calibration, or else the guess, has it."""
     guesses = camera.settings.calibration
     on_flange = applied or guesses.flange_T_camera_guess or guesses.flange_T_target_guess
     if not app.cell.robot.link.connected:
@@ -190,5 +190,5 @@ def _poses_text(settings: CalibrationSettings) -> str:
     usual = "" if settings.tolerance_mm else " (not stated by you)"
     goals = ((rule.tolerance_mm, f"to U = {{:g}} mm{usual}"), (rule.uncertainty_mm, "to {:g} mm"))
     met = " and ".join(words.format(goal_mm) for goal_mm, words in goals if goal_mm)
-    enough = f", until a mapped point is known {met}" if met else ""
+    enough = f", until a measured point is known {met}" if met else ""
     return f"a first look from where the arm stands, then up to {rule.views_left} planned one after the other{enough}"

@@ -1,4 +1,4 @@
-"""GET /calibrations, one of them, the one in force, and applying one."""
+"""GET /calibrations, one of them, the active one, and applying one."""
 
 from dataclasses import replace
 from typing import Annotated
@@ -113,7 +113,7 @@ async def solve(
     responses={200: {**or_text("In words"), "headers": ETAG_HEADER}, 304: UNCHANGED, **problem_responses(404)},
 )
 async def current(request: Request, app: App, camera: WithCamera, if_none_match: IfNoneMatch = None) -> Response:
-    """The calibration in force. Its ETag is what `If-Match` of POST /calibrations/{id}/apply expects."""
+    """The active calibration. Its ETag is what `If-Match` of POST /calibrations/{id}/apply expects."""
     try:
         applied, record = await app.store.current(camera.name)
     except NoCalibration as error:
@@ -143,8 +143,8 @@ async def calibration(request: Request, app: App, calibration_id: Identifier) ->
     responses={200: or_text("In words"), **problem_responses(404, 409)},
 )
 async def arm(request: Request, app: App, calibration_id: Identifier) -> Response:
-    """arm.json: the errors of the arm that were identified with this calibration, in force with it. "current" is the
-    one in force."""
+    """arm.json: the errors of the arm that were identified with this calibration, active with it. "current" is the
+    active one."""
     _, found = await _arm_of(app, calibration_id)
     return respond(request, found, lambda: arm_summary(found))
 
@@ -158,7 +158,7 @@ async def error_field(
     request: Request, app: App, calibration_id: Identifier, steps: Steps = 5, box: FieldBox = None
 ) -> Response:
     """By how much the arm as drawn misses a registered point, and what is left with its errors taken out, on a grid of
-    places of the flange. "current" is the calibration in force."""
+    places of the flange. "current" is the active calibration."""
     document, errors = await _arm_of(app, calibration_id)
     corners = box_of(box)
     found = await app.service_workers.run_if_free(arm_field, errors, document, steps, corners)
@@ -174,7 +174,7 @@ async def compare_with(
     request: Request, app: App, calibration_id: Identifier, other: With, false_alarm_probability: FalseAlarm = 0.01
 ) -> Response:
     """How far the calibration `with` is from this one: in mm and degrees, at the points that matter of this one, beside
-    what both claim to know. "current" is the one in force."""
+    what both claim to know. "current" is the active one."""
     a, b = await app.operations.calibrations.find(calibration_id), await app.operations.calibrations.find(other)
     found = compare(a, b, false_alarm_probability)
     return respond(request, found, lambda: comparison_text(found))
@@ -201,7 +201,7 @@ async def solve_again(
 @router.post(
     "/{calibration_id}/apply",
     response_model=AppliedDocument,
-    responses={200: {"description": "It is in force", "headers": ETAG_HEADER},
+    responses={200: {"description": "It is active", "headers": ETAG_HEADER},
                **problem_responses(400, 403, 404, 409, 412, 413, 500, 507)},
 )  # fmt: skip
 async def apply(
@@ -212,7 +212,7 @@ async def apply(
     body: Annotated[ApplyRequest, Depends(JsonBody(ApplyRequest))],
     if_match: IfMatch = None,
 ) -> AppliedDocument:
-    """Make this calibration the one in force. What was in force before stays in the history.
+    """Make this calibration the active one. What was active before stays in the history.
 
     With `If-Match`, the ETag of GET /calibrations/current: only if nothing else was applied meanwhile. A verdict is
     overruled by admins only.

@@ -1,4 +1,4 @@
-"""GET /drift: the control chart of the calibration in force."""
+"""GET /drift: the control chart of the active calibration."""
 
 from typing import Annotated
 
@@ -27,7 +27,7 @@ async def drift(
         int, Query(ge=1, le=MAX_VERIFICATIONS, description="how many points at most, the last ones"), IN_WHOLE_DIGITS
     ] = 100,
     calibration: Annotated[
-        str | None, Query(min_length=1, max_length=64, description="id of one that was in force; else the one that is")
+        str | None, Query(min_length=1, max_length=64, description="id of one that was active; else the one that is")
     ] = None,
 ) -> Response:
     """The control chart: where the fixed target was seen by each verification, its limits, and what follows from it."""

@@ -41,7 +41,7 @@ EVERY: dict[str, ExportFormat | PoseFormat] = {**FORMATS, **POSE_FORMATS}
     responses={**problem_responses(404, 409)},
 )
 async def exports(app: App, calibration_id: Identifier) -> ExportList:
-    """The formats in which this calibration and its poses can be had. "current" is the one in force."""
+    """The formats in which this calibration and its poses can be had. "current" is the active one."""
     document = await app.operations.calibrations.find(calibration_id)
     return ExportList(exports=[ExportDocument.of(each, document.id) for each in EVERY.values()])
 

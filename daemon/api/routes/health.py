@@ -83,15 +83,15 @@ async def _families(app: Application) -> list[Metric]:
 
 
 ACCURACY_GAUGES = {
-    "expanded_mm": "U (k = 2) at the worst of the points that matter, of the calibration in force.",
+    "expanded_mm": "U (k = 2) at the worst of the points that matter, of the active calibration.",
     "tolerance_mm": "Largest U that was accepted; label stated: whether somebody stated it.",
     "expected_mm": "U as expected before its run.",
-    "before_mm": "U of the calibration that was in force when it was made.",
+    "before_mm": "U of the calibration that was active when it was made.",
 }
 
 
 async def _accuracies(app: Application) -> list[Metric]:
-    """Of the calibration in force of each camera that has one, with its arm's errors where they were taken up."""
+    """Of the active calibration of each camera that has one, with its arm's errors where they were taken up."""
     lengths_m: dict[str, dict[Labels, float]] = {field: {} for field in ACCURACY_GAUGES}
     for name in app.settings.camera_names:
         try:

@@ -30,7 +30,7 @@ from registration.points.range_check import RangeCheck
 
 router = APIRouter(tags=["register"])
 
-Sensor = Annotated[str | None, Query(min_length=1, max_length=255, description="name of a sensor of the rig in force")]
+Sensor = Annotated[str | None, Query(min_length=1, max_length=255, description="name of a sensor of the active rig")]
 Which = Annotated[str, Query(max_length=64, description="'current', or a calibration's id")]
 
 
@@ -53,13 +53,13 @@ async def register(
 ) -> Response:
     """The cloud in the robot's base frame, in mm, in the format it came in, answered while it still comes in.
 
-    Where the errors of the arm are in force the flange is where the arm as built has it: `Handeyed-Arm: as-built`, with
+    Where the errors of the arm are active the flange is where the arm as built has it: `Handeyed-Arm: as-built`, with
     one standard deviation of a point there (`Handeyed-Point-Sigma-Mm`) and whether the joints are within the range of
     the session (`Handeyed-Joints-Seen`). A
     given pose without `joints` gets them by inverse kinematics, with `Handeyed-Warning: pose-without-joints`.
     A cloud of which every point is nearer than 1 mm or farther than 20 m is refused without `force`; one without finite
     points has `Handeyed-Warning: no-points`.
-    With `scanner` by that sensor of the rig in force (POST /rigs), named by Handeyed-Rig, and the reported pose; a
+    With `scanner` by that sensor of the active rig (POST /rigs), named by Handeyed-Rig, and the reported pose; a
     scanner of the settings that gives its camera_T_scanner goes by the calibration of its camera.
     """
     media_type = media_type_of(request)

@@ -116,7 +116,7 @@ async def report_calibration(
 
 
 async def _with_history(app: Application, context: ReportContext, calibration_id: str) -> ReportContext:
-    """The context with when and by whom it was applied, its chart and the last verification when it is in force."""
+    """The context with when and by whom it was applied, its chart and the last verification when it is active."""
     history = await app.store.history(MAX_HISTORY)
     applied = next((entry for entry in history if entry.calibration_id == calibration_id), None)
     if applied is None:
@@ -173,10 +173,10 @@ async def report_verification(
 async def report_drift(
     request: Request, app: App, camera: WithCamera, language: WithLanguage, form: Form = None
 ) -> Response:
-    """The control chart of the calibration in force, as a report."""
+    """The control chart of the active calibration, as a report."""
     chart = await camera.drift.refresh()
     if not chart.report.calibration_id:
-        raise NotFound("no calibration is in force", "apply one, and verify it")
+        raise NotFound("no calibration is active", "apply one, and verify it")
     report = partial(drift_report, chart, context_of(app.settings, language))
     return await _answer(request, app, report, language, form)
 
@@ -220,7 +220,7 @@ async def picture_scan(
 ) -> Response:
     """The merged cloud from one side, the nearer the lighter, as Accept prefers.
 
-    480 pixels wide without `width`, 960 at the most; by the calibration in force, each time anew.
+    480 pixels wide without `width`, 960 at the most; by the active calibration, each time anew.
     """
     media_type = choose_picture_type(request)
     used = await calibration_of_scan(app, scan_id, "current")

@@ -21,7 +21,7 @@ Despite = Annotated[bool, Query(description="also a rig that was not accepted")]
 
 
 def sensors_of(app: Application) -> RigSensors:
-    """The sensors of the rig in force."""
+    """The sensors of the active rig."""
     return RigSensors(app.store, app.clock, app.settings.camera.setup)
 
 
@@ -37,7 +37,7 @@ async def store_rig(
     body: Annotated[RigDocument, Depends(JsonBody(RigDocument))],
     despite_verdict: Despite = False,
 ) -> Response:
-    """Store a rig.json, and put it in force: POST /register?scanner=NAME then uses the pose of that sensor.
+    """Store a rig.json, and activate it: POST /register?scanner=NAME then uses the pose of that sensor.
 
     A verdict is overruled by admins only.
     """

@@ -252,7 +252,7 @@ async def surface(
 
 
 async def calibration_of_scan(app: Application, scan_id: str, which: str) -> CalibrationInUse:
-    """The calibration in force ("current"), or by id, of the camera that the scan's scanner stands beside.
+    """The active calibration ("current"), or by id, of the camera that the scan's scanner stands beside.
 
     Raises NoCalibration, NotFound, CalibrationUnusable.
     """

@@ -1,4 +1,4 @@
-"""Schemas of calibrations: the list, the one in force, the status. Lengths in mm."""
+"""Schemas of calibrations: the list, the active one, the status. Lengths in mm."""
 
 from typing import Literal
 
@@ -15,7 +15,7 @@ EXAMPLE_ACCURACY = {
 
 
 class CalibrationSummary(AccuracyDocument, Answer):
-    """One line of the list. `current`: in force for its `camera`, which is by its name in the settings.
+    """One line of the list. `current`: active for its `camera`, which is by its name in the settings.
 
     The rest is its accuracy: U (k = 2, mm) at the worst of the points that matter, beside what it is judged by.
     """
@@ -48,7 +48,7 @@ class CalibrationSummary(AccuracyDocument, Answer):
 
 
 class AppliedDocument(Answer):
-    """An entry of the history of calibrations in force. `sequence` counts from 1.
+    """An entry of the history of active calibrations. `sequence` counts from 1.
 
     `role`: of who applied it; `despite_verdict`: it was not accepted, `reason`: why it was applied;
     `camera`: by its name in the settings.
@@ -83,7 +83,7 @@ class CalibrationList(Answer):
 
 
 class CurrentCalibration(AccuracyDocument, Answer):
-    """The calibration in force, since when and by whom, and its accuracy as it is now."""
+    """The active calibration, since when and by whom, and its accuracy as it is now."""
 
     applied: AppliedDocument
     calibration: CalibrationDocument

@@ -101,15 +101,15 @@ class DriftScannerDocument(OfRecord):
 
 
 class DriftDocument(Answer):
-    """The control chart of the calibration in force; "off" without one. `points`: the oldest first.
+    """The control chart of the active calibration; "off" without one. `points`: the oldest first.
 
     `alarm`: a sentence, or null; `alarm_detail`: what it is made of. `scatter_limit_mm`: the largest scatter of the
     last verification that is explained by the calibration's uncertainty and the robot's noise. `touch_tests`: of the
     same calibration, the oldest first, without those that GET /touches names as damaged. `changes`: what may have
     changed, the likeliest first; empty without a known arm, the joints of the stations, or a
     verification before.
-    `scanner`: the verifications of the scanner beside this camera, the oldest first, whatever was in force.
-    `robot_noise`: what is believed of the robot's noise after the calibration in force, before the next run, with
+    `scanner`: the verifications of the scanner beside this camera, the oldest first, whatever was active.
+    `robot_noise`: what is believed of the robot's noise after the active calibration, before the next run, with
     its origin; null without a calibration, or one of an earlier version.
     """
 

@@ -6,7 +6,7 @@ from daemon.store.documents import DocumentRecord
 
 
 class StoredRig(OfRecord):
-    """A rig.json as it was stored. The newest one is in force."""
+    """A rig.json as it was stored. The newest one is active."""
 
     id: str
     created_at: str
@@ -22,7 +22,7 @@ class StoredRig(OfRecord):
 
 
 class RigList(Answer):
-    """The newest first, which is in force; `next` asks for those before them. `damaged`: ids that cannot be read."""
+    """The newest first, which is active; `next` asks for those before them. `damaged`: ids that cannot be read."""
 
     rigs: list[StoredRig]
     damaged: list[str]

@@ -61,7 +61,7 @@ class PlannedPoseDocument(Answer):
 
 
 class GoalDocument(Answer):
-    """What ends a planned run: so many views at the most, or one sigma or U of a mapped point."""
+    """What ends a planned run: so many views at the most, or one sigma or U of a measured point."""
 
     views: int
     uncertainty_mm: float | None

@@ -21,7 +21,7 @@ from registration.points.rigid_motion import MAX_TRANSLATION_MM
 
 POSE = "base_T_flange as x,y,z,qw,qx,qy,qz (mm, w first), or 'now': where the arm stands"
 PoseQuery = Annotated[str, Query(max_length=300, description=POSE, examples=["now"])]
-JOINTS = "the arm's axes 1 to 6 at a given pose, degrees, with commas; where the arm's errors are in force"
+JOINTS = "the arm's axes 1 to 6 at a given pose, degrees, with commas; where the arm's errors are active"
 AXES_BESIDE = "the controller's external axes from the first at a given pose, mm or degrees, with commas"
 
 

@@ -25,7 +25,7 @@ def report(found: DemoResult) -> str:
             f"{off['translation_mm']:.3f} mm, {off['rotation_deg']:.4f} deg",
         ),
         (
-            "a mapped point",
+            "a measured point",
             f"± {significant(found.calibration.accuracy.expanded_mm)} mm (U, k = 2)",
             "",
             f"{off['point_rms_mm']:.2f} mm RMS",

@@ -5,7 +5,7 @@ from typing import Any
 from daemon.config.toml_text import toml_text
 
 TOLERANCE_MM = 1.0
-"""Largest U (k = 2) of a mapped point in the demo's cell."""
+"""Largest U (k = 2) of a measured point in the demo's cell."""
 
 
 def settings_text(announcement: dict[str, Any], port: int) -> str:

@@ -114,7 +114,7 @@ export function MissChart({ points, tolerance_mm }) {
     legend=${html`<span>● ${t('touch.length-U')}</span><span>▲ ${t('touch.outlying')}</span>`} />`;
 }
 
-/** The largest miss of each touch test since the calibration is in force. `tests`: of GET /drift, the oldest first. */
+/** The largest miss of each touch test since the calibration is active. `tests`: of GET /drift, the oldest first. */
 export function TouchChart({ tests }) {
   const rows = tests.map(({ largest_mm, expanded_mm, accepted }, index) => ({ name: index + 1, value: largest_mm, U: expanded_mm, wrong: !accepted }));
   return html`<${Whiskers} rows=${rows} alt=${t('touch.chart-alt', { count: rows.length, largest: mm(rows.at(-1).value) })} xLabel=${t('touch.tests')}

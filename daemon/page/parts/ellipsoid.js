@@ -1,4 +1,4 @@
-// The uncertainty of a mapped point as an ellipsoid, from the covariance of X (pure).
+// The uncertainty of a measured point as an ellipsoid, from the covariance of X (pure).
 
 /**
  * The covariance (3, 3), mm², of a point at `point_mm` in the camera, in the camera's axes. `covariance` (6, 6): of a small

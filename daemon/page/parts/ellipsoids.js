@@ -1,4 +1,4 @@
-// Where a mapped point may be, at each of the points that matter, as seen from the camera.
+// Where a measured point may be, at each of the points that matter, as seen from the camera.
 import { html, useMemo } from '../vendor/preact.js';
 import { count, mm } from '../state/numbers.js';
 import { t } from '../state/words.js';

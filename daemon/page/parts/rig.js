@@ -1,4 +1,4 @@
-// A rig: several cameras and scanners on one mount with one solution, by name; the newest one stored is in force.
+// A rig: several cameras and scanners on one mount with one solution, by name; the newest one stored is active.
 import { html, useState } from '../vendor/preact.js';
 import { ask } from '../state/ask.js';
 import { may, note } from '../state/now.js';
@@ -65,7 +65,7 @@ function RigShown({ rig }) {
     ${verdict.findings.length > 0 && html`<${Findings} findings=${verdict.findings} />`}`;
 }
 
-/** Poses with U (k = 2): along the axes, about them, and of a mapped point. */
+/** Poses with U (k = 2): along the axes, about them, and of a measured point. */
 function Poses({ label, head, rows }) {
   const own = rows.some(({ views }) => views !== undefined);
   const U = (values, places) => `± ${inRow(values.map((value) => fixed(2 * value, places)))}`;

@@ -1,4 +1,4 @@
-// The same pictures solved again: without some views, or by another method; a calibration of its own, not in force.
+// The same pictures solved again: without some views, or by another method; a calibration of its own, not active.
 import { html, useState } from '../vendor/preact.js';
 import { ask, newKey } from '../state/ask.js';
 import { note, running } from '../state/now.js';

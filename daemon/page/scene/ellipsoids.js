@@ -1,4 +1,4 @@
-// Where a mapped point may be: ellipsoids of k = 2 at the points that matter, as the camera sees them, enlarged.
+// Where a measured point may be: ellipsoids of k = 2 at the points that matter, as the camera sees them, enlarged.
 import { Group, Mesh, MeshLambertMaterial, SphereGeometry } from '../vendor/three.js';
 import { discard, frustum } from './bodies.js';
 import { createView } from './view.js';

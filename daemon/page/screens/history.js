@@ -1,4 +1,4 @@
-// History: runs, calibrations, what was put in force, and scans in one line of time; by kind and state.
+// History: runs, calibrations, what was activated, and scans in one line of time; by kind and state.
 import { html, useState } from '../vendor/preact.js';
 import { Card } from '../parts/card.js';
 import { activator } from '../parts/in_force.js';

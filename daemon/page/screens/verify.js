@@ -61,7 +61,7 @@ function DriftTable({ points }) {
     <tbody>${points.toReversed().map((point) => html`<tr><th scope="row"><a href=${linkTo('run', point.run_id)}>${moment(point.at)}</a></th><td class="num">${point.limit_mm === null ? '—' : mm(point.drift_mm)}</td><td class="num">${mm(point.scatter_mm)}</td>${warm && html`<td class="num">${temperature(point)}</td>`}</tr>`)}</tbody></table></div>`;
 }
 
-/** Touch tests: a new touch, what the chosen test found, and all tests since the calibration is in force. */
+/** Touch tests: a new touch, what the chosen test found, and all tests since the calibration is active. */
 function Touches({ chosen, runs, charted }) {
   const list = useAsked('/touches?limit=20', ['touch']);
   const arm = useAsked(ofCamera('/arm'));

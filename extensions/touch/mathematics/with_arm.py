@@ -24,7 +24,7 @@ def touch_test_with_arm(
     tolerance_mm: float | None = None,
     origin: str = "touches",
 ) -> TouchTestDocument:
-    """As `touch_test`, with the arm's errors and what is not known of them, where they are in force.
+    """As `touch_test`, with the arm's errors and what is not known of them, where they are active.
 
     `touches`: with poses as the controller reports them. `seen`: from the poses of `given`. Raises as `touch_test`,
     and as `CalibrationInUse.base_T_flange`.

@@ -1,4 +1,4 @@
-"""A contradiction weighs what it does to a mapped point."""
+"""A contradiction weighs what it does to a measured point."""
 
 from dataclasses import replace
 
@@ -41,7 +41,7 @@ def test_a_certain_change_that_moves_next_to_nothing_is_information_with_its_siz
     verdict = judge(problem, solution)
     found = [finding for finding in verdict.findings if finding.effect_mm is not None]
     assert found and all(finding.severity == "info" for finding in found), verdict.findings
-    assert all("mapped point moves by" in finding.message for finding in found)
+    assert all("measured point moves by" in finding.message for finding in found)
     assert verdict.accepted
     assert solution.uncertainty is not None and found[0].effect_mm is not None
     assert found[0].effect_mm <= 2 * solution.uncertainty.point_mm
@@ -96,7 +96,7 @@ def test_an_error_of_the_lens_that_the_estimate_does_not_know_is_refused_and_wit
     wrong_mm = shift_mm(solution, solve_hand_eye(clean))
     assert wrong_mm == pytest.approx(found.effect_mm, abs=0.5)
     assert 2 < wrong_mm < 1.1 * COVERAGE_FACTOR * uncertainty.point_mm
-    assert f"a mapped point moves by {found.effect_mm:.2g} mm" in found.message
+    assert f"a measured point moves by {found.effect_mm:.2g} mm" in found.message
     verdict = judge(problem, solution)
     first, *_ = (finding for finding in verdict.findings if finding.severity == "error")
     assert first.code == "intrinsics-do-not-fit"

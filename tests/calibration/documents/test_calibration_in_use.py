@@ -1,4 +1,4 @@
-"""What a calibration says of itself while the errors of its arm are in force: X, its uncertainty, the robot's noise."""
+"""What a calibration says of itself while the errors of its arm are active: X, its uncertainty, the robot's noise."""
 
 from functools import cache
 

@@ -299,7 +299,7 @@ async def test_the_camera_shows_what_it_sees_now(bench: Bench) -> None:
 
 async def test_get_calibrate_moves_nothing_and_says_how_to_start(bench: Bench) -> None:
     words = (await bench.client.get("/calibrate", headers={"accept": "text/plain"})).text
-    assert "no calibration is in force" in words
+    assert "no calibration is active" in words
     assert f"curl -X POST -H 'Accept: text/plain' '{bench.url}/calibrate?wait=120'" in words
     assert "warning: the box is checked at goals only" in words
     assert (await bench.client.get("/calibrate")).json()["poses"] == "5 taught in the settings"
@@ -311,8 +311,8 @@ async def test_get_calibrate_moves_nothing_and_says_how_to_start(bench: Bench) -
     [
         ({"count": 8}, "up to 8 planned one after the other"),
         ({"count": 8, "tolerance_mm": 0.5}, "up to 8 planned one after the other"),
-        ({"tolerance_mm": 0.5}, "until a mapped point is known to U = 0.5 mm"),
-        ({}, "up to 11 planned one after the other, until a mapped point is known to U = 1 mm (not stated by you)"),
+        ({"tolerance_mm": 0.5}, "until a measured point is known to U = 0.5 mm"),
+        ({}, "up to 11 planned one after the other, until a measured point is known to U = 1 mm (not stated by you)"),
     ],
 )
 async def test_get_calibrate_says_when_a_planned_run_ends(tmp_path: Path, stated: dict[str, Any], end: str) -> None:

@@ -1,4 +1,4 @@
-"""Two people with two screens: nobody puts a calibration in force over one they never saw."""
+"""Two people with two screens: nobody puts an active calibration over one they never saw."""
 
 import asyncio
 

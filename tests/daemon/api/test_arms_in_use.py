@@ -1,4 +1,4 @@
-"""Clouds where the errors of an arm are in force: joints that are wrong, threads, and frames."""
+"""Clouds where the errors of an arm are active: joints that are wrong, threads, and frames."""
 
 import threading
 from typing import Any

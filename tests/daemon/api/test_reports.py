@@ -29,7 +29,7 @@ async def test_the_report_of_the_one_in_force(tmp_path: Path) -> None:
             policy = answer.headers["content-security-policy"]
             assert "unsafe" not in policy
             assert "default-src 'none'" in policy
-            for word in ("Plant &lt;b&gt;3&lt;/b&gt;", "R-17", "DKD-1", "in force since"):
+            for word in ("Plant &lt;b&gt;3&lt;/b&gt;", "R-17", "DKD-1", "active since"):
                 assert word in answer.text
         document = (await bench.client.get("/calibrations/cal-1")).json()
         assert all(number(q, 7) in answer.text for q in document["flange_T_camera"]["quaternion_wxyz"])

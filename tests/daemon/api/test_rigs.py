@@ -82,7 +82,7 @@ async def test_a_rejected_rig_is_stored_when_somebody_insists_and_the_log_says_s
 
 async def test_a_sensor_that_is_not_there_is_named_with_those_that_are(bench: Bench) -> None:
     none = await register(bench, scanner="scanner")
-    assert (none.status_code, none.json()["detail"]) == (404, "no rig is in force")
+    assert (none.status_code, none.json()["detail"]) == (404, "no rig is active")
     await bench.client.post("/rigs", json=a_rig())
     other = await register(bench, scanner="profiler")
     assert other.status_code == 404

@@ -79,7 +79,7 @@ def test_calibrate_in_words_says_whether_it_is_in_force(running: Running) -> Non
     assert ran.status == 0
     assert "accepted" in ran.out.splitlines()[0]
     waits = "it waits for a person" in ran.out
-    assert ran.out.rstrip().endswith("in force now") is not waits
+    assert ran.out.rstrip().endswith("active now") is not waits
 
 
 def test_calibrate_with_the_arm_says_what_was_found_of_its_errors(running: Running) -> None:

@@ -44,7 +44,7 @@ ARM_FINDING = {
 
 @pytest_asyncio.fixture(scope="module", loop_scope="module")
 async def cell(tmp_path_factory: pytest.TempPathFactory) -> AsyncIterator[Cell]:
-    """The fake cell with a calibration in force that knows its uncertainty and the errors of its arm."""
+    """The fake cell with an active calibration that knows its uncertainty and the errors of its arm."""
     async with with_keys(tmp_path_factory.mktemp("page"), robot={"model": "IRB 1600-6/1.45"}) as (bench, keys):
         document = with_views(document_with_covariance())
         finding = CalibrationFindingDocument.model_validate(ARM_FINDING)

@@ -1,4 +1,4 @@
-"""The page as people use it: from signing in to a calibration in force, by mouse, finger and keyboard; roles; links."""
+"""The page as people use it: from signing in to an active calibration, by mouse, finger and keyboard; roles; links."""
 
 import asyncio
 import re

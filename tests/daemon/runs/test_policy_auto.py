@@ -1,4 +1,4 @@
-"""Policy auto: what is worse than the calibration in force, or contradicts it, waits for a person."""
+"""Policy auto: what is worse than the active calibration, or contradicts it, waits for a person."""
 
 import sqlite3
 from collections.abc import AsyncIterator
@@ -62,14 +62,14 @@ def moved(document: CalibrationDocument, calibration_id: str, shift_mm: float) -
 
 async def first(bench: Bench) -> CalibrationDocument:
     run = await calibrate(bench)
-    assert run["result"]["applied"], "nothing was in force before"
+    assert run["result"]["applied"], "nothing was active before"
     assert run["result"]["before_mm"] is None
     return (await bench.application.store.current())[1].document
 
 
 @pytest.mark.parametrize(("factor", "applied"), [(0.5, False), (0.85, True), (2.0, True)])
 async def test_what_is_worse_waits(bench: Bench, factor: float, applied: bool) -> None:
-    """The fake cell's second calibration is as good as its first: U is 1 / `factor` of the one in force."""
+    """The fake cell's second calibration is as good as its first: U is 1 / `factor` of the active one."""
     better = known(await first(bench), "better", factor)
     await put_in_force(bench, better)
     run = await calibrate(bench)
@@ -99,7 +99,7 @@ async def test_what_waits_says_both_numbers_in_result_event_webhook_and_text(ben
         text = (await bench.client.get(path, headers={"Accept": "text/plain"})).text
         assert why["message"] in text
     applied = await bench.client.post(f"/calibrations/{run['result']['calibration_id']}/apply", json={})
-    assert applied.status_code == 200, "a person may put it in force"
+    assert applied.status_code == 200, "a person may activate it"
 
 
 @pytest.mark.parametrize(("policy", "says"), [("auto", True), ("operator", False)])

@@ -1,4 +1,4 @@
-"""Pictures go when they are many or old; never those of the calibration in force, and never for a wrong clock."""
+"""Pictures go when they are many or old; never those of the active calibration, and never for a wrong clock."""
 
 import shutil
 from collections import namedtuple

@@ -181,7 +181,7 @@ async def test_a_point_of_a_calibration_that_is_no_longer_in_force_is_refused(be
     bench.robot.base_T_flange = touching(10, (0.0, 0.0, 100.0))
     for of in ({"verification": run, "touch": {"id": 10}}, {"tip": None, "adds_to": test_id}):
         refused = await approaches(bench, **of)
-        assert (refused["status"], "cal-2 is in force" in str(refused)) == (422, True), refused
+        assert (refused["status"], "cal-2 is active" in str(refused)) == (422, True), refused
     assert len(bench.robot.goals) == moved
 
 

@@ -1,4 +1,4 @@
-"""Touches where the errors of an arm are in force."""
+"""Touches where the errors of an arm are active."""
 
 import pytest
 

@@ -70,7 +70,7 @@ class CellModel(RuleBasedStateMachine):
 
     @initialize()
     def somebody_works(self) -> None:
-        """So that most histories have a run, a calibration in force and points that were seen."""
+        """So that most histories have a run, an active calibration and points that were seen."""
         self._do(self.world.applies("operator", 0))
         self._do(self.world.starts("operator", "/verify", {}, wait=True))
 

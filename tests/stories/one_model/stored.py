@@ -5,7 +5,7 @@ from tests.stories.one_model.world import World
 
 
 async def check_store(world: World) -> None:
-    """What was acknowledged is there, nothing more than was asked for, one calibration in force, the log whole."""
+    """What was acknowledged is there, nothing more than was asked for, one active calibration, the log whole."""
     await _check_runs(world)
     listed = {scan["id"] for scan in (await world.read("/scans?limit=500"))["scans"]}
     if lost := world.scans - listed:
@@ -39,7 +39,7 @@ async def _check_in_force(world: World) -> None:
     assert answer is not None
     current = "" if answer.status_code == 404 else answer.json()["calibration"]["id"]
     if current not in world.in_force:
-        world.witness.wrong.append(f"calibration: {current!r} is in force, {world.in_force} was applied")
+        world.witness.wrong.append(f"calibration: {current!r} is active, {world.in_force} was applied")
     world.in_force = {current}
 
 

@@ -64,7 +64,7 @@ class World:
     """What the model knows beside what it sees.
 
     `acknowledged`: the final records of runs, and scans with their number of views, as answered; `sent`: requests for a
-    run or a scan that may have been carried out. `in_force`: ids of which one must be in force: several after an apply
+    run or a scan that may have been carried out. `in_force`: ids of which one must be active: several after an apply
     that was not answered. `audited`: the rows that the audit log must hold: action, subject, actor.
     """
 
