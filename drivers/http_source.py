@@ -98,9 +98,7 @@ class HttpSource(PolledDevice):
     A subclass says how long an answer may take, and how large it may be.
     """
 
-    kind: str
-    limit_s: float
-    max_bytes: int
+    kind, limit_s, max_bytes = "device", 60.0, 2**30
 
     def __init__(
         self,

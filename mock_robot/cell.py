@@ -92,7 +92,7 @@ class MockCell:
             session=session or Random().randrange(1, 65536),
             time_scale=time_scale,
             started_at_s=clock(),
-            box=MotionBox(*cell_sheet(truth)["box_mm"]),
+            box=MotionBox(*map(tuple, cell_sheet(truth)["box_mm"])),
             clock=clock,
             seed=truth.seed,
         )

@@ -4,7 +4,6 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from click import Choice
 
 SUFFIX = ".schema.json"
 FOLDER = next(
@@ -16,6 +15,8 @@ FOLDER = next(
 NAMES = sorted(path.name.removesuffix(SUFFIX) for path in FOLDER.glob(f"*{SUFFIX}"))
 
 
-def schema(name: Annotated[str, typer.Argument(metavar="|".join(NAMES), click_type=Choice(NAMES))]) -> None:
+def schema(name: Annotated[str, typer.Argument(metavar="|".join(NAMES))]) -> None:
     """Print the JSON Schema of a file: session.json, scan.json, plan.json, ..., and what is written."""
+    if name not in NAMES:
+        raise typer.BadParameter(f"give one of {', '.join(NAMES)}")
     typer.echo((FOLDER / f"{name}{SUFFIX}").read_text(encoding="utf-8"), nl=False)

@@ -102,7 +102,7 @@ async def test_every_text_says_the_same_digits(bench: Bench, tmp_path: Path) -> 
     html = (await bench.client.get(f"/calibrations/{run['id']}/report")).text
     said = re.findall(r"(?<!would leave )U = ([\d.]+) mm", html)
     assert said and set(said) == {U}, "the report's U, wherever it stands"
-    assert f"before the run: {expected} mm" in html and f"active before: {before} mm" in html
+    assert f"before the run: {expected} mm" in html and f"active calibration before: {before} mm" in html
 
 
 async def events_of(bench: Bench, calibration_id: str) -> list[dict[str, Any]]:

@@ -65,9 +65,10 @@ async def test_calibrate_verify_register_and_scan_a_door(tmp_path: Path) -> None
         expected = points @ truth[:3, :3].T + truth[:3, 3]
         assert np.abs(points_of(answer.content) - expected).max() < THREE_POSES_MM
 
-        # A part wider than one view.
-        poses = story.cell.announcement.sheet["scan_poses"][::2]
+        # A part wider than one view. Every second pose is, from some postures, too far a turn of axis 4.
+        poses = story.cell.announcement.sheet["scan_poses"]
         scan = (await ask.post("/scans", params={"wait": LIMIT_S}, json={"name": "door", "poses": poses})).json()
+        assert "run" in scan, scan.get("detail")
         assert scan["run"]["state"] == "finished", scan["run"]["cause"]
         cloud = await ask.get(scan["links"]["cloud"])
         score = score_cloud(story.truth, cloud.content)

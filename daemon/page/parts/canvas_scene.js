@@ -32,6 +32,6 @@ export function CanvasScene({ create, show, shown, said, alt, dim }) {
   return html`<figure class="scene ${dim ? 'dimmed' : ''}">
     <div class="frame"><canvas ref=${canvas} tabindex="0" role="img" aria-label="${alt} ${said}"></canvas>
       ${['no-drawing', 'failed'].includes(state) && html`<p class="cover quiet">${t(`scene.${state}`)}</p>`}</div>
-    <figcaption class="small quiet">${said} <span class="keys">${t(scene.current?.flat ? 'scene.flat' : 'scene.keys')}</span></figcaption>
+    <figcaption class="small quiet">${said} <span class=${scene.current?.flat ? '' : 'keys'}>${t(scene.current?.flat ? 'scene.flat' : 'scene.keys')}</span></figcaption>
   </figure>`;
 }

@@ -12,7 +12,7 @@ export function Picture({ src, number = null, alt, size = [1920, 1200], corners 
   const r = width / 220;
   return html`<figure class="picture ${dim ? 'dimmed' : ''}" data-number=${number}>
     <div class="frame">
-      <svg viewBox="0 0 ${width} ${height}" role="img" aria-label=${alt}>
+      <svg viewBox="0 0 ${width} ${height}" role=${alt ? 'img' : undefined} aria-label=${alt || undefined} aria-hidden=${alt ? undefined : 'true'}>
         <rect class="empty" width=${width} height=${height} />
         ${src && broken !== src && html`<image key=${number === null ? src : 'live'} href=${src} width=${width} height=${height} onError=${() => setBroken(src)} />`}
         ${corners.map(([id, u, v]) => html`<circle key=${id} class="corner" cx=${u} cy=${v} r=${r} />`)}

@@ -140,7 +140,7 @@ class E57Source:
                 least, most = colour_range(header, self._lib) if "red" in block.dtype.fields else (0.0, 255.0)
             while count:
                 for name in COLOURS if (least, most) != (0.0, 255.0) else ():
-                    block[name] = (block[name] - least) * (255.0 / (most - least))
+                    block[name][:count] = (block[name][:count] - least) * (255.0 / (most - least))
                 yield block[:count]
                 with translate_errors(self._name, f"scan {index}", *self._errors):
                     count = reader.read()

@@ -78,6 +78,7 @@ MENDED_BY_SOMEBODY = {
     "move-refused": "the reason stands at the controller, but for BUSY",
     "not-comparable": "other documents are compared",
     "export-refused": "another format is asked for",
+    "setup-conflict": "the file is read anew, or the daemon is started with --setup",
 }
 """Codes of a 409 that waiting does not mend, and what does."""
 

@@ -176,7 +176,7 @@ def packed(array: bytes, compression: int = zipfile.ZIP_STORED) -> bytes:
         (b"", "this is no NPZ of arrays"),
         (packed(b"\x93NUMPY\x01\x00\x02\x00{\n"), "this is no NPZ of arrays"),
         (packed(bytes(200), zipfile.ZIP_LZMA).replace(LZMA_HEAD, LZMA_HEAD[:-1] + b"\xff"), "this is no NPZ of arrays"),
-        (None, "no such file"),
+        (None, "No such file"),
     ],
 )
 def test_a_damaged_cloud_is_refused_by_its_name(content: bytes | None, what: str, tmp_path: Path) -> None:

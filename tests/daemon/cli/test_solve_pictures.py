@@ -62,7 +62,7 @@ def test_every_picture_is_written_with_what_was_seen_in_it(solved: tuple[Ran, Pa
     page = (out / "residuals.html").read_text()
     assert sorted(re.findall(r'<img src="([^"]+)"', page)) == sorted(file.name for file in out.glob("*.jpg"))
     assert "no ChArUco board of 7×5 squares" in page
-    assert "the robot&#x27;s pose contradicts the image" in page
+    assert "the robot&#39;s pose contradicts the image" in page
     good = cv2.imread(str(out / "000_view_000.jpg"))
     covered = cv2.imread(str(out / f"{COVERED:03}_view_{COVERED:03}.jpg"))
     assert good is not None and covered is not None

@@ -48,7 +48,7 @@ async def test_the_arm_brings_the_tip_before_a_point_and_nearer_each_move_held(
     at_point = touching(10)
     axis = at_point[:3, 2]
     bench.robot.base_T_flange = touching(10, tuple(-40.0 * axis))
-    async with open_page("operator", "verify") as page:
+    async with open_page("operator", "verify/touch") as page:
         asked: list[Any] = []
         page.on("request", lambda request: asked.append(request) if request.url.endswith("/touch/approach") else None)
         await press(page.locator(".chip", has_text=re.compile("^10")))
@@ -74,6 +74,6 @@ async def test_the_arm_brings_the_tip_before_a_point_and_nearer_each_move_held(
 
 
 async def test_a_viewer_brings_no_tip_anywhere(open_page: Opened, cell: Cell) -> None:
-    async with open_page("viewer", "verify") as page:
+    async with open_page("viewer", "verify/touch") as page:
         for button in ("#hold-stand-off", "#hold-nearer"):
             assert await page.locator(button).get_attribute("aria-disabled") == "true"

@@ -64,5 +64,6 @@ async def test_the_ellipsoids_of_a_result_are_drawn(open_page: Opened, cell: tup
     operator = {"Authorization": f"Bearer {keys['operator']}"}
     run = await bench.client.post("/calibrate", json={"count": 5}, params={"wait": LIMIT_S}, headers=operator)
     async with opened(open_page, "viewer", f"result/{run.json()['result']['calibration_id']}") as page:
+        await page.get_by_role("button", name="Which way it may be wrong").press("Enter")
         await page.get_by_text("along the axes of the ellipsoid").wait_for()
         await page.wait_for_function(EACH_THIRD_IS_PAINTED, arg=100)

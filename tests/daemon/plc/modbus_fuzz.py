@@ -96,11 +96,15 @@ async def fuzz(frames: int, seed: int) -> Tally:
     chance, tally = random.Random(seed), Tally()
     loop = asyncio.get_running_loop()
     loop.set_exception_handler(lambda _loop, context: tally.errors.append(str(context)))
-    logging.getLogger("daemon.plc.tcp").setLevel(logging.ERROR)
-    began_s = time.perf_counter()
-    async with served(ModbusTcpLimits(8, 5.0, half_frame_s=0.2)) as server:
-        while tally.frames < frames:
-            await _connection(server.port, chance, min(200, frames - tally.frames), tally)
+    log = logging.getLogger("daemon.plc.tcp")
+    level, began_s = log.level, time.perf_counter()
+    log.setLevel(logging.ERROR)
+    try:
+        async with served(ModbusTcpLimits(8, 5.0, half_frame_s=0.2)) as server:
+            while tally.frames < frames:
+                await _connection(server.port, chance, min(200, frames - tally.frames), tally)
+    finally:
+        log.setLevel(level)  # the process's, and what others log is read in tests
     tally.seconds = time.perf_counter() - began_s
     return tally
 
