@@ -48,6 +48,7 @@ QUICK: dict[str, tuple[str, ...]] = {
     "diagnosis.warming": ("--sessions", "4"),
     "hand_eye": ("--cells", "500"),
     "hand_eye.belief": ("--seeds", "6"),
+    "hand_eye.expected": (),
     "hand_eye.further_camera": ("--cells", "6"),
     "hand_eye.honesty": ("--sessions", "520"),
     "hand_eye.peers": ("--cells", "20"),
