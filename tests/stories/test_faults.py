@@ -86,5 +86,5 @@ async def _arm_stands_until_a_new_start(story: Plant) -> None:
     story.cell.clear_faults()
     story.cell.controller.recover(story.cell.cell.clock())
     await story.operator.waits_until_ready()
-    assert not (await story.operator.client.get("/robot")).json()["armed"]
+    assert not story.cell.controller.armed
     assert (story.cell.commanded_moves, story.cell.moving) == (moves, False)

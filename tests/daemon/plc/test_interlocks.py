@@ -62,7 +62,7 @@ async def test_late_answers_of_a_serial_terminal_never_let_a_move_begin(tmp_path
     async with rtu_terminal() as device:
         device.bank.inputs[1] = True
         signals = [{"name": "gate closed", "address": 0}, {"name": "part present", "address": 1}]
-        interlocks = {"address": device.address, "limit_s": 0.2, "signals": signals}
+        interlocks = {"address": device.address, "limit_s": 1.0, "signals": signals}
         async with serving(settings_for(tmp_path, interlocks=interlocks), parts) as bench:
 
             async def part_goes_and_answers_are_late(move: int) -> None:
