@@ -76,4 +76,18 @@ say "the folder for apt ..."
 # shellcheck source=/dev/null # the system's
 codename=$(. /etc/os-release && echo "$VERSION_CODENAME")
 "$SOURCE/deploy/apt-repository.sh" "$FOLDER/apt" "$codename" "$out"/*.deb ${KEY:+--key "$KEY"}
+
+say "apt takes this package from it ..."
+apt=$(cd "$FOLDER/apt" && pwd)
+trust=trusted=yes
+if [ -n "$KEY" ]; then trust=signed-by=$apt/handeyed.gpg; fi
+mkdir -p "$work/apt/state/lists/partial" "$work/apt/cache/archives/partial"
+echo "deb [$trust] file:$apt $codename main" >"$work/apt/sources.list"
+from_it() {
+    apt-get -qq -o Dir::Etc::SourceList="$work/apt/sources.list" -o Dir::Etc::SourceParts=- -o Dir::State="$work/apt/state" \
+        -o Dir::State::Status=/dev/null -o Dir::Cache="$work/apt/cache" -o APT::Sandbox::User= "$@"
+}
+from_it update
+(cd "$work/apt" && from_it download handeyed)
+cmp "$work/apt"/handeyed_*.deb "$out"/handeyed_*.deb || fail "apt takes another package from $apt than the one made here"
 say "$out"
