@@ -454,6 +454,12 @@ def test_a_row_that_measured_nothing_fails(row: str) -> None:
     assert words in document["rows"][0]["what"]
 
 
+def test_entries_are_counted_beyond_the_50_that_the_log_shows() -> None:
+    writes_much = does(cb.Ping, lambda *of: [writes_each_time(*of) for _ in range(20)].pop())
+    document, _ = acceptance(writes_much, ["event-log"])
+    assert int(document["rows"][0]["what"].partition(" ")[0]) > 100
+
+
 @pytest.mark.parametrize(("reads", "verdict"), [(1000, "passed"), (40, "failed")])
 def test_few_repeats_among_many_reads_are_reported_and_accepted(reads: int, verdict: str) -> None:
     def loses_two(patch: pytest.MonkeyPatch, cell: MockCell) -> None:
