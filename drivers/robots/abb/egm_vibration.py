@@ -176,10 +176,10 @@ class EgmMonitor:
             try:
                 sample = decode(data)
             except NotEgm as unusable:
-                self._count(unusable.why)
+                self._count(f"from {sender[0]} {unusable.why}")
                 continue
             if not (isfinite(sum(sample.position_mm)) and MIN_NORM < hypot(*sample.quaternion_wxyz) < 1 / MIN_NORM):
-                self._count("whose pose is not made of numbers")
+                self._count(f"from {sender[0]} whose pose is none: NaN, or a quaternion of zeros")
                 continue
             self._window.add(ReceivedSample(_arrival_time_s(notes, clock), sample))
 

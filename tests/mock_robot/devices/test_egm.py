@@ -3,7 +3,7 @@
 import asyncio
 import socket
 import sys
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager, suppress
 
 import numpy as np
@@ -15,7 +15,8 @@ from drivers.robots.abb.egm_vibration import EgmAddress, EgmMonitor, vibration_o
 from mock_robot.cell import MockCell, Ports
 from mock_robot.devices.egm import PERIOD_S, VIBRATION_MM
 from mock_robot.truth.truth import CellTruth
-from protocols.egm.messages import RobotSample, encode
+from protocols.egm.messages import MessageType, RobotSample, encode
+from protocols.egm.protobuf import double_field, integer_field, message_field
 from tests.mock_robot.controller_client import AWAY
 from tests.support.waiting import eventually
 
@@ -125,19 +126,42 @@ async def test_only_the_named_controller_is_listened_to() -> None:
         assert "packets from 127.0.0.1, expected 192.0.2.1" in monitor.link.detail
 
 
+PLACE, TURN = (500.0, 0.0, 700.0), (0.0, 1.0, 0.0, 0.0)
+NONE = "whose pose is none"
+
+
+def a_packet(number: int, place: tuple[float, ...] = PLACE, turn: tuple[float, ...] = TURN) -> bytes:
+    return encode(RobotSample(number, 4 * number, (0.0,) * 6, place, turn))  # type: ignore[arg-type]
+
+
+def joints_alone(number: int) -> bytes:
+    joints = message_field(1, [double_field(1, 0.0)] * 6)
+    header = (integer_field(1, number), integer_field(2, 4 * number), integer_field(3, MessageType.DATA))
+    return message_field(1, header) + message_field(2, [joints])
+
+
 @pytest.mark.parametrize(
-    ("place", "turn"), [((float("nan"), 0.0, 700.0), (0.0, 1.0, 0.0, 0.0)), ((500.0, 0.0, 700.0), (0.0, 0.0, 0.0, 0.0))]
+    ("packet", "why"),
+    [
+        (lambda number: a_packet(number, place=(float("nan"), 0.0, 700.0)), NONE),
+        (lambda number: a_packet(number, place=(float("inf"), 0.0, 700.0)), NONE),
+        (lambda number: a_packet(number, turn=(0.0, 0.0, 0.0, 0.0)), NONE),
+        (lambda number: a_packet(number, turn=(float("nan"), 1.0, 0.0, 0.0)), NONE),
+        (joints_alone, "without a Cartesian pose"),
+        (lambda number: b"no EGM", "that are no EGM data of a robot"),
+    ],
 )
-async def test_a_pose_that_is_none_is_no_sample(place: tuple[float, ...], turn: tuple[float, ...]) -> None:
+async def test_a_packet_without_a_pose_is_no_sample_and_its_sender_is_named(
+    packet: Callable[[int], bytes], why: str
+) -> None:
     monitor = EgmMonitor(EgmAddress("127.0.0.1", 0))
     monitor.start()
     try:
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
             for number in range(1, 9):
-                sample = RobotSample(number, 4 * number, (0.0,) * 6, place, turn)  # type: ignore[arg-type]
-                sender.sendto(encode(sample), ("127.0.0.1", monitor.port))
+                sender.sendto(packet(number), ("127.0.0.1", monitor.port))
         await eventually(lambda: monitor.strangers == 8)
-        with pytest.raises(DeviceTimeout, match="8 packets whose pose is not made of numbers"):
+        with pytest.raises(DeviceTimeout, match=f"8 packets from 127.0.0.1 {why}"):
             monitor.arrivals(5.0)
     finally:
         monitor.close()
