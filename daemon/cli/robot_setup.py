@@ -83,12 +83,14 @@ def remove(
     outcomes, family = asyncio.run(_remove(rws_address(address), record))
     from drivers.robots.abb.setup.installer import steps_after_removal
 
+    undone = all(each.ok for each in outcomes)
+    # Reset RAPID after half a removal would take programs for nothing.
+    steps = steps_after_removal(family) if undone else ()
     if json:
-        typer.echo(dumps({"done": [vars(each) for each in outcomes], "by_hand": steps_after_removal(family)}))
+        typer.echo(dumps({"done": [vars(each) for each in outcomes], "by_hand": steps}))
     else:
-        typer.echo("\n".join(each.line() for each in outcomes))
-        typer.echo("\n".join(f"by hand  {step}" for step in steps_after_removal(family)))
-    raise typer.Exit(ExitStatus.OK if all(each.ok for each in outcomes) else ExitStatus.FAILED)
+        typer.echo("\n".join([*(each.line() for each in outcomes), *(f"by hand  {step}" for step in steps)]))
+    raise typer.Exit(ExitStatus.OK if undone else ExitStatus.FAILED)
 
 
 @dataclass(frozen=True)
@@ -184,15 +186,17 @@ def _show(
 
 def _finish(document: dict[str, Any], outcomes: "list[Outcome]", plan: "SetupPlan", wish: _Wish) -> None:
     address, folder, whole = document["address"], document["backup"], document["controller_backup"]
+    complete = all(each.ok for each in outcomes)
+    steps = plan.by_hand if complete else ()
     if wish.json:
-        typer.echo(dumps(document))
+        typer.echo(dumps(document | {"by_hand": steps}))
     else:
         typer.echo("\n".join(each.line() for each in outcomes))
         if whole:
             typer.echo(f"backup   of the whole controller, on its disk: BACKUP/{whole}")
         typer.echo(f"backup   {folder} (handeyed robot remove {address} --backup {folder})")
-        typer.echo("\n".join(f"by hand  {number}. {step}" for number, step in enumerate(plan.by_hand, 1)))
-    if not all(each.ok for each in outcomes):
+        typer.echo("".join(f"by hand  {number}. {step}\n" for number, step in enumerate(steps, 1)), nl=False)
+    if not complete:
         what, fix = "not all was done", f"mend what FAIL names, then run this again with --backup {folder}"
         raise CommandError(address, what, fix)
 

@@ -13,6 +13,9 @@ from typer.testing import CliRunner
 from calibration.transforms import transform
 from daemon.cli.main import app
 from mock_robot.cabinet.panel import Mode
+from mock_robot.rws.context import RequestContext
+from mock_robot.rws.exchange import DONE, Reply
+from mock_robot.rws.routes import Routes
 from protocols.cfg_file import CfgInstance, parse_cfg
 from tests.daemon.cli.running import Ran, handeyed
 from tests.mock_robot.rws_cell import RwsCell, rws_cell_apart
@@ -211,27 +214,45 @@ def test_nothing_is_changed_when_the_backup_fails(tmp_path: Path, monkeypatch: p
 
 
 @pytest.mark.slow
-def test_a_controller_with_more_signals_than_a_page_is_set_up(tmp_path: Path) -> None:
+@pytest.mark.parametrize("version", [1, 2])
+def test_a_controller_with_more_signals_than_a_page_is_set_up(version: int, tmp_path: Path) -> None:
     with rws_cell_apart() as cell:
         cell.does(lambda: bare(cell))
         signals = {f"signal_{n}": CfgInstance("EIO_SIGNAL", {"Name": f"signal_{n}"}, n) for n in range(173)}
         cell.world.equipment.configuration = {"EIO": {"EIO_SIGNAL": dict(signals)}}
-        done = run(cell, 2, "--yes", "--backup", tmp_path)
+        done = run(cell, version, "--yes", "--backup", tmp_path)
         assert done.status == 0, done.out
-        undone = handeyed("robot", "remove", cell.rws(2), "--backup", tmp_path, "--yes")
+        undone = handeyed("robot", "remove", cell.rws(version), "--backup", tmp_path, "--yes")
         assert undone.status == 0, undone.out
         assert cell.world.equipment.configuration["EIO"]["EIO_SIGNAL"] == signals
 
 
+def deletes_nothing_by_id(routes: Routes, context: RequestContext) -> Reply:
+    asked = context.asked
+    by_id = asked.method == "DELETE" and asked.path.rpartition("/")[2].isdecimal()
+    return DONE if by_id else ANSWER(routes, context)
+
+
+ANSWER = Routes.answer
+READINGS: dict[str, tuple[str, Callable[..., Any]]] = {
+    "refused": ("mock_robot.rws.acting.instance_id", lambda title: "unknown"),
+    "without effect": ("mock_robot.rws.routes.Routes.answer", deletes_nothing_by_id),
+}
+"""What else than deleting a controller may do at DELETE of an entry's id, of which no answer is public."""
+
+
 @pytest.mark.slow
-def test_files_stay_while_the_configuration_names_them(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("reading", READINGS)
+def test_files_stay_while_the_configuration_names_them(
+    reading: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Else the controller's next start finds four entries that point to no file."""
     with rws_cell_apart() as cell:
         cell.does(lambda: bare(cell))
         assert run(cell, 2, "--yes", "--backup", tmp_path).status == 0
         files = dict(cell.world.volumes.files)
-        with monkeypatch.context() as patch:  # a controller that deletes nothing by the id of an entry
-            patch.setattr("mock_robot.rws.acting.instance_id", lambda title: "unknown")
+        with monkeypatch.context() as patch:
+            patch.setattr(*READINGS[reading])
             undone = handeyed("robot", "remove", cell.rws(2), "--backup", tmp_path, "--yes")
         assert undone.status == 1
         by_hand = "delete it by hand (RobotStudio: Configuration, Controller), then run this again"
@@ -239,6 +260,7 @@ def test_files_stay_while_the_configuration_names_them(tmp_path: Path, monkeypat
         assert f"FAIL  SYS CAB_TASKS T_HANDEYED: {by_hand}" in undone.out
         assert "T_HANDEYED" in cell.world.equipment.configuration["SYS"]["CAB_TASKS"]  # its modules name it
         assert "kept, since the configuration still names them" in undone.out
+        assert "Reset RAPID" not in undone.out
         assert cell.world.volumes.files == files
         del cell.world.equipment.configuration["SYS"]["CAB_TASK_MODULES"]  # by hand
         again = handeyed("robot", "remove", cell.rws(2), "--backup", tmp_path, "--yes")
@@ -308,6 +330,7 @@ def test_a_refusal_on_the_way_is_named_and_the_rest_goes_on(tmp_path: Path) -> N
         done = run(cell, 1, "--yes", "--backup", tmp_path)
         assert done.status == 1
         assert "FAIL  load EIO.cfg" in done.out
+        assert "Reset RAPID" not in done.out.partition("FAIL  load EIO.cfg")[2]
         assert "ok    load SYS.cfg" in done.out
 
 

@@ -100,7 +100,8 @@ def test_a_set_up_that_is_cut_off_is_begun_again(version: int, tmp_path: Path, m
     assert done != before
     for cut in range(1, asked + 1):
         cabinet = ACabinet(version, tmp_path / str(cut), monkeypatch)
-        cabinet.run("setup", *SETUP, cut_after=cut)
+        said = cabinet.run("setup", *SETUP, cut_after=cut).out.partition("\nok ")[2]
+        assert "FAIL" not in said or "by hand  " not in said, cut
         again = cabinet.run("setup", *SETUP)
         assert again.status == 0, (cut, again.out, again.err)
         assert cabinet.state() == done, cut
@@ -121,7 +122,8 @@ def test_a_removal_that_is_cut_off_is_begun_again(
     for cut in range(1, whole.asked + 1):
         cabinet = ACabinet(version, tmp_path / str(cut), monkeypatch)
         assert cabinet.run("setup", *SETUP).status == 0
-        cabinet.run("remove", cut_after=cut)
+        said = cabinet.run("remove", cut_after=cut).out
+        assert "FAIL" not in said or "by hand  " not in said, cut
         again = cabinet.run("remove")
         assert again.status == 0, (cut, again.out, again.err)
         assert cabinet.state() == before, cut
