@@ -6,8 +6,8 @@ from lark import Token, Tree
 
 from mock_robot.rapid.errors import ProgramStopped, RaisedFurther
 from mock_robot.rapid.expressions import Evaluate, Expression, aggregate, expression, fits, reference
-from mock_robot.rapid.scope import Builtin, CompileContext, Data, Frame, Parameter, Routine, Slot
-from mock_robot.rapid.syntax import Node, line_of, name, part, parts, word
+from mock_robot.rapid.scope import Builtin, CompileContext, Frame, Parameter, Routine, Slot
+from mock_robot.rapid.syntax import Node, line_of, name, parts, word
 from mock_robot.rapid.tasks import EXECUTION_ERROR
 from mock_robot.rapid.types import ANYTYPE, BOOL, CONDITION, SWITCH, Array, Atom
 
@@ -69,8 +69,6 @@ def _absent(frame: Frame) -> None:
 
 
 Argument = Node | bool
-OPTIONAL = ("option", "passed_on")
-"""An optional argument: given, or passed on from an optional parameter (`\\Check ?Check`)."""
 
 
 def _match_arguments(context: CompileContext, symbol: Routine | Builtin, node: Node) -> list[Argument | None]:
@@ -78,13 +76,12 @@ def _match_arguments(context: CompileContext, symbol: Routine | Builtin, node: N
     arguments = parts(node, "arguments")
     required, options = [], {}
     for child in parts(arguments[0]) if arguments else []:
-        if child.data in OPTIONAL:
+        if child.data == "option":
             if name(child, 0) in options:
                 raise context.wrong(line_of(child), f"\\{word(child, 0)} is given twice")
             options[name(child, 0)] = child
         else:
             required.append(child)
-    required = [part(each, -1) if each.data == "named" else each for each in required]
     wanted = [parameter for parameter in symbol.parameters if not parameter.optional]
     if len(required) != len(wanted):
         takes = ", ".join(parameter.name for parameter in wanted) or "none"
@@ -93,20 +90,10 @@ def _match_arguments(context: CompileContext, symbol: Routine | Builtin, node: N
         )
     for unknown in options.keys() - {p.name for p in symbol.parameters if p.optional}:
         raise context.wrong(line_of(options[unknown]), f"{symbol.name} has no argument \\{unknown}")
-    _require_names(context, wanted, node)
     _require_one_alternative(context, symbol, options, node)
     _require_order(context, symbol, node)
     queue = iter(required)
     return [_option(context, p, options.get(p.name)) if p.optional else next(queue) for p in symbol.parameters]
-
-
-def _require_names(context: CompileContext, wanted: list[Parameter], node: Node) -> None:
-    """A required argument that names its parameter (`Tool:=gripper`) stands in that parameter's place."""
-    arguments = parts(node, "arguments")
-    given = [child for child in parts(arguments[0]) if child.data not in OPTIONAL] if arguments else []
-    for parameter, child in zip(wanted, given, strict=True):
-        if child.data == "named" and name(child, 0) != parameter.name:
-            raise context.wrong(line_of(child), f"{word(child, 0)} stands in the place of {parameter.name}")
 
 
 def _require_one_alternative(
@@ -128,9 +115,9 @@ def _require_order(context: CompileContext, symbol: Routine | Builtin, node: Nod
     required = iter([place for place, parameter in enumerate(symbol.parameters) if not parameter.optional])
     before = -1
     for child in parts(arguments[0]) if arguments else []:
-        place = places[name(child, 0)] if child.data in OPTIONAL else next(required)
+        place = places[name(child, 0)] if child.data == "option" else next(required)
         if place < before:
-            what = f"\\{word(child, 0)}" if child.data in OPTIONAL else symbol.parameters[place].name
+            what = f"\\{word(child, 0)}" if child.data == "option" else symbol.parameters[place].name
             raise context.wrong(
                 line_of(child), f"{symbol.name}: {what} comes before \\{symbol.parameters[before].name}"
             )
@@ -138,8 +125,8 @@ def _require_order(context: CompileContext, symbol: Routine | Builtin, node: Nod
 
 
 def _option(context: CompileContext, parameter: Parameter, node: Node | None) -> Argument | None:
-    if node is None or node.data == "passed_on":
-        return node
+    if node is None:
+        return None
     value = node.children[1]
     if (parameter.type == SWITCH) is not (value is None):
         raise context.wrong(line_of(node), f"\\{parameter.name} {'takes no' if value is not None else 'wants a'} value")
@@ -151,8 +138,6 @@ def _maker(context: CompileContext, parameter: Parameter, argument: Argument, no
     """What makes the argument in the caller's frame: a slot for a routine (`own`), the plain value for a builtin."""
     if not isinstance(argument, Tree):
         return (lambda frame: Slot(True)) if own else (lambda frame: True)
-    if argument.data == "passed_on":
-        return _passed_on(context, parameter, argument, own)
     if parameter.mode != "in":
         return _by_reference(context, parameter, argument, own)
     if parameter.type == CONDITION:
@@ -181,22 +166,6 @@ def _array(context: CompileContext, argument: Node, wanted: Array) -> Expression
     if argument.data == "aggregate":
         return aggregate(context, argument, wanted)
     return expression(context, argument)
-
-
-def _passed_on(context: CompileContext, parameter: Parameter, argument: Node, own: bool) -> Evaluate:
-    """The value of the caller's own optional parameter; absent when that is."""
-    symbol = context.scope.find(name(argument, 1))
-    if not isinstance(symbol, Data) or not symbol.optional or symbol.type != parameter.type:
-        raise context.wrong(line_of(argument), f"?{word(argument, 1)} is no optional {parameter.type.name} of its own")
-    place, by_reference, copy = symbol.place, parameter.mode != "in", symbol.type.copy
-
-    def make(frame: Frame) -> Any:
-        slot = frame[place]
-        if slot is None or by_reference:
-            return slot
-        return Slot(copy(slot.value)) if own else slot.value
-
-    return make
 
 
 def _by_reference(context: CompileContext, parameter: Parameter, argument: Node, own: bool) -> Evaluate:

@@ -6,13 +6,13 @@ from enum import IntEnum
 from typing import Any
 
 from mock_robot.rapid.calls import call
-from mock_robot.rapid.errors import LongJump, ProgramStopped, RaisedFurther, RapidError, RapidProgramError
-from mock_robot.rapid.expressions import Evaluate, as_value, expression, reference
+from mock_robot.rapid.errors import LongJump, ProgramStopped, RaisedFurther, RapidError
+from mock_robot.rapid.expressions import as_value, expression, reference
 from mock_robot.rapid.interrupts import connection
 from mock_robot.rapid.scope import Builtin, CompileContext, Frame, Routine, Scope, Slot
 from mock_robot.rapid.syntax import Node, line_of, name, optional_part, part, parts, word
 from mock_robot.rapid.tasks import EXECUTION_ERROR
-from mock_robot.rapid.types import BOOL, NUM, STRING, Atom
+from mock_robot.rapid.types import BOOL, NUM, Atom
 from mock_robot.rapid.values import single
 
 MAX_RETRIES = 4
@@ -303,26 +303,6 @@ def _call(context: CompileContext, node: Node) -> Run:
     return calling
 
 
-def _call_by_name(context: CompileContext, node: Node) -> Run:
-    """%"name"%: the procedure is looked up when the statement runs. Raises ERR_REFUNKPRC, ERR_CALLPROC."""
-    evaluate, scope = expression(context, part(node, 0), STRING).evaluate, context.scope
-    compiled: dict[str, Evaluate] = {}
-
-    def run(frame: Frame) -> None:
-        called = str(evaluate(frame))
-        if called not in compiled:
-            symbol = scope.find(called.casefold())
-            if not isinstance(symbol, Routine) or symbol.kind != "proc":
-                raise RapidError("ERR_REFUNKPRC", f"no procedure is named {called}")
-            try:
-                compiled[called] = call(context, symbol, node)
-            except RapidProgramError as error:
-                raise RapidError("ERR_CALLPROC", str(error)) from None
-        compiled[called](frame)
-
-    return run
-
-
 _KINDS: dict[str, Callable[[CompileContext, Node], Run]] = {
     "if_": _if,
     "if_one": _if_one,
@@ -338,5 +318,4 @@ _KINDS: dict[str, Callable[[CompileContext, Node], Run]] = {
     "label": lambda context, node: _nothing,
     "connect": connection,
     "call": _call,
-    "call_by_name": _call_by_name,
 }

@@ -14,14 +14,12 @@ import pytest
 from calibration.transforms import Array
 from mock_robot.arm.simulated_arm import ArmNoise, SimulatedArm
 from mock_robot.rapid.controller import RapidController
-from mock_robot.rapid.errors import RapidProgramError
 from mock_robot.rapid.headers import builtins
 from protocols.egm.corrections import Correction, decode_correction
 from protocols.egm.messages import decode
 from tests.mock_robot.controller_client import ARM, HOME
 from tests.mock_robot.rapid import customer_program
 from tests.mock_robot.rapid.sensor import encode_correction
-from tests.mock_robot.rapid.snippets import ran
 from tests.support.waiting import eventually_blocking
 
 SIGNALS = """EIO:CFG_1.0:6:1::
@@ -246,17 +244,6 @@ def test_a_cycle_that_is_asked_for_once_ends_with_the_program(tmp_path: Path) ->
 )  # fmt: skip
 def test_a_correction_is_read_as_it_was_sent(correction: Correction) -> None:
     assert decode_correction(encode_correction(correction)) == correction
-
-
-def test_a_procedure_that_is_called_by_a_name_nobody_has_is_an_error_of_its_name() -> None:
-    assert ran('%"nothing"%;', "VAR num n;", "IF ERRNO = ERR_REFUNKPRC n := 1;\nTRYNEXT;")["n"] == 1
-
-
-def test_a_name_stands_in_the_place_of_its_parameter() -> None:
-    data = "VAR pos point := [3, 4, 0];\nCONST pos origin := [0, 0, 0];\nVAR num n;"
-    assert ran("n := Distance(Point1:=point, origin);", data)["n"] == 5
-    with pytest.raises(RapidProgramError, match="stands in the place of"):
-        ran("n := Distance(Wrong:=point, origin);", data)
 
 
 def test_every_instruction_takes_what_its_header_passes() -> None:

@@ -139,15 +139,7 @@ TOTAL = """FUNC num total(num values{*,*})
   ENDFOR
   RETURN sum;
 ENDFUNC"""
-PASSED_ON = """PROC named_later(\\switch Twice)
-  note \\Twice?Twice;
-ENDPROC
-PROC note(\\switch Twice)
-  n := 1;
-  IF Present(Twice) n := 2;
-ENDPROC"""
 NESTED = "RECORD outer\ninside inner;\nENDRECORD\nRECORD inside\nnum a;\nENDRECORD\nVAR outer o;"
-BACKWARD = "PROC there()\nn := 3;\nBACKWARD\nn := 4;\nENDPROC"
 
 
 @pytest.mark.parametrize(
@@ -158,8 +150,6 @@ BACKWARD = "PROC there()\nn := 3;\nBACKWARD\nn := 4;\nENDPROC"
         ("n := total([[1, 2, 3], [0, 0, 4]]);", "", TOTAL, 10),
         ("p := [10, 20, 30] + q;\nn := p.y;", "VAR pos q := [1, 2, 3];\nVAR pos p;", "", 22),
         ("n := o.inner.a;", NESTED, "", 0),
-        ("there;", "", BACKWARD, 3),
-        ('%"named" + "_later"% \\Twice;', "", PASSED_ON, 2),
         ("n := 1;\nagain:\nn := 2 * n;\nIF n < 10 GOTO again;", "", "", 16),
     ],
 )

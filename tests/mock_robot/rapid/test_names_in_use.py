@@ -8,7 +8,7 @@ from lark import Token
 
 from calibration.documents.exports.formats import export, export_poses
 from calibration.documents.exports.pose_list import pose_list
-from mock_robot.rapid import instructions
+from mock_robot.rapid import instructions, statements
 from mock_robot.rapid.controller import DEPLOYED
 from mock_robot.rapid.headers import builtins, system_types
 from mock_robot.rapid.syntax import Node, name, parse_module, parse_system, parts
@@ -26,6 +26,10 @@ UNUSED = {
     ),
 }
 """Names that no program here uses, and why they are there."""
+UNUSED_STATEMENTS = {
+    **dict.fromkeys(("goto", "label"), "a controller refuses a GOTO into a loop, and the mock must, too"),
+    "retry": "one of the four ends of a handler; the rules of deploy/rapid forbid it",
+}
 NUMBERS_AND_TEXTS = {"num", "dnum", "byte", "bool", "string", "errnum", "signaldo", "mecunit"}
 """Types of more than a list of values: a constant of them is used by its name only."""
 
@@ -43,7 +47,7 @@ def words(node: Node) -> Iterator[str]:
     """Names in a program, without those of components and options."""
     if node.data == "component_of":
         return
-    for child in node.children[node.data in ("option", "passed_on", "named") :]:
+    for child in node.children[node.data == "option" :]:
         if isinstance(child, Token):
             yield from [child.casefold()] if child.type == "NAME" else []
         elif child is not None:
@@ -88,6 +92,11 @@ def test_every_name_serves_the_product_or_a_customers_program() -> None:
     assert known() - used(programs()) == UNUSED.keys()
 
 
+def test_every_statement_serves_one_of_them() -> None:
+    used_there = {node.data for text in programs() for node in parse_module(text, "a program").iter_subtrees()}
+    assert statements._KINDS.keys() - used_there == UNUSED_STATEMENTS.keys()
+
+
 def test_a_name_that_no_program_uses_is_found() -> None:
     alone = ["MODULE one\nPROC main()\nWaitTime 1;\nENDPROC\nENDMODULE\n"]
     assert {"waittime", "num"} <= used(iter(alone))
@@ -95,4 +104,13 @@ def test_a_name_that_no_program_uses_is_found() -> None:
 
 
 def test_the_documentation_counts_them() -> None:
-    assert f"{len(builtins())} instructions and functions" in (ROOT / "docs" / "rapid.md").read_text("utf-8")
+    shipped = used(path.read_text("ascii") for path in DEPLOYED.glob("CELL_*"))
+    known_ones = {each.name for each in builtins()}
+    with_egm, rest = known_ones - shipped - UNUSED.keys(), known_ones & UNUSED.keys()
+    text = (ROOT / "docs" / "rapid.md").read_text("utf-8")
+    assert f"{len(known_ones)} instructions and functions" in text
+    assert (
+        f"The shipped modules use {len(known_ones & shipped)} of them and a program with EGM {len(with_egm)} more"
+        in text
+    )
+    assert rest == {"exitcycle"}
