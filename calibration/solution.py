@@ -7,6 +7,7 @@ from typing import Literal, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import ConfigDict, with_config
 
 from calibration.camera import CameraModel
 from calibration.kinematics.external_axis import ExternalAxis
@@ -15,6 +16,9 @@ from calibration.problem import AxisOffset, Setup
 from calibration.transforms import Array
 
 Severity = Literal["error", "warning", "info"]
+
+IN_DOCUMENTS = ConfigDict(extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True)
+"""Of results that stand in documents as they are: strict as `calibration.documents.validation.Document`."""
 
 
 @dataclass(frozen=True)
@@ -88,15 +92,21 @@ PointFrame = Literal["base", "camera"]
 
 
 @dataclass(frozen=True)
-class PointUncertainty:
-    """One point at (x, y, z) mm of a frame, and the standard deviation of it mapped through X, over three axes.
-
-    `camera_mm`: where it is in the camera's frame; of several views' places the most uncertain one.
-    """
+class NamedPoint:
+    """A point that matters to the user, at (x, y, z) mm of a frame."""
 
     name: str
     frame: PointFrame
     position_mm: tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class PointUncertainty(NamedPoint):
+    """Such a point, and the standard deviation of it mapped through X, over three axes.
+
+    `camera_mm`: where it is in the camera's frame; of several views' places the most uncertain one.
+    """
+
     camera_mm: tuple[float, float, float]
     sigma_mm: float
 
@@ -174,24 +184,26 @@ class Uncertainty:
 GroupedBy = Literal["image", "pose", "view"]
 
 
+@with_config(IN_DOCUMENTS)
 @dataclass(frozen=True)
-class LeaveOut:
+class LeaveOutDocument:
     """Uncertainty of a measured point by leaving out groups of neighbouring views; it assumes no noise model.
 
-    point_mm : one standard deviation, by the grouping that disagrees most with the model.
-    ratio : of the observed to the expected square; 1 under the model.
-    redundancy : degrees of freedom of the ratio.
-    share : posterior probability of errors beyond the model.
-    grouped_by, groups : what neighbours have in common (the target's place in the image, the pose, nothing: single
-        views), and the number of groups.
+    Neighbours have the target's place in the image in common, the pose, or nothing: single views.
     """
 
     point_mm: float
+    """One standard deviation of a measured point, mm, RMS over the working volume."""
     ratio: float
+    """Observed over expected square of the errors. No unit."""
     redundancy: float
+    """Degrees of freedom of the ratio."""
     share: float
+    """Posterior probability of errors beyond the model, 0 to 1."""
     grouped_by: GroupedBy
+    """The grouping that disagrees most: image, pose or view."""
     groups: int
+    """Number of groups."""
 
     @property
     def inflation(self) -> float:
@@ -222,20 +234,26 @@ class Observability:
     weakest_direction: str
 
 
+@with_config(IN_DOCUMENTS)
 @dataclass(frozen=True)
-class HoldOut:
-    """Leave-one-view-out errors, RMS. `reprojection_px` is None without images."""
+class HoldOutDocument:
+    """Leave one view out; the document holds null below 4 views, and no pixels without images."""
 
     base_error_mm: float
+    """RMS distance in the base, mm."""
     reprojection_px: float | None
+    """RMS distance of points from where they are predicted, px."""
 
 
+@with_config(IN_DOCUMENTS)
 @dataclass(frozen=True)
-class ClockOffset:
-    """The robot's clock minus the sensor's at one moment, and its standard deviation, in s."""
+class ClockOffsetDocument:
+    """The robot's clock minus the sensor's, with one standard deviation."""
 
     offset_s: float
+    """The robot's clock minus the sensor's at one moment, s."""
     sigma_s: float
+    """One standard deviation of offset_s, s."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -278,10 +296,10 @@ class Solution:
     noise: Noise
     views: tuple[ViewResult, ...]
     observability: Observability
-    hold_out: HoldOut | None
+    hold_out: HoldOutDocument | None
     findings: tuple[Finding, ...] = field(default=())
-    leave_out: LeaveOut | None = None
-    clock_offset: ClockOffset | None = None
+    leave_out: LeaveOutDocument | None = None
+    clock_offset: ClockOffsetDocument | None = None
     axis_offset: AxisOffset | None = None
     external_axis: ExternalAxisEstimate | None = None
     target_scale: float = 1.0

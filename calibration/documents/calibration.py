@@ -20,8 +20,10 @@ from calibration.sentences.sentence import AS_WRITTEN, Sentence, as_sentence, is
 from calibration.solution import (
     COVERAGE_FACTOR,
     ArmScale,
+    ClockOffsetDocument,
     Finding,
-    GroupedBy,
+    HoldOutDocument,
+    LeaveOutDocument,
     Noise,
     PointFrame,
     Solution,
@@ -72,8 +74,8 @@ COVARIANCE_ORDER = ("rotation_x_rad", "rotation_y_rad", "rotation_z_rad", "x_mm"
 Six = tuple[float, float, float, float, float, float]
 
 
-class PointUncertaintyDocument(Document):
-    """One of the points that matter; of several views' places of it the most uncertain one."""
+class PlaceDocument(Document):
+    """A point that matters."""
 
     name: str
     """What the point is called."""
@@ -81,29 +83,17 @@ class PointUncertaintyDocument(Document):
     """base or camera."""
     position_mm: Vector
     """x, y, z in `frame`, mm."""
+
+
+class PointUncertaintyDocument(PlaceDocument):
+    """One of the points that matter; of several views' places of it the most uncertain one."""
+
     camera_mm: Vector
     """The point in the camera's frame, mm."""
     sigma_mm: float
     """Standard deviation over three axes together, mm."""
     expanded_mm: float
     """U = coverage_factor x sigma_mm, mm."""
-
-
-class LeaveOutDocument(Document):
-    """Uncertainty of a measured point by leaving out groups of views, beside the model's; see `solution.LeaveOut`."""
-
-    point_mm: float
-    """One standard deviation of a measured point, mm, RMS over the working volume."""
-    ratio: float
-    """Observed over expected square of the errors. No unit."""
-    redundancy: float
-    """Degrees of freedom of the ratio."""
-    share: float
-    """Posterior probability of errors beyond the model, 0 to 1."""
-    grouped_by: GroupedBy
-    """The grouping that disagrees most: image, pose or view."""
-    groups: int
-    """Number of groups."""
 
 
 class ArmScaleDocument(Document):
@@ -247,24 +237,6 @@ class ObservabilityDocument(Document):
     """0: parallel axes, 1: evenly spread. No unit."""
     weakest_direction: str
     """What the views determine worst, in words."""
-
-
-class HoldOutDocument(Document):
-    """Leave one view out; the document holds null below 4 views, and no pixels without images."""
-
-    base_error_mm: float
-    """RMS distance in the base, mm."""
-    reprojection_px: float | None
-    """RMS distance of points from where they are predicted, px."""
-
-
-class ClockOffsetDocument(Document):
-    """The robot's clock minus the sensor's, with one standard deviation."""
-
-    offset_s: float
-    """The robot's clock minus the sensor's at one moment, s."""
-    sigma_s: float
-    """One standard deviation of offset_s, s."""
 
 
 class FindingDocument(Document):

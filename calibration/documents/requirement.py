@@ -9,8 +9,8 @@ from pydantic import Field, NonNegativeFloat, PositiveFloat, model_validator
 
 from calibration.documents.pose import Vector
 from calibration.documents.validation import Document
-from calibration.likelihood.mapped_points import NamedPoint, box_points
-from calibration.solution import PointFrame
+from calibration.likelihood.mapped_points import box_points
+from calibration.solution import NamedPoint, PointFrame
 from calibration.verdict import DEFAULT_VERDICT_LIMITS as DEFAULT
 from calibration.verdict import VerdictLimits
 
@@ -108,8 +108,7 @@ class PointsDocument(Document):
 
     def named_points(self) -> tuple[NamedPoint, ...]:
         corners = () if self.box_mm is None else box_points(np.array(self.box_mm))
-        named = (NamedPoint(point.name, point.frame, np.array(point.position_mm)) for point in self.points)
-        return (*corners, *named)
+        return (*corners, *(NamedPoint(**vars(point)) for point in self.points))
 
 
 class PointsFile(PointsDocument):

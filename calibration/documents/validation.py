@@ -4,7 +4,7 @@ import difflib
 import json
 import reprlib
 from collections.abc import Iterable, Sequence
-from dataclasses import replace
+from dataclasses import fields, is_dataclass, replace
 from typing import Any, ClassVar, Literal, TypeVar, get_args, get_origin
 
 from pydantic import BaseModel, ConfigDict, ValidationError
@@ -98,7 +98,7 @@ def _with_integers(data: Any) -> Any:
 
 
 def _problems(model: type[BaseModel], details: Sequence[Any]) -> list[DocumentProblem]:
-    known = _places(model) if any(detail["type"] == "extra_forbidden" for detail in details) else {}
+    known = _places(model) if any(detail["type"] in _UNKNOWN_KEY for detail in details) else {}
     return limit_problems([_problem(known, detail) for detail in details[:MAX_PROBLEMS]], len(details))
 
 
@@ -111,7 +111,7 @@ def limit_problems(problems: Sequence[DocumentProblem], count: int) -> list[Docu
 
 def _problem(known: dict[str, set[str]], detail: Any) -> DocumentProblem:
     """`known`: the keys that may stand in each place, for an unknown one."""
-    if detail["type"] == "extra_forbidden":
+    if detail["type"] in _UNKNOWN_KEY:
         return DocumentProblem(_place(detail["loc"]), "unknown key", _mend(known, detail["loc"]))
     return problem_of_detail(detail)
 
@@ -136,6 +136,9 @@ def problem_of_detail(detail: Any) -> DocumentProblem:
 
 _NUMBER, _WHOLE, _LIST, _OBJECT = "give a number", "give a whole number", "give a list", "give an object"
 
+_UNKNOWN_KEY = ("extra_forbidden", "unexpected_keyword_argument")
+"""Pydantic's types of error for a key that does not belong there: in a model, and in a dataclass."""
+
 _FIXES = {
     "greater_than": "give more than {gt}", "greater_than_equal": "give {ge} or more",
     "less_than": "give less than {lt}", "less_than_equal": "give {le} or less",
@@ -147,7 +150,7 @@ _FIXES = {
     "string_too_short": "give at least {min_length} characters",
     "string_pattern_mismatch": "give what matches {pattern}",
     "list_type": _LIST, "tuple_type": _LIST, "dict_type": _OBJECT, "model_type": _OBJECT,
-    "model_attributes_type": _OBJECT,
+    "model_attributes_type": _OBJECT, "dataclass_type": _OBJECT,
     "too_long": "give at most {max_length}", "too_short": "give at least {min_length}",
     "none_required": "leave it out",
 }  # fmt: skip
@@ -199,27 +202,35 @@ def _mend(places: dict[str, set[str]], location: tuple[int | str, ...]) -> str:
     return nearest_fix(key, beside) or nearest_fix(key, set().union(*places.values())) or "remove it"
 
 
-def _places(model: type[BaseModel]) -> dict[str, set[str]]:
+def _places(model: type) -> dict[str, set[str]]:
     """The keys that may stand in each place; list indices are left out of the place."""
     places: dict[str, set[str]] = {}
-    pending: list[tuple[tuple[str, ...], type[BaseModel]]] = [((), model)]
+    pending: list[tuple[tuple[str, ...], type]] = [((), model)]
     while pending:
         path, kind = pending.pop(0)
-        places[_place(path)] = {field.alias or name for name, field in kind.model_fields.items()}
-        for name, field in kind.model_fields.items():
-            inner, below = _models(field.annotation), (*path, field.alias or name)
+        annotations = _annotations(kind)
+        places[_place(path)] = set(annotations)
+        for name, annotation in annotations.items():
+            inner, below = _models(annotation), (*path, name)
             pending += [((*below, *_tag(one)) if len(inner) > 1 else below, one) for one in inner]
     return places
 
 
-def _models(annotation: Any) -> list[type[BaseModel]]:
-    """The models in an annotation, through unions, lists and options."""
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+def _annotations(model: type) -> dict[str, Any]:
+    """Of a model's or a dataclass's fields, by their names in the document."""
+    if issubclass(model, BaseModel):
+        return {field.alias or name: field.annotation for name, field in model.model_fields.items()}
+    return {field.name: field.type for field in fields(model)}  # type: ignore[arg-type]
+
+
+def _models(annotation: Any) -> list[type]:
+    """The models and dataclasses in an annotation, through unions, lists and options."""
+    if isinstance(annotation, type) and (issubclass(annotation, BaseModel) or is_dataclass(annotation)):
         return [annotation]
     return [model for inner in get_args(annotation) for model in _models(inner)]
 
 
-def _tag(model: type[BaseModel]) -> tuple[str, ...]:
+def _tag(model: type) -> tuple[str, ...]:
     """What pydantic adds to the location of a model in a discriminated union: the value of its Literal field."""
-    kinds = (field.annotation for field in model.model_fields.values())
+    kinds = _annotations(model).values()
     return tuple(str(get_args(kind)[0]) for kind in kinds if get_origin(kind) is Literal)[:1]

@@ -38,7 +38,7 @@ from calibration.observations.pose_model import pose_residuals
 from calibration.observations.reprojection import PixelStatistics, pixel_statistics
 from calibration.observations.view_poses import apply_pose_steps
 from calibration.problem import anchor_T_mount_of
-from calibration.solution import GroupedBy, HoldOut, LeaveOut
+from calibration.solution import GroupedBy, HoldOutDocument, LeaveOutDocument
 from calibration.transforms import Array, map_points
 
 
@@ -97,7 +97,7 @@ MIN_PREDICTING_VIEWS = 4
 """Least views of a cross-validation; two views do not determine X."""
 
 
-def hold_out(seen: Observations, best: Estimate, camera_T_target: Array) -> HoldOut | None:
+def hold_out(seen: Observations, best: Estimate, camera_T_target: Array) -> HoldOutDocument | None:
     """RMS errors over all points of all views, each predicted by the others; None below four views.
 
     `camera_T_target` (n, 4, 4): each view's own pose, by its pixels alone and the estimated camera.
@@ -117,7 +117,7 @@ def hold_out(seen: Observations, best: Estimate, camera_T_target: Array) -> Hold
     # The corners of one view have the same weight: divide by it to undo the weighting.
     per_view = 1 / np.maximum(seen.weights.max(axis=1), 1e-300)
     corners = float(np.count_nonzero(used))
-    return HoldOut(
+    return HoldOutDocument(
         float(np.sqrt(np.sum(used * np.sum(errors**2, axis=-1)) / corners)),
         float(np.sqrt(np.sum(per_view * _squares(predicted, left_out)) / corners)),
     )
@@ -156,7 +156,7 @@ GROUPINGS = 3
 Groups = Sequence[NDArray[np.intp]]
 
 
-def leave_groups_out(best: Estimate, camera_T_centre: Array, weights: Array) -> LeaveOut | None:
+def leave_groups_out(best: Estimate, camera_T_centre: Array, weights: Array) -> LeaveOutDocument | None:
     """The uncertainty by the grouping that disagrees most with the model; None below MIN_GROUPED_VIEWS views.
 
     `camera_T_centre` (n, 4, 4): the target's middle in each view; `weights` (6, 6): of a point's squared error.
@@ -193,7 +193,7 @@ def split(features: Array, count: int) -> Groups:
     return groups
 
 
-def _compare(best: Estimate, name: GroupedBy, groups: Groups, weights: Array) -> LeaveOut:
+def _compare(best: Estimate, name: GroupedBy, groups: Groups, weights: Array) -> LeaveOutDocument:
     information, gradient = per_view_equations(best.model, best.variances, best.step)
     total, all_gradient = best.step.information, best.step.gradient
     covariance = covariance_of(total)
@@ -214,7 +214,7 @@ def _compare(best: Estimate, name: GroupedBy, groups: Groups, weights: Array) ->
     significant = GROUPINGS * f_tail(redundancy, 3 * views - 6, ratio) < FALSE_ALARM_PROBABILITY
     share = _share_beyond(ratio, redundancy) if significant else 0.0
     point_mm = float(np.sqrt(ratio * np.sum(weights * covariance[:6, :6])))
-    return LeaveOut(point_mm, ratio, redundancy, share, name, len(groups))
+    return LeaveOutDocument(point_mm, ratio, redundancy, share, name, len(groups))
 
 
 def _share_beyond(ratio: float, redundancy: float) -> float:

@@ -5,14 +5,14 @@ together; U is COVERAGE_FACTOR (2) times it: at least 95 % of normal errors are 
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
 
 from calibration.camera import CameraModel
 from calibration.problem import Problem, Setup
-from calibration.solution import ArmScale, PointFrame, PointUncertainty, Solution
+from calibration.solution import ArmScale, NamedPoint, PointUncertainty, Solution
 from calibration.transforms import Array, inverse, map_points, skew
 
 MAX_LISTED_POINTS = 27
@@ -27,19 +27,10 @@ WORKING_VOLUME_NAMES = tuple(
 """Names of the working volume's points, in their order: distance, row and column of the image."""
 
 
-@dataclass(frozen=True, eq=False)
-class NamedPoint:
-    """A point that matters to the user: `position_mm` (3,) in the base's or the camera's frame."""
-
-    name: str
-    frame: PointFrame
-    position_mm: Array
-
-
 def box_points(box_mm: Array) -> tuple[NamedPoint, ...]:
     """The corners of a box [lower, upper] (2, 3) in the base: the variance, convex in the point, is largest there."""
     return tuple(
-        NamedPoint(f"box corner {number}", "base", box_mm[list(upper), range(3)])
+        NamedPoint(f"box corner {number}", "base", _triple(box_mm[list(upper), range(3)]))
         for number, upper in enumerate(product((0, 1), repeat=3), start=1)
     )
 
@@ -73,7 +64,8 @@ def working_volume_uncertainty(covariance: Array, points_mm: Array) -> tuple[Poi
     named = len(points_mm) == len(WORKING_VOLUME_NAMES)
     names = WORKING_VOLUME_NAMES if named else [f"point {row + 1}" for row in range(len(points_mm))]
     listed = np.sort(np.argsort(-sigmas, kind="stable")[:MAX_LISTED_POINTS])
-    return tuple(_uncertainty_of(names[row], "camera", points_mm[row], points_mm[row], sigmas[row]) for row in listed)
+    places = [_triple(point_mm) for point_mm in points_mm]
+    return tuple(PointUncertainty(names[row], "camera", places[row], places[row], float(sigmas[row])) for row in listed)
 
 
 def at_points(problem: Problem, solution: Solution, points: Sequence[NamedPoint]) -> Solution:
@@ -110,7 +102,7 @@ def named_points_uncertainty(
         seen_mm = camera_points_mm(point, setup, mount_T_camera, anchor_T_mount, camera)
         sigmas = point_sigmas_mm(covariance, seen_mm)
         worst = int(np.argmax(sigmas))
-        found.append(_uncertainty_of(point.name, point.frame, point.position_mm, seen_mm[worst], sigmas[worst]))
+        found.append(PointUncertainty(**vars(point), camera_mm=_triple(seen_mm[worst]), sigma_mm=float(sigmas[worst])))
     return tuple(found)
 
 
@@ -119,9 +111,9 @@ def camera_points_mm(
 ) -> Array:
     """A point in the camera's frame (n, 3), from each view that had it in the image (all, when none had)."""
     if point.frame == "camera":
-        return point.position_mm[None]
+        return np.array([point.position_mm])
     base_T_camera = anchor_T_mount @ mount_T_camera if setup == "eye-in-hand" else mount_T_camera[None]
-    seen_mm = map_points(inverse(base_T_camera), point.position_mm[None])[:, 0]
+    seen_mm = map_points(inverse(base_T_camera), np.array([point.position_mm]))[:, 0]
     if camera is None:
         return seen_mm
     with np.errstate(invalid="ignore", over="ignore"):
@@ -130,9 +122,6 @@ def camera_points_mm(
     return seen_mm[inside] if inside.any() else seen_mm
 
 
-def _uncertainty_of(
-    name: str, frame: PointFrame, position_mm: Array, camera_mm: Array, sigma_mm: float
-) -> PointUncertainty:
+def _triple(position_mm: Array) -> tuple[float, float, float]:
     x, y, z = position_mm.tolist()
-    a, b, c = camera_mm.tolist()
-    return PointUncertainty(name, frame, (x, y, z), (a, b, c), float(sigma_mm))
+    return x, y, z

@@ -18,7 +18,6 @@ from calibration.camera import BROWN, CameraModel
 from calibration.knowledge import NOTHING_STATED, Knowledge
 from calibration.likelihood.chain import Chain
 from calibration.likelihood.mapped_points import (
-    NamedPoint,
     named_points_uncertainty,
     point_rows,
     working_volume_uncertainty,
@@ -29,7 +28,7 @@ from calibration.linear_algebra import covariance_or_inf
 from calibration.observations.observations import Observations
 from calibration.observations.pose_model import predicted_camera_T_target
 from calibration.problem import Setup, anchor_T_mount_of
-from calibration.solution import Uncertainty
+from calibration.solution import NamedPoint, Uncertainty
 from calibration.targets import Target
 from calibration.transforms import Array, map_points
 

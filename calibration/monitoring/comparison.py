@@ -10,6 +10,7 @@ from calibration.documents.calibration import (
     COVARIANCE_ORDER,
     TRANSFORM_NAMES,
     CalibrationDocument,
+    PlaceDocument,
     PointUncertaintyDocument,
     ReasonDocument,
     Six,
@@ -20,7 +21,7 @@ from calibration.errors import ComparisonError
 from calibration.likelihood.mapped_points import point_sigmas_mm
 from calibration.problem import Setup
 from calibration.sentences.sentence import Sentence
-from calibration.solution import COVERAGE_FACTOR, PointFrame
+from calibration.solution import COVERAGE_FACTOR
 from calibration.transforms import Array, inverse, map_points, vector_from_transform
 
 FALSE_ALARM_PROBABILITY = 0.01
@@ -29,15 +30,9 @@ FALSE_ALARM_PROBABILITY = 0.01
 UNKNOWNS = 6
 
 
-class ComparedPointDocument(Document):
+class ComparedPointDocument(PlaceDocument):
     """One of the points that matter, mapped through both."""
 
-    name: str
-    """What the point is called."""
-    frame: PointFrame
-    """base or camera."""
-    position_mm: Vector
-    """x, y, z in `frame`, mm."""
     difference_mm: float
     """Distance of the point as mapped by the two, mm."""
     expanded_mm: float | None

@@ -5,11 +5,10 @@ from math import degrees, isfinite
 
 import numpy as np
 
-from calibration.likelihood.mapped_points import NamedPoint
 from calibration.likelihood.predicted_uncertainty import ExpectedNoise, Scene, predict
 from calibration.problem import Problem
 from calibration.sentences.sentence import Sentence
-from calibration.solution import Solution
+from calibration.solution import NamedPoint, Solution
 
 MAX_RATIO = 1.5
 """Of the U that was found to the expected one, and of the expected to the found, above which the reason is given."""

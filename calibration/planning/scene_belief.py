@@ -17,14 +17,14 @@ from calibration.errors import DetectionError, UndeterminedError
 from calibration.intrinsics.zhang_init import DEFAULT_FOCAL_OF_WIDTH
 from calibration.kinematics.external_axis import ExternalAxis
 from calibration.knowledge import NOTHING_STATED, Knowledge
-from calibration.likelihood.mapped_points import NamedPoint, with_points
+from calibration.likelihood.mapped_points import with_points
 from calibration.likelihood.predicted_uncertainty import ExpectedNoise, Scene, predict, view_information
 from calibration.linear_algebra import covariance_or_inf
 from calibration.observations.observations import observe
 from calibration.observations.view_poses import target_pose
 from calibration.problem import MOUNTS, Problem, Setup, View
 from calibration.sentences.sentence import Sentence
-from calibration.solution import Solution
+from calibration.solution import NamedPoint, Solution
 from calibration.targets import Target
 from calibration.transforms import Array, inverse, map_points, transform_from_vector, vector_from_transform
 

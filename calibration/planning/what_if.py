@@ -6,7 +6,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from calibration.kinematics.arm import Arm
-from calibration.likelihood.mapped_points import NamedPoint
 from calibration.likelihood.predicted_uncertainty import ExpectedNoise, Scene, predict
 from calibration.planning.plan import PlanningError, plan_poses
 from calibration.planning.reachability import reachable_by
@@ -14,7 +13,7 @@ from calibration.planning.scene_belief import expected_noise
 from calibration.planning.viewpoints import ViewpointLimits
 from calibration.problem import Problem
 from calibration.sentences.sentence import Sentence
-from calibration.solution import Finding, Solution
+from calibration.solution import Finding, NamedPoint, Solution
 from calibration.transforms import inverse, map_points
 
 RESTARTS = 2

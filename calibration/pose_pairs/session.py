@@ -20,7 +20,7 @@ from calibration.pose_pairs.residuals import LinearisedPairs, PosePairs, lineari
 from calibration.pose_pairs.session_findings import session_findings
 from calibration.pose_pairs.solve import fit_pose_pairs
 from calibration.problem import Problem, anchor_T_mount_of
-from calibration.solution import Finding, HoldOut, Noise, Observability, Solution, ViewResult
+from calibration.solution import Finding, HoldOutDocument, Noise, Observability, Solution, ViewResult
 from calibration.transforms import Array, map_points, skew
 
 MIN_HOLD_OUT_VIEWS = 4
@@ -138,11 +138,11 @@ def _solution(problem: Problem, seen: MeasuredViews, refused: dict[int, Unusable
     )
 
 
-def _hold_out(fit: _Residuals) -> HoldOut | None:
+def _hold_out(fit: _Residuals) -> HoldOutDocument | None:
     if np.count_nonzero(fit.used) < MIN_HOLD_OUT_VIEWS:
         return None
     errors = fit.base_errors_mm(fit.left_out(), fit.used)
-    return HoldOut(float(np.sqrt(np.mean(errors**2))), None)
+    return HoldOutDocument(float(np.sqrt(np.mean(errors**2))), None)
 
 
 def _views(

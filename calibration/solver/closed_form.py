@@ -17,7 +17,7 @@ from calibration.observations.view_poses import apply_pose_steps, refine_poses
 from calibration.preprocessing.prepare import PreparedSession
 from calibration.problem import anchor_T_mount_of
 from calibration.sentences.sentence import Sentence
-from calibration.solution import HoldOut
+from calibration.solution import HoldOutDocument
 from calibration.solver.initial_guess import chain_from_mount
 from calibration.solver.view_outliers import Selection
 from calibration.transforms import Array, inverse, transform_from_vector, vector_from_transform
@@ -36,7 +36,7 @@ class ClosedForm:
 
     selection: Selection
     covariance: Array
-    hold_out: HoldOut | None
+    hold_out: HoldOutDocument | None
 
 
 def solve_closed_form(prepared: PreparedSession, selection: Selection, method: str) -> ClosedForm:
@@ -88,7 +88,7 @@ def _covariance(rows: PreparedSession, best: Estimate, chain: Chain, method: str
     return np.cov(np.array(steps).T)
 
 
-def _hold_out(rows: PreparedSession, best: Estimate, method: str) -> HoldOut:
+def _hold_out(rows: PreparedSession, best: Estimate, method: str) -> HoldOutDocument:
     """Cross-validation: at most thirty views are left out in turn and predicted by the method's X of the others."""
     n = len(rows.seen)
     distances: list[Array] = []
@@ -103,4 +103,4 @@ def _hold_out(rows: PreparedSession, best: Estimate, method: str) -> HoldOut:
         distances.append(np.sum(base_errors(view.seen, there, view.camera_T_target)[0][used] ** 2, axis=-1))
         residuals = pixel_residuals(view.seen, best.camera, there.camera_T_target())[0][used]
         pixels.append(np.sum(residuals**2, axis=-1))
-    return HoldOut(*(float(np.sqrt(np.mean(np.concatenate(squares)))) for squares in (distances, pixels)))
+    return HoldOutDocument(*(float(np.sqrt(np.mean(np.concatenate(squares)))) for squares in (distances, pixels)))

@@ -13,9 +13,8 @@ if TYPE_CHECKING:
     from calibration.documents.knowledge import KnowledgeDocument
     from calibration.documents.requirement import PointsFile
     from calibration.documents.session import CameraDocument, SessionDocument
-    from calibration.likelihood.mapped_points import NamedPoint
     from calibration.problem import Problem
-    from calibration.solution import Solution
+    from calibration.solution import NamedPoint, Solution
     from calibration.transforms import Array
     from calibration.verdict import VerdictLimits
     from daemon.sessions.session_reader import SessionFolder

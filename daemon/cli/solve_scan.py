@@ -7,9 +7,8 @@ from daemon.cli.errors import CommandError, ExitStatus
 
 if TYPE_CHECKING:
     from calibration.documents.calibration import CalibrationDocument
-    from calibration.likelihood.mapped_points import NamedPoint
     from calibration.problem import Setup
-    from calibration.solution import Solution
+    from calibration.solution import NamedPoint, Solution
     from calibration.transforms import Array
     from calibration.verdict import VerdictLimits
     from registration.scan import ScanView

@@ -12,11 +12,11 @@ from calibration.documents.calibration_in_use import CalibrationInUse
 from calibration.documents.plan import NoiseExpectedDocument
 from calibration.errors import DocumentError, DocumentProblem
 from calibration.kinematics.arm import Arm
-from calibration.likelihood.mapped_points import NamedPoint, at_points
+from calibration.likelihood.mapped_points import at_points
 from calibration.planning.expectation import NOTHING_EXPECTED, expectation_of
 from calibration.planning.what_if import PlanComparison
 from calibration.problem import Problem
-from calibration.solution import Finding
+from calibration.solution import Finding, NamedPoint
 from calibration.verdict import DEFAULT_VERDICT_LIMITS, VerdictLimits, judge
 from daemon.access.actor_names import AUTO_POLICY
 from daemon.config.settings import MAIN_CAMERA

@@ -11,11 +11,11 @@ from calibration.documents.pose import PoseDocument
 from calibration.documents.session import AxisOffsetDocument
 from calibration.documents.target import TargetDocument
 from calibration.kinematics.robot_accuracy import NoiseBelief
-from calibration.likelihood.mapped_points import NamedPoint
 from calibration.planning.next_view import StoppingRule
 from calibration.planning.scene_belief import ScenePrior
 from calibration.planning.viewpoints import ViewpointLimits
 from calibration.problem import Setup
+from calibration.solution import NamedPoint
 from daemon.cell.motion_rules import MotionRules
 from daemon.config.settings import CalibrationSettings, Settings, TaughtPose
 from daemon.errors import NoPoses

@@ -10,7 +10,7 @@ from calibration.errors import UndeterminedError
 from calibration.likelihood.predicted_uncertainty import uncertainty_of
 from calibration.problem import Setup
 from calibration.sentences.sentence import Sentence
-from calibration.solution import ClockOffset, Finding, Noise, Observability, Solution, ViewResult
+from calibration.solution import ClockOffsetDocument, Finding, Noise, Observability, Solution, ViewResult
 from calibration.transforms import Array
 from calibration.verdict import (
     CONTRADICTIONS,
@@ -36,7 +36,7 @@ def solution_with_x(
     views: Sequence[ViewResult],
     base_T_flange: Array,
     findings: tuple[Finding, ...] = (),
-    clock_offset: ClockOffset | None = None,
+    clock_offset: ClockOffsetDocument | None = None,
 ) -> Solution:
     """A Solution with X and its covariance (6, 6), as in Uncertainty; `seen_mm` (n, 3): where X's points are used.
 

@@ -7,8 +7,8 @@ import pytest
 
 from calibration.solution import (
     Finding,
-    HoldOut,
-    LeaveOut,
+    HoldOutDocument,
+    LeaveOutDocument,
     Noise,
     PointUncertainty,
     Severity,
@@ -42,7 +42,7 @@ def rejecting(count: int) -> Solution:
 def holding_out(error_mm: float, views: int) -> Solution:
     """Of that many views, each 0.1 mm off where it helped to solve, and `error_mm` where it was left out."""
     used = tuple(replace(view, base_error_mm=0.1) for view in SOLVED.views[:views])
-    return replace(SOLVED, views=used, hold_out=HoldOut(error_mm, 0.1))
+    return replace(SOLVED, views=used, hold_out=HoldOutDocument(error_mm, 0.1))
 
 
 ROWS: dict[str, tuple[Solution, str | None, bool]] = {
@@ -59,11 +59,11 @@ ROWS: dict[str, tuple[Solution, str | None, bool]] = {
     "one of four views rejected": (replace(SOLVED, views=rejecting(1).views[:4]), "many-rejected", False),
     "one of five views rejected": (replace(SOLVED, views=rejecting(1).views[:5]), None, True),
     "nothing held out": (replace(SOLVED, hold_out=None), "nothing-held-out", True),
-    "a hold-out out of all proportion": (replace(SOLVED, hold_out=HoldOut(30.0, 90.0)), "hold-out-large", True),
+    "a hold-out out of all proportion": (replace(SOLVED, hold_out=HoldOutDocument(30.0, 90.0)), "hold-out-large", True),
     "four views, of which each one helped much": (holding_out(0.5, 4), None, True),
     "ten views, of which each one helped little": (holding_out(0.5, 10), "hold-out-large", True),
     "a hold-out that no cell explains": (
-        replace(SOLVED, hold_out=HoldOut(50.0, 90.0)),
+        replace(SOLVED, hold_out=HoldOutDocument(50.0, 90.0)),
         "poses-contradict-images",
         False,
     ),
@@ -167,7 +167,7 @@ def test_neither_a_size_beyond_its_limit_nor_a_least_severity_is_lowered_by_a_sm
 
 
 def test_from_which_probability_parting_is_mentioned_is_a_limit() -> None:
-    solution = replace(SOLVED, leave_out=LeaveOut(0.8, 4.0, 6.0, 0.6, "image", 4))
+    solution = replace(SOLVED, leave_out=LeaveOutDocument(0.8, 4.0, 6.0, 0.6, "image", 4))
     for probability, mentioned in ((0.5, True), (0.7, False)):
         findings = judge(PROBLEM, solution, VerdictLimits(leave_out_probability=probability)).findings
         assert ("leave-out-larger" in {finding.code for finding in findings}) is mentioned
@@ -198,7 +198,7 @@ def of_points(expanded_mm: float, worst_mm: float) -> Uncertainty:
 
 
 def test_the_verdict_says_when_leaving_views_out_parts_from_the_model() -> None:
-    parted = LeaveOut(0.8, 4.0, 6.0, 0.9, "image", 4)
+    parted = LeaveOutDocument(0.8, 4.0, 6.0, 0.9, "image", 4)
     said = [f for f in judge(PROBLEM, replace(SOLVED, leave_out=parted)).findings if f.code == "leave-out-larger"]
     assert [finding.severity for finding in said] == ["info"] and "2 times as far" in said[0].message
     agreeing = replace(parted, ratio=1.1, share=0.1)

@@ -7,7 +7,7 @@ import numpy as np
 
 from calibration.errors import UndeterminedError
 from calibration.sentences.sentence import Sentence
-from calibration.solution import ClockOffset, Noise, Solution, ViewResult
+from calibration.solution import ClockOffsetDocument, Noise, Solution, ViewResult
 from calibration.transforms import Array
 from extensions.sweeps.mathematics.profile_features import SurfacePoints, find_plane, find_sphere
 from extensions.sweeps.mathematics.profile_solver import FIX, ProfilerProblem, ProfilerSolution, SweepPoints, refine
@@ -65,7 +65,7 @@ def solve_profiler(sweeps: Sequence[ArtefactSweep], rough: Array | None = None) 
         )
         return solution_without_x(METHOD, "eye-in-hand", results, middles, refusal)
     errors_mm = dict(zip(found, answer.residual_mm.tolist(), strict=True))
-    clock = ClockOffset(answer.estimate.clock_offset_s, float(np.sqrt(answer.covariance[6, 6])))
+    clock = ClockOffsetDocument(answer.estimate.clock_offset_s, float(np.sqrt(answer.covariance[6, 6])))
     return solution_with_x(
         METHOD, "eye-in-hand", answer.estimate.flange_T_profiler, answer.covariance[:6, :6], seen_mm,
         Noise(None, answer.robot.rotation_rad, answer.robot.translation_mm),

@@ -122,6 +122,26 @@ def test_a_damaged_version_1_is_refused_with_its_place(change: dict[str, Any], p
     assert place in {problem.place for problem in refused.value.problems}
 
 
+@pytest.mark.parametrize(
+    ("section", "place", "fix"),
+    [
+        (
+            {"base_eror_mm": 0.3, "base_error_mm": 0.3, "reprojection_px": None},
+            "hold_out.base_eror_mm",
+            "base_error_mm",
+        ),
+        (0.3, "hold_out", "give an object"),
+    ],
+)
+def test_a_section_that_is_a_result_itself_is_refused_as_any_other(section: Any, place: str, fix: str) -> None:
+    content = {**json.loads(DOCUMENT.model_dump_json()), "hold_out": section}
+    with pytest.raises(DocumentError) as refused:
+        parse_document(CalibrationDocument, json.dumps(content).encode(), "new.json")
+    (problem,) = refused.value.problems
+    assert problem.place == place
+    assert fix in problem.fix
+
+
 def test_the_schema_in_docs_is_that_of_the_model() -> None:
     assert json.loads(FILE.read_text()) == calibration_schema(), "python -m tests.calibration.documents.schema_file"
 

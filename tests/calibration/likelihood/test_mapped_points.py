@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from calibration.likelihood.mapped_points import NamedPoint, at_points, box_points, point_sigmas_mm
+from calibration.likelihood.mapped_points import at_points, box_points, point_sigmas_mm
 from calibration.problem import Problem, Setup
-from calibration.solution import Solution
+from calibration.solution import NamedPoint, Solution
 from calibration.transforms import Array, inverse, map_points, transform_from_vector
 from tests.simulated.spoiled_sessions import solved_session
 
@@ -43,11 +43,11 @@ def test_without_any_the_working_volume_counts() -> None:
 
 
 def test_a_point_of_the_camera_is_evaluated_where_it_is() -> None:
-    near, far = (NamedPoint(name, "camera", np.array([0.0, 0.0, z])) for name, z in (("near", 100.0), ("far", 5000.0)))
+    near, far = (NamedPoint(name, "camera", (0.0, 0.0, z)) for name, z in (("near", 100.0), ("far", 5000.0)))
     at = at_points(PROBLEM, SOLVED, (near, far)).uncertainty
     assert at is not None
     assert at.worst_point.name == "far"
-    assert at.points[0].sigma_mm == point_sigmas_mm(at.covariance, near.position_mm[None])[0]
+    assert at.points[0].sigma_mm == point_sigmas_mm(at.covariance, np.array([near.position_mm]))[0]
 
 
 @pytest.mark.parametrize("setup", ["eye-in-hand", "eye-to-hand"])
@@ -60,7 +60,7 @@ def test_a_point_of_the_base_is_evaluated_where_the_camera_saw_it(setup: Setup) 
         anchor_T_mount @ solution.mount_T_camera if setup == "eye-in-hand" else solution.mount_T_camera[None]
     )
     position_mm = map_points(base_T_camera[0], np.array([[0.0, 0.0, 600.0]]))[0]
-    at = at_points(problem, solution, (NamedPoint("hinge", "base", position_mm),)).uncertainty
+    at = at_points(problem, solution, (NamedPoint("hinge", "base", tuple(position_mm)),)).uncertainty
     assert at is not None
     everywhere = point_sigmas_mm(at.covariance, map_points(inverse(base_T_camera), position_mm[None])[:, 0])
     assert everywhere[0] <= at.points[0].sigma_mm <= everywhere.max()

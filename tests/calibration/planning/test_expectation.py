@@ -8,13 +8,13 @@ import pytest
 
 from calibration.likelihood.predicted_uncertainty import ExpectedNoise
 from calibration.planning.expectation import NOTHING_EXPECTED, expectation_of
-from calibration.solution import LeaveOut, Noise, Solution
+from calibration.solution import LeaveOutDocument, Noise, Solution
 from tests.simulated.spoiled_sessions import solved_session
 
 PROBLEM, SOLVED = solved_session()
 BELIEF = ExpectedNoise(0.05, float(np.radians(0.01)), 0.1)
 NOISE = Noise(BELIEF.image_px, BELIEF.robot_rotation_rad, BELIEF.robot_translation_mm)
-LEFT_OUT = LeaveOut(1.0, 9.0, 6.0, 1.0, "image", 4)
+LEFT_OUT = LeaveOutDocument(1.0, 9.0, 6.0, 1.0, "image", 4)
 
 
 def expected_mm() -> float:

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from calibration.errors import UndeterminedError
-from calibration.likelihood.mapped_points import NamedPoint
 from calibration.likelihood.predicted_uncertainty import Scene, predict
 from calibration.planning.exploration import ANGLES_DEG, Exploration, turn_flange
 from calibration.planning.jog_advice import advise
@@ -14,6 +13,7 @@ from calibration.planning.next_view import NextView, StoppingRule, next_view, pl
 from calibration.planning.scene_belief import ScenePrior, infer_scene, sigma_points
 from calibration.planning.viewpoints import target_in_view
 from calibration.planning.what_if import PlanComparison
+from calibration.solution import NamedPoint
 from calibration.solve import solve_hand_eye
 from calibration.transforms import (
     Array,
@@ -111,7 +111,7 @@ def test_with_unknown_intrinsics_it_starts_from_a_usual_field_of_view():
     assert told[-1].now_mm < 0.9
 
 
-@pytest.mark.parametrize("points", [(), (NamedPoint("hinge", "camera", np.array([150.0, 0.0, 700.0])),)])
+@pytest.mark.parametrize("points", [(), (NamedPoint("hinge", "camera", (150.0, 0.0, 700.0)),)])
 def test_what_is_told_is_u_at_the_worst_of_the_points_that_matter(points):
     guess = replace(guess_off(5.0, 1.0), points=points)
     poses, _ = taken_step_by_step(guess, StoppingRule(3))
