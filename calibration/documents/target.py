@@ -1,7 +1,8 @@
 """The document of a target; the field `kind` selects its model."""
 
+from collections.abc import Callable
 from dataclasses import asdict
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self, get_args
 
 from pydantic import Field, PositiveFloat, TypeAdapter, model_validator
 
@@ -12,15 +13,27 @@ from calibration.errors import DetectionError
 Count = Annotated[int, Field(ge=2, le=200)]
 MarkerId = Annotated[int, Field(ge=0, le=10000)]
 
-
-def _require_markers(target: targets.Target) -> None:
-    try:
-        targets.require_markers(target)
-    except DetectionError as error:
-        raise ValueError(str(error)) from None
+_TARGETS: dict[str, Callable[..., targets.Target]] = {one.kind: one for one in get_args(targets.Target)}
 
 
-class ChessboardDocument(Document):
+class _TargetDocument(Document):
+    """What all of them share: the fields beside `kind` are those of the target, and its markers exist."""
+
+    kind: str
+
+    @model_validator(mode="after")
+    def _markers_exist(self) -> Self:
+        try:
+            targets.require_markers(self.target())
+        except DetectionError as error:
+            raise ValueError(str(error)) from None
+        return self
+
+    def target(self) -> targets.Target:
+        return _TARGETS[self.kind](**self.model_dump(exclude={"kind"}))
+
+
+class ChessboardDocument(_TargetDocument):
     """Inner corners."""
 
     kind: Literal["chessboard"]
@@ -32,11 +45,8 @@ class ChessboardDocument(Document):
     pitch_mm: PositiveFloat
     """Distance of neighbouring points, mm; of asymmetric circles half the distance within a row."""
 
-    def target(self) -> targets.Chessboard:
-        return targets.Chessboard(self.columns, self.rows, self.pitch_mm)
 
-
-class CharucoDocument(Document):
+class CharucoDocument(_TargetDocument):
     """Squares."""
 
     kind: Literal["charuco"]
@@ -60,16 +70,8 @@ class CharucoDocument(Document):
             raise ValueError("marker_mm must be smaller than square_mm")
         return self
 
-    @model_validator(mode="after")
-    def _markers_exist(self) -> "CharucoDocument":
-        _require_markers(self.target())
-        return self
 
-    def target(self) -> targets.Charuco:
-        return targets.Charuco(self.columns, self.rows, self.square_mm, self.marker_mm, self.dictionary, self.legacy)
-
-
-class CirclesDocument(Document):
+class CirclesDocument(_TargetDocument):
     """Circle centres, OpenCV's conventions."""
 
     kind: Literal["circles"]
@@ -87,11 +89,8 @@ class CirclesDocument(Document):
     origin: Literal["large-dot"] | None = None
     """large-dot: the first point is a larger dot; null without."""
 
-    def target(self) -> targets.CircleGrid:
-        return targets.CircleGrid(self.layout, self.columns, self.rows, self.pitch_mm, self.dots, self.origin)
 
-
-class AprilTagGridDocument(Document):
+class AprilTagGridDocument(_TargetDocument):
     """Tags."""
 
     kind: Literal["apriltag-grid"]
@@ -107,16 +106,8 @@ class AprilTagGridDocument(Document):
     family: str = "tag36h11"
     """AprilTag family."""
 
-    @model_validator(mode="after")
-    def _tags_exist(self) -> "AprilTagGridDocument":
-        _require_markers(self.target())
-        return self
 
-    def target(self) -> targets.AprilTagGrid:
-        return targets.AprilTagGrid(self.columns, self.rows, self.tag_mm, self.gap_mm, self.family)
-
-
-class ArucoGridDocument(Document):
+class ArucoGridDocument(_TargetDocument):
     """OpenCV's GridBoard."""
 
     kind: Literal["aruco-grid"]
@@ -134,16 +125,8 @@ class ArucoGridDocument(Document):
     first_id: MarkerId = 0
     """Id of the first marker."""
 
-    @model_validator(mode="after")
-    def _markers_exist(self) -> "ArucoGridDocument":
-        _require_markers(self.target())
-        return self
 
-    def target(self) -> targets.ArucoGrid:
-        return targets.ArucoGrid(self.columns, self.rows, self.marker_mm, self.gap_mm, self.dictionary, self.first_id)
-
-
-class ArucoMarkerDocument(Document):
+class ArucoMarkerDocument(_TargetDocument):
     """One marker."""
 
     kind: Literal["aruco-marker"]
@@ -154,14 +137,6 @@ class ArucoMarkerDocument(Document):
     """OpenCV's name of the markers' dictionary."""
     id: MarkerId
     """Id of the marker."""
-
-    @model_validator(mode="after")
-    def _marker_exists(self) -> "ArucoMarkerDocument":
-        _require_markers(self.target())
-        return self
-
-    def target(self) -> targets.ArucoMarker:
-        return targets.ArucoMarker(self.marker_mm, self.dictionary, self.id)
 
 
 TargetDocument = Annotated[
