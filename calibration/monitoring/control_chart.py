@@ -22,8 +22,8 @@ than the calibration's uncertainty and the robot's noise explain.
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from enum import Enum
 from math import sqrt
+from typing import Literal
 
 import numpy as np
 import scipy
@@ -71,14 +71,9 @@ class ChartSample:
     within_tolerance: bool = True
 
 
-class DriftStanding(Enum):
-    """State of the chart: still learning its reference, within its limit, or beyond it; or a verification that says
-    nothing of drift, as it is out of tolerance."""
-
-    LEARNING = "learning"
-    STEADY = "steady"
-    DRIFTING = "drifting"
-    OUT_OF_TOLERANCE = "out-of-tolerance"
+DriftStanding = Literal["learning", "steady", "drifting", "out-of-tolerance"]
+"""State of the chart: still learning its reference, within its limit, or beyond it; or a verification that says nothing
+of drift, as it is out of tolerance."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,7 +117,7 @@ def chart(samples: Sequence[ChartSample], rules: DriftRules) -> list[ChartPoint]
         return []
     learnt = [sample for sample in samples if sample.within_tolerance]
     reference = np.mean([sample.centre_mm for sample in (learnt or samples)[: rules.learn]], axis=0)
-    last, drawn = ChartPoint(DriftStanding.LEARNING, np.zeros(3), np.zeros(3), float("inf")), _draw(learnt, rules)
+    last, drawn = ChartPoint("learning", np.zeros(3), np.zeros(3), float("inf")), _draw(learnt, rules)
     points = []
     for sample in samples:
         if sample.within_tolerance:
@@ -130,7 +125,7 @@ def chart(samples: Sequence[ChartSample], rules: DriftRules) -> list[ChartPoint]
             points.append(last)
         else:
             shift = sample.centre_mm - reference
-            points.append(ChartPoint(DriftStanding.OUT_OF_TOLERANCE, shift, last.average_mm, last.limit_mm))
+            points.append(ChartPoint("out-of-tolerance", shift, last.average_mm, last.limit_mm))
     return points
 
 
@@ -142,13 +137,12 @@ def _draw(samples: Sequence[ChartSample], rules: DriftRules) -> Iterator[ChartPo
     shifts = centres - centres[: rules.learn].mean(axis=0)
     variances, dofs = _noise(samples, centres)
     for shift in shifts[: rules.learn]:
-        yield ChartPoint(DriftStanding.LEARNING, shift, np.zeros(3), float("inf"))
+        yield ChartPoint("learning", shift, np.zeros(3), float("inf"))
     average = np.zeros(3)
     for number in range(rules.learn, len(samples)):
         average = rules.weight * shifts[number] + (1 - rules.weight) * average
         limit = _limit_mm(number + 1 - rules.learn, float(variances[number]), float(dofs[number]), rules)
-        drifting = float(np.linalg.norm(average)) > limit
-        standing = DriftStanding.DRIFTING if drifting else DriftStanding.STEADY
+        standing: DriftStanding = "drifting" if float(np.linalg.norm(average)) > limit else "steady"
         yield ChartPoint(standing, shifts[number], average, limit)
 
 

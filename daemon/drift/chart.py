@@ -56,15 +56,16 @@ class DriftReport:
 
     def event_data(self) -> dict[str, object]:
         """The fields as JSON values, for the event `drift`."""
-        return {**vars(self), "standing": self.standing.value if self.standing else None}
+        return vars(self).copy()
 
 
 @dataclass(frozen=True)
-class DriftPoint:
-    """One verification in the base frame: displacement of the target from its learnt position, and its moving average.
+class DriftPointDocument:
+    """One verification, in base: displacement of the target from its learnt position, and the moving average of that.
 
-    `limit_mm` is None while the chart learns the target's position. `camera_temperature_c`: mean, where it is known.
-    One that is out of tolerance is learnt from nowhere.
+    `drift_mm` is the average's length, and `limit_mm` its limit by chance, null while the chart still learns.
+    `camera_temperature_c`: mean over the pictures, null for a camera that does not report it. One that is out of
+    tolerance is learnt from nowhere.
     """
 
     run_id: str
@@ -88,7 +89,7 @@ class DriftChart:
     """
 
     report: DriftReport = field(default_factory=DriftReport)
-    points: tuple[DriftPoint, ...] = ()
+    points: tuple[DriftPointDocument, ...] = ()
     changes: tuple[PossibleChange, ...] = ()
     robot_noise: NoiseBeliefDocument | None = None
 
@@ -96,7 +97,7 @@ class DriftChart:
 def chart_of(entries: Sequence[ChartEntry], document: CalibrationDocument, settings: Settings) -> DriftChart:
     """The chart of these verifications, oldest first."""
     if not entries:
-        return DriftChart(DriftReport(DriftStanding.LEARNING, document.id), robot_noise=document.noise.belief)
+        return DriftChart(DriftReport("learning", document.id), robot_noise=document.noise.belief)
     rules, tolerance_mm = rules_of(settings.drift), settings.calibration.verdict_limits().tolerance_mm
     entries = [
         replace(entry, sample=replace(entry.sample, within_tolerance=entry.expanded_mm <= tolerance_mm))
@@ -178,9 +179,9 @@ def _reference(entries: Sequence[ChartEntry], learn: int) -> list[ChartEntry]:
     return [entry for entry in entries if entry.sample.within_tolerance][:learn]
 
 
-def _point(entry: ChartEntry, drawn: ChartPoint) -> DriftPoint:
+def _point(entry: ChartEntry, drawn: ChartPoint) -> DriftPointDocument:
     """A point of the chart, rounded to 1 nm."""
-    return DriftPoint(
+    return DriftPointDocument(
         entry.run_id,
         entry.at,
         drawn.standing,
@@ -234,13 +235,13 @@ def _out_of_tolerance(entry: ChartEntry, tolerance_mm: float) -> str | None:
 def _alarm(
     last: ChartPoint, scatter_mm: float, limit_mm: float | None, temperatures: tuple[float, float] | None
 ) -> str | None:
-    if last.standing is DriftStanding.DRIFTING and temperatures is not None:
+    if last.standing == "drifting" and temperatures is not None:
         before_c, now_c = temperatures
         return Sentence(
             "drift-moved-with-temperature", drift_mm=last.drift_mm, limit_mm=last.limit_mm, before_c=before_c,
             now_c=now_c, fix=VERIFY_WARM,
         )  # fmt: skip
-    if last.standing is DriftStanding.DRIFTING:
+    if last.standing == "drifting":
         return Sentence("drift-moved", drift_mm=last.drift_mm, limit_mm=last.limit_mm, fix=CALIBRATE)
     if limit_mm is not None and scatter_mm > limit_mm:
         return Sentence("drift-scatter", scatter_mm=scatter_mm, limit_mm=limit_mm, fix=CALIBRATE)

@@ -19,7 +19,7 @@ Unit = Literal["mm", "m"]
 
 
 @dataclass(frozen=True)
-class Cause:
+class CauseDocument:
     """Why a run failed or was aborted: a stable code, a sentence, and what to do."""
 
     code: str
@@ -73,7 +73,7 @@ class RunRecord:
     stations: int
     created_at: str
     updated_at: str
-    cause: Cause | None = None
+    cause: CauseDocument | None = None
     request: dict[str, Any] = field(default_factory=dict)
     result: dict[str, Any] | None = None
     planning: Planning | None = None
@@ -104,7 +104,7 @@ class RunRecord:
         run_id, kind, state, station, stations, code, what, fix, created_at, updated_at, *rest = row
         request, result, planning, *starter = rest
         started_by, started_by_role = starter or ("", "")  # a damaged store of an older version is not migrated
-        cause = None if code is None else Cause(code, what, fix)
+        cause = None if code is None else CauseDocument(code, what, fix)
         asked, found = json.loads(request), None if result is None else json.loads(result)
         if not (isinstance(asked, dict) and isinstance(found, dict | None)):
             raise ValueError("request or result is no JSON object")
@@ -114,13 +114,19 @@ class RunRecord:
 
 
 @dataclass(frozen=True)
-class CalibrationRecord:
-    """A calibration, the run it came from, and the name of the camera that it is of."""
+class CalibrationOrigin:
+    """The id of a calibration, the run it came from, when, and its verdict."""
 
     id: str
     run_id: str | None
     created_at: str
     accepted: bool
+
+
+@dataclass(frozen=True)
+class CalibrationRecord(CalibrationOrigin):
+    """A calibration, and the name of the camera that it is of."""
+
     document: CalibrationDocument
     camera: str = MAIN_CAMERA
 

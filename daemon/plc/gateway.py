@@ -10,7 +10,6 @@ from typing import Any
 
 from calibration.documents.validation import validate_document
 from calibration.errors import CalibrationError, DocumentError
-from calibration.monitoring.control_chart import DriftStanding
 from daemon.access.actor_names import PLC_CLIENT
 from daemon.drift.cell_cameras import CellCamera, CellCameras
 from daemon.errors import DaemonError, NoCalibration, NotFound, RunOver, StopUnconfirmed, StorageError
@@ -75,10 +74,10 @@ FALLBACK_CODES: tuple[tuple[type[Exception], str], ...] = (
 
 DRIFT = {
     None: DriftState.OFF,
-    DriftStanding.LEARNING: DriftState.LEARNING,
-    DriftStanding.STEADY: DriftState.STEADY,
-    DriftStanding.DRIFTING: DriftState.DRIFTING,
-    DriftStanding.OUT_OF_TOLERANCE: DriftState.DRIFTING,
+    "learning": DriftState.LEARNING,
+    "steady": DriftState.STEADY,
+    "drifting": DriftState.DRIFTING,
+    "out-of-tolerance": DriftState.DRIFTING,
 }
 
 

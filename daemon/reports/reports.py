@@ -108,14 +108,14 @@ def _drift(drift: "DriftChart | None") -> dict[str, Any]:
     if drift is None:
         return {"drift": None, "alarm": None, "chart": None, "standing": "off", "changes": []}
     points = [
-        ChartPoint(point.at[:16].replace("T", " "), point.drift_mm, point.limit_mm, point.standing.value in ALARMING)
+        ChartPoint(point.at[:16].replace("T", " "), point.drift_mm, point.limit_mm, point.standing in ALARMING)
         for point in drift.points
     ]
     return {
         "drift": drift,
         "alarm": None if drift.report.alarm is None else as_sentence(drift.report.alarm),
         "chart": control_chart(points, "mm") if points else None,
-        "standing": drift.report.standing.value if drift.report.standing else "off",
+        "standing": drift.report.standing or "off",
         "changes": [_change(one) for one in drift.changes if one.chance >= MIN_SHOWN_CHANCE],
     }
 

@@ -7,7 +7,7 @@ from typing import Any
 
 from calibration.documents.numbers import significant
 from daemon.errors import StorageError
-from daemon.model.records import Cause, Planning, RunRecord
+from daemon.model.records import CauseDocument, Planning, RunRecord
 from daemon.model.run_states import RunEvent, RunState, next_state
 from daemon.runtime.clock import Clock
 from daemon.runtime.event_bus import EventBus
@@ -67,7 +67,9 @@ class RunLog:
         await self._save(self.run)
         self._publish()
 
-    async def end(self, event: RunEvent, *, cause: Cause | None = None, result: dict[str, Any] | None = None) -> None:
+    async def end(
+        self, event: RunEvent, *, cause: CauseDocument | None = None, result: dict[str, Any] | None = None
+    ) -> None:
         """End the run. If it cannot be saved, the record stays in memory (`unsaved`) and an error is logged."""
         self.run = replace(self._after(event), cause=cause, result=result)
         try:

@@ -25,7 +25,7 @@ from daemon.errors import (
     StopUnconfirmed,
     StorageError,
 )
-from daemon.model.records import Cause, RunKind, RunRecord
+from daemon.model.records import CauseDocument, RunKind, RunRecord
 from daemon.model.run_states import FIRST_STATE, RunEvent, RunState
 from daemon.runs.calibrations import result_of, why_not_applied
 from daemon.runs.operator_requests import OperatorRequestQueue
@@ -51,39 +51,43 @@ def progress_text(run: RunRecord) -> str:
     return f"after station {run.station} of {run.stations}"
 
 
-def cause_of(error: Exception, run: RunRecord) -> Cause:
+def cause_of(error: Exception, run: RunRecord) -> CauseDocument:
     """The cause for an exception that ended the run."""
     match error:
         case DeviceError() if isinstance(error, LINK_ERRORS) and error.kind in (None, "robot"):
-            return Cause("link-lost", f"link to the controller lost {progress_text(run)}", f"{LINK_FIX} ({error.what})")
+            return CauseDocument(
+                "link-lost", f"link to the controller lost {progress_text(run)}", f"{LINK_FIX} ({error.what})"
+            )
         case DeviceError():
-            return Cause(error.code, f"{error.device}: {error.what} ({progress_text(run)})", error.fix)
+            return CauseDocument(error.code, f"{error.device}: {error.what} ({progress_text(run)})", error.fix)
         case DaemonError():
-            return Cause(error.code, f"{error.what} ({progress_text(run)})", error.fix)
+            return CauseDocument(error.code, f"{error.what} ({progress_text(run)})", error.fix)
         case DetectionError() | UndeterminedError():
-            return Cause(error.code, f"{error.what} ({progress_text(run)})", error.fix)
+            return CauseDocument(error.code, f"{error.what} ({progress_text(run)})", error.fix)
         case DocumentError():
-            return Cause("document", "; ".join(str(problem) for problem in error.problems), "correct it, and run again")
+            return CauseDocument(
+                "document", "; ".join(str(problem) for problem in error.problems), "correct it, and run again"
+            )
         case CalibrationError():
-            return Cause(
+            return CauseDocument(
                 "calibration-error", f"{error} ({progress_text(run)})", "look at the stored pictures and poses"
             )
         case _:
-            return Cause(
+            return CauseDocument(
                 "internal-error",
                 f"a defect of handeyed ended the run {progress_text(run)}: {type(error).__name__}: {error}",
                 "report it with the log; what was captured is stored",
             )
 
 
-def abort_cause(by: str, run: RunRecord) -> Cause:
+def abort_cause(by: str, run: RunRecord) -> CauseDocument:
     """The cause of a run that was aborted."""
-    return Cause("aborted", f"aborted by {by} {progress_text(run)}", "start it again when the cell is ready")
+    return CauseDocument("aborted", f"aborted by {by} {progress_text(run)}", "start it again when the cell is ready")
 
 
-def interruption_cause(run: RunRecord, folder: str) -> Cause:
+def interruption_cause(run: RunRecord, folder: str) -> CauseDocument:
     """The cause of a run whose daemon ended during it."""
-    return Cause(
+    return CauseDocument(
         "interrupted",
         f"the daemon stopped while the run was in progress, {progress_text(run)}",
         f"the arm does not move by itself: start the run again; what was captured lies in {folder}",

@@ -10,7 +10,7 @@ from typing import Any
 
 from calibration.documents.calibration import AccuracyDocument
 from daemon.errors import CursorUnknown
-from daemon.model.records import RunRecord, ScanRecord, ScanViewDocument
+from daemon.model.records import CalibrationOrigin, RunRecord, ScanRecord, ScanViewDocument
 from daemon.store.damaged_rows import DamagedRow, parse_each
 from daemon.store.database import Database
 from daemon.store.named_rows import Table
@@ -79,13 +79,9 @@ class RunListing:
 
 
 @dataclass(frozen=True)
-class CalibrationListing:
+class CalibrationListing(CalibrationOrigin):
     """A calibration of a list. `camera`: by its name in the settings."""
 
-    id: str
-    run_id: str | None
-    created_at: str
-    accepted: bool
     camera: str
     accuracy: AccuracyDocument
 

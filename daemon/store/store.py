@@ -21,7 +21,7 @@ from daemon.errors import AppliedMeanwhile, NoCalibration, NotFound, StorageFull
 from daemon.model.records import (
     AppliedCalibration,
     CalibrationRecord,
-    Cause,
+    CauseDocument,
     FlangePose,
     RunRecord,
     ScanRecord,
@@ -58,7 +58,7 @@ def read_run_or_failed(row: Any) -> RunRecord:
     try:
         return parse_row(RunRecord.of, row, "run")
     except StorageInconsistent as error:
-        cause = Cause(error.code, error.what, error.fix)
+        cause = CauseDocument(error.code, error.what, error.fix)
         return RunRecord(str(row[0]), row[1], RunState.FAILED, 0, 0, str(row[8]), str(row[9]), cause)
 
 

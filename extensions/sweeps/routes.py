@@ -64,10 +64,7 @@ class SweepDocument(Answer):
         here, failure = f"/sweeps/{sweep.id}", sweep.failure
         found = None if failure is None else problem_of(failure)
         return cls(
-            id=sweep.id, created_at=sweep.created_at, scanner=sweep.scanner, calibration_id=sweep.calibration_id,
-            state=sweep.state, profiles=sweep.profiles, points=sweep.points, poses=sweep.poses,
-            lost_profiles=sweep.lost_profiles, left_out_profiles=sweep.left_out_profiles,
-            largest_gap_s=sweep.largest_gap_s,
+            **vars(sweep),
             problem=None if found is None else SweepProblem(code=found.code, detail=found.detail),
             links={"self": here, "points": f"{here}/points", "end": f"{here}/end"},
         )  # fmt: skip

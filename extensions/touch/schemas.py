@@ -21,11 +21,7 @@ class StoredTouch(OfRecord):
 
     @classmethod
     def of_record(cls, record: DocumentRecord) -> "StoredTouch":
-        stored = record.parsed(StoredTouchTest)
-        return cls(
-            id=record.id, created_at=record.created_at, created_by=record.created_by,
-            verification=stored.verification, tip=stored.tip, touches=stored.touches, result=stored.result,
-        )  # fmt: skip
+        return cls(**vars(record), **vars(record.parsed(StoredTouchTest)))
 
 
 class TouchList(Answer):

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calibration.monitoring.control_chart import ChartSample, DriftRules, DriftStanding, chart
+from calibration.monitoring.control_chart import ChartSample, DriftRules, chart
 from calibration.transforms import Array
 
 POSITIONS = 3
@@ -41,7 +41,7 @@ class Cell:
 def first_alarm(samples: list[ChartSample], rules: DriftRules, after: int = 0) -> int | None:
     """The number of the first alarm from number `after` on; None when there is none."""
     entries = chart(samples, rules)
-    return next((n for n in range(after, len(entries)) if entries[n].standing is DriftStanding.DRIFTING), None)
+    return next((n for n in range(after, len(entries)) if entries[n].standing == "drifting"), None)
 
 
 def steady(cell: Cell, rules: DriftRules, cells: int, length: int, rng: np.random.Generator) -> tuple[float, int]:

@@ -15,10 +15,7 @@ class StoredAcceptance(OfRecord):
 
     @classmethod
     def of_record(cls, record: DocumentRecord) -> "StoredAcceptance":
-        return cls(
-            id=record.id, created_at=record.created_at, created_by=record.created_by,
-            acceptance=record.parsed(AcceptanceDocument),
-        )  # fmt: skip
+        return cls(**vars(record), acceptance=record.parsed(AcceptanceDocument))
 
 
 class AcceptanceList(Answer):

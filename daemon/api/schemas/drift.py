@@ -9,7 +9,7 @@ from calibration.documents.knowledge import NoiseBeliefDocument
 from calibration.monitoring.cell_change import PossibleChange
 from daemon.api.schemas.answer import EXAMPLE_AT, EXAMPLE_ID, Answer, OfRecord, documents_of, example
 from daemon.config.settings import DriftSettings
-from daemon.drift.chart import DriftChart
+from daemon.drift.chart import DriftChart, DriftPointDocument
 from daemon.scans.scanner_acceptance import AcceptanceDocument
 from daemon.store.damaged_rows import split_damaged
 from daemon.store.documents import DocumentRecord
@@ -22,24 +22,6 @@ class DriftRulesDocument(Answer):
     learn: int
     allowed_mm: float
     runs_between_false_alarms: float
-
-
-class DriftPointDocument(Answer):
-    """One verification, in base: displacement of the target from its learnt position, and the moving average of that.
-
-    `drift_mm` is the average's length, and `limit_mm` its limit by chance, null while the chart still learns.
-    `camera_temperature_c`: mean over the pictures, null for a camera that does not report it.
-    """
-
-    run_id: str
-    at: str
-    standing: Literal["learning", "steady", "drifting", "out-of-tolerance"]
-    shift_mm: tuple[float, float, float]
-    average_mm: tuple[float, float, float]
-    drift_mm: float
-    limit_mm: float | None
-    scatter_mm: float
-    camera_temperature_c: float | None = None
 
 
 class DriftTouchDocument(Answer):
@@ -94,10 +76,7 @@ class DriftScannerDocument(OfRecord):
     @classmethod
     def of_record(cls, record: DocumentRecord) -> "DriftScannerDocument":
         found = record.parsed(AcceptanceDocument)
-        return cls(
-            id=record.id, at=record.created_at, scan_id=found.scan_id, probing_form_mm=found.probing_form_mm,
-            probing_size_mm=found.probing_size_mm, sphere_spacing_mm=found.sphere_spacing_mm,
-        )  # fmt: skip
+        return cls(**vars(found), id=record.id, at=record.created_at)
 
 
 class DriftDocument(Answer):
@@ -156,19 +135,12 @@ class DriftDocument(Answer):
         accepted: Sequence[DocumentRecord] = (),
     ) -> "DriftDocument":
         report = chart.report
+        known = {"standing": report.standing or "off", "calibration_id": report.calibration_id or None}
         return cls(
-            standing="off" if report.standing is None else report.standing.value,
-            calibration_id=report.calibration_id or None,
-            verifications=report.verifications,
-            shift_mm=report.shift_mm,
-            limit_mm=report.limit_mm,
-            scatter_mm=report.scatter_mm,
-            scatter_limit_mm=report.scatter_limit_mm,
-            alarm=report.alarm,
+            **{**vars(report), **known},
             alarm_detail=None if report.alarm is None else SentenceDocument.each_of([report.alarm])[0],
             rules=DriftRulesDocument(**settings.model_dump(include=set(DriftRulesDocument.model_fields))),
-            points=[DriftPointDocument(**{**vars(point), "standing": point.standing.value})
-                    for point in chart.points[-limit:]],
+            points=list(chart.points[-limit:]),
             changes=[DriftChangeDocument.of(change) for change in chart.changes],
             touch_tests=list(touched),
             scanner=split_damaged(documents_of(DriftScannerDocument.of_record, accepted))[0],

@@ -21,7 +21,7 @@ class ExportDocument(Answer):
     @classmethod
     def of(cls, known: ExportFormat | PoseFormat, calibration_id: str) -> "ExportDocument":
         href = f"/calibrations/{calibration_id}/exports/{known.name}"
-        return cls(format=known.name, file=known.file, media_type=known.media_type, about=known.about, href=href)
+        return cls(**vars(known), format=known.name, href=href)
 
 
 class ExportList(Answer):

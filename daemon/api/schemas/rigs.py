@@ -15,10 +15,7 @@ class StoredRig(OfRecord):
 
     @classmethod
     def of_record(cls, record: DocumentRecord) -> "StoredRig":
-        return cls(
-            id=record.id, created_at=record.created_at, created_by=record.created_by,
-            rig=record.parsed(RigDocument),
-        )  # fmt: skip
+        return cls(**vars(record), rig=record.parsed(RigDocument))
 
 
 class RigList(Answer):

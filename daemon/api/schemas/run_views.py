@@ -40,18 +40,12 @@ class RunViewDocument(Answer):
         status = "missed" if view.missing else "taken" if result is None else result.status
         joints = view.joints_rad
         return cls(
-            index=view.index,
-            at=view.at or None,
+            **{**vars(view), "at": view.at or None, "missing": MissingDocument.of(view.missing)},
             base_T_flange=view.view.base_T_flange,
             joints_deg=None if joints is None else [round(float(angle), 4) for angle in np.degrees(joints)],
             skeleton_mm=skeleton_mm(arm, joints),
             status=status,
             reason=None if result is None else result.reason,
-            missing=MissingDocument.of(view.missing),
-            corners=list(view.corners),
-            rms_px=view.rms_px,
-            rms_px_free=view.rms_px_free,
-            sharpness=view.sharpness,
             camera_temperature_c=view.view.camera_temperature_c,
             picture=f"/runs/{run_id}/frames/{view.index}",
         )

@@ -4,18 +4,10 @@ from typing import Any, Literal
 
 from calibration.documents.pose import PoseDocument, Vector
 from daemon.api.schemas.answer import EXAMPLE_AT, EXAMPLE_ID, Answer, example
-from daemon.model.records import Planning, RunKind, RunRecord
+from daemon.model.records import CauseDocument, Planning, RunKind, RunRecord
 from daemon.model.run_states import RunState
 from daemon.runs.run_log import prediction_text
 from daemon.store.listings import RunListing
-
-
-class CauseDocument(Answer):
-    """Why a run failed or was aborted, and what to do."""
-
-    code: str
-    what: str
-    fix: str
 
 
 class TurnDocument(Answer):
@@ -29,11 +21,6 @@ class ShiftDocument(Answer):
     """A shift of the flange along the base's axes."""
 
     shift_mm: Vector
-
-
-def step_document(step: dict[str, Any]) -> TurnDocument | ShiftDocument:
-    """One step of an advice."""
-    return ShiftDocument(**step) if "shift_mm" in step else TurnDocument(**step)
 
 
 class NearDocument(Answer):
@@ -92,15 +79,7 @@ class PlanningDocument(Answer):
 
     @classmethod
     def of(cls, planning: Planning) -> "PlanningDocument":
-        return cls(
-            now_mm=planning.now_mm, planned_mm=planning.planned_mm, ahead=planning.ahead,
-            predicted=prediction_text(planning), note=planning.note, advice=planning.advice,
-            next_pose=None if planning.next_pose is None else PoseDocument.model_validate(planning.next_pose),
-            advice_steps=[step_document(step) for step in planning.advice_steps], near=NearDocument(),
-            history=[PredictionDocument(**row) for row in planning.history],
-            planned_poses=[PlannedPoseDocument.model_validate(pose) for pose in planning.planned_poses],
-            goal=None if planning.goal is None else GoalDocument(**planning.goal),
-        )  # fmt: skip
+        return cls(**vars(planning), predicted=prediction_text(planning), near=NearDocument())
 
 
 class RunDocument(Answer):
@@ -145,7 +124,6 @@ class RunDocument(Answer):
 
     @classmethod
     def of(cls, run: RunRecord) -> "RunDocument":
-        cause = None if run.cause is None else CauseDocument(**vars(run.cause))
         links = {"self": f"/runs/{run.id}"}
         if not run.over:
             links["abort"] = f"/runs/{run.id}/abort"
@@ -156,12 +134,8 @@ class RunDocument(Answer):
                 links[key.removesuffix("_id")] = f"/{folder}/{run.result[key]}"
         if run.kind != "scan":
             links.update({f"frame {k}": f"/runs/{run.id}/frames/{k}" for k in range(run.pictures)})
-        return cls(
-            id=run.id, kind=run.kind, state=run.state, over=run.over, station=run.station, stations=run.stations,
-            created_at=run.created_at, updated_at=run.updated_at, cause=cause, request=run.request, result=run.result,
-            planning=None if run.planning is None else PlanningDocument.of(run.planning),
-            started_by=run.started_by, started_by_role=run.started_by_role, links=links,
-        )  # fmt: skip
+        planning = None if run.planning is None else PlanningDocument.of(run.planning)
+        return cls(**{**vars(run), "planning": planning}, over=run.over, links=links)
 
 
 def listing_json(listing: RunListing) -> str:

@@ -42,10 +42,7 @@ class ScanDocument(Answer):
             "cloud": f"/scans/{scan.id}/cloud",
             "report": f"/scans/{scan.id}/report",
         }
-        return cls(
-            id=scan.id, name=scan.name, refine=scan.refine, scanner=scan.scanner, created_at=scan.created_at,
-            views=views, run=None if run is None else RunDocument.of(run), links=links,
-        )  # fmt: skip
+        return cls(**vars(scan), views=views, run=None if run is None else RunDocument.of(run), links=links)
 
 
 class RegistrationState(Answer):

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from daemon.api.routes import runs as run_routes
-from daemon.model.records import CalibrationRecord, Cause, Planning, RunRecord
+from daemon.model.records import CalibrationRecord, CauseDocument, Planning, RunRecord
 from daemon.model.run_states import RunState
 from tests.daemon.calibrations import a_calibration
 from tests.daemon.cell_under_test import Bench
@@ -19,7 +19,11 @@ from tests.daemon.records import a_run
 VERIFICATION = {"points": [{"id": k, "base_mm": [[k / 7, 0.1, 1e-7]] * 3} for k in range(88)]}
 
 RUNS = [
-    replace(a_run("failed", RunState.FAILED), cause=Cause("c", 'what "x"', "fix ä"), planning=Planning(1.5, None, 3)),
+    replace(
+        a_run("failed", RunState.FAILED),
+        cause=CauseDocument("c", 'what "x"', "fix ä"),
+        planning=Planning(1.5, None, 3),
+    ),
     replace(a_run("calibration", RunState.FINISHED), result={"calibration_id": "c1", "accepted": True}),
     replace(a_run("manual"), request={"manual": True}),
     replace(a_run("verify", RunState.FINISHED), kind="verify",

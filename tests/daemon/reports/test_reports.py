@@ -5,6 +5,7 @@ import re
 from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 import pytest
@@ -23,7 +24,7 @@ from calibration.monitoring.cell_change import PossibleChange
 from calibration.monitoring.control_chart import DriftStanding
 from calibration.sentences.sentence import LANGUAGES, LanguageTag
 from daemon.config.report_settings import ReportSettings
-from daemon.drift.chart import DriftChart, DriftPoint, DriftReport
+from daemon.drift.chart import DriftChart, DriftPointDocument, DriftReport
 from daemon.model.records import RunRecord, ScanRecord
 from daemon.model.run_states import RunState
 from daemon.reports.budget import point_variances
@@ -55,9 +56,9 @@ VERIFIED = RunRecord("run-9", "verify", RunState.FINISHED, 3, 3, AT, AT, result=
     "sigma_mm": [0.0465, 0.0685, 0.0136], "expected_point_mm": 0.09,
 }})  # fmt: skip
 CHANGES = (PossibleChange("axis-zero", 0.9, axis=2, turned_rad=np.radians(0.02)), PossibleChange("nothing", 0.1))
-DRIFT = DriftChart(DriftReport(DriftStanding.STEADY, "cal-1"), (
-    DriftPoint("run-8", "2026-11-21T08:00:00Z", DriftStanding.LEARNING, (0, 0, 0), (0, 0, 0), 0.02, None, 0.03),
-    DriftPoint("run-9", AT, DriftStanding.DRIFTING, (0, 0, 0), (0, 0, 0), 0.2, 0.1, 0.03),
+DRIFT = DriftChart(DriftReport("steady", "cal-1"), (
+    DriftPointDocument("run-8", "2026-11-21T08:00:00Z", "learning", (0, 0, 0), (0, 0, 0), 0.02, None, 0.03),
+    DriftPointDocument("run-9", AT, "drifting", (0, 0, 0), (0, 0, 0), 0.2, 0.1, 0.03),
 ), CHANGES)  # fmt: skip
 SCAN = ScanRecord("scan-1", AT, "door")
 REGISTERED = RegistrationReportDocument.model_validate({
@@ -205,13 +206,13 @@ def test_a_refused_and_a_rejected_calibration_say_so() -> None:
 
 
 def test_an_alarm_of_the_chart_is_the_first_thing_said() -> None:
-    report = DriftReport(DriftStanding.DRIFTING, "cal-1", alarm="the target moved by 0.2 mm")
+    report = DriftReport("drifting", "cal-1", alarm="the target moved by 0.2 mm")
     html = drift_report(replace(DRIFT, report=report), ReportContext())
     text = Elements(html).text
     assert text.index("Alarm. the target moved") < text.index("Identification")
     assert LOOKS["over"]["fill"] in html
     assert "axis 2 of the arm: its zero moved by 0.020 deg (chance 90%)" in text
-    assert "No verification yet." in drift_report(DriftChart(DriftReport(DriftStanding.LEARNING)), ReportContext())
+    assert "No verification yet." in drift_report(DriftChart(DriftReport("learning")), ReportContext())
 
 
 def test_the_temperature_stands_beside_each_view_where_one_is_known() -> None:
@@ -267,7 +268,7 @@ def test_no_word_is_left_over() -> None:
     used = set(re.findall(r"""["']([a-z]+\.[\w-]+)["']""", text))
     families = {  # put together of a kind and a value of a document
         "report.": ("error", "warning", "info", "base", "camera"),
-        "drift.": ("off", *(one.value for one in DriftStanding)),
+        "drift.": ("off", *get_args(DriftStanding)),
         "calibration.": ("eye-in-hand", "eye-to-hand", "used", "corrected", "rejected"),
         "target.": ("pitch", "square", "marker", "tag", "gap"),
         "budget.by-": ("image", "pose", "view"), "id.intrinsics-": ("given", "estimated"),

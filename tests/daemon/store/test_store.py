@@ -13,7 +13,7 @@ import pytest
 
 from calibration.documents.pose import PoseDocument
 from daemon.errors import NoCalibration, NotFound, StorageError, StorageFull, StorageTooNew
-from daemon.model.records import AppliedCalibration, CalibrationRecord, Cause, FlangePose, ScanRecord
+from daemon.model.records import AppliedCalibration, CalibrationRecord, CauseDocument, FlangePose, ScanRecord
 from daemon.model.run_states import RunState
 from daemon.runtime.durable_files import write_durably
 from daemon.store.database import DATABASE_NAME
@@ -31,7 +31,7 @@ def record(calibration_id: str) -> CalibrationRecord:
 
 async def test_what_was_stored_is_there_after_a_restart(tmp_path: Path) -> None:
     store = Store(tmp_path)
-    failed = replace(a_run("r1", RunState.FAILED), cause=Cause("link-lost", "lost", "look"), result={"x": 1.5})
+    failed = replace(a_run("r1", RunState.FAILED), cause=CauseDocument("link-lost", "lost", "look"), result={"x": 1.5})
     await store.save_run(failed)
     await store.save_calibration(record("c1"))
     await store.apply(AppliedCalibration("c1", AT, "somebody"))
