@@ -4,7 +4,6 @@ from daemon.cell.capture_outputs import CaptureOutputs
 from daemon.cell.cell import Devices
 from daemon.cell.exposure_control import ExposureControl, ExposureLimits
 from daemon.cell.vibration import VibrationGate
-from daemon.config.robot_settings import EgmSettings
 from daemon.config.settings import CameraSettings, ScannerSettings, Settings
 from daemon.runtime.clock import Clock
 from daemon.runtime.workers import Workers
@@ -26,12 +25,14 @@ def open_devices(settings: Settings, clock: Clock) -> Devices:
         axes=settings.robot.axes,
     )
     program = configured(robot)
-    outputs = settings.robot.outputs
+    outputs, egm = settings.robot.outputs, settings.robot.egm
     return Devices(
         robot=robot,
         camera=_open_camera(settings.camera, timing),
         scanner=None if settings.scanner is None else _open_scanner(settings.scanner, timing),
-        vibration_gate=_open_vibration_gate(settings.robot.egm, timing) if settings.robot.egm else None,
+        vibration_gate=None
+        if egm is None
+        else VibrationGate(open_vibration_monitor(egm.host, egm.port, egm.robot, timing), egm),
         outputs=CaptureOutputs(program, outputs, clock) if program is not None and outputs is not None else None,
         cameras={name: _open_camera(camera, timing) for name, camera in settings.cameras.items()},
         scanners={name: _open_scanner(scanner, timing) for name, scanner in settings.scanners.items()},
@@ -45,10 +46,6 @@ def open_exposure_control(settings: Settings, camera: Camera, workers: Workers, 
         return None
     wanted = ExposureLimits(limits.exposure_us, limits.gain_db)
     return ExposureControl(camera, settings.target.target(), wanted, workers, clock.monotonic_s)
-
-
-def _open_vibration_gate(egm: EgmSettings, timing: Timing) -> VibrationGate:
-    return VibrationGate(open_vibration_monitor(egm.host, egm.port, egm.robot, timing), egm)
 
 
 def _open_camera(settings: CameraSettings, timing: Timing) -> Camera:

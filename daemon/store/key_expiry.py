@@ -40,9 +40,10 @@ class KeyExpiry(InBackground):
 
     def warnings(self) -> list[str]:
         """One for each key that ends within WARN_DAYS."""
-        left = ((record.name, str(record.expires_at), self._left_days(record)) for record in self._ending)
+        now = self._clock.utc_now()
+        left = ((record.name, str(record.expires_at), (_end_of(record) - now).days) for record in self._ending)
         return [
-            Sentence("key-ends", name=name, at=at[:10], days=max(0, int(days)))
+            Sentence("key-ends", name=name, at=at[:10], days=max(0, days))
             for name, at, days in left
             if days < WARN_DAYS
         ]
@@ -52,9 +53,6 @@ class KeyExpiry(InBackground):
         about = "When a key ends, in seconds since 1970, by its name; keys without an end are left out."
         ends: dict[Labels, float] = {(("name", record.name),): _end_of(record).timestamp() for record in self._ending}
         return [Metric("handeyed_key_expires_timestamp_seconds", "gauge", about, ends)]
-
-    def _left_days(self, record: KeyRecord) -> float:
-        return (_end_of(record) - self._clock.utc_now()).total_seconds() / 86400
 
     async def run(self) -> None:
         while True:
