@@ -24,7 +24,7 @@ from daemon.runtime.workers import Workers
 from daemon.scans.progress import ProgressReports
 from daemon.store.store import Store
 from registration.documents import RegistrationReportDocument
-from registration.fusion.concatenation import size_of
+from registration.fusion.concatenation import report_part, size_of
 from registration.report import column_findings, report_of, unit_findings
 from registration.scan import ScannerMount, ScanView, layout_of_views, register_views, sample_views, scanner_mount_of
 
@@ -189,20 +189,16 @@ def _register(
     for count, view in enumerate(wanted.views):
         on_stage("reading", count, done)
         share = reading * size_of(view.path) / whole
-        samples += sample_views([view], partial(_report_part, on_progress, done, share))
+        samples += sample_views([view], partial(report_part, on_progress, done, share))
         done += share
     on_stage("registering", len(samples), reading)
     read = clock()
     given = scanner_mount_of(wanted.calibration)
     hand = ScannerMount(given.calibration_id, wanted.flange_T_scanner, given.noise)
-    rest = partial(_report_part, on_progress, reading, 1 - reading)
+    rest = partial(report_part, on_progress, reading, 1 - reading)
     registration = register_views(wanted.views, samples, hand, refine=wanted.refine, on_progress=rest)
     _, lost = layout_of_views(registration.views)
     points = sum(view.points - view.non_finite for view in registration.views)
     seconds = {"read": read - began, "register": clock() - read, "write": 0.0}
     findings = [*wanted.findings, *unit_findings(samples), *column_findings(lost)]
     return report_of(registration, hand, points, seconds, findings)  # type: ignore[arg-type]
-
-
-def _report_part(on_progress: Callable[[float], None], before: float, share: float, part: float) -> None:
-    on_progress(before + share * part)

@@ -53,6 +53,11 @@ def ignore_progress(_so_far: float) -> None:
     """Does nothing."""
 
 
+def report_part(on_progress: OnProgress, before: float, share: float, done: float) -> None:
+    """Call `on_progress` with the share of all that is done, where a part of it, `share`, is done by `done`."""
+    on_progress(before + share * done)
+
+
 def merge_clouds(
     clouds: Sequence[PlacedCloud],
     target: Path,

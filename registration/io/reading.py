@@ -75,7 +75,7 @@ class StreamedSource:
             if not lead.complete:
                 rest = rest[lead.take(rest) :]
             if lead.complete and not decoder.complete and rest:
-                yield from map(_writable, decoder.take(rest))
+                yield from (block if block.flags.writeable else block.copy() for block in decoder.take(rest))
                 rest = rest[decoder.taken :]
             if decoder.complete and not tail.complete and rest:
                 rest = rest[tail.take(rest) :]
@@ -83,10 +83,6 @@ class StreamedSource:
         lead.finish()
         yield from decoder.finish()
         tail.finish()
-
-
-def _writable(block: Records) -> Records:
-    return block if block.flags.writeable else block.copy()
 
 
 def _pieces(file: GuardedFile, header: CloudHeader) -> Iterator[memoryview]:

@@ -25,18 +25,7 @@ def write_launch(subject: Subject) -> str:
         "--child-frame-id": subject.child,
     }
     arguments = "".join(f'                "{option}", "{value}",\n' for option, value in values.items())
-    return (
-        subject.comment("#", UNITS) + "from launch import LaunchDescription\n"
-        "from launch_ros.actions import Node\n\n\n"
-        "def generate_launch_description():\n"
-        "    return LaunchDescription([\n"
-        "        Node(\n"
-        '            package="tf2_ros",\n'
-        '            executable="static_transform_publisher",\n'
-        f"            arguments=[\n{arguments}            ],\n"
-        "        ),\n"
-        "    ])\n"
-    )
+    return subject.comment("#", UNITS) + subject.filled("launch.py.txt", arguments=arguments)
 
 
 def write_tf(subject: Subject) -> str:
@@ -46,49 +35,31 @@ def write_tf(subject: Subject) -> str:
         "ros2 topic pub --once --qos-durability transient_local"
         ' /tf_static tf2_msgs/msg/TFMessage "$(cat tf_static.yaml)"'
     )
-    return subject.comment("#", UNITS, publish) + (
-        "transforms:\n"
-        f"- header: {{frame_id: {subject.parent}}}\n"
-        f"  child_frame_id: {subject.child}\n"
-        "  transform:\n"
-        f"    translation: {translation}\n"
-        f"    rotation: {rotation}\n"
+    return subject.comment("#", UNITS, publish) + subject.filled(
+        "tf_static.yaml.txt", translation=translation, rotation=rotation
     )
 
 
 def write_easy_handeye2(subject: Subject) -> str:
     """A .calib of easy_handeye2, for ~/.ros2/easy_handeye2/calibrations/NAME.calib."""
-    translation, rotation = _named(subject)
+    translation, rotation = (_flow(values) for values in _named(subject))
     kind, base, effector = ("eye_in_hand", "base", subject.parent)
     if not subject.on_flange:
         kind, base, effector = ("eye_on_base", subject.parent, "tool0")
-    return subject.comment("#", UNITS, "save it as ~/.ros2/easy_handeye2/calibrations/handeyed.calib") + (
-        "parameters:\n"
-        "  name: handeyed\n"
-        f"  calibration_type: {kind}\n"
-        f"  robot_base_frame: {base}\n"
-        f"  robot_effector_frame: {effector}\n"
-        f"  tracking_base_frame: {subject.child}\n"
-        "  tracking_marker_frame: target\n"
-        "transform:\n"
-        f"  translation: {_flow(translation)}\n"
-        f"  rotation: {_flow(rotation)}\n"
-    )
+    frames = {"kind": kind, "base": base, "effector": effector}
+    about = subject.comment("#", UNITS, "save it as ~/.ros2/easy_handeye2/calibrations/handeyed.calib")
+    return about + subject.filled("easy_handeye2.yaml.txt", **frames, translation=translation, rotation=rotation)
 
 
 def write_moveit(subject: Subject) -> str:
     """The launch file of moveit_calibration, a ROS 1 static transform."""
     translation, rotation = _named(subject)
-    angles = " ".join(subject.turn("euler-xyz-rad"))
-    about = "; ".join([*subject.about(), UNITS])
-    position, quaternion = " ".join(translation.values()), " ".join(rotation.values())
-    return (
-        "<launch>\n"
-        f"  <!-- {about} -->\n"
-        f'  <!-- xyz="{position}" rpy="{angles}" about fixed axes -->\n'
-        '  <node pkg="tf2_ros" type="static_transform_publisher" name="camera_link_broadcaster"\n'
-        f'      args="{position}   {quaternion} {subject.parent} {subject.child}" />\n'
-        "</launch>\n"
+    return subject.filled(
+        "moveit.xml.txt",
+        about="; ".join([*subject.about(), UNITS]),
+        position=" ".join(translation.values()),
+        quaternion=" ".join(rotation.values()),
+        angles=" ".join(subject.turn("euler-xyz-rad")),
     )
 
 

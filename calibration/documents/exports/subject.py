@@ -2,6 +2,8 @@
 
 import re
 from dataclasses import dataclass
+from pathlib import Path
+from string import Template
 
 from calibration.documents.calibration import TRANSFORM_NAMES, CalibrationDocument
 from calibration.documents.exports.notation import fixed
@@ -90,6 +92,11 @@ class Subject:
         if not self.calibration.verdict.accepted:
             lines.insert(0, "NOT ACCEPTED: the verdict on this calibration is negative")
         return lines
+
+    def filled(self, template: str, **values: str) -> str:
+        """The file of that name in `templates`, its $places filled with the frames' names and `values`."""
+        text = (Path(__file__).parent / "templates" / template).read_text(encoding="utf-8")
+        return Template(text).substitute(parent=self.parent, child=self.child, **values)
 
     def comment(self, marker: str, *more: str) -> str:
         """`about` and `more`, each line behind `marker`, with a line feed at the end."""

@@ -1,34 +1,22 @@
 """URDF: a xacro macro with the camera's links. Metres, rad, turns about fixed axes: R = Rz(yaw) Ry(pitch) Rx(roll)."""
 
+from collections.abc import Sequence
+
 from calibration.documents.exports.subject import OPTICAL_FRAME, Subject
 
-QUARTER_TURN = "1.570796326794897"
+OPTICAL_TURN = ("-1.570796326794897", "0", "-1.570796326794897")
 
 
 def write_urdf(subject: Subject) -> str:
     """A macro that joins `child` to `parent`; with a body frame the optical frame hangs on it."""
     about = "; ".join([*subject.about(), "metres, rad, rpy about fixed axes"])
-    links = _link("${parent}", subject.child, " ".join(subject.metres()), " ".join(subject.turn("euler-xyz-rad")))
+    links = _link(subject, "${parent}", subject.child, subject.metres(), subject.turn("euler-xyz-rad"))
     if subject.is_body_frame:
-        links += _link(f"${{prefix}}{subject.child}", OPTICAL_FRAME, "0 0 0", f"-{QUARTER_TURN} 0 -{QUARTER_TURN}")
-    return (
-        '<?xml version="1.0"?>\n'
-        f"<!-- {about} -->\n"
-        '<robot xmlns:xacro="http://www.ros.org/wiki/xacro">\n'
-        f'  <xacro:macro name="handeyed_camera" params="parent:={subject.parent} prefix:=\'\'">\n'
-        f"{links}"
-        "  </xacro:macro>\n"
-        "</robot>\n"
-    )
+        links += _link(subject, f"${{prefix}}{subject.child}", OPTICAL_FRAME, "000", OPTICAL_TURN)
+    return subject.filled("urdf.xml.txt", about=about, links=links)
 
 
-def _link(parent: str, name: str, position: str, angles: str) -> str:
+def _link(subject: Subject, above: str, name: str, position: Sequence[str], angles: Sequence[str]) -> str:
+    placed = {"position": " ".join(position), "angles": " ".join(angles)}
     joint = name.removesuffix("_frame").replace("/", "_")
-    return (
-        f'    <link name="${{prefix}}{name}"/>\n'
-        f'    <joint name="${{prefix}}{joint}_joint" type="fixed">\n'
-        f'      <parent link="{parent}"/>\n'
-        f'      <child link="${{prefix}}{name}"/>\n'
-        f'      <origin xyz="{position}" rpy="{angles}"/>\n'
-        "    </joint>\n"
-    )
+    return subject.filled("urdf_link.xml.txt", name=name, joint=joint, above=above, **placed)

@@ -30,7 +30,8 @@ def parse_header(prefix: bytes, file: str) -> CloudHeader | None:
     separator = next((mark for mark in (",", ";", "\t") if mark in line), None)
     words = line.lstrip("#/ ").split(separator)
     named = not all(NUMBER.fullmatch(word.strip()) for word in words)
-    names = [_column(word) for word in words] if named else _default_names(len(words))
+    unnamed = [*"xyz", *(f"c{index}" for index in range(3, len(words)))][: len(words)]
+    names = [_column(word) for word in words] if named else unnamed
     if not named and len(names) == 6 and are_bytes(prefix[: prefix.rfind(b"\n")].decode("ascii", "replace"), separator):
         names[3:] = COLOURS
     if not {"x", "y", "z"} <= set(names) or len(set(names)) != len(names) or len(names) > COLUMN_LIMIT:
@@ -50,10 +51,6 @@ def are_bytes(lines: str, separator: str | None) -> bool:
     words = [word.strip() for line in lines.splitlines() for word in line.split(separator)[3:]]
     numbers = [int(word) if word.isdecimal() and len(word) < 4 else 256 for word in words]
     return 1 < max(numbers, default=0) < 256
-
-
-def _default_names(count: int) -> list[str]:
-    return ["x", "y", "z", *(f"c{index}" for index in range(3, count))][:count]
 
 
 def format_header(layout: Layout, separator: str) -> bytes:
