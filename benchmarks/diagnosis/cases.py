@@ -21,7 +21,14 @@ CAUSES = CHANGE_CODES | {convention.code for convention in CONVENTIONS}
 CAUSES |= {"setup-swapped", "poses-shifted", "poses-reversed", "poses-in-lexical-order", "poses-blocks-swapped"}
 CAUSES |= {"rotation-transposed", "euler-order", "vector-read-as-euler", "euler-read-as-vector"}
 CAUSES |= {"quaternion-w-first", "target-not-as-described", "pictures-mirrored", "pictures-turned", "images-repeated"}
-CAUSES |= {"poses-off-by-one", "poses-swapped", "pose-mistyped", "board-turned", "intrinsics-do-not-fit"}
+CAUSES |= {
+    "track-not-declared",
+    "poses-off-by-one",
+    "poses-swapped",
+    "pose-mistyped",
+    "board-turned",
+    "intrinsics-do-not-fit",
+}
 NOTHING = "nothing"
 """The kind of a session without a fault: right when no cause is named."""
 

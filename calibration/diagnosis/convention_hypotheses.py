@@ -49,10 +49,6 @@ def change_quaternion_order(poses: Array) -> Array:
     return transform(rotation_from_quaternion(w_first), poses[:, :3, 3])
 
 
-def _w_last(base_T_flange: Array, _: Array) -> Array:
-    return change_quaternion_order(base_T_flange)
-
-
 def _w_first(base_T_flange: Array, _: Array) -> Array:
     w_last = np.roll(quaternion_from_rotation(base_T_flange[:, :3, :3]), -1, axis=1)
     return transform(rotation_from_quaternion(w_last), base_T_flange[:, :3, 3])
@@ -99,7 +95,7 @@ MIN_NEIGHBOURS, MAX_NEIGHBOURS = 4, 40
 """Bounds of the number of pairs of successive views on which a shift of the poses by one is tested."""
 
 CONVENTIONS = (
-    Convention("quaternion-w-last", _w_last),
+    Convention("quaternion-w-last", lambda base_T_flange, _: change_quaternion_order(base_T_flange)),
     Convention("quaternion-w-first", _w_first),
     Convention("poses-inverted", lambda base_T_flange, _: inverse(base_T_flange)),
     Convention("poses-in-metres", _scale_translations(MM["m"])),

@@ -1,6 +1,6 @@
 """Test of all known causes of an inconsistent session, and choice of the one that explains it."""
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,6 +16,7 @@ from calibration.diagnosis.convention_hypotheses import (
 )
 from calibration.diagnosis.evidence import Evidence
 from calibration.diagnosis.fit import Fit, fit, likeliest_fit
+from calibration.diagnosis.group_hypotheses import group_hypotheses
 from calibration.diagnosis.hypothesis import Hypothesis, HypothesisResult, evaluate
 from calibration.diagnosis.pairing_hypotheses import pairing_hypotheses
 from calibration.diagnosis.picture_hypotheses import mirrored_hypothesis, turned_hypotheses, turned_instead
@@ -131,14 +132,19 @@ def _best_explanation(
     hypotheses = [
         *convention_hypotheses(sample),
         *off_by_one_hypotheses(evidence),
-        *(orientation_hypotheses(sample) if is_unusual(uncorrected) else ()),
-        *(pairing_hypotheses(evidence, views) if is_unusual(uncorrected) else ()),
         *pose_swap_hypotheses(sample, among, suspects.half),
         *board_turn_hypotheses(sample, among, target_centre_mm),
         *change_hypotheses(sample, change_points(len(sample))),
         *further(sample),
-        *(_picture_hypotheses(sample) if is_unusual(uncorrected) else ()),
     ]
+    if is_unusual(uncorrected):
+        hypotheses += [
+            *orientation_hypotheses(sample),
+            *pairing_hypotheses(evidence, views),
+            *group_hypotheses(evidence, sample),
+            mirrored_hypothesis(sample),
+            *turned_hypotheses(sample, change_points(len(sample))),
+        ]
     results = [
         *evaluate(hypotheses, sample, uncorrected),
         *pose_entry_results(sample, among, uncorrected.log_likelihood),
@@ -161,11 +167,6 @@ def _best_explanation(
             found[0] = replace(found[0], hypothesis=or_another_posture(found[0].hypothesis))
             found[1:] = [result for result in found[1:] if result.hypothesis.code != found[0].hypothesis.code]
     return _diagnosis(uncorrected, found)
-
-
-def _picture_hypotheses(evidence: Evidence) -> Iterator[Hypothesis]:
-    yield mirrored_hypothesis(evidence)
-    yield from turned_hypotheses(evidence, change_points(len(evidence)))
 
 
 def _is_observable(base_T_flange: Array) -> bool:

@@ -3,8 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
-
-import numpy as np
+from math import log
 
 from calibration.diagnosis.evidence import Evidence
 from calibration.diagnosis.fit import Fit, Labels, fit, fits
@@ -98,7 +97,7 @@ def _p_value(test: Callable[[Evidence, Fit], float], hypothesis: Hypothesis, fit
 
 def price_of(n: int, unknowns: int, alternatives: int) -> float:
     """Penalty for free parameters (Schwarz, Annals of Statistics 6(2) 1978) and for the number of alternatives."""
-    return float(0.5 * unknowns * np.log(6 * n) + np.log(alternatives))
+    return 0.5 * unknowns * log(6 * n) + log(alternatives)
 
 
 def few_views_factor(n: int, unknowns: int) -> float:

@@ -10,7 +10,6 @@ from calibration.diagnosis.angle_agreement import angles_between, angles_between
 from calibration.diagnosis.evidence import Evidence
 from calibration.diagnosis.hypothesis import Hypothesis
 from calibration.sentences.sentence import Sentence
-from calibration.transforms import Array
 
 MIN_VIEWS = 4
 """Least views that have an image and the pose that a pairing gives it."""
@@ -59,7 +58,8 @@ def pairing_hypotheses(evidence: Evidence, views: int) -> list[Hypothesis]:
         images, poses = row_of[images[poses >= 0]], poses[poses >= 0]
         if len(images) < MIN_VIEWS:
             continue
-        left, given = (_rms(robot[np.ix_(rows, rows)] - seen[np.ix_(images, images)]) for rows in (poses, images))
+        off = (robot[np.ix_(rows, rows)] - seen[np.ix_(images, images)] for rows in (poses, images))
+        left, given = (float(np.sqrt(np.mean(angles**2))) for angles in off)
         if left > max(MAX_MISMATCH_SHARE * given, MIN_MISMATCH_RAD):
             continue
         baseline = evidence.take(images)
@@ -70,10 +70,6 @@ def pairing_hypotheses(evidence: Evidence, views: int) -> list[Hypothesis]:
         )  # fmt: skip
         found.append((left, hypothesis))
     return [hypothesis for _, hypothesis in sorted(found, key=lambda one: one[0])[:MAX_PAIRINGS]]
-
-
-def _rms(values: Array) -> float:
-    return float(np.sqrt(np.mean(values**2)))
 
 
 def pairings_of(views: int, last: int) -> Iterator[Pairing]:

@@ -28,6 +28,7 @@ from tests.simulated.faults import (
     scaled_target,
     sign_lost,
     swapped,
+    track_left_out,
     turned,
 )
 
@@ -38,6 +39,7 @@ GROSS: dict[str, Put] = {
     "a quaternion's sign": sign_lost,
     "board turned in one view": turned,
     "tool instead of flange from view k on": other_tool,
+    "on a track that poses leave out": track_left_out,
 }
 FOCAL, K1 = np.repeat([1.0, 0.0], [2, 7]), np.eye(9)[4]
 

@@ -4,6 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from calibration.camera import CameraModel
@@ -218,6 +219,30 @@ def other_tool(problem: Problem, rng: np.random.Generator) -> Fault:
     after = _change(problem, rng)
     tool = transform(rotation_from_vector(np.array([0.0, 0.0, np.pi / 4])), np.array([10.0, 0.0, 120.0]))
     return _changed(problem, after, lambda poses: poses @ tool, "tool")
+
+
+TRACK_ORDERS: dict[str, Callable[[NDArray[np.intp]], NDArray[np.intp]]] = {
+    "two in a row": lambda rows: 2 * rows // len(rows),
+    "three in a row": lambda rows: 3 * rows // len(rows),
+    "two in turn": lambda rows: rows % 2,
+    "three in turn": lambda rows: rows % 3,
+    "there and back": lambda rows: np.array([0, 1, 0])[3 * rows // len(rows)],
+}
+"""The place of a track, 0 to 2, at which each view is taken."""
+
+
+def track_left_out(problem: Problem, rng: np.random.Generator, order: str | None = None) -> Fault:
+    """The arm rode on a track, from 100 mm to 1.5 m between its places, and the poses are of its base as it moved."""
+    places = TRACK_ORDERS[order or str(rng.choice(list(TRACK_ORDERS)))](np.arange(len(problem.views)))
+    at_mm = np.cumsum([0.0, *rng.uniform(100, 1500, 2)])[rng.permutation(3)]
+    direction = np.append(rng.standard_normal(2), 0.02 * rng.standard_normal())
+    poses = poses_of(problem)
+    poses[:, :3, 3] -= np.outer(at_mm[places], direction / np.linalg.norm(direction))
+    groups = [
+        [view.index for view in problem.views if places[view.index] == place] for place in range(places.max() + 1)
+    ]
+    says = tuple(f"views {', '.join(map(str, group[:12]))}" for group in groups)
+    return Fault(with_poses(problem, poses), frozenset({"track-not-declared"}), says)
 
 
 def focal_wrong(problem: Problem, rng: np.random.Generator) -> Slip:

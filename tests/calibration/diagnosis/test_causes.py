@@ -16,6 +16,7 @@ from tests.simulated.fault_kinds import GROSS, KINDS, Session
 from tests.simulated.faults import (
     CONVENTIONS,
     SETUPS,
+    TRACK_ORDERS,
     Fault,
     Noise,
     distortion_wrong,
@@ -27,6 +28,7 @@ from tests.simulated.faults import (
     poses_of,
     scaled_target,
     simulated_session,
+    track_left_out,
     with_poses,
 )
 from tests.simulated.faulty_sessions import simulated
@@ -218,3 +220,22 @@ def test_views_are_called_by_their_own_numbers() -> None:
     poses[6, 2, 3] += 12.0
     spoilt = with_poses(replace(clean, views=tuple(views)), poses)
     assert "the pose of view 6 " in finding(spoilt, frozenset({"pose-mistyped"})).message
+
+
+@pytest.mark.parametrize("setup", SETUPS)
+@pytest.mark.parametrize("order", TRACK_ORDERS)
+def test_the_groups_of_views_beside_an_undeclared_track_are_named(order: str, setup: Setup) -> None:
+    fault = track_left_out(session(7, n=15, setup=setup), np.random.default_rng(7), order)
+    found = finding(fault.problem, fault.codes)
+    assert found.severity == "error"
+    assert all(group in found.message for group in fault.says), found.message
+    assert "external_axis" in found.fix
+    assert_disagreement_is_mended(found.message)
+
+
+def test_an_arm_in_two_postures_is_not_taken_for_one_on_a_track() -> None:
+    clean = session(7, n=15)
+    poses = poses_of(clean)
+    poses[::2, 0, 3] += 3.0
+    codes = {found.code for found in solve_hand_eye(with_poses(clean, poses)).findings}
+    assert "track-not-declared" not in codes
