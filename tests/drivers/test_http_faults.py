@@ -99,6 +99,23 @@ async def test_a_device_that_hangs():
         await camera.close()
 
 
+async def test_a_stream_that_never_ends_is_told_at_once_with_the_address_that_works():
+    """Its first bytes say what it is: nothing of the body is waited for, and no password is shown."""
+
+    async def stream(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        await reader.readuntil(b"\r\n\r\n")
+        writer.write(b"HTTP/1.1 200 OK\r\nContent-Type: multipart/x-mixed-replace; boundary=f\r\n\r\n")
+        await reader.read()  # until the camera hangs up
+        writer.close()
+
+    async with await asyncio.start_server(stream, "127.0.0.1", 0) as server:
+        port = server.sockets[0].getsockname()[1]
+        camera = HttpCamera(f"http://user:secret@127.0.0.1:{port}/mjpeg", limit_s=3600.0)
+        with pytest.raises(GarbledAnswer, match=f"write it as video:http://127.0.0.1:{port}/mjpeg"):
+            await asyncio.wait_for(camera.grab(0.0), LIMIT_S)
+        await camera.close()
+
+
 async def test_it_is_asked_again_until_the_picture_is_fresh():
     with http_device(Answer(PNG, headers={"X-Taken-At-Age-S": "0.5"})) as device:
         camera = HttpCamera(device.url, limit_s=LIMIT_S)
