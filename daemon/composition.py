@@ -91,7 +91,8 @@ def build(
     exposure = open_exposure_control(settings, devices.camera, workers, clock)
     world_T_base = settings.robot.world_T_base
     robot = settings.robot
-    arm = ArmInCell(robot.external_axis, robot.carried, 60 * robot.temperature_minutes, clock.monotonic_s)
+    valid_s = 60 * robot.temperature_minutes
+    arm = ArmInCell(robot.external_axis, robot.carried, valid_s, clock.monotonic_s, settings.reach_mm)
     cell = Cell(
         devices, settings.robot.settling, clock, interlocks, at, events.publish, exposure, world_T_base,
         arm,

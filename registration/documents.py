@@ -12,6 +12,8 @@ from calibration.documents.validation import Document
 from calibration.problem import Setup
 from registration.points.rigid_motion import Unit
 
+Positive = Annotated[float, Field(gt=0)]
+
 
 class ScanViewDocument(Document):
     """One cloud, its flange pose, and the arm's axes there where they are known. `external_axes`: needed where the
@@ -40,6 +42,8 @@ class ScanDocument(Document):
     """Where it came from, for people."""
     setup: Setup
     """eye-in-hand: the camera is on the flange; eye-to-hand: the camera stands in the cell."""
+    range_mm: tuple[Positive, Positive] | None = None
+    """Nearest and farthest at which the scanner measures, as its data sheet states; null where that is not known."""
     views: list[ScanViewDocument]
     """The clouds of one part."""
 

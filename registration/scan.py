@@ -20,7 +20,7 @@ from calibration.problem import Setup, anchor_T_mount_of
 from calibration.transforms import Array
 from registration.documents import ScanDocument
 from registration.errors import ScanError
-from registration.fusion.concatenation import OnProgress, ignore_progress, size_of
+from registration.fusion.concatenation import OnProgress, ignore_progress, report_part, size_of
 from registration.fusion.overlap import Agreement, agreement
 from registration.fusion.pose_adjustment import MAX_ITERATIONS, Refinement, refine_poses
 from registration.io.columns import common_layout
@@ -28,7 +28,7 @@ from registration.io.convert import move_file
 from registration.io.durable_file import GuardedFile
 from registration.io.reading import open_cloud
 from registration.points.layout import Layout, Records
-from registration.points.range_check import RangeCheck
+from registration.points.range_check import POSSIBLE_MM, RangeCheck, RangeMm, range_of
 from registration.points.rigid_motion import RigidMotion, scale_to_mm
 from registration.points.surface import MAX_RANGE_MM, Surface, sample_points
 
@@ -37,12 +37,16 @@ DOCUMENT_LIMIT = 1 << 26
 
 @dataclass(frozen=True, eq=False)
 class ScanView:
-    """A cloud file with its unit and where the arm stood. The part stands, or is on the flange."""
+    """A cloud file with its unit and where the arm stood. The part stands, or is on the flange.
+
+    `range_mm`: nearest and farthest from the scanner at which its points can be.
+    """
 
     path: Path
     unit: str
     stance: Stance
     setup: Setup = "eye-in-hand"
+    range_mm: RangeMm = POSSIBLE_MM
 
     @property
     def base_T_flange(self) -> Array:
@@ -101,6 +105,7 @@ def read_scan(folder: Path) -> list[ScanView]:
             view.unit,
             Stance.of_degrees(view.base_T_flange.transform(), view.joints_deg, view.external_axes),
             document.setup,
+            range_of(document.range_mm),
         )
         for view in document.views
     ]
@@ -109,7 +114,11 @@ def read_scan(folder: Path) -> list[ScanView]:
 def place_views(calibration: CalibrationInUse, views: Sequence[ScanView]) -> list[ScanView]:
     """The views in the poses that the calibration gives to those reported. Raises as its `base_T_flange`."""
     poses = calibration.base_T_flange([view.stance for view in views])
-    return [replace(view, stance=Stance(pose)) for view, pose in zip(views, poses, strict=True)]
+    placed = [replace(view, stance=Stance(pose)) for view, pose in zip(views, poses, strict=True)]
+    if calibration.arm is None or setup_of(views) == "eye-to-hand":
+        return placed
+    by_arm = range_of(None, calibration.arm.model.arm.reach_mm)
+    return [replace(view, range_mm=by_arm) if view.range_mm == POSSIBLE_MM else view for view in placed]
 
 
 def setup_of(views: Sequence[ScanView]) -> Setup:
@@ -160,20 +169,18 @@ def sample_views(views: Sequence[ScanView], on_progress: OnProgress = ignore_pro
     sizes = [size_of(view.path) for view in views]
     for index, view in enumerate(views):
         before, size, whole = sum(sizes[:index]), sizes[index], max(sum(sizes), 1)
-        samples.append(_sample(view, partial(_report_read, on_progress, before / whole, size / whole)))
+        samples.append(_sample(view, partial(report_part, on_progress, before / whole, size / whole)))
         on_progress((before + size) / whole)
     return samples
-
-
-def _report_read(on_progress: OnProgress, before: float, share: float, read: float) -> None:
-    on_progress(before + share * read)
 
 
 def _sample(view: ScanView, on_read: OnProgress) -> ViewSample:
     """`on_read` is called with the share of the points that is read."""
     scale = scale_to_mm(view.unit)
     with open_cloud(view.path) as cloud:
-        blocks = _CountedBlocks(cloud.blocks(), cloud.layout, cloud.count, on_read, RangeCheck(view.unit))
+        blocks = _CountedBlocks(
+            cloud.blocks(), cloud.layout, cloud.count, on_read, RangeCheck(view.unit, view.range_mm)
+        )
         points = sample_points(blocks, cloud.layout, scale)
         if not len(points) and blocks.points > blocks.non_finite:
             what = f"{view.path.name}: no point lies within {MAX_RANGE_MM / 1e6:g} km of the scanner"

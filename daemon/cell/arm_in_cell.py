@@ -13,7 +13,8 @@ from daemon.errors import CalibrationUnusable
 
 
 class ArmInCell:
-    """The external axis `declared` in the settings, their load, and the temperature stated last, for `valid_s`.
+    """The external axis `declared` in the settings, their load, the reach of the arm where it is known and carries all
+    sensors, and the temperature stated last, for `valid_s`.
 
     Every calibration that places a point in this cell is taken into use here.
     """
@@ -24,8 +25,9 @@ class ArmInCell:
         load: Load | None = None,
         valid_s: float = 0.0,
         monotonic_s: Callable[[], float] = time.monotonic,
+        reach_mm: float | None = None,
     ) -> None:
-        self.declared = declared
+        self.declared, self.reach_mm = declared, reach_mm
         self._load, self._valid_s, self._monotonic_s = load, valid_s, monotonic_s
         self._stated: tuple[float, float] | None = None
 

@@ -176,6 +176,7 @@ class ScannerSettings(Document):
 
     `camera_T_scanner` None: the clouds are in the frame of the calibrated camera, as with most scanners.
     `clock_offset_s` of a line profiler: the robot's clock minus the sensor's, beyond what the daemon finds by itself.
+    `range_mm`: nearest and farthest at which it measures, as its data sheet states.
     """
 
     address: Annotated[str, _address_validator(check_scanner_address)]
@@ -184,6 +185,7 @@ class ScannerSettings(Document):
     camera_T_scanner: PoseDocument | None = None
     poses: tuple[TaughtPose, ...] = ()
     clock_offset_s: Annotated[float, Field(ge=-1, le=1)] = 0.0
+    range_mm: tuple[Annotated[float, Field(gt=0)], Annotated[float, Field(gt=0)]] | None = None
 
 
 DeviceName = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_-]{0,31}$")]
@@ -344,6 +346,12 @@ class Settings(Document):
         """All scanners by name, the one of [scanner] first."""
         main = {} if self.scanner is None else {MAIN_SCANNER: NamedScannerSettings(**dict(self.scanner))}
         return {**main, **self.scanners}
+
+    @property
+    def reach_mm(self) -> float | None:
+        """The arm's reach; None where it is not known, or a camera stands beside the arm."""
+        beside = any(camera.setup == "eye-to-hand" for camera in (self.camera, *self.cameras.values()))
+        return None if beside or self.robot.model is None else find_any_arm(self.robot.model).reach_mm
 
     def placed_by_rig(self, scanner: str) -> bool:
         """Whether the active rig gives this scanner's place: a further one without `camera_T_scanner`."""

@@ -35,6 +35,7 @@ from registration.fusion.concatenation import PlacedCloud, merge_clouds
 from registration.fusion.merging import EVERY_POINT, Box, Merge
 from registration.fusion.view_surface import view_surface
 from registration.io.convert import move_file
+from registration.points.range_check import RangeCheck, range_of
 from registration.points.rigid_motion import RigidMotion
 from registration.scan import ScanView
 
@@ -80,6 +81,11 @@ class ScanService:
             raise NotFound(f"there is no scanner {scanner!r}", f"choose one of the settings' scanners: {names}")
         return self.scanners.get(scanner)
 
+    def range_check(self, unit: Unit, scanner: str) -> RangeCheck:
+        """Of one cloud of that scanner, by what is known of it and of the arm."""
+        settings = self.scanners.get(scanner)
+        return RangeCheck(unit, range_of(settings.range_mm if settings else None, self.arm.reach_mm))
+
     async def create(self, name: str, refine: bool = False, scanner: str = MAIN_SCANNER) -> ScanRecord:
         """Create an empty scan for clouds of that scanner. Raises StorageError."""
         scan = ScanRecord(self.new_id(self.clock), self.clock.timestamp(), name, refine, scanner)
@@ -113,7 +119,8 @@ class ScanService:
         scan = await self.store.scan(scan_id)
         folder = self.store.scan_folder(scan_id)
         name = self.new_id(self.clock)
-        async with receive_upload(body, folder, name, media_type, unit, self.workers, force=force) as upload:
+        check = None if force else self.range_check(unit, scan.scanner)
+        async with receive_upload(body, folder, name, media_type, unit, self.workers, check) as upload:
             view = await self.store.add_scan_view(
                 scan_id, upload.file, unit, pose, self.clock.timestamp(), points=upload.points
             )
@@ -123,14 +130,14 @@ class ScanService:
         return view
 
     async def transform_cloud(
-        self, body: AsyncIterator[bytes], media_type: str, unit: Unit, base_T_scanner: Array, *, force: bool = False
+        self, body: AsyncIterator[bytes], media_type: str, unit: Unit, base_T_scanner: Array, check: RangeCheck | None
     ) -> tuple[Path, int]:
         """Transform a cloud that cannot be streamed into base, in mm; returns file and number of points.
 
         The caller deletes the file. Raises RegistrationError, StorageError.
         """
         name, folder = self.new_id(self.clock), self.store.folder / "scans" / TRANSIT_FOLDER
-        async with receive_upload(body, folder, name, media_type, unit, self.workers, force=force) as upload:
+        async with receive_upload(body, folder, name, media_type, unit, self.workers, check) as upload:
             suffix = SUFFIXES[PLY] if media_type == NPZ else upload.file.suffix  # NPZ is not written
             target = folder / f"merged-{name}{suffix}"
             motion = RigidMotion.of(base_T_scanner, unit)
@@ -230,9 +237,12 @@ class ScanService:
         """Raises ScanEmpty, NotFound, and as `CalibrationInUse.base_T_flange`."""
         rows = await self._views(scan_id)
         folder, stances = self.store.scan_folder(scan_id), [row.pose.stance for row in rows]
-        poses = await self.workers.run(calibration.base_T_flange, stances)
-        views = [ScanView(folder / row.file, row.unit, Stance(pose)) for row, pose in zip(rows, poses, strict=True)]
         scanner = (await self.store.scan(scan_id)).scanner
+        poses = await self.workers.run(calibration.base_T_flange, stances)
+        views = [
+            ScanView(folder / row.file, row.unit, Stance(pose), range_mm=self.range_check(row.unit, scanner).range_mm)
+            for row, pose in zip(rows, poses, strict=True)
+        ]
         flange_T_scanner = self.flange_T_scanner(calibration.document, scanner)
         findings = tuple(calibration.findings(stances))
         return RegistrationRequest(scan_id, views, calibration.document, flange_T_scanner, refine, findings)
@@ -303,6 +313,9 @@ class ScanService:
         scan = await self.store.scan(scan_id)
         source = f"scan {scan.id} {scan.name}".strip()
         document = {"schema_version": 1, "source": source, "setup": "eye-in-hand", "views": views}
+        settings = self.scanners.get(scan.scanner)
+        if settings is not None and settings.range_mm is not None:
+            document["range_mm"] = settings.range_mm
         content = json.dumps(document, indent=1).encode()
         await self.store.write_file(self.store.scan_folder(scan_id) / "scan.json", [content])
 

@@ -48,18 +48,15 @@ async def receive_upload(
     media_type: str,
     unit: str,
     workers: Workers,
-    *,
-    force: bool,
+    check: RangeCheck | None,
 ) -> AsyncIterator[Upload]:
     """Yield the complete cloud in a file of `folder`, which is deleted afterwards unless it was renamed.
 
-    A cloud whose unit cannot be is refused unless `force`. Raises CloudError, ScanError, StorageError.
+    A cloud whose unit cannot be is refused by the `check`. Raises CloudError, ScanError, StorageError.
     """
-    check = None if force else RangeCheck(unit)
     file = folder / f".{name}.upload{SUFFIXES[media_type]}"
     try:
-        await workers.run(_make_folder, folder)
-        with await workers.run(_open, file) as out:
+        with await workers.run(_create, file) as out:
             stream = None if media_type in WHOLE else CloudStream(media_type, np.eye(4), unit, range_check=check)
             async for chunk in body:
                 await workers.run(_append, out, file, stream, chunk)
@@ -71,13 +68,9 @@ async def receive_upload(
             await workers.run(file.unlink, missing_ok=True)
 
 
-def _make_folder(folder: Path) -> None:
-    with storage_errors(folder):
-        make_folder(folder)
-
-
-def _open(file: Path) -> BinaryIO:
+def _create(file: Path) -> BinaryIO:
     with storage_errors(file):
+        make_folder(file.parent)
         return create_file(file)
 
 

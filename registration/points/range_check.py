@@ -6,18 +6,32 @@ from registration.errors import ScanError
 from registration.points.layout import Layout, Records
 from registration.points.rigid_motion import scale_to_mm
 
-NEAREST_MM, FARTHEST_MM = 1.0, 20_000.0
+RangeMm = tuple[float, float]
+POSSIBLE_MM: RangeMm = (1.0, 20_000.0)
 """No scanner sees a part nearer, and no arm with its scanner reaches as far."""
+SLACK = 2.0
+"""Scanners see somewhat nearer and farther than is stated for them."""
 FIX = "check the unit that is stated, m or mm; force takes the cloud as it is"
 
 
-class RangeCheck:
-    """Looks at blocks until a point lies between NEAREST_MM and FARTHEST_MM, so that a sound cloud costs one block."""
+def range_of(stated_mm: RangeMm | None, reach_mm: float | None = None) -> RangeMm:
+    """Nearest and farthest at which a scanner can see a point, mm.
 
-    def __init__(self, unit: str | None) -> None:
+    By the two distances that are stated for it; otherwise an arm that carries it and works on the part has both within
+    its reach, so no farther apart than twice of that. None: not known.
+    """
+    if stated_mm is not None:
+        return min(stated_mm) / SLACK, max(stated_mm) * SLACK
+    return POSSIBLE_MM if reach_mm is None else (POSSIBLE_MM[0], min(POSSIBLE_MM[1], 2 * reach_mm))
+
+
+class RangeCheck:
+    """Looks at blocks until a point lies within `range_mm` of the scanner, so that a sound cloud costs one block."""
+
+    def __init__(self, unit: str | None, range_mm: RangeMm = POSSIBLE_MM) -> None:
         """Raises UnitUnknown."""
         self._scale = scale_to_mm(unit)
-        self._unit = unit
+        self._unit, self.range_mm = unit, range_mm
         self._near = self._far = False
         self.sound = False
         """Whether a point lies where one can be."""
@@ -29,16 +43,17 @@ class RangeCheck:
         points = np.stack([block[name].astype(float) for name in layout.xyz], axis=1)
         with np.errstate(over="ignore", invalid="ignore"):
             distances_mm = np.linalg.norm(points, axis=1) * self._scale
-        self._near |= bool((distances_mm < NEAREST_MM).any())
-        self._far |= bool((np.isfinite(distances_mm) & (distances_mm > FARTHEST_MM)).any())
-        self.sound = bool(((distances_mm >= NEAREST_MM) & (distances_mm <= FARTHEST_MM)).any())
+        nearest_mm, farthest_mm = self.range_mm
+        self._near |= bool((distances_mm < nearest_mm).any())
+        self._far |= bool((np.isfinite(distances_mm) & (distances_mm > farthest_mm)).any())
+        self.sound = bool(((distances_mm >= nearest_mm) & (distances_mm <= farthest_mm)).any())
 
     @property
     def doubt(self) -> str | None:
         """Why the unit cannot be, as far as the blocks show; None of a cloud that may be, or without any point."""
         if self.sound or not (self._near or self._far):
             return None
-        near, far = f"nearer than {NEAREST_MM:g} mm", f"farther than {FARTHEST_MM / 1e3:g} m"
+        near, far = f"nearer than {self.range_mm[0]:g} mm", f"farther than {self.range_mm[1] / 1e3:g} m"
         where = " or ".join([near] * self._near + [far] * self._far)
         return f"every point is {where} from the scanner, with lengths in {self._unit}"
 

@@ -26,7 +26,6 @@ from daemon.config.settings import MAIN_SCANNER
 from daemon.errors import CalibrationUnusable
 from daemon.scans.upload import NPZ, PLY, WHOLE
 from registration.io.stream import CloudStream
-from registration.points.range_check import RangeCheck
 
 router = APIRouter(tags=["register"])
 
@@ -57,8 +56,8 @@ async def register(
     one standard deviation of a point there (`Handeyed-Point-Sigma-Mm`) and whether the joints are within the range of
     the session (`Handeyed-Joints-Seen`). A
     given pose without `joints` gets them by inverse kinematics, with `Handeyed-Warning: pose-without-joints`.
-    A cloud of which every point is nearer than 1 mm or farther than 20 m is refused without `force`; one without finite
-    points has `Handeyed-Warning: no-points`.
+    A cloud of which every point is nearer than the scanner sees or farther than scanner or arm reach (1 mm and 20 m
+    where neither is known) is refused without `force`; one without finite points has `Handeyed-Warning: no-points`.
     With `scanner` by that sensor of the active rig (POST /rigs), named by Handeyed-Rig, and the reported pose; a
     scanner of the settings that gives its camera_T_scanner goes by the calibration of its camera.
     """
@@ -84,15 +83,16 @@ async def register(
         of_arm = await app.service_workers.run(arm_headers, used, [at])
         named = {"Handeyed-Calibration": used.document.id, **of_arm}
     numbers = (*at.base_T_flange.translation_mm, *at.base_T_flange.quaternion_wxyz)
+    check = None if force else app.scans.range_check(unit, scanner or MAIN_SCANNER)
     headers = {"Handeyed-Pose": ",".join(f"{x!r}" for x in numbers), **named}
     if media_type in WHOLE:  # their index is at the end, so they cannot be streamed
         file, points = await app.scans.transform_cloud(
-            body_chunks(request.receive), media_type, unit, base_T_scanner, force=force
+            body_chunks(request.receive), media_type, unit, base_T_scanner, check
         )
         if not points:
             headers["Handeyed-Warning"] = ", ".join(filter(None, [headers.get("Handeyed-Warning"), "no-points"]))
         app.metrics.registered_points += points
         app.metrics.registered_bytes += file.stat().st_size
         return TemporaryFileResponse(file, media_type=PLY if media_type == NPZ else media_type, headers=headers)
-    stream = CloudStream(media_type, base_T_scanner, unit, range_check=None if force else RangeCheck(unit))
+    stream = CloudStream(media_type, base_T_scanner, unit, range_check=check)
     return CloudResponse(stream, media_type, headers, app.store.folder, app.metrics.count_cloud)

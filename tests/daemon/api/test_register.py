@@ -7,6 +7,7 @@ import socket
 import struct
 from collections.abc import AsyncIterator
 from pathlib import Path
+from typing import Any
 from urllib.parse import urlsplit
 
 import numpy as np
@@ -64,6 +65,28 @@ async def test_a_unit_that_cannot_be_is_refused_without_force(bench: Bench, coun
     assert "every point is farther than 20 m" in refused.json()["detail"]
     taken = await bench.client.post("/register", params={**asked, "force": "true"}, content=content, headers=headers)
     assert taken.status_code == 200
+
+
+@pytest.mark.parametrize(
+    ("known", "says"),
+    [
+        ({"scanner": {"range_mm": [5_000.0, 9_000.0]}}, "every point is nearer than 2500 mm"),
+        ({"robot": {"model": "IRB 1200-5/0.9"}}, "every point is farther than 1.8"),
+    ],
+    ids=["the scanner's range", "the arm's reach"],
+)
+async def test_a_unit_is_held_against_what_scanner_and_arm_reach(
+    tmp_path: Path, known: dict[str, dict[str, Any]], says: str
+) -> None:
+    points = np.abs(cloud(10)) + (2_000.0 if "robot" in known else 50.0)
+    async with serving(settings_for(tmp_path, **known)) as bench:
+        await apply_calibration(bench)
+        content, asked = points.astype("<f4").tobytes(), {"pose": POSE}
+        refused = await bench.client.post("/register", params=asked, content=content, headers=OCTETS)
+        assert (refused.status_code, says in refused.json()["detail"]) == (422, True), refused.text
+        asked["force"] = "true"
+        taken = await bench.client.post("/register", params=asked, content=content, headers=OCTETS)
+        assert taken.status_code == 200
 
 
 @pytest.mark.parametrize("points", [np.empty((0, 3)), np.full((5, 3), np.nan)], ids=["none", "not finite"])
