@@ -11,54 +11,22 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from calibration.documents.imports.refusal import refusal
-from calibration.documents.imports.sides import WORD_FRAMES
+from calibration.documents.imports.sides import WORD_FRAMES, WORDS
 from calibration.kinematics.conventions import CONVENTIONS, MM, Convention, LengthUnit
 
 Family = Literal["length", "turn", "pose"]
 
-LENGTH_WORDS = frozenset((
-    "t", "p", "pos", "position", "trans", "translation", "translational", "tvec", "xyz", "location", "origin",
-    "coord",
-    "tvecs", "translations", "positions",
-    "posicion", "posizione", "posicao", "lage", "ort", "坐标", "座標", "位置",
-))  # fmt: skip
-TURN_WORDS = frozenset((
-    "q", "quat", "quaternion", "orientation", "orient", "rotation", "rot", "ori", "r", "e", "euler", "eul", "angle",
-    "ang", "theta", "rvec", "rotvec", "axisangle", "rodrigues", "rpy", "wxyz", "xyzw",
-    "rvecs", "rotations", "orientations", "quaternions", "quats", "rmat",
-    "drehung", "winkel", "orientierung", "giro", "angulo", "orientacion", "rotazione", "angolo", "vridning", "vinkel",
-    "旋转", "旋轉", "角度", "姿态", "回転", "姿勢",
-))  # fmt: skip
-QUATERNION_WORDS = frozenset(("q", "quat", "quaternion", "quats", "quaternions"))
-VECTOR_WORDS = frozenset(("rvec", "rvecs", "rotvec", "axisangle", "rodrigues"))
-POSE_WORDS = frozenset((
-    "pose", "poses", "matrix", "transform", "transformation", "tf", "homogeneous", "mat", "values", "data",
-    "h",
-))  # fmt: skip
-IMAGE_WORDS = frozenset((
-    "image", "img", "picture", "photo", "file", "filename", "imagefile", "imagepath", "path", "images", "profile",
-    "cloud", "bild", "bilddatei", "foto", "imagen", "immagine", "imagem", "图像", "图片", "画像",
-))  # fmt: skip
-TIME_WORDS = frozenset((
-    "time", "timestamp", "stamp", "sec", "secs", "seconds", "timestamps",
-    "zeit", "uhrzeit", "zeitstempel", "temps", "heure", "tiempo", "tempo", "hora", "tid", "时间", "時刻",
-))  # fmt: skip
-LABEL_WORDS = frozenset((
-    "index", "idx", "id", "nr", "no", "num", "number", "view", "name", "label", "station", "target", "seq",
-    "i", "n", "count", "#", "pose", "point", "shot", "sample", "capture",
-    "nummer", "numero", "punkt", "punto", "序号", "编号", "番号",
-))  # fmt: skip
-NOISE = frozenset(("actual", "current", "wrt", "in", "of", "to", "the", *WORD_FRAMES))
+LENGTH_WORDS, TURN_WORDS, QUATERNION_WORDS, VECTOR_WORDS, POSE_WORDS, IMAGE_WORDS, TIME_WORDS, LABEL_WORDS = (
+    frozenset(WORDS[f"of_{what}"].split())
+    for what in ("lengths", "turns", "quaternions", "vectors", "poses", "images", "times", "labels")
+)
+NOISE = frozenset((*WORDS["of_nothing"].split(), *WORD_FRAMES))
 """Words that do not say what a number is; whose it is, is for `sides`."""
 
-UNITS = {unit: unit for unit in MM} | {
-    "millimeter": "mm", "millimeters": "mm", "millimetres": "mm", "毫米": "mm", "inch": "inches",
-    "meter": "m", "meters": "m", "metre": "m", "metres": "m", "米": "m",
-}  # fmt: skip
+UNITS = {unit: unit for unit in MM} | {word: unit for unit, words in WORDS["units"].items() for word in words.split()}
 """Words of a unit of lengths."""
 
-_DEGREES = ("deg", "degree", "degrees", "°", "grad", "grader", "degres", "grados", "gradi", "度")
-ANGLES = dict.fromkeys(_DEGREES, True) | dict.fromkeys(("rad", "radian", "radians"), False)
+ANGLES = dict.fromkeys(WORDS["degrees"].split(), True) | dict.fromkeys(WORDS["radians"].split(), False)
 """Words of a unit of angles, and whether it is degrees."""
 
 AXIS_WORDS = frozenset("xyzw")

@@ -13,6 +13,7 @@ import numpy as np
 from calibration.camera import COEFFICIENT_COUNTS, LensModel
 from calibration.documents.imports.leaves import array_of, number_of
 from calibration.documents.imports.refusal import refusal
+from calibration.documents.imports.sides import WORDS
 from calibration.documents.imports.trees import read_json, read_xml_tree, read_yaml
 from calibration.documents.session import CameraDocument
 from calibration.documents.validation import validate_document
@@ -23,21 +24,10 @@ MODELS = ("pinhole", "plumb_bob", "rational_polynomial", "radtan", "radial-tange
 Keys = tuple[tuple[str, ...], ...]
 """Ways to name numbers: one key of a list, or a key for each."""
 
-MATRIX: Keys = (
-    ("camera_matrix",), ("cameramatrix",), ("matrix",), ("k",), ("cam_k",), ("intrinsic_matrix",), ("intrinsic",),
-    ("mtx",),
-)  # fmt: skip
-FOUR: Keys = (("fx", "fy", "cx", "cy"), ("px", "py", "u0", "v0"), ("intrinsics",))
-DISTORTION: Keys = (
-    ("distortion_coefficients",), ("distortioncoefficients",), ("distcoeffs",), ("dist_coeffs",),
-    ("distortion_coeffs",), ("distortion",), ("dist_coeff",), ("d",), ("dist",),
-    ("dist_k0", "dist_k1", "dist_px", "dist_py", "dist_k2", "dist_k3", "dist_k4", "dist_k5"),
-    ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6"), ("kud",),
-)  # fmt: skip
-SIZE: Keys = (
-    ("image_width", "image_height"), ("img_width", "img_height"), ("width", "height"), ("imagewidth", "imageheight"),
-    ("resolution",), ("image_size",), ("imagesize",),
-)  # fmt: skip
+MATRIX, FOUR, DISTORTION, SIZE = (
+    tuple(tuple(keys.split()) for keys in WORDS["intrinsics"][what])
+    for what in ("matrix", "four", "distortion", "size")
+)
 
 
 @dataclass(frozen=True)

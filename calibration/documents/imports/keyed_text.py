@@ -7,6 +7,7 @@ import numpy as np
 from calibration.documents.imports.number_tables import table_of_columns
 from calibration.documents.imports.pose_table import PoseTable
 from calibration.documents.imports.refusal import decode, refusal
+from calibration.documents.imports.sides import WORDS
 from calibration.kinematics.conventions import CONVENTIONS
 from calibration.transforms import Array
 
@@ -22,11 +23,7 @@ _PAIR = re.compile(
     r"(?=[\s;}\]]|,(?!\d)|$)"
 )
 
-KEYS = (
-    ("X", "Y", "Z", "A", "B", "C"), ("X", "Y", "Z", "W", "P", "R"), ("X", "Y", "Z", "O", "A", "T"),
-    ("X", "Y", "Z", "RX", "RY", "RZ"), ("X", "Y", "Z", "Q1", "Q2", "Q3", "Q4"), ("X", "Y", "Z", "EX", "EY", "EZ"),
-    ("X", "Y", "Z", "QW", "QX", "QY", "QZ"),
-)  # fmt: skip
+KEYS = tuple(tuple(keys.split()) for keys in WORDS["poses"])
 """The numbers of a pose, in the order in which they are written."""
 
 

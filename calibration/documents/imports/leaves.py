@@ -25,6 +25,7 @@ from calibration.documents.imports.number_tables import (
 from calibration.documents.imports.pairing import natural
 from calibration.documents.imports.pose_table import PoseTable, table_of_matrices
 from calibration.documents.imports.refusal import MAX_POSES, refusal
+from calibration.documents.imports.sides import relation_of
 from calibration.kinematics.conventions import CONVENTIONS
 from calibration.problem import Setup
 from calibration.transforms import Array
@@ -277,16 +278,26 @@ def _over_views(data: dict[str, Any], origin: str) -> tuple[list[Any], list[str]
     arrays = {name: leaf for name, leaf in every.items() if {leaf.shape, _squeeze(leaf).shape}.isdisjoint(ONE_VIEW)}
     over = {name: len(leaf) for name, leaf in arrays.items() if leaf.ndim > 1}
     over |= {name: len(leaf) for name, leaf in flat.items() if isinstance(leaf, list)}
+    said = [relation_of(name) for name, leaf in every.items() if leaf.shape in MATRICES[:2]]
+    if sum(one is not None and one.side == "robot" for one in said) == 1 and all(
+        leaf.shape[1:] in ((2,), (3,)) for leaf in arrays.values() if leaf.ndim > 1
+    ):
+        return [data], None  # a pose, and the corners or points that were seen from it
     if over and (any(name in arrays for name in over) or len(over) > 1):
         counts = [*over.values()]
         n = max(set(counts), key=counts.count)
         listed = {name: leaf for name, leaf in data.items() if isinstance(leaf, list)} | {
             name: leaf for name, leaf in flat.items() if isinstance(leaf, np.ndarray) and leaf.shape not in MATRICES[:2]
         }
-        chosen = {name: leaf for name, leaf in (listed | arrays | {k: flat[k] for k in over}).items() if len(leaf) == n}
+        arrays = {name: leaf if leaf.shape[1:] in ROWS else _without_counters(leaf) for name, leaf in arrays.items()}
+        chosen = {name: leaf for name, leaf in (listed | {k: flat[k] for k in over} | arrays).items() if len(leaf) == n}
         views = [{name: _squeeze(leaf[at]) for name, leaf in chosen.items()} for at in range(n)]
         return _require_few(views, origin), None
-    numbered: dict[str, dict[str, Any]] = {}
+    numbered: dict[str, dict[str, Any]] = {
+        name: views
+        for name, views in data.items()
+        if isinstance(views, dict) and len(views) > 1 and all(str(key).isdecimal() for key in views)
+    }  # {base2end: {1: ..., 2: ...}, cam2marker: ...}
     for name, value in data.items():
         if (found := _NUMBERED.fullmatch(name) or _NUMBER_WITHIN.fullmatch(name)) and isinstance(value, list | dict):
             numbered.setdefault("".join(found.groups()[::2]), {})[found[2]] = value
@@ -299,6 +310,15 @@ def _over_views(data: dict[str, Any], origin: str) -> tuple[list[Any], list[str]
         what = f"the numbers behind {' and '.join(full)} differ"
         raise refusal(origin, "document", what, "give every view both poses")
     return [{stem: views[number] for stem, views in full.items()} for number in numbers], numbers
+
+
+def _without_counters(rows: Array) -> Array:
+    """Rows of more than three numbers without those in front that count them, or are one whole number in all."""
+    while rows.ndim == 2 and rows.shape[1] > 3 and np.all(rows[:, 0] == np.round(rows[:, 0])):
+        if not (np.ptp(rows[:, 0]) == 0 or np.all(np.diff(rows[:, 0]) == 1)):
+            break
+        rows = rows[:, 1:]
+    return rows
 
 
 def _squeeze(leaf: Any) -> Any:

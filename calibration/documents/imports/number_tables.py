@@ -49,14 +49,18 @@ def table_of_sides(origin: str, names: Sequence[str], columns: Sequence[Sequence
     found = text_columns(names)
     texts = (found.image, found.time, found.label)
     shared = [at for at in texts if at is not None and np.ndim(columns[at][0]) == 0]
+    points = _point_pairs(origin, names, columns)
     try:
-        return build_by_sides(
+        built = build_by_sides(
             names, shared, lambda at: build(origin, [names[one] for one in at], [columns[one] for one in at])
         )
     except DocumentError:
-        if (points := _point_pairs(origin, names, columns)) is None:
+        if points is None:
             raise
         return points
+    used = built.layout.replace(",", " ").split()
+    apart = points is not None and built.camera is None and not {*points.layout.split()[1:]} & {*used}
+    return points if points is not None and apart else built  # p_robot and p_cam beside the robot's pose
 
 
 def _point_pairs(origin: str, names: Sequence[str], columns: Sequence[Sequence[Any]]) -> PoseTable | None:
@@ -68,12 +72,11 @@ def _point_pairs(origin: str, names: Sequence[str], columns: Sequence[Sequence[A
         axes = [(words_of(names[at]) or [""])[-1] for at in own]
         own = [own[axes.index(axis)] for axis in "xyz"] if sorted(axes) == ["x", "y", "z"] else own
         own = own if len(own) == 3 else [at for at in own if np.shape(columns[at][0]) == (3,)]
-        points = np.column_stack([np.array(columns[at], object) for at in own]) if own else np.empty((0, 0))
-        try:
-            points = points.astype(float)
-        except ValueError:  # a text among them
+        try:  # of lists of other lengths and texts there are none
+            points = np.column_stack([np.array(columns[at], float) for at in own])
+        except ValueError:
             return None
-        if points.shape[1] != 3:
+        if points.ndim != 2 or points.shape[1] != 3:
             return None
         labels = tuple(str(at + 1) for at in range(len(points)))
         layout = f"points {', '.join(names[at] for at in own)}"

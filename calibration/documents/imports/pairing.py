@@ -79,11 +79,20 @@ def _last(name: str) -> str:
 
 def _by_number(images: Sequence[str], table: PoseTable) -> Pairing | None:
     """By a number in each name, counted from the end, where these are different and the same on both sides."""
-    for seen, posed in product(_numbers([PurePosixPath(name).stem for name in images]), _numbers(table.labels)):
+    counted = _numbers([str(PurePosixPath(name).with_suffix("")) for name in images])
+    for seen, posed in product(counted, _numbers(table.labels)):
         if set(seen) == set(posed):
             by_number = dict(zip(seen, images, strict=True))
             paired = tuple(by_number[number] for number in posed)
             return Pairing(tuple(range(len(table))), paired, "by the numbers in the names")
+    n = len(table)
+    if len(images) < n and table.labels == tuple(str(at + 1) for at in range(n)):  # some pictures were deleted
+        for seen in counted:
+            first = next((one for one, end in ((0, 0), (1, n)) if end in seen), None)
+            if first is not None and first <= min(seen) and max(seen) < n + first:
+                rows = tuple(number - first for number in seen)
+                words = f"by the numbers of the pictures; {n - len(images)} poses without a picture are left out"
+                return Pairing(rows, tuple(images), words)
     return None
 
 

@@ -23,6 +23,9 @@ MORE_MISMATCH_RAD = float(np.radians(0.2))
 """Conventions whose angles differ by so much more than the best pair's are compared by the translations as well."""
 
 MIN_PAIRS = 3
+MAX_STEP_SHARE = 0.1
+"""Usual distance of a row from the next, as a share of what all rows span, below which they are samples of a path."""
+
 MAX_COMPARED = 40
 """Views by which conventions are compared."""
 
@@ -67,8 +70,9 @@ def best_split(splits: Iterable[tuple[PoseTable, PoseTable]]) -> PoseTable | Non
 
 def rows_as_pairs(table: PoseTable) -> PoseTable | None:
     """A table whose rows are the robot's and the camera's poses in turn, or all of one side, then of the other."""
-    n = len(table) // 2
-    if len(table) % 2 or n < MIN_PAIRS:
+    n, steps = len(table) // 2, np.linalg.norm(np.diff(table.lengths, axis=0), axis=1)
+    is_path = np.median(steps) < MAX_STEP_SHARE * np.linalg.norm(np.ptp(table.lengths, axis=0))
+    if len(table) % 2 or n < MIN_PAIRS or is_path:
         return None
     halves = ((range(0, 2 * n, 2), range(1, 2 * n, 2)), (range(n), range(n, 2 * n)))
     return best_split((table.take(one), table.take(other)) for one, other in halves)

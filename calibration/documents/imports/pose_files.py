@@ -28,7 +28,8 @@ _json, _json_lines, _yaml = (_reader_of(one) for one in (read_json, read_json_li
 _THREE_AND_FOUR = r"\[\s*\[(?:[^][,]*,){2}[^][,]*\]\s*,\s*\[(?:[^][,]*,){3}[^][,]*\]"
 _RAPID = re.compile(rf"\b(robtarget|jointtarget)\b|\bMODULE\s|{_THREE_AND_FOUR}", re.IGNORECASE)
 _KEYED = re.compile(
-    r"\bp\s*\[|\b[xX]\s*[=:]?\s*[-+.\d]+[^;\n]*\b[yY]\s*[=:]?\s*[-+.\d]+|^\s*[xX]\s*[=:]|\][^][\n]*\w[=:] ?\[",
+    r"\bp\s*\[|\b[xX]\s*[=:]?\s*[-+.\d]+[^;\n]*\b[yY]\s*[=:]?\s*[-+.\d]+|^\s*[xX]\s*[=:]|\][^][\n]*\w[=:] ?\["
+    r"|^\w+[=:]\s*\n\[[^][]*\]\s*\n\w",
     re.MULTILINE,
 )
 _DOCUMENTS = re.compile(r"^[a-z_]+:[ \t]*\n(?s:.*)^---[ \t]*$", re.MULTILINE)

@@ -34,31 +34,20 @@ def decode(content: bytes, origin: str) -> str:
 
     Raises DocumentError.
     """
-    return plain(_decoded(content, origin))
-
-
-def _decoded(content: bytes, origin: str) -> str:
     if len(content) > MAX_TEXT_BYTES:
         what = f"{len(content) / 1e6:.0f} MB of text, where {MAX_TEXT_BYTES // 1_000_000} MB are read"
         raise refusal(origin, "file", what, "give the poses of the views only")
     if content[:4] == ZIP:
         raise refusal(origin, "file", "a sheet or an archive, not text", "save the sheet as CSV")
     if b"\0" in content[:4096] and content[:2] not in (b"\xff\xfe", b"\xfe\xff"):
-        if (encoding := _utf_16_without_mark(content)) is not None:
-            return content.decode(encoding)
+        for encoding, zeros, others in (("utf-16-le", content[1:4096:2], content[:4096:2]),
+                                        ("utf-16-be", content[:4096:2], content[1:4096:2])):  # fmt: skip
+            if len(content) % 2 == 0 and not any(zeros) and 0 not in others:
+                return plain(content.decode(encoding))  # without a mark, every other byte is 0
         raise refusal(origin, "file", "not text", "give the poses as text, .npy or .npz")
     for encoding in ("utf-16",) if content[:2] in (b"\xff\xfe", b"\xfe\xff") else ("utf-8-sig", "cp1252"):
         try:
-            return content.decode(encoding)
+            return plain(content.decode(encoding))
         except UnicodeDecodeError:
             continue
     raise refusal(origin, "file", "neither UTF-8 nor UTF-16 text", "save it as UTF-8")
-
-
-def _utf_16_without_mark(content: bytes) -> str | None:
-    """The encoding of a text of which every other byte is 0; None for other bytes."""
-    start = content[:4096]
-    for encoding, zeros, others in (("utf-16-le", start[1::2], start[::2]), ("utf-16-be", start[::2], start[1::2])):
-        if len(content) % 2 == 0 and not any(zeros) and 0 not in others:
-            return encoding
-    return None

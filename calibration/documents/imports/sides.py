@@ -6,46 +6,31 @@ detectors call their numbers, count where nothing else does.
 """
 
 import contextlib
+import json
 import re
 import unicodedata
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
 
 from calibration.documents.imports.pose_table import PoseTable
 from calibration.errors import DocumentError
 from calibration.kinematics.conventions import Frame, Side
 
-FRAMES = {
-    "base": ("base", "world", "robot", "arm", "robotbase", "baselink", "coords", "rob", "roboter", "机器人"),
-    "flange": (
-        "flange", "gripper", "grip", "ee", "eef", "tcp", "tool", "tool0", "hand", "effector", "endeffector", "end",
-        "wrist", "link", "robtarget", "flansch", "werkzeug", "greifer", "brida", "pinza", "flangia", "法兰", "夹爪",
-    ),
-    "camera": (
-        "camera", "cam", "optical", "sensor", "tracking", "tracker", "lens", "ccs", "detection", "detected", "vision",
-        "pnp", "solvepnp", "eye", "kamera", "camara", "telecamera", "相机", "カメラ",
-    ),
-    "target": (
-        "target", "board", "marker", "tag", "object", "obj", "pattern", "checkerboard", "chessboard", "aruco",
-        "charuco", "apriltag", "grid", "plate", "calib", "tafel", "schachbrett", "tablero", "scacchiera", "标定板",
-    ),
-}  # fmt: skip
-"""Words of the four frames; `base` also those of a robot as a whole."""
+WORDS: dict[str, Any] = json.loads(Path(__file__).with_name("words.json").read_text(encoding="utf-8"))
+"""The words of names by what they say, separated by blanks; those of the frame `base` also mean the robot as a whole.
 
-WORD_FRAMES = {word: frame for frame, words in FRAMES.items() for word in words}
+`letters`: what frames of one letter say, as in bTg, fMe and cMo.
+"""
+
+WORD_FRAMES = {word: frame for frame, words in WORDS["frames"].items() for word in words.split()}
 SIDES: dict[str, Side] = {"base": "robot", "flange": "robot", "camera": "camera", "target": "camera"}
 DETECTOR_WORDS = frozenset(("rvec", "rvecs", "tvec", "tvecs", "rmat", "rmats"))
 CONNECTORS = {"2": False, "to": False, "t": True, "in": False, "wrt": False, "from": True}
 """Between the frames a and b: whether the numbers map b to a (base_T_flange) and not a to b (gripper2base)."""
 
-LETTERS = {
-    **dict.fromkeys(("be", "bg", "bf", "bh", "bt", "we", "wg", "wf", "wh", "fe"), "base_T_flange"),
-    **dict.fromkeys(("eb", "gb", "fb", "hb", "tb", "ew", "gw", "fw", "hw", "ef"), "flange_T_base"),
-    **dict.fromkeys(("co", "ct", "cm", "cp", "cw"), "camera_T_target"),
-    **dict.fromkeys(("oc", "tc", "mc", "pc"), "target_T_camera"),
-}
-"""What frames of one letter say, as in bTg, fMe and cMo."""
-
+LETTERS = {pair: said for said, pairs in WORDS["letters"].items() for pair in pairs.split()}
 _LETTERS = re.compile(r"(?<![A-Za-z])([a-z])[TMHP]([a-z])(?![A-Za-z])")
 _JOINED = re.compile(r"([a-z]+)(2|to|in|wrt)([a-z]+)")
 

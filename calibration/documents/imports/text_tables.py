@@ -8,12 +8,17 @@ import numpy as np
 from calibration.documents.imports.number_tables import Cell, table_of_columns, table_of_rows
 from calibration.documents.imports.pose_table import PoseTable, table_of_matrices
 from calibration.documents.imports.refusal import decode, refusal
+from calibration.documents.imports.sides import relation_of
 from calibration.documents.imports.text_cells import are_names_of_columns, rows_of
 from calibration.transforms import Array
 
 _NESTED = re.compile(r"\[\s*\[|\[[^][]*\d\s*[;\n]\s*[-+.\d][^][]*\]")
 _BRACKETS = re.compile(r"\[([^][]*)\]")
 _LABELLED = re.compile(r"\s*([A-Za-z_][^][]*?)?\s*[:=,;]?\s*\[([^][]*)\]\s*[,;]?\s*")
+
+
+MIN_DIGITS = 6
+"""Digits of a line of numbers: those of a pose's at least."""
 
 
 def read_text_table(content: bytes, origin: str) -> PoseTable:
@@ -40,6 +45,9 @@ def _without_brackets(text: str) -> list[str]:
         lines = ((_LABELLED.fullmatch(line), line) for line in text.splitlines())
         return [line if found is None else _join(found[1], found[2]) for found, line in lines]
     within = _BRACKETS.findall(text)
+    outside = re.sub(r"\[[^][]*\]|[][]", "", text).splitlines()
+    if len(rows := [line for line in outside if len(re.findall(r"\d", line)) >= MIN_DIGITS]) > len(within):
+        return rows  # a result below a table
     if re.search(r"\[\s*\[", text):  # rows have brackets of their own: a line break within one is only a wrapped line
         return [" ".join(row.split()) for row in within if row.strip()]
     return [row.strip() for matrix in within for row in re.split(r"[;\n]", matrix) if row.strip()]
@@ -75,7 +83,10 @@ def _without_names(origin: str, cells: list[list[Cell]]) -> PoseTable:
         labels, cells = [str(row[0]) for row in cells], [row[1:] for row in cells]
         if are_names_of_columns(labels) and len({len(row) for row in cells}) == 1:
             return table_of_columns(origin, labels, [list(column) for column in zip(*cells, strict=True)])
-        labels = labels if len(set(labels)) == len(labels) else None
+        if len(set(labels)) < len(labels):
+            if (both := _by_labels(origin, labels, cells)) is not None:
+                return both
+            labels = None
     wrong = next(((at, cell) for at, row in enumerate(cells) for cell in row if isinstance(cell, str)), None)
     if wrong is not None:
         what = f"{wrong[1][:40]!r} is no number"
@@ -103,6 +114,17 @@ def _without_names(origin: str, cells: list[list[Cell]]) -> PoseTable:
     table = table_of_rows(origin, np.array(numbers), labels)
     of_files = labels is not None and all("." in label for label in labels)
     return replace(table, images=tuple(labels or ())) if of_files else table
+
+
+def _by_labels(origin: str, labels: list[str], cells: list[list[Cell]]) -> PoseTable | None:
+    """The robot's and the camera's poses of rows that are called by their side, such as `hand` and `eye`."""
+    said = [relation_of(label) for label in labels]
+    rows = {side: [row for row, one in zip(cells, said, strict=True) if one is not None and one.side == side]
+            for side in ("robot", "camera")}  # fmt: skip
+    if not len(rows["robot"]) == len(rows["camera"]) == len(cells) / 2:
+        return None
+    robot, camera = (_without_names(origin, one) for one in rows.values())
+    return replace(robot, side="robot", camera=replace(camera, side="camera"))
 
 
 def _blocks(origin: str, matrices: Array) -> PoseTable:

@@ -161,6 +161,23 @@ LAYOUTS: dict[str, dict[str, bytes]] = {
     "a log of the robot, an array of the camera": {
         "robot.log": lines(*(f"Pose {at}: X={t[at, 0]:.6f} Y={t[at, 1]:.6f} Z={t[at, 2]:.6f} Q={Q[at].tolist()}"
                              for at in range(8))), "camera_poses.npy": npy(CAMERA)},
+    "a folder a view, with intrinsics": {f"pose_{at:02}/data.json": _json({
+        "joint_pose": [0.1 * at] * 7, "O_T_EE": ROBOT[at].ravel(), "camera_intrinsics": [[900, 0, 320], [0, 900, 240],
+        [0, 0, 1]], "T_cam_target_rvec": v[at][:, None], "T_cam_target_tvec": s[at][:, None]}) for at in range(8)},
+    "rows called by their side, and a result below": {"a.csv": lines(
+        *(f"{side},{row}" for both in zip(*(_rows(p, np.degrees(Rotation.from_matrix(m).as_euler("xyz")))
+          for p, m in ((t, R), (s, r))), strict=True) for side, row in zip(("hand", "eye"), both, strict=True)),
+        "", "[[0 -1 0 20.5]", " [1 0 0 -10.25]", " [0 0 1 100.0]", " [0 0 0 1]]")},
+    "numbered views of each side": {"log.yml": _json({
+        side: {str(at): pose for at, pose in enumerate(poses, 1)}
+        for side, poses in (("end2base", ROBOT), ("marker2cam", CAMERA))})},
+    "lists below their names, in two files": {
+        f"{side}_info.txt": lines(*(line for at in range(8) for line in (
+            f"{at}:", "Rotation:", str(turns[at].tolist()), "Translation:", str((places[at] / 1000).tolist()), "")))
+        for side, turns, places in (("wrist2_wrt_base", V, t), ("target_wrt_cam", v, s))},
+    "arrays whose rows are counted": {"a.npz": npz(
+        gripper_pose=np.concatenate([t, Q], axis=1), Target_rvecs=np.column_stack([np.arange(1, 9), v]),
+        Target_tvecs=np.column_stack([np.arange(1, 9), np.full(8, 7), s]))},
     "a file a view and side": {f"{side}_{at}.txt": lines(*_rows(poses[at], separator=" "))
                                for side, poses in (("robot", ROBOT), ("cam", CAMERA)) for at in range(8)},
     "a folder a side": {f"{side}/{at}.txt": lines(*_rows(poses[at], separator=" "))
@@ -233,6 +250,16 @@ def test_two_poses_whose_names_do_not_decide_are_asked_for(tmp_path: Path) -> No
     assert "2 poses in a record (first, second), and their names do not say whose" in ran.err
 
 
+def test_rows_of_a_path_are_no_pairs(tmp_path: Path) -> None:
+    """Neighbours on a path are alike: taken as two sides, they would be one pose seen twice."""
+    along = np.linspace(0.0, 1.0, 12)[:, None]
+    path = np.concatenate([[900.0, 0.0, 400.0] + along * [200.0, 50.0, 80.0], along * [0.4, -0.3, 0.5]], axis=1)
+    (tmp_path / "path.csv").write_bytes(lines(*_rows(path)))
+    ran = handeyed("import", tmp_path, "--setup", "eye-in-hand", "--out", tmp_path / "s")
+    assert ran.status == 2
+    assert "no pictures and no clouds" in ran.err
+
+
 POINTS = np.random.default_rng(4).uniform(-200.0, 200.0, (10, 3))
 STANDING = transform(rotation_from_vector([3.0, 0.2, -0.1]), [820.0, 40.0, 1150.0])
 TOUCHED = map_points(STANDING, POINTS)
@@ -246,6 +273,11 @@ POINT_PAIRS = {
         "p.json",
         _json([{"robot": one, "camera": other} for one, other in zip(TOUCHED, POINTS, strict=True)]),
     ),
+    "records with the flange's poses, beside clouds": (
+        "calib_data.json",
+        _json({str(at): {"p_cam": seen, "p_robot": place / 1000, "robot_pose": [*place / 1000, 0, 0, 0, 1]}
+               for at, (seen, place) in enumerate(zip(POINTS, TOUCHED, strict=True))}),
+    ),
 }  # fmt: skip
 
 
@@ -254,6 +286,9 @@ def test_points_that_a_tip_touched_are_a_calibration(name: str, tmp_path: Path) 
     file, content = POINT_PAIRS[name]
     (tmp_path / "p").mkdir()
     (tmp_path / "p" / file).write_bytes(content)
+    for at in range(3):
+        (tmp_path / "p" / str(at)).mkdir()
+        (tmp_path / "p" / str(at) / f"tool_{at}{at}.ply").write_bytes(b"ply")  # clouds in several folders do not matter
     ran = handeyed("import", tmp_path / "p", "--out", tmp_path / "s")
     assert ran.status == 0, ran.err
     solved = handeyed("solve", tmp_path / "s", "--json")

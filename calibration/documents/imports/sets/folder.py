@@ -92,8 +92,10 @@ def read_named(files: Files, names: Sequence[str]) -> PoseTable:
     if not names:
         raise refusal(files.origin, "poses", "no files with poses", "give them by --poses")
     tables = [read_poses(name, files.read(name)) for name in names]
-    stems = [PurePosixPath(name).stem for name in names]
-    return tables[0] if len(tables) == 1 else concatenate(tables, stems, files.origin)
+    paths = [PurePosixPath(name) for name in names]
+    labels = [path.stem for path in paths]
+    labels = labels if len(set(labels)) == len(labels) else [path.parent.name for path in paths]
+    return tables[0] if len(tables) == 1 else concatenate(tables, labels, files.origin)
 
 
 def read(files: Files, chosen: Chosen) -> ImportedSet:
@@ -102,7 +104,16 @@ def read(files: Files, chosen: Chosen) -> ImportedSet:
     if chosen.camera_poses:
         camera = _poses(files, chosen.camera_poses, "camera")
         poses = replace(poses, side="robot" if chosen.poses else poses.side, camera=camera)
-    pictures = () if chosen.camera_poses and not chosen.images else _images(files, chosen.images)
+    paired, notes, pictures = None, tuple[str, ...](), tuple[str, ...]()
+    try:
+        pictures = () if chosen.camera_poses and not chosen.images else tuple(_images(files, chosen.images))
+        if pictures and (poses.camera is None or poses.kind != "points"):
+            paired = pair(pictures, poses)
+    except DocumentError:
+        if poses.camera is None or chosen.images:
+            raise
+    if poses.camera is not None and paired is None and not chosen.camera_poses:
+        notes, pictures = ("pictures and clouds are not used: the file has the camera's side",) * bool(pictures), ()
     if not pictures and poses.camera is None and poses.kind != "points":
         poses = rows_as_pairs(poses) or poses
     lenses = [find_intrinsics(files, name) for name in of_suffix(files.names, CAMERA_SUFFIXES)[:MAX_CANDIDATES]]
@@ -112,10 +123,11 @@ def read(files: Files, chosen: Chosen) -> ImportedSet:
         raise refusal(poses.origin, "pairs", what, "give one of each for every view", "pairs")
     if seen is not None and not pictures:
         words = "in the order of the files" if chosen.camera_poses else f"by {poses.origin}"
-        return ImportedSet("samples of pose pairs", poses, pairing=words, camera_poses=seen, setup=poses.setup)
-    if not pictures:
+        return ImportedSet(
+            "samples of pose pairs", poses, pairing=words, camera_poses=seen, setup=poses.setup, notes=notes
+        )
+    if paired is None:
         raise refusal(files.origin, "images", "no pictures and no clouds", "name them by --images", "pairs")
-    paired = pair(pictures, poses)
     taken = poses.take(paired.rows)
     return ImportedSet(
         "folder", taken, paired.images, paired.words, taken.camera, None, cameras[0] if len(cameras) == 1 else None,
@@ -131,7 +143,8 @@ def _images(files: Files, pattern: str | None) -> Sequence[str]:
         raise refusal(files.origin, "--images", f"no file fits {pattern}", "check the pattern", "pairs")
     images = of_suffix(files.names, PICTURES) or of_suffix(files.names, CLOUDS - {".npz"})
     folders = {str(PurePosixPath(name).parent) for name in images}
-    if len(folders) > 1:
+    of_views = len(folders) == len(images) and len({PurePosixPath(name).name for name in images}) == 1
+    if len(folders) > 1 and not of_views:
         what = f"pictures in {len(folders)} folders ({shown(sorted(folders))})"
         raise refusal(files.origin, "images", what, "name those of the views: --images 'FOLDER/*'", "pairs")
     return images
@@ -169,8 +182,9 @@ def find_poses(files: Files, but: str | None = None) -> PoseTable:
                 several[name] = table
         else:
             path = PurePosixPath(name)
-            stem = re.sub(r"\d+", "", path.stem)
-            single.setdefault((f"{path.parent}/{stem}", path.suffix), []).append(name)
+            stem, folder = re.sub(r"\d+", "", path.stem), str(path.parent)
+            folder = folder if stem != path.stem else re.sub(r"\d+", "", folder)  # one of a view: pose_07/data.json
+            single.setdefault((f"{folder}/{stem}", path.suffix), []).append(name)
     for (stem, suffix), names in single.items():
         if len(names) > 1:
             several[f"{stem}...{suffix}"] = read_named(files, sorted(names, key=natural))

@@ -31,6 +31,7 @@ from calibration.documents.imports.sets.folder import (
     of_suffix,
     read_named,
 )
+from calibration.documents.imports.sides import WORDS
 from calibration.documents.imports.text_tables import read_named_columns
 from calibration.documents.imports.trees import read_json, read_json_lines, read_yaml
 from calibration.errors import GeometryError
@@ -187,30 +188,12 @@ def _industrial_calibration(files: Files, part: str | None) -> ImportedSet:
     )
 
 
-LENGTHS_M = {
-    "chessboard_dim": "square_mm", "aruco_marker_dim": "marker_mm", "marker_gap": "gap_mm", "spacing": "pitch_mm",
-    "square_size_m": "square_mm", "marker_size_m": "marker_mm", "size": "pitch_mm",
-}  # fmt: skip
-"""Names of a target's lengths, and of what they are in session.json."""
-
-TARGETS: dict[str, tuple[dict[str, str], tuple[str, ...]]] = {
-    "ModifiedCircleGridTargetFinder": (
-        {"kind": "circles", "layout": "symmetric", "origin": "large-dot"}, ("columns", "rows", "pitch_mm"),
-    ),
-    "CharucoGridTargetFinder": ({"kind": "charuco"}, ("columns", "rows", "square_mm", "marker_mm", "dictionary")),
-    "ArucoGridTargetFinder": ({"kind": "aruco-grid"}, ("columns", "rows", "marker_mm", "gap_mm", "dictionary")),
-    "charuco": ({"kind": "charuco"}, ("columns", "rows", "square_mm", "marker_mm", "dictionary")),
-    "chessboard": ({"kind": "chessboard"}, ("columns", "rows", "pitch_mm")),
-    "checkerboard": ({"kind": "chessboard"}, ("columns", "rows", "pitch_mm")),
-}  # fmt: skip
-"""Kinds of targets as sets call them: what is fixed, and what the set states."""
-
-
 def _target(stated: Any, kind: str) -> dict[str, Any] | None:
     """The target that a mapping states, whose lengths are m, with its kind by that key; None where it is not known."""
     data: dict[str, Any] = stated if isinstance(stated, dict) else {}
-    fixed, names = TARGETS.get(str(data.get(kind)), ({}, ()))
-    lengths = {LENGTHS_M[key]: number for key in LENGTHS_M if (number := number_of(data.get(key))) is not None}
+    row = WORDS["targets"].get(str(data.get(kind)), {"fixed": {}, "stated": ""})
+    fixed, names, of_lengths = row["fixed"], row["stated"].split(), WORDS["lengths_of_targets"]
+    lengths = {of_lengths[key]: number for key in of_lengths if (number := number_of(data.get(key))) is not None}
     given: dict[str, Any] = {name: round(1000 * metres, 9) for name, metres in lengths.items()}
     if "pitch_mm" in names and "square_mm" in given:
         given["pitch_mm"] = given["square_mm"]
@@ -224,11 +207,7 @@ def _target(stated: Any, kind: str) -> dict[str, Any] | None:
 
 
 SPEC = "dataset_spec.json"
-ROTATIONS = {
-    "quat_xyzw": "quaternion-xyzw", "quat_wxyz": "quaternion-wxyz", "axis_angle_rad": "rotation-vector",
-    "euler_xyz_deg": "euler-XYZ", "euler_xyz_rad": "euler-XYZ-rad", "euler_zyx_deg": "euler-ZYX",
-    "euler_zyx_rad": "euler-ZYX-rad", "matrix4x4_row_major": "matrix",
-}  # fmt: skip
+ROTATIONS = WORDS["rotations"]
 
 
 def _dataset_spec(files: Files, part: str | None) -> ImportedSet:
