@@ -8,6 +8,9 @@ import numpy as np
 import pytest
 
 from calibration.documents.imports.intrinsics import read_intrinsics
+from calibration.documents.imports.leaves import table_of_data
+from calibration.documents.imports.pairing import pair
+from calibration.documents.imports.pose_table import PoseTable
 from calibration.documents.imports.sets.folder import Chosen, ImportedSet
 from calibration.documents.imports.sets.kinds import LAYOUTS, STATED, read_set
 from calibration.documents.target_text import target_of_data, target_of_text, text_of_target
@@ -377,3 +380,46 @@ def test_circles() -> None:
     assert target.model_dump(exclude_none=True) == {
         "kind": "circles", "layout": "asymmetric", "columns": 7, "rows": 11, "pitch_mm": 20.0, "dots": "white",
     }  # fmt: skip
+
+
+TABLE = PoseTable(
+    "poses.csv",
+    tuple("12345"),
+    np.arange(15.0).reshape(5, 3) + 400,
+    np.tile([1.0, 0, 0, 0], (5, 1)),
+    "quaternion",
+    "rows",
+)
+
+
+@pytest.mark.parametrize(
+    ("pictures", "rows"),
+    [(("img01.png", "img03.png", "img05.png"), (0, 2, 4)), (("0.png", "3.png"), (0, 3)), (("2.png", "3.png"), None)],
+)
+def test_where_pictures_were_deleted_their_numbers_say_the_row(
+    pictures: tuple[str, ...], rows: tuple[int, ...] | None
+) -> None:
+    """Numbers that may begin with 0 or with 1 are asked for."""
+    if rows is None:
+        with pytest.raises(DocumentError, match=r"2 pictures .* and 5 poses"):
+            pair(pictures, TABLE)
+    else:
+        assert pair(pictures, TABLE).rows == rows
+
+
+def test_a_record_may_hold_the_corners_that_were_seen_from_its_pose() -> None:
+    """As recorders of circle grids write it: 20 points beside one pose, which are no 20 views."""
+    seen = {
+        "found": True,
+        "imgpts2d": [[float(at), 2.0 * at] for at in range(20)],
+        "points": [[0.1, 0.2, 0.3 * at] for at in range(20)],
+    }
+    record = {
+        "image": "i.png",
+        "gripper_pose_base": {"H": matrices()[0].tolist()},
+        "joints": [[0.0, 1.0], [2.0]],
+        "detection": seen,
+    }
+    table = table_of_data(record, "he_record_0000.json")
+    assert len(table) == 1
+    np.testing.assert_allclose(table.lengths[0], matrices()[0][:3, 3])
