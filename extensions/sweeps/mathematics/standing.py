@@ -5,11 +5,13 @@ from pathlib import Path
 import numpy as np
 
 from calibration.documents.imports.columns import words_of
+from calibration.documents.imports.leaves import array_of
 from calibration.documents.imports.pairing import natural, pair
 from calibration.documents.imports.pose_files import read_poses
 from calibration.documents.imports.pose_table import PoseTable
 from calibration.documents.imports.refusal import decode
 from calibration.documents.imports.text_cells import rows_of
+from calibration.documents.imports.trees import read_yaml
 from calibration.errors import DocumentError, GeometryError
 from calibration.kinematics.conventions import find_conventions
 from calibration.transforms import Array
@@ -19,7 +21,7 @@ from registration.io.regular_file import read_regular
 from registration.profiles.profile_block import ProfileBlock
 from registration.profiles.robot_path import RobotPath
 
-SUFFIXES = (".csv", ".tsv", ".txt")
+SUFFIXES = (".csv", ".tsv", ".txt", ".yml", ".yaml", ".ls", ".src", ".mod")
 FACES = ("left face", "right face")
 MAX_FILE_BYTES = 16_000_000
 MAX_COLUMNS = 4
@@ -71,7 +73,14 @@ def read_standing_profiles(folder: Path, artefact: str, convention: str | None =
 
 
 def _profile(content: bytes, name: str) -> ProfileBlock | None:
-    """The profile of a text of points; None of a text with other columns."""
+    """The profile of a text of points, or of x, y, z in turn below `profile` of a FileStorage; None of other texts."""
+    if name.lower().endswith((".yml", ".yaml")):
+        data = read_yaml(content, name)
+        listed = array_of(data.get("profile")) if isinstance(data, dict) else None
+        if listed is None or listed.size % 3 or not listed.size:
+            return None
+        x, _, z = listed.reshape(-1, 3).T
+        return ProfileBlock.of([0.0], x[None], np.where(np.abs(z) < MAX_Z_MM, z, np.nan)[None])
     found = rows_of(decode(content, name).splitlines())
     widths = {len(row) for row in found.cells}
     width = widths.pop() if len(widths) == 1 else 0

@@ -100,6 +100,22 @@ def test_bare_profiles_beside_poses_are_a_calibration(artefact: str, sphere: boo
     assert off_mm < 0.3 and off_rad < 0.002
 
 
+def test_bare_profiles_may_be_files_of_opencv(tmp_path: Path) -> None:
+    """As GilbertPan97/HandEyeSync keeps them: x, y and z of one point after the other below `profile`."""
+    standing_profiles(tmp_path, 1, sphere=True)
+    for file in [one for one in tmp_path.iterdir() if one.name != "poses.csv"]:
+        rows = [line.split(",") for line in file.read_text().splitlines()[1:]]
+        listed = ", ".join(f"{x}, 0., {z if z != 'nan' else '-10000.'}" for x, z in rows)
+        file.with_suffix(".yml").write_text(f"%YAML:1.0\n---\nprofile: [ {listed} ]\n")
+        file.unlink()
+    ran = handeyed("profiles", "calibrate", tmp_path, "--artefact", f"sphere:{RADIUS_MM}", "--json")
+    assert ran.status == 0, ran.err
+    found = CalibrationDocument.model_validate_json(ran.out).flange_T_camera
+    assert found is not None
+    off_mm, off_rad = difference(FLANGE_T_PROFILER, found.transform())
+    assert off_mm < 0.3 and off_rad < 0.002
+
+
 def test_what_is_missing_beside_bare_profiles_is_named(tmp_path: Path) -> None:
     standing_profiles(tmp_path, 1, sphere=True)
     for artefact, words in (("cube", "'cube' is no artefact"), ("sphere", "'sphere' is no artefact")):
