@@ -13,8 +13,8 @@ const AGAIN_MS = 1000;
 const OLD_S = 1;
 const NOTHING = { src: null, number: null, size: undefined, look: null, seen: null, taken: 0, problem: null };
 
-/** `of`: name of the camera, by default the chosen one. */
-export function LivePicture({ of = camera.value }) {
+/** `of`: name of the camera, by default the chosen one. `onSeen(look)`: told of each look for the target, null before the first. */
+export function LivePicture({ of = camera.value, onSeen }) {
   const [shown, setShown] = useState(NOTHING);
   const [visible, setVisible] = useState(!document.hidden);
   useEffect(() => {
@@ -44,6 +44,7 @@ export function LivePicture({ of = camera.value }) {
       if (held) URL.revokeObjectURL(held);
     };
   }, [of, visible, linked.value]);
+  useEffect(() => onSeen?.(shown.seen), [shown.seen]);
   const words = seenWords(shown.seen);
   const age_s = shown.src ? (Math.max(clock.value, performance.now()) - shown.taken) / 1000 : 0;
   const aged = age_s > OLD_S ? t('picture.age', { s: count(Math.floor(age_s)) }) : '';

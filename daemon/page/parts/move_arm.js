@@ -10,8 +10,8 @@ import { JogControls } from './jog_controls.js';
 import { MoveOutcome, useMove } from './move_outcome.js';
 import { Reasons } from './reasons.js';
 
-/** The button that opens the drawer, and the drawer. `arm`: of GET /arm; `open`: at once. */
-export function MoveArm({ arm, open: first = false }) {
+/** The button that opens the drawer, and the drawer. `arm`: of GET /arm; `open`: at once; `primary`: the main thing to do. */
+export function MoveArm({ arm, open: first = false, primary = false }) {
   const [open, setOpen] = useState(first);
   const [last, setLast] = useState(null); // the id of the jog that was begun here
   const button = useRef(null);
@@ -29,7 +29,7 @@ export function MoveArm({ arm, open: first = false }) {
     if (open) drawer.current?.focus();
   }, [open]);
   const onKey = (event) => event.key === 'Escape' && close();
-  return html`<button type="button" ref=${button} aria-expanded=${open} aria-controls="move" onClick=${() => setOpen(!open)}>${t('place.jog')}</button>
+  return html`<button type="button" class=${primary ? 'primary' : ''} ref=${button} aria-expanded=${open} aria-controls="move" onClick=${() => setOpen(!open)}>${t('place.jog')}</button>
     ${open && html`<aside class="drawer card" id="move" tabindex="-1" ref=${drawer} aria-labelledby="move-title" onKeyDown=${onKey}>
       <header><h2 id="move-title">${t('move.title')}</h2><button type="button" class="round" aria-label=${t('close')} onClick=${close}>✕</button></header>
       <${JogControls} arm=${arm} joints_deg=${robot.value?.joints_deg} send=${send} busy=${running.value ? t('move.running') : ''} />

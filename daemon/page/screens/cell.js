@@ -1,5 +1,5 @@
 // May I work? One sentence and what to do, what the camera sees, the arm, the accuracy; below: checks, devices, lately.
-import { html, useMemo } from '../vendor/preact.js';
+import { html, useMemo, useState } from '../vendor/preact.js';
 import { Bar } from '../parts/bar.js';
 import { Card, Facts } from '../parts/card.js';
 import { CellScene } from '../parts/cell_scene.js';
@@ -12,6 +12,7 @@ import { placesOf } from '../parts/places.js';
 import { Cause } from '../parts/problem.js';
 import { QuickCheck } from '../parts/quick_check.js';
 import { Reasons } from '../parts/reasons.js';
+import { endedEarly, standingOf } from '../parts/standing.js';
 import { mm, moment } from '../state/numbers.js';
 import { devices, old, robot, running } from '../state/now.js';
 import { ofCamera, readyWith } from '../state/sensors.js';
@@ -20,11 +21,14 @@ import { deviceName, t } from '../state/words.js';
 import { rowsOf } from './history.js';
 
 const LATELY = 4;
+const BEFORE = 10; // runs among which the last one of the target is looked for: moves of the arm come between
 
 export function Cell({ moving = false }) {
   const arm = useAsked(ofCamera('/arm'));
   const active = useAsked(ofCamera('/calibrations/current'), ['applied', 'calibration', 'run']);
   const drift = useAsked(ofCamera('/drift'), ['drift', 'applied', 'run']);
+  const runs = useAsked(`/runs?limit=${BEFORE}`, ['run']);
+  const [seen, setSeen] = useState(null);
   const calibration = active.data?.calibration;
   const now = robot.value;
   const places = placesOf(calibration, now?.base_T_flange);
@@ -39,14 +43,17 @@ export function Cell({ moving = false }) {
     }),
     [now, arm.data, calibration],
   );
-  const state = standingOf({ running: running.value, ready: readyWith()?.calibrate, none: active.error?.status === 404, drift: drift.data });
+  const none = active.error?.status === 404;
+  const state = standingOf({ running: running.value, ready: readyWith()?.calibrate, none, drift: drift.data, ended: endedEarly(runs.data?.runs), seen });
+  const away = ['away', 'none-away'].includes(state);
   return html`<div class="cockpit cell">
     <${Bar} mark=${SIGNS[state]} sentence=${t(`cell.${state}`)} about=${ABOUT[state](drift.data)}>
-      <${MoveArm} arm=${arm.data} open=${moving} />
-      ${calibration && html`<${QuickCheck} />`}
-      ${state === 'running' ? html`<a class="button primary" href=${linkTo('run')}>${t('reasons.look')}</a>` : html`<a class="button primary" href=${linkTo('calibrate')}>${t('cell.calibrate')}</a>`}
+      ${!away && html`<${MoveArm} arm=${arm.data} open=${moving} />`}
+      ${calibration && !away && html`<${QuickCheck} />`}
+      ${state === 'running' ? html`<a class="button primary" href=${linkTo('run')}>${t('reasons.look')}</a>` : html`<a class="button ${away ? '' : 'primary'}" href=${linkTo('calibrate')}>${t('cell.calibrate')}</a>`}
+      ${away && html`<${MoveArm} arm=${arm.data} open=${moving} primary />`}
     </${Bar}>
-    <${Card} title=${t('cell.camera')} id="camera" flush><${LivePicture} /></${Card}>
+    <${Card} title=${t('cell.camera')} id="camera" flush><${LivePicture} onSeen=${setSeen} /></${Card}>
     <${Card} title=${arm.data?.model || t('cell.scene')} id="scene" flush><${CellScene} parts=${parts} dim=${old.value} /></${Card}>
     <${Card} title=${t('cell.force')} id="force">
       <${Missing} asked=${active} none=${t('cell.no-force')} />
@@ -62,20 +69,12 @@ export function Cell({ moving = false }) {
   </div>`;
 }
 
-const SIGNS = { running: '●', 'not-ready': '!', none: '1', moved: '▲', unchecked: '✓', good: '✓' };
+const SIGNS = { running: '●', 'not-ready': '!', away: '!', 'none-away': '!', looking: '…', none: '1', moved: '▲', unchecked: '✓', good: '✓' };
 const ABOUT = {
   running: () => html`<${Reasons} />`, 'not-ready': () => html`<${Reasons} />`, none: () => t('cell.none-about'),
+  away: () => t('cell.away-about'), 'none-away': () => t('cell.away-about'), looking: () => '',
   moved: (drift) => driftWords(drift), unchecked: () => t('cell.unchecked-about'), good: (drift) => driftWords(drift),
 };
-
-/** Which of the sentences of the cell holds: the first thing that is in the way of working decides. */
-export function standingOf({ running: runs, ready, none, drift }) {
-  if (runs) return 'running';
-  if (!ready?.ready) return 'not-ready';
-  if (none) return 'none';
-  if (['drifting', 'out-of-tolerance'].includes(drift?.standing)) return 'moved';
-  return drift?.standing === 'steady' ? 'good' : 'unchecked';
-}
 
 export function driftWords({ standing, shift_mm, limit_mm }) {
   const sign = { drifting: '▲', 'out-of-tolerance': '▲', steady: '✓', learning: '…', off: '○' }[standing];

@@ -1,13 +1,15 @@
 """The page as a cockpit: what has to be seen and reached without scrolling, at the sizes that people have."""
 
+import asyncio
+from pathlib import Path
 from typing import Any
 
 import pytest
 
 from tests.daemon.access_keys import bearer
-from tests.daemon.cell_under_test import Bench
+from tests.daemon.cell_under_test import Bench, Parts, serving, settings_for
 from tests.daemon.fakes import Gate
-from tests.daemon.page.conftest import Opened
+from tests.daemon.page.conftest import Opened, page_of
 from tests.daemon.page.holding import hold_by_key, hold_until
 from tests.support.waiting import LIMIT_S
 
@@ -113,3 +115,27 @@ async def test_the_arm_is_moved_in_a_drawer_beside_the_picture(open_page: Opened
         await page.keyboard.press("Escape")
         await page.locator(".drawer").wait_for(state="detached")
         assert await page.evaluate("document.activeElement.textContent") == "Move arm"
+
+
+@pytest.mark.parametrize("picture", ["wall", "target"])
+async def test_after_a_run_that_was_aborted_the_cell_is_ready_only_with_the_target_in_view(
+    browser: Any, tmp_path: Path, picture: str
+) -> None:
+    parts = Parts()
+    parts.robot.before_move = gate = Gate(2)
+    async with page_of(browser, viewport=SCREEN) as page, serving(settings_for(tmp_path), parts) as bench:
+        started = (await bench.client.post("/calibrate")).json()
+        await asyncio.wait_for(gate.reached.wait(), LIMIT_S)
+        assert (await bench.client.post(started["links"]["abort"])).json()["state"] == "aborted"
+        parts.camera.blind = lambda number: picture == "wall"
+        await page.goto(f"{bench.url}/page/?lang=en#/cell")
+        primary = page.locator("main .primary").locator("visible=true")
+        if picture == "target":
+            await page.get_by_text("Not calibrated yet.").wait_for()
+            assert await primary.text_content() == "Calibrate …"
+            return
+        await page.get_by_text("Not calibrated, and the camera does not see the target.").wait_for()
+        assert await page.get_by_text("Ready").count() == 0
+        assert await primary.count() == 1
+        await primary.press("Enter")
+        await page.locator(".drawer").wait_for()
