@@ -9,6 +9,7 @@ published lengths do not give its reach (IRB 6700-245).
 """
 
 import difflib
+import json
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -40,36 +41,9 @@ _SPEEDS = {
 }
 """Speeds of axes 1 to 6 in deg/s where the sources have them; the others get the slowest. Only the mock uses them."""
 
-
-_URDF = "ros-industrial abb, urdf"
-_CHECKED = {
-    "CRB 15000-5/0.95": f"{_URDF} (axis 6 ± 180 there); limits by ABB's data sheet 9AKK107991A8564 as cited in a"
-    " public program, axis 6 ± 270",
-    "CRB 15000-12/1.27": f"{_URDF} of abb_experimental (axes 1 and 6 ± 180 there); ± 270 in a second public program,"
-    " robotkinematicscatalogue",
-    "IRB 120-3/0.6": f"{_URDF}; MOC.cfg of PaulaFreudenberger/ABB-Rapid-Git, joseballester/abb-rapidserver",
-    "IRB 1200-5/0.9": f"{_URDF}; MOC.cfg of panin-anan/abb_SAMXL_Grinding_RAPID (axis 6 ± 400)",
-    "IRB 1600-6/1.2": f"{_URDF}; 3HAC023604-001",
-    "IRB 1600-6/1.45": f"{_URDF}; 3HAC023604-001",
-    "IRB 4600-40/2.55": f"{_URDF}; MOC.cfg of tetov/compas_rcf (axis 5 -125/120)",
-    "IRB 4600-60/2.05": _URDF,
-    "IRB 6640-185/2.8": _URDF,
-    "IRB 6650S-125/3.5": _URDF,
-    "IRB 6650S-90/3.9": _URDF,
-    "IRB 6700-200/2.60": _URDF,
-    "IRB 6700-205/2.80": f"{_URDF}; backup of Fabio-Coder/Robo_ABB_Injetora-Rotinas_de_ajuste",
-    "IRB 6700-235/2.65": _URDF,
-    "IRB 7600-150/3.5": _URDF,
-}
-_DOUBTFUL = {
-    "CRB 15000-10/1.52": "the urdf of abb_experimental has the lengths of the CRB 15000-5, which do not give its reach",
-    "IRB 1200-7/0.7": "axis 6 ± 360, while the IRB 1200-5/0.9 has ± 400",
-    "IRB 2600-12/1.65": "axes 2 and 3 differ from the urdf",
-    "IRB 4600-20/2.5": "axis 5 ± 120, the urdf has -125/120",
-    "IRB 6650-125/3.2": "axis 1 ± 180, while the IRB 6650-200/2.75 has ± 170",
-    "CRB 1100-4/0.475": "taken from the IRB 1100, of which SWIFTI is the collaborative version",
-    "CRB 1100-4/0.58": "taken from the IRB 1100, of which SWIFTI is the collaborative version",
-}
+_EVIDENCE: dict[str, tuple[Literal["checked", "doubtful"], str]] = json.loads(
+    Path(__file__).with_name("abb_arms_evidence.json").read_text("utf-8")
+)
 
 
 @dataclass(frozen=True)
@@ -82,11 +56,10 @@ class Evidence:
 
 def evidence_of(name: str) -> Evidence:
     """The evidence for an arm of this list."""
-    if name in _CHECKED:
-        return Evidence("checked", f"ABB.Presets; {_CHECKED[name]}")
-    if name in _DOUBTFUL:
-        return Evidence("doubtful", f"ABB.Presets; {_DOUBTFUL[name]}")
-    return Evidence("single source", "ABB.Presets")
+    if name not in _EVIDENCE:
+        return Evidence("single source", "ABB.Presets")
+    state, source = _EVIDENCE[name]
+    return Evidence(state, f"ABB.Presets; {source}")
 
 
 def _arm(line: str) -> Arm:
