@@ -12,6 +12,7 @@ from calibration.planning.next_view import StoppingRule
 from calibration.planning.what_if import PlanComparison
 from calibration.transforms import Array
 from daemon.cell.cell import Cell
+from daemon.cell.held_button import HeldButton
 from daemon.cell.motion_rules import MotionRules
 from daemon.config.settings import MAIN_CAMERA, MAIN_SCANNER, Settings, TaughtPose
 from daemon.errors import (
@@ -22,6 +23,7 @@ from daemon.errors import (
     NoPoses,
     NoScanner,
     NotFound,
+    NotHeld,
     ToleranceLoosened,
 )
 from daemon.model.records import (
@@ -34,6 +36,7 @@ from daemon.model.records import (
 )
 from daemon.model.requests import (
     CalibrateRequest,
+    HoldRequest,
     JogRequest,
     ObservationsRequest,
     ScanRequest,
@@ -45,6 +48,7 @@ from daemon.runs.adaptive_sequence import AdaptiveSequence
 from daemon.runs.calibration_run import CalibrationRun, solve_session_of, solve_without
 from daemon.runs.calibrations import Calibrations, require_setup
 from daemon.runs.foresight import Foresight, foresee, foresee_taught
+from daemon.runs.held_move import HeldMove
 from daemon.runs.jog import Jog, SmallMove
 from daemon.runs.manual_sequence import ManualParameters, ManualSequence
 from daemon.runs.operator_requests import OperatorAction, OperatorRequestQueue
@@ -70,6 +74,7 @@ from daemon.runtime.workers import Workers
 from daemon.scans.rig_sensors import RigSensors
 from daemon.scans.scan_service import ScanService
 from daemon.sessions.session_writer import SensorBeside, SessionWriter
+from daemon.store.actor import current_audit_context
 from daemon.store.store import Store
 from drivers.interfaces import PoseReading
 
@@ -223,7 +228,7 @@ class Operations:
         """
         requests = await self.supervisor.request_queue(run_id)
         self.supervisor.require_no_abort()
-        await requests.submit("a jog", request)
+        await requests.submit("a jog", self._jog(request))
         return await self.supervisor.run(run_id)
 
     async def verify(self, request: VerifyRequest) -> RunRecord:
@@ -282,7 +287,21 @@ class Operations:
 
     async def jog(self, request: JogRequest) -> RunRecord:
         """Start one small move of the arm. Raises as `move_once`."""
-        return await self.move_once(Jog(self.cell, self.rules, request))
+        return await self.move_once(self._jog(request))
+
+    def _jog(self, request: JogRequest) -> Jog:
+        if request.hold is None:
+            return Jog(self.cell, self.rules, request)
+        return HeldMove(self.cell, self.rules, request, HeldButton(current_audit_context().audited_as))
+
+    async def hold(self, run_id: str, request: HoldRequest) -> None:
+        """The button of the motion in this run is held, or was let go. Raises NotHeld."""
+        run, button = self.supervisor.in_progress, self.cell.buttons.get(request.hold)
+        if button is None or run is None or run.id != run_id:
+            raise NotHeld
+        button.renew(current_audit_context().audited_as, request.at_s)
+        if request.released:
+            button.release()
 
     async def move_once(self, move: SmallMove) -> RunRecord:
         """Start a run of this move alone. Raises RunInProgress, CellNotReady, PoseRefused, DeviceError."""

@@ -13,6 +13,7 @@ from calibration.sentences.sentence import Sentence
 from calibration.transforms import Array
 from daemon.cell.arm_in_cell import ArmInCell
 from daemon.cell.capture_outputs import CaptureOutputs
+from daemon.cell.held_button import HeldButton
 from daemon.cell.safe_stop import SafeStop
 from daemon.cell.settling import check_external_axes, check_still, read_if_standing, settle
 from daemon.cell.vibration import VibrationGate
@@ -233,6 +234,7 @@ class Cell:
         self._outputs, self._world_T_base = devices.outputs, world_T_base
         self._settling, self._clock, self._at, self.exposure = settling, clock, at, exposure
         self._occupancy = _Occupancy()
+        self.buttons: dict[str, HeldButton] = {}  # that a motion in progress lasts for, by their names
         self.safe_stop = SafeStop(self.robot, clock, lambda: self._occupancy.leased, publish)
         self._look_through(MAIN_CAMERA, devices.camera)
         main = {} if devices.scanner is None else {MAIN_SCANNER: devices.scanner}

@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, ConfigDict, Field, model_validator
 
 from calibration.documents.knowledge import KnowledgeDocument
-from calibration.documents.pose import Vector
+from calibration.documents.pose import PoseDocument, Vector
 from calibration.documents.requirement import Tolerance
 from calibration.documents.session import AxisOffsetDocument, SessionDocument
 from calibration.documents.target import TargetDocument
@@ -26,7 +26,11 @@ _POSE = {"translation_mm": [900.0, -250.0, 900.0], "quaternion_wxyz": [0.0, 0.6,
 MAX_JOG_MM, MAX_JOG_DEG = 100.0, 30.0
 """Limits of one jog, of the flange and of an axis."""
 
+MAX_HELD_MM_S = 50.0
+"""Speed of a held move: the arm goes on for some tenths of a second after the button is let go."""
+
 Degrees = Annotated[float, Field(ge=-720, le=720)]
+HoldName = Annotated[str, Field(min_length=8, max_length=64)]
 Stations = Annotated[tuple[TaughtPose, ...], Field(min_length=1, max_length=100)]
 
 
@@ -145,11 +149,13 @@ class ScanRequest(Document):
 
 
 class JogRequest(Document):
-    """A jog of the arm: at most 100 mm and 30 deg, or a move of all axes to their angles; one of three.
+    """A jog of the arm: at most 100 mm and 30 deg, a move of all axes to their angles, or a held move; one of four.
 
     `axis` (from 1) turns by `by_deg`. `joints_deg`: all axes go to these angles, each by at most [robot]
     joint_travel_deg. `shift_mm` and `turn_deg` (rotation vector) move the flange along and about the axes of `frame`,
     the turn about the flange's origin. `speed_mm_s`: of the fastest point, at most [robot] speed_mm_s.
+    `to` moves the flange to a pose in the base, by steps of 20 mm and 2 deg, while POST /runs/{id}/hold says that a
+    button is held; at most 50 mm/s. `hold` is a new name of that button. Nothing moves before the first such word.
     """
 
     model_config = examples(
@@ -162,18 +168,32 @@ class JogRequest(Document):
     frame: Literal["base", "flange"] = "base"
     shift_mm: Vector | None = None
     turn_deg: Vector | None = None
+    to: PoseDocument | None = None
+    hold: Annotated[HoldName | None, Field(exclude=True)] = None
     speed_mm_s: Annotated[float, Field(ge=1, le=250)] | None = None
 
     @model_validator(mode="after")
     def _check_one_move(self) -> "JogRequest":
-        by_axis, by_step = (self.axis, self.by_deg), (self.shift_mm, self.turn_deg)
-        given = (by_axis != (None, None), self.joints_deg is not None, by_step != (None, None))
-        if sum(given) != 1 or (given[0] and None in by_axis):
-            raise ValueError("give axis with by_deg, or joints_deg, or shift_mm and turn_deg: one of the three")
+        by_axis, by_step, held = (self.axis, self.by_deg), (self.shift_mm, self.turn_deg), (self.to, self.hold)
+        given = (by_axis != (None, None), self.joints_deg is not None, by_step != (None, None), held != (None, None))
+        if sum(given) != 1 or (given[0] and None in by_axis) or (given[3] and None in held):
+            raise ValueError("give axis with by_deg, joints_deg, shift_mm, turn_deg, or to with hold: one of the four")
+        if self.to is not None and (self.speed_mm_s or 0.0) > MAX_HELD_MM_S:
+            raise ValueError(f"a held move has at most {MAX_HELD_MM_S:g} mm/s: give a lower speed_mm_s")
         for name, step, most in (("shift_mm", self.shift_mm, MAX_JOG_MM), ("turn_deg", self.turn_deg, MAX_JOG_DEG)):
             if step is not None and math.hypot(*step) > most:
                 raise ValueError(f"{name} is longer than {most:g}: take several steps")
         return self
+
+
+class HoldRequest(Document):
+    """A button is held, or was let go. `hold`: its name, of the request to move; `at_s`: by any clock of the screen."""
+
+    model_config = examples({"hold": "3f9a1c0b77d2", "at_s": 12.25})
+
+    hold: HoldName
+    at_s: Annotated[float, Field(ge=0, le=1e9)] = 0.0
+    released: bool = False
 
 
 class ApplyRequest(Document):

@@ -26,9 +26,8 @@ from daemon.model.requests import ObservationsRequest, SolveRequest
 from daemon.model.run_states import RunEvent as E
 from daemon.runs.calibrations import result_of, why_not_applied
 from daemon.runs.pose_sequence import PoseSequence
-from daemon.runs.run_log import RunLog
+from daemon.runs.run_log import RunLog, RunResult
 from daemon.runs.run_modules import load_run_modules
-from daemon.runs.supervisor import RunResult
 from daemon.runtime.clock import Clock
 from daemon.runtime.version import SOFTWARE
 from daemon.runtime.workers import Workers

@@ -15,8 +15,7 @@ from daemon.config.settings import TaughtPose
 from daemon.errors import CellNotReady, PoseRefused
 from daemon.model.requests import JogRequest
 from daemon.model.run_states import RunEvent
-from daemon.runs.run_log import RunLog
-from daemon.runs.supervisor import RunResult
+from daemon.runs.run_log import RunLog, RunResult
 from drivers.interfaces import JointGoal, MoveGoal, PoseReading
 from drivers.robots.base_frame import configured
 

@@ -95,7 +95,7 @@ class ManualSequence:
                 self._check_view_count(min_views)
                 await self.log.advance(E.ENOUGH, stations=self.log.run.station)
             elif asked.jog is not None:
-                await self._jog(Jog(self.cell, self.parameters.adaptive.rules, asked.jog))
+                await self._jog(asked.jog)
             else:
                 await self._take_view()
         except StorageError as error:

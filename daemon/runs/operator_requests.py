@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from daemon.errors import CellBusy, DaemonError, RunOver
-from daemon.model.requests import JogRequest
+from daemon.runs.jog import Jog
 from drivers.errors import DeviceError
 
 OperatorAction = Literal["a view", "a jog", "the end"]
@@ -13,11 +13,11 @@ OperatorAction = Literal["a view", "a jog", "the end"]
 
 @dataclass(frozen=True)
 class OperatorRequest:
-    """One request of an operator, who waits for its completion; `jog`: where to."""
+    """One request of an operator, who waits for its completion."""
 
     action: OperatorAction
     _answer: asyncio.Future[None]
-    jog: JogRequest | None = None
+    jog: Jog | None = None
 
     def complete(self) -> None:
         """Report the request as done."""
@@ -38,7 +38,7 @@ class OperatorRequestQueue:
         self._queue: asyncio.Queue[OperatorRequest] = asyncio.Queue(1)
         self._closed = False
 
-    async def submit(self, wish: OperatorAction, jog: JogRequest | None = None) -> None:
+    async def submit(self, wish: OperatorAction, jog: Jog | None = None) -> None:
         """Send a request and wait until it is done. Raises CellBusy, RunOver, and the reason of a refusal."""
         if self._closed:
             raise RunOver("the run is ending, and takes no more views", "look at its result, or start another")

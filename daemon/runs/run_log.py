@@ -12,6 +12,10 @@ from daemon.model.run_states import RunEvent, RunState, next_state
 from daemon.runtime.clock import Clock
 from daemon.runtime.event_bus import EventBus
 
+RunResult = tuple[RunEvent, dict[str, Any]]
+"""The event that finishes a run, and its result."""
+
+
 log = logging.getLogger(__name__)
 
 SaveRun = Callable[[RunRecord], Awaitable[None]]

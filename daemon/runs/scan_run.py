@@ -8,8 +8,7 @@ from daemon.config.settings import TaughtPose
 from daemon.model.records import FlangePose, ScanRecord
 from daemon.model.run_states import RunEvent as E
 from daemon.runs.pose_sequence import visit_poses
-from daemon.runs.run_log import RunLog
-from daemon.runs.supervisor import RunResult
+from daemon.runs.run_log import RunLog, RunResult
 from daemon.scans.scan_service import ScanService
 from drivers.interfaces import PoseReading
 

@@ -11,8 +11,8 @@ from calibration.kinematics.robot_accuracy import USUAL_BELIEF, NoiseBelief
 from calibration.problem import Setup
 from daemon.cell.arm_in_cell import ArmInCell
 from daemon.runs.pose_sequence import PoseSequence
-from daemon.runs.run_log import RunLog
-from daemon.runs.supervisor import RunPlan, RunResult
+from daemon.runs.run_log import RunLog, RunResult
+from daemon.runs.supervisor import RunPlan
 from daemon.runtime.workers import Workers
 from daemon.sessions.session_writer import SensorBeside, SessionWriter
 from daemon.store.store import Store

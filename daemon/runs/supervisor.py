@@ -29,7 +29,7 @@ from daemon.model.records import CauseDocument, RunKind, RunRecord
 from daemon.model.run_states import FIRST_STATE, RunEvent, RunState
 from daemon.runs.calibrations import result_of, why_not_applied
 from daemon.runs.operator_requests import OperatorRequestQueue
-from daemon.runs.run_log import RunLog, ignore_step, run_event
+from daemon.runs.run_log import RunLog, RunResult, ignore_step, run_event
 from daemon.runtime.clock import Clock
 from daemon.runtime.event_bus import EventBus
 from daemon.runtime.logs import about_run
@@ -101,9 +101,6 @@ MAX_STEP_S = 1800.0
 
 MAX_ABORT_S = MAX_ATTEMPT_S + 0.5
 """An abort is answered after this at the latest where the stop is not confirmed, whatever the run still waits for."""
-
-RunResult = tuple[RunEvent, dict[str, Any]]
-"""The event that finishes a run, and its result."""
 
 Drive = Callable[[RunLog], Awaitable[RunResult]]
 

@@ -20,8 +20,7 @@ from daemon.config.settings import NamedScannerSettings
 from daemon.errors import CalibrationUnusable
 from daemon.runs.calibration_run import CalibrationRun
 from daemon.runs.pose_sequence import PoseSequence
-from daemon.runs.run_log import RunLog
-from daemon.runs.supervisor import RunResult
+from daemon.runs.run_log import RunLog, RunResult
 from daemon.scans.rig_sensors import RigSensors
 from daemon.scans.upload import SUFFIXES
 from daemon.sessions.session_files import SESSION_FILE

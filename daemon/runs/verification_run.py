@@ -14,9 +14,8 @@ from calibration.solution import COVERAGE_FACTOR
 from calibration.verdict import VerdictLimits
 from daemon.model.run_states import RunEvent as E
 from daemon.runs.pose_sequence import PoseSequence
-from daemon.runs.run_log import RunLog
+from daemon.runs.run_log import RunLog, RunResult
 from daemon.runs.run_modules import load_run_modules
-from daemon.runs.supervisor import RunResult
 from daemon.runtime.workers import Workers
 
 MIN_VIEWS = 2

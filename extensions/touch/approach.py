@@ -15,8 +15,7 @@ from daemon.errors import CellNotReady, PoseRefused
 from daemon.model.records import FlangePose
 from daemon.model.run_states import RunEvent
 from daemon.runs.jog import MAX_TRAVEL_DEG, NO_STATION, result_of
-from daemon.runs.run_log import RunLog
-from daemon.runs.supervisor import RunResult
+from daemon.runs.run_log import RunLog, RunResult
 from drivers.interfaces import MoveGoal, PoseReading
 from extensions.touch.requests import ApproachRequest
 from extensions.touch.touch_tests import PointToTouch

@@ -31,7 +31,7 @@ from daemon.api.schemas.runs import RunDocument, RunList, listing_json
 from daemon.application import Application
 from daemon.errors import NotFound
 from daemon.model.records import RunKind, RunRecord
-from daemon.model.requests import JogRequest
+from daemon.model.requests import HoldRequest, JogRequest
 from daemon.model.run_states import RunState
 from daemon.runs.run_views import run_views
 from daemon.sessions.session_files import SESSION_FILE
@@ -39,6 +39,9 @@ from daemon.store.damaged_rows import split_damaged
 from daemon.store.page_filters import PageFilters
 
 router = APIRouter(prefix="/runs", tags=["runs"])
+robot = APIRouter(prefix="/robot", tags=["cell"])
+
+JogBody = Annotated[JogRequest, Depends(JsonBody(JogRequest))]
 
 STARTED = {200: or_text("The finished run, when `wait` was long enough"),
            202: {"description": "Started; follow Location", "model": RunDocument,
@@ -105,14 +108,25 @@ async def station(request: Request, app: App, run_id: Identifier) -> Response:
     response_model=RunDocument,
     responses={200: or_text("The arm stands"), **problem_responses(400, 404, 409, 422, 500, 502, 503, 504, 507)},
 )
-async def jog(
-    request: Request, app: App, run_id: Identifier, body: Annotated[JogRequest, Depends(JsonBody(JogRequest))]
-) -> Response:
+async def jog_in_run(request: Request, app: App, run_id: Identifier, body: JogBody) -> Response:
     """Of a manual run: move the arm as with POST /robot/jog, between two views; answered when it stands.
 
     The run keeps the cell and goes on waiting, also after a refused jog. `POST /runs/{id}/abort` stops the arm.
     """
     return await answer_run(request, app, await app.operations.jog_in_run(run_id, body))
+
+
+@router.post(
+    "/{run_id}/hold", status_code=204, response_class=Response, responses=problem_responses(400, 404, 409, 413, 422)
+)
+async def hold(app: App, run_id: Identifier, body: Annotated[HoldRequest, Depends(JsonBody(HoldRequest))]) -> Response:
+    """Of a jog with `to`: its button is held, which is said every 0.1 s; or, with `released`, it was let go.
+
+    The arm is stopped and disarmed when the last word was sent more than 0.4 s ago, and a later one is refused. Only
+    who asked for the motion can hold it. No safety function.
+    """
+    await app.operations.hold(run_id, body)
+    return Response(status_code=204)
 
 
 @router.post("/{run_id}/finish", response_model=RunDocument, responses=FINISHING)
@@ -168,6 +182,15 @@ async def frame(
     content = await stored_picture(app, found.id, k, media_type, width)
     headers = {"Cache-Control": "private, max-age=31536000, immutable", "Vary": "Accept"}
     return Response(content, media_type=media_type, headers=headers)
+
+
+@robot.post("/jog", response_model=RunDocument, responses=STARTED)
+async def jog(request: Request, app: App, body: JogBody, wait: Wait = 0.0) -> Response:
+    """Move the arm by a small step, or all axes to their angles, for the first pose and for views by hand.
+
+    A run of kind "jog": followed, stopped and audited as every run, and refused while another is in progress.
+    """
+    return await answer_run_start(request, app, await app.operations.jog(body), wait)
 
 
 async def answer_run_start(request: Request, app: Application, run: RunRecord, wait: float) -> Response:

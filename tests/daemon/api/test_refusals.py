@@ -5,8 +5,12 @@ from typing import Any
 
 import pytest
 
+from calibration.errors import CalibrationError
 from daemon.api.problems import PASSING, RETRY_AFTER_S, STATUS, handle
-from drivers.errors import MoveRefused
+from daemon.api.routes.help_codes import _entries, _leaves
+from daemon.errors import DaemonError
+from drivers.errors import DeviceError, MoveRefused
+from registration.errors import RegistrationError
 from tests.daemon.cell_under_test import Bench, Parts, serving, settings_for
 from tests.daemon.fakes import Gate
 
@@ -64,6 +68,7 @@ async def test_a_move_that_another_one_is_in_the_way_of_says_when_to_come_again(
 
 MENDED_BY_SOMEBODY = {
     "run-over": "it stays over",
+    "not-held": "it is let go, and held again",
     "not-waiting": "the run never waits for anybody",
     "same-pose": "the arm is moved on",
     "too-few-views": "more views are taken",
@@ -82,12 +87,21 @@ MENDED_BY_SOMEBODY = {
 }
 """Codes of a 409 that waiting does not mend, and what does."""
 
+OF_EXTENSIONS = {"no-profiler", "sweep-too-long"}
+
 
 def test_each_conflict_says_when_to_come_again_or_is_mended_by_somebody() -> None:
-    conflicts = {kind.code for kind, status in STATUS.items() if status == 409 and hasattr(kind, "code")}
+    conflicts = {entry.code for entry in _entries().values() if entry.status == 409}
     assert conflicts >= PASSING
-    assert conflicts - PASSING == set(MENDED_BY_SOMEBODY)
+    assert conflicts - PASSING - OF_EXTENSIONS == set(MENDED_BY_SOMEBODY)
     assert 503 in RETRY_AFTER_S
+
+
+def test_the_table_of_statuses_names_classes_of_errors_that_there_are() -> None:
+    bases = (DaemonError, DeviceError, RegistrationError, CalibrationError)
+    names = [kind.__name__ for base in bases for kind in _leaves(base)]
+    assert set(STATUS) - set(names) == {"ReportExtraMissing", "ReportTooSlow"} - set(names)
+    assert [name for name in STATUS if names.count(name) > 1] == []
 
 
 @pytest.mark.parametrize(

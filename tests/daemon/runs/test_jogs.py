@@ -58,9 +58,9 @@ async def test_the_flange_moves_in_the_frame_that_is_stated_and_says_where_it_st
 
 
 REFUSALS: list[tuple[dict[str, Any], int, str]] = [
-    ({}, 422, "one of the three"),
-    ({"axis": 1}, 422, "one of the three"),
-    ({"axis": 1, "by_deg": 5, **UP}, 422, "one of the three"),
+    ({}, 422, "one of the four"),
+    ({"axis": 1}, 422, "one of the four"),
+    ({"axis": 1, "by_deg": 5, **UP}, 422, "one of the four"),
     ({"axis": 1, "by_deg": 31}, 422, "by_deg"),
     ({"shift_mm": [80.0, 80.0, 0.0]}, 422, "take several steps"),
     ({"turn_deg": [0.0, 25.0, 25.0]}, 422, "take several steps"),

@@ -13,8 +13,8 @@ from daemon.application import Application
 from daemon.cell.cell import Devices
 from daemon.composition import build
 from daemon.errors import CellNotReady
-from daemon.runs.run_log import RunLog
-from daemon.runs.supervisor import RunPlan, RunResult
+from daemon.runs.run_log import RunLog, RunResult
+from daemon.runs.supervisor import RunPlan
 from daemon.runtime.systemd import Systemd
 from tests.daemon.cell_under_test import Parts, settings_for
 from tests.daemon.runtime.service_manager import Manager
