@@ -16,3 +16,9 @@ export function standingOf({ running, ready, none, drift, ended, seen }) {
   if (['drifting', 'out-of-tolerance'].includes(drift?.standing)) return 'moved';
   return drift?.standing === 'steady' ? 'good' : 'unchecked';
 }
+
+/** Where a run took its last picture with the target in it; where it began, while its pictures were not looked at; null without any. */
+export function lastSeenAt(views = []) {
+  const seen = views.filter(({ corners }) => corners.length > 0).at(-1) ?? views.find(({ status }) => status === 'taken');
+  return seen?.base_T_flange ?? null;
+}

@@ -5,6 +5,7 @@ import { Card, Facts } from '../parts/card.js';
 import { CellScene } from '../parts/cell_scene.js';
 import { ControlChart } from '../parts/chart.js';
 import { Uncertainty, activator } from '../parts/in_force.js';
+import { HeldMove } from '../parts/held_move.js';
 import { LivePicture } from '../parts/live_picture.js';
 import { Missing, useAsked } from '../parts/loaded.js';
 import { MoveArm } from '../parts/move_arm.js';
@@ -12,9 +13,9 @@ import { placesOf } from '../parts/places.js';
 import { Cause } from '../parts/problem.js';
 import { QuickCheck } from '../parts/quick_check.js';
 import { Reasons } from '../parts/reasons.js';
-import { endedEarly, standingOf } from '../parts/standing.js';
+import { endedEarly, lastSeenAt, standingOf } from '../parts/standing.js';
 import { mm, moment } from '../state/numbers.js';
-import { devices, old, robot, running } from '../state/now.js';
+import { devices, may, old, robot, run, running } from '../state/now.js';
 import { ofCamera, readyWith } from '../state/sensors.js';
 import { linkTo } from '../state/place.js';
 import { deviceName, t } from '../state/words.js';
@@ -44,14 +45,21 @@ export function Cell({ moving = false }) {
     [now, arm.data, calibration],
   );
   const none = active.error?.status === 404;
-  const state = standingOf({ running: running.value, ready: readyWith()?.calibrate, none, drift: drift.data, ended: endedEarly(runs.data?.runs), seen });
+  const ended = endedEarly(runs.data?.runs);
+  const state = standingOf({ running: running.value, ready: readyWith()?.calibrate, none, drift: drift.data, ended, seen });
   const away = ['away', 'none-away'].includes(state);
+  const [back, setBack] = useState(null); // the id of the move back
+  const [held, setHeld] = useState(false);
+  const views = useAsked(ended && arm.data?.moves ? `/runs/${encodeURIComponent(ended.id)}/views` : null, [], { late: true });
+  const to = lastSeenAt(views.data?.views);
+  const returning = held || (running.value && run.value.id === back); // its button stays, with the focus on it
   return html`<div class="cockpit cell">
-    <${Bar} mark=${SIGNS[state]} sentence=${t(`cell.${state}`)} about=${ABOUT[state](drift.data)}>
-      ${!away && html`<${MoveArm} arm=${arm.data} open=${moving} />`}
-      ${calibration && !away && html`<${QuickCheck} />`}
-      ${state === 'running' ? html`<a class="button primary" href=${linkTo('run')}>${t('reasons.look')}</a>` : html`<a class="button ${away ? '' : 'primary'}" href=${linkTo('calibrate')}>${t('cell.calibrate')}</a>`}
-      ${away && html`<${MoveArm} arm=${arm.data} open=${moving} primary />`}
+    <${Bar} mark=${SIGNS[state]} sentence=${t(`cell.${state}`)} about=${ABOUT[state](drift.data, to)}>
+      ${!away && !returning && html`<${MoveArm} arm=${arm.data} open=${moving} />`}
+      ${calibration && !away && !returning && html`<${QuickCheck} />`}
+      ${returning ? null : state === 'running' ? html`<a class="button primary" href=${linkTo('run')}>${t('reasons.look')}</a>` : html`<a class="button ${away ? '' : 'primary'}" href=${linkTo('calibrate')}>${t('cell.calibrate')}</a>`}
+      ${away && html`<${MoveArm} arm=${arm.data} open=${moving} primary=${!to} />`}
+      ${to && (away || returning) && html`<${HeldMove} id="hold-back" key="back" to=${to} began=${setBack} onHeld=${setHeld} label=${t('held.back')} primary disabled=${!may('operator') || (running.value && !held)} why=${t(may('operator') ? 'move.running' : 'missing.role')} />`}
     </${Bar}>
     <${Card} title=${t('cell.camera')} id="camera" flush><${LivePicture} onSeen=${setSeen} /></${Card}>
     <${Card} title=${arm.data?.model || t('cell.scene')} id="scene" flush><${CellScene} parts=${parts} dim=${old.value} /></${Card}>
@@ -72,7 +80,7 @@ export function Cell({ moving = false }) {
 const SIGNS = { running: '●', 'not-ready': '!', away: '!', 'none-away': '!', looking: '…', none: '1', moved: '▲', unchecked: '✓', good: '✓' };
 const ABOUT = {
   running: () => html`<${Reasons} />`, 'not-ready': () => html`<${Reasons} />`, none: () => t('cell.none-about'),
-  away: () => t('cell.away-about'), 'none-away': () => t('cell.away-about'), looking: () => '',
+  away: (drift, to) => t(to ? 'cell.back-about' : 'cell.away-about'), 'none-away': (drift, to) => t(to ? 'cell.back-about' : 'cell.away-about'), looking: () => '',
   moved: (drift) => driftWords(drift), unchecked: () => t('cell.unchecked-about'), good: (drift) => driftWords(drift),
 };
 

@@ -1,7 +1,7 @@
 // Which sentence of the cell holds.
 import assert from 'node:assert/strict';
 import test from 'node:test';
-import { endedEarly, standingOf } from '../../../../daemon/page/parts/standing.js';
+import { endedEarly, lastSeenAt, standingOf } from '../../../../daemon/page/parts/standing.js';
 
 const ready = { ready: true };
 const steady = { standing: 'steady' };
@@ -34,4 +34,11 @@ test('the last run that looked at the target decides; small moves after it do no
   for (const runs of [undefined, [], [run('calibration', 'finished'), run('verify', 'failed')], [run('scan', 'aborted')], [run('jog', 'failed')]]) {
     assert.equal(endedEarly(runs), null);
   }
+});
+
+test('the way back leads to the last picture with the target in it, else to where the run began', () => {
+  const view = (base_T_flange, corners, status = 'taken') => ({ base_T_flange, corners, status });
+  assert.equal(lastSeenAt([view('a', [[1]]), view('b', [[1]]), view('c', [], 'missed')]), 'b');
+  assert.equal(lastSeenAt([view('a', []), view('b', [])]), 'a');
+  for (const views of [undefined, [], [view('a', [], 'missed')]]) assert.equal(lastSeenAt(views), null);
 });

@@ -1,0 +1,122 @@
+// The arm moves to a pose while this button is held, and stands when it is let go. The page says ten times a second that it is
+// held; the daemon stops the arm when it hears nothing for 0.4 s. A web page is no enabling device.
+import { html, useEffect, useRef, useState } from '../vendor/preact.js';
+import { ask, newKey } from '../state/ask.js';
+import { lost, note, old } from '../state/now.js';
+import { t } from '../state/words.js';
+import { ProblemNote } from './problem.js';
+
+const HOLD_MS = 1000; // before anything moves, as for every button that moves the arm
+const SAY_MS = 100;
+const SAY_LIMIT_S = 1;
+const MOST_WORDS = 3; // on the way at once: an answer that is late holds up no later word
+const MOVE_LIMIT_S = 1800;
+
+const pause = (ms) => new Promise((resolve) => setTimeout(resolve, ms));
+
+/** `to`: base_T_flange. `run`: of a calibration by hand, in which it moves; else a run of its own, whose id `began(id)` is told; `onHeld(held)`. */
+export function HeldMove({ to, run = null, began, onHeld, label, primary = false, disabled = false, why = '', id }) {
+  const [state, setState] = useState('idle'); // idle, holding (for a second), moving
+  const [problem, setProblem] = useState(null);
+  const held = useRef(null); // the hold in progress: { name, since, path, heard, saying, timer }
+  const stale = lost.value || old.value;
+  const off = disabled || stale || !to;
+
+  const say = (one, released = false) => {
+    const body = { hold: one.name, at_s: (performance.now() - one.since) / 1000, released };
+    return ask(`/runs/${encodeURIComponent(one.path)}/hold`, { method: 'POST', body, limit_s: SAY_LIMIT_S });
+  };
+  const letGo = () => {
+    const one = held.current;
+    held.current = null;
+    if (!one) return;
+    clearTimeout(one.timer);
+    if (one.path) say(one, true).catch(() => {}); // not heard: the daemon stops the arm by itself
+    setState('idle');
+    onHeld?.(false);
+  };
+  const goOn = async (one) => {
+    while (held.current === one) {
+      if (one.saying < MOST_WORDS) sayOn(one);
+      await pause(SAY_MS);
+    }
+  };
+  const sayOn = async (one) => {
+    one.saying += 1;
+    try {
+      await say(one);
+      one.heard = true;
+    } catch (error) {
+      if (held.current === one && error.code !== 'not-held') setProblem(error);
+      if (held.current === one && (one.heard || error.code !== 'not-held')) letGo(); // it arrived, or was stopped
+    }
+    one.saying -= 1;
+  };
+  const move = async (one) => {
+    setState('moving');
+    try {
+      const options = { method: 'POST', key: newKey(), body: { to, hold: one.name } };
+      if (run) {
+        one.path = run;
+        goOn(one);
+        await ask(`/runs/${encodeURIComponent(run)}/jog`, { ...options, limit_s: MOVE_LIMIT_S });
+      } else {
+        const { data } = await ask('/robot/jog', options);
+        one.path = data.id;
+        began?.(data.id);
+        if (held.current === one) await goOn(one);
+        else say(one, true).catch(() => {});
+      }
+    } catch (error) {
+      setProblem(error);
+    }
+    note('run');
+    if (held.current === one) letGo();
+  };
+  const begin = () => {
+    if (off || held.current) return;
+    setProblem(null);
+    setState('holding');
+    const one = { name: newKey(), since: performance.now(), path: null, heard: false, saying: 0 };
+    one.timer = setTimeout(() => move(one), HOLD_MS);
+    held.current = one;
+    onHeld?.(true);
+  };
+
+  useEffect(() => letGo, []);
+  useEffect(() => {
+    if (off) letGo();
+  }, [off]);
+  useEffect(() => {
+    if (state === 'idle') return undefined;
+    const watched = [[document, 'visibilitychange'], [window, 'blur'], [window, 'pagehide'], [document, 'pointerdown']];
+    const onKey = (event) => event.key === 'Escape' && letGo();
+    for (const [where, kind] of watched) where.addEventListener(kind, letGo, true);
+    document.addEventListener('keydown', onKey, true);
+    return () => {
+      for (const [where, kind] of watched) where.removeEventListener(kind, letGo, true);
+      document.removeEventListener('keydown', onKey, true);
+    };
+  }, [state]);
+  const onPress = (event) => {
+    if (event.button !== 0 || !event.isPrimary) return;
+    if (event.currentTarget.hasPointerCapture(event.pointerId)) event.currentTarget.releasePointerCapture(event.pointerId); // a finger that slides off has let go
+    begin();
+  };
+  const onKey = (event) => {
+    if (event.key !== 'Enter' && event.key !== ' ') return;
+    event.preventDefault();
+    if (event.type === 'keyup') letGo();
+    else if (!event.repeat) begin();
+  };
+  const said = { idle: t('held.idle'), holding: t('hold.on'), moving: t('held.moving') };
+  return html`<div class="hold">
+    <button type="button" id=${id} class="hold-button moves ${primary ? 'primary' : ''} ${state}" aria-disabled=${off ? 'true' : undefined} aria-describedby=${id && `${id}-how`}
+      onPointerDown=${onPress} onPointerUp=${letGo} onPointerCancel=${letGo} onPointerLeave=${letGo} onBlur=${letGo} onKeyDown=${onKey} onKeyUp=${onKey}
+      onContextMenu=${(event) => event.preventDefault()}>
+      <span class="fill" aria-hidden="true"></span><span class="label">${label}</span>
+    </button>
+    <p class="quiet" id=${id && `${id}-how`} role="status">${stale ? t('hold.stale') : off && why ? why : said[state]}</p>
+    ${problem && html`<${ProblemNote} problem=${problem} />`}
+  </div>`;
+}

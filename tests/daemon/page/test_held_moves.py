@@ -1,0 +1,124 @@
+"""A button that moves the arm while it is held: back to the target, after a run that ended early."""
+
+import asyncio
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from daemon.cell import held_button
+from tests.daemon.cell_under_test import Bench, Parts, serving, settings_for
+from tests.daemon.fakes import Gate
+from tests.daemon.page.conftest import page_of
+from tests.support.waiting import LIMIT_S, eventually
+
+pytestmark = [pytest.mark.asyncio(loop_scope="module"), pytest.mark.slow]
+
+BACK = "Back to the target"
+
+
+@pytest.fixture(autouse=True)
+def _patient(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A lease that a busy machine keeps; that silence ends it in time is tried in tests/daemon/runs."""
+    monkeypatch.setattr(held_button, "LEASE_S", 10.0)
+
+
+async def aborted_away(bench: Bench, parts: Parts) -> Any:
+    """A run that was aborted on the way to its second picture; the pose of its first one. The arm stands elsewhere."""
+    parts.robot.before_move = gate = Gate(2)
+    started = (await bench.client.post("/calibrate")).json()
+    await asyncio.wait_for(gate.reached.wait(), LIMIT_S)
+    seen_at = bench.robot.base_T_flange.copy()
+    assert (await bench.client.post(started["links"]["abort"])).json()["state"] == "aborted"
+    bench.robot.base_T_flange[2, 3] += 200.0
+    bench.robot.goals.clear()
+    parts.robot.before_move = None
+    parts.camera.blind = lambda number: bool(np.abs(bench.robot.base_T_flange - seen_at).max() > 1.0)
+    return seen_at
+
+
+async def ends(page: Any, how: str) -> None:
+    """Let go of the button that is held with the key, in one of the ways."""
+    if how == "key":
+        await page.keyboard.up("Enter")
+    elif how == "Escape":
+        await page.keyboard.press("Escape")
+    elif how == "blur":
+        await page.evaluate("document.activeElement.blur()")
+    elif how == "window":
+        await page.evaluate("window.dispatchEvent(new Event('blur'))")
+    elif how == "hidden":
+        await page.evaluate("document.dispatchEvent(new Event('visibilitychange'))")
+    else:
+        await page.context.set_offline(True)
+
+
+async def test_after_an_abort_one_hold_brings_the_arm_back_to_the_target(browser: Any, tmp_path: Path) -> None:
+    parts = Parts()
+    async with serving(settings_for(tmp_path), parts) as bench, page_of(browser) as page:
+        seen_at = await aborted_away(bench, parts)
+        await page.goto(f"{bench.url}/page/?lang=en#/cell")
+        button = page.get_by_role("button", name=BACK)
+        await button.wait_for()
+        assert await page.locator("main .primary").locator("visible=true").count() == 1
+        await button.focus()
+        await page.keyboard.down("Enter")
+        await eventually(lambda: bool(np.allclose(bench.robot.base_T_flange, seen_at, atol=1e-9)))
+        await page.keyboard.up("Enter")
+        assert len(bench.robot.goals) >= 10
+        await page.get_by_text("Not calibrated yet.").wait_for()
+        assert not bench.robot.armed
+
+
+@pytest.mark.parametrize("how", ["key", "Escape", "blur", "window", "hidden", "offline"])
+async def test_the_arm_stops_however_the_button_is_let_go(browser: Any, tmp_path: Path, how: str) -> None:
+    parts = Parts()
+    async with serving(settings_for(tmp_path), parts) as bench, page_of(browser) as page:
+        await aborted_away(bench, parts)
+        parts.robot.before_move = gate = Gate(3)
+        await page.goto(f"{bench.url}/page/?lang=en#/cell")
+        button = page.get_by_role("button", name=BACK)
+        await button.focus()
+        await page.keyboard.down("Enter")
+        await asyncio.wait_for(gate.reached.wait(), LIMIT_S)
+        assert bench.robot.armed
+        await ends(page, how)
+        await eventually(lambda: not bench.robot.armed)
+        assert bench.application.cell.buttons == {}
+        run = (await bench.client.get("/runs", params={"limit": 1})).json()["runs"][0]
+        over = await bench.run_over(run["links"]["self"])
+        assert (over["kind"], over["state"], len(bench.robot.goals)) == ("jog", "finished", 3)
+
+
+@pytest.mark.parametrize("how", ["up", "leaves", "second"])
+async def test_a_pointer_that_leaves_or_is_joined_by_another_lets_go(browser: Any, tmp_path: Path, how: str) -> None:
+    parts = Parts()
+    async with serving(settings_for(tmp_path), parts) as bench, page_of(browser) as page:
+        await aborted_away(bench, parts)
+        parts.robot.before_move = gate = Gate(3)
+        await page.goto(f"{bench.url}/page/?lang=en#/cell")
+        box = await page.get_by_role("button", name=BACK).bounding_box()
+        await page.mouse.move(box["x"] + 20, box["y"] + 20)
+        await page.mouse.down()
+        await asyncio.wait_for(gate.reached.wait(), LIMIT_S)
+        if how == "up":
+            await page.mouse.up()
+        elif how == "leaves":
+            await page.mouse.move(box["x"] + 20, box["y"] + box["height"] + 200)
+        else:
+            await page.evaluate("document.body.dispatchEvent(new PointerEvent('pointerdown', { bubbles: true }))")
+        await eventually(lambda: not bench.robot.armed)
+        assert len(bench.robot.goals) == 3
+
+
+async def test_a_short_press_moves_nothing(browser: Any, tmp_path: Path) -> None:
+    parts = Parts()
+    async with serving(settings_for(tmp_path), parts) as bench, page_of(browser) as page:
+        await aborted_away(bench, parts)
+        asked: list[Any] = []
+        page.on("request", lambda request: asked.append(request.url) if request.method == "POST" else None)
+        await page.goto(f"{bench.url}/page/?lang=en#/cell")
+        await page.get_by_role("button", name=BACK).press("Enter", delay=300)
+        await page.get_by_text("Hold: the arm moves until you let go.").wait_for()
+        assert (bench.robot.goals, [url for url in asked if "jog" in url]) == ([], [])
