@@ -1,6 +1,7 @@
 """Worker threads for computations that would block the event loop: detection, solving, encoding, merging."""
 
 import asyncio
+import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from typing import ParamSpec, TypeVar
@@ -24,9 +25,10 @@ class Workers:
     A job whose caller is cancelled before the job has begun is dropped.
     """
 
-    def __init__(self, clock: Clock, threads: int = THREADS) -> None:
+    def __init__(self, clock: Clock, threads: int = THREADS, niceness: int = 0) -> None:
+        """`niceness` is of these threads alone, by Linux's nice(2): the rest of the process goes before them."""
         self._clock, self._max_jobs = clock, threads + MAX_WAITING
-        self._threads = ThreadPoolExecutor(threads, thread_name_prefix="worker")
+        self._threads = ThreadPoolExecutor(threads, "worker", os.nice, (niceness,))
         self._began_s: dict[int, float] = {}
         self._waiting: set[int] = set()
         self._jobs = 0

@@ -1,6 +1,7 @@
 """Merges and registrations that viewers ask for: one at a time, a few waiting, beside a run and the watchdog."""
 
 import asyncio
+import os
 import threading
 from collections.abc import AsyncIterator
 from pathlib import Path
@@ -139,3 +140,10 @@ async def test_a_job_whose_caller_has_left_is_dropped() -> None:
     await workers.run(ran.append, "third")
     assert ran == ["third"]
     workers.close()
+
+
+async def test_a_merge_goes_behind_everything_else_of_the_daemon(bench: Bench) -> None:
+    ours = os.getpriority(os.PRIO_PROCESS, 0)
+    for workers, behind in ((bench.application.merge_workers, min(10, 19 - ours)), (bench.application.workers, 0)):
+        assert await workers.run(os.getpriority, os.PRIO_PROCESS, 0) == ours + behind
+    assert os.getpriority(os.PRIO_PROCESS, 0) == ours

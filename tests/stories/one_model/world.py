@@ -43,7 +43,6 @@ from tests.support.waiting import LIMIT_S, eventually, settle
 MAY = ("admin", "operator")
 """Names of the keys that may move the arm; the others: "viewer", "nobody" (no key), "wrong" (none of this cell)."""
 WAIT_S = 30.0
-PLC_S = 1.0
 
 
 @cache
@@ -269,7 +268,7 @@ class World:
             await self.plc.sets(bits)
             with contextlib.suppress(TimeoutError):
                 if bits in (ControlBit.TRIGGER_CALIBRATE, ControlBit.TRIGGER_VERIFY):
-                    await self.plc.waits(StatusBit.TRIGGER_ACK, within_s=PLC_S)
+                    await self.plc.waits(StatusBit.TRIGGER_ACK, within_s=WAIT_S)
             await self._find_the_plcs_run()
         finally:
             self.witness.asking -= 1
