@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from calibration.transforms import difference, rotation_from_vector, transform
-from daemon.cell.held_button import LEASE_S, HeldButton
+from daemon.cell.held_button import HeldButton
 from daemon.errors import NotHeld
 from daemon.runs.held_move import MAX_STEP_MM, MAX_STEP_RAD, steps_between
 from tests.daemon.access_keys import bearer, with_keys
@@ -20,6 +20,12 @@ from tests.daemon.fakes import Gate
 from tests.support.waiting import LIMIT_S, eventually
 
 HOLD = "held-by-a-test"
+
+
+@pytest.fixture
+def patient(monkeypatch: pytest.MonkeyPatch) -> None:
+    """On a busy machine a word may come late; these tests are not about that."""
+    monkeypatch.setattr("daemon.cell.held_button.LEASE_S", LIMIT_S)
 
 
 def to(base_T_flange: Any, **others: Any) -> dict[str, Any]:
@@ -71,6 +77,7 @@ async def begins(bench: Bench, body: dict[str, Any]) -> dict[str, Any]:
     return run
 
 
+@pytest.mark.usefixtures("patient")
 async def test_held_to_the_end_the_arm_comes_there_by_short_steps_and_is_disarmed(bench: Bench) -> None:
     stood, there = bench.robot.base_T_flange.copy(), beside(bench, 90.0, 9.0)
     run = await begins(bench, to(there))
@@ -96,7 +103,10 @@ async def test_a_request_that_nobody_holds_arms_and_moves_nothing(bench: Bench) 
 
 
 @pytest.mark.parametrize("how", ["released", "silent"])
-async def test_let_go_or_lost_during_a_step_the_arm_is_stopped_and_goes_no_farther(tmp_path: Path, how: str) -> None:
+async def test_let_go_or_lost_during_a_step_the_arm_is_stopped_and_goes_no_farther(
+    tmp_path: Path, how: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("daemon.cell.held_button.LEASE_S", LIMIT_S if how == "released" else 3.0)
     parts = Parts()
     parts.robot.before_move = gate = Gate(2)
     async with serving(settings_for(tmp_path), parts) as bench:
@@ -115,6 +125,7 @@ async def test_let_go_or_lost_during_a_step_the_arm_is_stopped_and_goes_no_farth
         assert len(bench.robot.goals) == 2
 
 
+@pytest.mark.usefixtures("patient")
 async def test_an_abort_ends_it_though_the_button_is_held(tmp_path: Path) -> None:
     parts = Parts()
     parts.robot.before_move = gate = Gate(2)
@@ -126,6 +137,7 @@ async def test_an_abort_ends_it_though_the_button_is_held(tmp_path: Path) -> Non
         assert (ended["state"], bench.robot.armed, len(bench.robot.goals)) == ("aborted", False, 2)
 
 
+@pytest.mark.usefixtures("patient")
 async def test_a_robot_that_comes_elsewhere_than_it_was_sent_is_not_sent_on(bench: Bench) -> None:
     bench.robot.drift_mm = 3.0
     run = await begins(bench, to(beside(bench)))
@@ -173,6 +185,7 @@ async def test_only_who_asked_for_the_motion_holds_it_and_only_by_its_name(tmp_p
         assert (over.json()["state"], bench.robot.armed) == ("finished", False)
 
 
+@pytest.mark.usefixtures("patient")
 async def test_in_a_run_by_hand_a_held_move_comes_between_two_views(bench: Bench) -> None:
     run = (await bench.client.post("/calibrate", json={"manual": True})).json()
     there = beside(bench, 30.0)
@@ -185,16 +198,14 @@ async def test_in_a_run_by_hand_a_held_move_comes_between_two_views(bench: Bench
 
 
 async def test_words_that_were_kept_on_the_way_extend_nothing() -> None:
-    loop, over = asyncio.get_running_loop(), asyncio.Event()
+    over = asyncio.Event()
     button = HeldButton("Ann")
     button.watch(over.set)
-    began_s = loop.time()
-    for at_s in (10.0, 10.1, 10.2):
+    for at_s in (10.0, 1000.0, 2000.0):
         button.renew("Ann", at_s)
-    await asyncio.wait_for(over.wait(), LIMIT_S)
-    assert loop.time() - began_s < LEASE_S + 0.2, "three words that came at once are one"
+    await asyncio.wait_for(over.wait(), LIMIT_S)  # as one word: a lease from the last one's clock would last 2000 s
     with pytest.raises(NotHeld):
-        button.renew("Ann", 10.3)
+        button.renew("Ann", 2000.1)
 
 
 def test_steps_are_short_on_a_straight_line_and_end_at_the_pose() -> None:
