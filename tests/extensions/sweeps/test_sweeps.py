@@ -19,6 +19,7 @@ from daemon.errors import NotStill
 from daemon.model.records import AppliedCalibration, CalibrationRecord
 from drivers.errors import DeviceError, LinkLost, StreamStalled, SweepNeeded
 from drivers.interfaces import LinkHealth, PoseReading, ScannedCloud
+from extensions.sweeps.errors import NothingOnPath
 from extensions.sweeps.service import SweepService
 from registration.profiles.profile_block import ProfileBlock
 from tests.daemon.calibrations import beside, document_with_covariance
@@ -221,6 +222,15 @@ async def test_clocks_that_do_not_overlap_are_named(sweeping: Sweeping) -> None:
     await sweeping.until(begun, lambda sweep: sweep.profiles == 2)
     ended = await sweeping.end(begun)
     assert (ended["state"], ended["problem"]["code"]) == ("failed", "nothing-on-path")
+
+
+@pytest.mark.parametrize(
+    ("left_out", "first"), [(4, "check that the part is within"), (1100, "check the sensor's clock")]
+)
+def test_profiles_that_are_empty_are_told_from_a_clock_that_is_off(left_out: int, first: str) -> None:
+    error = NothingOnPath(1104, left_out)
+    assert f"{1104 - left_out} were taken on it and are empty, {left_out} before or after it" in error.what
+    assert error.fix.startswith(first)
 
 
 async def test_a_sweep_ends_before_it_takes_the_room_of_a_run(sweeping: Sweeping) -> None:
