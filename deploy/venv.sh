@@ -39,7 +39,7 @@ say "installing into $FOLDER ..."
 echo /opt/handeyed/extras >"$(echo "$FOLDER"/lib/python3.*/site-packages)/handeyed-extras.pth"
 share="$FOLDER/share/handeyed" # what a plant reads, loads into the controller, PLC and MES, and gives to its Prometheus
 mkdir -p "$share/docs" "$share/deploy"
-(cd "$SOURCE/docs" && cp -R ./*.md ./*.csv ./*.json ./*.ipynb page decisions start use why "$share/docs/")
+(cd "$SOURCE/docs" && cp -R ./*.md ./*.svg ./*.csv ./*.json ./*.ipynb page decisions start use why "$share/docs/")
 (cd "$SOURCE/deploy" && cp -R handeyed.example.toml fleet prometheus grafana rapid "$share/deploy/")
 cp "$SOURCE/SECURITY.md" "$SOURCE/CHANGELOG.md" "$share/"
 "$FOLDER/bin/handeyed" version >/dev/null || fail "the new release does not run"

@@ -28,8 +28,8 @@ export function MoveArm({ arm, open: first = false, primary = false }) {
   useEffect(() => {
     if (open) drawer.current?.focus();
   }, [open]);
-  const onKey = (event) => event.key === 'Escape' && close();
-  return html`<button type="button" class=${primary ? 'primary' : ''} ref=${button} aria-expanded=${open} aria-controls="move" onClick=${() => setOpen(!open)}>${t('place.jog')}</button>
+  const onKey = (event) => open && event.key === 'Escape' && close(); // on the button, too: the drawer has the focus a moment later
+  return html`<button type="button" class=${primary ? 'primary' : ''} ref=${button} aria-expanded=${open} aria-controls="move" onClick=${() => setOpen(!open)} onKeyDown=${onKey}>${t('place.jog')}</button>
     ${open && html`<aside class="drawer card" id="move" tabindex="-1" ref=${drawer} aria-labelledby="move-title" onKeyDown=${onKey}>
       <header><h2 id="move-title">${t('move.title')}</h2><button type="button" class="round" aria-label=${t('close')} onClick=${close}>✕</button></header>
       <${JogControls} arm=${arm} joints_deg=${robot.value?.joints_deg} send=${send} busy=${running.value ? t('move.running') : ''} />

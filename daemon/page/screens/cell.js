@@ -55,10 +55,9 @@ export function Cell({ moving = false }) {
   const returning = held || (running.value && run.value.id === back); // its button stays, with the focus on it
   return html`<div class="cockpit cell">
     <${Bar} mark=${SIGNS[state]} sentence=${t(`cell.${state}`)} about=${ABOUT[state](drift.data, to)}>
-      ${!away && !returning && html`<${MoveArm} arm=${arm.data} open=${moving} />`}
+      ${!returning && html`<${MoveArm} arm=${arm.data} open=${moving} primary=${away && !to} />`}
       ${calibration && !away && !returning && html`<${QuickCheck} />`}
       ${returning ? null : state === 'running' ? html`<a class="button primary" href=${linkTo('run')}>${t('reasons.look')}</a>` : html`<a class="button ${away ? '' : 'primary'}" href=${linkTo('calibrate')}>${t('cell.calibrate')}</a>`}
-      ${away && html`<${MoveArm} arm=${arm.data} open=${moving} primary=${!to} />`}
       ${to && (away || returning) && html`<${HeldMove} id="hold-back" key="back" to=${to} began=${setBack} onHeld=${setHeld} label=${t('held.back')} primary disabled=${!may('operator') || (running.value && !held)} why=${t(may('operator') ? 'move.running' : 'missing.role')} />`}
     </${Bar}>
     <${Card} title=${t('cell.camera')} id="camera" flush><${LivePicture} onSeen=${setSeen} /></${Card}>
