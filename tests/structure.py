@@ -19,11 +19,11 @@ ROOMS = (*CORE, "extensions")
 
 MAX_UNITS = {"calibration": 24, "daemon": 23, "mock_robot": 16, "registration": 10}
 MAX_WEIGHTS = {
-    "lines of Python of the core": 97_275,
-    "lines of Python with the extensions": 100_776,
+    "lines of Python of the core": 97_281,
+    "lines of Python with the extensions": 100_783,
     "files of the fullest folder": 52,
-    "private functions used once": 838,
-    "of them of at most 8 lines": 415,
+    "private functions used once": 839,
+    "of them of at most 8 lines": 416,
     "functions of 8 parameters or more": 37,
     "pairs of a dataclass and a document with the same fields": 49,
     "converters between them: of, of_row, of_record, row": 66,

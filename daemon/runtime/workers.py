@@ -4,6 +4,7 @@ import asyncio
 import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from typing import ParamSpec, TypeVar
 
 from daemon.errors import WorkersBusy
@@ -26,9 +27,9 @@ class Workers:
     """
 
     def __init__(self, clock: Clock, threads: int = THREADS, niceness: int = 0) -> None:
-        """`niceness` is of these threads alone, by Linux's nice(2): the rest of the process goes before them."""
+        """`niceness` is of these threads alone: the rest of the process goes before them."""
         self._clock, self._max_jobs = clock, threads + MAX_WAITING
-        self._threads = ThreadPoolExecutor(threads, "worker", os.nice, (niceness,))
+        self._threads = ThreadPoolExecutor(threads, "worker", _be_nice, (niceness,))
         self._began_s: dict[int, float] = {}
         self._waiting: set[int] = set()
         self._jobs = 0
@@ -68,3 +69,10 @@ class Workers:
     def close(self) -> None:
         """Accept no new jobs and cancel the queued ones; does not wait for the running ones."""
         self._threads.shutdown(wait=False, cancel_futures=True)
+
+
+def _be_nice(niceness: int) -> None:
+    """Lower the priority of this thread, as Linux's nice(2) does; where a sandbox forbids that, it stays."""
+    if niceness:
+        with suppress(PermissionError):
+            os.nice(niceness)

@@ -59,8 +59,8 @@ def write(taken: list[tuple[Image.Image, float]], file: Path) -> None:
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("url")
-    parser.add_argument("--during", default="run/{run}")
-    parser.add_argument("--after", default="result/{run}")
+    parser.add_argument("--during", default="calibrate/{run}")
+    parser.add_argument("--after", default="calibrate/{run}")
     parser.add_argument("--out", type=Path, default=FOLDER / "a-run.webp")
     given = parser.parse_args()
     write(take(given.url.rstrip("/"), given.during, given.after), given.out)
