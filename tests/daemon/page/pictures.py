@@ -1,7 +1,7 @@
-"""Pictures of the page for docs/page.md and the README: `python -m tests.daemon.page.pictures URL`.
+"""Pictures of the page for docs/page.md: `python -m tests.daemon.page.pictures URL`.
 
 URL is that of `make cell`, calibrated and with a scan; it is verified, a touch test and a rig are stored, and it is
-calibrated once more with the arm's errors. Writes docs/page/NAME.webp, and NAME-dark.webp for the README.
+calibrated once more with the arm's errors. Writes docs/page/NAME.webp.
 
 `python -m tests.daemon.page.pictures URL --all FOLDER` writes each screen whole, at each width, in each theme and
 language, as FOLDER/WIDTH-THEME-LANGUAGE-NAME.png, and prints those that are wider than their window.
@@ -86,22 +86,16 @@ def main(url: str) -> None:
     prepare(url)
     with sync_playwright() as started:
         browser = started.chromium.launch(executable_path=CHROMIUM, args=ARGUMENTS)
-        for theme, names in (("light", None), ("dark", {"cell", "result"})):
-            page = browser.new_context(viewport={"width": WIDTH, "height": HEIGHT}, color_scheme=theme).new_page()
-            for name, fragment in places(url):
-                if names is None or name in names:
-                    page.goto("about:blank")
-                    page.goto(f"{url}/page/?lang=en&theme={theme}#/{fragment}")
-                    page.wait_for_timeout(SETTLE_MS)
-                    _write(page, FOLDER / f"{name}{'' if names is None else '-dark'}.webp")
-            for name, (place, card) in FARTHER_DOWN.items() if names is None else ():
-                page.goto("about:blank")
-                page.goto(f"{url}/page/?lang=en&theme={theme}#/{place}")
-                page.wait_for_timeout(SETTLE_MS)
-                page.locator(card).evaluate(
+        page = browser.new_context(viewport={"width": WIDTH, "height": HEIGHT}, color_scheme="light").new_page()
+        for name, fragment in [*places(url), *((name, place) for name, (place, _) in FARTHER_DOWN.items())]:
+            page.goto("about:blank")
+            page.goto(f"{url}/page/?lang=en&theme=light#/{fragment}")
+            page.wait_for_timeout(SETTLE_MS)
+            if name in FARTHER_DOWN:
+                page.locator(FARTHER_DOWN[name][1]).evaluate(
                     "(card, above) => { card.scrollIntoView(); scrollBy(0, -above); }", HEADER_PX
                 )
-                _write(page, FOLDER / f"{name}.webp")
+            _write(page, FOLDER / f"{name}.webp")
         browser.close()
 
 
