@@ -27,6 +27,7 @@ QUICK: dict[str, tuple[str, ...]] = {
     "daemon.drift": ("--cells", "30"),
     "daemon.egm": ("--seconds", "5"),
     "daemon.half_open": ("--connections", "200", "--requests", "100"),
+    "daemon.held_move": ("--holds", "3"),
     "daemon.http": ("--rounds", "8"),
     "daemon.http_fuzz": ("--streams", "1000"),
     "daemon.link": ("--schedules", "10", "--reads", "10", "--reconnects", "50"),

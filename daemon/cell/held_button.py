@@ -7,7 +7,7 @@ from math import inf
 
 from daemon.errors import NotHeld
 
-LEASE_S = 0.4
+LEASE_S = 0.3
 """The arm is stopped when the last word that the button is held was sent longer ago than this."""
 
 FIRST_S = 3.0

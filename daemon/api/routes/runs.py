@@ -122,7 +122,7 @@ async def jog_in_run(request: Request, app: App, run_id: Identifier, body: JogBo
 async def hold(app: App, run_id: Identifier, body: Annotated[HoldRequest, Depends(JsonBody(HoldRequest))]) -> Response:
     """Of a jog with `to`: its button is held, which is said every 0.1 s; or, with `released`, it was let go.
 
-    The arm is stopped and disarmed when the last word was sent more than 0.4 s ago, and a later one is refused. Only
+    The arm is stopped and disarmed when the last word was sent more than 0.3 s ago, and a later one is refused. Only
     who asked for the motion can hold it. No safety function.
     """
     await app.operations.hold(run_id, body)

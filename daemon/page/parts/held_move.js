@@ -1,5 +1,5 @@
 // The arm moves to a pose while this button is held, and stands when it is let go. The page says ten times a second that it is
-// held; the daemon stops the arm when it hears nothing for 0.4 s. A web page is no enabling device.
+// held; the daemon stops the arm when it hears nothing for 0.3 s. A web page is no enabling device.
 import { html, useEffect, useRef, useState } from '../vendor/preact.js';
 import { ask, newKey } from '../state/ask.js';
 import { lost, note, old } from '../state/now.js';
