@@ -35,7 +35,8 @@ class Approaching:
 @dataclass
 class Witness:
     """Notes what is wrong. `asking`: requests on their way of somebody who may; `run`: one that was asked for and that
-    nobody has seen the end of. `approaching`: what an approach on its way asks for.
+    nobody has seen the end of. `approaching`: what an approach on its way asks for; `beyond`: what led its tip beyond
+    the point meanwhile, which is wrong unless another run did.
     """
 
     cell: RunningCell
@@ -44,6 +45,7 @@ class Witness:
     asking: int = 0
     run: str = ""
     approaching: Approaching | None = None
+    beyond: list[str] = field(default_factory=list)
     wrong: list[str] = field(default_factory=list)
     departures: int = 0
 
@@ -93,7 +95,7 @@ class Witness:
         if self.approaching is not None:
             left_mm = float(self.approaching.left_mm(flanges).min())
             if left_mm < -TIP_SLACK_MM:
-                self.wrong.append(f"tip: departure {self.departures} leads {-left_mm:.1f} mm beyond the point")
+                self.beyond.append(f"tip: departure {self.departures} leads {-left_mm:.1f} mm beyond the point")
 
     def check_stopped(self, what: str) -> None:
         """At this moment the arm must stand and be disarmed."""

@@ -113,7 +113,9 @@ class World:
                 await asyncio.sleep(0.01)
 
     async def _robot_is_missing(self) -> bool:
-        return "robot" in str((await self.read("/ready", "viewer"))["calibrate"]["reasons"])
+        answer = await self.asks("viewer", "GET", "/ready")  # 503 before the first calibration is applied
+        assert answer is not None
+        return "robot" in str(answer.json()["calibrate"]["reasons"])
 
     async def end(self, how: signal.Signals) -> None:
         """The process ends by that signal; then nobody consents to anything."""
@@ -222,9 +224,11 @@ class World:
         body |= {} if direction is None else {"along": direction}
         try:
             answer = await self.asks(who, "POST", "/touch/approach", body, wait=WAIT_S)
+            if answer is None or answer.status_code != 409:  # else it did not begin: what moved was another run
+                self.witness.wrong += self.witness.beyond
             self._take(who, answer, "approach")
         finally:
-            self.witness.approaching = None
+            self.witness.approaching, self.witness.beyond = None, []
 
     async def applies(self, who: str, index: int) -> None:
         wanted = self.calibrations[index % len(self.calibrations)]
