@@ -1,4 +1,50 @@
-"""Errors of the daemon. Each has a stable `code`, a sentence `what` and a `fix`; access/ and api/ have more of them."""
+"""Errors of the daemon. Each has a stable `code`, a sentence `what` and a `fix`.
+
+DaemonError
+├── RunInProgress         one run at a time; `holder` says which
+├── CellBusy              the cell is held; `holder` says by what
+├── CellNotReady          the robot or a device is not ready; `reasons`
+│   ├── InterlockOpen     an interlock of the cell does not allow motion; `interlocks`
+│   └── AbortHeld         a PLC holds abort, or set it while the run was being prepared; `holders`
+├── NotStill              the arm moved during a capture, or did not come to rest
+├── PoseMismatch          the arm reports another pose than the commanded one
+├── StaleCaptureError     a device repeated its last capture from another pose
+├── PictureUnusable       the camera's picture cannot be used
+├── NoPoses               there are no poses, or too few
+├── ArmUnknown            the settings name no arm, whose errors were asked for
+├── ToleranceLoosened     a request states a larger tolerance than the settings allow; `stated_mm`, `allowed_mm`
+├── PoseRefused           a pose lies outside what the settings allow; `station`
+│   └── PathRefused       the flange would leave the box on the way to a pose; `along`, `flange_mm`, `outside_mm`
+├── NotFound              no such run, calibration, scan, frame, view or page
+├── RunOver               the run has ended; there is nothing to abort
+├── StopUnconfirmed       the run has ended; the controller has not confirmed that the arm is stopped and disarmed
+├── NotWaiting            the run drives the arm itself, it waits for no operator
+├── NotHeld               no motion waits for a button that is said to be held
+├── SamePose              the arm stands where a view was taken already
+├── TooFewViews           a manual run cannot be finished yet
+├── OperatorTimeout       a manual run received no request in time
+├── RunStalled            a step of a run exceeded its time limit
+├── CursorUnknown         the cursor of a page does not exist
+├── AppliedMeanwhile      something else is active than the request expects
+├── BackupUnusable        a backup cannot be restored
+├── NoCalibration         no calibration is active
+├── CalibrationUnusable   a calibration must not, or cannot, be applied
+├── TargetNotSeen         too few stations saw the target
+├── NoScanner             the settings name no scanner
+├── ScanEmpty             the scan has no views
+├── WorkersBusy           too many merges and registrations wait already
+├── StorageError          the store could not be read or written; nothing stored before is lost
+│   ├── StorageFull       the disk is full
+│   ├── StorageInUse      another daemon uses the store
+│   ├── StorageInconsistent   the store is damaged, cut off, moved or replaced; nothing is written
+│   └── StorageTooNew     written by a newer handeyed
+├── PortTaken             the daemon cannot listen where the settings say
+├── AnswerRefused         an answer of the first set-up that cannot be
+├── SetupConflict         the cell is set up already, or its settings file is another than was read
+├── (access/errors.py)    keys, roles, certificates
+├── (api/http_errors.py)  errors of HTTP requests
+└── Stopping              the daemon is shutting down
+"""
 
 from typing import TYPE_CHECKING, ClassVar
 

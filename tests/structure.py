@@ -19,8 +19,8 @@ ROOMS = (*CORE, "extensions")
 
 MAX_UNITS = {"calibration": 24, "daemon": 23, "mock_robot": 16, "registration": 10}
 MAX_WEIGHTS = {
-    "lines of Python of the core": 97_281,
-    "lines of Python with the extensions": 100_783,
+    "lines of Python of the core": 97_416,
+    "lines of Python with the extensions": 100_918,
     "files of the fullest folder": 52,
     "private functions used once": 839,
     "of them of at most 8 lines": 416,

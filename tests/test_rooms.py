@@ -1,6 +1,8 @@
 """The counts of `python -m tests.structure` stay within their limits."""
 
+import ast
 import re
+from pathlib import Path
 
 import pytest
 
@@ -44,6 +46,15 @@ def test_no_module_is_longer_than_contributing_says() -> None:
 def test_nothing_gets_heavier() -> None:
     heavier = {one.about: one.count for one in structure.weights() if one.count > structure.MAX_WEIGHTS[one.about]}
     assert heavier == {}
+
+
+@pytest.mark.parametrize(
+    "file", [file for file in structure.python_files(*structure.ROOMS) if file.stem in ("errors", "http_errors")]
+)
+def test_the_tree_of_a_rooms_errors_names_its_classes(file: Path) -> None:
+    module = ast.parse(file.read_text(encoding="utf-8"))
+    classes = {node.name for node in module.body if isinstance(node, ast.ClassDef)}
+    assert set(re.findall(r"── (\w+)", ast.get_docstring(module) or "")) <= classes
 
 
 def test_functions_are_verbs() -> None:

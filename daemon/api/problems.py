@@ -1,8 +1,6 @@
 """Map errors to problem details (RFC 9457): the status from one table, code and fix from the error."""
 
-import json
 from dataclasses import replace
-from pathlib import Path
 from typing import Any, Literal
 
 from fastapi import Request, Response
@@ -20,14 +18,90 @@ from calibration.errors import (
     UndeterminedError,
 )
 from daemon import errors
+from daemon.access import errors as access
 from daemon.api import http_errors
 from daemon.api.negotiation import TEXT, wants_text
 from daemon.http.problem_details import MEDIA_TYPE, PlaceProblem, Problem, reason_phrase
+from daemon.reports.errors import ReportExtraMissing, ReportTooSlow
 from drivers import errors as device
-from registration.errors import RegistrationError
+from registration.errors import CloudIOError, CloudUnsupported, RegistrationError
 
-STATUS: dict[str, int] = json.loads(Path(__file__).with_name("problem_status.json").read_text("utf-8"))
-"""Status by the name of an error's class; the nearest base class decides."""
+STATUS: dict[type[Exception], int] = {
+    errors.RunInProgress: 409,
+    errors.CellBusy: 409,
+    errors.SetupConflict: 409,
+    errors.AnswerRefused: 422,
+    errors.RunOver: 409,
+    errors.NotWaiting: 409,
+    errors.NotHeld: 409,
+    errors.SamePose: 409,
+    errors.TooFewViews: 409,
+    errors.NoCalibration: 409,
+    errors.CalibrationUnusable: 409,
+    errors.NoScanner: 409,
+    errors.ScanEmpty: 409,
+    errors.NoPoses: 409,
+    errors.ArmUnknown: 409,
+    errors.NotStill: 409,
+    http_errors.RequestInFlight: 409,
+    errors.AppliedMeanwhile: 412,
+    errors.WorkersBusy: 429,
+    http_errors.KeyReused: 422,
+    errors.CursorUnknown: 422,
+    http_errors.HostNotAllowed: 421,
+    access.KeyMissing: 401,
+    access.RoleTooLow: 403,
+    access.SetupRefused: 403,
+    access.KeyExists: 409,
+    access.PairingRefused: 403,
+    access.TooManyAttempts: 429,
+    errors.CellNotReady: 503,
+    errors.Stopping: 503,
+    errors.PoseRefused: 422,
+    errors.ToleranceLoosened: 422,
+    http_errors.InvalidRequest: 422,
+    errors.TargetNotSeen: 422,
+    errors.StopUnconfirmed: 502,
+    errors.PictureUnusable: 502,
+    errors.PoseMismatch: 502,
+    errors.StaleCaptureError: 502,
+    errors.NotFound: 404,
+    http_errors.CrossOrigin: 403,
+    http_errors.BodyTooLarge: 413,
+    http_errors.BodyMalformed: 400,
+    http_errors.RequestMalformed: 400,
+    http_errors.UnknownMediaType: 415,
+    http_errors.NotAcceptable: 406,
+    ReportExtraMissing: 406,
+    ReportTooSlow: 429,
+    http_errors.CloudTooLarge: 413,
+    http_errors.TooManyListeners: 503,
+    errors.StorageFull: 507,
+    errors.StorageInconsistent: 503,
+    errors.StorageError: 500,
+    errors.DaemonError: 500,
+    device.DeviceUnreachable: 503,
+    device.DeviceTaken: 503,
+    device.WrongDevice: 503,
+    device.LinkLost: 503,
+    device.DeviceTimeout: 504,
+    device.GarbledAnswer: 502,
+    device.NothingMeasured: 502,
+    device.SweepNeeded: 409,
+    device.MoveRefused: 409,
+    device.MoveFailed: 502,
+    device.DeviceError: 502,
+    DocumentError: 422,
+    DetectionError: 422,
+    UndeterminedError: 422,
+    ComparisonError: 409,
+    ExportRefused: 409,
+    CalibrationError: 422,
+    CloudUnsupported: 415,
+    CloudIOError: 500,
+    RegistrationError: 422,
+}
+"""Status by error class; the nearest base class decides."""
 
 RETRY_AFTER_S = {429: "5", 503: "2", 504: "2"}
 """Retry-After by status."""
@@ -64,7 +138,7 @@ def status_of_kind(error: type[Exception]) -> int:
     """The status of a class of errors: its own `status`, as an extension's errors have; else that of the table, 500
     when neither it nor a base class is there."""
     stated: int | None = getattr(error, "status", None)
-    return stated or next((STATUS[kind.__name__] for kind in error.__mro__ if kind.__name__ in STATUS), 500)
+    return stated or next((STATUS[kind] for kind in error.__mro__ if kind in STATUS), 500)
 
 
 def problem_of(error: Exception) -> Problem:

@@ -1,5 +1,6 @@
 """Each named fault strikes a run: what the operator is told, and that the arm moves on a new start only."""
 
+import asyncio
 from pathlib import Path
 from re import search
 from typing import Any
@@ -87,4 +88,8 @@ async def _arm_stands_until_a_new_start(story: Plant) -> None:
     story.cell.controller.recover(story.cell.cell.clock())
     await story.operator.waits_until_ready()
     assert not story.cell.controller.armed
+    async with asyncio.timeout(LIMIT_S):
+        while not (told := await story.operator.client.get("/robot")).is_success:  # noqa: ASYNC110 - behind HTTP
+            await asyncio.sleep(0.02)
+    assert not told.json()["armed"]
     assert (story.cell.commanded_moves, story.cell.moving) == (moves, False)

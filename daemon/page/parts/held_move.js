@@ -10,12 +10,11 @@ const HOLD_MS = 1000; // before anything moves, as for every button that moves t
 const SAY_MS = 100;
 const SAY_LIMIT_S = 1;
 const MOST_WORDS = 3; // on the way at once: an answer that is late holds up no later word
-const MOVE_LIMIT_S = 1800;
 
 const pause = (ms) => new Promise((resolve) => setTimeout(resolve, ms));
 
-/** `to`: base_T_flange. `run`: of a calibration by hand, in which it moves; else a run of its own, whose id `began(id)` is told; `onHeld(held)`. */
-export function HeldMove({ to, run = null, began, onHeld, label, primary = false, disabled = false, why = '', id }) {
+/** `to`: base_T_flange; `began(id)` is told the run that moves there, `onHeld(held)` whether the button is held. */
+export function HeldMove({ to, began, onHeld, label, primary = false, disabled = false, why = '', id }) {
   const [state, setState] = useState('idle'); // idle, holding (for a second), moving
   const [problem, setProblem] = useState(null);
   const held = useRef(null); // the hold in progress: { name, since, path, heard, saying, timer }
@@ -55,18 +54,11 @@ export function HeldMove({ to, run = null, began, onHeld, label, primary = false
   const move = async (one) => {
     setState('moving');
     try {
-      const options = { method: 'POST', key: newKey(), body: { to, hold: one.name } };
-      if (run) {
-        one.path = run;
-        goOn(one);
-        await ask(`/runs/${encodeURIComponent(run)}/jog`, { ...options, limit_s: MOVE_LIMIT_S });
-      } else {
-        const { data } = await ask('/robot/jog', options);
-        one.path = data.id;
-        began?.(data.id);
-        if (held.current === one) await goOn(one);
-        else say(one, true).catch(() => {});
-      }
+      const { data } = await ask('/robot/jog', { method: 'POST', key: newKey(), body: { to, hold: one.name } });
+      one.path = data.id;
+      began?.(data.id);
+      if (held.current === one) await goOn(one);
+      else say(one, true).catch(() => {});
     } catch (error) {
       setProblem(error);
     }
