@@ -54,7 +54,9 @@ async def test_with_no_guess_at_all_it_turns_the_flange_a_little_and_finds_out(t
         for view in views[1 : 1 + run["stations"] - 3]:
             assert np.linalg.norm(here - view["base_T_flange"]["translation_mm"]) < 0.1
         words = (await story.operator.client.get(run["links"]["self"], headers=TEXT)).text
-        assert re.search(r"predicted U \d\.\d+ mm", words)
+        predicted = re.search(r"predicted U (\d\.\d+) mm", words)
+        assert predicted is not None and float(predicted[1]) < 1.5
+        assert run["result"]["expanded_mm"] <= run["planning"]["goal"]["tolerance_mm"]
 
 
 async def test_a_guess_50_mm_and_10_deg_off_is_as_good(tmp_path: Path) -> None:
