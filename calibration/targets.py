@@ -1,13 +1,16 @@
 """Planar targets: the coordinates of their points in mm, in the target's frame.
 
 x runs along a row (columns count along it), y runs down the columns, z points into the board, away from the
-camera that looks at it. The id of a point is its index, row by row. `kind` is the name in documents and settings.
+camera that looks at it. The id of a point is its index, row by row. Documents and settings hold the same classes:
+`kind` selects one there, the text below a field describes it, and its limits are checked when one is read.
 """
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
+
+from pydantic import ConfigDict, Field, PositiveFloat
 
 from calibration.errors import DetectionError
 from calibration.sentences.sentence import Sentence
@@ -17,6 +20,10 @@ if TYPE_CHECKING:
 
 Points = list[tuple[float, float, float]]
 """x, y, z in mm, in the order of the ids."""
+
+Count = Annotated[int, Field(ge=2, le=200)]
+MarkerCount = Annotated[int, Field(ge=1, le=200)]
+MarkerId = Annotated[int, Field(ge=0, le=10000)]
 
 _MARKERS = {
     **{f"DICT_{bits}X{bits}_{count}": count for bits in (4, 5, 6, 7) for count in (50, 100, 250, 1000)},
@@ -39,6 +46,18 @@ TAG_FAMILIES = {
 """OpenCV's dictionary of each AprilTag family."""
 
 
+def require_kind(schema: dict[str, Any]) -> None:
+    """A document names the kind of its target; only the code's own classes have it by default."""
+    del schema["properties"]["kind"]["default"]
+    schema["required"] = ["kind", *schema["required"]]
+
+
+DESCRIBED = ConfigDict(
+    extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True, json_schema_extra=require_kind
+)
+"""As documents are, the text below a field describes it there."""
+
+
 def _grid(columns: int, rows: int, pitch_mm: float) -> Points:
     return [(u * pitch_mm, v * pitch_mm, 0.0) for v in range(rows) for u in range(columns)]
 
@@ -54,10 +73,16 @@ def _array(points: Points) -> "Array":
 class Chessboard:
     """`columns` × `rows` inner corners; the origin is the first of them."""
 
-    kind: ClassVar = "chessboard"
-    columns: int
-    rows: int
-    pitch_mm: float
+    __pydantic_config__: ClassVar[ConfigDict] = DESCRIBED
+
+    kind: Literal["chessboard"] = field(default="chessboard", kw_only=True)
+    """Kind of target."""
+    columns: Count
+    """Points in a row: inner corners of a chessboard, squares of a ChArUco board, circles, or tags."""
+    rows: Count
+    """Rows of points, as columns."""
+    pitch_mm: PositiveFloat
+    """Distance of neighbouring points, mm; of asymmetric circles half the distance within a row."""
 
     @cached_property
     def points_mm(self) -> "Array":
@@ -69,13 +94,22 @@ class Chessboard:
 class Charuco:
     """`columns` × `rows` squares; its points are the inner corners, its origin the board's outer corner (as OpenCV)."""
 
-    kind: ClassVar = "charuco"
-    columns: int
-    rows: int
-    square_mm: float
-    marker_mm: float
+    __pydantic_config__: ClassVar[ConfigDict] = DESCRIBED
+
+    kind: Literal["charuco"] = field(default="charuco", kw_only=True)
+    """Kind of target."""
+    columns: Count
+    """Points in a row: inner corners of a chessboard, squares of a ChArUco board, circles, or tags."""
+    rows: Count
+    """Rows of points, as columns."""
+    square_mm: PositiveFloat
+    """Side of a square, mm."""
+    marker_mm: PositiveFloat
+    """Side of a marker with its black border, mm."""
     dictionary: str
+    """OpenCV's name of the markers' dictionary."""
     legacy: bool = False
+    """OpenCV's pattern before 4.6: boards with an even number of rows begin with a white square."""
 
     @cached_property
     def points_mm(self) -> "Array":
@@ -88,13 +122,22 @@ class Charuco:
 class CircleGrid:
     """Circle centres; asymmetric: OpenCV's, `pitch_mm` between neighbours in a row, odd rows shifted by half."""
 
-    kind: ClassVar = "circles"
+    __pydantic_config__: ClassVar[ConfigDict] = DESCRIBED
+
+    kind: Literal["circles"] = field(default="circles", kw_only=True)
+    """Kind of target."""
     layout: Literal["symmetric", "asymmetric"]
-    columns: int
-    rows: int
-    pitch_mm: float
+    """symmetric or asymmetric, as OpenCV has them."""
+    columns: Count
+    """Points in a row: inner corners of a chessboard, squares of a ChArUco board, circles, or tags."""
+    rows: Count
+    """Rows of points, as columns."""
+    pitch_mm: PositiveFloat
+    """Distance of neighbouring points, mm; of asymmetric circles half the distance within a row."""
     dots: Literal["black", "white"] = "black"
+    """black dots on white, or white on black."""
     origin: Literal["large-dot"] | None = None
+    """large-dot: the first point is a larger dot; null without."""
 
     @property
     def centres_mm(self) -> Points:
@@ -154,12 +197,20 @@ class _OfMarkers(ABC):
 class AprilTagGrid(_OfMarkers):
     """`columns` × `rows` tags, numbered row by row from 0; points as in MarkerGrid."""
 
-    kind: ClassVar = "apriltag-grid"
-    columns: int
-    rows: int
-    tag_mm: float
-    gap_mm: float
+    __pydantic_config__: ClassVar[ConfigDict] = DESCRIBED
+
+    kind: Literal["apriltag-grid"] = field(default="apriltag-grid", kw_only=True)
+    """Kind of target."""
+    columns: MarkerCount
+    """Points in a row: inner corners of a chessboard, squares of a ChArUco board, circles, or tags."""
+    rows: MarkerCount
+    """Rows of points, as columns."""
+    tag_mm: PositiveFloat
+    """Side of a tag with its black border, mm."""
+    gap_mm: PositiveFloat
+    """Gap between neighbouring tags or markers, mm."""
     family: str = "tag36h11"
+    """AprilTag family."""
 
     @property
     def markers(self) -> MarkerGrid:
@@ -171,13 +222,22 @@ class AprilTagGrid(_OfMarkers):
 class ArucoGrid(_OfMarkers):
     """OpenCV's GridBoard: `columns` × `rows` markers, numbered row by row from `first_id`; points as in MarkerGrid."""
 
-    kind: ClassVar = "aruco-grid"
-    columns: int
-    rows: int
-    marker_mm: float
-    gap_mm: float
+    __pydantic_config__: ClassVar[ConfigDict] = DESCRIBED
+
+    kind: Literal["aruco-grid"] = field(default="aruco-grid", kw_only=True)
+    """Kind of target."""
+    columns: MarkerCount
+    """Points in a row: inner corners of a chessboard, squares of a ChArUco board, circles, or tags."""
+    rows: MarkerCount
+    """Rows of points, as columns."""
+    marker_mm: PositiveFloat
+    """Side of a marker with its black border, mm."""
+    gap_mm: PositiveFloat
+    """Gap between neighbouring tags or markers, mm."""
     dictionary: str
-    first_id: int = 0
+    """OpenCV's name of the markers' dictionary."""
+    first_id: MarkerId = 0
+    """Id of the first marker."""
 
     @property
     def markers(self) -> MarkerGrid:
@@ -188,10 +248,16 @@ class ArucoGrid(_OfMarkers):
 class ArucoMarker(_OfMarkers):
     """One ArUco marker: its four corners, the first of them the origin. A board of several is far more accurate."""
 
-    kind: ClassVar = "aruco-marker"
-    marker_mm: float
+    __pydantic_config__: ClassVar[ConfigDict] = DESCRIBED
+
+    kind: Literal["aruco-marker"] = field(default="aruco-marker", kw_only=True)
+    """Kind of target."""
+    marker_mm: PositiveFloat
+    """Side of a marker with its black border, mm."""
     dictionary: str
-    id: int
+    """OpenCV's name of the markers' dictionary."""
+    id: MarkerId
+    """Id of the marker."""
 
     @property
     def markers(self) -> MarkerGrid:

@@ -129,7 +129,7 @@ def build(
                 operations, settings=view, cell=seen_by, camera=name, others=by_name, learnt_noise=drift.robot_noise
             ),
             pictures,
-            share_looks(pictures.frame.read, view.target.target(), service_workers, clock),
+            share_looks(pictures.frame.read, view.target, service_workers, clock),
             drift,
             RecentReading(seen_by.obstacles, clock.monotonic_s),
         )

@@ -407,7 +407,7 @@ class CalibrationDocument(Document):
 
     def scale_of(self, target: Target) -> float:
         """Size of `target` over the described one: as found with X where this is the target that was looked at."""
-        return self.target_scale if self.target is not None and self.target.target() == target else 1.0
+        return self.target_scale if self.target is not None and self.target == target else 1.0
 
     def with_accuracy(self, **known: Any) -> "CalibrationDocument":
         """The same with these fields of its accuracy."""

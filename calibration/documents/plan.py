@@ -148,7 +148,7 @@ class PlanDocument(Document):
         assert target is not None
         return Scene(
             self.setup,
-            self.target.target(),
+            self.target,
             self.camera.camera(),
             camera.transform(),
             target.transform(),

@@ -218,7 +218,7 @@ class SessionDocument(Document):
 
     def described_target(self) -> Target:
         """The target; a TrackedFrame where none is described."""
-        return TrackedFrame() if self.target is None else self.target.target()
+        return TrackedFrame() if self.target is None else self.target
 
     @property
     def noise_belief(self) -> NoiseBelief:

@@ -3,12 +3,11 @@
 Columns x rows and lengths in mm, as in session.json.
 """
 
-from dataclasses import asdict
 from typing import Any
 
 from calibration.documents.imports.refusal import refusal
-from calibration.documents.target import TargetDocument
-from calibration.documents.validation import Document, validate_document
+from calibration.documents.target import PrintedTarget, TargetFile, described
+from calibration.documents.validation import validate_document
 from calibration.targets import Target
 
 FORMS: dict[str, tuple[str, ...]] = {
@@ -26,11 +25,7 @@ OPTIONAL = frozenset(("legacy", "dots", "origin", "family", "first_id"))
 HEADING = "targets"
 
 
-class _TargetFile(Document):
-    target: TargetDocument
-
-
-def target_of_text(text: str) -> TargetDocument:
+def target_of_text(text: str) -> PrintedTarget:
     """The target of a text. Raises DocumentError."""
     kind, *parts = text.split(":")
     if kind not in FORMS:
@@ -55,17 +50,17 @@ def target_of_text(text: str) -> TargetDocument:
 
 def text_of_target(target: Target) -> str:
     """The text from which `target_of_text` reads this target."""
-    values = {name: str(value) for name, value in asdict(target).items() if value is not None and value is not False}
-    kind = "-".join(filter(None, (target.kind, values.pop("layout", ""))))
+    values = {name: str(value) for name, value in described(target).items() if value is not False}
+    kind = "-".join(filter(None, (values.pop("kind"), values.pop("layout", ""))))
     values |= {"size": f"{values.get('columns')}x{values.get('rows')}"} | (
         {"legacy": "legacy"} if "legacy" in values else {}
     )
     return ":".join([kind, *(values[name] for name in FORMS[kind] if name in values)])
 
 
-def target_of_data(data: dict[str, Any], origin: str) -> TargetDocument:
+def target_of_data(data: dict[str, Any], origin: str) -> PrintedTarget:
     """The target of a mapping as in session.json. Raises DocumentError."""
-    return validate_document(_TargetFile, {"target": data}, origin).target
+    return validate_document(TargetFile, {"target": data}, origin).target
 
 
 def example(kind: str) -> str:

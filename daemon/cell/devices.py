@@ -45,7 +45,7 @@ def open_exposure_control(settings: Settings, camera: Camera, workers: Workers, 
     if limits is None:
         return None
     wanted = ExposureLimits(limits.exposure_us, limits.gain_db)
-    return ExposureControl(camera, settings.target.target(), wanted, workers, clock.monotonic_s)
+    return ExposureControl(camera, settings.target, wanted, workers, clock.monotonic_s)
 
 
 def _open_camera(settings: CameraSettings, timing: Timing) -> Camera:

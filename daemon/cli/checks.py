@@ -99,7 +99,7 @@ async def _check_camera(name: str, settings: Settings, camera: Camera) -> CheckR
     if expected is not None and (width, height) != expected.image_size:
         size = f"{expected.image_size[0]} x {expected.image_size[1]}"
         return CheckResult(name, False, f"{picture}, but the intrinsics are for {size}", "correct one of them")
-    target = view.target.target()
+    target = view.target
     try:
         found = await asyncio.to_thread(detect, frame.image, target)
     except DetectionError as error:

@@ -11,7 +11,7 @@ from daemon.cli.errors import CommandError, ExitStatus
 from daemon.cli.output import CommandGroup, Json, print_json, writing
 
 if TYPE_CHECKING:
-    from calibration.documents.target import TargetDocument
+    from calibration.documents.target import PrintedTarget
 
 app = typer.Typer(
     cls=CommandGroup, name="target", no_args_is_help=True, help="Write a target to print: PDF or SVG, true to size."
@@ -77,7 +77,7 @@ def from_file(
 
 
 def _write(data: Any, page: str, out: Path, as_json: bool, origin: str = "target") -> None:
-    from calibration.documents.target import TargetFile
+    from calibration.documents.target import TargetFile, json_of_target
     from calibration.documents.validation import validate_document
     from daemon.tools.target_print.layout import lay_out, parse_page
     from daemon.tools.target_print.pdf import pdf
@@ -87,8 +87,8 @@ def _write(data: Any, page: str, out: Path, as_json: bool, origin: str = "target
     writers = {".pdf": pdf, ".svg": svg}
     if out.suffix.lower() not in writers:
         raise CommandError(str(out), "neither .pdf nor .svg", "choose one of them", ExitStatus.UNREADABLE)
-    snippet, title = document.model_dump_json(), f"handeyed target: {document.kind}"
-    sheet = lay_out(document.target(), parse_page(page), title, snippet)
+    snippet, title = json_of_target(document), f"handeyed target: {document.kind}"
+    sheet = lay_out(document, parse_page(page), title, snippet)
     with writing(out):
         out.write_bytes(writers[out.suffix.lower()](sheet, title))
     if as_json:
@@ -98,18 +98,19 @@ def _write(data: Any, page: str, out: Path, as_json: bool, origin: str = "target
         typer.echo(_summary(out, f"{sheet.width:g} x {sheet.height:g} mm", document))
 
 
-def _summary(out: Path, size: str, target: "TargetDocument") -> str:
+def _summary(out: Path, size: str, target: "PrintedTarget") -> str:
+    from calibration.documents.target import described, json_of_target
     from calibration.targets import orientation_advice
     from daemon.config.toml_text import toml_text
     from daemon.tools.target_print.layout import PRINT_NOTE
 
-    advice = orientation_advice(target.target())
+    advice = orientation_advice(target)
     turned = f"! This target looks the same turned by 180 deg, so a turned picture cannot be recognised: {advice}."
     return "\n".join(
         [
             f"{out}: {size}. {PRINT_NOTE}",
             *([] if advice is None else [turned]),
-            f"\nIn handeyed.toml:\n\n{toml_text({'target': target.model_dump(exclude_none=True)}).rstrip()}",
-            f'\nIn session.json and plan.json:\n\n"target": {target.model_dump_json()}',
+            f"\nIn handeyed.toml:\n\n{toml_text({'target': described(target)}).rstrip()}",
+            f'\nIn session.json and plan.json:\n\n"target": {json_of_target(target)}',
         ]
     )

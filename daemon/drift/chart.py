@@ -136,9 +136,7 @@ def _learnt_noise(
     ):  # fmt: skip
         return belief
     noise = ExpectedNoise(document.noise.image_px or settings.calibration.noise.image_px, 0.0, 0.0)
-    scene = Scene(
-        document.setup, settings.target.target(), document.camera.camera(), x.transform(), target.transform(), noise
-    )
+    scene = Scene(document.setup, settings.target, document.camera.camera(), x.transform(), target.transform(), noise)
     within = [one.seen for one in entries if one.sample.within_tolerance and one.seen is not None]
     learnt = belief.belief()
     try:
@@ -165,7 +163,7 @@ def _changes(entries: Sequence[ChartEntry], document: CalibrationDocument, setti
         return []
     image_px = document.noise.image_px or settings.calibration.noise.image_px
     noise = ExpectedNoise(image_px, REPEATABILITY_RAD, REPEATABILITY_MM)
-    camera, target = document.camera.camera(), settings.target.target()
+    camera, target = document.camera.camera(), settings.target
     scene = Scene(document.setup, target, camera, x.transform(), now.anchor_T_target[0], noise)
     try:
         return find_change(before, now, find_arm(settings.robot.model), scene)

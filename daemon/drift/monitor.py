@@ -49,7 +49,7 @@ class DriftMonitor:
 
     def __post_init__(self) -> None:
         self._refreshed = SharedReading(self._refresh)
-        self._verifications = VerificationHistory(self.store, self.workers, self.settings.target.target())
+        self._verifications = VerificationHistory(self.store, self.workers, self.settings.target)
 
     @property
     def report(self) -> DriftReport:
@@ -109,7 +109,7 @@ class DriftMonitor:
         applied = [row for row in await self.store.history(MAX_HISTORY) if row.calibration_id == calibration_id]
         if not applied or document.mount_T_camera is None:
             raise NotFound(f"calibration {calibration_id} was never active", "GET /calibrations lists what was")
-        verifications = VerificationHistory(self.store, self.workers, self.settings.target.target())
+        verifications = VerificationHistory(self.store, self.workers, self.settings.target)
         entries = await verifications.of(applied[-1], document)
         return await self._chart_of(entries, document)
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from calibration.documents.calibration import SentenceDocument
 from calibration.documents.numbers import number, significant
-from calibration.documents.target import TargetDocument
+from calibration.documents.target import TargetDocument, described
 from calibration.sentences.sentence import Language, LanguageTag, Sentence, text_of
 from daemon.reports.context import Picture, ReportContext
 from daemon.reports.languages import language_of, said
@@ -103,7 +103,7 @@ def target_words(target: TargetDocument | None, language: Language) -> str | Non
     """Kind and sizes of a target in one line."""
     if target is None:
         return None
-    values = target.model_dump(exclude_none=True)
+    values = described(target)
     kind = str(values.pop("kind"))
     sizes = [text_of(f"target.{name.removesuffix('_mm')}", {"mm": value}, language)
              for name, value in values.items() if name.endswith("_mm")]  # fmt: skip

@@ -149,7 +149,7 @@ def adaptive_parameters(
     """
     guess = ScenePrior(
         known.setup,
-        target.target(),
+        target,
         known.camera,
         known.mount_T_camera.transform() if known.mount_T_camera else None,
         known.anchor_T_target.transform() if known.anchor_T_target else None,

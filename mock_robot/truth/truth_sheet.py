@@ -8,7 +8,6 @@ import numpy as np
 from calibration.documents.pose import PoseDocument
 from calibration.documents.session import CameraDocument
 from calibration.problem import ANCHORS, MOUNTS
-from calibration.targets import Target
 from calibration.transforms import Array, inverse, transform
 from mock_robot.scene.part import DOOR, Door
 from mock_robot.truth.truth import CellTruth, Nominal
@@ -67,7 +66,7 @@ def truth_document(truth: CellTruth) -> dict[str, Any]:
         "base_T_part": _pose(truth.base_T_part),
         **{f"mount_T_{name}": _pose(at) for name, at in {**truth.further_cameras, **truth.further_scanners}.items()},
         **truth.mounting.document(drawn=False),
-        "target": target_document(truth.target),
+        "target": asdict(truth.target),
         "camera": CameraDocument.of(truth.camera).model_dump(mode="json"),
         "noise": {
             "robot_translation_mm": truth.noise.robot_translation_mm,
@@ -82,7 +81,7 @@ def cell_sheet(truth: CellTruth) -> dict[str, Any]:
     return {
         "schema_version": 1,
         "arm": None if truth.scara else truth.arm,
-        "target": target_document(truth.target),
+        "target": asdict(truth.target),
         "camera": CameraDocument.of(truth.camera).model_dump(mode="json"),
         "setup": truth.setup,
         f"{MOUNTS[truth.setup]}_T_camera_guess": _pose(_round_to_mm(truth.nominal.mount_T_camera)),
@@ -91,11 +90,6 @@ def cell_sheet(truth: CellTruth) -> dict[str, Any]:
         **truth.mounting.document(drawn=True),
         "scan_poses": [_pose(pose) for pose in scan_poses_of(truth)],
     }
-
-
-def target_document(target: Target) -> dict[str, Any]:
-    """The target as session.json contains it."""
-    return {"kind": target.kind, **asdict(target)}
 
 
 def _arm_errors(truth: CellTruth) -> dict[str, float]:

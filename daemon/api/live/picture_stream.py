@@ -131,7 +131,7 @@ class PictureStream:
         run, clock, look = self._app.service_workers.run, self._app.clock, None
         image, thumbnail = await run(reduce, frame.image)
         if searches and (began_s := clock.monotonic_s()) >= self._search_due_s:
-            target = self._camera.settings.target.target()
+            target = self._camera.settings.target
             look = await run(look_at, replace(frame, image=image), target, clock.timestamp())
             took_s = clock.monotonic_s() - began_s
             self._search_due_s = clock.monotonic_s() + (took_s if took_s > AFFORDABLE_S else 0.0)

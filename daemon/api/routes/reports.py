@@ -134,7 +134,7 @@ async def _with_history(app: Application, context: ReportContext, calibration_id
 def _target_of(app: Application, camera: str) -> Target:
     """What this camera looks at; [target] for a camera that the settings name no more."""
     known = camera in app.settings.camera_names
-    return (app.settings.of_camera(camera) if known else app.settings).target.target()
+    return (app.settings.of_camera(camera) if known else app.settings).target
 
 
 def _session(target: Target, folder: Path, document: CalibrationDocument) -> tuple[tuple[Picture, ...], str | None]:

@@ -248,7 +248,7 @@ class ArmDocument(Answer):
 
     @classmethod
     def of_settings(cls, settings: Settings, arm: AnyArm | None, moves: bool) -> "ArmDocument":
-        robot, points = settings.robot, settings.target.target().points_mm
+        robot, points = settings.robot, settings.target.points_mm
         bounds = None if arm is None else zip(arm.lower_rad, arm.upper_rad, strict=True)
         return cls(
             model=arm.name if arm else None,

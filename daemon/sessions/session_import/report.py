@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from calibration.documents.imports.pairing import MAX_SHOWN
+from calibration.documents.target import described
 from calibration.transforms import Array
 from daemon.sessions.session_import.request import Understood
 
@@ -24,7 +25,7 @@ def report(understood: Understood, file: Path) -> str:
         f"pairs        {_pairs(understood)}",
     ]
     if understood.target is not None:
-        settings = understood.target.model_dump(exclude_none=True)
+        settings = described(understood.target)
         lines.append(f"target       {', '.join(f'{key} {value}' for key, value in settings.items())}")
     if understood.camera is not None:
         (fx, _, cx), (_, fy, cy), _ = understood.camera.matrix

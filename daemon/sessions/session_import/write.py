@@ -12,6 +12,7 @@ import numpy as np
 from calibration.documents.imports.refusal import refusal
 from calibration.documents.pose import PoseDocument
 from calibration.documents.session import SessionDocument
+from calibration.documents.target import described
 from calibration.documents.validation import validate_document
 from calibration.kinematics.conventions import LengthUnit
 from daemon.sessions.session_files import SESSION_FILE
@@ -81,7 +82,7 @@ def _document(understood: Understood, names: Sequence[str], unit: LengthUnit | N
         "setup": understood.reading.setup,
     }
     if understood.target is not None:
-        document["target"] = understood.target.model_dump(mode="json", exclude_none=True)
+        document["target"] = described(understood.target)
     if understood.images and unit is None:
         document["camera"] = None if understood.camera is None else understood.camera.model_dump(mode="json")
     if understood.track is not None:

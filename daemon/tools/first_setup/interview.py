@@ -178,7 +178,7 @@ class Interview:
             if looked.target is None:
                 raise AnswerRefused("no target is recognised", "bring one whole into view, or type what it is")
             return looked.model_copy(update={"complete": False})
-        self.target = target = target_of_text(text).target()
+        self.target = target = target_of_text(text)
         _, second, what, second_what = EDGES[type(target)]
         lines = (f"to measure: {what}" + (f", and if you can {second_what}" if second else ""),)
         answer = AnswerFound(answer=text_of_target(target), found=lines, of=len(target.points_mm))

@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 
 from calibration.detection.detect import detect
-from calibration.documents.target import ArucoGridDocument, ArucoMarkerDocument
 from calibration.errors import DetectionError
 from calibration.kinematics.stance import Stance
 from calibration.problem import Problem, View
@@ -19,6 +18,7 @@ from calibration.targets import (
     CircleGrid,
     Target,
     orientation_advice,
+    require_markers,
 )
 from calibration.transforms import difference, inverse, rotation_from_vector, transform
 from tests.calibration.detection.sights import CAMERA, errors_px, pictures, rms
@@ -87,10 +87,10 @@ def test_a_session_of_markers_is_solved(target: Target) -> None:
 
 
 def test_a_board_beyond_its_dictionary_is_refused() -> None:
-    with pytest.raises(ValueError, match="has 50 markers"):
-        ArucoMarkerDocument(kind="aruco-marker", marker_mm=10, dictionary="DICT_4X4_50", id=50)
-    with pytest.raises(ValueError, match="is not known"):
-        ArucoGridDocument(kind="aruco-grid", columns=2, rows=2, marker_mm=10, gap_mm=2, dictionary="DICT_3X3_50")
+    with pytest.raises(DetectionError, match="has 50 markers"):
+        require_markers(ArucoMarker(10, "DICT_4X4_50", 50))
+    with pytest.raises(DetectionError, match="is not known"):
+        require_markers(ArucoGrid(2, 2, 10, 2, "DICT_3X3_50"))
 
 
 @pytest.mark.parametrize(

@@ -110,7 +110,7 @@ async def test_the_file_is_written_once_for_the_state_that_was_read(cell: Cell) 
     assert written == {"file": str(file), "kept": f"{file}.1"}
     settings = load_settings(file)
     assert (settings.robot.address, settings.robot.box_mm) == (CONTROLLER.address, BOX)
-    assert settings.target.target() == Chessboard(9, 6, 20.0)
+    assert settings.target == Chessboard(9, 6, 20.0)
     assert file.with_name("handeyed.toml.1").read_text() == "# somebody else's\n"
     assert bench.application.begins_anew
     rows = await bench.application.store.audit.rows(5, None)

@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Iterator
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -50,7 +51,7 @@ def test_few_answers_make_settings_that_the_check_finds_well(cell: dict[str, Any
     assert settings.robot.address == f"tcp://{cell['robot']['host']}:{cell['robot']['port']}"
     assert settings.robot.model == cell["cell"]["arm"]
     assert [list(corner) for corner in settings.robot.box_mm] == cell["cell"]["box_mm"]
-    described = settings.target.model_dump()
+    described = asdict(settings.target)
     assert described == described | {key: value for key, value in cell["cell"]["target"].items() if value is not None}
     assert settings.calibration.tolerance_mm == 1.0
     assert (tmp_path / "handeyed.toml.1").read_text() == "# an old one\n"
@@ -104,7 +105,7 @@ def test_a_target_that_is_wrongly_recognised_is_typed(cell: dict[str, Any], tmp_
 
     assert ran.status == 0
     assert "  ! it is not found in the picture" in ran.out
-    assert load_settings(tmp_path / "handeyed.toml").target.target() == Chessboard(7, 5, 20.0)
+    assert load_settings(tmp_path / "handeyed.toml").target == Chessboard(7, 5, 20.0)
 
 
 def test_nothing_is_written_when_the_answers_end(cell: dict[str, Any], tmp_path: Path) -> None:
@@ -157,7 +158,7 @@ def test_pictures_are_taken_until_a_target_is_recognised(
 
     assert ran.status == 0, ran.err
     assert "  ! the image is black (brightest 0 of 255): check lens cap, light, exposure" in ran.out
-    assert load_settings(tmp_path / "handeyed.toml").target.target() == Chessboard(9, 6, 20.0)
+    assert load_settings(tmp_path / "handeyed.toml").target == Chessboard(9, 6, 20.0)
 
 
 @pytest.mark.parametrize("kind", ["a link", "a pipe", "a folder"])

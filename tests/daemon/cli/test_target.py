@@ -38,7 +38,7 @@ def test_the_detector_finds_the_rasterised_print_true_to_size(tmp_path: Path, ar
     subprocess.run(page, check=True)
     image = cv2.imread(str(tmp_path / "page.pgm"), cv2.IMREAD_GRAYSCALE)
     assert image is not None
-    target = validate_document(TargetFile, {"target": printed["target"]}, "target").target.target()
+    target = validate_document(TargetFile, {"target": printed["target"]}, "target").target
 
     found = detect(image, target)
 

@@ -3,6 +3,7 @@
 import re
 import tomllib
 from collections.abc import Iterator
+from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import Any, get_args
 
@@ -38,17 +39,21 @@ address = "http://c/"
 """
 
 
-def models_in(annotation: Any) -> Iterator[type[BaseModel]]:
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+def models_in(annotation: Any) -> Iterator[type]:
+    if isinstance(annotation, type) and (issubclass(annotation, BaseModel) or is_dataclass(annotation)):
         yield annotation
     for inner in get_args(annotation):
         yield from models_in(inner)
 
 
-def keys_of(model: type[BaseModel]) -> set[str]:
-    keys = set(model.model_fields)
-    for field in model.model_fields.values():
-        for inner in models_in(field.annotation):
+def keys_of(model: type) -> set[str]:
+    if issubclass(model, BaseModel):
+        annotations = {name: field.annotation for name, field in model.model_fields.items()}
+    else:
+        annotations = {field.name: field.type for field in fields(model)}
+    keys = set(annotations)
+    for annotation in annotations.values():
+        for inner in models_in(annotation):
             keys |= keys_of(inner)
     return keys
 

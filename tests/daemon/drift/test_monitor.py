@@ -145,7 +145,7 @@ async def test_each_run_is_read_from_the_store_once(tmp_path: Path, monkeypatch:
         await store.save_run(replace(record, state=RunState.MOVING, result=None))
         applied, current = await store.current()
         document = current.document
-        fresh = VerificationHistory(store, bench.application.workers, bench.application.settings.target.target())
+        fresh = VerificationHistory(store, bench.application.workers, bench.application.settings.target)
         expected = [run["id"] for run in reversed([newest, *older]) if run["kind"] == "verify"]
         assert [entry.run_id for entry in await fresh.of(applied, document)] == [
             run for run in expected if run != record.id

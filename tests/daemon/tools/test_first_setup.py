@@ -113,7 +113,7 @@ def test_the_file_is_short_and_holds_every_answer() -> None:
     assert len([line for line in text.splitlines() if "=" in line]) <= 18
     assert settings.robot.world_T_base is not None
     assert settings.robot.world_T_base[2, 3] == 2500.0
-    assert settings.target.target() == Charuco(9, 7, 22.0, 16.5, "DICT_5X5_100")
+    assert settings.target == Charuco(9, 7, 22.0, 16.5, "DICT_5X5_100")
     assert settings.calibration.known.target.length_mm == 220.0
     assert (settings.calibration.tolerance_mm, settings.server.port) == (0.5, 8373)
 

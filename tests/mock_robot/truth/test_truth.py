@@ -1,7 +1,7 @@
 """The truth is seeded, plausible, printable, and the sheet does not give it away."""
 
 import json
-from dataclasses import replace
+from dataclasses import asdict, replace
 
 import numpy as np
 import pytest
@@ -9,7 +9,8 @@ import pytest
 from calibration.detection.detect import detect
 from calibration.documents.pose import PoseDocument
 from calibration.documents.session import CameraDocument
-from calibration.documents.target import CharucoDocument
+from calibration.documents.target import TargetFile
+from calibration.documents.validation import validate_document
 from calibration.kinematics.abb_arms import find_arm
 from calibration.problem import Setup
 from calibration.targets import AprilTagGrid, Chessboard, CircleGrid
@@ -18,7 +19,7 @@ from mock_robot.scene.camera_view import render
 from mock_robot.scene.printed_target import print_target
 from mock_robot.truth.start_posture import start_joints
 from mock_robot.truth.truth import TARGET_MIDDLE_MM, CellTruth
-from mock_robot.truth.truth_sheet import BOX_MM, cell_sheet, scan_poses_of, target_document, truth_document
+from mock_robot.truth.truth_sheet import BOX_MM, cell_sheet, scan_poses_of, truth_document
 
 SEEDS = range(40)
 
@@ -64,7 +65,7 @@ def test_guesses_are_off_by_millimetres_and_degrees_but_not_more() -> None:
 def test_the_sheet_says_what_an_integrator_knows_and_nothing_of_the_truth() -> None:
     truth = CellTruth.from_seed(7)
     sheet = json.loads(json.dumps(cell_sheet(truth)))
-    assert CharucoDocument.model_validate(sheet["target"]).target() == truth.target
+    assert validate_document(TargetFile, {"target": sheet["target"]}, "the sheet").target == truth.target
     assert CameraDocument.model_validate(sheet["camera"]).camera().matrix == pytest.approx(truth.camera.matrix)
 
     elsewhere = transform(rotation_from_vector([0.1, 0.2, 0.3]), [50.0, 60.0, 70.0])
@@ -104,8 +105,8 @@ def test_a_camera_on_a_stand_sees_the_target_that_the_arm_holds_up(seed: int) ->
 )
 def test_a_cell_can_have_any_target(target: Chessboard | CircleGrid | AprilTagGrid) -> None:
     truth = CellTruth.from_seed(3, target=target)
-    document = target_document(target)
-    assert json.loads(json.dumps(document)) == document
+    document = cell_sheet(truth)["target"]
+    assert json.loads(json.dumps(document)) == asdict(target)
     assert map_points(truth.base_T_target, middle(truth)[None])[0] == pytest.approx(TARGET_MIDDLE_MM, abs=25.0)
 
 

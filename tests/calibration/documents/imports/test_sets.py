@@ -13,6 +13,7 @@ from calibration.documents.imports.pairing import pair
 from calibration.documents.imports.pose_table import PoseTable
 from calibration.documents.imports.sets.folder import Chosen, ImportedSet
 from calibration.documents.imports.sets.kinds import LAYOUTS, STATED, read_set
+from calibration.documents.target import described
 from calibration.documents.target_text import target_of_data, target_of_text, text_of_target
 from calibration.errors import DocumentError
 from calibration.kinematics.abb_arms import find_arm
@@ -370,14 +371,14 @@ def test_a_target_that_is_none_is_refused(text: str, what: str) -> None:
     ],
 )
 def test_a_target_is_written_as_it_is_read(text: str) -> None:
-    target = target_of_text(text).target()
-    assert target_of_text(text_of_target(target)).target() == target
+    target = target_of_text(text)
+    assert target_of_text(text_of_target(target)) == target
     assert text_of_target(target).startswith(text)
 
 
 def test_circles() -> None:
     target = target_of_text("circles-asymmetric:7x11:20:white")
-    assert target.model_dump(exclude_none=True) == {
+    assert described(target) == {
         "kind": "circles", "layout": "asymmetric", "columns": 7, "rows": 11, "pitch_mm": 20.0, "dots": "white",
     }  # fmt: skip
 
