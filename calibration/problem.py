@@ -11,10 +11,11 @@ so a solver uses `anchor_T_mount` only, and X is `mount_T_camera`. (The X of Son
 """
 
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import ConfigDict, Field
 
 from calibration.camera import CameraModel
 from calibration.kinematics.external_axis import ExternalAxis
@@ -22,7 +23,7 @@ from calibration.kinematics.load import Load
 from calibration.kinematics.robot_accuracy import USUAL_BELIEF, NoiseBelief
 from calibration.kinematics.stance import Stance
 from calibration.knowledge import NOTHING_STATED, Knowledge
-from calibration.targets import Target
+from calibration.targets import DESCRIBED, Target
 from calibration.transforms import Array, inverse
 
 Setup = Literal["eye-in-hand", "eye-to-hand"]
@@ -82,9 +83,14 @@ class AxisOffset:
     z it is the z of that point.
     """
 
+    __pydantic_config__: ClassVar[ConfigDict] = DESCRIBED
+
     of: Literal["camera", "target"]
-    coordinate_mm: float
-    sigma_mm: float
+    """camera: its centre, in the frame of its mount; target: its origin, in the other frame."""
+    coordinate_mm: Annotated[float, Field(ge=-10_000, le=10_000)]
+    """The coordinate along that axis: its z for an axis along z, mm."""
+    sigma_mm: Annotated[float, Field(gt=0, le=1000)]
+    """One standard deviation of coordinate_mm, mm."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -52,10 +52,10 @@ def require_kind(schema: dict[str, Any]) -> None:
     schema["required"] = ["kind", *schema["required"]]
 
 
-DESCRIBED = ConfigDict(
-    extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True, json_schema_extra=require_kind
-)
-"""As documents are, the text below a field describes it there."""
+DESCRIBED = ConfigDict(extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True)
+"""Of a dataclass that documents hold as it stands: strict as they are; the text below a field describes it there."""
+
+_BY_KIND: ConfigDict = {**DESCRIBED, "json_schema_extra": require_kind}
 
 
 def _grid(columns: int, rows: int, pitch_mm: float) -> Points:
@@ -73,7 +73,7 @@ def _array(points: Points) -> "Array":
 class Chessboard:
     """`columns` × `rows` inner corners; the origin is the first of them."""
 
-    __pydantic_config__: ClassVar[ConfigDict] = DESCRIBED
+    __pydantic_config__: ClassVar[ConfigDict] = _BY_KIND
 
     kind: Literal["chessboard"] = field(default="chessboard", kw_only=True)
     """Kind of target."""
@@ -94,7 +94,7 @@ class Chessboard:
 class Charuco:
     """`columns` × `rows` squares; its points are the inner corners, its origin the board's outer corner (as OpenCV)."""
 
-    __pydantic_config__: ClassVar[ConfigDict] = DESCRIBED
+    __pydantic_config__: ClassVar[ConfigDict] = _BY_KIND
 
     kind: Literal["charuco"] = field(default="charuco", kw_only=True)
     """Kind of target."""
@@ -122,7 +122,7 @@ class Charuco:
 class CircleGrid:
     """Circle centres; asymmetric: OpenCV's, `pitch_mm` between neighbours in a row, odd rows shifted by half."""
 
-    __pydantic_config__: ClassVar[ConfigDict] = DESCRIBED
+    __pydantic_config__: ClassVar[ConfigDict] = _BY_KIND
 
     kind: Literal["circles"] = field(default="circles", kw_only=True)
     """Kind of target."""
@@ -197,7 +197,7 @@ class _OfMarkers(ABC):
 class AprilTagGrid(_OfMarkers):
     """`columns` × `rows` tags, numbered row by row from 0; points as in MarkerGrid."""
 
-    __pydantic_config__: ClassVar[ConfigDict] = DESCRIBED
+    __pydantic_config__: ClassVar[ConfigDict] = _BY_KIND
 
     kind: Literal["apriltag-grid"] = field(default="apriltag-grid", kw_only=True)
     """Kind of target."""
@@ -222,7 +222,7 @@ class AprilTagGrid(_OfMarkers):
 class ArucoGrid(_OfMarkers):
     """OpenCV's GridBoard: `columns` × `rows` markers, numbered row by row from `first_id`; points as in MarkerGrid."""
 
-    __pydantic_config__: ClassVar[ConfigDict] = DESCRIBED
+    __pydantic_config__: ClassVar[ConfigDict] = _BY_KIND
 
     kind: Literal["aruco-grid"] = field(default="aruco-grid", kw_only=True)
     """Kind of target."""
@@ -248,7 +248,7 @@ class ArucoGrid(_OfMarkers):
 class ArucoMarker(_OfMarkers):
     """One ArUco marker: its four corners, the first of them the origin. A board of several is far more accurate."""
 
-    __pydantic_config__: ClassVar[ConfigDict] = DESCRIBED
+    __pydantic_config__: ClassVar[ConfigDict] = _BY_KIND
 
     kind: Literal["aruco-marker"] = field(default="aruco-marker", kw_only=True)
     """Kind of target."""

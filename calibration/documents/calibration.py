@@ -10,12 +10,12 @@ from calibration.documents.external_axis import FoundAxisDocument
 from calibration.documents.knowledge import NoiseBeliefDocument
 from calibration.documents.pose import PoseDocument, Vector
 from calibration.documents.requirement import LimitsInForceDocument
-from calibration.documents.session import AxisOffsetDocument, CameraDocument
+from calibration.documents.session import CameraDocument
 from calibration.documents.target import TargetDocument, document_of_target
 from calibration.documents.validation import Document
 from calibration.likelihood.mapped_points import scale_variance_mm2
 from calibration.planning.expectation import NOTHING_EXPECTED, Expectation
-from calibration.problem import ANCHORS, MOUNTS, Setup
+from calibration.problem import ANCHORS, MOUNTS, AxisOffset, Setup
 from calibration.sentences.sentence import AS_WRITTEN, Sentence, as_sentence, is_known
 from calibration.solution import (
     COVERAGE_FACTOR,
@@ -382,7 +382,7 @@ class CalibrationDocument(Document):
     """Each view left out in turn; null below 4 views."""
     clock_offset: ClockOffsetDocument | None = None
     """Of a line profiler's clock; null for other sensors."""
-    axis_offset: AxisOffsetDocument | None = None
+    axis_offset: AxisOffset | None = None
     """A coordinate measured along the only axis of rotation of an arm that cannot tilt; else null."""
     external_axis: FoundAxisDocument | None = None
     """A track or turntable that the controller leaves out of its poses; else null."""

@@ -153,20 +153,6 @@ MAX_ASYMMETRY = 1e-6
 """Largest relative difference of a covariance from its transpose; more is no rounding."""
 
 
-class AxisOffsetDocument(Document):
-    """The number that turns about one axis leave open: a coordinate along that axis."""
-
-    of: Literal["camera", "target"]
-    """camera: its centre, in the frame of its mount; target: its origin, in the other frame."""
-    coordinate_mm: Annotated[float, Field(ge=-10_000, le=10_000)]
-    """The coordinate along that axis: its z for an axis along z, mm."""
-    sigma_mm: Annotated[float, Field(gt=0, le=1000)]
-    """One standard deviation of coordinate_mm, mm."""
-
-    def offset(self) -> AxisOffset:
-        return AxisOffset(self.of, self.coordinate_mm, self.sigma_mm)
-
-
 class KnownDistanceDocument(Document):
     """A known distance from the target's middle here to its middle in another session."""
 
@@ -201,7 +187,7 @@ class SessionDocument(Document):
     """Intrinsics; null to have them estimated; may be left out where views need none."""
     image_size: tuple[Pixels, Pixels] | None = None
     """Width and height in px."""
-    axis_offset: AxisOffsetDocument | None = None
+    axis_offset: AxisOffset | None = None
     """A coordinate measured along the only axis of rotation of an arm that cannot tilt; else null."""
     external_axis: ExternalAxisDocument | None = None
     """A track or turntable that the controller leaves out of its poses; else null."""
@@ -224,11 +210,6 @@ class SessionDocument(Document):
     def noise_belief(self) -> NoiseBelief:
         """`robot_noise` as the solver takes it."""
         return USUAL_BELIEF if self.robot_noise is None else self.robot_noise.belief()
-
-    @property
-    def given_offset(self) -> AxisOffset | None:
-        """`axis_offset` as the solver takes it."""
-        return None if self.axis_offset is None else self.axis_offset.offset()
 
     @property
     def rough_axis(self) -> ExternalAxis | None:

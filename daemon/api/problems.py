@@ -21,7 +21,7 @@ from daemon import errors
 from daemon.access import errors as access
 from daemon.api import http_errors
 from daemon.api.negotiation import TEXT, wants_text
-from daemon.http.problem_details import MEDIA_TYPE, PlaceProblem, Problem, reason_phrase
+from daemon.http.problem_details import MEDIA_TYPE, Problem, reason_phrase
 from daemon.reports.errors import ReportExtraMissing, ReportTooSlow
 from drivers import errors as device
 from registration.errors import CloudIOError, CloudUnsupported, RegistrationError
@@ -154,7 +154,7 @@ def problem_of(error: Exception) -> Problem:
         fix,
         holder=getattr(error, "holder", None),
         reasons=None if reasons is None else list(reasons),
-        problems=None if problems is None else [PlaceProblem(place=p.place, what=p.what, fix=p.fix) for p in problems],
+        problems=None if problems is None else list(problems),
     )
     if isinstance(error, errors.StopUnconfirmed):
         problem.stopped, problem.disarmed = _confirmed(error.stopped), _confirmed(error.disarmed)

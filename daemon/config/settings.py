@@ -16,7 +16,7 @@ from calibration.documents.knowledge import KnowledgeDocument
 from calibration.documents.plan import LimitsDocument, NoiseExpectedDocument
 from calibration.documents.pose import PoseDocument, Vector
 from calibration.documents.requirement import PointsDocument, Tolerance, VerdictSettings
-from calibration.documents.session import AxisOffsetDocument, CameraDocument
+from calibration.documents.session import CameraDocument
 from calibration.documents.target import TargetDocument
 from calibration.documents.validation import Document, validate_document
 from calibration.errors import DocumentError, DocumentProblem, GeometryError
@@ -24,7 +24,7 @@ from calibration.kinematics.abb_arms import find_any_arm
 from calibration.kinematics.arm_errors import AXES
 from calibration.kinematics.load import Load
 from calibration.kinematics.seven_axes import SevenAxisArm
-from calibration.problem import ANCHORS, MOUNTS, Setup
+from calibration.problem import ANCHORS, MOUNTS, AxisOffset, Setup
 from calibration.transforms import Array
 from calibration.verdict import VerdictLimits
 from daemon.config.plc_settings import InterlockSettings, PlcSettings
@@ -225,7 +225,7 @@ class CalibrationSettings(Document):
     flange_T_target_guess: PoseDocument | None = None
     guess_mm: Annotated[float, Field(gt=0, le=1000)] = 25.0
     guess_deg: Annotated[float, Field(gt=0, le=45)] = 5.0
-    axis_offset: AxisOffsetDocument | None = None
+    axis_offset: AxisOffset | None = None
     arm: bool = False
     manual_wait_s: Annotated[float, Field(gt=0, le=86_400)] = 900.0
     limits: LimitsDocument = LimitsDocument()

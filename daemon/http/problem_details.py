@@ -5,6 +5,8 @@ from typing import Literal
 
 from pydantic import BaseModel, ConfigDict
 
+from calibration.errors import DocumentProblem
+
 MEDIA_TYPE = "application/problem+json"
 
 _PHRASES = {
@@ -19,14 +21,6 @@ _PHRASES = {
 def reason_phrase(status: int) -> str:
     """The reason phrase of a status, such as "Not Found" for 404."""
     return _PHRASES.get(status) or HTTPStatus(status).phrase
-
-
-class PlaceProblem(BaseModel):
-    """One thing wrong with the request."""
-
-    place: str
-    what: str
-    fix: str
 
 
 class Problem(BaseModel):
@@ -50,7 +44,7 @@ class Problem(BaseModel):
     fix: str
     holder: str | None = None
     reasons: list[str] | None = None
-    problems: list[PlaceProblem] | None = None
+    problems: list[DocumentProblem] | None = None
     stopped: Literal["confirmed", "unconfirmed"] | None = None
     disarmed: Literal["confirmed", "unconfirmed"] | None = None
 
@@ -64,7 +58,7 @@ class Problem(BaseModel):
         *,
         holder: str | None = None,
         reasons: list[str] | None = None,
-        problems: list[PlaceProblem] | None = None,
+        problems: list[DocumentProblem] | None = None,
     ) -> "Problem":
         """A problem with `type` and `title` derived from code and status."""
         return cls(

@@ -8,9 +8,10 @@ from pydantic import AfterValidator, ConfigDict, Field, model_validator
 from calibration.documents.knowledge import KnowledgeDocument
 from calibration.documents.pose import PoseDocument, Vector
 from calibration.documents.requirement import Tolerance
-from calibration.documents.session import AxisOffsetDocument, SessionDocument
+from calibration.documents.session import SessionDocument
 from calibration.documents.target import TargetDocument
 from calibration.documents.validation import Document
+from calibration.problem import AxisOffset
 from daemon.access.actor_names import imitates_actor, validate_key_name
 from daemon.config.settings import DeviceName, TaughtPose
 
@@ -78,7 +79,7 @@ class CalibrateRequest(Document):
     arm: bool | None = None
     camera: DeviceName | None = None
     together: Annotated[tuple[DeviceName, ...], Field(min_length=1, max_length=3)] | None = None
-    axis_offset: AxisOffsetDocument | None = None
+    axis_offset: AxisOffset | None = None
 
     @model_validator(mode="after")
     def _check_manual(self) -> "CalibrateRequest":

@@ -8,13 +8,12 @@ from calibration.diagnosis.mount_check import ExpectedMount
 from calibration.documents.calibration import CalibrationDocument
 from calibration.documents.external_axis import ExternalAxisDocument
 from calibration.documents.pose import PoseDocument
-from calibration.documents.session import AxisOffsetDocument
 from calibration.documents.target import TargetDocument
 from calibration.kinematics.robot_accuracy import NoiseBelief
 from calibration.planning.next_view import StoppingRule
 from calibration.planning.scene_belief import ScenePrior
 from calibration.planning.viewpoints import ViewpointLimits
-from calibration.problem import Setup
+from calibration.problem import AxisOffset, Setup
 from calibration.solution import NamedPoint
 from daemon.cell.motion_rules import MotionRules
 from daemon.config.settings import CalibrationSettings, Settings, TaughtPose
@@ -58,7 +57,7 @@ class SceneGuess:
         return cls(calibration.setup, camera, calibration.mount_T_camera, calibration.anchor_T_target)
 
 
-def require_planned_poses(axis_offset: AxisOffsetDocument | None, rules: MotionRules) -> None:
+def require_planned_poses(axis_offset: AxisOffset | None, rules: MotionRules) -> None:
     """Raises NoPoses for an arm with seven axes, and for one that cannot tilt its flange as planned poses do."""
     if rules.seven is not None:
         raise NoPoses(

@@ -5,10 +5,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from calibration.documents.knowledge import KnowledgeDocument, NoiseBeliefDocument
-from calibration.documents.session import AxisOffsetDocument, CameraDocument, SessionDocument
+from calibration.documents.session import CameraDocument, SessionDocument
 from calibration.documents.target import TargetDocument
 from calibration.kinematics.robot_accuracy import USUAL_BELIEF, NoiseBelief
-from calibration.problem import Setup
+from calibration.problem import AxisOffset, Setup
 from daemon.cell.arm_in_cell import ArmInCell
 from daemon.runs.pose_sequence import PoseSequence
 from daemon.runs.run_log import RunLog, RunResult
@@ -48,7 +48,7 @@ class RunSessions:
         target: TargetDocument,
         camera: CameraDocument | None,
         beside: OpenBeside = lambda log: (),
-        axis_offset: AxisOffsetDocument | None = None,
+        axis_offset: AxisOffset | None = None,
         robot_noise: NoiseBelief = USUAL_BELIEF,
     ) -> OpenSession:
         """A function that opens the session folder of a run; `beside`: opens those of the sensors beside the camera."""
@@ -73,7 +73,7 @@ class RunSessions:
         target: TargetDocument,
         camera: CameraDocument | None,
         beside: Sequence[SensorBeside] = (),
-        axis_offset: AxisOffsetDocument | None = None,
+        axis_offset: AxisOffset | None = None,
         robot_noise: NoiseBelief = USUAL_BELIEF,
     ) -> SessionWriter:
         head = SessionDocument(

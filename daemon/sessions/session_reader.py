@@ -125,7 +125,7 @@ def load_problem(session: SessionFolder, progress: Progress = lambda done, of: N
     ]  # fmt: skip
     return Problem(
         document.setup, target, camera, expected, tuple(views), poses_from_controller=document.poses_from_controller,
-        axis_offset=document.given_offset, external_axis=document.rough_axis, load=document.carried,
+        axis_offset=document.axis_offset, external_axis=document.rough_axis, load=document.carried,
         knowledge=document.known.knowledge(), robot_noise=document.noise_belief,
     )  # fmt: skip
 

@@ -118,7 +118,7 @@ class SessionWriter:
         camera = document.camera.camera() if document.camera else None
         return Problem(
             document.setup, document.described_target(), camera, self._image_size, tuple(views),
-            poses_from_controller=document.poses_from_controller, axis_offset=document.given_offset,
+            poses_from_controller=document.poses_from_controller, axis_offset=document.axis_offset,
             external_axis=document.rough_axis, load=document.carried, knowledge=document.known.knowledge(),
             robot_noise=document.noise_belief,
         )  # fmt: skip

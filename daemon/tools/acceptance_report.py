@@ -5,40 +5,8 @@ from pathlib import Path
 from typing import Any, Literal
 
 from calibration.documents.validation import Document
-
-
-class AcceptanceRowDocument(Document):
-    """One assumption, what was seen when it failed or why it was skipped, and what was measured."""
-
-    code: str
-    """Stable code of the row."""
-    assumption: str
-    """What is assumed of the controller."""
-    verdict: Literal["passed", "failed", "skipped"]
-    """passed, failed or skipped."""
-    what: str
-    """What was seen when it failed, or why it was skipped."""
-    measured: dict[str, float | str]
-    """Figures by name, with the unit in the name."""
-    seconds: float
-    """How long it took, s."""
-
-
-class EventDocument(Document):
-    """One entry of the controller's event log."""
-
-    number: int
-    """Of the entry, counted by the controller."""
-    kind: int
-    """1 information, 2 warning, 3 error."""
-    code: int
-    """ABB's number of the event."""
-    at: str
-    """By the controller's clock, as it gives it."""
-    title: str
-    """ABB's title of the event."""
-    description: str
-    """ABB's description of the event."""
+from drivers.robots.abb.acceptance.program import RowResult
+from drivers.robots.abb.rws.parsing import EventLogEntry
 
 
 class RobotAcceptanceDocument(Document):
@@ -62,9 +30,9 @@ class RobotAcceptanceDocument(Document):
     """Whether rows passed and none failed."""
     counts: dict[str, int]
     """Number of rows by verdict."""
-    rows: list[AcceptanceRowDocument]
+    rows: list[RowResult]
     """The assumptions that were tried, in order."""
-    event_log: list[EventDocument]
+    event_log: list[EventLogEntry]
     """Entries of the controller's event log, newest first."""
 
 

@@ -3,17 +3,14 @@
 from calibration.documents.tip import TipDocument
 from calibration.documents.touch_test import TouchTestDocument
 from calibration.documents.touches import TouchesDocument
-from daemon.api.schemas.answer import Answer, OfRecord
+from daemon.api.schemas.answer import Answer, StoredAnswer
 from daemon.store.documents import DocumentRecord
 from extensions.touch.touch_tests import StoredTouchTest
 
 
-class StoredTouch(OfRecord):
+class StoredTouch(StoredAnswer):
     """A touch test, and what it was made from. `verification`: the run that saw the points, or null."""
 
-    id: str
-    created_at: str
-    created_by: str
     verification: str | None
     tip: TipDocument
     touches: TouchesDocument

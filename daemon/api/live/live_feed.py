@@ -8,13 +8,14 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any
 
-from pydantic import BaseModel
+from pydantic import BaseModel, RootModel
 
 from daemon.api.http_errors import TooManyListeners
 from daemon.api.readiness import readiness
-from daemon.api.schemas.cell import LiveDevice, LookDocument, RobotDocument
+from daemon.api.schemas.cell import LookDocument, RobotDocument
 from daemon.api.schemas.runs import RunDocument
 from daemon.application import Application
+from daemon.cell.device_watch import DeviceState
 from daemon.cell.readings import RobotReading
 from daemon.drift.cell_cameras import CellCamera
 from daemon.errors import DaemonError
@@ -225,7 +226,7 @@ class LiveFeed:
             "software": json_of(SOFTWARE),
             "robot": json_of(robot),
             "run": json_of(None if run is None else RunDocument.of(run)),
-            "devices": json_of([LiveDevice(**vars(state)) for state in app.device_watch.states()]),
+            "devices": json_of([RootModel[DeviceState](state) for state in app.device_watch.states()]),
             "ready": self._ready,
             "ready_of": self._ready_of,
             "holder": json_of(app.cell.holder),

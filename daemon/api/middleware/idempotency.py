@@ -23,13 +23,12 @@ from daemon.api.http_errors import InvalidRequest, KeyReused, RequestInFlight
 from daemon.api.middleware.disconnects import wait_for_run
 from daemon.api.problems import answer, problem_of
 from daemon.api.run_answers import answer_started
-from daemon.api.schemas.calibrations import AppliedDocument
 from daemon.api.schemas.rigs import StoredRig
 from daemon.api.schemas.scans import ScanDocument
 from daemon.api.streaming.request_body import body_chunks
 from daemon.application import Application
 from daemon.errors import DaemonError, StorageError
-from daemon.model.records import ScanViewDocument
+from daemon.model.records import AppliedCalibration, ScanViewDocument
 from daemon.store.actor import AuditContext, IdempotentRequest, acting_as, current_audit_context
 from daemon.store.idempotency_keys import StoredRequest
 
@@ -59,7 +58,7 @@ async def _view(app: Application, subject: str) -> Rebuilt:
 
 async def _apply(app: Application, sequence: str) -> Rebuilt:
     applied = await app.store.history_entry(int(sequence))
-    return _json(200, AppliedDocument.of(applied), "/calibrations/current")
+    return _json(200, RootModel[AppliedCalibration](applied), "/calibrations/current")
 
 
 async def _acceptance(app: Application, acceptance_id: str) -> Rebuilt:

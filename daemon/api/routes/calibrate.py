@@ -129,7 +129,7 @@ async def _status(app: Application, camera: CellCamera) -> CalibrateStatus:
         current, in_force = None, None
     else:
         accuracy = await camera.operations.calibrations.accuracy(record.document)
-        current, in_force = CalibrationSummary.of(record, accuracy, current=True), AppliedDocument.of(applied)
+        current, in_force = CalibrationSummary.of(record, accuracy, current=True), AppliedDocument(**vars(applied))
     ready = (await readiness(app, camera)).calibrate
     running = app.supervisor.in_progress
     calibrations = PageFilters.of({"kind": "calibration"})

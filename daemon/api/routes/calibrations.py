@@ -4,6 +4,7 @@ from dataclasses import replace
 from typing import Annotated
 
 from fastapi import APIRouter, Depends, Query, Request, Response
+from pydantic import RootModel
 
 from calibration.documents.arm import ArmErrorsDocument, arm_summary
 from calibration.documents.arm_field import MAX_STEPS, ArmFieldDocument, arm_field, arm_field_text
@@ -43,7 +44,7 @@ from daemon.api.schemas.answer import page_json
 from daemon.api.schemas.calibrations import AppliedDocument, CalibrationList, CalibrationSummary, CurrentCalibration
 from daemon.application import Application
 from daemon.errors import NoCalibration, NotFound, StorageInconsistent
-from daemon.model.records import CalibrationRecord
+from daemon.model.records import AppliedCalibration, CalibrationRecord
 from daemon.model.requests import ApplyRequest, ObservationsRequest, SolveRequest
 from daemon.store.damaged_rows import split_damaged
 from daemon.store.listings import CalibrationListing
@@ -78,7 +79,7 @@ async def calibrations(app: App, limit: Limit = 50, before: Before = None, accep
 
     def as_json() -> bytes:
         found = (CalibrationSummary.of(row, row.accuracy, current=row.id in current).model_dump_json() for row in read)
-        applied = (AppliedDocument.of(row).model_dump_json() for row in history)
+        applied = (RootModel[AppliedCalibration](row).model_dump_json() for row in history)
         return page_json("calibrations", found, following, damaged, applied=applied)
 
     return await respond_page(app, as_json)
@@ -119,7 +120,9 @@ async def current(request: Request, app: App, camera: WithCamera, if_none_match:
     except NoCalibration as error:
         raise NotFound(error.what, error.fix) from None
     accuracy = await app.operations.calibrations.accuracy(record.document)
-    document = CurrentCalibration(applied=AppliedDocument.of(applied), calibration=record.document, **vars(accuracy))
+    document = CurrentCalibration(
+        applied=AppliedDocument(**vars(applied)), calibration=record.document, **vars(accuracy)
+    )
     tag = tag_of(applied.sequence)
     if if_none_match is not None and tag in parse_if_none_match(if_none_match):
         return Response(status_code=304, headers={"ETag": tag, "Vary": "Accept"})
@@ -224,7 +227,7 @@ async def apply(
         body = body.model_copy(update={"applied_by": _by(body.applied_by, caller)})
     applied = await app.operations.calibrations.apply(calibration_id, body, parse_if_match(if_match))
     response.headers["ETag"] = tag_of(applied.sequence)
-    return AppliedDocument.of(applied)
+    return AppliedDocument(**vars(applied))
 
 
 def _made(record: CalibrationRecord) -> Response:

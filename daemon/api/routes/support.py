@@ -4,13 +4,14 @@ from collections.abc import Awaitable
 from typing import Annotated
 
 from fastapi import APIRouter, Depends, Response
-from pydantic import BaseModel
+from pydantic import BaseModel, RootModel
 
 from daemon.api.dependencies import App, JsonBody
 from daemon.api.problems import problem_responses
 from daemon.api.readiness import readiness
 from daemon.api.routes.cell import devices
 from daemon.api.routes.health import health, metrics
+from daemon.api.schemas.cell import DeviceDocument
 from daemon.api.streaming.cloud_request import BINARY
 from daemon.application import Application
 from daemon.errors import DaemonError
@@ -53,7 +54,8 @@ async def _pages(app: Application) -> dict[str, str]:
     """The answers of GET /health, /ready of each camera, /devices and /metrics, or why there is none."""
 
     async def list_devices() -> Response:
-        return Response("\n".join([device.model_dump_json(indent=1) for device in await devices(app)]))
+        found = [RootModel[DeviceDocument](device) for device in await devices(app)]
+        return Response("\n".join(device.model_dump_json(indent=1) for device in found))
 
     asked: dict[str, Awaitable[BaseModel | Response]] = {
         "/health": health(app),

@@ -1,16 +1,13 @@
 """Schemas of the scanner's stored verifications."""
 
-from daemon.api.schemas.answer import Answer, OfRecord
+from daemon.api.schemas.answer import Answer, StoredAnswer
 from daemon.scans.scanner_acceptance import AcceptanceDocument
 from daemon.store.documents import DocumentRecord
 
 
-class StoredAcceptance(OfRecord):
+class StoredAcceptance(StoredAnswer):
     """A verification of the scanner, as POST /verify answered it."""
 
-    id: str
-    created_at: str
-    created_by: str
     acceptance: AcceptanceDocument
 
     @classmethod

@@ -26,6 +26,14 @@ class OfRecord(Answer):
         raise NotImplementedError
 
 
+class StoredAnswer(OfRecord):
+    """What was stored, when and by whom."""
+
+    id: str
+    created_at: str
+    created_by: str
+
+
 Stored = TypeVar("Stored", bound=Answer)
 
 
@@ -67,6 +75,17 @@ def page_json(
 def example(**answer: Any) -> ConfigDict:
     """A `model_config` with an example for openapi.json."""
     return ConfigDict(frozen=True, json_schema_extra={"examples": [answer]})
+
+
+def as_it_stands(**answer: Any) -> ConfigDict:
+    """The `__pydantic_config__` of an answer that is a record with its fields: each is there, whatever its default."""
+
+    def describe(schema: dict[str, Any]) -> None:
+        for field in schema["properties"].values():
+            field.pop("default", None)
+        schema |= {"required": list(schema["properties"])} | ({"examples": [answer]} if answer else {})
+
+    return ConfigDict(json_schema_extra=describe)
 
 
 EXAMPLE_ID, EXAMPLE_AT = "20261121-090000-3f9a1c", "2026-11-21T09:00:00.123Z"

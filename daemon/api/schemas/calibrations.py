@@ -1,9 +1,10 @@
 """Schemas of calibrations: the list, the active one, the status. Lengths in mm."""
 
-from typing import Literal
+from dataclasses import dataclass
+from typing import ClassVar, Literal
 
 from calibration.documents.calibration import AccuracyDocument, CalibrationDocument
-from daemon.api.schemas.answer import EXAMPLE_AT, EXAMPLE_ID, Answer, example
+from daemon.api.schemas.answer import EXAMPLE_AT, EXAMPLE_ID, Answer, as_it_stands, example
 from daemon.api.schemas.runs import RunDocument
 from daemon.model.records import AppliedCalibration, CalibrationRecord
 from daemon.store.listings import CalibrationListing
@@ -47,30 +48,18 @@ class CalibrationSummary(AccuracyDocument, Answer):
         )  # fmt: skip
 
 
-class AppliedDocument(Answer):
+@dataclass(frozen=True)
+class AppliedDocument(AppliedCalibration):
     """An entry of the history of active calibrations. `sequence` counts from 1.
 
     `role`: of who applied it; `despite_verdict`: it was not accepted, `reason`: why it was applied;
     `camera`: by its name in the settings.
     """
 
-    model_config = example(
+    __pydantic_config__: ClassVar = as_it_stands(
         calibration_id=EXAMPLE_ID, applied_at=EXAMPLE_AT, applied_by="Ann", sequence=7, role="operator",
         despite_verdict=False, reason="", camera="camera",
     )  # fmt: skip
-
-    calibration_id: str
-    applied_at: str
-    applied_by: str
-    sequence: int
-    role: str
-    despite_verdict: bool
-    reason: str
-    camera: str
-
-    @classmethod
-    def of(cls, applied: AppliedCalibration) -> "AppliedDocument":
-        return cls(**vars(applied))
 
 
 class CalibrationList(Answer):

@@ -1,8 +1,8 @@
 """Schemas of the cell's state. Lengths mm, angles deg, quaternions scalar first."""
 
 import math
-from dataclasses import astuple
-from typing import Literal
+from dataclasses import astuple, dataclass
+from typing import ClassVar, Literal
 
 from pydantic import JsonValue
 
@@ -17,9 +17,9 @@ from calibration.kinematics.arm import Arm
 from calibration.kinematics.seven_axes import AnyArm
 from calibration.problem import Setup
 from calibration.sentences.sentence import as_sentence
-from daemon.api.schemas.answer import EXAMPLE_AT, Answer, example
+from daemon.api.schemas.answer import EXAMPLE_AT, Answer, as_it_stands
 from daemon.api.schemas.runs import PlannedPoseDocument
-from daemon.cell.device_watch import DeviceFault
+from daemon.cell.device_watch import DeviceState
 from daemon.cell.frame_check import frame_difference
 from daemon.cell.readings import RobotReading
 from daemon.cell.skeleton import skeleton_mm
@@ -163,26 +163,16 @@ FAULT_EXAMPLE = {
     "fix": "check its power, cable and address: handeyed check asks every device",
     "at": EXAMPLE_AT,
 }
-LINK_EXAMPLE = {"name": "camera", "connected": False, "detail": "not connected yet", "since": EXAMPLE_AT,
-                "last_error": FAULT_EXAMPLE}  # fmt: skip
 
 
-class LiveDevice(Answer):
-    """The link of a device. `since`: of this state; `last_error` stays when it is over."""
-
-    model_config = example(**LINK_EXAMPLE)
-
-    name: str
-    connected: bool
-    detail: str
-    since: str
-    last_error: DeviceFault | None
-
-
-class DeviceDocument(LiveDevice):
+@dataclass(frozen=True, kw_only=True)
+class DeviceDocument(DeviceState):
     """A device of the settings. `kind`: of its driver, by the address, which is shown without passwords."""
 
-    model_config = example(**LINK_EXAMPLE, kind="http", address="http://camera/frame.png")
+    __pydantic_config__: ClassVar = as_it_stands(
+        name="camera", connected=False, detail="not connected yet", since=EXAMPLE_AT, last_error=FAULT_EXAMPLE,
+        kind="http", address="http://camera/frame.png",
+    )  # fmt: skip
 
     kind: str
     address: str

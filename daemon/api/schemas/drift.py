@@ -1,27 +1,27 @@
 """Schemas of GET /drift."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from math import degrees
-from typing import Literal
+from typing import ClassVar, Literal
 
 from calibration.documents.calibration import SentenceDocument
 from calibration.documents.knowledge import NoiseBeliefDocument
 from calibration.monitoring.cell_change import PossibleChange
-from daemon.api.schemas.answer import EXAMPLE_AT, EXAMPLE_ID, Answer, OfRecord, documents_of, example
+from calibration.monitoring.control_chart import DriftRules
+from daemon.api.schemas.answer import EXAMPLE_AT, EXAMPLE_ID, Answer, OfRecord, as_it_stands, documents_of, example
 from daemon.config.settings import DriftSettings
-from daemon.drift.chart import DriftChart, DriftPointDocument
+from daemon.drift.chart import DriftChart, DriftPointDocument, rules_of
 from daemon.scans.scanner_acceptance import AcceptanceDocument
 from daemon.store.damaged_rows import split_damaged
 from daemon.store.documents import DocumentRecord
 
 
-class DriftRulesDocument(Answer):
+@dataclass(frozen=True)
+class DriftRulesDocument(DriftRules):
     """The rules of the chart, as in [drift] of the settings."""
 
-    weight: float
-    learn: int
-    allowed_mm: float
-    runs_between_false_alarms: float
+    __pydantic_config__: ClassVar = as_it_stands()
 
 
 class DriftTouchDocument(Answer):
@@ -139,7 +139,7 @@ class DriftDocument(Answer):
         return cls(
             **{**vars(report), **known},
             alarm_detail=None if report.alarm is None else SentenceDocument.each_of([report.alarm])[0],
-            rules=DriftRulesDocument(**settings.model_dump(include=set(DriftRulesDocument.model_fields))),
+            rules=DriftRulesDocument(**vars(rules_of(settings))),
             points=list(chart.points[-limit:]),
             changes=[DriftChangeDocument.of(change) for change in chart.changes],
             touch_tests=list(touched),

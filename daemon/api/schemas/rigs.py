@@ -1,16 +1,13 @@
 """Schemas of the stored rigs."""
 
 from calibration.documents.rig import RigDocument
-from daemon.api.schemas.answer import Answer, OfRecord
+from daemon.api.schemas.answer import Answer, StoredAnswer
 from daemon.store.documents import DocumentRecord
 
 
-class StoredRig(OfRecord):
+class StoredRig(StoredAnswer):
     """A rig.json as it was stored. The newest one is active."""
 
-    id: str
-    created_at: str
-    created_by: str
     rig: RigDocument
 
     @classmethod

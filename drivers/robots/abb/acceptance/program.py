@@ -4,7 +4,9 @@ import re
 from collections.abc import Awaitable, Callable, Iterable
 from dataclasses import dataclass
 from hashlib import sha256
-from typing import Literal
+from typing import ClassVar, Literal
+
+from pydantic import ConfigDict
 
 from calibration.errors import CalibrationError
 from drivers.errors import DeviceError
@@ -32,14 +34,22 @@ class Row:
 
 @dataclass(frozen=True)
 class RowResult:
-    """Result of a row: what was seen when it failed or why it was skipped, and what was measured."""
+    """One assumption, what was seen when it failed or why it was skipped, and what was measured."""
+
+    __pydantic_config__: ClassVar = ConfigDict(extra="forbid", use_attribute_docstrings=True)
 
     code: str
+    """Stable code of the row."""
     assumption: str
+    """What is assumed of the controller."""
     verdict: Verdict
+    """passed, failed or skipped."""
     what: str
+    """What was seen when it failed, or why it was skipped."""
     measured: Measured
+    """Figures by name, with the unit in the name."""
     seconds: float
+    """How long it took, s."""
 
     def line(self) -> str:
         """passed  code  what"""

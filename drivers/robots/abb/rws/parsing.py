@@ -3,9 +3,10 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
+from pydantic import ConfigDict
 
 from calibration.errors import GeometryError
 from calibration.kinematics.arm import Configuration
@@ -35,14 +36,22 @@ class ControllerState:
 
 @dataclass(frozen=True)
 class EventLogEntry:
-    """A line of the controller's event log; `kind` 1 information, 2 warning, 3 error."""
+    """One entry of the controller's event log."""
+
+    __pydantic_config__: ClassVar = ConfigDict(extra="forbid", use_attribute_docstrings=True)
 
     number: int
+    """Of the entry, counted by the controller."""
     kind: int
+    """1 information, 2 warning, 3 error."""
     code: int
+    """ABB's number of the event."""
     at: str
+    """By the controller's clock, as it gives it."""
     title: str
+    """ABB's title of the event."""
     description: str
+    """ABB's description of the event."""
 
 
 def pose(device: str, values: Values, taken_at_s: float, axes: int = 6) -> PoseReading:
