@@ -39,7 +39,7 @@ from drivers.interfaces import (
 )
 from drivers.robots.abb.cb_robot import CbRobot
 from drivers.robots.abb.egm_path import EgmPath
-from drivers.robots.abb.egm_vibration import EgmAddress, EgmMonitor
+from drivers.robots.abb.egm_vibration import EgmMonitor
 from drivers.robots.abb.rws.address import RwsAddress
 from drivers.robots.abb.rws.redundant_stop import RedundantStop
 from drivers.robots.abb.rws.robot import RwsRobot
@@ -119,7 +119,7 @@ def open_vibration_monitor(host: str, port: int, robot: str | None, timing: Timi
 
     Raises DeviceUnreachable for a port that is taken.
     """
-    monitor = EgmMonitor(EgmAddress(host, port, robot), timing)
+    monitor = EgmMonitor(host, port, robot, timing)
     monitor.start()
     return monitor
 

@@ -7,9 +7,12 @@ centres. "Based on", since the standards also prescribe artefacts, positions and
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
+from pydantic import ConfigDict
 
+from calibration.targets import DESCRIBED
 from calibration.transforms import Array
 from registration.errors import SphereError
 from registration.points.sphere_fit import find_artefact, fit_sphere
@@ -20,14 +23,20 @@ BALL_RADII = 1.25
 """Points within this many radii of a ball's centre belong to it or its holder."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class ProbedBall:
-    """One ball in one position: centre (3,) and probing errors."""
+    """One ball in one position, in the scanner's frame."""
 
-    centre_mm: Array
+    __pydantic_config__: ClassVar[ConfigDict] = DESCRIBED
+
+    centre_mm: tuple[float, float, float]
+    """Its centre in the scanner's frame, mm."""
     form_mm: float
+    """Width of 95 % of its points about their sphere, mm."""
     size_mm: float
+    """Measured less calibrated diameter, mm."""
     points: int
+    """Number of points."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,18 +74,18 @@ def evaluate_acceptance(clouds: Sequence[Array], radius_mm: float, spacing_mm: f
 
 def _position(index: int, points: Array, radius_mm: float, spacing_mm: float | None) -> Position:
     try:
-        first, rest = _ball(points, radius_mm)
+        first, centre, rest = _ball(points, radius_mm)
         if spacing_mm is None:
             return Position((first,), None)
-        second, _ = _ball(rest, radius_mm)
+        second, other, _ = _ball(rest, radius_mm)
     except SphereError as error:
         raise SphereError(f"position {index}: {error.what}", error.fix) from None
-    apart = float(np.linalg.norm(second.centre_mm - first.centre_mm))
+    apart = float(np.linalg.norm(other - centre))
     return Position((first, second), apart - spacing_mm)
 
 
-def _ball(points: Array, radius_mm: float) -> tuple[ProbedBall, Array]:
-    """A ball of the calibrated radius, and the points that are not its own. Raises SphereError."""
+def _ball(points: Array, radius_mm: float) -> tuple[ProbedBall, Array, Array]:
+    """A ball of the calibrated radius, its centre (3,), and the points that are not its own. Raises SphereError."""
     points = points[np.isfinite(points).all(axis=1)]
     found = find_artefact(points, radius_mm)
     distance = np.linalg.norm(points - found.centre, axis=1)
@@ -84,5 +93,7 @@ def _ball(points: Array, radius_mm: float) -> tuple[ProbedBall, Array]:
     gaps = np.linalg.norm(points - free.centre, axis=1) - free.radius_mm
     own = gaps[np.abs(gaps) < 0.1 * radius_mm]
     low, high = np.quantile(own, [(1 - FORM_SHARE) / 2, (1 + FORM_SHARE) / 2])
-    probed = ProbedBall(free.centre, float(high - low), 2 * (free.radius_mm - radius_mm), len(own))
-    return probed, points[distance > BALL_RADII * radius_mm]
+    x, y, z = free.centre.tolist()
+    form_mm, size_mm = float(high - low), float(2 * (free.radius_mm - radius_mm))
+    probed = ProbedBall((x, y, z), round(form_mm, 5), round(size_mm, 5), len(own))
+    return probed, free.centre, points[distance > BALL_RADII * radius_mm]

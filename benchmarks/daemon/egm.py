@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.daemon.link import beside, register_until
-from drivers.robots.abb.egm_vibration import EgmAddress, EgmMonitor, ReceivedSample
+from drivers.robots.abb.egm_vibration import EgmMonitor, ReceivedSample
 from protocols.egm.messages import RobotSample, decode, encode
 
 PERIOD_S = 0.004
@@ -114,7 +114,7 @@ def busy_machine() -> Iterator[None]:
 def measure(duration_s: float, load: Callable[[], Any]) -> tuple[DelayedSamples, int, int]:
     """Delays of the samples, number lost, and number of uncertain ones."""
     count, noted = int(duration_s / PERIOD_S), DelayedSamples()
-    monitor = EgmMonitor(EgmAddress("127.0.0.1", 0))
+    monitor = EgmMonitor("127.0.0.1", 0)
     monitor._window._arrivals = noted
     monitor.start()
     context = multiprocessing.get_context("spawn")

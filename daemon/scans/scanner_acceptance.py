@@ -10,23 +10,10 @@ from daemon.model.requests import ArtefactRequest
 from registration.io.reading import open_cloud
 from registration.points.rigid_motion import scale_to_mm
 from registration.points.surface import sample_points
-from registration.scanner_acceptance import BASED_ON, Acceptance, Position, evaluate_acceptance
+from registration.scanner_acceptance import BASED_ON, Acceptance, Position, ProbedBall, evaluate_acceptance
 
 MAX_POINTS = 200_000
 """Points sampled per position: more do not change a 95 % width."""
-
-
-class BallDocument(Document):
-    """One ball in one position, in the scanner's frame."""
-
-    centre_mm: tuple[float, float, float]
-    """Its centre in the scanner's frame, mm."""
-    form_mm: float
-    """Width of 95 % of its points about their sphere, mm."""
-    size_mm: float
-    """Measured less calibrated diameter, mm."""
-    points: int
-    """Number of points."""
 
 
 class PositionDocument(Document):
@@ -34,7 +21,7 @@ class PositionDocument(Document):
 
     view: int
     """Of the view, from 0."""
-    balls: list[BallDocument]
+    balls: tuple[ProbedBall, ...]
     """The balls in sight."""
     spacing_error_mm: float | None
     """Measured less calibrated distance, mm; null without a ball bar."""
@@ -89,14 +76,5 @@ def assess_clouds(scan_id: str, views: Sequence[tuple[Path, str]], artefact: Art
 
 
 def _position(view: int, position: Position) -> PositionDocument:
-    balls = [
-        BallDocument(
-            centre_mm=(float(ball.centre_mm[0]), float(ball.centre_mm[1]), float(ball.centre_mm[2])),
-            form_mm=round(ball.form_mm, 5),
-            size_mm=round(ball.size_mm, 5),
-            points=ball.points,
-        )
-        for ball in position.balls
-    ]
-    spacing = position.spacing_mm
-    return PositionDocument(view=view, balls=balls, spacing_error_mm=None if spacing is None else round(spacing, 5))
+    spacing = None if position.spacing_mm is None else round(position.spacing_mm, 5)
+    return PositionDocument(view=view, balls=position.balls, spacing_error_mm=spacing)

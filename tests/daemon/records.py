@@ -6,8 +6,9 @@ from pathlib import Path
 from daemon.model.records import RunRecord
 from daemon.model.requests import ArtefactRequest
 from daemon.model.run_states import RunState
-from daemon.scans.scanner_acceptance import AcceptanceDocument, BallDocument, PositionDocument
+from daemon.scans.scanner_acceptance import AcceptanceDocument, PositionDocument
 from daemon.store.database import DATABASE_NAME
+from registration.scanner_acceptance import ProbedBall
 
 AT = "2026-11-21T09:00:00.000Z"
 
@@ -39,8 +40,8 @@ def a_touch_test() -> str:
 
 def an_acceptance(scan_id: str) -> AcceptanceDocument:
     """Of ten views of a ball bar."""
-    ball = BallDocument(centre_mm=(0.0, 0.0, 500.0), form_mm=0.1, size_mm=0.05, points=2000)
-    seen = [PositionDocument(view=k, balls=[ball, ball], spacing_error_mm=0.02) for k in range(10)]
+    ball = ProbedBall(centre_mm=(0.0, 0.0, 500.0), form_mm=0.1, size_mm=0.05, points=2000)
+    seen = [PositionDocument(view=k, balls=(ball, ball), spacing_error_mm=0.02) for k in range(10)]
     artefact = ArtefactRequest(radius_mm=25.0, spacing_mm=200.0)
     return AcceptanceDocument(
         based_on="ISO 10360-13", scan_id=scan_id, artefact=artefact, probing_form_mm=0.1, probing_size_mm=0.05,

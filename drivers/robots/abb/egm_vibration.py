@@ -23,7 +23,6 @@ from drivers.timing import Timing, shorten_switch_interval
 from drivers.transports.late_address import allow_late_address
 from protocols.egm.messages import NotEgm, RobotSample, decode
 
-PORT = 6510
 MAX_SAMPLES = 2500
 """Ten seconds of samples."""
 POLL_S = 0.2
@@ -47,15 +46,6 @@ class ReceivedSample:
 
     received_at_s: float
     sample: RobotSample
-
-
-@dataclass(frozen=True)
-class EgmAddress:
-    """Address to listen on, and the only accepted sender when one is named."""
-
-    host: str = "0.0.0.0"  # noqa: S104 - the controller's network is not known here; `robot` names the sender
-    port: int = PORT
-    robot: str | None = None
 
 
 class SampleWindow:
@@ -87,9 +77,10 @@ class SampleWindow:
 class EgmMonitor:
     """Listens in a thread of its own, so that other work in the process delays it little."""
 
-    def __init__(self, address: EgmAddress, timing: Timing | None = None) -> None:
-        self._address, self._timing = address, timing or Timing()
-        self._device = f"EGM udp://{address.host}:{address.port}"
+    def __init__(self, host: str, port: int, robot: str | None = None, timing: Timing | None = None) -> None:
+        """Packets come to `host` and `port`; `robot`: the only accepted sender, when one is named."""
+        self._host, self._port, self._robot, self._timing = host, port, robot, timing or Timing()
+        self._device = f"EGM udp://{host}:{port}"
         self._report = LinkReport(self._timing.clock)
         self._window = SampleWindow()
         self._ending = threading.Event()
@@ -123,7 +114,7 @@ class EgmMonitor:
         listening = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         try:
             allow_late_address(listening)
-            listening.bind((self._address.host, self._address.port))
+            listening.bind((self._host, self._port))
         except OSError as error:
             listening.close()
             fix = "end the program that listens there, or correct host and port"
@@ -170,8 +161,8 @@ class EgmMonitor:
                 continue  # for POLL_S: waiting in the kernel takes the interpreter lock only once per packet
             except OSError:
                 return  # closed
-            if self._address.robot not in (None, sender[0]):
-                self._count(f"from {sender[0]}, expected {self._address.robot}")
+            if self._robot not in (None, sender[0]):
+                self._count(f"from {sender[0]}, expected {self._robot}")
                 continue
             try:
                 sample = decode(data)

@@ -11,7 +11,7 @@ import pytest
 
 from calibration.transforms import quaternion_from_rotation
 from drivers.errors import DeviceTimeout, DeviceUnreachable
-from drivers.robots.abb.egm_vibration import EgmAddress, EgmMonitor, vibration_of
+from drivers.robots.abb.egm_vibration import EgmMonitor, vibration_of
 from mock_robot.cell import MockCell, Ports
 from mock_robot.devices.egm import PERIOD_S, VIBRATION_MM
 from mock_robot.truth.truth import CellTruth
@@ -26,7 +26,7 @@ WINDOW_S = 0.5
 @asynccontextmanager
 async def monitored(robot: str | None = None, **options: float) -> AsyncIterator[tuple[MockCell, EgmMonitor]]:
     """A cell that streams to a monitor of which samples have come."""
-    monitor = EgmMonitor(EgmAddress("127.0.0.1", 0, robot))
+    monitor = EgmMonitor("127.0.0.1", 0, robot)
     monitor.start()
     cell = MockCell(CellTruth.from_seed(7), **options)  # type: ignore[arg-type]
     try:
@@ -154,7 +154,7 @@ def joints_alone(number: int) -> bytes:
 async def test_a_packet_without_a_pose_is_no_sample_and_its_sender_is_named(
     packet: Callable[[int], bytes], why: str
 ) -> None:
-    monitor = EgmMonitor(EgmAddress("127.0.0.1", 0))
+    monitor = EgmMonitor("127.0.0.1", 0)
     monitor.start()
     try:
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
@@ -171,7 +171,7 @@ def test_a_taken_port_is_reported() -> None:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
         taken.bind(("127.0.0.1", 0))
         with pytest.raises(DeviceUnreachable, match="cannot listen"):
-            EgmMonitor(EgmAddress("127.0.0.1", taken.getsockname()[1])).start()
+            EgmMonitor("127.0.0.1", taken.getsockname()[1]).start()
 
 
 @pytest.mark.parametrize("turn_deg", [0.001, 0.1, 10.0])
