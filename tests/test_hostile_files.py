@@ -19,8 +19,7 @@ from daemon.tools.batch_registration.errors import ArchiveError
 from daemon.tools.batch_registration.manifest import file_hash
 from daemon.tools.batch_registration.remote_folder import RemoteFolder
 from daemon.tools.support_bundle.bundle import gather
-from daemon.webhooks.errors import SecretUnusable
-from daemon.webhooks.signing import read_secrets
+from daemon.webhooks.dispatcher import SecretUnusable, read_secrets
 from registration.documents import ScanDocument
 from registration.errors import CloudError
 from registration.io.convert import move_file

@@ -2,14 +2,122 @@
 
 from collections.abc import Callable
 
-from calibration.closed_forms.daniilidis import daniilidis
-from calibration.closed_forms.horaud import horaud
+import numpy as np
+
 from calibration.closed_forms.kronecker import kronecker
+from calibration.closed_forms.motions import MotionPairs, all_pairs, with_translation
 from calibration.closed_forms.park import park
+from calibration.closed_forms.quaternions import left_product_matrix, right_product_matrix
 from calibration.closed_forms.shah import shah
 from calibration.closed_forms.three_pose import three_pose
-from calibration.closed_forms.tsai import tsai
-from calibration.transforms import Array
+from calibration.transforms import Array, quaternion_from_rotation, rotation_from_quaternion, skew, transform
+
+# R. Horaud & F. Dornaika, "Hand-eye calibration", Int. J. Robotics Research 14(3), 1995.
+
+
+def horaud(anchor_T_mount: Array, camera_T_target: Array) -> Array:
+    """X (4, 4): the unit quaternion q with the least sum |n_A q - q n_B|² over the turns' axes n (Eqs. 30 to 33)."""
+    motions = all_pairs(anchor_T_mount, camera_T_target).with_clear_axes()
+    alpha, beta = (_pure(vectors / np.linalg.norm(vectors, axis=1, keepdims=True)) for vectors in motions.vectors())
+    difference = left_product_matrix(alpha) - right_product_matrix(beta)
+    quadratic = np.einsum("kji,kjl->il", difference, difference)
+    quaternion = np.linalg.eigh(quadratic)[1][:, 0]
+    return with_translation(motions, rotation_from_quaternion(quaternion))
+
+
+def _pure(vectors: Array) -> Array:
+    return np.concatenate([np.zeros((len(vectors), 1)), vectors], axis=1)
+
+
+# R. Tsai & R. Lenz, "A new technique for fully autonomous and efficient 3D robotics hand/eye calibration", T-RA 1989.
+#
+# The rotation of X is found as P' = tan(theta / 2) times its axis, which is infinite at 180 degrees, a common
+# mounting. So the same equations are also solved with the camera's frame turned by 180 degrees about each of its axes
+# (X turns by at most 120 degrees in one of the four), and the solution that fits the rotations best is kept.
+
+HALF_TURNS = (np.eye(3), np.diag([1.0, -1, -1]), np.diag([-1.0, 1, -1]), np.diag([-1.0, -1, 1]))
+
+
+def tsai(anchor_T_mount: Array, camera_T_target: Array) -> Array:
+    """X (4, 4), rotation and then translation."""
+    motions = all_pairs(anchor_T_mount, camera_T_target).with_clear_axes()
+    alpha, beta = motions.vectors()
+    mount, camera = _modified_rodrigues(alpha), _modified_rodrigues(beta)
+    # R carries the turned camera axes turn' k onto the mount's; X's rotation is R turn', and turn is symmetric.
+    candidates = [_rotation(_half_tangent(mount, camera @ turn)) @ turn for turn in HALF_TURNS]
+    rotation = min(candidates, key=lambda candidate: float(np.linalg.norm(alpha - beta @ candidate.T)))
+    return with_translation(motions, rotation)
+
+
+def _modified_rodrigues(vectors: Array) -> Array:
+    """P = 2 sin(theta / 2) n of rotation vectors (k, 3) (Eq. 9)."""
+    angle = np.linalg.norm(vectors, axis=1, keepdims=True)
+    scaled: Array = 2 * np.sin(angle / 2) * vectors / angle
+    return scaled
+
+
+def _half_tangent(mount: Array, camera: Array) -> Array:
+    """P' (3,) from skew(P_mount + P_camera) P' = P_camera - P_mount (Eq. 12)."""
+    coefficients, right_hand = skew(mount + camera).reshape(-1, 3), (camera - mount).reshape(-1)
+    return np.asarray(np.linalg.lstsq(coefficients, right_hand, rcond=None)[0])
+
+
+def _rotation(half_tangent: Array) -> Array:
+    """Rotation (3, 3) of P' by Eqs. 14 and 10."""
+    p = 2 * half_tangent / np.sqrt(1 + half_tangent @ half_tangent)
+    rotation: Array = (1 - p @ p / 2) * np.eye(3) + (np.outer(p, p) + np.sqrt(max(4 - float(p @ p), 0.0)) * skew(p)) / 2
+    return rotation
+
+
+# K. Daniilidis, "Hand-eye calibration using dual quaternions", Int. J. Robotics Research 18(3), 1999.
+
+
+def daniilidis(anchor_T_mount: Array, camera_T_target: Array) -> Array:
+    """X (4, 4), rotation and translation at once as a unit dual quaternion."""
+    motions = all_pairs(anchor_T_mount, camera_T_target).with_clear_axes()
+    real, dual = _from_null_space(np.linalg.svd(_equations(motions), full_matrices=False)[2])
+    rotation = rotation_from_quaternion(real)
+    # t = 2 q' conj(q): the vector part of the product (Eq. 12).
+    translation = 2 * (real[0] * dual[1:] - dual[0] * real[1:] + np.cross(real[1:], dual[1:]))
+    return transform(rotation, translation)
+
+
+def _equations(motions: MotionPairs) -> Array:
+    """T (6k, 8) of Eqs. 31 and 33, with lengths scaled so that rotation and translation weigh alike."""
+    a, a_dual = _dual_quaternions(motions.mount)
+    b, b_dual = _dual_quaternions(motions.camera)
+    k = len(a)
+    rows = np.zeros((max(k, 2), 6, 8))  # at least as many rows as unknowns, for both vectors of the null space
+    rows[:k, :3, 0] = rows[:k, 3:, 4] = (a - b)[:, 1:]
+    rows[:k, :3, 1:4] = rows[:k, 3:, 5:] = skew((a + b)[:, 1:])
+    rows[:k, 3:, 0] = (a_dual - b_dual)[:, 1:]
+    rows[:k, 3:, 1:4] = skew((a_dual + b_dual)[:, 1:])
+    return rows.reshape(-1, 8)
+
+
+def _dual_quaternions(motions: Array) -> tuple[Array, Array]:
+    """q and q' = t q / 2 of transforms (k, 4, 4), with q's scalar part not negative (Eq. 9)."""
+    real = quaternion_from_rotation(motions[:, :3, :3])
+    pure = np.concatenate([np.zeros((len(motions), 1)), motions[:, :3, 3]], axis=1)
+    return real, (left_product_matrix(pure) @ real[..., None])[..., 0] / 2
+
+
+def _from_null_space(vt: Array) -> tuple[Array, Array]:
+    """The combination of the last two right singular vectors that is a unit dual quaternion (Eqs. 34 and 35)."""
+    (u1, v1), (u2, v2) = vt[6].reshape(2, 4), vt[7].reshape(2, 4)
+    coefficients = np.array([u1 @ v1, u1 @ v2 + u2 @ v1, u2 @ v2])
+    if abs(coefficients[0]) > 1e-12 * np.abs(coefficients).max(initial=1e-300):
+        root = np.sqrt(max(coefficients[1] ** 2 - 4 * coefficients[0] * coefficients[2], 0.0))
+        ratios = (-coefficients[1] + np.array([root, -root])) / (2 * coefficients[0])
+        pairs = [(ratio, 1.0) for ratio in ratios]
+    else:
+        pairs = [(1.0, 0.0), (-coefficients[2] / coefficients[1], 1.0) if coefficients[1] else (0.0, 1.0)]
+    # Of the two roots, the one whose real part is longer.
+    first, second = max(pairs, key=lambda pair: float(np.linalg.norm(pair[0] * u1 + pair[1] * u2) / np.hypot(*pair)))
+    real, dual = first * u1 + second * u2, first * v1 + second * v2
+    length = np.linalg.norm(real)
+    return real / length, dual / length
+
 
 ClosedForm = Callable[[Array, Array], Array]
 

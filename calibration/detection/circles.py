@@ -1,13 +1,12 @@
 """Circle grids: dots joined into a lattice, matched to the target, measured at full size, perspective bias removed."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from calibration.detection.circle_bias import circle_centre_bias
 from calibration.detection.dot_centroid import refine_dots
 from calibration.detection.dot_lattice import grow_dot_lattices
 from calibration.detection.dots import Dots, find_dots
@@ -19,6 +18,29 @@ from calibration.problem import Detection
 from calibration.sentences.sentence import Sentence
 from calibration.targets import CircleGrid
 from calibration.transforms import Array
+
+# Offset of the centroid of a circle's image from the image of its centre, due to perspective and lens distortion.
+#
+# Source: Heikkilä, "Geometric camera calibration using circular control points", 2000; here the rim is measured point
+# by point, so any camera model can be used.
+
+RIM_POINTS = 48
+
+
+def circle_centre_bias(project: Callable[[Array], Array], centres: Array, radii: Array) -> Array:
+    """Centroid minus projected centre (n, 2) in px, of circles with `centres` (n, 2) and `radii` (n,) in the plane.
+
+    `project` maps plane points (m, 2) to pixels (m, 2).
+    """
+    angle = np.arange(RIM_POINTS) * (2 * np.pi / RIM_POINTS)
+    rim = centres[:, None] + radii[:, None, None] * np.column_stack([np.cos(angle), np.sin(angle)])
+    middle = project(centres)
+    polygon = project(rim.reshape(-1, 2)).reshape(rim.shape) - middle[:, None]
+    following = np.roll(polygon, -1, axis=1)
+    cross = polygon[..., 0] * following[..., 1] - polygon[..., 1] * following[..., 0]
+    centroid = ((polygon + following) * cross[..., None]).sum(axis=1) / (3 * cross.sum(axis=1))[:, None]
+    return np.asarray(centroid)
+
 
 SEARCH_PIXELS = (1.3e6, 1.3e7)
 MIN_SHARE_FOUND = 0.75

@@ -2,6 +2,7 @@
 
 import asyncio
 import getpass
+import ipaddress
 import os
 import shutil
 from collections.abc import Awaitable, Callable
@@ -11,22 +12,151 @@ from math import degrees
 from pathlib import Path
 from typing import Any, TypeVar
 
+import serial
+
 from calibration.detection.detect import detect
 from calibration.detection.image import grey_image
 from calibration.detection.recognition import find_alternative
 from calibration.errors import DetectionError
+from daemon.access.errors import CertificateUnusable
 from daemon.cell.devices import open_devices
 from daemon.cell.vibration import VibrationGate
-from daemon.cli.checks_daemon import check_daemon
-from daemon.cli.checks_modbus import check_interlocks, check_plc
 from daemon.cli.checks_robot import check_robot
+from daemon.cli.local_daemon import client_of
 from daemon.cli.output import CheckResult
+from daemon.cli.rest_client import connect
+from daemon.cli.service import running_service
+from daemon.config.plc_settings import InterlockSettings, PlcSerialSettings, PlcSettings
 from daemon.config.settings import MAIN_CAMERA, MAIN_SCANNER, Settings, SettingsFile
-from daemon.errors import NotStill
+from daemon.errors import NotStill, PortTaken
+from daemon.http.listen_socket import LateAddresses, open_listener
 from daemon.runtime.clock import Clock
 from daemon.tools.first_setup.devices import MAX_CONNECT_S, ask, name_of
 from drivers.errors import DeviceError, NothingMeasured
 from drivers.interfaces import Camera, CaptureSettings, ProfileSource, Scanner
+from drivers.serial_errors import SERIAL_ERRORS, reason_of
+from handeyed.client import Client
+from handeyed.errors import ClientError, NoDaemon
+
+# The check through the daemon that holds the cell: whether it runs with this file, and what it says of its devices.
+#
+# A device that a daemon holds is never opened: an ABB controller would refuse, a camera be taken from the run.
+
+MAX_ANSWER_S = 4.0
+WITH_A_KEY = "give a key in HANDEYED_KEY, or check as root or as the daemon's user"
+
+
+def check_daemon(settings: Settings, loaded: SettingsFile | None) -> list[CheckResult] | None:
+    """What the daemon says that holds the cell: the one at the settings' address, or the service of this machine.
+
+    None when there is none: the devices are free then.
+    """
+    found = _ask(lambda: client_of(settings, MAX_ANSWER_S), loaded)
+    service = running_service()
+    if found is None and service is not None and not service.is_at(settings.server.local_url):
+        found = _ask(lambda: connect(service.url, MAX_ANSWER_S), loaded)
+    return found
+
+
+def _ask(ask: Callable[[], Client], loaded: SettingsFile | None) -> list[CheckResult] | None:
+    """The results through one daemon; None when nothing listens there."""
+    try:
+        with ask() as daemon:
+            software = daemon.get("/health")["software"]
+            return _results(daemon, f"{software} runs at {daemon.url} and holds the devices", loaded)
+    except NoDaemon:
+        return None
+    except (ClientError, CertificateUnusable, KeyError, TypeError, ValueError) as error:
+        where = error.where if isinstance(error, ClientError) else "the port"
+        what = error.what if isinstance(error, ClientError | CertificateUnusable) else "no daemon's answer"
+        said = f"something answers at {where}, but not as a daemon with these settings ({what}); no device was asked"
+        return [CheckResult("daemon", False, said, "see who listens there: ss -ltnp")]
+
+
+def _results(daemon: Client, runs: str, loaded: SettingsFile | None) -> list[CheckResult]:
+    try:
+        about, readiness = daemon.get("/about"), daemon.get("/calibrate")
+    except ClientError as error:
+        return [CheckResult("daemon", True, runs), CheckResult("cell", False, error.what, WITH_A_KEY)]
+    other = other_settings(about.get("settings"), loaded)
+    if other is not None:
+        return [CheckResult("daemon", False, f"{runs}, {other[0]}; no device was asked", other[1])]
+    reasons = [CheckResult("cell", False, reason, "put this right at the cell") for reason in readiness["reasons"]]
+    running = CheckResult("daemon", True, runs if loaded is None else f"{runs}, with this file")
+    return [running, *(reasons or [CheckResult("cell", True, "ready to calibrate")])]
+
+
+def other_settings(running: dict[str, str] | None, loaded: SettingsFile | None) -> tuple[str, str] | None:
+    """How the daemon's settings differ from the file that is checked, and what to do; None when they are the same."""
+    if running is None or loaded is None or running["sha256"] == loaded.sha256:
+        return None
+    if running["file"] == loaded.file:
+        return "but with this file as it was when it started", "systemctl restart handeyed; then check again"
+    return (
+        f"with {running['file']}, which is another than this file",
+        "check that one; or stop the daemon to test this one",
+    )
+
+
+CELL = "put this right at the cell"
+TERMINAL = "see that the device answers there, and that [interlocks] names its unit and addresses"
+
+
+async def check_interlocks(settings: InterlockSettings) -> list[CheckResult]:
+    """Read each interlock signal once."""
+    interlocks = settings.open()
+    try:
+        readings = await interlocks.readings()
+    finally:
+        await interlocks.close()
+    return [
+        CheckResult("interlock", True, f"{reading.name}: allows motion")
+        if reading.allows
+        else CheckResult(
+            "interlock", False, f"{reading.name} {reading.why}", TERMINAL if "cannot be read" in reading.why else CELL
+        )
+        for reading in readings
+    ]
+
+
+async def check_plc(settings: PlcSettings) -> list[CheckResult]:
+    """Check the TCP port, and the serial line if the settings name one."""
+    lines = [check_port(settings)]
+    if settings.serial is not None:
+        lines.append(await asyncio.to_thread(check_line, settings.serial))
+    return lines
+
+
+def check_port(settings: PlcSettings) -> CheckResult:
+    """Check that the port is free, and that the writers of [plc] can reach it."""
+    try:
+        open_listener(settings.host, settings.port, "plc").close()
+    except PortTaken as error:
+        return CheckResult("plc", False, error.what, error.fix)
+    if late := LateAddresses(lambda: [("plc", settings.host)]).warnings():
+        return CheckResult("plc", False, late[0])
+    here = f"Modbus TCP can listen on {settings.host} port {settings.port}"
+    if settings.motion and not settings.writers and settings.serial is None:
+        return CheckResult("plc", False, f"{here}, but motion is allowed to nobody", "name the PLC in [plc] writers")
+    elsewhere = [writer for writer in settings.writers if not ipaddress.ip_network(writer).is_loopback]
+    if elsewhere and ipaddress.ip_address(settings.host).is_loopback:
+        what = f"{here}, which {', '.join(elsewhere)} cannot reach"
+        return CheckResult("plc", False, what, "set [plc] host to this PC's address in the cell's network")
+    who = f"{', '.join(settings.writers)} may write" if settings.writers else "nobody may write"
+    return CheckResult("plc", True, f"{here}; {who}, triggers {'may' if settings.motion else 'may not'} move the arm")
+
+
+def check_line(settings: PlcSerialSettings) -> CheckResult:
+    """Check that the serial line opens."""
+    try:
+        serial.serial_for_url(settings.port, baudrate=settings.baud, parity=settings.parity, timeout=0).close()
+    except (*SERIAL_ERRORS, ValueError) as error:
+        reason = getattr(error, "strerror", None) or reason_of(error)
+        what = f"the line {settings.port} cannot be opened ({reason})"
+        fix = "correct [plc.serial] port, baud or parity, or the rights of the daemon's user (group dialout)"
+        return CheckResult("plc", False, what, fix)
+    return CheckResult("plc", True, f"the line {settings.port} opens, {settings.baud} baud, as unit {settings.unit}")
+
 
 Answer = TypeVar("Answer")
 

@@ -1,10 +1,13 @@
 """Delivers the outbox to each webhook in order; repeats a failed message with exponential backoff from 1 s to 300 s."""
 
 import asyncio
+import base64
+import hashlib
+import hmac
 import json
 import logging
 from collections import Counter
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -13,11 +16,69 @@ import httpx
 
 from calibration.sentences.sentence import Sentence
 from daemon.config.server_settings import WebhookSettings
-from daemon.errors import StorageError
+from daemon.errors import DaemonError, StorageError
 from daemon.runtime.clock import Clock
 from daemon.runtime.metrics import Labels, Metric
 from daemon.store.outbox import Outbox, OutboxMessage
-from daemon.webhooks.signing import read_secrets, signature_headers
+from registration.io.regular_file import read_regular
+
+MIN_SECRET_BYTES = 32
+"""The length of the hash: a longer secret is no stronger, a shorter one is weaker."""
+
+MAX_FILE_BYTES = 1 << 16
+
+
+def signature_headers(message_id: str, at_s: int, body: bytes, secrets: Sequence[bytes]) -> dict[str, str]:
+    """The headers for a body, with one signature per secret, so that secrets can be rotated without interruption."""
+    signatures = (f"v1,{signature(message_id, at_s, body, secret)}" for secret in secrets)
+    return {
+        "webhook-id": message_id,
+        "webhook-timestamp": str(at_s),
+        "webhook-signature": " ".join(signatures),
+        "content-type": "application/json",
+    }
+
+
+def signature(message_id: str, at_s: int, body: bytes, secret: bytes) -> str:
+    """Base64 of HMAC-SHA256(secret, "id.timestamp.body")."""
+    content = f"{message_id}.{at_s}.".encode() + body
+    return base64.b64encode(hmac.new(secret, content, hashlib.sha256).digest()).decode()
+
+
+def read_secrets(file: Path) -> tuple[bytes, ...]:
+    """The secrets of a file, one per line: text, or base64 after "whsec_". Raises SecretUnusable."""
+    try:
+        lines = [line.strip() for line in read_regular(file, MAX_FILE_BYTES).splitlines() if line.strip()]
+    except OSError as error:
+        raise SecretUnusable(file, (error.strerror or str(error)).lower()) from None
+    secrets = tuple(_secret(line, file) for line in lines)
+    if not secrets or any(len(secret) < MIN_SECRET_BYTES for secret in secrets):
+        raise SecretUnusable(file, f"each line must hold {MIN_SECRET_BYTES} bytes or more")
+    return secrets
+
+
+def _secret(line: bytes, file: Path) -> bytes:
+    if not line.startswith(b"whsec_"):
+        return line
+    try:
+        return base64.b64decode(line.removeprefix(b"whsec_"), validate=True)
+    except ValueError:
+        raise SecretUnusable(file, "what follows whsec_ is not base64") from None
+
+
+# Errors of webhooks.
+#
+# DaemonError └── SecretUnusable a secret file cannot be read, or a secret is too short
+
+
+class SecretUnusable(DaemonError):
+    """A secret file cannot be read, or a secret is too short."""
+
+    code = "webhook-secret"
+
+    def __init__(self, file: Path, what: str) -> None:
+        super().__init__(f"webhook secret {file}: {what}", f"make one: openssl rand -hex 32 > {file}")
+
 
 log = logging.getLogger(__name__)
 

@@ -19,8 +19,7 @@ from daemon.api.schemas.access import (
 from daemon.api.schemas.answer import page_json
 from daemon.model.requests import SetupRequest
 from daemon.store.audit_log import check_audit_log
-from daemon.tools.support_bundle.redaction import redact_values
-from daemon.tools.support_bundle.versions import about_software
+from daemon.tools.support_bundle.bundle import about_software, redact_values
 
 router = APIRouter(tags=["access"])
 

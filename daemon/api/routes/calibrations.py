@@ -1,27 +1,21 @@
 """GET /calibrations, one of them, the active one, and applying one."""
 
+import re
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import Annotated
+from typing import Annotated, Any
 
-from fastapi import APIRouter, Depends, Query, Request, Response
+from fastapi import APIRouter, Depends, Header, Query, Request, Response
 from pydantic import RootModel
 
 from calibration.documents.arm import ArmErrorsDocument, arm_summary
 from calibration.documents.arm_field import MAX_STEPS, ArmFieldDocument, arm_field, arm_field_text
 from calibration.documents.calibration import CalibrationDocument
 from calibration.documents.calibration_text import summary
+from calibration.errors import DocumentProblem
 from calibration.monitoring.comparison import ComparisonDocument, compare, comparison_text
 from daemon.access.errors import RoleTooLow
 from daemon.access.roles import LOCAL, Caller, Role
-from daemon.api.conditional_requests import (
-    ETAG_HEADER,
-    UNCHANGED,
-    IfMatch,
-    IfNoneMatch,
-    parse_if_match,
-    parse_if_none_match,
-    tag_of,
-)
 from daemon.api.dependencies import (
     BOX_PATTERN,
     IN_DIGITS,
@@ -36,6 +30,7 @@ from daemon.api.dependencies import (
     page_of,
     respond_page,
 )
+from daemon.api.http_errors import InvalidRequest
 from daemon.api.middleware.authentication import caller_of
 from daemon.api.negotiation import or_text, respond
 from daemon.api.plain_text import current_text
@@ -49,6 +44,48 @@ from daemon.model.requests import ApplyRequest, ObservationsRequest, SolveReques
 from daemon.store.damaged_rows import split_damaged
 from daemon.store.listings import CalibrationListing
 from daemon.store.page_filters import PageFilters
+
+TAG = re.compile(r'"applied-([0-9]{1,18})"')
+ANY = range(1, 2**62)
+"""Every sequence number from 1: "*" does not match while nothing is active."""
+
+LIST = re.compile(r'^\s*(\*|(W/)?"[\x21\x23-\x7e]*"(\s*,\s*(W/)?"[\x21\x23-\x7e]*")*)\s*$')
+
+IfMatch = Annotated[
+    str | None,
+    Header(max_length=500, description='ETag of GET /calibrations/current; "*": whatever is active',
+           examples=['"applied-7"']),
+]  # fmt: skip
+IfNoneMatch = Annotated[str | None, Header(max_length=500, description="ETag of an earlier answer: 304 when unchanged")]
+
+ETAG_HEADER: dict[str, Any] = {"ETag": {"schema": {"type": "string"}, "description": "changes with what is active"}}
+UNCHANGED: dict[str, Any] = {"description": "The same as before", "headers": ETAG_HEADER}
+
+
+def tag_of(sequence: int) -> str:
+    """The ETag of the calibration that was applied as number `sequence`."""
+    return f'"applied-{sequence}"'
+
+
+def parse_if_none_match(header: str) -> list[str]:
+    """The tags of If-None-Match, without W/ for the weak comparison."""
+    return [part.strip().removeprefix("W/") for part in header.split(",")]
+
+
+def parse_if_match(if_match: str | None) -> Sequence[int] | None:
+    """The sequence numbers that If-Match allows; None for any. Raises InvalidRequest.
+
+    An unknown or weak tag matches nothing.
+    """
+    if if_match is None:
+        return None
+    if if_match.strip() == "*":
+        return ANY
+    if not LIST.match(if_match):
+        fix = 'send the ETag as it came, with its quotes: "applied-7"'
+        raise InvalidRequest([DocumentProblem("header.If-Match", "not a list of entity tags", fix)])
+    return [int(number) for tag in if_match.split(",") for number in TAG.findall(tag) if "W/" not in tag]
+
 
 MAX_SESSION_VALUES = 40_000
 """Commas of a session in a request: a hundred views of a hundred points in space."""

@@ -24,7 +24,7 @@ from daemon.drift.cell_cameras import CellCamera
 from daemon.errors import CellBusy
 from daemon.sessions.pictures import PictureType, Width, encode_file
 from daemon.sessions.session_writer import image_name
-from daemon.tools.support_bundle.redaction import redact
+from daemon.tools.support_bundle.bundle import redact
 from drivers.interfaces import CaptureSettings
 
 router = APIRouter(tags=["cell"])

@@ -4,14 +4,18 @@ replaced by the reason."""
 import io
 import json
 import os
+import platform
+import re
 import shutil
 import sqlite3
 import subprocess
 import tarfile
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import closing
 from dataclasses import dataclass, field
 from datetime import datetime
 from functools import partial
+from importlib import metadata
 from pathlib import Path
 from typing import Any
 
@@ -25,11 +29,187 @@ from daemon.errors import StorageError
 from daemon.runtime.durable_files import write_durably
 from daemon.runtime.key_redaction import redact_keys
 from daemon.runtime.version import SOFTWARE
-from daemon.store.database import storage_errors
-from daemon.tools.support_bundle.redaction import redact, redact_lines, redact_values
-from daemon.tools.support_bundle.store_summary import last_events, last_runs, summarise_audit, summarise_store
-from daemon.tools.support_bundle.versions import describe_machine
+from daemon.store.audit_log import check_audit_log
+from daemon.store.database import DATABASE_NAME, storage_errors
 from registration.io.regular_file import open_regular, read_regular
+
+MAX_ROWS = 50
+MAX_EVENTS = 500
+
+
+def summarise_store(folder: Path) -> dict[str, Any]:
+    """Schema, integrity, row counts, history and calibrations. Raises sqlite3.Error."""
+    with _open(folder) as db:
+        return {
+            "schema": db.execute("PRAGMA user_version").fetchone()[0],
+            "integrity": [row[0] for row in db.execute("PRAGMA quick_check(5)")],
+            "tables": [{"name": name, "rows": rows} for name, rows in _counts(db)],
+            "applied": _rows(db, "SELECT calibration_id, applied_at, applied_by FROM applied ORDER BY sequence DESC"),
+            "calibrations": _rows(
+                db, "SELECT id, run_id, created_at, accepted FROM calibrations ORDER BY created_at DESC"
+            ),
+        }
+
+
+def last_runs(folder: Path) -> list[dict[str, Any]]:
+    """The latest 50 runs, newest first, with cause and result; without the points of verifications."""
+    with _open(folder) as db:
+        rows = _rows(
+            db,
+            "SELECT id, kind, state, station, stations, code, cause, fix, created_at, updated_at, request, result"
+            " FROM runs ORDER BY created_at DESC, id DESC",
+        )
+    return [{**row, "request": _parse(row["request"]), "result": _shorten(_parse(row["result"]))} for row in rows]
+
+
+def last_events(folder: Path) -> list[dict[str, Any]]:
+    """The latest 500 events, newest first. Raises sqlite3.Error."""
+    with _open(folder) as db:
+        rows = _rows(db, "SELECT number, kind, data FROM events ORDER BY number DESC", MAX_EVENTS)
+    return [{**row, "data": _parse(row["data"] or None)} for row in rows]
+
+
+def summarise_audit(folder: Path) -> dict[str, Any]:
+    """Whether the audit log is whole, and its latest 50 rows. Raises StorageError, sqlite3.Error."""
+    count, flaws = check_audit_log(folder / DATABASE_NAME, [])
+    with _open(folder) as db:
+        rows = _rows(db, "SELECT sequence, at, actor, role, action, subject, detail FROM audit ORDER BY sequence DESC")
+    latest = [{**row, "detail": _parse(row["detail"])} for row in rows]
+    return {"whole": not flaws, "rows": count, "flaws": flaws[:20], "latest": latest}
+
+
+def _open(folder: Path) -> closing[sqlite3.Connection]:
+    """The database of a store, for reading only. Raises sqlite3.Error."""
+    return closing(sqlite3.connect(f"{(folder / DATABASE_NAME).resolve().as_uri()}?mode=ro", uri=True, timeout=2))
+
+
+def _counts(db: sqlite3.Connection) -> Iterator[tuple[str, int]]:
+    names = [row[0] for row in db.execute("SELECT name FROM sqlite_master WHERE type = 'table' ORDER BY name")]
+    for name in names:
+        quoted = name.replace('"', '""')
+        yield name, db.execute(f'SELECT COUNT(*) FROM "{quoted}"').fetchone()[0]  # noqa: S608 - a name, quoted
+
+
+def _rows(db: sqlite3.Connection, query: str, limit: int = MAX_ROWS) -> list[dict[str, Any]]:
+    cursor = db.execute(f"{query} LIMIT {limit}")
+    names = [column[0] for column in cursor.description]
+    return [dict(zip(names, row, strict=True)) for row in cursor]
+
+
+def _parse(text: str | None) -> Any:
+    return None if text is None else json.loads(text)
+
+
+def _shorten(result: Any) -> Any:
+    if isinstance(result, dict) and isinstance(result.get("verification"), dict):
+        return {**result, "verification": {**result["verification"], "points": "left out"}}
+    return result
+
+
+def describe_machine(store: Path) -> dict[str, Any]:
+    """System, cores, load, memory, disk of the store, and the installed packages."""
+    existing = next(place for place in (store, *store.parents) if place.exists())
+    disk = shutil.disk_usage(existing)
+    return {
+        "system": platform.platform(),
+        "python": platform.python_version(),
+        "cores": os.cpu_count(),
+        "load": os.getloadavg(),
+        "memory": _first_lines(Path("/proc/meminfo"), 3),
+        "uptime_s": _first_lines(Path("/proc/uptime"), 1),
+        "store": str(store),
+        "disk_bytes": {"total": disk.total, "free": disk.free},
+        "packages": {found.name: found.version for found in metadata.distributions()},
+    }
+
+
+def about_software() -> dict[str, Any]:
+    """The daemon's version, Python's, and the installed packages with their licences, sorted by name."""
+    packages = [
+        {"name": found.name, "version": found.version, "licence": _licence(found)}
+        for found in sorted(metadata.distributions(), key=lambda found: found.name.lower())
+    ]
+    return {"software": SOFTWARE, "licence": "Apache-2.0", "python": platform.python_version(), "packages": packages}
+
+
+def _licence(found: metadata.Distribution) -> str:
+    """The SPDX expression of a package, else the first line of its licence field; empty when it states none."""
+    named = [found.metadata[field] for field in ("License-Expression", "License") if field in found.metadata]
+    return str(named[0]).strip().partition("\n")[0][:100] if named else ""
+
+
+def _first_lines(file: Path, count: int) -> list[str]:
+    try:
+        return file.read_text().splitlines()[:count]
+    except OSError:
+        return []
+
+
+REMOVED = "[removed]"
+
+SECRET_KEY = re.compile(r"secret|password|passwd|passphrase|token|credential|authorization|cookie|(^|_)key($|s|_)|hash")
+"""Keys of settings and columns whose values are removed, at any depth."""
+
+SECRETS: tuple[tuple[re.Pattern[str], str], ...] = (
+    (re.compile(r"-----BEGIN [A-Z ]+-----.*?(-----END [A-Z ]+-----|\Z)", re.DOTALL), REMOVED),
+    # user:password@ of an address, and its query
+    (re.compile(r"(?P<kept>[a-z][a-z0-9+.-]{0,20}://)[^/\s\"'@]+@", re.IGNORECASE), rf"\g<kept>{REMOVED}@"),
+    (re.compile(r"(?P<kept>(https?|rtsp|wss?)://[^\s\"'?#]{1,500}\?)[^\s\"']+", re.IGNORECASE), rf"\g<kept>{REMOVED}"),
+    (re.compile(r"(?P<kept>\b(bearer|basic)\s+)[A-Za-z0-9._~+/=-]+", re.IGNORECASE), rf"\g<kept>{REMOVED}"),
+    (
+        re.compile(
+            r"(?P<kept>(secret|password|passwd|passphrase|token|api[_-]?key|authorization|cookie)[\w-]{0,40}"
+            r"[\"']?\s{0,9}[=:]\s{0,9})(\"[^\"]*\"|'[^']*'|[^\s,;}\]]+)",
+            re.IGNORECASE,
+        ),
+        rf"\g<kept>{REMOVED}",
+    ),
+    # the one-time set-up code, and anything as long as a key
+    (re.compile(r"\b[A-Z0-9]{4}(-[A-Z0-9]{4}){2,}\b"), REMOVED),
+    (re.compile(r"(?<![\w/.-])[A-Za-z0-9_+=-]{32,}(?![\w/.-])"), REMOVED),
+)
+"""Patterns and their replacements, with bounded repetitions: a hostile log must not take quadratic time.
+
+Long names beside a slash or a dot are kept: they are files and folders."""
+
+
+def redact(text: str) -> str:
+    """The text with everything that looks like a secret replaced by "[removed]"."""
+    text = redact_keys(text)
+    for pattern, replacement in SECRETS:
+        text = pattern.sub(replacement, text)
+    return text
+
+
+PIECE = 1 << 16
+"""Characters in which a long text is redacted: a pattern holds the interpreter, and with it the event loop."""
+
+
+def redact_lines(text: str) -> str:
+    """As `redact`, of a log, in pieces of whole lines; keys in PEM are removed from the whole first."""
+    pem, replacement = SECRETS[0]
+    lines = pem.sub(replacement, text).splitlines(keepends=True)
+    pieces, length = [[]], 0  # type: list[list[str]], int
+    for line in lines:
+        if length > PIECE:
+            pieces.append([])
+            length = 0
+        pieces[-1].append(line)
+        length += len(line)
+    return "".join(redact("".join(piece)) for piece in pieces)
+
+
+def redact_values(value: Any) -> Any:
+    """JSON or TOML data with the values of secret keys removed and every text redacted."""
+    if isinstance(value, dict):
+        return {
+            redact(str(key)): REMOVED if SECRET_KEY.search(str(key).lower()) else redact_values(item)
+            for key, item in value.items()
+        }
+    if isinstance(value, list | tuple):
+        return [redact_values(item) for item in value]
+    return redact(value) if isinstance(value, str) else value
+
 
 MAX_ANSWER_S = 5.0
 MAX_ANSWER_BYTES = 5_000_000

@@ -1,6 +1,7 @@
-"""Waiting and ExitCycle. Traps run while an instruction waits.
+"""Waiting and ExitCycle; interrupts, also on entries of the event log (IError); booked error numbers; stop watches.
 
-WaitTime of the motion task runs on the arm's time, which may be scaled; all else is wire time.
+Traps run while an instruction waits. CONNECT is a statement, not an instruction. WaitTime of the motion task runs on
+the arm's time, which may be scaled; all else is wire time: stop watches too, which overflow as a controller's do.
 """
 
 from collections.abc import Callable
@@ -11,7 +12,80 @@ from mock_robot.rapid.errors import CycleLeft, RapidError
 from mock_robot.rapid.instructions.conditions import wait_for
 from mock_robot.rapid.scope import Slot
 from mock_robot.rapid.tasks import ProgramTask
-from mock_robot.rapid.values import single
+from mock_robot.rapid.values import MAX_STRING_LENGTH, single
+
+MIN_TIMER_S = 0.1
+
+
+def i_pers(task: ProgramTask, once: bool | None, watched: tuple[Any, Slot], interrupt: Slot) -> None:
+    task.services.interrupts.watch(watched[1], interrupt.value, bool(once))
+
+
+def i_timer(task: ProgramTask, once: bool | None, seconds: float, interrupt: Slot) -> None:
+    """A repeated one needs 0.1 s at least."""
+    if not once and seconds < single(MIN_TIMER_S):
+        raise RapidError("ERR_ARGVALERR", f"a repeated timer takes {MIN_TIMER_S} s at least")
+    task.services.interrupts.repeat(interrupt.value, seconds, bool(once))
+
+
+def i_delete(task: ProgramTask, interrupt: Slot) -> None:
+    task.services.interrupts.delete(interrupt)
+
+
+UNBOOKED = -1.0
+FIRST_BOOKED = 2000.0
+"""The mock's own first number of booked errors."""
+
+
+def i_error(task: ProgramTask, domain: float, number: float | None, kind: float, interrupt: Slot) -> None:
+    task.services.interrupts.watch_errors(interrupt.value, int(domain), int(kind), number)
+
+
+def get_trap_data(task: ProgramTask, event: Slot) -> None:
+    if task.event is None:
+        raise RapidError("ERR_ARGVALERR", "GetTrapData outside of a trap that IError calls")
+    event.value = task.event
+
+
+def read_err_data(
+    task: ProgramTask, event: Slot, domain: Slot, number: Slot, kind: Slot, title: Slot | None, *texts: Slot | None
+) -> None:
+    found: Any = event.value
+    domain.value, number.value, kind.value = float(found.domain), float(found.number), float(found.type)
+    for slot, text in zip((title, *texts), (found.title, found.cause, "", "", "", ""), strict=True):
+        if slot is not None:
+            slot.value = text[:MAX_STRING_LENGTH]
+
+
+def book_err_no(task: ProgramTask, number: Slot) -> None:
+    """The variable must hold -1."""
+    if number.value != UNBOOKED:
+        raise RapidError("ERR_ARGVALERR", "BookErrNo wants a variable that holds -1")
+    number.value = FIRST_BOOKED + task.booked
+    task.booked += 1
+
+
+def clk_reset(task: ProgramTask, clock: Slot) -> None:
+    clock.value.reset()
+
+
+def clk_start(task: ProgramTask, clock: Slot) -> None:
+    _read_s(task, clock)
+    clock.value.start(task.now_s())
+
+
+def clk_read(task: ProgramTask, clock: Slot, fine: bool | None) -> float:
+    """Milliseconds, or microseconds with \\HighRes; the mock's clocks are as fine with and without."""
+    return _read_s(task, clock)
+
+
+def _read_s(task: ProgramTask, clock: Slot) -> float:
+    """Raises ERR_OVERFLOW for a clock that has run for longer than a controller counts, until ClkReset."""
+    seconds, most_s = float(clock.value.read_s(task.now_s())), task.services.max_clock_s
+    if seconds > most_s:
+        raise RapidError("ERR_OVERFLOW", f"the clock has run for more than {most_s:g} s")
+    return seconds
+
 
 POLL_S = 0.1
 MIN_POLL_S = 0.04
@@ -76,5 +150,15 @@ DOES = MappingProxyType(
         "SkipWarn": skip_warn,
         "TPWrite": tp_write,
         "ErrWrite": err_write,
+        "IPers": i_pers,
+        "ITimer": i_timer,
+        "IDelete": i_delete,
+        "IError": i_error,
+        "GetTrapData": get_trap_data,
+        "ReadErrData": read_err_data,
+        "BookErrNo": book_err_no,
+        "ClkReset": clk_reset,
+        "ClkStart": clk_start,
+        "ClkRead": clk_read,
     }
 )

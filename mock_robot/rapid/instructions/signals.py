@@ -1,14 +1,90 @@
-"""Signals: reading, switching, waiting, and alias names for signals that a program names by a string."""
+"""Signals: reading, switching, waiting, and alias names for signals that a program names by a string.
 
+Also what a program finds of the cabinet (mode, override, addresses), and serial lines: an iodev on the pty behind a
+port's name.
+"""
+
+from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any
 
+from mock_robot.cabinet.panel import Mode
 from mock_robot.rapid.errors import RapidError
 from mock_robot.rapid.instructions.conditions import wait_for
+from mock_robot.rapid.instructions.sockets import DEFAULT_WAIT_S, MAX_WAIT_S
 from mock_robot.rapid.scope import Slot
 from mock_robot.rapid.signals import SIGNAL_TYPES, Signal, number_of, signal_of
 from mock_robot.rapid.tasks import ProgramTask
 from mock_robot.rapid.types import STRING, Type
+from mock_robot.rapid.values import integer
+
+MODES: Mapping[Mode, float] = MappingProxyType({Mode.AUTO: 1.0, Mode.MANR: 2.0, Mode.MANF: 3.0})
+"""OP_AUTO, OP_MAN_PROG and OP_MAN_TEST of system.rapid."""
+
+SYSTEM = ("mock-0001", "6.16.0202", "6.16.02.02", "mock", "mock", "en", "mock")
+"""Serial number, version, its name, type of robot, controller's id, language and name of the system."""
+
+
+def op_mode(task: ProgramTask) -> float:
+    return MODES[task.services.panel.mode]
+
+
+def speed_override(task: ProgramTask, current_task: bool | None) -> float:
+    return round(100 * float(task.services.panel.speed_override), 2)
+
+
+def system_info(task: ProgramTask, *switches: bool | None) -> str:
+    """By its switch; the LAN address of a virtual controller is VC."""
+    devices = task.services.devices
+    known = (*SYSTEM[:5], "VC" if devices.virtual else str(devices.host), *SYSTEM[5:])
+    asked = [text for text, switch in zip(known, switches, strict=True) if switch]
+    if len(asked) != 1:
+        raise RapidError("ERR_ARGVALERR", "GetSysInfo needs one of its switches")
+    return asked[0]
+
+
+def runs_on_robot_controller(task: ProgramTask) -> bool:
+    """FALSE on a virtual controller."""
+    return not task.services.devices.virtual
+
+
+def open_(task: ProgramTask, port: str, slot: Slot, binary: bool | None) -> None:
+    """A channel for both directions needs \\Bin."""
+    if not binary:
+        raise RapidError("ERR_ARGVALERR", "the mock opens a channel only with \\Bin, for both directions")
+    line = task.services.devices.lines.get(port.casefold())
+    if line is None:
+        raise RapidError("ERR_FILEOPEN", f"no channel is named {port}")
+    slot.value.open(line)
+    task.services.devices.add(slot.value)
+
+
+def close(task: ProgramTask, slot: Slot) -> None:
+    slot.value.close()
+    task.services.devices.drop(slot.value)
+
+
+def clear_buffer(task: ProgramTask, slot: Slot) -> None:
+    """Drop what a line has received."""
+    slot.value.line.look(task.services.wire)
+    slot.value.line.arrived.clear()
+
+
+def read_bin(task: ProgramTask, slot: Slot, time: float | None) -> float:
+    """Read one byte."""
+    line, seconds = slot.value.line, DEFAULT_WAIT_S if time is None else time
+    task.services.devices.note_listening()
+    ends_s = None if seconds >= MAX_WAIT_S else task.now_s() + seconds
+    while not line.arrived and not line.look(task.services.wire):
+        left_s = None if ends_s is None else max(0.0, ends_s - task.now_s())
+        if not task.wait(left_s, line.fileno):
+            raise RapidError("ERR_DEV_MAXTIME", "no byte came")
+    return float(line.arrived.pop(0))
+
+
+def write_raw_bytes(task: ProgramTask, slot: Slot, raw: Any, count: float | None) -> None:
+    data = raw.value.valid() if count is None else raw.value.read(1, integer(count))
+    slot.value.send(data, task.services.wire)
 
 
 def alias_io(task: ProgramTask, source: tuple[Type, Any], alias: tuple[Type, Slot]) -> None:
@@ -40,4 +116,21 @@ def wait_signal(
     wait_for(task, lambda: number_of(signal) == value, most_s, flag)
 
 
-DOES = MappingProxyType({"AliasIO": alias_io, "DInput": read, "DOutput": read, "SetDO": set_do, "WaitDO": wait_signal})
+DOES = MappingProxyType(
+    {
+        "AliasIO": alias_io,
+        "DInput": read,
+        "DOutput": read,
+        "SetDO": set_do,
+        "WaitDO": wait_signal,
+        "OpMode": op_mode,
+        "CSpeedOverride": speed_override,
+        "GetSysInfo": system_info,
+        "RobOS": runs_on_robot_controller,
+        "Open": open_,
+        "Close": close,
+        "ClearIOBuff": clear_buffer,
+        "ReadBin": read_bin,
+        "WriteRawBytes": write_raw_bytes,
+    }
+)

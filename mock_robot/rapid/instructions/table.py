@@ -4,39 +4,9 @@ from collections.abc import Callable, Mapping
 from types import MappingProxyType
 from typing import Any
 
-from mock_robot.rapid.instructions import (
-    cabinet,
-    clocks,
-    egm,
-    error_events,
-    flow,
-    interrupts,
-    mathematics,
-    motion,
-    poses,
-    rawbytes,
-    serial,
-    settings,
-    signals,
-    sockets,
-)
+from mock_robot.rapid.instructions import egm, flow, mathematics, motion, poses, rawbytes, settings, signals, sockets
 
-_TABLES = (
-    cabinet,
-    clocks,
-    egm,
-    error_events,
-    flow,
-    interrupts,
-    mathematics,
-    motion,
-    poses,
-    rawbytes,
-    serial,
-    settings,
-    signals,
-    sockets,
-)
+_TABLES = (egm, flow, mathematics, motion, poses, rawbytes, settings, signals, sockets)
 
 DOES: Mapping[str, Callable[..., Any]] = MappingProxyType(
     {name.casefold(): does for table in _TABLES for name, does in table.DOES.items()}

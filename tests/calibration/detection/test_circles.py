@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from calibration.detection.circle_bias import circle_centre_bias
+from calibration.detection.circles import circle_centre_bias
 from calibration.detection.detect import detect
 from calibration.errors import DetectionError
 from calibration.targets import CircleGrid

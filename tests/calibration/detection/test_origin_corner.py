@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from calibration.detection.origin_corner import canonical_order
+from calibration.detection.chessboard import canonical_order
 from calibration.targets import Chessboard
 from calibration.transforms import map_points, rotation_from_vector, transform
 from tests.calibration.detection.sights import CAMERA

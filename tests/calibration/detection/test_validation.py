@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from calibration.detection.validation import validate_detection
+from calibration.detection.detect import validate_detection
 from calibration.errors import DetectionError
 from calibration.problem import Detection
 from calibration.targets import Chessboard

@@ -5,7 +5,7 @@ import re
 from pathlib import Path
 from typing import Any
 
-from daemon.webhooks.signing import signature_headers
+from daemon.webhooks.dispatcher import signature_headers
 from tests.daemon.cell_under_test import serving, settings_for
 
 DOCS = Path(__file__).parents[3] / "docs"

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from daemon.cli.checks_daemon import check_daemon
+from daemon.cli.checks import check_daemon
 from daemon.cli.output import CheckResult
 from daemon.cli.service import RunningService
 from daemon.config.settings import Settings, SettingsFile
@@ -19,8 +19,8 @@ OURS = SettingsFile("/etc/handeyed/handeyed.toml", "1" * 64)
 
 @pytest.fixture(autouse=True)
 def no_service(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("daemon.cli.checks_daemon.running_service", lambda: None)
-    monkeypatch.setattr("daemon.cli.checks_daemon.MAX_ANSWER_S", LIMIT_S)  # a busy machine answers late
+    monkeypatch.setattr("daemon.cli.checks.running_service", lambda: None)
+    monkeypatch.setattr("daemon.cli.checks.MAX_ANSWER_S", LIMIT_S)  # a busy machine answers late
 
 
 def at(settings: Settings, url: str) -> Settings:
@@ -69,7 +69,7 @@ async def test_the_service_of_this_machine_is_found_at_another_port(
     """A file with another port would otherwise open the robot that the service holds."""
     settings = settings_for(tmp_path)
     async with serving(settings, settings_file=OURS) as bench:
-        monkeypatch.setattr("daemon.cli.checks_daemon.running_service", lambda: RunningService(bench.url, None, None))
+        monkeypatch.setattr("daemon.cli.checks.running_service", lambda: RunningService(bench.url, None, None))
         with socket.create_server(("127.0.0.1", 0)) as free:
             port = free.getsockname()[1]
         results = await check(at(settings, f"http://127.0.0.1:{port}"), SettingsFile("/tmp/other.toml", "2" * 64))

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from daemon.cli.checks_modbus import check_interlocks, check_line, check_plc, check_port
+from daemon.cli.checks import check_interlocks, check_line, check_plc, check_port
 from daemon.cli.output import CheckResult
 from daemon.config.plc_settings import InterlockSettings, PlcSerialSettings, PlcSettings
 from tests.daemon.cli.running import handeyed

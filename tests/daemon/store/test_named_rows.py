@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import pytest
 
-from daemon.store.named_rows import Table
+from daemon.store.listings import Table
 
 
 @dataclass(frozen=True)

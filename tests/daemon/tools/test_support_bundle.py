@@ -17,8 +17,7 @@ from typer.testing import CliRunner
 
 from daemon.cli.main import app
 from daemon.errors import StorageError
-from daemon.tools.support_bundle.bundle import gather
-from daemon.tools.support_bundle.redaction import PIECE, REMOVED, redact, redact_lines, redact_values
+from daemon.tools.support_bundle.bundle import PIECE, REMOVED, gather, redact, redact_lines, redact_values
 from tests.daemon.cell_under_test import Bench, serving, settings_for
 from tests.drivers.http_devices import Answer, http_device
 from tests.support.waiting import LIMIT_S

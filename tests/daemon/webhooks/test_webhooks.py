@@ -17,11 +17,13 @@ from daemon.store.store import Store
 from daemon.webhooks.dispatcher import (
     MAX_ATTEMPTS_WHEN_REFUSED,
     MAX_PAUSE_S,
+    SecretUnusable,
     WebhookDispatcher,
     pause_s,
+    read_secrets,
+    signature,
+    signature_headers,
 )
-from daemon.webhooks.errors import SecretUnusable
-from daemon.webhooks.signing import read_secrets, signature, signature_headers
 from tests.daemon.calibrations import a_calibration
 from tests.daemon.cell_under_test import serving, settings_for
 from tests.daemon.save_paths import pending_counts
