@@ -59,11 +59,11 @@ def test_the_rendered_cell_is_near_its_truth(rendered: Problem, truth: Array) ->
     assert translation_mm < 3 * np.linalg.norm(solution.uncertainty.translation_mm)
 
 
-@pytest.mark.xfail(strict=True, reason="errors of the corners that all views share look like a smaller print: 1.5 mm")
-def test_the_rendered_cell_is_within_0_6_mm_of_its_truth(rendered: Problem, truth: Array) -> None:
+@pytest.mark.xfail(strict=True, reason="3.1 deviations along the base's x: all corners err alike, as no residual shows")
+def test_the_rendered_cell_is_within_three_deviations_along_each_axis(rendered: Problem, truth: Array) -> None:
     solution = solve_hand_eye(rendered)
-    assert solution.mount_T_camera is not None
-    assert difference(truth, solution.mount_T_camera)[0] <= 0.6
+    assert solution.mount_T_camera is not None and solution.uncertainty is not None
+    assert np.all(np.abs(truth - solution.mount_T_camera)[:3, 3] <= 3 * solution.uncertainty.translation_mm)
 
 
 @pytest.mark.parametrize(("first", "factor"), [(17, 2.0), (48, 0.7), (40, 2.0)])

@@ -7,7 +7,10 @@ import numpy as np
 
 from calibration.camera import CameraModel
 from calibration.kinematics.stance import Stance
+from calibration.likelihood.predicted_uncertainty import ExpectedNoise, predict
+from calibration.planning.scene_belief import ScenePrior, infer_scene
 from calibration.problem import Detection, Problem, Setup, View, anchor_T_mount_of, base_T_flange_of
+from calibration.solve import estimate_hand_eye
 from calibration.targets import Chessboard
 from calibration.transforms import Array, inverse, map_points, rotation_from_vector, transform, transform_from_vector
 from tests.simulated.sessions import CellNoise
@@ -91,6 +94,21 @@ def wrong_session(
     in_arm[:3, 3] *= wrong.arm
     problem = Problem(setup, BOARD, CAMERA, CAMERA.image_size, tuple(seen), poses_from_controller=True)
     return WrongSession(problem, in_arm)
+
+
+def planned_session(seed: int, views: int, noise: CellNoise) -> Problem:
+    """A session as described, planned, in front of the camera on the flange."""
+    return wrong_session(np.random.default_rng(seed), views, Wrong(), noise, "eye-in-hand", "planned").problem
+
+
+def u_ratio(seed: int, views: int, noise: CellNoise) -> float:
+    """U of a planned session over what was expected of it before its last view; infinite without X."""
+    problem = planned_session(seed, views, noise)
+    prior = ScenePrior(problem.setup, problem.target, CAMERA, None, None, ExpectedNoise(noise.image_px, 0.0, 0.0))
+    scene = infer_scene(prior, replace(problem, views=problem.views[:-1])).scene
+    expected = predict(scene, np.array([view.base_T_flange for view in problem.views])).worst_point
+    found = estimate_hand_eye(problem).uncertainty
+    return np.inf if found is None else found.worst_point.expanded_mm / expected.expanded_mm
 
 
 def true_corners(wrong: Wrong) -> Array:
