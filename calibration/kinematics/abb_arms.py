@@ -26,19 +26,7 @@ _SHEET = Path(__file__).with_suffix(".txt").read_text("utf-8")
 """Base to axis 2 forward and up, lower arm, axis 4 above axis 3, forearm, wrist to flange, and axis 6 above axis 4
 where they do not meet, in mm; limits in deg."""
 
-_SPEEDS = {
-    "CRB 15000-5/0.95": "125 125 140 200 200 200",
-    "CRB 15000-12/1.27": "125 125 140 200 200 200",
-    "IRB 120-3/0.6": "250 250 250 320 320 420",
-    "IRB 1600-6/1.2": "150 160 170 320 400 450",
-    "IRB 1600-6/1.45": "150 160 170 320 400 450",
-    "IRB 2600-12/1.65": "175 175 175 360 360 500",
-    "IRB 6650S-125/3.5": "110 90 90 150 120 235",
-    "IRB 6650S-90/3.9": "100 90 90 150 120 235",
-    "IRB 6700-200/2.60": "110 110 110 190 150 210",
-    "IRB 6700-235/2.65": "100 90 90 170 120 190",
-    "IRB 7600-150/3.5": "100 60 60 100 100 190",
-}
+_SPEEDS: dict[str, str] = json.loads(Path(__file__).with_name("abb_arms_speeds.json").read_text("utf-8"))
 """Speeds of axes 1 to 6 in deg/s where the sources have them; the others get the slowest. Only the mock uses them."""
 
 _EVIDENCE: dict[str, tuple[Literal["checked", "doubtful"], str]] = json.loads(

@@ -1,8 +1,10 @@
 """Table of named faults of the controller, its links, RWS and EGM. Camera and scanner have a table of their own."""
 
+import json
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from math import nan
+from pathlib import Path
 from random import Random
 from types import MappingProxyType
 from typing import Any
@@ -65,6 +67,7 @@ def _clock_jump(reply: Reply) -> Reply:
     return replace(reply, t_ms=(reply.t_ms + 3_600_000) % 8_000_000) if isinstance(reply, Pose | Report) else reply
 
 
+_OF_SERVICES: dict[str, str] = json.loads(Path(__file__).with_name("service_faults.json").read_text("utf-8"))
 _ROWS = (
     # --- the link, whatever carries it ---
     Fault("link-delay", f"every reply comes {DELAY_S} s late", None, send=lambda d, r: (Pause(DELAY_S), Send(d))),
@@ -137,20 +140,7 @@ _ROWS = (
     ),
     Fault("robot-clock-jump", "the controller's clock is an hour ahead", None, reply=_clock_jump),
     # --- Robot Web Services and EGM: queried by name in mock_robot.rws and mock_robot.devices.egm ---
-    Fault("rws-401", "every RWS request is answered 401, and all sessions end", None),
-    Fault("rws-406", "every RWS request is answered 406 whatever its media type", None),
-    Fault("rws-503", "every RWS request is answered 503", None),
-    Fault("rws-410", "mastership answers 410, as RobotWare 8 does", None),
-    Fault("rws-slow", "every RWS answer comes 1 s late", None),
-    Fault("rws-garbage", "every RWS answer is cut off", None),
-    Fault("rws-sessions-exhausted", "other clients hold all 70 sessions", None),
-    Fault("rws-mastership-held", "the pendant holds the mastership of everything", None),
-    Fault("rws-subscription-gone", "subscriptions send no more events; their sockets stay open", None),
-    Fault("egm-silent", "no EGM packet comes any more", None),
-    Fault("egm-loss", "every fifth EGM packet is lost", None),
-    Fault("egm-garbage", "EGM packets are cut off", None),
-    Fault("egm-vibration", "EGM reports the flange vibrating by 0.3 mm at 12 Hz", None),
-    Fault("rws-other-tool", "another tool and work object are selected at the pendant", None),
+    *(Fault(name, summary, None) for name, summary in _OF_SERVICES.items()),
 )
 
 FAULTS: Mapping[str, Fault] = MappingProxyType({row.name: row for row in _ROWS})

@@ -4,8 +4,10 @@ Names and codes: GenICam Pixel Format Naming Convention (PFNC) 2.4. "Packed" for
 for two pixels; formats ending in "p" are PFNC's, least significant bit first without gaps.
 """
 
+import json
 from dataclasses import dataclass
 from math import lcm
+from pathlib import Path
 from typing import Any, Literal
 
 import cv2
@@ -43,62 +45,14 @@ class PixelFormat:
         return self.code >> 16 & 0xFF
 
 
-BAYER = {
-    "GR": cv2.COLOR_BayerGRBG2BGR,
-    "RG": cv2.COLOR_BayerRGGB2BGR,
-    "GB": cv2.COLOR_BayerGBRG2BGR,
-    "BG": cv2.COLOR_BayerBGGR2BGR,
-}
-"""OpenCV's conversions by the first two pixels of the first row."""
-
-_BAYER_CODES: dict[tuple[int, str], tuple[int, int, int, int]] = {
-    (8, ""): (0x01080008, 0x01080009, 0x0108000A, 0x0108000B),
-    (10, ""): (0x0110000C, 0x0110000D, 0x0110000E, 0x0110000F),
-    (12, ""): (0x01100010, 0x01100011, 0x01100012, 0x01100013),
-    (16, ""): (0x0110002E, 0x0110002F, 0x01100030, 0x01100031),
-    (10, "Packed"): (0x010C0026, 0x010C0027, 0x010C0028, 0x010C0029),
-    (12, "Packed"): (0x010C002A, 0x010C002B, 0x010C002C, 0x010C002D),
-    (10, "p"): (0x010A0056, 0x010A0058, 0x010A0054, 0x010A0052),
-    (12, "p"): (0x010C0057, 0x010C0059, 0x010C0055, 0x010C0053),
-}
-"""Codes in the order of BAYER, by bits and suffix."""
-_PACKINGS: dict[str, Packing] = {"": "bytes", "Packed": "gige", "p": "lsb"}
+_ROWS: dict[str, dict[str, Any]] = json.loads(Path(__file__).with_suffix(".json").read_text("utf-8"))
 
 
-def _bayer_formats() -> list[PixelFormat]:
-    return [
-        PixelFormat(f"Bayer{order}{bits}{suffix}", code, bits, 1, _PACKINGS[suffix], BAYER[order])
-        for (bits, suffix), codes in _BAYER_CODES.items()
-        for order, code in zip(BAYER, codes, strict=True)
-    ]
+def _format(name: str, code: str, convert: str | None = None, **rest: Any) -> PixelFormat:
+    return PixelFormat(name, int(code, 16), convert=None if convert is None else getattr(cv2, convert), **rest)
 
 
-FORMATS: dict[int, PixelFormat] = {
-    known.code: known
-    for known in (
-        PixelFormat("Mono8", 0x01080001, 8),
-        PixelFormat("Mono10", 0x01100003, 10),
-        PixelFormat("Mono12", 0x01100005, 12),
-        PixelFormat("Mono14", 0x01100025, 14),
-        PixelFormat("Mono16", 0x01100007, 16),
-        PixelFormat("Mono10Packed", 0x010C0004, 10, packing="gige"),
-        PixelFormat("Mono12Packed", 0x010C0006, 12, packing="gige"),
-        PixelFormat("Mono10p", 0x010A0046, 10, packing="lsb"),
-        PixelFormat("Mono12p", 0x010C0047, 12, packing="lsb"),
-        PixelFormat("Mono14p", 0x010E0104, 14, packing="lsb"),
-        *_bayer_formats(),
-        PixelFormat("RGB8", 0x02180014, 8, 3, convert=cv2.COLOR_RGB2BGR),
-        PixelFormat("BGR8", 0x02180015, 8, 3),
-        PixelFormat("RGBa8", 0x02200016, 8, 4, convert=cv2.COLOR_RGBA2BGR),
-        PixelFormat("BGRa8", 0x02200017, 8, 4, convert=cv2.COLOR_BGRA2BGR),
-        PixelFormat("RGB10", 0x02300018, 10, 3, convert=cv2.COLOR_RGB2BGR),
-        PixelFormat("BGR10", 0x02300019, 10, 3),
-        PixelFormat("RGB12", 0x0230001A, 12, 3, convert=cv2.COLOR_RGB2BGR),
-        PixelFormat("BGR12", 0x0230001B, 12, 3),
-        PixelFormat("RGB16", 0x02300033, 16, 3, convert=cv2.COLOR_RGB2BGR),
-        PixelFormat("BGR16", 0x0230004B, 16, 3),
-    )
-}
+FORMATS: dict[int, PixelFormat] = {known.code: known for known in (_format(name, **row) for name, row in _ROWS.items())}
 """By code."""
 
 

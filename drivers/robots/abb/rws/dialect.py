@@ -5,6 +5,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from html import unescape
+from pathlib import Path
 from typing import Any
 from urllib.parse import parse_qsl
 
@@ -114,35 +115,5 @@ def error_in(content: bytes) -> tuple[int | None, str]:
         return None, ""
 
 
-_FORM = "application/x-www-form-urlencoded"
-_FILE = "application/octet-stream"
-DIALECTS: Mapping[int, Dialect] = {
-    1: Dialect(
-        version=1,
-        headers={"Accept": "application/json"},
-        post_headers={"Content-Type": _FORM, "Accept": "application/json"},
-        file_headers={"Content-Type": _FILE, "Accept": "application/xhtml+xml"},
-        log_headers={"Accept": "application/json"},
-        log_query={"lang": "en", "json": "1"},
-        query={"json": "1"},
-        controller_state="/rw/panel/ctrlstate",
-        stop=("/rw/rapid/execution", {"action": "stop"}),
-        home="$HOME",
-        backups="$BACKUP",
-        subprotocol="robapi2_subscription",
-    ),
-    2: Dialect(
-        version=2,
-        headers={"Accept": "application/hal+json;v=2.0"},
-        post_headers={"Content-Type": f"{_FORM};v=2.0", "Accept": "application/hal+json;v=2.0"},
-        file_headers={"Content-Type": f"{_FILE};v=2.0", "Accept": "application/xhtml+xml;v=2.0"},
-        log_headers={"Accept": "application/hal+json;v=2.1"},
-        log_query={"lang": "en", "order": "lifo"},
-        query={},
-        controller_state="/rw/panel/ctrl-state",
-        stop=("/rw/rapid/execution/stop", {}),
-        home="HOME",
-        backups="BACKUP",
-        subprotocol="rws_subscription",
-    ),
-}
+_ROWS: list[dict[str, Any]] = json.loads(Path(__file__).with_name("dialects.json").read_text("utf-8"))
+DIALECTS: Mapping[int, Dialect] = {row["version"]: Dialect(**row) for row in _ROWS}
