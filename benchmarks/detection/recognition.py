@@ -6,58 +6,13 @@ with a wrong name, with and without a doubt said.
 """
 
 import argparse
-import json
 import time
 from collections import Counter
-from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
-import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-from calibration.detection.detect import detect
-from calibration.detection.recognition import recognise
-from calibration.documents.target import TargetDocument
-from calibration.errors import DetectionError
-from calibration.targets import Target
-from tests.simulated.recognisable import is_same_print, recognisable_pictures
-
-MIN_SHARE = 0.95
-
-
-def photographs(folder: Path) -> Iterator[tuple[str, Target, NDArray[Any]]]:
-    """Name, target and image of every photograph of sessions with a target."""
-    from pydantic import TypeAdapter
-
-    for file in sorted(folder.rglob("session.json")):
-        session = json.loads(file.read_text())
-        try:
-            target = TypeAdapter(TargetDocument).validate_python(session["target"]).target()
-        except (KeyError, ValueError):
-            continue
-        for view in session["views"]:
-            image = cv2.imread(str(file.parent / view["image"]), cv2.IMREAD_GRAYSCALE) if view.get("image") else None
-            if image is not None:
-                yield str(file.parent.relative_to(folder)), target, image
-
-
-def outcome(image: NDArray[Any], target: Target) -> str:
-    """`right`, `nothing`, `wrong` or `wrong, doubted`; `not in view` where its description finds nothing, either."""
-    try:
-        found = recognise(image)
-    except DetectionError:
-        found = None
-    if found is None:
-        try:
-            detect(image, target)
-        except DetectionError:
-            return "not in view"
-        return "nothing"
-    if is_same_print(found.target, target):
-        return "right"
-    return "wrong, doubted" if found.doubts else "wrong"
+from tests.simulated.recognisable import MIN_SHARE, outcome, photographs, recognisable_pictures
 
 
 def main() -> None:

@@ -1,12 +1,19 @@
-"""Pictures of targets of every kind and of many sizes, and which descriptions name the same print."""
+"""Pictures of targets of every kind and of many sizes, photographs of some, and what recognition makes of them."""
 
+import json
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import TypeAdapter
 
-from calibration.detection.recognition import DICTIONARY_GROUPS
+from calibration.detection.detect import detect
+from calibration.detection.recognition import DICTIONARY_GROUPS, recognise
+from calibration.documents.target import TargetDocument
+from calibration.errors import DetectionError
 from calibration.targets import (
     MARKER_COUNTS,
     TAG_FAMILIES,
@@ -23,6 +30,8 @@ from tests.simulated.views import BLURRED, ORDINARY, industrial_camera, take_pic
 
 CAMERA = industrial_camera(1600, 1200)
 DICTIONARIES = tuple(name for group in DICTIONARY_GROUPS for name in group if not name.startswith("DICT_APRILTAG"))
+MIN_SHARE = 0.95
+"""Of pictures with a target in view, those whose target is recognised."""
 RATIO_TOLERANCE = 0.2
 """Of a marker's side over the square's, or the gap's over the marker's: a proposal only, as a person measures both."""
 
@@ -101,3 +110,34 @@ def _ratio(target: Any) -> float:
             return target.gap_mm / target.marker_mm
         case _:
             return 1.0
+
+
+def photographs(folder: Path) -> Iterator[tuple[str, Target, NDArray[Any]]]:
+    """Name, target and image of every photograph of sessions with a target."""
+    for file in sorted(folder.rglob("session.json")):
+        session = json.loads(file.read_text())
+        try:
+            target = TypeAdapter(TargetDocument).validate_python(session["target"]).target()
+        except (KeyError, ValueError):
+            continue
+        for view in session["views"]:
+            image = cv2.imread(str(file.parent / view["image"]), cv2.IMREAD_GRAYSCALE) if view.get("image") else None
+            if image is not None:
+                yield str(file.parent.relative_to(folder)), target, image
+
+
+def outcome(image: NDArray[Any], target: Target) -> str:
+    """`right`, `nothing`, `wrong` or `wrong, doubted`; `not in view` where its description finds nothing, either."""
+    try:
+        found = recognise(image)
+    except DetectionError:
+        found = None
+    if found is None:
+        try:
+            detect(image, target)
+        except DetectionError:
+            return "not in view"
+        return "nothing"
+    if is_same_print(found.target, target):
+        return "right"
+    return "wrong, doubted" if found.doubts else "wrong"

@@ -1,6 +1,9 @@
 """Targets that nobody described, and other ones than described: which description fits what the image shows."""
 
+from collections import Counter
 from dataclasses import replace
+from itertools import islice
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -13,7 +16,7 @@ from calibration.errors import DetectionError
 from calibration.targets import AprilTagGrid, ArucoGrid, ArucoMarker, Charuco, Chessboard, CircleGrid, Target
 from mock_robot.scene.printed_target import PrintOptions
 from tests.calibration.detection.sights import pictures
-from tests.simulated.recognisable import is_same_print
+from tests.simulated.recognisable import MIN_SHARE, is_same_print, outcome, photographs, recognisable_pictures
 
 CHARUCO = Charuco(7, 5, 30.0, 22.0, "DICT_5X5_100")
 EVEN = Charuco(8, 6, 30.0, 22.0, "DICT_5X5_100")
@@ -129,3 +132,23 @@ def test_a_chessboard_is_not_named_where_squares_hold_markers_too_small_to_read(
     found = recognise(small)
 
     assert found is None or not isinstance(found.target, Chessboard)
+
+
+@pytest.mark.slow
+def test_of_pictures_of_every_kind_95_percent_are_recognised_and_none_wrongly_without_a_doubt() -> None:
+    """A fifth of `python -m benchmarks.detection.recognition`, other pictures."""
+    said = Counter(outcome(image, target) for target, image in recognisable_pictures(40, seed=2))
+
+    assert said["right"] >= MIN_SHARE * (said.total() - said["not in view"]), said
+    assert said["wrong"] == 0, said
+
+
+@pytest.mark.data
+@pytest.mark.slow
+def test_the_targets_of_photographs_are_recognised(real_data: Path) -> None:
+    shown = islice(photographs(real_data), 0, None, 12)
+    said = Counter(outcome(image, target) for _, target, image in shown)
+
+    assert said["right"] >= MIN_SHARE * (said.total() - said["not in view"]), said
+    assert said["wrong"] == 0, said
+    assert said["right"] >= 5, said
