@@ -35,6 +35,8 @@ def export(
     from calibration.documents.exports.subject import ExportOptions
     from calibration.errors import ExportRefused
 
+    if form == LIST and out is not None:
+        raise CommandError(what, "no format is named", "name one, as --as rapid", ExitStatus.UNREADABLE)
     if form == LIST:
         typer.echo(_listing())
         return

@@ -42,6 +42,13 @@ def test_without_a_format_they_are_listed() -> None:
     assert [line.split()[0] for line in listed] == [*FORMATS, *POSE_FORMATS]
 
 
+def test_a_file_is_not_written_without_a_format(tmp_path: Path) -> None:
+    ran = handeyed("export", VERSION_1, "-o", tmp_path / "out")
+    assert (ran.status, ran.out) == (2, "")
+    assert "no format is named: name one, as --as rapid" in ran.err
+    assert not (tmp_path / "out").exists()
+
+
 def test_planned_poses_go_into_the_settings_and_into_rapid(tmp_path: Path) -> None:
     arm = ("--robot", "IRB 1600-6/1.45")
     text = handeyed("export", planned(tmp_path), "--as", "poses-toml", *arm).out

@@ -203,6 +203,10 @@ def find_poses(files: Files, but: str | None = None) -> PoseTable:
     if (both := _both_sides(points)) is not None:
         return both
     refused += [(name, refusal(name, "rows", "3 numbers a row: points of one side", "give poses")) for name in points]
+    lone = [names[0] for names in single.values() if len(names) == 1]
+    refused += [
+        (name, refusal(name, "poses", "one pose only", "give one of each picture, three or more")) for name in lone
+    ]
     raise _nearest(files, refused)
 
 
