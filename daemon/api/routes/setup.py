@@ -23,7 +23,12 @@ from daemon.tools.first_setup.interview import QUESTIONS, USUAL, AnswerFound, In
 
 router = APIRouter(prefix="/setup", tags=["cell"])
 
-NEEDED = {"target": ("camera",), "size": ("target",), "box": ("controller",)}
+NEEDED = {
+    "model": ("controller",),
+    "target": ("camera",),
+    "size": ("camera", "setup", "target"),
+    "box": ("controller", "model"),
+}
 """By answer, those of which its check goes out."""
 
 Question = Annotated[str, Field(pattern=f"^({'|'.join(QUESTIONS)})$")]
@@ -96,7 +101,10 @@ async def try_answer(app: App, body: Annotated[SetupTry, Depends(JsonBody(SetupT
     _file_to_write(app)
     interview, given = Interview(), {**USUAL, **body.answers}
     for name in NEEDED.get(body.question, ()):
-        await interview.take(name, given.get(name, ""))
+        if name == "camera":
+            await interview.take_camera(given.get(name, ""), look=False)
+        elif name != "model" or interview.model is None:
+            await interview.take(name, given.get(name, ""))
     found = await interview.take(body.question, given.get(body.question, ""))
     picture = None
     if body.question in ("camera", "target") and interview.camera is not None:

@@ -1,7 +1,7 @@
 """Schemas of the cell's state. Lengths mm, angles deg, quaternions scalar first."""
 
 import math
-from dataclasses import astuple, dataclass
+from dataclasses import dataclass
 from typing import ClassVar, Literal
 
 from pydantic import JsonValue
@@ -13,7 +13,6 @@ from calibration.documents.pose import PoseDocument, Vector
 from calibration.documents.session import CameraDocument
 from calibration.documents.target import TargetDocument
 from calibration.documents.validation import Document
-from calibration.kinematics.arm import Arm
 from calibration.kinematics.seven_axes import AnyArm
 from calibration.problem import Setup
 from calibration.sentences.sentence import as_sentence
@@ -22,7 +21,7 @@ from daemon.api.schemas.runs import PlannedPoseDocument
 from daemon.cell.device_watch import DeviceState
 from daemon.cell.frame_check import frame_difference
 from daemon.cell.readings import RobotReading
-from daemon.cell.skeleton import skeleton_mm
+from daemon.cell.skeleton import lengths_mm, skeleton_mm
 from daemon.config.settings import Settings, TaughtPose
 from daemon.sessions.look import Look
 from drivers.interfaces import Robot
@@ -221,7 +220,7 @@ class ArmDocument(Answer):
     model: str | None
     limits_deg: list[tuple[float, float]] | None
     reach_mm: float | None
-    lengths_mm: list[float] | None
+    lengths_mm: tuple[float, ...] | None
     box_mm: tuple[Vector, Vector]
     speed_mm_s: float
     joint_travel_deg: float
@@ -244,7 +243,7 @@ class ArmDocument(Answer):
             model=arm.name if arm else None,
             limits_deg=None if bounds is None else [(math.degrees(low), math.degrees(high)) for low, high in bounds],
             reach_mm=round(arm.reach_mm, 3) if arm else None,
-            lengths_mm=[*astuple(arm)[1:7], arm.wrist_offset_mm] if isinstance(arm, Arm) else None,
+            lengths_mm=lengths_mm(arm),
             box_mm=robot.box_mm,
             speed_mm_s=robot.speed_mm_s,
             joint_travel_deg=robot.joint_travel_deg,

@@ -1,12 +1,13 @@
 // The first set-up of a cell in three steps, the same questions as `handeyed init`: each answer is tried when it is given, nothing moves.
-import { html, useEffect, useRef, useState } from '../vendor/preact.js';
-import { Facts } from '../parts/card.js';
+import { html, useEffect, useMemo, useRef, useState } from '../vendor/preact.js';
+import { Card, Facts } from '../parts/card.js';
+import { CellScene } from '../parts/cell_scene.js';
 import { Missing, useAsked } from '../parts/loaded.js';
 import { Picture } from '../parts/picture.js';
 import { ProblemNote } from '../parts/problem.js';
 import { numberOf } from '../parts/typed.js';
 import { ask } from '../state/ask.js';
-import { fixed } from '../state/numbers.js';
+import { fixed, significant } from '../state/numbers.js';
 import { lost, may } from '../state/now.js';
 import { go, linkTo } from '../state/place.js';
 import { t } from '../state/words.js';
@@ -17,6 +18,8 @@ const KINDS = ['chessboard', 'charuco', 'circles-symmetric', 'circles-asymmetric
 const INSTRUMENTS = ['', 'calliper', 'ruler-class-1', 'ruler-class-2'];
 const TOLERANCES = { 0.2: 'measure', 0.5: 'fit', 1: 'usual', 2: 'pick' }; // mm
 const AXES = ['X', 'Y', 'Z'];
+const TOLERANCE_STEP = 0.1; // mm
+const GAUGE_WIDTH = 400;
 const TRY_S = 60;
 const AGAIN_MS = 500;
 
@@ -187,21 +190,37 @@ function Connect({ answers, change, tried, busy, one, picture, found, cameras })
   const hosts = [...new Set([...found.controllers, ...(controller && !controller.complete ? controller.found : [])])];
   return html`<section class="card wizard-ask"><h3>${t('wizard.connect')}</h3>
       <label for="controller">${t('wizard.controller')}</label>
-      <div class="wizard-answer"><input id="controller" value=${answers.controller} onInput=${(event) => change({ controller: event.target.value })} placeholder="192.168.125.1" autocomplete="off" spellcheck="false" required list="controllers" aria-describedby="controller-how" />
+      <${Found} name="controllers" entries=${hosts.map((address) => ({ address }))} value=${answers.controller} choose=${(address) => change({ controller: address })} />
+      <div class="wizard-answer"><input id="controller" value=${answers.controller} onInput=${(event) => change({ controller: event.target.value })} placeholder="192.168.125.1" autocomplete="off" spellcheck="false" required aria-describedby="controller-how" />
         <button type="button" aria-disabled=${busy ? 'true' : undefined} onClick=${() => one('controller')}>${t('wizard.try')}</button></div>
-      <datalist id="controllers">${hosts.map((host) => html`<option value=${host} />`)}</datalist>
       <p id="controller-how" class="small quiet">${t('wizard.controller.how')}</p>
       <div class="row"><button type="button" aria-disabled=${busy ? 'true' : undefined} onClick=${search}>${t('wizard.search')}</button></div>
       ${controller?.complete && !controller.model && html`<label for="model">${t('wizard.model')}</label><input id="model" value=${answers.model} placeholder="IRB 1600-6/1.45" autocomplete="off" onInput=${(event) => change({ model: event.target.value })} />`}
       <label for="camera">${t('wizard.camera')}</label>
-      <div class="wizard-answer"><input id="camera" value=${answers.camera} onInput=${(event) => change({ camera: event.target.value })} placeholder="http://192.168.10.21/frame.png" autocomplete="off" spellcheck="false" required list="cameras" aria-describedby="camera-how" />
+      <${Found} name="cameras" entries=${cameras.map((each) => ({ ...each, about: [each.vendor, each.model, each.network_address].filter(Boolean).join(' ') }))} value=${answers.camera} choose=${(address) => change({ camera: address })} />
+      <div class="wizard-answer"><input id="camera" value=${answers.camera} onInput=${(event) => change({ camera: event.target.value })} placeholder="http://192.168.10.21/frame.png" autocomplete="off" spellcheck="false" required aria-describedby="camera-how" />
         <button type="button" aria-disabled=${busy ? 'true' : undefined} onClick=${() => one('camera')}>${t('wizard.picture')}</button></div>
-      <datalist id="cameras">${cameras.map((each) => html`<option value=${each.address}>${`${each.vendor} ${each.model} ${each.network_address}`}</option>`)}</datalist>
       <p id="camera-how" class="small quiet">${cameras.length ? t('wizard.cameras', { count: cameras.length }) : t('wizard.cameras.none')}</p>
       <fieldset><legend>${t('wizard.where')}</legend><div class="row">${['arm', 'beside'].map((place) => html`<button type="button" class="chip" aria-pressed=${answers.setup === place} onClick=${() => change({ setup: place })}>${t(`wizard.where.${place}`)}</button>`)}</div></fieldset>
     </section>
-    <${Side} picture=${picture}><section class="card"><h3>${t('wizard.tried')}</h3>
-      ${tried.controller?.data || tried.camera?.data ? html`<${Said} tried=${tried.controller} given=${answers.controller} /><${Said} tried=${tried.camera} given=${answers.camera} />` : html`<p class="quiet">${t('wizard.tried.none')}</p>`}</section></${Side}>`;
+    <${Side} picture=${picture}><div class="wizard-both">
+      ${armOf(tried) && html`<${ArmNow} title=${t('wizard.robot')} arm=${armOf(tried)} box_mm=${controller?.program_box_mm ?? null} />`}
+      <section class="card"><h3>${t('wizard.tried')}</h3>
+        ${tried.controller?.data || tried.camera?.data ? html`<${Said} tried=${tried.controller} given=${answers.controller} /><${Said} tried=${tried.camera} given=${answers.camera} />` : html`<p class="quiet">${t('wizard.tried.none')}</p>`}</section></div></${Side}>`;
+}
+
+/** What answered by itself, to choose from. */
+function Found({ name, entries, value, choose }) {
+  return entries.map(({ address, about }) => html`<label class="check wizard-choice"><input type="radio" name=${name} checked=${value === address} onChange=${() => choose(address)} />
+    <span><b>${address}</b>${about && html`<br /><span class="small">${about}</span>`}</span></label>`);
+}
+
+/** The arm as it stood when it was last read; null before, and for one that is not listed. */
+const armOf = (tried) => tried.box?.data?.arm ?? tried.model?.data?.arm ?? tried.controller?.data?.arm ?? null;
+
+function ArmNow({ title, arm, flange_mm, box_mm }) {
+  const parts = useMemo(() => ({ ...arm, flange_mm: arm?.skeleton_mm.at(-1) ?? flange_mm, box_mm }), [JSON.stringify([arm, flange_mm, box_mm])]);
+  return html`<${Card} id="robot" title=${title} flush><${CellScene} parts=${parts} /></${Card}>`;
 }
 
 function Side({ picture, children }) {
@@ -264,7 +283,6 @@ function Need({ answers, change, tried, busy, one }) {
   const controller = tried.controller?.data;
   const given = answers.box.trim() ? answers.box.trim().split(/\s+/) : [];
   const cells = Array.from({ length: 6 }, (_, index) => given[index] ?? '');
-  const flange = tried.box?.data?.flange_mm ?? controller?.flange_mm;
   const edit = (index, value) => change({ box: cells.map((old, at) => (at === index ? value.trim() : old) || '-').join(' ') });
   const shown = cells.map((value) => (value === '-' ? '' : value));
   const corner = async () => {
@@ -272,32 +290,36 @@ function Need({ answers, change, tried, busy, one }) {
     const seen = await one('box', 'here');
     if (seen && first.length) change({ box: [...first, ...seen.answer.split(' ')].join(' ') });
   };
-  const numbers = shown.map(numberOf);
+  const [low, high] = [Math.min, Math.max].map((end) => AXES.map((_, axis) => end(numberOf(shown[axis]), numberOf(shown[axis + 3]))));
+  const box_mm = [...low, ...high].every(Number.isFinite) ? [low, high] : null;
+  const limit = numberOf(answers.tolerance);
+  const expected = tried.size?.data?.expected_mm ?? null;
+  const step = (sign) => change({ tolerance: String(Number(Math.max(TOLERANCE_STEP, (limit || 1) + sign * TOLERANCE_STEP).toFixed(2))) });
   return html`<section class="card wizard-ask"><h3>${t('wizard.need')}</h3>
       <label for="tolerance">${t('wizard.tolerance')}</label>
-      <input id="tolerance" inputmode="decimal" required value=${answers.tolerance} onInput=${(event) => change({ tolerance: event.target.value })} aria-describedby="tolerance-how" />
-      <div class="row">${Object.entries(TOLERANCES).sort(([a], [b]) => a - b).map(([mm, use]) => html`<button type="button" class="chip" aria-pressed=${answers.tolerance === mm} onClick=${() => change({ tolerance: mm })}>${t(`wizard.tolerance.${use}`)}</button>`)}</div>
-      <p id="tolerance-how" class="small quiet">${t('wizard.tolerance.how')}</p>
+      <div class="wizard-answer wizard-limit"><button type="button" aria-label=${t('less')} onClick=${() => step(-1)}>−</button>
+        <input id="tolerance" inputmode="decimal" required value=${answers.tolerance} onInput=${(event) => change({ tolerance: event.target.value })} aria-describedby="tolerance-how" />
+        <button type="button" aria-label=${t('more')} onClick=${() => step(1)}>+</button>
+        ${Object.entries(TOLERANCES).sort(([a], [b]) => a - b).map(([mm, use]) => html`<button type="button" class="chip" aria-pressed=${answers.tolerance === mm} onClick=${() => change({ tolerance: mm })}>${t(`wizard.tolerance.${use}`)}</button>`)}</div>
+      ${expected !== null && limit > 0 && html`<${Gauge} expected=${expected} limit=${limit} />`}
+      <p id="tolerance-how" class="small quiet">${expected !== null && `${t(expected > limit ? 'wizard.expect.above' : 'wizard.expect', { mm: significant(expected) })} `}${t('wizard.tolerance.how')}</p>
       <fieldset><legend>${t('wizard.box')}</legend>
         <div class="wizard-box">${AXES.map((axis, at) => [0, 3].map((corner) => html`<label class="wizard-axis"><span>${axis} ${corner ? '2' : '1'}</span><input inputmode="decimal" required value=${shown[at + corner]} onInput=${(event) => edit(at + corner, event.target.value)} aria-label=${`${axis} ${t(corner ? 'wizard.box.second' : 'wizard.box.first')}, mm`} /></label>`))}</div></fieldset>
       <div class="row"><button type="button" aria-disabled=${busy ? 'true' : undefined} onClick=${corner}>${t('wizard.box.here')}</button>
         ${controller?.program_box_mm && html`<button type="button" aria-disabled=${busy ? 'true' : undefined} onClick=${() => one('box', 'program')}>${t('wizard.box.program')}</button>`}</div>
       <p class="small quiet">${t('wizard.box.how')}</p>
     </section>
-    <div class="wizard-side"><figure class="wizard-drawing"><${Drawing} numbers=${numbers} flange=${flange} /><figcaption class="small quiet">${t('wizard.box.drawn')}</figcaption></figure></div>`;
+    <div class="wizard-side wizard-space"><${ArmNow} title=${t('wizard.box.drawn')} arm=${armOf(tried)} flange_mm=${controller?.flange_mm} box_mm=${box_mm} /></div>`;
 }
 
-/** The box and the flange from above and from the side, to one scale. */
-function Drawing({ numbers, flange }) {
-  const [low, high] = [0, 1].map((end) => [0, 1, 2].map((axis) => Math[end ? 'max' : 'min'](numbers[axis], numbers[axis + 3])));
-  const whole = numbers.every(Number.isFinite);
-  const reach = Math.max(1000, ...(whole ? numbers : []).map(Math.abs), ...(flange ?? []).map(Math.abs)) * 1.15;
-  const view = (name, up, place) => html`<g transform=${`translate(${place} 0)`}>
-      <rect class="wizard-ground" x=${-reach} y=${-reach} width=${2 * reach} height=${2 * reach} />
-      <path class="grid-line" d=${`M${-reach} 0H${reach}M0 ${-reach}V${reach}`} />
-      <circle class="wizard-base" r=${reach / 14} />
-      ${whole && html`<rect class="wizard-space" x=${low[0]} y=${-high[up]} width=${high[0] - low[0]} height=${high[up] - low[up]} />`}
-      ${flange && html`<circle class="wizard-flange" cx=${flange[0]} cy=${-flange[up]} r=${reach / 30} />`}
-      <text x=${-reach * 0.94} y=${-reach * 0.86} font-size=${reach / 11}>${t(name)}</text></g>`;
-  return html`<svg viewBox=${`${-reach} ${-reach} ${4.1 * reach} ${2 * reach}`} role="img" aria-label=${t('wizard.box.drawn')}>${view('wizard.above', 1, 0)}${view('wizard.side', 2, 2.1 * reach)}</svg>`;
+/** What is expected on the scale up to the limit, each with its words at its mark (mm). */
+function Gauge({ expected, limit }) {
+  const end = Math.max(1.25 * limit, 1.15 * expected);
+  const at = (length) => (length / end) * GAUGE_WIDTH;
+  const words = (id, length) => html`<span class="small" style=${{ '--at': `${(100 * length) / end}%` }}>${t(id, { mm: significant(length) })}</span>`;
+  return html`<div class="wizard-gauge"><p>${words('wizard.expect.mark', expected)}</p>
+    <svg viewBox="0 0 ${GAUGE_WIDTH} 22" preserveAspectRatio="none" aria-hidden="true">
+      <rect class="fine" y="5" height="12" width=${at(limit / 2)} /><rect class="warning" y="5" height="12" x=${at(limit / 2)} width=${at(limit / 2)} />
+      <rect class="refused" y="5" height="12" x=${at(limit)} width=${GAUGE_WIDTH - at(limit)} /><path class="limit" d=${`M${at(limit)} 0V22`} /><path class="expected" d=${`M${at(expected)} 0V22`} /></svg>
+    <p>${words('wizard.limit.mark', limit)}</p></div>`;
 }

@@ -23,6 +23,7 @@ from drivers.interfaces import Camera, IdentifiedDevice
 from drivers.registry import check_robot_address, open_camera, open_robot
 from drivers.robots.abb.rws.address import RwsAddress
 from drivers.robots.abb.rws.administration import RwsAdministration
+from drivers.robots.abb.rws.announced import find_announced
 from drivers.robots.abb.setup.survey import ControllerSurvey, read_survey
 from drivers.robots.base_frame import configured
 
@@ -52,6 +53,7 @@ class SeenController:
     base_frame: PoseDocument | None
     program_box_mm: tuple[Corner, Corner] | None
     flange_mm: Corner
+    joints_rad: tuple[float, ...] = ()
     advice: str = ""
 
     @property
@@ -83,8 +85,14 @@ async def ask(
             await asyncio.sleep(RETRY_S)
 
 
-async def find_controllers(hosts: Sequence[str] = (USUAL_HOST,), services: Sequence[str] = USUAL_SERVICES) -> list[str]:
-    """Those of the hosts at which Robot Web Services answer, asked side by side within seconds."""
+async def find_controllers(hosts: Sequence[str] = (), services: Sequence[str] = USUAL_SERVICES) -> list[str]:
+    """Those of the hosts at which Robot Web Services answer, asked side by side within seconds.
+
+    By default the usual host, and those that announce themselves in this PC's networks.
+    """
+    if not hosts:
+        own = [str(each.ip) for each in own_networks()]
+        hosts = tuple(dict.fromkeys((USUAL_HOST, *await asyncio.to_thread(find_announced, own, MAX_KNOCK_S))))
     free = asyncio.Semaphore(MAX_KNOCKS)
     async with httpx.AsyncClient(verify=False, timeout=MAX_KNOCK_S, trust_env=False) as client:  # noqa: S501
 
@@ -139,12 +147,12 @@ async def look_at_controller(answer: str) -> SeenController:
     link = link or f"tcp://{host}:{LINK_PORT if said is None else int(float(said))}"
     seen = _seen(link, survey)
     try:
-        return await _read_robot(seen)
+        return await read_robot(seen)
     except DeviceError as error:
         if survey is None:
             raise (error if link == answer else problem or error) from None
         advice = f"{error.what}: the arm is read and views are taken by hand, until the robot program answers"
-        return replace(await _read_robot(replace(seen, address=services)), advice=advice)
+        return replace(await read_robot(replace(seen, address=services)), advice=advice)
 
 
 async def _read_survey(address: RwsAddress) -> ControllerSurvey:
@@ -168,11 +176,12 @@ def _seen(address: str, survey: ControllerSurvey | None) -> SeenController:
     return SeenController(address, lines, model, frame, None, (0.0, 0.0, 0.0))
 
 
-async def _read_robot(seen: SeenController) -> SeenController:
-    """The same, with where the flange stands, and the box of the program. Raises DeviceError."""
+async def read_robot(seen: SeenController) -> SeenController:
+    """The same, with how the arm stands now, and the box of the program. Raises DeviceError."""
     robot = open_robot(seen.address, world_T_base=seen.world_T_base)
     try:
         flange_mm = corner_of((await ask(robot, lambda it: it.read_pose())).base_T_flange)
+        joints_rad = tuple(float(angle) for angle in await robot.read_joints())
         program = configured(robot)
         box = None if program is None else (await program.read_setup()).world_box_mm
     finally:
@@ -182,12 +191,7 @@ async def _read_robot(seen: SeenController) -> SeenController:
         x, y, z = (float(value) for value in inverse(seen.world_T_base)[:3, 3])
         (low_x, low_y, low_z), (high_x, high_y, high_z) = box
         box = ((low_x + x, low_y + y, low_z + z), (high_x + x, high_y + y, high_z + z)) if upright else None
-    return replace(seen, program_box_mm=box, flange_mm=flange_mm)
-
-
-async def read_flange(seen: SeenController) -> Corner:
-    """Where the flange stands now, in mm of the base. Raises DeviceError."""
-    return (await _read_robot(seen)).flange_mm
+    return replace(seen, program_box_mm=box, flange_mm=flange_mm, joints_rad=joints_rad)
 
 
 async def take_picture(address: str) -> SeenCamera:

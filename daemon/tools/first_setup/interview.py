@@ -5,7 +5,10 @@ import json
 from collections.abc import Awaitable, Callable
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field
+from math import degrees
 from pathlib import Path
+
+import numpy as np
 
 from calibration.documents.pose import Vector
 from calibration.documents.target_text import target_of_text, text_of_target
@@ -14,6 +17,7 @@ from calibration.errors import DetectionError
 from calibration.kinematics.abb_arms import find_any_arm
 from calibration.problem import Setup
 from calibration.targets import Target
+from daemon.cell.skeleton import lengths_mm, skeleton_mm
 from daemon.config.server_settings import ServerSettings
 from daemon.config.toml_text import toml_text
 from daemon.errors import AnswerRefused
@@ -34,7 +38,7 @@ from daemon.tools.first_setup.devices import (
     find_controllers,
     look_at_controller,
     own_networks,
-    read_flange,
+    read_robot,
     take_picture,
 )
 
@@ -43,6 +47,17 @@ QUESTIONS: dict[str, str] = json.loads(Path(__file__).with_suffix(".json").read_
 
 USUAL = {"model": "", "setup": "arm", "target": "", "tolerance": "1"}
 """Answers of who presses Enter."""
+
+
+class DrawnArm(Document):
+    """The arm as it stands, to draw it: see `GET /arm` and `GET /robot`."""
+
+    lengths_mm: tuple[float, ...] | None
+    """Of its links; null for an arm with seven axes."""
+    joints_deg: tuple[float, ...]
+    """Its axes."""
+    skeleton_mm: tuple[Vector, ...]
+    """Base, shoulder, elbow, wrist and flange in the base."""
 
 
 class AnswerFound(Document):
@@ -62,6 +77,8 @@ class AnswerFound(Document):
     """Where the flange stands, mm in the base."""
     program_box_mm: tuple[Vector, Vector] | None = None
     """The box that the robot's program allows, mm in the base."""
+    arm: DrawnArm | None = None
+    """The arm as it stands, where its model is known."""
     target: str | None = None
     """The target that the picture shows, in words."""
     size: tuple[int, int] | None = None
@@ -70,6 +87,8 @@ class AnswerFound(Document):
     """The target's points in the picture: id, u, v in px."""
     of: int | None = None
     """How many points the target has."""
+    expected_mm: float | None = None
+    """U (k = 2) to expect of eight planned pictures of this target by this camera, with an arm as delivered."""
 
 
 @dataclass(eq=False)
@@ -83,6 +102,7 @@ class Interview:
     target: Target | None = None
     size: TargetSize | None = None
     tolerance_mm: float = 1.0
+    expected_mm: float | None = None
     box_mm: tuple[Corner, Corner] | None = None
     corners: list[Corner] = field(default_factory=list)
 
@@ -128,16 +148,29 @@ class Interview:
             model=seen.model,
             flange_mm=seen.flange_mm,
             program_box_mm=seen.program_box_mm,
+            arm=self._arm(),
+        )
+
+    def _arm(self) -> DrawnArm | None:
+        if self.model is None or self.controller is None or not self.controller.joints_rad:
+            return None
+        arm, joints_rad = find_any_arm(self.model), np.array(self.controller.joints_rad)
+        return DrawnArm(
+            lengths_mm=lengths_mm(arm),
+            joints_deg=tuple(map(degrees, self.controller.joints_rad)),
+            skeleton_mm=tuple(skeleton_mm(arm, joints_rad) or ()),
         )
 
     async def take_model(self, text: str) -> AnswerFound:
         """Name of the arm; empty for one that is not listed."""
         self.model = find_any_arm(text).name if text else None
-        return AnswerFound(answer=text, model=self.model)
+        return AnswerFound(answer=text, model=self.model, arm=self._arm())
 
-    async def take_camera(self, text: str) -> AnswerFound:
+    async def take_camera(self, text: str, look: bool = True) -> AnswerFound:
         """A camera's address: one picture is taken, and looked at."""
         self.camera = seen = await take_picture(text)
+        if not look:
+            return AnswerFound(answer=text)
         height, width = seen.image.shape[:2]
         looked = AnswerFound(answer=text)
         with suppress(DetectionError):  # a black picture: the next one says why
@@ -192,30 +225,41 @@ class Interview:
         return answer.model_copy(update={"corners": tuple((number, u, v) for number, (u, v) in points)})
 
     async def take_size(self, text: str) -> AnswerFound:
-        """The target's size, and with what it was measured."""
-        assert self.target is not None
+        """The target's size, and with what it was measured; with the accuracy to expect of it."""
+        from daemon.tools.first_setup.expected import PICTURES, expected_mm
+
+        assert self.target is not None and self.camera is not None
         self.size = size = parse_size(text, self.target)
         lengths = EDGES[type(self.target)][:2]
-        return AnswerFound(
-            answer=text, found=tuple(f"{each} = {getattr(size.target, each):g}" for each in lengths if each)
-        )
+        found = tuple(f"{each} = {getattr(size.target, each):g}" for each in lengths if each)
+        height, width = self.camera.image.shape[:2]
+        self.expected_mm = await asyncio.to_thread(expected_mm, (width, height), self.setup, size)
+        if self.expected_mm is None:
+            far = "the whole target is in no picture from [calibration.limits] distance_mm, 450 to 750 mm"
+            return AnswerFound(answer=text, found=found, doubts=(f"{far}: set others, or take a smaller target",))
+        expected = f"expected with {PICTURES} pictures: ± {self.expected_mm:.2f} mm; less with a better arm"
+        return AnswerFound(answer=text, found=(*found, expected), expected_mm=self.expected_mm)
 
     async def take_tolerance(self, text: str) -> AnswerFound:
         """The largest U, mm."""
         self.tolerance_mm = parse_tolerance(text)
-        return AnswerFound(answer=text)
+        if self.expected_mm is None or self.expected_mm <= self.tolerance_mm:
+            return AnswerFound(answer=text)
+        doubt = f"± {self.expected_mm:.2f} mm is expected, which is more: take more pictures, or allow more"
+        return AnswerFound(answer=text, doubts=(doubt,))
 
     async def take_box(self, text: str) -> AnswerFound:
         """One corner or two of the box."""
         assert self.controller is not None
-        stands = await read_flange(self.controller)
-        corners = [*self.corners, *parse_corners(text, stands, self.controller.program_box_mm)]
+        self.controller = seen = await read_robot(self.controller)
+        corners = [*self.corners, *parse_corners(text, seen.flange_mm, seen.program_box_mm)]
         self.corners = corners if len(corners) == 1 else []
         answer = " ".join(f"{value:g}" for corner in corners for value in corner)
         if self.corners:
-            return AnswerFound(answer=answer, complete=False, found=(f"a corner at {answer}; now the opposite one",))
-        self.box_mm = box_of(corners, stands)
-        return AnswerFound(answer=answer, flange_mm=stands)
+            line = f"a corner at {answer}; now the opposite one"
+            return AnswerFound(answer=answer, complete=False, found=(line,), arm=self._arm())
+        self.box_mm = box_of(corners, seen.flange_mm)
+        return AnswerFound(answer=answer, flange_mm=seen.flange_mm, arm=self._arm())
 
 
 TAKES: dict[str, Callable[[Interview, str], Awaitable[AnswerFound]]] = {

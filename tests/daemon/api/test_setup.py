@@ -1,6 +1,8 @@
 """GET, PUT /setup and POST /setup/try with stand-ins for controller and camera: what is checked and written."""
 
+import math
 from collections.abc import AsyncIterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +20,7 @@ from tests.daemon.cell_under_test import Bench
 
 BOX = ((-500.0, -500.0, 0.0), (1500.0, 500.0, 1500.0))
 CONTROLLER = SeenController(
-    "tcp://10.0.0.2:4242", ("RobotWare 7.14",), "IRB 1600-6/1.45", None, BOX, (900.0, 0.0, 900.0)
+    "tcp://10.0.0.2:4242", ("RobotWare 7.14",), "IRB 1600-6/1.45", None, BOX, (900.0, 0.0, 900.0), (0.0,) * 6
 )
 ANSWERS = {
     "controller": "10.0.0.2",
@@ -44,13 +46,13 @@ async def cell(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> AsyncIterator
     async def take_picture(address: str) -> SeenCamera:
         return SeenCamera(address, "a camera", board)
 
-    async def read_flange(seen: SeenController) -> Any:
-        return seen.flange_mm
+    async def read_robot(seen: SeenController) -> SeenController:
+        return replace(seen, joints_rad=(0.0, 0.0, 0.0, 0.0, math.pi / 2, 0.0))
 
     async def find_controllers(*hosts: Any) -> list[str]:
         return ["10.0.0.2"]
 
-    for stand_in in (look_at_controller, take_picture, read_flange):
+    for stand_in in (look_at_controller, take_picture, read_robot):
         monkeypatch.setattr(interview, stand_in.__name__, stand_in)
     monkeypatch.setattr("daemon.api.routes.setup.find_controllers", find_controllers)
     monkeypatch.setattr("daemon.api.routes.setup.discover", list)
@@ -77,15 +79,21 @@ async def test_each_answer_is_checked_when_it_is_given(cell: Cell) -> None:
 
     controller = (await attempt("controller")).json()
     assert (controller["model"], controller["program_box_mm"]) == ("IRB 1600-6/1.45", [list(corner) for corner in BOX])
+    assert controller["arm"]["skeleton_mm"][0] == [0, 0, 0]
+    assert len(controller["arm"]["skeleton_mm"]) == 5
     assert (await attempt("controller", controller="10.0.0.9")).status_code == 503
+    shorter = (await attempt("model", model="IRB 1600-6/1.2")).json()
+    assert shorter["arm"]["lengths_mm"] != controller["arm"]["lengths_mm"]
     camera = (await attempt("camera")).json()
     assert camera["target"].startswith("chessboard:9x6:")
     assert (len(camera["corners"]), camera["of"]) == (54, 54)
     assert camera["picture"]
     assert (await attempt("target", target="chessboard:7x5:1")).json()["doubts"]
     assert (await attempt("size", size="wide")).json()["code"] == "answer-refused"
+    assert 0.3 < (await attempt("size")).json()["expected_mm"] < 2.0
     assert (await attempt("box", box="here")).json()["answer"] == "900 0 900"
-    assert (await attempt("box", box="here")).json()["complete"] is False
+    corner = (await attempt("box", box="here")).json()
+    assert (corner["complete"], corner["arm"]["joints_deg"]) == (False, [0, 0, 0, 0, 90, 0])
     assert (await attempt("tolerance", tolerance="-1")).status_code == 422
     assert not file.exists()
     assert not bench.robot.goals

@@ -1,11 +1,13 @@
 """`handeyed init` at a mock cell that is a process of its own: from an empty folder to settings that work."""
 
 import os
+import re
 from collections.abc import Iterator
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+import httpx
 import numpy as np
 import pytest
 from typer.testing import CliRunner
@@ -34,6 +36,10 @@ def init(file: Path, *answers: str) -> Ran:
     return Ran(result.exit_code, result.stdout, result.stderr)
 
 
+def moves_of(cell: dict[str, Any]) -> int:
+    return int(httpx.get(f"{cell['control']}/state").json()["moves_commanded"])
+
+
 def answers_of(cell: dict[str, Any]) -> list[str]:
     """Controller, camera, where it is, the target as recognised, its size, the tolerance, the box."""
     return [cell["rws"]["1.0"], cell["camera"], "arm", "", "200/10 calliper", "", "program"]
@@ -43,9 +49,12 @@ def test_few_answers_make_settings_that_the_check_finds_well(cell: dict[str, Any
     file = tmp_path / "handeyed.toml"
     file.write_text("# an old one\n")
 
+    before = moves_of(cell)
+
     ran = init(file, *answers_of(cell))
 
     assert (ran.status, ran.err) == (0, "")
+    assert moves_of(cell) == before
     assert len(answers_of(cell)) <= MAX_ANSWERS
     settings = load_settings(file)
     assert settings.robot.address == f"tcp://{cell['robot']['host']}:{cell['robot']['port']}"
@@ -57,6 +66,7 @@ def test_few_answers_make_settings_that_the_check_finds_well(cell: dict[str, Any
     assert (tmp_path / "handeyed.toml.1").read_text() == "# an old one\n"
     assert "RobotWare 6" in ran.out
     assert "616-1 PC Interface" in ran.out
+    assert re.search(r"expected with 8 pictures: ± 0\.\d\d mm; less with a better arm", ran.out)
     checked = handeyed("check", file)
     assert checked.status == 0, checked.out
 

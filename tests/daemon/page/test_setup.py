@@ -1,6 +1,7 @@
 """The first set-up in the page, by keyboard: from an empty folder to an accepted calibration of the mock cell."""
 
 import asyncio
+import re
 from pathlib import Path
 from typing import Any
 
@@ -11,14 +12,25 @@ from typer.testing import CliRunner
 from daemon.cli import local_daemon
 from daemon.cli.demo_run.processes import start_child
 from daemon.cli.main import app
-from tests.daemon.page.conftest import page_of
+from tests.daemon.cli.running import handeyed
+from tests.daemon.page.conftest import AXE_FINDINGS, page_of
 from tests.support.waiting import LIMIT_S
 
 pytestmark = [pytest.mark.asyncio(loop_scope="module"), pytest.mark.slow]
 
 FAST = ["mock_robot", "run", "--with-parent", "--time-scale", "100"]
-MAX_ANSWERS = 8
-SMALL_SCREEN = {"width": 1366, "height": 768}
+MAX_ANSWERS, MAX_S = 8, 240.0
+SMALL_SCREEN, PHONE = {"width": 1366, "height": 768}, {"width": 390, "height": 844}
+MAX_RATIO = 1.5
+EXPECTED = r"expected with 8 pictures: ± ([\d.]+) mm"
+
+TOO_SMALL = """() => [...document.querySelectorAll('main :is(a, button, input, select)')]
+    .filter((one) => one.offsetParent).map((one) => [one, (one.closest('label.check') ?? one).getBoundingClientRect()])
+    .filter(([, { width, height }]) => width < 44 || height < 44).map(([one]) => one.outerHTML.slice(0, 120))"""
+"""What is pressed or typed into on a screen, and is smaller than a finger: 44 px (cockpit.md, B19)."""
+LOW_CONTRAST = """async () => (await axe.run({ runOnly: ['color-contrast-enhanced'] })).violations.flatMap(
+    ({ nodes }) => nodes.map(({ html }) => html.slice(0, 160)))"""
+"""Text of less than 7 to 1, or of 4.5 to 1 where it is large (WCAG 2.2, 1.4.6)."""
 
 
 class Keyboard:
@@ -78,7 +90,9 @@ async def test_from_an_empty_folder_to_an_accepted_calibration(
             again = tmp_path / "init.toml"
             ran = await asyncio.to_thread(CliRunner().invoke, app, ["init", str(again)], "\n".join(typed) + "\n")
             assert ran.exit_code == 0, ran.output
-            async with page_of(browser, viewport=SMALL_SCREEN) as page:
+            said = re.search(EXPECTED, ran.output)
+            assert said is not None
+            async with page_of(browser, viewport=SMALL_SCREEN) as page, asyncio.timeout(MAX_S):
                 page.set_default_timeout(1000 * LIMIT_S)
                 keys = Keyboard(page)
                 await page.goto(url)
@@ -88,7 +102,8 @@ async def test_from_an_empty_folder_to_an_accepted_calibration(
                 await page.get_by_text("12 × 9 squares").wait_for()
                 await keys.type("#length", "200")
                 await keys.go_on()
-                await keys.press("The box of the robot's program")
+                await page.get_by_text(f"expected {said[1]}").wait_for()
+                await keys.press("The program's box")
                 while not await page.locator(".wizard-box input").first.input_value():
                     await page.wait_for_timeout(100)
                 await keys.type("#tolerance", "1")
@@ -97,14 +112,55 @@ async def test_from_an_empty_folder_to_an_accepted_calibration(
                 assert file.read_bytes() == again.read_bytes()
                 while not (await client.get(f"{url}/calibrate")).json()["ready"]:
                     await page.wait_for_timeout(200)
-            assert keys.answers <= MAX_ANSWERS
-            assert await moves() == 0
+                assert keys.answers <= MAX_ANSWERS
+                assert await moves() == 0
+                checked = await asyncio.to_thread(handeyed, "check", file)
+                assert checked.status == 0, checked.out
 
-            for _ in range(5):  # beside much else the mock may take longer for a picture than a camera may
-                run = (await client.post(f"{url}/calibrate", json={"count": 8}, params={"wait": LIMIT_S})).json()
-                if (run["cause"] or {}).get("code") != "device-timeout":
-                    break
+                for _ in range(5):  # beside much else the mock may take longer for a picture than a camera may
+                    run = (await client.post(f"{url}/calibrate", json={"count": 8}, params={"wait": LIMIT_S})).json()
+                    if (run["cause"] or {}).get("code") != "device-timeout":
+                        break
             assert run["state"] == "finished", run["cause"]
             found = (await client.get(f"{url}/calibrations/{run['result']['calibration_id']}")).json()
             assert found["verdict"]["accepted"], found["verdict"]
+            assert 1 / MAX_RATIO < found["accuracy"]["expected_mm"] / float(said[1]) < MAX_RATIO
             assert await moves() > 0
+
+
+async def test_each_step_is_read_and_pressed_by_everybody(browser: Any, axe: str, tmp_path: Path) -> None:
+    with (
+        start_child("mock", FAST, tmp_path) as mock,
+        start_child("daemon", ["daemon.cli", "serve", "--setup", str(tmp_path / "handeyed.toml")], tmp_path) as daemon,
+    ):
+        cell = mock.announcement
+        async with page_of(browser, viewport=SMALL_SCREEN) as page:
+            page.set_default_timeout(1000 * LIMIT_S)
+
+            async def look() -> None:
+                for viewport in (PHONE, SMALL_SCREEN):
+                    await page.set_viewport_size(viewport)
+                    assert not await page.evaluate("document.documentElement.scrollWidth > innerWidth")
+                    for scheme in ("dark", "light"):
+                        await page.emulate_media(color_scheme=scheme, reduced_motion="reduce")
+                        assert await page.evaluate(AXE_FINDINGS) == []
+                        assert await page.evaluate(LOW_CONTRAST) == []
+                    assert await page.evaluate(TOO_SMALL) == []
+
+            await page.goto(daemon.announcement["url"])
+            await page.evaluate(axe)
+            await page.locator("#controller").fill(cell["rws"]["1.0"])
+            await page.locator("#camera").fill(cell["camera"])
+            await look()
+            for press in ("Try it", "Take a picture"):
+                await page.get_by_role("button", name=press).click()
+                await page.locator("form[aria-busy=false]").wait_for()
+            await page.locator("#robot").wait_for()
+            await look()
+            await page.locator("main .primary").click()
+            await page.locator("#length").fill("200")
+            await look()
+            await page.locator("main .primary").click()
+            await page.locator("#tolerance").fill("0.2")
+            await page.get_by_text("more than your limit").wait_for()
+            await look()
