@@ -130,6 +130,13 @@ def test_poses_that_are_all_the_same_are_refused(tmp_path: Path) -> None:
     assert "poses: all 6 poses are the same" in ran.err
 
 
+def test_one_pose_is_not_taken_for_none(tmp_path: Path) -> None:
+    folder = _folder(tmp_path / "cell", _rows("ZYX")[:1])
+    ran = handeyed("import", folder, "--out", tmp_path / "s", "--target", TARGET)
+    assert ran.status == 2
+    assert "poses.csv: poses: one pose only: give one of each picture, three or more" in ran.err
+
+
 def test_a_missing_pose_is_refused_with_both_lists(tmp_path: Path) -> None:
     folder = _folder(tmp_path / "cell", _rows("ZYX")[:-1])
     ran = handeyed("import", folder, "--out", tmp_path / "s", "--target", TARGET)
