@@ -147,10 +147,19 @@ async def test_each_step_is_read_and_pressed_by_everybody(browser: Any, axe: str
                         assert await page.evaluate(LOW_CONTRAST) == []
                     assert await page.evaluate(TOO_SMALL) == []
 
+            async def find(route: Any) -> None:
+                """As if both had answered by themselves."""
+                answer = await route.fetch()
+                camera = {"address": cell["camera"], "vendor": "Basler", "model": "acA1920-40gm", "problem": ""}
+                found = {"controllers": ["192.168.125.1", cell["rws"]["1.0"]], "cameras": [camera]}
+                await route.fulfill(response=answer, json={**await answer.json(), **found})
+
+            await page.route("**/setup", find)
             await page.goto(daemon.announcement["url"])
             await page.evaluate(axe)
-            await page.locator("#controller").fill(cell["rws"]["1.0"])
-            await page.locator("#camera").fill(cell["camera"])
+            assert await page.get_by_role("radio", name="acA1920-40gm").is_checked()
+            await page.get_by_role("radio", name=cell["rws"]["1.0"]).check()
+            assert await page.locator("#controller").input_value() == cell["rws"]["1.0"]
             await look()
             for press in ("Try it", "Take a picture"):
                 await page.get_by_role("button", name=press).click()
