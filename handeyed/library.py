@@ -18,11 +18,13 @@ from calibration.documents.exports.formats import export as export_x
 from calibration.documents.exports.subject import DEFAULT_DECIMALS, OPTICAL_FRAME, ExportOptions
 from calibration.documents.imports.leaves import table_of_data
 from calibration.documents.imports.pose_files import read_poses
+from calibration.documents.imports.sets.folder import ImportedSet
 from calibration.documents.plan import PlanDocument, PlannedDocument, PredictedDocument
 from calibration.documents.requirement import VerdictSettings
 from calibration.documents.target import TargetFile
 from calibration.documents.validation import validate_json
 from calibration.errors import DocumentError, DocumentProblem, UndeterminedError
+from calibration.kinematics.conventions import Frame
 from calibration.kinematics.stance import Stance
 from calibration.likelihood.predicted_uncertainty import predict
 from calibration.planning.plan import plan_poses
@@ -34,6 +36,8 @@ from calibration.transforms import Array, inverse, map_points
 from calibration.verdict import judge
 from daemon.runtime.bounded_read import read_document
 from daemon.runtime.version import SOFTWARE
+from daemon.sessions.session_import.request import ImportRequest
+from daemon.sessions.session_import.understand import understand_set
 from daemon.sessions.session_reader import load_problem, open_session
 from registration.io.reading import open_cloud
 
@@ -149,20 +153,26 @@ Solvable = Session | str | Path | Mapping[str, Any]
 
 
 def solve(
-    session: Solvable, *, tolerance_mm: float | None = None, method: str = "auto", setup: Setup | None = None
+    session: Solvable,
+    *,
+    tolerance_mm: float | None = None,
+    method: str = "auto",
+    setup: Setup | None = None,
+    frame: Frame | None = None,
 ) -> CalibrationDocument:
     """The calibration: X with its covariance, U at the points that matter, noise, views, findings and verdict.
 
     session : a Session; a folder with session.json; or pairs of poses of robot and camera in a file that `handeyed
         import` reads, a mapping of arrays such as R_gripper2base, t_gripper2base, R_target2cam, t_target2cam, or an
-        opened .npz; `setup` says where the camera is then.
+        opened .npz. `setup` says where the camera is then ("eye-in-hand" without it), and `frame` which poses the
+        robot's are, where neither names nor evidence decide.
     tolerance_mm : the largest U (k = 2) that is accepted; 1 mm without it.
     method : "auto" (maximum likelihood) or a closed form ("tsai", "park", ...).
 
     `result.flange_T_camera.transform()` is X (4, 4) in mm; None, with the reason in `result.verdict.findings`, where
     the motions do not determine it. `result.model_dump_json()` is calibration.json. Raises DocumentError, TypeError.
     """
-    known = _session_of(session, setup)
+    known = _session_of(session, setup, frame)
     limits = VerdictSettings().limits(tolerance_mm)
     if known.point_pairs is not None:
         try:
@@ -184,7 +194,7 @@ def solve(
     )
 
 
-def _session_of(given: Any, setup: Setup | None) -> Session:
+def _session_of(given: Any, setup: Setup | None, frame: Frame | None) -> Session:
     """The session that `solve` is given. Raises DocumentError, TypeError."""
     if isinstance(given, Session):
         return given
@@ -204,17 +214,12 @@ def _session_of(given: Any, setup: Setup | None) -> Session:
             "give the robot's and the camera's, such as R_gripper2base and R_target2cam",
         )
         raise DocumentError(origin, [DocumentProblem("poses", what, fix)])
-    sides = []
-    for side, poses in (("robot", table), ("camera", table.camera)):
-        conventions, units = poses.conventions(), poses.units()
-        if len(conventions) != 1 or len(units) != 1:
-            what = f"{len(conventions)} conventions and {len(units)} units are possible for {poses.layout}"
-            fix = "give 4 x 4 matrices in mm, or run handeyed import"
-            raise DocumentError(origin, [DocumentProblem(side, what, fix)])
-        frame = poses.frame or poses.named_frame or "base_T_flange"
-        sides.append(poses.poses(conventions[0], units[0], frame))
-    chosen = setup or table.setup or "eye-in-hand"
-    return Session.of_poses(*sides, setup=chosen)
+    request = ImportRequest(Path(origin), setup=setup or table.setup or "eye-in-hand", frame=frame)
+    read = understand_set(request, ImportedSet("pairs", table, camera_poses=table.camera))
+    if read.camera_points_mm is not None:
+        return Session.of_points(read.base_T_flange[:, :3, 3], read.camera_points_mm)
+    assert read.camera_T_target is not None
+    return Session.of_poses(read.base_T_flange, read.camera_T_target, setup=read.reading.setup)
 
 
 def plan(question: dict[str, Any]) -> PlannedDocument:

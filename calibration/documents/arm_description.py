@@ -6,10 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from calibration.documents.imports.leaves import array_of
 from calibration.documents.imports.refusal import decode, refusal
-from calibration.documents.imports.text_tables import read_named_columns
+from calibration.documents.imports.text_tables import rows_of
 from calibration.documents.imports.trees import read_xml
-from calibration.errors import DocumentError, GeometryError
+from calibration.errors import GeometryError
 from calibration.kinematics.arm import Arm
 from calibration.kinematics.arm_row import SLOWEST
 from calibration.kinematics.joint_chain import JointChain, arm_of_chain
@@ -157,16 +158,16 @@ def _chain_to(by_child: dict[str, _Joint], tip: str, origin: str) -> list[_Joint
 
 
 def _of_table(content: bytes, origin: str) -> tuple[JointChain, Array]:
-    try:
-        table, modified = read_named_columns(content, origin, MODIFIED), True
-    except DocumentError:
-        try:
-            table, modified = read_named_columns(content, origin, CLASSICAL), False
-        except DocumentError:
-            what = f"no columns {', '.join(CLASSICAL)} (or {', '.join(MODIFIED[:2])})"
-            raise refusal(origin, "header", what, "one row for each axis", HEADING) from None
-    if table.shape[0] != 6 or not np.all(np.isfinite(table)):
-        raise refusal(origin, "rows", f"{len(table)} rows, where six axes have six", "numbers only", HEADING)
+    rows = rows_of(decode(content, origin).splitlines())
+    wanted = next((names for names in (MODIFIED, CLASSICAL) if {*names} <= {*(rows.names or ())}), None)
+    if wanted is None:
+        what = f"no columns {', '.join(CLASSICAL)} (or {', '.join(MODIFIED[:2])})"
+        raise refusal(origin, "header", what, "one row for each axis", HEADING)
+    records = [dict(zip(rows.names or (), cells, strict=False)) for cells in rows.cells]
+    table = array_of([[record.get(name) for name in wanted] for record in records])
+    if table is None or table.shape[0] != 6 or not np.all(np.isfinite(table)):
+        raise refusal(origin, "rows", f"{len(records)} rows, where six axes have six", "numbers only", HEADING)
+    modified = wanted is MODIFIED
     a, d = table[:, 0], table[:, 2]
     alpha, theta, low, high = np.radians(table[:, [1, 3, 4, 5]]).T
     if np.any(low >= high):

@@ -17,9 +17,9 @@ from calibration.diagnosis.diagnose import MIN_LOG_LIKELIHOOD_GAIN, MIN_VIEWS, e
 from calibration.diagnosis.evidence import Evidence
 from calibration.diagnosis.fit import Fit, fits
 from calibration.diagnosis.hypothesis import few_views_factor
-from calibration.documents.imports.pose_table import PoseTable
+from calibration.documents.imports.pose_table import MIN_ARM_MM, PoseTable
 from calibration.errors import GeometryError, UndeterminedError
-from calibration.kinematics.conventions import MM, Convention, Frame, LengthUnit
+from calibration.kinematics.conventions import LENGTH_UNITS, MM, Convention, Frame, LengthUnit
 from calibration.kinematics.robot_accuracy import MAX_POSSIBLE_NOISE
 from calibration.problem import Setup, anchor_T_mount_of
 from calibration.transforms import Array
@@ -242,7 +242,12 @@ def _changes_of_lengths(table: PoseTable) -> Iterator[_Change]:
     for unit, factor in MM.items():
         if factor != 1.0:
             fix = f"multiply the places by {factor:g}, or name their unit"
-            yield _Change(replace(table, lengths=factor * table.lengths), f"places in {unit}", fix)
+            fix = f"give --unit {unit}" if unit in LENGTH_UNITS and table.unit is None else fix
+            words = f"places in {unit}"
+            if factor * table.reach_mm("mm") < MIN_ARM_MM:  # no arm's: then the other side is in the inverse unit
+                words = f"the camera's places, or the target, {1 / factor:g} times as large"
+                fix = "give --camera-unit m" if factor == 1 / MM["m"] else "compare the target's size"
+            yield _Change(replace(table, lengths=factor * table.lengths), words, fix)
     for order in permutations(range(3)):
         for signs in product((1.0, -1.0), repeat=3):
             if order == (0, 1, 2) and signs == (1.0, 1.0, 1.0):

@@ -41,7 +41,7 @@ JOINTS = (5, 6, 7, 8)
 """So many numbers in sequence, such as q1 to q6, are joints: an orientation has three, four or nine."""
 
 _FRAMES = re.compile(r"[A-Za-z0-9]+_[Tt]_[A-Za-z0-9]+")
-_SHORT = re.compile(r"(q|quat|rot|rvec|r|e|euler|t|p|pos|trans|o)([xyzw]|\d)")
+_SHORT = re.compile(r"(q|quat|rot|rvec|r|e|euler|t|p|pos|trans|o)([xyzw]|\d)|(pose|tvec|tcp)(\d+)")
 _ELEMENT = re.compile(r"(?:[rmt]|mat|rot)([0-4])([0-4])")
 
 
@@ -93,12 +93,8 @@ class _Named:
         self.is_grid = {"00", "22"} <= {one[-1] for one in words if one}
         for index, one in enumerate(words):
             self._take(index, one)
-        self._leave_out_joints()
-
-    def _leave_out_joints(self) -> None:
-        """q1 to q6 beside an orientation are the arm's joints."""
         turn = self.slots["turn"]
-        if len(_in_order(turn)) in JOINTS:
+        if len(_in_order(turn)) in JOINTS:  # q1 to q6 beside an orientation
             self.slots["turn"] = {slot: index for slot, index in turn.items() if not slot.isdigit()}
 
     def _take(self, index: int, words: list[str]) -> None:
@@ -115,7 +111,7 @@ class _Named:
         if len(words) > 1 and words[0] in AXIS_WORDS and {words[-1]} <= LENGTH_WORDS | TURN_WORDS:
             words = [*words[1:], words[0]]  # x_pos, w_rot
         if short := _SHORT.fullmatch(words[-1]):
-            words = [*words[:-1], short[1], short[2]]
+            words = [*words[:-1], *filter(None, short.groups())]
         slot = AXES.get(words[-1], words[-1])
         before = set(words[:-1]) | ({"rpy"} if words[-1] in AXES else set())
         family: Family | None = None
@@ -166,7 +162,11 @@ def recognise_columns(names: Sequence[str], origin: str) -> Columns:
         _set_turn(columns, named)
     if not columns.pose and not (len(columns.lengths) == 3 and columns.turn):
         columns.joints = joints_of(names)
-    if not columns.joints and not columns.pose and not (len(columns.lengths) == 3 and columns.turn):
+        columns.lengths, columns.turn = [], []
+    texts = [one for one in (columns.image, columns.time, columns.label) if one is not None]
+    if {*named.slots["length"]} == {*"xyz"} and len(names) == 3 + len(texts):
+        columns.lengths = _lengths(named)  # points of a tip or a ball
+    elif not columns.joints and not columns.pose and not columns.turn:
         what = f"no pose among the names {', '.join(names[:12])}" + (" ..." if len(names) > 12 else "")
         fix = "name the numbers x, y, z and qw, qx, qy, qz, or rx, ry, rz, or A, B, C, or W, P, R"
         raise refusal(origin, "header", what, fix)
@@ -176,7 +176,6 @@ def recognise_columns(names: Sequence[str], origin: str) -> Columns:
     if (turn := _unit_of(named, columns.turn, origin)) is not None:
         columns.degrees = ANGLES[turn]
     if columns.joints:
-        columns.lengths, columns.turn = [], []
         said = {ANGLES[word] for index in columns.joints for word in words_of(names[index]) if word in ANGLES}
         columns.degrees = said.pop() if len(said) == 1 else None
     used = {*columns.lengths, *columns.turn, *columns.pose, *columns.joints, columns.image, columns.time, columns.label}

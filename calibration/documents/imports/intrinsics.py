@@ -55,14 +55,10 @@ class Intrinsics:
 
 def read_intrinsics(name: str, content: bytes) -> Intrinsics:
     """The intrinsics in a file: JSON, YAML or XML. Raises DocumentError."""
-    match PurePath(name).suffix.lower():
-        case ".json":
-            data = read_json(content, name)
-        case ".xml":
-            data = read_xml_tree(content, name, HEADING)
-        case _:
-            data = read_yaml(content, name)
-    return intrinsics_of(data, name)
+    suffix = PurePath(name).suffix.lower()
+    if suffix == ".xml":
+        return intrinsics_of(read_xml_tree(content, name, HEADING), name)
+    return intrinsics_of((read_json if suffix == ".json" else read_yaml)(content, name), name)
 
 
 def intrinsics_of(data: Any, origin: str) -> Intrinsics:

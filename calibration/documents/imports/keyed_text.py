@@ -1,6 +1,9 @@
-"""Poses that name each number: KUKA's {X 1, Y 2, ... A 4}, Fanuc's X = 1 mm ... R = 6 deg, UR's p[...], pendants."""
+"""Poses that name each number: KUKA's {X 1, Y 2, ... A 4}, Fanuc's X = 1 mm ... R = 6 deg, UR's p[...], pendants, and
+HALCON's pose files (.dat), as write_pose writes them.
+"""
 
 import re
+from dataclasses import replace
 
 import numpy as np
 
@@ -14,7 +17,7 @@ from calibration.transforms import Array
 _NUMBER = r"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?"
 _UR = re.compile(rf"(?:(\w+)\s*=\s*)?p\s*\[\s*({_NUMBER}(?:\s*,\s*{_NUMBER}){{5}})\s*\]")
 _MOVE = re.compile(r"\b(?:movej|movel|movep|movec|servoj|get_inverse_kin)\s*\(", re.IGNORECASE)
-_SET_TOOL = re.compile(rf"\bset_tcp\s*\(\s*(?:(\w+)|p\s*\[\s*({_NUMBER}(?:\s*,\s*{_NUMBER}){{5}})\s*\])")
+_SET_TOOL = re.compile(rf"\bset_tcp\s*\(\s*(?:(\w+)\s*[,)]|p\s*\[\s*({_NUMBER}(?:\s*,\s*{_NUMBER}){{5}})\s*\])")
 _OFFSET = re.compile(r"\b(pose_trans|pose_add|interpolate_pose)\s*\(")
 _LIST = re.compile(rf"\b([A-Za-z]\w{{0,13}})\s*[=:]?\s*[\[(]\s*({_NUMBER}(?:[\s,;]+{_NUMBER}){{2,15}})\s*[\])]")
 _COMMA_NUMBER = r"[-+]?\d+,\d+(?:[eE][-+]?\d+)?"
@@ -25,6 +28,12 @@ _PAIR = re.compile(
 
 KEYS = tuple(tuple(keys.split()) for keys in WORDS["poses"])
 """The numbers of a pose, in the order in which they are written."""
+
+HALCON_ORDERS = {0: "euler-XYZ", 2: "euler-xyz", 4: "rotation-vector"}
+"""By HALCON's `f`, the sum of 1 (view: coordinate system), 2 (abg), 4 (Rodrigues), 8 (R(p-T)): MVTec, create_pose.
+
+gba is R = Rx Ry Rz, abg is R = Rz Ry Rx, both in degrees; the translation is in metres.
+"""
 
 
 def read_keyed_text(content: bytes, origin: str) -> PoseTable:
@@ -90,15 +99,38 @@ def _universal_robots(origin: str, text: str) -> PoseTable:
     rows: Array = np.array([[float(number) for number in numbers.split(",")] for _, numbers in found])
     labels = [name or str(at + 1) for at, (name, _) in enumerate(found)]
     labels = labels if len(set(labels)) == len(labels) else [str(at + 1) for at in range(len(labels))]
-    notes: tuple[str, ...] = ()
-    if tool is not None:
-        known = named.get(tool[1] or "")
-        numbers = tool[2] or (known[2] if known else "not read as numbers")
-        notes = (
-            f"the program sets the tool {tool[1] or ''} p[{numbers}] (m, rad): the poses are that tool's; the camera's"
-            " pose is found relative to it",
-        )
-    return PoseTable(
+    table = PoseTable(
         origin, tuple(labels), rows[:, :3], rows[:, 3:], "angles", "p[x, y, z, rx, ry, rz] of URScript",
-        CONVENTIONS["rotation-vector"], unit="m", notes=notes,
+        CONVENTIONS["rotation-vector"], unit="m",
     ).checked()  # fmt: skip
+    known = named.get(tool[1] or "") if tool else None
+    numbers = (tool and tool[2]) or (known and known[2])
+    if tool is None or (numbers and not any(float(number) for number in numbers.split(","))):
+        return table
+    said = f"the program sets the tool {tool[1] or ''} p[{numbers or 'not read as numbers'}]"
+    note = f"{said} (m, rad): the poses are that tool's; the camera's pose is found relative to it"
+    return replace(table, notes=(note,))
+
+
+def read_halcon_pose(content: bytes, origin: str) -> PoseTable:
+    """The pose of a .dat file. Raises DocumentError, also for intrinsics."""
+    text = decode(content, origin)
+    rows = dict(re.findall(r"^\s*([frt])\s+(.+?)\s*$", text, re.MULTILINE))
+    if "r" not in rows or "t" not in rows:
+        what = "intrinsics, no pose" if "ParGroup" in text else "no lines r and t"
+        raise refusal(origin, "text", what, "give a file of write_pose", "halcon")
+    try:
+        code = int(rows.get("f", "0"))
+        turn, length = (np.array([[float(number) for number in rows[key].split()]]) for key in ("r", "t"))
+    except ValueError:
+        raise refusal(origin, "text", "a number is damaged", "write the pose again", "halcon") from None
+    if turn.shape != (1, 3) or length.shape != (1, 3) or code & 9 or code not in HALCON_ORDERS:
+        what = f"representation {code} of {turn.shape[1]} and {length.shape[1]} numbers is not read"
+        raise refusal(origin, "f", what, "convert it: convert_pose_type(Pose, 'Rp+T', 'gba', 'point')", "halcon")
+    if code == 4:
+        length_of = np.linalg.norm(turn)  # the tangent of half the angle
+        turn = turn * (2 * np.arctan(length_of) / length_of if length_of > 0 else 2.0)
+    layout = f"a pose of HALCON, representation {code}"
+    return PoseTable(
+        origin, ("1",), length, turn, "angles", layout, CONVENTIONS[HALCON_ORDERS[code]], unit="m"
+    ).checked()

@@ -25,7 +25,7 @@ from calibration.documents.imports.number_tables import (
 from calibration.documents.imports.pairing import natural
 from calibration.documents.imports.pose_table import PoseTable, table_of_matrices
 from calibration.documents.imports.refusal import MAX_POSES, refusal
-from calibration.documents.imports.sides import relation_of
+from calibration.documents.imports.sides import WORDS, relation_of
 from calibration.kinematics.conventions import CONVENTIONS
 from calibration.problem import Setup
 from calibration.transforms import Array
@@ -100,10 +100,7 @@ def table_of_data(data: Any, origin: str) -> PoseTable:
     return table if labels is None or len(set(labels)) < len(labels) else _with_labels(table, labels)
 
 
-RECORDERS = (
-    ("robot", "tracking"), ("robot", "optical"), ("effector_wrt_world", "object_wrt_sensor"),
-    ("hand_world_samples", "camera_marker_samples"),
-)  # fmt: skip
+RECORDERS = tuple({*pair.split()} for pair in WORDS["recorders"])
 """How easy_handeye, easy_handeye2, moveit_calibration and visp_hand2eye_calibration call both poses, in metres.
 
 Sources: easy_handeye2_msgs/msg/SampleList.msg and handeye_sampler.py, which records the effector in the base for
@@ -118,7 +115,7 @@ def _as_recorded(table: PoseTable, data: Any, names: Sequence[str]) -> PoseTable
         order = sorted(range(6), key=lambda at: natural(str(data["joint_names"][at])))
         return replace(table, numbers=table.numbers[:, order], convention=CONVENTIONS["joints-rad"])
     words = {part for name in names for part in name.split(".")} | ({*data} if isinstance(data, dict) else set())
-    if table.camera is None or not any({*pair} <= words for pair in RECORDERS):
+    if table.camera is None or not any(pair <= words for pair in RECORDERS):
         return table
     in_effector = table.setup == "eye-to-hand" and "parameters" in words
     return replace(
@@ -296,7 +293,10 @@ def _over_views(data: dict[str, Any], origin: str) -> tuple[list[Any], list[str]
     numbered: dict[str, dict[str, Any]] = {
         name: views
         for name, views in data.items()
-        if isinstance(views, dict) and len(views) > 1 and all(str(key).isdecimal() for key in views)
+        if isinstance(views, dict)
+        and len(views) > 1
+        and len({re.sub(r"\d+", "", str(key)) for key in views}) == 1
+        and all(isinstance(view, list | dict) for view in views.values())
     }  # {base2end: {1: ..., 2: ...}, cam2marker: ...}
     for name, value in data.items():
         if (found := _NUMBERED.fullmatch(name) or _NUMBER_WITHIN.fullmatch(name)) and isinstance(value, list | dict):

@@ -3,18 +3,18 @@
 Without names the number of columns says what stands there: 6, 7, 8 (with a time), 12 or 16.
 """
 
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from datetime import datetime
 from typing import Any
 
 import numpy as np
 
 from calibration.documents.imports.columns import Columns, recognise_columns, text_columns, words_of
-from calibration.documents.imports.pairs import MIN_PAIRS, best_split
 from calibration.documents.imports.pose_table import MIN_STATED_MM, PoseTable, table_of_matrices
 from calibration.documents.imports.refusal import MAX_POSES, refusal
-from calibration.documents.imports.sides import build_by_sides, relation_of
-from calibration.documents.imports.timestamps import seconds_of
+from calibration.documents.imports.sides import MIN_PAIRS, best_split, build_by_sides, relation_of
 from calibration.errors import DocumentError
 from calibration.kinematics.conventions import CONVENTIONS, MM
 from calibration.transforms import QUATERNION_NORM_TOLERANCE, Array
@@ -25,6 +25,14 @@ WIDTHS = "6 (x, y, z and three angles), 7 (x, y, z and a quaternion), 8 (with a 
 
 MAX_ANGLE_DEG = 360.0
 """Larger numbers are no angles of an orientation."""
+
+_GAP = r"[-_.:/ ]?"
+_YEAR_FIRST = rf"(?P<year>(?:19|20)\d{{2}}){_GAP}(?P<month>\d{{2}}){_GAP}(?P<day>\d{{2}})"
+_DAY_FIRST = r"(?P<day>\d{1,2})\.(?P<month>\d{1,2})\.(?P<year>(?:19|20)\d{2})"
+_CLOCK = rf"(?P<hour>\d{{2}}){_GAP}(?P<minute>\d{{2}}){_GAP}(?P<second>\d{{2}})(?:[._,-]?(?P<fraction>\d{{1,9}}))?"
+_ZONE = r"(?P<zone>Z|[+-]\d{2}:?\d{2})?"
+_FORMS = tuple(re.compile(rf"(?<!\d){date}[T_\- ]?{_CLOCK}(?!\d){_ZONE}") for date in (_YEAR_FIRST, _DAY_FIRST))
+"""Date and time in texts: `2026-11-22T10:15:02.118Z`, `22.11.2026 10:15:02`, and `IMG_20261122_101502` in names."""
 
 TURN_FIRST = "the orientation stands before the place: the last three numbers of the rows can be no orientation"
 
@@ -106,7 +114,7 @@ def table_of_one_side(origin: str, names: Sequence[str], cells: Sequence[Sequenc
     if columns.joints:
         table = table_of_joints(origin, labels, values, layout)
         table = replace(table, convention=None if columns.degrees is None else JOINTS[columns.degrees])
-    elif columns.pose:
+    elif columns.pose or not columns.turn:
         table = table_of_rows(origin, values, labels, layout)
     else:
         kind, said = {3: "angles", 4: "quaternion", 9: "matrix"}[len(columns.turn)], columns.convention
@@ -238,3 +246,16 @@ def are_rotations(matrices: Array) -> bool:
     with np.errstate(over="ignore", invalid="ignore"):
         squares = matrices @ np.swapaxes(matrices, 1, 2)
     return bool(np.all(np.abs(squares - np.eye(3)) < 0.02))
+
+
+def seconds_of(text: str) -> float | None:
+    """Seconds since 1970 of the first date with a time in a text, in UTC where no zone is said; None without one."""
+    found = next((match for form in _FORMS if (match := form.search(text))), None)
+    if found is None:
+        return None
+    parts = [int(found[part]) for part in ("year", "month", "day", "hour", "minute", "second")]
+    try:
+        moment = datetime(*parts, tzinfo=datetime.strptime(found["zone"] or "Z", "%z").tzinfo)  # type: ignore[arg-type,misc]
+    except ValueError:
+        return None
+    return moment.timestamp() + float(f"0.{found['fraction'] or 0}")

@@ -1,16 +1,16 @@
 """Which picture belongs to which pose: by names in the table, numbers in the names, time, or in natural order."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import product
 from pathlib import PurePosixPath
 
 import numpy as np
 
+from calibration.documents.imports.number_tables import seconds_of
 from calibration.documents.imports.pose_table import PoseTable
 from calibration.documents.imports.refusal import plain, refusal
-from calibration.documents.imports.timestamps import seconds_of
 from calibration.transforms import Array
 
 MAX_SHOWN = 4
@@ -58,14 +58,11 @@ def pair(images: Sequence[str], table: PoseTable) -> Pairing:
 
 
 def _by_name(images: Sequence[str], table: PoseTable, wanted: Sequence[str]) -> Pairing:
-    known = {image: image for image in images} | {PurePosixPath(image).name: image for image in images}
-    stems = {PurePosixPath(image).stem: image for image in images}
-    lower = {plain(PurePosixPath(image).name.lower()): image for image in images}
-    found = [
-        known.get(name) or known.get(_last(name)) or stems.get(PurePosixPath(_last(name)).stem)
-        or (lower.get(plain(_last(name).lower())) if len(lower) == len(images) else None)
-        for name in wanted
-    ]  # fmt: skip
+    ways: tuple[Callable[[str], str], ...] = (
+        str, _last, lambda name: PurePosixPath(_last(name)).stem, lambda name: plain(_last(name).lower())
+    )  # fmt: skip
+    known = [(way, {way(image): image for image in images}) for way in ways]
+    found = [next((one[way(name)] for way, one in known if way(name) in one), None) for name in wanted]
     missing = [name for name, image in zip(wanted, found, strict=True) if image is None]
     if missing:
         what = f"no picture of the names {shown(missing)}; there are {len(images)} ({shown(list(images))})"

@@ -6,8 +6,7 @@ from pathlib import PurePath
 from typing import Any
 
 from calibration.documents.imports.arrays import read_mat, read_npy, read_npz
-from calibration.documents.imports.halcon_pose import read_halcon_pose
-from calibration.documents.imports.keyed_text import read_keyed_text
+from calibration.documents.imports.keyed_text import read_halcon_pose, read_keyed_text
 from calibration.documents.imports.leaves import table_of_data
 from calibration.documents.imports.pose_table import PoseTable
 from calibration.documents.imports.rapid_poses import read_rapid
@@ -47,15 +46,9 @@ def read_any_text(content: bytes, origin: str) -> PoseTable:
                 return reader(content, origin)
             except DocumentError:
                 continue
-    if _RAPID.search(text):
-        return read_rapid(content, origin)
-    if _HALCON.search(text):
-        return read_halcon_pose(content, origin)
-    if _DOCUMENTS.search(text):
-        return _yaml(content, origin)
-    if _KEYED.search(text):
-        return read_keyed_text(content, origin)
-    return read_text_table(content, origin)
+    families = ((_RAPID, read_rapid), (_HALCON, read_halcon_pose), (_DOCUMENTS, _yaml), (_KEYED, read_keyed_text))
+    reader = next((reader for pattern, reader in families if pattern.search(text)), read_text_table)
+    return reader(content, origin)
 
 
 FAMILIES: dict[str, Reader] = {

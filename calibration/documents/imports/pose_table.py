@@ -3,6 +3,7 @@
 import contextlib
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -25,15 +26,14 @@ from calibration.kinematics.conventions import (
 from calibration.problem import Setup
 from calibration.transforms import QUATERNION_NORM_TOLERANCE, Array, inverse, transform
 
-MAX_ARM_MM = 20_000.0
-"""Longest distance of a flange from its base, on tracks too."""
+MAX_ARM_MM, MIN_ARM_MM = 20_000.0, 50.0
+"""Longest distance of a flange from its base, on tracks too, and the shortest in the median of the views."""
 
 MAX_NUMBER = 1e15
 """Larger numbers are damaged, and their squares overflow."""
 
-MIN_ARM_MM = 50.0
-"""A flange is further from its base than this in the median of the views."""
-
+ARRAYS = ("lengths", "numbers", "times_s", "external_axes")
+"""Fields with a row for each pose."""
 
 MAX_JOINT_DEG = 360.0
 """Largest joint that is looked for among numbers without names."""
@@ -44,11 +44,8 @@ MIXED_RATIO = 100.0
 MIN_STATED_MM = 20.0
 """No arm stays that near to its base in all views: then the unit in the header is wrong."""
 
-SMALL_ARM_MM = 200.0
-"""Lengths without a unit that put the flange nearer to its base, in the median, may as well be centimetres."""
-
-LARGE_ARM_MM = 5000.0
-"""Lengths without a unit that put the flange farther from its base, in the median, may as well be in another."""
+SMALL_ARM_MM, LARGE_ARM_MM = 200.0, 5000.0
+"""Lengths without a unit that put the flange nearer or farther, in the median, may as well be in another."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +58,8 @@ class PoseTable:
     convention : of the numbers, None where the source does not say it; by_axis: see `conventions`.
     images : (n,) names of the pictures, where the source names them; times_s: (n,) likewise.
     layout : what was understood, in words.
-    side, named_frame : whose poses the names say they are, and in which direction; the evidence may contradict it.
+    side, named_frames : whose poses the names say they are, and in which direction, two where it can be meant in two
+        senses (`sides.Relation`); the evidence may contradict it. opencv : the names are OpenCV's own.
     camera : the camera's poses of the same rows, where the source has both sides.
     setup : where the camera is, as the source states it.
     external_axes : (n, k) of the controller's axes beside the arm, mm or degrees, NaN where there is none.
@@ -82,7 +80,8 @@ class PoseTable:
     times_s: Array | None = None
     notes: tuple[str, ...] = ()
     side: Side | None = None
-    named_frame: Frame | None = None
+    named_frames: tuple[Frame, ...] = ()
+    opencv: bool = False
     camera: "PoseTable | None" = None
     setup: Setup | None = None
     external_axes: Array | None = None
@@ -191,16 +190,10 @@ class PoseTable:
     def take(self, rows: Sequence[int]) -> "PoseTable":
         """Only some poses, in another order."""
         chosen = list(rows)
-        return replace(
-            self,
-            labels=tuple(self.labels[row] for row in chosen),
-            lengths=self.lengths[chosen],
-            numbers=self.numbers[chosen],
-            images=None if self.images is None else tuple(self.images[row] for row in chosen),
-            times_s=None if self.times_s is None else self.times_s[chosen],
-            camera=None if self.camera is None else self.camera.take(chosen),
-            external_axes=None if self.external_axes is None else self.external_axes[chosen],
-        )
+        arrays: dict[str, Any] = {name: one[chosen] for name in ARRAYS if (one := getattr(self, name)) is not None}
+        images = None if self.images is None else tuple(self.images[row] for row in chosen)
+        camera = None if self.camera is None else self.camera.take(chosen)
+        return replace(self, labels=tuple(self.labels[row] for row in chosen), images=images, camera=camera, **arrays)
 
 
 def concatenate(tables: Sequence[PoseTable], labels: Sequence[str], origin: str) -> PoseTable:
@@ -218,19 +211,18 @@ def concatenate(tables: Sequence[PoseTable], labels: Sequence[str], origin: str)
     if first.camera is not None and len(cameras) < len(tables):
         missing = next(table.origin for table in tables if table.camera is None)
         raise refusal(missing, "file", "without the camera's pose that the others have", "write all poses alike")
-    return replace(
-        first,
-        origin=origin,
-        labels=tuple(labels),
-        lengths=np.concatenate([table.lengths for table in tables]),
-        numbers=np.concatenate([table.numbers for table in tables]),
-        layout=f"{len(tables)} files with one pose each: {first.layout}",
-        images=None,
-        times_s=None,
-        camera=None if first.camera is None else concatenate(cameras, labels, origin),
-        external_axes=None if first.external_axes is None else np.concatenate(
-            [one.external_axes for one in tables if one.external_axes is not None]),
-    ).checked()  # fmt: skip
+    parts = {
+        name: [one for table in tables if (one := getattr(table, name)) is not None]
+        for name in ARRAYS
+        if name != "times_s"
+    }
+    arrays: dict[str, Any] = {
+        name: np.concatenate(listed) for name, listed in parts.items() if len(listed) == len(tables)
+    }
+    camera = None if first.camera is None else concatenate(cameras, labels, origin)
+    layout = f"{len(tables)} files with one pose each: {first.layout}"
+    without = replace(first, images=None, times_s=None, external_axes=None)
+    return replace(without, origin=origin, labels=tuple(labels), layout=layout, camera=camera, **arrays).checked()
 
 
 def table_of_matrices(origin: str, labels: Sequence[str], matrices: Array, layout: str) -> PoseTable:

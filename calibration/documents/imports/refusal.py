@@ -8,7 +8,6 @@ MAX_POSES = 20_000
 MAX_TEXT_BYTES = 32_000_000
 """Bytes of a text with poses: 20,000 poses of 16 numbers are below 8 MB."""
 
-
 ZIP = b"PK\x03\x04"
 """How the sheets of spreadsheet programs begin."""
 

@@ -3,6 +3,9 @@
 A name says frames: `R_gripper2base`, `eef_to_base`, `base_T_ee`, `object_wrt_sensor`, `hand_world_samples`, or one of
 them only: `robot_coords`, `rvec_marker`. The last part of a path that says any decides; `rvec` and `tvec`, what
 detectors call their numbers, count where nothing else does.
+
+Without names the rotations say which numbers go together: the angle by which a rigid body turned between two views is
+the same in both sides' poses, whatever X, the target's place, units and directions are. It costs no fit.
 """
 
 import contextlib
@@ -14,9 +17,13 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
+from calibration.diagnosis.angle_agreement import angles_between, mean_mismatch_rad
 from calibration.documents.imports.pose_table import PoseTable
-from calibration.errors import DocumentError
-from calibration.kinematics.conventions import Frame, Side
+from calibration.errors import DocumentError, GeometryError
+from calibration.kinematics.conventions import Convention, Frame, Side
+from calibration.transforms import Array
 
 WORDS: dict[str, Any] = json.loads(Path(__file__).with_name("words.json").read_text(encoding="utf-8"))
 """The words of names by what they say, separated by blanks; those of the frame `base` also mean the robot as a whole.
@@ -30,21 +37,41 @@ DETECTOR_WORDS = frozenset(("rvec", "rvecs", "tvec", "tvecs", "rmat", "rmats"))
 CONNECTORS = {"2": False, "to": False, "t": True, "in": False, "wrt": False, "from": True}
 """Between the frames a and b: whether the numbers map b to a (base_T_flange) and not a to b (gripper2base)."""
 
+OPENCV = re.compile(r"(?<![a-z])(gripper2base|base2gripper|target2cam)(?![a-z])", re.IGNORECASE)
+"""Names of OpenCV's own parameters, which say a direction in OpenCV's sense only.
+
+Source: calibrateHandEye and calibrateRobotWorldHandEye in OpenCV's documentation of the module calib3d.
+"""
+
 LETTERS = {pair: said for said, pairs in WORDS["letters"].items() for pair in pairs.split()}
 _LETTERS = re.compile(r"(?<![A-Za-z])([a-z])[TMHP]([a-z])(?![A-Za-z])")
 _JOINED = re.compile(r"([a-z]+)(2|to|in|wrt)([a-z]+)")
+
+MAX_MISMATCH_RAD, MORE_MISMATCH_RAD = float(np.radians(2.0)), float(np.radians(0.2))
+"""Mean difference of the angles up to which two sides agree; and by how much more than the best pair's those of other
+conventions may differ, which are compared by the translations as well."""
+
+MIN_PAIRS = 3
+MAX_STEP_SHARE = 0.1
+"""Usual distance of a row from the next, as a share of what all rows span, below which they are samples of a path."""
+
+MAX_COMPARED = 40
+"""Views by which conventions are compared."""
 
 
 @dataclass(frozen=True)
 class Relation:
     """Whose numbers they are (None: neither's, such as X itself), and in which direction, where the name says it.
 
-    frame : of the camera's poses base_T_flange stands for camera_T_target, flange_T_base for its inverse.
+    frames : of the camera's poses base_T_flange stands for camera_T_target, flange_T_base for its inverse. Two where
+        the name is `base2end` or `base_to_end`: as OpenCV means it (points of base to points of end), then as tf does
+        (the pose of end in base). opencv : the name is one of OpenCV's own.
     """
 
     side: Side | None
-    frame: Frame | None = None
+    frames: tuple[Frame, ...] = ()
     weak: bool = False
+    opencv: bool = False
 
 
 def relation_of(path: str) -> Relation | None:
@@ -89,7 +116,9 @@ def _of_part(part: str) -> Relation | None:
         return Relation(sides.pop())
     inner, outer = (b, a) if CONNECTORS[connector] else (a, b)
     inverted = (inner, outer) in (("base", "flange"), ("camera", "target"))
-    return Relation(sides.pop(), "flange_T_base" if inverted else "base_T_flange")
+    senses: tuple[Frame, ...] = ("flange_T_base", "base_T_flange") if inverted else ("base_T_flange", "flange_T_base")
+    opencv = OPENCV.search(part) is not None
+    return Relation(sides.pop(), senses[: 2 if connector in ("2", "to") and not opencv else 1], opencv=opencv)
 
 
 def build_by_sides(names: Sequence[str], shared: Sequence[int], build: Callable[[list[int]], PoseTable]) -> PoseTable:
@@ -104,37 +133,90 @@ def build_by_sides(names: Sequence[str], shared: Sequence[int], build: Callable[
     for index, one in enumerate(relations):
         if index not in shared:
             indices[None if one is None or (one.weak and "robot" not in named) else one.side].append(index)
-    if not indices["robot"] and not indices["camera"]:
-        with contextlib.suppress(DocumentError):  # a detector's pose beside one of no name, which is then the robot's
-            weak = [index for index in indices[None] if relations[index] is not None]
-            camera = replace(build([*weak, *shared]), side="camera")
-            return replace(build([*sorted({*indices[None]} - {*weak}), *shared]), side="robot", camera=camera)
-        return _with_relation(build([*range(len(names))]), relations, range(len(names)))
-    found: dict[Side, PoseTable] = {}
-    for side, others in (("robot", indices["robot"]), ("camera", indices["camera"])):
-        try:
-            found[side] = _with_relation(build([*others, *shared]), relations, others)  # type: ignore[index]
-        except DocumentError:
-            continue
-    if len(found) == 1:
-        (side,) = found
-        nobodys = [index for index in indices[None] if relations[index] is None or relations[index].weak]  # type: ignore[union-attr]
+    nobodys, every = indices[None], [*range(len(names))]
+    if not indices["robot"] and not indices["camera"]:  # a detector's pose beside one of no name: the robot's
+        indices["camera"] = [index for index in nobodys if relations[index] is not None]
+        nobodys = sorted({*nobodys} - {*indices["camera"]})
+
+    def table_of(at: list[int], side: Side | None) -> PoseTable | None:
+        said = next((one for index in at if (one := relations[index]) is not None), None)
         with contextlib.suppress(DocumentError):
-            other: Side = "camera" if side == "robot" else "robot"
-            if side == "camera":  # a pose of no name beside the camera's is the robot's
-                found[other] = replace(build([*nobodys, *shared]), side=other)
-    if len(found) == 2:
-        robot, camera = found["robot"], found["camera"]
-        return replace(robot, side="robot", camera=replace(camera, side="camera"))
-    if "robot" in found:
-        every = build([*indices["robot"], *indices[None], *shared]) if len(indices[None]) else found["robot"]
-        return replace(every, side="robot", named_frame=found["robot"].named_frame)
-    return build([*range(len(names))]) if not found else found["camera"]
+            built = with_relation(build([*at, *shared]), said)
+            return replace(built, side=side or built.side)
+        return None
+
+    robot, camera = (table_of(indices[side], side) if indices[side] else None for side in ("robot", "camera"))
+    if camera is not None and robot is None:
+        robot = table_of([at for at in nobodys if relations[at] is None or relations[at].weak], "robot")  # type: ignore[union-attr]
+    if robot is not None and camera is not None:
+        return replace(robot, camera=camera)
+    if robot is not None:
+        whole = build([*indices["robot"], *nobodys, *shared]) if nobodys else robot
+        return replace(whole, side="robot", named_frames=robot.named_frames, opencv=robot.opencv)
+    if camera is not None and named:
+        return camera
+    return build(every) if named else with_relation(build(every), next(filter(None, relations), None))
 
 
-def _with_relation(table: PoseTable, relations: Sequence[Relation | None], indices: Iterable[int]) -> PoseTable:
-    """The table with the side and the direction that the names say."""
-    said = next((one for index in indices if (one := relations[index]) is not None), None)
+def with_relation(table: PoseTable, said: Relation | None) -> PoseTable:
+    """The table with the side and the direction that a name says."""
     if said is None:
         return table
-    return replace(table, side=said.side, named_frame=said.frame)
+    named = {"named_frames": said.frames, "opencv": said.opencv} if said.frames else {}
+    return replace(table, side=said.side or table.side, **named)  # type: ignore[arg-type]
+
+
+def angles_of(table: PoseTable, conventions: Sequence[Convention]) -> list[tuple[Convention, Array]]:
+    """The angles (n, n) between the poses of a table in each convention that makes them rotations."""
+    found, few = [], table.take(range(min(len(table), MAX_COMPARED)))
+    for convention in conventions:
+        try:
+            poses = few.poses(convention, "mm", "base_T_flange")
+        except GeometryError:
+            continue
+        found.append((convention, angles_between(poses[:, :3, :3])))
+    return found
+
+
+def agreeing_conventions(
+    robot: PoseTable, camera: PoseTable, of_robot: Sequence[Convention], of_camera: Sequence[Convention]
+) -> tuple[float, tuple[Convention, ...], tuple[Convention, ...]]:
+    """The least mismatch (rad) of the angles, and the conventions of both sides that leave about as little."""
+    ours, seen = angles_of(robot, of_robot), angles_of(camera, of_camera)
+    compared = [
+        (mean_mismatch_rad(angles, others), one, other) for one, angles in ours for other, others in seen
+    ]  # fmt: skip
+    least = min((mismatch for mismatch, _, _ in compared), default=np.inf)
+    near = [(one, other) for mismatch, one, other in compared if mismatch <= least + MORE_MISMATCH_RAD]
+    robots, cameras = (tuple(dict.fromkeys(pair[at] for pair in near)) for at in (0, 1))
+    return least, robots, cameras
+
+
+def best_split(splits: Iterable[tuple[PoseTable, PoseTable]]) -> PoseTable | None:
+    """The robot's table with the camera's beside it, of the split whose sides turn alike; None where none does."""
+    best, found = MAX_MISMATCH_RAD, None
+    for robot, camera in splits:
+        conventions = [one.conventions() for one in (robot, camera)]
+        mismatch = agreeing_conventions(robot, camera, *conventions)[0]
+        if mismatch < best:
+            note = "no name says whose the poses are: that follows from what the flange carries, which is near to it"
+            best, found = mismatch, replace(robot, camera=camera, side=None, notes=(*robot.notes, note))
+    return found
+
+
+def rows_as_pairs(table: PoseTable) -> PoseTable | None:
+    """A table whose rows are the robot's and the camera's poses in turn, or all of one side, then of the other."""
+    n, steps = len(table) // 2, np.linalg.norm(np.diff(table.lengths, axis=0), axis=1)
+    is_path = np.median(steps) < MAX_STEP_SHARE * np.linalg.norm(np.ptp(table.lengths, axis=0))
+    if len(table) % 2 or n < MIN_PAIRS or is_path:
+        return None
+    halves = ((range(0, 2 * n, 2), range(1, 2 * n, 2)), (range(n), range(n, 2 * n)))
+    return best_split((table.take(one), table.take(other)) for one, other in halves)
+
+
+def equal_sides(robot: PoseTable, camera: PoseTable) -> bool:
+    """Whether both sides hold the same numbers."""
+    if robot.kind != camera.kind or len(robot) != len(camera):
+        return False
+    pairs = ((robot.lengths, camera.lengths), (robot.numbers, camera.numbers))
+    return all(np.allclose(mine, its, rtol=1e-6, atol=1e-9) for mine, its in pairs)

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from calibration.documents.imports.pairing import MAX_SHOWN
+from calibration.documents.imports.pairing import shown
 from calibration.documents.target import described
 from calibration.transforms import Array
 from daemon.sessions.session_import.request import Understood
@@ -17,12 +17,15 @@ def report(understood: Understood, file: Path) -> str:
     """One line for each thing, the first pose in words, and what to do next."""
     table, reading = understood.imported.poses, understood.reading
     views = len(understood.base_T_flange)
+    seen = f"the camera's {'point' if understood.camera_points_mm is not None else 'pose'}"
+    images = [image.name for image in understood.images] or [seen] * views
+    pairs = [f"{image} - {label}" for image, label in zip(images, table.labels, strict=True)]
     lines = [
         f"{understood.request.folder}: {understood.imported.kind}",
         f"poses        {views}, {table.layout}",
         f"convention   {reading.convention.words}, in {reading.unit}, {reading.frame}, {reading.setup}",
         f"evidence     {understood.words or 'none: the files and options state everything'}",
-        f"pairs        {_pairs(understood)}",
+        f"pairs        {understood.imported.pairing}: {shown(pairs)}",
     ]
     if understood.target is not None:
         settings = described(understood.target)
@@ -38,17 +41,6 @@ def report(understood: Understood, file: Path) -> str:
     command = f"handeyed register {file.parent} --calibration calibration.json --out cloud.ply"
     lines.append(f"written      {file}; next: " + (command if understood.is_scan else f"handeyed solve {file.parent}"))
     return "\n".join(lines)
-
-
-def _pairs(understood: Understood) -> str:
-    labels = understood.imported.poses.labels
-    images = [image.name for image in understood.images] or [
-        f"the camera's {'point' if understood.camera_points_mm is not None else 'pose'}"
-    ] * len(labels)
-    pairs = [f"{image} - {label}" for image, label in zip(images, labels, strict=True)]
-    if len(pairs) > MAX_SHOWN:
-        pairs = [*pairs[: MAX_SHOWN - 1], "...", pairs[-1]]
-    return f"{understood.imported.pairing}: {', '.join(pairs)}"
 
 
 def first_pose(base_T_flange: Array) -> str:

@@ -1,22 +1,24 @@
 """Reads a folder, finds the target in its images, and decides how the robot's poses are meant."""
 
-from collections.abc import Callable, Sequence
+import contextlib
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
-from pathlib import Path
+from pathlib import Path, PurePath
+from typing import Self
 
 import numpy as np
 
-from calibration.diagnosis.convention_hypotheses import MIN_SETUP_RATIO
+from calibration.diagnosis.diagnose import MIN_VIEWS
 from calibration.diagnosis.evidence import Evidence
 from calibration.diagnosis.fit import Fit
 from calibration.diagnosis.plausibility import circle_of
 from calibration.documents.imports.number_tables import POINTS
-from calibration.documents.imports.pairs import agreeing_conventions, equal_sides
 from calibration.documents.imports.pose_table import PoseTable
 from calibration.documents.imports.refusal import refusal
 from calibration.documents.imports.sets.folder import CLOUDS, ImportedSet
 from calibration.documents.imports.sets.kinds import read_set
+from calibration.documents.imports.sides import agreeing_conventions, equal_sides
 from calibration.documents.pose import PoseDocument
 from calibration.documents.readings import Decision, Reading, compare, decide, readings_of
 from calibration.documents.session import CameraDocument, SessionDocument, ViewDocument
@@ -25,7 +27,7 @@ from calibration.documents.target_text import FORMS, example, target_of_data
 from calibration.documents.view_evidence import evidence_of_views
 from calibration.errors import DocumentError, GeometryError
 from calibration.kinematics.abb_arms import find_arm
-from calibration.kinematics.conventions import LENGTH_UNITS, MM, Convention, LengthUnit
+from calibration.kinematics.conventions import LENGTH_UNITS, MM, Frame, LengthUnit
 from calibration.problem import Problem, Setup
 from calibration.transforms import Array
 from daemon.sessions.session_files import ImageError, read_grey
@@ -40,22 +42,46 @@ MAX_SIGHTS = 6
 """Conventions of the camera's poses that are compared by the translations as well."""
 
 SETUPS: tuple[Setup, Setup] = ("eye-in-hand", "eye-to-hand")
+FRAMES: tuple[Frame, Frame] = ("base_T_flange", "flange_T_base")
+
+MAX_CARRIED_MM, MIN_CARRIED_RATIO = 300.0, 3.0
+"""A flange carries nothing farther from it than that, and of readings that fit alike the one that needs it three times
+as far is wrong."""
+
+SETUP_FIX = "--setup eye-in-hand (the camera on the flange) or eye-to-hand (the camera beside the robot)"
+FRAME_FIX = "give --frame base_T_flange (the flange's poses in the base) or flange_T_base"
 
 
 class Undecided(DocumentError):
     """The data do not decide how the poses are meant; the message names what has to be given."""
+
+    @classmethod
+    def by(cls, origin: str, place: str, what: str, fix: str, heading: str = "pose-pairs") -> Self:
+        """The error of a place in a file, with the heading of docs/formats.md that describes it."""
+        return cls(origin, refusal(origin, place, what, fix, heading).problems)
 
 
 def understand(request: ImportRequest, progress: Progress = lambda done, of: None) -> Understood:
     """What the folder holds. Raises DocumentError, Undecided."""
     files = FolderFiles.of(request.folder)
     imported = read_set(files, request.part, request.chosen, request.arm)
+    links = (f"{len(files.links)} links are not followed",) if files.links else ()
+    images = [files.path(name).absolute() for name in imported.images]
+    return understand_set(request, replace(imported, notes=(*imported.notes, *links)), images, progress)
+
+
+def understand_set(
+    request: ImportRequest, imported: ImportedSet, pictures: Sequence[Path] = (), progress: Progress = lambda *_: None
+) -> Understood:
+    """What poses and pictures that were read are. Raises DocumentError, Undecided."""
     _require_motion(imported.poses)
     imported, beside = _one_sight(request, imported)
     if imported.poses.kind == "points":
         return _of_points(request, imported)
-    images = tuple(files.path(name).absolute() for name in imported.images)
-    target = _target(request, imported)
+    images = tuple(pictures) if imported.images else ()
+    target = request.target
+    if target is None and imported.target is not None:
+        target = target_of_data(imported.target, f"{request.folder}: target")
     camera = _camera(request, imported, images)
     if images and target is None and not _are_clouds(images):
         forms = ", ".join(example(kind) for kind in list(FORMS)[:3])
@@ -73,38 +99,35 @@ def understand(request: ImportRequest, progress: Progress = lambda done, of: Non
     table, decision, reading = best.table, best.decision, best.decision.reading
     if reading is None:
         raise _undecided(request, best)
-    is_open = request.frame is None and table.frame is None
-    if best.seen is not None and is_open and table.named_frame not in (None, reading.frame):
-        what = (
-            f"the names say {table.named_frame} of the robot's poses, and beside the camera's only {reading.frame} fits"
-        )
-        raise refusal(
-            table.origin, "names", what, "say which side is inverted by its name, or give --frame", "pose-pairs"
-        )
     poses = table.poses(reading.convention, reading.unit, reading.frame)
-    _require_two_sides(table, best.evidence, poses)
+    if best.evidence is not None:
+        circle = circle_of(best.evidence.with_robot_poses(poses[best.evidence.indices]))
+        if circle is not None:
+            raise refusal(table.origin, "poses", circle.message, circle.fix, "pose-pairs")
     unused = imported.camera is not None and camera is None and bool(images) and request.camera is None
     lens = ("the set's intrinsics state no distortion and are not used; --camera uses them",) if unused else ()
-    links = (f"{len(files.links)} links are not followed",) if files.links else ()
     doubt = table.doubtful_reach(reading.unit) if request.unit is None else ""
     still = [label for label, pose in zip(table.labels, poses, strict=True) if np.allclose(pose, np.eye(4))]
     own = (f"pose {still[0]} is the identity: are the poses relative to it, and not to the base?",) if still else ()
-    missing = best.missing
-    unseen = (f"the poses are not compared with the pictures{missing}",) if best.evidence is None and missing else ()
+    imported, is_unseen = replace(imported, poses=table), best.evidence is None and bool(best.missing)
+    unseen = (f"the poses are not compared with the pictures{best.missing}",) if is_unseen else ()
     notes = (
-        *table.notes, *imported.notes, *beside, *best.notes, *_of_axes(table, decision),
-        *_of_options(request, table), *filter(None, [doubt]), *own, *unseen, *lens, *links,
+        *table.notes, *imported.notes, *beside, *best.sight.notes, *_of_axes_and_options(request, imported, decision),
+        *filter(None, [doubt]), *own, *unseen, *lens,
     )  # fmt: skip
+    seen = best.sight.poses
     return Understood(
-        request, replace(imported, poses=table), reading, decision.words, poses, best.seen, images, target, camera,
-        notes, decision.track,
-    )  # fmt: skip
+        request, imported, reading, decision.words, poses, seen, images, target, camera, notes, decision.track
+    )
 
 
 def _of_points(request: ImportRequest, imported: ImportedSet) -> Understood:
     """Pairs of points of a standing camera, in units that make them one rigid body. Raises DocumentError."""
     robot, camera = imported.poses, imported.camera_poses
-    assert camera is not None
+    if camera is None:
+        raise refusal(
+            robot.origin, "rows", "3 numbers a row: points of one side", "give poses, or points of both sides"
+        )
     if request.setup == "eye-in-hand":
         what = "pairs of points of a camera on the flange"
         raise refusal(robot.origin, "--setup", what, "give the arm's pose at each: handeyed.Session.of_points")
@@ -143,6 +166,15 @@ def _one_sight(request: ImportRequest, imported: ImportedSet) -> tuple[ImportedS
 
 
 @dataclass(frozen=True, eq=False)
+class _Sight:
+    """The camera's poses (n, 4, 4) in one reading; `frame` as in `sides.Relation`. None where there are pictures."""
+
+    poses: Array | None = None
+    frame: Frame = "base_T_flange"
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
 class _Best:
     """The table, the camera's poses and the evidence with which the likeliest reading was found."""
 
@@ -151,9 +183,31 @@ class _Best:
     decision: Decision
     evidence: Evidence | None
     missing: str
-    seen: Array | None = None
-    notes: tuple[str, ...] = ()
-    fit: Fit | None = None
+    sight: _Sight
+    fit: Fit | None
+    possible: bool
+
+    @property
+    def words(self) -> str:
+        """Both directions and X, of a decided reading."""
+        reading, fit = self.decision.reading, self.fit
+        assert reading is not None and fit is not None
+        name = "flange_T_camera" if reading.setup == "eye-in-hand" else "base_T_camera"
+        x, y, z = fit.mount_T_camera[0, :3, 3]
+        seen = "camera_T_target" if self.sight.frame == "base_T_flange" else "target_T_camera"
+        return f"{reading.frame} with {seen}: {name} = ({x:.1f}, {y:.1f}, {z:.1f}) mm"
+
+    @property
+    def carried_mm(self) -> tuple[float, float]:
+        """Distance from the flange of what it carries; and in the reading in which it carries what is in the base."""
+        reading, fit = self.decision.reading, self.fit
+        assert reading is not None and fit is not None
+        chain = (fit.mount_T_camera, fit.anchor_T_target)[:: 1 if reading.setup == "eye-in-hand" else -1]
+        carried, other = (float(np.linalg.norm(pose[0, :3, 3])) for pose in chain)
+        return carried, other
+
+    def noting(self, note: str) -> Self:
+        return replace(self, sight=replace(self.sight, notes=(*self.sight.notes, note)))
 
     @property
     def rank(self) -> tuple[bool, float]:
@@ -171,45 +225,78 @@ def _best(
     tables = [imported.poses]
     if request.arm is not None and imported.poses.may_be_joints():
         tables.append(imported.poses.as_joints(find_arm(request.arm)))
-    if imported.camera_poses is None:
-        sights: list[tuple[Array | None, tuple[str, ...]]] = [(None, ())]
-    else:
-        sights = _sights(request, imported)
-    found = []
-    for seen, notes in sights:
-        evidence, missing = evidence_by(seen)
+    sights = [_Sight()] if imported.camera_poses is None else _sights(request, imported)
+    found: dict[Frame, list[_Best]] = {}
+    for sight in sights:
+        evidence, missing = evidence_by(sight.poses)
         for table in tables:
             readings = _readings(request, table, imported.setup, is_scan=is_scan)
             compared = compare(table, readings, evidence)
             decision = decide(table, compared, evidence)
-            fit = compared[0].fit if compared else None
-            found.append(_Best(table, readings, decision, evidence, missing, seen, notes, fit))
-    best = max(found, key=lambda one: one.rank)
-    if _are_exchanged(imported, best):
-        assert imported.camera_poses is not None
-        poses, seen_table = imported.camera_poses, imported.poses
-        exchanged = replace(imported, poses=replace(poses, side="robot", camera=None), camera_poses=seen_table)
-        note = "the camera's poses stand before the robot's in the file"
-        best = _best(request, exchanged, evidence_by, is_scan=is_scan)
-        return replace(best, notes=(*best.notes, note))
-    return best
+            fit, possible = (compared[0].fit, compared[0].possible) if compared else (None, False)
+            one = _Best(table, readings, decision, evidence, missing, sight, fit, possible)
+            found.setdefault(sight.frame, []).append(one)
+    best = _of_sense(request, imported, [max(each, key=lambda one: one.rank) for each in found.values()])
+    seen = imported.camera_poses
+    is_open = seen is not None and imported.poses.side is None and best.decision.reading is not None
+    if seen is None or not is_open or best.fit is None or _decides(*best.carried_mm):
+        return best
+    named = replace(imported, poses=replace(seen, side="robot", camera=None), camera_poses=imported.poses)
+    other = _best(request, named, evidence_by, is_scan=is_scan)
+    other = other.noting("the camera's poses stand before the robot's in the file")
+    fitting = [best, *[other] * (other.decision.reading is not None)]
+    fix = "name both sides in the file, such as robot and camera"
+    return _carried_nearest(fitting, "no name says whose the poses are, and exchanged sides fit as well", fix)
 
 
-def _are_exchanged(imported: ImportedSet, best: _Best) -> bool:
-    """Whether sides that no name distinguishes stand the other way round: what the flange carries is nearer to it.
+def _decides(carried_mm: float, other_mm: float) -> bool:
+    """Whether what a flange carries decides between two readings that differ in what it carries."""
+    return other_mm > max(MAX_CARRIED_MM, MIN_CARRIED_RATIO * carried_mm)
 
-    Exchanged sides fit as well, with the inverse of the target's pose for X.
+
+def _carried_nearest(fitting: Sequence[_Best], why: str, fix: str) -> _Best:
+    """Of readings that fit alike the one whose flange carries what is near to it. Raises Undecided without one."""
+    near, *others = sorted(fitting, key=lambda one: one.carried_mm)
+    if others and not _decides(near.carried_mm[0], others[0].carried_mm[0]):
+        what = f"{why}: {' or '.join(one.words for one in fitting)}"
+        raise Undecided.by(near.table.origin, "names", what, fix)
+    return near.noting(f"{why}; taken, as what a flange carries is near to it, is {near.words}") if others else near
+
+
+def _of_sense(request: ImportRequest, imported: ImportedSet, found: Sequence[_Best]) -> _Best:
+    """The one whose directions the names allow. Raises Undecided where the names allow several.
+
+    Both sides inverted fit as well as neither, with X and the target's pose exchanged.
     """
-    sides_open = imported.camera_poses is not None and imported.poses.side is None and best.decision.reading is not None
-    if not sides_open or best.fit is None or best.decision.reading is None:
-        return False
-    lengths = [float(np.linalg.norm(pose[0, :3, 3])) for pose in (best.fit.mount_T_camera, best.fit.anchor_T_target)]
-    carried, other = lengths if best.decision.reading.setup == "eye-in-hand" else lengths[::-1]
-    return carried > MIN_SETUP_RATIO * other
+    best, camera = max(found, key=lambda one: one.rank), imported.camera_poses
+    fitting = [one for one in found if one.decision.reading is not None and one.possible]
+    if camera is None or not fitting:
+        return best
+    if request.frame is not None or best.table.frame is not None:
+        if len({one.decision.reading.setup for one in fitting if one.decision.reading}) == 1:
+            return best
+        raise Undecided.by(best.table.origin, "names", " or ".join(one.words for one in fitting), f"give {SETUP_FIX}")
+    allowed = _senses(imported.poses, camera)
+    by_frame = {one.decision.reading.frame: one for one in sorted(fitting, key=lambda one: one.rank)}  # type: ignore[union-attr]
+    if live := [one for frame, one in by_frame.items() if (frame, one.sight.frame) in allowed]:
+        return _carried_nearest(live, "the names may be meant in two directions, and both fit", FRAME_FIX)
+    said = " or ".join(dict.fromkeys(frame for frame, _ in allowed))
+    what = f"the names say {said} of the robot's poses, and beside the camera's only {' or '.join(by_frame)} fits"
+    raise Undecided.by(best.table.origin, "names", what, "say which side is inverted by its name, or give --frame")
 
 
-def _sights(request: ImportRequest, imported: ImportedSet) -> list[tuple[Array | None, tuple[str, ...]]]:
-    """The camera's poses (n, 4, 4) in each reading whose rotations agree about best with the robot's, with a note."""
+def _senses(robot: PoseTable, camera: PoseTable) -> set[tuple[Frame, Frame]]:
+    """The directions of the robot's and the camera's poses that their names allow; one file speaks in one sense."""
+    ours, seen = robot.named_frames, camera.named_frames or ("base_T_flange",)
+    if ours and (robot.opencv or camera.opencv):
+        return {(ours[0], seen[0])}
+    if len(ours) == len(seen) == 2:
+        return {*zip(ours, seen, strict=True)}
+    return {*product(ours or FRAMES, seen)}
+
+
+def _sights(request: ImportRequest, imported: ImportedSet) -> list[_Sight]:
+    """The camera's poses in each reading whose rotations agree about best with the robot's, with a note."""
     robot, table = imported.poses, imported.camera_poses
     assert table is not None
     conventions = table.conventions()
@@ -219,13 +306,13 @@ def _sights(request: ImportRequest, imported: ImportedSet) -> list[tuple[Array |
         allowed = request.conventions if request.conventions is not None else robot.conventions()
         _, _, conventions = agreeing_conventions(robot, table, allowed, conventions)
     units = (request.camera_unit,) if request.camera_unit is not None else table.units()
-    frame = table.frame or table.named_frame or "base_T_flange"
-    found: list[tuple[Array | None, tuple[str, ...]]] = []
-    for convention, unit in product(conventions[:MAX_SIGHTS], units):
+    frames = (table.frame,) if table.frame else table.named_frames or FRAMES[:1]
+    found = []
+    for convention, unit, frame in product(conventions[:MAX_SIGHTS], units, frames):
         inverted = ", target_T_camera" if frame == "flange_T_base" else ""
         note = f"the camera's poses: {convention.name}, {unit}{inverted}, {table.layout}"
         try:
-            found.append((table.poses(convention, unit, frame), (note,)))
+            found.append(_Sight(table.poses(convention, unit, frame), frame, (note,)))
         except GeometryError as error:
             raise refusal(table.origin, "camera's poses", str(error), "correct it", "pose-pairs") from None
     if not found:
@@ -234,23 +321,28 @@ def _sights(request: ImportRequest, imported: ImportedSet) -> list[tuple[Array |
     return found
 
 
-def _of_axes(table: PoseTable, decision: Decision) -> tuple[str, ...]:
-    """What to say of external axes that move."""
+def _of_axes_and_options(request: ImportRequest, imported: ImportedSet, decision: Decision) -> Iterator[str]:
+    """What to say of external axes that move, and of options that were not used."""
+    table = imported.poses
     said = [f"external axis {number} moves from {one.min():g} to {one.max():g}" for number, one in table.varying_axes()]
-    if not said:
-        return ()
-    if decision.track is not None:
-        return (f"{'; '.join(said)}: written as external_axis, whose direction solve refines",)
-    return (
-        f"{'; '.join(said)}: kept as external_axes; a track that the poses leave out is described by external_axis",
-    )
-
-
-def _of_options(request: ImportRequest, table: PoseTable) -> tuple[str, ...]:
-    """Options that were not used."""
-    rows = (("--arm", request.arm, table.kind == "joints", "the file holds poses"),
-            ("--camera-unit", request.camera_unit, table.camera, "there are no camera's poses"))  # fmt: skip
-    return tuple(f"{option} is not used: {why}" for option, given, user, why in rows if given is not None and not user)
+    kept = "kept as external_axes; a track that the poses leave out is described by external_axis"
+    if said:
+        written = "written as external_axis, whose direction solve refines"
+        yield f"{'; '.join(said)}: {kept if decision.track is None else written}"
+    seen, pictures = imported.camera_poses is not None, bool(imported.images)
+    rows = (
+        ("--arm", request.arm, table.kind == "joints", "the file holds poses"),
+        ("--unit", request.unit, table.unit in (None, request.unit), f"the file says {table.unit}"),
+        ("--convention", request.conventions, table.convention in (None, *(request.conventions or ())),
+         f"the file says {table.convention and table.convention.name}"),
+        ("--camera-unit", request.camera_unit, seen, "the camera's poses are not"),
+        ("--camera-convention", request.camera_conventions, seen, "the camera's poses are not"),
+        ("--target", request.target, pictures, "there are no pictures"),
+        ("--camera", request.camera, pictures, "there are no pictures"),
+        ("--cloud-unit", request.cloud_unit, {PurePath(one).suffix for one in imported.images} & CLOUDS, "no clouds"),
+        ("--part", request.part, imported.kind not in ("folder", "samples of pose pairs"), "the set has no parts"),
+    )  # fmt: skip
+    yield from (f"{option} is not used: {why}" for option, given, used, why in rows if given is not None and not used)
 
 
 def _require_motion(table: PoseTable) -> None:
@@ -259,15 +351,6 @@ def _require_motion(table: PoseTable) -> None:
     if len(numbers) > 1 and np.all(numbers == numbers[0]):
         what = f"all {len(numbers)} poses are the same"
         raise refusal(table.origin, "poses", what, "give the pose of the flange at each picture")
-
-
-def _require_two_sides(table: PoseTable, evidence: Evidence | None, base_T_flange: Array) -> None:
-    """Raises DocumentError when the robot's poses are the camera's own."""
-    if evidence is None:
-        return
-    finding = circle_of(evidence.with_robot_poses(base_T_flange[evidence.indices]))
-    if finding is not None:
-        raise refusal(table.origin, "poses", finding.message, finding.fix, "pose-pairs")
 
 
 def _load(session: SessionFolder, progress: Progress) -> Problem:
@@ -299,27 +382,18 @@ def _are_clouds(images: Sequence[Path]) -> bool:
     return bool(images) and all(image.suffix.lower() in CLOUDS for image in images)
 
 
-def _target(request: ImportRequest, imported: ImportedSet) -> TargetDocument | None:
-    if request.target is not None or imported.target is None:
-        return request.target
-    return target_of_data(imported.target, f"{request.folder}: target")
-
-
 def _camera(request: ImportRequest, imported: ImportedSet, images: Sequence[Path]) -> CameraDocument | None:
     intrinsics = request.camera or imported.camera
     if intrinsics is None or not images or _are_clouds(images):
         return None
     if request.camera is None and not intrinsics.has_distortion:
         return None
-    return intrinsics.document(None if intrinsics.image_size else _size(images[0]))
-
-
-def _size(image: Path) -> tuple[int, int] | None:
-    try:
-        height, width = read_grey(image).shape
-    except ImageError:
-        return None
-    return width, height
+    size: tuple[int, int] | None = None
+    if not intrinsics.image_size:
+        with contextlib.suppress(ImageError):
+            height, width = read_grey(images[0]).shape
+            size = width, height
+    return intrinsics.document(size)
 
 
 def _readings(request: ImportRequest, table: PoseTable, stated: Setup | None, *, is_scan: bool) -> list[Reading]:
@@ -334,23 +408,21 @@ def _readings(request: ImportRequest, table: PoseTable, stated: Setup | None, *,
             what = f"{asked} does not fit {table.layout}"
             raise refusal(table.origin, "--convention", what, "leave it out to have all tried", "conventions")
         for convention in conventions:
-            _require_rotations(table, convention)
+            try:
+                table.poses(convention, "mm", "base_T_flange")
+            except GeometryError as error:
+                fix = "correct the file, or give another --convention"
+                raise refusal(table.origin, "poses", f"{error} as {convention.name}", fix) from None
     elif is_scan and table.convention is None and table.kind == "angles":
         raise refusal(table.origin, "--convention", "missing, and clouds without a target do not decide it", "give it",
                       "conventions")  # fmt: skip
     if request.unit is not None and table.unit is None:
         table.require_reach(request.unit, "--unit")
-    frame = request.frame or ("base_T_flange" if is_scan and table.frame is None else None)
+    named = table.named_frames or FRAMES[: 1 if is_scan else 2]
+    is_said = len(named) == 1 and table.frame is None and (is_scan or len(table) < MIN_VIEWS)
+    frame = request.frame or (named[0] if is_said else None)
     setups = SETUPS if setup is None else (setup,)
     return readings_of(table, setups, conventions, table.unit or request.unit, frame)
-
-
-def _require_rotations(table: PoseTable, convention: Convention) -> None:
-    try:
-        table.poses(convention, "mm", "base_T_flange")
-    except GeometryError as error:
-        what = f"{error} as {convention.name}"
-        raise refusal(table.origin, "poses", what, "correct the file, or give another --convention") from None
 
 
 def _document(
@@ -377,13 +449,11 @@ def _document(
 
 def _undecided(request: ImportRequest, best: _Best) -> Undecided:
     table, decision, choices = best.table, best.decision, best.decision.choices or best.readings
-    setups = {reading.setup for reading in choices}
-    frames = {reading.frame for reading in choices}
     conventions = {reading.convention.name for reading in choices}
     asked = []
-    if len(setups) > 1:
-        asked.append("--setup eye-in-hand (the camera on the flange) or eye-to-hand (the camera beside the robot)")
-    elif len(frames) > 1:
+    if len({reading.setup for reading in choices}) > 1:
+        asked.append(SETUP_FIX)
+    elif len({reading.frame for reading in choices}) > 1:
         asked.append("--frame base_T_flange or flange_T_base")
     if len(conventions) > 1:
         names = sorted(conventions)
@@ -400,5 +470,4 @@ def _undecided(request: ImportRequest, best: _Best) -> Undecided:
     if decision.words.startswith("none fits") and table.may_be_joints() and request.arm is None:
         words += "; six numbers that are no place: these look like joint angles"
         fix = "give the arm of joints by --arm (`handeyed arms` lists them)"
-    error = refusal(table.origin, "poses", words, fix, "conventions")
-    return Undecided(error.origin, error.problems)
+    return Undecided.by(table.origin, "poses", words, fix, "conventions")

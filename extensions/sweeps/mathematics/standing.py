@@ -10,7 +10,7 @@ from calibration.documents.imports.pairing import natural, pair
 from calibration.documents.imports.pose_files import read_poses
 from calibration.documents.imports.pose_table import PoseTable
 from calibration.documents.imports.refusal import decode
-from calibration.documents.imports.text_cells import rows_of
+from calibration.documents.imports.text_tables import rows_of
 from calibration.documents.imports.trees import read_yaml
 from calibration.errors import DocumentError, GeometryError
 from calibration.kinematics.conventions import find_conventions
@@ -101,10 +101,12 @@ def _poses(table: PoseTable, convention: str | None) -> list[Array]:
     stated = None if convention is None else find_conventions(convention)[0]
     fitting = [one for one in table.conventions() if stated is None or table.convention is not None or one in stated]
     units = table.units()
-    if len(fitting) != 1 or len(units) != 1:
-        what = f"{table.origin}: its poses ({table.layout}) may be meant in {len(fitting)} conventions"
-        raise ProfileError(what, "give --convention, such as kuka, abb or euler-ZYX, and the unit in the header")
+    frames = (table.frame,) if table.frame else table.named_frames or ("base_T_flange",)
+    if not len(fitting) == len(units) == len(frames) == 1:
+        what = f"{len(fitting)} conventions, and in {len(frames)} directions by their names"
+        fix = "give --convention, such as kuka, abb or euler-ZYX, the unit in the header, and a name as base_T_flange"
+        raise ProfileError(f"{table.origin}: its poses ({table.layout}) may be meant in {what}", fix)
     try:
-        return [*table.poses(fitting[0], units[0], table.frame or table.named_frame or "base_T_flange")]
+        return [*table.poses(fitting[0], units[0], frames[0])]
     except GeometryError as error:
         raise ProfileError(f"{table.origin}: {error}", "correct the poses, or give another --convention") from None

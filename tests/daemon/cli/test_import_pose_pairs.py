@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation
 
 import handeyed as library
 from calibration.documents.calibration import CalibrationDocument
+from calibration.errors import DocumentError
 from calibration.problem import MeasuredPose
 from calibration.transforms import (
     Array,
@@ -180,6 +181,12 @@ LAYOUTS: dict[str, dict[str, bytes]] = {
         Target_tvecs=np.column_stack([np.arange(1, 9), np.full(8, 7), s]))},
     "a file a view and side": {f"{side}_{at}.txt": lines(*_rows(poses[at], separator=" "))
                                for side, poses in (("robot", ROBOT), ("cam", CAMERA)) for at in range(8)},
+    "lists under numbered names, below their sides": {"p.yaml": _json({
+        side: {f"pose{at}": row for at, row in enumerate(rows, 1)}
+        for side, rows in zip(("robot", "camera"), SIX, strict=True)})},
+    "columns pose1 to pose6, in two files": {
+        f"{side}.csv": lines("pose1,pose2,pose3,pose4,pose5,pose6", *_rows(rows))
+        for side, rows in zip(("robot", "target"), SIX, strict=True)},
     "a folder a side": {f"{side}/{at}.txt": lines(*_rows(poses[at], separator=" "))
                         for side, poses in (("arm", ROBOT), ("board", CAMERA)) for at in range(8)},
 }  # fmt: skip
@@ -344,10 +351,110 @@ def test_names_of_both_sides_that_contradict_the_fit_are_asked_for(tmp_path: Pat
     assert "the names say base_T_flange of the robot's poses" in ran.err
 
 
-def test_points_of_two_files_are_read(tmp_path: Path) -> None:
-    """Of a camera beside the arm, whose rows have no names."""
+NEAR_ROBOT = transform(Y[:3, :3], [150.0, 50.0, 100.0]) @ inverse(X @ CAMERA)
+"""Poses over a target that is as near to the base as the camera is to the flange."""
+
+SENSES = {"as tf means it": lambda poses: poses, "as OpenCV means it": inverse}
+
+
+def _in_two_senses(robot: Array, meant: Callable[[Array], Array]) -> dict[str, Array]:
+    robot, seen = meant(robot), meant(CAMERA)
+    return {
+        "R_base2end": robot[:, :3, :3], "t_base2end": robot[:, :3, 3],
+        "R_cam2marker": seen[:, :3, :3], "t_cam2marker": seen[:, :3, 3],
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize("sense", SENSES)
+def test_what_the_flange_carries_decides_how_names_of_two_senses_are_meant(sense: str, tmp_path: Path) -> None:
+    (tmp_path / "a.npz").write_bytes(npz(**_in_two_senses(ROBOT, SENSES[sense])))
+    understood = understand(ImportRequest(tmp_path, setup="eye-in-hand"))
+    np.testing.assert_allclose(understood.base_T_flange, ROBOT, atol=1e-4)
+    assert understood.camera_T_target is not None
+    np.testing.assert_allclose(understood.camera_T_target, CAMERA, atol=1e-4)
+
+
+@pytest.mark.parametrize("sense", SENSES)
+def test_names_of_two_senses_that_nothing_decides_are_asked_for(sense: str, tmp_path: Path) -> None:
+    stacks = _in_two_senses(NEAR_ROBOT, SENSES[sense])
+    (tmp_path / "in").mkdir()
+    (tmp_path / "in" / "a.npz").write_bytes(npz(**stacks))
+    ran = handeyed("import", tmp_path / "in", "--setup", "eye-in-hand", "--out", tmp_path / "s")
+    assert ran.status == 2 and "give --frame base_T_flange" in ran.err
+    assert "base_T_flange with camera_T_target: flange_T_camera = (" in ran.err
+    assert "flange_T_base with target_T_camera: flange_T_camera = (" in ran.err
+    with pytest.raises(DocumentError, match="the names may be meant in two directions"):
+        library.solve(stacks)
+    frame = "base_T_flange" if sense == "as tf means it" else "flange_T_base"
+    ran = handeyed("import", tmp_path / "in", "--setup", "eye-in-hand", "--frame", frame, "--out", tmp_path / "s")
+    assert ran.status == 0, ran.err
+    result = library.solve(stacks, frame=frame).flange_T_camera  # type: ignore[arg-type]
+    assert result is not None and difference(result.transform(), X)[0] < 1.0
+
+
+def test_a_frame_without_a_set_up_leaves_names_of_two_senses_open(tmp_path: Path) -> None:
+    (tmp_path / "a.npz").write_bytes(npz(**_in_two_senses(ROBOT, inverse)))
+    ran = handeyed("import", tmp_path, "--frame", "flange_T_base", "--out", tmp_path / "s")
+    assert ran.status == 2 and "give --setup" in ran.err
+
+
+def test_files_whose_names_say_a_direction_are_read_in_it(tmp_path: Path) -> None:
+    (tmp_path / "robot_poses.npy").write_bytes(npy(ROBOT))
+    (tmp_path / "target_T_cam.npy").write_bytes(npy(inverse(CAMERA)))
+    understood = understand(ImportRequest(tmp_path, setup="eye-in-hand"))
+    assert understood.camera_T_target is not None
+    np.testing.assert_allclose(understood.camera_T_target, CAMERA, atol=1e-4)
+
+
+def test_sides_without_names_that_nothing_tells_apart_are_asked_for(tmp_path: Path) -> None:
+    """The camera's poses first fit as well: with X and the target's pose inverted and exchanged."""
+    (tmp_path / "a.json").write_bytes(_json(np.stack([NEAR_ROBOT, CAMERA], axis=1)))
+    ran = handeyed("import", tmp_path, "--setup", "eye-in-hand", "--out", tmp_path / "s")
+    assert ran.status == 2 and "no name says whose the poses are" in ran.err
+    assert ran.err.count("flange_T_camera = (") == 2
+
+
+@pytest.mark.parametrize("header", [(), ("x,y,z",)])
+def test_points_of_two_files_are_read(header: tuple[str, ...], tmp_path: Path) -> None:
+    """Of a camera beside the arm."""
     seen = np.random.default_rng(6).uniform([-200, -200, 400], [200, 200, 800], (8, 3))
-    (tmp_path / "robot_points.txt").write_bytes(lines(*_rows(map_points(X, seen), separator=" ")))
-    (tmp_path / "camera_points.txt").write_bytes(lines(*_rows(seen, separator=" ")))
+    (tmp_path / "robot_points.csv").write_bytes(lines(*header, *_rows(map_points(X, seen))))
+    (tmp_path / "camera_points.csv").write_bytes(lines(*header, *_rows(seen)))
     ran = handeyed("import", tmp_path, "--setup", "eye-to-hand", "--out", tmp_path / "s")
     assert ran.status == 0, ran.err
+
+
+def test_points_of_one_side_that_are_named_as_poses_are_refused(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_bytes(lines("x,y,z", *_rows(t)))
+    for at in range(8):
+        (tmp_path / f"view_{at}.png").touch()
+    ran = handeyed(
+        "import",
+        tmp_path,
+        "--target",
+        "chessboard:9x6:25",
+        "--poses",
+        "a.csv",
+        "--setup",
+        "eye-to-hand",
+        "--out",
+        tmp_path / "s",
+    )
+    assert ran.status == 2 and "points of one side" in ran.err
+
+
+def test_a_unit_of_the_camera_that_is_stated_wrong_is_named(tmp_path: Path) -> None:
+    stacks = npz(R_gripper2base=R, t_gripper2base=t, R_target2cam=r, t_target2cam=s / 1000)
+    (tmp_path / "a.npz").write_bytes(stacks)
+    ran = handeyed("import", tmp_path, *("--setup", "eye-in-hand", "--camera-unit", "mm"), "--out", tmp_path / "s")
+    assert ran.status == 2 and "give --camera-unit m" in ran.err
+
+
+def test_options_that_were_not_used_are_named(tmp_path: Path) -> None:
+    (tmp_path / "in").mkdir()
+    (tmp_path / "in" / "a.npz").write_bytes(npz(R_gripper2base=R, t_gripper2base=t, R_target2cam=r, t_target2cam=s))
+    unused = {"--arm": "IRB 1600-6/1.45", "--target": "chessboard:9x6:25", "--cloud-unit": "mm", "--part": "a"}
+    given = [word for pair in unused.items() for word in pair]
+    ran = handeyed("import", tmp_path / "in", "--setup", "eye-in-hand", *given, "--out", tmp_path / "s")
+    assert ran.status == 0, ran.err
+    assert [option for option in unused if f"{option} is not used" not in ran.out] == []

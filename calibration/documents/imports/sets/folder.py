@@ -11,11 +11,10 @@ from calibration.documents.imports.arrays import load_npy
 from calibration.documents.imports.intrinsics import Intrinsics, read_intrinsics
 from calibration.documents.imports.leaves import table_of_data
 from calibration.documents.imports.pairing import natural, pair, shown
-from calibration.documents.imports.pairs import equal_sides, rows_as_pairs
 from calibration.documents.imports.pose_files import FAMILIES, read_poses
 from calibration.documents.imports.pose_table import PoseTable, concatenate
 from calibration.documents.imports.refusal import refusal
-from calibration.documents.imports.sides import relation_of
+from calibration.documents.imports.sides import equal_sides, relation_of, rows_as_pairs, with_relation
 from calibration.errors import DocumentError
 from calibration.kinematics.conventions import LengthUnit, Side
 from calibration.problem import Setup
@@ -157,7 +156,10 @@ def _poses(files: Files, pattern: str, side: Side) -> PoseTable:
     if not names:
         raise refusal(files.origin, option, f"no file fits {pattern}", "check the pattern")
     table = read_named(files, names)
-    return table.camera if side == "camera" and table.camera is not None else table
+    if table.camera is not None:
+        return table.camera if side == "camera" else table
+    said = relation_of(_stem(names[0]))
+    return with_relation(table, said) if said is not None and said.side == side and not table.named_frames else table
 
 
 def find_poses(files: Files, but: str | None = None) -> PoseTable:
@@ -218,12 +220,16 @@ def _both_sides(tables: dict[str, PoseTable]) -> PoseTable | None:
         return None
     by_side = {}
     for name, table in tables.items():
-        said = relation_of(str(PurePosixPath(name).with_suffix("")))
-        by_side[table.side if said is None or said.side is None else said.side] = table
+        named = with_relation(table, relation_of(_stem(name)))
+        by_side[named.side] = named
     if len(by_side) != 2 or "camera" not in by_side:
         return None
     camera = by_side.pop("camera")
     return replace(*by_side.values(), side="robot", camera=replace(camera, side="camera"))
+
+
+def _stem(name: str) -> str:
+    return str(PurePosixPath(name).with_suffix(""))
 
 
 def _nearest(files: Files, refused: Sequence[tuple[str, DocumentError]]) -> DocumentError:

@@ -32,7 +32,7 @@ from calibration.documents.imports.sets.folder import (
     read_named,
 )
 from calibration.documents.imports.sides import WORDS
-from calibration.documents.imports.text_tables import read_named_columns
+from calibration.documents.imports.text_tables import rows_of
 from calibration.documents.imports.trees import read_json, read_json_lines, read_yaml
 from calibration.errors import GeometryError
 from calibration.kinematics.abb_arms import find_arm
@@ -41,30 +41,28 @@ from calibration.kinematics.conventions import CONVENTIONS, Frame, LengthUnit
 Described = dict[str, Any]
 """Further fields of an ImportedSet: target, camera, setup, notes."""
 
-PART = r"(?P<part>[^/]+)"
-
 
 @dataclass(frozen=True)
 class Layout:
     """A set by the names of its files: regular expressions, in which {part} is a camera's or scene's folder.
 
-    markers : files that every such set has; pairs of poses without pictures are any folder. parts : names whose group
-    `part` is one of several parts, `example` one. poses, seen : files of the robot's poses, and of the camera's where
-    there are no pictures.
+    Their rows stand in words.json. markers : files that every such set has; pairs of poses without pictures are any
+    folder. parts : names whose group `part` is one of several parts, `example` one. poses, seen : files of the robot's
+    poses, and of the camera's where there are no pictures.
     """
 
     name: str
-    markers: tuple[str, ...]
+    markers: Sequence[str]
     poses: str
     images: str
     unit: LengthUnit
     heading: str
+    describe: Callable[[Files, str], Described]
     frame: Frame = "base_T_flange"
     convention: str | None = None
     parts: str | None = None
     example: str = ""
     seen: str | None = None
-    describe: Callable[[Files, str], Described] = lambda files, part: {}
 
     def recognise(self, files: Files) -> bool:
         """Whether it is such a set."""
@@ -103,7 +101,7 @@ class Layout:
     def _table(self, files: Files, names: Sequence[str]) -> PoseTable:
         table = read_named(files, names)
         convention = table.convention if self.convention is None else CONVENTIONS[self.convention]
-        return replace(table, unit=self.unit, frame=self.frame, convention=convention, side=None, named_frame=None)
+        return replace(table, unit=self.unit, frame=self.frame, convention=convention, side="robot", named_frames=())
 
 
 def _metric(files: Files, part: str) -> Described:
@@ -142,19 +140,8 @@ def _visp(files: Files, part: str) -> Described:
     return {}
 
 
-ZIVID_POSES, ZIVID_IMAGES = r"(^|/)(pos|robot_pose_)_?\d+\.ya?ml$", r"(^|/)(img|capture_)_?\d+\.\w+$"
-LAYOUTS = (
-    Layout("METRIC", (r"^CalibrationInfo\.yaml$",), r"^{part}/pose/", r"^{part}/", "m", "metric",
-           parts=rf"^{PART}/pose/", example="camera1", describe=_metric),
-    Layout("BOP", (r"(^|/)scene_camera\.json$",), r"^{part}/scene_camera\.json$", r"^{part}/(rgb|gray|grey)/", "mm",
-           "bop", "flange_T_base", "matrix", r"^(?:(?P<part>.*)/)?scene_camera\.json$", "000001", describe=_bop),
-    Layout("RWHE", (r"^robot_cali\.txt$",), r"^robot_cali\.txt$", r"^(?!internal_images/)(.*/)?{part}/[^/]*$", "mm",
-           "rwhe", "flange_T_base", example="camera0", describe=_rwhe,
-           parts=rf"^(?!internal_images/)(?:.*/)?{PART}/[^/]+\.(?:png|jpe?g|tiff?|bmp|p[gp]m)$"),
-    Layout("ViSP", (r"rPe_?\d+\.ya?ml$",), r"rPe_?\d+\.ya?ml$", r"", "m", "pose-pairs", convention="rotation-vector",
-           seen=r"cPo_?\d+\.ya?ml$", describe=_visp),
-    Layout("Zivid", (ZIVID_POSES, ZIVID_IMAGES), ZIVID_POSES, ZIVID_IMAGES, "mm", "zivid"),
-)  # fmt: skip
+DESCRIPTIONS = {"METRIC": _metric, "BOP": _bop, "RWHE": _rwhe, "ViSP": _visp}
+LAYOUTS = tuple(Layout(describe=DESCRIPTIONS.get(row["name"], lambda *_: {}), **row) for row in WORDS["sets"])
 
 CONFIGURATION = "cal_data.yaml"
 DICTIONARIES = (
@@ -243,10 +230,12 @@ def _poses_of_spec(files: Files, spec: dict[str, Any]) -> PoseTable:
         wanted = turn if len(turn) == 16 else [str(columns.get(key)) for key in ("tx", "ty", "tz")] + turn
     if not isinstance(columns, dict) and not isinstance(field, str):
         table = read_poses(name, content)
-    elif not name.endswith((".json", ".jsonl")):
-        table = table_of_rows(name, read_named_columns(content, name, wanted))
     else:
-        records = read_json_lines(content, name) if name.endswith("l") else read_json(content, name)
+        if name.endswith((".json", ".jsonl")):
+            records = read_json_lines(content, name) if name.endswith("l") else read_json(content, name)
+        else:
+            rows = rows_of(decode(content, name).splitlines())
+            records = [dict(zip(rows.names or (), cells, strict=False)) for cells in rows.cells]
         found = array_of([[one.get(key) if isinstance(one, dict) else None for key in wanted] for one in records])
         if found is None or (field and found[0].size != 16):
             what = f"not all have {', '.join(wanted)}" + (" as a 4 x 4 matrix" if field else " as numbers")
@@ -279,7 +268,7 @@ def _own(files: Files, part: str | None) -> ImportedSet:
             raise refusal(files.origin, name, f"a session with {key}", fix, "own-files")
     poses = table_of_data([view.get("base_T_flange") for view in views], name)
     in_mm = "translation_mm" in poses.layout or len(poses.units()) > 1
-    poses = replace(poses, unit="mm" if in_mm else poses.unit, frame=poses.frame or "base_T_flange", side=None)
+    poses = replace(poses, unit="mm" if in_mm else poses.unit, frame=poses.frame or "base_T_flange", side="robot")
     setup = setup_of(data)
     if "camera_T_target" in views[0]:
         seen = table_of_data([view.get("camera_T_target") for view in views], name)
@@ -314,7 +303,7 @@ def with_arm(joints: PoseTable, name: str | None) -> PoseTable:
         fix = "give the arm by --arm (`handeyed arms` lists them), or poses of the flange"
         raise refusal(joints.origin, "joints", "joint states, no poses", fix, "joint-states")
     try:
-        return replace(joints, arm=find_arm(name), side=None)
+        return replace(joints, arm=find_arm(name), side="robot")
     except GeometryError as error:
         raise refusal("--arm", name, str(error), "correct it", "joint-states") from None
 
