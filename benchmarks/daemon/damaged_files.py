@@ -3,7 +3,8 @@
 The files are those of HANDEYED_DATA/cases, each with its known X, damaged by seeds
 (tests/calibration/documents/imports/file_damage.py). Counted are refusals, results that are right, and accepted ones
 that are wrong, which are printed with their seed, as is every exception that no user should see. Where the lengths of
-both sides were changed alike, X is as wrong as they are and no file shows it; these are counted apart.
+both sides were changed alike, or one axis of both reversed with the rotations that go with it, X is as wrong as they
+are and no file shows it; these are counted apart.
 """
 
 import argparse
@@ -70,6 +71,8 @@ def _outcome(case: Case, own: Path, out: Path) -> tuple[str, str]:
         abs(case.ratio_of(solved.out) / factor - 1) < SAME_RATIO for factor in (-1.0, *FACTORS)
     ):
         return "all lengths changed alike", ""
+    if case.is_mirrored(solved.out):
+        return "both sides mirrored alike", ""
     if off_mm > WRONG_MM or off_deg > WRONG_DEG:
         return "WRONG", f"{off_mm:.2f} mm, {off_deg:.3f} deg; {ran.out}"
     return "right", ""

@@ -53,9 +53,7 @@ _NUMBER_WITHIN = re.compile(r"(\D+?)(\d+)(_.+)")  # frame0_robot_R
 
 def number_of(value: Any) -> float | None:
     """A number, also one written as text (YAML reads 1e-08 as text); None for anything else, as 20260131_181810."""
-    if isinstance(value, bool) or not isinstance(value, int | float | str):
-        return None
-    if isinstance(value, str) and "_" in value:
+    if isinstance(value, bool) or not isinstance(value, int | float | str) or "_" in str(value):
         return None
     try:
         return float(value)

@@ -162,7 +162,7 @@ def with_relation(table: PoseTable, said: Relation | None) -> PoseTable:
     """The table with the side and the direction that a name says."""
     if said is None:
         return table
-    named = {"named_frames": said.frames, "opencv": said.opencv} if said.frames else {}
+    named = {"named_frames": said.frames, "opencv": said.opencv} if said.frames and not table.named_frames else {}
     return replace(table, side=said.side or table.side, **named)  # type: ignore[arg-type]
 
 

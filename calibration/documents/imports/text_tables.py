@@ -18,7 +18,6 @@ _NESTED = re.compile(r"\[\s*\[|\[[^][]*\d\s*[;\n]\s*[-+.\d][^][]*\]")
 _BRACKETS = re.compile(r"\[([^][]*)\]")
 _LABELLED = re.compile(r"\s*([A-Za-z_][^][]*?)?\s*[:=,;]?\s*\[([^][]*)\]\s*[,;]?\s*")
 
-
 MIN_DIGITS = 6
 """Digits of a line of numbers: those of a pose's at least."""
 

@@ -281,8 +281,9 @@ def _of_sense(request: ImportRequest, imported: ImportedSet, found: Sequence[_Be
     if live := [one for frame, one in by_frame.items() if (frame, one.sight.frame) in allowed]:
         return _carried_nearest(live, "the names may be meant in two directions, and both fit", FRAME_FIX)
     said = " or ".join(dict.fromkeys(frame for frame, _ in allowed))
-    what = f"the names say {said} of the robot's poses, and beside the camera's only {' or '.join(by_frame)} fits"
-    raise Undecided.by(best.table.origin, "names", what, "say which side is inverted by its name, or give --frame")
+    what = f"the names say {said} of the robot's poses, and only {' or '.join(one.words for one in fitting)} fits"
+    fix = "compare --setup, say which side is inverted by its name, or give --frame"
+    raise Undecided.by(best.table.origin, "names", what, fix)
 
 
 def _senses(robot: PoseTable, camera: PoseTable) -> set[tuple[Frame, Frame]]:

@@ -56,6 +56,15 @@ class Case:
         apart = map_points(found.transform(), SEEN_MM) - map_points(self.X, SEEN_MM)
         return float(np.linalg.norm(apart)), float(np.degrees(off_rad))
 
+    def is_mirrored(self, calibration: str) -> bool:
+        """Whether the X of a calibration.json is the right one in a mirror."""
+        document = CalibrationDocument.model_validate_json(calibration)
+        found = document.flange_T_camera or document.base_T_camera
+        assert found is not None
+        mirrors = (np.diag([*signs, 1.0]) for signs in np.ones((3, 3)) - 2 * np.eye(3))
+        apart = (difference(mirror @ self.X @ mirror, found.transform()) for mirror in mirrors)
+        return any(off_mm < 1.0 and off_rad < 0.003 for off_mm, off_rad in apart)
+
     def ratio_of(self, calibration: str) -> float:
         """How many times as long the translation of the X of a calibration.json is as the right one, along it."""
         document = CalibrationDocument.model_validate_json(calibration)

@@ -158,8 +158,7 @@ def _poses(files: Files, pattern: str, side: Side) -> PoseTable:
     table = read_named(files, names)
     if table.camera is not None:
         return table.camera if side == "camera" else table
-    said = relation_of(_stem(names[0]))
-    return with_relation(table, said) if said is not None and said.side == side and not table.named_frames else table
+    return _named_by(names[0], table, side)
 
 
 def find_poses(files: Files, but: str | None = None) -> PoseTable:
@@ -191,7 +190,7 @@ def find_poses(files: Files, but: str | None = None) -> PoseTable:
         if len(names) > 1:
             several[f"{stem}...{suffix}"] = read_named(files, sorted(names, key=natural))
     if len(several) == 1:
-        return next(iter(several.values()))
+        return _named_by(*next(iter(several.items())), "robot")
     if both := _both_sides(several):
         return both
     if several:
@@ -220,7 +219,7 @@ def _both_sides(tables: dict[str, PoseTable]) -> PoseTable | None:
         return None
     by_side = {}
     for name, table in tables.items():
-        named = with_relation(table, relation_of(_stem(name)))
+        named = _named_by(name, table)
         by_side[named.side] = named
     if len(by_side) != 2 or "camera" not in by_side:
         return None
@@ -228,8 +227,11 @@ def _both_sides(tables: dict[str, PoseTable]) -> PoseTable | None:
     return replace(*by_side.values(), side="robot", camera=replace(camera, side="camera"))
 
 
-def _stem(name: str) -> str:
-    return str(PurePosixPath(name).with_suffix(""))
+def _named_by(name: str, table: PoseTable, side: Side | None = None) -> PoseTable:
+    """The table with what the name of its file says, unless that is the other side."""
+    said = relation_of(str(PurePosixPath(name).with_suffix("")))
+    silent = said is None or table.camera is not None or side not in (None, said.side)
+    return table if silent else with_relation(table, said)
 
 
 def _nearest(files: Files, refused: Sequence[tuple[str, DocumentError]]) -> DocumentError:
