@@ -282,6 +282,12 @@ Target = Chessboard | Charuco | CircleGrid | AprilTagGrid | ArucoGrid | ArucoMar
 MarkerTarget = AprilTagGrid | ArucoGrid | ArucoMarker
 
 
+def outline_mm(points_mm: "Array") -> "Array":
+    """The rectangle (4, 3) around the points (n, 3) of a target."""
+    (left, bottom, _), (right, top, _) = points_mm.min(axis=0), points_mm.max(axis=0)
+    return _array([(left, bottom, 0.0), (right, bottom, 0.0), (right, top, 0.0), (left, top, 0.0)])
+
+
 def orientation_advice(target: Target) -> str | None:
     """What to do about a target that looks the same turned by 180 degrees; None for one that does not."""
     match target:

@@ -24,6 +24,7 @@ from calibration.planning.scene_belief import ScenePrior, infer_scene
 from calibration.planning.viewpoint_selection import Reachable
 from calibration.planning.viewpoints import ViewpointLimits, within_limits
 from calibration.problem import Problem
+from calibration.targets import outline_mm
 from calibration.transforms import Array, map_points, rotation_from_vector, transform
 
 Turn = tuple[str, float]
@@ -59,6 +60,7 @@ class Advice:
         None before X is determined.
     turns : what to turn the flange by, one after the other.
     shift_mm : (3,) what to move it by in the base then; None when only the turn is determined.
+    outline_px : (4, 2) where the outline of the target's points is in the picture then; None likewise.
     """
 
     instruction: str
@@ -67,6 +69,7 @@ class Advice:
     planned_mm: float | None
     turns: tuple[Turn, ...] = ()
     shift_mm: Array | None = None
+    outline_px: Array | None = None
 
 
 def advise(
@@ -99,7 +102,9 @@ def advise(
         return Advice(enough + words, None, now_mm, None)
     turns, pose, planned_mm = found
     shift_mm = pose[:3, 3] - base_T_flange_now[:3, 3]
-    return Advice(enough + _instruction(turns, shift_mm), pose, now_mm, planned_mm, turns, shift_mm)
+    outline = map_points(belief.scene.camera_T_target(pose[None])[0], outline_mm(problem.target.points_mm))
+    outline_px = belief.scene.camera.project(outline)
+    return Advice(enough + _instruction(turns, shift_mm), pose, now_mm, planned_mm, turns, shift_mm, outline_px)
 
 
 def _best_jog(

@@ -34,8 +34,8 @@ class Planning:
     `now_mm`: U (k = 2) at the worst of the points that matter with the views so far, None before they determine X;
     `planned_mm`: the same after the next `ahead` planned views. `pictures` includes the first look. `note`: what was
     assumed; `advice`: where the operator should jog to, in words, and `next_pose` the same as base_T_flange;
-    `advice_steps` the same one by one. `history`: `now_mm`, `planned_mm` after each station. `planned_poses`: the poses
-    planned, the next one first.
+    `next_outline_px`: where the target's outline is in the picture then; `advice_steps`: the advice one by one.
+    `history`: `now_mm`, `planned_mm` after each station. `planned_poses`: the poses planned, the next one first.
     `goal`: of the run.
     """
 
@@ -46,6 +46,7 @@ class Planning:
     note: str = ""
     advice: str = ""
     next_pose: dict[str, Any] | None = None
+    next_outline_px: list[list[float]] | None = None
     advice_steps: tuple[dict[str, Any], ...] = ()
     history: tuple[dict[str, Any], ...] = ()
     planned_poses: tuple[dict[str, Any], ...] = ()

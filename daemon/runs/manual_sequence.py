@@ -5,7 +5,6 @@ asks the run for, and for nothing else.
 """
 
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 from calibration.closed_forms.observability import SAME_POSE_MM, SAME_POSE_RAD
 from calibration.documents.pose import PoseDocument
@@ -135,14 +134,23 @@ class ManualSequence:
         await self.log.advance(E.LOOKED, planning=self._progress.planning)
         view = await self.session.view(index)
         self._progress.views.append(view)
-        _check_target(view, self.log.id)
+        if view.detection is None:
+            why = view.missing[1] if view.missing else "it was not found"
+            raise TargetNotSeen(
+                f"the target is not seen from here: {why}",
+                f"look at the picture (GET /runs/{self.log.id}/frames/{index}), jog on, and take the view again",
+            )
         advice = await self._advice(reading)
+        steps = [{"turn_axis": axis, "deg": angle_deg} for axis, angle_deg in advice.turns]
+        if advice.shift_mm is not None:
+            steps.append({"shift_mm": advice.shift_mm.round(3).tolist()})
         station, at, ahead = self.log.run.station + 1, self.log.timestamp(), int(advice.planned_mm is not None)
         self._progress.planning = replace(
             self._progress.planning.predicting(station, at, advice.now_mm, advice.planned_mm, ahead),
             advice=advice.instruction,
-            advice_steps=_steps_of(advice),
+            advice_steps=tuple(steps),
             next_pose=None if advice.base_T_flange is None else PoseDocument.of(advice.base_T_flange).model_dump(),
+            next_outline_px=None if advice.outline_px is None else advice.outline_px.round(2).tolist(),
         )
         stations = max(self.log.run.stations, self.log.run.station + 1)
         await self.log.advance(E.ADVISED, planning=self._progress.planning, stations=stations, captured=True)
@@ -161,29 +169,9 @@ class ManualSequence:
     async def _advice(self, reading: PoseReading) -> Advice:
         planning = self.parameters.adaptive
         joints = await self.cell.robot.read_joints() if planning.rules.arm else None
-        wish = replace(
-            planning.wish, views_left=max(planning.wish.views_left - len(self._progress.views_with_target), 0)
-        )
+        views_left = max(planning.wish.views_left - len(self._progress.views_with_target), 0)
         return await self.workers.run(
             advise, self.session.guess_here(planning.guess), self.session.problem_here(self._progress.views),
-            planning.limits, wish,
+            planning.limits, replace(planning.wish, views_left=views_left),
             base_T_flange_now=reading.base_T_flange, reachable=planning.rules.reachable_from(joints),
         )  # fmt: skip
-
-
-def _steps_of(advice: Advice) -> tuple[dict[str, Any], ...]:
-    """The advice as data: each turn of the flange, then its shift in the base."""
-    turns = tuple({"turn_axis": axis, "deg": angle_deg} for axis, angle_deg in advice.turns)
-    if advice.shift_mm is None:
-        return turns
-    return (*turns, {"shift_mm": [round(float(x), 3) for x in advice.shift_mm]})
-
-
-def _check_target(view: View, run_id: str) -> None:
-    """Raises TargetNotSeen when the view does not show the target."""
-    if view.detection is None:
-        why = view.missing[1] if view.missing else "it was not found"
-        raise TargetNotSeen(
-            f"the target is not seen from here: {why}",
-            f"look at the picture (GET /runs/{run_id}/frames/{view.index}), jog on, and take the view again",
-        )

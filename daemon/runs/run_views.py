@@ -10,7 +10,7 @@ from calibration.documents.calibration import CalibrationDocument, CorrectionDoc
 from calibration.documents.session import ViewDocument
 from calibration.kinematics.arm import Arm, UnreachablePoseError
 from calibration.monitoring.view_residuals import predict_pixels, root_mean_square
-from calibration.targets import Target
+from calibration.targets import Target, outline_mm
 from calibration.transforms import Array
 from daemon.sessions.detections import DetectionDocument, read_detections
 from daemon.sessions.session_reader import open_session
@@ -58,7 +58,7 @@ def run_views(folder: Path, calibration: CalibrationDocument | None, arm: Arm | 
     views = []
     for index, view in enumerate(session.document.views):
         views.append(_run_view(index, view, found.get(index), target, calibration, results.get(index), arm))
-    return RunViews(tuple(views), _outline(target.points_mm))
+    return RunViews(tuple(views), outline_mm(target.points_mm))
 
 
 def _run_view(
@@ -140,8 +140,3 @@ def joints_in_posture(arm: Arm | None, base_T_flange: Array, configuration: tupl
         return arm.matching(base_T_flange, (cf1, cf4, cf6, cfx))
     except UnreachablePoseError:
         return None
-
-
-def _outline(points_mm: Array) -> Array:
-    (left, bottom, _), (right, top, _) = points_mm.min(axis=0), points_mm.max(axis=0)
-    return np.array([[left, bottom, 0.0], [right, bottom, 0.0], [right, top, 0.0], [left, top, 0.0]])

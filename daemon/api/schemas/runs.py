@@ -60,6 +60,7 @@ class PlanningDocument(Answer):
 
     `now_mm`: from the views so far, null before they determine X; `planned_mm`: with the `ahead` views planned next.
     `advice`: what an operator should do before the next view of a manual run; `next_pose`: the pose after it, if known;
+    `next_outline_px`: u, v of the corners of the rectangle around the target's points in that picture;
     `advice_steps`: the same one by one; `near`: a view from this near to it is as good.
     `history`: the predictions after each station; `planned_poses`: the next one first; `goal`: what ends the run.
     """
@@ -71,6 +72,7 @@ class PlanningDocument(Answer):
     note: str
     advice: str
     next_pose: PoseDocument | None
+    next_outline_px: list[tuple[float, float]] | None
     advice_steps: list[TurnDocument | ShiftDocument]
     near: NearDocument
     history: list[PredictionDocument]

@@ -9,17 +9,24 @@ import { ProblemNote } from './problem.js';
 const HOLD_MS = 1000; // before anything moves, as for every button that moves the arm
 const SAY_MS = 100;
 const SAY_LIMIT_S = 1;
+const ARRIVES_LIMIT_S = 600; // within a run by hand the answer comes when the arm stands
+const LET_GO_LIMIT_MS = 5000; // the daemon forgets a button that was never held after 3 s
 const MOST_WORDS = 3; // on the way at once: an answer that is late holds up no later word
 
 const pause = (ms) => new Promise((resolve) => setTimeout(resolve, ms));
 
-/** `to`: base_T_flange; `began(id)` is told the run that moves there, `onHeld(held)` whether the button is held. */
-export function HeldMove({ to, began, onHeld, label, primary = false, disabled = false, why = '', id }) {
+/**
+ * What a button needs that moves the arm to `to` (base_T_flange) while it is held: its state ('idle', 'holding' for a second,
+ * 'moving'), whether it is off, and as what is shown is old, what went wrong, and what to listen to.
+ * `within`: id of a run by hand in which the arm moves, a run of its own without; `began(id)` is told that run, `onHeld(held)`
+ * whether the button is held.
+ */
+export function useHeld({ to, within, began, onHeld, disabled }) {
+  const stale = lost.value || old.value;
+  const off = disabled || stale || !to;
   const [state, setState] = useState('idle'); // idle, holding (for a second), moving
   const [problem, setProblem] = useState(null);
   const held = useRef(null); // the hold in progress: { name, since, path, heard, saying, timer }
-  const stale = lost.value || old.value;
-  const off = disabled || stale || !to;
 
   const say = (one, released = false) => {
     const body = { hold: one.name, at_s: (performance.now() - one.since) / 1000, released };
@@ -30,9 +37,19 @@ export function HeldMove({ to, began, onHeld, label, primary = false, disabled =
     held.current = null;
     if (!one) return;
     clearTimeout(one.timer);
-    if (one.path) say(one, true).catch(() => {}); // not heard: the daemon stops the arm by itself
+    if (one.path) sayReleased(one);
     setState('idle');
     onHeld?.(false);
+  };
+  const sayReleased = async (one) => {
+    for (const until = performance.now() + LET_GO_LIMIT_MS; performance.now() < until && !one.over; await pause(SAY_MS)) {
+      try {
+        return await say(one, true);
+      } catch (error) {
+        if (one.heard || error.code !== 'not-held') return undefined; // not heard: the daemon stops the arm by itself
+      }
+    }
+    return undefined;
   };
   const goOn = async (one) => {
     while (held.current === one) {
@@ -51,17 +68,20 @@ export function HeldMove({ to, began, onHeld, label, primary = false, disabled =
     }
     one.saying -= 1;
   };
+  const arrived = (one) => held.current === one && letGo();
   const move = async (one) => {
     setState('moving');
     try {
-      const { data } = await ask('/robot/jog', { method: 'POST', key: newKey(), body: { to, hold: one.name } });
-      one.path = data.id;
-      began?.(data.id);
-      if (held.current === one) await goOn(one);
-      else say(one, true).catch(() => {});
+      const path = within ? `/runs/${encodeURIComponent(within)}/jog` : '/robot/jog';
+      const asked = ask(path, { method: 'POST', key: newKey(), body: { to, hold: one.name }, limit_s: within && ARRIVES_LIMIT_S });
+      one.path = within ?? (await asked).data.id;
+      began?.(one.path);
+      if (held.current === one) await (within ? Promise.all([asked.then(() => arrived(one)), goOn(one)]) : goOn(one));
+      else sayReleased(one);
     } catch (error) {
       setProblem(error);
     }
+    one.over = Boolean(within);
     note('run');
     if (held.current === one) letGo();
   };
@@ -101,11 +121,18 @@ export function HeldMove({ to, began, onHeld, label, primary = false, disabled =
     if (event.type === 'keyup') letGo();
     else if (!event.repeat) begin();
   };
+  const listen = {
+    onPointerDown: onPress, onPointerUp: letGo, onPointerCancel: letGo, onPointerLeave: letGo, onBlur: letGo, onKeyDown: onKey, onKeyUp: onKey,
+    onContextMenu: (event) => event.preventDefault(),
+  };
+  return { state, off, stale, problem, listen };
+}
+
+export function HeldMove({ to, within, began, onHeld, label, primary = false, disabled = false, why = '', id }) {
+  const { state, off, stale, problem, listen } = useHeld({ to, within, began, onHeld, disabled });
   const said = { idle: t('held.idle'), holding: t('hold.on'), moving: t('held.moving') };
   return html`<div class="hold">
-    <button type="button" id=${id} class="hold-button moves ${primary ? 'primary' : ''} ${state}" aria-disabled=${off ? 'true' : undefined} aria-describedby=${id && `${id}-how`}
-      onPointerDown=${onPress} onPointerUp=${letGo} onPointerCancel=${letGo} onPointerLeave=${letGo} onBlur=${letGo} onKeyDown=${onKey} onKeyUp=${onKey}
-      onContextMenu=${(event) => event.preventDefault()}>
+    <button type="button" id=${id} class="hold-button moves ${primary ? 'primary' : ''} ${state}" aria-disabled=${off ? 'true' : undefined} aria-describedby=${id && `${id}-how`} ...${listen}>
       <span class="fill" aria-hidden="true"></span><span class="label">${label}</span>
     </button>
     <p class="quiet" id=${id && `${id}-how`} role="status">${stale ? t('hold.stale') : off && why ? why : said[state]}</p>

@@ -13,8 +13,8 @@ const AGAIN_MS = 1000;
 const OLD_S = 1;
 const NOTHING = { src: null, number: null, size: undefined, look: null, seen: null, taken: 0, problem: null };
 
-/** `of`: name of the camera, by default the chosen one. `onSeen(look)`: told of each look for the target, null before the first. */
-export function LivePicture({ of = camera.value, onSeen }) {
+/** `of`: name of the camera, by default the chosen one. `onSeen(look)`: told of each look for the target, null before the first. `belongs`: of Picture. */
+export function LivePicture({ of = camera.value, onSeen, belongs }) {
   const [shown, setShown] = useState(NOTHING);
   const [visible, setVisible] = useState(!document.hidden);
   useEffect(() => {
@@ -48,7 +48,7 @@ export function LivePicture({ of = camera.value, onSeen }) {
   const words = seenWords(shown.seen);
   const age_s = shown.src ? (Math.max(clock.value, performance.now()) - shown.taken) / 1000 : 0;
   const aged = age_s > OLD_S ? t('picture.age', { s: count(Math.floor(age_s)) }) : '';
-  return html`<${Picture} src=${shown.src} number=${shown.number} size=${shown.size} corners=${shown.look?.corners ?? []} alt=${`${t('picture.camera')} ${words}`} dim=${lost.value} />
+  return html`<${Picture} src=${shown.src} number=${shown.number} size=${shown.size} corners=${shown.look?.corners ?? []} belongs=${shown.src && belongs} alt=${`${t('picture.camera')} ${words}`} dim=${lost.value} />
     ${shown.problem && !lost.value ? html`<${Cause} cause=${{ ...shown.problem, what: shown.problem.detail }} />` : html`<p class="one-line"><span role="status">${words}</span> ${aged && html`<span class="quiet">${aged}</span>`}</p>`}`;
 }
 

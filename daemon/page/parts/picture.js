@@ -3,8 +3,8 @@ import { html, useState } from '../vendor/preact.js';
 import { significant } from '../state/numbers.js';
 import { t } from '../state/words.js';
 
-/** `number`: of a live picture, which changes while the others stay. `corners`: [[id, u, v, du?, dv?] ...] in pixels of `size`; arrows (du, dv) enlarged so that the longest is a twentieth of the width. */
-export function Picture({ src, number = null, alt, size = [1920, 1200], corners = [], arrows = false, dim = false }) {
+/** `belongs`: [[u, v] ...] of the frame in which the target is to be. `number`: of a live picture, which changes while the others stay. `corners`: [[id, u, v, du?, dv?] ...] in pixels of `size`; arrows (du, dv) enlarged so that the longest is a twentieth of the width. */
+export function Picture({ src, number = null, alt, size = [1920, 1200], corners = [], arrows = false, belongs = null, dim = false }) {
   const [broken, setBroken] = useState(null); // the address that brought no picture
   const [width, height] = size;
   const longest = arrows ? Math.max(0, ...corners.map(([, , , du = 0, dv = 0]) => Math.hypot(du, dv))) : 0;
@@ -17,6 +17,7 @@ export function Picture({ src, number = null, alt, size = [1920, 1200], corners 
         ${src && broken !== src && html`<image key=${number === null ? src : 'live'} href=${src} width=${width} height=${height} onError=${() => setBroken(src)} />`}
         ${corners.map(([id, u, v]) => html`<circle key=${id} class="corner" cx=${u} cy=${v} r=${r} />`)}
         ${times > 0 && corners.map(([id, u, v, du = 0, dv = 0]) => html`<path key=${`a${id}`} class="arrow" d=${arrow(u, v, du * times, dv * times, r)} />`)}
+        ${belongs && html`<polygon class="belongs" points=${belongs.map((at) => at.join(',')).join(' ')} stroke-width=${width / 240} stroke-dasharray="${width / 80} ${width / 130}" />`}
       </svg>
     </div>
     ${corners.length > 0 && html`<figcaption class="small quiet legend">

@@ -44,10 +44,24 @@ export function wayToGo(here, there) {
   };
 }
 
+/** As `wayToGo`, the turns one after the other: each is left to do once those before it are done. */
+export function wayInSteps(here, there) {
+  const turns_deg = turnsInOrder_deg(multiply(conjugate(here.quaternion_wxyz), there.quaternion_wxyz));
+  return { turns_deg, shifts_mm: wayToGo(here, there).shifts_mm };
+}
+
+/** The pose after one turn about the flange's axis 0, 1 or 2 by degrees ('turn'), or one shift along the base's by mm ('shift'). */
+export function alongAxis(here, kind, axis, by) {
+  const only = (value) => [0, 1, 2].map((one) => (one === axis ? value : 0));
+  if (kind === 'shift') return { ...here, translation_mm: here.translation_mm.map((value, one) => value + only(by)[one]) };
+  const half = (by * Math.PI) / 360;
+  return { ...here, quaternion_wxyz: multiply(here.quaternion_wxyz, [Math.cos(half), ...only(Math.sin(half))]) };
+}
+
 /** The same one after the other, as whole degrees and millimetres: { turn_axis, deg } for each turn, then { shift_mm }. */
 export function stepsTo(here, there) {
-  const turns = turnsInOrder_deg(multiply(conjugate(here.quaternion_wxyz), there.quaternion_wxyz)).map(Math.round);
-  const shift_mm = wayToGo(here, there).shifts_mm.map(Math.round);
-  const steps = turns.map((deg, axis) => ({ turn_axis: 'xyz'[axis], deg })).filter(({ deg }) => deg !== 0);
+  const { turns_deg, shifts_mm } = wayInSteps(here, there);
+  const shift_mm = shifts_mm.map(Math.round);
+  const steps = turns_deg.map(Math.round).map((deg, axis) => ({ turn_axis: 'xyz'[axis], deg })).filter(({ deg }) => deg !== 0);
   return shift_mm.some((value) => value !== 0) ? [...steps, { shift_mm }] : steps;
 }

@@ -1,9 +1,11 @@
-// By hand: the advice large, the way to go, a jog, what the camera sees; "Take view" is never refused for being elsewhere.
+// By hand: what the camera sees and the frame where the target belongs, a button that is held to go there, the way axis by axis,
+// a jog. "Take picture" is never refused for being elsewhere.
 import { html, useMemo, useState } from '../vendor/preact.js';
 import { Act } from '../parts/act.js';
 import { Bar, Steps } from '../parts/bar.js';
 import { Card } from '../parts/card.js';
 import { CellScene } from '../parts/cell_scene.js';
+import { HeldMove } from '../parts/held_move.js';
 import { JogControls } from '../parts/jog_controls.js';
 import { useAsked } from '../parts/loaded.js';
 import { LivePicture } from '../parts/live_picture.js';
@@ -13,7 +15,7 @@ import { WayToGo, isNear } from '../parts/way_to_go.js';
 import { ask, newKey } from '../state/ask.js';
 import { cameraOf, ofCamera } from '../state/sensors.js';
 import { inRow, mm, signed } from '../state/numbers.js';
-import { look, may, note, old, robot } from '../state/now.js';
+import { may, note, old, robot } from '../state/now.js';
 import { t } from '../state/words.js';
 
 const MOVE_LIMIT_S = 600; // a jog is answered when the arm stands; all axes at the lowest speed take minutes
@@ -31,7 +33,9 @@ export function ByHand({ shown }) {
     skeleton_mm: now?.skeleton_mm, flange_mm: here?.translation_mm, box_mm: arm.data?.box_mm, outline_mm: arm.data?.target_points_mm,
     target: places.target, carried, next: next ? at(next) : null, here: places.camera ?? here,
   }), [now, arm.data, inForce.data, next]);
-  const near = here && next && isNear(here, next, planning.near) && look.value?.corners?.length > 0;
+  const [seen, setSeen] = useState(null);
+  const near = here && next && isNear(here, next, planning.near) && seen?.corners?.length > 0;
+  const [held, setHeld] = useState(null); // which of the buttons that move the arm is held
   const [stands, setStands] = useState(false); // after a jog from here
   const post = async (what, options) => {
     setStands(false);
@@ -47,21 +51,26 @@ export function ByHand({ shown }) {
   const moving = shown.state === 'moving'; // of a run by hand: it jogs
   const jogs = arm.data?.moves ?? false; // a robot that is only read is jogged with the pendant
   const off = !may('operator') || old.value || !waits;
+  const goes = jogs && here && next;
+  const goesFirst = goes && (!near || held === 'there');
+  const why = may('operator') ? t(waits ? 'move.running' : moving ? 'move.moving' : `state.${shown.state}`) : t('missing.role');
   return html`<div class="cockpit by-hand">
     <${Bar} steps=${html`<${Steps} at="pictures" run=${shown.id} />`}
-      sentence=${html`<span id="advice">${t('jog.title', { view: Math.min(station + 1, stations), of: stations })}: ${waits || moving ? html`<${Advice} planning=${planning} here=${here} near=${near} />` : t(`state.${shown.state}`)}</span>`}
+      sentence=${html`<span id="advice">${t('jog.title', { view: Math.min(station + 1, stations), of: stations })}: ${waits || moving ? html`<${Advice} planning=${planning} here=${here} near=${near} goes=${goes} />` : t(`state.${shown.state}`)}</span>`}
       about=${`${t(jogs ? 'jog.nothing-moves' : 'jog.pendant-only')}${planning?.now_mm ? ` ${t('jog.so-far', { U: mm(planning.now_mm) })}` : ''}`} />
-    <${Card} title=${t('cell.camera')} id="camera" flush><${LivePicture} of=${cameraOf(shown)} /></${Card}>
+    <${Card} title=${t('cell.camera')} id="camera" flush><${LivePicture} of=${cameraOf(shown)} onSeen=${setSeen} belongs=${planning?.next_outline_px} />
+      ${planning?.next_outline_px && html`<p class="belongs-here"><b aria-hidden="true"></b> ${t('way.belongs')}</p>`}</${Card}>
     <div class="side">
-      <${Card} title=${t('way.title')} id="way">
+      ${goes && html`<div class="acts"><${HeldMove} id="hold-there" to=${next} within=${shown.id} onHeld=${(now) => setHeld(now ? 'there' : null)} label=${t('way.go')} primary=${goesFirst} disabled=${off && held !== 'there'} why=${why} /></div>`}
+      <${Card} title=${t(goes ? 'way.by-axis' : 'way.title')} id="way">
         ${planning?.note && html`<p class="note warn" role="alert" lang="en"><span class="mark" aria-hidden="true">!</span> ${planning.note}</p>`}
-        ${here && next ? html`<${WayToGo} here=${here} there=${next} near=${planning.near} />` : html`<p class="quiet">${t('way.free')}</p>`}
-        <div class="row jog-acts">
-          <${Act} label=${t('jog.take')} primary disabled=${off} act=${act('stations')} />
-          <${Act} label=${t('jog.finish')} disabled=${off || station < 3} act=${act('finish')} />
-        </div>
-        ${station < 3 && html`<p class="small quiet">${t('jog.least')}</p>`}
+        ${here && next ? html`<${WayToGo} here=${here} there=${next} near=${planning.near} hold=${goes && { within: shown.id, held, setHeld, off }} />` : html`<p class="quiet">${t('way.free')}</p>`}
       </${Card}>
+      <div class="acts jog-acts">
+        <${Act} label=${t('jog.take')} primary=${!goesFirst} disabled=${off} act=${act('stations')} />
+        <${Act} label=${t('jog.finish')} disabled=${off || station < 3} act=${act('finish')} />
+        ${station < 3 && html`<p class="small quiet">${t('jog.least')}</p>`}
+      </div>
       ${jogs && html`<${Card} title=${t('move.title')} id="move">
         <${JogControls} arm=${arm.data} joints_deg=${now?.joints_deg} send=${jog} busy=${waits ? '' : t(moving ? 'move.moving' : `state.${shown.state}`)} />
         <p role="status">${moving ? html`<b>● ${t('move.moving')}</b>` : waits && stands && html`<b>✓ ${t('move.done')}</b>`}</p></${Card}>`}
@@ -71,8 +80,9 @@ export function ByHand({ shown }) {
 }
 
 /** What to do from where the arm stands now: the daemon's advice is of where it stood at the last view. */
-function Advice({ planning, here, near }) {
+function Advice({ planning, here, near, goes }) {
   if (near) return t('jog.near');
+  if (goes && planning.next_outline_px) return t('jog.frame');
   const next = planning?.next_pose;
   const steps = here && next ? stepsTo(here, next) : (planning?.advice_steps ?? []);
   if (!steps.length) return html`<span lang="en">${planning?.advice || ''}</span>`;

@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 import pytest_asyncio
 
+from daemon.cell import held_button
 from tests.daemon.access_keys import with_keys
 from tests.daemon.cell_under_test import Bench
 from tests.support.waiting import LIMIT_S
@@ -116,6 +117,13 @@ def watch(page: Any, wrong: list[str]) -> None:
 
     page.on("console", on_console)
     page.on("pageerror", lambda error: wrong.append(str(error)))
+
+
+@pytest.fixture
+def patient_lease(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A lease that a busy machine keeps; that silence ends it in time is tried in tests/daemon/runs."""
+    monkeypatch.setattr(held_button, "LEASE_S", 10.0)
+    monkeypatch.setattr(held_button, "FIRST_S", LIMIT_S)
 
 
 @pytest.fixture(scope="session")

@@ -67,3 +67,34 @@ async def hold_requests(page: Any, pattern: str) -> asyncio.Event:
 
     await page.route(pattern, answer_late)
     return released
+
+
+async def hold_until_moving(page: Any, button: str, reached: asyncio.Event) -> None:
+    """Hold a button by key until the arm is on its way; again where the page let go, no word answered in time."""
+    while not reached.is_set():
+        await page.locator(f"{button}:not([aria-disabled])").focus()
+        await page.keyboard.down("Enter")
+        await page.locator(f"{button}:not(.idle)").wait_for()
+        ends = [asyncio.create_task(page.locator(f"{button}.idle").wait_for()), asyncio.create_task(reached.wait())]
+        await asyncio.wait(ends, return_when=asyncio.FIRST_COMPLETED)
+        for one in ends:
+            one.cancel()
+        await asyncio.gather(*ends, return_exceptions=True)
+        if not reached.is_set():
+            await page.keyboard.up("Enter")
+
+
+async def let_go(page: Any, how: str) -> None:
+    """Let go of the button that is held with the key, in one of the ways."""
+    if how == "key":
+        await page.keyboard.up("Enter")
+    elif how == "Escape":
+        await page.keyboard.press("Escape")
+    elif how == "blur":
+        await page.evaluate("document.activeElement.blur()")
+    elif how == "window":
+        await page.evaluate("window.dispatchEvent(new Event('blur'))")
+    elif how == "hidden":
+        await page.evaluate("document.dispatchEvent(new Event('visibilitychange'))")
+    else:
+        await page.context.set_offline(True)

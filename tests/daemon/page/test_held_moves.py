@@ -7,37 +7,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from daemon.cell import held_button
 from tests.daemon.cell_under_test import Bench, Parts, serving, settings_for
 from tests.daemon.fakes import Gate
 from tests.daemon.page.conftest import page_of
+from tests.daemon.page.holding import hold_until_moving, let_go
 from tests.support.waiting import LIMIT_S, eventually
 
-pytestmark = [pytest.mark.asyncio(loop_scope="module"), pytest.mark.slow]
+pytestmark = [pytest.mark.asyncio(loop_scope="module"), pytest.mark.slow, pytest.mark.usefixtures("patient_lease")]
 
 BACK = "Back to the target"
-
-
-@pytest.fixture(autouse=True)
-def _patient(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A lease that a busy machine keeps; that silence ends it in time is tried in tests/daemon/runs."""
-    monkeypatch.setattr(held_button, "LEASE_S", 10.0)
-    monkeypatch.setattr(held_button, "FIRST_S", LIMIT_S)
-
-
-async def hold_by_key(page: Any, reached: asyncio.Event) -> None:
-    """Hold the button until the arm is on its way; again where the page let go, as no word was answered in time."""
-    while not reached.is_set():
-        await page.locator("#hold-back:not([aria-disabled])").focus()
-        await page.keyboard.down("Enter")
-        await page.locator("#hold-back:not(.idle)").wait_for()
-        ends = [asyncio.create_task(page.locator("#hold-back.idle").wait_for()), asyncio.create_task(reached.wait())]
-        await asyncio.wait(ends, return_when=asyncio.FIRST_COMPLETED)
-        for one in ends:
-            one.cancel()
-        await asyncio.gather(*ends, return_exceptions=True)
-        if not reached.is_set():
-            await page.keyboard.up("Enter")
 
 
 async def aborted_away(bench: Bench, parts: Parts) -> Any:
@@ -52,22 +30,6 @@ async def aborted_away(bench: Bench, parts: Parts) -> Any:
     parts.robot.before_move = None
     parts.camera.blind = lambda number: bool(np.abs(bench.robot.base_T_flange - seen_at).max() > 1.0)
     return seen_at
-
-
-async def ends(page: Any, how: str) -> None:
-    """Let go of the button that is held with the key, in one of the ways."""
-    if how == "key":
-        await page.keyboard.up("Enter")
-    elif how == "Escape":
-        await page.keyboard.press("Escape")
-    elif how == "blur":
-        await page.evaluate("document.activeElement.blur()")
-    elif how == "window":
-        await page.evaluate("window.dispatchEvent(new Event('blur'))")
-    elif how == "hidden":
-        await page.evaluate("document.dispatchEvent(new Event('visibilitychange'))")
-    else:
-        await page.context.set_offline(True)
 
 
 async def test_after_an_abort_one_hold_brings_the_arm_back_to_the_target(browser: Any, tmp_path: Path) -> None:
@@ -94,9 +56,9 @@ async def test_the_arm_stops_however_the_button_is_let_go(browser: Any, tmp_path
         await aborted_away(bench, parts)
         parts.robot.before_move = gate = Gate(3)
         await page.goto(f"{bench.url}/page/?lang=en#/cell")
-        await asyncio.wait_for(hold_by_key(page, gate.reached), LIMIT_S)
+        await asyncio.wait_for(hold_until_moving(page, "#hold-back", gate.reached), LIMIT_S)
         assert bench.robot.armed
-        await ends(page, how)
+        await let_go(page, how)
         await eventually(lambda: not bench.robot.armed)
         await eventually(lambda: bench.application.cell.buttons == {})
         run = (await bench.client.get("/runs", params={"limit": 1})).json()["runs"][0]

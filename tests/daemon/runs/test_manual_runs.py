@@ -1,13 +1,9 @@
 """Runs without a driver: the operator jogs and asks for each view, and is told where to go; only jogs move the arm."""
 
 import asyncio
-from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import httpx
 import numpy as np
 import pytest
 
@@ -17,46 +13,12 @@ from daemon.model.records import RunRecord
 from daemon.model.run_states import RunState
 from daemon.store.store import Store
 from drivers.errors import DeviceTimeout
+from tests.daemon.by_hand import COLUMNS, FRAME_PX, POSES, ROWS, by_hand
 from tests.daemon.cell_under_test import Bench, Parts, pose_json, serving, settings_for
-from tests.daemon.fakes import FLANGE_T_CAMERA, Gate, poses_around_the_target
+from tests.daemon.fakes import FLANGE_T_CAMERA, Gate
 from tests.support.waiting import LIMIT_S
 
 TEXT = {"accept": "text/plain"}
-POSES = poses_around_the_target(6)
-
-
-@dataclass
-class ByHand:
-    """A manual run, and the operator's hand on the joystick."""
-
-    bench: Bench
-    run: dict[str, Any]
-
-    def jogs_to(self, base_T_flange: Any) -> None:
-        self.bench.robot.base_T_flange = base_T_flange.copy()
-
-    async def takes(self, pose: Any = None) -> httpx.Response:
-        if pose is not None:
-            self.jogs_to(pose)
-        return await self.bench.client.post(self.run["links"]["stations"])
-
-    async def finishes(self, wait: float = 30) -> httpx.Response:
-        return await self.bench.client.post(self.run["links"]["finish"], params={"wait": wait})
-
-    async def sees(self) -> dict[str, Any]:
-        found: dict[str, Any] = (await self.bench.client.get(self.run["links"]["self"])).json()
-        return found
-
-
-@asynccontextmanager
-async def by_hand(folder: Path, parts: Parts | None = None, **calibration: Any) -> AsyncIterator[ByHand]:
-    """A manual run that has just begun."""
-    settings = settings_for(folder, calibration={"poses": [], **calibration})
-    async with serving(settings, parts) as bench:
-        started = await bench.client.post("/calibrate", json={"manual": True})
-        assert started.status_code == 202, started.text
-        assert started.json()["state"] == "waiting"
-        yield ByHand(bench, started.json())
 
 
 async def test_the_operator_jogs_takes_views_and_finishes_and_nothing_ever_moves_the_arm(tmp_path: Path) -> None:
@@ -89,6 +51,11 @@ async def test_advice_leads_on_from_nothing_known_to_enough(tmp_path: Path) -> N
         target = PoseDocument.model_validate(third["next_pose"]).transform()
         fourth = await hand.takes(target)
         assert fourth.status_code == 200, "the advice leads to where the target is in the picture"
+        views = (await hand.bench.client.get(f"/runs/{hand.run['id']}/views")).json()["views"]
+        corners = {number: (u, v) for number, u, v, *_ in views[-1]["corners"]}
+        outline = [corners[number] for number in (0, COLUMNS - 1, COLUMNS * ROWS - 1, COLUMNS * (ROWS - 1))]
+        np.testing.assert_allclose(third["next_outline_px"], outline, atol=FRAME_PX)
+        assert first["next_outline_px"] is None
         assert fourth.json()["planning"]["now_mm"] == pytest.approx(third["planned_mm"], rel=0.5)
         steps = fourth.json()["planning"]["advice_steps"]
         assert {*map(frozenset, steps)} <= {frozenset(("turn_axis", "deg")), frozenset(("shift_mm",))}

@@ -5,7 +5,7 @@ import test from 'node:test';
 
 const page = join(import.meta.dirname, '..', '..', '..', '..', 'daemon', 'page');
 const { EventReader } = await import(join(page, 'state', 'sse.js'));
-const { wayToGo, stepsTo, compose, turn } = await import(join(page, 'parts', 'pose.js'));
+const { alongAxis, wayInSteps, wayToGo, stepsTo, compose, turn } = await import(join(page, 'parts', 'pose.js'));
 const { enlargement, halfAxes, pointCovariance } = await import(join(page, 'parts', 'ellipsoid.js'));
 const { ticks, logTicks } = await import(join(page, 'parts', 'ticks.js'));
 const { joinParts, joinSurfaces, deviationEnd, boxAround, finerVoxel, boundsOf, pickPoint, MAX_POINTS, shareOf, shareOfParts } = await import(join(page, 'scene', 'cloud_data.js'));
@@ -40,6 +40,18 @@ test('the steps to go are turns about the axes of the flange one after the other
   assert.deepEqual(stepsTo(here, there), [{ turn_axis: 'x', deg: -40 }, { turn_axis: 'z', deg: 30 }, shift]);
   assert.deepEqual(stepsTo(turned, there), [{ turn_axis: 'z', deg: 30 }, shift]);
   assert.deepEqual(stepsTo(there, there), []);
+});
+
+test('one move along each axis in order, and nothing is left', () => {
+  const here = { translation_mm: [500, 0, 700], quaternion_wxyz: [HALF, 0, HALF, 0] };
+  const there = { translation_mm: [520, -30, 650], quaternion_wxyz: [0.5, -0.5, 0.1, Math.sqrt(0.49)] };
+  const left = (at) => { const { turns_deg, shifts_mm } = wayInSteps(at, there); return [...turns_deg, ...shifts_mm]; };
+  let at = here;
+  for (let bar = 0; bar < 6; bar += 1) {
+    const before = left(at);
+    at = alongAxis(at, bar < 3 ? 'turn' : 'shift', bar % 3, before[bar]);
+    near(left(at), before.map((value, index) => (index <= bar ? 0 : value)), 1e-6);
+  }
 });
 
 test('a quaternion and its negative are the same way', () => {
