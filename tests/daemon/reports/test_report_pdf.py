@@ -2,11 +2,14 @@
 
 import io
 import os
+from itertools import cycle
 from pathlib import Path
 
 import pytest
 
+from calibration.documents.calibration import CalibrationDocument
 from calibration.documents.numbers import number
+from calibration.sentences.sentence import LANGUAGES, LanguageTag
 from daemon.config.report_settings import ReportSettings
 from daemon.reports.context import ReportContext
 from daemon.reports.errors import ReportExtraMissing
@@ -19,9 +22,18 @@ pytestmark = [  # WeasyPrint 70 leaves its colour profile open
     pytest.mark.filterwarnings("ignore::ResourceWarning"),
 ]
 
+VERSION_1 = CalibrationDocument.model_validate_json(
+    (Path(__file__).parents[2] / "calibration" / "documents" / "calibration_version_1.json").read_bytes()
+)
 DOCUMENT = a_calibration("20261122-090000-abc123")
 CONTENT = DOCUMENT.model_dump_json().encode()
 HTML = calibration_report(DOCUMENT, ReportContext(names=ReportSettings(plant="Plant 3")))
+
+
+def with_views(count: int, language: LanguageTag) -> str:
+    """The report of a calibration with so many rows in its table of views."""
+    views = tuple(view.model_copy(update={"index": index}) for index, view in zip(range(count), cycle(VERSION_1.views)))
+    return calibration_report(VERSION_1.model_copy(update={"views": views}), ReportContext(language=language))
 
 
 def written(html: str = HTML) -> bytes:
@@ -51,6 +63,28 @@ def test_the_pdf_says_what_the_report_says_and_holds_the_calibration() -> None:
     assert reader.attachments["calibration.json"] == [CONTENT]
     assert b"pdfaid:part" in reader.trailer["/Root"]["/Metadata"].get_data()
     assert reader.trailer["/Root"]["/MarkInfo"]["/Marked"]
+
+
+def pages_of_tables(html: str) -> list[set[int]]:
+    """Of each table, the pages on which parts of it are."""
+    weasyprint = pytest.importorskip("weasyprint", reason="the extra `report` is not installed")
+    pages: dict[int, set[int]] = {}
+    for sheet, page in enumerate(weasyprint.HTML(string=html).render().pages, start=1):
+        for box in page._page_box.descendants():
+            if box.element_tag == "table":
+                pages.setdefault(id(box.element), set()).add(sheet)
+    return list(pages.values())
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_no_table_is_broken_over_two_pages(language: LanguageTag) -> None:
+    for views in (5, 15, 25, 40):
+        html = with_views(views, language)
+        assert "counter(page)" in html and "counter(pages)" in html, "pages are numbered"
+        tables = pages_of_tables(html)
+        assert len(tables) >= 5 and len(set.union(*tables)) >= 2
+        assert [pages for pages in tables if len(pages) > 1] == [], views
 
 
 @pytest.mark.parametrize("address", ["http://127.0.0.1:9/x.png", "file:///etc/hostname", "ftp://127.0.0.1/x"])

@@ -41,7 +41,7 @@ from daemon.reports.reports import (
 )
 from daemon.store.documents import DocumentRecord
 from registration.documents import RegistrationReportDocument
-from tests.daemon.calibrations import a_calibration
+from tests.daemon.calibrations import a_calibration, document_with_covariance
 from tests.daemon.records import an_acceptance
 
 HOSTILE = "\"'><img src=x onerror=alert(1)><script>alert(2)</script></style></title>{{7*7}} é 漢\u202e"
@@ -290,6 +290,18 @@ def test_a_report_is_in_its_language_alone(name: str, language: LanguageTag) -> 
         text for text in set(words_in("en").values()) - set(words.values()) if len(text) > 12 and "{" not in text
     }
     assert language == "en" or not [text for text in english if text in page.text]
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_what_was_expected_what_was_got_and_what_was_before_stand_together(language: LanguageTag) -> None:
+    beside = {"expected_mm": 0.31, "before_mm": 0.52}
+    document = document_with_covariance()
+    document = document.model_copy(update={"accuracy": document.accuracy.model_copy(update=beside)})
+    text = " ".join(Elements(calibration_report(document, ReportContext(language=language))).text.split())
+    in_words = [words_in(language)[f"calibration.{name}"] for name in ("expected", "before")]
+    decimal = "." if language in ("en", "zh") else ","
+    for words, U in zip(in_words, ("0.31", "0.52"), strict=True):
+        assert words.replace("{U}", U.replace(".", decimal)) in text
 
 
 def test_findings_and_numbers_are_in_the_language_of_the_report() -> None:
