@@ -32,6 +32,7 @@ QUICK: dict[str, tuple[str, ...]] = {
     "daemon.http_fuzz": ("--streams", "1000"),
     "daemon.link": ("--schedules", "10", "--reads", "10", "--reconnects", "50"),
     "daemon.merge_beside": ("--points", "1e6", "--runs", "1"),
+    "daemon.opcua": ("--seconds", "8"),
     "daemon.page": ("--runs", "1", "--idle", "10"),
     "daemon.page_cloud": ("--points", "1e6", "--views", "4", "--area", "2"),
     "daemon.page_hours": ("--hours", "1"),

@@ -10,7 +10,18 @@ PAGES = ROOT / "docs" / "how-to"
 MAX_FILES = {"add-a-camera": 5, "add-a-target": 7, "add-a-route": 7, "add-an-error": 7, "add-a-robot": 7,
              "add-an-extension": 8}  # fmt: skip
 ROOMS = (
-    *("calibration", "daemon", "deploy", "docs", "drivers", "extensions", "mock_robot", "protocols", "registration"),
+    *(
+        "calibration",
+        "daemon",
+        "deploy",
+        "docs",
+        "drivers",
+        "extensions",
+        "gateways",
+        "mock_robot",
+        "protocols",
+        "registration",
+    ),
     "tests",
 )
 

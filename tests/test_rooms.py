@@ -15,6 +15,7 @@ MODULES = (
     "daemon",
     "drivers",
     "extensions",
+    "gateways",
     "handeyed",
     "mock_robot",
     "protocols",

@@ -13,7 +13,7 @@ import pytest
 from calibration.sentences.sentence import LANGUAGES, sections_in, sentences_in
 from tests.structure import ROOT, nodes_of, python_files
 
-ROOMS = ("calibration", "daemon", "drivers", "extensions", "handeyed", "protocols", "registration")
+ROOMS = ("calibration", "daemon", "drivers", "extensions", "gateways", "handeyed", "protocols", "registration")
 PAGE = ROOT / "daemon" / "page"
 SENTENCES = ROOT / "calibration" / "sentences" / "words"
 FILES = {  # by what has them; the errors say themselves what they are in English

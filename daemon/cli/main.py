@@ -37,6 +37,7 @@ from daemon.cli.tls import app as tls
 from daemon.cli.verify_scanner import verify_scanner
 from daemon.cli.version import version
 from extensions.commands import COMMANDS
+from gateways.commands import COMMANDS as GATEWAYS
 
 ABOUT = "Makes an ABB robot cell see: eye-in-hand calibration with an uncertainty to trust, clouds in the base frame."
 
@@ -44,7 +45,8 @@ OFFLINE = "From files"
 PANELS: dict[str, Commands] = {
     "Try it": (demo, mock),
     "In the cell": (
-        init, check, health, devices, serve, calibrate, backup, restore, robot, target, keys, tls, audit, support_bundle
+        init, check, health, devices, serve, calibrate, backup, restore, robot, target, keys, tls, audit,
+        *GATEWAYS, support_bundle,
     ),
 }  # fmt: skip
 EARLY: Commands = (import_session, solve, compare, export, report)

@@ -1,0 +1,272 @@
+"""`python -m benchmarks.daemon.opcua [--cells 50] [--items 1000] [--seconds 15]`: what the OPC UA gateway costs.
+
+The gateway in a process of its own over daemons that only talk (one process, /live five times a second under load),
+and a client with monitored items over SignAndEncrypt. Reported: time until clients can read, processor time at rest
+and under load, memory, the delay of a result's event, an abort over OPC UA beside the same over REST, the memory after
+100 connections that send half a message and wait, and after as many clients that came and left.
+"""
+
+import argparse
+import asyncio
+import json
+import logging
+import multiprocessing
+import os
+import shutil
+import socket
+import struct
+import tempfile
+import time
+from collections.abc import AsyncIterator
+from pathlib import Path
+from typing import Any
+
+import httpx
+import numpy as np
+import psutil
+import uvicorn
+from starlette.applications import Starlette
+from starlette.requests import Request
+from starlette.responses import JSONResponse, PlainTextResponse, Response, StreamingResponse
+from starlette.routing import Route
+
+from gateways.opcua.cell_state import SCALARS
+from gateways.opcua.settings import CellSettings, GatewaySettings, ServerSettings
+from tests.gateways.opcua.plant import Plant, PlantClient, free_port
+
+READY = {"calibrate": {"ready": True, "reasons": []}, "warnings": [], "warning_details": []}
+BUSY_BEAT_S, REST_BEAT_S = 0.2, 1.0
+HALF_MESSAGES = 100
+CHUNK_BYTES = 60_000
+
+
+def talk(port: int) -> None:
+    """Serve /CELL/live and the rest of what the gateway asks of each daemon; POST /busy and /result change what."""
+    busy, ended = [False], asyncio.Event()
+    number = [0]
+
+    async def live(_: Request) -> Response:
+        async def beats() -> AsyncIterator[bytes]:
+            count = 0
+            robot = {"mode": "automatic"}
+            yield _event("live", {"ready": READY, "run": None, "robot": robot, "devices": [], "software": "talker"})
+            while True:
+                count += 1
+                moved: dict[str, Any] = {"at": str(count)}
+                if busy[0]:
+                    moved |= {"run": {"id": "r", "kind": "verify", "station": count, "stations": count}}
+                yield _event("live", moved)
+                await asyncio.sleep(BUSY_BEAT_S if busy[0] else REST_BEAT_S)
+
+        return StreamingResponse(beats(), media_type="text/event-stream")
+
+    async def events(_: Request) -> Response:
+        async def ends() -> AsyncIterator[bytes]:
+            yield b": here\n\n"
+            while True:
+                await ended.wait()
+                yield _event("run", {"id": f"r{number[0]}", "state": "finished"}, number[0])
+                await asyncio.sleep(0.1)
+
+        return StreamingResponse(ends(), media_type="text/event-stream")
+
+    async def run(request: Request) -> Response:
+        return JSONResponse(_run(request.path_params["run"]))
+
+    async def act(request: Request) -> Response:
+        if request.path_params["what"] == "busy":
+            busy[0] = not busy[0]
+        else:
+            number[0] += 1
+            ended.set()
+            ended.clear()
+        return JSONResponse({})
+
+    async def none(_: Request) -> Response:
+        return JSONResponse({"code": "no-calibration", "detail": "", "fix": ""}, 404)
+
+    async def of_ready(_: Request) -> Response:
+        return JSONResponse(READY)
+
+    async def of_drift(_: Request) -> Response:
+        return JSONResponse({"standing": "steady", "points": []})
+
+    async def runs(_: Request) -> Response:
+        return JSONResponse({"runs": [_run("r", over=False)], "next": None})
+
+    async def metrics(_: Request) -> Response:
+        return PlainTextResponse("handeyed_store_sound 1\n")
+
+    routes = [
+        Route("/act/{what}", act, methods=["POST"]),
+        Route("/{cell}/live", live),
+        Route("/{cell}/events", events),
+        Route("/{cell}/runs", runs),
+        Route("/{cell}/runs/{run}", run),
+        Route("/{cell}/runs/{run}/abort", run, methods=["POST"]),
+        Route("/{cell}/ready", of_ready),
+        Route("/{cell}/drift", of_drift),
+        Route("/{cell}/metrics", metrics),
+        Route("/{cell}/calibrations/current", none),
+    ]
+    uvicorn.run(Starlette(routes=routes), host="127.0.0.1", port=port, log_level="error")
+
+
+def run_gateway(settings: GatewaySettings) -> None:
+    """The gateway, until it is terminated."""
+    from gateways.opcua.gateway import serve
+
+    logging.getLogger("asyncua").setLevel(logging.CRITICAL)
+
+    async def forever() -> None:
+        async with serve(settings):
+            await asyncio.Event().wait()
+
+    asyncio.run(forever())
+
+
+async def measure(cells: int, items: int, seconds: float) -> None:
+    """Print each figure."""
+    spawning = multiprocessing.get_context("spawn")
+    with tempfile.TemporaryDirectory(prefix="handeyed-opcua-") as name:
+        folder, port, web = Path(name), free_port(), free_port()
+        endpoint, url = f"opc.tcp://127.0.0.1:{port}/", f"http://127.0.0.1:{web}"
+        server = ServerSettings(
+            endpoint=endpoint,
+            certificate=folder / "own.der",
+            private_key=folder / "own-key.pem",
+            trusted=folder / "trusted",
+        )
+        settings = GatewaySettings(
+            cell=tuple(CellSettings(name=f"cell{k}", url=f"{url}/cell{k}") for k in range(cells)), server=server
+        )
+        processes = [spawning.Process(target=talk, args=(web,), daemon=True)]
+        processes[0].start()
+        await _listens(web)
+        began_s = time.monotonic()
+        processes.append(spawning.Process(target=run_gateway, args=(settings,), daemon=True))
+        processes[1].start()
+        try:
+            await _listens(port)
+            gateway = psutil.Process(processes[1].pid)
+            plant = Plant(folder, endpoint)
+            async with plant.client() as client, httpx.AsyncClient(base_url=url) as rest:
+                print(f"{cells} cells: ready after {time.monotonic() - began_s:.1f} s, {_mb(gateway):.0f} MB")
+                await _load(client, rest, gateway, cells, items, seconds)
+                await _abort(client, rest)
+                await _result(client, rest)
+            await _half_messages(port, gateway)
+            before_mb = _mb(gateway)
+            for _ in range(30):
+                async with plant.client() as client:
+                    await client.listen("cell0.Cell.Ready")
+            print(f"30 clients that came and left: {before_mb:.0f} MB before, {_mb(gateway):.0f} MB after")
+        finally:
+            for process in processes:
+                process.terminate()
+                process.join()
+            shutil.rmtree(folder, ignore_errors=True)
+
+
+async def _load(
+    client: PlantClient, rest: httpx.AsyncClient, gateway: psutil.Process, cells: int, items: int, seconds: float
+) -> None:
+    names = [f"cell{k}.Cell.{name}" for k in range(cells) for name in SCALARS][:items]
+    await client.listen(*names)
+    for what in ("at rest", "under load"):
+        if what == "under load":
+            await rest.post("/act/busy")
+        count, cpu_s, at_s = client.changes, sum(gateway.cpu_times()[:2]), time.monotonic()
+        await asyncio.sleep(seconds)
+        used = (sum(gateway.cpu_times()[:2]) - cpu_s) / (time.monotonic() - at_s)
+        changes = client.changes - count
+        print(f"{len(names)} items {what}: {100 * used:.1f} % of a core, {changes} changes in {seconds:g} s, "
+              f"{_mb(gateway):.0f} MB")  # fmt: skip
+    await rest.post("/act/busy")
+
+
+async def _abort(client: PlantClient, rest: httpx.AsyncClient) -> None:
+    took: dict[str, list[float]] = {"OPC UA": [], "REST": []}
+    for _ in range(20):
+        began_s = time.perf_counter()
+        await client.call("cell0.Cell.Abort")
+        took["OPC UA"].append(time.perf_counter() - began_s)
+        began_s = time.perf_counter()
+        await rest.post("/cell0/runs/r/abort")
+        took["REST"].append(time.perf_counter() - began_s)
+    told = ", ".join(f"{1000 * np.median(each):.0f} ms ({1000 * max(each):.0f} at most)" for each in took.values())
+    print(f"abort over OPC UA and over REST: {told}")
+
+
+async def _result(client: PlantClient, rest: httpx.AsyncClient) -> None:
+    await client.listen(events_of="cell0")
+    delays = []
+    for k in range(1, 6):
+        began_s = time.perf_counter()
+        await rest.post("/act/result")
+        await client.hears(Message=f"r{k} finished")
+        delays.append(time.perf_counter() - began_s)
+    print(f"a result's event: {1000 * max(delays):.0f} ms at most after the daemon's")
+
+
+async def _half_messages(port: int, gateway: psutil.Process) -> None:
+    """Connections that never finish their first message. Chunks of a message for an open channel that is not there."""
+    before_mb, held = _mb(gateway), []
+    for _ in range(HALF_MESSAGES):
+        reader, writer = await asyncio.open_connection("127.0.0.1", port)
+        hello = struct.pack("<IIIII", 0, 65535, 65535, 0, 0) + struct.pack("<i", -1)
+        writer.write(b"HELF" + struct.pack("<I", 8 + len(hello)) + hello)
+        await writer.drain()
+        await reader.read(28)
+        held.append(writer)
+    for number in range(1, 41):
+        for writer in held:
+            chunk = struct.pack("<IIII", 0, 0, number, 1) + bytes(CHUNK_BYTES)
+            if writer.is_closing():
+                continue
+            try:
+                writer.write(b"MSGC" + struct.pack("<I", 8 + len(chunk)) + chunk)
+                await asyncio.wait_for(writer.drain(), 1.0)
+            except (OSError, TimeoutError):
+                continue
+    await asyncio.sleep(2.0)
+    print(f"{HALF_MESSAGES} connections with half a message: {_mb(gateway) - before_mb:+.0f} MB")
+    for writer in held:
+        writer.close()
+
+
+async def _listens(port: int) -> None:
+    while True:
+        with socket.socket() as probe:
+            if probe.connect_ex(("127.0.0.1", port)) == 0:
+                return
+        await asyncio.sleep(0.05)
+
+
+def _event(kind: str, data: dict[str, Any], number: int | None = None) -> bytes:
+    head = "" if number is None else f"id: {number}\n"
+    return f"{head}event: {kind}\ndata: {json.dumps(data)}\n\n".encode()
+
+
+def _run(run_id: str, over: bool = True) -> dict[str, Any]:
+    at = "2026-01-01T00:00:00Z"
+    return {"id": run_id, "kind": run_id, "state": "finished", "over": over, "updated_at": at, "result": {}}
+
+
+def _mb(process: psutil.Process) -> float:
+    return float(process.memory_info().rss / 1e6)
+
+
+def main() -> None:
+    """Entry point."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--cells", type=int, default=50)
+    parser.add_argument("--items", type=int, default=1000)
+    parser.add_argument("--seconds", type=float, default=15.0)
+    options = parser.parse_args()
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    asyncio.run(measure(options.cells, options.items, options.seconds))
+
+
+if __name__ == "__main__":
+    main()

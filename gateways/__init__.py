@@ -1,0 +1,1 @@
+"""Processes of their own that show daemons over another protocol. They speak REST with the daemons, and no more."""

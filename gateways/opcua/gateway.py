@@ -1,0 +1,142 @@
+"""The gateway: one OPC UA server with a vision system for each cell."""
+
+import asyncio
+import gzip
+import logging
+import socket
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager, suppress
+from pathlib import Path
+
+from asyncua import Server, ua
+from asyncua.common.utils import ServiceError
+from asyncua.crypto.cert_gen import setup_self_signed_certificate
+from asyncua.crypto.truststore import TrustStore
+from asyncua.crypto.validator import CertificateValidator, CertificateValidatorOptions
+from asyncua.server.internal_session import InternalSession
+from cryptography import x509
+from cryptography.x509.oid import ExtendedKeyUsageOID
+
+from gateways.opcua.cell import Cell
+from gateways.opcua.sessions import RECHECK_S, KeyChecks, KeyServer
+from gateways.opcua.settings import GatewayError, GatewaySettings, ServerSettings
+from gateways.opcua.vision_system import CELLS, MACHINE_VISION, VisionSystem
+
+log = logging.getLogger(__name__)
+
+APPLICATION = "urn:handeyed:gateway"
+NODESET = Path(__file__).with_name("Opc.Ua.MachineVision.NodeSet2.xml.gz")
+"""The types of OPC 40100-1, of the OPC Foundation, under its MIT licence (in the file)."""
+
+MAX_MESSAGE_BYTES = 1 << 18
+MAX_CHUNKS = 5
+"""A message that goes on for longer is cut off; without these limits three connections without a login hold 300 MB
+(asyncua issues 1962 and 1963)."""
+
+SUBTYPES = {
+    "RecipeIdExternalDataType": (3002, 5002),
+    "RecipeIdInternalDataType": (3013, 5268),
+    "ConfigurationIdDataType": (3008, 5090),
+}
+"""Structures without fields of their own, which asyncua takes for their base: the numbers of type and encoding."""
+
+POLICIES = [
+    ua.SecurityPolicyType.Basic256Sha256_SignAndEncrypt,
+    ua.SecurityPolicyType.Aes256Sha256RsaPss_SignAndEncrypt,
+]
+
+
+@asynccontextmanager
+async def serve(settings: GatewaySettings) -> AsyncIterator[str]:
+    """Serve the cells; yields the endpoint at which clients connect. Raises GatewayError."""
+    cells: dict[str, Cell] = {}
+    core = KeyServer(KeyChecks(cells))
+    core.bind_condition_methods = True
+    core.allow_remote_admin = False
+    server = Server(iserver=core)
+    server.set_endpoint(settings.server.endpoint)
+    server.set_server_name("handeyed gateway")
+    server.product_uri, server.manufacturer_name = "urn:handeyed:opcua", "handeyed"
+    server.limits.max_message_size, server.limits.max_chunk_count = MAX_MESSAGE_BYTES, MAX_CHUNKS
+    InternalSession.max_connections = settings.server.connections  # where asyncua looks for it
+    await server.init()
+    await _secure(server, settings.server)
+    await server.import_xml(xmlstring=gzip.decompress(NODESET.read_bytes()).decode())
+    await server.load_data_type_definitions()
+    _register_subtypes(await server.get_namespace_index(MACHINE_VISION))
+    await server.register_namespace(CELLS)
+    for cell in settings.cell:
+        system = VisionSystem(server, cell)
+        await system.build()
+        cells[cell.name] = system.cell
+    try:
+        await server.start()
+    except OSError as error:
+        raise GatewayError(settings.server.endpoint, str(error), "choose another [server] endpoint") from None
+    try:
+        async with asyncio.TaskGroup() as tasks:
+            following = [tasks.create_task(one.follow()) for one in cells.values()]
+            following.append(tasks.create_task(_end_revoked(core)))
+            try:
+                yield server.endpoint.geturl()
+            finally:
+                for task in following:
+                    task.cancel()
+    finally:
+        await server.stop()
+
+
+class TrustedFolder:
+    """asyncua's certificate validator: what lies in the folder when a session is made."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+
+    async def __call__(self, certificate: x509.Certificate, description: ua.ApplicationDescription) -> None:
+        """Raises ServiceError."""
+        store = TrustStore([self._folder], [])
+        try:
+            await store.load_trust()
+        except (OSError, ValueError):  # an empty folder
+            raise ServiceError(ua.StatusCodes.BadCertificateUntrusted) from None
+        what = CertificateValidatorOptions
+        validator = CertificateValidator(what.TIME_RANGE | what.URI | what.TRUSTED | what.PEER_CLIENT, store)
+        await validator(certificate, description)
+
+
+def _register_subtypes(types: int) -> None:
+    for name, (data_type, encoding) in SUBTYPES.items():
+        kind = type(name, (ua.BinaryIdBaseDataType,), {"data_type": ua.NodeId(data_type, types)})
+        ua.register_extension_object(name, ua.NodeId(encoding, types), kind, ua.NodeId(data_type, types))
+
+
+async def _secure(server: Server, settings: ServerSettings) -> None:
+    """Encrypted and signed only, a user name and a key only, trusted certificates only. Raises GatewayError."""
+    await server.set_application_uri(APPLICATION)
+    try:
+        for folder in (settings.certificate.parent, settings.private_key.parent, settings.trusted):
+            folder.mkdir(parents=True, exist_ok=True)
+        await setup_self_signed_certificate(
+            settings.private_key,
+            settings.certificate,
+            APPLICATION,
+            socket.gethostname(),
+            [ExtendedKeyUsageOID.CLIENT_AUTH, ExtendedKeyUsageOID.SERVER_AUTH],
+            {"organizationName": "handeyed", "commonName": "handeyed gateway"},
+        )
+        settings.private_key.chmod(0o600)
+        await server.load_certificate(settings.certificate)
+        await server.load_private_key(settings.private_key)
+    except (OSError, ValueError) as error:
+        fix = "remove both files, and they are made anew; clients then have to trust the new one"
+        raise GatewayError(str(settings.certificate), str(error), fix) from None
+    server.set_security_policy(POLICIES)
+    server.set_identity_tokens([ua.UserNameIdentityToken])
+    server.set_certificate_validator(TrustedFolder(settings.trusted))
+
+
+async def _end_revoked(core: KeyServer) -> None:
+    while True:
+        await asyncio.sleep(RECHECK_S)
+        with suppress(ServiceError):
+            await core.end_revoked()

@@ -1,0 +1,114 @@
+"""gateway.toml: which cells there are, and how clients reach the gateway."""
+
+import tomllib
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+DEFAULT_ENDPOINT = "opc.tcp://0.0.0.0:4840/"
+
+
+@dataclass
+class GatewayError(Exception):
+    """The gateway cannot start. `place`: the file and the key; `what` and `fix` are sentences for people."""
+
+    place: str
+    what: str
+    fix: str
+
+    def __str__(self) -> str:
+        return f"{self.place}: {self.what}: {self.fix}"
+
+
+class Table(BaseModel):
+    """A table of the file."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True)
+
+
+class CellSettings(Table):
+    """One daemon."""
+
+    name: Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]{1,40}$")]
+    """Its node is ns=urn:handeyed:cells;s=NAME."""
+
+    url: Annotated[str, Field(pattern=r"^https?://")]
+    """Where it serves REST."""
+
+    key_file: Path | None = None
+    """A file with a viewer's key, for reading; without it the daemon asks for none."""
+
+    ca_file: Path | None = None
+    """The authority of its certificate; without it the system's authorities count."""
+
+    def key(self) -> str | None:
+        """The viewer's key. Raises GatewayError."""
+        if self.key_file is None:
+            return None
+        try:
+            return self.key_file.read_text().strip()
+        except OSError as error:
+            fix = "write a viewer's key into it: handeyed keys add SETTINGS gateway --role viewer"
+            raise GatewayError(str(self.key_file), str(error.strerror), fix) from None
+
+
+class ServerSettings(Table):
+    """What clients connect to."""
+
+    endpoint: Annotated[str, Field(pattern=r"^opc\.tcp://[^/]+:\d+/")] = DEFAULT_ENDPOINT
+    """Address and port that the gateway listens at."""
+
+    certificate: Path = Path("pki/own/gateway.der")
+    """Its certificate, DER; made with the key when there is none, for a year."""
+
+    private_key: Path = Path("pki/own/gateway-key.pem")
+    """The key of its certificate."""
+
+    trusted: Path = Path("pki/trusted")
+    """A folder with the certificates (.pem, .der) of clients, or of their authorities. Others are refused."""
+
+    connections: Annotated[int, Field(ge=1, le=1000)] = 100
+    """Sessions at a time."""
+
+
+class GatewaySettings(Table):
+    """The whole file."""
+
+    cell: Annotated[tuple[CellSettings, ...], Field(min_length=1, max_length=200)]
+    server: ServerSettings = ServerSettings()
+
+    @model_validator(mode="after")
+    def _names_differ(self) -> "GatewaySettings":
+        names = [cell.name for cell in self.cell]
+        if len(set(names)) < len(names):
+            raise ValueError("two cells have one name")
+        return self
+
+
+def read_settings(file: Path) -> GatewaySettings:
+    """The settings; paths count from the file's folder. Raises GatewayError."""
+    try:
+        read = GatewaySettings.model_validate(tomllib.loads(file.read_text()))
+    except (OSError, UnicodeDecodeError) as error:
+        raise GatewayError(str(file), str(error), "give a gateway.toml; docs/use/opcua.md has one") from None
+    except tomllib.TOMLDecodeError as error:
+        raise GatewayError(str(file), str(error), "correct the line") from None
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        place = f"{file}: {'.'.join(str(part) for part in first['loc']) or 'cells'}"
+        raise GatewayError(place, first["msg"], "docs/use/opcua.md says what stands there") from None
+    folder = file.resolve().parent
+    server = read.server.model_copy(
+        update={name: folder / getattr(read.server, name) for name in ("certificate", "private_key", "trusted")}
+    )
+    cells = tuple(
+        cell.model_copy(
+            update={
+                name: folder / value for name in ("key_file", "ca_file") if (value := getattr(cell, name)) is not None
+            }
+        )
+        for cell in read.cell
+    )
+    return GatewaySettings(cell=cells, server=server)

@@ -1,0 +1,143 @@
+"""One gateway over a daemon with fake devices, asked by a client of the OPC UA library it is not made with alone."""
+
+import asyncio
+from contextlib import AsyncExitStack
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("asyncua", reason="asyncua is not here: pip install 'handeyed[opcua]'")
+
+from asyncua import Client, ua
+
+from tests.daemon.access_keys import bearer, with_keys
+from tests.daemon.cell_under_test import Parts, serving, settings_for
+from tests.daemon.fakes import Gate
+from tests.gateways.opcua.plant import free_port, plant, refused
+
+AUTOMATIC = "cell7.VisionStateMachine.AutomaticModeStateMachine"
+
+
+@pytest.mark.slow
+async def test_a_run_is_started_once_by_its_ticket_and_told_from_its_begin_to_its_result(tmp_path: Path) -> None:
+    parts = Parts()
+    parts.robot.before_move = gate = Gate(2)
+    async with (
+        serving(settings_for(tmp_path), parts) as bench,
+        plant(tmp_path, {"cell7": bench.url}) as gateway,
+        gateway.client() as mes,
+    ):
+        watched = ("Ready", "State", "RunId", "LastResult", "CalibrationId")
+        await mes.listen(*(f"cell7.Cell.{name}" for name in watched), events_of="cell7")
+        await mes.waits("cell7.Cell.Ready", True)
+        run_id = await mes.call("cell7.Cell.Start", "calibrate", "ticket-1")
+        assert await mes.read("cell7.Cell.RunId") == run_id
+        assert await mes.read("cell7.Cell.Ready") is False
+        assert (await mes.read(f"{AUTOMATIC}.CurrentState")).Text == "SingleExecution"
+        await gate.reached.wait()
+        assert await mes.call("cell7.Cell.Start", "calibrate", "ticket-1") == run_id
+        assert await refused(mes.call("cell7.Cell.Start", "verify", "ticket-2")) == "BadInvalidState"
+        gate.open.set()
+        ended = await mes.hears(Message="calibration finished")
+        assert run_id in ended.ResultContent[0].Value
+        await mes.waits("cell7.Cell.Ready", True)
+        await mes.hears(Message="cell7: Ready")
+        assert await mes.call("cell7.Cell.Start", "calibrate", "ticket-1") == run_id, "also when it is over"
+        assert await mes.read("cell7.Cell.Ready") is True
+        runs = (await bench.client.get("/runs")).json()["runs"]
+        assert [run["id"] for run in runs] == [run_id]
+        management = "cell7.ConfigurationManagement"
+        page = (ua.Variant(10, ua.VariantType.UInt32), ua.Variant(0, ua.VariantType.UInt32), ua.Variant(0))
+        complete, count, _, listed, _ = await mes.call(f"{management}.GetConfigurationList", *page)
+        assert (complete, count, await mes.read("cell7.Cell.CalibrationId")) == (True, 1, "")
+        chosen = ua.Variant(listed[0].InternalId, ua.VariantType.ExtensionObject)
+        assert await mes.call(f"{management}.ActivateConfiguration", chosen) == 0
+        current = (await bench.client.get("/calibrations/current")).json()
+        await mes.waits("cell7.Cell.CalibrationId", current["calibration"]["id"])
+        assert await mes.read("cell7.Cell.U_Mm") == current["expanded_mm"]
+        assert await mes.read("cell7.Cell.LastResult") == "finished"
+
+
+@pytest.mark.slow
+async def test_abort_ends_the_run_whoever_started_it_and_is_never_refused_for_want_of_knowledge(tmp_path: Path) -> None:
+    parts = Parts()
+    parts.robot.before_move = gate = Gate(1)
+    async with (
+        serving(settings_for(tmp_path), parts) as bench,
+        plant(tmp_path, {"cell7": bench.url}) as gateway,
+        gateway.client() as scada,
+    ):
+        await scada.listen("cell7.Cell.Ready", "cell7.Cell.LastResult")
+        await scada.waits("cell7.Cell.Ready", True)
+        assert await scada.call("cell7.Cell.Abort") is None, "nothing to abort is no error"
+        started = (await bench.client.post("/calibrate")).json()
+        await gate.reached.wait()
+        cause = (ua.Variant(0, ua.VariantType.Int32), "the operator's button")
+        assert await scada.call(f"{AUTOMATIC}.Abort", *cause) == 0
+        gate.open.set()
+        run = (await bench.client.get(f"/runs/{started['id']}", params={"wait": 30})).json()
+        assert run["state"] == "aborted"
+        await scada.waits("cell7.Cell.LastResult", "aborted")
+
+
+@pytest.mark.slow
+async def test_the_roles_of_the_daemon_s_keys_hold_and_what_is_not_for_plants_is_not_there(tmp_path: Path) -> None:
+    async with with_keys(tmp_path) as (bench, keys):
+        viewers = {"cell7": keys["viewer"]}
+        async with plant(tmp_path, {"cell7": bench.url}, viewers) as gateway:
+            async with gateway.client("panel", keys["viewer"]) as panel:
+                await panel.listen("cell7.Cell.Ready")
+                await panel.waits("cell7.Cell.Ready", True)
+                assert await refused(panel.call("cell7.Cell.Start", "verify", "1")) == "BadUserAccessDenied"
+                assert await refused(panel.call("cell7.Cell.Abort")) in ("accepted", "BadUserAccessDenied")
+                assert await refused(panel.node("cell7.Cell.Ready").write_value(True)) == "BadUserAccessDenied"
+            async with gateway.client("mes@cell7", keys["operator"]) as mes:
+                assert await refused(mes.call("cell7.Cell.Start", "jog", "2")) == "BadInvalidArgument"
+                assert await refused(mes.call("cell7.Cell.Start", "calibrate", "")) == "BadInvalidArgument"
+                cause = (ua.Variant(0, ua.VariantType.Int32), "")
+                assert await refused(mes.call("cell7.VisionStateMachine.Reset", *cause)) == "BadNotSupported"
+                assert await refused(mes.call("cell7.VisionStateMachine.Halt", *cause)) == "BadNotSupported"
+                assert await mes.call("cell7.Cell.Start", "calibrate", "3")
+            runs = (await bench.client.get("/runs", headers=bearer(keys["viewer"]))).json()["runs"]
+            assert [run["kind"] for run in runs] == ["calibration"]
+
+
+@pytest.mark.slow
+async def test_nobody_enters_without_a_key_encryption_and_a_trusted_certificate(tmp_path: Path) -> None:
+    async with with_keys(tmp_path) as (bench, keys):
+        viewers = {"cell7": keys["viewer"]}
+        async with plant(tmp_path, {"cell7": bench.url}, viewers) as gateway:
+
+            async def enters(label: str, key: str, trusted: bool = True) -> None:
+                async with gateway.client(label, key, trusted) as client:
+                    await client.read("cell7.Cell.Ready")
+
+            assert await refused(enters("mes", keys["viewer"])) == "accepted"
+            assert await refused(enters("mes", "hek_wrong")) == "BadUserAccessDenied"
+            assert await refused(enters("mes@cell8", keys["viewer"])) == "BadUserAccessDenied"
+            assert await refused(enters("stranger", keys["viewer"], trusted=False)) == "BadCertificateUntrusted"
+            plain = Client(gateway.endpoint, timeout=10)
+            with pytest.raises((ua.UaError, ConnectionError, asyncio.TimeoutError)):
+                async with plain:
+                    await plain.nodes.objects.get_children()
+
+
+@pytest.mark.slow
+async def test_a_daemon_that_goes_is_not_ready_and_comes_back(tmp_path: Path) -> None:
+    port = free_port()
+    settings = settings_for(tmp_path, server={"port": port})
+    async with AsyncExitStack() as staying, plant(tmp_path, {"cell7": f"http://127.0.0.1:{port}"}) as gateway:
+        async with serving(settings):
+            scada = await staying.enter_async_context(gateway.client())
+            await scada.listen("cell7.Cell.Ready", "cell7.Cell.State", events_of="cell7")
+            await scada.waits("cell7.Cell.Ready", True)
+        await scada.waits("cell7.Cell.State", "Preoperational")
+        assert await scada.read("cell7.Cell.Ready") is False
+        assert await scada.read("cell7.Cell.Reason") == "the daemon does not answer"
+        away = await scada.hears(ConditionName="daemon-away")
+        assert (away.Retain, away.Severity) == (True, 800)
+        assert await refused(scada.call("cell7.Cell.Start", "verify", "1")) == "BadCommunicationError"
+        async with serving(settings):
+            await scada.waits("cell7.Cell.Ready", True)
+            assert await scada.read("cell7.Cell.State") == "Ready"
+        await staying.aclose()
