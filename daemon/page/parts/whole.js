@@ -1,7 +1,7 @@
 // A screen, hidden until its first answers and the state of the cell are there, for ten seconds at most; then shown for good.
 import { html, useEffect, useRef, useState } from '../vendor/preact.js';
 import { awaited } from '../state/arrival.js';
-import { heardAt, lost, refused, session } from '../state/now.js';
+import { heardAt, lost, ready, refused, session } from '../state/now.js';
 import { t } from '../state/words.js';
 
 const MAX_HIDDEN_MS = 10000;
@@ -15,7 +15,8 @@ export function Whole({ children }) {
     const timer = setTimeout(() => setLate(true), MAX_HIDDEN_MS);
     return () => clearTimeout(timer);
   }, []);
-  const told = heardAt.value !== null || lost.value || refused.value !== null || session.value.role === 'nobody';
+  const heard = heardAt.value !== null && ready.value !== null; // the first words may come before the devices were asked
+  const told = heard || lost.value || refused.value !== null || session.value.role === 'nobody';
   arrived.current ||= (!awaited() && told && drawn) || late;
   return html`${!arrived.current && html`<p class="quiet soon">${t('missing.wait')}</p>`}
     <div class=${arrived.current ? '' : 'arriving'}>${children}</div>`;

@@ -9,6 +9,7 @@ import { Missing, useAsked } from '../parts/loaded.js';
 import { Picture } from '../parts/picture.js';
 import { carriedBy, placesOf } from '../parts/places.js';
 import { Cause } from '../parts/problem.js';
+import { timesOf } from '../parts/run_times.js';
 import { ViewTable } from '../parts/view_table.js';
 import { fixed, mm, moment, timeOfDay } from '../state/numbers.js';
 import { clock, old, robot, run } from '../state/now.js';
@@ -102,12 +103,13 @@ function Known({ shown }) {
 
 /** The pictures of the run in a row: those taken, the one that comes, those planned. */
 function Film({ shown, rows, chosen, choose }) {
-  const ahead = shown.over ? 0 : Math.max(0, shown.stations - shown.station);
+  const first = shown.planning ? 1 : 0; // a planned run looks once before its first station
+  const ahead = shown.over ? 0 : Math.max(0, shown.stations + first - rows.length); // of the pictures alone: the station is told at another moment
   const words = (index) => t(index === 0 ? `state.${shown.state}` : 'film.planned');
   return html`<ol class="film card" aria-label=${t('views.title')}>
-    ${rows.map((view) => html`<li key=${view.index}><button type="button" aria-pressed=${view.index === chosen} onClick=${() => choose(view.index)}>
+    ${rows.map((view, place) => html`<li key=${place}><button type="button" aria-pressed=${view.index === chosen} onClick=${() => choose(view.index)}>
       <${Picture} src=${frameOf(shown, view, 240)} size=${view.size ?? undefined} alt="" /><span class="sr-only">${t('view.title', { view: view.index })}</span><b aria-hidden="true">${view.index}</b><span aria-hidden="true">${view.corners?.length ? `✓ ${view.corners.length}` : '✕'}</span></button></li>`)}
-    ${Array.from({ length: Math.min(ahead, 12) }, (_, index) => html`<li key=${`ahead-${index}`} class=${index === 0 ? 'next' : 'planned'}>${words(index)}</li>`)}
+    ${Array.from({ length: Math.min(ahead, 12) }, (_, index) => html`<li key=${rows.length + index} class=${index === 0 ? 'next' : 'planned'}>${words(index)}</li>`)}
   </ol>`;
 }
 
@@ -121,29 +123,15 @@ function Coverage({ rows, size: [width, height] = [1920, 1200] }) {
     <figcaption>${t('coverage', { share })}</figcaption></figure>`;
 }
 
-/** Time since the run began, and the time left by the pace of its pictures; from its second picture on. */
+/** Time since the run began, from its first second on, and the time left by the pace of its pictures, from the second on. */
 function Times({ shown }) {
   const heard = useRef({ key: '', at: 0 });
-  const history = shown.planning?.history ?? [];
-  const newest = history.at(-1);
-  const key = `${shown.id} ${newest?.at}`;
+  const key = `${shown.id} ${shown.updated_at}`;
   if (heard.current.key !== key) heard.current = { key, at: clock.value };
-  const since_s = (clock.value - heard.current.at) / 1000;
-  const { elapsed_s, left_s } = timesOf(shown, since_s);
+  const { elapsed_s, left_s } = timesOf(shown, Math.max(0, clock.value - heard.current.at) / 1000);
   if (shown.over) return null;
-  const parts = [left_s !== null && html`<b>${t('run.left', { s: fixed(left_s, 0) })}</b> · `, elapsed_s !== null && html`${t('run.so-far', { s: fixed(elapsed_s, 0) })} · `];
-  return html`<p class="small times">${parts}${t('run.begun', { name: shown.started_by ?? '—', at: timeOfDay(shown.created_at) })}</p>`;
-}
-
-/** Seconds a run took so far and has left, `since_s` after its newest picture; null where that is not known. */
-export function timesOf({ created_at, stations, planning }, since_s) {
-  const history = planning?.history ?? [];
-  const [first, newest] = [history[0], history.at(-1)];
-  if (!newest) return { elapsed_s: null, left_s: null };
-  const elapsed_s = (Date.parse(newest.at) - Date.parse(created_at)) / 1000 + since_s;
-  if (newest.station === first.station || !stations) return { elapsed_s, left_s: null };
-  const each_s = (Date.parse(newest.at) - Date.parse(first.at)) / 1000 / (newest.station - first.station);
-  return { elapsed_s, left_s: Math.max(0, each_s * Math.max(0, stations - newest.station) - since_s) };
+  const left = left_s !== null && html`<b>${t('run.left', { s: fixed(left_s, 0) })}</b> · `;
+  return html`<p class="small times">${left}${t('run.so-far', { s: fixed(elapsed_s, 0) })} · ${t('run.begun', { name: shown.started_by ?? '—', at: timeOfDay(shown.created_at) })}</p>`;
 }
 
 function StepBar({ shown: { state, station, stations, over } }) {

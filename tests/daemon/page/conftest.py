@@ -58,6 +58,14 @@ AXE_FINDINGS = """async () => (await axe.run()).violations.map(
     ({ id, nodes }) => [id, nodes.map((one) => one.html.slice(0, 160))])"""
 """What axe-core, evaluated before, finds wrong on a page: rule and elements."""
 
+COUNT_SHIFTS = """
+    window.shifted = [];
+    new PerformanceObserver((list) => list.getEntries().forEach(({ hadRecentInput, value, sources }) => {
+        if (!hadRecentInput) shifted.push([value, sources.map(({ node }) => node?.outerHTML?.slice(0, 80))]);
+    })).observe({ type: 'layout-shift', buffered: true });
+"""
+"""As https://wicg.github.io/layout-instability: the share of the window that moved, times how far."""
+
 Opened = Callable[..., Any]
 
 

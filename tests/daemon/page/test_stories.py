@@ -8,7 +8,7 @@ import pytest
 
 from tests.daemon.cell_under_test import Bench
 from tests.daemon.fakes import Gate, poses_around_the_target
-from tests.daemon.page.conftest import AXE_FINDINGS, Opened
+from tests.daemon.page.conftest import AXE_FINDINGS, COUNT_SHIFTS, Opened
 from tests.daemon.page.holding import hold_by_finger, hold_by_key, hold_by_mouse, hold_until, press
 from tests.support.waiting import eventually
 
@@ -197,14 +197,6 @@ PLACES = (
     "sign-in", "cell", "calibrate", "run", "result", "verify", "scans", "jog", "devices", "history", "audit",
     "settings", "help",
 )  # fmt: skip
-
-COUNT_SHIFTS = """
-    window.shifted = [];
-    new PerformanceObserver((list) => list.getEntries().forEach(({ hadRecentInput, value, sources }) => {
-        if (!hadRecentInput) shifted.push([value, sources.map(({ node }) => node?.outerHTML?.slice(0, 80))]);
-    })).observe({ type: 'layout-shift', buffered: true });
-"""
-"""As https://wicg.github.io/layout-instability: the share of the window that moved, times how far."""
 
 TWO_FRAMES = "() => new Promise((drawn) => requestAnimationFrame(() => requestAnimationFrame(drawn)))"
 
