@@ -49,6 +49,7 @@ place() { install -D -m "$1" "$SOURCE/$2" "$root$3"; }
 place 0644 deploy/handeyed.service /lib/systemd/system/handeyed.service
 place 0644 deploy/fleet/handeyed-backup.service /lib/systemd/system/handeyed-backup.service
 place 0644 deploy/fleet/handeyed-backup.timer /lib/systemd/system/handeyed-backup.timer
+place 0644 deploy/fleet/handeyed-opcua.service /lib/systemd/system/handeyed-opcua.service
 place 0644 deploy/99-handeyed.rules /lib/udev/rules.d/99-handeyed.rules
 place 0755 deploy/handeyed-release /usr/sbin/handeyed-release
 place 0644 deploy/handeyed.example.toml /usr/share/doc/handeyed/handeyed.example.toml

@@ -41,8 +41,9 @@ def test_a_backup_that_breaks_off_at_either_end_fails_the_unit(
 def test_systemd_finds_nothing_wrong_with_the_units(tmp_path: Path) -> None:
     if shutil.which("systemd-analyze") is None:
         pytest.skip("systemd-analyze is not here: apt-get install systemd")
-    for name in ("handeyed-backup.service", "handeyed-backup.timer"):
-        shutil.copy(DEPLOY / "fleet" / name, tmp_path)
+    for name in ("handeyed-backup.service", "handeyed-backup.timer", "handeyed-opcua.service"):
+        unit = (DEPLOY / "fleet" / name).read_text()
+        (tmp_path / name).write_text(unit.replace("/opt/handeyed/current/bin/handeyed", "/bin/true"))
     command = ["systemd-analyze", "verify", "--man=no", *map(str, sorted(tmp_path.iterdir()))]
     ran = subprocess.run(command, capture_output=True, text=True, check=False)
     assert (ran.returncode, ran.stderr) == (0, "")
@@ -52,6 +53,8 @@ def test_package_and_installer_bring_the_units_and_an_uninstallation_disables_th
     build, prerm = (DEPLOY / "deb" / "build.sh").read_text(), (DEPLOY / "deb" / "prerm").read_text()
     assert "deploy/fleet/handeyed-backup.service" in build
     assert "deploy/fleet/handeyed-backup.timer" in build
+    assert "deploy/fleet/handeyed-opcua.service" in build
     assert "handeyed-backup.timer" in prerm
+    assert "handeyed-opcua.service" in prerm
     assert " fleet " in (DEPLOY / "venv.sh").read_text()
     assert "deploy/fleet" in (DEPLOY / "install.sh").read_text()
