@@ -97,7 +97,7 @@ class Cell:
         answer = await self.post(path, key, body, {"Idempotency-Key": ticket})
         started: Mapping[str, Any] = answer.get("run") or answer
         if not started.get("over"):
-            await self._change(self.state.heard({"run": started}))  # before the next beat of /live
+            await self._change(self.state.after({"run": started}))  # before the next beat of /live
         return started
 
     async def abort(self, key: str | None) -> None:
@@ -110,7 +110,7 @@ class Cell:
             await self.post(f"/runs/{quote(run['id'], safe='')}/abort", key, {}, {})
 
     async def _request(self, method: str, path: str, key: str | None, **request: Any) -> Any:
-        headers = {**request.pop("headers", {}), **_authorised(key)}
+        headers = {**request.pop("headers", {}), **_authorise(key)}
         try:
             answer = await self._http.request(method, path, headers=headers, **request)
         except httpx.HTTPError as error:
@@ -136,7 +136,7 @@ class Cell:
             await self._refresh()
             async for _, message in self._listen("/live", {}, SILENCE_S):
                 run_before = self.state.run
-                await self._change(self.state.heard(message))
+                await self._change(self.state.after(message))
                 if run_before is not None and self.state.run is None:
                     await self._ask_readiness()
         finally:
@@ -163,7 +163,7 @@ class Cell:
     async def _ask_readiness(self) -> None:
         """Readiness lags in /live by a second after a run."""
         ready = await self.get("/ready")
-        await self._change(self.state.heard({"ready": ready, "run": None if self._is_over() else self.state.run}))
+        await self._change(self.state.after({"ready": ready, "run": None if self._is_over() else self.state.run}))
 
     def _is_over(self) -> bool:
         run, last = self.state.run, self.state.last
@@ -186,7 +186,7 @@ class Cell:
         await self._change(state)
 
     async def _text(self, path: str) -> str:
-        answer = await self._http.get(path, headers=_authorised(self._key))
+        answer = await self._http.get(path, headers=_authorise(self._key))
         if answer.is_error:
             raise _refusal(answer)
         return answer.text
@@ -196,7 +196,7 @@ class Cell:
     ) -> AsyncIterator[tuple[str, dict[str, Any]]]:
         """The number and the data of each server-sent event, with its kind as `event`."""
         limits = httpx.Timeout(ANSWER_S, connect=CONNECT_S, read=silence_s)
-        sent = {**headers, **_authorised(self._key)}
+        sent = {**headers, **_authorise(self._key)}
         async with self._http.stream("GET", path, headers=sent, timeout=limits) as answer:
             if answer.is_error:
                 await answer.aread()
@@ -217,7 +217,7 @@ class Cell:
             await self._on_change(state)
 
 
-def _authorised(key: str | None) -> dict[str, str]:
+def _authorise(key: str | None) -> dict[str, str]:
     return {"Authorization": f"Bearer {key}"} if key else {}
 
 

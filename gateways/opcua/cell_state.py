@@ -73,7 +73,7 @@ class CellState:
             found["store-unsound"] = ("nothing can be stored: GET /ready says why", True)
         return found
 
-    def heard(self, message: Mapping[str, Any]) -> "CellState":
+    def after(self, message: Mapping[str, Any]) -> "CellState":
         """After a message of GET /live, which has what changed."""
         return replace(self, reached=True, live={**self.live, **message})
 

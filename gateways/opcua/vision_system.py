@@ -148,7 +148,7 @@ class VisionSystem:
         }
 
     async def _start(self, parent: ua.NodeId, kind: ua.Variant, ticket: ua.Variant) -> Any:
-        return await self._answered(self._begin(kind.Value or "", ticket.Value or "", {}), _strings)
+        return await self._answer(self._begin(kind.Value or "", ticket.Value or "", {}), _strings)
 
     async def _start_single_job(
         self, parent: ua.NodeId, meas_id: ua.Variant, part_id: ua.Variant, recipe_id: ua.Variant,
@@ -158,7 +158,7 @@ class VisionSystem:
         name = " ".join(filter(None, (_id_of(product_id.Value), _id_of(part_id.Value))))
         body = {"name": name, "capture": True} if recipe == "scan" else {}
         started = self._begin(recipe, _id_of(meas_id.Value), body)
-        return await self._answered(started, lambda run_id: [_variant(ua.JobIdDataType(Id=run_id)), _no_error()])
+        return await self._answer(started, lambda run_id: [_variant(ua.JobIdDataType(Id=run_id)), _no_error()])
 
     async def _begin(self, kind: str, ticket: str, body: Mapping[str, Any]) -> str:
         if kind not in RECIPES or not ticket:
@@ -170,14 +170,14 @@ class VisionSystem:
         return str(run["id"])
 
     async def _abort(self, parent: ua.NodeId) -> Any:
-        return await self._answered(self.cell.abort(session_key.get()), lambda _: [])
+        return await self._answer(self.cell.abort(session_key.get()), lambda _: [])
 
     async def _abort_with_cause(self, parent: ua.NodeId, cause: ua.Variant, description: ua.Variant) -> Any:
-        return await self._answered(self.cell.abort(session_key.get()), lambda _: [_no_error()])
+        return await self._answer(self.cell.abort(session_key.get()), lambda _: [_no_error()])
 
     async def _list_recipes(self, parent: ua.NodeId, *filters: ua.Variant) -> Any:
         most = int(filters[3].Value or MAX_LISTED)
-        listed = [_named(ua.RecipeIdInternalDataType, name) for name in list(RECIPES)[:most]]
+        listed = [_identify(ua.RecipeIdInternalDataType, name) for name in list(RECIPES)[:most]]
         return _list_answer(len(listed) == len(RECIPES), listed)
 
     async def _prepare_recipe(self, parent: ua.NodeId, external: ua.Variant, internal: ua.Variant) -> Any:
@@ -186,47 +186,47 @@ class VisionSystem:
             return ua.StatusCode(ua.StatusCodes.BadNotFound)
         if not self.cell.state.ready:
             return ua.StatusCode(ua.StatusCodes.BadInvalidState)
-        return [_variant(_named(ua.RecipeIdInternalDataType, name)), ua.Variant(True), _no_error()]
+        return [_variant(_identify(ua.RecipeIdInternalDataType, name)), ua.Variant(True), _no_error()]
 
     async def _unprepare_recipe(self, parent: ua.NodeId, external: ua.Variant, internal: ua.Variant) -> Any:
         name = _id_of(external.Value) or _id_of(internal.Value)
-        return [_variant(_named(ua.RecipeIdInternalDataType, name)), _no_error()]
+        return [_variant(_identify(ua.RecipeIdInternalDataType, name)), _no_error()]
 
     async def _result_by_id(self, parent: ua.NodeId, result_id: ua.Variant, _limit: ua.Variant) -> Any:
         asked = self.cell.get(f"/runs/{_id_of(result_id.Value)}", session_key.get())
-        return await self._answered(asked, lambda run: [_handle(), _variant(self._result_of(run)), _no_error()])
+        return await self._answer(asked, lambda run: [_handle(), _variant(self._result_of(run)), _no_error()])
 
     async def _list_results(self, parent: ua.NodeId, *filters: ua.Variant) -> Any:
         """The newest first; by ResultState and JobId where these are given, the other filters have no match here."""
         state, job = int(filters[0].Value or 0), _id_of(filters[8].Value)
         most, start = min(int(filters[9].Value or MAX_LISTED), MAX_LISTED), int(filters[10].Value or 0)
 
-        def listed(answer: Mapping[str, Any]) -> list[ua.Variant]:
+        def pack(answer: Mapping[str, Any]) -> list[ua.Variant]:
             over = [run for run in answer["runs"] if run["over"]]
             wanted = [run for run in over if state in (0, RESULT_STATES[run["state"]]) and job in ("", run["id"])]
             page = [self._result_of(run) for run in wanted[start : start + most]]
             return _list_answer(answer["next"] is None and start + most >= len(wanted), page)
 
-        return await self._answered(self.cell.get("/runs", session_key.get(), limit=MAX_LISTED), listed)
+        return await self._answer(self.cell.get("/runs", session_key.get(), limit=MAX_LISTED), pack)
 
     async def _list_configurations(self, parent: ua.NodeId, *arguments: ua.Variant) -> Any:
         most, start = min(int(arguments[0].Value or MAX_LISTED), MAX_LISTED), int(arguments[1].Value or 0)
 
-        def listed(answer: Mapping[str, Any]) -> list[ua.Variant]:
+        def pack(answer: Mapping[str, Any]) -> list[ua.Variant]:
             applied = answer["applied"]
             self._etag = f'"applied-{applied[-1]["sequence"] if applied else 0}"'
             page = [_configuration(one["id"], one["created_at"]) for one in answer["calibrations"][start:][:most]]
             return _list_answer(answer["next"] is None and start + most >= len(answer["calibrations"]), page)
 
-        return await self._answered(self.cell.get("/calibrations", session_key.get(), limit=MAX_LISTED), listed)
+        return await self._answer(self.cell.get("/calibrations", session_key.get(), limit=MAX_LISTED), pack)
 
     async def _activate(self, parent: ua.NodeId, internal_id: ua.Variant) -> Any:
         seen = {"If-Match": self._etag} if self._etag else {}
         path = f"/calibrations/{_id_of(internal_id.Value)}/apply"
         applied = self.cell.post(path, session_key.get(), {"applied_by": "OPC UA"}, seen)
-        return await self._answered(applied, lambda _: [_no_error()])
+        return await self._answer(applied, lambda _: [_no_error()])
 
-    async def _answered(self, request: Awaitable[Any], outputs: Callable[[Any], list[ua.Variant]]) -> Any:
+    async def _answer(self, request: Awaitable[Any], outputs: Callable[[Any], list[ua.Variant]]) -> Any:
         """The output arguments of a method, or the status of a refusal, which the log has in words."""
         try:
             return outputs(await request)
@@ -244,8 +244,8 @@ class VisionSystem:
             ResultState=RESULT_STATES.get(run["state"], 2),
             JobId=ua.JobIdDataType(Id=run["id"]),
             CreationTime=time_of(run["updated_at"]),
-            InternalRecipeId=_named(ua.RecipeIdInternalDataType, RECIPE_OF.get(run["kind"], run["kind"])),
-            InternalConfigurationId=_named(ua.ConfigurationIdDataType, self._shown.get("CalibrationId", "")),
+            InternalRecipeId=_identify(ua.RecipeIdInternalDataType, RECIPE_OF.get(run["kind"], run["kind"])),
+            InternalConfigurationId=_identify(ua.ConfigurationIdDataType, self._shown.get("CalibrationId", "")),
             ResultContent=[ua.Variant(_content(run), ua.VariantType.String)],
         )
 
@@ -318,14 +318,16 @@ def _id_of(value: Any) -> str:
     return str(getattr(value, "Id", None) or "")
 
 
-def _named(structure: type, name: str) -> Any:
+def _identify(structure: type, name: str) -> Any:
     return structure(Id=name)
 
 
 def _configuration(calibration_id: str, modified: str | None) -> Any:
     at = time_of(modified) if modified else datetime(1601, 1, 1, tzinfo=UTC)
     return ua.ConfigurationDataType(
-        InternalId=_named(ua.ConfigurationIdDataType, calibration_id), LastModified=at, HasTransferableDataOnFile=False
+        InternalId=_identify(ua.ConfigurationIdDataType, calibration_id),
+        LastModified=at,
+        HasTransferableDataOnFile=False,
     )
 
 

@@ -14,7 +14,7 @@ RUN = {"id": "r1", "kind": "verify", "station": 2, "stations": 3}
 
 def state(heard: dict[str, Any] | None = None, **known: Any) -> CellState:
     there = CellState(**known)
-    return there if heard is None else there.heard(heard)
+    return there if heard is None else there.after(heard)
 
 
 @pytest.mark.parametrize(
@@ -35,9 +35,9 @@ def test_states_follow_the_daemon(shown: CellState, outer: str, inner: str, read
 
 
 def test_a_message_replaces_only_what_it_names() -> None:
-    after = state({"ready": READY, "run": RUN}).heard({"at": "later"})
+    after = state({"ready": READY, "run": RUN}).after({"at": "later"})
     assert (after.run, after.live["at"]) == (RUN, "later")
-    assert after.heard({"run": None}).vision_state() == ("Operational", "Ready")
+    assert after.after({"run": None}).vision_state() == ("Operational", "Ready")
 
 
 def test_every_scalar_has_a_value_of_its_type_even_when_nothing_is_known() -> None:
