@@ -31,7 +31,7 @@ uninstall() {
 
 fingerprint() { # of everything that makes the release: same source, same name
     cd "$SOURCE"
-    find calibration daemon drivers extensions handeyed mock_robot protocols registration hatch_build.py hatch_version.py pyproject.toml deploy/*.lock deploy/rapid \
+    find calibration daemon drivers extensions gateways handeyed mock_robot protocols registration hatch_build.py hatch_version.py pyproject.toml deploy/*.lock deploy/rapid \
         deploy/fleet deploy/prometheus deploy/grafana deploy/handeyed.example.toml docs SECURITY.md CHANGELOG.md \
         -type f ! -name '*.pyc' -print0 | LC_ALL=C sort -z | xargs -0 sha256sum | sha256sum | cut -c1-12
 }

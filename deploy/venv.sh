@@ -26,7 +26,7 @@ say "building (pinned by deploy/*.lock) ..."
 HANDEYED_VERSION=$("$PYTHON" "$SOURCE/hatch_version.py") # the copy below has no git
 export HANDEYED_VERSION
 mkdir -p "$work/source/deploy" "$work/source/docs"
-(cd "$SOURCE" && cp -R calibration daemon drivers extensions handeyed mock_robot protocols registration hatch_build.py hatch_version.py pyproject.toml CHANGELOG.md README.md LICENSE "$work/source/")
+(cd "$SOURCE" && cp -R calibration daemon drivers extensions gateways handeyed mock_robot protocols registration hatch_build.py hatch_version.py pyproject.toml CHANGELOG.md README.md LICENSE "$work/source/")
 cp -R "$SOURCE/deploy/rapid" "$work/source/deploy/"
 cp "$SOURCE"/docs/*.schema.json "$work/source/docs/"
 "$work/venv/bin/pip" wheel --quiet --disable-pip-version-check --no-deps --no-build-isolation --wheel-dir "$work" "$work/source"

@@ -5,7 +5,6 @@ quadratic, and evaluated where the corner was found between the pixels.
 """
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from calibration.errors import DetectionError
 from calibration.problem import Detection, MeasuredPoints
@@ -29,7 +28,10 @@ def measure_corners(found: Detection, points_mm: Array) -> MeasuredPoints:
 
     Raises DetectionError `no-points` when fewer than four corners have points around them.
     """
-    half = _half_side(found.corners_px)
+    from scipy.spatial import cKDTree  # a daemon begins without scipy's parts
+
+    distances, _ = cKDTree(found.corners_px).query(found.corners_px, k=2)
+    half = int(np.clip(WINDOW_SHARE * np.median(distances[:, 1]), MIN_HALF_SIDE_PX, MAX_HALF_SIDE_PX))
     measured = [_point(corner, points_mm, half) for corner in found.corners_px]
     kept = [row for row, point in enumerate(measured) if point is not None]
     if len(kept) < MIN_CORNERS:
@@ -39,11 +41,6 @@ def measure_corners(found: Detection, points_mm: Array) -> MeasuredPoints:
             Sentence("see-cloud"),
         )
     return MeasuredPoints(found.ids[kept], np.array([point for point in measured if point is not None]))
-
-
-def _half_side(corners_px: Array) -> int:
-    distances, _ = cKDTree(corners_px).query(corners_px, k=2)
-    return int(np.clip(WINDOW_SHARE * np.median(distances[:, 1]), MIN_HALF_SIDE_PX, MAX_HALF_SIDE_PX))
 
 
 def _point(corner: Array, points_mm: Array, half: int) -> Array | None:

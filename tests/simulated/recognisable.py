@@ -117,7 +117,7 @@ def photographs(folder: Path) -> Iterator[tuple[str, Target, NDArray[Any]]]:
     for file in sorted(folder.rglob("session.json")):
         session = json.loads(file.read_text())
         try:
-            target = TypeAdapter(TargetDocument).validate_python(session["target"]).target()
+            target = TypeAdapter(TargetDocument).validate_python(session["target"])
         except (KeyError, ValueError):
             continue
         for view in session["views"]:

@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from calibration.documents.imports.arrays import DAMAGED_ARCHIVE
 from registration.errors import CloudFormatError, CloudUnsupported
 from registration.io.durable_file import GuardedFile
 from registration.points.layout import COLOURS, Layout, Records
@@ -25,6 +24,8 @@ BLOCK_POINTS = 1 << 14
 
 def read_whole(file: GuardedFile, name: str) -> tuple[NDArray[Any], dict[str, NDArray[Any]]]:
     """The points (..., 3), and the other arrays of numbers of the same pixels. Raises CloudError's leaves."""
+    from calibration.documents.imports.arrays import DAMAGED_ARCHIVE  # loads pydantic
+
     size = file.seek(0, 2)
     if size > MAX_FILE_BYTES:
         raise CloudUnsupported(name, "file", "it is larger than 2 GB", "give one view of the camera")

@@ -137,7 +137,7 @@ def test_the_document_keeps_the_number() -> None:
     document = calibration_document(solution, judge(problem, solution), calibration_id="c", created_at="", software="")
     again = CalibrationDocument.model_validate_json(document.model_dump_json())
     assert again.axis_offset is not None
-    assert again.axis_offset.offset() == problem.axis_offset
+    assert again.axis_offset == problem.axis_offset
 
 
 def test_no_advice_is_to_tilt() -> None:
