@@ -73,10 +73,10 @@ class NoiseBelief:
         """Distances (..., 2) of logarithms of levels from the median, in standard deviations."""
         return np.asarray((logs - np.log(self.median.levels())) / np.log(self.factors))
 
-    def expected_levels(self) -> Array:
-        """Rotation (rad), translation (mm) of the U to expect one view later. U is at exp(t²) over the median then, and
-        that median log-normal with s² - t² now; s, t: deviations of a level's logarithm, t² about half of s²."""
-        return np.asarray(self.median.levels() * np.exp(0.75 * np.log(self.factors) ** 2))
+    def mean(self) -> RobotNoise:
+        """The mean levels: U, nearly proportional to them, is expected to be the one at these."""
+        rotation, translation = self.median.levels() * np.exp(np.log(self.factors) ** 2 / 2)
+        return RobotNoise(float(translation), float(rotation))
 
     def for_next_run(self) -> "NoiseBelief":
         """The belief before the next run, after this one."""

@@ -204,7 +204,7 @@ def expected_noise(solution: Solution) -> ExpectedNoise | None:
     image_px, robot = solution.noise.image_px, solution.noise.belief
     if image_px is None or robot is None:
         return None
-    return ExpectedNoise(max(image_px, MIN_IMAGE_NOISE_PX), *robot.expected_levels().tolist())
+    return ExpectedNoise(max(image_px, MIN_IMAGE_NOISE_PX), robot.mean().rotation_rad, robot.mean().translation_mm)
 
 
 def _rough_belief(

@@ -164,7 +164,7 @@ def test_251_rendered_views_of_a_small_board_come_to_the_truth(real_data: Path) 
 def test_poses_that_turn_too_little_hear_what_better_ones_would_have_given(tmp_path: Path) -> None:
     small = handeyed("solve", with_corners(tmp_path / "small", share_of_turns=0.4))
 
-    assert "5 planned poses would leave U = 0.2 mm" in small.out
+    assert "5 planned poses would leave U = 0.1" in small.out
     assert "these 6 leave 0." in small.out
 
 
