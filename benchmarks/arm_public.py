@@ -31,7 +31,6 @@ from calibration.kinematics.arm import Arm, UnreachablePoseError
 from calibration.kinematics.joints_of_poses import joints_of_poses
 from calibration.kinematics.stance import Stance
 from calibration.likelihood.leave_out import split
-from calibration.observations.observations import scale_target
 from calibration.observations.view_poses import refine_poses
 from calibration.preprocessing.prepare import PreparedSession, prepare
 from calibration.problem import Detection, Problem, View, anchor_T_mount_of
@@ -143,7 +142,9 @@ def _misses(
     views: PreparedSession, camera: CameraModel, base_T_flange: Array, x: Array, target: Array, scale: float
 ) -> Array:
     """Of the target's middle (n,) in mm, seen by that camera, in the frame in which it stands still."""
-    camera_T_target = refine_poses(scale_target(views.seen, scale), camera, views.camera_T_target)
+    camera_T_target = refine_poses(
+        replace(views.seen, points_mm=scale * views.seen.points_mm), camera, views.camera_T_target
+    )
     middle = scale * views.nominal_mm.mean(axis=0, keepdims=True)
     found = map_points(anchor_T_mount_of(views.setup, base_T_flange) @ x @ camera_T_target, middle)[:, 0]
     return np.asarray(np.linalg.norm(found - map_points(target, middle)[0], axis=1))

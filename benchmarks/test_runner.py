@@ -1,5 +1,6 @@
 """The runner of the benchmarks replaces sections one by one and names what fails or hangs."""
 
+import importlib
 from pathlib import Path
 
 import pytest
@@ -57,3 +58,10 @@ def test_one_that_takes_too_long_is_stopped() -> None:
 def test_the_tiers_name_benchmarks_that_are_there() -> None:
     assert {*runner.QUICK, *runner.FULL, *runner.BY_NAME_ONLY} <= set(runner.available())
     assert runner.STARTED_BY_OTHERS.isdisjoint(runner.available())
+
+
+@pytest.mark.parametrize("name", runner.available())
+def test_each_benchmark_is_imported(name: str) -> None:
+    module = importlib.import_module(f"benchmarks.{name}")
+    if hasattr(module, "__path__"):
+        importlib.import_module(f"benchmarks.{name}.__main__")
