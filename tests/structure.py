@@ -21,7 +21,7 @@ MAX_UNITS = {"calibration": 24, "daemon": 23, "mock_robot": 16, "registration": 
 MAX_WEIGHTS = {
     "lines of Python of the core": 97_124,
     "lines of Python with the extensions": 100_625,
-    "lines of Python of the gateways": 1_214,
+    "lines of Python of the gateways": 1_210,
     "files of the fullest folder": 50,
     "private functions used once": 831,
     "of them of at most 8 lines": 410,

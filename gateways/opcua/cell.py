@@ -28,6 +28,9 @@ MAX_PAUSE_S = 4.0
 HEARTBEAT_S = 30.0
 """GET /events sends a comment at least this often."""
 
+ODD_ANSWER = (ValueError, LookupError, TypeError, AttributeError)
+"""What an answer raises that is none of a daemon's."""
+
 REFRESHED_BY = frozenset({"calibration", "applied", "drift", "lost"})
 """Kinds of events after which the active calibration and the chart are read anew."""
 
@@ -86,11 +89,11 @@ class Cell:
 
     async def get(self, path: str, key: str | None = None, **query: Any) -> Any:
         """The JSON answer of a GET, by the reader's key unless another is given. Raises Refusal, Away."""
-        return await self._request("GET", path, key or self._key, params=query)
+        return (await self._request("GET", path, key or self._key, params=query)).json()
 
     async def post(self, path: str, key: str | None, body: Mapping[str, Any], headers: Mapping[str, str]) -> Any:
         """The JSON answer of a POST by a session's own key. Raises Refusal, Away."""
-        return await self._request("POST", path, key, json=dict(body), headers=dict(headers))
+        return (await self._request("POST", path, key, json=dict(body), headers=dict(headers))).json()
 
     async def start(self, path: str, body: Mapping[str, Any], ticket: str, key: str | None) -> Mapping[str, Any]:
         """The run that is started, or that was started with this ticket before. Raises Refusal, Away."""
@@ -101,15 +104,15 @@ class Cell:
         return started
 
     async def abort(self, key: str | None) -> None:
-        """Stop the run in progress, if there is one; the daemon is asked which. Raises Refusal, Away."""
-        run = self.state.run
-        if run is None:
-            newest = (await self.get("/runs", key, limit=1))["runs"]
-            run = newest[0] if newest and not newest[0]["over"] else None
-        if run is not None:
-            await self.post(f"/runs/{quote(run['id'], safe='')}/abort", key, {}, {})
+        """Stop the run in progress, if there is one. Raises Refusal, Away.
 
-    async def _request(self, method: str, path: str, key: str | None, **request: Any) -> Any:
+        The daemon is asked which: /live may be a beat behind, and name one that is over.
+        """
+        newest = (await self.get("/runs", key, limit=1))["runs"]
+        if newest and not newest[0]["over"]:
+            await self.post(f"/runs/{quoted(newest[0]['id'])}/abort", key, {}, {})
+
+    async def _request(self, method: str, path: str, key: str | None, **request: Any) -> httpx.Response:
         headers = {**request.pop("headers", {}), **_authorise(key)}
         try:
             answer = await self._http.request(method, path, headers=headers, **request)
@@ -117,7 +120,7 @@ class Cell:
             raise Away(f"{self.name}: {type(error).__name__} {error}") from None
         if answer.is_error:
             raise _refusal(answer)
-        return answer.json()
+        return answer
 
     async def _again(self, follow: Callable[[], Awaitable[None]]) -> None:
         pause_s = 0.25
@@ -125,7 +128,7 @@ class Cell:
             try:
                 await follow()
                 pause_s = 0.25
-            except (httpx.HTTPError, Away, Refusal, ValueError) as error:
+            except (httpx.HTTPError, Away, Refusal, *ODD_ANSWER) as error:  # no cell ends the others
                 if pause_s == 0.25:
                     log.warning("%s: %s %s", self.name, type(error).__name__, error)
                 pause_s = min(MAX_PAUSE_S, 2 * pause_s)
@@ -147,9 +150,10 @@ class Cell:
         async for number, event in self._listen("/events", seen, 3 * HEARTBEAT_S):
             kind = event["event"]
             if kind == "run" and event.get("state") in FINAL:
-                run = await self.get(f"/runs/{quote(event['id'], safe='')}")
+                run = await self.get(f"/runs/{quoted(event['id'])}")
                 await self._change(replace(self.state, last=run))
                 await self._on_result(run)
+                self._last_event = number or self._last_event  # it is sent once, also when the next question fails
                 await self._ask_readiness()
             elif kind in REFRESHED_BY and self.state.reached:
                 await self._refresh()
@@ -175,7 +179,7 @@ class Cell:
         with suppress(Refusal):  # no calibration is active
             current = await self.get("/calibrations/current")
         drift = await self.get("/drift")
-        gauges = _gauges(await self._text("/metrics"))
+        gauges = _gauges((await self._request("GET", "/metrics", self._key)).text)
         state = replace(
             self.state,
             current=current,
@@ -184,12 +188,6 @@ class Cell:
             store_sound=gauges.get("handeyed_store_sound", 1.0) > 0,
         )
         await self._change(state)
-
-    async def _text(self, path: str) -> str:
-        answer = await self._http.get(path, headers=_authorise(self._key))
-        if answer.is_error:
-            raise _refusal(answer)
-        return answer.text
 
     async def _listen(
         self, path: str, headers: Mapping[str, str], silence_s: float
@@ -215,6 +213,11 @@ class Cell:
         if state != self.state:
             self.state = state
             await self._on_change(state)
+
+
+def quoted(identifier: str) -> str:
+    """An id as one segment of a path: no client's id reaches another path."""
+    return quote(identifier, safe="") if identifier.strip(".") else "none"
 
 
 def _authorise(key: str | None) -> dict[str, str]:

@@ -78,6 +78,11 @@ class KeySession(InternalSession):  # type: ignore[misc]
     checks: KeyChecks
     _checked_s = float("-inf")
 
+    def activate_session(self, *arguments: Any, **named: Any) -> Any:
+        """Sign in, also as somebody else: the next service checks the key."""
+        self._checked_s = float("-inf")
+        return super().activate_session(*arguments, **named)
+
     async def require_key(self, *, now: bool = False) -> None:
         """Check the key when it was not within RECHECK_S. Raises ServiceError."""
         if not self.external or not (now or time.monotonic() - self._checked_s > RECHECK_S):

@@ -3,7 +3,7 @@
 import tomllib
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
@@ -26,6 +26,9 @@ class Table(BaseModel):
     """A table of the file."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True)
+
+
+TableT = TypeVar("TableT", bound=Table)
 
 
 class CellSettings(Table):
@@ -100,15 +103,10 @@ def read_settings(file: Path) -> GatewaySettings:
         place = f"{file}: {'.'.join(str(part) for part in first['loc']) or 'cells'}"
         raise GatewayError(place, first["msg"], "docs/use/opcua.md says what stands there") from None
     folder = file.resolve().parent
-    server = read.server.model_copy(
-        update={name: folder / getattr(read.server, name) for name in ("certificate", "private_key", "trusted")}
-    )
-    cells = tuple(
-        cell.model_copy(
-            update={
-                name: folder / value for name in ("key_file", "ca_file") if (value := getattr(cell, name)) is not None
-            }
-        )
-        for cell in read.cell
-    )
-    return GatewaySettings(cell=cells, server=server)
+    cells = tuple(_below(folder, cell, "key_file", "ca_file") for cell in read.cell)
+    return GatewaySettings(cell=cells, server=_below(folder, read.server, "certificate", "private_key", "trusted"))
+
+
+def _below(folder: Path, table: TableT, *names: str) -> TableT:
+    given = {name: value for name in names if (value := getattr(table, name)) is not None}
+    return table.model_copy(update={name: folder / value for name, value in given.items()})

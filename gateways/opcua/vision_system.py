@@ -13,7 +13,7 @@ from typing import Any
 
 from asyncua import Node, Server, ua
 
-from gateways.opcua.cell import Away, Cell, Refusal
+from gateways.opcua.cell import Away, Cell, Refusal, quoted
 from gateways.opcua.cell_state import RECIPE_OF, RECIPES, RESULT_STATES, SCALARS, CellState, time_of
 from gateways.opcua.sessions import session_key
 from gateways.opcua.settings import CellSettings
@@ -61,7 +61,7 @@ class VisionSystem:
         self._events: dict[int, Any] = {}
         self._shown: dict[str, Any] = {}
         self._conditions: dict[str, tuple[str, bool]] = {}
-        self._etag: str | None = None
+        self._seen: dict[str | None, Mapping[str, str]] = {}
         self._tickets: dict[str, str] = {}
         self._showing = asyncio.Lock()
 
@@ -148,23 +148,21 @@ class VisionSystem:
         }
 
     async def _start(self, parent: ua.NodeId, kind: ua.Variant, ticket: ua.Variant) -> Any:
-        return await self._answer(self._begin(kind.Value or "", ticket.Value or "", {}), _strings)
+        started = self._begin(kind.Value or "", ticket.Value or "")
+        return await self._answer(started, lambda run_id: [ua.Variant(run_id, ua.VariantType.String)])
 
     async def _start_single_job(
         self, parent: ua.NodeId, meas_id: ua.Variant, part_id: ua.Variant, recipe_id: ua.Variant,
         product_id: ua.Variant, parameters: ua.Variant,
     ) -> Any:  # fmt: skip
-        recipe = _id_of(recipe_id.Value)
         name = " ".join(filter(None, (_id_of(product_id.Value), _id_of(part_id.Value))))
-        body = {"name": name, "capture": True} if recipe == "scan" else {}
-        started = self._begin(recipe, _id_of(meas_id.Value), body)
+        started = self._begin(_id_of(recipe_id.Value), _id_of(meas_id.Value), name)
         return await self._answer(started, lambda run_id: [_variant(ua.JobIdDataType(Id=run_id)), _no_error()])
 
-    async def _begin(self, kind: str, ticket: str, body: Mapping[str, Any]) -> str:
+    async def _begin(self, kind: str, ticket: str, name: str = "") -> str:
         if kind not in RECIPES or not ticket:
             raise Refusal(422, "ticket", "a kind of run and a new ticket are needed", f"kinds: {', '.join(RECIPES)}")
-        if kind == "scan":
-            body = {"capture": True, **body}
+        body = {"name": name, "capture": True} if kind == "scan" else {}
         run = await self.cell.start(RECIPES[kind], body, ticket, session_key.get())
         self._tickets = {**dict(list(self._tickets.items())[-MAX_LISTED:]), run["id"]: ticket}
         return str(run["id"])
@@ -177,7 +175,7 @@ class VisionSystem:
 
     async def _list_recipes(self, parent: ua.NodeId, *filters: ua.Variant) -> Any:
         most = int(filters[3].Value or MAX_LISTED)
-        listed = [_identify(ua.RecipeIdInternalDataType, name) for name in list(RECIPES)[:most]]
+        listed = [ua.RecipeIdInternalDataType(Id=name) for name in list(RECIPES)[:most]]
         return _list_answer(len(listed) == len(RECIPES), listed)
 
     async def _prepare_recipe(self, parent: ua.NodeId, external: ua.Variant, internal: ua.Variant) -> Any:
@@ -186,14 +184,14 @@ class VisionSystem:
             return ua.StatusCode(ua.StatusCodes.BadNotFound)
         if not self.cell.state.ready:
             return ua.StatusCode(ua.StatusCodes.BadInvalidState)
-        return [_variant(_identify(ua.RecipeIdInternalDataType, name)), ua.Variant(True), _no_error()]
+        return [_variant(ua.RecipeIdInternalDataType(Id=name)), ua.Variant(True), _no_error()]
 
     async def _unprepare_recipe(self, parent: ua.NodeId, external: ua.Variant, internal: ua.Variant) -> Any:
         name = _id_of(external.Value) or _id_of(internal.Value)
-        return [_variant(_identify(ua.RecipeIdInternalDataType, name)), _no_error()]
+        return [_variant(ua.RecipeIdInternalDataType(Id=name)), _no_error()]
 
     async def _result_by_id(self, parent: ua.NodeId, result_id: ua.Variant, _limit: ua.Variant) -> Any:
-        asked = self.cell.get(f"/runs/{_id_of(result_id.Value)}", session_key.get())
+        asked = self.cell.get(f"/runs/{quoted(_id_of(result_id.Value))}", session_key.get())
         return await self._answer(asked, lambda run: [_handle(), _variant(self._result_of(run)), _no_error()])
 
     async def _list_results(self, parent: ua.NodeId, *filters: ua.Variant) -> Any:
@@ -213,17 +211,17 @@ class VisionSystem:
         most, start = min(int(arguments[0].Value or MAX_LISTED), MAX_LISTED), int(arguments[1].Value or 0)
 
         def pack(answer: Mapping[str, Any]) -> list[ua.Variant]:
-            applied = answer["applied"]
-            self._etag = f'"applied-{applied[-1]["sequence"] if applied else 0}"'
+            applied = (self.cell.state.current or {}).get("applied")
+            self._seen[session_key.get()] = {"If-Match": f'"applied-{applied["sequence"]}"'} if applied else {}
             page = [_configuration(one["id"], one["created_at"]) for one in answer["calibrations"][start:][:most]]
             return _list_answer(answer["next"] is None and start + most >= len(answer["calibrations"]), page)
 
         return await self._answer(self.cell.get("/calibrations", session_key.get(), limit=MAX_LISTED), pack)
 
     async def _activate(self, parent: ua.NodeId, internal_id: ua.Variant) -> Any:
-        seen = {"If-Match": self._etag} if self._etag else {}
-        path = f"/calibrations/{_id_of(internal_id.Value)}/apply"
-        applied = self.cell.post(path, session_key.get(), {"applied_by": "OPC UA"}, seen)
+        """Unless another one is active than when this key listed them last."""
+        path, key = f"/calibrations/{quoted(_id_of(internal_id.Value))}/apply", session_key.get()
+        applied = self.cell.post(path, key, {"applied_by": "OPC UA"}, self._seen.get(key, {}))
         return await self._answer(applied, lambda _: [_no_error()])
 
     async def _answer(self, request: Awaitable[Any], outputs: Callable[[Any], list[ua.Variant]]) -> Any:
@@ -244,8 +242,8 @@ class VisionSystem:
             ResultState=RESULT_STATES.get(run["state"], 2),
             JobId=ua.JobIdDataType(Id=run["id"]),
             CreationTime=time_of(run["updated_at"]),
-            InternalRecipeId=_identify(ua.RecipeIdInternalDataType, RECIPE_OF.get(run["kind"], run["kind"])),
-            InternalConfigurationId=_identify(ua.ConfigurationIdDataType, self._shown.get("CalibrationId", "")),
+            InternalRecipeId=ua.RecipeIdInternalDataType(Id=RECIPE_OF.get(run["kind"], run["kind"])),
+            InternalConfigurationId=ua.ConfigurationIdDataType(Id=self._shown.get("CalibrationId", "")),
             ResultContent=[ua.Variant(_content(run), ua.VariantType.String)],
         )
 
@@ -318,14 +316,10 @@ def _id_of(value: Any) -> str:
     return str(getattr(value, "Id", None) or "")
 
 
-def _identify(structure: type, name: str) -> Any:
-    return structure(Id=name)
-
-
 def _configuration(calibration_id: str, modified: str | None) -> Any:
     at = time_of(modified) if modified else datetime(1601, 1, 1, tzinfo=UTC)
     return ua.ConfigurationDataType(
-        InternalId=_identify(ua.ConfigurationIdDataType, calibration_id),
+        InternalId=ua.ConfigurationIdDataType(Id=calibration_id),
         LastModified=at,
         HasTransferableDataOnFile=False,
     )
@@ -341,10 +335,6 @@ def _no_error() -> ua.Variant:
 
 def _handle() -> ua.Variant:
     return ua.Variant(0, ua.VariantType.UInt32)
-
-
-def _strings(text: str) -> list[ua.Variant]:
-    return [ua.Variant(text, ua.VariantType.String)]
 
 
 def _list_answer(complete: bool, found: list[Any]) -> list[ua.Variant]:

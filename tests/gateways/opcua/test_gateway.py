@@ -1,6 +1,7 @@
 """One gateway over a daemon with fake devices, asked by a client of the OPC UA library it is not made with alone."""
 
 import asyncio
+import struct
 from contextlib import AsyncExitStack
 from pathlib import Path
 
@@ -54,6 +55,13 @@ async def test_a_run_is_started_once_by_its_ticket_and_told_from_its_begin_to_it
         assert await mes.call(f"{management}.ActivateConfiguration", chosen) == 0
         current = (await bench.client.get("/calibrations/current")).json()
         await mes.waits("cell7.Cell.CalibrationId", current["calibration"]["id"])
+        await mes.call(f"{management}.GetConfigurationList", *page)
+        again = f"/calibrations/{current['calibration']['id']}/apply"
+        assert (await bench.client.post(again, json={"applied_by": "somebody else"})).is_success
+        assert await refused(mes.call(f"{management}.ActivateConfiguration", chosen)) == "BadInvalidState"
+        elsewhere = ua.ConfigurationIdDataType(Id="../robot/jog?x=")
+        wrong = ua.Variant(elsewhere, ua.VariantType.ExtensionObject)
+        assert await refused(mes.call(f"{management}.ActivateConfiguration", wrong)) == "BadNotFound"
         assert await mes.read("cell7.Cell.U_Mm") == current["expanded_mm"]
         assert await mes.read("cell7.Cell.LastResult") == "finished"
 
@@ -141,3 +149,45 @@ async def test_a_daemon_that_goes_is_not_ready_and_comes_back(tmp_path: Path) ->
             await scada.waits("cell7.Cell.Ready", True)
             assert await scada.read("cell7.Cell.State") == "Ready"
         await staying.aclose()
+
+
+@pytest.mark.slow
+async def test_what_is_no_daemon_and_half_a_message_take_nothing_from_others(tmp_path: Path) -> None:
+    """A server that answers all with an empty list, and a client that never ends its first message."""
+
+    async def answer(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        await reader.readuntil(b"\r\n\r\n")
+        writer.write(b"HTTP/1.1 200 OK\r\ncontent-type: application/json\r\ncontent-length: 2\r\n\r\n[]")
+        writer.close()
+
+    odd = await asyncio.start_server(answer, "127.0.0.1", 0)
+    async with odd, serving(settings_for(tmp_path)) as bench:
+        urls = {"cell7": bench.url, "odd": f"http://127.0.0.1:{odd.sockets[0].getsockname()[1]}"}
+        async with plant(tmp_path, urls) as gateway, gateway.client("mes@cell7") as scada:
+            assert await cut_off(gateway.endpoint), "256 kB without an end are too much"
+            await scada.listen("cell7.Cell.Ready")
+            await scada.waits("cell7.Cell.Ready", True)
+            assert await scada.read("odd.Cell.State") == "Preoperational"
+
+
+async def cut_off(endpoint: str) -> bool:
+    """Whether the gateway ends a connection that sends ten chunks of 60 kB of one message, without a login."""
+    host, _, port = endpoint.removeprefix("opc.tcp://").rstrip("/").partition(":")
+    reader, writer = await asyncio.open_connection(host, int(port))
+    hello = struct.pack("<IIIIIi", 0, 65535, 65535, 0, 0, -1)
+    writer.write(b"HELF" + struct.pack("<I", 8 + len(hello)) + hello)
+    await reader.read(28)
+    for number in range(1, 11):
+        chunk = struct.pack("<IIII", 0, 0, number, 1) + bytes(60_000)
+        writer.write(b"MSGC" + struct.pack("<I", 8 + len(chunk)) + chunk)
+    try:
+        async with asyncio.timeout(20):
+            while await reader.read(1000):  # it may say why
+                pass
+    except ConnectionError:
+        return True
+    except TimeoutError:
+        return False
+    finally:
+        writer.close()
+    return True
