@@ -19,7 +19,7 @@ help:
 	@echo "make test-opencv4  the tests of what calls OpenCV, and the comparison with OpenCV's calibrateHandEye, under OpenCV 4.14"
 	@echo "make test-deployed  what deployment depends on, with the Python and the libraries that are deployed, and the demo"
 	@echo "make test-systemd  the package under a live systemd, in a container: the story of docs/runbook.md, as root"
-	@echo "make check    formatting, lint, types, import contracts"
+	@echo "make check    subjects and bodies of commits, formatting, lint, types, import contracts"
 	@echo "make bench    measure for half an hour, and write docs/benchmarks.md"
 	@echo "make docs     build the documentation into daemon/site, which the daemon serves under /docs/, and check its links"
 	@echo "make deb      build the Debian package into dist/"
@@ -115,6 +115,7 @@ $(DEPLOYED)/installed: pyproject.toml deploy/requirements.lock
 	@touch $@
 
 check: $(VENV)/developing
+	.ci/commits
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/mypy
