@@ -221,12 +221,13 @@ class World:
         if not self.verification:
             return
         target_mm = map_points(BASE_T_TARGET, BOARD.points_mm[[point]])[0]
+        beside = bool(self.witness.run)  # what departs before the answer may be of that run, which may end meanwhile
         self.witness.approaching = Approaching(TIP_MM, None if direction is None else np.array(direction), target_mm)
         body |= {"verification": self.verification, "tip": TIP | {"flange_tip_mm": tip}, "touch": {"id": point}}
         body |= {} if direction is None else {"along": direction}
         try:
             answer = await self.asks(who, "POST", "/touch/approach", body, wait=WAIT_S)
-            if answer is None or answer.json().get("code") not in NOT_BEGUN:  # else what moved was another run
+            if not beside and (answer is None or answer.json().get("code") not in NOT_BEGUN):
                 self.witness.wrong += self.witness.beyond
             self._take(who, answer, "approach")
         finally:
