@@ -23,6 +23,7 @@ from tests.simulated.arms import (
     rms_length,
     target_places,
 )
+from tests.support.cases import seeds
 
 ARM = find_arm("IRB 2600-20/1.65")
 ARMS, PLACES, VIEWS, HELD_OUT = 16, 3, 8, 50
@@ -58,7 +59,7 @@ def errors_of(seed: int) -> tuple[float, float, float]:
 
 @pytest.mark.slow
 def test_the_growth_of_a_warm_arm_is_found_and_how_well_is_claimed() -> None:
-    without, known, claimed = np.sqrt(np.mean(np.square([errors_of(seed) for seed in range(ARMS)]), axis=0))
+    without, known, claimed = np.sqrt(np.mean(np.square([errors_of(seed) for seed in seeds(ARMS)]), axis=0))
     print(f"points of an arm at {HOT_C:g} °C: {without:.3f} mm without its temperatures, {known:.3f} mm with them,"
           f" {claimed:.2f} of what is claimed")  # fmt: skip
     assert known < 0.8 * without

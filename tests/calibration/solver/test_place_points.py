@@ -21,6 +21,7 @@ from tests.simulated.arms import (
     reachable_views,
     target_places,
 )
+from tests.support.cases import seeds
 
 ARM = find_arm("IRB 2600-20/1.65")
 ARMS, HELD_OUT = 8, 50
@@ -48,7 +49,7 @@ def normalised_square(rng: np.random.Generator, cell: ArmCell, fit: ArmFit, join
 @pytest.mark.slow
 def test_errors_are_as_large_as_claimed_where_views_were_taken_and_away_from_them() -> None:
     squares = []
-    for seed in range(ARMS):
+    for seed in seeds(ARMS):
         rng, cell, fit, target = identified(seed)
         near, far = reachable_views(rng, ARM, target, HELD_OUT), box_postures(rng, ARM, HELD_OUT)
         squares.append([normalised_square(rng, cell, fit, joints) for joints in (near, far)])

@@ -26,6 +26,7 @@ from tests.simulated.arms import (
     reachable_views,
     target_places,
 )
+from tests.support.cases import seeds
 
 ARM = find_arm("IRB 2600-20/1.65")
 ARMS, TOUCHES = 20, 6
@@ -82,10 +83,11 @@ def mean_square(found: TouchTestDocument) -> float:
 
 @pytest.mark.slow
 def test_misses_are_as_large_as_claimed_with_what_is_not_known_of_the_arm() -> None:
-    squares = [[mean_square(found) for found in draw_touch_tests(seed)] for seed in range(ARMS)]
+    squares = [[mean_square(found) for found in draw_touch_tests(seed)] for seed in seeds(ARMS)]
     with_arm, without = np.sqrt(np.mean(squares, axis=0))
     print(
-        f"misses over what is claimed, RMS of {ARMS} arms: {with_arm:.2f}, without the arm's uncertainty {without:.2f}"
+        f"misses over what is claimed, RMS of {len(squares)} arms: {with_arm:.2f},"
+        f" without the arm's uncertainty {without:.2f}"
     )
     assert 0.9 < with_arm < 1.15 < without, (with_arm, without)
 
