@@ -1,12 +1,18 @@
 """The command run in this process, as the shell would see it."""
 
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 import typer
+import typer.testing
+from typer.main import get_command
 from typer.testing import CliRunner
 
 from daemon.cli.main import app
+
+# Otherwise each call would make all 50 commands anew, as a process does once.
+typer.testing._get_command = cache(get_command)
 
 
 @dataclass(frozen=True)

@@ -120,4 +120,5 @@ async def test_check_leaves_the_devices_to_a_running_daemon_though_it_has_no_key
         assert [(row.name, row.ok) for row in without] == [("daemon", True), ("cell", False)]
         assert "HANDEYED_KEY" in without[1].fix
         monkeypatch.setenv("HANDEYED_KEY", key)
-        assert all(row.ok for row in await asyncio.to_thread(asyncio.run, check_devices(settings)))
+        rows = await asyncio.to_thread(asyncio.run, check_devices(settings))
+        assert all(row.ok for row in rows), rows
