@@ -62,7 +62,10 @@ async def test_a_plc_that_triggers_moves_the_arm_and_its_abort_stops_it(tmp_path
         assert plant.witness.wrong == []
 
 
-async def test_the_schedule_moves_the_arm_after_a_finished_run_only(tmp_path: Path) -> None:
+async def test_the_schedule_moves_the_arm_after_a_finished_run_only(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(schedule, "RETRY_S", 0.2)  # however long the run took
     async with watched_plant(tmp_path) as plant:
         await plant.waits_for_the_schedule()
         assert plant.witness.departures == 0
