@@ -6,7 +6,7 @@ PIP := $(BIN)/pip --disable-pip-version-check --quiet
 LOCK := $(BIN)/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-emit-index-url \
 	--no-emit-find-links --custom-compile-command "make lock"
 
-.PHONY: help demo cell install quick test test-all test-night test-busy test-opencv4 test-deployed test-systemd check bench torture lock sbom deb release docs format clean page-vendor
+.PHONY: help demo cell install quick test test-all test-night test-busy test-opencv4 test-deployed test-systemd test-fleet check bench torture lock sbom deb release docs format clean page-vendor
 
 help:
 	@echo "make demo     install, then calibrate and register against the mock cell, and print the truth beside it"
@@ -19,6 +19,7 @@ help:
 	@echo "make test-opencv4  the tests of what calls OpenCV, and the comparison with OpenCV's calibrateHandEye, under OpenCV 4.14"
 	@echo "make test-deployed  what deployment depends on, with the Python and the libraries that are deployed, and the demo"
 	@echo "make test-systemd  the package under a live systemd, in a container: the story of docs/runbook.md, as root"
+	@echo "make test-fleet  20 mock cells and daemons, an OPC UA gateway, Prometheus and S3 on this machine; CELLS= chooses how many"
 	@echo "make check    subjects and bodies of commits, formatting, lint, types, import contracts"
 	@echo "make bench    measure for half an hour, and write docs/benchmarks.md"
 	@echo "make docs     build the documentation into daemon/site, which the daemon serves under /docs/, and check its links"
@@ -113,6 +114,11 @@ $(DEPLOYED)/installed: pyproject.toml deploy/requirements.lock
 	@$(DEPLOYED)/bin/pip --disable-pip-version-check --quiet install --require-hashes --requirement deploy/requirements.lock
 	@$(DEPLOYED)/bin/pip --disable-pip-version-check --quiet install hypothesis pytest pytest-asyncio pytest-timeout pytest-xdist
 	@touch $@
+
+CELLS ?= 20
+test-fleet: export OPENBLAS_NUM_THREADS ?= 1
+test-fleet: $(VENV)/developing
+	HANDEYED_FLEET_CELLS=$(CELLS) $(BIN)/pytest tests/fleet
 
 check: $(VENV)/developing
 	.ci/commits

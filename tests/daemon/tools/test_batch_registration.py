@@ -10,7 +10,6 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-import httpx
 import numpy as np
 import pytest
 
@@ -24,6 +23,7 @@ from tests.daemon.calibrations import a_calibration
 from tests.daemon.cli.running import handeyed
 from tests.daemon.fakes import FLANGE_T_CAMERA, ply_of
 from tests.daemon.tools.dask_cluster import cluster
+from tests.support.s3 import s3_server
 from tests.support.terminal import on_terminal
 from tests.support.waiting import eventually_blocking
 
@@ -183,24 +183,10 @@ def test_scans_and_results_may_lie_anywhere_fsspec_reaches(archive: Path, tmp_pa
 
 
 @pytest.fixture
-def bucket(monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
+def bucket() -> Iterator[str]:
     """An empty bucket of an S3 server."""
-    pytest.importorskip("s3fs").S3FileSystem.clear_instance_cache()  # of another test's server
-    server = pytest.importorskip("moto.server").ThreadedMotoServer(ip_address="127.0.0.1", port=0, verbose=False)
-    server.start()
-    try:
-        host, port = server.get_host_and_port()
-        for name, value in {
-            "AWS_ENDPOINT_URL": f"http://{host}:{port}",
-            "AWS_ACCESS_KEY_ID": "cell",
-            "AWS_SECRET_ACCESS_KEY": "secret",
-            "AWS_DEFAULT_REGION": "us-east-1",
-        }.items():
-            monkeypatch.setenv(name, value)
-        httpx.post(f"http://{host}:{port}/moto-api/reset").raise_for_status()
+    with s3_server():
         yield "s3://parts"
-    finally:
-        server.stop()
 
 
 def test_scans_and_results_may_lie_in_s3(archive: Path, tmp_path: Path, calibration: Path, bucket: str) -> None:
