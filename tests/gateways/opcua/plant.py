@@ -38,7 +38,8 @@ class Plant:
         await setup_self_signed_certificate(private, certificate, CLIENT, "localhost", use, {"commonName": name})
         if trusted:
             shutil.copy(certificate, self.folder / "trusted" / certificate.name)
-        client = Client(self.endpoint, timeout=LIMIT_S)
+        # asyncua's client leaves by itself when a read takes longer than this: on a busy machine a second is nothing
+        client = Client(self.endpoint, timeout=LIMIT_S, watchdog_intervall=LIMIT_S)
         client.application_uri = CLIENT
         gateway = self.folder / "own.der"
         await client.set_security(SecurityPolicyBasic256Sha256, certificate, private, server_certificate=gateway)
