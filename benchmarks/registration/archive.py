@@ -1,8 +1,11 @@
-"""Registers an archive by one process and by 1 and 2 Dask workers, and extrapolates:
+"""Registers an archive by one process and by 1, 2, 4 and 8 Dask workers, and states the cost as a model:
 `python -m benchmarks.registration.archive`.
 
-The model is T(n) = serial + work / n: `work` is the processor time of registering, `serial` the additional time of the
-run with one worker (Dask itself, mostly the client). Elapsed time and model differ by other load.
+The model is T(n) = serial + work / n, with the cores of this machine for n where those are fewer: `work` is the
+processor time of registering, `serial` the additional time of the run with one worker (Dask itself, mostly the client).
+Elapsed time and model differ by other load. More workers than cores register nothing faster: those rows show what a
+worker itself costs, as a straight line through the processor times, and for a machine with as many cores the model
+alone speaks.
 """
 
 import argparse
@@ -23,6 +26,7 @@ from daemon.tools.batch_registration.tasks import RegistrationTask
 from registration.io.formats import ply
 from registration.points.layout import XYZ_FLOAT32
 
+MEASURED = (1, 2, 4, 8)
 BEYOND = (4, 8, 16, 32)
 
 
@@ -72,7 +76,7 @@ def main() -> int:
 
         list(run_here(tasks("warm")[:1]))
         spent = {0: cost(lambda: list(run_here(tasks("here"))))}
-        for workers in (1, 2):
+        for workers in MEASURED:
             with open_executor("local", workers) as run:
                 list(run(tasks(f"warm{workers}")[: 2 * workers]))  # pays for imports once, not per scan
                 before = _busy_s(os.getpid())
@@ -94,14 +98,22 @@ def print_table(scans: int, spent: dict[int, Cost]) -> None:
     """Print the table. The model assumes a free machine: processor seconds, with elapsed time beside them."""
     work = min(each.cpu_s for each in spent.values())
     serial = max(0.0, spent[1].cpu_s - spent[0].cpu_s)
-    print(f"{f'{scans} scans':<20}{'clock s':>10}{'CPU s':>10}{'CPU in use':>12}{'x one worker':>14}{'model s':>10}")
+    cores = os.cpu_count() or 1
+    heads = f"{'clock s':>10}{'CPU s':>10}{'CPU in use':>12}{'x one worker':>14}{'model s':>10}{'residual s':>12}"
+    print(f"{f'{scans} scans':<20}{heads}")
     for workers, each in spent.items():
         name = f"{workers} workers" if workers > 1 else "1 worker" if workers else "this process"
-        columns = f"{spent[1].wall_s / each.wall_s:14.2f}{serial + work / workers:10.2f}" if workers else ""
-        print(f"{name:<20}{each.wall_s:10.2f}{each.cpu_s:10.2f}{each.cpu_s / each.wall_s:12.2f}{columns}")
+        model_s = serial + work / min(workers, cores) if workers else work
+        columns = f"{spent[1].wall_s / each.wall_s:14.2f}" if workers else " " * 14
+        print(f"{name:<20}{each.wall_s:10.2f}{each.cpu_s:10.2f}{each.cpu_s / each.wall_s:12.2f}{columns}"
+              f"{model_s:10.2f}{each.wall_s - model_s:+12.2f}")  # fmt: skip
     for workers in BEYOND:
         model_s = serial + work / workers
-        print(f"{f'{workers} workers':<20}{'':>32}{(serial + work) / model_s:14.2f}{model_s:10.2f}  by the model")
+        print(f"{f'{workers} workers':<20}{'':>32}{(serial + work) / model_s:14.2f}{model_s:10.2f}  on as many cores")
+    counts, cpu_s = np.array([[workers, each.cpu_s] for workers, each in spent.items() if workers]).T
+    slope, start = np.polyfit(counts, cpu_s, 1)
+    off = ", ".join(f"{each:+.2f}" for each in cpu_s - (start + slope * counts))
+    print(f"processor time: {start:.2f} s and {slope:.2f} s for each worker; residuals {off} s")
 
 
 if __name__ == "__main__":
