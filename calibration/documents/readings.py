@@ -168,8 +168,9 @@ def decide(table: PoseTable, compared: Sequence[Compared], evidence: Evidence | 
         if found.track is not None:
             return found
         words = f"none fits: {best.readings[0].words} is the nearest, and {agreement}"
-        words += found.words or _other_size(table, compared, evidence)
-        return Decision(None, words, (best.readings[0],), found.fix)
+        size = "" if found.words else _other_size(table, compared, evidence)
+        fix = found.fix or size and "give the target's right size by --target"
+        return Decision(None, words + found.words + size, (best.readings[0],), fix)
     if others:
         assert others[0].fit is not None
         n = min(len(evidence), MAX_COMPARED_VIEWS)

@@ -160,6 +160,10 @@ def _require_the_same_numbers(flat: Sequence[dict[str, Leaf]], names: Sequence[s
 def _table_of_leaves(origin: str, named: Sequence[str], columns: Sequence[Sequence[Leaf]]) -> PoseTable:
     """The table of the leaves of one side: by their shapes where one of them is a pose, else by their names."""
     leaves = dict(zip(named, columns, strict=True))
+    if len(frames := _moving_frames(leaves)) > 1:
+        parts = {name: _table_of_leaves(origin, [*own], [*own.values()]) for name, own in frames.items()}
+        return replace(next(iter(parts.values())), parts=parts)
+    leaves = next(iter(frames.values()), leaves)
     kinds = {name: _kind(column[0]) for name, column in leaves.items()}
     matrices, rows, turns, places, texts = (
         [name for name, kind in kinds.items() if kind in wanted] for wanted in (MATRICES, ROWS, TURNS, ((3,),), ((),))
@@ -196,6 +200,30 @@ def _table_of_leaves(origin: str, named: Sequence[str], columns: Sequence[Sequen
         for at, numbers in enumerate(np.array(column, float).reshape(len(column), -1).T.tolist()):
             flat[f"{name}.r{at // 3}{at % 3}" if grid else f"{name}.{at}"] = numbers
     return table_of_one_side(origin, [*flat], [*flat.values()])
+
+
+def _moving_frames(leaves: dict[str, Sequence[Leaf]]) -> dict[str, dict[str, Sequence[Leaf]]]:
+    """The leaves of each moving frame by its name, where a record has a place and a quaternion of three frames or more,
+    as a snapshot of tf has; else {}. What belongs to no frame, such as a picture's name, is among those of each."""
+    stems = dict.fromkeys(name.rpartition(".")[0] for name in leaves if "." in name)
+    within = {stem: [name for name in leaves if name.startswith(f"{stem}.")] for stem in stems}
+    motions = {}
+    for stem, names in within.items():
+        numbers = [np.array(leaves[name]) for name in names if _kind(leaves[name][0])]
+        if sorted(one.shape[1:] for one in numbers) == [(3,), (4,)]:
+            motions[stem] = float(np.ptp(np.hstack(numbers), axis=0).max())
+    if len(motions) < MIN_FRAMES:
+        return {}
+    own = {name for stem in motions for name in within[stem]}
+    moving = [stem for stem, motion in motions.items() if motion > STILL_SHARE * max(motions.values())]
+    return {
+        stem.rpartition(".")[2]: {name: one for name, one in leaves.items() if name in within[stem] or name not in own}
+        for stem in moving
+    }
+
+
+MIN_FRAMES, STILL_SHARE = 3, 0.02
+"""Poses of a record that are those of frames; and the motion of one that stands, as a share of the greatest."""
 
 
 def table_of_array(array: Array, origin: str, labels: Sequence[str] | None = None) -> PoseTable:

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from calibration.documents.imports.columns import Columns, recognise_columns, text_columns, words_of
-from calibration.documents.imports.pose_table import MIN_STATED_MM, PoseTable, table_of_matrices
+from calibration.documents.imports.pose_table import MIN_STATED_MM, NAMED, PoseTable, table_of_matrices
 from calibration.documents.imports.refusal import MAX_POSES, refusal
 from calibration.documents.imports.sides import MIN_PAIRS, best_split, build_by_sides, relation_of
 from calibration.errors import DocumentError
@@ -110,7 +110,7 @@ def table_of_one_side(origin: str, names: Sequence[str], cells: Sequence[Sequenc
     values = np.column_stack([np.array(cells[index], float) for index in numbers])
     values[:, : len(columns.lengths)] *= columns.scale
     labels = tuple(str(at + 1) for at in range(len(values)))
-    layout = "columns " + ", ".join(names[index] for index in numbers[:8]) + (" ..." if len(numbers) > 8 else "")
+    layout = NAMED + ", ".join(names[index] for index in numbers[:8]) + (" ..." if len(numbers) > 8 else "")
     if columns.joints:
         table = table_of_joints(origin, labels, values, layout)
         table = replace(table, convention=None if columns.degrees is None else JOINTS[columns.degrees])

@@ -77,13 +77,15 @@ def _last(name: str) -> str:
 def _by_number(images: Sequence[str], table: PoseTable) -> Pairing | None:
     """By a number in each name, counted from the end, where these are different and the same on both sides."""
     counted = _numbers([str(PurePosixPath(name).with_suffix("")) for name in images])
+    n = len(table)
+    counts = table.labels == tuple(str(at + 1) for at in range(n))
     for seen, posed in product(counted, _numbers(table.labels)):
-        if set(seen) == set(posed):
+        if set(seen) == set(posed) or (set(seen) > set(posed) and not counts):
             by_number = dict(zip(seen, images, strict=True))
             paired = tuple(by_number[number] for number in posed)
-            return Pairing(tuple(range(len(table))), paired, "by the numbers in the names")
-    n = len(table)
-    if len(images) < n and table.labels == tuple(str(at + 1) for at in range(n)):  # some pictures were deleted
+            left = f"; {len(images) - n} pictures without a pose are left out" if len(images) > n else ""
+            return Pairing(tuple(range(n)), paired, f"by the numbers in the names{left}")
+    if len(images) < n and counts:  # some pictures were deleted
         for seen in counted:
             first = next((one for one, end in ((0, 0), (1, n)) if end in seen), None)
             if first is not None and first <= min(seen) and max(seen) < n + first:

@@ -1,8 +1,8 @@
 """Robot poses as a file has them: numbers, with what the file says of their meaning and what it leaves open."""
 
 import contextlib
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -38,6 +38,9 @@ ARRAYS = ("lengths", "numbers", "times_s", "external_axes")
 MAX_JOINT_DEG = 360.0
 """Largest joint that is looked for among numbers without names."""
 
+NAMED = "columns "
+"""How the layout of numbers begins that have names."""
+
 MIXED_RATIO = 100.0
 """Poses so much nearer to the base than the farthest one are in another unit when a factor of 1000 explains it."""
 
@@ -64,6 +67,7 @@ class PoseTable:
     setup : where the camera is, as the source states it.
     external_axes : (n, k) of the controller's axes beside the arm, mm or degrees, NaN where there is none.
     arm : of joints, which stand in `numbers`; `lengths` are empty then.
+    parts : where every record has poses of several moving frames, each by the frame's name; the table is the first.
     """
 
     origin: str
@@ -86,6 +90,7 @@ class PoseTable:
     setup: Setup | None = None
     external_axes: Array | None = None
     arm: Arm | None = None
+    parts: "Mapping[str, PoseTable]" = field(default_factory=dict)
 
     def __len__(self) -> int:
         return len(self.labels)
@@ -177,7 +182,8 @@ class PoseTable:
     def may_be_joints(self) -> bool:
         """Whether six numbers without names could be an arm's joints."""
         numbers = np.concatenate([self.lengths, self.numbers], axis=1)
-        unnamed = self.kind == "angles" and self.convention is None and not self.by_axis and self.unit is None
+        unnamed = self.kind == "angles" and self.convention is None and self.unit is None
+        unnamed = unnamed and not self.by_axis and not self.layout.startswith(NAMED)
         return unnamed and bool(np.abs(numbers).max(initial=0.0) <= MAX_JOINT_DEG)
 
     def as_joints(self, arm: Arm) -> "PoseTable":

@@ -341,7 +341,8 @@ def _of_axes_and_options(request: ImportRequest, imported: ImportedSet, decision
         ("--target", request.target, pictures, "there are no pictures"),
         ("--camera", request.camera, pictures, "there are no pictures"),
         ("--cloud-unit", request.cloud_unit, {PurePath(one).suffix for one in imported.images} & CLOUDS, "no clouds"),
-        ("--part", request.part, imported.kind not in ("folder", "samples of pose pairs"), "the set has no parts"),
+        ("--part", request.part, table.parts or imported.kind not in ("folder", "samples of pose pairs"),
+         "the set has no parts"),
     )  # fmt: skip
     yield from (f"{option} is not used: {why}" for option, given, used, why in rows if given is not None and not used)
 
@@ -468,7 +469,7 @@ def _undecided(request: ImportRequest, best: _Best) -> Undecided:
     words = f"{decision.words}{best.missing}"
     if decision.words.startswith("none fits"):
         words += f" (read from {table.layout})"
-    if decision.words.startswith("none fits") and table.may_be_joints() and request.arm is None:
+    if decision.words.startswith("none fits") and not decision.fix and table.may_be_joints() and request.arm is None:
         words += "; six numbers that are no place: these look like joint angles"
         fix = "give the arm of joints by --arm (`handeyed arms` lists them)"
     return Undecided.by(table.origin, "poses", words, fix, "conventions")

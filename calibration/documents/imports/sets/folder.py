@@ -97,9 +97,17 @@ def read_named(files: Files, names: Sequence[str]) -> PoseTable:
     return tables[0] if len(tables) == 1 else concatenate(tables, labels, files.origin)
 
 
-def read(files: Files, chosen: Chosen) -> ImportedSet:
-    """Poses and pictures of a folder, paired; or pairs of poses. Raises DocumentError."""
+def read(files: Files, chosen: Chosen, part: str | None = None) -> ImportedSet:
+    """Poses and pictures of a folder, paired; or pairs of poses. `part`: the robot's frame, where records have several.
+
+    Raises DocumentError.
+    """
     poses = _poses(files, chosen.poses, "robot") if chosen.poses else find_poses(files, chosen.camera_poses)
+    if poses.parts:
+        if part not in poses.parts:
+            what = f"poses of {len(poses.parts)} moving frames ({', '.join([*poses.parts][:12])})"
+            raise refusal(poses.origin, "records", what, "name the one that carries the camera or target: --part FRAME")
+        poses = replace(poses.parts[part], parts=poses.parts)
     if chosen.camera_poses:
         camera = _poses(files, chosen.camera_poses, "camera")
         poses = replace(poses, side="robot" if chosen.poses else poses.side, camera=camera)

@@ -316,4 +316,4 @@ def _read_set(files: Files, part: str | None, chosen: folder.Chosen) -> Imported
         for layout in LAYOUTS:
             if layout.recognise(files):
                 return layout.read(files, part)
-    return folder.read(files, chosen)
+    return folder.read(files, chosen, part)

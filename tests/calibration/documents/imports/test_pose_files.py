@@ -37,6 +37,12 @@ def test_metres_are_known_by_their_size() -> None:
     assert read_poses("a.json", json.dumps(matrices().tolist()).encode()).units() == ("mm",)
 
 
+def test_six_numbers_that_have_names_are_not_taken_for_joints() -> None:
+    row = "0.1,0.2,0.3,0.4,0.5,0.6"
+    assert read_poses("a.csv", lines(row, row)).may_be_joints()
+    assert not read_poses("a.csv", lines("x,y,z,rotation_1,rotation_2,rotation_3", row, row)).may_be_joints()
+
+
 def test_names_and_pictures_of_the_rows_are_kept() -> None:
     named = [f"img_{at}.png,{row},0.1" for at, row in enumerate(rows(MM, WXYZ))]
     table = read_poses("a.csv", lines("image,x,y,z,qw,qx,qy,qz,joint 1", *named))

@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -17,6 +17,7 @@ from calibration.documents.target import described
 from calibration.documents.target_text import target_of_data, target_of_text, text_of_target
 from calibration.errors import DocumentError
 from calibration.kinematics.abb_arms import find_arm
+from calibration.kinematics.conventions import CONVENTIONS
 from calibration.transforms import inverse
 from tests.calibration.documents.imports.written import (
     MM,
@@ -406,6 +407,42 @@ def test_where_pictures_were_deleted_their_numbers_say_the_row(
             pair(pictures, TABLE)
     else:
         assert pair(pictures, TABLE).rows == rows
+
+
+def test_more_pictures_than_files_of_poses_are_paired_by_their_numbers() -> None:
+    named = replace(TABLE, labels=("pose01", "pose02", "pose04", "pose05", "pose06"))
+    paired = pair(tuple(f"img{at}.png" for at in range(8)), named)
+    assert paired.images == ("img1.png", "img2.png", "img4.png", "img5.png", "img6.png")
+    assert paired.words == "by the numbers in the names; 3 pictures without a pose are left out"
+
+
+XYZW = CONVENTIONS["quaternion-xyzw"]
+
+
+def _frames(*names: str) -> bytes:
+    """Records of each picture with the poses of tf's frames, of which the base and the other arm stand still."""
+    still = {"position": [0.0, 0.0, 0.4], "orientation": [0.0, 0.0, 0.0, 1.0], "stamp": {"sec": 7}}
+    records = []
+    for at, (place, turn) in enumerate(zip(MM / 1000, WXYZ, strict=True)):
+        moving = {"position": place.tolist(), "orientation": np.roll(turn, -1).tolist(), "stamp": {"sec": at}}
+        records.append(
+            {"image": f"{at}.png", "poses": {"world": still, "left_hand": still} | dict.fromkeys(names, moving)}
+        )
+    return json.dumps(records).encode()
+
+
+def test_of_the_frames_in_a_record_the_one_that_moves_is_the_robot_s() -> None:
+    imported = read_set(Held({"poses.json": _frames("right_hand"), **_pictures("{}.png")}), None, Chosen())
+    np.testing.assert_allclose(imported.poses.poses(XYZW, "m", "base_T_flange"), POSES, atol=1e-6)
+    assert imported.images == ("0.png", "1.png", "2.png")
+
+
+def test_of_several_frames_that_move_one_is_named_by_part() -> None:
+    files = Held({"poses.json": _frames("link6", "right_hand"), **_pictures("{}.png")})
+    with pytest.raises(DocumentError, match=r"2 moving frames \(.*\): name the one .* --part FRAME"):
+        read_set(files, None, Chosen())
+    named = read_set(files, "link6", Chosen()).poses
+    np.testing.assert_allclose(named.poses(XYZW, "m", "base_T_flange"), POSES, atol=1e-6)
 
 
 def test_a_record_may_hold_the_corners_that_were_seen_from_its_pose() -> None:
