@@ -18,7 +18,7 @@ from calibration.documents.exports.formats import export as export_x
 from calibration.documents.exports.subject import DEFAULT_DECIMALS, OPTICAL_FRAME, ExportOptions
 from calibration.documents.imports.leaves import table_of_data
 from calibration.documents.imports.pose_files import read_poses
-from calibration.documents.imports.sets.folder import ImportedSet
+from calibration.documents.imports.sets import ImportedSet
 from calibration.documents.plan import PlanDocument, PlannedDocument, PredictedDocument
 from calibration.documents.requirement import VerdictSettings
 from calibration.documents.target import TargetFile

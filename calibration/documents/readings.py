@@ -169,7 +169,7 @@ def decide(table: PoseTable, compared: Sequence[Compared], evidence: Evidence | 
             return found
         words = f"none fits: {best.readings[0].words} is the nearest, and {agreement}"
         size = "" if found.words else _other_size(table, compared, evidence)
-        fix = found.fix or size and "give the target's right size by --target"
+        fix = found.fix or (size and "give the target's right size by --target")
         return Decision(None, words + found.words + size, (best.readings[0],), fix)
     if others:
         assert others[0].fit is not None

@@ -59,7 +59,7 @@ def import_session(
 
     Exit status: 0 written, 2 unreadable, or the data do not decide what the message asks for.
     """
-    from calibration.documents.imports.sets.folder import Chosen
+    from calibration.documents.imports.sets import Chosen
     from daemon.sessions.session_import.report import report
     from daemon.sessions.session_import.request import ImportRequest
     from daemon.sessions.session_import.understand import understand

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from calibration.documents.imports.arrays import DAMAGED_ARCHIVE
+from calibration.documents.imports.refusal import DAMAGED_ARCHIVE
 from calibration.errors import GeometryError
 from calibration.transforms import Array, transform_from_quaternion
 from registration.documents import TimeUnit

@@ -12,15 +12,18 @@ from typing import Any
 
 import numpy as np
 
-from calibration.documents.imports.columns import JOINT_WORDS, TURN_WORDS, text_columns, words_of
 from calibration.documents.imports.number_tables import (
+    JOINT_WORDS,
+    TURN_WORDS,
     Cell,
     are_rotations,
     table_of_joints,
     table_of_one_side,
     table_of_rows,
     table_of_sides,
+    text_columns,
     with_names,
+    words_of,
 )
 from calibration.documents.imports.pairing import natural
 from calibration.documents.imports.pose_table import PoseTable, table_of_matrices
@@ -86,6 +89,9 @@ def table_of_data(data: Any, origin: str) -> PoseTable:
     if isinstance(data, dict) and "frameCount" in data:  # handeye_calib_camodocal: base_T_tip and camera_T_tag
         data = {str(key).replace("T1_", "robot_").replace("T2_", "camera_"): value for key, value in data.items()}
     records, labels = _records(data, origin)
+    if len(records) > MAX_POSES:
+        what = f"{len(records)} records, where {MAX_POSES} are read"
+        raise refusal(origin, "records", what, "give those of the views")
     if labels is None and (array := array_of(records)) is not None:
         return table_of_array(array, origin)
     flat = [dict(_leaves(record, origin)) for record in records]
@@ -239,8 +245,6 @@ def table_of_array(array: Array, origin: str, labels: Sequence[str] | None = Non
         robot, camera = (table_of_array(array[:, at], origin, labels) for at in (0, 1))
         return replace(robot, side=None, camera=camera, frame="base_T_flange")
     names = labels or [str(at + 1) for at in range(len(array))]
-    if len(array) > MAX_POSES:
-        raise refusal(origin, "array", f"{len(array)} poses, where {MAX_POSES} are read", "give those of the views")
     if array.ndim == 3 and array.shape[1:] in ((4, 4), (3, 4)):
         return table_of_matrices(origin, names, array, f"{array.shape[1]} x 4 matrices")
     if array.ndim == 3 and array.shape[2] == 1:
@@ -272,7 +276,7 @@ def _records(data: Any, origin: str) -> tuple[list[Any], list[str] | None]:
     for _ in range(MAX_DEPTH):
         if isinstance(data, list):
             if data and all(isinstance(item, dict | list | np.ndarray) for item in data):
-                return _require_few(data, origin), None
+                return data, None
             break
         if not isinstance(data, dict) or not data:
             break
@@ -281,7 +285,7 @@ def _records(data: Any, origin: str) -> tuple[list[Any], list[str] | None]:
             return views
         values = list(data.values())
         if len(data) > 1 and all(isinstance(value, dict | list) for value in values) and _alike(values):
-            return _require_few(values, origin), list(data)
+            return values, list(data)
         lists = [value for value in values if isinstance(value, list) and value and isinstance(value[0], dict | list)]
         if (len(lists) == 1 and array_of(lists[0]) is None) or (lists and len(values) == 1):
             data = lists[0]
@@ -315,7 +319,7 @@ def _over_views(data: dict[str, Any], origin: str) -> tuple[list[Any], list[str]
         arrays = {name: leaf if leaf.shape[1:] in ROWS else _without_counters(leaf) for name, leaf in arrays.items()}
         chosen = {name: leaf for name, leaf in (listed | {k: flat[k] for k in over} | arrays).items() if len(leaf) == n}
         views = [{name: _squeeze(leaf[at]) for name, leaf in chosen.items()} for at in range(n)]
-        return _require_few(views, origin), None
+        return views, None
     numbered: dict[str, dict[str, Any]] = {
         name: views
         for name, views in data.items()
@@ -360,13 +364,6 @@ def _alike(values: list[Any]) -> bool:
         )
     shapes = {getattr(array_of(value), "shape", None) for value in values}
     return len(shapes) == 1 and shapes <= {*MATRICES, *ROWS}
-
-
-def _require_few(records: list[Any], origin: str) -> list[Any]:
-    if len(records) > MAX_POSES:
-        what = f"{len(records)} records, where {MAX_POSES} are read"
-        raise refusal(origin, "records", what, "give those of the views")
-    return records
 
 
 def _leaves(

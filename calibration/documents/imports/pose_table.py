@@ -217,18 +217,13 @@ def concatenate(tables: Sequence[PoseTable], labels: Sequence[str], origin: str)
     if first.camera is not None and len(cameras) < len(tables):
         missing = next(table.origin for table in tables if table.camera is None)
         raise refusal(missing, "file", "without the camera's pose that the others have", "write all poses alike")
-    parts = {
-        name: [one for table in tables if (one := getattr(table, name)) is not None]
-        for name in ARRAYS
-        if name != "times_s"
-    }
-    arrays: dict[str, Any] = {
-        name: np.concatenate(listed) for name, listed in parts.items() if len(listed) == len(tables)
-    }
+    arrays: dict[str, Any] = {"images": None, "times_s": None}
+    for name in ("lengths", "numbers", "external_axes"):
+        listed = [one for table in tables if (one := getattr(table, name)) is not None]
+        arrays[name] = np.concatenate(listed) if len(listed) == len(tables) else None
     camera = None if first.camera is None else concatenate(cameras, labels, origin)
     layout = f"{len(tables)} files with one pose each: {first.layout}"
-    without = replace(first, images=None, times_s=None, external_axes=None)
-    return replace(without, origin=origin, labels=tuple(labels), layout=layout, camera=camera, **arrays).checked()
+    return replace(first, origin=origin, labels=tuple(labels), layout=layout, camera=camera, **arrays).checked()
 
 
 def table_of_matrices(origin: str, labels: Sequence[str], matrices: Array, layout: str) -> PoseTable:

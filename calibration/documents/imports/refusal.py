@@ -1,6 +1,19 @@
 """Refusals of an import: always a DocumentError with one problem, that names the heading of docs/formats.md."""
 
+import lzma
+import zipfile
+import zlib
+from tokenize import TokenError
+
 from calibration.errors import DocumentError, DocumentProblem
+
+DAMAGED = (
+    ValueError, EOFError, OSError, OverflowError, SyntaxError, LookupError, TypeError, AttributeError, MemoryError,
+    RecursionError, TokenError,
+)  # fmt: skip
+"""What numpy raises for a damaged file; its header is a Python literal."""
+DAMAGED_ARCHIVE = (*DAMAGED, zipfile.BadZipFile, zlib.error, lzma.LZMAError, RuntimeError)
+"""What zipfile and numpy raise for a damaged .npz file."""
 
 MAX_POSES = 20_000
 """Poses of one file; more are a trajectory, not views of a calibration."""

@@ -8,8 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from calibration.documents.imports.columns import ANGLES, UNITS, words_of
-from calibration.documents.imports.number_tables import Cell, table_of_columns, table_of_rows
+from calibration.documents.imports.number_tables import ANGLES, UNITS, Cell, table_of_columns, table_of_rows, words_of
 from calibration.documents.imports.pose_table import PoseTable, table_of_matrices
 from calibration.documents.imports.refusal import decode, refusal
 from calibration.documents.imports.sides import Relation, relation_of, with_relation

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from calibration.documents.imports.intrinsics import Intrinsics
 from calibration.documents.imports.refusal import refusal
-from calibration.documents.imports.sets.folder import Chosen, ImportedSet
+from calibration.documents.imports.sets import Chosen, ImportedSet
 from calibration.documents.readings import Reading
 from calibration.documents.session import CameraDocument
 from calibration.documents.target import TargetDocument

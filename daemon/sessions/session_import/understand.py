@@ -16,8 +16,7 @@ from calibration.diagnosis.plausibility import circle_of
 from calibration.documents.imports.number_tables import POINTS
 from calibration.documents.imports.pose_table import PoseTable
 from calibration.documents.imports.refusal import refusal
-from calibration.documents.imports.sets.folder import CLOUDS, ImportedSet
-from calibration.documents.imports.sets.kinds import read_set
+from calibration.documents.imports.sets import CLOUDS, ImportedSet, read_set
 from calibration.documents.imports.sides import agreeing_conventions, equal_sides
 from calibration.documents.pose import PoseDocument
 from calibration.documents.readings import Decision, Reading, compare, decide, readings_of

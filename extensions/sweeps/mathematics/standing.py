@@ -4,8 +4,8 @@ from pathlib import Path
 
 import numpy as np
 
-from calibration.documents.imports.columns import words_of
 from calibration.documents.imports.leaves import array_of
+from calibration.documents.imports.number_tables import words_of
 from calibration.documents.imports.pairing import natural, pair
 from calibration.documents.imports.pose_files import read_poses
 from calibration.documents.imports.pose_table import PoseTable

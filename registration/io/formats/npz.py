@@ -24,7 +24,7 @@ BLOCK_POINTS = 1 << 14
 
 def read_whole(file: GuardedFile, name: str) -> tuple[NDArray[Any], dict[str, NDArray[Any]]]:
     """The points (..., 3), and the other arrays of numbers of the same pixels. Raises CloudError's leaves."""
-    from calibration.documents.imports.arrays import DAMAGED_ARCHIVE  # loads pydantic
+    from calibration.documents.imports.refusal import DAMAGED_ARCHIVE  # loads pydantic
 
     size = file.seek(0, 2)
     if size > MAX_FILE_BYTES:

@@ -9,9 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from calibration.documents.imports.arrays import MAX_ARRAY_BYTES
 from calibration.documents.imports.intrinsics import read_intrinsics
-from calibration.documents.imports.pose_files import FAMILIES, read_poses
+from calibration.documents.imports.pose_files import FAMILIES, MAX_ARRAY_BYTES, read_poses
 from calibration.documents.imports.pose_table import PoseTable
 from calibration.errors import DocumentError
 from tests.calibration.documents.imports.written import FILES, npy

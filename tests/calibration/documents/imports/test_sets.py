@@ -11,8 +11,7 @@ from calibration.documents.imports.intrinsics import read_intrinsics
 from calibration.documents.imports.leaves import table_of_data
 from calibration.documents.imports.pairing import pair
 from calibration.documents.imports.pose_table import PoseTable
-from calibration.documents.imports.sets.folder import Chosen, ImportedSet
-from calibration.documents.imports.sets.kinds import LAYOUTS, STATED, read_set
+from calibration.documents.imports.sets import LAYOUTS, STATED, Chosen, ImportedSet, read_set
 from calibration.documents.target import described
 from calibration.documents.target_text import target_of_data, target_of_text, text_of_target
 from calibration.errors import DocumentError

@@ -1,4 +1,4 @@
-"""The table of whole sets, and those that state their poses themselves; a folder that is none is read as any folder.
+"""Whole sets by the table of their layouts, and any folder: its pictures or clouds and the poses of one side or both.
 
 Sources: METRIC, the README of davidea97/Multi-Camera-Hand-Eye-Calibration. BOP, docs/bop_datasets_format.md of
 thodan/bop_toolkit: cam_R_w2c, cam_t_w2c in mm. RWHE, the README of amy-tabb/RWHEC-Tabb-AhmadYousef and OpenCV's test of
@@ -11,32 +11,270 @@ docs/page_extrinsic_hand_eye_calibration.dox. dataset_spec, VitalyVorobyev/calib
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from fnmatch import fnmatchcase
 from pathlib import PurePosixPath
-from typing import Any
+from typing import Any, Protocol
 
-from calibration.documents.imports.intrinsics import intrinsics_of, read_intrinsics
+from calibration.documents.imports.intrinsics import Intrinsics, intrinsics_of, read_intrinsics
 from calibration.documents.imports.leaves import array_of, number_of, setup_of, table_of_data
 from calibration.documents.imports.number_tables import table_of_rows
-from calibration.documents.imports.pairing import natural, pair
-from calibration.documents.imports.pose_files import read_poses
+from calibration.documents.imports.pairing import natural, pair, shown
+from calibration.documents.imports.pose_files import FAMILIES, load_npy, read_poses
 from calibration.documents.imports.pose_table import PoseTable, concatenate
 from calibration.documents.imports.refusal import decode, refusal
-from calibration.documents.imports.sets import folder
-from calibration.documents.imports.sets.folder import (
-    CLOUDS,
-    PICTURES,
-    Files,
-    ImportedSet,
-    matching,
-    of_suffix,
-    read_named,
-)
-from calibration.documents.imports.sides import WORDS
+from calibration.documents.imports.sides import WORDS, equal_sides, relation_of, rows_as_pairs, with_relation
 from calibration.documents.imports.text_tables import rows_of
 from calibration.documents.imports.trees import read_json, read_json_lines, read_yaml
-from calibration.errors import GeometryError
+from calibration.errors import DocumentError, GeometryError
 from calibration.kinematics.abb_arms import find_arm
-from calibration.kinematics.conventions import CONVENTIONS, Frame, LengthUnit
+from calibration.kinematics.conventions import CONVENTIONS, Frame, LengthUnit, Side
+from calibration.problem import Setup
+from calibration.targets import MARKER_COUNTS
+
+PICTURES = frozenset((".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp", ".pgm", ".ppm"))
+CLOUDS = frozenset((".pcd", ".ply", ".npz"))
+CAMERA_SUFFIXES = frozenset((".yaml", ".yml", ".xml", ".json"))
+SHEETS = frozenset((".xlsx", ".xls", ".xlsm", ".ods"))
+MAX_CANDIDATES = 2000
+"""Files that are tried for poses when none are named."""
+
+
+class Files(Protocol):
+    """The files of a folder: their names relative to it, with slashes, and their content."""
+
+    @property
+    def origin(self) -> str:
+        """The folder's name, for messages."""
+        ...
+
+    @property
+    def names(self) -> Sequence[str]:
+        """Regular files, in natural order."""
+        ...
+
+    def read(self, name: str) -> bytes:
+        """The content of a file. Raises DocumentError."""
+        ...
+
+
+@dataclass(frozen=True)
+class Chosen:
+    """What the user names: globs of images, of poses and of the camera's poses of the target."""
+
+    images: str | None = None
+    poses: str | None = None
+    camera_poses: str | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class ImportedSet:
+    """The content of a set.
+
+    images : pictures or clouds, one for each pose once `pairing` says how they were paired; else those of the folder.
+    camera_poses : the target's pose in the camera, one for each pose; a PoseTable of camera_T_target.
+    target : as in session.json; cloud_unit: of the clouds' points, where the set states it.
+    """
+
+    kind: str
+    poses: PoseTable
+    images: tuple[str, ...] = ()
+    pairing: str = ""
+    camera_poses: PoseTable | None = None
+    target: dict[str, Any] | None = None
+    camera: Intrinsics | None = None
+    setup: Setup | None = None
+    notes: tuple[str, ...] = ()
+    cloud_unit: LengthUnit | None = None
+
+
+def of_suffix(names: Sequence[str], suffixes: frozenset[str]) -> tuple[str, ...]:
+    """The names with one of the suffixes."""
+    return tuple(name for name in names if PurePosixPath(name).suffix.lower() in suffixes)
+
+
+def matching(names: Sequence[str], pattern: str) -> tuple[str, ...]:
+    """The names that a glob fits, whole or in their last part, in natural order."""
+    found = [name for name in names if fnmatchcase(name, pattern) or fnmatchcase(PurePosixPath(name).name, pattern)]
+    return tuple(sorted(found, key=natural))
+
+
+def read_named(files: Files, names: Sequence[str]) -> PoseTable:
+    """The table of a file, or of files with a pose each; one error when these are wrong alike. Raises DocumentError."""
+    if not names:
+        raise refusal(files.origin, "poses", "no files with poses", "give them by --poses")
+    tables = [read_poses(name, files.read(name)) for name in names]
+    paths = [PurePosixPath(name) for name in names]
+    labels = [path.stem for path in paths]
+    labels = labels if len(set(labels)) == len(labels) else [path.parent.name for path in paths]
+    return tables[0] if len(tables) == 1 else concatenate(tables, labels, files.origin)
+
+
+def read_folder(files: Files, chosen: Chosen, part: str | None = None) -> ImportedSet:
+    """Poses and pictures of a folder, paired; or pairs of poses. `part`: the robot's frame, where records have several.
+
+    Raises DocumentError.
+    """
+    poses = _poses(files, chosen.poses, "robot") if chosen.poses else find_poses(files, chosen.camera_poses)
+    if poses.parts:
+        if part is None or part not in poses.parts:
+            what = f"poses of {len(poses.parts)} moving frames ({', '.join([*poses.parts][:12])})"
+            raise refusal(poses.origin, "records", what, "name the one that carries the camera or target: --part FRAME")
+        poses = replace(poses.parts[part], parts=poses.parts)
+    if chosen.camera_poses:
+        camera = _poses(files, chosen.camera_poses, "camera")
+        poses = replace(poses, side="robot" if chosen.poses else poses.side, camera=camera)
+    paired, notes, pictures = None, tuple[str, ...](), tuple[str, ...]()
+    try:
+        pictures = () if chosen.camera_poses and not chosen.images else tuple(_images(files, chosen.images))
+        if pictures and (poses.camera is None or poses.kind != "points"):
+            paired = pair(pictures, poses)
+    except DocumentError:
+        if poses.camera is None or chosen.images:
+            raise
+    if poses.camera is not None and paired is None and not chosen.camera_poses:
+        notes, pictures = ("pictures and clouds are not used: the file has the camera's side",) * bool(pictures), ()
+    if not pictures and poses.camera is None and poses.kind != "points":
+        poses = rows_as_pairs(poses) or poses
+    lenses = [find_intrinsics(files, name) for name in of_suffix(files.names, CAMERA_SUFFIXES)[:MAX_CANDIDATES]]
+    cameras, seen = [one for one in lenses if one is not None], poses.camera
+    if seen is not None and len(seen) != len(poses):
+        what = f"{len(poses)} poses of the robot and {len(seen)} of the camera"
+        raise refusal(poses.origin, "pairs", what, "give one of each for every view", "pairs")
+    if seen is not None and not pictures:
+        words = "in the order of the files" if chosen.camera_poses else f"by {poses.origin}"
+        return ImportedSet(
+            "samples of pose pairs", poses, pairing=words, camera_poses=seen, setup=poses.setup, notes=notes
+        )
+    if paired is None:
+        raise refusal(files.origin, "images", "no pictures and no clouds", "name them by --images", "pairs")
+    taken = poses.take(paired.rows)
+    return ImportedSet(
+        "folder", taken, paired.images, paired.words, taken.camera, None, cameras[0] if len(cameras) == 1 else None,
+        poses.setup,
+    )  # fmt: skip
+
+
+def _images(files: Files, pattern: str | None) -> Sequence[str]:
+    """The pictures or clouds; none where the folder has none."""
+    if pattern is not None:
+        if found := matching(files.names, pattern):
+            return found
+        raise refusal(files.origin, "--images", f"no file fits {pattern}", "check the pattern", "pairs")
+    images = of_suffix(files.names, PICTURES) or of_suffix(files.names, CLOUDS - {".npz"})
+    folders = {str(PurePosixPath(name).parent) for name in images}
+    of_views = len(folders) == len(images) and len({PurePosixPath(name).name for name in images}) == 1
+    if len(folders) > 1 and not of_views:
+        what = f"pictures in {len(folders)} folders ({shown(sorted(folders))})"
+        raise refusal(files.origin, "images", what, "name those of the views: --images 'FOLDER/*'", "pairs")
+    return images
+
+
+def _poses(files: Files, pattern: str, side: Side) -> PoseTable:
+    """The poses of one side in the named files, which may hold the other's as well."""
+    names = matching(files.names, pattern)
+    option = "--poses" if side == "robot" else "--camera-poses"
+    if not names:
+        raise refusal(files.origin, option, f"no file fits {pattern}", "check the pattern")
+    table = read_named(files, names)
+    if table.camera is not None:
+        return table.camera if side == "camera" else table
+    return _named_by(names[0], table, side)
+
+
+def find_poses(files: Files, but: str | None = None) -> PoseTable:
+    """The poses of a folder: one file with several, files with one each, or a file for each side; none that `but`, a
+    glob, names. Raises DocumentError."""
+    several: dict[str, PoseTable] = {}
+    points: dict[str, PoseTable] = {}
+    single: dict[tuple[str, str], list[str]] = {}
+    refused: list[tuple[str, DocumentError]] = []
+    others = set() if but is None else set(matching(files.names, but))
+    candidates = [name for name in files.names if PurePosixPath(name).suffix.lower() in FAMILIES and name not in others]
+    for name in candidates[:MAX_CANDIDATES]:
+        try:
+            table = read_poses(name, files.read(name))
+        except DocumentError as error:
+            refused.append((name, error))
+            continue
+        if table.kind == "points" and table.camera is None:
+            points[name] = table
+        elif len(table) > 1:
+            if not any(equal_sides(table, other) for other in several.values()):
+                several[name] = table
+        else:
+            path = PurePosixPath(name)
+            stem, folder = re.sub(r"\d+", "", path.stem), str(path.parent)
+            folder = folder if stem != path.stem else re.sub(r"\d+", "", folder)  # one of a view: pose_07/data.json
+            single.setdefault((f"{folder}/{stem}", path.suffix), []).append(name)
+    for (stem, suffix), names in single.items():
+        if len(names) > 1:
+            several[f"{stem}...{suffix}"] = read_named(files, sorted(names, key=natural))
+    if len(several) == 1:
+        return _named_by(*next(iter(several.items())), "robot")
+    if both := _both_sides(several):
+        return both
+    if several:
+        what = f"poses in several files ({shown([*several])})"
+        raise refusal(files.origin, "poses", what, "name those of the robot by --poses")
+    arrays = {
+        PurePosixPath(name).stem: load_npy(files.read(name), name) for name in candidates if name.endswith(".npy")
+    }
+    if len(arrays) > 1:
+        return table_of_data(arrays, files.origin)
+    if (both := _both_sides(points)) is not None:
+        return both
+    refused += [(name, refusal(name, "rows", "3 numbers a row: points of one side", "give poses")) for name in points]
+    lone = [names[0] for names in single.values() if len(names) == 1]
+    refused += [
+        (name, refusal(name, "poses", "one pose only", "give one of each picture, three or more")) for name in lone
+    ]
+    raise _nearest(files, refused)
+
+
+def _both_sides(tables: dict[str, PoseTable]) -> PoseTable | None:
+    """The robot's table with the camera's, of two files, or of files with one pose each in two groups, whose names or
+    columns say whose they are; else None."""
+    counts = {*map(len, tables.values())}
+    if len(tables) != 2 or len(counts) > 1 or any(one.camera is not None for one in tables.values()):
+        return None
+    by_side = {}
+    for name, table in tables.items():
+        named = _named_by(name, table)
+        by_side[named.side] = named
+    if len(by_side) != 2 or "camera" not in by_side:
+        return None
+    camera = by_side.pop("camera")
+    return replace(*by_side.values(), side="robot", camera=replace(camera, side="camera"))
+
+
+def _named_by(name: str, table: PoseTable, side: Side | None = None) -> PoseTable:
+    """The table with what the name of its file says, unless that is the other side."""
+    said = relation_of(str(PurePosixPath(name).with_suffix("")))
+    silent = said is None or table.camera is not None or side not in (None, said.side)
+    return table if silent else with_relation(table, said)
+
+
+def _nearest(files: Files, refused: Sequence[tuple[str, DocumentError]]) -> DocumentError:
+    """The error of the file that is nearest to being one of poses: intrinsics are none."""
+    likely = re.compile(r"pose|robot|tcp|arm|joint|flange|hand|sample|pair", re.IGNORECASE)
+    for name, error in sorted(refused, key=lambda one: likely.search(one[0]) is None):
+        if PurePosixPath(name).suffix.lower() not in CAMERA_SUFFIXES or find_intrinsics(files, name) is None:
+            return error
+    sheets = [name for name in files.names if PurePosixPath(name).suffix.lower() in SHEETS]
+    if sheets:
+        return refusal(sheets[0], "file", "poses are not read from a sheet", "save it as CSV")
+    texts = [name for name in files.names if PurePosixPath(name).suffix.lower() not in PICTURES | CLOUDS]
+    what = "no file with poses" + (f" among {shown(texts)}" if texts else "")
+    return refusal(files.origin, "poses", what, "name it by --poses")
+
+
+def find_intrinsics(files: Files, name: str) -> Intrinsics | None:
+    """The intrinsics of a file; None where it holds none."""
+    try:
+        return read_intrinsics(name, files.read(name))
+    except DocumentError:
+        return None
+
 
 Described = dict[str, Any]
 """Further fields of an ImportedSet: target, camera, setup, notes."""
@@ -135,7 +373,7 @@ def _bop(files: Files, part: str) -> Described:
 
 def _visp(files: Files, part: str) -> Described:
     for name in files.names:
-        if name.endswith(".xml") and (found := folder.find_intrinsics(files, name)) is not None:
+        if name.endswith(".xml") and (found := find_intrinsics(files, name)) is not None:
             return {"camera": found}
     return {}
 
@@ -144,25 +382,19 @@ DESCRIPTIONS = {"METRIC": _metric, "BOP": _bop, "RWHE": _rwhe, "ViSP": _visp}
 LAYOUTS = tuple(Layout(describe=DESCRIPTIONS.get(row["name"], lambda *_: {}), **row) for row in WORDS["sets"])
 
 CONFIGURATION = "cal_data.yaml"
-DICTIONARIES = (
-    *(f"DICT_{bits}X{bits}_{count}" for bits in (4, 5, 6, 7) for count in (50, 100, 250, 1000)),
-    "DICT_ARUCO_ORIGINAL",
-)
-"""OpenCV's predefined dictionaries by their number."""
+DICTIONARIES = tuple(MARKER_COUNTS)[:17]
+"""OpenCV's predefined dictionaries by their number, of which a set may state the number only."""
 
 
 def _industrial_calibration(files: Files, part: str | None) -> ImportedSet:
     """cal_data.yaml with a pose file and an image for each view: metres, qx, qy, qz, qw."""
     data = read_yaml(files.read(CONFIGURATION), CONFIGURATION)
-    views = data.get("data") if isinstance(data, dict) else None
-    if not isinstance(views, list) or not all(
-        isinstance(view, dict) and {"pose", "image"} <= set(view) for view in views
-    ):
+    views: Any = data.get("data") if isinstance(data, dict) else None
+    listed = views if isinstance(views, list) else [None]
+    if not all(isinstance(view, dict) and {"pose", "image"} <= set(view) for view in listed):
         fix = "give a list of mappings with pose and image"
         raise refusal(CONFIGURATION, "data", "no list of poses and images", fix, "industrial_calibration")
-    names = [str(view["pose"]) for view in views]
-    tables = [read_poses(name, files.read(name)) for name in names]
-    poses = concatenate(tables, [PurePosixPath(name).stem for name in names], CONFIGURATION)
+    poses = read_named(files, [str(view["pose"]) for view in views])
     static = data.get("static_camera")
     return ImportedSet(
         "industrial_calibration",
@@ -291,7 +523,7 @@ STATED: dict[str, tuple[str, Callable[[Files, str | None], ImportedSet]]] = {
 """Files that state what stands in their folder, with the name of their kind."""
 
 
-def read_set(files: Files, part: str | None, chosen: folder.Chosen, arm: str | None = None) -> ImportedSet:
+def read_set(files: Files, part: str | None, chosen: Chosen, arm: str | None = None) -> ImportedSet:
     """The set in a folder; with globs given it is read as any folder. `arm`: of joints. Raises DocumentError."""
     imported = _read_set(files, part, chosen)
     return imported if imported.poses.kind != "joints" else replace(imported, poses=with_arm(imported.poses, arm))
@@ -308,12 +540,12 @@ def with_arm(joints: PoseTable, name: str | None) -> PoseTable:
         raise refusal("--arm", name, str(error), "correct it", "joint-states") from None
 
 
-def _read_set(files: Files, part: str | None, chosen: folder.Chosen) -> ImportedSet:
-    if chosen == folder.Chosen():
+def _read_set(files: Files, part: str | None, chosen: Chosen) -> ImportedSet:
+    if chosen == Chosen():
         for name, (_, read) in STATED.items():
             if name in files.names:
                 return read(files, part)
         for layout in LAYOUTS:
             if layout.recognise(files):
                 return layout.read(files, part)
-    return folder.read(files, chosen, part)
+    return read_folder(files, chosen, part)

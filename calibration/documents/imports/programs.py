@@ -1,0 +1,272 @@
+"""Robot programs and poses that name each number: RAPID; KUKA's {X 1, Y 2, ... A 4}, Fanuc's X = 1 mm ... R = 6 deg,
+UR's p[...], pendants, and HALCON's pose files (.dat), as write_pose writes them.
+
+Of a program only numbers are read. A value of RAPID with an expression is refused by its name: without it, every later
+pose would stand beside another picture.
+"""
+
+import math
+import re
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from calibration.documents.imports.number_tables import table_of_columns, table_of_joints
+from calibration.documents.imports.pose_table import PoseTable
+from calibration.documents.imports.refusal import decode, refusal
+from calibration.documents.imports.sides import WORDS
+from calibration.kinematics.conventions import CONVENTIONS
+from calibration.transforms import Array
+
+_NUMBER = r"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?"
+_UR = re.compile(rf"(?:(\w+)\s*=\s*)?p\s*\[\s*({_NUMBER}(?:\s*,\s*{_NUMBER}){{5}})\s*\]")
+_MOVE = re.compile(r"\b(?:movej|movel|movep|movec|servoj|get_inverse_kin)\s*\(", re.IGNORECASE)
+_SET_TOOL = re.compile(rf"\bset_tcp\s*\(\s*(?:(\w+)\s*[,)]|p\s*\[\s*({_NUMBER}(?:\s*,\s*{_NUMBER}){{5}})\s*\])")
+_OFFSET = re.compile(r"\b(pose_trans|pose_add|interpolate_pose)\s*\(")
+_LIST = re.compile(rf"\b([A-Za-z]\w{{0,13}})\s*[=:]?\s*[\[(]\s*({_NUMBER}(?:[\s,;]+{_NUMBER}){{2,15}})\s*[\])]")
+_COMMA_NUMBER = r"[-+]?\d+,\d+(?:[eE][-+]?\d+)?"
+_PAIR = re.compile(
+    rf"\b([A-Za-z][A-Za-z0-9_]{{0,15}})\s*[=:\s]\s*({_COMMA_NUMBER}|{_NUMBER})\s*(mm|m|deg|°|rad)?"
+    r"(?=[\s;}\]]|,(?!\d)|$)"
+)
+
+KEYS = tuple(tuple(keys.split()) for keys in WORDS["poses"])
+"""The numbers of a pose, in the order in which they are written."""
+
+HALCON_ORDERS = {0: "euler-XYZ", 2: "euler-xyz", 4: "rotation-vector"}
+"""By HALCON's `f`, the sum of 1 (view: coordinate system), 2 (abg), 4 (Rodrigues), 8 (R(p-T)): MVTec, create_pose.
+
+gba is R = Rx Ry Rz, abg is R = Rz Ry Rx, both in degrees; the translation is in metres.
+"""
+
+
+def read_keyed_text(content: bytes, origin: str) -> PoseTable:
+    """The poses of a text that names each number. Raises DocumentError."""
+    text = decode(content, origin)
+    if _UR.search(text):
+        return _universal_robots(origin, text)
+    text = _LIST.sub(_as_pairs, text)
+    found: dict[str, list[float]] = {}
+    units: set[str] = set()
+    pairs = _PAIR.findall(text)
+    if {mark for _, number, _ in pairs for mark in ",." if mark in number} == {",", "."}:
+        raise refusal(origin, "text", "some numbers have a comma, others a point", "write decimals with one of them")
+    for key, number, unit in pairs:
+        found.setdefault(key.upper(), []).append(float(number.replace(",", ".")))
+        units |= {unit} - {""}
+    by_keys: dict[tuple[str, ...], list[int]] = {keys: [len(found.get(key, [])) for key in keys] for keys in KEYS}
+    uneven = {keys: counts for keys, counts in by_keys.items() if all(counts) and len({*counts}) > 1}
+    most = max(map(len, found.values()), default=0)
+    by_keys[tuple(key for key, numbers in found.items() if len(numbers) == most)] = [] if uneven else [most]
+    for keys, counts in by_keys.items():
+        if any(counts) and len({*counts}) == 1:
+            names = [f"{key} mm" if key in "XYZ" and "mm" in units else key for key in keys]
+            rows = zip(*(found[key] for key in keys), strict=True)
+            return table_of_columns(origin, names, [list(row) for row in rows])
+    for keys, counts in uneven.items():
+        counted = ", ".join(f"{count} {key}" for key, count in zip(keys, counts, strict=True))
+        fix = "give every pose all numbers, and remove tools and bases"
+        raise refusal(origin, "text", f"not as many of every number: {counted}", fix)
+    raise refusal(
+        origin, "text", "no poses in it", "give X, Y, Z with A, B, C, with W, P, R or with q1 to q4, or a table"
+    )
+
+
+def _as_pairs(listed: re.Match[str]) -> str:
+    """`Q=[1, 0, 0, 0]` as Q1=1 Q2=0 Q3=0 Q4=0, and `rvec: [...]` as rvec_1=... of lists with longer names."""
+    key = listed[1] if len(listed[1]) == 1 else f"{listed[1]}_"
+    return " ".join(f"{key}{at}={number}" for at, number in enumerate(re.split(r"[\s,;]+", listed[2]), 1))
+
+
+def _universal_robots(origin: str, text: str) -> PoseTable:
+    """The poses to which a program moves, or all poses of a list. Raises DocumentError for poses that it computes."""
+    text = re.sub(r"#.*", "", text)
+    named = {match[1]: match for match in _UR.finditer(text) if match[1]}
+    tool = _SET_TOOL.search(text)
+    if _MOVE.search(text):
+        if offset := _OFFSET.search(text):
+            what = f"poses that the program computes ({offset[1]})"
+            raise refusal(origin, "text", what, "write the poses to which it moves as p[...]", "robot-poses")
+        found = []
+        for move in _MOVE.finditer(text):
+            literal = _UR.match(text, move.end()) or re.compile(r"\s*(\w+)").match(text, move.end())
+            if literal is None:
+                continue
+            match = named.get(literal[1]) if literal.re is not _UR else literal
+            if match is not None:
+                found.append((match[1] or "", match[2]))
+    else:
+        found = [(match[1] or "", match[2]) for match in _UR.finditer(text) if tool is None or match[1] != tool[1]]
+        found = [one for one in found if tool is None or one[1] != tool[2]]
+    if not found:
+        raise refusal(origin, "text", "no pose p[...] to which the program moves", "write them, or a list of p[...]")
+    rows: Array = np.array([[float(number) for number in numbers.split(",")] for _, numbers in found])
+    labels = [name or str(at + 1) for at, (name, _) in enumerate(found)]
+    labels = labels if len(set(labels)) == len(labels) else [str(at + 1) for at in range(len(labels))]
+    table = PoseTable(
+        origin, tuple(labels), rows[:, :3], rows[:, 3:], "angles", "p[x, y, z, rx, ry, rz] of URScript",
+        CONVENTIONS["rotation-vector"], unit="m",
+    ).checked()  # fmt: skip
+    known = named.get(tool[1] or "") if tool else None
+    numbers = (tool and tool[2]) or (known and known[2])
+    if tool is None or (numbers and not any(float(number) for number in numbers.split(","))):
+        return table
+    said = f"the program sets the tool {tool[1] or ''} p[{numbers or 'not read as numbers'}]"
+    note = f"{said} (m, rad): the poses are that tool's; the camera's pose is found relative to it"
+    return replace(table, notes=(note,))
+
+
+def read_halcon_pose(content: bytes, origin: str) -> PoseTable:
+    """The pose of a .dat file. Raises DocumentError, also for intrinsics."""
+    text = decode(content, origin)
+    rows = dict(re.findall(r"^\s*([frt])\s+(.+?)\s*$", text, re.MULTILINE))
+    if "r" not in rows or "t" not in rows:
+        what = "intrinsics, no pose" if "ParGroup" in text else "no lines r and t"
+        raise refusal(origin, "text", what, "give a file of write_pose", "halcon")
+    try:
+        code = int(rows.get("f", "0"))
+        turn, length = (np.array([[float(number) for number in rows[key].split()]]) for key in ("r", "t"))
+    except ValueError:
+        raise refusal(origin, "text", "a number is damaged", "write the pose again", "halcon") from None
+    if turn.shape != (1, 3) or length.shape != (1, 3) or code & 9 or code not in HALCON_ORDERS:
+        what = f"representation {code} of {turn.shape[1]} and {length.shape[1]} numbers is not read"
+        raise refusal(origin, "f", what, "convert it: convert_pose_type(Pose, 'Rp+T', 'gba', 'point')", "halcon")
+    if code == 4:
+        length_of = np.linalg.norm(turn)  # the tangent of half the angle
+        turn = turn * (2 * np.arctan(length_of) / length_of if length_of > 0 else 2.0)
+    layout = f"a pose of HALCON, representation {code}"
+    return PoseTable(
+        origin, ("1",), length, turn, "angles", layout, CONVENTIONS[HALCON_ORDERS[code]], unit="m"
+    ).checked()
+
+
+_WRITTEN = re.compile(r"\s*[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?\s*")
+_CELL = r"[^][,;]*"
+_POSE = re.compile(rf"\[\s*\[({_CELL}(?:,{_CELL}){{2}})\]\s*,\s*\[({_CELL}(?:,{_CELL}){{3}})\]")
+_EXTAX = re.compile(rf"\s*,\s*\[[^][]*\]\s*,\s*\[({_CELL}(?:,{_CELL}){{5}})\]")
+_JOINTS = re.compile(rf"\[\s*\[({_CELL}(?:,{_CELL}){{5}})\]\s*,\s*\[{_CELL}(?:,{_CELL}){{5}}\]\s*\]")
+_DATA = re.compile(r"\b(?:CONST|PERS|VAR)\s+(\w+)\s+(\w+)\s*(?:\{([^}]*)\})?\s*:=([^;]*)", re.IGNORECASE)
+_RAPID_MOVE = re.compile(r"\bMove[CJL]\w*\s*(\[\s*\[[^][]*\]\s*,\s*\[[^;]*)", re.IGNORECASE)
+_TARGET = re.compile(r"\b(?:CONST|PERS|VAR)\s+(?:robtarget|pose)\s+(\w+)", re.IGNORECASE)
+_ASSIGNED = re.compile(r"(?<![\w.])(\w+)(?:\{[^}]*\})?(?:\.\w+)*\s*:=", re.IGNORECASE)
+_COMPUTED = re.compile(r"\b(?:Offs|RelTool|CRobT|CalcRobT)\s*\(", re.IGNORECASE)
+_FRAME = re.compile(r"\\\s*WObj\s*:=\s*(\w+)|,\s*(?:fine|z\d+)\s*,\s*(\w+)", re.IGNORECASE)
+UNUSED_AXIS = 8.9e9
+"""ABB gives 9E9 for an external axis that does not exist."""
+
+_TYPES = frozenset(("robtarget", "pose"))
+
+
+class _Data(NamedTuple):
+    """One declaration with a value: where its value begins and ends."""
+
+    kind: str
+    name: str
+    sizes: str | None
+    begins: int
+    ends: int
+
+
+def read_rapid(content: bytes, origin: str) -> PoseTable:
+    """The robtargets and poses of a text in RAPID, in its order. Raises DocumentError."""
+    text = "\n".join(_without_comment(line) for line in decode(content, origin).splitlines())
+    data = [_Data(match[1].lower(), match[2], match[3], match.start(4), match.end(4)) for match in _DATA.finditer(text)]
+    found = [(match, _declared(match.start(), data)) for match in _POSE.finditer(text)]
+    found = [(match, one) for match, one in found if one is None or one.kind in _TYPES]  # no tool, no work object
+    _require_values(origin, text, data, [match.start() for match, _ in found])
+    labels: list[str] = []
+    lengths, turns, axes = [], [], []
+    for match, one in found:
+        name = one.name if one else ""
+        count = sum(label == name or label.startswith(f"{name}{{") for label in labels)
+        array = one is not None and one.sizes is not None
+        labels.append((f"{name}{{{count + 1}}}" if array or count else name) or str(len(labels) + 1))
+        lengths.append(_numbers(origin, labels[-1], match[1]))
+        turns.append(_numbers(origin, labels[-1], match[2]))
+        behind = _EXTAX.match(text, match.end() - 1) or _EXTAX.match(text, match.end())
+        axes.append(_numbers(origin, labels[-1], behind[1]) if behind else [UNUSED_AXIS] * 6)
+    if not labels:
+        if (joints := _joint_targets(origin, text, data)) is not None:
+            return joints
+        named = re.search(r"\bjointtarget\b", text, re.IGNORECASE)
+        what = "joint targets that are not read as numbers" if named else "no robtarget and no pose in it"
+        raise refusal(origin, "text", what, "give robtargets: [[x, y, z], [q1, q2, q3, q4], ...]", "rapid")
+    return PoseTable(
+        origin, tuple(labels), np.array(lengths), np.array(turns), "quaternion",
+        f"{len(labels)} robtargets or poses of RAPID", CONVENTIONS["quaternion-wxyz"], unit="mm",
+        frame="base_T_flange", notes=_notes(text),
+        external_axes=np.where(np.abs(axes) >= UNUSED_AXIS, np.nan, axes),
+    ).checked()  # fmt: skip
+
+
+def _joint_targets(origin: str, text: str, data: Sequence[_Data]) -> PoseTable | None:
+    """The jointtargets of a text as joints; None without any."""
+    found = [(match, _declared(match.start(), data)) for match in _JOINTS.finditer(text)]
+    found = [(match, one) for match, one in found if one is None or one.kind == "jointtarget"]
+    if not found:
+        return None
+    labels = [one.name if one is not None else str(at + 1) for at, (_, one) in enumerate(found)]
+    joints = np.array([_numbers(origin, label, match[1]) for label, (match, _) in zip(labels, found, strict=True)])
+    table = table_of_joints(origin, labels, joints, f"{len(found)} jointtargets of RAPID")
+    return replace(table, convention=CONVENTIONS["joints"])
+
+
+def _declared(at: int, data: Sequence[_Data]) -> _Data | None:
+    """The declaration in whose value a place of the text lies."""
+    return next((one for one in data if one.begins <= at < one.ends), None)
+
+
+def _numbers(origin: str, label: str, cells: str) -> list[float]:
+    """The numbers of a position or an orientation. Raises DocumentError for anything else, such as an expression."""
+    for cell in cells.split(","):
+        if not _WRITTEN.fullmatch(cell):
+            what = f"{cell.strip()[:40]!r} is no number"
+            raise refusal(origin, f"robtarget {label}", what, "write its value, or remove it with its picture", "rapid")
+    return [float(cell.strip()) for cell in cells.split(",")]
+
+
+def _require_values(origin: str, text: str, data: Sequence[_Data], starts: Sequence[int]) -> None:
+    """Raises DocumentError for a target whose value is not written as numbers: an expression, another target's name."""
+    for one in data:
+        if one.kind not in _TYPES:
+            continue
+        count = sum(one.begins <= start < one.ends for start in starts)
+        sizes = [int(size) for size in re.findall(r"[0-9]{1,9}", one.sizes or "1")]
+        if count == 0 or count != math.prod(sizes):
+            value = " ".join(text[one.begins : one.ends].split())
+            what = f"{value[:60]!r} is not read as " + ("numbers" if count == 0 else f"{math.prod(sizes)} targets")
+            fix = "write its value in numbers, or remove it with its picture"
+            raise refusal(origin, f"{one.kind} {one.name}", what, fix, "rapid")
+    for match in _RAPID_MOVE.finditer(text):
+        if match.start(1) not in starts:
+            raise refusal(origin, "text", f"{match[1][:60]!r} is not read as numbers", "write numbers", "rapid")
+
+
+def _without_comment(line: str) -> str:
+    """The line up to a `!` that is not inside a string."""
+    parts = line.split('"')
+    for at in range(0, len(parts), 2):
+        if "!" in parts[at]:
+            return '"'.join([*parts[:at], parts[at].split("!", 1)[0]])
+    return line
+
+
+def _notes(text: str) -> tuple[str, ...]:
+    """What the module says of tool and work object that are not tool0 and wobj0, and of poses that it computes."""
+    used = {name for match in _FRAME.finditer(text) for name in match.groups() if name}
+    other = sorted(name for name in used if name.lower() not in ("tool0", "wobj0"))
+    notes = []
+    if other:
+        notes.append(
+            f"the module moves with {', '.join(other)}: a robtarget is then that tool in that work object; "
+            "the camera's pose is found relative to that tool"
+        )
+    targets = {name.lower() for name in _TARGET.findall(text)}
+    code = _DATA.sub("", text)
+    computed = {name for name in _ASSIGNED.findall(code) if name.lower() in targets}
+    computed |= {call.rstrip("( \t") for call in _COMPUTED.findall(code)}
+    if computed:
+        notes.append(f"the program computes poses ({', '.join(sorted(computed))}): only written numbers are taken")
+    return tuple(notes)

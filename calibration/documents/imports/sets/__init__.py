@@ -1,1 +1,0 @@
-"""Whole sets: poses, pictures, target, camera and set-up as other programs keep them together in a folder."""
