@@ -30,7 +30,7 @@ def import_session(
     camera_poses: Annotated[
         str | None, typer.Option(metavar="GLOB", help="Poses of the target in the camera, instead of pictures.")
     ] = None,
-    part: Annotated[str | None, typer.Option(help="Camera or scene of a set that has several.")] = None,
+    part: Annotated[str | None, typer.Option(help="Camera, scene or robot's frame where there are several.")] = None,
     convention: Annotated[str | None, typer.Option(metavar="NAME", help=CONVENTION_HELP)] = None,
     unit: Annotated[Literal["m", "mm"] | None, typer.Option(help="Of the poses; else by their size.")] = None,
     frame: Annotated[

@@ -9,6 +9,7 @@ import pytest
 from calibration.documents.pose import PoseDocument
 from calibration.documents.session import CameraDocument
 from calibration.problem import MeasuredPoints, MeasuredPose, Problem
+from calibration.transforms import inverse
 from daemon.api.dependencies import MAX_JSON_VALUES
 from daemon.api.routes.calibrations import MAX_SESSION_VALUES
 from tests.daemon.cell_under_test import Bench, pose_json, serving, settings_for
@@ -105,6 +106,21 @@ async def test_poses_of_no_cell_are_stored_without_a_transform_and_say_why(bench
     assert (found["verdict"]["accepted"], found["flange_T_camera"]) == (False, None)
     assert "too-few-poses" in {finding["code"] for finding in found["verdict"]["findings"]}
     assert {view["status"] for view in found["views"]} == {"rejected"}
+
+
+async def test_the_camera_s_own_poses_in_place_of_the_robot_s_are_a_circle(bench: Bench) -> None:
+    """As recorders mix them up that store both in a record; the fit would be perfect, with the identity as X."""
+    problem = measured_cell(np.random.default_rng(3), 8, tracker()).problem
+    seen = [view.measured.camera_T_target for view in problem.views if isinstance(view.measured, MeasuredPose)]
+    for robot in (seen, [inverse(pose) for pose in seen]):
+        body = body_of(problem)
+        for view, pose in zip(body["views"], robot, strict=True):
+            view["base_T_flange"] = pose_json(pose)
+        made = await bench.client.post("/calibrations", json=body)
+        assert made.status_code == 201, made.text
+        found = made.json()
+        assert (found["verdict"]["accepted"], found["flange_T_camera"], found["uncertainty"]) == (False, None, None)
+        assert "circular-poses" in {finding["code"] for finding in found["verdict"]["findings"]}
 
 
 async def test_a_session_may_have_more_values_than_other_bodies_and_not_any_number(bench: Bench) -> None:
