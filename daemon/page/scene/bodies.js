@@ -73,13 +73,25 @@ export function outline(corners, colour) {
   return new LineSegments(new BufferGeometry().setAttribute('position', new Float32BufferAttribute(points, 3)), new LineBasicMaterial({ color: colour }));
 }
 
+const PIECES = 40; // of an edge of the box, each within reach or out of it
+
+/** The edges of the box, from corner to corner: [[from, to] ...]. */
+function edgesOf(low, high) {
+  const at = (bits) => [0, 1, 2].map((axis) => (bits & (1 << axis) ? high[axis] : low[axis]));
+  return [0, 1, 2, 3, 4, 5, 6, 7].flatMap((corner) => [1, 2, 4].filter((bit) => !(corner & bit)).map((bit) => [at(corner), at(corner | bit)]));
+}
+
+/** The parts of the box's edges whose middle is `beyond(point)`, as full lines. */
+export function boxBeyond(low, high, beyond, colour) {
+  const between = ([from, to], share) => from.map((value, axis) => value + (to[axis] - value) * share);
+  const parts = edgesOf(low, high).flatMap((edge) => Array.from({ length: PIECES }, (_, piece) => [0, 0.5, 1].map((share) => between(edge, (piece + share) / PIECES))));
+  const points = parts.filter(([, middle]) => beyond(middle)).flatMap(([from, , to]) => [...from, ...to]);
+  return new LineSegments(new BufferGeometry().setAttribute('position', new Float32BufferAttribute(points, 3)), new LineBasicMaterial({ color: colour }));
+}
+
 /** The edges of the box that the flange stays in. */
 export function box(low, high, colour) {
-  const at = (bits) => [0, 1, 2].map((axis) => (bits & (1 << axis) ? high[axis] : low[axis]));
-  const edges = [];
-  for (let corner = 0; corner < 8; corner += 1) {
-    for (const bit of [1, 2, 4]) if (!(corner & bit)) edges.push(...at(corner), ...at(corner | bit));
-  }
+  const edges = edgesOf(low, high).flat(2);
   const lines = new LineSegments(
     new BufferGeometry().setAttribute('position', new Float32BufferAttribute(edges, 3)),
     new LineDashedMaterial({ color: colour, dashSize: 40, gapSize: 30 }),

@@ -73,7 +73,7 @@ function KeyForm({ add }) {
 function Key({ record: { name, role, created_at, expires_at, state }, changed }) {
   const [sure, setSure] = useState('');
   const post = (what, body) => async () => changed((await ask(`/keys/${encodeURIComponent(name)}/${what}`, { method: 'POST', body })).data);
-  return html`<li><details><summary><b>${name}</b> ${t(`role.${role}`)} ${state && state !== 'valid' && html`<span class="quiet" lang="en">${state}</span>`}</summary>
+  return html`<li><details><summary><b>${name}</b> ${t(`role.${role}`)} ${state && state !== 'valid' && html`<span class="quiet">${t(`keys.state.${state}`)}</span>`}</summary>
     <${Facts} rows=${[created_at && [t('pose.made'), moment(created_at)], expires_at && [t('person.until'), moment(expires_at)]]} />
     <label for=${`sure-${name}`}>${t('keys.sure', { name })}</label><input id=${`sure-${name}`} value=${sure} autocomplete="off" onInput=${(event) => setSure(event.target.value)} />
     <div class="row"><${Act} label=${t('keys.rotate')} disabled=${sure !== name} act=${post('rotate', {})} /><${Act} label=${t('keys.revoke')} disabled=${sure !== name} act=${post('revoke')} /></div>

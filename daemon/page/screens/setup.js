@@ -5,7 +5,9 @@ import { CellScene } from '../parts/cell_scene.js';
 import { Missing, useAsked } from '../parts/loaded.js';
 import { Picture } from '../parts/picture.js';
 import { ProblemNote } from '../parts/problem.js';
+import { partsOfTarget, printCommand, textOfTarget } from '../parts/target_words.js';
 import { numberOf } from '../parts/typed.js';
+import { shareBeyond } from '../scene/reach.js';
 import { ask } from '../state/ask.js';
 import { fixed, significant } from '../state/numbers.js';
 import { lost, may } from '../state/now.js';
@@ -38,21 +40,6 @@ function Done({ file }) {
     <${Facts} rows=${[file && [t('wizard.file'), html`<span class="mono">${file}</span>`]]} />
     <p>${t('wizard.anew')} <code class="mono">handeyed serve --setup ${file ?? 'handeyed.toml'}</code></p>
     <div class="row"><a class="button primary" href=${linkTo('cell')}>${t('person.cell')}</a></div></section>`;
-}
-
-/** A target in the words of `handeyed import --target`, taken apart (pure): { kind, columns, rows, rest }. */
-export function partsOfTarget(text) {
-  const [kind = '', ...parts] = text.split(':');
-  const size = /^(\d+)x(\d+)$/.exec(parts[0] ?? '');
-  const lengths = kind === 'chessboard' || kind.startsWith('circles') || kind === 'aruco-marker' ? 1 : 2;
-  return { kind, columns: size?.[1] ?? '', rows: size?.[2] ?? '', rest: parts.slice((size ? 1 : 0) + lengths).join(' ') };
-}
-
-/** The words of a target that a person described (pure). */
-export function textOfTarget({ kind, columns, rows, rest }) {
-  if (kind === 'aruco-marker') return `${kind}:1:${rest.trim().split(/\s+/).join(':')}`;
-  const second = { charuco: ':0.75', 'apriltag-grid': ':0.25', 'aruco-grid': ':0.25' }[kind] ?? '';
-  return [`${kind}:${columns}x${rows}:1${second}`, ...rest.trim().split(/\s+/).filter(Boolean)].join(':');
 }
 
 /** The share of the picture inside the corners' convex hull (pure). */
@@ -218,9 +205,17 @@ function Found({ name, entries, value, choose }) {
 /** The arm as it stood when it was last read; null before, and for one that is not listed. */
 const armOf = (tried) => tried.box?.data?.arm ?? tried.model?.data?.arm ?? tried.controller?.data?.arm ?? null;
 
-function ArmNow({ title, arm, flange_mm, box_mm }) {
-  const parts = useMemo(() => ({ ...arm, flange_mm: arm?.skeleton_mm.at(-1) ?? flange_mm, box_mm }), [JSON.stringify([arm, flange_mm, box_mm])]);
-  return html`<${Card} id="robot" title=${title} flush><${CellScene} parts=${parts} /></${Card}>`;
+/** The arm as it stands, and the box. `dragged(axis, end, mm)`: told where a face of the box is drawn to. */
+function ArmNow({ title, arm, flange_mm, box_mm, dragged }) {
+  const told = useRef(dragged);
+  told.current = dragged;
+  const drags = Boolean(dragged && box_mm);
+  const parts = useMemo(() => ({
+    ...arm, flange_mm: arm?.skeleton_mm.at(-1) ?? flange_mm, box_mm, reach: drags, dragged: drags ? (...face) => told.current(...face) : undefined,
+  }), [JSON.stringify([arm, flange_mm, box_mm, drags])]);
+  const beyond = drags && arm?.lengths_mm ? shareBeyond(arm.lengths_mm, box_mm) : null;
+  const words = beyond === null ? undefined : beyond > 0 ? t('wizard.reach.some', { percent: fixed(Math.max(1, 100 * beyond), 0) }) : t('wizard.reach.none');
+  return html`<${Card} id="robot" title=${title} flush><${CellScene} parts=${parts} words=${words} /></${Card}>`;
 }
 
 function Side({ picture, children }) {
@@ -258,6 +253,7 @@ function Target({ answers, change, tried, busy, one, picture }) {
     change({ size: next.length.trim() ? [length, next.second.trim(), next.instrument].filter(Boolean).join(' ') : '' });
   };
   const kind = partsOfTarget(answers.target).kind;
+  const [prints, setPrints] = useState(false);
   const two = ['charuco', 'apriltag-grid', 'aruco-grid'].includes(kind);
   return html`<section class="card wizard-ask"><h3>${t('wizard.target')}</h3>
       <label class="check wizard-choice"><input type="radio" name="target" checked=${!typed && !!recognised} disabled=${!recognised} onChange=${() => { setTyped(null); change({ target: recognised }); }} />
@@ -275,8 +271,11 @@ function Target({ answers, change, tried, busy, one, picture }) {
         <div><label for="instrument">${t('wizard.measure.with')}</label><select id="instrument" value=${size.instrument} onChange=${(event) => measure({ instrument: event.target.value })}>${INSTRUMENTS.map((name) => html`<option value=${name}>${t(`wizard.with.${name || 'none'}`)}</option>`)}</select></div></div>
       <${Said} tried=${tried.size} given=${answers.size} />
       <p class="note small">${t('wizard.size.why')}</p>
+      <div class="row"><button type="button" aria-expanded=${prints} aria-controls="print" onClick=${() => setPrints(!prints)}>${t('wizard.print')}</button>
+        <a href="/docs/start/target/" target="_blank" rel="noreferrer">${t('wizard.print.which')}</a></div>
     </section>
-    <${Side} picture=${picture}><${Said} tried=${tried.target} given=${answers.target} /></${Side}>`;
+    <${Side} picture=${picture}><${Said} tried=${tried.target} given=${answers.target} />
+      ${prints && html`<div class="note" id="print"><p class="small">${t('wizard.print.how')}</p><output class="key">${printCommand(answers.target || 'charuco:12x9:1:1:DICT_5X5_100', numberOf(size.length) / Number(size.count), numberOf(size.second))}</output></div>`}</${Side}>`;
 }
 
 function Need({ answers, change, tried, busy, one }) {
@@ -292,6 +291,10 @@ function Need({ answers, change, tried, busy, one }) {
   };
   const [low, high] = [Math.min, Math.max].map((end) => AXES.map((_, axis) => end(numberOf(shown[axis]), numberOf(shown[axis + 3]))));
   const box_mm = [...low, ...high].every(Number.isFinite) ? [low, high] : null;
+  const draw = (axis, end, mm) => {
+    const drawn = [low, high].map((ends, at) => ends.map((value, each) => (at === end && each === axis ? mm : value)));
+    change({ box: drawn.flat().join(' ') });
+  };
   const limit = numberOf(answers.tolerance);
   const expected = tried.size?.data?.expected_mm ?? null;
   const step = (sign) => change({ tolerance: String(Number(Math.max(TOLERANCE_STEP, (limit || 1) + sign * TOLERANCE_STEP).toFixed(2))) });
@@ -309,7 +312,7 @@ function Need({ answers, change, tried, busy, one }) {
         ${controller?.program_box_mm && html`<button type="button" aria-disabled=${busy ? 'true' : undefined} onClick=${() => one('box', 'program')}>${t('wizard.box.program')}</button>`}</div>
       <p class="small quiet">${t('wizard.box.how')}</p>
     </section>
-    <div class="wizard-side wizard-space"><${ArmNow} title=${t('wizard.box.drawn')} arm=${armOf(tried)} flange_mm=${controller?.flange_mm} box_mm=${box_mm} /></div>`;
+    <div class="wizard-side wizard-space"><${ArmNow} title=${t('wizard.box.drawn')} arm=${armOf(tried)} flange_mm=${controller?.flange_mm} box_mm=${box_mm} dragged=${draw} /></div>`;
 }
 
 /** What is expected on the scale up to the limit, each with its words at its mark (mm). */

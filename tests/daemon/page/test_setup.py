@@ -22,6 +22,8 @@ FAST = ["mock_robot", "run", "--with-parent", "--time-scale", "100"]
 MAX_ANSWERS, MAX_S = 8, 240.0
 SMALL_SCREEN, PHONE = {"width": 1366, "height": 768}, {"width": 390, "height": 844}
 MAX_RATIO = 1.5
+NEAR_MM = ("400", "900", "-300", "300", "450", "900")
+"""Two corners, by axis, that every arm of the mock cell reaches."""
 EXPECTED = r"expected with 8 pictures: ± ([\d.]+) mm"
 
 TOO_SMALL = """() => [...document.querySelectorAll('main :is(a, button, input, select)')]
@@ -140,7 +142,7 @@ async def test_each_step_is_read_and_pressed_by_everybody(browser: Any, axe: str
             async def look() -> None:
                 for viewport in (PHONE, SMALL_SCREEN):
                     await page.set_viewport_size(viewport)
-                    assert not await page.evaluate("document.documentElement.scrollWidth > innerWidth")
+                    await page.wait_for_function("document.documentElement.scrollWidth <= innerWidth")
                     for scheme in ("dark", "light"):
                         await page.emulate_media(color_scheme=scheme, reduced_motion="reduce")
                         assert await page.evaluate(AXE_FINDINGS) == []
@@ -168,8 +170,25 @@ async def test_each_step_is_read_and_pressed_by_everybody(browser: Any, axe: str
             await look()
             await page.locator("main .primary").click()
             await page.locator("#length").fill("200")
+            await page.get_by_role("button", name="Print this target").click()
+            written = await page.locator("#print output").inner_text()
+            assert written.startswith("handeyed target charuco --columns 12 --rows 9 --square-mm 20 --marker-mm 15")
             await look()
             await page.locator("main .primary").click()
             await page.locator("#tolerance").fill("0.2")
             await page.get_by_text("more than your limit").wait_for()
+            await page.get_by_role("button", name="The program's box").click()
+            await page.get_by_text("% of the box").wait_for()
             await look()
+            far = page.get_by_label("X opposite corner, mm")
+            before = float(await far.input_value())
+            knob = await page.locator("[data-face=X2]").bounding_box()
+            x, y = knob["x"] + knob["width"] / 2, knob["y"] + knob["height"] / 2
+            await page.mouse.move(x, y)
+            await page.mouse.down()
+            await page.mouse.move(x + 20, y + 12, steps=3)
+            await page.mouse.up()
+            assert float(await far.input_value()) > before, "the face goes towards who looks"
+            for one, mm in zip(await page.locator(".wizard-box input").all(), NEAR_MM, strict=True):
+                await one.fill(mm)
+            await page.get_by_text("Red where the arm cannot reach: nowhere").wait_for()
