@@ -10,8 +10,8 @@ from daemon.errors import NotHeld
 LEASE_S = 0.3
 """The arm is stopped when the last word that the button is held was sent longer ago than this."""
 
-FIRST_S = 3.0
-"""How long the arm waits, disarmed, for the first such word."""
+FIRST_S = 1.0
+"""How long the arm waits, disarmed, for the first such word: one that was kept longer on the way begins no motion."""
 
 
 @dataclass(eq=False)

@@ -10,7 +10,7 @@ const HOLD_MS = 1000; // before anything moves, as for every button that moves t
 const SAY_MS = 100;
 const SAY_LIMIT_S = 1;
 const ARRIVES_LIMIT_S = 600; // within a run by hand the answer comes when the arm stands
-const LET_GO_LIMIT_MS = 5000; // the daemon forgets a button that was never held after 3 s
+const LET_GO_LIMIT_MS = 5000; // the daemon forgets a button that was never held after 1 s
 const MOST_WORDS = 3; // on the way at once: an answer that is late holds up no later word
 
 const pause = (ms) => new Promise((resolve) => setTimeout(resolve, ms));
@@ -18,10 +18,10 @@ const pause = (ms) => new Promise((resolve) => setTimeout(resolve, ms));
 /**
  * What a button needs that moves the arm to `to` (base_T_flange) while it is held: its state ('idle', 'holding' for a second,
  * 'moving'), whether it is off, and as what is shown is old, what went wrong, and what to listen to.
- * `within`: id of a run by hand in which the arm moves, a run of its own without; `began(id)` is told that run, `onHeld(held)`
+ * `speed_mm_s`: as the daemon does by itself where it is left out. `within`: id of a run by hand in which the arm moves, a run of its own without; `began(id)` is told that run, `onHeld(held)`
  * whether the button is held.
  */
-export function useHeld({ to, within, began, onHeld, disabled }) {
+export function useHeld({ to, speed_mm_s, within, began, onHeld, disabled }) {
   const stale = lost.value || old.value;
   const off = disabled || stale || !to;
   const [state, setState] = useState('idle'); // idle, holding (for a second), moving
@@ -73,7 +73,7 @@ export function useHeld({ to, within, began, onHeld, disabled }) {
     setState('moving');
     try {
       const path = within ? `/runs/${encodeURIComponent(within)}/jog` : '/robot/jog';
-      const asked = ask(path, { method: 'POST', key: newKey(), body: { to, hold: one.name }, limit_s: within && ARRIVES_LIMIT_S });
+      const asked = ask(path, { method: 'POST', key: newKey(), body: { to, hold: one.name, speed_mm_s }, limit_s: within && ARRIVES_LIMIT_S });
       one.path = within ?? (await asked).data.id;
       began?.(one.path);
       if (held.current === one) await (within ? Promise.all([asked.then(() => arrived(one)), goOn(one)]) : goOn(one));
@@ -101,7 +101,8 @@ export function useHeld({ to, within, began, onHeld, disabled }) {
   }, [off]);
   useEffect(() => {
     if (state === 'idle') return undefined;
-    const watched = [[document, 'visibilitychange'], [window, 'blur'], [window, 'pagehide'], [document, 'pointerdown']];
+    // a pointer that is lifted over something that came between counts as well: the button itself hears nothing of it
+    const watched = [[document, 'visibilitychange'], ...['blur', 'pagehide', 'pointerdown', 'pointerup', 'pointercancel'].map((kind) => [window, kind])];
     const onKey = (event) => event.key === 'Escape' && letGo();
     for (const [where, kind] of watched) where.addEventListener(kind, letGo, true);
     document.addEventListener('keydown', onKey, true);
@@ -128,8 +129,8 @@ export function useHeld({ to, within, began, onHeld, disabled }) {
   return { state, off, stale, problem, listen };
 }
 
-export function HeldMove({ to, within, began, onHeld, label, primary = false, disabled = false, why = '', id }) {
-  const { state, off, stale, problem, listen } = useHeld({ to, within, began, onHeld, disabled });
+export function HeldMove({ to, speed_mm_s, within, began, onHeld, label, primary = false, disabled = false, why = '', id }) {
+  const { state, off, stale, problem, listen } = useHeld({ to, speed_mm_s, within, began, onHeld, disabled });
   const said = { idle: t('held.idle'), holding: t('hold.on'), moving: t('held.moving') };
   return html`<div class="hold">
     <button type="button" id=${id} class="hold-button moves ${primary ? 'primary' : ''} ${state}" aria-disabled=${off ? 'true' : undefined} aria-describedby=${id && `${id}-how`} ...${listen}>

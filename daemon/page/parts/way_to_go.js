@@ -11,7 +11,7 @@ const END = { turn: 90, shift: 600 }; // of a bar, degrees and mm
 const AWAY = { turn: 10, shift: 50 }; // of an arrow that leads away
 const UNITS = { turn: '°', shift: ' mm' };
 
-/** `hold`: { within, held, setHeld, off } of the buttons; without it there are none: the robot is only read. */
+/** `hold`: { within, speed_mm_s, held, setHeld, off } of the buttons; without it there are none: the robot is only read. */
 export function WayToGo({ here, there, near = { mm: 40, deg: 6 }, hold }) {
   const { turns_deg, shifts_mm } = wayInSteps(here, there);
   const bars = [...turns_deg.map((value, axis) => ['turn', axis, value]), ...shifts_mm.map((value, axis) => ['shift', axis, value])];
@@ -34,7 +34,7 @@ function HeldBar({ kind, axis, value, near, here, hold }) {
     const by = towards ? value : sign * AWAY[kind];
     const key = `${kind}-${axis}-${sign}`;
     const onHeld = (held) => hold.setHeld(held ? key : null);
-    const one = useHeld({ to: alongAxis(here, kind, axis, by), within: hold.within, onHeld, disabled: hold.off && hold.held !== key });
+    const one = useHeld({ to: alongAxis(here, kind, axis, by), speed_mm_s: hold.speed_mm_s, within: hold.within, onHeld, disabled: hold.off && hold.held !== key });
     const words = { name, value: t(`way.${kind}-by`, { value: count(Math.round(Math.abs(by))) }), side: t(sign < 0 ? 'way.minus' : 'way.plus') };
     const button = html`<button type="button" class="arrow ${towards ? 'towards' : ''} ${one.state}" aria-label=${t(towards ? 'way.towards' : 'way.away', words)} aria-disabled=${one.off ? 'true' : undefined} ...${one.listen}>
       <span class="fill" aria-hidden="true"></span><span class="label" aria-hidden="true">${sign < 0 ? '◀' : '▶'}</span></button>`;
