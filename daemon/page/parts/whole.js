@@ -6,7 +6,8 @@ import { t } from '../state/words.js';
 
 const MAX_HIDDEN_MS = 10000;
 
-export function Whole({ children }) {
+/** `onWhole(true)`: told before it is shown; `quiet`: nothing says that one waits, as something else is shown meanwhile. */
+export function Whole({ children, quiet = false, onWhole }) {
   const [drawn, setDrawn] = useState(false); // the screen has asked what it asks at first
   const [late, setLate] = useState(false);
   const arrived = useRef(false);
@@ -18,6 +19,9 @@ export function Whole({ children }) {
   const heard = heardAt.value !== null && ready.value !== null; // the first words may come before the devices were asked
   const told = heard || lost.value || refused.value !== null || session.value.role === 'nobody';
   arrived.current ||= (!awaited() && told && drawn) || late;
-  return html`${!arrived.current && html`<p class="quiet soon">${t('missing.wait')}</p>`}
+  useEffect(() => {
+    if (arrived.current) onWhole?.(true);
+  }, [arrived.current]);
+  return html`${!arrived.current && !quiet && html`<p class="quiet soon">${t('missing.wait')}</p>`}
     <div class=${arrived.current ? '' : 'arriving'}>${children}</div>`;
 }

@@ -5,6 +5,8 @@ import { Act } from '../parts/act.js';
 import { Bar, Steps } from '../parts/bar.js';
 import { Card } from '../parts/card.js';
 import { CellScene } from '../parts/cell_scene.js';
+import { Chips } from '../parts/chips.js';
+import { Film } from '../parts/film.js';
 import { HeldMove } from '../parts/held_move.js';
 import { JogControls } from '../parts/jog_controls.js';
 import { useAsked } from '../parts/loaded.js';
@@ -14,15 +16,20 @@ import { stepsTo } from '../parts/pose.js';
 import { WayToGo, isNear } from '../parts/way_to_go.js';
 import { ask, newKey } from '../state/ask.js';
 import { cameraOf, ofCamera } from '../state/sensors.js';
-import { inRow, mm, signed } from '../state/numbers.js';
+import { fixed, inRow, mm, signed } from '../state/numbers.js';
 import { may, note, old, robot } from '../state/now.js';
 import { t } from '../state/words.js';
 
+const HELD_SPEEDS_MM_S = [10, 25, 50]; // the daemon takes no faster one while a button is held
 const MOVE_LIMIT_S = 600; // a jog is answered when the arm stands; all axes at the lowest speed take minutes
 
 export function ByHand({ shown }) {
   const arm = useAsked(ofCamera('/arm', cameraOf(shown)));
   const inForce = useAsked(ofCamera('/calibrations/current', cameraOf(shown)), ['applied']);
+  const views = useAsked(`/runs/${encodeURIComponent(shown.id)}/views`, ['run']);
+  const speeds = HELD_SPEEDS_MM_S.filter((speed) => !arm.data || speed <= arm.data.speed_mm_s);
+  const [asked, setAsked] = useState(HELD_SPEEDS_MM_S.at(-1));
+  const speed_mm_s = speeds.includes(asked) ? asked : speeds.at(-1); // none where the settings allow less than all of them
   const { planning, station, stations } = shown;
   const now = robot.value;
   const next = planning?.next_pose;
@@ -61,21 +68,25 @@ export function ByHand({ shown }) {
     <${Card} title=${t('cell.camera')} id="camera" flush><${LivePicture} of=${cameraOf(shown)} onSeen=${setSeen} belongs=${planning?.next_outline_px} />
       ${planning?.next_outline_px && html`<p class="belongs-here"><b aria-hidden="true"></b> ${t('way.belongs')}</p>`}</${Card}>
     <div class="side">
-      ${goes && html`<div class="acts"><${HeldMove} id="hold-there" to=${next} within=${shown.id} onHeld=${(now) => setHeld(now ? 'there' : null)} label=${t('way.go')} primary=${goesFirst} disabled=${off && held !== 'there'} why=${why} /></div>`}
-      <${Card} title=${t(goes ? 'way.by-axis' : 'way.title')} id="way">
-        ${planning?.note && html`<p class="note warn" role="alert" lang="en"><span class="mark" aria-hidden="true">!</span> ${planning.note}</p>`}
-        ${here && next ? html`<${WayToGo} here=${here} there=${next} near=${planning.near} hold=${goes && { within: shown.id, held, setHeld, off }} />` : html`<p class="quiet">${t('way.free')}</p>`}
-      </${Card}>
+      ${goes && html`<div class="acts"><${HeldMove} id="hold-there" to=${next} speed_mm_s=${speed_mm_s} within=${shown.id} onHeld=${(now) => setHeld(now ? 'there' : null)} label=${t('way.go')} primary=${goesFirst} disabled=${off && held !== 'there'} why=${why} /></div>`}
       <div class="acts jog-acts">
         <${Act} label=${t('jog.take')} primary=${!goesFirst} disabled=${off} act=${act('stations')} />
         <${Act} label=${t('jog.finish')} disabled=${off || station < 3} act=${act('finish')} />
         ${station < 3 && html`<p class="small quiet">${t('jog.least')}</p>`}
       </div>
+      <${Card} title=${t(goes ? 'way.by-axis' : 'way.title')} id="way">
+        ${planning?.note && html`<p class="note warn" role="alert" lang="en"><span class="mark" aria-hidden="true">!</span> ${planning.note}</p>`}
+        ${here && next ? html`<${WayToGo} here=${here} there=${next} near=${planning.near} hold=${goes && { within: shown.id, speed_mm_s, held, setHeld, off }} />` : html`<p class="quiet">${t('way.free')}</p>`}
+        ${goes && speeds.length > 1 && html`<${Chips} label=${t('move.speed')} values=${speeds} chosen=${speed_mm_s} text=${(one) => `${fixed(one, 0)} mm/s`} choose=${setAsked} />`}
+      </${Card}>
       ${jogs && html`<${Card} title=${t('move.title')} id="move">
         <${JogControls} arm=${arm.data} joints_deg=${now?.joints_deg} send=${jog} busy=${waits ? '' : t(moving ? 'move.moving' : `state.${shown.state}`)} />
         <p role="status">${moving ? html`<b>● ${t('move.moving')}</b>` : waits && stands && html`<b>✓ ${t('move.done')}</b>`}</p></${Card}>`}
     </div>
-    <${Card} title=${t('cell.scene')} id="scene" flush><${CellScene} parts=${parts} dim=${old.value} /></${Card}>
+    <div class="below-picture">
+      <${Card} title=${t('cell.scene')} id="scene" flush><${CellScene} parts=${parts} dim=${old.value} /></${Card}>
+      <${Film} shown=${shown} rows=${views.data?.views ?? []} />
+    </div>
   </div>`;
 }
 

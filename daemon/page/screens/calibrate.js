@@ -1,5 +1,5 @@
 // Calibrate, one flow with one address a run: prepare, pictures, result. Here is what comes before anything moves.
-import { html, useEffect, useMemo, useState } from '../vendor/preact.js';
+import { html, useEffect, useMemo, useRef, useState } from '../vendor/preact.js';
 import { Act } from '../parts/act.js';
 import { Bar, Steps } from '../parts/bar.js';
 import { Card, Facts } from '../parts/card.js';
@@ -10,6 +10,7 @@ import { Missing, useAsked } from '../parts/loaded.js';
 import { MoveArm } from '../parts/move_arm.js';
 import { carriedBy, placesOf } from '../parts/places.js';
 import { Reasons } from '../parts/reasons.js';
+import { Whole } from '../parts/whole.js';
 import { ask, newKey } from '../state/ask.js';
 import { fixed, mm } from '../state/numbers.js';
 import { may, note, robot, run, running } from '../state/now.js';
@@ -24,11 +25,17 @@ export function Calibrate({ argument }) {
   const named = useAsked(argument && argument !== run.value?.id ? `/runs/${encodeURIComponent(argument)}` : null, ['run']);
   const shown = argument === run.value?.id ? run.value : named.data;
   const result = shown?.over ? shown.result?.calibration_id : null;
+  const followed = useRef(null); // the run as it was last in progress: it stays as it is until its result is there whole
+  if (shown && !shown.over) followed.current = shown;
+  const [whole, setWhole] = useState(false);
   useEffect(() => {
     if (result) document.querySelector('h1')?.focus({ preventScroll: true });
   }, [result]);
   if (!argument) return html`<${Prepare} />`;
-  return result ? html`<${Result} argument=${result} />` : html`<${Run} argument=${argument} />`;
+  return html`<div class="stacked">
+    ${(!result || (followed.current && !whole)) && html`<${Run} key="run" argument=${argument} as=${result && followed.current} />`}
+    ${result && html`<${Whole} key="result" quiet=${followed.current} onWhole=${setWhole}><${Result} argument=${result} /></${Whole}>`}
+  </div>`;
 }
 
 function Prepare() {
@@ -115,11 +122,11 @@ function Before({ how, body, arm, status, plan, setPlan }) {
   const manual = how.way === 'manual';
   return html`<p>${t(manual ? 'calibrate.manual-start' : 'calibrate.moves')}</p>
     <${Facts} rows=${[
-      arm && [t('moves.speed'), `${fixed(arm.speed_mm_s, 0)} mm/s`],
+      [t('moves.speed'), arm ? `${fixed(arm.speed_mm_s, 0)} mm/s` : '—'],
       plan && [t('moves.poses'), fixed(plan.poses.length, 0)],
       last !== undefined && last !== null && [t('moves.expect'), `± ${mm(last)}`],
     ]} />
     ${!manual && html`<p class="quiet">${t('moves.first')}</p>`}
     ${!manual && may('operator') && html`<${Act} label=${t('moves.plan')} act=${look} />`}
-    ${status && html`<p class="quiet">${t(`policy.${status.policy}`)}</p>`}`;
+    <p class="quiet">${status ? t(`policy.${status.policy}`) : '\u00a0'}</p>`; // its place is kept until it is known
 }

@@ -4,6 +4,7 @@ import { Bar, Steps } from '../parts/bar.js';
 import { Card, Facts } from '../parts/card.js';
 import { CellScene } from '../parts/cell_scene.js';
 import { UncertaintyCurve } from '../parts/chart.js';
+import { Film, frameOf } from '../parts/film.js';
 import { Uncertainty } from '../parts/in_force.js';
 import { Missing, useAsked } from '../parts/loaded.js';
 import { Picture } from '../parts/picture.js';
@@ -18,10 +19,11 @@ import { linkTo } from '../state/place.js';
 import { sentence, t } from '../state/words.js';
 import { ByHand } from './by_hand.js';
 
-export function Run({ argument }) {
+/** `as`: what is shown of the run instead of how it is now. */
+export function Run({ argument, as }) {
   const named = useAsked(argument && argument !== run.value?.id ? `/runs/${encodeURIComponent(argument)}` : null, ['run']);
   const newest = useAsked(!argument && !run.value ? '/runs?limit=1' : null, ['run']);
-  const shown = argument && argument !== run.value?.id ? named.data : (run.value ?? newest.data?.runs[0]);
+  const shown = as || (argument && argument !== run.value?.id ? named.data : (run.value ?? newest.data?.runs[0]));
   if (!shown) {
     if (newest.data) return html`<${Card} title=${t('place.run')} id="no-run"><p>${t('run.never')}</p><p><a class="button primary" href=${linkTo('calibrate')}>${t('place.calibrate')}</a></p></${Card}>`;
     return html`<${Missing} asked=${argument ? named : newest} none=${t('run.unknown')} />`;
@@ -76,8 +78,6 @@ function RunShown({ shown }) {
 
 const SIGNS = { finished: '✓', failed: '✕', aborted: '■' };
 
-const frameOf = (shown, view, width) => `/runs/${encodeURIComponent(shown.id)}/frames/${view.index}?width=${width}`;
-
 export function sentenceOf({ kind, state, station, stations, over }) {
   if (over) return `${t(`kind.${kind}`)}: ${t(`state.${state}`)}`;
   return stations ? `${t('run.view', { view: Math.min(station + 1, stations), of: stations })}: ${t(`state.${state}`)}` : t(`state.${state}`);
@@ -101,18 +101,6 @@ function Known({ shown }) {
     ${over && html`<${Facts} rows=${[shown.started_by && [t('run.started-by'), shown.started_by], [t('run.since'), moment(shown.created_at)], [t('run.ended'), moment(shown.updated_at)]]} />`}`;
 }
 
-/** The pictures of the run in a row: those taken, the one that comes, those planned. */
-function Film({ shown, rows, chosen, choose }) {
-  const first = shown.planning ? 1 : 0; // a planned run looks once before its first station
-  const ahead = shown.over ? 0 : Math.max(0, shown.stations + first - rows.length); // of the pictures alone: the station is told at another moment
-  const words = (index) => t(index === 0 ? `state.${shown.state}` : 'film.planned');
-  return html`<ol class="film card" aria-label=${t('views.title')}>
-    ${rows.map((view, place) => html`<li key=${place}><button type="button" aria-pressed=${view.index === chosen} onClick=${() => choose(view.index)}>
-      <${Picture} src=${frameOf(shown, view, 240)} size=${view.size ?? undefined} alt="" /><span class="sr-only">${t('view.title', { view: view.index })}</span><b aria-hidden="true">${view.index}</b><span aria-hidden="true">${view.corners?.length ? `✓ ${view.corners.length}` : '✕'}</span></button></li>`)}
-    ${Array.from({ length: Math.min(ahead, 12) }, (_, index) => html`<li key=${rows.length + index} class=${index === 0 ? 'next' : 'planned'}>${words(index)}</li>`)}
-  </ol>`;
-}
-
 const [COLUMNS, ROWS] = [12, 8];
 
 /** Which parts of the picture had corners of the target so far. */
@@ -129,9 +117,10 @@ function Times({ shown }) {
   const key = `${shown.id} ${shown.updated_at}`;
   if (heard.current.key !== key) heard.current = { key, at: clock.value };
   const { elapsed_s, left_s } = timesOf(shown, Math.max(0, clock.value - heard.current.at) / 1000);
-  if (shown.over) return null;
+  const begun = t('run.begun', { name: shown.started_by ?? '—', at: timeOfDay(shown.created_at) });
+  if (shown.over) return html`<p class="small times">${begun}</p>`; // its line stays, so that nothing below it moves
   const left = left_s !== null && html`<b>${t('run.left', { s: fixed(left_s, 0) })}</b> · `;
-  return html`<p class="small times">${left}${t('run.so-far', { s: fixed(elapsed_s, 0) })} · ${t('run.begun', { name: shown.started_by ?? '—', at: timeOfDay(shown.created_at) })}</p>`;
+  return html`<p class="small times">${left}${t('run.so-far', { s: fixed(elapsed_s, 0) })} · ${begun}</p>`;
 }
 
 function StepBar({ shown: { state, station, stations, over } }) {

@@ -66,6 +66,11 @@ COUNT_SHIFTS = """
 """
 """As https://wicg.github.io/layout-instability: the share of the window that moved, times how far."""
 
+MAX_SHIFT = 0.02
+"""Of one screen, and of a run from its start to its result (cockpit.md, B20)."""
+
+TWO_FRAMES = "() => new Promise((drawn) => requestAnimationFrame(() => requestAnimationFrame(drawn)))"
+
 Opened = Callable[..., Any]
 
 
