@@ -1,11 +1,12 @@
 """The live picture: each with its own corners, an age when old, none in a hidden tab, none beside a run's own."""
 
 import math
+from itertools import cycle, pairwise
 from typing import Any
 
 import pytest
 
-from daemon.api.live.picture_stream import PictureStream, Shown
+from daemon.api.live.picture_stream import FAST_S, REST_S, PictureStream, Shown
 from tests.daemon.access_keys import bearer
 from tests.daemon.cell_under_test import Bench
 from tests.daemon.fakes import Gate, poses_around_the_target
@@ -83,6 +84,39 @@ async def test_the_corners_drawn_are_those_of_the_picture_shown(
             assert corners == 0
     assert len(of_number) >= len(poses)
     assert all(len(addresses) == 1 for addresses in of_number.values())
+
+
+LEAST_PER_S, MAX_GAP_S = 5, 0.4
+"""Of the live picture while the arm moves (cockpit.md, B6)."""
+
+
+async def test_while_the_arm_moves_the_page_shows_what_the_stream_takes_each_tenth_of_a_second(
+    open_page: Opened, cell: Cell, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Pictures are counted by their ids: of those taken each FAST_S the page shows enough for LEAST_PER_S."""
+    bench, _ = cell
+    taken: dict[int, tuple[bool, Shown]] = {}
+    show, poses = PictureStream._show, cycle(poses_around_the_target())
+
+    async def note(self: PictureStream, *about: Any, **how: Any) -> tuple[bool, Shown]:
+        bench.robot.base_T_flange = next(poses)  # for the next picture the arm is elsewhere
+        changed, shown = await show(self, *about, **how)
+        taken[shown.number] = changed, shown
+        return changed, shown
+
+    async with open_page("viewer", "cell") as page:
+        await page.locator("figure image").first.wait_for()
+        await page.evaluate(WATCH)
+        monkeypatch.setattr(PictureStream, "_show", note)
+        await until_shown(page, (await numbers_of(page))[-1] + 40)
+        shown = await numbers_of(page)
+    moving = [number for number, (changed, _) in taken.items() if changed]
+    assert len(moving) >= len(taken) - 2, "a picture of a moving arm is followed by the next one at once"
+    seen = [number for number in shown if moving[0] <= number <= shown[-1]]
+    assert len(seen) >= LEAST_PER_S * FAST_S * (shown[-1] - moving[0])
+    gaps = sorted(after - before for before, after in pairwise(seen))
+    assert gaps[int(0.95 * len(gaps))] * FAST_S <= MAX_GAP_S
+    assert REST_S <= 1.0, "at rest one a second"
 
 
 async def test_a_hidden_tab_takes_none_and_a_shown_one_goes_on(open_page: Opened, cell: Cell) -> None:
