@@ -160,7 +160,8 @@ class Operator:
 
         from drivers.robots.abb.acceptance.person import Answer
 
-        async with httpx.AsyncClient(base_url=self._url, trust_env=False, timeout=20.0, verify=False) as client:  # noqa: S501
+        tls = self._url.startswith("https:")  # reading the authorities takes 40 ms, which plain HTTP needs not
+        async with httpx.AsyncClient(base_url=self._url, trust_env=False, timeout=20.0, verify=tls) as client:
             for method, path, body in self.ACTS.get(step.code, ()):
                 try:
                     answer = await client.request(method, path, json=body)
