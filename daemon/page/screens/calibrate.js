@@ -23,17 +23,19 @@ import { Run } from './run.js';
 /** `argument`: the id of a run, which is followed to its result. */
 export function Calibrate({ argument }) {
   const named = useAsked(argument && argument !== run.value?.id ? `/runs/${encodeURIComponent(argument)}` : null, ['run']);
-  const shown = argument === run.value?.id ? run.value : named.data;
+  const live = argument === run.value?.id;
+  const shown = live ? run.value : named.data;
   const result = shown?.over ? shown.result?.calibration_id : null;
   const followed = useRef(null); // the run as it was last in progress: it stays as it is until its result is there whole
-  if (shown && !shown.over) followed.current = shown;
+  if (shown && !shown.over && (live || !followed.current)) followed.current = shown; // what was asked once may be old
+  const awaits = !shown?.over || (shown.kind === 'calibration' && shown.state === 'finished');
   const [whole, setWhole] = useState(false);
   useEffect(() => {
     if (result) document.querySelector('h1')?.focus({ preventScroll: true });
   }, [result]);
   if (!argument) return html`<${Prepare} />`;
   return html`<div class="stacked">
-    ${(!result || (followed.current && !whole)) && html`<${Run} key="run" argument=${argument} as=${result && followed.current} />`}
+    ${(!result || (followed.current && !whole)) && html`<${Run} key="run" argument=${argument} as=${awaits && followed.current} />`}
     ${result && html`<${Whole} key="result" quiet=${followed.current} onWhole=${setWhole}><${Result} argument=${result} /></${Whole}>`}
   </div>`;
 }

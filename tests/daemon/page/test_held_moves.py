@@ -66,7 +66,7 @@ async def test_the_arm_stops_however_the_button_is_let_go(browser: Any, tmp_path
         assert (over["kind"], over["state"], len(bench.robot.goals)) == ("jog", "finished", 3)
 
 
-@pytest.mark.parametrize("how", ["up", "leaves", "second"])
+@pytest.mark.parametrize("how", ["up", "leaves", "pointerdown", "pointerup"])
 async def test_a_pointer_that_leaves_or_is_joined_by_another_lets_go(browser: Any, tmp_path: Path, how: str) -> None:
     parts = Parts()
     async with serving(settings_for(tmp_path), parts) as bench, page_of(browser) as page:
@@ -82,7 +82,8 @@ async def test_a_pointer_that_leaves_or_is_joined_by_another_lets_go(browser: An
         elif how == "leaves":
             await page.mouse.move(box["x"] + 20, box["y"] + box["height"] + 200)
         else:
-            await page.evaluate("document.body.dispatchEvent(new PointerEvent('pointerdown', { bubbles: true }))")
+            beside = "kind => document.body.dispatchEvent(new PointerEvent(kind, { bubbles: true }))"
+            await page.evaluate(beside, how)  # of another pointer, or of this one over something that came between
         await eventually(lambda: not bench.robot.armed)
         assert len(bench.robot.goals) == 3
 
