@@ -40,20 +40,13 @@ def canonical_order(grid: Array, black_first: bool, columns: int, rows: int) -> 
     cells = np.arange(grid.shape[0] * grid.shape[1]).reshape(grid.shape[:2])
     flat = grid.reshape(-1, 2)
     colour_decides = (columns + rows) % 2 == 1 or (columns == rows and columns % 2 == 1)
-    for reading in _readings(cells):
+    for reading in (turned[::v, ::u] for turned in (cells, cells.T) for v in (1, -1) for u in (1, -1)):
         if reading.shape == (rows, columns) and _turns_right(flat[reading]):
             v, u = divmod(int(reading[0, 0]), grid.shape[1])
             same_colour = (max(u - 1, 0) + max(v - 1, 0)) % 2 == 0
             if not colour_decides or black_first == same_colour:
                 readings.append(reading)
     return max(readings, key=lambda reading: float((flat[reading[:, -1]] - flat[reading[:, 0]])[:, 0].sum()))
-
-
-def _readings(cells: NDArray[np.intp]) -> Iterator[NDArray[np.intp]]:
-    for turned in (cells, cells.T):
-        for step_v in (1, -1):
-            for step_u in (1, -1):
-                yield turned[::step_v, ::step_u]
 
 
 def _turns_right(grid: Array) -> bool:
@@ -130,7 +123,9 @@ def verify_board(image: Grey, lattice: Lattice) -> Board | None:
     columns, rows = lattice.cells.max(axis=0) + 1 + 2 * LINES_AROUND
     v, u = np.indices((rows, columns)).reshape(2, -1)
     cells = np.column_stack([u, v]) - float(LINES_AROUND)
-    expected, beside, below = (_clip_far(view.map(cells + np.array(step))) for step in ((0, 0), (0.5, 0), (0, 0.5)))
+    # Far outside the lattice the homography and the lens's polynomial may diverge.
+    around = (np.nan_to_num(view.map(cells + np.array(step)), nan=-FAR_PX) for step in ((0, 0), (0.5, 0), (0, 0.5)))
+    expected, beside, below = (np.clip(points, -FAR_PX, FAR_PX) for points in around)
     along_u, along_v = 2 * (beside - expected), 2 * (below - expected)
     spacing = narrowest_side(along_u, along_v)
     joined = np.zeros((rows, columns), bool)
@@ -146,11 +141,6 @@ def verify_board(image: Grey, lattice: Lattice) -> Board | None:
     top, bottom, left, right = _trim_sparse_lines(found.reshape(rows, columns))
     block = slice(top, bottom), slice(left, right)
     return Board(points[block], found.reshape(rows, columns)[block], (level > 0) == ((top + left) % 2 == 0))
-
-
-def _clip_far(pixels: Array) -> Array:
-    """Pixels clipped to ± FAR_PX: far outside the lattice the homography and the lens's polynomial may diverge."""
-    return np.asarray(np.clip(np.nan_to_num(pixels, nan=-FAR_PX), -FAR_PX, FAR_PX))
 
 
 def drop_sparse_lines(lattice: Lattice) -> Lattice:

@@ -19,6 +19,8 @@ MIN_CONTRAST_LEVELS = 10
 """Least difference of grey levels between bright and dark on the ring."""
 RING_SAMPLES = 32
 HALF_TURN_TOLERANCE_RAD = 0.45
+STRIP_PIXELS, REACH = 200_000, 3
+"""Pixels of a strip whose strength fits into a processor's cache, and rows around a maximum that decide on it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,15 +60,22 @@ def find_crossings(image: Grey, ring_radius_px: float) -> Crossings:
 
 def _saddle_maxima(smooth: Grey, margin: int) -> Array:
     """Sub-pixel maxima (n, 2) of the saddle strength, strongest first."""
-    xx, yy, xy = (cv2.Sobel(smooth, cv2.CV_32F, a, b, ksize=3) for a, b in ((2, 0), (0, 2), (1, 1)))
-    strength = cv2.multiply(xy, xy) - cv2.multiply(xx, yy)
-    is_maximum = strength >= cv2.dilate(strength, np.ones((5, 5), np.uint8))
-    is_maximum &= strength > MIN_CONTRAST_LEVELS**2
-    is_maximum[:margin], is_maximum[-margin:], is_maximum[:, :margin], is_maximum[:, -margin:] = 0, 0, 0, 0
-    found = np.flatnonzero(is_maximum)
-    order = np.argsort(-strength.ravel()[found], kind="stable")[:MAX_CANDIDATES]
-    row, column = np.divmod(found[order], strength.shape[1])
-    return np.column_stack([column + _peak(strength, row, column, 0, 1), row + _peak(strength, row, column, 1, 0)])
+    (height, width), strengths, points = smooth.shape, [np.empty(0, np.float32)], [np.empty((0, 2))]
+    rows = max(1, STRIP_PIXELS // width)
+    for top in range(margin, height - margin, rows):
+        strip = smooth[top - REACH : min(top + rows, height - margin) + REACH]
+        # 16 bits hold the second differences of 8, and single precision their products, without rounding.
+        xx, yy, xy = (cv2.Sobel(strip, cv2.CV_16S, a, b, ksize=3) for a, b in ((2, 0), (0, 2), (1, 1)))
+        strength = np.asarray(cv2.multiply(xy, xy, dtype=cv2.CV_32F), np.float32)
+        strength -= np.asarray(cv2.multiply(xx, yy, dtype=cv2.CV_32F), np.float32)
+        is_maximum = strength >= cv2.dilate(strength, np.ones((5, 5), np.uint8))
+        is_maximum &= strength > MIN_CONTRAST_LEVELS**2
+        is_maximum[:REACH], is_maximum[-REACH:], is_maximum[:, :margin], is_maximum[:, -margin:] = 0, 0, 0, 0
+        row, column = np.divmod(np.flatnonzero(is_maximum), width)
+        x, y = column + _peak(strength, row, column, 0, 1), row + (top - REACH) + _peak(strength, row, column, 1, 0)
+        strengths.append(strength[row, column])
+        points.append(np.column_stack([x, y]))
+    return np.concatenate(points)[np.argsort(-np.concatenate(strengths), kind="stable")[:MAX_CANDIDATES]]
 
 
 def _peak(strength: NDArray[np.float32], row: NDArray[np.intp], column: NDArray[np.intp], dv: int, du: int) -> Array:
