@@ -145,28 +145,20 @@ def fits(
             break
         step, left = _step(linear, information)
         x_numbers = 6 * X.shape[1]
-        X, Y = _apply_step(X, step[:, :x_numbers]), _apply_step(Y, step[:, x_numbers:])
+        steps = (X, step[:, :x_numbers]), (Y, step[:, x_numbers:])
+        X, Y = (pose @ transform_from_vector(moved.reshape(*pose.shape[:2], 6)) for pose, moved in steps)
         variances = _variances(stack, left, linear, information)
         before = value
     X, Y, variances = kept
     linear = _linearise(stack, X, Y)
     covariance = _covariance(stack.covariance, linear.by_robot, variances)
-    value = likeliest
     return [
         Fit(
-            X[t],
-            Y[t],
-            variances[t],
-            linear.residuals[t],
-            covariance[t],
-            stack.covariance[t],
-            linear.by_shared[t],
-            linear.by_robot[t],
-            evidences[t].redundancy,
-            float(value[t]),
+            X[t], Y[t], variances[t], linear.residuals[t], covariance[t], stack.covariance[t], linear.by_shared[t],
+            linear.by_robot[t], evidence.redundancy, float(likeliest[t]),
         )
-        for t in range(len(evidences))
-    ]
+        for t, evidence in enumerate(evidences)
+    ]  # fmt: skip
 
 
 def likeliest_fit(evidence: Evidence) -> Fit:
@@ -292,12 +284,6 @@ def _variances(stack: _Stack, residuals: Array, linear: _Linear, information: Ar
     fisher = np.sum((inner**2).reshape(t, n, 2, 3, 2, 3), axis=(1, 3, 5))
     variances: Array = np.minimum(nonnegative_variances(fisher, explained), MAX_VARIANCES)
     return variances
-
-
-def _apply_step(a_T_b: Array, step: Array) -> Array:
-    """T @ exp(step), for stacks (t, g, 4, 4) and flat steps (t, 6 g)."""
-    moved: Array = a_T_b @ transform_from_vector(step.reshape(*a_T_b.shape[:2], 6))
-    return moved
 
 
 def _where(chosen: NDArray[np.bool_], new: Array, old: Array) -> Array:

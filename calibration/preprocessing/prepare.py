@@ -139,7 +139,11 @@ def prepare(problem: Problem) -> PreparedSession:
     seen, refused = observe(problem)
     _require_different_images(problem, seen, refused)
     require_observable(seen.base_T_flange, offset_given=problem.axis_offset is not None)
-    camera, camera_covariance = _camera(problem, seen)
+    camera, camera_covariance = problem.camera, None
+    if camera is None:
+        detections = [problem.views[position].detection for position in seen.positions]
+        found = estimate_camera(problem.target, [one for one in detections if one is not None], problem.image_size)
+        camera, camera_covariance = found.camera, found.covariance
     estimated = problem.camera is None
     nuisances = Nuisances.of(camera, problem.target.points_mm, problem.knowledge, estimated=estimated)
     poses, errors = candidate_poses(seen, camera)
@@ -246,12 +250,3 @@ def _as_found(prepared: PreparedSession, real: ShapeFit) -> PreparedSession:
         prepared, seen=real.seen, camera=real.camera, nuisances=nuisances, camera_T_target=real.camera_T_target,
         shape=real.shape,
     )  # fmt: skip
-
-
-def _camera(problem: Problem, seen: Observations) -> tuple[CameraModel, Array | None]:
-    """The given camera, or one estimated from all views with the covariance of what was estimated."""
-    if problem.camera is not None:
-        return problem.camera, None
-    detections = [problem.views[position].detection for position in seen.positions]
-    found = estimate_camera(problem.target, [d for d in detections if d is not None], problem.image_size)
-    return found.camera, found.covariance

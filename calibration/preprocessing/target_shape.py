@@ -23,6 +23,9 @@ MIN_VIEWS = 6
 MAX_POINTS = 600
 """Most points; with more, the dense system over all points takes seconds."""
 
+MANY_POINTS = 200
+"""From here on the dense inverse costs more than the others do together."""
+
 MAX_TEST_VIEWS = 30
 MIN_TEST_SIGMA = 8.0
 """Threshold of the score test, in its standard deviations under an exact target."""
@@ -60,8 +63,9 @@ def shape_deviates(seen: Observations, camera: CameraModel, camera_T_target: Arr
     few = np.unique(np.linspace(0, len(seen) - 1, MAX_TEST_VIEWS).astype(np.intp))
     few_seen = seen.take(few)
     system = _system(few_seen, camera, camera_T_target[few], free, int(few_seen.ids.max()) + 1)
-    correlation, scale = unit_diagonal(system.information)
-    unseen = np.diagonal(system.information) < 1e-9 * np.diagonal(system.information).max()
+    information = system.information()
+    correlation, scale = unit_diagonal(information)
+    unseen = np.diagonal(information) < 1e-9 * np.diagonal(information).max()
     scale[unseen], correlation[unseen], correlation[:, unseen] = 0.0, 0.0, 0.0
     statistic = np.sum((scale * system.gradient) ** 2) / system.variance
     return bool(statistic - np.trace(correlation) > MIN_TEST_SIGMA * np.sqrt(2 * np.sum(correlation**2)))
@@ -76,11 +80,13 @@ def estimate_shape(
     poses, now = camera_T_target, seen
     for _ in range(ITERATIONS):
         system = _system(now, camera, poses, free, len(drawn_mm))
-        weight = np.tile(system.variance / levels[[0, 0, 1]], len(drawn_mm))
-        covariance = np.linalg.inv(system.information + np.diag(weight))
-        step = -covariance @ (system.gradient + weight * offsets.ravel())
+        step, variances = system.step(offsets, system.variance / levels[[0, 0, 1]])
         offsets = offsets + step.reshape(-1, 3)
-        levels = _levels(offsets, levels, system.variance * np.diagonal(covariance).reshape(-1, 3))
+        # Foerstner's update of the variances (2,) mm², in the plane and out of it: squares over their redundancy.
+        squares = np.array([np.sum(offsets[:, :2] ** 2), np.sum(offsets[:, 2] ** 2)])
+        counts = np.array([2.0, 1.0]) * len(offsets)
+        spent = np.array([np.sum(variances[:, :2]), np.sum(variances[:, 2])]) / levels
+        levels = np.maximum(squares / np.maximum(counts - spent, 1e-3 * counts), 1e-8)
         pose_steps, camera_step = system.back_substitute(step)
         poses = apply_pose_steps(poses, pose_steps)
         change = np.zeros(INTRINSICS)
@@ -93,39 +99,60 @@ def estimate_shape(
     return ShapeFit(now, camera, poses, TargetShape(float(in_plane), float(out_of_plane)))
 
 
-def _levels(offsets: Array, levels: Array, variances: Array) -> Array:
-    """Variances (2,) mm² in the plane and out of it by Foerstner's update: squared offsets over their redundancy."""
-    squares = np.array([np.sum(offsets[:, :2] ** 2), np.sum(offsets[:, 2] ** 2)])
-    counts = np.array([2.0, 1.0]) * len(offsets)
-    spent = np.array([np.sum(variances[:, :2]), np.sum(variances[:, 2])]) / levels
-    updated: Array = np.maximum(squares / np.maximum(counts - spent, 1e-3 * counts), 1e-8)
-    return updated
-
-
 @dataclass(frozen=True, eq=False)
 class _System:
-    """Normal equations of the offsets (3k, 3k) with poses and intrinsics eliminated; `variance` of a pixel in px²."""
+    """Normal equations of the offsets with poses and intrinsics eliminated; `variance` of a pixel in px².
 
-    information: Array
+    The matrix is `by_point` (k, 3, 3) without `half`' @ `half` (6n, 3k) and without `by_camera` (3k, c) @
+    `camera_covariance` @ `by_camera`'.
+    """
+
+    by_point: Array
+    half: Array
+    by_camera: Array
     gradient: Array
     variance: float
     pose_gradient: Array
     pose_offsets: Array
     pose_camera: Array
     camera_gradient: Array
-    camera_offsets: Array
+    camera_covariance: Array
+
+    def information(self) -> Array:
+        """That matrix (3k, 3k)."""
+        k, matrix = len(self.by_point), -(self.half.T @ self.half)
+        matrix.reshape(k, 3, k, 3)[np.arange(k), :, np.arange(k), :] += self.by_point
+        return matrix - self.by_camera @ self.camera_covariance @ self.by_camera.T if self.by_camera.size else matrix
+
+    def step(self, offsets: Array, weight: Array) -> tuple[Array, Array]:
+        """Step (3k,) from offsets (k, 3) whose coordinates have a prior `weight` (3,), and variances (k, 3) mm².
+
+        With many points, what few views eliminate is inverted (M. Woodbury, "Inverting modified matrices", 1950).
+        """
+        gradient = self.gradient + np.tile(weight, len(offsets)) * offsets.ravel()
+        if len(offsets) < MANY_POINTS or 2 * len(self.half) > offsets.size:
+            covariance = np.linalg.inv(self.information() + np.diag(np.tile(weight, len(offsets))))
+            return -covariance @ gradient, self.variance * np.diagonal(covariance).reshape(-1, 3)
+        own = np.linalg.inv(self.by_point + np.diag(weight))
+        left = np.vstack([self.half, self.by_camera.T])
+        right = np.vstack([self.half, self.camera_covariance @ self.by_camera.T])
+        left, solved = ((rows.T.reshape(-1, 3, len(rows)).swapaxes(1, 2) @ own) for rows in (left, right))
+        left, solved = (rows.swapaxes(0, 1).reshape(right.shape) for rows in (left, solved))
+        solved = np.linalg.inv(np.eye(len(right)) - right @ left.T) @ solved
+        step = (own @ gradient.reshape(-1, 3, 1)).ravel() + left.T @ (solved @ gradient)
+        variances = np.diagonal(own, axis1=1, axis2=2) + np.sum(left * solved, axis=0).reshape(-1, 3)
+        return -step, self.variance * variances
 
     def back_substitute(self, offsets: Array) -> tuple[Array, Array]:
         """Steps of the poses (n, 6) and of the free intrinsics that go with a step of the offsets (3k,)."""
-        camera = -(self.camera_gradient + self.camera_offsets @ offsets)
+        camera = -(self.camera_gradient + self.camera_covariance @ self.by_camera.T @ offsets)
         return -(self.pose_gradient + self.pose_offsets @ offsets + self.pose_camera @ camera), camera
 
 
 def _system(seen: Observations, camera: CameraModel, poses: Array, free: NDArray[np.bool_], k: int) -> _System:
     """The system of k points of the target; the last of them need not be seen."""
     n, m = seen.ids.shape
-    any_free = bool(np.any(free))
-    rows = pixel_rows(seen, camera, poses, free_intrinsics=any_free)  # (n, m, 2, 6 [+ 9] + 1), weighted
+    rows = pixel_rows(seen, camera, poses, free_intrinsics=bool(np.any(free)))  # (n, m, 2, 6 [+ 9] + 1), weighted
     turned = poses[:, None, None, :3, :3]
     by_point = (rows[:, :, :, None, 3:6] @ turned)[:, :, :, 0]  # d pixel / d point of the target (n, m, 2, 3)
     residual = rows[..., -1]
@@ -146,8 +173,6 @@ def _system(seen: Observations, camera: CameraModel, poses: Array, free: NDArray
     # Eliminate the poses, then the intrinsics.
     zS, zC, zg = HH @ HS, HH @ HC, (HH @ hg[..., None])[..., 0]
     half = (np.swapaxes(np.linalg.cholesky(HH), 1, 2) @ HS).reshape(6 * n, -1)
-    S = -(half.T @ half)
-    S.reshape(k, 3, k, 3)[np.arange(k), :, np.arange(k), :] += SS
     SC_ = SC.reshape(3 * k, c) - HS.reshape(6 * n, -1).T @ zC.reshape(6 * n, c)
     gS = sg.ravel() - HS.reshape(6 * n, -1).T @ zg.ravel()
     CC = CC - HC.reshape(6 * n, c).T @ zC.reshape(6 * n, c)
@@ -156,15 +181,10 @@ def _system(seen: Observations, camera: CameraModel, poses: Array, free: NDArray
     square = float(np.sum(residual**2)) - float(np.sum(zg * hg))
     redundancy = max(2.0 * float(np.count_nonzero(seen.weights)) - 6 * n - c, 1.0)
     return _System(
-        information=S - SC_ @ inverse_CC @ SC_.T if any_free else S,
-        gradient=gS - SC_ @ inverse_CC @ gC,
-        variance=max(square / redundancy, 1e-12),
-        pose_gradient=zg,
-        pose_offsets=zS,
-        pose_camera=zC,
-        camera_gradient=inverse_CC @ gC,
-        camera_offsets=inverse_CC @ SC_.T,
-    )
+        by_point=SS, half=half, by_camera=SC_, gradient=gS - SC_ @ inverse_CC @ gC,
+        variance=max(square / redundancy, 1e-12), pose_gradient=zg, pose_offsets=zS, pose_camera=zC,
+        camera_gradient=inverse_CC @ gC, camera_covariance=inverse_CC,
+    )  # fmt: skip
 
 
 def _by_id(seen: Observations, values: Array, k: int) -> Array:
