@@ -182,9 +182,10 @@ async def test_each_step_is_read_and_pressed_by_everybody(browser: Any, axe: str
             await look()
             far = page.get_by_label("X opposite corner, mm")
             before = float(await far.input_value())
-            knob = await page.locator("[data-face=X2]").bounding_box()
+            face = page.locator("[data-face=X2]")
+            await face.hover()  # waits until the scene, which has another size now, has put it where it stays
+            knob = await face.bounding_box()
             x, y = knob["x"] + knob["width"] / 2, knob["y"] + knob["height"] / 2
-            await page.mouse.move(x, y)
             await page.mouse.down()
             await page.mouse.move(x + 20, y + 12, steps=3)
             await page.mouse.up()
