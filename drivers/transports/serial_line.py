@@ -12,7 +12,8 @@ from drivers.serial_errors import SERIAL_ERRORS, reason_of
 
 READ_LIMIT_S = 0.05
 """Timeout of a blocking read, after which it checks for the end."""
-WRITE_LIMIT_S = 1.0
+WRITE_LIMIT_S = 3.0
+"""After it a write fails. pyserial says so of one that went out too, when its thread got no processor meanwhile."""
 CHUNK_BYTES = 4096
 
 
