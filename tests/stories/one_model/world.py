@@ -227,7 +227,8 @@ class World:
         body |= {} if direction is None else {"along": direction}
         try:
             answer = await self.asks(who, "POST", "/touch/approach", body, wait=WAIT_S)
-            if not beside and (answer is None or answer.json().get("code") not in NOT_BEGUN):
+            begun = answer is not None and answer.is_success
+            if begun or not (beside or (answer is not None and answer.json().get("code") in NOT_BEGUN)):
                 self.witness.wrong += self.witness.beyond
             self._take(who, answer, "approach")
         finally:
