@@ -6,7 +6,7 @@ import { t } from '../state/words.js';
 
 const MAX_HIDDEN_MS = 10000;
 
-/** `onWhole(true)`: told before it is shown; `quiet`: nothing says that one waits, as something else is shown meanwhile. */
+/** `onWhole()`: told when it is shown; `quiet`: nothing says that one waits, as something else is shown meanwhile. */
 export function Whole({ children, quiet = false, onWhole }) {
   const [drawn, setDrawn] = useState(false); // the screen has asked what it asks at first
   const [late, setLate] = useState(false);
@@ -20,7 +20,7 @@ export function Whole({ children, quiet = false, onWhole }) {
   const told = heard || lost.value || refused.value !== null || session.value.role === 'nobody';
   arrived.current ||= (!awaited() && told && drawn) || late;
   useEffect(() => {
-    if (arrived.current) onWhole?.(true);
+    if (arrived.current) onWhole?.();
   }, [arrived.current]);
   return html`${!arrived.current && !quiet && html`<p class="quiet soon">${t('missing.wait')}</p>`}
     <div class=${arrived.current ? '' : 'arriving'}>${children}</div>`;

@@ -27,16 +27,17 @@ export function Calibrate({ argument }) {
   const shown = live ? run.value : named.data;
   const result = shown?.over ? shown.result?.calibration_id : null;
   const followed = useRef(null); // the run as it was last in progress: it stays as it is until its result is there whole
+  if (followed.current?.id !== argument) followed.current = null;
   if (shown && !shown.over && (live || !followed.current)) followed.current = shown; // what was asked once may be old
   const awaits = !shown?.over || (shown.kind === 'calibration' && shown.state === 'finished');
-  const [whole, setWhole] = useState(false);
+  const [whole, setWhole] = useState(null); // id of the result that is there whole
   useEffect(() => {
     if (result) document.querySelector('h1')?.focus({ preventScroll: true });
   }, [result]);
   if (!argument) return html`<${Prepare} />`;
   return html`<div class="stacked">
-    ${(!result || (followed.current && !whole)) && html`<${Run} key="run" argument=${argument} as=${awaits && followed.current} />`}
-    ${result && html`<${Whole} key="result" quiet=${followed.current} onWhole=${setWhole}><${Result} argument=${result} /></${Whole}>`}
+    ${(!result || (followed.current && whole !== result)) && html`<${Run} key="run" argument=${argument} as=${awaits && followed.current} />`}
+    ${result && html`<${Whole} key=${result} quiet=${followed.current} onWhole=${() => setWhole(result)}><${Result} argument=${result} /></${Whole}>`}
   </div>`;
 }
 
