@@ -171,7 +171,9 @@ class ProfilerProblem:
 
 
 def _rate(path: RobotPath, times_s: Array) -> Array:
-    """Rates (k, 3, 4) per second of base_T_flange, within the path."""
+    """Rates (k, 3, 4) per second of base_T_flange, within the path; exactly 0 where the arm stood."""
+    if path.stands:
+        return np.zeros((len(times_s), 3, 4))
     first, last = path.times_s[[0, -1]]
     start = np.clip(times_s - DIFFERENCE_S, first, max(first, last - 2 * DIFFERENCE_S))
     end = np.minimum(start + 2 * DIFFERENCE_S, last)
