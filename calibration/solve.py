@@ -74,7 +74,7 @@ def solve_hand_eye(problem: Problem, method: str = "auto") -> Solution:
         raise ValueError(f"unknown method {method!r}: one of {', '.join(METHODS)}")
     if problem.in_space and method != "auto":
         raise ValueError(f"{method!r} is for images: poses and points in space are solved by maximum likelihood")
-    solution = _solve_in_space(problem) if problem.in_space else _solve_images(problem, method)
+    solution = _solve_in_space(problem) if problem.in_space else diagnose_solution(*_estimate_images(problem, method))
     solution = check_plausibility(poses_at_zero(problem, solution), solution)
     taken = {view.index: view for view in problem.views}
     views = tuple(
@@ -95,11 +95,6 @@ def estimate_hand_eye(problem: Problem) -> Solution:
     For plans between two views; the result of a session is `solve_hand_eye`'s.
     """
     return _estimate_images(problem, "auto")[1]
-
-
-def _solve_images(problem: Problem, method: str) -> Solution:
-    """The solution of a session of images, with its diagnosis."""
-    return diagnose_solution(*_estimate_images(problem, method))
 
 
 def _estimate_images(problem: Problem, method: str) -> tuple[Problem, Solution, PreparedSession | None]:

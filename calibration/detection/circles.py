@@ -105,7 +105,9 @@ def _measure_grid(
         points = target.points_mm[ids, :2]
         view, _ = fit_plane_view(points, centres, image_size)
         radii = _radii(view, points, dots.areas[kept])
-        rank = _rightward(view, points) if target.origin is None else _origin_ratio(view, layout, seen, target)
+        # Change of the pixel's column along the target's rows, at the middle.
+        rightward = float(view.jacobian(points.mean(axis=0))[0, 0])
+        rank = rightward if target.origin is None else _origin_ratio(view, layout, seen, target)
         usual = np.abs(np.log(radii / np.median(radii))) < np.log(MIN_LARGE_DOT_RATIO)
         bias = circle_centre_bias(view.map, points, np.where(usual, np.median(radii), radii))
         order = np.argsort(ids)
@@ -122,11 +124,6 @@ def _measure_grid(
 def _at_full_size(dots: Dots, index: NDArray[np.intp], factor: int) -> Dots:
     area = factor**2
     return Dots(to_full_size(dots.centres[index], factor), dots.shapes[index] * area, dots.areas[index] * area)
-
-
-def _rightward(view: PlaneView, points: Array) -> float:
-    """Change of the pixel's column along the target's rows, at the middle of `points`."""
-    return float(view.jacobian(points.mean(axis=0))[0, 0])
 
 
 def _origin_ratio(view: PlaneView, layout: Layout, seen: Dots, target: CircleGrid) -> float:

@@ -2,10 +2,11 @@
 
 import asyncio
 import os
-from collections.abc import Callable
+from collections.abc import AsyncIterator, Callable
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import suppress
-from typing import ParamSpec, TypeVar
+from contextlib import asynccontextmanager, suppress
+from pathlib import Path
+from typing import BinaryIO, ParamSpec, TypeVar
 
 from daemon.errors import WorkersBusy
 from daemon.runtime.clock import Clock
@@ -60,6 +61,26 @@ class Workers:
         if len(self._began_s) + len(self._waiting) >= self._max_jobs:
             raise WorkersBusy(MAX_WAITING)
         return await self.run(work, *args, **kwargs)
+
+    @asynccontextmanager
+    async def opened(self, open_file: Callable[[Path], BinaryIO], path: Path) -> AsyncIterator[BinaryIO]:
+        """The file that `open_file` opens in a thread. It is closed when the block ends, or the wait for it does."""
+        files: list[BinaryIO] = []
+        left = False
+
+        def open_unless_left() -> BinaryIO:
+            file = open_file(path)
+            files.append(file)
+            if left:
+                file.close()
+            return file
+
+        try:
+            yield await self.run(open_unless_left)
+        finally:
+            left = True
+            for file in files:
+                file.close()
 
     def oldest_job_s(self) -> float:
         """Seconds since the oldest running job began; 0 without one."""

@@ -56,7 +56,7 @@ async def receive_upload(
     """
     file = folder / f".{name}.upload{SUFFIXES[media_type]}"
     try:
-        with await workers.run(_create, file) as out:
+        async with workers.opened(_create, file) as out:
             stream = None if media_type in WHOLE else CloudStream(media_type, np.eye(4), unit, range_check=check)
             async for chunk in body:
                 await workers.run(_append, out, file, stream, chunk)

@@ -2,6 +2,7 @@
 
 import logging
 from collections.abc import AsyncIterator
+from contextlib import AsyncExitStack
 from pathlib import Path
 from typing import Annotated, BinaryIO, Literal
 
@@ -150,8 +151,8 @@ class PointsResponse(StreamingResponse):
 
 async def _points(app: Application, sweep: Sweep) -> AsyncIterator[bytes]:
     """Pieces of the file as it grows. Raises the sweep's error."""
-    file: BinaryIO | None = None
-    try:
+    async with AsyncExitStack() as stack:
+        file: BinaryIO | None = None
         sent = 0
         while True:
             async with sweep.grown:
@@ -160,17 +161,13 @@ async def _points(app: Application, sweep: Sweep) -> AsyncIterator[bytes]:
             if sweep.points == sent:
                 break
             if file is None:
-                opened = await app.service_workers.run(_open, sweep.file)
-                file = opened
+                file = await stack.enter_async_context(app.service_workers.opened(_open, sweep.file))
             wanted = min((sweep.points - sent) * POINT_BYTES, CHUNK_BYTES)
             piece = await app.service_workers.run(file.read, wanted)
             sent += len(piece) // POINT_BYTES
             yield piece
         if sweep.state == "failed":
             raise sweep.failure or DaemonError("the sweep was broken off", "begin it again")
-    finally:
-        if file is not None:
-            file.close()
 
 
 def _open(file: Path) -> BinaryIO:

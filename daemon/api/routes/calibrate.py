@@ -6,7 +6,6 @@ from typing import Annotated
 
 from fastapi import APIRouter, Depends, Request, Response
 
-from calibration.documents.calibration import CalibrationDocument
 from calibration.documents.pose import PoseDocument
 from calibration.kinematics.arm import Arm
 from daemon.api.dependencies import App, Before, Identifier, JsonBody, Limit, Wait, WithCamera, page_of, respond_page
@@ -126,10 +125,11 @@ async def _status(app: Application, camera: CellCamera) -> CalibrateStatus:
     try:
         applied, record = await app.store.current(camera.name)
     except NoCalibration:
-        current, in_force = None, None
+        current, in_force, on_flange = None, None, None
     else:
         accuracy = await camera.operations.calibrations.accuracy(record.document)
         current, in_force = CalibrationSummary.of(record, accuracy, current=True), AppliedDocument(**vars(applied))
+        on_flange = record.document.flange_T_camera or record.document.flange_T_target
     ready = (await readiness(app, camera)).calibrate
     running = app.supervisor.in_progress
     calibrations = PageFilters.of({"kind": "calibration"})
@@ -147,13 +147,8 @@ async def _status(app: Application, camera: CellCamera) -> CalibrateStatus:
         poses=_poses_text(camera.settings.calibration),
         how_to_start=HOW_TO_START,
         warnings=[*app.operations.rules.warnings(), *await _frame_warnings(app)],
-        fastest_mm_s=await _fastest_mm_s(app, camera, None if in_force is None else _on_flange(record.document)),
+        fastest_mm_s=await _fastest_mm_s(app, camera, on_flange),
     )
-
-
-def _on_flange(document: CalibrationDocument) -> PoseDocument | None:
-    """The camera, or the target, that the arm carries."""
-    return document.flange_T_camera or document.flange_T_target
 
 
 async def _fastest_mm_s(app: Application, camera: CellCamera, applied: PoseDocument | None) -> float | None:

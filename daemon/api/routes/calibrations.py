@@ -15,7 +15,7 @@ from calibration.documents.calibration_text import summary
 from calibration.errors import DocumentProblem
 from calibration.monitoring.comparison import ComparisonDocument, compare, comparison_text
 from daemon.access.errors import RoleTooLow
-from daemon.access.roles import LOCAL, Caller, Role
+from daemon.access.roles import LOCAL, Role
 from daemon.api.dependencies import (
     BOX_PATTERN,
     IN_DIGITS,
@@ -260,8 +260,10 @@ async def apply(
     caller = caller_of(request)
     if body.despite_verdict and caller.role < Role.ADMIN:
         raise RoleTooLow(caller.name, caller.role.word, Role.ADMIN.word)
-    if caller != LOCAL:
-        body = body.model_copy(update={"applied_by": _by(body.applied_by, caller)})
+    if caller != LOCAL:  # the key's name stands beside a given one: no client can claim the name of another key
+        given = body.applied_by
+        name = caller.name if given == ApplyRequest().applied_by else f"{given} ({caller.name})"
+        body = body.model_copy(update={"applied_by": name})
     applied = await app.operations.calibrations.apply(calibration_id, body, parse_if_match(if_match))
     response.headers["ETag"] = tag_of(applied.sequence)
     return AppliedDocument(**vars(applied))
@@ -270,11 +272,6 @@ async def apply(
 def _made(record: CalibrationRecord) -> Response:
     headers = {"Location": f"/calibrations/{record.id}"}
     return Response(record.document.model_dump_json(), 201, headers, media_type="application/json")
-
-
-def _by(given: str, caller: Caller) -> str:
-    """The key's name, with the given name before it: a client cannot claim the name of another key."""
-    return caller.name if given == ApplyRequest().applied_by else f"{given} ({caller.name})"
 
 
 async def _arm_of(app: Application, calibration_id: str) -> tuple[CalibrationDocument, ArmErrorsDocument]:

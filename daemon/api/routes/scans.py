@@ -50,7 +50,7 @@ from daemon.api.streaming.cloud_request import (
 from daemon.api.streaming.temporary_file import TemporaryFileResponse
 from daemon.application import Application
 from daemon.errors import NotFound
-from daemon.model.records import RunRecord, ScanViewDocument
+from daemon.model.records import ScanViewDocument
 from daemon.model.requests import ScanRequest
 from daemon.scans.scan_service import ReportTask
 from daemon.store.damaged_rows import split_damaged
@@ -98,14 +98,10 @@ async def create(
     if run is not None:
         run = await wait_for_run(request, app, run.id, wait)
     document = ScanDocument.of(scan, await app.store.scan_views(scan.id), run)
-    status, headers = _status_and_headers(run)
+    status, headers = (201, {}) if run is None or run.over else (202, {"Retry-After": "1"})
     return Response(
         document.model_dump_json(), status, {"Location": f"/scans/{scan.id}", **headers}, media_type="application/json"
     )
-
-
-def _status_and_headers(run: RunRecord | None) -> tuple[int, dict[str, str]]:
-    return (201, {}) if run is None or run.over else (202, {"Retry-After": "1"})
 
 
 @router.get("/{scan_id}", response_model=ScanDocument, responses=problem_responses(404))

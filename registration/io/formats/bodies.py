@@ -1,7 +1,7 @@
 """Decodes bodies from pieces of bytes of any size to blocks of records, and encodes text bodies."""
 
 from collections.abc import Iterator
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 
@@ -194,13 +194,9 @@ class TextEncoder:
         columns = scalar_columns(layout.dtype)
         self._names = columns.names or ()
         self._columns = columns
-        self._row = separator.join(_text_of(columns[name]) for name in self._names) + "\n"
+        self._row = separator.join(RECORD_TEXT.get(columns[name].str[1:], "%d") for name in self._names) + "\n"
 
     def encode(self, block: Records) -> bytes:
         numbers = np.ascontiguousarray(block).view(self._columns)
         rows = zip(*(numbers[name].tolist() for name in self._names), strict=True)
         return "".join(map(self._row.__mod__, rows)).encode("ascii")
-
-
-def _text_of(column: np.dtype[Any]) -> str:
-    return RECORD_TEXT.get(column.str[1:], "%d")
