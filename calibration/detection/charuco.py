@@ -124,14 +124,10 @@ def _search_corners(image: Grey, target: Charuco, known: Detection) -> Detection
     expected[known.ids] = known.corners_px
     right, down = np.array([target.square_mm, 0.0]), np.array([0.0, target.square_mm])
     spacing = narrowest_side(view.map(points + right) - view.map(points), view.map(points + down) - view.map(points))
-    half = half_window_px(spacing[known.ids], _clearance_of_square(target))
+    to_marker = np.sqrt(0.5) * (target.square_mm - target.marker_mm) / target.square_mm
+    half = half_window_px(spacing[known.ids], float(to_marker))
     inside = np.all((expected > half) & (expected < np.array(size) - 1 - half), axis=1)
     candidates = np.flatnonzero(inside)
     refined, settled = refine_saddles(image, expected[candidates], half)
     near = np.hypot(*(refined - expected[candidates]).T) < MAX_OFFSET_OF_SPACING * spacing[candidates]
     return Detection(candidates[settled & near], refined[settled & near])
-
-
-def _clearance_of_square(target: Charuco) -> float:
-    """Distance from a corner to the nearest marker, in squares."""
-    return float(np.sqrt(0.5) * (target.square_mm - target.marker_mm) / target.square_mm)

@@ -10,7 +10,6 @@ from calibration.documents.calibration import (
     CalibrationDocument,
     CalibrationFindingDocument,
     FindingDocument,
-    PointUncertaintyDocument,
     UncertaintyDocument,
 )
 from calibration.kinematics.arm_conditions import NOT_KNOWN, ArmConditions
@@ -45,7 +44,10 @@ def uncertainty_with_arm(
     of_x = uncertainty_of(covariance, estimate.mount_T_camera, volume)
     x, y, z = of_x.translation_mm.tolist()
     a, b, c = np.degrees(of_x.rotation_rad).tolist()
-    points = [_at(point, float(sigma)) for point, sigma in zip(claimed.points, sigmas.max(axis=0), strict=False)]
+    points = [
+        point.model_copy(update={"sigma_mm": float(sigma), "expanded_mm": COVERAGE_FACTOR * float(sigma)})
+        for point, sigma in zip(claimed.points, sigmas.max(axis=0), strict=False)
+    ]
     return claimed.model_copy(
         update={
             "translation_mm": (x, y, z),
@@ -74,10 +76,6 @@ def _sigmas_mm(document: CalibrationDocument, estimate: ArmEstimate, joints_rad:
     if document.setup == "eye-to-hand":
         return point_sigmas_mm(estimate.covariance[:6, :6], points_mm)[None]
     return np.asarray(np.sqrt(point_variances(estimate, joints_rad, points_mm)))
-
-
-def _at(point: PointUncertaintyDocument, sigma_mm: float) -> PointUncertaintyDocument:
-    return point.model_copy(update={"sigma_mm": sigma_mm, "expanded_mm": COVERAGE_FACTOR * sigma_mm})
 
 
 POSE_WITHOUT_JOINTS = "pose-without-joints"

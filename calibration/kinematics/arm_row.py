@@ -8,7 +8,6 @@ above axis 4; limits of axes 1 to 6 (`170` means -170 to
 
 from collections.abc import Iterable
 from dataclasses import fields
-from typing import Any
 
 import numpy as np
 
@@ -58,7 +57,8 @@ def read_arm_row(row: str) -> Arm:
 
 def with_wrist_offset(arm: Arm, offset_mm: float) -> Arm:
     """The arm with axis 6 that far above axis 4; 0 leaves it as it is."""
-    return arm if offset_mm == 0 else OffsetWristArm(**_fields(arm), wrist_offset_mm=offset_mm)
+    lengths_and_limits = {field.name: getattr(arm, field.name) for field in fields(Arm)}
+    return arm if offset_mm == 0 else OffsetWristArm(**lengths_and_limits, wrist_offset_mm=offset_mm)
 
 
 def write_arm_row(arm: Arm) -> str:
@@ -73,10 +73,6 @@ def write_arm_row(arm: Arm) -> str:
     ]
     speeds = [_number(speed) for speed in np.degrees(arm.speed_rad_s).round(4).tolist()]
     return f"{arm.name} | {' '.join(map(_number, lengths))} | {' '.join(limits)} | {' '.join(speeds)}"
-
-
-def _fields(arm: Arm) -> dict[str, Any]:
-    return {field.name: getattr(arm, field.name) for field in fields(Arm)}
 
 
 def _number(value: float) -> str:

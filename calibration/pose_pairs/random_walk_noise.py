@@ -117,7 +117,8 @@ def _differences(pairs: PosePairs, chain: ScaledChain, chosen: NDArray[np.intp])
     }
     walk = {"drift rotation": at.by_camera[1:, :, :3], "drift translation": at.by_camera[1:, :, 3:]}
     shares = {name: _of_neighbours(back, to_target @ direction) for name, direction in alone.items()}
-    shares |= {name: _of_steps(direction) for name, direction in walk.items()}
+    for name, steps in walk.items():
+        shares[name] = _Blocks(steps @ np.swapaxes(steps, 1, 2), np.zeros((len(steps) - 1, 6, 6)))
     return _Differences(residuals[..., 0], by_shared, alone | walk, shares)
 
 
@@ -129,10 +130,6 @@ def _of_neighbours(back: Array, directions: Array) -> _Blocks:
     later, earlier = back @ directions[1:], back @ directions[:-1]
     own = later @ np.swapaxes(later, 1, 2) + earlier @ np.swapaxes(earlier, 1, 2)
     return _Blocks(own, -later[:-1] @ np.swapaxes(earlier[1:], 1, 2))
-
-
-def _of_steps(directions: Array) -> _Blocks:
-    return _Blocks(directions @ np.swapaxes(directions, 1, 2), np.zeros((len(directions) - 1, 6, 6)))
 
 
 def _apply_step(pairs: PosePairs, chain: ScaledChain, chosen: NDArray[np.intp], step: Array) -> ScaledChain:

@@ -155,7 +155,8 @@ def solve_sensors(sensors: Sequence[SensorViews]) -> RigSolution:
             raise GeometryError(f"{sensor.name} has not seen the target in any view")
     stations = find_stations(list(sensors))
     mounts, target = _start(sensors)
-    prior = independent_prior([*ROBOT_PRIORS, *(level for sensor in sensors for level in _priors(sensor))])
+    own = [UNKNOWN_ERRORS if each.pairs.covariance is None else ERRORS_BEYOND_KNOWN for each in sensors]
+    prior = independent_prior([*ROBOT_PRIORS, *(level for both in own for level in both)])
     known = _known(sensors)
     for _ in range(ROUNDS):
         linear = _linearise(sensors, stations, mounts, target)
@@ -183,10 +184,6 @@ def _moved(mounts: Array, target: Array, step: Array) -> tuple[Array, Array]:
     """X of the sensors and the target's pose after a step (p,), which begins with theirs."""
     poses = transform_from_vector(clip_step(step[: POSE * (len(mounts) + 1)]).reshape(-1, POSE))
     return mounts @ poses[:-1], target @ poses[-1]
-
-
-def _priors(sensor: SensorViews) -> tuple[LevelPrior, LevelPrior]:
-    return UNKNOWN_ERRORS if sensor.pairs.covariance is None else ERRORS_BEYOND_KNOWN
 
 
 def _start(sensors: Sequence[SensorViews]) -> tuple[Array, Array]:

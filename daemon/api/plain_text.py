@@ -169,12 +169,9 @@ def drift_text(chart: DriftDocument) -> str:
     return "\n".join(lines)
 
 
-def _numbers(values: list[float | None]) -> str:
-    return ", ".join("none" if value is None else f"{value:.3f}" for value in values)
-
-
 def robot_text(robot: RobotDocument) -> str:
     """GET /robot."""
+    axes = ["none" if value is None else f"{value:.3f}" for value in robot.external_axes or ()]
     pose = robot.base_T_flange
     x, y, z = pose.translation_mm
     quaternion = ", ".join(f"{q:.6f}" for q in pose.quaternion_wxyz)
@@ -186,6 +183,6 @@ def robot_text(robot: RobotDocument) -> str:
         *([] if robot.frame_warning is None else [f"warning: {robot.frame_warning}"]),
         f"confdata {[*robot.configuration]}",
         f"joints {', '.join(f'{angle:.3f}' for angle in robot.joints_deg)} deg",
-        *([] if robot.external_axes is None else [f"external axes {_numbers(robot.external_axes)}"]),
+        *([] if robot.external_axes is None else [f"external axes {', '.join(axes)}"]),
         f"{', '.join(on) or 'nothing is on'}; held by {robot.held_by or 'nobody'}",
     ])  # fmt: skip

@@ -182,7 +182,8 @@ class LimitedConnection(HttpToolsProtocol):
         super().on_headers_complete()
         self._head_since_s, self._body_since_s = None, self.loop.time()
         self._body_waited_s, self._body_bytes, self._overhead_bytes = 0.0, 0, 0
-        self._length_left = 0 if self.parser.should_upgrade() else _content_length(self.headers)
+        lengths = [int(value) for name, value in self.headers if name == b"content-length"]
+        self._length_left = 0 if self.parser.should_upgrade() or not lengths else lengths[0]
         self.cycle.transport = _LingeringTransport(self)  # type: ignore[assignment]
         self.scope["state"][ON_AUTHENTICATED] = self._authenticate
         self.scope["state"][PACING] = self._limiter.pacing
@@ -329,7 +330,3 @@ def _next_end(data: bytes) -> int:
         return line_ends
     end = data.find(HEAD_END)
     return len(data) if end < 0 else end + len(HEAD_END)
-
-
-def _content_length(headers: list[tuple[bytes, bytes]]) -> int:
-    return next((int(value) for name, value in headers if name == b"content-length"), 0)

@@ -7,10 +7,6 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 
 
-def _utc_now() -> datetime:
-    return datetime.now(UTC)
-
-
 async def _sleep(seconds: float) -> None:
     import asyncio  # commands read a clock, and never sleep
 
@@ -22,7 +18,7 @@ class Clock:
     """Monotonic time, UTC time and sleep. `monotonic_s` is the clock with which the drivers stamp their readings."""
 
     monotonic_s: Callable[[], float] = time.monotonic
-    utc_now: Callable[[], datetime] = _utc_now
+    utc_now: Callable[[], datetime] = lambda: datetime.now(UTC)
     sleep: Callable[[float], Awaitable[None]] = _sleep
 
     def timestamp(self) -> str:

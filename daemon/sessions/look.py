@@ -74,7 +74,8 @@ def look_at(frame: CameraFrame, target: Target, taken_at: str) -> Look:
     """Search the target in a frame."""
     from calibration.detection.detect import detect  # not needed where nobody looks
 
-    image = _grey(frame.image)
+    grey = frame.image.ndim == 2
+    image = frame.image if grey else np.asarray(cv2.cvtColor(frame.image, cv2.COLOR_BGR2GRAY), np.uint8)
     detection, missing = None, None
     try:
         detection = detect(grey_image(frame.image), target)
@@ -83,11 +84,6 @@ def look_at(frame: CameraFrame, target: Target, taken_at: str) -> Look:
     quality = measure_quality(image, None if detection is None else detection.corners_px)
     size = (int(image.shape[1]), int(image.shape[0]))
     return Look(taken_at, size, detection, missing, len(target.points_mm), quality, frame.capture)
-
-
-def _grey(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """The grey levels (h, w) of a picture, also of one without contrast."""
-    return image if image.ndim == 2 else np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), np.uint8)
 
 
 def share_looks(

@@ -55,7 +55,7 @@ class AccessKeys:
         """Insert a key. Raises KeyExists when a valid key has its name, or, with `only_first`, when any key exists."""
 
         def insert(db: sqlite3.Connection) -> None:
-            if only_first and _count(db):
+            if only_first and db.execute("SELECT count(*) FROM access_keys").fetchone()[0]:
                 raise KeyExists("there are keys already", "ask an admin for one")
             _require_free(db, record)
             db.execute("INSERT INTO access_keys VALUES (?, ?, ?, ?, ?, ?, ?)", astuple(record))
@@ -118,10 +118,6 @@ def _record_of(key: str, records: Iterable[KeyRecord]) -> KeyRecord | None:
 def _all(db: sqlite3.Connection) -> list[KeyRecord]:
     rows = db.execute(f"SELECT {_COLUMNS} FROM access_keys ORDER BY rowid").fetchall()
     return [KeyRecord(*row) for row in rows]
-
-
-def _count(db: sqlite3.Connection) -> int:
-    return int(db.execute("SELECT count(*) FROM access_keys").fetchone()[0])
 
 
 def _require_free(db: sqlite3.Connection, record: KeyRecord) -> None:

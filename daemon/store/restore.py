@@ -107,16 +107,14 @@ def finish_restore(store: Path) -> None:
 
 def _require_empty(store: Path) -> None:
     with storage_errors(store):
-        there = sorted(entry.name for entry in store.iterdir() if _belongs_to_a_store(entry.name))
+        names = {entry.name for entry in store.iterdir()} - {LOCK_NAME}
+    own = (DATABASE_NAME, "audit-anchor")
+    there = sorted(name for name in names if name in (*FOLDERS, AGES_NAME) or name.startswith(own))
     if there:
         raise BackupUnusable(
             f"{store} holds a store already, or a part of one: {', '.join(there)}",
             "stop the daemon and move all of it away first; restore changes nothing that is there",
         )
-
-
-def _belongs_to_a_store(name: str) -> bool:
-    return name in (*FOLDERS, AGES_NAME) or (name != LOCK_NAME and name.startswith((DATABASE_NAME, "audit-anchor")))
 
 
 def _unpack(source: Path, unpacked: Path) -> _Unpacked:

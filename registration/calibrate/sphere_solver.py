@@ -8,7 +8,6 @@ different places of the camera's field of view.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
 from itertools import permutations, product
 
 import numpy as np
@@ -123,7 +122,8 @@ class _SphereSystem:
 
 def _solve(system: _SphereSystem) -> _Estimate:
     """Best minimum from 24 starts; raises UndeterminedError when another fits as well."""
-    found = [(_sigma(system, estimate), estimate) for estimate in map(partial(_from, system), cube_rotations())]
+    estimates = [_descend(system, _linear(system, rotation)) for rotation in cube_rotations()]
+    found = [(_sigma(system, estimate), estimate) for estimate in estimates]
     found.sort(key=lambda entry: entry[0])
     best, estimate = found[0]
     for sigma_mm, other in found[1:]:
@@ -132,10 +132,6 @@ def _solve(system: _SphereSystem) -> _Estimate:
             what = Sentence("sphere-ambiguous", off_deg=float(np.rad2deg(apart)))
             raise UndeterminedError("ambiguous", what, FIX)
     return estimate
-
-
-def _from(system: _SphereSystem, rotation: Array) -> _Estimate:
-    return _descend(system, _linear(system, rotation))
 
 
 def _linear(system: _SphereSystem, rotation: Array) -> _Estimate:

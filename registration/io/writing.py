@@ -76,10 +76,6 @@ def form_of(path: Path, layout: Layout) -> Form:
     return FORMS[suffix](layout, path.name)
 
 
-def _naming_the_frame(form: Form, calibration_id: str) -> Form:
-    return replace(form, header=lambda count: ply.with_frame(form.header(count), calibration_id))
-
-
 class Writer(Protocol):
     """Writes blocks of `form.layout` and counts their points."""
 
@@ -129,7 +125,8 @@ def new_cloud(
     """
     form, library = form_of(path, layout), LIBRARIES.get(path.suffix.lower())
     if calibration_id is not None and path.suffix.lower() == ".ply":
-        form = _naming_the_frame(form, calibration_id)
+        header, frame = form.header, calibration_id
+        form = replace(form, header=lambda count: ply.with_frame(header(count), frame))
     with new_file(path, durable=durable) as file:
         if library is not None:
             with library(file, form.layout, f"handeyed {calibration_id or ''}".strip()) as out:

@@ -103,7 +103,8 @@ class Authentication:
         An abort is taken with a key as it was up to a second ago: it does not wait for a thread.
         """
         aborts = ABORT_PATH.fullmatch(scope["path"]) is not None
-        scheme, _, key = _authorization(scope).partition(" ")
+        given = next((value.decode("latin-1") for name, value in scope["headers"] if name == b"authorization"), "")
+        scheme, _, key = given.partition(" ")
         service_key = self._application.service_key
         if service_key is not None and service_key.opens(key.strip()):
             return SERVICE
@@ -144,10 +145,6 @@ def caller_of(request: Request) -> Caller:
     """The authenticated caller of a request."""
     caller: Caller = request.scope["state"]["caller"]
     return caller
-
-
-def _authorization(scope: Scope) -> str:
-    return next((value.decode("latin-1") for name, value in scope["headers"] if name == b"authorization"), "")
 
 
 def session_of(request: Request) -> BrowserSession | None:

@@ -51,6 +51,10 @@ LINKED_PATHS = re.compile(
 REFUSALS = (BodyTooLarge, CrossOrigin, HostNotAllowed, InvalidRequest, RequestMalformed, UnknownMediaType)
 
 
+METHODS = frozenset({"GET", "HEAD", "POST", "PUT", "PATCH", "DELETE", "OPTIONS"})
+"""Those that metrics name."""
+
+
 class RequestChecks:
     """Refuses bodies over the limit, other hosts and other origins; counts every answer."""
 
@@ -90,7 +94,8 @@ class RequestChecks:
             await answer(problem_of(error), {"Connection": "close"})(scope, exchange.receive, exchange.send)
         finally:
             if answered:
-                self._metrics.requests[_method(scope["method"]), exchange.status or 500] += 1
+                method = scope["method"] if scope["method"] in METHODS else "other"
+                self._metrics.requests[method, exchange.status or 500] += 1
 
     def _check_host(self, http_version: str, headers: dict[bytes, str]) -> None:
         """Refuse host names that are not in the settings (DNS rebinding); addresses are allowed."""
@@ -191,8 +196,3 @@ def _request_id(headers: dict[bytes, str]) -> str:
     """The caller's X-Request-Id when it is safe to log, else a new one."""
     given = headers.get(b"x-request-id", "")
     return given if REQUEST_ID.fullmatch(given) else secrets.token_hex(4)
-
-
-def _method(method: str) -> str:
-    """The method as a metrics label; unknown ones become "other"."""
-    return method if method in {"GET", "HEAD", "POST", "PUT", "PATCH", "DELETE", "OPTIONS"} else "other"

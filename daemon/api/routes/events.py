@@ -9,7 +9,7 @@ from fastapi import APIRouter, Header, Response
 from fastapi.responses import StreamingResponse
 
 from daemon.api.dependencies import App
-from daemon.runtime.event_bus import BusEvent, EventBus
+from daemon.runtime.event_bus import EventBus
 
 router = APIRouter(tags=["events"])
 
@@ -37,9 +37,8 @@ async def events(app: App, last_event_id: Annotated[str, Header(max_length=32, p
 async def _stream(events: EventBus, after: int) -> AsyncIterator[str]:
     yield ": what happens in the cell\n\n"
     async for event in events.listen(after, KEEPALIVE_S):
-        yield ": nothing new\n\n" if event is None else _sse(event)
+        if event is None:
+            yield ": nothing new\n\n"
+        else:
+            yield f"id: {event.number}\nevent: {event.kind}\ndata: {json.dumps(event.data)}\n\n"
         await asyncio.sleep(0)  # lets a disconnect be noticed between two events
-
-
-def _sse(event: BusEvent) -> str:
-    return f"id: {event.number}\nevent: {event.kind}\ndata: {json.dumps(event.data)}\n\n"

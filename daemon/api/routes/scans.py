@@ -128,14 +128,10 @@ async def add_view(
 ) -> ScanViewDocument:
     """A cloud seen from `pose`; without a body the daemon's scanner takes one where the arm stands."""
     await app.store.scan(scan_id)
-    if _has_no_body(request):
+    if request.headers.get("content-length", "0") == "0" and "transfer-encoding" not in request.headers:
         return await app.operations.scan_here(scan_id)
     media_type, at = media_type_of(request), await flange_pose_of(app, pose, beside)
     return await app.scans.add_view(scan_id, request.stream(), media_type, unit, at, force=force)
-
-
-def _has_no_body(request: Request) -> bool:
-    return request.headers.get("content-length", "0") == "0" and "transfer-encoding" not in request.headers
 
 
 PATIENCE = "seconds to wait for a registration before answering 202"

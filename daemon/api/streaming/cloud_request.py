@@ -71,7 +71,8 @@ def choose_media_type(request: Request) -> str:
     for given, weight in media_ranges(request) or [("*/*", 1.0)]:
         media = SYNONYMS.get(given, given)
         for kind in ANSWER_SUFFIXES:
-            narrowness = ["*/*", kind.split("/")[0] + "/*", kind].index(media) if _matches(media, kind) else -1
+            ranges = ["*/*", kind.split("/")[0] + "/*", kind]
+            narrowness = ranges.index(media) if media in ranges else -1
             if narrowness >= weights.get(kind, (0.0, -1))[1] and narrowness >= 0:
                 weights[kind] = (weight, narrowness)
     best = max(ANSWER_SUFFIXES, key=lambda kind: weights.get(kind, (0.0, -1))[0])
@@ -80,10 +81,6 @@ def choose_media_type(request: Request) -> str:
         fix = f"set Accept to one of {', '.join(ANSWER_SUFFIXES)}"
         raise NotAcceptable(f"a cloud is not answered as {accept!r}", fix)
     return best
-
-
-def _matches(media: str, kind: str) -> bool:
-    return media in ("*/*", kind.split("/")[0] + "/*", kind)
 
 
 async def flange_pose_of(app: Application, pose: str, beside: BesidePose) -> FlangePose:

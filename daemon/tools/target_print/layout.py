@@ -40,9 +40,10 @@ def _(target: CircleGrid) -> Artwork:
         min(columns_mm) - neighbour, min(rows_mm) - neighbour, max(columns_mm) + neighbour, max(rows_mm) + neighbour
     )
     ground = (Rectangles((extent,)),) if target.dots == "white" else ()
+    large = 0 if target.origin == "large-dot" else None
     dots = tuple(
-        Disc(x, y, (LARGE_DOT_RADIUS if large else DOT_RADIUS) * neighbour, target.dots)
-        for large, (x, y, _) in zip(_large(target), centres, strict=True)
+        Disc(x, y, (LARGE_DOT_RADIUS if index == large else DOT_RADIUS) * neighbour, target.dots)
+        for index, (x, y, _) in enumerate(centres)
     )
     return Artwork((*ground, *dots), extent)
 
@@ -61,10 +62,6 @@ def _(target: AprilTagGrid | ArucoGrid | ArucoMarker) -> Artwork:
     from daemon.tools.target_print.marker_artwork import marker_grid
 
     return marker_grid(target)
-
-
-def _large(target: CircleGrid) -> list[bool]:
-    return [index == 0 and target.origin == "large-dot" for index in range(target.columns * target.rows)]
 
 
 PAGES_MM: dict[str, tuple[float, float]] = {

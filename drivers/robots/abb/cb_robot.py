@@ -155,8 +155,8 @@ class CbRobot:
         try:
             await self._arrive(conversation, await self._begin(conversation, move))
         except BaseException as error:
-            if _nothing_is_under_way(error):
-                raise
+            if isinstance(error, MoveRefused | MoveFailed) and not isinstance(error, MoveStalled):
+                raise  # nothing is under way
             stopping = asyncio.create_task(_stop_quietly(conversation), name=f"stops {self._device}")
             self._stopping.add(stopping)
             stopping.add_done_callback(self._stopping.discard)
@@ -245,10 +245,6 @@ def _set_armed(conversation: CbConversation, armed: bool) -> SetArmed:
     session = conversation.session.session
     assert session is not None
     return SetArmed(session, armed)
-
-
-def _nothing_is_under_way(error: BaseException) -> bool:
-    return isinstance(error, MoveRefused | MoveFailed) and not isinstance(error, MoveStalled)
 
 
 async def _stop_quietly(conversation: CbConversation) -> None:

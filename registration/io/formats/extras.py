@@ -119,7 +119,10 @@ class E57Source:
             self._file = pye57.E57(f"/proc/self/fd/{file.raw.fileno()}")
             headers = [self._file.get_header(index) for index in range(self._file.scan_count)]
             self.count = sum(int(header.point_count) for header in headers)
-            if any(header.has_pose() and not _is_identity(header) for header in headers):
+            posed = [header for header in headers if header.has_pose()]
+            if not all(
+                np.allclose(one.rotation_matrix, np.eye(3)) and np.allclose(one.translation, 0) for one in posed
+            ):
                 what = "a scan carries a pose of its own, so its points stand in no camera's frame"
                 raise CloudUnsupported(name, "pose", what, "export the scan in the scanner's frame")
             shared = [field for field in (headers[0].point_fields if headers else []) if field in COLUMNS]
@@ -179,7 +182,3 @@ def colour_range(header: Any, libe57: Any) -> tuple[float, float]:
         red = libe57.StructureNode(header.points.prototype())["colorRed"]
         least, most = float(red.minimum()), float(red.maximum())
     return (least, most) if 0 < most - least < MAX_COLOUR_RANGE else (0.0, 255.0)
-
-
-def _is_identity(header: Any) -> bool:
-    return bool(np.allclose(header.rotation_matrix, np.eye(3)) and np.allclose(header.translation, 0))
