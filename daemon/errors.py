@@ -84,7 +84,7 @@ class RunInProgress(DaemonError):
     def __init__(self, kind: str, run_id: str) -> None:
         self.holder = run_id
         super().__init__(
-            f"{kind} run {run_id} is in progress", f"wait for it to end, or stop it with POST /runs/{run_id}/abort"
+            Sentence("run-is-in-progress", kind=kind, run=run_id), Sentence("wait-or-abort-run", run=run_id)
         )
 
 
@@ -186,8 +186,8 @@ class ToleranceLoosened(DaemonError):
     def __init__(self, stated_mm: float, allowed_mm: float) -> None:
         self.stated_mm, self.allowed_mm = stated_mm, allowed_mm
         super().__init__(
-            f"a tolerance of {stated_mm:g} mm is larger than the settings' {allowed_mm:g} mm",
-            "state a smaller one or none; or allow it with [calibration] requests_may_loosen",
+            Sentence("tolerance-is-loosened", stated_mm=stated_mm, allowed_mm=allowed_mm),
+            Sentence("state-smaller-tolerance"),
         )
 
 
@@ -281,8 +281,7 @@ class NotWaiting(DaemonError):
 
     def __init__(self, run_id: str) -> None:
         super().__init__(
-            f"run {run_id} drives the arm itself and waits for nobody",
-            'follow it with GET /runs/{id}; a run that waits is started with POST /calibrate {"manual": true}',
+            Sentence("run-drives-itself", run=run_id), Sentence("follow-run", at="{id}", body='{"manual": true}')
         )
 
 
@@ -292,7 +291,7 @@ class NotHeld(DaemonError):
     code = "not-held"
 
     def __init__(self) -> None:
-        super().__init__("no motion goes on for this button", "let go, and hold it again")
+        super().__init__(Sentence("no-motion-for-button"), Sentence("hold-again"))
 
 
 class SamePose(DaemonError):
@@ -350,7 +349,7 @@ class NoScanner(DaemonError):
     code = "no-scanner"
 
     def __init__(self) -> None:
-        super().__init__("the settings name no scanner", "add [scanner] with its address, or send the cloud yourself")
+        super().__init__(Sentence("no-scanner-named"), Sentence("add-scanner"))
 
 
 class ScanEmpty(DaemonError):
@@ -365,9 +364,7 @@ class WorkersBusy(DaemonError):
     code = "workers-busy"
 
     def __init__(self, waiting: int) -> None:
-        super().__init__(
-            f"one merge or registration is computed at a time, and {waiting} wait already", "ask again in some seconds"
-        )
+        super().__init__(Sentence("workers-full", waiting=waiting), Sentence("ask-again-soon"))
 
 
 class StorageError(DaemonError):

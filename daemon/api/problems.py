@@ -8,6 +8,7 @@ from fastapi.exceptions import RequestValidationError
 from starlette.exceptions import HTTPException
 from starlette.types import Receive, Scope, Send
 
+from calibration.documents.calibration import SentenceDocument
 from calibration.documents.validation import problem_of_detail
 from calibration.errors import (
     CalibrationError,
@@ -17,6 +18,7 @@ from calibration.errors import (
     ExportRefused,
     UndeterminedError,
 )
+from calibration.sentences.sentence import Sentence
 from daemon import errors
 from daemon.access import errors as access
 from daemon.api import http_errors
@@ -156,6 +158,9 @@ def problem_of(error: Exception) -> Problem:
         reasons=None if reasons is None else list(reasons),
         problems=None if problems is None else list(problems),
     )
+    if isinstance(what, Sentence):
+        made, advice = SentenceDocument.each_of((what, fix))
+        problem.details = {"what": made, "fix": advice}
     if isinstance(error, errors.StopUnconfirmed):
         problem.stopped, problem.disarmed = _confirmed(error.stopped), _confirmed(error.disarmed)
     return problem
@@ -173,15 +178,9 @@ def _words(error: Exception) -> tuple[str, str, str]:
             return "document-refused", what, "; ".join(dict.fromkeys(p.fix for p in error.problems))
         case device.DeviceError():
             return error.code, f"{error.device}: {error.what}", error.fix
-        case (
-            errors.DaemonError()
-            | DetectionError()
-            | UndeterminedError()
-            | ComparisonError()
-            | ExportRefused()
-            | RegistrationError()
-        ):
-            return error.code, str(error.what), error.fix
+        case (errors.DaemonError() | DetectionError() | UndeterminedError() | ComparisonError() | ExportRefused()
+              | RegistrationError()):  # fmt: skip
+            return error.code, error.what, error.fix
         case CalibrationError():
             return "calibration-error", str(error), "look at the poses and pictures"
         case _:

@@ -5,6 +5,7 @@ from typing import Literal
 
 from pydantic import BaseModel, ConfigDict
 
+from calibration.documents.calibration import SentenceDocument
 from calibration.errors import DocumentProblem
 
 MEDIA_TYPE = "application/problem+json"
@@ -24,7 +25,7 @@ def reason_phrase(status: int) -> str:
 
 
 class Problem(BaseModel):
-    """problem+json. `code` is stable, `detail` and `fix` are for people.
+    """problem+json. `code` is stable, `detail` and `fix` are for people; `details`: what these two are made of.
 
     `stopped`, `disarmed`: of stop-unconfirmed, what the controller has confirmed of the arm.
     """
@@ -45,6 +46,7 @@ class Problem(BaseModel):
     holder: str | None = None
     reasons: list[str] | None = None
     problems: list[DocumentProblem] | None = None
+    details: dict[Literal["what", "fix"], SentenceDocument] | None = None
     stopped: Literal["confirmed", "unconfirmed"] | None = None
     disarmed: Literal["confirmed", "unconfirmed"] | None = None
 

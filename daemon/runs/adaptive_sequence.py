@@ -16,6 +16,7 @@ from calibration.planning.plan import Plan, PlanningError
 from calibration.planning.scene_belief import SceneBelief, ScenePrior
 from calibration.planning.viewpoints import ViewpointLimits
 from calibration.problem import MOUNTS, Problem, View
+from calibration.sentences.sentence import Sentence
 from calibration.transforms import Array
 from daemon.cell.cell import Cell
 from daemon.cell.motion_rules import MotionRules
@@ -25,7 +26,7 @@ from daemon.config.settings import TaughtPose
 from daemon.errors import NoPoses, PoseRefused, TargetNotSeen
 from daemon.model.records import Planning
 from daemon.model.run_states import RunEvent as E
-from daemon.runs.pose_sequence import check_detections
+from daemon.runs.pose_sequence import check_detections, why_missing
 from daemon.runs.run_log import RunLog
 from daemon.runtime.workers import Workers
 from daemon.sessions.session_writer import SessionWriter
@@ -33,8 +34,6 @@ from drivers.interfaces import PoseReading, Robot
 
 MAX_MISSES = 3
 """The run fails when the target was not found in more planned views than this."""
-
-BRING_IN_VIEW = "drive the arm to where the camera sees the whole target, and start again"
 
 
 @dataclass(frozen=True)
@@ -107,8 +106,7 @@ class AdaptiveSequence:
         view = await self._capture(captured=False)
         guess = self.parameters.guess
         if view.detection is None and (guess.mount_T_camera is None or guess.anchor_T_target is None):
-            why = view.missing[1] if view.missing else "it was not found"
-            raise TargetNotSeen(f"the target is not seen from where the arm stands: {why}", BRING_IN_VIEW)
+            raise TargetNotSeen(Sentence("target-not-seen-at-start", why=why_missing(view)), Sentence("bring-in-view"))
 
     async def _explore(self, robot: Robot) -> None:
         """Turn the flange by small angles to find the camera's place on it, when no guess is given."""

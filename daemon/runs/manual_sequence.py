@@ -10,6 +10,7 @@ from calibration.closed_forms.observability import SAME_POSE_MM, SAME_POSE_RAD
 from calibration.documents.pose import PoseDocument
 from calibration.planning.jog_advice import Advice, advise
 from calibration.problem import Problem, View
+from calibration.sentences.sentence import Sentence
 from calibration.transforms import difference
 from daemon.cell.cell import Cell
 from daemon.errors import (
@@ -27,6 +28,7 @@ from daemon.model.run_states import RunState
 from daemon.runs.adaptive_sequence import AdaptiveParameters, goal_of
 from daemon.runs.jog import Jog
 from daemon.runs.operator_requests import OperatorRequest, OperatorRequestQueue
+from daemon.runs.pose_sequence import why_missing
 from daemon.runs.run_log import RunLog
 from daemon.runtime.workers import Workers
 from daemon.sessions.session_writer import SessionWriter
@@ -121,7 +123,7 @@ class ManualSequence:
     def _check_view_count(self, min_views: int) -> None:
         if (seen := len(self._progress.views_with_target)) < min_views:
             raise TooFewViews(
-                f"{seen} views show the target, {min_views} are needed", self._progress.planning.advice or BEGIN
+                Sentence("views-are-missing", seen=seen, needed=min_views), self._progress.planning.advice or BEGIN
             )
 
     async def _take_view(self) -> None:
@@ -135,10 +137,9 @@ class ManualSequence:
         view = await self.session.view(index)
         self._progress.views.append(view)
         if view.detection is None:
-            why = view.missing[1] if view.missing else "it was not found"
             raise TargetNotSeen(
-                f"the target is not seen from here: {why}",
-                f"look at the picture (GET /runs/{self.log.id}/frames/{index}), jog on, and take the view again",
+                Sentence("target-not-seen-here", why=why_missing(view)),
+                Sentence("look-and-jog-on", run=self.log.id, view=index),
             )
         advice = await self._advice(reading)
         steps = [{"turn_axis": axis, "deg": angle_deg} for axis, angle_deg in advice.turns]
@@ -162,8 +163,8 @@ class ManualSequence:
             off_mm, off_rad = difference(view.base_T_flange, reading.base_T_flange)
             if off_mm < SAME_POSE_MM and off_rad < SAME_POSE_RAD:
                 raise SamePose(
-                    f"the arm stands where view {number} was taken ({off_mm:.2f} mm from there)",
-                    self._progress.planning.advice or "jog on, and turn the flange",
+                    Sentence("stands-at-view", number=number, off_mm=off_mm),
+                    self._progress.planning.advice or Sentence("jog-on-and-turn"),
                 )
 
     async def _advice(self, reading: PoseReading) -> Advice:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from calibration.problem import Problem, View
+from calibration.sentences.sentence import Sentence, as_sentence
 from daemon.cell.cell import Cell
 from daemon.cell.motion_rules import MotionRules
 from daemon.cell.settling import check_arrival
@@ -92,10 +93,13 @@ def check_detections(views: list[View], min_views: int) -> None:
     missing = [view for view in views if view.detection is None]
     if len(views) - len(missing) >= min_views:
         return
-    stations = ", ".join(str(view.index + 1) for view in missing)
-    reason = missing[0].missing[1] if missing[0].missing else "it was not found"
-    raise TargetNotSeen(
-        f"the target was seen from {len(views) - len(missing)} of {len(views)} stations, {min_views} are needed;"
-        f" not from station {stations}: {reason}",
-        "look at the pictures (GET /runs/{id}/frames/{k}); check target, light, focus and poses",
-    )
+    what = Sentence(
+        "target-seen-from-few", seen=len(views) - len(missing), stations=len(views), needed=min_views,
+        missing=[view.index + 1 for view in missing], why=why_missing(missing[0]),
+    )  # fmt: skip
+    raise TargetNotSeen(what, Sentence("look-at-pictures", run="{id}", view="{k}"))
+
+
+def why_missing(view: View) -> Sentence:
+    """Why the view has no detection."""
+    return as_sentence(view.missing[1]) if view.missing else Sentence("target-was-not-found")

@@ -77,8 +77,10 @@ function translated(table, id, params) {
 /** The texts `messages` in words, by their `details` { id, params } where the daemon gives them. */
 export const sentences = (messages, details = []) => messages.map((message, index) => sentence({ ...details[index], message }));
 
-/** A refusal or cause { code, what, fix } as { what, fix, detail }: in another language what its code means, and the English detail. */
-export function causeWords({ id, code, params, what, fix }) {
-  const said = sentence({ id: id ?? `${code}.what`, params, message: what });
-  return { what: said, fix: sentence({ id: `${code}.fix`, message: fix }), detail: said.text === what ? null : what };
+/** A refusal or cause { code, what, fix } as { what, fix, detail }: in another language its sentences by `details`, else what its code means, and the English detail. */
+export function causeWords({ id, code, params, what, fix, details = {} }) {
+  const made = (part, message) => (details[part]?.id in dictionary.value.daemon && details[part].id !== 'as-written' ? sentence({ ...details[part], message }) : null);
+  const whole = made('what', what);
+  const said = whole ?? sentence({ id: id ?? `${code}.what`, params, message: what });
+  return { what: said, fix: made('fix', fix) ?? sentence({ id: `${code}.fix`, message: fix }), detail: whole || said.text === what ? null : what };
 }

@@ -6,9 +6,10 @@ from typing import Any
 import pytest
 
 from calibration.errors import CalibrationError
-from daemon.api.problems import PASSING, RETRY_AFTER_S, STATUS, handle
+from calibration.sentences.sentence import sentences_in, text_of
+from daemon.api.problems import PASSING, RETRY_AFTER_S, STATUS, handle, problem_of
 from daemon.api.routes.help_codes import _entries, _leaves
-from daemon.errors import DaemonError
+from daemon.errors import DaemonError, NotFound, ToleranceLoosened
 from drivers.errors import DeviceError, MoveRefused
 from registration.errors import RegistrationError
 from tests.daemon.cell_under_test import Bench, Parts, serving, settings_for
@@ -41,6 +42,17 @@ async def test_errors_are_words_where_words_are_asked_for(
     assert f"{json.json()['status']} {json.json()['code']}: " in answer.text
 
 
+def test_a_refusal_is_said_in_any_language_from_what_it_is_made_of() -> None:
+    problem = problem_of(ToleranceLoosened(0.75, 0.5))
+    assert problem.details is not None
+    made = problem.details["what"]
+    assert text_of(made.id, made.params) == problem.detail
+    assert text_of(made.id, made.params, sentences_in("de")) == (
+        "eine Toleranz von 0,75 mm ist größer als die 0,5 mm der Einstellungen"
+    )
+    assert problem_of(NotFound("no such run", "see GET /runs")).details is None, "no table holds these"
+
+
 async def test_what_passes_by_itself_says_when_to_come_again(tmp_path: Path) -> None:
     parts = Parts()
     parts.robot.before_move = gate = Gate(1)
@@ -50,6 +62,10 @@ async def test_what_passes_by_itself_says_when_to_come_again(tmp_path: Path) -> 
         busy = await bench.client.post("/calibrate")
         assert (busy.status_code, busy.json()["code"]) == (409, "run-in-progress")
         assert int(busy.headers["retry-after"]) > 0
+        assert busy.json()["details"] == {
+            "what": {"id": "run-is-in-progress", "params": {"kind": "calibration", "run": run["id"]}},
+            "fix": {"id": "wait-or-abort-run", "params": {"run": run["id"]}},
+        }
         await bench.client.post(run["links"]["abort"])
         gate.open.set()
         bench.robot.status["motors_on"] = False

@@ -122,6 +122,9 @@ async def test_the_same_pose_again_is_refused(tmp_path: Path) -> None:
         assert (again.status_code, again.json()["code"]) == (409, "same-pose")
         assert "view 1" in again.json()["detail"]
         assert "turn the flange" in again.json()["fix"]
+        made = again.json()["details"]["what"]
+        assert (made["id"], made["params"]["number"]) == ("stands-at-view", 1)
+        assert made["params"]["off_mm"] == pytest.approx(0.3, abs=0.01)
         assert hand.bench.camera.pictures == 1
 
 

@@ -1,0 +1,43 @@
+// A refusal is said in the chosen language by the sentences it is made of, with its figures as that language writes them.
+import assert from 'node:assert/strict';
+import { readFile } from 'node:fs/promises';
+import { basename, join } from 'node:path';
+import test from 'node:test';
+
+const root = join(import.meta.dirname, '..', '..', '..', '..');
+const nothing = () => {};
+const browser = {
+  document: { documentElement: { lang: '', dataset: {} }, addEventListener: nothing },
+  localStorage: { getItem: () => null, setItem: nothing }, addEventListener: nothing,
+  location: { search: '', hash: '', href: 'http://cell/page/' }, navigator: { languages: ['de'], language: 'de' },
+  matchMedia: () => ({ matches: false, addEventListener: nothing }),
+  fetch: async (address) => {
+    const [, tag] = /^sentences\.(\w+)\.json$/.exec(basename(address.pathname)) ?? [];
+    return new Response(await readFile(tag ? join(root, 'calibration', 'sentences', 'words', `${tag}.json`) : address));
+  },
+};
+for (const [name, value] of Object.entries(browser)) Object.defineProperty(globalThis, name, { value, configurable: true, writable: true });
+const words = await import(join(root, 'daemon', 'page', 'state', 'words.js'));
+await words.spoken;
+
+const SAME_POSE = {
+  code: 'same-pose', what: 'the arm stands where view 1 was taken (0.30 mm from there)', fix: 'jog on, and turn the flange',
+  details: { what: { id: 'stands-at-view', params: { number: 1, off_mm: 0.3 } }, fix: { id: 'jog-on-and-turn', params: {} } },
+};
+
+test('what and fix are said whole, with a decimal comma, and no English beside them', () => {
+  assert.deepEqual(words.causeWords(SAME_POSE), {
+    what: { text: 'der Arm steht, wo Bild 1 aufgenommen wurde (0,30 mm davon entfernt)', lang: undefined },
+    fix: { text: 'weiterfahren und den Flansch drehen', lang: undefined }, detail: null,
+  });
+});
+
+test('without details, or with one that has no translation, the code says what it means and the English stands beside it', () => {
+  const unknown = { what: { id: 'of-a-newer-daemon', params: {} }, fix: { id: 'as-written', params: { sentence: SAME_POSE.fix } } };
+  for (const details of [undefined, unknown]) {
+    const said = words.causeWords({ ...SAME_POSE, details });
+    assert.equal(said.detail, SAME_POSE.what);
+    assert.notEqual(said.what.text, SAME_POSE.what);
+    assert.notEqual(said.fix.text, SAME_POSE.fix);
+  }
+});
