@@ -79,14 +79,6 @@ class LevelNodes:
         return levels
 
 
-def _joined(nodes: list[LevelNodes]) -> LevelNodes:
-    """The nodes of several models, without their levels, which differ in number."""
-    log_weights, steps, covariances = (
-        np.concatenate([getattr(one, name) for one in nodes]) for name in ("log_weights", "steps", "covariances")
-    )
-    return LevelNodes(log_weights, np.zeros((len(steps), 0)), steps, covariances)
-
-
 def marginalise_few(pairs: PosePairs, fitted: PoseFit) -> PoseFit:
     """The fit with X averaged where up to MAX_VIEWS views leave the levels open; else the fit as it is."""
     normal = fitted.camera != RANDOM_WALK and not np.isfinite(fitted.tail_dof)
@@ -98,7 +90,11 @@ def marginalise(pairs: PosePairs, fitted: PoseFit) -> PoseFit:
     at = linearise(pairs, fitted.chain)
     cameras = {camera: sources_of(at, camera) for camera in cameras_of(pairs)}
     found = {camera: _nodes(at, sources, fitted) for camera, sources in cameras.items()}
-    step, covariance = _joined(list(found.values())).mean_step()
+    log_weights, steps, covariances = (
+        np.concatenate([getattr(one, name) for one in found.values()])
+        for name in ("log_weights", "steps", "covariances")
+    )
+    step, covariance = LevelNodes(log_weights, np.zeros((len(steps), 0)), steps, covariances).mean_step()
     likeliest = max(found, key=lambda camera: float(logsumexp(found[camera].log_weights)))
     return replace(
         fitted,
