@@ -45,7 +45,7 @@ class StoppingRule:
     views_left: int
     uncertainty_mm: float | None = None
     tolerance_mm: float | None = None
-    hurried: bool = True
+    hurried: bool = False
 
     def met_by(self, belief: SceneBelief) -> bool:
         """True when a goal is stated, and the views so far meet every one, in statement and in belief.

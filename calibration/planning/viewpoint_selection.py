@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from calibration.likelihood.predicted_uncertainty import Scene, view_information
 from calibration.linear_algebra import covariance_or_inf
 from calibration.planning.point_criterion import point_matrices, worst_variances
-from calibration.planning.route import STOP_S, lengths_with_one_more, travel_from
+from calibration.planning.route import SPEED_MM_S, STOP_S, lengths_with_one_more, travel_from
 from calibration.planning.viewpoints import (
     ViewpointLimits,
     clip_to_limits,
@@ -95,12 +95,12 @@ class Search:
         """
         information = known + others.information.sum(axis=0) + more.information
         variance = worst_variances(self._matrices, covariance_or_inf(information, 6))
-        if self.start is None or self.limits.speed_mm_s is None:
+        if self.start is None:
             return variance
         route_mm = lengths_with_one_more(self.start, others.base_T_flange, more.base_T_flange)
-        seconds = route_mm / self.limits.speed_mm_s + STOP_S * (1 + len(others.viewpoints))
         if self.goal_mm2 is None:
-            return variance * (1 + COST_OF_A_SECOND * seconds) ** 2
+            return variance * (1 + COST_OF_TRAVEL_BY_MM * route_mm) ** 2
+        seconds = route_mm / SPEED_MM_S + STOP_S * (1 + len(others.viewpoints))
         before = 1 / worst_variances(self._matrices, covariance_or_inf(known[None], 6))
         share = (1 / self.goal_mm2 - before) / np.maximum(1 / variance - before, 1e-12)
         return seconds * np.maximum(share, max(self.missing_views / (1 + len(others.viewpoints)), 1.0))
@@ -117,8 +117,9 @@ class Search:
         return point_matrices(self.scene, float(np.mean(self.limits.distance_mm)), flange_poses(self.scene, viewpoints))
 
 
-COST_OF_A_SECOND = 0.01
-"""Share of U that a second is worth: one more view, which takes 10 s, leaves about a tenth less."""
+COST_OF_TRAVEL_BY_MM = 4e-5
+"""Share of U that a millimetre of travel is worth: at 250 mm/s a metre takes 4 s, and one more view, which takes 10 s,
+leaves about a tenth less."""
 
 POOL_SIZE = 500
 """Random candidates; more of them improve a set by less than the local search does."""

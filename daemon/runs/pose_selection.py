@@ -119,21 +119,18 @@ MAX_VIEWS = 12
 def stopping_rule(settings: CalibrationSettings, request: CalibrateRequest) -> StoppingRule:
     """When a run with planned views ends: at the `count` of settings or request, else when U meets the tolerance.
 
-    A request that states a tolerance or an uncertainty beside a count ends at whichever comes first. Poses lead to a
-    stated tolerance in the least time; without one each leaves the least U.
+    A request that states a tolerance or an uncertainty beside a count ends at whichever comes first.
     """
     fixed = request.count or settings.count
     goal = request.tolerance_mm or settings.verdict_limits().tolerance_mm
     if fixed is None:
-        hurried = request.tolerance_mm is not None or settings.verdict_limits().tolerance_stated
-        return StoppingRule(MAX_VIEWS - 1, request.uncertainty_mm or settings.uncertainty_mm, goal, hurried)
+        return StoppingRule(MAX_VIEWS - 1, request.uncertainty_mm or settings.uncertainty_mm, goal)
     return StoppingRule(fixed, request.uncertainty_mm or settings.uncertainty_mm, request.tolerance_mm)
 
 
 def planning_limits(settings: CalibrationSettings, rules: MotionRules) -> ViewpointLimits:
     """The limits of planned poses."""
-    limits = settings.limits.model_copy(update={"box_mm": settings.limits.box_mm or rules.robot.box_mm}).limits()
-    return replace(limits, speed_mm_s=rules.robot.speed_mm_s)
+    return settings.limits.model_copy(update={"box_mm": settings.limits.box_mm or rules.robot.box_mm}).limits()
 
 
 def adaptive_parameters(

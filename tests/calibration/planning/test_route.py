@@ -39,7 +39,7 @@ def test_a_plan_travels_less_for_nearly_the_same_uncertainty(monkeypatch: pytest
         return float(np.mean(routes)), float(np.mean([plan.predicted.worst_point.expanded_mm for plan in found]))
 
     route_mm, expanded_mm = plans()
-    monkeypatch.setattr(viewpoint_selection, "COST_OF_A_SECOND", 0.0)
+    monkeypatch.setattr(viewpoint_selection, "COST_OF_TRAVEL_BY_MM", 0.0)
     without_mm, least_mm = plans()
     assert route_mm < 0.9 * without_mm
     assert expanded_mm < 1.03 * least_mm
