@@ -49,7 +49,8 @@ class PixelStatistics:
 
 def pixel_residuals(seen: Observations, camera: CameraModel, camera_T_target: Array) -> Array:
     """Predicted minus measured pixels (n, m, 2), at poses camera_T_target (n, 4, 4)."""
-    points = _clip_depth(map_points(camera_T_target, seen.points_mm))
+    points = map_points(camera_T_target, seen.points_mm)
+    points[..., 2] = np.maximum(points[..., 2], MIN_DEPTH_MM)
     return camera.project(points.reshape(-1, 3)).reshape(seen.pixels.shape) - seen.pixels
 
 
@@ -121,11 +122,6 @@ def _columns(
     if not np.all(seen.weights == 1.0):
         columns *= np.sqrt(seen.weights)[:, None, None]
     return columns
-
-
-def _clip_depth(points: Array) -> Array:
-    points[..., 2] = np.maximum(points[..., 2], MIN_DEPTH_MM)
-    return points
 
 
 def _by_intrinsics(

@@ -198,18 +198,14 @@ def _measurement(view: ViewDocument) -> Measurement:
 def _detect_view(folder: Path, target: Target, index: int, view: ViewDocument) -> tuple[View, tuple[int, int] | None]:
     """One view, and its image's size (None when the session holds the corners)."""
     if view.corners_px is not None:
-        return View(index, view.stance, _session_detection(view.corners_px)), None
+        rows = np.array(view.corners_px, float).reshape(-1, 3)
+        return View(index, view.stance, Detection(rows[:, 0].astype(np.intp), rows[:, 1:].copy())), None
     assert view.image is not None  # the document holds either corners or an image
     found, size = detect_in_file(folder / view.image, target)
     if isinstance(found, DetectionError):
         missing = found.code, with_fix(found.what, found.fix)
         return View(index, view.stance, None, view.image, missing=missing), size
     return View(index, view.stance, found, view.image), size
-
-
-def _session_detection(corners_px: list[tuple[int, float, float]]) -> Detection:
-    rows = np.array(corners_px, float).reshape(-1, 3)
-    return Detection(rows[:, 0].astype(np.intp), rows[:, 1:].copy())
 
 
 def find_repeated_poses(document: SessionDocument) -> list[DocumentProblem]:

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from calibration.kinematics.robot_accuracy import RobotNoise
 from calibration.solution import Solution
 from calibration.transforms import Array, difference, inverse, rotation_from_vector, transform, vector_from_transform
+from extensions.sweeps.mathematics.profile_solver import _rate
 from extensions.sweeps.mathematics.profiler import ArtefactSweep, solve_profiler
 from registration.calibrate.outcome import judge_scan
 from registration.errors import ProfileError, RegistrationError
@@ -143,6 +144,14 @@ def test_one_profile_at_each_pose_determines_x_and_no_clock(surfaces: list[int |
     off = vector_from_transform(inverse(solution.mount_T_camera) @ FLANGE_T_PROFILER)
     assert np.all(np.abs(off) < 4 * np.sqrt(np.diag(solution.uncertainty.covariance)))
     assert np.abs(off[:3]).max() < 0.02 and np.abs(off[3:]).max() < 1.5
+
+
+def test_an_arm_that_stands_has_no_rate_from_which_a_clock_could_follow() -> None:
+    random, times_s = np.random.default_rng(3), np.linspace(-0.15, 0.15, 7)
+    pose = transform(rotation_from_vector(random.normal(0, 2, 3)), random.normal(0, 500, 3))
+    poses = np.stack([pose] * len(times_s))
+    poses[:, :3, 3] += random.normal(0, 1e-4, (len(times_s), 3))  # the last digit that a controller gives
+    assert not _rate(RobotPath.of(times_s, poses), times_s).any()
 
 
 @pytest.mark.parametrize("ratio", [0.8, 1.15])
