@@ -97,7 +97,8 @@ async def test_let_go_it_stands_where_it_is_and_goes_back_when_that_is_asked(tmp
         moves = story.cell.commanded_moves
         word = await story.operator.client.post(f"/runs/{run['id']}/hold", json={"hold": HOLD, "at_s": 1.0})
         assert word.status_code == 409
-        assert (story.cell.commanded_moves, difference(flange(story), stands)[0]) == (moves, 0.0)
+        assert story.cell.commanded_moves == moves
+        assert difference(flange(story), stands)[0] < 1e-9, "mm; the last digits differ by rounding"
 
         async with held(story, start) as (back, _):
             over = await story.operator.waits_for_the_end_of(back)
