@@ -284,8 +284,6 @@ _ZONE = r"(?P<zone>Z|[+-]\d{2}:?\d{2})?"
 _FORMS = tuple(re.compile(rf"(?<!\d){date}[T_\- ]?{_CLOCK}(?!\d){_ZONE}") for date in (_YEAR_FIRST, _DAY_FIRST))
 """Date and time in texts: `2026-11-22T10:15:02.118Z`, `22.11.2026 10:15:02`, and `IMG_20261122_101502` in names."""
 
-TURN_FIRST = "the orientation stands before the place: the last three numbers of the rows can be no orientation"
-
 
 def table_of_columns(origin: str, names: Sequence[str], rows: Sequence[Sequence[Cell]]) -> PoseTable:
     """The table of rows with named columns, with the camera's poses where they name both. Raises DocumentError."""
@@ -363,7 +361,8 @@ def table_of_one_side(origin: str, names: Sequence[str], cells: Sequence[Sequenc
     layout = NAMED + ", ".join(names[index] for index in numbers[:8]) + (" ..." if len(numbers) > 8 else "")
     if columns.joints:
         table = table_of_joints(origin, labels, values, layout)
-        table = replace(table, convention=None if columns.degrees is None else JOINT_UNITS[columns.degrees])
+        unit = None if columns.degrees is None else CONVENTIONS["joints" if columns.degrees else "joints-rad"]
+        table = replace(table, convention=unit)
     elif columns.pose or not columns.turn:
         table = table_of_rows(origin, values, labels, layout)
     else:
@@ -401,10 +400,6 @@ def with_names(table: PoseTable, columns: Columns, names: Sequence[str], cells: 
     return replace(table, labels=labels, images=images, times_s=times, notes=(*table.notes, *notes))
 
 
-JOINT_UNITS = {True: CONVENTIONS["joints"], False: CONVENTIONS["joints-rad"]}
-"""Joints in degrees, and in rad."""
-
-
 def table_of_joints(origin: str, labels: Sequence[str], joints: Array, layout: str) -> PoseTable:
     """The table of joints (n, 6), from which poses follow when the arm is known."""
     return PoseTable(
@@ -422,8 +417,16 @@ def table_of_rows(origin: str, rows: Array, labels: Sequence[str] | None = None,
     said = layout or f"{width} numbers a row"
     if width == 16:
         return table_of_matrices(origin, names, rows.reshape(-1, 4, 4), said)
-    if width == 12:
-        return _twelve(origin, names, rows, said)
+    if width == 12:  # 3 x 4, or nine numbers of the rotation beside the translation: what is a rotation decides
+        matrices = rows.reshape(-1, 3, 4)
+        if are_rotations(matrices[:, :, :3]):
+            return table_of_matrices(origin, names, matrices, said)
+        for turn, length in ((rows[:, :9], rows[:, 9:]), (rows[:, 3:], rows[:, :3])):
+            if are_rotations(turn.reshape(-1, 3, 3)):
+                return PoseTable(origin, names, length, turn, "matrix", said).checked()
+        if (both := _halves(origin, rows, names)) is not None:
+            return both
+        raise refusal(origin, "pose 1", "twelve numbers without a rotation matrix among them", f"give {WIDTHS}")
     times = None
     if width == 8 and _unit_norms(rows[:, 4:]):
         times, rows, width = rows[:, 0], rows[:, 1:], 7
@@ -437,8 +440,10 @@ def table_of_rows(origin: str, rows: Array, labels: Sequence[str] | None = None,
     if width not in (6, 7):
         raise refusal(origin, "rows", f"{width} numbers a row without names", f"give {WIDTHS}, or a header")
     notes: tuple[str, ...] = ()
-    if _turn_stands_first(rows):
-        rows, notes = np.concatenate([rows[:, width - 3 :], rows[:, : width - 3]], axis=1), (TURN_FIRST,)
+    first, last = np.abs(rows[:, :3]).max(), np.abs(rows[:, 3:]).max()
+    if (last > MAX_ANGLE_DEG >= first) if width == 6 else (_unit_norms(rows[:, :4]) and not _unit_norms(rows[:, 3:])):
+        notes = ("the orientation stands before the place: the rows' last three numbers can be no orientation",)
+        rows = np.concatenate([rows[:, width - 3 :], rows[:, : width - 3]], axis=1)
     if width == 7 and not _unit_norms(rows[:, 3:]):
         norm = float(np.linalg.norm(rows[0, 3:]))
         what = f"seven numbers a row, of which the last four have norm {norm:.4g}, not 1"
@@ -447,27 +452,6 @@ def table_of_rows(origin: str, rows: Array, labels: Sequence[str] | None = None,
     return PoseTable(
         origin, names, rows[:, :3], rows[:, 3:], kind, said, times_s=times, notes=notes,  # type: ignore[arg-type]
     ).checked()  # fmt: skip
-
-
-def _turn_stands_first(rows: Array) -> bool:
-    """Whether only the first numbers of the rows (n, 6 or 7) can be the orientation, and the last three the place."""
-    if rows.shape[1] == 7:
-        return _unit_norms(rows[:, :4]) and not _unit_norms(rows[:, 3:])
-    first, last = np.abs(rows[:, :3]).max(), np.abs(rows[:, 3:]).max()
-    return bool(last > MAX_ANGLE_DEG >= first)
-
-
-def _twelve(origin: str, labels: Sequence[str], rows: Array, layout: str) -> PoseTable:
-    """3 x 4 row by row; or nine numbers of the rotation before or after the translation: what is a rotation decides."""
-    matrices = rows.reshape(-1, 3, 4)
-    if are_rotations(matrices[:, :, :3]):
-        return table_of_matrices(origin, labels, matrices, layout)
-    for turn, length in ((rows[:, :9], rows[:, 9:]), (rows[:, 3:], rows[:, :3])):
-        if are_rotations(turn.reshape(-1, 3, 3)):
-            return PoseTable(origin, tuple(labels), length, turn, "matrix", layout).checked()
-    if (both := _halves(origin, rows, labels)) is not None:
-        return both
-    raise refusal(origin, "pose 1", "twelve numbers without a rotation matrix among them", f"give {WIDTHS}")
 
 
 def _halves(origin: str, rows: Array, labels: Sequence[str]) -> PoseTable | None:

@@ -104,9 +104,20 @@ def _numbers(names: Sequence[str]) -> list[list[int]]:
 
 def _by_time(images: Sequence[str], table: PoseTable) -> Pairing | None:
     """By time, where the table has times and the pictures are named by theirs; poses without a picture are left out."""
-    seconds = _times_of([PurePosixPath(image).stem for image in images], table)
-    if table.times_s is None or seconds is None or len(images) < 2:
+    if table.times_s is None or len(images) < 2:
         return None
+    stems = [PurePosixPath(image).stem for image in images]
+    dated = [seconds_of(stem) for stem in stems]
+    if any(one is None for one in dated):  # as one number, in any unit
+        numbers = [re.sub(r"[^\d.]", "", stem) for stem in stems]
+        if not all(re.fullmatch(r"\d{6,}(\.\d+)?|\d+\.\d+", number) for number in numbers):
+            return None
+        low, high, first = float(table.times_s.min()) - 60, float(table.times_s.max()) + 60, float(numbers[0])
+        scale = next((one for one in (1.0, 1e-3, 1e-6, 1e-9) if low <= first * one <= high), None)
+        if scale is None:
+            return None
+        dated = [float(number) * scale for number in numbers]
+    seconds: Array = np.array(dated, float)
     rows = np.abs(seconds[:, None] - table.times_s).argmin(axis=1)
     apart = np.abs(seconds - table.times_s[rows])
     usual = float(np.median(np.diff(np.sort(seconds))))
@@ -118,21 +129,6 @@ def _by_time(images: Sequence[str], table: PoseTable) -> Pairing | None:
         f"by time, at most {apart[worst]:.2g} s apart; {len(table) - len(rows)} poses without a picture are left out"
     )
     return Pairing(tuple(rows.tolist()), tuple(images), words)
-
-
-def _times_of(stems: Sequence[str], table: PoseTable) -> Array | None:
-    """The times (n,) in s that names of pictures say, as date and time or as one number; None for other names."""
-    if table.times_s is None:
-        return None
-    dated = [seconds_of(stem) for stem in stems]
-    if all(one is not None for one in dated):
-        return np.array(dated, float)
-    numbers = [re.sub(r"[^\d.]", "", stem) for stem in stems]
-    if not all(re.fullmatch(r"\d{6,}(\.\d+)?|\d+\.\d+", number) for number in numbers):
-        return None
-    low, high, first = float(table.times_s.min()) - 60, float(table.times_s.max()) + 60, float(numbers[0])
-    scale = next((one for one in (1.0, 1e-3, 1e-6, 1e-9) if low <= first * one <= high), None)
-    return None if scale is None else np.array([float(number) * scale for number in numbers])
 
 
 def shown(names: Sequence[str]) -> str:

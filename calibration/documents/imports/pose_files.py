@@ -29,19 +29,14 @@ FIX = "save an array n x 4 x 4, n x 7 or n x 6 of floats"
 
 def load_npy(content: bytes, origin: str) -> Array:
     """A numeric array of at most MAX_ARRAY_BYTES. Raises DocumentError."""
+    if len(content) > MAX_ARRAY_BYTES:
+        raise refusal(origin, "array", "larger than 64 MB", FIX)
     try:
-        stream = io.BytesIO(content)
-        version = np.lib.format.read_magic(stream)
-        header = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
-        shape, _, kind = header(stream)
-        size = int(np.prod([float(side) for side in shape])) * kind.itemsize if not kind.hasobject else 0
-        if kind.hasobject or kind.names or kind.kind not in "iuf":
-            raise refusal(origin, "array", f"its elements are no numbers ({kind})", FIX)
-        if size > MAX_ARRAY_BYTES or len(content) > MAX_ARRAY_BYTES:
-            raise refusal(origin, "array", "larger than 64 MB", FIX)
-        array = np.load(io.BytesIO(content), allow_pickle=False)
+        array = np.lib.format.read_array(io.BytesIO(content), allow_pickle=False)
     except DAMAGED as error:
-        raise refusal(origin, "file", f"no array of numpy ({str(error)[:80]})", FIX) from None
+        raise refusal(origin, "file", f"no array of numpy, or no numbers in it ({str(error)[:80]})", FIX) from None
+    if array.dtype.kind not in "iuf":
+        raise refusal(origin, "array", f"its elements are no numbers ({array.dtype})", FIX)
     return np.asarray(array, float)
 
 
@@ -63,18 +58,7 @@ def read_mat(content: bytes, origin: str) -> PoseTable:
 
 
 def read_npz(content: bytes, origin: str) -> PoseTable:
-    """The poses of a .npz file. Raises DocumentError."""
-    arrays = unpack_npz(content, origin)
-    try:
-        return table_of_data(dict(arrays), origin)
-    except DocumentError as error:
-        have = ", ".join(f"{name} {array.shape}" for name, array in list(arrays.items())[:8])
-        what = f"not one array of poses among {have or 'none'} ({error.problems[0].what})"
-        raise refusal(origin, "arrays", what, FIX) from None
-
-
-def unpack_npz(content: bytes, origin: str) -> dict[str, Array]:
-    """The numeric arrays of a .npz file, at most MAX_ARRAY_BYTES together. Raises DocumentError."""
+    """The poses of a .npz file, of at most MAX_ARRAY_BYTES together. Raises DocumentError."""
     try:
         with zipfile.ZipFile(io.BytesIO(content)) as archive:
             members = [member for member in archive.infolist() if member.filename.endswith(".npy")]
@@ -83,7 +67,13 @@ def unpack_npz(content: bytes, origin: str) -> dict[str, Array]:
             packed = {member.filename.removesuffix(".npy"): archive.read(member) for member in members}
     except DAMAGED_ARCHIVE as error:
         raise refusal(origin, "file", f"no .npz file ({str(error)[:80]})", FIX) from None
-    return {name: load_npy(array, f"{origin}: {name}") for name, array in packed.items()}
+    arrays = {name: load_npy(array, f"{origin}: {name}") for name, array in packed.items()}
+    try:
+        return table_of_data(dict(arrays), origin)
+    except DocumentError as error:
+        have = ", ".join(f"{name} {array.shape}" for name, array in list(arrays.items())[:8])
+        what = f"not one array of poses among {have or 'none'} ({error.problems[0].what})"
+        raise refusal(origin, "arrays", what, FIX) from None
 
 
 Reader = Callable[[bytes, str], PoseTable]

@@ -32,9 +32,6 @@ MAX_ARM_MM, MIN_ARM_MM = 20_000.0, 50.0
 MAX_NUMBER = 1e15
 """Larger numbers are damaged, and their squares overflow."""
 
-ARRAYS = ("lengths", "numbers", "times_s", "external_axes")
-"""Fields with a row for each pose."""
-
 MAX_JOINT_DEG = 360.0
 """Largest joint that is looked for among numbers without names."""
 
@@ -134,8 +131,7 @@ class PoseTable:
         """The one that the source states, or those for which the lengths are those of an arm."""
         if self.unit is not None:
             return (self.unit,)
-        fitting = [unit for unit in LENGTH_UNITS if MIN_ARM_MM <= self.reach_mm(unit) <= MAX_ARM_MM]
-        return tuple(fitting) or ("mm",)
+        return tuple(unit for unit in LENGTH_UNITS if MIN_ARM_MM <= self.reach_mm(unit) <= MAX_ARM_MM) or ("mm",)
 
     def reach_mm(self, unit: LengthUnit) -> float:
         """Distance of the flange from its base in the median of the poses, with lengths in that unit."""
@@ -196,7 +192,8 @@ class PoseTable:
     def take(self, rows: Sequence[int]) -> "PoseTable":
         """Only some poses, in another order."""
         chosen = list(rows)
-        arrays: dict[str, Any] = {name: one[chosen] for name in ARRAYS if (one := getattr(self, name)) is not None}
+        fields = ("lengths", "numbers", "times_s", "external_axes")
+        arrays: dict[str, Any] = {name: one[chosen] for name in fields if (one := getattr(self, name)) is not None}
         images = None if self.images is None else tuple(self.images[row] for row in chosen)
         camera = None if self.camera is None else self.camera.take(chosen)
         return replace(self, labels=tuple(self.labels[row] for row in chosen), images=images, camera=camera, **arrays)
@@ -231,20 +228,18 @@ def table_of_matrices(origin: str, labels: Sequence[str], matrices: Array, layou
 
     Raises DocumentError for a last row that is neither.
     """
-    order = "matrix"
     if matrices.shape[1] == 4:
         last = np.abs(matrices[:, 3] - [0, 0, 0, 1]).max(axis=1)
         column = np.abs(matrices[:, :, 3] - [0, 0, 0, 1]).max(axis=1)
         if np.all(column < MAX_LAST_ROW) and not np.all(last < MAX_LAST_ROW):
-            order, matrices = "matrix-columns", np.swapaxes(matrices, 1, 2)
+            layout, matrices = f"{layout}, column by column", np.swapaxes(matrices, 1, 2)
         elif not np.all(last < MAX_LAST_ROW):
             row = int(np.argmax(~(last < MAX_LAST_ROW)))
             what = "the last row of the 4 x 4 matrix is not 0, 0, 0, 1"
             raise refusal(origin, f"pose {labels[row]}", what, "write rigid transforms")
-    words = layout if order == "matrix" else f"{layout}, column by column"
     return PoseTable(
         origin, tuple(labels), matrices[:, :3, 3].astype(float), matrices[:, :3, :3].reshape(-1, 9).astype(float),
-        "matrix", words, CONVENTIONS["matrix"],
+        "matrix", layout, CONVENTIONS["matrix"],
     ).checked()  # fmt: skip
 
 

@@ -142,6 +142,7 @@ def read_halcon_pose(content: bytes, origin: str) -> PoseTable:
     ).checked()
 
 
+_TEXT_OR_COMMENT = re.compile(r'("[^"\n]*")|!.*')
 _WRITTEN = re.compile(r"\s*[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?\s*")
 _CELL = r"[^][,;]*"
 _POSE = re.compile(rf"\[\s*\[({_CELL}(?:,{_CELL}){{2}})\]\s*,\s*\[({_CELL}(?:,{_CELL}){{3}})\]")
@@ -153,9 +154,6 @@ _TARGET = re.compile(r"\b(?:CONST|PERS|VAR)\s+(?:robtarget|pose)\s+(\w+)", re.IG
 _ASSIGNED = re.compile(r"(?<![\w.])(\w+)(?:\{[^}]*\})?(?:\.\w+)*\s*:=", re.IGNORECASE)
 _COMPUTED = re.compile(r"\b(?:Offs|RelTool|CRobT|CalcRobT)\s*\(", re.IGNORECASE)
 _FRAME = re.compile(r"\\\s*WObj\s*:=\s*(\w+)|,\s*(?:fine|z\d+)\s*,\s*(\w+)", re.IGNORECASE)
-UNUSED_AXIS = 8.9e9
-"""ABB gives 9E9 for an external axis that does not exist."""
-
 _TYPES = frozenset(("robtarget", "pose"))
 
 
@@ -171,7 +169,7 @@ class _Data(NamedTuple):
 
 def read_rapid(content: bytes, origin: str) -> PoseTable:
     """The robtargets and poses of a text in RAPID, in its order. Raises DocumentError."""
-    text = "\n".join(_without_comment(line) for line in decode(content, origin).splitlines())
+    text = _TEXT_OR_COMMENT.sub(lambda one: one[1] or "", decode(content, origin))
     data = [_Data(match[1].lower(), match[2], match[3], match.start(4), match.end(4)) for match in _DATA.finditer(text)]
     found = [(match, _declared(match.start(), data)) for match in _POSE.finditer(text)]
     found = [(match, one) for match, one in found if one is None or one.kind in _TYPES]  # no tool, no work object
@@ -186,10 +184,15 @@ def read_rapid(content: bytes, origin: str) -> PoseTable:
         lengths.append(_numbers(origin, labels[-1], match[1]))
         turns.append(_numbers(origin, labels[-1], match[2]))
         behind = _EXTAX.match(text, match.end() - 1) or _EXTAX.match(text, match.end())
-        axes.append(_numbers(origin, labels[-1], behind[1]) if behind else [UNUSED_AXIS] * 6)
+        axes.append(_numbers(origin, labels[-1], behind[1]) if behind else [9e9] * 6)
     if not labels:
-        if (joints := _joint_targets(origin, text, data)) is not None:
-            return joints
+        listed = [(match, _declared(match.start(), data)) for match in _JOINTS.finditer(text)]
+        listed = [(match, one) for match, one in listed if one is None or one.kind == "jointtarget"]
+        names = [one.name if one is not None else str(at) for at, (_, one) in enumerate(listed, 1)]
+        joints = [_numbers(origin, name, match[1]) for name, (match, _) in zip(names, listed, strict=True)]
+        if joints:
+            table = table_of_joints(origin, names, np.array(joints), f"{len(joints)} jointtargets of RAPID")
+            return replace(table, convention=CONVENTIONS["joints"])
         named = re.search(r"\bjointtarget\b", text, re.IGNORECASE)
         what = "joint targets that are not read as numbers" if named else "no robtarget and no pose in it"
         raise refusal(origin, "text", what, "give robtargets: [[x, y, z], [q1, q2, q3, q4], ...]", "rapid")
@@ -197,20 +200,8 @@ def read_rapid(content: bytes, origin: str) -> PoseTable:
         origin, tuple(labels), np.array(lengths), np.array(turns), "quaternion",
         f"{len(labels)} robtargets or poses of RAPID", CONVENTIONS["quaternion-wxyz"], unit="mm",
         frame="base_T_flange", notes=_notes(text),
-        external_axes=np.where(np.abs(axes) >= UNUSED_AXIS, np.nan, axes),
+        external_axes=np.where(np.abs(axes) > 8.9e9, np.nan, axes),  # 9E9: there is none
     ).checked()  # fmt: skip
-
-
-def _joint_targets(origin: str, text: str, data: Sequence[_Data]) -> PoseTable | None:
-    """The jointtargets of a text as joints; None without any."""
-    found = [(match, _declared(match.start(), data)) for match in _JOINTS.finditer(text)]
-    found = [(match, one) for match, one in found if one is None or one.kind == "jointtarget"]
-    if not found:
-        return None
-    labels = [one.name if one is not None else str(at + 1) for at, (_, one) in enumerate(found)]
-    joints = np.array([_numbers(origin, label, match[1]) for label, (match, _) in zip(labels, found, strict=True)])
-    table = table_of_joints(origin, labels, joints, f"{len(found)} jointtargets of RAPID")
-    return replace(table, convention=CONVENTIONS["joints"])
 
 
 def _declared(at: int, data: Sequence[_Data]) -> _Data | None:
@@ -242,15 +233,6 @@ def _require_values(origin: str, text: str, data: Sequence[_Data], starts: Seque
     for match in _RAPID_MOVE.finditer(text):
         if match.start(1) not in starts:
             raise refusal(origin, "text", f"{match[1][:60]!r} is not read as numbers", "write numbers", "rapid")
-
-
-def _without_comment(line: str) -> str:
-    """The line up to a `!` that is not inside a string."""
-    parts = line.split('"')
-    for at in range(0, len(parts), 2):
-        if "!" in parts[at]:
-            return '"'.join([*parts[:at], parts[at].split("!", 1)[0]])
-    return line
 
 
 def _notes(text: str) -> tuple[str, ...]:

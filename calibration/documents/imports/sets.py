@@ -302,10 +302,6 @@ class Layout:
     example: str = ""
     seen: str | None = None
 
-    def recognise(self, files: Files) -> bool:
-        """Whether it is such a set."""
-        return all(any(re.search(marker, name) for name in files.names) for marker in self.markers)
-
     def read(self, files: Files, part: str | None) -> ImportedSet:
         """The set; `part` names one of several parts. Raises DocumentError."""
         chosen = ""
@@ -366,16 +362,17 @@ def _rwhe(files: Files, part: str) -> Described:
 def _bop(files: Files, part: str) -> Described:
     origin = f"{part}/scene_camera.json" if part else "scene_camera.json"
     data = read_json(files.read(origin), origin)
-    note = "the camera's pose in the world is taken as the flange's in the base"
     camera = intrinsics_of(data[min(data, key=natural)], origin) if isinstance(data, dict) and data else None
-    return {"camera": camera, "setup": "eye-in-hand", "notes": (note,)}
+    return {
+        "camera": camera,
+        "setup": "eye-in-hand",
+        "notes": ("the camera's pose in the world is taken as the flange's in the base",),
+    }
 
 
 def _visp(files: Files, part: str) -> Described:
-    for name in files.names:
-        if name.endswith(".xml") and (found := find_intrinsics(files, name)) is not None:
-            return {"camera": found}
-    return {}
+    found = (find_intrinsics(files, name) for name in files.names if name.endswith(".xml"))
+    return {"camera": next(filter(None, found), None)}
 
 
 DESCRIPTIONS = {"METRIC": _metric, "BOP": _bop, "RWHE": _rwhe, "ViSP": _visp}
@@ -484,7 +481,6 @@ def _poses_of_spec(files: Files, spec: dict[str, Any]) -> PoseTable:
 
 
 OWN = ("session.json", "scan.json")
-SOLVED_AS_IT_IS = ("corners_px", "points_mm")
 
 
 def _own(files: Files, part: str | None) -> ImportedSet:
@@ -494,7 +490,7 @@ def _own(files: Files, part: str | None) -> ImportedSet:
     views = data.get("views") if isinstance(data, dict) else None
     if not isinstance(views, list) or not views or not all(isinstance(view, dict) for view in views):
         raise refusal(name, "views", "no list of views", "give one record for each view", name.replace(".", ""))
-    for key in SOLVED_AS_IT_IS:
+    for key in ("corners_px", "points_mm"):  # solved as it is
         if key in views[0]:
             fix = f"run handeyed solve {files.origin}"
             raise refusal(files.origin, name, f"a session with {key}", fix, "own-files")
@@ -546,6 +542,6 @@ def _read_set(files: Files, part: str | None, chosen: Chosen) -> ImportedSet:
             if name in files.names:
                 return read(files, part)
         for layout in LAYOUTS:
-            if layout.recognise(files):
+            if all(any(re.search(marker, name) for name in files.names) for marker in layout.markers):
                 return layout.read(files, part)
     return read_folder(files, chosen, part)

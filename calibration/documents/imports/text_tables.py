@@ -174,16 +174,11 @@ def rows_of(lines: Sequence[str]) -> TextRows:
 def _separator(lines: Sequence[str]) -> str | None:
     """The character between cells; None for blanks."""
     last = lines[-MAX_LOOKED_AT:]
-    if all(_are_comma_numbers(line) for line in last[-3:]):
-        return None
+    cells = [line.split() for line in last[-3:]]
+    numbers = [[cell for cell in row if _COMMA_NUMBER.fullmatch(cell)] for row in cells]
+    if all(len(own) >= max(3, len(row) - 1) and "," in "".join(own) for own, row in zip(numbers, cells, strict=True)):
+        return None  # blanks between three numbers or more, of which one has a decimal comma
     return next((one for one in _SEPARATORS if sum(one in line for line in last) >= MIN_SHARE * len(last)), None)
-
-
-def _are_comma_numbers(line: str) -> bool:
-    """Whether blanks separate at least three numbers, of which one has a decimal comma."""
-    cells = line.split()
-    numbers = [cell for cell in cells if _COMMA_NUMBER.fullmatch(cell)]
-    return len(numbers) >= max(3, len(cells) - 1) and any("," in cell for cell in numbers)
 
 
 def _split(line: str, separator: str | None) -> list[str]:
