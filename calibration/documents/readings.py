@@ -12,6 +12,7 @@ from itertools import permutations, product
 import numpy as np
 
 from calibration.closed_forms.observability import require_observable
+from calibration.closed_forms.park import park
 from calibration.diagnosis.angle_agreement import angles_between, angles_between_images, mean_mismatch_rad
 from calibration.diagnosis.diagnose import MIN_LOG_LIKELIHOOD_GAIN, MIN_VIEWS, evenly_spaced
 from calibration.diagnosis.evidence import Evidence
@@ -20,6 +21,7 @@ from calibration.diagnosis.hypothesis import few_views_factor
 from calibration.documents.imports.pose_table import MIN_ARM_MM, PoseTable
 from calibration.errors import GeometryError, UndeterminedError
 from calibration.kinematics.conventions import LENGTH_UNITS, MM, Convention, Frame, LengthUnit
+from calibration.kinematics.external_axis import AxisKind, ExternalAxis
 from calibration.kinematics.robot_accuracy import MAX_POSSIBLE_NOISE
 from calibration.problem import Setup, anchor_T_mount_of
 from calibration.transforms import Array
@@ -96,15 +98,15 @@ class Compared:
 class Decision:
     """`reading`: the one to use, None where the data do not decide; `words` says why; `choices`: what is left.
 
-    fix : what to do where no reading fits; "" for the usual. track: number and direction (3,) of an external axis along
-        which the base moves, where the poses fit with it only.
+    fix : what to do where no reading fits; "" for the usual. axis: the track or turntable beside the arm with which
+        alone the poses fit; `solve` finds it more exactly.
     """
 
     reading: Reading | None
     words: str
     choices: tuple[Reading, ...] = ()
     fix: str = ""
-    track: tuple[int, tuple[float, float, float]] | None = None
+    axis: ExternalAxis | None = None
 
 
 def readings_of(
@@ -163,10 +165,12 @@ def decide(table: PoseTable, compared: Sequence[Compared], evidence: Evidence | 
     if others and not _observable(table, best.readings[0]):
         return Decision(None, "the motions do not decide between readings", tuple(one.readings[0] for one in compared))
     agreement = f"robot and images agree to {_noise(best.fit)}"
+    found = Decision(None, "")
+    if not best.possible or (best.doubtful and table.varying_axes()):
+        found = _explain_misfit(table, compared, evidence)
+    if found.axis is not None:
+        return found
     if not best.possible and others:
-        found = _translations_apart(table, compared, evidence)
-        if found.track is not None:
-            return found
         words = f"none fits: {best.readings[0].words} is the nearest, and {agreement}"
         size = "" if found.words else _other_size(table, compared, evidence)
         fix = found.fix or (size and "give the target's right size by --target")
@@ -187,9 +191,6 @@ def decide(table: PoseTable, compared: Sequence[Compared], evidence: Evidence | 
         words = f"fits: {best.readings[0].convention.name}: {agreement}; but {alike} are the same equations"
         return Decision(None, words, named)
     if not best.possible:
-        found = _translations_apart(table, compared, evidence)
-        if found.track is not None:
-            return found
         words = f"{best.readings[0].words} was stated and does not fit: {agreement} only"
         more = found.words or f"{_other_size(table, compared, evidence)}; compare target and pairs"
         return Decision(best.readings[0], f"{words}{more}{found.fix and '; ' + found.fix}")
@@ -197,30 +198,35 @@ def decide(table: PoseTable, compared: Sequence[Compared], evidence: Evidence | 
     return Decision(best.readings[0], f"fits: {best.readings[0].words}: {agreement}{doubt}")
 
 
-def _translations_apart(table: PoseTable, compared: Sequence[Compared], evidence: Evidence) -> Decision:
-    """What makes the translations fit where the rotations agree and they do not: a unit, axes, a track, a size.
+def _explain_misfit(table: PoseTable, compared: Sequence[Compared], evidence: Evidence) -> Decision:
+    """What makes poses fit: an axis beside the arm; or, where the rotations agree, a unit, other axes, a size.
 
     Rotations that agree show that target and pairs are right. `words` is "" where they do not agree.
     """
     few = evidence.take(evenly_spaced(len(evidence), MAX_COMPARED_VIEWS))
-    seen = angles_between_images(few.camera_T_target)
-    turned = []
-    for one in (reading for group in compared for reading in group.readings[:1]):
-        turns = _placed(few, table, one).base_T_flange[:, :3, :3]
-        turned.append((mean_mismatch_rad(angles_between(turns), seen), one))
-    least = min(mismatch for mismatch, _ in turned)
-    if least > MAX_TURN_RAD or table.kind == "joints":  # an arm's joints leave no choice of lengths
+    readings = [reading for group in compared for reading in group.readings[:1]]
+    tried: list[_Way] = []
+    still, near = _agreeing_turns(few, ((_Change(table), one) for one in readings))
+    if table.kind != "joints":  # an arm's joints leave no choice of lengths
+        tried = [(change, one) for _, one in near for change in _changes_of_lengths(table)]
+    turned, tables = _agreeing_turns(few, ((one, way) for way in readings for one in _turntables(table, way)))
+    if turned < still:
+        tried += [(_through_axis(few, *one), one[1]) for one in tables]
+    if not tried:
         return Decision(None, "")
-    near = [one for mismatch, one in turned if mismatch <= 2 * least + MORE_TURN_RAD][:MAX_TURNED]
-    words = f"; the rotations agree to {np.degrees(least):.2g} deg, so that target and pairs are right"
-    tried = [(change, one) for one in near for change in _changes_of_lengths(table)]
-    fitted = _fits_of(_placed(few, change.table, one) for change, one in tried)
+    fitted = _fits_of(_placed(few, change, one) for change, one in tried)
     best = max(range(len(tried)), key=lambda at: fitted[at].log_likelihood)
     (change, reading), fit = tried[best], fitted[best]
-    if Compared((reading,), fit).possible:
+    words = f"; the rotations agree to {np.degrees(still):.2g} deg, so that target and pairs are right"
+    explained = Compared((reading,), fit)
+    if explained.possible if not compared[0].possible else change.axis is not None and not explained.doubtful:
+        if change.axis is not None:
+            words = f"robot and images agree with {change.words} to {_noise(fit)} ({reading.words})"
+            return Decision(reading, words, axis=change.axis)
         words += f", and with {change.words} the translations agree as well: {_noise(fit)} ({reading.words})"
-        words = words if change.track is None else words.removeprefix("; ")
-        return Decision(reading if change.track else None, words, (), change.fix, change.track)
+        return Decision(None, words, (), change.fix)
+    if still > MAX_TURN_RAD:
+        return Decision(None, "")
     size = _other_size(table, compared, evidence)
     if size:
         return Decision(None, words + size, (), "compare the target's size, and the units of both sides")
@@ -230,12 +236,25 @@ def _translations_apart(table: PoseTable, compared: Sequence[Compared], evidence
 
 @dataclass(frozen=True, eq=False)
 class _Change:
-    """A table with other lengths, what was changed, and how the user does it."""
+    """A table with other lengths or an axis beside the arm, what was changed, and how the user does it."""
 
     table: PoseTable
-    words: str
-    fix: str
-    track: tuple[int, tuple[float, float, float]] | None = None
+    words: str = ""
+    fix: str = ""
+    axis: ExternalAxis | None = None
+
+
+_Way = tuple[_Change, Reading]
+
+
+def _agreeing_turns(few: Evidence, ways: Iterable[_Way]) -> tuple[float, list[_Way]]:
+    """The least mismatch (rad) of the angles between the views, and the ways with about as little that agree."""
+    seen = angles_between_images(few.camera_T_target)
+    turned = ((_placed(few, *one).base_T_flange[:, :3, :3], one) for one in ways)
+    found = [(mean_mismatch_rad(angles_between(rotations), seen), one) for rotations, one in turned]
+    least = min((mismatch for mismatch, _ in found), default=np.inf)
+    most = min(MAX_TURN_RAD, 2 * least + MORE_TURN_RAD)
+    return least, [one for mismatch, one in found if mismatch <= most][:MAX_TURNED]
 
 
 def _changes_of_lengths(table: PoseTable) -> Iterator[_Change]:
@@ -259,16 +278,40 @@ def _changes_of_lengths(table: PoseTable) -> Iterator[_Change]:
             words = f"{named} reversed" if reversed_only else f"the axes of the places as {axes}"
             lengths = table.lengths[:, list(order)] * signs
             yield _Change(replace(table, lengths=lengths), words, f"give --axes={axes}, or correct the poses")
-    for number, readings in table.varying_axes():
-        for axis, sign in product(range(3), (1.0, -1.0)):
-            way = tuple(sign * float(axis == at) for at in range(3))
-            moved = table.lengths + readings[:, None] * np.array(way) / MM[table.unit or "mm"]
-            low, high = readings.min(), readings.max()
-            words = (
-                f"a track along {'-' if sign < 0 else ''}{'xyz'[axis]} of the base (external axis {number}, {low:g} to"
-                f" {high:g} mm), which the controller leaves out of its poses"
-            )
-            yield _Change(replace(table, lengths=moved), words, "", (number, way))  # type: ignore[arg-type]
+    yield from _beside_the_arm(table, "track", "a track along")
+
+
+def _turntables(table: PoseTable, reading: Reading) -> Iterator[_Change]:
+    """Turntables about an axis of the base whose readings the table has; they carry no target that the flange holds."""
+    if reading.setup == "eye-in-hand":
+        yield from _beside_the_arm(table, "turntable", "a turntable about")
+
+
+def _beside_the_arm(table: PoseTable, kind: AxisKind, what: str) -> Iterator[_Change]:
+    """The table with one of its moving external axes along each axis of the base, both ways."""
+    unit = "mm" if kind == "track" else "degrees"
+    for (number, values), at, sign in product(table.varying_axes(), range(3), (1.0, -1.0)):
+        axis = ExternalAxis(kind, number, sign * np.eye(3)[at], np.zeros(3))
+        words = (
+            f"{what} {'-' if sign < 0 else ''}{'xyz'[at]} of the base (external axis {number}, {values.min():g} to"
+            f" {values.max():g} {unit}), which the controller leaves out of its poses,"
+        )
+        yield _Change(table, words, axis=axis)
+
+
+def _through_axis(few: Evidence, change: _Change, reading: Reading) -> _Change:
+    """The change with the point of the turntable's axis that explains the places best, in the plane through the base.
+
+    They are linear in it and in the places of X and the target, once the rotation of X is known.
+    """
+    assert change.axis is not None
+    moved = _placed(few, change, reading).base_T_flange
+    reported = _placed(few, _Change(change.table), reading).base_T_flange
+    turned = moved[:, :3, :3] @ np.swapaxes(reported[:, :3, :3], 1, 2)
+    rows = np.concatenate([moved[:, :3, :3], np.eye(3) - turned, np.broadcast_to(-np.eye(3), turned.shape)], axis=2)
+    by_camera = moved[:, :3, :3] @ park(moved, few.camera_T_target)[:3, :3] @ few.camera_T_target[:, :3, 3:]
+    found = np.linalg.lstsq(rows.reshape(-1, 9), -(by_camera[:, :, 0] + moved[:, :3, 3]).ravel())[0]
+    return replace(change, axis=replace(change.axis, point_mm=found[3:6]))
 
 
 def _other_size(table: PoseTable, compared: Sequence[Compared], evidence: Evidence) -> str:
@@ -278,7 +321,7 @@ def _other_size(table: PoseTable, compared: Sequence[Compared], evidence: Eviden
     sizes = SIZE_STEP ** np.arange(-steps, steps + 1.0)
     found: list[tuple[Fit, float, Reading]] = []
     for reading in (one.readings[0] for one in compared[:MAX_RESIZED_READINGS]):
-        seen = _placed(few, table, reading)
+        seen = _placed(few, _Change(table), reading)
         far = _fits_of(seen.scale_target(float(size)) for size in sizes)
         coarse = float(sizes[int(np.argmin([fit.robot_translation_mm for fit in far]))])
         near = coarse * FINE_SIZE_STEP ** np.arange(-25, 26.0)
@@ -293,10 +336,13 @@ def _other_size(table: PoseTable, compared: Sequence[Compared], evidence: Eviden
     return f"; with a target {size:.3g} times as large they agree to {_noise(fit)} ({reading.words}): compare its size"
 
 
-def _placed(few: Evidence, table: PoseTable, reading: Reading) -> Evidence:
-    """The evidence with the robot's poses of a reading."""
-    moved = anchor_T_mount_of(reading.setup, table.poses(reading.convention, reading.unit, reading.frame))
-    return replace(few, setup="eye-in-hand", base_T_flange=moved[few.indices])
+def _placed(few: Evidence, change: _Change, reading: Reading) -> Evidence:
+    """The evidence with the robot's poses of a reading, as if an axis beside the arm stood at zero."""
+    poses = change.table.poses(reading.convention, reading.unit, reading.frame)
+    if change.axis is not None:
+        values = dict(change.table.varying_axes())[change.axis.number]
+        poses = change.axis.at_zero(poses, values if change.axis.kind == "track" else np.radians(values))
+    return replace(few, setup="eye-in-hand", base_T_flange=anchor_T_mount_of(reading.setup, poses)[few.indices])
 
 
 def _fits_of(sessions: Iterable[Evidence]) -> list[Fit]:

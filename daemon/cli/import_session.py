@@ -95,7 +95,7 @@ def import_session(
             answer = {
                 "file": str(file), "kind": understood.imported.kind, "views": len(understood.base_T_flange),
                 "convention": reading.convention.name, "unit": reading.unit, "frame": reading.frame,
-                "setup": reading.setup, "evidence": understood.words, "notes": list(understood.notes),
+                "setup": reading.setup, "evidence": understood.decision.words, "notes": list(understood.notes),
             }  # fmt: skip
             typer.echo(json_text.dumps(answer))
         else:

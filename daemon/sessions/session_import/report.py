@@ -24,7 +24,7 @@ def report(understood: Understood, file: Path) -> str:
         f"{understood.request.folder}: {understood.imported.kind}",
         f"poses        {views}, {table.layout}",
         f"convention   {reading.convention.words}, in {reading.unit}, {reading.frame}, {reading.setup}",
-        f"evidence     {understood.words or 'none: the files and options state everything'}",
+        f"evidence     {understood.decision.words or 'none: the files and options state everything'}",
         f"pairs        {understood.imported.pairing}: {shown(pairs)}",
     ]
     if understood.target is not None:

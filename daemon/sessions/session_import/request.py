@@ -6,7 +6,7 @@ from pathlib import Path
 from calibration.documents.imports.intrinsics import Intrinsics
 from calibration.documents.imports.refusal import refusal
 from calibration.documents.imports.sets import Chosen, ImportedSet
-from calibration.documents.readings import Reading
+from calibration.documents.readings import Decision, Reading
 from calibration.documents.session import CameraDocument
 from calibration.documents.target import TargetDocument
 from calibration.kinematics.conventions import Convention, Frame, LengthUnit
@@ -43,22 +43,20 @@ class Understood:
     """What a folder holds, as it was understood.
 
     base_T_flange : (n, 4, 4) by `reading`; camera_T_target likewise, where the set has it instead of images.
-    images : (n,) absolute paths; `words` says why that reading.
-    track : number and direction (3,) of an external axis that the controller leaves out of its poses.
+    images : (n,) absolute paths; `decision` says why that reading.
     camera_points_mm : (n, 3) of pairs of points; `base_T_flange` has the robot's as places.
     """
 
     request: ImportRequest
     imported: ImportedSet
     reading: Reading
-    words: str
+    decision: Decision
     base_T_flange: Array
     camera_T_target: Array | None
     images: tuple[Path, ...]
     target: TargetDocument | None
     camera: CameraDocument | None
     notes: tuple[str, ...]
-    track: tuple[int, tuple[float, float, float]] | None = None
     camera_points_mm: Array | None = None
 
     @property

@@ -98,6 +98,9 @@ def understand_set(
     table, decision, reading = best.table, best.decision, best.decision.reading
     if reading is None:
         raise _undecided(request, best)
+    if decision.axis is not None and not images:
+        fix = "give the pictures, from which solve finds the axis, or poses that include it"
+        raise refusal(table.origin, "external axes", decision.words, fix, "pose-pairs")
     poses = table.poses(reading.convention, reading.unit, reading.frame)
     if best.evidence is not None:
         circle = circle_of(best.evidence.with_robot_poses(poses[best.evidence.indices]))
@@ -115,9 +118,7 @@ def understand_set(
         *filter(None, [doubt]), *own, *unseen, *lens,
     )  # fmt: skip
     seen = best.sight.poses
-    return Understood(
-        request, imported, reading, decision.words, poses, seen, images, target, camera, notes, decision.track
-    )
+    return Understood(request, imported, reading, decision, poses, seen, images, target, camera, notes)
 
 
 def _of_points(request: ImportRequest, imported: ImportedSet) -> Understood:
@@ -140,9 +141,9 @@ def _of_points(request: ImportRequest, imported: ImportedSet) -> Understood:
     note = f"the camera's points: {of_camera}, {camera.layout}"
     reading = Reading("eye-to-hand", POINTS, unit, "base_T_flange")
     poses, seen = robot.poses(POINTS, unit, "base_T_flange"), camera.lengths * MM[of_camera]
-    words = "of a standing camera; the points themselves show how well they agree"
+    decision = Decision(reading, "of a standing camera; the points themselves show how well they agree")
     return Understood(
-        request, imported, reading, words, poses, None, (), None, None, (*robot.notes, note), camera_points_mm=seen
+        request, imported, reading, decision, poses, None, (), None, None, (*robot.notes, note), camera_points_mm=seen
     )
 
 
@@ -325,10 +326,10 @@ def _of_axes_and_options(request: ImportRequest, imported: ImportedSet, decision
     """What to say of external axes that move, and of options that were not used."""
     table = imported.poses
     said = [f"external axis {number} moves from {one.min():g} to {one.max():g}" for number, one in table.varying_axes()]
-    kept = "kept as external_axes; a track that the poses leave out is described by external_axis"
+    kept = "kept as external_axes; a track or turntable that the poses leave out is described by external_axis"
     if said:
-        written = "written as external_axis, whose direction solve refines"
-        yield f"{'; '.join(said)}: {kept if decision.track is None else written}"
+        written = "written as external_axis, which solve finds more exactly"
+        yield f"{'; '.join(said)}: {kept if decision.axis is None else written}"
     seen, pictures = imported.camera_poses is not None, bool(imported.images)
     rows = (
         ("--arm", request.arm, table.kind == "joints", "the file holds poses"),

@@ -85,7 +85,8 @@ def _document(understood: Understood, names: Sequence[str], unit: LengthUnit | N
         document["target"] = described(understood.target)
     if understood.images and unit is None:
         document["camera"] = None if understood.camera is None else understood.camera.model_dump(mode="json")
-    if understood.track is not None:
-        number, direction = understood.track
-        document["external_axis"] = {"kind": "track", "number": number, "direction": direction}
+    if (axis := understood.decision.axis) is not None:
+        point_mm = None if axis.kind == "track" else axis.point_mm.round(3).tolist()
+        beside = {"kind": axis.kind, "number": axis.number, "direction": axis.direction.tolist(), "point_mm": point_mm}
+        document["external_axis"] = beside
     return document | {"views": views}

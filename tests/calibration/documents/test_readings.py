@@ -1,5 +1,7 @@
 """The convention that is not given is found by the evidence of the images, or asked for."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -8,6 +10,7 @@ from calibration.diagnosis.evidence import Evidence
 from calibration.documents.imports.pose_table import PoseTable
 from calibration.documents.readings import compare, decide, readings_of
 from calibration.kinematics.conventions import CONVENTIONS, Kind
+from calibration.kinematics.external_axis import ExternalAxis
 from calibration.problem import Setup, anchor_T_mount_of
 from calibration.transforms import (
     Array,
@@ -127,3 +130,41 @@ def test_one_stated_reading_needs_no_images() -> None:
     table = _table(poses, *_numbers("matrix", poses))
     readings = readings_of(table, ("eye-in-hand",), (CONVENTIONS["matrix"],), "mm", "base_T_flange")
     assert decide(table, compare(table, readings, None), None).reading == readings[0]
+
+
+BESIDE = [
+    ExternalAxis("track", 1, np.array([0.0, -1.0, 0.0]), np.zeros(3)),
+    ExternalAxis("turntable", 2, np.array([0.0, 0.0, 1.0]), np.array([700.0, -40.0, 0.0])),
+    ExternalAxis("turntable", 1, np.array([-1.0, 0.0, 0.0]), np.array([0.0, 120.0, 260.0])),
+]
+
+
+@pytest.mark.parametrize("axis", BESIDE, ids=lambda axis: f"{axis.kind} {axis.number}")
+@pytest.mark.parametrize("views", [8, 14])
+def test_a_track_or_turntable_that_the_poses_leave_out_is_found(axis: ExternalAxis, views: int) -> None:
+    """The table says what each external axis reads, not what it moves; the other one of the two stands."""
+    poses, evidence = _session(views)
+    values = np.random.default_rng(1).uniform(0.0, 80.0, views)
+    reported = inverse(axis.motion(values if axis.kind == "track" else np.radians(values))) @ poses
+    readings = np.full((views, 6), np.nan)
+    readings[:, :2] = 5.0
+    readings[:, axis.number - 1] = values
+    table = replace(_table(reported, *_numbers("quaternion-wxyz", reported)), external_axes=readings, unit="mm")
+    stated = readings_of(table, ("eye-in-hand",), (CONVENTIONS["quaternion-wxyz"],), frame="base_T_flange")
+    decision = decide(table, compare(table, stated, evidence), evidence)
+    assert decision.axis is not None, decision.words
+    assert (decision.axis.kind, decision.axis.number) == (axis.kind, axis.number)
+    assert decision.axis.direction == pytest.approx(axis.direction)
+    if axis.kind == "turntable":
+        assert decision.axis.point_mm == pytest.approx(axis.point_mm, abs=2.0)
+    assert f"a {axis.kind}" in decision.words
+
+
+def test_an_external_axis_that_explains_nothing_is_not_taken_for_one_beside_the_arm() -> None:
+    """It moves, and the poses have its motion in them already, but two of them belong to other pictures."""
+    poses, evidence = _session(12)
+    table = _table(poses, *_numbers("quaternion-wxyz", poses)).take([1, 0, *range(2, 12)])
+    readings = np.random.default_rng(2).uniform(0.0, 80.0, (12, 1))
+    table = replace(table, external_axes=readings, unit="mm")
+    stated = readings_of(table, ("eye-in-hand",), (CONVENTIONS["quaternion-wxyz"],), frame="base_T_flange")
+    assert decide(table, compare(table, stated, evidence), evidence).axis is None
