@@ -28,7 +28,6 @@ from calibration.camera import CameraModel
 from calibration.errors import CalibrationError
 from calibration.kinematics.abb_arms import ARMS, find_arm
 from calibration.kinematics.arm import Arm, UnreachablePoseError
-from calibration.kinematics.joints_of_poses import joints_of_poses
 from calibration.kinematics.stance import Stance
 from calibration.likelihood.leave_out import split
 from calibration.observations.view_poses import refine_poses
@@ -36,6 +35,7 @@ from calibration.preprocessing.prepare import PreparedSession, prepare
 from calibration.problem import Detection, Problem, View, anchor_T_mount_of
 from calibration.solve import estimate_session, identify_arm_session
 from calibration.transforms import Array, map_points
+from tests.simulated.arms import least_travel
 from tests.simulated.sessions import BOARD, CAMERA
 
 SETS = ("ic_charuco", "ic_circles", "metric_1")
@@ -90,7 +90,7 @@ def _with_joints(problem: Problem) -> tuple[Arm, Problem] | None:
     poses = [view.base_T_flange for view in problem.views]
     for arm in sorted(ARMS.values(), key=lambda one: one.reach_mm):
         try:
-            joints = joints_of_poses(arm, poses, [None] * len(poses))
+            joints = least_travel(arm, np.array(poses))
         except UnreachablePoseError:
             continue
         views = (view.standing(joints_rad=row) for view, row in zip(problem.views, joints, strict=True))

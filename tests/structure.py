@@ -19,8 +19,8 @@ ROOMS = (*CORE, "extensions", "gateways")
 
 MAX_UNITS = {"calibration": 24, "daemon": 23, "mock_robot": 16, "registration": 10}
 MAX_WEIGHTS = {
-    "lines of Python of the core": 96_988,
-    "lines of Python with the extensions": 100_488,
+    "lines of Python of the core": 96_984,
+    "lines of Python with the extensions": 100_484,
     "lines of Python of the gateways": 1_210,
     "files of the fullest folder": 50,
     "private functions used once": 807,

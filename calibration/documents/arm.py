@@ -94,7 +94,7 @@ class ArmErrorsDocument(Document):
     views: int = Field(ge=0)
     """Number of views."""
     joints_from_poses: int = Field(default=0, ge=0)
-    """Number of views whose joints were computed from their poses by the drawing."""
+    """Number of views whose joints were computed from their poses and confdata by the drawing."""
     places: int = Field(ge=1)
     """Number of places of the target."""
     load: LoadDocument | None = None
@@ -190,11 +190,6 @@ def arm_summary(document: ArmErrorsDocument) -> str:
     without, *models = document.ladder
     found = "errors of the arm are taken up" if document.taken_up else "no errors of the arm are shown by these views"
     lines = [f"{document.arm}: {found} (log-evidence {document.log_evidence:+.1f})"]
-    if document.joints_from_poses:
-        lines.append(
-            f"  the joints of {document.joints_from_poses} of {document.views} views are guessed from their poses; a"
-            " wrist that was turned over makes them wrong: record joints_deg, or confdata"
-        )
     if document.lowest_joints_deg[4] * document.highest_joints_deg[4] > 0:
         lines.append(
             "  all views are in one posture of the wrist: some with it turned over tell more than as many others"

@@ -35,8 +35,8 @@ def identify_arm_document(
 
     `box_mm` (2, 3) of the base: where `more_views` predicts registered points; without it, around those of the views.
     `distances`: known ones between the places, counted as the problems are.
-    Views without joints get those of their poses. Raises as `identify_arm_session`, GeometryError for sessions without
-    images, UnreachablePoseError for poses that the arm does not reach.
+    Views without joints get those of their poses and confdata. Raises as `identify_arm_session`, GeometryError for
+    sessions without images and views without confdata, UnreachablePoseError for poses that the arm does not reach.
     """
     if any(problem.in_space for problem in problems):
         raise GeometryError("the errors of an arm are identified from images only, these views hold poses or points")
@@ -93,9 +93,6 @@ def _findings(found: ArmErrorsDocument) -> tuple[Finding, ...]:
         after_mm = max(models, key=lambda row: row.log_evidence).hold_out_mm
         shown = Sentence("arm-errors", before_mm=without.hold_out_mm, after_mm=after_mm)
         findings = [Finding("arm-errors", "info", shown, none_needed)]
-    if found.joints_from_poses:
-        computed = Sentence("arm-joints-from-poses", views=found.joints_from_poses)
-        findings.append(Finding("arm-joints-from-poses", "warning", computed, Sentence("record-joints")))
     return tuple(findings)
 
 

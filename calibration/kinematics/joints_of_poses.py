@@ -4,11 +4,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from calibration.errors import GeometryError
 from calibration.kinematics.arm import Arm
 from calibration.transforms import Array
-
-USUAL_RAD = np.radians([0.0, 0.0, 0.0, 0.0, 30.0, 0.0])
-"""The posture in which most cells work: the part in front, elbow up, wrist not turned over."""
 
 MIN_RANGE_RAD = float(np.radians(5.0))
 """Half the range of an axis that hardly moved."""
@@ -20,24 +18,30 @@ def joints_of_poses(
     arm: Arm,
     base_T_flange: Sequence[Array],
     known_rad: Sequence[Array | None],
-    confdata: Sequence[Confdata | None] | None = None,
+    confdata: Sequence[Confdata | None],
 ) -> Array:
-    """Joints (n, 6) of poses (4, 4): the known ones, those of the pose's confdata, else the nearest to those before.
+    """Joints (n, 6) of poses (4, 4): the known ones, else those of the pose's confdata.
 
-    A pose has up to eight solutions and more whole turns; the arm is assumed to go on with the least travel, at first
-    from the first known joints, else from USUAL_RAD. Raises UnreachablePoseError.
+    A pose has up to eight solutions, of which views show none to be the right one: with axis 5 turned over and axes 4
+    and 6 by half a turn all of them fit alike, with other errors of the arm. Raises GeometryError for poses with
+    neither, UnreachablePoseError.
     """
-    postures = confdata or [None] * len(base_T_flange)
-    near = next((joints for joints in known_rad if joints is not None), USUAL_RAD)
-    found = []
-    for pose, known, posture in zip(base_T_flange, known_rad, postures, strict=True):
-        if known is not None:
-            near = known
-        elif posture is not None:
-            near = arm.matching(pose, posture, near if tuple(arm.configuration(near)) == posture else None)
-        else:
-            near = arm.nearest(pose, near)
-        found.append(near)
+    both = list(zip(known_rad, confdata, strict=True))
+    neither = [at for at, (known, posture) in enumerate(both) if known is None and posture is None]
+    if neither:
+        first = ", ".join(map(str, neither[:6])) + (" ..." if len(neither) > 6 else "")
+        raise GeometryError(
+            f"{len(neither)} views hold neither joints nor confdata ({first}): a pose is reached in several postures,"
+            " and the arm's errors differ between them: record joints_deg, or the pose's confdata"
+        )
+    found: list[Array] = []
+    for pose, known, posture in zip(base_T_flange, known_rad, confdata, strict=True):
+        joints = known
+        if known is None and posture is not None:
+            goes_on = found and tuple(arm.configuration(found[-1])) == posture
+            joints = arm.matching(pose, posture, found[-1] if goes_on else None)
+        assert joints is not None
+        found.append(joints)
     return np.array(found)
 
 

@@ -65,6 +65,15 @@ def reachable_views(
     raise ValueError(f"{arm.name} reaches too few views of that target")
 
 
+def least_travel(arm: Arm, base_T_flange: Array) -> Array:
+    """Joints (n, 6) of poses (n, 4, 4): of each the nearest to those before, at first to a wrist that is bent down."""
+    near, found = np.radians([0.0, 0.0, 0.0, 0.0, 30.0, 0.0]), []
+    for pose in base_T_flange:
+        near = arm.nearest(pose, near)
+        found.append(near)
+    return np.array(found)
+
+
 def target_before(arm: Arm, forward: float = 0.62, up: float = 0.0, aside: float = 0.0) -> Array:
     """base_T_target (4, 4) of a target that lies face up; places in shares of the reach from the base."""
     place = arm.reach_mm * np.array([forward, aside, up])

@@ -1,8 +1,9 @@
-"""Joints of poses: in the posture that confdata names, or with the least travel."""
+"""Joints of poses: in the posture that confdata names, or refused without."""
 
 import numpy as np
 import pytest
 
+from calibration.errors import GeometryError
 from calibration.kinematics.abb_arms import find_arm
 from calibration.kinematics.arm import OtherConfiguration
 from calibration.kinematics.joints_of_poses import joints_of_poses
@@ -23,8 +24,13 @@ def test_the_posture_is_that_of_the_confdata(seed: int) -> None:
     confdata = [ARM.configuration(one) for one in joints]
     found = joints_of_poses(ARM, poses, [None] * 12, confdata)
     np.testing.assert_allclose(found, joints, atol=1e-6)
-    nearest = joints_of_poses(ARM, poses, [None] * 12)
-    assert np.abs(nearest - joints).max() > 1.0
+
+
+def test_poses_with_neither_joints_nor_confdata_are_named() -> None:
+    joints = np.radians([[10.0, 20, 10, 5, 40, 0], [0.0, 30, 5, 0, 50, 10], [5.0, 20, 0, 0, 45, 0]])
+    known, confdata = [joints[0], None, None], [None, None, ARM.configuration(joints[2])]
+    with pytest.raises(GeometryError, match=r"1 views hold neither joints nor confdata \(1\)"):
+        joints_of_poses(ARM, list(ARM.forward(joints)), known, confdata)
 
 
 def test_a_posture_that_does_not_reach_the_pose_is_refused() -> None:

@@ -12,13 +12,12 @@ from calibration.documents.arm import ArmErrorsDocument
 from calibration.documents.pose import PoseDocument
 from calibration.kinematics.abb_arms import find_arm
 from calibration.kinematics.arm_errors import Postures
-from calibration.kinematics.joints_of_poses import joints_of_poses
 from calibration.transforms import Array, map_points
 from daemon.model.records import AppliedCalibration
 from mock_robot.arm.built_arm import build_arm
 from tests.daemon.cell_under_test import Bench, serving, settings_for
 from tests.daemon.fakes import ply_of, points_of
-from tests.simulated.arms import ArmCell, arm_cell, reachable_views, session_document, target_before
+from tests.simulated.arms import ArmCell, arm_cell, least_travel, reachable_views, session_document, target_before
 from tests.support.waiting import LIMIT_S
 
 ARM = find_arm("IRB 2600-20/1.65")
@@ -26,10 +25,10 @@ ARM = find_arm("IRB 2600-20/1.65")
 
 @pytest.fixture(scope="module")
 def cell() -> ArmCell:
-    """Twelve views of a standard arm, in the postures that poses without joints are taken to have."""
+    """Twelve views of a standard arm, which goes from one to the next with the least travel."""
     rng, target = np.random.default_rng(0), target_before(ARM)
     poses = ARM.forward(reachable_views(rng, ARM, target, 12, any_posture=False))
-    joints = joints_of_poses(ARM, list(poses), [None] * len(poses))
+    joints = least_travel(ARM, poses)
     return arm_cell(rng, build_arm(ARM, "standard", 0), [joints], [target])
 
 
@@ -52,9 +51,10 @@ async def posted(bench: Bench, body: dict[str, Any]) -> dict[str, Any]:
 async def test_the_arms_errors_are_identified_stored_and_in_force_with_the_calibration(
     tmp_path: Path, cell: ArmCell
 ) -> None:
-    poses_only = session_of(cell)
-    for view in poses_only["views"]:
-        del view["joints_deg"]
+    with_confdata, poses_only = session_of(cell), session_of(cell)
+    for stated, bare in zip(with_confdata["views"], poses_only["views"], strict=True):
+        stated["confdata"] = list(ARM.configuration(np.radians(stated.pop("joints_deg"))))
+        del bare["joints_deg"]
     async with serving(settings_for(tmp_path, robot={"model": ARM.name})) as bench:
         calibration = await posted(bench, session_of(cell))
         assert codes(calibration) == {"arm-errors"}
@@ -73,8 +73,11 @@ async def test_the_arms_errors_are_identified_stored_and_in_force_with_the_calib
         assert "errors of the arm are taken up" in words
 
         without = await posted(bench, poses_only)
-        assert codes(without) == {"arm-errors", "arm-joints-from-poses"}
-        again = (await bench.client.get(f"/calibrations/{without['id']}/arm")).json()
+        assert codes(without) == {"arm-not-identified"}
+        assert (await bench.client.get(f"/calibrations/{without['id']}/arm")).status_code == 404
+        stated = await posted(bench, with_confdata)
+        assert codes(stated) == {"arm-errors"}
+        again = (await bench.client.get(f"/calibrations/{stated['id']}/arm")).json()
         assert again["joints_from_poses"] == 12
         values = [one["value"] for one in again["parameters"]]
         np.testing.assert_allclose(values, [one.value for one in found.parameters], atol=1e-6)
@@ -120,7 +123,7 @@ async def test_clouds_are_placed_by_the_arm_as_built(tmp_path: Path, cell: ArmCe
     """At postures that the session has not seen; the truth is the built arm's flange."""
     rng, zero = np.random.default_rng(9), np.zeros(6)
     joints = reachable_views(rng, ARM, target_before(ARM), 6, any_posture=False)
-    joints = joints_of_poses(ARM, list(ARM.forward(joints)), [None] * 6)
+    joints = least_travel(ARM, ARM.forward(joints))
     true = cell.built.base_T_flange(Postures(joints, sides=np.tile(zero, (6, 1)))) @ cell.mount_T_camera
     async with serving(settings_for(tmp_path, robot={"model": ARM.name})) as bench:
         with_arm, drawn = await posted(bench, session_of(cell)), await posted(bench, session_of(cell, arm=False))
