@@ -179,7 +179,7 @@ class Client:
                     self.abort(run)
                 raise
         what = "the daemon stopped" if run is None else f"the daemon stopped during run {run['id']}"
-        raise ConnectionBroke(self.url, what, "start it again; its views are stored")
+        raise ConnectionBroke(self.url, what, "start it again; its pictures are stored")
 
     def run(self, run_id: str) -> Run:
         """The run as it is now."""

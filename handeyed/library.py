@@ -86,7 +86,7 @@ class Session:
         """
         poses = np.asarray(base_T_flange, float)
         if poses.ndim != 3 or poses.shape[1:] != (4, 4) or len(poses) != len(corners_px):
-            what = f"{poses.shape} poses and {len(corners_px)} views do not go together"
+            what = f"{poses.shape} poses and {len(corners_px)} pictures do not go together"
             raise DocumentError("of_corners", [DocumentProblem("base_T_flange", what, "give (n, 4, 4) and n arrays")])
         known = validate_json(TargetFile, {"target": target}, "of_corners").target
         views = tuple(

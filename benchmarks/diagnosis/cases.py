@@ -32,7 +32,7 @@ CAUSES |= {
 NOTHING = "nothing"
 """The kind of a session without a fault: right when no cause is named."""
 
-POSTURES = ("stood in another posture", "no other view has its posture")
+POSTURES = ("stood in another posture", "no other picture has its posture")
 """Words by which the sentences are recognised that name the posture as the other of two causes."""
 
 SIZE = frozenset({"wrong-pitch", "target-scale"})
@@ -175,5 +175,5 @@ def _says(finding: Finding, words: str) -> bool:
 
 def _views(finding: Finding) -> set[int]:
     """Views before which a change may have occurred: 7 (or 8); 7 (or 6, 8)."""
-    views = re.search(r"view (\d+(?: \(or [\d, ]+\))?)", finding.message)
+    views = re.search(r"picture (\d+(?: \(or [\d, ]+\))?)", finding.message)
     return {int(view) for view in re.findall(r"\d+", views.group(1))} if views else set()

@@ -188,11 +188,11 @@ def arm_document(
 def arm_summary(document: ArmErrorsDocument) -> str:
     """What people read: whether errors were found, what each group explains, the largest ones."""
     without, *models = document.ladder
-    found = "errors of the arm are taken up" if document.taken_up else "no errors of the arm are shown by these views"
+    found = "errors of the arm are taken up" if document.taken_up else "no errors of the arm show in these pictures"
     lines = [f"{document.arm}: {found} (log-evidence {document.log_evidence:+.1f})"]
     if document.lowest_joints_deg[4] * document.highest_joints_deg[4] > 0:
         lines.append(
-            "  all views are in one posture of the wrist: some with it turned over tell more than as many others"
+            "  all pictures are in one posture of the wrist: some with it turned over tell more than as many others"
         )
     lines.append(f"  {'model':16} {'probability':>11} {'hold-out mm':>11}")
     lines.append(f"  {'drawing':16} {'':>11} {without.hold_out_mm:11.3f}")

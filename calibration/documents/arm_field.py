@@ -134,7 +134,7 @@ def _sensor(errors: ArmErrorsDocument, calibration: CalibrationDocument) -> tupl
 def _joints_of(calibration: CalibrationDocument) -> Array:
     joints = [view.joints_deg for view in calibration.views if view.joints_deg is not None]
     if not joints:
-        raise GeometryError(f"the views of calibration {calibration.id} hold no joints: calibrate with joints_deg")
+        raise GeometryError(f"the pictures of calibration {calibration.id} hold no joints: calibrate with joints_deg")
     found: Array = np.radians(np.array(joints))
     return found
 

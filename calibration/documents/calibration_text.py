@@ -57,9 +57,9 @@ def _lines(document: CalibrationDocument) -> Iterable[str]:
         pixels = document.hold_out.reprojection_px
         in_image = "" if pixels is None else f", {pixels:.3g} px"
         base_error_mm = f"{document.hold_out.base_error_mm:.3g} mm in the base"
-        yield f"{'hold-out':<16} {base_error_mm}{in_image} (each view left out in turn)"
+        yield f"{'hold-out':<16} {base_error_mm}{in_image} (each picture left out in turn)"
     yield f"{'noise found':<16} {_noise(document)}"
-    yield f"{'views':<16} {_views(document)}"
+    yield f"{'pictures':<16} {_views(document)}"
     observability = document.observability
     yield (
         f"{'motion':<16} up to {observability.max_rotation_deg:.0f} deg, axis spread {observability.axis_spread:.2f};"
@@ -86,7 +86,7 @@ def _noise(document: CalibrationDocument) -> str:
         ("robot", noise.robot_rotation_deg, "deg"),
     )
     found = [f"{what} {value:.2g} {unit}" for what, value, unit in parts if value is not None]
-    return ", ".join(found) or "not from so few views"
+    return ", ".join(found) or "not from so few pictures"
 
 
 def _views(document: CalibrationDocument) -> str:

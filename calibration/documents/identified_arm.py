@@ -39,7 +39,7 @@ def identify_arm_document(
     sessions without images and views without confdata, UnreachablePoseError for poses that the arm does not reach.
     """
     if any(problem.in_space for problem in problems):
-        raise GeometryError("the errors of an arm are identified from images only, these views hold poses or points")
+        raise GeometryError("the errors of an arm are identified from images only, this session holds poses or points")
     without = sum(view.stance.joints_rad is None for problem in problems for view in problem.views)
     whole = [_with_joints(arm, problem) for problem in problems]
     fit = identify_arm_session(arm, whole, distances=distances)

@@ -71,13 +71,13 @@ def more_arm_views_document(fit: "ArmFit", target: Target, box_mm: Array | None 
 
 
 def more_arm_views_text(found: MoreArmViewsDocument) -> str:
-    """What people read: "30 views more would bring a registered point from 0.42 to 0.15 mm RMS in the box"."""
+    """What people read: "30 pictures more would bring a registered point from 0.42 to 0.15 mm RMS in the box"."""
     last = found.after[-1]
     corners = " to ".join(", ".join(f"{value:.0f}" for value in corner) for corner in found.box_mm)
     between = "".join(f", {one.point_mm:.3f} mm after {one.more}" for one in found.after[:-1])
     return (
-        f"{last.more} views more would bring a registered point from {found.now_mm:.3f} to {last.point_mm:.3f} mm RMS"
-        f" in the box {corners} mm ({found.points} of {BOX_STEPS**3} places within reach){between}"
+        f"{last.more} pictures more would bring a registered point from {found.now_mm:.3f} to {last.point_mm:.3f} mm"
+        f" RMS in the box {corners} mm ({found.points} of {BOX_STEPS**3} places within reach){between}"
     )
 
 

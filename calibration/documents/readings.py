@@ -161,7 +161,7 @@ def decide(table: PoseTable, compared: Sequence[Compared], evidence: Evidence | 
             return Decision(best.readings[0], "")
         seen = 0 if evidence is None else len(evidence)
         left = tuple(one.readings[0] for one in compared)
-        return Decision(None, f"{len(compared)} readings, and {seen} views to compare them by (of {MIN_VIEWS})", left)
+        return Decision(None, f"{len(compared)} readings, and {seen} pictures to compare by (of {MIN_VIEWS})", left)
     if others and not _observable(table, best.readings[0]):
         return Decision(None, "the motions do not decide between readings", tuple(one.readings[0] for one in compared))
     agreement = f"robot and images agree to {_noise(best.fit)}"

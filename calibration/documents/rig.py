@@ -203,7 +203,7 @@ def _findings(
             code="no-shared-station",
             severity="warning",
             message="no two sensors saw the target at the same pose of the robot: its errors enter their relative pose",
-            fix="take the views of all sensors before the arm moves on, and write the same base_T_flange into each",
+            fix="take the pictures of all sensors before the arm moves on, and write the same base_T_flange into each",
         )
 
 
@@ -218,7 +218,7 @@ def _lines(document: RigDocument) -> Iterable[str]:
     for one in document.sensors:
         yield _pose_line(f"{document.mount}_T_{one.name}", one.mount_T_sensor, one.uncertainty)
         if one.alone_expanded_mm is not None:
-            yield f"  {'':<24} alone U {one.alone_expanded_mm:.3g} mm, {one.views} views"
+            yield f"  {'':<24} alone U {one.alone_expanded_mm:.3g} mm, {one.views} pictures"
     for pair in document.relative:
         yield _pose_line(f"{pair.a}_T_{pair.b}", pair.a_T_b, pair.uncertainty)
     yield f"  {'stations':<24} {document.stations}, {document.shared_stations} of them seen by several sensors"

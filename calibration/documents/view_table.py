@@ -9,12 +9,12 @@ from calibration.documents.calibration import CalibrationDocument, ViewResultDoc
 TEMPERATURE = "camera C"
 """A column only where the temperature is known."""
 
-HEADER = ("view", "image", "status", "px", "mm", "robot mm", "robot deg", TEMPERATURE, "reason")
+HEADER = ("picture", "image", "status", "px", "mm", "robot mm", "robot deg", TEMPERATURE, "reason")
 LEGEND = (
     "px: RMS of predicted minus found points; mm: RMS in the anchor by the robot's pose as reported;"
     " robot: the estimated error of its pose"
 )
-RIGHT_ALIGNED = frozenset({"view", "px", "mm", "robot mm", "robot deg", TEMPERATURE})
+RIGHT_ALIGNED = frozenset({"picture", "px", "mm", "robot mm", "robot deg", TEMPERATURE})
 
 
 def view_table(document: CalibrationDocument) -> str:

@@ -101,7 +101,7 @@ def _of_swapped_views(drawn: Array, poses: Array, wrong: NDArray[np.intp], views
 
 
 def _views(rows: NDArray[np.intp], views: Sequence[int]) -> str:
-    return f"view{'s' * (len(rows) > 1)} {', '.join(str(views[row]) for row in rows)}"
+    return f"picture{'s' * (len(rows) > 1)} {', '.join(str(views[row]) for row in rows)}"
 
 
 def _of_all_views(arm: Arm, joints: Array, poses: Array) -> JointMistake | None:
@@ -157,7 +157,7 @@ def _likely_mistake(arm: Arm, joints: Array, poses: Array, others: Mapping[str, 
     return _in_another_frame(arm.forward(joints), poses, MAX_OFF_MM) or JointMistake(
         "joints-contradict-poses",
         f"no usual mistake explains the joints as those of an {arm.name}",
-        "check the arm's name, and that joints and pose of a view are of the same moment",
+        "check the arm's name, and that joints and pose of a picture are of the same moment",
     )
 
 
@@ -176,7 +176,7 @@ def _in_another_frame(drawn: Array, poses: Array, max_off_mm: float) -> JointMis
 
 
 def _of_another_view(arm: Arm, joints: Array, poses: Array) -> JointMistake | None:
-    """The mistake where each view has the joints of its neighbour."""
+    """The mistake where each picture has the joints of its neighbour."""
     if len(joints) < MIN_FRAME_VIEWS:
         return None
     for late, where in ((1, "before"), (-1, "behind")):
@@ -185,8 +185,8 @@ def _of_another_view(arm: Arm, joints: Array, poses: Array) -> JointMistake | No
         if _off_mm(arm, joints[moved], poses[rest]) <= MAX_OFF_MM:
             return JointMistake(
                 "joints-of-another-view",
-                f"each view has the joints of the one {where} it",
-                "record joints and pose of a view at the same moment",
+                f"each picture has the joints of the one {where} it",
+                "record joints and pose of a picture at the same moment",
             )
     return None
 

@@ -78,7 +78,7 @@ def verify(problem: Problem, calibration: CalibrationDocument) -> Verification:
     points = map_points(anchor_T_target, scale * problem.target.points_mm[ids])
     stations = tuple(problem.views[position].index + 1 for position in seen.positions)
     if not isfinite(float(points.sum())):
-        raise VerificationError("a view's pose of the target is not finite: look at the pictures")
+        raise VerificationError("a picture's pose of the target is not finite: look at the pictures")
     joints = tuple(problem.views[position].stance.joints_rad for position in seen.positions)
     return Verification(stations, ids, ANCHORS[calibration.setup], points, seen.base_T_flange, joints)
 

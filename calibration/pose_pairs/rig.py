@@ -152,7 +152,7 @@ def solve_sensors(sensors: Sequence[SensorViews]) -> RigSolution:
         raise GeometryError("sensors of different set-ups have no mount in common")
     for sensor in sensors:
         if not len(sensor.pairs):
-            raise GeometryError(f"{sensor.name} has not seen the target in any view")
+            raise GeometryError(f"{sensor.name} has not seen the target in any picture")
     stations = find_stations(list(sensors))
     mounts, target = _start(sensors)
     own = [UNKNOWN_ERRORS if each.pairs.covariance is None else ERRORS_BEYOND_KNOWN for each in sensors]

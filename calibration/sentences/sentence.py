@@ -125,7 +125,7 @@ def _views(indices: list[int], *, named: bool) -> str:
     if not named:
         return listed + (" \u2026" if len(indices) > MAX_LISTED_VIEWS else "")
     more = f" and {len(indices) - MAX_LISTED_VIEWS} more" if len(indices) > MAX_LISTED_VIEWS else ""
-    return f"view {listed}" if len(indices) == 1 else f"views {listed}{more}"
+    return f"picture {listed}" if len(indices) == 1 else f"pictures {listed}{more}"
 
 
 def _json(value: Any) -> Any:

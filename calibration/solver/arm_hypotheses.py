@@ -181,9 +181,9 @@ class Contradiction:
 _SENTENCES: dict[ContradictionKind, str] = {
     "other-arm": "session {session} is of another arm than the others, or a zero or a load was changed: solve it alone",
     "camera-remounted": "the camera sits elsewhere in session {session} than in the others: solve it alone",
-    "camera-moved": "the camera moved before view {view} of session {session}: fasten it, take the views again",
-    "target-or-base-moved": "the target, or the robot on its base, moved before view {view} of session {session}:"
-    " fasten both, take the views again",
+    "camera-moved": "the camera moved before picture {view} of session {session}: fasten it, take the pictures again",
+    "target-or-base-moved": "the target, or the robot on its base, moved before picture {view} of session {session}:"
+    " fasten both, take the pictures again",
 }
 
 

@@ -107,7 +107,7 @@ class UnusualArm(CalibrationError):
     def __init__(self, arm: str, parameters: list[str]) -> None:
         self.arm, self.parameters = arm, parameters
         super().__init__(
-            f"the views ask for errors that no {arm} has ({', '.join(parameters[:3])}): check that the target stood"
+            f"the pictures ask for errors that no {arm} has ({', '.join(parameters[:3])}): check that the target stood"
             " still, its size, the zeros of the axes (revolution counters, a new motor), and their gears for play and"
             " wear"
         )

@@ -42,7 +42,7 @@ def _run_lines(run: RunRecord, calibration: CalibrationDocument | None) -> Itera
         yield f"the axes stand at {', '.join(f'{angle:.2f}' for angle in run.result['joints_deg'])} deg"
     if not run.over and run.request.get("manual"):
         yield f"jog the arm with POST /runs/{run.id}/jog"
-        yield f"take a view with POST /runs/{run.id}/stations, end with POST /runs/{run.id}/finish"
+        yield f"take a picture with POST /runs/{run.id}/stations, end with POST /runs/{run.id}/finish"
     if not run.over:
         yield f"follow it with GET /runs/{run.id} or /events; stop it with POST /runs/{run.id}/abort"
 

@@ -178,7 +178,7 @@ MAX_STATUS_S = 1.0
 
 POLL_S = 0.02
 
-READ_ONLY = "robot: the arm is read, not moved, over this link: take the views by hand (--manual)"
+READ_ONLY = "robot: the arm is read, not moved, over this link: take the pictures by hand (--manual)"
 
 NO_SCANNER = (NoScanner().what,)
 

@@ -21,10 +21,10 @@ def calibrate(
     ] = None,
     tolerance: Annotated[
         float | None,
-        typer.Option(metavar="MM", help="Stop at, and accept up to, this U (k = 2) at the worst of the points."),
+        typer.Option(metavar="MM", help="Stop at, and accept up to, this U (k = 2) at the worst point."),
     ] = None,
     manual: Annotated[
-        bool, typer.Option("--manual", help="You jog the arm and take each view with Enter; nothing else moves it.")
+        bool, typer.Option("--manual", help="You jog the arm and take each picture with Enter; nothing else moves it.")
     ] = False,
     arm: Annotated[
         bool | None,
@@ -38,7 +38,7 @@ def calibrate(
 ) -> None:
     """Calibrate through the daemon: THE ROBOT MOVES. Shows progress, then the verdict. Ctrl-C stops the arm.
 
-    With --manual you move it: after each view the command advises the next pose, and predicts its benefit.
+    With --manual you move it: after each picture the command advises the next pose, and what it will bring.
 
     Exit status: 0 accepted, 3 solved or refused but not accepted, 1 the run failed.
     """

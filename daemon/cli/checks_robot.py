@@ -45,7 +45,7 @@ async def check_robot(robot: Robot, settings: Settings) -> CheckResult:
     setup = await read_setup(robot)
     for what, fix in [] if setup is None else setup_problems(setup, settings.robot):
         return CheckResult("robot", False, what, fix)
-    could = "could move" if robot.capabilities.moves else "is read only: views are taken by hand, with --manual"
+    could = "could move" if robot.capabilities.moves else "is read only: pictures are taken by hand, with --manual"
     frame = robot.capabilities.pose_frame
     carries = "" if setup is None else f", carries {setup.load_kg:g} kg"
     stands = f"the flange stands at ({at}) mm in the {frame} frame{carries}"

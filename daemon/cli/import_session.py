@@ -25,7 +25,7 @@ def import_session(
     out: Annotated[
         Path, typer.Option("--out", "-o", metavar="DIR", help="New folder; with several FOLDERs one in it for each.")
     ],
-    images: Annotated[str | None, typer.Option(metavar="GLOB", help="Pictures or clouds of the views.")] = None,
+    images: Annotated[str | None, typer.Option(metavar="GLOB", help="Pictures or clouds of the session.")] = None,
     poses: Annotated[str | None, typer.Option(metavar="GLOB", help="File or files with the robot's poses.")] = None,
     camera_poses: Annotated[
         str | None, typer.Option(metavar="GLOB", help="Poses of the target in the camera, instead of pictures.")

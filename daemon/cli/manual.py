@@ -1,4 +1,4 @@
-"""`handeyed calibrate --manual`: Enter takes a view, f finishes, q aborts; after each view the next pose is advised."""
+"""`handeyed calibrate --manual`: Enter takes a picture, f finishes, q aborts; after each the next pose is advised."""
 
 import sys
 from typing import Any
@@ -9,7 +9,7 @@ from daemon.cli.output import print_error
 from handeyed.client import Client, Run, defer_interrupts
 from handeyed.errors import ClientError
 
-KEYS = "Enter: take a view   f Enter: finish and solve   q Enter: give up"
+KEYS = "Enter: take a picture   f Enter: finish and solve   q Enter: give up"
 BEGIN = "jog the arm to where the camera sees the whole target and let it stand; nothing here moves it"
 
 
@@ -47,7 +47,7 @@ def _handle_key(daemon: Client, links: dict[str, str], key: str) -> tuple[Any, b
         return None, False
     planning = run["planning"]
     _print_aside(
-        f"view {run['station']} taken. {planning['predicted'] or 'not yet determined'}\n  next: {planning['advice']}"
+        f"picture {run['station']} taken. {planning['predicted'] or 'not yet determined'}\n  next: {planning['advice']}"
     )
     return run, False
 

@@ -25,7 +25,7 @@ def report(
     url: Annotated[str, typer.Option(help="The daemon's address, for an id.")] = "http://127.0.0.1:8372",
     language: Annotated[ReportLanguage, typer.Option(help="The language of its words.")] = "en",
 ) -> None:
-    """Write the calibration report: result with U (k = 2), views with pictures, budget, verification, traceability.
+    """Write the calibration report: result with U (k = 2), pictures, budget, quick check, traceability.
 
     A session folder is solved, unless its calibration.json lies in it. What is not known is a blank.
 

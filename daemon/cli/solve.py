@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 RESULT_FILE = "calibration.json"
 
-FOR_IMAGES = "it is for images only", "leave it out; these views hold poses or points"
+FOR_IMAGES = "it is for images only", "leave it out; this session holds poses or points"
 
 CLOSED_FORM_NAMES = "three-pose, tsai, park, horaud, daniilidis, shah, kronecker"
 """Of `calibration.closed_forms`, which is not imported for a help text."""
@@ -67,7 +67,7 @@ def solve(
             " target.instrument=calliper; once for each. In place of what session.json states of it.",
         ),
     ] = None,
-    views: Annotated[bool, typer.Option("--views", help="Also print a table of the views, the worst first.")] = False,
+    views: Annotated[bool, typer.Option("--views", help="Also print a table of pictures, the worst first.")] = False,
     pictures: Annotated[
         Path | None,
         typer.Option(
@@ -78,7 +78,7 @@ def solve(
     ] = None,
     tolerance: Annotated[
         float | None,
-        typer.Option(metavar="MM", help="Accept up to this U (k = 2) at the worst of the points that matter."),
+        typer.Option(metavar="MM", help="Accept up to this U (k = 2) at the worst point."),
     ] = None,
     at: Annotated[
         Path | None,
@@ -338,4 +338,4 @@ def _write_pictures(
     order, title = [view.index for view in worst_first(document.views)], session.path.resolve().name
     with writing(folder, "choose another --pictures"):
         page = write_pictures(folder, title, problem, solution, order, lambda name: read_grey(session.path / name))
-    print_error(f"{page}: residuals of {len(order)} views")
+    print_error(f"{page}: residuals of {len(order)} pictures")

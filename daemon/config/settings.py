@@ -145,7 +145,7 @@ class RobotSettings(Document):
 
 
 class ExposureSettings(Document):
-    """Limits, each least and greatest, within which exposure and gain are chosen for the target, view by view."""
+    """Limits, each least and greatest, within which exposure and gain are chosen for the target, picture by picture."""
 
     exposure_us: tuple[Annotated[float, Field(ge=1, le=1e7)], Annotated[float, Field(ge=1, le=1e7)]] = (20.0, 100_000.0)
     gain_db: tuple[Annotated[float, Field(ge=0, le=60)], Annotated[float, Field(ge=0, le=60)]] = (0.0, 6.0)
@@ -203,7 +203,7 @@ class NamedScannerSettings(ScannerSettings):
 class CalibrationSettings(Document):
     """The poses of a calibration, its stopping rule, and whether the operator or the daemon applies the result.
 
-    `count`: how many planned views; without it a run goes on until U meets the tolerance, for 12 views at most.
+    `count`: how many planned pictures; without it a run goes on until U meets the tolerance, for 12 at most.
     `tolerance_mm`: largest U (k = 2) at the worst of the points that matter. Policy "auto" needs it, and leaves to a
     person what is worse than the active calibration, or contradicts it. `known`: of target, camera and arm.
     `requests_may_loosen`: whether a request may state a larger one than is active without it. The guesses are

@@ -15,7 +15,7 @@ from daemon.config.settings import TaughtPose
 from daemon.errors import NoPoses
 from daemon.runs.adaptive_sequence import AdaptiveParameters
 
-UNKNOWN_SCENE = "the first views of the run are small turns from where the arm stands: they find the camera's place"
+UNKNOWN_SCENE = "the first pictures of the run are small turns from where the arm stands: they find the camera's place"
 
 
 @dataclass(frozen=True, eq=False)

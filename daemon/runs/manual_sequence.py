@@ -35,7 +35,7 @@ from daemon.sessions.session_writer import SessionWriter
 from drivers.errors import DeviceError
 from drivers.interfaces import PoseReading
 
-BEGIN = "jog the arm to where the camera sees the whole target, let it stand, and take the first view"
+BEGIN = "jog the arm to where the camera sees the whole target, let it stand, and take the first picture"
 
 
 @dataclass(frozen=True)
@@ -85,7 +85,7 @@ class ManualSequence:
             return await self.parameters.requests.next(self.parameters.wait_s)
         except TimeoutError:
             raise OperatorTimeout(
-                f"no view was asked for within {self.parameters.wait_s:g} s",
+                f"no picture was asked for within {self.parameters.wait_s:g} s",
                 "start again when somebody is at the cell; or allow more in [calibration] manual_wait_s",
             ) from None
 

@@ -41,9 +41,9 @@ class OperatorRequestQueue:
     async def submit(self, wish: OperatorAction, jog: Jog | None = None) -> None:
         """Send a request and wait until it is done. Raises CellBusy, RunOver, and the reason of a refusal."""
         if self._closed:
-            raise RunOver("the run is ending, and takes no more views", "look at its result, or start another")
+            raise RunOver("the run is ending, and takes no more pictures", "look at its result, or start another")
         if self._pending is not None:
-            raise CellBusy("the jog in progress" if self._pending.jog else "the view that is being taken")
+            raise CellBusy("the jog in progress" if self._pending.jog else "the picture that is being taken")
         answer = asyncio.get_running_loop().create_future()
         answer.add_done_callback(lambda done: done.cancelled() or done.exception())  # the client may have disconnected
         self._pending = OperatorRequest(wish, answer, jog)

@@ -89,9 +89,9 @@ def require_by_hand(axis: ExternalAxisDocument | None, request: CalibrateRequest
         return
     if not request.manual:
         raise NoPoses(
-            f"[robot.external_axis] is a {axis.kind}: its axis shows in views at two of its positions or more, and the"
-            " daemon moves the arm only",
-            'calibrate by hand ({"manual": true}), and move the axis between views',
+            f"[robot.external_axis] is a {axis.kind}: its axis shows in pictures at two of its positions or more, and"
+            " the daemon moves the arm only",
+            'calibrate by hand ({"manual": true}), and move the axis between pictures',
         )
     if request.together or request.arm:
         raise NoPoses(

@@ -281,7 +281,7 @@ def _check_observations(document: SessionDocument) -> list[DocumentProblem]:
         problems.append(DocumentProblem("camera", "missing", "add it; null to have the intrinsics estimated"))
     without = [index for index, view in enumerate(document.views) if view.covariance is None]
     if 0 < len(without) < len(document.views):
-        what, fix = "missing, where other views have one", "add it, or leave it out of all"
+        what, fix = "missing, where other pictures have one", "add it, or leave it out of all"
         problems += [DocumentProblem(f"views[{index}].covariance", what, fix) for index in without]
     return problems
 
@@ -298,7 +298,7 @@ def _check_external_axis(document: SessionDocument) -> list[DocumentProblem]:
         fix = "leave it out: the target is on the flange, and a turntable moves neither it nor the camera"
         return [DocumentProblem("external_axis", "a turntable carries the target, beside the robot", fix)]
     what = f"it holds no axis {axis.number}"
-    fix = f"give the reading of the {axis.kind} in every view, {UNITS[axis.kind]}"
+    fix = f"give the reading of the {axis.kind} for every picture, {UNITS[axis.kind]}"
     return [
         DocumentProblem(f"views[{index}].external_axes", what, fix)
         for index in range(len(document.views))

@@ -108,7 +108,7 @@ async def test_a_robot_that_answers_garbage_fails_the_run_and_the_next_one_works
 @pytest.mark.parametrize(
     ("fault", "says"),
     [
-        ("camera-target-hidden", "the target was seen from"),
+        ("camera-target-hidden", "the target was seen in"),
         ("camera-empty-file", "the answer is empty"),
         ("camera-half-file", "the PNG ends early"),
         ("camera-wrong-size", "480×300, expected 960×600"),

@@ -91,7 +91,7 @@ def table_of_data(data: Any, origin: str) -> PoseTable:
     records, labels = _records(data, origin)
     if len(records) > MAX_POSES:
         what = f"{len(records)} records, where {MAX_POSES} are read"
-        raise refusal(origin, "records", what, "give those of the views")
+        raise refusal(origin, "records", what, "give those of the pictures")
     if labels is None and (array := array_of(records)) is not None:
         return table_of_array(array, origin)
     flat = [dict(_leaves(record, origin)) for record in records]
@@ -338,7 +338,7 @@ def _over_views(data: dict[str, Any], origin: str) -> tuple[list[Any], list[str]
     numbers = sorted(next(iter(full.values())), key=natural)
     if any(set(views) != set(numbers) for views in full.values()):
         what = f"the numbers behind {' and '.join(full)} differ"
-        raise refusal(origin, "document", what, "give every view both poses")
+        raise refusal(origin, "document", what, "give both poses for every picture")
     return [{stem: views[number] for stem, views in full.items()} for number in numbers], numbers
 
 

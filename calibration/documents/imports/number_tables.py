@@ -289,7 +289,7 @@ def table_of_columns(origin: str, names: Sequence[str], rows: Sequence[Sequence[
     """The table of rows with named columns, with the camera's poses where they name both. Raises DocumentError."""
     if not 0 < len(rows) <= MAX_POSES:
         what = "no poses in it" if not rows else f"{len(rows)} rows, where {MAX_POSES} are read"
-        raise refusal(origin, "rows", what, "give one row for each view")
+        raise refusal(origin, "rows", what, "give one row for each picture")
     return table_of_sides(origin, names, [*zip(*rows, strict=True)], table_of_one_side)
 
 

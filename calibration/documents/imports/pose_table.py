@@ -96,7 +96,7 @@ class PoseTable:
         """The table itself. Raises DocumentError when there are no poses, too many, or numbers that are not finite."""
         if not 0 < len(self) <= MAX_POSES:
             what = "no poses in it" if not len(self) else f"{len(self)} poses, where {MAX_POSES} are read"
-            raise refusal(self.origin, "poses", what, "give one pose for each view")
+            raise refusal(self.origin, "poses", what, "give one pose for each picture")
         assert self.numbers.shape == (len(self), NUMBERS[self.kind])
         finite = np.all(np.abs(self.lengths) < MAX_NUMBER, axis=1) & np.all(np.abs(self.numbers) < MAX_NUMBER, axis=1)
         if not finite.all():

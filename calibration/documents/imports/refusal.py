@@ -48,7 +48,7 @@ def decode(content: bytes, origin: str) -> str:
     """
     if len(content) > MAX_TEXT_BYTES:
         what = f"{len(content) / 1e6:.0f} MB of text, where {MAX_TEXT_BYTES // 1_000_000} MB are read"
-        raise refusal(origin, "file", what, "give the poses of the views only")
+        raise refusal(origin, "file", what, "give the poses of the pictures only")
     if content[:4] == ZIP:
         raise refusal(origin, "file", "a sheet or an archive, not text", "save the sheet as CSV")
     if b"\0" in content[:4096] and content[:2] not in (b"\xff\xfe", b"\xfe\xff"):

@@ -139,7 +139,7 @@ def read_folder(files: Files, chosen: Chosen, part: str | None = None) -> Import
     cameras, seen = [one for one in lenses if one is not None], poses.camera
     if seen is not None and len(seen) != len(poses):
         what = f"{len(poses)} poses of the robot and {len(seen)} of the camera"
-        raise refusal(poses.origin, "pairs", what, "give one of each for every view", "pairs")
+        raise refusal(poses.origin, "pairs", what, "give one of each for every picture", "pairs")
     if seen is not None and not pictures:
         words = "in the order of the files" if chosen.camera_poses else f"by {poses.origin}"
         return ImportedSet(
@@ -165,7 +165,7 @@ def _images(files: Files, pattern: str | None) -> Sequence[str]:
     of_views = len(folders) == len(images) and len({PurePosixPath(name).name for name in images}) == 1
     if len(folders) > 1 and not of_views:
         what = f"pictures in {len(folders)} folders ({shown(sorted(folders))})"
-        raise refusal(files.origin, "images", what, "name those of the views: --images 'FOLDER/*'", "pairs")
+        raise refusal(files.origin, "images", what, "name those of the session: --images 'FOLDER/*'", "pairs")
     return images
 
 

@@ -45,7 +45,7 @@ def read_text_table(content: bytes, origin: str) -> PoseTable:
     found = rows_of(_without_brackets(decode(content, origin)))
     cells, names = found.cells, found.names
     if not cells:
-        raise refusal(origin, "rows", "no poses in it", "give one row for each view")
+        raise refusal(origin, "rows", "no poses in it", "give one row for each picture")
     if names is not None:
         wrong = next((at for at, row in enumerate(cells) if len(row) != len(names)), None)
         if wrong is not None:

@@ -47,7 +47,7 @@ def read_yaml(content: bytes, origin: str) -> Any:
     """The data of a YAML text, also one that OpenCV has written; a list of several documents. Raises DocumentError."""
     if len(content) > MAX_YAML_BYTES:
         what = f"{len(content) / 1e6:.0f} MB of YAML, where {MAX_YAML_BYTES // 1_000_000} MB are read"
-        raise refusal(origin, "file", what, "give the poses of the views only, or write JSON")
+        raise refusal(origin, "file", what, "give the poses of the pictures only, or write JSON")
     text = decode(content, origin)
     if text.startswith("%YAML"):
         text = text.split("\n", 1)[1] if "\n" in text else ""

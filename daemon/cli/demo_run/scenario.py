@@ -56,7 +56,7 @@ def _calibrate(daemon: Client, printer: ProgressPrinter) -> CalibrationDocument:
         if not document.verdict.accepted:
             errors = [finding for finding in document.verdict.findings if finding.severity == "error"]
             raise CommandError("calibrate", f"not accepted: {errors[0].message}", errors[0].fix)
-        step.finish(f"{len(document.views)} views, accepted and active")
+        step.finish(f"{len(document.views)} pictures, accepted and active")
     return document
 
 

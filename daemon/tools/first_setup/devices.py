@@ -151,7 +151,7 @@ async def look_at_controller(answer: str) -> SeenController:
     except DeviceError as error:
         if survey is None:
             raise (error if link == answer else problem or error) from None
-        advice = f"{error.what}: the arm is read and views are taken by hand, until the robot program answers"
+        advice = f"{error.what}: the arm is read and pictures are taken by hand, until the robot program answers"
         return replace(await read_robot(replace(seen, address=services)), advice=advice)
 
 

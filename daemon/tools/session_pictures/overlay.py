@@ -89,7 +89,7 @@ def _in_range(pixels: Array) -> list[tuple[int, int]]:
 
 def _lines(view: View, result: ViewResult, magnification: float, reason: str) -> tuple[str, str]:
     count = 0 if view.detection is None else len(view.detection.ids)
-    title = f"view {result.index}  {result.image or 'no image'}  {result.status}  {count} points"
+    title = f"picture {result.index}  {result.image or 'no image'}  {result.status}  {count} points"
     if result.points is None:
         return title, reason
     outliers = int(np.count_nonzero(~result.points.used))

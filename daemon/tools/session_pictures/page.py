@@ -36,8 +36,8 @@ def residual_page(
         magnification=magnification,
         over_image=image_chart(pixels, residuals_px, image_size, magnification),
         over_distance=scatter_chart(distances, "distance along the camera axis, mm", "RMS, px"),
-        over_view=bar_chart([_by_view(view, view.reprojection_px, "px") for view in fitted], "view", "RMS, px"),
-        robot=bar_chart([_by_view(view, view.base_error_mm, "mm") for view in fitted], "view", "RMS, mm"),
+        over_view=bar_chart([_by_view(view, view.reprojection_px, "px") for view in fitted], "picture", "RMS, px"),
+        robot=bar_chart([_by_view(view, view.base_error_mm, "mm") for view in fitted], "picture", "RMS, mm"),
     )  # fmt: skip
     return text + "\n"
 
@@ -45,8 +45,8 @@ def residual_page(
 def _by_distance(view: ViewResult) -> Mark:
     assert view.points is not None
     distance_mm = float(np.median(view.points.distances_mm))
-    return Mark(distance_mm, view.reprojection_px or 0.0, view.status, f"view {view.index}: {distance_mm:.0f} mm")
+    return Mark(distance_mm, view.reprojection_px or 0.0, view.status, f"picture {view.index}: {distance_mm:.0f} mm")
 
 
 def _by_view(view: ViewResult, value: float | None, unit: str) -> Mark:
-    return Mark(float(view.index), value or 0.0, view.status, f"view {view.index}: {value or 0.0:.3g} {unit}")
+    return Mark(float(view.index), value or 0.0, view.status, f"picture {view.index}: {value or 0.0:.3g} {unit}")

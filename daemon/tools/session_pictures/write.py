@@ -20,12 +20,12 @@ GREY_LEVEL = 96
 """Of the ground on which points are drawn that a session holds without an image."""
 
 REASONS = {
-    "pose-disagrees": "the robot's pose contradicts the image and all other views",
+    "pose-disagrees": "the robot's pose contradicts the image and all other pictures",
     "image-disagrees": "the points do not lie as those of this target do",
-    "beyond-the-first-three": "the three-pose method uses three views",
+    "beyond-the-first-three": "the three-pose method uses three pictures",
     "board-turned": "the target was read turned; its points were numbered anew",
 }
-"""Sentences for codes of views in which points were found; the others come with the view, or stand for themselves."""
+"""Sentences for codes of pictures in which points were found; others come with the view, or stand for themselves."""
 
 
 def write_pictures(

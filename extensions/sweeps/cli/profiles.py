@@ -30,7 +30,7 @@ def calibrate(
         Path | None, typer.Option(help="calibration.json with a rough flange_T_camera; else it is searched.")
     ] = None,
     tolerance: Annotated[
-        float | None, typer.Option(metavar="MM", help="Accept up to this U (k = 2) at the worst of the points.")
+        float | None, typer.Option(metavar="MM", help="Accept up to this U (k = 2) at the worst point.")
     ] = None,
     artefact: Annotated[
         str | None,

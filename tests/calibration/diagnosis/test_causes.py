@@ -154,7 +154,7 @@ def test_a_pose_wrong_in_several_numbers_is_named_without_guessing_one() -> None
 def test_another_tool_from_some_view_on_refuses_a_solution_that_mixes_both() -> None:
     fault = other_tool(session(7, n=16), np.random.default_rng(4))
     solution = solve_hand_eye(fault.problem)
-    after = int(fault.says[0].split("view ")[1].split()[0])
+    after = int(fault.says[0].split("picture ")[1].split()[0])
     used = {view.index for view in solution.views if view.status != "rejected"}
     mixed = any(index < after for index in used) and any(index >= after for index in used)
     severity = finding(fault.problem, fault.codes).severity

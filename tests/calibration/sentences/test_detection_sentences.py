@@ -115,7 +115,7 @@ def test_a_target_that_cannot_be_printed_is_refused_in_a_sentence(target: Target
     [
         ([0, 1, 2, 99], [[10, 10], [20, 10], [10, 20], [20, 20]], "a corner id is outside 0..53"),
         ([0, 1, 1, 9], [[10, 10], [20, 10], [10, 20], [20, 20]], "the same corner id stands twice"),
-        ([0, 1], [[10, 10], [20, 10]], "2 usable corners; a view needs 4 or more"),
+        ([0, 1], [[10, 10], [20, 10]], "2 usable corners; a picture needs 4 or more"),
     ],
 )
 def test_corners_that_cannot_be_used_are_refused_in_a_sentence(

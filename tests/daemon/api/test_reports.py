@@ -66,7 +66,7 @@ async def test_a_run_s_calibration_is_reported_with_its_pictures_and_then_verifi
     calibration_id = run.json()["result"]["calibration_id"]
     before = (await bench.client.get(f"/calibrations/{calibration_id}/report")).text
     assert "data:image/jpeg;base64," in before
-    assert "not been verified yet" in before
+    assert "No quick check of this calibration" in before
     assert "not at hand" not in before, "the session has a hash"
     applied = await bench.client.post(f"/calibrations/{calibration_id}/apply", json={"applied_by": "Ann"})
     assert applied.status_code == 200, applied.text
@@ -74,11 +74,11 @@ async def test_a_run_s_calibration_is_reported_with_its_pictures_and_then_verifi
     verified = (await bench.client.get("/drift")).json()["points"][-1]["run_id"]
     report = await bench.client.get(f"/runs/{verified}/report")
     assert report.status_code == 200, report.text
-    for word in (verified, calibration_id, "Verified.", "standard deviation over", "Drift"):
+    for word in (verified, calibration_id, "In order.", "standard deviation over", "Drift"):
         assert word in report.text
     chart = await bench.client.get("/drift/report")
     assert verified in chart.text
-    assert "Verification" in (await bench.client.get(f"/calibrations/{calibration_id}/report")).text
+    assert "Quick check" in (await bench.client.get(f"/calibrations/{calibration_id}/report")).text
     other = await bench.client.get(f"/runs/{run.json()['id']}/report")
     assert (other.status_code, f"/calibrations/{calibration_id}/report" in other.json()["fix"]) == (404, True)
 

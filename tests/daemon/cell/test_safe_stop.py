@@ -91,7 +91,7 @@ async def test_nobody_waits_for_ever_and_the_attempts_go_on(monkeypatch: pytest.
         assert report is not None
         assert report.confirmed == ARMED
         (warning,) = safe_stop.warnings()
-        assert warning == "the arm is not confirmed to be disarmed: the controller reports it armed"
+        assert warning == "it is not confirmed that motion is switched off: the controller reports it armed"
         assert [value for metric in safe_stop.families() for value in metric.samples.values()] == [1.0]
         before = robot.stops
         await eventually(lambda: robot.stops > before)

@@ -31,7 +31,7 @@ def test_the_settings_to_change_are_named(tmp_path: Path, change: Any, settings:
     assert ran.errors[0].startswith(f"{tmp_path / 'a' / 'session.json'}: views[0-5]: no ChArUco board")
     assert settings in ran.errors[0]
     findings = json.loads(ran.out)["verdict"]["findings"]
-    assert any("found in 0 of 6 views" in finding["message"] and settings in finding["fix"] for finding in findings)
+    assert any("found in 0 of 6 pictures" in finding["message"] and settings in finding["fix"] for finding in findings)
 
 
 def test_a_covered_target_is_no_other_target(tmp_path: Path) -> None:

@@ -38,7 +38,7 @@ def test_without_json_a_person_can_read_it(tmp_path: Path) -> None:
     ran = handeyed("solve", with_corners(tmp_path / "a"))
 
     assert ran.out.splitlines()[0] == f"{tmp_path / 'a'}  accepted"
-    for word in ("flange_T_camera", "uncertainty", "hold-out", "noise found", "views", "weakest"):
+    for word in ("flange_T_camera", "uncertainty", "hold-out", "noise found", "pictures", "weakest"):
         assert word in ran.out
 
 

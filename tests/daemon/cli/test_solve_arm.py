@@ -31,7 +31,7 @@ def test_the_arm_is_written_beside_the_calibration(session: Path, tmp_path: Path
     solved = handeyed("solve", session, "--arm", "irb 2600-20/1.65", "--out", tmp_path / "calibration.json")
     assert solved.status in (0, 3), solved.err
     assert "errors of the arm are taken up" in solved.out
-    assert "30 views more would bring a registered point from" in solved.out
+    assert "30 pictures more would bring a registered point from" in solved.out
     written = ArmErrorsDocument.model_validate_json((tmp_path / "arm.json").read_text())
     assert written.more_views is not None and len(written.more_views.further) == 30
     assert written.arm == ARM.name and written.taken_up and written.views == 12

@@ -65,7 +65,7 @@ def test_a_person_can_read_it(tmp_path: Path) -> None:
     ran = handeyed("solve", written(tmp_path / "a", measured_cell(np.random.default_rng(2), 12, points())), "--views")
 
     assert "accepted" in ran.out.splitlines()[0]
-    assert "in the base (each view left out in turn)" in ran.out
+    assert "in the base (each picture left out in turn)" in ran.out
     assert "measured points scatter by" in ran.out
 
 
@@ -83,7 +83,7 @@ SPOILED = {
     "covariance of nothing": (points(), put("covariance", np.eye(6).tolist(), 1), "views[1]", "'camera_T_target'"),
     "covariance of five": (tracker(), put("covariance", np.eye(5).tolist(), 1), "views[1]", "six rows of six"),
     "negative": (tracker(), put("covariance", (-np.eye(6)).tolist(), 1), "views[1]", "positive variances"),
-    "one covariance less": (tracker(known=True), drop("covariance", 4), "views[4].covariance", "where other views"),
+    "one covariance less": (tracker(known=True), drop("covariance", 4), "views[4].covariance", "where other pictures"),
     "no target": (points(), lambda document: document.pop("target"), "target", "missing: add it"),
     "unknown point": (points(), put("points_mm", [[88, 0, 0, 500]], 1), "views[1].points_mm[0]", "no point 88"),
     "a mixture": (

@@ -27,8 +27,8 @@ def spoilt_session(folder: Path) -> Path:
 
 
 def views_of(out: str) -> list[tuple[int, str]]:
-    """(view, status) of every line of the table."""
-    lines = out[out.index("\nview  image") :].splitlines()[2:]
+    """(picture, status) of every line of the table."""
+    lines = out[out.index("\npicture  image") :].splitlines()[2:]
     return [(int(line.split()[0]), line.split()[2]) for line in lines if re.match(r" *\d+ ", line)]
 
 

@@ -229,7 +229,7 @@ def test_the_alarm_names_the_cameras_temperature_where_it_is_another(
     drawn = chart_of(entries, document, settings_for(tmp_path))
     assert drawn.points[-1].camera_temperature_c == now_c
     assert drawn.report.alarm is not None
-    assert ("the camera has 47.0 °C, in the first verifications it had 32.0 °C" in drawn.report.alarm) is named
+    assert ("the camera has 47.0 °C, in the first quick checks it had 32.0 °C" in drawn.report.alarm) is named
 
 
 @pytest.mark.parametrize(("tolerance_mm", "standing"), [(1.0, "out-of-tolerance"), (50.0, "learning")])

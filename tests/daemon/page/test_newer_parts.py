@@ -292,7 +292,7 @@ async def test_the_errors_of_the_arm_are_asked_for_and_shown_before_and_after(op
         await page.get_by_text("zero_2").wait_for()
         await page.get_by_text("30 more pictures would bring a registered point from 0.42 mm to 0.15 mm").wait_for()
         report = (await bench.client.get("/calibrations/cal-1/report", headers={"Accept": "text/html"})).text
-        assert "30 views more would bring a registered point from 0.420 to 0.150 mm RMS" in report
+        assert "30 pictures more would bring a registered point from 0.420 to 0.150 mm RMS" in report
         field = (await bench.client.get("/calibrations/cal-1/arm/field")).json()
         columns = {tuple(point["flange_mm"][:2]) for point in field["points"]}
         assert await page.locator(".field .bubble").count() == 2 * len(columns)

@@ -159,7 +159,7 @@ def test_the_certificate_has_its_numbers() -> None:
         assert significant(2 * u) in page
     for q in x.quaternion_wxyz:
         assert number(q, 7) in page
-    for word in ("Identification", "Measurand", "Result", "Views", "budget", "Verification", "Traceability", "DKD 1",
+    for word in ("Identification", "Measurand", "Result", "Pictures", "budget", "Quick check", "Traceability", "DKD 1",
                  "k = 2", "simple acceptance" if document.verdict.limits else "k", "ab" * 32,
                  document.id, "Released by"):  # fmt: skip
         assert word in page, word
@@ -195,7 +195,7 @@ def test_what_is_not_known_is_a_blank() -> None:
     html = calibration_report(VERSION_1, ReportContext())
     assert html.count('class="blank"') >= 9
     assert calibration_report(VERSION_1, FULL).count('class="blank"') == 3, "target, and temperature twice"
-    assert "not been verified yet" in html
+    assert "No quick check of this calibration" in html
 
 
 def test_a_refused_and_a_rejected_calibration_say_so() -> None:
@@ -212,7 +212,7 @@ def test_an_alarm_of_the_chart_is_the_first_thing_said() -> None:
     assert text.index("Alarm. the target moved") < text.index("Identification")
     assert LOOKS["over"]["fill"] in html
     assert "axis 2 of the arm: its zero moved by 0.020 deg (chance 90%)" in text
-    assert "No verification yet." in drift_report(DriftChart(DriftReport("learning")), ReportContext())
+    assert "No quick check yet." in drift_report(DriftChart(DriftReport("learning")), ReportContext())
 
 
 def test_the_temperature_stands_beside_each_view_where_one_is_known() -> None:

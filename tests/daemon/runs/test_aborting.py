@@ -58,9 +58,9 @@ async def test_an_abort_that_the_controller_does_not_confirm_says_so_until_it_do
             assert "emergency stop" in problem["fix"]
         ended = (await bench.client.get(f"/runs/{run['id']}")).json()
         assert ended["state"] == "aborted"
-        assert "not confirmed to be disarmed" in ended["cause"]["what"]
+        assert "not confirmed that motion is switched off" in ended["cause"]["what"]
         ready = (await bench.client.get("/ready")).json()
-        assert "not confirmed to be disarmed" in ready["warnings"][0]
+        assert "not confirmed that motion is switched off" in ready["warnings"][0]
         refused = await bench.client.post("/calibrate")
         assert (refused.status_code, refused.json()["code"]) == (503, "cell-not-ready")
         assert "handeyed_arm_stop_unconfirmed 1" in (await bench.client.get("/metrics")).text

@@ -120,7 +120,7 @@ async def test_the_same_pose_again_is_refused(tmp_path: Path) -> None:
         await hand.takes(POSES[0])
         again = await hand.takes(POSES[0] @ transform(np.eye(3), [0.3, 0, 0]))
         assert (again.status_code, again.json()["code"]) == (409, "same-pose")
-        assert "view 1" in again.json()["detail"]
+        assert "picture 1" in again.json()["detail"]
         assert "turn the flange" in again.json()["fix"]
         made = again.json()["details"]["what"]
         assert (made["id"], made["params"]["number"]) == ("stands-at-view", 1)
@@ -135,7 +135,7 @@ async def test_it_cannot_be_finished_with_fewer_than_three_views(tmp_path: Path,
             await hand.takes(pose)
         refused = await hand.finishes()
         assert (refused.status_code, refused.json()["code"]) == (409, "too-few-views")
-        assert f"{views} views show the target, 3 are needed" in refused.json()["detail"]
+        assert f"{views} pictures show the target, 3 are needed" in refused.json()["detail"]
         assert (await hand.sees())["state"] == "waiting"
 
 

@@ -145,8 +145,8 @@ async def test_a_link_lost_between_stations_fails_the_run_and_moves_nothing(tmp_
          "not-still", "during the capture (before station 1 of 5)"),
         (lambda p: setattr(p.camera, "size", (320, 240)) or setattr(p.camera, "blind", lambda _: True),
          "picture-unusable", "320 x 240 pixels where 640 x 480"),
-        (lambda p: setattr(p.camera, "blind", lambda _: True), "target-not-seen", "seen from 0 of 5 stations"),
-        (lambda p: setattr(p.camera, "blind", lambda k: k in {1, 3, 5}), "target-not-seen", "station 1, 3, 5"),
+        (lambda p: setattr(p.camera, "blind", lambda _: True), "target-not-seen", "seen in 0 of 5 pictures"),
+        (lambda p: setattr(p.camera, "blind", lambda k: k in {1, 3, 5}), "target-not-seen", "not in picture 1, 3, 5"),
     ],
 )  # fmt: skip
 async def test_what_went_wrong_is_said(

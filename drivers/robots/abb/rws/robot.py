@@ -17,9 +17,7 @@ from drivers.timing import Timing
 
 STILL_GAP_S = 0.1
 READ_ONLY = "over Robot Web Services the arm is read, not moved"
-INSTEAD = (
-    "jog it and take the views by hand (handeyed calibrate --manual), or set [robot] address to the CB link, tcp://..."
-)
+INSTEAD = "take the pictures by hand (handeyed calibrate --manual), or set [robot] address to the CB link, tcp://..."
 
 
 class RwsRobot:

@@ -21,13 +21,13 @@ const words = await import(join(root, 'daemon', 'page', 'state', 'words.js'));
 await words.spoken;
 
 const SAME_POSE = {
-  code: 'same-pose', what: 'the arm stands where view 1 was taken (0.30 mm from there)', fix: 'jog on, and turn the flange',
+  code: 'same-pose', what: 'the arm stands where picture 1 was taken (0.30 mm from there)', fix: 'jog on, and turn the flange',
   details: { what: { id: 'stands-at-view', params: { number: 1, off_mm: 0.3 } }, fix: { id: 'jog-on-and-turn', params: {} } },
 };
 
 test('what and fix are said whole, with a decimal comma, and no English beside them', () => {
   assert.deepEqual(words.causeWords(SAME_POSE), {
-    what: { text: 'der Arm steht, wo Bild 1 aufgenommen wurde (0,30 mm davon entfernt)', lang: undefined },
+    what: { text: 'der Arm steht, wo Aufnahme 1 gemacht wurde (0,30 mm davon entfernt)', lang: undefined },
     fix: { text: 'weiterfahren und den Flansch drehen', lang: undefined }, detail: null,
   });
 });
