@@ -18,7 +18,7 @@ SUMMARIES: Mapping[str, str] = {
 }
 """All that strike a run which moves the arm."""
 SERVICES: Mapping[str, str] = {fault.name: fault.summary for fault in FAULTS.values() if fault.area in ("rws", "egm")}
-"""Those of Robot Web Services and EGM, over which nothing moves: they strike an operator who takes views by hand."""
+"""Those of Robot Web Services and EGM, over which nothing moves: they strike an operator who takes pictures by hand."""
 
 
 @dataclass(frozen=True)
@@ -65,7 +65,7 @@ def _goes_on(fault: str, tells: str, **changes: Any) -> Row:
 
 
 def _left_out(fault: str, finding: str) -> Row:
-    return _goes_on(fault, "the view is left out, and the verdict says so", finding=finding)
+    return _goes_on(fault, "the picture is left out, and the verdict says so", finding=finding)
 
 
 ROWS = (
@@ -110,13 +110,13 @@ ROWS = (
     _left_out("camera-saturated", "the image is"),
     _goes_on(
         "camera-torn",
-        "the view or its torn corners are left out, and the verdict says so",
-        finding="view 1|corners lie too far",
+        "the picture or its torn corners are left out, and the verdict says so",
+        finding="picture 1|corners lie too far",
     ),
     _fails("camera-wrong-size", "garbled-answer", "expected 960×600", "set the camera to the size"),
     _fails("camera-half-file", "garbled-answer", "not a whole picture", "whole PNG or JPEG"),
     _fails("camera-empty-file", "garbled-answer", "the answer is empty", "check the device and the URL"),
-    _left_out("camera-target-hidden", "view 1"),
+    _left_out("camera-target-hidden", "picture 1"),
     _goes_on("scanner-late", "nothing, within `[scanner] limit_s`", job="scan"),
     _goes_on("scanner-away", "nothing: the request is repeated", job="scan"),
     _fails("scanner-repeated", "same-again", "the same cloud again", "takes a new cloud for each request", job="scan"),
@@ -129,7 +129,7 @@ ROWS = (
 
 @dataclass(frozen=True)
 class ViewRow:
-    """What the operator reads who takes a view by hand; `code` None: the view is taken all the same."""
+    """What the operator reads who takes a picture by hand; `code` None: the picture is taken all the same."""
 
     fault: str
     code: str | None
@@ -143,14 +143,16 @@ VIEW_ROWS = (
     ViewRow("rws-401", "request-refused", "user or password is refused", "password_file"),
     ViewRow("rws-406", "request-refused", "no media type of ours will do", "set version= in the address"),
     ViewRow("rws-503", "device-unreachable", "it answers 503, its 70 sessions are taken", "close other clients"),
-    ViewRow("rws-410", None, "nothing: views need no mastership; an upload of modules is refused, since there is none"),
+    ViewRow(
+        "rws-410", None, "nothing: pictures need no mastership; an upload of modules is refused, since there is none"
+    ),
     ViewRow("rws-slow", None, "nothing: it takes longer", within_s=12.0),
     ViewRow("rws-garbage", "garbled-answer", "no answer of RWS 2.0", "check that the address is a controller's"),
     ViewRow("rws-sessions-exhausted", "device-unreachable", "its 70 sessions are taken", "close other clients"),
     ViewRow(
         "rws-mastership-held",
         None,
-        "nothing: views need no mastership; an upload of modules is refused with its holder",
+        "nothing: pictures need no mastership; an upload of modules is refused with its holder",
     ),
     ViewRow("rws-subscription-gone", None, "nothing: it is detected, logged, and opened again"),
     ViewRow("egm-silent", "device-timeout", "samples came within 0.25 s", MUTE),
