@@ -8,9 +8,12 @@ from pathlib import Path
 from string import Formatter
 from typing import Any
 
+import click
 import pytest
+import typer
 
 from calibration.sentences.sentence import LANGUAGES, sections_in, sentences_in
+from daemon.cli.main import app
 from tests.structure import ROOT, nodes_of, python_files
 
 ROOMS = ("calibration", "daemon", "drivers", "extensions", "gateways", "handeyed", "protocols", "registration")
@@ -22,6 +25,31 @@ FILES = {  # by what has them; the errors say themselves what they are in Englis
     "errors of the page": [PAGE / "words" / f"errors.{tag}.json" for tag in LANGUAGES if tag != "en"],
     "reports": [ROOT / "daemon" / "reports" / "words" / f"{tag}.json" for tag in LANGUAGES],
 }
+
+VIEWS_OF_SCANS = (
+    r".*(scan|cloud)[.-].*|findings/(sphere-|surfaces-|part-views|no-overlap|many-rejected-scans).*|views/view-no-overlap"
+    r"|advice/(scan-from|add-overlap|give-rough-x)|handeyed (register|register-archive|stitch|verify-scanner).*"
+)
+"""A view of a scan is a cloud and its pose; what a run takes for a calibration is a picture."""
+
+REPLACED: dict[str, dict[str, str]] = {  # by language: term that another replaced, and the ids where it may stand
+    "en": {
+        r"(?<!in |of )(?<!into )\bviews?\b": f"{VIEWS_OF_SCANS}|plausibility/look-along-z|handeyed assess.*",
+        r"\bin force\b": "", r"\bpredict(ed|ion)\b": "", r"\bmapped\b": "", r"\bdisarm": "",
+        r"\b[Vv]erif": r"handeyed verify-scanner.*", r"\bpolicy\b": "", r"worst of the points": "",
+    },
+    "de": {
+        r"Ansicht": VIEWS_OF_SCANS, r"in Kraft|geltende": "", r"vorhergesagt": "", r"abgebildet": "findings/three-pose",
+        r"[Ee]ntschärf": "", r"Verifi": "", r"\bTargets?\b": "", r"schlechteste[nr] Punkt|schlechtesten der": "",
+    },
+    "es": {
+        r"(?<!a la )\bvistas?\b": f"{VIEWS_OF_SCANS}|rig.stations|nothing-measured.fix", r"en vigor|vigente": "",
+        r"predicha": "", r"transformado": "", r"desarma": "", r"[Vv]erific": "",
+    },
+    "zh": {
+        r"(?<![维正])视图": VIEWS_OF_SCANS, r"生效": "drift.left", r"解除使能": "", r"验证": "", r"最差的?(一)?点": "",
+    },
+}  # fmt: skip
 
 
 def texts_of(file: Path) -> dict[str, str]:
@@ -108,3 +136,28 @@ def test_every_text_of_the_page_has_a_user_and_every_use_a_text() -> None:
              for before, after in re.findall(r"`([\w.-]+\.)\$\{[^}]*\}([\w.-]*)`", source)]  # fmt: skip
     unused = known - texts
     assert {one for one in unused if not any(re.fullmatch(pattern, one) for pattern in built)} == set()
+
+
+def help_of(command: click.Command, name: str) -> Iterator[tuple[str, str]]:
+    """What a command and its parameters say of themselves, and the commands below it."""
+    yield name, command.help or ""
+    yield from ((f"{name} {one.name}", getattr(one, "help", None) or "") for one in command.params)
+    for inner, below in getattr(command, "commands", {}).items():
+        yield from help_of(below, f"{name} {inner}")
+
+
+@pytest.mark.parametrize("tag", LANGUAGES)
+def test_a_term_that_was_replaced_stands_nowhere_else(tag: str) -> None:
+    """docs/glossary.md has what a person reads; codes, keys and the names of the interface keep theirs."""
+    said = [
+        text for files in FILES.values() for file in files if file.stem.endswith(tag) for text in texts_of(file).items()
+    ]
+    if tag == "en":
+        said += help_of(typer.main.get_command(app), "handeyed")
+    left = {
+        (term, place): text
+        for term, allowed in REPLACED[tag].items()
+        for place, text in said
+        if re.search(term, re.sub(r"\{[^}]*\}", "", text)) and not re.fullmatch(allowed, place)
+    }
+    assert left == {}
