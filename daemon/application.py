@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Protocol, TypeVar
 
+from calibration.sentences.sentence import Sentence
 from daemon.access.service_key import ServiceKey
 from daemon.cell.cell import Cell
 from daemon.cell.device_watch import DeviceWatch
@@ -159,7 +160,7 @@ class Application:
 
     async def stop(self) -> None:
         """Stop the arm and the services, store what is pending, close the devices."""
-        self.begin_stop("the end of the daemon")
+        self.begin_stop(Sentence("by-daemon-end"))
         assert self._stopping is not None
         await self._stopping
         for companion in reversed(self.services):

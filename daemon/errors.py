@@ -46,9 +46,10 @@ DaemonError
 └── Stopping              the daemon is shutting down
 """
 
-from typing import TYPE_CHECKING, ClassVar
+from pathlib import Path
+from typing import TYPE_CHECKING, ClassVar, Literal
 
-from calibration.sentences.sentence import Sentence
+from calibration.sentences.sentence import Sentence, as_sentence
 
 if TYPE_CHECKING:
     from calibration.kinematics.joint_path import OutsideBox
@@ -83,9 +84,8 @@ class RunInProgress(DaemonError):
 
     def __init__(self, kind: str, run_id: str) -> None:
         self.holder = run_id
-        super().__init__(
-            Sentence("run-is-in-progress", kind=kind, run=run_id), Sentence("wait-or-abort-run", run=run_id)
-        )
+        what = Sentence("run-is-in-progress", kind=Sentence(f"kind-{kind}"), run=run_id)
+        super().__init__(what, Sentence("wait-or-abort-run", run=run_id))
 
 
 class CellBusy(DaemonError):
@@ -95,7 +95,7 @@ class CellBusy(DaemonError):
 
     def __init__(self, holder: str) -> None:
         self.holder = holder
-        super().__init__(f"the cell is held by {holder}", "wait until it is done and ask again")
+        super().__init__(Sentence("cell-is-held", holder=as_sentence(holder)), Sentence("wait-until-done"))
 
 
 class CellNotReady(DaemonError):
@@ -103,9 +103,10 @@ class CellNotReady(DaemonError):
 
     code = "cell-not-ready"
 
-    def __init__(self, reasons: tuple[str, ...]) -> None:
+    def __init__(self, reasons: tuple[str, ...], fix: Sentence | None = None) -> None:
         self.reasons = reasons
-        super().__init__("; ".join(reasons), "put this right at the cell, see GET /ready, and ask again")
+        what = Sentence("reasons", reasons=[*map(as_sentence, reasons)])
+        super().__init__(what, fix or Sentence("put-right-at-cell"))
 
 
 class InterlockOpen(CellNotReady):
@@ -125,12 +126,8 @@ class AbortHeld(CellNotReady):
 
     def __init__(self, holders: tuple[str, ...]) -> None:
         self.holders = holders
-        self.reasons = tuple(Sentence("plc-holds-abort", holder=holder) for holder in holders) or (
-            Sentence("a-plc-set-abort"),
-        )
-        DaemonError.__init__(
-            self, "; ".join(self.reasons), "clear abort in the PLC's control register (bit 4), then start again"
-        )
+        held = tuple(Sentence("plc-holds-abort", holder=holder) for holder in holders)
+        super().__init__(held or (Sentence("a-plc-set-abort"),), Sentence("clear-plc-abort"))
 
 
 class NotStill(DaemonError):
@@ -170,12 +167,10 @@ class ArmUnknown(DaemonError):
 
     def __init__(self, seven: str | None = None) -> None:
         """`seven`: name of the cell's arm with seven axes."""
-        super().__init__(
-            f"the errors of an arm are identified for six axes, and {seven} has seven"
-            if seven
-            else "the errors of an arm are identified by its drawing, and the settings do not name the arm",
-            'leave "arm" out' if seven else "set [robot] model to a name of 'handeyed arms', or leave \"arm\" out",
-        )
+        if seven:
+            super().__init__(Sentence("arm-for-six-axes", arm=seven), Sentence("leave-arm-out"))
+        else:
+            super().__init__(Sentence("arm-is-not-named"), Sentence("name-arm"))
 
 
 class ToleranceLoosened(DaemonError):
@@ -197,8 +192,8 @@ class PoseRefused(DaemonError):
     code = "pose-refused"
 
     def __init__(self, station: int, what: str, fix: str) -> None:
-        self.station = station
-        super().__init__(f"station {station}: {what}" if station else what, fix)
+        self.station, self.why = station, as_sentence(what)
+        super().__init__(Sentence("at-pose", pose=station, what=self.why) if station else what, fix)
 
 
 class PathRefused(PoseRefused):
@@ -207,24 +202,33 @@ class PathRefused(PoseRefused):
     `along`: the fraction of the move, 0 where the arm stands; `flange_mm`, `outside_mm`: where it would be furthest.
     """
 
-    def __init__(self, station: int, found: "OutsideBox", box: str) -> None:
+    def __init__(self, station: int, found: "OutsideBox", box: Sentence) -> None:
         self.along, self.outside_mm = found.along, found.outside_mm
         self.flange_mm: tuple[float, ...] = tuple(float(x) for x in found.flange_mm)
-        at = ", ".join(f"{x:.1f}" for x in self.flange_mm)
-        what = "a point that the flange carries" if found.carried else "the flange"
+        x_mm, y_mm, z_mm = self.flange_mm
+        where = {"x_mm": x_mm, "y_mm": y_mm, "z_mm": z_mm, "outside_mm": self.outside_mm, "box": box}
+        who = "carried" if found.carried else "flange"
         if self.along == 0:
-            what, fix = f"before this move {what} stands at ({at}) mm", "jog the arm into the box with the pendant"
+            super().__init__(station, Sentence(f"{who}-starts-outside", **where), Sentence("jog-into-box"))
         else:
-            what = f"at {100 * self.along:.0f} % of the way {what} would be at ({at}) mm"
-            fix = "put a pose between the two, further inside"
-        what = f"{what}, {self.outside_mm:.1f} mm outside the box {box}"
-        super().__init__(station, what, f"{fix}; or correct [robot] box_mm")
+            what = Sentence(f"{who}-leaves-box", percent=100 * self.along, **where)
+            super().__init__(station, what, Sentence("put-pose-between"))
 
 
 class NotFound(DaemonError):
     """No such run, calibration, scan, frame, view or page."""
 
     code = "not-found"
+
+    @classmethod
+    def noun(cls, noun: Literal["run", "calibration", "scan"], given_id: str) -> "NotFound":
+        """One with no row of that id."""
+        return cls(Sentence(f"no-such-{noun}", id=given_id), Sentence("see-list", list=f"{noun}s"))
+
+    @classmethod
+    def file(cls, path: Path) -> "NotFound":
+        """One whose file is not there."""
+        return cls(Sentence("no-such-file", name=path.name, folder=path.parent.name), Sentence("look-what-is-stored"))
 
 
 class CursorUnknown(DaemonError):
@@ -233,7 +237,7 @@ class CursorUnknown(DaemonError):
     code = "cursor-unknown"
 
     def __init__(self, what: str, before: str) -> None:
-        super().__init__(f"there is no {before[:64]!r} among the {what}", "follow `next` of the page before")
+        super().__init__(Sentence("no-such-cursor", before=before[:64], list=what), Sentence("follow-next"))
 
 
 class AppliedMeanwhile(DaemonError):
@@ -243,10 +247,8 @@ class AppliedMeanwhile(DaemonError):
 
     def __init__(self, now: int) -> None:
         self.now = now
-        super().__init__(
-            "another calibration is active than If-Match names" if now else "no calibration is active yet",
-            "look at GET /calibrations/current and send its ETag, if this one is still to be applied",
-        )
+        what = Sentence("another-is-active") if now else Sentence("none-is-active-yet")
+        super().__init__(what, Sentence("look-at-current"))
 
 
 class BackupUnusable(DaemonError):
@@ -266,12 +268,10 @@ class StopUnconfirmed(DaemonError):
 
     code = "stop-unconfirmed"
 
-    def __init__(self, run_id: str, warning: str, *, stopped: bool, disarmed: bool) -> None:
+    def __init__(self, run_id: str, warning: Sentence, *, stopped: bool, disarmed: bool) -> None:
         self.holder, self.stopped, self.disarmed = run_id, stopped, disarmed
-        super().__init__(
-            f"run {run_id} is ended, but {warning}",
-            "press the emergency stop; the daemon goes on trying, see GET /ready",
-        )
+        what = Sentence("run-ended-unconfirmed", run=run_id, warning=warning)
+        super().__init__(what, Sentence("press-emergency-stop"))
 
 
 class NotWaiting(DaemonError):
@@ -324,11 +324,9 @@ class NoCalibration(DaemonError):
     code = "no-calibration"
 
     def __init__(self, camera: str = "camera") -> None:
-        of = "" if camera == "camera" else f" of {camera}"
-        super().__init__(
-            f"no calibration{of} is applied",
-            "calibrate (POST /calibrate), then apply it (POST /calibrations/{id}/apply)",
-        )
+        main = camera == "camera"
+        what = Sentence("no-active-calibration") if main else Sentence("no-active-calibration-of", camera=camera)
+        super().__init__(what, Sentence("calibrate-then-apply", calibration="{id}"))
 
 
 class CalibrationUnusable(DaemonError):
@@ -408,5 +406,5 @@ class Stopping(DaemonError):
 
     code = "stopping"
 
-    def __init__(self, what: str = "the daemon is stopping") -> None:
-        super().__init__(what, "ask again when it has started")
+    def __init__(self, what: str | None = None) -> None:
+        super().__init__(what or Sentence("daemon-is-stopping"), Sentence("ask-when-started"))

@@ -10,6 +10,7 @@ from calibration.kinematics.arm import Arm
 from calibration.kinematics.robot_accuracy import USUAL_BELIEF, NoiseBelief
 from calibration.planning.next_view import StoppingRule
 from calibration.planning.what_if import PlanComparison
+from calibration.sentences.sentence import Sentence
 from calibration.transforms import Array
 from daemon.cell.cell import Cell
 from daemon.cell.held_button import HeldButton
@@ -274,9 +275,7 @@ class Operations:
             await self._check_ready((*await self.cell.robot_obstacles(), *self.cell.sensor_obstacles((name,))))
             poses = request.poses or (scanner.poses if scanner else ())
             if not poses:
-                raise NoPoses(
-                    f"no poses are given, and none are taught in [{place}] poses", "send poses with the request"
-                )
+                raise NoPoses(Sentence("no-poses-given", place=place), Sentence("send-poses"))
             await self._check_poses(poses)
             created.append(await self.scans.create(request.name, request.refine, name))
             run = ScanRun(self.cell, self.scans, self.rules, created[0])

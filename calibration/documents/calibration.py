@@ -282,6 +282,15 @@ class CalibrationFindingDocument(FindingDocument):
         )  # fmt: skip
 
 
+def errors_of(findings: Sequence[FindingDocument]) -> list[Sentence]:
+    """What the errors among them say; where to look when there are none."""
+    errors = [
+        Sentence(one.id, **one.params) if isinstance(one, CalibrationFindingDocument) and is_known(one.id)
+        else as_sentence(one.message) for one in findings if one.severity == "error"
+    ]  # fmt: skip
+    return errors or [Sentence("see-verdict")]
+
+
 class CalibrationVerdictDocument(Document):
     """May it be used? Without limits and rule in a calibration that was written as version 1."""
 

@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike
 
 from calibration.errors import CalibrationError, GeometryError
 from calibration.kinematics.axis_rotations import rotation_x, rotation_y, rotation_z, wrap
+from calibration.sentences.sentence import Sentence
 from calibration.transforms import Array, transform
 
 LIMIT_SLACK_RAD = 1e-7
@@ -63,8 +64,8 @@ class OutOfReach(UnreachablePoseError):
 
     def __init__(self, arm: str, excess_mm: float, too_near: bool) -> None:
         self.excess_mm, self.too_near = excess_mm, too_near
-        where, fix = ("too near to the shoulder", "away from") if too_near else ("beyond the reach", "towards")
-        super().__init__(f"wrist centre {excess_mm:.1f} mm {where} of {arm}", f"move the pose {fix} the robot")
+        where, to = ("too-near", "away") if too_near else ("beyond-reach", "towards")
+        super().__init__(Sentence(f"wrist-{where}", excess_mm=excess_mm, arm=arm), Sentence(f"move-pose-{to}"))
 
 
 class OutsideJointLimits(UnreachablePoseError):
@@ -72,10 +73,8 @@ class OutsideJointLimits(UnreachablePoseError):
 
     def __init__(self, arm: str, axis: int, excess_rad: float) -> None:
         self.axis, self.excess_rad = axis, excess_rad
-        super().__init__(
-            f"axis {axis} of {arm} would stand {np.degrees(excess_rad):.2f}° beyond its limit",
-            "turn or shift the pose so that this axis has to travel less",
-        )
+        what = Sentence("axis-beyond-limit", axis=axis, arm=arm, excess_deg=np.degrees(excess_rad))
+        super().__init__(what, Sentence("turn-or-shift-pose"))
 
 
 class OtherConfiguration(UnreachablePoseError):
@@ -83,8 +82,8 @@ class OtherConfiguration(UnreachablePoseError):
 
     def __init__(self, wanted: Configuration, available: tuple[Configuration, ...]) -> None:
         self.wanted, self.available = wanted, available
-        listed = ", ".join(str([*c]) for c in available)
-        super().__init__(f"pose not reachable with configuration {[*wanted]}", f"use one of {listed}")
+        what = Sentence("configuration-not-reachable", wanted=str([*wanted]))
+        super().__init__(what, Sentence("use-configuration", available=[str([*one]) for one in available]))
 
 
 @dataclass(frozen=True)

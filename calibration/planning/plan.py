@@ -9,6 +9,7 @@ from calibration.likelihood.predicted_uncertainty import Scene, predict, view_in
 from calibration.planning.route import visiting_order
 from calibration.planning.viewpoint_selection import RESTARTS, Reachable, Search, select_viewpoints
 from calibration.planning.viewpoints import ViewpointLimits, target_in_view
+from calibration.sentences.sentence import Sentence
 from calibration.solution import Uncertainty
 from calibration.transforms import Array
 
@@ -56,8 +57,7 @@ def plan_poses(
     poses = chosen.base_T_flange
     if len(poses) < count:
         raise PlanningError(
-            f"only {len(poses)} of {count} poses are within the limits",
-            "widen tilt, distance or box, bring the target nearer to the middle of the box, or correct the guesses",
+            Sentence("few-poses-within-limits", found=len(poses), count=count), Sentence("widen-limits")
         )
     poses = poses[visiting_order(poses, start)]
     every = poses if taken is None else np.concatenate([taken, poses])

@@ -51,7 +51,7 @@ def _next_step(run: RunRecord, calibration: CalibrationDocument) -> Iterable[str
     if run.result and run.result.get("not_applied"):
         yield run.result["not_applied"]["message"]
     if run.result and run.result.get("applied"):
-        yield "it is applied: POST /register uses it from now on"
+        yield "it is active: POST /register uses it from now on"
     elif calibration.verdict.accepted:
         yield f"not applied yet: POST /calibrations/{calibration.id}/apply"
     else:

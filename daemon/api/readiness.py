@@ -24,7 +24,9 @@ async def readiness(app: Application, camera: CellCamera, scanner: str | None = 
     """
     run = app.supervisor.in_progress
     calibrate: list[str] = (
-        [Sentence("run-going-on", kind=str(run.kind), run=run.id)] if run else [*await camera.obstacles.read()]
+        [Sentence("run-going-on", kind=Sentence(f"kind-{run.kind}"), run=run.id)]
+        if run
+        else [*await camera.obstacles.read()]
     )
     calibrate += (*app.supervisor.obstacles(), *app.store.obstacles())
     register = [] if scanner is None else [*app.cell.sensor_obstacles((scanner,))]

@@ -9,6 +9,7 @@ from calibration.documents.calibration_in_use import CalibrationInUse
 from calibration.documents.external_axis import ExternalAxisDocument
 from calibration.kinematics.arm_conditions import ArmConditions
 from calibration.kinematics.load import Load
+from calibration.sentences.sentence import Sentence
 from daemon.errors import CalibrationUnusable
 
 
@@ -55,9 +56,7 @@ class ArmInCell:
         Raises CalibrationUnusable for one without the declared external axis, GeometryError.
         """
         if self.declared is not None and calibration.external_axis is None and calibration.setup == "eye-in-hand":
-            raise CalibrationUnusable(
-                f"calibration {calibration.id} was made without the {self.declared.kind} of [robot.external_axis]: what"
-                " it places is right only where that stood",
-                "calibrate by hand from two of its positions or more",
-            )
+            axis = Sentence(f"axis-{self.declared.kind}")
+            what = Sentence("made-without-axis", calibration=calibration.id, axis=axis)
+            raise CalibrationUnusable(what, Sentence("calibrate-at-two-positions"))
         return CalibrationInUse.of(calibration, errors, self.conditions())

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import TYPE_CHECKING
 
-from calibration.sentences.sentence import Sentence
+from calibration.sentences.sentence import Sentence, as_sentence, is_known
 from calibration.transforms import Array
 from daemon.cell.arm_in_cell import ArmInCell
 from daemon.cell.capture_outputs import CaptureOutputs
@@ -80,10 +80,9 @@ class StaleCaptureDetector:
             return
         apart_mm, apart_rad = difference(before, reading.base_T_flange)
         if apart_mm > MIN_DISTANCE_MM or apart_rad > MIN_ROTATION_RAD:
-            raise StaleCaptureError(
-                f"the {self.device} sent the same {kind} again, to the last bit, from a pose {apart_mm:.0f} mm away",
-                f"see that the {self.device} takes a new {kind} for each request, or restart it",
-            )
+            device = _device_words(self.device)
+            what = Sentence(f"same-{kind}-again", device=device, apart_mm=apart_mm)
+            raise StaleCaptureError(what, Sentence("take-anew-each-time", device=device))
 
 
 class CameraTurns:
@@ -178,11 +177,11 @@ MAX_STATUS_S = 1.0
 
 POLL_S = 0.02
 
-READ_ONLY = "robot: the arm is read, not moved, over this link: take the pictures by hand (--manual)"
+READ_ONLY = Sentence("read-only-link")
 
 NO_SCANNER = (NoScanner().what,)
 
-AXES_NOT_MOVED = "robot: axes are moved over the CB link only"
+AXES_NOT_MOVED = Sentence("axes-over-cb-link")
 
 
 @dataclass(frozen=True)
@@ -500,4 +499,9 @@ def _link_obstacle(name: str, device: Robot | Camera | Scanner) -> tuple[str, ..
 
 
 def _of_device(name: str, detail: str) -> Sentence:
-    return Sentence("of-device", device=name, detail=detail)
+    return Sentence("of-device", device=_device_words(name), detail=as_sentence(detail))
+
+
+def _device_words(device: str) -> str:
+    """A device in words; a further camera or scanner has the name that the settings give it."""
+    return Sentence(f"device-{device}") if is_known(f"device-{device}") else device

@@ -15,6 +15,7 @@ from calibration.kinematics.seven_axes import AnyArm, SevenAxisArm
 from calibration.planning.line_of_sight import LineOfSight
 from calibration.planning.reachability import reachable_by
 from calibration.planning.viewpoint_selection import Reachable
+from calibration.sentences.sentence import Sentence
 from calibration.transforms import Array, inverse, map_points
 from daemon.cell.frame_check import frame_difference
 from daemon.config.settings import RobotSettings, TaughtPose
@@ -101,12 +102,9 @@ class MotionRules:
         corners_mm = map_points(base_T_world, np.array(list(product(*zip(low_mm, high_mm, strict=True)))))
         low, high = np.array(self.robot.box_mm)
         if (corners_mm < low - BOX_SLACK_MM).any() or (corners_mm > high + BOX_SLACK_MM).any():
-            raise PoseRefused(
-                0,
-                f"where the flange would stand is not known, and the controller's box from {_text(low_mm)} to"
-                f" {_text(high_mm)} mm of its world reaches out of the box {self._box_text()}",
-                "set [robot] model; or set cell_box_low and cell_box_high of the robot's program within [robot] box_mm",
-            )
+            controllers = box_words(low_mm, high_mm)
+            what = Sentence("controllers-box-reaches-out", controllers=controllers, box=box_words(low, high))
+            raise PoseRefused(0, what, Sentence("set-model-or-cell-box"))
 
     def with_travel_below(self, joint_travel_deg: float) -> "MotionRules":
         """These rules, with a limit of joint travel that is no larger than given."""
@@ -116,14 +114,10 @@ class MotionRules:
     def check_inside_box(self, station: int, pose: TaughtPose) -> None:
         """Raises PoseRefused when the flange's origin at `pose` lies outside the box."""
         if not self.robot.inside_box(pose.transform()):
-            raise PoseRefused(
-                station,
-                f"the flange would stand at {_text(pose.translation_mm)} mm in the base frame, it or what it carries"
-                f" outside the box {self._box_text()}"
-                if self.robot.carried_mm
-                else f"the flange would stand at {_text(pose.translation_mm)} mm, outside the box {self._box_text()}",
-                "choose another pose, or correct [robot] box_mm",
-            )
+            (x_mm, y_mm, z_mm), box = pose.translation_mm, box_words(*self.robot.box_mm)
+            who = "carried" if self.robot.carried_mm else "flange"
+            what = Sentence(f"{who}-outside-box", x_mm=x_mm, y_mm=y_mm, z_mm=z_mm, box=box)
+            raise PoseRefused(station, what, Sentence("choose-pose-or-box"))
 
     def fastest_mm_s(self, reach_mm: float, on_flange: Array | None) -> float:
         """Largest speed of flange, camera or target on it (4, 4), and carried points, however the flange turns.
@@ -139,8 +133,8 @@ class MotionRules:
         """Speed of a small move: as asked, else the usual one within the settings'. Raises PoseRefused."""
         allowed = self.robot.speed_mm_s
         if asked is not None and asked > allowed:
-            what = f"{asked:g} mm/s is faster than the settings' {allowed:g} mm/s"
-            raise PoseRefused(0, what, "ask for less, or raise [robot] speed_mm_s")
+            what = Sentence("speed-too-high", asked_mm_s=asked, allowed_mm_s=allowed)
+            raise PoseRefused(0, what, Sentence("ask-slower"))
         return min(usual, allowed) if asked is None else asked
 
     def warnings(self) -> list[str]:
@@ -151,11 +145,7 @@ class MotionRules:
 
     def _check_arm_angle(self, station: int, pose: TaughtPose) -> None:
         if pose.arm_angle_deg is not None and self.seven is None:
-            raise PoseRefused(
-                station,
-                "the pose has an arm angle, and [robot] model names no arm with seven axes",
-                "leave arm_angle_deg out, or correct [robot] model",
-            )
+            raise PoseRefused(station, Sentence("no-seven-axes-named"), Sentence("leave-arm-angle-out"))
 
     async def goal(self, station: int, pose: TaughtPose, robot: Robot) -> MoveGoal:
         """The move from the present pose to `pose`. Raises PoseRefused, DeviceError."""
@@ -231,25 +221,18 @@ class MotionRules:
     def _check_travel(self, station: int, start_rad: Array, end_rad: Array) -> None:
         travel_deg = np.degrees(np.abs(end_rad - start_rad))
         if travel_deg.max() > self.robot.joint_travel_deg:
-            raise PoseRefused(
-                station,
-                f"axis {int(travel_deg.argmax()) + 1} would turn by {travel_deg.max():.0f}° in one move"
-                f" (limit {self.robot.joint_travel_deg:g}°)",
-                "put a pose between the two, choose a nearer one, or raise [robot] joint_travel_deg",
-            )
+            axis, limit_deg = int(travel_deg.argmax()) + 1, self.robot.joint_travel_deg
+            what = Sentence("axis-turns-too-far", axis=axis, travel_deg=travel_deg.max(), limit_deg=limit_deg)
+            raise PoseRefused(station, what, Sentence("shorten-travel"))
 
     def _check_path(self, station: int, arm: Arm, start_rad: Array, end_rad: Array) -> None:
         found = leaves_box(arm, start_rad, end_rad, self._box, BOX_SLACK_MM, self.robot.points_mm)
         if found is not None:
-            raise PathRefused(station, found, self._box_text())
+            raise PathRefused(station, found, box_words(*self.robot.box_mm))
 
     @property
     def _box(self) -> Box:
         return Box(*self.robot.box_mm)
-
-    def _box_text(self) -> str:
-        low, high = (", ".join(f"{x:g}" for x in corner) for corner in self.robot.box_mm)
-        return f"from ({low}) to ({high})"
 
     def joints_along(self, base_T_flange: Array, joints_now_rad: Array | None) -> list[Array | None]:
         """Joints (6,) at each of the poses (n, 4, 4), each nearest to the one before; None where they are not known."""
@@ -274,5 +257,7 @@ class MotionRules:
         return reachable_by(self.arm, joints_now_rad, travel_rad, self._box, self.robot.points_mm, sight)
 
 
-def _text(xyz_mm: Iterable[float]) -> str:
-    return f"({', '.join(f'{x:.1f}' for x in xyz_mm)})"
+def box_words(low_mm: Iterable[float], high_mm: Iterable[float]) -> Sentence:
+    """A box by its corners (3,) and (3,), mm."""
+    low, high = (", ".join(f"{x:g}" for x in corner) for corner in (low_mm, high_mm))
+    return Sentence("box-from-to", low=low, high=high)

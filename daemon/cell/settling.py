@@ -44,9 +44,12 @@ class PoseDelta:
         stands = self.translation_mm <= settling.translation_mm and self.rotation_rad <= settling.rotation_rad
         return stands and self.external <= MAX_EXTERNAL_MOVE
 
-    def __str__(self) -> str:
-        beside = f", an external axis by {self.external:.2f}" if self.external > MAX_EXTERNAL_MOVE else ""
-        return f"{self.translation_mm:.3f} mm and {degrees(self.rotation_rad):.4f}°{beside}"
+    @property
+    def words(self) -> Sentence:
+        moved = {"mm": self.translation_mm, "deg": degrees(self.rotation_rad)}
+        if self.external > MAX_EXTERNAL_MOVE:
+            return Sentence("moved-by-with-axis", **moved, external=self.external)
+        return Sentence("moved-by", **moved)
 
 
 async def settle(robot: Robot, settling: SettlingSettings, clock: Clock) -> PoseReading:
@@ -60,10 +63,8 @@ async def settle(robot: Robot, settling: SettlingSettings, clock: Clock) -> Pose
         if before.still and after.still and delta.within(settling):
             return after
         if clock.monotonic_s() - began_s > settling.limit_s:
-            raise NotStill(
-                f"the arm did not come to rest within {settling.limit_s:g} s (it still moved by {delta})",
-                "look for vibration or a soft servo; or allow more in [robot.settling]",
-            )
+            what = Sentence("not-at-rest-in-time", limit_s=settling.limit_s, delta=delta.words)
+            raise NotStill(what, Sentence("look-for-vibration"))
         before = after
 
 
@@ -75,14 +76,10 @@ async def read_if_standing(robot: Robot, settling: SettlingSettings, clock: Cloc
     delta = PoseDelta.between(before, after)
     if before.still and after.still and delta.within(settling):
         return after
-    moved = (
-        f"it moved by {delta} within {settling.gap_s:g} s"
-        if not delta.within(settling)
-        else "the controller reports motion"
-    )
-    raise NotStill(
-        f"the arm is not at rest: {moved}", "let go of the joystick, wait until the arm stands, and ask again"
-    )
+    what = Sentence("arm-not-at-rest-reported")
+    if not delta.within(settling):
+        what = Sentence("arm-not-at-rest-moved", delta=delta.words, gap_s=settling.gap_s)
+    raise NotStill(what, Sentence("let-arm-stand"))
 
 
 def check_external_axes(
@@ -98,21 +95,15 @@ def check_external_axes(
         if declared is not None and number == declared.number:
             continue
         if abs(after - before) > MAX_EXTERNAL_MOVE:
-            raise NotStill(
-                f"external axis {number} moved from {before:.2f} to {after:.2f} since the first pose: the base may have"
-                " moved with it, and whether the reported pose includes that is the controller's configuration",
-                f"bring it back to {before:.2f}, or begin anew with the track where it is; or declare it in"
-                " [robot.external_axis], if the controller leaves it out of its poses",
-            )
+            what = Sentence("external-axis-moved", number=number, before=before, after=after)
+            raise NotStill(what, Sentence("bring-axis-back", before=before))
 
 
 def check_still(before: PoseReading, after: PoseReading, settling: SettlingSettings) -> None:
     """Raises NotStill when the arm moved between two readings, so that a capture in between has no pose."""
     delta = PoseDelta.between(before, after)
     if not (after.still and delta.within(settling)):
-        raise NotStill(
-            f"the arm moved by {delta} during the capture", "keep everything else from moving it, and try again"
-        )
+        raise NotStill(Sentence("moved-during-capture", delta=delta.words), Sentence("keep-arm-still"))
 
 
 def check_arrival(sent_base_T_flange: Array, reading: PoseReading, pose_convention: str) -> None:
@@ -123,23 +114,20 @@ def check_arrival(sent_base_T_flange: Array, reading: PoseReading, pose_conventi
     off_mm, off_rad = difference(sent_base_T_flange, reading.base_T_flange)
     if off_mm <= ARRIVAL_TOLERANCE_MM and off_rad <= ARRIVAL_TOLERANCE_RAD:
         return
-    raise PoseMismatch(
-        f"the arm was sent to {_place(sent_base_T_flange)} mm and says it stands at {_place(reading.base_T_flange)} mm,"
-        f" {off_mm:.4g} mm and {degrees(off_rad):.3g}° away",
-        _explanation(sent_base_T_flange, reading.base_T_flange, pose_convention),
-    )
+    (x_mm, y_mm, z_mm), read_mm = sent_base_T_flange[:3, 3], reading.base_T_flange[:3, 3]
+    what = Sentence(
+        "stands-elsewhere", x_mm=x_mm, y_mm=y_mm, z_mm=z_mm, read_x_mm=read_mm[0], read_y_mm=read_mm[1],
+        read_z_mm=read_mm[2], off_mm=off_mm, off_deg=degrees(off_rad),
+    )  # fmt: skip
+    raise PoseMismatch(what, _explanation(sent_base_T_flange, reading.base_T_flange, pose_convention))
 
 
-def _place(base_T_flange: Array) -> str:
-    return "({:.4g}, {:.4g}, {:.4g})".format(*base_T_flange[:3, 3])
-
-
-def _explanation(sent: Array, read: Array, pose_convention: str) -> str:
+def _explanation(sent: Array, read: Array, pose_convention: str) -> Sentence:
     """The likely cause of a deviation, and what to do."""
     w, x, y, z = quaternion_from_rotation(sent[:3, :3])
     scalar_last = rotation_from_quaternion([x, y, z, w])
     if np.linalg.norm(1000.0 * read[:3, 3] - sent[:3, 3]) <= ARRIVAL_TOLERANCE_MM:
-        return "it reports metres where millimetres belong: correct the controller's program"
+        return Sentence("program-reports-metres")
     if rotation_angle_rad(scalar_last.T @ read[:3, :3]) <= ARRIVAL_TOLERANCE_RAD:
-        return "its quaternion has the scalar part last where it belongs first: correct the controller's program"
-    return f"see that the controller's program gives {pose_convention}"
+        return Sentence("program-scalar-last")
+    return Sentence("program-pose-convention", convention=pose_convention)

@@ -4,6 +4,7 @@ import asyncio
 from dataclasses import dataclass
 from math import degrees
 
+from calibration.sentences.sentence import Sentence
 from daemon.config.robot_settings import EgmSettings
 from daemon.errors import NotStill
 from daemon.runtime.clock import Clock
@@ -24,7 +25,7 @@ class VibrationGate:
         ends_s = clock.monotonic_s() + limit_s
         while not self._within(vibration := self.monitor.vibration(self.limits.window_s)):
             if clock.monotonic_s() > ends_s:
-                raise self._vibration_error(vibration, f"after {limit_s:g} s the flange")
+                raise _not_at_rest(vibration)
             await clock.sleep(POLL_S)
         return vibration
 
@@ -32,7 +33,7 @@ class VibrationGate:
         """The present vibration, if within the limits. Raises NotStill, DeviceTimeout."""
         vibration = self.monitor.vibration(self.limits.window_s)
         if not self._within(vibration):
-            raise self._vibration_error(vibration, "the flange")
+            raise _not_at_rest(vibration)
         return vibration
 
     async def close(self) -> None:
@@ -45,8 +46,7 @@ class VibrationGate:
             and degrees(vibration.rotation_rad) <= self.limits.rotation_deg
         )
 
-    def _vibration_error(self, vibration: Vibration, who: str) -> NotStill:
-        return NotStill(
-            f"{who} still vibrates by {vibration.translation_mm:.3f} mm and {degrees(vibration.rotation_rad):.4f}°",
-            "look for what shakes it, or a soft servo; or allow more in [robot.egm]",
-        )
+
+def _not_at_rest(vibration: Vibration) -> NotStill:
+    what = Sentence("flange-vibrates", mm=vibration.translation_mm, deg=degrees(vibration.rotation_rad))
+    return NotStill(what, Sentence("look-what-shakes"))

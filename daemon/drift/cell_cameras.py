@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+from calibration.sentences.sentence import Sentence
 from daemon.cell.recent_reading import RecentReading
 from daemon.config.settings import Settings
 from daemon.drift.monitor import DriftMonitor
@@ -44,5 +45,5 @@ class CellCameras:
         for camera in self.cameras:
             if camera.name == name:
                 return camera
-        names = ", ".join(camera.name for camera in self.cameras)
-        raise NotFound(f"there is no camera {name!r}", f"choose one of the settings' cameras: {names}")
+        fix = Sentence("choose-of-settings", names=[camera.name for camera in self.cameras])
+        raise NotFound(Sentence("no-such-camera", name=name), fix)

@@ -10,6 +10,7 @@ from datetime import datetime
 from calibration.documents.calibration import CalibrationDocument
 from calibration.errors import CalibrationError
 from calibration.kinematics.robot_accuracy import NoiseBelief
+from calibration.sentences.sentence import Sentence
 from daemon.cell.arm_in_cell import ArmInCell
 from daemon.config.settings import MAIN_CAMERA, Settings
 from daemon.drift.chart import DriftChart, DriftReport, chart_of
@@ -108,7 +109,7 @@ class DriftMonitor:
         document = (await self.store.calibration(calibration_id)).document
         applied = [row for row in await self.store.history(MAX_HISTORY) if row.calibration_id == calibration_id]
         if not applied or document.mount_T_camera is None:
-            raise NotFound(f"calibration {calibration_id} was never active", "GET /calibrations lists what was")
+            raise NotFound(Sentence("never-active", id=calibration_id), Sentence("see-what-was-active"))
         verifications = VerificationHistory(self.store, self.workers, self.settings.target)
         entries = await verifications.of(applied[-1], document)
         return await self._chart_of(entries, document)

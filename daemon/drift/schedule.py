@@ -133,7 +133,7 @@ class DriftSchedule(InBackground):
         if not latest.over:
             return ""
         if latest.state is not RunState.FINISHED:
-            return Sentence("schedule-run-ended", run=latest.id, state=str(latest.state))
+            return Sentence(f"schedule-run-{latest.state}", run=latest.id)
         if latest.request.get("manual") or latest.kind == "jog":
             return Sentence("schedule-moved-by-hand", run=latest.id)
         return self._withdrawn_because if latest.id == self._withdrawn_run else ""

@@ -5,8 +5,9 @@ from dataclasses import asdict, dataclass, field, replace
 from typing import Any, Literal
 
 import numpy as np
+from pydantic import TypeAdapter
 
-from calibration.documents.calibration import CalibrationDocument
+from calibration.documents.calibration import CalibrationDocument, SentenceDocument
 from calibration.documents.external_axis import external_axes_of
 from calibration.documents.pose import PoseDocument
 from calibration.kinematics.stance import Stance
@@ -20,11 +21,18 @@ Unit = Literal["mm", "m"]
 
 @dataclass(frozen=True)
 class CauseDocument:
-    """Why a run failed or was aborted: a stable code, a sentence, and what to do."""
+    """Why a run failed or was aborted: a stable code, a sentence, and what to do; `details`: what these are made of."""
 
     code: str
     what: str
     fix: str
+    details: dict[Literal["what", "fix"], SentenceDocument]
+
+    @classmethod
+    def because(cls, code: str, what: str, fix: str) -> "CauseDocument":
+        """The cause that these two sentences say."""
+        made, advice = SentenceDocument.each_of((what, fix))
+        return cls(code, str(what), str(fix), {"what": made, "fix": advice})
 
 
 @dataclass(frozen=True)
@@ -92,26 +100,25 @@ class RunRecord:
 
     def row(self) -> tuple[Any, ...]:
         """The values in the order of the table's columns."""
-        code, what, fix = (self.cause.code, self.cause.what, self.cause.fix) if self.cause else (None, None, None)
+        cause = None if self.cause is None else _CAUSE.dump_json(self.cause).decode()
         result = None if self.result is None else json.dumps(self.result)
-        times = (self.created_at, self.updated_at)
-        return (self.id, self.kind, str(self.state), self.station, self.stations, code, what, fix, *times,
-                json.dumps(self.request), result, self.planning and json.dumps(asdict(self.planning)),
-                self.started_by, self.started_by_role)  # fmt: skip
+        return (self.id, self.kind, str(self.state), self.station, self.stations, cause, self.created_at,
+                self.updated_at, json.dumps(self.request), result,
+                self.planning and json.dumps(asdict(self.planning)), self.started_by, self.started_by_role)  # fmt: skip
 
     @classmethod
     def of(cls, row: tuple[Any, ...]) -> "RunRecord":
         """The record of a row. Raises ValueError, TypeError for one that is not what was stored."""
-        run_id, kind, state, station, stations, code, what, fix, created_at, updated_at, *rest = row
-        request, result, planning, *starter = rest
-        started_by, started_by_role = starter or ("", "")  # a damaged store of an older version is not migrated
-        cause = None if code is None else CauseDocument(code, what, fix)
+        run_id, kind, state, station, stations, cause, created_at, updated_at, request, result, planning, *starter = row
         asked, found = json.loads(request), None if result is None else json.loads(result)
         if not (isinstance(asked, dict) and isinstance(found, dict | None)):
             raise ValueError("request or result is no JSON object")
-        return cls(run_id, kind, RunState(state), station, stations, created_at, updated_at, cause,
-                   asked, found, planning and Planning(**json.loads(planning)), started_by,
-                   started_by_role)  # fmt: skip
+        why = None if cause is None else _CAUSE.validate_json(cause)
+        return cls(run_id, kind, RunState(state), station, stations, created_at, updated_at, why,
+                   asked, found, planning and Planning(**json.loads(planning)), *starter)  # fmt: skip
+
+
+_CAUSE = TypeAdapter(CauseDocument)
 
 
 @dataclass(frozen=True)

@@ -85,7 +85,7 @@ class AdaptiveSequence:
         """As PoseSequence; raises NoPoses and PoseRefused too."""
         self._progress.wish, self._progress.stations = self.parameters.wish, self.parameters.wish.views_left
         self._progress.planning = Planning(note=self.parameters.assumed, goal=goal_of(self.parameters.wish))
-        async with self.cell.motion_lease(f"run {self.log.id}") as robot:
+        async with self.cell.motion_lease(Sentence("holder-run", run=self.log.id)) as robot:
             await self._capture_first_view()
             await self._explore(robot)
             while (found := await self._plan_next(robot)).base_T_flange is not None:
@@ -127,11 +127,9 @@ class AdaptiveSequence:
             seen = (await self._visit(robot, pose)).detection is not None
             exploration = exploration.after(turn, seen)
         if not exploration.is_complete:
-            raise TargetNotSeen(
-                f"the target left the picture in {len(exploration.tried)} small turns of the flange",
-                "bring the target nearer to the middle of the picture, or state"
-                f" {MOUNTS[self.parameters.guess.setup]}_T_camera_guess",
-            )
+            what = Sentence("target-left-picture", turns=len(exploration.tried))
+            setting = f"{MOUNTS[self.parameters.guess.setup]}_T_camera_guess"
+            raise TargetNotSeen(what, Sentence("bring-nearer-to-middle", setting=setting))
 
     async def _is_reachable(self, robot: Robot, base_T_flange: Array) -> bool:
         joints = await robot.read_joints() if self.parameters.rules.arm else None

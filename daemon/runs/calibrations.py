@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from calibration.documents.calibration import AccuracyDocument, CalibrationDocument, ReasonDocument
+from calibration.documents.calibration import AccuracyDocument, CalibrationDocument, ReasonDocument, errors_of
 from calibration.documents.calibration_in_use import CalibrationInUse
 from calibration.errors import CalibrationError
 from calibration.monitoring.comparison import compare
@@ -68,14 +68,9 @@ class Calibrations:
             record = await self.store.calibration(which)
         document = record.document
         if of is not None and record.camera != of:
-            raise CalibrationUnusable(
-                f"calibration {document.id} is of {record.camera}, and the scanner's place is known from {of}",
-                f"choose a calibration of {of}",
-            )
-        if document.mount_T_camera is None:
-            raise CalibrationUnusable(
-                f"calibration {document.id} holds no transform", "calibrate again with other poses"
-            )
+            what = Sentence("calibration-of-other-camera", calibration=document.id, camera=record.camera, of=of)
+            raise CalibrationUnusable(what, Sentence("choose-calibration-of", of=of))
+        require_transform(document)
         return document
 
     async def in_use(self, calibration: CalibrationDocument) -> CalibrationInUse:
@@ -100,25 +95,26 @@ class Calibrations:
 
 def check_usable(calibration: CalibrationRecord, request: ApplyRequest) -> None:
     """Raises CalibrationUnusable for a calibration without a transform, or rejected without `despite_verdict`."""
-    if calibration.document.mount_T_camera is None:
-        raise CalibrationUnusable(
-            f"calibration {calibration.id} holds no transform", "calibrate again with other poses"
-        )
+    require_transform(calibration.document)
     if not (calibration.accepted or request.despite_verdict):
-        errors = [f.message for f in calibration.document.verdict.findings if f.severity == "error"]
-        raise CalibrationUnusable(
-            f"calibration {calibration.id} was not accepted: {'; '.join(errors) or 'see its verdict'}",
-            'calibrate again; or apply it all the same with {"despite_verdict": true}',
-        )
+        why = errors_of(calibration.document.verdict.findings)
+        what = Sentence("calibration-not-accepted", calibration=calibration.id, why=why)
+        raise CalibrationUnusable(what, Sentence("calibrate-or-despite", body='{"despite_verdict": true}'))
+
+
+def require_transform(calibration: CalibrationDocument) -> None:
+    """Raises CalibrationUnusable for a calibration without a transform."""
+    if calibration.mount_T_camera is None:
+        what = Sentence("calibration-without-transform", calibration=calibration.id)
+        raise CalibrationUnusable(what, Sentence("calibrate-with-other-poses"))
 
 
 def require_setup(calibration: CalibrationDocument, setup: Setup) -> None:
     """Raises CalibrationUnusable for a calibration of the other set-up."""
     if calibration.setup != setup:
-        raise CalibrationUnusable(
-            f"calibration {calibration.id} is {calibration.setup}, but [camera] setup is {setup}",
-            "calibrate this cell, and apply the result",
-        )
+        given = calibration.setup
+        what = Sentence("calibration-of-other-setup", calibration=calibration.id, given=given, setup=setup)
+        raise CalibrationUnusable(what, Sentence("calibrate-this-cell"))
 
 
 def result_of(document: CalibrationDocument, *, applied: bool, why_not: Sentence | None = None) -> dict[str, Any]:

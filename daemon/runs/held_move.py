@@ -6,6 +6,7 @@ from math import ceil, radians
 
 import numpy as np
 
+from calibration.sentences.sentence import Sentence
 from calibration.transforms import Array, difference, rotation_from_vector, transform, vector_from_rotation
 from daemon.cell.cell import READ_ONLY
 from daemon.cell.held_button import HeldButton
@@ -81,8 +82,8 @@ class HeldMove(Jog):
         try:
             await asyncio.to_thread(self.rules.with_travel_below(MAX_STEP_TRAVEL_DEG).check_poses, poses, joints)
         except PoseRefused as refused:
-            what = f"on the straight way to this pose, at step {refused.what.removeprefix('station ')}"
-            raise PoseRefused(NO_STATION, what, "move the arm nearer to it by single steps") from None
+            what = Sentence("on-straight-way", step=refused.station, why=refused.why)
+            raise PoseRefused(NO_STATION, what, Sentence("move-nearer")) from None
         return poses
 
     async def _step(self, pose: TaughtPose) -> MoveGoal:

@@ -7,6 +7,7 @@ import numpy as np
 
 from calibration.documents.pose import PoseDocument
 from calibration.documents.validation import Document
+from calibration.sentences.sentence import Sentence
 from calibration.transforms import Array, rotation_from_vector, transform
 from daemon.cell.cell import AXES_NOT_MOVED, READ_ONLY, Cell
 from daemon.cell.motion_rules import MotionRules
@@ -63,7 +64,7 @@ class Jog:
             return replace(await rules.goal(NO_STATION, pose, self.cell.robot), speed_mm_s=speed_mm_s)
         program = configured(self.cell.robot)
         if program is None:
-            raise PoseRefused(NO_STATION, AXES_NOT_MOVED, "move the flange in base or flange")
+            raise PoseRefused(NO_STATION, AXES_NOT_MOVED, Sentence("move-flange-instead"))
         self.rules.check_controllers_box(*(await program.read_setup()).world_box_mm)
         start_rad, here = await self.cell.robot.read_joints(), await self.cell.robot.read_pose()
         end_rad = _turned(start_rad, self.request)
@@ -72,7 +73,7 @@ class Jog:
 
     async def drive(self, log: RunLog) -> RunResult:
         """The run of a jog alone. Raises as `carry_out`."""
-        return RunEvent.STANDS, result_of(await self.carry_out(f"run {log.id}"))
+        return RunEvent.STANDS, result_of(await self.carry_out(Sentence("holder-run", run=log.id)))
 
     async def carry_out(self, holder: str) -> PoseReading:
         """Move, and stop and disarm in every case; returns the pose and joints at rest. Raises as `goal`, CellBusy."""
@@ -111,13 +112,13 @@ def _turned(start_rad: Array, request: JogRequest) -> Array:
     """Joints (n,) in rad after the move. Raises PoseRefused for a number of axes that the arm does not have."""
     if request.joints_deg is not None:
         if len(request.joints_deg) != len(start_rad):
-            what = f"{len(request.joints_deg)} angles are given, and the arm has {len(start_rad)} axes"
-            raise PoseRefused(NO_STATION, what, "give one angle for each axis")
+            what = Sentence("angles-not-axes", given=len(request.joints_deg), axes=len(start_rad))
+            raise PoseRefused(NO_STATION, what, Sentence("give-each-angle"))
         return np.radians(request.joints_deg)
     assert request.axis is not None and request.by_deg is not None
     if request.axis > len(start_rad):
-        what = f"there is no axis {request.axis}, the arm has {len(start_rad)}"
-        raise PoseRefused(NO_STATION, what, f"choose one from 1 to {len(start_rad)}")
+        what = Sentence("no-such-axis", axis=request.axis, axes=len(start_rad))
+        raise PoseRefused(NO_STATION, what, Sentence("choose-axis", axes=len(start_rad)))
     end_rad = start_rad.copy()
     end_rad[request.axis - 1] += np.radians(request.by_deg)
     return end_rad

@@ -72,7 +72,7 @@ class ManualSequence:
         """As PoseSequence: takes a view for each request until the operator ends it. Raises OperatorTimeout too."""
         self._progress.planning = Planning(goal=goal_of(self.parameters.adaptive.wish))
         try:
-            async with self.cell.hold(f"run {self.log.id}"):
+            async with self.cell.hold(Sentence("holder-run", run=self.log.id)):
                 while not await self._serve(await self._next_request(), min_views):
                     pass
         finally:
@@ -84,10 +84,8 @@ class ManualSequence:
         try:
             return await self.parameters.requests.next(self.parameters.wait_s)
         except TimeoutError:
-            raise OperatorTimeout(
-                f"no picture was asked for within {self.parameters.wait_s:g} s",
-                "start again when somebody is at the cell; or allow more in [calibration] manual_wait_s",
-            ) from None
+            what = Sentence("nobody-asked", limit_s=self.parameters.wait_s)
+            raise OperatorTimeout(what, Sentence("start-when-somebody-is-there")) from None
 
     async def _serve(self, asked: OperatorRequest, min_views: int) -> bool:
         """Carry out one request; returns True when it ends the sequence. A refused one leaves the run as it was."""

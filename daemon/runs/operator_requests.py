@@ -4,6 +4,7 @@ import asyncio
 from dataclasses import dataclass
 from typing import Literal
 
+from calibration.sentences.sentence import Sentence
 from daemon.errors import CellBusy, DaemonError, RunOver
 from daemon.runs.jog import Jog
 from drivers.errors import DeviceError
@@ -41,9 +42,9 @@ class OperatorRequestQueue:
     async def submit(self, wish: OperatorAction, jog: Jog | None = None) -> None:
         """Send a request and wait until it is done. Raises CellBusy, RunOver, and the reason of a refusal."""
         if self._closed:
-            raise RunOver("the run is ending, and takes no more pictures", "look at its result, or start another")
+            raise RunOver(Sentence("run-is-ending"), Sentence("look-or-start-another"))
         if self._pending is not None:
-            raise CellBusy("the jog in progress" if self._pending.jog else "the picture that is being taken")
+            raise CellBusy(Sentence("holder-jog") if self._pending.jog else Sentence("holder-picture"))
         answer = asyncio.get_running_loop().create_future()
         answer.add_done_callback(lambda done: done.cancelled() or done.exception())  # the client may have disconnected
         self._pending = OperatorRequest(wish, answer, jog)
@@ -60,4 +61,4 @@ class OperatorRequestQueue:
         """Accept no more requests, and refuse a pending one."""
         self._closed = True
         if self._pending is not None:
-            self._pending.refuse(RunOver("the run ended before it was done", "look at why, with GET /runs/{id}"))
+            self._pending.refuse(RunOver(Sentence("run-ended-before-done"), Sentence("look-why", run="{id}")))

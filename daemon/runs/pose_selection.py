@@ -14,6 +14,7 @@ from calibration.planning.next_view import StoppingRule
 from calibration.planning.scene_belief import ScenePrior
 from calibration.planning.viewpoints import ViewpointLimits
 from calibration.problem import AxisOffset, Setup
+from calibration.sentences.sentence import Sentence
 from calibration.solution import NamedPoint
 from daemon.cell.motion_rules import MotionRules
 from daemon.config.settings import CalibrationSettings, Settings, TaughtPose
@@ -60,16 +61,9 @@ class SceneGuess:
 def require_planned_poses(axis_offset: AxisOffset | None, rules: MotionRules) -> None:
     """Raises NoPoses for an arm with seven axes, and for one that cannot tilt its flange as planned poses do."""
     if rules.seven is not None:
-        raise NoPoses(
-            f"{rules.seven.name} has seven axes: poses are taught, not planned",
-            "teach eight poses or more, each with its configuration and arm_angle_deg; or calibrate by hand",
-        )
+        raise NoPoses(Sentence("taught-not-planned", arm=rules.seven.name), Sentence("teach-with-arm-angle"))
     if axis_offset is not None:
-        raise NoPoses(
-            "planned poses tilt the flange, and axis_offset is for an arm that turns it about one axis only",
-            "teach eight poses or more: turned about that axis by 30 degrees or more, and 100 mm or more apart across"
-            " it; or calibrate by hand",
-        )
+        raise NoPoses(Sentence("planned-poses-tilt"), Sentence("teach-turned-poses"))
 
 
 def complete_request(settings: Settings, request: CalibrateRequest) -> CalibrateRequest:
@@ -88,16 +82,10 @@ def require_by_hand(axis: ExternalAxisDocument | None, request: CalibrateRequest
     if axis is None:
         return
     if not request.manual:
-        raise NoPoses(
-            f"[robot.external_axis] is a {axis.kind}: its axis shows in pictures at two of its positions or more, and"
-            " the daemon moves the arm only",
-            'calibrate by hand ({"manual": true}), and move the axis between pictures',
-        )
+        fix = Sentence("calibrate-by-hand-between", body='{"manual": true}')
+        raise NoPoses(Sentence("axis-needs-hand", axis=Sentence(f"axis-{axis.kind}")), fix)
     if request.together or request.arm:
-        raise NoPoses(
-            "several sensors together, and an arm's errors, are not found while an external axis moves",
-            "leave together and arm out",
-        )
+        raise NoPoses(Sentence("not-with-external-axis"), Sentence("leave-together-out"))
 
 
 def select_taught_poses(settings: CalibrationSettings, count: int | None) -> tuple[TaughtPose, ...]:
@@ -105,10 +93,8 @@ def select_taught_poses(settings: CalibrationSettings, count: int | None) -> tup
     if count is None or not settings.poses:
         return settings.poses
     if count > len(settings.poses):
-        raise NoPoses(
-            f"{count} poses were asked for, but {len(settings.poses)} are taught in [calibration] poses",
-            "ask for fewer, teach more, or send poses with the request",
-        )
+        what = Sentence("fewer-poses-taught", count=count, taught=len(settings.poses))
+        raise NoPoses(what, Sentence("ask-fewer-or-teach"))
     return settings.poses[:count]
 
 

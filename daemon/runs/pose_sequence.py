@@ -74,7 +74,7 @@ async def visit_poses(
     Arms the robot on entry, and leaves it stopped and disarmed. Raises DeviceError, DaemonError, and the exceptions of
     `at_station`.
     """
-    async with cell.motion_lease(f"run {log.id}") as robot:
+    async with cell.motion_lease(Sentence("holder-run", run=log.id)) as robot:
         for station, pose in enumerate(poses, start=1):
             goal = await rules.goal(station, pose, robot)
             await cell.move_to(goal)

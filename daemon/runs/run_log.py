@@ -144,6 +144,7 @@ def run_event(run: RunRecord, seconds: float | None = None) -> dict[str, Any]:
         "ahead": planning.ahead,
         "code": run.cause.code if run.cause else None,
         "fix": run.cause.fix if run.cause else None,
+        "details": {part: made.model_dump() for part, made in run.cause.details.items()} if run.cause else None,
         "started_by": run.started_by,
         "seconds": None if seconds is None else round(seconds, 3),
         "not_applied": (run.result or {}).get("not_applied"),

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from calibration.errors import CalibrationError, DetectionError, DocumentError, UndeterminedError
-from calibration.sentences.sentence import Sentence
+from calibration.sentences.sentence import Sentence, as_sentence
 from daemon.cell.cell import Cell
 from daemon.cell.safe_stop import MAX_ATTEMPT_S
 from daemon.errors import (
@@ -41,57 +41,56 @@ from daemon.store.store import Store
 from drivers.errors import DeviceError, DeviceTimeout, DeviceUnreachable, LinkLost
 
 LINK_ERRORS = (LinkLost, DeviceTimeout, DeviceUnreachable)
-LINK_FIX = "check the cable and that the cell program runs, see GET /robot; then start the run again"
 
 
-def progress_text(run: RunRecord) -> str:
-    """The progress of a run in words, such as "after station 4 of 12"."""
+def progress_of(run: RunRecord) -> Sentence:
+    """The progress of a run in words, such as "after picture 4 of 12"."""
     if run.station == 0:
-        return f"before station 1 of {run.stations}"
-    return f"after station {run.station} of {run.stations}"
+        return Sentence("before-first-picture", of=run.stations)
+    return Sentence("after-picture", picture=run.station, of=run.stations)
 
 
 def cause_of(error: Exception, run: RunRecord) -> CauseDocument:
     """The cause for an exception that ended the run."""
+    progress = progress_of(run)
     match error:
         case DeviceError() if isinstance(error, LINK_ERRORS) and error.kind in (None, "robot"):
-            return CauseDocument(
-                "link-lost", f"link to the controller lost {progress_text(run)}", f"{LINK_FIX} ({error.what})"
-            )
+            code, what = "link-lost", Sentence("link-was-lost", progress=progress)
+            fix: str = Sentence("check-link", why=as_sentence(error.what))
         case DeviceError():
-            return CauseDocument(error.code, f"{error.device}: {error.what} ({progress_text(run)})", error.fix)
-        case DaemonError():
-            return CauseDocument(error.code, f"{error.what} ({progress_text(run)})", error.fix)
-        case DetectionError() | UndeterminedError():
-            return CauseDocument(error.code, f"{error.what} ({progress_text(run)})", error.fix)
+            code, what, fix = error.code, end_words(f"{error.device}: {error.what}", progress), error.fix
+        case DaemonError() | DetectionError() | UndeterminedError():
+            code, what, fix = error.code, end_words(error.what, progress), error.fix
         case DocumentError():
-            return CauseDocument(
-                "document", "; ".join(str(problem) for problem in error.problems), "correct it, and run again"
-            )
+            what = as_sentence("; ".join(str(problem) for problem in error.problems))
+            code, fix = "document", Sentence("correct-and-run-again")
         case CalibrationError():
-            return CauseDocument(
-                "calibration-error", f"{error} ({progress_text(run)})", "look at the stored pictures and poses"
-            )
+            code, what, fix = "calibration-error", end_words(str(error), progress), Sentence("look-at-stored")
         case _:
-            return CauseDocument(
-                "internal-error",
-                f"a defect of handeyed ended the run {progress_text(run)}: {type(error).__name__}: {error}",
-                "report it with the log; what was captured is stored",
-            )
+            said = as_sentence(f"{type(error).__name__}: {error}")
+            code, what = "internal-error", Sentence("defect-ended-run", progress=progress, error=said)
+            fix = Sentence("report-defect")
+    return CauseDocument.because(code, what, fix)
 
 
-def abort_cause(by: str, run: RunRecord) -> CauseDocument:
-    """The cause of a run that was aborted."""
-    return CauseDocument("aborted", f"aborted by {by} {progress_text(run)}", "start it again when the cell is ready")
+def end_words(what: str, progress: Sentence) -> Sentence:
+    """What ended a run, and how far it had come."""
+    return Sentence("ended-at", what=as_sentence(what), progress=progress)
+
+
+def abort_cause(by: str, run: RunRecord, warning: Sentence | None = None) -> CauseDocument:
+    """The cause of a run that was aborted. `warning`: that the stop is not confirmed."""
+    said = {"by": as_sentence(by), "progress": progress_of(run)}
+    what = Sentence("run-was-aborted", **said)
+    if warning is not None:
+        what = Sentence("run-was-aborted-unconfirmed", **said, warning=warning)
+    return CauseDocument.because("aborted", what, Sentence("start-when-ready"))
 
 
 def interruption_cause(run: RunRecord, folder: str) -> CauseDocument:
     """The cause of a run whose daemon ended during it."""
-    return CauseDocument(
-        "interrupted",
-        f"the daemon stopped while the run was in progress, {progress_text(run)}",
-        f"the arm does not move by itself: start the run again; what was captured lies in {folder}",
-    )
+    what = Sentence("daemon-ended-in-run", progress=progress_of(run))
+    return CauseDocument.because("interrupted", what, Sentence("start-run-again", folder=folder))
 
 
 log = logging.getLogger(__name__)
@@ -194,7 +193,7 @@ class Supervisor:
         if (run := self.in_progress) is not None:
             raise RunInProgress(run.kind, run.id)
         if self._starting:
-            raise CellBusy("a run that is just being prepared")
+            raise CellBusy(Sentence("holder-run-prepared"))
 
     async def recover(self, is_auto: Callable[[str], bool]) -> list[RunRecord]:
         """End the runs that the previous process left unfinished; returns them.
@@ -259,10 +258,11 @@ class Supervisor:
             run_log = RunLog(run, self._save, self._events, self._clock)
             await run_log.begin()
             if self._stopping:
-                await run_log.end(RunEvent.ABORT, cause=abort_cause("the daemon, which is stopping", run))
+                await run_log.end(RunEvent.ABORT, cause=abort_cause(Sentence("by-stopping-daemon"), run))
                 raise Stopping
             if self.abort_holds != holds_before:
-                await run_log.end(RunEvent.ABORT, cause=abort_cause(", ".join(self._abort_holders) or "a PLC", run))
+                by = ", ".join(self._abort_holders) or Sentence("by-plc")
+                await run_log.end(RunEvent.ABORT, cause=abort_cause(by, run))
                 raise AbortHeld(self._abort_holders)
             task = asyncio.create_task(self._supervise(run_log, departure.drive))
             self._current = _InProgress(run_log, task, departure.requests)
@@ -289,7 +289,7 @@ class Supervisor:
     async def _refuse_abort(self, run_id: str) -> RunRecord:
         run = await self.run(run_id)
         self._require_stopped(run_id)
-        raise RunOver(f"run {run.id} has {run.state} already", "there is nothing to stop")
+        raise RunOver(Sentence("run-is-over", run=run.id), Sentence("nothing-to-stop"))
 
     async def _wait_for_abort(self, current: _InProgress) -> RunRecord:
         await asyncio.wait([current.task], timeout=MAX_ABORT_S)
@@ -299,7 +299,7 @@ class Supervisor:
         run = current.log.run
         self._require_stopped(run.id)
         if run.state is not RunState.ABORTED:
-            raise RunOver(f"run {run.id} {run.state} before it could be stopped", "look at its result")
+            raise RunOver(Sentence("run-ended-before-stop", run=run.id), Sentence("look-at-result"))
         return run
 
     def _require_stopped(self, run_id: str) -> None:
@@ -313,7 +313,7 @@ class Supervisor:
         current = self._current
         if current is None or current.log.id != run_id or current.log.run.over:
             run = await self.run(run_id)
-            raise RunOver(f"run {run.id} has {run.state} already", "start another with POST /calibrate")
+            raise RunOver(Sentence("run-is-over", run=run.id), Sentence("start-another-run"))
         if current.requests is None:
             raise NotWaiting(run_id)
         return current.requests
@@ -357,9 +357,9 @@ class Supervisor:
                 await run_log.end(event, result=result)
             except asyncio.CancelledError:
                 by = self._current.aborted_by if self._current else ""
-                cause = abort_cause(by or "the daemon, which is stopping", run_log.run)
-                if (report := self._cell.safe_stop.unconfirmed) is not None:
-                    cause = replace(cause, what=f"{cause.what}; {report.warning}")
+                report = self._cell.safe_stop.unconfirmed
+                warning = None if report is None else report.warning
+                cause = abort_cause(by or Sentence("by-stopping-daemon"), run_log.run, warning)
                 await run_log.end(RunEvent.ABORT, cause=cause)
             except Exception as error:
                 cause = cause_of(error, run_log.run)
@@ -397,9 +397,7 @@ async def _drive_with_limit(run_log: RunLog, drive: Drive) -> RunResult:
     except TimeoutError:
         if not limit.expired():
             raise
-        raise RunStalled(
-            f"the run did not get any further for {MAX_STEP_S:g} s while {run_log.run.state}",
-            "see that robot, camera and scanner answer (handeyed check); report it with the log",
-        ) from None
+        what = Sentence("run-got-no-further", limit_s=MAX_STEP_S, state=str(run_log.run.state))
+        raise RunStalled(what, Sentence("see-devices-answer")) from None
     finally:
         run_log.at_each_step = ignore_step

@@ -2,9 +2,11 @@
 
 from dataclasses import dataclass
 
+from calibration.documents.calibration import errors_of
 from calibration.documents.rig import RigDocument
 from calibration.errors import DocumentError, DocumentProblem
 from calibration.problem import MOUNTS, Setup
+from calibration.sentences.sentence import Sentence
 from calibration.transforms import Array
 from daemon.errors import CalibrationUnusable, NotFound
 from daemon.runtime.clock import Clock
@@ -24,13 +26,12 @@ class RigSensors:
     async def save(self, rig: RigDocument, new_id: str, *, despite_verdict: bool) -> DocumentRecord:
         """Store a rig and activate it. Raises DocumentError, CalibrationUnusable, StorageError."""
         if rig.setup != self.setup:
-            what = f"the rig is {rig.setup}, but [camera] setup is {self.setup}"
-            raise CalibrationUnusable(what, "solve the sensors of this cell together")
+            what = Sentence("rig-of-other-setup", given=rig.setup, setup=self.setup)
+            raise CalibrationUnusable(what, Sentence("solve-sensors-together"))
         _check(rig)
         if not (rig.verdict.accepted or despite_verdict):
-            errors = "; ".join(found.message for found in rig.verdict.findings if found.severity == "error")
-            fix = "solve it again as its findings advise, or store it all the same with ?despite_verdict=true"
-            raise CalibrationUnusable(f"the rig was not accepted: {errors or 'see its verdict'}", fix)
+            what = Sentence("rig-not-accepted", why=errors_of(rig.verdict.findings))
+            raise CalibrationUnusable(what, Sentence("solve-rig-or-despite"))
         at, actor = self.clock.timestamp(), current_audit_context().actor
         record = DocumentRecord(new_id, rig.setup, at, actor, rig.model_dump_json())
         await self.store.rigs.save(record, **({} if rig.verdict.accepted else {"despite_verdict": True}))
@@ -40,11 +41,11 @@ class RigSensors:
         """Id of the active rig, and the pose (4, 4) of one of its sensors. Raises NotFound, StorageError."""
         newest = await self.store.rigs.about(self.setup, 1)
         if not newest:
-            raise NotFound("no rig is active", "store one with POST /rigs: 'handeyed solve A B --together' makes it")
+            raise NotFound(Sentence("no-active-rig"), Sentence("store-rig"))
         rig = newest[0].parsed(RigDocument)
         poses = {sensor.name: sensor.mount_T_sensor for sensor in rig.sensors}
         if name not in poses:
-            raise NotFound(f"the rig has no sensor {name!r}", f"choose one of {', '.join(poses)}")
+            raise NotFound(Sentence("rig-without-sensor", name=name), Sentence("choose-one-of", names=list(poses)))
         mount_T_sensor = poses[name].transform()
         return newest[0].id, base_T_flange @ mount_T_sensor if self.setup == "eye-in-hand" else mount_T_sensor
 

@@ -14,6 +14,7 @@ from calibration.documents.calibration import CalibrationDocument
 from calibration.documents.calibration_in_use import CalibrationInUse
 from calibration.errors import CalibrationError
 from calibration.kinematics.stance import Stance
+from calibration.sentences.sentence import Sentence
 from calibration.transforms import Array
 from daemon.cell.arm_in_cell import ArmInCell
 from daemon.config.settings import MAIN_CAMERA, MAIN_SCANNER, NamedScannerSettings
@@ -77,8 +78,8 @@ class ScanService:
     def settings_of(self, scanner: str) -> NamedScannerSettings | None:
         """The settings of a scanner by name; None in a cell without [scanner], for that one. Raises NotFound."""
         if scanner != MAIN_SCANNER and scanner not in self.scanners:
-            names = ", ".join(self.scanners) or "none"
-            raise NotFound(f"there is no scanner {scanner!r}", f"choose one of the settings' scanners: {names}")
+            fix = Sentence("choose-of-settings", names=list(self.scanners))
+            raise NotFound(Sentence("no-such-scanner", name=scanner), fix)
         return self.scanners.get(scanner)
 
     def range_check(self, unit: Unit, scanner: str) -> RangeCheck:
@@ -228,7 +229,7 @@ class ScanService:
         views = await self.store.scan_views(scan_id)
         if not views:
             await self.store.scan(scan_id)
-            raise ScanEmpty(f"scan {scan_id} has no views yet", f"send some to POST /scans/{scan_id}/views")
+            raise ScanEmpty(Sentence("scan-has-no-views", scan=scan_id), Sentence("send-views", scan=scan_id))
         return views
 
     async def _registration_request(
@@ -280,11 +281,8 @@ class ScanService:
     def flange_T_scanner(self, calibration: CalibrationDocument, scanner: str = MAIN_SCANNER) -> Array:
         """The pose (4, 4) of a scanner on the flange, mm. Raises CalibrationUnusable for one beside the robot."""
         if calibration.setup == "eye-to-hand":
-            raise CalibrationUnusable(
-                f"calibration {calibration.id} is of a camera beside the robot: a part that the arm carries past it"
-                " has no one place in base",
-                "move single clouds into base with POST /register",
-            )
+            what = Sentence("camera-beside-robot", calibration=calibration.id)
+            raise CalibrationUnusable(what, Sentence("register-single-clouds"))
         return self._mount_T_scanner(calibration, scanner)
 
     def _mount_T_scanner(self, calibration: CalibrationDocument, scanner: str) -> Array:

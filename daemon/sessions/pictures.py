@@ -44,7 +44,7 @@ def encode_picture(image: NDArray[Any], media_type: PictureType, width: int | No
 def encode_file(file: Path, media_type: PictureType, width: int | None) -> bytes:
     """The stored picture in that size and format. Raises NotFound, PictureUnusable."""
     if not file.is_file():
-        raise NotFound(f"there is no {file.name} in {file.parent.name}", "look at what was stored")
+        raise NotFound.file(file)
     try:
         return encode_picture(read_grey(file), media_type, width)
     except ImageError as error:

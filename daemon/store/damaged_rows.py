@@ -7,6 +7,7 @@ from typing import Any, TypeVar
 
 from pydantic import BaseModel
 
+from calibration.sentences.sentence import Sentence
 from daemon.errors import StorageInconsistent
 
 Parsed = TypeVar("Parsed")
@@ -26,9 +27,8 @@ def parsing(name: str) -> Iterator[None]:
     try:
         yield
     except (ValueError, TypeError, KeyError, AttributeError) as error:  # pydantic's and json's errors are ValueErrors
-        raise StorageInconsistent(
-            f"{name} in the store is damaged", "restore a backup; all other rows can be read and used"
-        ) from error
+        what = Sentence("row-is-damaged", name=name)
+        raise StorageInconsistent(what, Sentence("restore-others-are-sound")) from error
 
 
 def parse_row(parse: Callable[[Any], Parsed], row: Any, noun: str) -> Parsed:

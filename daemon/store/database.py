@@ -11,6 +11,7 @@ from functools import partial
 from pathlib import Path
 from typing import TypeVar
 
+from calibration.sentences.sentence import Sentence
 from daemon.errors import StorageError, StorageFull, StorageInconsistent, StorageTooNew
 from daemon.runtime.durable_files import make_folder, rename_durably
 from daemon.runtime.failpoints import NO_FAILPOINTS, Failpoints
@@ -22,8 +23,6 @@ DATABASE_NAME = "handeyed.sqlite"
 """In the store's folder."""
 
 _FULL_ERRNOS = frozenset({errno.ENOSPC, errno.EDQUOT})
-_RESTORE = "stop the daemon, keep a copy of the folder, and restore a backup into an empty one"
-_FREE_SOME = "free some space there"
 
 
 @contextmanager
@@ -34,19 +33,17 @@ def storage_errors(place: Path) -> Iterator[None]:
     except sqlite3.Error as error:
         code = getattr(error, "sqlite_errorcode", 0) & 0xFF
         if code == sqlite3.SQLITE_FULL:
-            raise StorageFull(f"the disk of {place} is full", _FREE_SOME) from error
+            raise StorageFull(Sentence("disk-is-full", folder=str(place)), Sentence("free-space")) from error
         if code in (sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB):
-            raise StorageInconsistent(
-                f"{place} is damaged ({error})",
-                _RESTORE,
-            ) from error
-        raise StorageError(f"{place}: {error}", "check the disk, and that it belongs to the daemon's user") from error
+            what = Sentence("store-is-damaged", place=str(place), error=str(error))
+            raise StorageInconsistent(what, Sentence("restore-into-empty")) from error
+        what = Sentence("store-failed", place=str(place), error=str(error))
+        raise StorageError(what, Sentence("check-disk")) from error
     except OSError as error:
         if error.errno in _FULL_ERRNOS:
-            raise StorageFull(f"the disk of {place} is full", _FREE_SOME) from error
-        raise StorageError(
-            f"{place}: {error.strerror or error}", "check that the folder is there and belongs to the daemon's user"
-        ) from error
+            raise StorageFull(Sentence("disk-is-full", folder=str(place)), Sentence("free-space")) from error
+        what = Sentence("store-failed", place=str(place), error=error.strerror or str(error))
+        raise StorageError(what, Sentence("check-folder")) from error
 
 
 class Database:
@@ -160,7 +157,7 @@ def _connect_read_only(path: Path) -> sqlite3.Connection:
         try:
             connection.execute("PRAGMA query_only = ON")
             if connection.execute("PRAGMA user_version").fetchone() == (0,):
-                raise StorageInconsistent(f"{path} is empty, and should not be", _RESTORE)
+                raise StorageInconsistent(f"{path} is empty, and should not be", Sentence("restore-into-empty"))
         except BaseException:
             connection.close()
             raise

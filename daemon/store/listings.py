@@ -109,8 +109,8 @@ class RunListing:
         *columns, sound, manual, linked = row
         if not sound:
             raise ValueError("request or result is no JSON object")
-        request, result = columns[10], columns[11]
-        columns[10], columns[11] = manual, None
+        request, result = columns[8], columns[9]
+        columns[8], columns[9] = manual, None
         links = {key: value for key, value in json.loads(linked).items() if value is not None}
         return cls(replace(RunRecord.of(tuple(columns)), result=links or None), request, result)
 

@@ -16,6 +16,7 @@ from typing import Any
 
 from calibration.documents.arm import ArmErrorsDocument
 from calibration.documents.calibration import AccuracyDocument, CalibrationDocument
+from calibration.sentences.sentence import Sentence
 from daemon.config.settings import MAIN_CAMERA
 from daemon.errors import AppliedMeanwhile, NoCalibration, NotFound, StorageFull, StorageInconsistent
 from daemon.model.records import (
@@ -58,8 +59,8 @@ def read_run_or_failed(row: Any) -> RunRecord:
     try:
         return parse_row(RunRecord.of, row, "run")
     except StorageInconsistent as error:
-        cause = CauseDocument(error.code, error.what, error.fix)
-        return RunRecord(str(row[0]), row[1], RunState.FAILED, 0, 0, str(row[8]), str(row[9]), cause)
+        cause = CauseDocument.because(error.code, error.what, error.fix)
+        return RunRecord(str(row[0]), row[1], RunState.FAILED, 0, 0, str(row[6]), str(row[7]), cause)
 
 
 class StoredEvents:
@@ -90,8 +91,8 @@ class StoredEvents:
 log = logging.getLogger(__name__)
 
 _UPDATE_RUN = (
-    "UPDATE runs SET (id, kind, state, station, stations, code, cause, fix, created_at, updated_at, request, result,"
-    " planning, started_by, started_by_role) = (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?) WHERE id = ?"
+    "UPDATE runs SET (id, kind, state, station, stations, cause, created_at, updated_at, request, result,"
+    " planning, started_by, started_by_role) = (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?) WHERE id = ?"
 )
 
 _CALIBRATION = "SELECT * FROM calibrations"
@@ -172,7 +173,7 @@ class Store:
         if (fault := await self.check()) is not None:
             raise StorageInconsistent(fault.what, fault.fix)
         if self.free_bytes() < self.run_bytes:
-            raise StorageFull(self._full(), "free some space there, or lower [storage] keep_runs")
+            raise StorageFull(self._full(), Sentence("free-or-keep-fewer"))
 
     def free_bytes(self) -> int:
         """Free space on the store's disk; 0 when the folder is not there."""
@@ -181,8 +182,8 @@ class Store:
         except OSError:
             return 0
 
-    def _full(self) -> str:
-        return f"the disk of {self.folder} has no room for a run, which takes about {self.run_bytes / 1e6:.0f} MB"
+    def _full(self) -> Sentence:
+        return Sentence("no-room-for-run", folder=str(self.folder), mb=self.run_bytes / 1e6)
 
     # runs
 
@@ -222,7 +223,7 @@ class Store:
 
         found = await self._database.read(read)
         if found is None:
-            raise NotFound(f"there is no run {run_id!r}", "GET /runs lists them")
+            raise NotFound.noun("run", run_id)
         return found
 
     async def runs(self, limit: int, before: str | None = None) -> list[RunRecord]:
@@ -276,7 +277,7 @@ class Store:
 
         found = await self._database.read(read)
         if found is None:
-            raise NotFound(f"there is no calibration {calibration_id!r}", "GET /calibrations lists them")
+            raise NotFound.noun("calibration", calibration_id)
         return found
 
     async def arm(self, calibration_id: str) -> ArmErrorsDocument | None:
@@ -334,7 +335,7 @@ class Store:
         query = "SELECT * FROM applied WHERE sequence = ?"
         row = await self._database.read(lambda db: db.execute(query, (sequence,)).fetchone())
         if row is None:
-            raise NotFound(f"nothing was applied as number {sequence}", "GET /calibrations lists what was")
+            raise NotFound(Sentence("no-such-entry", number=sequence), Sentence("see-what-was-active"))
         return AppliedCalibration.of(row)
 
     async def current(self, camera: str = MAIN_CAMERA) -> tuple[AppliedCalibration, CalibrationRecord]:
@@ -376,7 +377,7 @@ class Store:
         query = f"{SCANS.select} WHERE id = ?"
         row = await self._database.read(lambda db: db.execute(query, (scan_id,)).fetchone())
         if row is None:
-            raise NotFound(f"there is no scan {scan_id!r}", "GET /scans lists them")
+            raise NotFound.noun("scan", scan_id)
         return parse_row(SCANS.record, row, "scan")
 
     async def scans(self, limit: int, before: str | None = None) -> list[ScanRecord]:
@@ -441,7 +442,7 @@ class Store:
             try:
                 return path.read_bytes()
             except (FileNotFoundError, IsADirectoryError):
-                raise NotFound(f"there is no {path.name} in {path.parent.name}", "look at what was stored") from None
+                raise NotFound.file(path) from None
 
         return await self._database.run(read, path)
 

@@ -138,7 +138,7 @@ async def test_ready_says_of_each_schedule_why_it_waits_and_of_all_once(tmp_path
         tmp_path, calibration={"policy": "auto", "tolerance_mm": 20.0}, drift={"every_h": 1}
     ) as bench:
         (warning,) = (await bench.client.get("/ready")).json()["warnings"]
-        assert warning.startswith("the drift schedule verifies nothing until somebody starts a run")
+        assert warning.startswith("the drift schedule makes no quick checks until somebody starts a run")
         run = await calibrate(bench.client)
         assert (await bench.client.get("/ready")).json()["warnings"] == []
         schedules = [each for each in bench.application.services if isinstance(each, DriftSchedule)]
@@ -246,10 +246,10 @@ async def test_readiness_and_uncertainty_are_of_the_camera_asked_for(tmp_path: P
     async with serving(settings, parts) as bench:
         ask = bench.client
         before = (await ask.get("/ready", params={"camera": "wrist"})).json()
-        assert before["register"]["reasons"] == ["no calibration of wrist is applied"]
+        assert before["register"]["reasons"] == ["no calibration of wrist is active"]
         await calibrate(ask, camera="wrist")
         assert (await ask.get("/ready", params={"camera": "wrist"})).json()["register"]["ready"]
-        assert (await ask.get("/ready")).json()["register"]["reasons"] == ["no calibration is applied"]
+        assert (await ask.get("/ready")).json()["register"]["reasons"] == ["no calibration is active"]
         assert 'handeyed_calibration_expanded_meters{camera="wrist"}' in (await ask.get("/metrics")).text
         of_wrist.failing = DeviceUnreachable("camera wrist", "no cable", "plug it in")
         reasons: list[str] = []

@@ -58,7 +58,7 @@ async def test_a_plan_that_swings_out_of_the_box_moves_nothing(
         for path in ("/calibrate", "/scans"):
             answer = await story.operator.client.post(path, json={"poses": swing})
             assert (answer.status_code, answer.json()["code"]) == (422, "pose-refused"), answer.text
-            assert "station 2: at 5" in answer.json()["detail"] or "station 2: at 4" in answer.json()["detail"]
+            assert "pose 2: at 5" in answer.json()["detail"] or "pose 2: at 4" in answer.json()["detail"]
         assert story.cell.commanded_moves == 0
         assert moves == []
 

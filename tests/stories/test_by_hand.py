@@ -118,18 +118,18 @@ async def at_the_terminal(story: Plant, *options: str) -> AsyncIterator[Typist]:
 async def test_at_the_terminal_enter_takes_a_view_and_f_finishes(tmp_path: Path) -> None:
     async with in_manual_mode(tmp_path) as story, at_the_terminal(story, "--json", "--uncertainty", "0.3") as person:
         rng = np.random.default_rng(1)
-        await person.reads("Enter: take a view")
+        await person.reads("Enter: take a picture")
         await person.types("")
-        assert "view 1 taken" in await person.reads("taken")
+        assert "picture 1 taken" in await person.reads("taken")
         await person.types("")
-        assert "the arm stands where view 1 was taken" in await person.reads("not taken")
+        assert "the arm stands where picture 1 was taken" in await person.reads("not taken")
         await person.types("f")
-        assert "1 views show the target, 3 are needed" in await person.reads("not taken")
+        assert "1 pictures show the target, 3 are needed" in await person.reads("not taken")
         for number in range(2, 5):
             run = (await story.operator.client.get("/runs")).json()["runs"][0]
             await jogs_and_waits(story.cell, where_next(story.cell, run["planning"], rng))
             await person.types("")
-            assert f"view {number} taken" in await person.reads("taken")
+            assert f"picture {number} taken" in await person.reads("taken")
             assert "turn the flange by" in await person.reads("next:")
         await person.types("f")
         status, out = await person.gets()
@@ -139,9 +139,9 @@ async def test_at_the_terminal_enter_takes_a_view_and_f_finishes(tmp_path: Path)
 
 async def test_who_leaves_the_terminal_leaves_no_run_behind(tmp_path: Path) -> None:
     async with in_manual_mode(tmp_path) as story, at_the_terminal(story) as person:
-        await person.reads("Enter: take a view")
+        await person.reads("Enter: take a picture")
         await person.types("what?")
-        await person.reads("Enter: take a view")
+        await person.reads("Enter: take a picture")
         status, _ = await person.gets()
         run = (await story.operator.client.get("/runs")).json()["runs"][0]
         assert (status, run["state"]) == (1, "aborted")
@@ -149,9 +149,9 @@ async def test_who_leaves_the_terminal_leaves_no_run_behind(tmp_path: Path) -> N
 
 async def test_a_run_that_was_aborted_meanwhile_ends_the_command(tmp_path: Path) -> None:
     async with in_manual_mode(tmp_path) as story, at_the_terminal(story) as person:
-        await person.reads("Enter: take a view")
+        await person.reads("Enter: take a picture")
         run = (await story.operator.client.get("/runs")).json()["runs"][0]
         await story.operator.client.post(run["links"]["abort"])
         await person.types("")
-        await person.reads("has aborted already")
+        await person.reads("has ended already")
         assert (await person.gets())[0] == 1

@@ -67,7 +67,7 @@ def _told_as_the_row_says(row: Row, ended: dict[str, Any]) -> None:
     assert (ended["state"], ended["cause"]["code"]) == ("failed", row.code), ended["cause"]
     assert search(row.tells, ended["cause"]["what"]), ended["cause"]["what"]
     assert search(row.fix, ended["cause"]["fix"]), ended["cause"]["fix"]
-    assert "after station" in ended["cause"]["what"]
+    assert "after picture" in ended["cause"]["what"]
 
 
 async def _verdict_as_the_row_says(row: Row, ended: dict[str, Any], story: Plant) -> None:

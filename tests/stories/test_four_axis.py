@@ -42,7 +42,7 @@ async def test_the_target_is_touched_once_and_a_cloud_comes_out_in_base(tmp_path
         run = (await ask.post("/calibrate", json={"axis_offset": height}, params={"wait": LIMIT_S})).json()
         assert run["state"] == "finished", run["cause"]
         link = run["links"]["calibration"]
-        assert "no view shows it" in (await ask.get(link, headers=TEXT)).text
+        assert "no picture shows it" in (await ask.get(link, headers=TEXT)).text
         assert (await ask.post(f"{link}/apply", json={"applied_by": "Ann"})).status_code == 200
         document = (await story.application.store.current())[1].document
         assert document.mount_T_camera is not None and document.uncertainty is not None

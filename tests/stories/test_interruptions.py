@@ -32,7 +32,7 @@ async def assert_nothing_moves(cell: RunningCell, since: int) -> None:
 def after_a_station_under_way(run: dict[str, Any], at_least: int = 1) -> str:
     """Where the run's own record says it ended: past what was waited for, how far is the arm's affair, and not done."""
     assert at_least <= run["station"] < run["stations"]
-    return f"after station {run['station']} of {run['stations']}"
+    return f"after picture {run['station']} of {run['stations']}"
 
 
 async def test_an_aborted_run_moves_nothing_afterwards(tmp_path: Path) -> None:
@@ -200,7 +200,7 @@ async def test_killed_in_mid_run_the_daemon_says_so_after_its_restart_and_the_ar
         async with daemon_process(tmp_path, settings) as daemon:
             seen = await daemon.operator.sees(run)
             assert (seen["state"], seen["cause"]["code"]) == ("failed", "interrupted")
-            assert "the daemon stopped while the run was in progress, after station" in seen["cause"]["what"]
+            assert "the daemon stopped while the run was in progress, after picture" in seen["cause"]["what"]
             assert "start the run again" in seen["cause"]["fix"]
             session = json.loads((tmp_path / "runs" / run["id"] / "session.json").read_text())
             assert len(session["views"]) >= 2

@@ -7,6 +7,7 @@ from collections.abc import Awaitable
 from fastapi import Request
 from starlette.types import ASGIApp, Receive, Scope, Send
 
+from calibration.sentences.sentence import Sentence
 from daemon.application import Application
 from daemon.http.connections import PACING
 from daemon.model.records import RunRecord
@@ -31,7 +32,7 @@ class AbortFirst:
         if path is not None:
             supervisor, pacing = self._application.supervisor, scope["state"].get(PACING)
             run = supervisor.in_progress
-            ending = supervisor.abort(path[1], "a request over REST")
+            ending = supervisor.abort(path[1], Sentence("by-rest"))
             abort = asyncio.create_task(ending, name=f"aborts {path[1]}")
             abort.add_done_callback(_retrieve)
             if run is not None and run.id == path[1] and pacing is not None:

@@ -25,7 +25,13 @@ class Readiness(Answer):
         ready=False,
         reasons=["robot: motors are off"],
         reason_details=[
-            {"id": "of-device", "params": {"device": "robot", "detail": {"id": "motors-off", "params": {}}}}
+            {
+                "id": "of-device",
+                "params": {
+                    "device": {"id": "device-robot", "params": {}},
+                    "detail": {"id": "motors-off", "params": {}},
+                },
+            }
         ],
     )
 

@@ -10,12 +10,9 @@ export function ProblemNote({ problem, again }) {
   const words = link
     ? { what: { text: t('problem.link') }, fix: { text: t('problem.link-fix') } }
     : causeWords({ ...told, code, what: told.detail ?? '', fix: told.fix });
-  const said = `${words.what.text} ${words.detail ?? ''}`; // that a cell is not ready is said by its reasons
-  const reasons = told.reasons?.filter((reason) => !said.includes(reason));
   return html`<div class="note ${status === 409 ? 'info' : 'warn'}" role="alert">
     <p><span class="mark" aria-hidden="true">${status === 409 ? 'i' : '!'}</span> <span lang=${words.what.lang}>${words.what.text}</span></p>
     ${words.detail && html`<p class="small" lang="en">${words.detail}</p>`}
-    ${reasons?.map((reason) => html`<p lang="en">· ${reason}</p>`)}
     ${told.problems?.map(({ place, what, fix: how }) => html`<p lang="en">· ${place}: ${what}. → ${how}</p>`)}
     ${words.fix.text && html`<p class="quiet" lang=${words.fix.lang}>→ ${words.fix.text}</p>`}
     ${code && !link && html`<p class="small quiet"><a href=${linkTo('help', code)}>${code}</a>${requestId && ` · ${t('problem.request')} ${requestId}`}</p>`}

@@ -77,9 +77,12 @@ function translated(table, id, params) {
 /** The texts `messages` in words, by their `details` { id, params } where the daemon gives them. */
 export const sentences = (messages, details = []) => messages.map((message, index) => sentence({ ...details[index], message }));
 
+/** Whether every part of a sentence { id, params } is in the table: none is the text of a device or a library. */
+const isWhole = ({ id, params = {} }) => id in dictionary.value.daemon && id !== 'as-written' && Object.values(params).flat().every((part) => !part?.id || isWhole(part));
+
 /** A refusal or cause { code, what, fix } as { what, fix, detail }: in another language its sentences by `details`, else what its code means, and the English detail. */
 export function causeWords({ id, code, params, what, fix, details = {} }) {
-  const made = (part, message) => (details[part]?.id in dictionary.value.daemon && details[part].id !== 'as-written' ? sentence({ ...details[part], message }) : null);
+  const made = (part, message) => (details[part] && isWhole(details[part]) ? sentence({ ...details[part], message }) : null);
   const whole = made('what', what);
   const said = whole ?? sentence({ id: id ?? `${code}.what`, params, message: what });
   return { what: said, fix: made('fix', fix) ?? sentence({ id: `${code}.fix`, message: fix }), detail: whole || said.text === what ? null : what };

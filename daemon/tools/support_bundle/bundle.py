@@ -56,10 +56,11 @@ def last_runs(folder: Path) -> list[dict[str, Any]]:
     with _open(folder) as db:
         rows = _rows(
             db,
-            "SELECT id, kind, state, station, stations, code, cause, fix, created_at, updated_at, request, result"
+            "SELECT id, kind, state, station, stations, cause, created_at, updated_at, request, result"
             " FROM runs ORDER BY created_at DESC, id DESC",
         )
-    return [{**row, "request": _parse(row["request"]), "result": _shorten(_parse(row["result"]))} for row in rows]
+    parsed = [{**row, **{name: _parse(row[name]) for name in ("cause", "request", "result")}} for row in rows]
+    return [{**row, "result": _shorten(row["result"])} for row in parsed]
 
 
 def last_events(folder: Path) -> list[dict[str, Any]]:

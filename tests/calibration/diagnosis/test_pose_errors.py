@@ -120,7 +120,7 @@ def said_of_poses(problem: Problem) -> str:
 def test_what_a_posture_of_its_own_is_off_by_is_no_mistyped_pose() -> None:
     problem = with_a_view_turned_back(share_joints=1.0)
     assert said_of_poses(problem) == ""
-    assert "the pose of view 8 has a wrong number: x " in said_of_poses(mistyped_by(problem, 4.0, 8))
+    assert "the pose of picture 8 has a wrong number: x " in said_of_poses(mistyped_by(problem, 4.0, 8))
 
 
 def test_one_view_of_eight_in_a_posture_of_its_own_may_be_mistyped_or_show_the_arms_geometry() -> None:

@@ -21,7 +21,7 @@ VERIFICATION = {"points": [{"id": k, "base_mm": [[k / 7, 0.1, 1e-7]] * 3} for k 
 RUNS = [
     replace(
         a_run("failed", RunState.FAILED),
-        cause=CauseDocument("c", 'what "x"', "fix ä"),
+        cause=CauseDocument.because("c", 'what "x"', "fix ä"),
         planning=Planning(1.5, None, 3),
     ),
     replace(a_run("calibration", RunState.FINISHED), result={"calibration_id": "c1", "accepted": True}),

@@ -3,13 +3,31 @@
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from calibration.errors import CalibrationError
-from calibration.sentences.sentence import sentences_in, text_of
+from calibration.kinematics.joint_path import OutsideBox
+from calibration.sentences.sentence import Sentence, sentences_in, text_of
 from daemon.api.problems import PASSING, RETRY_AFTER_S, STATUS, handle, problem_of
 from daemon.api.routes.help_codes import _entries, _leaves
-from daemon.errors import DaemonError, NotFound, ToleranceLoosened
+from daemon.cell.motion_rules import box_words
+from daemon.errors import (
+    AbortHeld,
+    AppliedMeanwhile,
+    ArmUnknown,
+    CellBusy,
+    CellNotReady,
+    CursorUnknown,
+    DaemonError,
+    NoCalibration,
+    NotFound,
+    PathRefused,
+    RunInProgress,
+    Stopping,
+    StopUnconfirmed,
+    ToleranceLoosened,
+)
 from drivers.errors import DeviceError, MoveRefused
 from registration.errors import RegistrationError
 from tests.daemon.cell_under_test import Bench, Parts, serving, settings_for
@@ -50,7 +68,32 @@ def test_a_refusal_is_said_in_any_language_from_what_it_is_made_of() -> None:
     assert text_of(made.id, made.params, sentences_in("de")) == (
         "eine Toleranz von 0,75 mm ist größer als die 0,5 mm der Einstellungen"
     )
-    assert problem_of(NotFound("no such run", "see GET /runs")).details is None, "no table holds these"
+    assert problem_of(NotFound("no such key", "see GET /keys")).details is None, "no table holds these"
+
+
+@pytest.mark.parametrize(("error", "said"), [
+    (RunInProgress("verify", "r1"), "der Lauf r1 (Kurzprüfung) ist im Gang"),
+    (CellBusy(Sentence("holder-run", run="r1")), "die Zelle ist belegt: Lauf r1"),
+    (CellNotReady((Sentence("motors-off"), Sentence("not-automatic"))),
+     "die Motoren sind aus; nicht im Automatikbetrieb"),
+    (AbortHeld(()), "eine SPS hat „Abbruch“ gesetzt"),
+    (ArmUnknown("CRB 15000"), "die Fehler eines Arms werden für sechs Achsen bestimmt, und CRB 15000 hat sieben"),
+    (AppliedMeanwhile(0), "noch keine Kalibrierung ist aktiv"),
+    (CursorUnknown("runs", "r9"), "in der Liste runs gibt es „r9“ nicht"),
+    (NoCalibration("wrist"), "keine Kalibrierung von wrist ist aktiv"),
+    (StopUnconfirmed("r1", Sentence("stop-unconfirmed-standing", why="?"), stopped=False, disarmed=True),
+     "Lauf r1 ist beendet, aber: nicht bestätigt, dass der Arm steht: ?"),
+    (Stopping(), "der Dienst wird beendet"),
+    (PathRefused(3, OutsideBox(0.5, np.array([1.0, 2.5, 3.0]), 4.0, carried=False), box_words((0, 0, 0), (1, 1, 1))),
+     "Pose 3: nach 50 % des Weges wäre der Flansch bei (1,0; 2,5; 3,0) mm, 4,0 mm außerhalb des Arbeitsraums"
+     " von (0, 0, 0) bis (1, 1, 1)"),
+    (NotFound.noun("scan", "s1"), "es gibt keinen Scan „s1“"),
+], ids=lambda one: type(one).__name__ if isinstance(one, Exception) else "")  # fmt: skip
+def test_what_an_operator_meets_is_said_whole_in_german(error: DaemonError, said: str) -> None:
+    details = problem_of(error).details
+    assert details is not None
+    assert text_of(details["what"].id, details["what"].params, sentences_in("de")) == said
+    assert "as-written" not in {details["what"].id, details["fix"].id}
 
 
 async def test_what_passes_by_itself_says_when_to_come_again(tmp_path: Path) -> None:
@@ -63,7 +106,10 @@ async def test_what_passes_by_itself_says_when_to_come_again(tmp_path: Path) -> 
         assert (busy.status_code, busy.json()["code"]) == (409, "run-in-progress")
         assert int(busy.headers["retry-after"]) > 0
         assert busy.json()["details"] == {
-            "what": {"id": "run-is-in-progress", "params": {"kind": "calibration", "run": run["id"]}},
+            "what": {
+                "id": "run-is-in-progress",
+                "params": {"kind": {"id": "kind-calibration", "params": {}}, "run": run["id"]},
+            },
             "fix": {"id": "wait-or-abort-run", "params": {"run": run["id"]}},
         }
         await bench.client.post(run["links"]["abort"])

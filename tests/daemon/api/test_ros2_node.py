@@ -84,7 +84,7 @@ async def test_the_calibration_in_force_is_published_once(bench: Bench, node_of:
     node = node_of(str(bench.client.base_url))
     await asyncio.to_thread(node.publish)
     assert node._broadcaster.sent == []
-    assert "no calibration is applied" in node.lines[-1]
+    assert "no calibration is active" in node.lines[-1]
     await apply_calibration(bench)
     for _ in range(2):
         await asyncio.to_thread(node.publish)

@@ -62,7 +62,7 @@ def test_a_swing_out_of_the_box_between_two_poses_inside_is_refused_by_place_and
     assert error.along == pytest.approx(0.5, abs=0.05)
     assert error.outside_mm == pytest.approx(50.0, abs=1.0)
     assert error.flange_mm[1] == pytest.approx(0.0, abs=60.0)
-    assert str(error).startswith("station 2: at 50 % of the way the flange would be at (")
+    assert str(error).startswith("pose 2: at 50 % of the way the flange would be at (")
     assert "mm outside the box from (-2000, -2000, 0) to (" in str(error)
     rules.check_poses((turned(50), turned(20, -100), turned(0, -100), turned(-20, -100), turned(-50)), start)
 
@@ -84,7 +84,7 @@ def test_of_an_arm_that_is_not_known_goals_only_are_checked_and_this_is_said() -
 async def test_the_same_holds_for_the_move_that_is_made() -> None:
     robot, rules = JointRobot(), rules_with(FLANGE_MM[0] - 50)
     robot.joints = STANDS + np.radians([50.0, 0, 0, 0, 0, 0])
-    with pytest.raises(PathRefused, match="station 3"):
+    with pytest.raises(PathRefused, match="pose 3"):
         await rules.goal(3, turned(-50), robot)
     goal = await rules.goal(3, turned(30, -60), robot)
     assert goal.posture == (0, 0, 0, 0)

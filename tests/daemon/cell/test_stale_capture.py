@@ -46,5 +46,5 @@ def test_the_same_cloud_from_another_pose_is_reported() -> None:
     novelty = StaleCaptureDetector("scanner")
     cloud = ScannedCloud(b"ply", "application/x-ply", 0.0)
     novelty.check_cloud(cloud, HERE)
-    with pytest.raises(StaleCaptureError, match="takes a new cloud for each request"):
+    with pytest.raises(StaleCaptureError, match="captures anew for each request"):
         novelty.check_cloud(cloud, ELSEWHERE)

@@ -115,7 +115,7 @@ async def test_while_another_run_is_in_progress_it_is_tried_again(scheduled: Sch
 NOT_IN_USE = [
     (None, "the daemon has been started"),
     (a_run("a", RunState.FAILED), "run a failed"),
-    (a_run("a", RunState.ABORTED), "run a aborted"),
+    (a_run("a", RunState.ABORTED), "run a was aborted"),
     (a_run("a", manual=True), "in run a the arm was moved by hand"),
     (replace(a_run("a"), kind="jog"), "in run a the arm was moved by hand"),
 ]
@@ -127,7 +127,9 @@ async def test_after_a_restart_a_stop_or_a_fault_it_waits_for_somebody(
 ) -> None:
     scheduled.operations.latest = latest
     await scheduled.schedule.start()
-    assert scheduled.schedule.warnings() == [f"the drift schedule verifies nothing until somebody starts a run: {why}"]
+    assert scheduled.schedule.warnings() == [
+        f"the drift schedule makes no quick checks until somebody starts a run: {why}"
+    ]
     await scheduled.pass_s(200)
     assert scheduled.operations.asked == 0
     scheduled.operations.latest = a_run("by somebody else")
@@ -256,7 +258,7 @@ class StepClock:
 async def test_ready_says_when_nothing_is_scheduled(tmp_path: Path) -> None:
     async with serving(settings_for(tmp_path, drift={"every_h": 1})) as bench:
         (warning,) = (await bench.client.get("/ready")).json()["warnings"]
-        assert warning.startswith("the drift schedule verifies nothing until somebody starts a run")
+        assert warning.startswith("the drift schedule makes no quick checks until somebody starts a run")
 
 
 async def test_a_released_emergency_stop_moves_nothing(tmp_path: Path) -> None:

@@ -51,7 +51,7 @@ async def test_a_gate_opened_between_two_moves_ends_the_run_before_the_next(tmp_
         run = await bench.run_over((await bench.client.post("/calibrate")).headers["location"])
         assert (run["state"], run["cause"]["code"]) == ("failed", "interlock-open")
         assert "gate closed is 0" in run["cause"]["what"]
-        assert "after station 2 of 5" in run["cause"]["what"]
+        assert "after picture 2 of 5" in run["cause"]["what"]
         assert len(bench.robot.goals) == 2
         assert not bench.robot.armed
 

@@ -28,7 +28,7 @@ async def test_abort_stops_and_disarms_and_nothing_moves_afterwards(tmp_path: Pa
         await asyncio.wait_for(gate.reached.wait(), LIMIT_S)
         stopped = await bench.client.post(f"/runs/{run['id']}/abort")
         assert stopped.json()["state"] == "aborted"
-        assert stopped.json()["cause"]["what"] == "aborted by a request over REST after station 2 of 5"
+        assert stopped.json()["cause"]["what"] == "aborted by a request over REST after picture 2 of 5"
         assert (bench.robot.armed, len(bench.robot.goals)) == (False, 3)
         assert bench.robot.stops >= 1
         gate.open.set()

@@ -213,7 +213,7 @@ async def test_aborted_it_frees_the_cell_and_commands_nothing(tmp_path: Path) ->
         assert (held.status_code, held.json()["holder"]) == (409, hand.run["id"])
         stopped = (await hand.bench.client.post(hand.run["links"]["abort"])).json()
         assert (stopped["state"], hand.bench.robot.stops) == ("aborted", 0)
-        assert stopped["cause"]["what"].startswith("aborted by a request over REST after station 1 of")
+        assert stopped["cause"]["what"].startswith("aborted by a request over REST after picture 1 of")
         again = await hand.bench.client.post("/calibrate", json={"manual": True})
         assert again.status_code == 202
 
@@ -319,7 +319,7 @@ async def test_while_the_arm_is_jogged_there_is_no_view_and_an_abort_stops_it(tm
         await asyncio.wait_for(gate.reached.wait(), LIMIT_S)
         assert (await hand.sees())["state"] == "moving"
         busy = await hand.takes()
-        assert (busy.status_code, "the jog in progress" in busy.text) == (409, True)
+        assert (busy.status_code, "the move in progress" in busy.text) == (409, True)
         aborted = await hand.bench.client.post(hand.run["links"]["abort"])
         assert (aborted.status_code, aborted.json()["state"]) == (200, "aborted")
         assert (await jogging).json()["code"] == "run-over"

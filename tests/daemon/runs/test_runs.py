@@ -126,7 +126,7 @@ async def test_a_link_lost_between_stations_fails_the_run_and_moves_nothing(tmp_
     async with serving(settings_for(tmp_path), parts) as bench:
         run = (await bench.client.post("/calibrate", params={"wait": LIMIT_S})).json()
         assert run["state"] == "failed"
-        assert run["cause"]["what"] == "link to the controller lost after station 3 of 5"
+        assert run["cause"]["what"] == "link to the controller lost after picture 3 of 5"
         assert run["cause"]["fix"]
         assert len(bench.robot.goals) == 4
         ready = (await bench.client.get("/ready")).json()
@@ -142,7 +142,7 @@ async def test_a_link_lost_between_stations_fails_the_run_and_moves_nothing(tmp_
     [
         (lambda p: setattr(p.robot, "drift_mm", 1.0), "not-still", "did not come to rest"),
         (lambda p: setattr(p.camera, "blind", lambda _: p.robot.base_T_flange.__setitem__((0, 3), 0.0)),
-         "not-still", "during the capture (before station 1 of 5)"),
+         "not-still", "during the capture (before picture 1 of 5)"),
         (lambda p: setattr(p.camera, "size", (320, 240)) or setattr(p.camera, "blind", lambda _: True),
          "picture-unusable", "320 x 240 pixels where 640 x 480"),
         (lambda p: setattr(p.camera, "blind", lambda _: True), "target-not-seen", "seen in 0 of 5 pictures"),
@@ -241,7 +241,7 @@ async def test_a_pose_outside_the_box_is_refused_before_anything_moves(tmp_path:
     async with serving(settings_for(tmp_path)) as bench:
         answer = await bench.client.post("/calibrate", json={"poses": poses})
         assert (answer.status_code, answer.json()["code"]) == (422, "pose-refused")
-        assert "station 3" in answer.json()["detail"]
+        assert "pose 3" in answer.json()["detail"]
         assert not bench.robot.goals
 
 

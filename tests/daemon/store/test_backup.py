@@ -1,17 +1,24 @@
 """A backup taken in the middle of work, put back on an empty machine, gives the same answers."""
 
 import asyncio
+import json
 import os
 import sqlite3
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from calibration.sentences.sentence import AS_WRITTEN
 from daemon.access.roles import Role
+from daemon.model.records import CauseDocument
+from daemon.model.run_states import RunState
+from daemon.runs.supervisor import abort_cause
 from daemon.store.database import DATABASE_NAME
+from daemon.store.listings import RunListing
 from daemon.store.schema import MIGRATIONS
 from daemon.store.store import Store
 from tests.daemon.access_keys import TEST, bearer
@@ -90,6 +97,39 @@ async def test_a_migration_leaves_a_copy_that_the_older_version_can_read(tmp_pat
     assert copy.execute("PRAGMA user_version").fetchone() == (3,)
     assert copy.execute("SELECT name FROM scans").fetchall() == [("door",)]
     copy.close()
+
+
+async def test_the_cause_of_an_older_run_is_kept_as_it_was_written(tmp_path: Path) -> None:
+    """Schema 17 stores what a cause is made of; of an older one only its text is known."""
+    old = sqlite3.connect(tmp_path / DATABASE_NAME)
+    for number, migration in enumerate(MIGRATIONS[:16], start=1):
+        old.executescript(f"BEGIN; {migration} PRAGMA user_version = {number}; COMMIT;")
+    row = "1, 3, ?, ?, ?, '2026-11-21T09:00:00.000Z', '2026-11-21T09:00:01.000Z', '{}', NULL, NULL, 'Ann', 'operator'"
+    for run_id, state, *cause in (
+        ("lost", "failed", "link-lost", 'lost at "2"', "look"),
+        ("well", "finished", *3 * [None]),
+    ):
+        old.execute(f"INSERT INTO runs VALUES (?, 'calibration', ?, {row})", (run_id, state, *cause))
+    old.commit()
+    old.close()
+    store = Store(tmp_path)
+    lost, well = await store.run("lost"), await store.run("well")
+    assert lost.cause == CauseDocument.because("link-lost", 'lost at "2"', "look")
+    assert {made.id for made in lost.cause.details.values()} == {AS_WRITTEN}
+    assert (well.cause, well.started_by, well.station) == (None, "Ann", 1)
+    await store.save_run(replace(well, state=RunState.ABORTED, cause=abort_cause("Ann", well)))
+    (listed, _) = await store.listings.runs(2)
+    assert isinstance(listed, RunListing)
+    assert listed.run.cause == abort_cause("Ann", well)
+    await store.close()
+    told = sqlite3.connect(tmp_path / DATABASE_NAME)
+    (data,) = told.execute("SELECT data FROM outbox WHERE topic = 'run.ended'").fetchone()
+    told.close()
+    ended = json.loads(data)
+    assert (ended["code"], ended["cause"], ended["fix"]) == (
+        "aborted", "aborted by Ann after picture 1 of 3", "start it again when the cell is ready"
+    )  # fmt: skip
+    assert ended["details"]["what"]["params"]["progress"] == {"id": "after-picture", "params": {"picture": 1, "of": 3}}
 
 
 @pytest.mark.parametrize("fresh", [True, False])

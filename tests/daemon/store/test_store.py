@@ -31,7 +31,9 @@ def record(calibration_id: str) -> CalibrationRecord:
 
 async def test_what_was_stored_is_there_after_a_restart(tmp_path: Path) -> None:
     store = Store(tmp_path)
-    failed = replace(a_run("r1", RunState.FAILED), cause=CauseDocument("link-lost", "lost", "look"), result={"x": 1.5})
+    failed = replace(
+        a_run("r1", RunState.FAILED), cause=CauseDocument.because("link-lost", "lost", "look"), result={"x": 1.5}
+    )
     await store.save_run(failed)
     await store.save_calibration(record("c1"))
     await store.apply(AppliedCalibration("c1", AT, "somebody"))

@@ -32,9 +32,17 @@ test('what and fix are said whole, with a decimal comma, and no English beside t
   });
 });
 
+test('why a run ended is said whole, with the picture after which it did', () => {
+  const progress = { id: 'after-picture', params: { picture: 2, of: 5 } };
+  const details = { what: { id: 'link-was-lost', params: { progress } }, fix: { id: 'look-at-stored', params: {} } };
+  const said = words.causeWords({ code: 'link-lost', what: 'link to the controller lost after picture 2 of 5', fix: '', details });
+  assert.deepEqual([said.what.text, said.detail], ['Verbindung zur Steuerung verloren, nach Aufnahme 2 von 5', null]);
+});
+
 test('without details, or with one that has no translation, the code says what it means and the English stands beside it', () => {
   const unknown = { what: { id: 'of-a-newer-daemon', params: {} }, fix: { id: 'as-written', params: { sentence: SAME_POSE.fix } } };
-  for (const details of [undefined, unknown]) {
+  const ofLibrary = { what: { id: 'ended-at', params: { what: unknown.fix, progress: { id: 'after-picture', params: { picture: 2, of: 5 } } } }, fix: unknown.fix };
+  for (const details of [undefined, unknown, ofLibrary]) {
     const said = words.causeWords({ ...SAME_POSE, details });
     assert.equal(said.detail, SAME_POSE.what);
     assert.notEqual(said.what.text, SAME_POSE.what);
