@@ -2,7 +2,7 @@
 
 The whole daemon at its default, with the mock cell on real sockets, policy "auto" and a stated tolerance of 1 mm, while
 the settings describe the print, the lens or the arm's lengths wrongly. What is active then is compared with the
-mock's truth: the largest error of the working volume's points beside the stated U. Fails when anything in force is off
+mock's truth: the largest error of the working volume's points beside the stated U. Fails when anything active is off
 by more than its U and 0.2 mm.
 """
 
@@ -60,7 +60,7 @@ class Outcome:
 
     @property
     def wrong(self) -> bool:
-        """In force, and off by more than it says."""
+        """Active, and off by more than it says."""
         return self.applied and self.error_mm > max(self.expanded_mm, NEGLIGIBLE_MM)
 
 
@@ -101,7 +101,7 @@ def lines_of(name: str, outcomes: list[Outcome]) -> Iterator[str]:
     """A line for each seed."""
     for seed, one in enumerate(outcomes, 1):
         said = ", ".join(one.said) or "nothing"
-        state = "in force" if one.applied else "waits for a person"
+        state = "active" if one.applied else "waits for a person"
         yield (
             f"{name:14s} {seed:4d}  {state:18s} {one.views:5d} {one.error_mm:8.3f} {one.expanded_mm:8.3f}"
             f"  {'BEYOND U' if one.wrong else '':8s} {said}"
@@ -120,7 +120,7 @@ def main() -> None:
         wrong += sum(one.wrong for one in outcomes)
         print(*lines_of(name, outcomes), sep="\n", flush=True)
     if wrong:
-        raise SystemExit(f"{wrong} in force are off by more than their U")
+        raise SystemExit(f"{wrong} active ones are off by more than their U")
 
 
 if __name__ == "__main__":

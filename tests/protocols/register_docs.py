@@ -38,7 +38,7 @@ BIT_MEANINGS: dict[tuple[type[IntFlag], int], str] = {
     (
         StatusBit,
         StatusBit.DRIFT_ALARM,
-    ): "the verifications show that the calibration no longer holds: calibrate again",
+    ): "the quick checks show that the calibration no longer holds: calibrate again",
     (StatusBit, StatusBit.MOTION_ALLOWED): "[plc] motion = true: triggers may move the arm",
     (
         StatusBit,
@@ -58,7 +58,7 @@ BIT_MEANINGS: dict[tuple[type[IntFlag], int], str] = {
     (
         StatusBit,
         StatusBit.STOP_UNCONFIRMED,
-    ): "the controller has not confirmed that the arm is stopped and disarmed: press the emergency stop",
+    ): "the controller has not confirmed that the arm stands and that motion is switched off: press the emergency stop",
     (StatusBit, StatusBit.ERROR): "error_code says why; cleared by clear_error or by the next trigger that is begun",
     (ContentsBit, ContentsBit.X): "x, q and their integers",
     (ContentsBit, ContentsBit.UNCERTAINTY): "sigma, sigma_r, sigma_point and their integers",
