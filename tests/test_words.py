@@ -28,7 +28,7 @@ FILES = {  # by what has them; the errors say themselves what they are in Englis
 
 VIEWS_OF_SCANS = (
     r".*(scan|cloud)[.-].*|findings/(sphere-|surfaces-|part-views|no-overlap|many-rejected-scans).*|views/view-no-overlap"
-    r"|advice/(scan-from|add-overlap|give-rough-x)|refusals/send-views"
+    r"|advice/(scan-from|add-overlap|give-rough-x)|refusals/(send-views|no-such-view-of-scan)"
     r"|handeyed (register|register-archive|stitch|verify-scanner).*"
 )
 """A view of a scan is a cloud and its pose; what a run takes for a calibration is a picture."""

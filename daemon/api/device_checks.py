@@ -12,7 +12,7 @@ from drivers.errors import DeviceError
 async def check_devices(app: Application) -> list[CheckDocument]:
     """One result for each thing that was looked at. Raises CellBusy while a run works."""
     if (run := app.supervisor.in_progress) is not None:
-        raise CellBusy(f"run {run.id}")
+        raise CellBusy(Sentence("holder-run", run=run.id))
     results = [_storage(app), await _robot(app), *[await _camera(app, camera) for camera in app.cameras.cameras]]
     if app.settings.interlocks is not None:
         results.append(await _interlocks(app))

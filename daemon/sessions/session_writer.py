@@ -14,7 +14,7 @@ from calibration.documents.pose import PoseDocument
 from calibration.documents.session import SessionDocument, ViewDocument
 from calibration.errors import DetectionError
 from calibration.problem import Problem, View
-from calibration.sentences.sentence import with_fix
+from calibration.sentences.sentence import Sentence, with_fix
 from daemon.cell.arm_in_cell import ArmInCell
 from daemon.errors import PictureUnusable
 from daemon.runtime.workers import Workers
@@ -147,10 +147,8 @@ class SessionWriter:
             self._image_size = size
         if size != self._image_size:
             given, wanted = ("{} x {}".format(*s) for s in (size, self._image_size))
-            raise PictureUnusable(
-                f"the camera gave a picture of {given} pixels where {wanted} are expected",
-                "set the camera's resolution back, or give the intrinsics for this one",
-            )
+            what = Sentence("picture-of-other-size", given=given, wanted=wanted)
+            raise PictureUnusable(what, Sentence("set-resolution-back"))
 
 
 def image_name(index: int) -> str:
@@ -163,12 +161,11 @@ def png_of(frame: CameraFrame) -> bytes:
         return frame.encoded
     try:
         done, content = cv2.imencode(".png", frame.image if frame.levels is None else frame.levels, FAST_PNG)
+        why = "" if done else "imencode"
     except cv2.error as error:
-        raise PictureUnusable(
-            f"the camera's picture cannot be stored ({error.err})", "look at /camera/frame.png"
-        ) from None
-    if not done:
-        raise PictureUnusable("the camera's picture cannot be stored", "look at /camera/frame.png")
+        why = error.err
+    if why:
+        raise PictureUnusable(Sentence("picture-not-stored", why=why), Sentence("see-frame"))
     return bytes(np.asarray(content, np.uint8).data)
 
 

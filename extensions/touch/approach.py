@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from calibration.kinematics.stance import Stance
+from calibration.sentences.sentence import Sentence
 from calibration.transforms import Array, map_points
 from daemon.cell.cell import READ_ONLY, Cell
 from daemon.cell.motion_rules import MotionRules
@@ -63,25 +64,22 @@ class Approach:
         """Raises PoseRefused for a direction that leads through the part: not that of the looks `sights` (k, 3)."""
         farthest_deg = float(np.degrees(np.arccos(np.clip(sights @ self.direction, -1.0, 1.0)).max()))
         if farthest_deg > MAX_FROM_SIGHT_DEG:
-            what = f"the approach is {farthest_deg:.0f}° from the line of sight in which the camera saw the point"
-            fix = f"give along, from the tip to the point, at most {MAX_FROM_SIGHT_DEG:g}° from each line of sight"
-            raise PoseRefused(NO_STATION, what, fix)
+            fix = Sentence("give-along", limit_deg=MAX_FROM_SIGHT_DEG)
+            raise PoseRefused(NO_STATION, Sentence("approach-out-of-sight", angle_deg=farthest_deg), fix)
 
     def require_tip_first(self, carried_mm: Mapping[str, Array]) -> None:
         """Raises PoseRefused when anything carried (3,) in the base is nearer to the point's plane than the tip."""
         for name, at_mm in carried_mm.items():
             ahead_mm = float((at_mm - self.tip_mm) @ self.direction)
             if ahead_mm > MIN_STEP_MM:
-                what = f"{name} would come {ahead_mm:.1f} mm nearer along the approach than the tip"
-                fix = "correct tip (in mm, in the flange's frame) or along, or turn the flange by a jog"
-                raise PoseRefused(NO_STATION, what, fix)
+                what = Sentence("carried-before-tip", name=name, ahead_mm=ahead_mm)
+                raise PoseRefused(NO_STATION, what, Sentence("correct-tip"))
 
     def to_stand_off_mm(self, stand_off_mm: float) -> list[Array]:
         """Where the tip goes, (3,) each: back first where it is too near. Raises PoseRefused beyond the point."""
         if self.left_mm < -MAX_BEYOND_MM:
-            what = f"the tip stands {-self.left_mm:.1f} mm beyond the point along the approach"
-            fix = "go to the stand-off of the point that it touched, or jog it to before this one; or correct along"
-            raise PoseRefused(NO_STATION, what, fix)
+            what = Sentence("tip-beyond-point", beyond_mm=-self.left_mm)
+            raise PoseRefused(NO_STATION, what, Sentence("go-to-stand-off"))
         back_mm = stand_off_mm - self.left_mm
         stand_off = self.point_mm - stand_off_mm * self.direction
         straight = min(back_mm, self.beside_mm) <= MIN_STEP_MM
@@ -90,14 +88,10 @@ class Approach:
     def step_mm(self, longest_mm: float, stand_off_mm: float) -> Array:
         """Where the tip goes, (3,), by one step, at most to the point. Raises PoseRefused off the line, or there."""
         if self.beside_mm > MAX_BESIDE_MM or self.left_mm > stand_off_mm + NEAR_MM:
-            what = f"the tip is {self.left_mm:.1f} mm before the point and {self.beside_mm:.1f} mm beside the approach"
-            raise PoseRefused(NO_STATION, what, "go to the stand-off first: the same request without step_mm")
+            what = Sentence("tip-beside-approach", left_mm=self.left_mm, beside_mm=self.beside_mm)
+            raise PoseRefused(NO_STATION, what, Sentence("stand-off-first"))
         if self.left_mm < MIN_STEP_MM:
-            raise PoseRefused(
-                NO_STATION,
-                "the tip is where the point was seen, and no step goes beyond it",
-                "measure what is left as miss_mm, or jog",
-            )
+            raise PoseRefused(NO_STATION, Sentence("tip-at-point"), Sentence("measure-left"))
         return self.tip_mm + min(longest_mm, self.left_mm) * self.direction
 
 
@@ -118,7 +112,7 @@ class TouchApproach:
 
     async def drive(self, log: RunLog) -> RunResult:
         """Move, stop and disarm in every case; where arm and tip stand. Raises as `goal`, CellBusy, NotStill."""
-        async with self.cell.hold(f"run {log.id}"), self.cell.armed() as robot:
+        async with self.cell.hold(Sentence("holder-run", run=log.id)), self.cell.armed() as robot:
             first = await robot.read_pose()
             for base_T_flange in self._flanges(first):
                 goal = await self._goal(base_T_flange)

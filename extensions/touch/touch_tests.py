@@ -13,6 +13,7 @@ from calibration.documents.touches import TouchesDocument
 from calibration.documents.validation import Document
 from calibration.errors import DocumentError, DocumentProblem
 from calibration.kinematics.stance import Stance
+from calibration.sentences.sentence import Sentence
 from calibration.transforms import Array
 from daemon.cell.cell import Cell
 from daemon.config.settings import MAIN_CAMERA, CalibrationSettings, Settings
@@ -194,7 +195,7 @@ class TouchTests:
             fix = "send them one after the other, with adds_to"
             raise _refusal(f"touches[{unposed[1]}].base_T_flange", "the arm's pose is read for one touch only", fix)
         for index in unposed:
-            async with self.cell.hold("a touch"):
+            async with self.cell.hold(Sentence("holder-touch")):
                 reading = await self.cell.read_standing_pose()
             new[index] = new[index].model_copy(update=vars(FlangePose.of(reading)))
         before = earlier.touches if earlier else TouchesDocument(touches=tuple(new))

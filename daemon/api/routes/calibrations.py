@@ -14,6 +14,7 @@ from calibration.documents.calibration import CalibrationDocument
 from calibration.documents.calibration_text import summary
 from calibration.errors import DocumentProblem
 from calibration.monitoring.comparison import ComparisonDocument, compare, comparison_text
+from calibration.sentences.sentence import Sentence
 from daemon.access.errors import RoleTooLow
 from daemon.access.roles import LOCAL, Role
 from daemon.api.dependencies import (
@@ -279,8 +280,6 @@ async def _arm_of(app: Application, calibration_id: str) -> tuple[CalibrationDoc
     document = await app.operations.calibrations.find(calibration_id)
     found = await app.store.arm(document.id)
     if found is None:
-        raise NotFound(
-            f"the arm's errors were not identified with calibration {document.id}",
-            'calibrate with {"arm": true}; findings of its verdict say why where that was done',
-        )
+        what = Sentence("arm-errors-not-identified", calibration=document.id)
+        raise NotFound(what, Sentence("calibrate-with-arm", body='{"arm": true}'))
     return document, found

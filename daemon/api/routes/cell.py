@@ -2,6 +2,7 @@
 
 from fastapi import APIRouter, Depends, Request, Response
 
+from calibration.sentences.sentence import Sentence
 from daemon.api.dependencies import App, WidthQuery, WithCamera, no_body
 from daemon.api.device_checks import check_devices
 from daemon.api.live.picture_stream import STREAM, StreamedPictures, working_run
@@ -123,7 +124,7 @@ async def _picture(
         headers |= {"Handeyed-Source": "camera", **_capture_headers(picture.capture)}
         return Response(picture.content, media_type=media_type, headers=headers)
     if run.kind == "scan" or run.pictures == 0 or run.request.get("camera", MAIN_CAMERA) != camera.name:
-        raise CellBusy(f"run {run.id}, which has taken no picture with this camera yet")
+        raise CellBusy(Sentence("holder-run-without-picture", run=run.id))
     content = await stored_picture(app, run.id, run.pictures - 1, media_type, width)
     source = f"/runs/{run.id}/frames/{run.pictures - 1}"
     return Response(content, media_type=media_type, headers={**headers, "Handeyed-Source": source})
@@ -158,7 +159,7 @@ async def camera_stream(request: Request, camera: WithCamera, width: WidthQuery 
 async def look(app: App, camera: WithCamera) -> LookDocument:
     """The target in a picture of at most the last 0.5 s, searched once for all who ask. 409 while a run works."""
     if (run := working_run(app)) is not None:
-        raise CellBusy(f"run {run.id}")
+        raise CellBusy(Sentence("holder-run", run=run.id))
     return LookDocument.of_look(await camera.looks.read())
 
 

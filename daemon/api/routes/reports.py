@@ -13,7 +13,7 @@ from fastapi import APIRouter, Depends, Query, Request, Response
 from numpy.typing import NDArray
 
 from calibration.documents.calibration import CalibrationDocument
-from calibration.sentences.sentence import LANGUAGES, LanguageTag
+from calibration.sentences.sentence import LANGUAGES, LanguageTag, Sentence
 from calibration.targets import Target
 from daemon.api.dependencies import App, Identifier, WidthQuery, WithCamera
 from daemon.api.negotiation import choose_picture_type, media_ranges, weighted_values
@@ -157,8 +157,8 @@ async def report_verification(
     run = await app.supervisor.run(run_id)
     if run.kind != "verify" or run.result is None or "verification" not in run.result:
         found = run.result.get("calibration_id") if run.result else None
-        fix = f"GET /calibrations/{found}/report" if found else "wait for its end, or ask for a verification"
-        raise NotFound(f"run {run_id} has no result of a verification", fix)
+        fix = Sentence("see-calibration-report", calibration=found) if found else Sentence("wait-or-ask-quick-check")
+        raise NotFound(Sentence("no-quick-check-of-run", run=run_id), fix)
     context = replace(context_of(app.settings, language), run_id=run.id, issued_at=app.clock.timestamp())
     context = await _with_history(app, context, run.result["verification"]["calibration_id"])
     return await _answer(request, app, partial(verification_report, run, context), language, form)
@@ -176,7 +176,7 @@ async def report_drift(
     """The control chart of the active calibration, as a report."""
     chart = await camera.drift.refresh()
     if not chart.report.calibration_id:
-        raise NotFound("no calibration is active", "apply one, and verify it")
+        raise NotFound(Sentence("no-active-calibration"), Sentence("apply-and-check"))
     report = partial(drift_report, chart, context_of(app.settings, language))
     return await _answer(request, app, report, language, form)
 

@@ -5,6 +5,7 @@ from typing import Annotated
 from fastapi import APIRouter, Depends, Path, Request, Response
 
 from calibration.documents.calibration import CalibrationDocument
+from calibration.sentences.sentence import Sentence
 from daemon.api.dependencies import (
     IN_WHOLE_DIGITS,
     App,
@@ -142,9 +143,7 @@ async def views(app: App, run_id: Identifier) -> Response:
     calibration, arm = await _calibration_of(app, found), app.operations.rules.arm
     folder, own = app.store.run_folder(found.id), found.kind == "calibration"
     if found.kind in ("scan", "jog") or not (folder / SESSION_FILE).is_file():
-        raise NotFound(
-            f"run {found.id} has no views", "look at a calibration or verification run; old ones are deleted"
-        )
+        raise NotFound(Sentence("no-views-of-run", run=found.id), Sentence("look-at-other-run"))
 
     def as_json() -> bytes:
         known = run_views(folder, calibration, arm, own=own)

@@ -8,6 +8,7 @@ import numpy as np
 from fastapi import APIRouter, Depends, Query, Request, Response
 
 from calibration.documents.calibration_in_use import CalibrationInUse
+from calibration.sentences.sentence import Sentence
 from daemon.api.dependencies import (
     BOX_PATTERN,
     IN_DIGITS,
@@ -256,7 +257,8 @@ async def calibration_of_scan(app: Application, scan_id: str, which: str) -> Cal
 
 def _one_of(clouds: list[PlacedCloud], view: int, scan_id: str) -> PlacedCloud:
     if view >= len(clouds):
-        raise NotFound(f"scan {scan_id} has no view {view}", f"ask for 0 to {len(clouds) - 1}")
+        fix = Sentence("ask-up-to", last=len(clouds) - 1)
+        raise NotFound(Sentence("no-such-view-of-scan", scan=scan_id, view=view), fix)
     return clouds[view]
 
 
