@@ -20,7 +20,7 @@ import uuid
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Self, TypedDict
+from typing import TYPE_CHECKING, Any, NotRequired, Self, TypedDict
 from urllib.parse import quote
 
 import httpx
@@ -49,11 +49,12 @@ ServerEvent = dict[str, Any]
 
 
 class Cause(TypedDict):
-    """Why a run failed or was aborted."""
+    """Why a run failed or was aborted; `details`: what these sentences are made of, for other languages."""
 
     code: str
     what: str
     fix: str
+    details: NotRequired[dict[str, Any]]
 
 
 class Run(TypedDict):
