@@ -29,7 +29,7 @@ def test_the_posture_is_that_of_the_confdata(seed: int) -> None:
 def test_poses_with_neither_joints_nor_confdata_are_named() -> None:
     joints = np.radians([[10.0, 20, 10, 5, 40, 0], [0.0, 30, 5, 0, 50, 10], [5.0, 20, 0, 0, 45, 0]])
     known, confdata = [joints[0], None, None], [None, None, ARM.configuration(joints[2])]
-    with pytest.raises(GeometryError, match=r"1 views hold neither joints nor confdata \(1\)"):
+    with pytest.raises(GeometryError, match=r"1 pictures hold neither joints nor confdata \(1\)"):
         joints_of_poses(ARM, list(ARM.forward(joints)), known, confdata)
 
 
