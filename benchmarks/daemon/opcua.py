@@ -1,23 +1,28 @@
-"""`python -m benchmarks.daemon.opcua [--cells 50] [--items 1000] [--seconds 15]`: what the OPC UA gateway costs.
+"""`python -m benchmarks.daemon.opcua [--cells 50] [--items 1000] [--seconds 15] [--hours 1]`: what the gateway costs.
 
 The gateway in a process of its own over daemons that only talk (one process, /live five times a second under load),
 and a client with monitored items over SignAndEncrypt. Reported: time until clients can read, processor time at rest
 and under load, memory, the delay of a result's event, an abort over OPC UA beside the same over REST, the memory after
-100 connections that send half a message and wait, and after as many clients that came and left.
+100 connections that send half a message and wait, and after 30 clients that came and left. With `--hours` instead: its
+memory while clients come and leave for so long, one a second: some in order, some cut off, some refused.
 """
 
 import argparse
 import asyncio
+import gc
+import itertools
 import json
 import logging
 import multiprocessing
 import os
 import shutil
+import signal
 import socket
 import struct
 import tempfile
 import time
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Sequence
+from contextlib import asynccontextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -31,11 +36,12 @@ from starlette.responses import JSONResponse, PlainTextResponse, Response, Strea
 from starlette.routing import Route
 
 from gateways.opcua.cell_state import SCALARS
+from gateways.opcua.gateway import MAX_SESSION_MS
 from gateways.opcua.settings import CellSettings, GatewaySettings, ServerSettings
-from tests.gateways.opcua.plant import Plant, PlantClient, free_port
+from tests.gateways.opcua.plant import Plant, PlantClient, free_port, refused
 
 READY = {"calibrate": {"ready": True, "reasons": []}, "warnings": [], "warning_details": []}
-BUSY_BEAT_S, REST_BEAT_S = 0.2, 1.0
+BUSY_BEAT_S, REST_BEAT_S, HEARTBEAT_S = 0.2, 1.0, 15.0
 HALF_MESSAGES = 100
 CHUNK_BYTES = 60_000
 
@@ -62,11 +68,11 @@ def talk(port: int) -> None:
 
     async def events(_: Request) -> Response:
         async def ends() -> AsyncIterator[bytes]:
-            yield b": here\n\n"
             while True:
-                await ended.wait()
-                yield _event("run", {"id": f"r{number[0]}", "state": "finished"}, number[0])
-                await asyncio.sleep(0.1)
+                yield b": here\n\n"
+                with suppress(TimeoutError):
+                    await asyncio.wait_for(ended.wait(), HEARTBEAT_S)
+                    yield _event("run", {"id": f"r{number[0]}", "state": "finished"}, number[0])
 
         return StreamingResponse(ends(), media_type="text/event-stream")
 
@@ -112,21 +118,33 @@ def talk(port: int) -> None:
     uvicorn.run(Starlette(routes=routes), host="127.0.0.1", port=port, log_level="error")
 
 
-def run_gateway(settings: GatewaySettings) -> None:
-    """The gateway, until it is terminated."""
-    from gateways.opcua.gateway import serve
+def run_gateway(settings: GatewaySettings, alive: Any) -> None:
+    """The gateway, until it is terminated. At SIGUSR1 `alive` gets how many sessions and subscriptions it holds."""
+    from asyncua.server.internal_subscription import InternalSubscription
 
-    logging.getLogger("asyncua").setLevel(logging.CRITICAL)
+    from gateways.opcua.gateway import serve
+    from gateways.opcua.sessions import KeySession
+
+    for name in ("asyncua", "asyncuagds"):
+        logging.getLogger(name).setLevel(logging.CRITICAL)
+
+    def count() -> None:
+        gc.collect()
+        held = gc.get_objects()
+        sessions = sum(isinstance(one, KeySession) and one.external for one in held)
+        alive[:] = [sessions, sum(isinstance(one, InternalSubscription) for one in held)]
 
     async def forever() -> None:
+        asyncio.get_running_loop().add_signal_handler(signal.SIGUSR1, count)
         async with serve(settings):
             await asyncio.Event().wait()
 
     asyncio.run(forever())
 
 
-async def measure(cells: int, items: int, seconds: float) -> None:
-    """Print each figure."""
+@asynccontextmanager
+async def running(cells: int) -> AsyncIterator[tuple[Plant, str, psutil.Process, Any]]:
+    """A gateway over so many talkers: where clients connect, the talkers' address, its process, and its `alive`."""
     spawning = multiprocessing.get_context("spawn")
     with tempfile.TemporaryDirectory(prefix="handeyed-opcua-") as name:
         folder, port, web = Path(name), free_port(), free_port()
@@ -140,32 +158,93 @@ async def measure(cells: int, items: int, seconds: float) -> None:
         settings = GatewaySettings(
             cell=tuple(CellSettings(name=f"cell{k}", url=f"{url}/cell{k}") for k in range(cells)), server=server
         )
+        alive = spawning.Array("i", [-1, -1])
         processes = [spawning.Process(target=talk, args=(web,), daemon=True)]
         processes[0].start()
-        await _listens(web)
-        began_s = time.monotonic()
-        processes.append(spawning.Process(target=run_gateway, args=(settings,), daemon=True))
-        processes[1].start()
         try:
+            await _listens(web)
+            processes.append(spawning.Process(target=run_gateway, args=(settings, alive), daemon=True))
+            processes[1].start()
             await _listens(port)
-            gateway = psutil.Process(processes[1].pid)
-            plant = Plant(folder, endpoint)
-            async with plant.client() as client, httpx.AsyncClient(base_url=url) as rest:
-                print(f"{cells} cells: ready after {time.monotonic() - began_s:.1f} s, {_mb(gateway):.0f} MB")
-                await _load(client, rest, gateway, cells, items, seconds)
-                await _abort(client, rest)
-                await _result(client, rest)
-            await _half_messages(port, gateway)
-            before_mb = _mb(gateway)
-            for _ in range(30):
-                async with plant.client() as client:
-                    await client.listen("cell0.Cell.Ready")
-            print(f"30 clients that came and left: {before_mb:.0f} MB before, {_mb(gateway):.0f} MB after")
+            yield Plant(folder, endpoint), url, psutil.Process(processes[1].pid), alive
         finally:
-            for process in processes:
-                process.terminate()
+            for process in reversed(processes):
+                process.kill()
                 process.join()
             shutil.rmtree(folder, ignore_errors=True)
+
+
+async def measure(cells: int, items: int, seconds: float) -> None:
+    """Print each figure."""
+    async with running(cells) as (plant, url, gateway, _):
+        async with plant.client() as client, httpx.AsyncClient(base_url=url) as rest:
+            print(f"{cells} cells: ready after {time.time() - gateway.create_time():.1f} s, {_mb(gateway):.0f} MB")
+            await _load(client, rest, gateway, cells, items, seconds)
+            await _abort(client, rest)
+            await _result(client, rest)
+        await _half_messages(int(plant.endpoint.rstrip("/").rpartition(":")[2]), gateway)
+        before_mb = _mb(gateway)
+        for _ in range(30):
+            async with plant.client() as client:
+                await client.listen("cell0.Cell.Ready")
+        print(f"30 clients that came and left: {before_mb:.0f} MB before, {_mb(gateway):.0f} MB after")
+
+
+async def come_and_leave(cells: int, hours: float) -> None:
+    """Print how the gateway's memory changes while clients come and leave, one a second."""
+    ways = (_leave_in_order, _leave_in_order, _are_cut_off, _are_refused)
+    async with running(cells) as (plant, _, gateway, alive):
+        end_s, sampled, clients = time.monotonic() + 3600 * hours, [], 0
+        for way in itertools.cycle(ways):
+            next_s = time.monotonic() + 1.0
+            await way(plant)
+            clients += 1
+            sampled.append(_mb(gateway))
+            if time.monotonic() > end_s:
+                break
+            await asyncio.sleep(max(0.0, next_s - time.monotonic()))
+        quarter = len(sampled) // 4
+        first, last = (float(np.median(part)) for part in (sampled[:quarter], sampled[-quarter:]))
+        hours_of = (np.arange(len(sampled)) + 0.5) * hours / len(sampled)
+        slope = np.polyfit(hours_of[quarter:], sampled[quarter:], 1)[0]
+        print(f"{clients} clients came and left in {hours:g} h, a quarter of them cut off, a quarter refused: "
+              f"{first:.1f} MB in the first quarter, {last:.1f} MB in the last (medians); "
+              f"{slope:+.2f} MB an hour after the first")  # fmt: skip
+        print(f"held at the end: {await _held(gateway, alive)} sessions and subscriptions")
+
+
+async def _leave_in_order(plant: Plant) -> None:
+    async with plant.client() as client:
+        await client.listen("cell0.Cell.Ready", events_of="cell0")
+        await client.read("cell0.Cell.State")
+
+
+async def _are_cut_off(plant: Plant) -> None:
+    """Their session is open, and has a subscription."""
+    async with plant.client() as client:
+        await client.listen("cell0.Cell.Ready", events_of="cell0")
+        client.client.uaclient.request_disconnect()
+        client.client.disconnect_socket()
+
+
+async def _are_refused(plant: Plant) -> None:
+    """Their certificate is none that the gateway trusts."""
+    assert await refused(_sign_in(plant)) == "BadCertificateUntrusted"
+
+
+async def _sign_in(plant: Plant) -> None:
+    async with plant.client("stranger", trusted=False):
+        pass
+
+
+async def _held(gateway: psutil.Process, alive: Sequence[int]) -> list[int]:
+    """How many are left when a client that was cut off can no longer return."""
+    for _ in range(10):
+        gateway.send_signal(signal.SIGUSR1)
+        await asyncio.sleep(MAX_SESSION_MS / 5000)
+        if list(alive) == [0, 0]:
+            break
+    return list(alive)
 
 
 async def _load(
@@ -263,9 +342,12 @@ def main() -> None:
     parser.add_argument("--cells", type=int, default=50)
     parser.add_argument("--items", type=int, default=1000)
     parser.add_argument("--seconds", type=float, default=15.0)
+    parser.add_argument("--hours", type=float, default=0.0)
     options = parser.parse_args()
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    asyncio.run(measure(options.cells, options.items, options.seconds))
+    logging.getLogger("asyncua").setLevel(logging.CRITICAL)
+    what = come_and_leave(options.cells, options.hours) if options.hours else None
+    asyncio.run(what or measure(options.cells, options.items, options.seconds))
 
 
 if __name__ == "__main__":

@@ -33,6 +33,9 @@ MAX_CHUNKS = 5
 """A message that goes on for longer is cut off; without these limits three connections without a login hold 300 MB
 (asyncua issues 1962 and 1963)."""
 
+MAX_SESSION_MS = 60_000
+"""A client that was cut off can return to its subscriptions for so long, and counts as one of `connections`."""
+
 SUBTYPES = {
     "RecipeIdExternalDataType": (3002, 5002),
     "RecipeIdInternalDataType": (3013, 5268),
@@ -53,6 +56,7 @@ async def serve(settings: GatewaySettings) -> AsyncIterator[str]:
     core = KeyServer(KeyChecks(cells))
     core.bind_condition_methods = True
     core.allow_remote_admin = False
+    core.max_session_timeout_ms = MAX_SESSION_MS
     server = Server(iserver=core)
     server.set_endpoint(settings.server.endpoint)
     server.set_server_name("handeyed gateway")

@@ -48,6 +48,8 @@ STATUS = {
 }
 """The status of a method by that of the daemon's refusal; the rest is BadUnexpectedError."""
 
+NO_ERROR, NO_HANDLE = ua.Variant(0, ua.VariantType.Int32), ua.Variant(0, ua.VariantType.UInt32)
+
 Method = Callable[..., Awaitable[Any]]
 
 
@@ -157,7 +159,7 @@ class VisionSystem:
     ) -> Any:  # fmt: skip
         name = " ".join(filter(None, (_id_of(product_id.Value), _id_of(part_id.Value))))
         started = self._begin(_id_of(recipe_id.Value), _id_of(meas_id.Value), name)
-        return await self._answer(started, lambda run_id: [_variant(ua.JobIdDataType(Id=run_id)), _no_error()])
+        return await self._answer(started, lambda run_id: [_variant(ua.JobIdDataType(Id=run_id)), NO_ERROR])
 
     async def _begin(self, kind: str, ticket: str, name: str = "") -> str:
         if kind not in RECIPES or not ticket:
@@ -171,7 +173,7 @@ class VisionSystem:
         return await self._answer(self.cell.abort(session_key.get()), lambda _: [])
 
     async def _abort_with_cause(self, parent: ua.NodeId, cause: ua.Variant, description: ua.Variant) -> Any:
-        return await self._answer(self.cell.abort(session_key.get()), lambda _: [_no_error()])
+        return await self._answer(self.cell.abort(session_key.get()), lambda _: [NO_ERROR])
 
     async def _list_recipes(self, parent: ua.NodeId, *filters: ua.Variant) -> Any:
         most = int(filters[3].Value or MAX_LISTED)
@@ -184,15 +186,15 @@ class VisionSystem:
             return ua.StatusCode(ua.StatusCodes.BadNotFound)
         if not self.cell.state.ready:
             return ua.StatusCode(ua.StatusCodes.BadInvalidState)
-        return [_variant(ua.RecipeIdInternalDataType(Id=name)), ua.Variant(True), _no_error()]
+        return [_variant(ua.RecipeIdInternalDataType(Id=name)), ua.Variant(True), NO_ERROR]
 
     async def _unprepare_recipe(self, parent: ua.NodeId, external: ua.Variant, internal: ua.Variant) -> Any:
         name = _id_of(external.Value) or _id_of(internal.Value)
-        return [_variant(ua.RecipeIdInternalDataType(Id=name)), _no_error()]
+        return [_variant(ua.RecipeIdInternalDataType(Id=name)), NO_ERROR]
 
     async def _result_by_id(self, parent: ua.NodeId, result_id: ua.Variant, _limit: ua.Variant) -> Any:
         asked = self.cell.get(f"/runs/{quoted(_id_of(result_id.Value))}", session_key.get())
-        return await self._answer(asked, lambda run: [_handle(), _variant(self._result_of(run)), _no_error()])
+        return await self._answer(asked, lambda run: [NO_HANDLE, _variant(self._result_of(run)), NO_ERROR])
 
     async def _list_results(self, parent: ua.NodeId, *filters: ua.Variant) -> Any:
         """The newest first; by ResultState and JobId where these are given, the other filters have no match here."""
@@ -222,7 +224,7 @@ class VisionSystem:
         """Unless another one is active than when this key listed them last."""
         path, key = f"/calibrations/{quoted(_id_of(internal_id.Value))}/apply", session_key.get()
         applied = self.cell.post(path, key, {"applied_by": "OPC UA"}, self._seen.get(key, {}))
-        return await self._answer(applied, lambda _: [_no_error()])
+        return await self._answer(applied, lambda _: [NO_ERROR])
 
     async def _answer(self, request: Awaitable[Any], outputs: Callable[[Any], list[ua.Variant]]) -> Any:
         """The output arguments of a method, or the status of a refusal, which the log has in words."""
@@ -329,19 +331,11 @@ def _variant(value: Any) -> ua.Variant:
     return ua.Variant(value, ua.VariantType.ExtensionObject)
 
 
-def _no_error() -> ua.Variant:
-    return ua.Variant(0, ua.VariantType.Int32)
-
-
-def _handle() -> ua.Variant:
-    return ua.Variant(0, ua.VariantType.UInt32)
-
-
 def _list_answer(complete: bool, found: list[Any]) -> list[ua.Variant]:
     """IsComplete, ResultCount, a handle, the list, Error."""
     count = ua.Variant(len(found), ua.VariantType.UInt32)
     listed = ua.Variant(found, ua.VariantType.ExtensionObject, is_array=True)
-    return [ua.Variant(complete), count, _handle(), listed, _no_error()]
+    return [ua.Variant(complete), count, NO_HANDLE, listed, NO_ERROR]
 
 
 def _content(run: Mapping[str, Any]) -> str:
