@@ -97,6 +97,9 @@ def talk(port: int) -> None:
     async def of_drift(_: Request) -> Response:
         return JSONResponse({"standing": "steady", "points": []})
 
+    async def session(_: Request) -> Response:
+        return JSONResponse({"last_event_id": 0})
+
     async def runs(_: Request) -> Response:
         return JSONResponse({"runs": [_run("r", over=False)], "next": None})
 
@@ -111,6 +114,7 @@ def talk(port: int) -> None:
         Route("/{cell}/runs/{run}", run),
         Route("/{cell}/runs/{run}/abort", run, methods=["POST"]),
         Route("/{cell}/ready", of_ready),
+        Route("/{cell}/session", session),
         Route("/{cell}/drift", of_drift),
         Route("/{cell}/metrics", metrics),
         Route("/{cell}/calibrations/current", none),

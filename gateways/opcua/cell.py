@@ -146,8 +146,13 @@ class Cell:
             await self._change(CellState(last=self.state.last))
 
     async def _follow_events(self) -> None:
-        seen = {} if self._last_event is None else {"Last-Event-ID": self._last_event}
-        async for number, event in self._listen("/events", seen, 3 * HEARTBEAT_S):
+        if self._last_event is None:  # a run that ended before is read, one that ends from here on is heard of
+            now = str((await self.get("/session"))["last_event_id"])
+            ended = [run for run in (await self.get("/runs", limit=2))["runs"] if run["over"]]
+            last = await self.get(f"/runs/{ended[0]['id']}") if ended else None
+            await self._change(replace(self.state, last=last))
+            self._last_event = now
+        async for number, event in self._listen("/events", {"Last-Event-ID": self._last_event}, 3 * HEARTBEAT_S):
             kind = event["event"]
             if kind == "run" and event.get("state") in FINAL:
                 run = await self.get(f"/runs/{quoted(event['id'])}")
@@ -167,11 +172,9 @@ class Cell:
     async def _ask_readiness(self) -> None:
         """Readiness lags in /live by a second after a run."""
         ready = await self.get("/ready")
-        await self._change(self.state.after({"ready": ready, "run": None if self._is_over() else self.state.run}))
-
-    def _is_over(self) -> bool:
         run, last = self.state.run, self.state.last
-        return run is None or (last is not None and run["id"] == last["id"])
+        over = run is not None and last is not None and run["id"] == last["id"]
+        await self._change(self.state.after({"ready": ready, "run": None if over else run}))
 
     async def _refresh(self) -> None:
         """Read what only changes by an event."""

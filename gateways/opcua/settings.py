@@ -7,8 +7,6 @@ from typing import Annotated, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
-DEFAULT_ENDPOINT = "opc.tcp://0.0.0.0:4840/"
-
 
 @dataclass
 class GatewayError(Exception):
@@ -60,7 +58,7 @@ class CellSettings(Table):
 class ServerSettings(Table):
     """What clients connect to."""
 
-    endpoint: Annotated[str, Field(pattern=r"^opc\.tcp://[^/]+:\d+/")] = DEFAULT_ENDPOINT
+    endpoint: Annotated[str, Field(pattern=r"^opc\.tcp://[^/]+:\d+/")] = "opc.tcp://0.0.0.0:4840/"
     """Address and port that the gateway listens at."""
 
     certificate: Path = Path("pki/own/gateway.der")
