@@ -162,8 +162,8 @@ class VisionSystem:
         return await self._answer(started, lambda run_id: [_variant(ua.JobIdDataType(Id=run_id)), NO_ERROR])
 
     async def _begin(self, kind: str, ticket: str, name: str = "") -> str:
-        if kind not in RECIPES or not ticket:
-            raise Refusal(422, "ticket", "a kind of run and a new ticket are needed", f"kinds: {', '.join(RECIPES)}")
+        if kind not in RECIPES or not ticket or not ticket.isascii():
+            raise Refusal(422, "ticket", "a kind and a new ticket in ASCII are needed", f"kinds: {', '.join(RECIPES)}")
         body = {"name": name, "capture": True} if kind == "scan" else {}
         run = await self.cell.start(RECIPES[kind], body, ticket, session_key.get())
         self._tickets = {**dict(list(self._tickets.items())[-MAX_LISTED:]), run["id"]: ticket}
