@@ -140,7 +140,7 @@ async def main() -> None:
             await client.read("i=2258")
         told["wrongKey"] = "read"
     except o6.StatusCodeError as error:
-        told["wrongKey"] = error.code.name
+        told["wrongKey"] = str(error)
     print(json.dumps(told))
 
 
