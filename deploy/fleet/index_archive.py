@@ -71,7 +71,7 @@ def index_archive(url: str) -> tuple[int, list[str]]:
 
 
 if __name__ == "__main__":
-    [place] = sys.argv[1:]
+    place = sys.argv[1].rstrip("/")
     count, left_out = index_archive(place)
     for folder in left_out:
         sys.stderr.write(f"{folder}: {MANIFEST} and {REPORT} cannot be read: give register-archive again\n")

@@ -10,6 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tests.support.s3 import s3_server
+
 SCRIPTS = Path(__file__).resolve().parents[2] / "deploy" / "fleet"
 
 
@@ -50,6 +52,27 @@ def test_the_index_has_a_row_for_each_finished_scan_and_names_what_it_leaves_out
     assert [line.partition(":")[0] for line in ran.stderr.splitlines()] == [f"{tmp_path}/door", f"{tmp_path}/hood"]
     assert parquet.read_table(tmp_path / "outcomes.parquet").num_rows == 1
     assert list(tmp_path.glob(".*")) == []
+
+
+def test_the_index_of_results_in_s3_lies_beside_them(tmp_path: Path) -> None:
+    pytest.importorskip("pyarrow", reason="pyarrow is not here: pip install 'handeyed[parquet]'")
+    from pyarrow import BufferReader, parquet
+
+    a_finished_scan(tmp_path / "out", "door", 1000, None)
+    a_finished_scan(tmp_path / "out", "2026/roof", 2000, 0.1)
+    with s3_server():
+        s3: Any = pytest.importorskip("fsspec").filesystem("s3", skip_instance_cache=True)
+        s3.mkdir("parts")
+        s3.put(f"{tmp_path}/out", "parts/out", recursive=True)
+        for _ in ("made", "made anew"):
+            ran = run("index_archive.py", "s3://parts/out/")
+            assert (ran.returncode, ran.stdout) == (0, "s3://parts/out/outcomes.parquet: 2 scans\n"), ran.stderr
+        s3.invalidate_cache()
+        assert sorted(s3.ls("parts/out", detail=False)) == [
+            f"parts/out/{n}" for n in ("2026", "door", "outcomes.parquet")
+        ]
+        rows = parquet.read_table(BufferReader(s3.cat_file("parts/out/outcomes.parquet"))).to_pylist()
+    assert [(row["scan"], row["points"]) for row in rows] == [("2026/roof", 2000), ("door", 1000)]
 
 
 def test_a_copc_file_has_every_point_to_its_last_digit_and_answers_for_a_part(tmp_path: Path) -> None:
