@@ -57,6 +57,7 @@ QUICK: dict[str, tuple[str, ...]] = {
     "hand_eye.vision_calibration": ("--cells", "4"),
     "registration.archive": ("--scans", "8"),
     "registration.archive_faults": ("--scans", "20", "--points", "500"),
+    "registration.finished_scans": ("--scans", "200"),
     "registration.large_part": ("--views", "8", "--points", "1e5"),
     "registration.profiled_door": ("--cells", "1"),
     "run_time": ("--runs", "1"),
