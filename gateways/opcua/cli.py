@@ -32,8 +32,8 @@ def opcua(
         ) from None
 
     logging.basicConfig(level=logging.INFO, format="%(levelname)s %(name)s: %(message)s")
-    logging.getLogger("asyncua").setLevel(logging.CRITICAL)  # it logs each fault of a client with a traceback
-    logging.getLogger("httpx").setLevel(logging.WARNING)
+    for name, level in (("asyncua", logging.CRITICAL), ("asyncuagds", logging.CRITICAL), ("httpx", logging.WARNING)):
+        logging.getLogger(name).setLevel(level)  # asyncua logs each fault of a client with a traceback
 
     async def until_stopped() -> None:
         stopped = asyncio.Event()

@@ -105,7 +105,12 @@ class TrustedFolder:
             raise ServiceError(ua.StatusCodes.BadCertificateUntrusted) from None
         what = CertificateValidatorOptions
         validator = CertificateValidator(what.TIME_RANGE | what.URI | what.TRUSTED | what.PEER_CLIENT, store)
-        await validator(certificate, description)
+        try:
+            await validator(certificate, description)
+        except ServiceError as error:
+            name = ua.status_codes.get_name_and_doc(error.code)[0]
+            log.warning("refused: the certificate of %s: %s", certificate.subject.rfc4514_string(), name)
+            raise
 
 
 def _register_subtypes(types: int) -> None:

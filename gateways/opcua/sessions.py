@@ -5,6 +5,7 @@ The role, its end and the audit stay in the daemon.
 """
 
 import hashlib
+import secrets
 import time
 import weakref
 from collections.abc import Mapping
@@ -72,11 +73,25 @@ class KeyChecks:
                 raise ServiceError(ua.StatusCodes.BadCommunicationError) from None
 
 
+def _with_key(service: str) -> Any:
+    """This service of asyncua's session, refused with ServiceError without a valid key."""
+
+    async def served(self: "KeySession", *arguments: Any, **named: Any) -> Any:
+        await self.require_key()
+        return await getattr(super(KeySession, self), service)(*arguments, **named)
+
+    return served
+
+
 class KeySession(InternalSession):  # type: ignore[misc]
     """A session whose services are refused without a valid key, and whose methods are called with it."""
 
     checks: KeyChecks
     _checked_s = float("-inf")
+    read, write, browse = _with_key("read"), _with_key("write"), _with_key("browse")
+    translate_browsepaths_to_nodeids = _with_key("translate_browsepaths_to_nodeids")
+    create_subscription, transfer_subscriptions = _with_key("create_subscription"), _with_key("transfer_subscriptions")
+    create_monitored_items = _with_key("create_monitored_items")
 
     def activate_session(self, *arguments: Any, **named: Any) -> Any:
         """Sign in, also as somebody else: the next service checks the key."""
@@ -91,31 +106,6 @@ class KeySession(InternalSession):  # type: ignore[misc]
             raise ServiceError(ua.StatusCodes.BadUserAccessDenied)
         await self.checks.require_valid(self.user)
         self._checked_s = time.monotonic()
-
-    async def read(self, params: Any) -> Any:
-        """Read values. Raises ServiceError without a valid key, as the services below."""
-        await self.require_key()
-        return await super().read(params)
-
-    async def browse(self, params: Any) -> Any:
-        """List nodes."""
-        await self.require_key()
-        return await super().browse(params)
-
-    async def write(self, params: Any) -> Any:
-        """Refused by the nodes: nothing is writable."""
-        await self.require_key()
-        return await super().write(params)
-
-    async def create_subscription(self, params: Any, *callbacks: Any, **named: Any) -> Any:
-        """Begin to hear of changes."""
-        await self.require_key()
-        return await super().create_subscription(params, *callbacks, **named)
-
-    async def create_monitored_items(self, params: Any) -> Any:
-        """Hear of these."""
-        await self.require_key()
-        return await super().create_monitored_items(params)
 
     async def call(self, params: Any) -> Any:
         """Call methods, with the session's key at hand."""
@@ -143,6 +133,11 @@ class KeyServer(InternalServer):  # type: ignore[misc]
         if external:
             self.sessions.add(session)
         return session
+
+    def register_external_session(self, session: InternalSession) -> None:
+        """A client that was cut off returns to its session by this token, which asyncua counts up from 1000."""
+        session.auth_token = ua.NodeId(secrets.token_hex(16))
+        super().register_external_session(session)
 
     async def end_revoked(self) -> None:
         """End every session whose key is no longer valid."""

@@ -113,7 +113,9 @@ async def test_the_roles_of_the_daemon_s_keys_hold_and_what_is_not_for_plants_is
 
 
 @pytest.mark.slow
-async def test_nobody_enters_without_a_key_encryption_and_a_trusted_certificate(tmp_path: Path) -> None:
+async def test_nobody_enters_without_a_key_encryption_and_a_trusted_certificate(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
     async with with_keys(tmp_path) as (bench, keys):
         viewers = {"cell7": keys["viewer"]}
         async with plant(tmp_path, {"cell7": bench.url}, viewers) as gateway:
@@ -126,6 +128,12 @@ async def test_nobody_enters_without_a_key_encryption_and_a_trusted_certificate(
             assert await refused(enters("mes", "hek_wrong")) == "BadUserAccessDenied"
             assert await refused(enters("mes@cell8", keys["viewer"])) == "BadUserAccessDenied"
             assert await refused(enters("stranger", keys["viewer"], trusted=False)) == "BadCertificateUntrusted"
+            assert "refused: the certificate of CN=stranger-False" in caplog.text
+            assert "BadCertificateUntrusted" in caplog.text
+            async with gateway.client("mes", keys["viewer"]) as mes, gateway.client("panel", keys["viewer"]) as panel:
+                tokens = [str(one.client.uaclient.session.authentication_token.Identifier) for one in (mes, panel)]
+            assert sorted({len(token) for token in tokens}) == [32], "nobody guesses the token of another's session"
+            assert len(set(tokens)) == 2
             plain = Client(gateway.endpoint, timeout=10)
             with pytest.raises((ua.UaError, ConnectionError, asyncio.TimeoutError)):
                 async with plain:
