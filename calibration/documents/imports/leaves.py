@@ -37,15 +37,15 @@ MAX_DEPTH = 8
 POSE_NUMBERS = frozenset(("x", "y", "z", "w", "qw", "qx", "qy", "qz", "rx", "ry", "rz", "a", "b", "c"))
 """Last words of the names of a pose's numbers."""
 
-MAX_CELLS = 200
-"""Numbers of one record; a pose has 16 at most, a record may have joints and measurements besides."""
-
-MAX_TEXT = 1000
-"""Characters of a text that is read as numbers."""
+MAX_CELLS, MAX_TEXT = 200, 1000
+"""Numbers of one record, which may have joints and measurements beside a pose; characters of a text with numbers."""
 
 MATRICES = ((4, 4), (3, 4), (16,))
 ROWS = ((6,), (7,), (12,))
 TURNS = ((3, 3), (9,))
+SAVEZ: dict[Any, str] = {(3,): "position", (4,): "quaternion"}
+"""What the shapes of arrays mean to which np.savez gave its own names."""
+
 ONE_VIEW = (*MATRICES, *ROWS, *TURNS, (3,), (4,), ())
 """Shapes of what one view has; other arrays are over the views."""
 
@@ -105,12 +105,7 @@ def table_of_data(data: Any, origin: str) -> PoseTable:
 
 
 RECORDERS = tuple({*pair.split()} for pair in WORDS["recorders"])
-"""How easy_handeye, easy_handeye2, moveit_calibration and visp_hand2eye_calibration call both poses, in metres.
-
-Sources: easy_handeye2_msgs/msg/SampleList.msg and handeye_sampler.py, which records the effector in the base for
-eye_in_hand and the base in the effector for eye_on_base; handeye_control_widget.cpp of moveit_calibration, whose joint
-states are rad.
-"""
+"""How easy_handeye (2), moveit_calibration and visp_hand2eye_calibration call both poses, in metres (formats.md)."""
 
 
 def _as_recorded(table: PoseTable, data: Any, names: Sequence[str]) -> PoseTable:
@@ -172,8 +167,10 @@ def _table_of_leaves(origin: str, named: Sequence[str], columns: Sequence[Sequen
     leaves = next(iter(frames.values()), leaves)
     kinds = {name: _kind(column[0]) for name, column in leaves.items()}
     matrices, rows, turns, places, texts = (
-        [name for name, kind in kinds.items() if kind in wanted] for wanted in (MATRICES, ROWS, TURNS, ((3,),), ((),))
+        [name for name, kind in kinds.items() if kind in wanted]
+        for wanted in ((*MATRICES, (2, 4, 4)), ROWS, TURNS, ((3,),), ((),))
     )
+    rows = [name for name in rows if not set(words_of(name)) & JOINT_WORDS] or rows
     turns = [name for name in turns if are_rotations(np.array(leaves[name], float).reshape(-1, 3, 3))]
     if not leaves:
         raise refusal(origin, "records", "no numbers of a pose", "name them")
@@ -202,9 +199,10 @@ def _table_of_leaves(origin: str, named: Sequence[str], columns: Sequence[Sequen
         if name in cells:
             flat[name] = cells[name]
             continue
+        stem = SAVEZ.get(kinds[name], name) if name.startswith("arr_") else name
         grid = kinds[name] == (3, 3) and (len(turns) == 1 or set(words_of(name)) & TURN_WORDS)
         for at, numbers in enumerate(np.array(column, float).reshape(len(column), -1).T.tolist()):
-            flat[f"{name}.r{at // 3}{at % 3}" if grid else f"{name}.{at}"] = numbers
+            flat[f"{stem}.r{at // 3}{at % 3}" if grid else f"{stem}.{at}"] = numbers
     return table_of_one_side(origin, [*flat], [*flat.values()])
 
 
@@ -284,9 +282,10 @@ def _records(data: Any, origin: str) -> tuple[list[Any], list[str] | None]:
         if (views := _over_views(data, origin)) is not None:
             return views
         values = list(data.values())
-        if len(data) > 1 and all(isinstance(value, dict | list) for value in values) and _alike(values):
+        if len(data) > 1 and _alike(data):
             return values, list(data)
         lists = [value for value in values if isinstance(value, list) and value and isinstance(value[0], dict | list)]
+        lists = [one for one in lists if isinstance(one[0], dict)] or lists
         if (len(lists) == 1 and array_of(lists[0]) is None) or (lists and len(values) == 1):
             data = lists[0]
         elif len(values) == 1 and isinstance(values[0], dict):
@@ -302,8 +301,11 @@ def _over_views(data: dict[str, Any], origin: str) -> tuple[list[Any], list[str]
     flat: dict[str, Any] = dict(_leaves(data, origin, most=MAX_POSES * 16))
     flat |= {name: one for name, one in data.items() if isinstance(one, list) and one and isinstance(one[0], dict)}
     every = {name: leaf for name, leaf in flat.items() if isinstance(leaf, np.ndarray)}
+    every |= {
+        name: leaf.T for name, leaf in every.items() if leaf.ndim == 2 and len(leaf) in (6, 7) and leaf.size > 7 * 16
+    }
     arrays = {name: leaf for name, leaf in every.items() if {leaf.shape, _squeeze(leaf).shape}.isdisjoint(ONE_VIEW)}
-    over = {name: len(leaf) for name, leaf in arrays.items() if leaf.ndim > 1}
+    over = {name: len(leaf) for name, leaf in arrays.items() if leaf.size >= 3 * len(leaf)}
     over |= {name: len(leaf) for name, leaf in flat.items() if isinstance(leaf, list)}
     said = [relation_of(name) for name, leaf in every.items() if leaf.shape in MATRICES[:2]]
     if sum(one is not None and one.side == "robot" for one in said) == 1 and all(
@@ -356,8 +358,15 @@ def _squeeze(leaf: Any) -> Any:
     return np.ravel(leaf) if isinstance(leaf, np.ndarray) and leaf.ndim == 2 and 1 in leaf.shape else leaf
 
 
-def _alike(values: list[Any]) -> bool:
-    """Whether all values are records with a key in common that are no vectors, or arrays of one shape of a pose."""
+def _alike(data: dict[str, Any]) -> bool:
+    """Whether all values are records with a key in common that are no vectors, or arrays of one shape of a pose.
+
+    Names of both sides, or of joints beside a pose, are those of one view.
+    """
+    sides = {one.side for name in data if (one := relation_of(name)) is not None}
+    if sides >= {"robot", "camera"} or any("joint" in name.lower() for name in data):
+        return False
+    values = list(data.values())
     if all(isinstance(value, dict) for value in values):
         return bool(set.intersection(*(set(map(str, value)) for value in values))) and not any(
             set(map(str, value)) <= {"x", "y", "z", "w"} for value in values

@@ -5,6 +5,7 @@ length, an orientation, a matrix, a picture, a time or a label. Units in a name 
 the number of columns says what stands there: 6, 7, 8 (with a time), 12 or 16.
 """
 
+import contextlib
 import re
 import unicodedata
 from collections.abc import Callable, Sequence
@@ -14,7 +15,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from calibration.documents.imports.pose_table import MIN_STATED_MM, NAMED, PoseTable, table_of_matrices
+from calibration.documents.imports.pose_table import MAX_ANGLE_DEG, MIN_STATED_MM, NAMED, PoseTable, table_of_matrices
 from calibration.documents.imports.refusal import MAX_POSES, refusal
 from calibration.documents.imports.sides import MIN_PAIRS, WORD_FRAMES, WORDS, best_split, build_by_sides, relation_of
 from calibration.errors import DocumentError
@@ -31,21 +32,16 @@ NOISE = frozenset((*WORDS["of_nothing"].split(), *WORD_FRAMES))
 """Words that do not say what a number is; whose it is, is for `sides`."""
 
 UNITS = {unit: unit for unit in MM} | {word: unit for unit, words in WORDS["units"].items() for word in words.split()}
-"""Words of a unit of lengths."""
-
 ANGLES = dict.fromkeys(WORDS["degrees"].split(), True) | dict.fromkeys(WORDS["radians"].split(), False)
-"""Words of a unit of angles, and whether it is degrees."""
+"""Words of a unit of lengths; and of angles, and whether it is degrees."""
 
 AXIS_WORDS = frozenset("xyzw")
 AXES = {"roll": "x", "pitch": "y", "yaw": "z"}
 SEQUENCES = (("a", "b", "c"), ("w", "p", "r"), ("o", "a", "t"), ("alpha", "beta", "gamma"), ("phi", "theta", "psi"))
 """Names of three angles in the order of their rotations."""
 
-JOINT_WORDS = frozenset(("joint", "joints", "axis", "j", "q", "theta", "angle", "angles", "jnt"))
-"""Before the numbers of six joints."""
-
-JOINTS = (5, 6, 7, 8)
-"""So many numbers in sequence, such as q1 to q6, are joints: an orientation has three, four or nine."""
+JOINTS, JOINT_WORDS = (5, 6, 7, 8), frozenset(("joint", "joints", "axis", "j", "q", "theta", "angle", "angles", "jnt"))
+"""So many numbers in sequence, such as q1 to q6, are joints: an orientation has three, four or nine. Their words."""
 
 _FRAMES = re.compile(r"[A-Za-z0-9]+_[Tt]_[A-Za-z0-9]+")
 _SHORT = re.compile(r"(q|quat|rot|rvec|r|e|euler|t|p|pos|trans|o)([xyzw]|\d)|(pose|tvec|tcp)(\d+)")
@@ -271,10 +267,8 @@ def _elements(elements: dict[tuple[int, int], int]) -> list[int]:
 
 Cell = float | str
 
+MIN_POSE_NUMBERS = 6
 WIDTHS = "6 (x, y, z and three angles), 7 (x, y, z and a quaternion), 8 (with a time before), 12 or 16 (a matrix)"
-
-MAX_ANGLE_DEG = 360.0
-"""Larger numbers are no angles of an orientation."""
 
 _GAP = r"[-_.:/ ]?"
 _YEAR_FIRST = rf"(?P<year>(?:19|20)\d{{2}}){_GAP}(?P<month>\d{{2}}){_GAP}(?P<day>\d{{2}})"
@@ -306,6 +300,18 @@ def table_of_sides(origin: str, names: Sequence[str], columns: Sequence[Sequence
     texts = (found.image, found.time, found.label)
     shared = [at for at in texts if at is not None and np.ndim(columns[at][0]) == 0]
     points = _point_pairs(origin, names, columns)
+    groups: dict[str, dict[str, int]] = {}
+    for index, name in enumerate(names):
+        groups.setdefault(name.partition("_")[0], {})[name.partition("_")[2]] = index
+    both = [group for group in groups.values() if len(group) >= MIN_POSE_NUMBERS]  # h_x to h_rz, and e_x to e_rz
+    if len(both) == 2 and both[0].keys() == both[1].keys() and not any(map(relation_of, names)):
+        with contextlib.suppress(DocumentError):
+            one, other = (
+                build(origin, [*own, *(names[at] for at in shared)], [columns[at] for at in (*own.values(), *shared)])
+                for own in both
+            )
+            if (split := best_split([(one, other)])) is not None:
+                return split
     try:
         built = build_by_sides(
             names, shared, lambda at: build(origin, [names[one] for one in at], [columns[one] for one in at])

@@ -24,6 +24,9 @@ from calibration.transforms import Array
 MAX_ARRAY_BYTES = 64_000_000
 """Bytes of an array with poses."""
 
+_NUMBERS = re.compile(rb"'descr': '.?[if]")
+"""In the header of an array of integers or floats; texts, dates and pictures (`u1`) beside it are passed over."""
+
 FIX = "save an array n x 4 x 4, n x 7 or n x 6 of floats"
 
 
@@ -37,7 +40,7 @@ def load_npy(content: bytes, origin: str) -> Array:
         raise refusal(origin, "file", f"no array of numpy, or no numbers in it ({str(error)[:80]})", FIX) from None
     if array.dtype.kind not in "iuf":
         raise refusal(origin, "array", f"its elements are no numbers ({array.dtype})", FIX)
-    return np.asarray(array, float)
+    return np.atleast_1d(array).astype(float)
 
 
 def read_mat(content: bytes, origin: str) -> PoseTable:
@@ -65,6 +68,7 @@ def read_npz(content: bytes, origin: str) -> PoseTable:
             if sum(member.file_size for member in members) > MAX_ARRAY_BYTES or len(members) > 100:
                 raise refusal(origin, "file", "unpacks to more than 64 MB or 100 arrays", FIX)
             packed = {member.filename.removesuffix(".npy"): archive.read(member) for member in members}
+            packed = {name: array for name, array in packed.items() if _NUMBERS.search(array[:128])} or packed
     except DAMAGED_ARCHIVE as error:
         raise refusal(origin, "file", f"no .npz file ({str(error)[:80]})", FIX) from None
     arrays = {name: load_npy(array, f"{origin}: {name}") for name, array in packed.items()}
@@ -92,8 +96,8 @@ _KEYED = re.compile(
     r"|^\w+[=:]\s*\n\[[^][]*\]\s*\n\w",
     re.MULTILINE,
 )
-_DOCUMENTS = re.compile(r"^[a-z_]+:[ \t]*\n(?s:.*)^---[ \t]*$", re.MULTILINE)
-"""Messages of `ros2 topic echo`: YAML documents."""
+_DOCUMENTS = re.compile(r"\A%YAML|^[a-z_]+:[ \t]*\n(?s:.*)^---[ \t]*$", re.MULTILINE)
+"""YAML: OpenCV's, and messages of `ros2 topic echo`."""
 
 _HALCON = re.compile(r"^\s*[rt]\s+[-+.\d]|ParGroup", re.MULTILINE)
 

@@ -26,23 +26,17 @@ from calibration.kinematics.conventions import (
 from calibration.problem import Setup
 from calibration.transforms import QUATERNION_NORM_TOLERANCE, Array, inverse, transform
 
-MAX_ARM_MM, MIN_ARM_MM = 20_000.0, 50.0
-"""Longest distance of a flange from its base, on tracks too, and the shortest in the median of the views."""
+MAX_ARM_MM, MIN_ARM_MM, MIN_STATED_MM = 20_000.0, 50.0, 20.0
+"""Longest distance of a flange from its base, on tracks too; the shortest in the median of the views; and the shortest
+in all views, below which the unit in the header is wrong."""
 
-MAX_NUMBER = 1e15
-"""Larger numbers are damaged, and their squares overflow."""
-
-MAX_JOINT_DEG = 360.0
-"""Largest joint that is looked for among numbers without names."""
+MAX_NUMBER, MAX_ANGLE_DEG, MAX_LAST_ROW, MIXED_RATIO = 1e15, 360.0, 1e-6, 100.0
+"""Larger numbers are damaged, and their squares overflow; larger ones are no angles; largest deviation of a matrix'
+last row from 0, 0, 0, 1. Poses so much nearer to the base than the farthest one are in another unit when a factor of
+1000 explains it."""
 
 NAMED = "columns "
 """How the layout of numbers begins that have names."""
-
-MIXED_RATIO = 100.0
-"""Poses so much nearer to the base than the farthest one are in another unit when a factor of 1000 explains it."""
-
-MIN_STATED_MM = 20.0
-"""No arm stays that near to its base in all views: then the unit in the header is wrong."""
 
 SMALL_ARM_MM, LARGE_ARM_MM = 200.0, 5000.0
 """Lengths without a unit that put the flange nearer or farther, in the median, may as well be in another."""
@@ -180,7 +174,7 @@ class PoseTable:
         numbers = np.concatenate([self.lengths, self.numbers], axis=1)
         unnamed = self.kind == "angles" and self.convention is None and self.unit is None
         unnamed = unnamed and not self.by_axis and not self.layout.startswith(NAMED)
-        return unnamed and bool(np.abs(numbers).max(initial=0.0) <= MAX_JOINT_DEG)
+        return unnamed and bool(np.abs(numbers).max(initial=0.0) <= MAX_ANGLE_DEG)
 
     def as_joints(self, arm: Arm) -> "PoseTable":
         """The same six numbers as joints of that arm."""
@@ -228,6 +222,7 @@ def table_of_matrices(origin: str, labels: Sequence[str], matrices: Array, layou
 
     Raises DocumentError for a last row that is neither.
     """
+    matrices = matrices[:, :3] if not np.any(matrices[:, 3:]) else matrices  # a last row that was never written
     if matrices.shape[1] == 4:
         last = np.abs(matrices[:, 3] - [0, 0, 0, 1]).max(axis=1)
         column = np.abs(matrices[:, :, 3] - [0, 0, 0, 1]).max(axis=1)
@@ -241,7 +236,3 @@ def table_of_matrices(origin: str, labels: Sequence[str], matrices: Array, layou
         origin, tuple(labels), matrices[:, :3, 3].astype(float), matrices[:, :3, :3].reshape(-1, 9).astype(float),
         "matrix", layout, CONVENTIONS["matrix"],
     ).checked()  # fmt: skip
-
-
-MAX_LAST_ROW = 1e-6
-"""Largest deviation of a matrix' last row from 0, 0, 0, 1."""

@@ -1,11 +1,6 @@
 """Whole sets by the table of their layouts, and any folder: its pictures or clouds and the poses of one side or both.
 
-Sources: METRIC, the README of davidea97/Multi-Camera-Hand-Eye-Calibration. BOP, docs/bop_datasets_format.md of
-thodan/bop_toolkit: cam_R_w2c, cam_t_w2c in mm. RWHE, the README of amy-tabb/RWHEC-Tabb-AhmadYousef and OpenCV's test of
-calibrateRobotWorldHandEye: the base in the hand, inner corners. ViSP, tutorial-calibration-extrinsic-eye-in-hand.dox:
-rPe is the end effector in the robot's frame, cPo the target in the camera. Zivid, zivid-python-samples,
-verify_hand_eye_with_visualization.py and save_load_matrix.py. industrial_calibration,
-docs/page_extrinsic_hand_eye_calibration.dox. dataset_spec, VitalyVorobyev/calibration-rs, app/src/schemas.
+Sources: docs/formats.md#sets.
 """
 
 import re
@@ -34,7 +29,9 @@ from calibration.targets import MARKER_COUNTS
 PICTURES = frozenset((".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp", ".pgm", ".ppm"))
 CLOUDS = frozenset((".pcd", ".ply", ".npz"))
 CAMERA_SUFFIXES = frozenset((".yaml", ".yml", ".xml", ".json"))
-SHEETS = frozenset((".xlsx", ".xls", ".xlsm", ".ods"))
+UNREAD = dict.fromkeys((".xlsx", ".xls", ".xlsm", ".ods"), ("poses are not read from a sheet", "save it as CSV")) | (
+    dict.fromkeys((".pkl", ".pickle"), ("a pickle may run any program, and is not read", "save it as .npz or JSON"))
+)
 MAX_CANDIDATES = 2000
 """Files that are tried for poses when none are named."""
 
@@ -87,15 +84,21 @@ class ImportedSet:
     cloud_unit: LengthUnit | None = None
 
 
+def suffix_of(name: str) -> str:
+    """The suffix of a name in lower case, with its point."""
+    return PurePosixPath(name).suffix.lower()
+
+
 def of_suffix(names: Sequence[str], suffixes: frozenset[str]) -> tuple[str, ...]:
     """The names with one of the suffixes."""
-    return tuple(name for name in names if PurePosixPath(name).suffix.lower() in suffixes)
+    return tuple(name for name in names if suffix_of(name) in suffixes)
 
 
 def matching(names: Sequence[str], pattern: str) -> tuple[str, ...]:
-    """The names that a glob fits, whole or in their last part, in natural order."""
-    found = [name for name in names if fnmatchcase(name, pattern) or fnmatchcase(PurePosixPath(name).name, pattern)]
-    return tuple(sorted(found, key=natural))
+    """The name that is the pattern; else those that a glob fits, whole or in their last parts, in natural order."""
+    ends = {name: "/".join(name.split("/")[-1 - pattern.count("/") :]) for name in names}
+    found = [name for name, end in ends.items() if fnmatchcase(name, pattern) or fnmatchcase(end, pattern)]
+    return (pattern,) if pattern in ends else tuple(sorted(found, key=natural))
 
 
 def read_named(files: Files, names: Sequence[str]) -> PoseTable:
@@ -146,7 +149,13 @@ def read_folder(files: Files, chosen: Chosen, part: str | None = None) -> Import
             "samples of pose pairs", poses, pairing=words, camera_poses=seen, setup=poses.setup, notes=notes
         )
     if paired is None:
-        raise refusal(files.origin, "images", "no pictures and no clouds", "name them by --images", "pairs")
+        raise refusal(
+            files.origin,
+            "images",
+            "no pictures and no clouds",
+            "name them by --images; of a line scanner: handeyed profiles",
+            "pairs",
+        )
     taken = poses.take(paired.rows)
     return ImportedSet(
         "folder", taken, paired.images, paired.words, taken.camera, None, cameras[0] if len(cameras) == 1 else None,
@@ -189,7 +198,7 @@ def find_poses(files: Files, but: str | None = None) -> PoseTable:
     single: dict[tuple[str, str], list[str]] = {}
     refused: list[tuple[str, DocumentError]] = []
     others = set() if but is None else set(matching(files.names, but))
-    candidates = [name for name in files.names if PurePosixPath(name).suffix.lower() in FAMILIES and name not in others]
+    candidates = [name for name in files.names if suffix_of(name) in FAMILIES and name not in others]
     for name in candidates[:MAX_CANDIDATES]:
         try:
             table = read_poses(name, files.read(name))
@@ -224,6 +233,7 @@ def find_poses(files: Files, but: str | None = None) -> PoseTable:
     if (both := _both_sides(points)) is not None:
         return both
     refused += [(name, refusal(name, "rows", "3 numbers a row: points of one side", "give poses")) for name in points]
+    refused += [(name, refusal(name, "file", *said)) for name in files.names if (said := UNREAD.get(suffix_of(name)))]
     lone = [names[0] for names in single.values() if len(names) == 1]
     refused += [
         (name, refusal(name, "poses", "one pose only", "give one of each picture, three or more")) for name in lone
@@ -258,12 +268,9 @@ def _nearest(files: Files, refused: Sequence[tuple[str, DocumentError]]) -> Docu
     """The error of the file that is nearest to being one of poses: intrinsics are none."""
     likely = re.compile(r"pose|robot|tcp|arm|joint|flange|hand|sample|pair", re.IGNORECASE)
     for name, error in sorted(refused, key=lambda one: likely.search(one[0]) is None):
-        if PurePosixPath(name).suffix.lower() not in CAMERA_SUFFIXES or find_intrinsics(files, name) is None:
+        if suffix_of(name) not in CAMERA_SUFFIXES or find_intrinsics(files, name) is None:
             return error
-    sheets = [name for name in files.names if PurePosixPath(name).suffix.lower() in SHEETS]
-    if sheets:
-        return refusal(sheets[0], "file", "poses are not read from a sheet", "save it as CSV")
-    texts = [name for name in files.names if PurePosixPath(name).suffix.lower() not in PICTURES | CLOUDS]
+    texts = [name for name in files.names if suffix_of(name) not in PICTURES | CLOUDS]
     what = "no file with poses" + (f" among {shown(texts)}" if texts else "")
     return refusal(files.origin, "poses", what, "name it by --poses")
 
@@ -316,9 +323,7 @@ class Layout:
         poses = self._table(files, self._names_of(files, self.poses, chosen))
         listed = self._names_of(files, self.images, chosen)
         clouds = of_suffix(listed, CLOUDS)
-        images = of_suffix(listed, PICTURES) or of_suffix(
-            clouds, frozenset(PurePosixPath(name).suffix.lower() for name in clouds[:1])
-        )
+        images = of_suffix(listed, PICTURES) or of_suffix(clouds, frozenset(suffix_of(name) for name in clouds[:1]))
         described = self.describe(files, chosen)
         if self.seen is not None and not images and (seen := self._names_of(files, self.seen, chosen)):
             return ImportedSet(self.name, poses, (), "by number", self._table(files, seen), **described)

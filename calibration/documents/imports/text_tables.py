@@ -17,8 +17,9 @@ _NESTED = re.compile(r"\[\s*\[|\[[^][]*\d\s*[;\n]\s*[-+.\d][^][]*\]")
 _BRACKETS = re.compile(r"\[([^][]*)\]")
 _LABELLED = re.compile(r"\s*([A-Za-z_][^][]*?)?\s*[:=,;]?\s*\[([^][]*)\]\s*[,;]?\s*")
 
-MIN_DIGITS = 6
-"""Digits of a line of numbers: those of a pose's at least."""
+MIN_DIGITS, MIN_SHARE, MAX_LOOKED_AT = 6, 2 / 3, 20
+"""Digits of a line of a pose's numbers; share of the last lines (so many are looked at) in which a separator stands:
+titles above the table have other ones."""
 
 COMMENT = re.compile(r"^\s*(#|%|//|!|;\s*#)")
 _TRAILING_COMMENT = re.compile(r"(?<=[\d\"'\])])[,;]?\s+(#|%|//|!).*$")
@@ -32,12 +33,6 @@ _STATED = re.compile(r"sep=(.)", re.IGNORECASE)
 _SEPARATORS = (";", "\t", "|", ",")
 _NOT_FINITE = ("nan", "inf", "-inf", "+inf")
 _EMPTY_UNITS = ("", "-", "1", "none")
-
-MIN_SHARE = 2 / 3
-"""Share of the last lines in which a separator stands: titles above the table have other ones."""
-
-MAX_LOOKED_AT = 20
-"""Lines by which the separator is chosen."""
 
 
 def read_text_table(content: bytes, origin: str) -> PoseTable:

@@ -12,8 +12,8 @@ import yaml
 
 from calibration.documents.imports.refusal import decode, refusal
 
-MAX_YAML_BYTES = 4_000_000
-"""PyYAML reads about 1 MB in a second."""
+MAX_YAML_BYTES, MAX_XML_DEPTH = 4_000_000, 8
+"""PyYAML reads about 1 MB in a second. Elements within elements; deeper ones are read as text."""
 
 _DOCUMENTS = re.compile(r"^---[ \t]*$", re.MULTILINE)
 OPENCV_MATRIX = "tag:yaml.org,2002:opencv-matrix"
@@ -94,7 +94,3 @@ def _tree(element: ElementTree.Element, depth: int) -> Any:
         value = _tree(child, depth + 1)
         tree.setdefault(child.tag, []).append(value)
     return {tag: values[0] if len(values) == 1 else values for tag, values in tree.items()}
-
-
-MAX_XML_DEPTH = 8
-"""Elements within elements; deeper ones are read as text."""

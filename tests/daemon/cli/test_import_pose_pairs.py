@@ -189,6 +189,23 @@ LAYOUTS: dict[str, dict[str, bytes]] = {
         for side, rows in zip(("robot", "target"), SIX, strict=True)},
     "a folder a side": {f"{side}/{at}.txt": lines(*_rows(poses[at], separator=" "))
                         for side, poses in (("arm", ROBOT), ("board", CAMERA)) for at in range(8)},
+    "stacks in npz beside a date and a count": {"samples.npz": npz(
+        T_base_ee=ROBOT, T_cam_board=CAMERA, count=np.array(8), saved_at=np.array("2026-01-02T10:15:00"))},
+    "matrices whose last row was never written": {"a.yml": _storage_of({
+        f"{side}{at:02}": pose * [[1], [1], [1], [0]] for at, both in enumerate(zip(ROBOT, CAMERA, strict=True))
+        for side, pose in zip(("gripper2base", "target2cam"), both, strict=True)})},
+    "pairs of matrices beside joints": {"log.json": _json({
+        "Title": "a log", "Joint Values": np.full((8, 6), 0.5), "Both": np.stack([ROBOT, CAMERA], axis=1)})},
+    "columns of two groups whose letters say no side": {"a.csv": lines(
+        "id," + ",".join(f"{side}_{axis}" for side in "he" for axis in ("x", "y", "z", "rx", "ry", "rz")),
+        *(f"{at},{row}" for at, row in enumerate(_rows(*SIX))))},
+    "records beside other lists, in two files": {
+        "arm.json": _json({"fields": ["x", "y"], "poses": [dict(zip(
+            ("x", "y", "z", "qw", "qx", "qy", "qz"), [*t[at], *Q[at]], strict=True)) for at in range(8)]}),
+        "camera.json": _json({"pattern": [9, 6], "camera_matrix": [[900, 0, 320], [0, 900, 240], [0, 0, 1]],
+                              "poses": [{"idx": at, "rvec": v[at], "tvec": s[at]} for at in range(8)]})},
+    "a file a view with a list a side": {f"view_{at}.json": _json(
+        {"robot": SIX[0][at], "board": SIX[1][at]}) for at in range(8)},
 }  # fmt: skip
 
 

@@ -26,6 +26,7 @@ from tests.calibration.documents.imports.written import (
     lines,
     matrices,
     npy,
+    npz,
     ros_poses,
     rows,
 )
@@ -460,3 +461,52 @@ def test_a_record_may_hold_the_corners_that_were_seen_from_its_pose() -> None:
     table = table_of_data(record, "he_record_0000.json")
     assert len(table) == 1
     np.testing.assert_allclose(table.lengths[0], matrices()[0][:3, 3])
+
+
+def test_joints_beside_the_pose_in_a_file_for_each_view_are_not_the_pose() -> None:
+    six = np.concatenate([MM / 1000, VECTORS], axis=1)
+    files = {
+        f"{at}.json": json.dumps({"joints": [0.1 * at] * 6, "pose_flange": row.tolist()}).encode()
+        for at, row in enumerate(six)
+    }
+    poses = read_set(Held(files | _pictures("{}.jpg")), None, Chosen()).poses
+    np.testing.assert_allclose(poses.lengths, MM / 1000)
+    np.testing.assert_allclose(poses.numbers, VECTORS)
+
+
+def test_arrays_that_savez_named_are_known_by_their_shapes() -> None:
+    size, topic = np.array([[640], [480]]), np.array("/color/image_raw")
+    files = {
+        f"shot_{at}.npz": npz(place, np.roll(turn, -1), np.zeros((48, 64, 3), np.uint8), size, topic)
+        for at, (place, turn) in enumerate(zip(MM, WXYZ, strict=True))
+    }
+    poses = read_set(Held(files | _pictures("shot_{}.png")), None, Chosen()).poses
+    np.testing.assert_allclose(poses.poses(XYZW, "mm", "base_T_flange"), POSES, atol=1e-6)
+
+
+def test_a_column_for_each_view_is_a_row() -> None:
+    views = np.tile(np.concatenate([WXYZ, MM], axis=1), (8, 1))
+    table = table_of_data({"hand_poses": views.T.tolist(), "image_width": 640}, "a.yml")
+    np.testing.assert_allclose(table.lengths, np.tile(MM, (8, 1)))
+
+
+def test_opencv_s_yaml_is_known_in_a_text() -> None:
+    written = (f"gripper{at}: !!opencv-matrix\n  rows: 4\n  cols: 4\n  dt: d\n  data: {row}" for at, row in
+                 enumerate(_flat(POSES)))  # fmt: skip
+    files = {"poses.txt": lines("%YAML:1.0", "---", *written), **_pictures("{}.png")}
+    np.testing.assert_allclose(read_set(Held(files), None, Chosen()).poses.lengths, MM)
+
+
+def test_a_name_in_full_means_that_file_and_a_pattern_the_end_of_a_path() -> None:
+    content, other = lines(*rows(MM, WXYZ)), lines(*rows(MM + 1, WXYZ))
+    files = {"poses.csv": content, "backup/poses.csv": other, **_pictures("in/shots/{}.png"), "in/board.png": b""}
+    imported = read_set(Held(files), None, Chosen(poses="poses.csv", images="shots/*"))
+    np.testing.assert_allclose(imported.poses.lengths, MM, atol=1e-6)
+    assert imported.images == ("in/shots/0.png", "in/shots/1.png", "in/shots/2.png")
+
+
+@pytest.mark.parametrize(("name", "fix"), [("poses.xlsx", "save it as CSV"), ("poses.pickle", "save it as .npz")])
+def test_a_sheet_or_a_pickle_is_named_rather_than_the_one_pose_of_a_result(name: str, fix: str) -> None:
+    result = json.dumps({"R": POSES[0, :3, :3].tolist(), "t": MM[0].tolist()}).encode()
+    with pytest.raises(DocumentError, match=fix):
+        read_set(Held({name: b"PK", "result.json": result, **_pictures("{}.png")}), None, Chosen())

@@ -50,9 +50,9 @@ def npy(array: Array) -> bytes:
     return stream.getvalue()
 
 
-def npz(**arrays: Array) -> bytes:
+def npz(*unnamed: Array, **arrays: Array) -> bytes:
     stream = io.BytesIO()
-    np.savez(stream, **arrays)
+    np.savez(stream, *unnamed, **arrays)
     return stream.getvalue()
 
 
