@@ -8,7 +8,6 @@ Without names the rotations say which numbers go together: the angle by which a 
 the same in both sides' poses, whatever X, the target's place, units and directions are. It costs no fit.
 """
 
-import contextlib
 import json
 import re
 import unicodedata
@@ -137,10 +136,13 @@ def build_by_sides(names: Sequence[str], shared: Sequence[int], build: Callable[
 
     def table_of(at: list[int], side: Side | None) -> PoseTable | None:
         said = next((one for index in at if (one := relations[index]) is not None), None)
-        with contextlib.suppress(DocumentError):
+        try:
             built = with_relation(build([*at, *shared]), said)
-            return replace(built, side=side or built.side)
-        return None
+        except DocumentError as error:
+            if error.problems[0].place.startswith("pose "):  # a pose, and damaged
+                raise
+            return None
+        return replace(built, side=side or built.side)
 
     robot, camera = (table_of(indices[side], side) if indices[side] else None for side in ("robot", "camera"))
     if camera is not None and robot is None:

@@ -274,6 +274,15 @@ def test_two_poses_whose_names_do_not_decide_are_asked_for(tmp_path: Path) -> No
     assert "2 poses in a record (first, second), and their names do not say whose" in ran.err
 
 
+def test_a_damaged_pose_of_the_robot_is_named_and_the_camera_s_not_taken_alone(tmp_path: Path) -> None:
+    damaged = ROBOT.copy()
+    damaged[3, 3] = [0, 0, 0, 5]
+    (tmp_path / "a.json").write_bytes(_json([{"robot": a, "board": b} for a, b in zip(damaged, CAMERA, strict=True)]))
+    ran = handeyed("import", tmp_path, "--setup", "eye-in-hand", "--out", tmp_path / "s")
+    assert ran.status == 2
+    assert "pose 4: the last row of the 4 x 4 matrix is not 0, 0, 0, 1" in ran.err
+
+
 def test_rows_of_a_path_are_no_pairs(tmp_path: Path) -> None:
     """Neighbours on a path are alike: taken as two sides, they would be one pose seen twice."""
     along = np.linspace(0.0, 1.0, 12)[:, None]
