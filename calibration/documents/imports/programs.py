@@ -47,7 +47,7 @@ def read_keyed_text(content: bytes, origin: str) -> PoseTable:
     text = decode(content, origin)
     if _UR.search(text):
         return _universal_robots(origin, text)
-    text = _LIST.sub(_as_pairs, text)
+    text = _LIST.sub(_as_pairs, text.partition("\n/POS")[2] or text)  # of Fanuc's programs the positions
     found: dict[str, list[float]] = {}
     units: set[str] = set()
     pairs = _PAIR.findall(text)

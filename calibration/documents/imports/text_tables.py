@@ -173,6 +173,8 @@ def _separator(lines: Sequence[str]) -> str | None:
     numbers = [[cell for cell in row if _COMMA_NUMBER.fullmatch(cell)] for row in cells]
     if all(len(own) >= max(3, len(row) - 1) and "," in "".join(own) for own, row in zip(numbers, cells, strict=True)):
         return None  # blanks between three numbers or more, of which one has a decimal comma
+    if len({line.count("\t") for line in lines}) > 1 == len({len(line.split()) for line in lines}):
+        return None  # tabs and blanks, but as many cells
     return next((one for one in _SEPARATORS if sum(one in line for line in last) >= MIN_SHARE * len(last)), None)
 
 

@@ -96,6 +96,8 @@ FILES: dict[str, tuple[str, bytes, str]] = {
                          *rows(MM, euler("xyz"), separator="\t")), "abb"),
     "blanks, no header": ("a.txt", lines("# x y z qx qy qz w",
                           *rows(MM, np.roll(WXYZ, -1, axis=1), separator=" ")), ""),
+    "tabs, and blanks in one row": ("a.txt", lines(*rows(MM, WXYZ, separator="\t")[:2],
+                                    *rows(MM, WXYZ, separator=" ")[2:]), "abb"),
     "six numbers": ("a.txt", lines(*rows(MM, euler("ZYX"), separator=" ")), "kuka"),
     "named KUKA angles": ("a.csv", lines("X,Y,Z,A,B,C", *rows(MM, euler("ZYX"))), "kuka"),
     "roll, pitch, yaw": ("a.csv", lines("x,y,z,roll,pitch,yaw", *rows(MM, np.radians(euler("xyz")))), "ros"),
@@ -134,6 +136,9 @@ FILES: dict[str, tuple[str, bytes, str]] = {
     "KUKA": ("a.src", keyed("DECL E6POS P={{X {}, Y {}, Z {}, A {}, B {}, C {}, S 2, T 35}}", euler("ZYX")), "kuka"),
     "Fanuc": ("a.ls", keyed("P[1]{{\n X = {:.4f} mm, Y = {:.4f} mm, Z = {:.4f} mm,\n W = {:.6f} deg,"
                             " P = {:.6f} deg, R = {:.6f} deg\n}};", euler("xyz")), "fanuc"),
+    "Fanuc, whole, with a second group": ("a.ls", lines("DEFAULT_GROUP = 1,1,*,*,*;", "/MN", " 1:J P[1] 100% FINE ;",
+        "/POS") + keyed("P[1]{{\n GP1:\n X = {:.4f} mm, Y = {:.4f} mm, Z = {:.4f} mm,\n W = {:.6f} deg, P = {:.6f} deg,"
+                        " R = {:.6f} deg\n GP2:\n UF : 0, UT : 0,\n J1= 6.5 deg\n}};", euler("xyz")), "fanuc"),
     "UR": ("a.script", lines(*(f"p{at} = p[{row}]" for at, row in enumerate(rows(MM / 1000, VECTORS)))), ""),
     "a program's log": ("a.log", lines(*(f"10:00:0{at},125 Pose {at}: X={x:.6f} Y={y:.6f} Z={z:.6f} Q=[{turn}]"
                         for at, ((x, y, z), turn) in enumerate(zip(MM, rows(WXYZ), strict=True)))), "abb"),
