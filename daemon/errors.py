@@ -41,6 +41,7 @@ DaemonError
 ├── PortTaken             the daemon cannot listen where the settings say
 ├── AnswerRefused         an answer of the first set-up that cannot be
 ├── SetupConflict         the cell is set up already, or its settings file is another than was read
+├── PrintRefused          a target cannot be printed on this page
 ├── (access/errors.py)    keys, roles, certificates
 ├── (api/http_errors.py)  errors of HTTP requests
 └── Stopping              the daemon is shutting down
@@ -75,6 +76,12 @@ class SetupConflict(DaemonError):
     """The cell is set up already, or its settings file is another than was read."""
 
     code = "setup-conflict"
+
+
+class PrintRefused(DaemonError):
+    """A target cannot be printed on this page."""
+
+    code = "print-refused"
 
 
 class RunInProgress(DaemonError):

@@ -22,7 +22,7 @@ POLICY: tuple[tuple[str, str, Role], ...] = (
     ("POST", "/support-bundle", Role.ADMIN),
     ("GET", "/setup", Role.ADMIN),
     ("PUT", "/setup", Role.ADMIN),
-    ("POST", "/setup/try", Role.ADMIN),
+    (ANY, "/setup/*", Role.ADMIN),
     ("GET", ANY, Role.VIEWER),
     ("HEAD", ANY, Role.VIEWER),
     ("OPTIONS", ANY, Role.VIEWER),

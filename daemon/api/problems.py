@@ -33,6 +33,7 @@ STATUS: dict[type[Exception], int] = {
     errors.CellBusy: 409,
     errors.SetupConflict: 409,
     errors.AnswerRefused: 422,
+    errors.PrintRefused: 422,
     errors.RunOver: 409,
     errors.NotWaiting: 409,
     errors.NotHeld: 409,

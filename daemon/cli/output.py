@@ -56,8 +56,7 @@ class CommandGroup(typer.core.TyperGroup):
 
     def invoke(self, ctx: Any) -> Any:
         from calibration.errors import CalibrationError, DocumentError
-        from daemon.errors import DaemonError
-        from daemon.tools.target_print.errors import PrintRefused
+        from daemon.errors import DaemonError, PrintRefused
         from drivers.errors import DeviceError
         from handeyed.errors import ClientError, NotAnAddress
         from registration.errors import RegistrationError

@@ -77,9 +77,9 @@ def from_file(
 
 
 def _write(data: Any, page: str, out: Path, as_json: bool, origin: str = "target") -> None:
-    from calibration.documents.target import TargetFile, json_of_target
+    from calibration.documents.target import TargetFile
     from calibration.documents.validation import validate_document
-    from daemon.tools.target_print.layout import lay_out, parse_page
+    from daemon.tools.target_print.layout import lay_out
     from daemon.tools.target_print.pdf import pdf
     from daemon.tools.target_print.svg import svg
 
@@ -87,10 +87,9 @@ def _write(data: Any, page: str, out: Path, as_json: bool, origin: str = "target
     writers = {".pdf": pdf, ".svg": svg}
     if out.suffix.lower() not in writers:
         raise CommandError(str(out), "neither .pdf nor .svg", "choose one of them", ExitStatus.UNREADABLE)
-    snippet, title = json_of_target(document), f"handeyed target: {document.kind}"
-    sheet = lay_out(document, parse_page(page), title, snippet)
+    sheet = lay_out(document, page)
     with writing(out):
-        out.write_bytes(writers[out.suffix.lower()](sheet, title))
+        out.write_bytes(writers[out.suffix.lower()](sheet))
     if as_json:
         page_mm, origin_mm = [sheet.width, sheet.height], list(sheet.target_origin)
         print_json({"file": str(out), "page_mm": page_mm, "target_origin_mm": origin_mm, "target": data})

@@ -6,9 +6,10 @@ import hashlib
 from pathlib import Path
 from typing import Annotated
 
-from fastapi import APIRouter, Depends, Header, Response
+from fastapi import APIRouter, Depends, Header, Query, Response
 from pydantic import Field
 
+from calibration.documents.target_text import target_of_text
 from calibration.documents.validation import Document
 from daemon.api.dependencies import App, JsonBody
 from daemon.api.problems import problem_responses
@@ -20,6 +21,8 @@ from daemon.tools.camera_discovery import Discovery, discover
 from daemon.tools.first_setup.answers import write_settings
 from daemon.tools.first_setup.devices import find_controllers
 from daemon.tools.first_setup.interview import QUESTIONS, USUAL, AnswerFound, Interview
+from daemon.tools.target_print.layout import lay_out
+from daemon.tools.target_print.pdf import pdf
 
 router = APIRouter(prefix="/setup", tags=["cell"])
 
@@ -92,6 +95,25 @@ async def read_setup(app: App, response: Response) -> SetupDocument:
         sha256=sha256,
         controllers=tuple(await find_controllers()) if looks else (),
         cameras=tuple(await asyncio.to_thread(discover)) if looks else (),
+    )
+
+
+@router.get(
+    "/target.pdf",
+    response_class=Response,
+    responses={200: {"description": "One page", "content": {"application/pdf": {}}}, **problem_responses(403, 422)},
+)
+async def print_target(
+    target: Annotated[str, Query(max_length=200, description="as charuco:12x9:20:15:DICT_5X5_100, in mm")],
+    page: Annotated[
+        str | None,
+        Query(max_length=20, description="as for `handeyed target`; without it the smallest of A4 to A0 that holds it"),
+    ] = None,
+) -> Response:
+    """The target to print, true to size, as `handeyed target` writes it."""
+    sheet = await asyncio.to_thread(lay_out, target_of_text(target), page)
+    return Response(
+        pdf(sheet), media_type="application/pdf", headers={"Content-Disposition": 'inline; filename="target.pdf"'}
     )
 
 

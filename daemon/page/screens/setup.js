@@ -5,7 +5,7 @@ import { CellScene } from '../parts/cell_scene.js';
 import { Missing, useAsked } from '../parts/loaded.js';
 import { Picture } from '../parts/picture.js';
 import { ProblemNote } from '../parts/problem.js';
-import { partsOfTarget, printCommand, textOfTarget } from '../parts/target_words.js';
+import { partsOfTarget, printAddress, textOfTarget } from '../parts/target_words.js';
 import { numberOf } from '../parts/typed.js';
 import { shareBeyond } from '../scene/reach.js';
 import { ask } from '../state/ask.js';
@@ -17,6 +17,7 @@ import { t } from '../state/words.js';
 const STEPS = ['connect', 'target', 'need'];
 const FIRST = { controller: '', model: '', camera: '', setup: 'arm', target: '', size: '', tolerance: '1', box: '' };
 const KINDS = ['chessboard', 'charuco', 'circles-symmetric', 'circles-asymmetric', 'apriltag-grid', 'aruco-grid', 'aruco-marker'];
+const ANY_TARGET = 'charuco:12x9:1:0.75:DICT_5X5_100';
 const INSTRUMENTS = ['', 'calliper', 'ruler-class-1', 'ruler-class-2'];
 const TOLERANCES = { 0.2: 'measure', 0.5: 'fit', 1: 'usual', 2: 'pick' }; // mm
 const AXES = ['X', 'Y', 'Z'];
@@ -253,29 +254,27 @@ function Target({ answers, change, tried, busy, one, picture }) {
     change({ size: next.length.trim() ? [length, next.second.trim(), next.instrument].filter(Boolean).join(' ') : '' });
   };
   const kind = partsOfTarget(answers.target).kind;
-  const [prints, setPrints] = useState(false);
   const two = ['charuco', 'apriltag-grid', 'aruco-grid'].includes(kind);
   return html`<section class="card wizard-ask"><h3>${t('wizard.target')}</h3>
       <label class="check wizard-choice"><input type="radio" name="target" checked=${!typed && !!recognised} disabled=${!recognised} onChange=${() => { setTyped(null); change({ target: recognised }); }} />
         <span>${recognised ? html`<b>${targetWords(recognised)}</b>` : t('wizard.target.none')}</span></label>
-      <label class="check wizard-choice"><input type="radio" name="target" checked=${!!typed} onChange=${() => describe({ ...partsOfTarget(answers.target || 'charuco:12x9:1:1:DICT_5X5_100') })} /><span>${t('wizard.target.other')}</span></label>
+      <label class="check wizard-choice"><input type="radio" name="target" checked=${!!typed} onChange=${() => describe({ ...partsOfTarget(answers.target || ANY_TARGET) })} /><span>${t('wizard.target.other')}</span></label>
       ${typed && html`<div class="wizard-typed">
         <div><label for="kind">${t('wizard.kind')}</label><select id="kind" value=${typed.kind} onChange=${(event) => describe({ kind: event.target.value })}>${KINDS.map((name) => html`<option value=${name}>${t(`wizard.kind.${name}`)}</option>`)}</select></div>
         ${typed.kind !== 'aruco-marker' && html`<div><label for="columns">${t('wizard.columns')}</label><input id="columns" inputmode="numeric" value=${typed.columns} onInput=${(event) => describe({ columns: event.target.value })} /></div>
           <div><label for="rows">${t('wizard.rows')}</label><input id="rows" inputmode="numeric" value=${typed.rows} onInput=${(event) => describe({ rows: event.target.value })} /></div>`}
         ${!['chessboard', 'circles-symmetric', 'circles-asymmetric'].includes(typed.kind) && html`<div><label for="rest">${t('wizard.dictionary')}</label><input id="rest" value=${typed.rest} onInput=${(event) => describe({ rest: event.target.value })} /></div>`}</div>`}
-      <div class="row"><button type="button" aria-disabled=${busy ? 'true' : undefined} onClick=${look}>${t('wizard.picture.again')}</button></div>
+      <div class="row"><button type="button" aria-disabled=${busy ? 'true' : undefined} onClick=${look}>${t('wizard.picture.again')}</button>
+        <a href=${printAddress(answers.target || ANY_TARGET, numberOf(size.length) / Number(size.count), numberOf(size.second))} target="_blank">${t('wizard.print.pdf')}</a></div>
       <div class="wizard-typed"><div><label for="length">${t(`wizard.measure.${two || kind === 'aruco-marker' ? kind : counted(kind)}`)}</label><input id="length" inputmode="decimal" required value=${size.length} placeholder="200" onInput=${(event) => measure({ length: event.target.value })} /></div>
         <div><label for="count">${t('wizard.measure.count')}</label><select id="count" value=${size.count} onChange=${(event) => measure({ count: event.target.value })}>${['1', '5', '10'].map((many) => html`<option value=${many}>${many}</option>`)}</select></div>
         ${two && html`<div><label for="second">${t(kind === 'charuco' ? 'wizard.measure.second' : 'wizard.measure.gap')}</label><input id="second" inputmode="decimal" value=${size.second} placeholder=${t('wizard.measure.picture')} onInput=${(event) => measure({ second: event.target.value })} /></div>`}
         <div><label for="instrument">${t('wizard.measure.with')}</label><select id="instrument" value=${size.instrument} onChange=${(event) => measure({ instrument: event.target.value })}>${INSTRUMENTS.map((name) => html`<option value=${name}>${t(`wizard.with.${name || 'none'}`)}</option>`)}</select></div></div>
       <${Said} tried=${tried.size} given=${answers.size} />
-      <p class="note small">${t('wizard.size.why')}</p>
-      <div class="row"><button type="button" aria-expanded=${prints} aria-controls="print" onClick=${() => setPrints(!prints)}>${t('wizard.print')}</button>
-        <a href="/docs/start/target/" target="_blank" rel="noreferrer">${t('wizard.print.which')}</a></div>
+      <p class="note small">${t('wizard.print.plate')} ${t('wizard.size.why')}</p>
+      <div class="row"><a href="/docs/start/target/" target="_blank" rel="noreferrer">${t('wizard.print.which')}</a></div>
     </section>
-    <${Side} picture=${picture}><${Said} tried=${tried.target} given=${answers.target} />
-      ${prints && html`<div class="note" id="print"><p class="small">${t('wizard.print.how')}</p><output class="key">${printCommand(answers.target || 'charuco:12x9:1:1:DICT_5X5_100', numberOf(size.length) / Number(size.count), numberOf(size.second))}</output></div>`}</${Side}>`;
+    <${Side} picture=${picture}><${Said} tried=${tried.target} given=${answers.target} /></${Side}>`;
 }
 
 function Need({ answers, change, tried, busy, one }) {

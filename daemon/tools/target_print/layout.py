@@ -2,11 +2,12 @@
 
 import math
 import textwrap
-from dataclasses import dataclass
 from functools import singledispatch
 
-from calibration.targets import AprilTagGrid, ArucoGrid, ArucoMarker, Charuco, Chessboard, CircleGrid, Target
-from daemon.tools.target_print.errors import PrintRefused
+from calibration.documents.target import PrintedTarget, json_of_target
+from calibration.sentences.sentence import Sentence
+from calibration.targets import Charuco, Chessboard, CircleGrid
+from daemon.errors import PrintRefused
 from daemon.tools.target_print.shapes import Artwork, Box, Disc, Rectangles, Sheet, TextLine, chessboard_squares
 
 DOT_RADIUS = 0.25
@@ -17,9 +18,12 @@ LARGE_DOT_RADIUS = 0.375
 
 
 @singledispatch
-def artwork(target: Target) -> Artwork:
+def artwork(target: PrintedTarget) -> Artwork:
     """The shapes of `target` and the paper it needs. Raises DetectionError for markers that OpenCV does not have."""
-    raise TypeError(f"no artwork for {type(target).__name__}")
+    from daemon.tools.target_print.marker_artwork import charuco, marker_grid
+
+    assert not isinstance(target, Chessboard | CircleGrid)  # these have functions of their own
+    return charuco(target) if isinstance(target, Charuco) else marker_grid(target)
 
 
 @artwork.register
@@ -48,22 +52,6 @@ def _(target: CircleGrid) -> Artwork:
     return Artwork((*ground, *dots), extent)
 
 
-@artwork.register
-def _(target: Charuco) -> Artwork:
-    from daemon.tools.target_print.marker_artwork import charuco
-
-    return charuco(target)
-
-
-@artwork.register(AprilTagGrid)
-@artwork.register(ArucoGrid)
-@artwork.register(ArucoMarker)
-def _(target: AprilTagGrid | ArucoGrid | ArucoMarker) -> Artwork:
-    from daemon.tools.target_print.marker_artwork import marker_grid
-
-    return marker_grid(target)
-
-
 PAGES_MM: dict[str, tuple[float, float]] = {
     "A4": (210.0, 297.0),
     "A3": (297.0, 420.0),
@@ -73,6 +61,7 @@ PAGES_MM: dict[str, tuple[float, float]] = {
     "letter": (215.9, 279.4),
     "tabloid": (279.4, 431.8),
 }
+"""Width and height of a page in portrait orientation."""
 UNPRINTABLE_MM = 6.0
 """The margin that most printers cannot print on."""
 
@@ -85,37 +74,30 @@ STRIP_MM = 9.0
 PRINT_NOTE = "Print at 100 % (no 'fit to page'). Then measure: both rulers must have the length written at them."
 
 
-@dataclass(frozen=True)
-class Page:
-    """A page in portrait orientation; sizes in mm."""
-
-    name: str
-    width: float
-    height: float
-
-
-def parse_page(text: str) -> Page:
-    """The page `A4`, `letter`, ... or `WIDTHxHEIGHT` in mm. Raises PrintRefused."""
-    for name, (width, height) in PAGES_MM.items():
+def page_mm(text: str) -> tuple[float, float]:
+    """Width and height of the page `A4`, `letter`, ... or `WIDTHxHEIGHT` in mm. Raises PrintRefused."""
+    for name, sides in PAGES_MM.items():
         if text.lower() == name.lower():
-            return Page(name, width, height)
+            return sides
     try:
         width, height = (float(part) for part in text.lower().split("x"))
     except ValueError:
         width = height = float("nan")
     if not (20 <= width <= 5000 and 20 <= height <= 5000):
-        fix = f"one of {', '.join(PAGES_MM)}, or WIDTHxHEIGHT in mm such as 600x400"
-        raise PrintRefused(f"page: none is called {text!r}", fix)
-    return Page(text, width, height)
+        raise PrintRefused(Sentence("no-such-page", page=text), Sentence("name-page", pages=list(PAGES_MM)))
+    return width, height
 
 
-def lay_out(target: Target, page: Page, title: str, snippet: str) -> Sheet:
-    """Place `target` on `page`, in landscape if only that fits. Raises PrintRefused when neither does."""
-    art = artwork(target)
-    upright, turned = (page.width, page.height), (page.height, page.width)
-    order = (upright, turned) if art.extent.height >= art.extent.width else (turned, upright)
-    for width, height in order:
-        words = _words(width, title, snippet)
+def lay_out(target: PrintedTarget, page: str | None = None) -> Sheet:
+    """Place `target` on a page, in landscape if only that fits; None: the smallest of A4 to A0 that holds it.
+
+    Raises PrintRefused when the page does not hold it, or none is called so.
+    """
+    art, title = artwork(target), f"handeyed target: {target.kind}"
+    pages = [page] if page else [name for name in PAGES_MM if name.startswith("A")]
+    tall = art.extent.height >= art.extent.width
+    for width, height in (sides[::turn] for sides in map(page_mm, pages) for turn in ((1, -1) if tall else (-1, 1))):
+        words = _words(width, title, json_of_target(target))
         room = Box(
             UNPRINTABLE_MM + STRIP_MM,
             UNPRINTABLE_MM,
@@ -125,9 +107,8 @@ def lay_out(target: Target, page: Page, title: str, snippet: str) -> Sheet:
         if art.extent.width <= room.width + 1e-9 and art.extent.height <= room.height + 1e-9:
             break
     else:
-        need = f"{art.extent.width:g} x {art.extent.height:g} mm with its white margin"
-        fix = "a larger --page, fewer columns and rows, or a smaller pitch"
-        raise PrintRefused(f"page: {page.name} is too small for the target, which needs {need}", fix)
+        need = {"width_mm": art.extent.width, "height_mm": art.extent.height}
+        raise PrintRefused(Sentence("page-too-small", page=pages[-1], **need), Sentence("take-larger-page"))
     x = room.left + (room.width - art.extent.width) / 2 - art.extent.left
     y = room.top + (room.height - art.extent.height) / 2 - art.extent.top
     lower = height - UNPRINTABLE_MM - len(words) * LINE_MM
@@ -138,7 +119,7 @@ def lay_out(target: Target, page: Page, title: str, snippet: str) -> Sheet:
         *_ruler(UNPRINTABLE_MM + STRIP_MM, lower - 1, _ruler_length(width), across=True),
         *_ruler(UNPRINTABLE_MM, UNPRINTABLE_MM + 1, _ruler_length(height), across=False),
     ]
-    return Sheet(width, height, (x, y), (*(shape.translate(x, y) for shape in art.shapes), *rulers, *captions))
+    return Sheet(width, height, (x, y), title, (*(shape.translate(x, y) for shape in art.shapes), *rulers, *captions))
 
 
 def _ruler_length(side: float) -> float:

@@ -9,7 +9,7 @@ CIRCLE_CONTROL_RATIO = 0.5522847498307936
 GREY = {"black": "0", "white": "1"}
 
 
-def pdf(sheet: Sheet, title: str) -> bytes:
+def pdf(sheet: Sheet) -> bytes:
     """The bytes of the PDF, with PrintScaling None so that readers do not scale the page."""
     width, height = (number_text(side * POINTS_PER_MM) for side in (sheet.width, sheet.height))
     scale = f"{POINTS_PER_MM:.12f}"
@@ -23,7 +23,7 @@ def pdf(sheet: Sheet, title: str) -> bytes:
         " /Resources << /Font << /F 5 0 R >> >> >>".encode(),
         b"<< /Length %d >>\nstream\n%s\nendstream" % (len(content), content),
         b"<< /Type /Font /Subtype /Type1 /BaseFont /Helvetica /Encoding /WinAnsiEncoding >>",
-        b"<< /Title (%s) /Producer (handeyed) >>" % _text(title).encode("cp1252", "replace"),
+        b"<< /Title (%s) /Producer (handeyed) >>" % _text(sheet.title).encode("cp1252", "replace"),
     ]
     out = bytearray(b"%PDF-1.4\n%\xe2\xe3\xcf\xd3\n")
     offsets = []

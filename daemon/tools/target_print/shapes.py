@@ -79,19 +79,17 @@ class Sheet:
     width: float
     height: float
     target_origin: tuple[float, float]
+    title: str
     shapes: tuple[Shape, ...] = field(default=())
 
 
 def chessboard_squares(columns: int, rows: int, edge: float, origin: float) -> list[tuple[int, int, Box]]:
     """(column, row, square) of each square; the first one's left upper corner is at (origin, origin)."""
     return [
-        (
-            column,
-            row,
-            Box(origin + column * edge, origin + row * edge, origin + (column + 1) * edge, origin + (row + 1) * edge),
-        )
+        (column, row, Box(x, y, x + edge, y + edge))
         for row in range(rows)
         for column in range(columns)
+        for x, y in [(origin + column * edge, origin + row * edge)]
     ]
 
 

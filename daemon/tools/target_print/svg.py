@@ -5,13 +5,13 @@ from html import escape
 from daemon.tools.target_print.shapes import Disc, Rectangles, Shape, Sheet, TextLine, number_text
 
 
-def svg(sheet: Sheet, title: str) -> bytes:
+def svg(sheet: Sheet) -> bytes:
     """The bytes of the SVG."""
     size = f'width="{number_text(sheet.width)}mm" height="{number_text(sheet.height)}mm"'
     view = f'viewBox="0 0 {number_text(sheet.width)} {number_text(sheet.height)}"'
     lines = [
         f'<svg xmlns="http://www.w3.org/2000/svg" {size} {view}>',
-        f"<title>{escape(title, quote=False)}</title>",
+        f"<title>{escape(sheet.title, quote=False)}</title>",
         '<rect width="100%" height="100%" fill="white"/>',
         *(_draw(shape) for shape in sheet.shapes),
         "</svg>\n",

@@ -1,5 +1,6 @@
 """GET, PUT /setup and POST /setup/try with stand-ins for controller and camera: what is checked and written."""
 
+import asyncio
 import math
 from collections.abc import AsyncIterator
 from dataclasses import replace
@@ -17,6 +18,7 @@ from drivers.errors import DeviceUnreachable
 from tests.calibration.detection.sights import pictures
 from tests.daemon.access_keys import bearer, with_keys
 from tests.daemon.cell_under_test import Bench
+from tests.daemon.cli.running import handeyed
 
 BOX = ((-500.0, -500.0, 0.0), (1500.0, 500.0, 1500.0))
 CONTROLLER = SeenController(
@@ -125,10 +127,50 @@ async def test_the_file_is_written_once_for_the_state_that_was_read(cell: Cell) 
     assert next(row.action for row in rows) == "write settings"
 
 
+async def test_a_target_is_printed_as_by_the_command(cell: Cell, tmp_path: Path) -> None:
+    bench, headers, _ = cell
+
+    async def printed(target: str, **page: str) -> Any:
+        answer = bench.client.get("/setup/target.pdf", params={"target": target, **page}, headers=headers["admin"])
+        return await answer
+
+    board = "charuco:12x9:20:15:DICT_5X5_100"
+    sheet = await printed(board, page="A3")
+    assert sheet.headers["content-type"] == "application/pdf"
+    counts = [
+        "--columns",
+        "12",
+        "--rows",
+        "9",
+        "--square-mm",
+        "20",
+        "--marker-mm",
+        "15",
+        "--dictionary",
+        "DICT_5X5_100",
+    ]
+    ran = await asyncio.to_thread(handeyed, "target", "charuco", *counts, "--page", "A3", "-o", tmp_path / "a.pdf")
+    assert ran.status == 0, ran.err
+    assert sheet.content == (tmp_path / "a.pdf").read_bytes()
+    assert (await printed(board)).content == sheet.content, "A3 is the smallest that holds it"
+    small = (await printed(board, page="A4")).json()
+    assert (small["status"], small["code"]) == (422, "print-refused")
+    said = {"id": "page-too-small", "params": {"page": "A4", "width_mm": 260.0, "height_mm": 200.0}}
+    assert small["details"]["what"] == said
+    assert (await printed("chessboard:90x60:20")).json()["details"]["what"]["params"]["page"] == "A0"
+    assert (await printed(board, page="A9")).json()["details"]["what"]["id"] == "no-such-page"
+    assert (await printed("carpet")).json()["code"] == "document-refused"
+
+
 @pytest.mark.parametrize("role", ["viewer", "operator"])
 async def test_it_is_for_admins(cell: Cell, role: str) -> None:
     bench, headers, _ = cell
-    asked = (("GET", "/setup", None), ("PUT", "/setup", {"answers": ANSWERS}), ("POST", "/setup/try", {}))
+    asked = (
+        ("GET", "/setup", None),
+        ("GET", "/setup/target.pdf", None),
+        ("PUT", "/setup", {"answers": ANSWERS}),
+        ("POST", "/setup/try", {}),
+    )
     for method, path, body in asked:
         assert (await bench.client.request(method, path, json=body, headers=headers[role])).status_code == 403
 

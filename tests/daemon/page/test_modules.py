@@ -9,7 +9,6 @@ import pytest
 from daemon.api.routes.help_codes import _entries
 from daemon.page import FOLDER
 from daemon.tools.batch_registration.errors import ArchiveError
-from daemon.tools.target_print.errors import PrintRefused
 
 LANGUAGES = ("de", "es", "zh")
 TESTS = Path(__file__).parent / "modules"
@@ -23,9 +22,7 @@ async def test_pure_modules(node: str) -> None:
     assert run.returncode == 0, output.decode()
 
 
-UNLISTED = {
-    "internal-error", "document-refused", "calibration-error", "http-error", PrintRefused.code, ArchiveError.code
-}  # fmt: skip
+UNLISTED = {"internal-error", "document-refused", "calibration-error", "http-error", ArchiveError.code}
 """Codes of problems that no class of errors has, and of commands' errors, which are there once they are imported."""
 
 

@@ -4,6 +4,7 @@ import asyncio
 import re
 from pathlib import Path
 from typing import Any
+from urllib.parse import unquote, urljoin
 
 import httpx
 import pytest
@@ -170,10 +171,10 @@ async def test_each_step_is_read_and_pressed_by_everybody(browser: Any, axe: str
             await look()
             await page.locator("main .primary").click()
             await page.locator("#length").fill("200")
-            await page.get_by_role("button", name="Print this target").click()
-            written = await page.locator("#print output").inner_text()
-            assert written.startswith("handeyed target charuco --columns 12 --rows 9 --square-mm 20 --marker-mm 15")
             await look()
+            printed = await page.get_by_role("link", name="Print this target").get_attribute("href")
+            assert "charuco:12x9:20:15:" in unquote(printed)
+            assert (await page.request.get(urljoin(page.url, printed))).headers["content-type"] == "application/pdf"
             await page.locator("main .primary").click()
             await page.locator("#tolerance").fill("0.2")
             await page.get_by_text("more than your limit").wait_for()

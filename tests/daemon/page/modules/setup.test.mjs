@@ -1,26 +1,27 @@
-// The first set-up: the command that prints a target, what is beyond an arm's reach, a face of the box that is dragged.
+// The first set-up: where a target is printed, what is beyond an arm's reach, a face of the box that is dragged.
 import assert from 'node:assert/strict';
 import { join } from 'node:path';
 import test from 'node:test';
 
 const page = join(import.meta.dirname, '..', '..', '..', '..', 'daemon', 'page');
-const { printCommand } = await import(join(page, 'parts', 'target_words.js'));
+const { printAddress } = await import(join(page, 'parts', 'target_words.js'));
 const { beyondReach, shareBeyond } = await import(join(page, 'scene', 'reach.js'));
 const { draggedTo } = await import(join(page, 'scene', 'handles.js'));
 
 const IRB_1600_145 = [150, 486.5, 700, 0, 600, 65, 0];
 const REACH_MM = 1450; // of its wrist centre from axis 1: "reach 1.45 m" of ABB's product specification 3HAC023604-001
 
-test('the command that prints a target has its kind, counts, lengths and markers', () => {
-  const commands = [
-    ['charuco:12x9:1:0.75:DICT_5X5_100', 20, 15, 'charuco --columns 12 --rows 9 --square-mm 20 --marker-mm 15 --dictionary DICT_5X5_100 --page A3'],
-    ['charuco:12x9:1:0.75:DICT_5X5_100', NaN, NaN, 'charuco --columns 12 --rows 9 --square-mm 20 --marker-mm 15 --dictionary DICT_5X5_100 --page A3'],
-    ['chessboard:9x6:1', 25.4, NaN, 'chessboard --columns 9 --rows 6 --pitch-mm 25.4 --page A3'],
-    ['circles-asymmetric:4x11:1', 18, NaN, 'circles --layout asymmetric --columns 4 --rows 11 --pitch-mm 18 --page A4'],
-    ['apriltag-grid:5x7:1:0.25:tag36h11', 24, 8, 'apriltag-grid --columns 5 --rows 7 --tag-mm 24 --gap-mm 8 --family tag36h11 --page A3'],
-    ['aruco-marker:1:DICT_5X5_100:7', 90, NaN, 'aruco-marker --marker-mm 90 --dictionary DICT_5X5_100 --id 7 --page A4'],
+test('the address that prints a target has its kind, counts and lengths, the usual ones while nobody measured it', () => {
+  const printed = [
+    ['charuco:12x9:1:0.734:DICT_5X5_100', 20, 14.5, 'charuco:12x9:20:14.5:DICT_5X5_100'],
+    ['charuco:12x9:1:0.734:DICT_5X5_100', NaN, NaN, 'charuco:12x9:20:15:DICT_5X5_100'],
+    ['charuco:12x9:1:0.6:DICT_5X5_100', 25, NaN, 'charuco:12x9:25:15:DICT_5X5_100'],
+    ['chessboard:9x6:1', 25.4, NaN, 'chessboard:9x6:25.4'],
+    ['circles-asymmetric:4x11:1:white', 18, NaN, 'circles-asymmetric:4x11:18:white'],
+    ['apriltag-grid:5x7:1:0.25:tag36h11', 24, 8, 'apriltag-grid:5x7:24:8:tag36h11'],
+    ['aruco-marker:1:DICT_5X5_100:7', 90, NaN, 'aruco-marker:90:DICT_5X5_100:7'],
   ];
-  for (const [text, length, second, expected] of commands) assert.equal(printCommand(text, length, second), `handeyed target ${expected} -o target.pdf`);
+  for (const [text, length, second, expected] of printed) assert.equal(printAddress(text, length, second), `/setup/target.pdf?target=${encodeURIComponent(expected)}`);
 });
 
 test('beyond reach is what lies farther than the arm stretched out, and the share of a box that does', () => {
