@@ -27,6 +27,14 @@ def _rebuild(kind: type[PicklableError], arguments: tuple[Any, ...], data: dict[
     return error
 
 
+class ErrorWithFix(PicklableError):
+    """`what` and `fix` are sentences for people."""
+
+    def __init__(self, what: str, fix: str) -> None:
+        self.what, self.fix = what, fix
+        super().__init__(f"{what}: {fix}")
+
+
 class CalibrationError(PicklableError):
     """Base of all errors of this package."""
 
@@ -60,24 +68,16 @@ class DetectionError(CalibrationError):
         super().__init__(f"{what}: {fix}")
 
 
-class ComparisonError(CalibrationError):
+class ComparisonError(CalibrationError, ErrorWithFix):
     """Two calibrations cannot be compared: one has no transform, or their set-ups differ."""
 
     code = "not-comparable"
 
-    def __init__(self, what: str, fix: str) -> None:
-        self.what, self.fix = what, fix
-        super().__init__(f"{what}: {fix}")
 
-
-class ExportRefused(CalibrationError):
-    """Nothing can be exported: there is no transform, or an option cannot be. `what` and `fix` are sentences."""
+class ExportRefused(CalibrationError, ErrorWithFix):
+    """Nothing can be exported: there is no transform, or an option cannot be."""
 
     code = "export-refused"
-
-    def __init__(self, what: str, fix: str) -> None:
-        self.what, self.fix = what, fix
-        super().__init__(f"{what}: {fix}")
 
 
 class GeometryError(CalibrationError):

@@ -50,20 +50,17 @@ DaemonError
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, Literal
 
+from calibration.errors import ErrorWithFix
 from calibration.sentences.sentence import Sentence, as_sentence
 
 if TYPE_CHECKING:
     from calibration.kinematics.joint_path import OutsideBox
 
 
-class DaemonError(Exception):
+class DaemonError(ErrorWithFix):
     """Base class. `what` is a sentence, `fix` says what to do, `code` is stable."""
 
     code: ClassVar[str] = "daemon-error"
-
-    def __init__(self, what: str, fix: str) -> None:
-        self.what, self.fix = what, fix
-        super().__init__(f"{what}: {fix}")
 
 
 class AnswerRefused(DaemonError):

@@ -34,14 +34,14 @@ DeviceKind = Literal["robot", "camera", "scanner"]
 class DeviceError(Exception):
     """Root of the drivers' errors. `device`: configured name and address; `code` is stable; `fix` says what to do.
 
-    `kind`: kind of device; None when the error was raised outside the cell.
+    `kind`: kind of device; None when the error was raised outside the cell. `status`: the controller's name of it.
     """
 
     code = "device-error"
     kind: DeviceKind | None = None
 
-    def __init__(self, device: str, what: str, fix: str) -> None:
-        self.device, self.what, self.fix = device, what, fix
+    def __init__(self, device: str, what: str, fix: str, status: str = "") -> None:
+        self.device, self.what, self.fix, self.status = device, what, fix, status
         super().__init__(f"{device}: {what}: {fix}")
 
 
@@ -174,29 +174,17 @@ class RequestRefused(DeviceError):
 
     code = "request-refused"
 
-    def __init__(self, device: str, what: str, fix: str, status: str) -> None:
-        super().__init__(device, what, fix)
-        self.status = status
-
 
 class MoveRefused(DeviceError):
     """The controller refused a move before it began. `status` is the controller's status name."""
 
     code = "move-refused"
 
-    def __init__(self, device: str, what: str, fix: str, status: str) -> None:
-        super().__init__(device, what, fix)
-        self.status = status
-
 
 class MoveFailed(DeviceError):
     """A move began and did not reach its goal."""
 
     code = "move-failed"
-
-    def __init__(self, device: str, what: str, fix: str, status: str) -> None:
-        super().__init__(device, what, fix)
-        self.status = status
 
 
 class MoveStalled(MoveFailed):

@@ -35,7 +35,13 @@ class ModbusLine:
 
     async def read(self) -> None:
         """Fill `reader.bits` and `reader.exceptions`; may be cancelled. Raises DeviceError."""
-        connection = await self._require_connection()
+        if self._doubtful and self.reader.numbered:
+            await self.close()
+        elif self._doubtful and self.timing.clock() - self._heard_at_s < self.silence_s:
+            what = f"waiting until the line was silent for {self.silence_s:g} s"
+            raise DeviceTimeout(self.transport.address, what, FIX)
+        self._doubtful = False
+        connection = self._connection or await self._open()
         self.reader.begin()
         try:
             while (pdu := self.reader.request()) is not None:
@@ -57,16 +63,6 @@ class ModbusLine:
             await asyncio.gather(listener, return_exceptions=True)
         if connection is not None:
             await connection.close()
-
-    async def _require_connection(self) -> Connection:
-        """The open connection. Raises DeviceError, also while the line must be silent."""
-        if self._doubtful and self.reader.numbered:
-            await self.close()
-        elif self._doubtful and self.timing.clock() - self._heard_at_s < self.silence_s:
-            what = f"waiting until the line was silent for {self.silence_s:g} s"
-            raise DeviceTimeout(self.transport.address, what, FIX)
-        self._doubtful = False
-        return self._connection or await self._open()
 
     async def _open(self) -> Connection:
         await self.close()

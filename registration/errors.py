@@ -18,17 +18,13 @@ RegistrationError
 └── SphereError            the points are not a sphere of the stated radius
 """
 
-from calibration.errors import PicklableError
+from calibration.errors import ErrorWithFix
 
 
-class RegistrationError(PicklableError):
+class RegistrationError(ErrorWithFix):
     """Root of registration's errors. `code` is stable; `what` and `fix` are for people."""
 
     code = "registration-error"
-
-    def __init__(self, what: str, fix: str) -> None:
-        self.what, self.fix = what, fix
-        super().__init__(f"{what}: {fix}")
 
 
 class CloudError(RegistrationError):

@@ -78,7 +78,8 @@ def detect_circles(image: Grey, target: CircleGrid) -> Detection:
             if layouts[0].outside >= max(2, min(target.columns, target.rows) // 2):
                 refusal = _other_board_error(layouts[0], target)
                 continue
-            found = _at_full_size(dots, index, factor)
+            area = factor**2
+            found = Dots(to_full_size(dots.centres[index], factor), dots.shapes[index] * area, dots.areas[index] * area)
             try:
                 return _measure_grid(found, refine_dots(ink, found), layouts, target, size)
             except DetectionError as error:
@@ -119,11 +120,6 @@ def _measure_grid(
         what = Sentence("seen-no-large-dot", ratio=float(rank))
         raise DetectionError("origin-not-found", what, Sentence("see-large-dot"))
     return detection
-
-
-def _at_full_size(dots: Dots, index: NDArray[np.intp], factor: int) -> Dots:
-    area = factor**2
-    return Dots(to_full_size(dots.centres[index], factor), dots.shapes[index] * area, dots.areas[index] * area)
 
 
 def _origin_ratio(view: PlaneView, layout: Layout, seen: Dots, target: CircleGrid) -> float:

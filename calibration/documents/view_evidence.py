@@ -10,7 +10,7 @@ from calibration.intrinsics.estimate import estimate_camera
 from calibration.observations.measured_poses import measured_views
 from calibration.observations.observations import observe
 from calibration.observations.view_poses import candidate_poses
-from calibration.pose_pairs.noise_priors import LEVEL_PRIORS
+from calibration.pose_pairs.session import covariance_or_usual
 from calibration.problem import Problem
 
 MIN_AMBIGUITY_RATIO = 1.5
@@ -46,8 +46,4 @@ def _in_space(problem: Problem) -> Evidence | None:
         seen, _ = measured_views(problem)
     except UndeterminedError:
         return None
-    covariance = seen.covariance
-    if covariance is None:
-        rotation_rad, translation_mm = (LEVEL_PRIORS[name].level for name in ("camera rotation", "camera lateral"))
-        covariance = np.tile(np.diag(np.repeat([rotation_rad, translation_mm], 3) ** 2), (len(seen), 1, 1))
-    return measured_evidence(problem, seen, covariance)
+    return measured_evidence(problem, seen, covariance_or_usual(seen))

@@ -79,7 +79,10 @@ def estimate_camera(target: Target, detections: Sequence[Detection], image_size:
     free[6:INTRINSICS] = True
     whole = _best_poses(seen, camera, free)
     fit = _rational(seen, whole) or _without_insignificant(seen, whole, free)
-    _require_focal(fit)
+    share = float(np.sqrt(fit.covariance[0, 0]) / fit.camera.matrix[0, 0])
+    if not share <= MAX_FOCAL_SIGMA_SHARE:
+        what = Sentence("no-tilt", percent=100 * share)
+        raise UndeterminedError("no-tilt", what, Sentence("tilt-target"))
     return _estimate(seen, fit)
 
 
@@ -87,13 +90,6 @@ def _require_views(seen: Observations) -> None:
     if len(seen) < MIN_VIEWS:
         what = Sentence("too-few-views", views=len(seen), least=MIN_VIEWS)
         raise UndeterminedError("too-few-views", what, Sentence("take-tilted-views"))
-
-
-def _require_focal(fit: BundleFit) -> None:
-    share = float(np.sqrt(fit.covariance[0, 0]) / fit.camera.matrix[0, 0])
-    if not share <= MAX_FOCAL_SIGMA_SHARE:
-        what = Sentence("no-tilt", percent=100 * share)
-        raise UndeterminedError("no-tilt", what, Sentence("tilt-target"))
 
 
 def _best_poses(seen: Observations, camera: CameraModel, free: NDArray[np.bool_]) -> BundleFit:

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from calibration.errors import CalibrationError, GeometryError
+from calibration.errors import CalibrationError, ErrorWithFix, GeometryError
 from calibration.kinematics.axis_rotations import rotation_x, rotation_y, rotation_z, wrap
 from calibration.sentences.sentence import Sentence
 from calibration.transforms import Array, transform
@@ -51,12 +51,8 @@ class Configuration(NamedTuple):
     cfx: int
 
 
-class UnreachablePoseError(CalibrationError):
+class UnreachablePoseError(CalibrationError, ErrorWithFix):
     """The arm cannot take a pose. `what` and `fix` are sentences for people."""
-
-    def __init__(self, what: str, fix: str) -> None:
-        self.what, self.fix = what, fix
-        super().__init__(f"{what}: {fix}")
 
 
 class OutOfReach(UnreachablePoseError):
@@ -326,12 +322,8 @@ class Arm:
         least: Array = self._excess_rad(joints + 2 * np.pi * np.arange(-2, 3)[:, None]).min(0)
         return least
 
-    def _wrist_centres(self, base_T_flange: Array) -> Array:
-        """Where axes 4 and 5 may meet (n, 3) mm for a pose (4, 4)."""
-        return np.array([base_T_flange[:3, 3] - self.flange_mm * base_T_flange[:3, 2]])
-
     def _out_of_reach(self, base_T_flange: Array) -> OutOfReach:
-        wrists = self._wrist_centres(base_T_flange)
+        wrists = np.array([base_T_flange[:3, 3] - self.flange_mm * base_T_flange[:3, 2]])
         reach, _ = self._elbow_to_wrist
         up = wrists[:, 2] - self.shoulder_height_mm
         radius = np.hypot(wrists[:, 0], wrists[:, 1])

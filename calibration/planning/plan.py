@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calibration.errors import CalibrationError
+from calibration.errors import CalibrationError, ErrorWithFix
 from calibration.likelihood.predicted_uncertainty import Scene, predict, view_information
 from calibration.planning.route import visiting_order
 from calibration.planning.viewpoint_selection import RESTARTS, Reachable, Search, select_viewpoints
@@ -14,12 +14,8 @@ from calibration.solution import Uncertainty
 from calibration.transforms import Array
 
 
-class PlanningError(CalibrationError):
+class PlanningError(CalibrationError, ErrorWithFix):
     """No set of poses satisfies the limits. `what` and `fix` are sentences for people."""
-
-    def __init__(self, what: str, fix: str) -> None:
-        self.what, self.fix = what, fix
-        super().__init__(f"{what}: {fix}")
 
 
 @dataclass(frozen=True, eq=False)

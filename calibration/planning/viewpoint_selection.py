@@ -123,21 +123,17 @@ def select_viewpoints(search: Search, count: int, known: Array, restarts: int) -
 
     Returns fewer than `count` when the limits leave fewer candidates.
     """
-    candidates = _draw_pool(search)
-    if len(candidates.viewpoints) <= count:
-        return candidates
-    sets = [_exchange(search, candidates, count, known) for _ in range(restarts)]
-    costs = [search.cost(known, candidates.take(chosen[1:]), candidates.take(chosen[:1]))[0] for chosen in sets]
-    return _improve(search, candidates.take(sets[int(np.argmin(costs))]), known)
-
-
-def _draw_pool(search: Search) -> Candidates:
     batches: list[Candidates] = []
     for _ in range(MAX_BATCHES):
         batches.append(search.candidates(random_viewpoints(search.limits, POOL_SIZE, search.rng)))
         if sum(len(batch.viewpoints) for batch in batches) >= POOL_SIZE:
             break
-    return batches[0].join(*batches[1:])
+    candidates = batches[0].join(*batches[1:])
+    if len(candidates.viewpoints) <= count:
+        return candidates
+    sets = [_exchange(search, candidates, count, known) for _ in range(restarts)]
+    costs = [search.cost(known, candidates.take(chosen[1:]), candidates.take(chosen[:1]))[0] for chosen in sets]
+    return _improve(search, candidates.take(sets[int(np.argmin(costs))]), known)
 
 
 def _exchange(search: Search, candidates: Candidates, count: int, known: Array) -> Indices:

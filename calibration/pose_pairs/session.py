@@ -180,11 +180,15 @@ def measured_without_x(problem: Problem, why: UndeterminedError) -> MeasuredSolu
         require_units(PosePairs(problem.setup, seen.base_T_flange, seen.camera_T_target))
     except UndeterminedError:
         return MeasuredSolution(_without_x(problem, why), None, np.zeros((0, 6, 6)))
-    covariance = seen.covariance
-    if covariance is None:
-        rotation_rad, translation_mm = (LEVEL_PRIORS[name].level for name in ("camera rotation", "camera lateral"))
-        covariance = np.tile(np.diag(np.repeat([rotation_rad, translation_mm], 3) ** 2), (len(seen), 1, 1))
-    return MeasuredSolution(_without_x(problem, why), seen, covariance)
+    return MeasuredSolution(_without_x(problem, why), seen, covariance_or_usual(seen))
+
+
+def covariance_or_usual(seen: MeasuredViews) -> Array:
+    """Of the views (n, 6, 6): as stated, else of noise that is usual."""
+    if seen.covariance is not None:
+        return seen.covariance
+    rotation_rad, translation_mm = (LEVEL_PRIORS[name].level for name in ("camera rotation", "camera lateral"))
+    return np.tile(np.diag(np.repeat([rotation_rad, translation_mm], 3) ** 2), (len(seen), 1, 1))
 
 
 def _without_x(problem: Problem, why: UndeterminedError) -> Solution:

@@ -41,7 +41,13 @@ def add(
 
     if role not in ROLES:
         raise CommandError("--role", f"{role[:40]!r} is no role", f"use {', '.join(ROLES)}", ExitStatus.UNREADABLE)
-    _require_name(name)
+    from daemon.access.actor_names import validate_key_name
+
+    try:
+        validate_key_name(name)
+    except ValueError as error:
+        what, _, fix = str(error).rpartition("; ")
+        raise CommandError("NAME", what, fix, ExitStatus.UNREADABLE) from None
     key, record = _with_key_service(config, lambda service: service.add(name, ROLES[role], _me(), days or None))
     _show(key, record, json)
 
@@ -116,16 +122,6 @@ def _me() -> Any:
     from daemon.store.actor import AuditContext
 
     return AuditContext(getpass.getuser(), "command line")
-
-
-def _require_name(name: str) -> None:
-    from daemon.access.actor_names import validate_key_name
-
-    try:
-        validate_key_name(name)
-    except ValueError as error:
-        what, _, fix = str(error).rpartition("; ")
-        raise CommandError("NAME", what, fix, ExitStatus.UNREADABLE) from None
 
 
 def _show(key: str, record: "KeyRecord", json: bool) -> None:

@@ -91,7 +91,11 @@ class ManualSequence:
         """Carry out one request; returns True when it ends the sequence. A refused one leaves the run as it was."""
         try:
             if asked.action == "the end":
-                self._check_view_count(min_views)
+                if (seen := len(self._progress.views_with_target)) < min_views:
+                    raise TooFewViews(
+                        Sentence("views-are-missing", seen=seen, needed=min_views),
+                        self._progress.planning.advice or BEGIN,
+                    )
                 await self.log.advance(E.ENOUGH, stations=self.log.run.station)
             elif asked.jog is not None:
                 await self._jog(asked.jog)
@@ -117,12 +121,6 @@ class ManualSequence:
         await self.log.advance(E.JOGS)
         await jog.carry_out_as_holder()
         await self.log.advance(E.JOGGED)
-
-    def _check_view_count(self, min_views: int) -> None:
-        if (seen := len(self._progress.views_with_target)) < min_views:
-            raise TooFewViews(
-                Sentence("views-are-missing", seen=seen, needed=min_views), self._progress.planning.advice or BEGIN
-            )
 
     async def _take_view(self) -> None:
         await self.log.advance(E.ASKED)

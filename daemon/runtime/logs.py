@@ -4,12 +4,13 @@ import logging
 import os
 import sys
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from contextvars import ContextVar
-from typing import TextIO
+from typing import TextIO, TypeVar
 
 from daemon.runtime.key_redaction import redact_keys
 
+Value = TypeVar("Value")
 _run: ContextVar[str] = ContextVar("run", default="-")
 _request: ContextVar[str] = ContextVar("request", default="-")
 
@@ -21,23 +22,23 @@ LIBRARY_MIN_LEVELS = {"httpx": logging.WARNING, "pymodbus.logging": logging.CRIT
 
 
 @contextmanager
-def about_run(run_id: str) -> Iterator[None]:
+def within(variable: ContextVar[Value], value: Value) -> Iterator[None]:
+    """The variable has the value inside the block, and in tasks that begin there."""
+    token = variable.set(value)
+    try:
+        yield
+    finally:
+        variable.reset(token)
+
+
+def about_run(run_id: str) -> AbstractContextManager[None]:
     """Log records made inside the block carry the run's id."""
-    token = _run.set(run_id)
-    try:
-        yield
-    finally:
-        _run.reset(token)
+    return within(_run, run_id)
 
 
-@contextmanager
-def about_request(request_id: str) -> Iterator[None]:
+def about_request(request_id: str) -> AbstractContextManager[None]:
     """Log records made inside the block, also by a run that it starts, carry the request's id."""
-    token = _request.set(request_id)
-    try:
-        yield
-    finally:
-        _request.reset(token)
+    return within(_request, request_id)
 
 
 def request_id() -> str:

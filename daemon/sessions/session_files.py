@@ -7,6 +7,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from calibration.errors import ErrorWithFix
 from daemon.runtime.bounded_read import read_bounded
 from drivers.cameras.decoding import is_truncated
 from drivers.cameras.pixel_depth import to_8_bit
@@ -16,12 +17,8 @@ GREY = cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION
 TAKE_AGAIN = "take the picture again, or remove the view from session.json"
 
 
-class ImageError(Exception):
+class ImageError(ErrorWithFix):
     """A view's picture cannot be used; `what` is wrong and `fix` says what to do."""
-
-    def __init__(self, what: str, fix: str) -> None:
-        self.what, self.fix = what, fix
-        super().__init__(f"{what}: {fix}")
 
 
 def read_grey(file: Path) -> NDArray[np.uint8]:

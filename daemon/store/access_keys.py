@@ -57,7 +57,12 @@ class AccessKeys:
         def insert(db: sqlite3.Connection) -> None:
             if only_first and db.execute("SELECT count(*) FROM access_keys").fetchone()[0]:
                 raise KeyExists("there are keys already", "ask an admin for one")
-            _require_free(db, record)
+            alike = {record.name, skeleton(record.name)}
+            for other in _all(db):
+                if other.valid(record.created_at) and not alike.isdisjoint({other.name, skeleton(other.name)} - {""}):
+                    raise KeyExists(
+                        f"there is a valid key called {other.name!r}", "choose another name, or rotate that one"
+                    )
             db.execute("INSERT INTO access_keys VALUES (?, ?, ?, ?, ?, ?, ?)", astuple(record))
             append_audit(db, context, record.created_at, "key added", record.id, name=record.name, role=record.role,
                          expires_at=record.expires_at)  # fmt: skip
@@ -118,13 +123,6 @@ def _record_of(key: str, records: Iterable[KeyRecord]) -> KeyRecord | None:
 def _all(db: sqlite3.Connection) -> list[KeyRecord]:
     rows = db.execute(f"SELECT {_COLUMNS} FROM access_keys ORDER BY rowid").fetchall()
     return [KeyRecord(*row) for row in rows]
-
-
-def _require_free(db: sqlite3.Connection, record: KeyRecord) -> None:
-    alike = {record.name, skeleton(record.name)}
-    for other in _all(db):
-        if other.valid(record.created_at) and not alike.isdisjoint({other.name, skeleton(other.name)} - {""}):
-            raise KeyExists(f"there is a valid key called {other.name!r}", "choose another name, or rotate that one")
 
 
 def _valid_of(db: sqlite3.Connection, name: str, now: str) -> KeyRecord:

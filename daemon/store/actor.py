@@ -3,13 +3,13 @@
 import hashlib
 import json
 import sqlite3
-from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager
 from contextvars import ContextVar
 from dataclasses import dataclass, field
 
 from daemon.access.actor_names import DAEMON
 from daemon.access.audit_chain import GENESIS_HASH, AuditRow, hash_row
+from daemon.runtime.logs import within
 
 
 @dataclass(eq=False)
@@ -51,14 +51,9 @@ class AuditContext:
 _audit_context: ContextVar[AuditContext] = ContextVar("audit_context")
 
 
-@contextmanager
-def acting_as(context: AuditContext) -> Iterator[None]:
+def acting_as(context: AuditContext) -> AbstractContextManager[None]:
     """Changes inside the block, and by runs started in it, are recorded under this actor."""
-    token = _audit_context.set(context)
-    try:
-        yield
-    finally:
-        _audit_context.reset(token)
+    return within(_audit_context, context)
 
 
 def current_audit_context() -> AuditContext:

@@ -167,7 +167,10 @@ def _connect_read_only(path: Path) -> sqlite3.Connection:
 def _connect(path: Path, migrate: bool) -> sqlite3.Connection:
     with storage_errors(path):
         make_folder(path.parent)
-        _make_file(path)
+        # For owner and group; SQLite gives its other files the same mode. A file that is there is not opened: closing
+        # it would release the locks of this process' other connections.
+        with suppress(FileExistsError):
+            os.close(os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o640))
         connection = sqlite3.connect(path, check_same_thread=False, isolation_level=None)
         try:
             _prepare(connection, path, migrate)
@@ -175,15 +178,6 @@ def _connect(path: Path, migrate: bool) -> sqlite3.Connection:
             connection.close()
             raise
         return connection
-
-
-def _make_file(path: Path) -> None:
-    """Make the database file for owner and group; SQLite gives its other files the same mode.
-
-    A file that is there is not opened: closing it would release the locks of this process' other connections.
-    """
-    with suppress(FileExistsError):
-        os.close(os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o640))
 
 
 def _prepare(connection: sqlite3.Connection, path: Path, migrate: bool) -> None:

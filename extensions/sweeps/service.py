@@ -113,7 +113,10 @@ class SweepService:
 
         self._recorder, self._sweeps[sweep_id] = recorder, sweep
         self._task = asyncio.create_task(run_and_release(), name=f"sweep {sweep_id}")
-        await self._forget_old()
+        while len(self._sweeps) > KEPT:
+            oldest = self._sweeps.pop(next(iter(self._sweeps)))
+            with suppress(OSError):
+                await self.workers.run(oldest.file.unlink, missing_ok=True)
         return sweep
 
     async def _open_path(self, calibration: CalibrationDocument) -> PathRecorder:
@@ -143,9 +146,3 @@ class SweepService:
 
     def _has_room(self) -> bool:
         return self.store.free_bytes() >= self.store.run_bytes
-
-    async def _forget_old(self) -> None:
-        while len(self._sweeps) > KEPT:
-            oldest = self._sweeps.pop(next(iter(self._sweeps)))
-            with suppress(OSError):
-                await self.workers.run(oldest.file.unlink, missing_ok=True)

@@ -4,12 +4,10 @@ import asyncio
 from collections.abc import Callable
 from math import pi, sin
 
-import numpy as np
-
-from calibration.transforms import quaternion_from_rotation
 from mock_robot.cabinet.cabinet import Cabinet
+from mock_robot.cabinet.egm_sample import robot_sample
 from mock_robot.faults.board import FaultBoard
-from protocols.egm.messages import RobotSample, encode
+from protocols.egm.messages import encode
 
 PERIOD_S = 0.004
 VIBRATION_MM, VIBRATION_HZ = 0.3, 12.0
@@ -48,25 +46,10 @@ class EgmSender(asyncio.DatagramProtocol):
         """Encode the packet for the time `now_s`."""
         robot_s, panel = self._cabinet.robot_s(now_s), self._cabinet.panel
         pose = self._cabinet.world_T_base @ self._cabinet.arm.reported_base_T_flange(robot_s)
-        position = np.float32(pose[:3, 3]).astype(float)
         if self._faults.is_on("egm-vibration"):
-            position[2] += VIBRATION_MM * sin(2 * pi * VIBRATION_HZ * now_s)
-        x, y, z = (float(value) for value in position)
-        w, i, j, k = (float(np.float32(value)) for value in quaternion_from_rotation(pose[:3, :3]))
-        axes_deg = np.degrees(self._cabinet.arm.joints_at(robot_s))
+            pose[2, 3] += VIBRATION_MM * sin(2 * pi * VIBRATION_HZ * now_s)
         self._seqno += 1
-        return encode(
-            RobotSample(
-                seqno=self._seqno,
-                robot_ms=int(now_s * 1000) % 2**32,
-                joints_deg=tuple(float(np.float32(angle)) for angle in axes_deg),
-                position_mm=(x, y, z),
-                quaternion_wxyz=(w, i, j, k),
-                time_us=int(now_s * 1e6),
-                motors_on=panel.motors_on,
-                program_running=panel.program_running,
-            )
-        )
+        return encode(robot_sample(self._seqno, now_s, self._cabinet.arm.joints_at(robot_s), pose, panel))
 
     async def _send(self) -> None:
         assert self._transport is not None

@@ -14,12 +14,12 @@ from calibration.kinematics.arm import UnreachablePoseError
 from calibration.transforms import (
     Array,
     inverse,
-    quaternion_from_rotation,
     rotation_from_vector,
     transform,
     transform_from_quaternion,
     vector_from_rotation,
 )
+from mock_robot.cabinet.egm_sample import robot_sample
 from mock_robot.rapid.unit import MotionUnit
 from protocols.egm.corrections import Correction, decode_correction
 from protocols.egm.messages import NotEgm, RobotSample, encode
@@ -137,19 +137,7 @@ class EgmSession:
         """Pose of the tool in the work object that the program named: of the flange in the world without them."""
         unit, now_s = self.unit, self.clock()
         pose = inverse(self.settings.get("world_T_object", np.eye(4))) @ self.world_T_tool()
-        w, i, j, k = (float(np.float32(value)) for value in quaternion_from_rotation(pose[:3, :3]))
-        x, y, z = (float(np.float32(value)) for value in pose[:3, 3])
-        panel = unit.cabinet.panel
-        return RobotSample(
-            seqno=number,
-            robot_ms=int(now_s * 1000) % 2**32,
-            joints_deg=tuple(float(np.float32(angle)) for angle in np.degrees(unit.joints_now())),
-            position_mm=(x, y, z),
-            quaternion_wxyz=(w, i, j, k),
-            time_us=int(now_s * 1e6),
-            motors_on=panel.motors_on,
-            program_running=panel.program_running,
-        )
+        return robot_sample(number, now_s, unit.joints_now(), pose, unit.cabinet.panel)
 
     def world_T_tool(self) -> Array:
         """Pose (4, 4) of the program's tool now."""

@@ -48,23 +48,19 @@ def declare_types(modules: Sequence[tuple[CompileContext, Node]], everywhere: Sc
         left, first = [], None
         for context, node in waiting:
             try:
-                _declare_type(context, node, everywhere)
+                local = node.children[0] is not None and name(node, 0) == "local"
+                types = (context.scope if local else everywhere).types
+                if node.data == "record":
+                    components = tuple((name(c, 1), context.require_type(name(c, 0), line_of(c))) for c in parts(node))
+                    types[name(node, 1)] = Record(name(node, 1), components)
+                else:
+                    types[name(node, 2)] = context.require_type(name(node, 1), line_of(node))
             except RapidProgramError as error:
                 first = first or error
                 left.append((context, node))
         if first is not None and len(left) == len(waiting):
             raise first
         waiting = left
-
-
-def _declare_type(context: CompileContext, node: Node, everywhere: Scope) -> None:
-    local = node.children[0] is not None and name(node, 0) == "local"
-    types = (context.scope if local else everywhere).types
-    if node.data == "record":
-        components = tuple((name(c, 1), context.require_type(name(c, 0), line_of(c))) for c in parts(node))
-        types[name(node, 1)] = Record(name(node, 1), components)
-    else:
-        types[name(node, 2)] = context.require_type(name(node, 1), line_of(node))
 
 
 @cache

@@ -29,20 +29,16 @@ def scan_poses(nominal: Nominal, door: Door = DOOR) -> list[Array]:
     poses = []
     for row, y in enumerate(ROWS_MM):
         for x in COLUMNS_MM if row % 2 == 0 else COLUMNS_MM[::-1]:
-            part_T_camera = _looking_at(x, y, door)
+            # part_T_camera at DISTANCE_MM from the skin at (x, y), its x along the door, its y down.
+            aim = np.array([x, y, float(door.height(np.array(x), np.array(y)))])
+            out = np.array([x / door.radius_along, y / door.radius_up, 1.0])
+            out /= np.linalg.norm(out)
+            down = np.cross(-out, [1.0, 0.0, 0.0])
+            down /= np.linalg.norm(down)
+            rotation = np.column_stack([np.cross(down, -out), down, -out])
+            part_T_camera = transform(rotation, aim + DISTANCE_MM * out)
             poses.append(nominal.base_T_part @ part_T_camera @ camera_T_flange)
     return poses
-
-
-def _looking_at(x: float, y: float, door: Door) -> Array:
-    """part_T_camera at DISTANCE_MM from the skin at (x, y), its x along the door, its y down."""
-    aim = np.array([x, y, float(door.height(np.array(x), np.array(y)))])
-    out = np.array([x / door.radius_along, y / door.radius_up, 1.0])
-    out /= np.linalg.norm(out)
-    down = np.cross(-out, [1.0, 0.0, 0.0])
-    down /= np.linalg.norm(down)
-    rotation = np.column_stack([np.cross(down, -out), down, -out])
-    return transform(rotation, aim + DISTANCE_MM * out)
 
 
 BOX_MM = ((-900.0, -700.0, 200.0), (1400.0, 1150.0, 1500.0))

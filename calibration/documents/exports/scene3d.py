@@ -45,7 +45,10 @@ def write_gltf(subject: Subject) -> bytes:
     }  # fmt: skip
     if camera := _perspective(subject):
         document["cameras"] = [camera]
-    return _glb(document, content)
+    text = json.dumps(document, separators=(",", ":")).encode()
+    text += b" " * (-len(text) % 4)
+    chunks = struct.pack("<II", len(text), JSON_CHUNK) + text + struct.pack("<II", len(content), BIN_CHUNK) + content
+    return struct.pack("<III", GLB, 2, 12 + len(chunks)) + chunks
 
 
 def _nodes(subject: Subject) -> list[dict[str, Any]]:
@@ -73,13 +76,6 @@ def _perspective(subject: Subject) -> dict[str, Any] | None:
     (width, height), fx, fy = camera.image_size, camera.matrix[0][0], camera.matrix[1][1]
     view = {"yfov": 2 * math.atan(height / 2 / fy), "aspectRatio": width / fx * fy / height}
     return {"type": "perspective", "perspective": {**view, "znear": NEAR_MM / 1000, "zfar": FAR_MM / 1000}}
-
-
-def _glb(document: dict[str, Any], content: bytes) -> bytes:
-    text = json.dumps(document, separators=(",", ":")).encode()
-    text += b" " * (-len(text) % 4)
-    chunks = struct.pack("<II", len(text), JSON_CHUNK) + text + struct.pack("<II", len(content), BIN_CHUNK) + content
-    return struct.pack("<III", GLB, 2, 12 + len(chunks)) + chunks
 
 
 def write_usd(subject: Subject) -> str:

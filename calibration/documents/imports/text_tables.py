@@ -157,7 +157,11 @@ def rows_of(lines: Sequence[str]) -> TextRows:
         said = [cell for cell in _split(comments[-1], separator) if cell]
         names = said if len(said) == len(texts[0]) and not any(style.is_number(cell) for cell in said) else None
     if names is None:
-        texts = _without_titles(texts, style)
+        # Without the lines between matrices in rows of four, such as `Pose 3:`.
+        matrix = [row for row in texts if len(row) == 4 and all(map(style.is_number, row))]
+        titles = [row[0] for row in texts if not (len(row) == 4 and all(map(style.is_number, row)))]
+        are_titles = len(matrix) % 4 == 0 and 4 * len(titles) <= len(matrix) and not any(map(style.is_number, titles))
+        texts = matrix if are_titles else texts
     else:
         numbers = {place for row in texts for place, cell in enumerate(row) if style.is_number(cell)}
         remarks = max(numbers, default=-1) + 1
@@ -259,11 +263,3 @@ def _fit_width(row: list[str], width: int, remarks: int) -> list[str]:
     if row[width:] and not any(row[width:]):
         return row[:width]
     return [*row, *[""] * (width - len(row))] if len(row) >= remarks else row
-
-
-def _without_titles(rows: list[list[str]], style: _Decimals) -> list[list[str]]:
-    """Without the lines between matrices in rows of four, such as `Pose 3:`."""
-    matrix = [row for row in rows if len(row) == 4 and all(map(style.is_number, row))]
-    titles = [row[0] for row in rows if not (len(row) == 4 and all(map(style.is_number, row)))]
-    are_titles = len(matrix) % 4 == 0 and 4 * len(titles) <= len(matrix) and not any(map(style.is_number, titles))
-    return matrix if are_titles else rows

@@ -159,7 +159,9 @@ class LiveFeed:
         await self._read_robot(now_s, FAST_S if fast else BEAT_S)
         if now_s - self._readiness_at_s >= 0.99 * BEAT_S:
             self._readiness_at_s = now_s
-            self._ready, self._ready_of = await self._read_readiness()
+            main, *further = [(camera.name, await self._readiness_of(camera)) for camera in self._app.cameras.cameras]
+            self._ready = main[1]
+            self._ready_of = f"{{{','.join(f'{json_of(name)}:{text}' for name, text in further)}}}"
         await self._look_at_target(run)
         snapshot = self._take(self._robot_document())
         changed = {**snapshot, "at": ""} != {**self._snapshot, "at": ""}
@@ -201,11 +203,6 @@ class LiveFeed:
             except DeviceError as error:
                 self._look_text = "null"
                 self._app.device_watch.note("camera", error)
-
-    async def _read_readiness(self) -> tuple[str, str]:
-        """Readiness of the first camera, and an object with that of each further one by its name."""
-        main, *further = [(camera.name, await self._readiness_of(camera)) for camera in self._app.cameras.cameras]
-        return main[1], f"{{{','.join(f'{json_of(name)}:{text}' for name, text in further)}}}"
 
     async def _readiness_of(self, camera: CellCamera) -> str:
         with suppress(DaemonError, DeviceError):

@@ -57,7 +57,12 @@ class Authentication:
                 fix = AS_THE_SERVICE if caller == LOCAL_READER else None
                 raise RoleTooLow(caller.name, caller.role.word, needed.word, fix)
         except DaemonError as error:
-            self._log_refusal(scope, error)
+            # One line a minute and address, with the number of those left out.
+            left_out = self._refusals.left_out(network_of(peer_of(scope)))
+            if left_out is not None:
+                more = f" ({left_out} more since the last such line)" if left_out else ""
+                what = scope["method"], scope["path"], peer_of(scope), error.what, more
+                log.warning("%s %s from %s is refused: %s%s", *what)
             await answer(problem_of(error), {"Connection": "close"})(scope, receive, send)
             return
         state = scope.setdefault("state", {})
@@ -77,14 +82,6 @@ class Authentication:
         await self._audit(scope, context, status)
         if scope["method"] not in SAFE_METHODS and (session := state.get("session")) is not None:
             await self._sign_in.touch(session)
-
-    def _log_refusal(self, scope: Scope, error: DaemonError) -> None:
-        """Log a refused request: one line a minute and address, with the number of those left out."""
-        left_out = self._refusals.left_out(network_of(peer_of(scope)))
-        if left_out is not None:
-            more = f" ({left_out} more since the last such line)" if left_out else ""
-            what = scope["method"], scope["path"], peer_of(scope), error.what, more
-            log.warning("%s %s from %s is refused: %s%s", *what)
 
     async def _caller(self, scope: Scope, needed: Role) -> Caller:
         """The caller by the request's key. Raises KeyMissing, CrossOrigin, SetupRefused, StorageError."""

@@ -84,7 +84,12 @@ def outcome_of_failure(scan: str, what: str) -> OutcomeDocument:
 def _register_scan(task: RegistrationTask) -> OutcomeDocument:
     source, target = RemoteFolder(task.source).child(task.scan), RemoteFolder(task.target).child(task.scan)
     given = task.calibration_in_use()
-    names = _file_names(source)
+    content = source.read(SCAN)
+    if content is None:
+        raise ArchiveError(f"{source.url}/{SCAN} is gone", "start again")
+    document = parse_document(ScanDocument, content, f"{source.url}/{SCAN}")
+    clouds = dict.fromkeys(view.cloud for view in document.views)
+    names = [SCAN, *(name for name in clouds if Path(name).name == name)]  # read_scan refuses any other
     with source.fetch(names) as folder:
         scanned = read_scan(folder)
         views = place_views(given, scanned)
@@ -114,16 +119,6 @@ def _register_scan(task: RegistrationTask) -> OutcomeDocument:
             )
     target.write(MANIFEST_NAME, manifest.model_dump_json(indent=1).encode())
     return OutcomeDocument(scan=task.scan, state="registered", points=manifest.points, accepted=manifest.accepted)
-
-
-def _file_names(source: RemoteFolder) -> list[str]:
-    """The names of the scan's files, scan.json first. Raises DocumentError, ArchiveError."""
-    content = source.read(SCAN)
-    if content is None:
-        raise ArchiveError(f"{source.url}/{SCAN} is gone", "start again")
-    document = parse_document(ScanDocument, content, f"{source.url}/{SCAN}")
-    clouds = dict.fromkeys(view.cloud for view in document.views)
-    return [SCAN, *(name for name in clouds if Path(name).name == name)]  # read_scan refuses any other
 
 
 def _matching_manifest(target: RemoteFolder, inputs: str, calibration_id: str) -> ManifestDocument | None:

@@ -107,7 +107,8 @@ class CbConversation:
         if stops and not self._stopping:
             self._settle(OvertakenByStop())
         async with self._turnstile.hold(urgent=urgent or stops):
-            self._require_alive()
+            if self.lost.done():
+                raise _again(self.lost.result())
             self._stopping = stops
             try:
                 return [await self._exchange(request) for request in requests]
@@ -180,10 +181,6 @@ class CbConversation:
             self.lost.set_result(error)
             self._on_lost(error)
         self._settle(_again(error))
-
-    def _require_alive(self) -> None:
-        if self.lost.done():
-            raise _again(self.lost.result())
 
     async def _send(self, encoded: bytes) -> None:
         try:

@@ -152,7 +152,10 @@ class EgmMonitor:
         return vibration_of([arrival.sample for arrival in self.arrivals(window_s)])
 
     def _listen(self, listening: socket.socket) -> None:
-        _request_real_time_priority()
+        # Real-time priority, where allowed (RLIMIT_RTPRIO): the thread works 0.2 ms of every 4 ms.
+        shorten_switch_interval()
+        with suppress(OSError):
+            os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(1))
         clock = self._timing.clock
         while not self._ending.is_set():
             try:
@@ -193,13 +196,6 @@ def vibration_of(samples: list[RobotSample]) -> Vibration:
         samples=len(samples),
         lost=(samples[-1].seqno - samples[0].seqno + 1) - len(samples),
     )
-
-
-def _request_real_time_priority() -> None:
-    """Request real-time priority, where allowed (RLIMIT_RTPRIO): the thread works 0.2 ms of every 4 ms."""
-    shorten_switch_interval()
-    with suppress(OSError):
-        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(1))
 
 
 def _arrival_time_s(notes: list[tuple[int, int, bytes]], clock: Callable[[], float]) -> float:

@@ -84,7 +84,12 @@ class SweepAssembler:
                 yield block[:ready].points_in(flange @ self._flange_T_profiler)
             if ready < len(block):
                 break
-        self._forget_poses()
+        # Poses before the one that precedes the next profile are needed no more.
+        next_s = self._waiting[0].times_s[0] if self._waiting else self._last_s
+        first = int(np.searchsorted(self._times, next_s + self._offset_s, side="right")) - 1
+        if first > 0:
+            first = min(first, len(self._times) - 2)
+            self._times, self._poses = self._times[first:], self._poses[first:]
 
     def require_finished(self) -> None:
         """Raises PathGap when profiles are left that no pose follows."""
@@ -104,14 +109,6 @@ class SweepAssembler:
         if bends_mm.max() > MAX_BEND_MM:
             worst = int(np.argmax(bends_mm))
             raise PathTooCoarse(float(times[worst + 1]), float(bends_mm[worst]), MAX_BEND_MM)
-
-    def _forget_poses(self) -> None:
-        """Drop the poses before the one that precedes the next profile."""
-        next_s = self._waiting[0].times_s[0] if self._waiting else self._last_s
-        first = int(np.searchsorted(self._times, next_s + self._offset_s, side="right")) - 1
-        if first > 0:
-            first = min(first, len(self._times) - 2)
-            self._times, self._poses = self._times[first:], self._poses[first:]
 
 
 def assemble_sweep(

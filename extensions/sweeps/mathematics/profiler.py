@@ -47,7 +47,12 @@ def solve_profiler(sweeps: Sequence[ArtefactSweep], rough: Array | None = None) 
     """
     if rough is not None:
         RigidMotion.of(rough, "mm")
-    names, radii_mm = _artefacts(sweeps)
+    # Names in their order, and radii. Raises ProfileError.
+    radii: dict[str, float | None] = {}
+    for sweep in sweeps:
+        if radii.setdefault(sweep.artefact, sweep.radius_mm) != sweep.radius_mm:
+            raise ProfileError(f"the artefact {sweep.artefact!r} has two radii", "give each artefact a name of its own")
+    names, radii_mm = list(radii), list(radii.values())
     found: dict[int, SurfacePoints] = {}
     reasons: dict[int, str] = {}
     for index, sweep in enumerate(sweeps):
@@ -115,15 +120,6 @@ def _solve(
     ]
     answer = solve_sweeps(list(found.values()), stacked, [radii_mm[names.index(name)] for name in used], rough)
     return answer, np.concatenate([one.points_mm[:: len(one.points_mm) // SEEN_POINTS + 1] for one in stacked])
-
-
-def _artefacts(sweeps: Sequence[ArtefactSweep]) -> tuple[list[str], list[float | None]]:
-    """Names in their order, and radii. Raises ProfileError."""
-    radii: dict[str, float | None] = {}
-    for sweep in sweeps:
-        if radii.setdefault(sweep.artefact, sweep.radius_mm) != sweep.radius_mm:
-            raise ProfileError(f"the artefact {sweep.artefact!r} has two radii", "give each artefact a name of its own")
-    return list(radii), list(radii.values())
 
 
 def _find_artefact(sweep: ArtefactSweep) -> SurfacePoints:

@@ -101,7 +101,13 @@ def receive(
     most = MAX_STRING_LENGTH if text is not None else MAX_RAWBYTES
     least = 1 if wanted is None else integer(wanted)
     device.require(1 <= least <= most, "ERR_ARGVALERR", f"{least} bytes of at most {most}")
-    waited = _await(task, device, least, _limit(time))
+    limit_s = _limit(time)
+    ends_s = None if limit_s is None else task.now_s() + limit_s
+    while device.look(task.services.wire) < least and not device.over:
+        left_s = None if ends_s is None else max(0.0, ends_s - task.now_s())
+        if not task.wait(left_s, device.require_connected().fileno()):
+            raise RapidError("ERR_SOCK_TIMEOUT", f"{len(device.arrived)} of {least} bytes came")
+    waited = min(least, len(device.arrived))  # fewer when the peer has disconnected
     data = device.take(most if wanted is None else waited)
     if text is not None:
         text.value = data.decode("latin-1")
@@ -109,16 +115,6 @@ def receive(
         raw.value.fill(data)
     if got is not None:
         got.value = float(len(data))
-
-
-def _await(task: ProgramTask, device: SocketDevice, least: int, limit_s: float | None) -> int:
-    """Wait until `least` bytes are buffered; returns how many to take (fewer when the peer has disconnected)."""
-    ends_s = None if limit_s is None else task.now_s() + limit_s
-    while device.look(task.services.wire) < least and not device.over:
-        left_s = None if ends_s is None else max(0.0, ends_s - task.now_s())
-        if not task.wait(left_s, device.require_connected().fileno()):
-            raise RapidError("ERR_SOCK_TIMEOUT", f"{len(device.arrived)} of {least} bytes came")
-    return min(least, len(device.arrived))
 
 
 def send(task: ProgramTask, slot: Slot, text: str | None, raw: Slot | None, count: float | None) -> None:

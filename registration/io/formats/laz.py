@@ -48,7 +48,12 @@ def require_sound_chunks(file: GuardedFile, header: LasHeader, lazrs: Any) -> No
     if layers := _layers(record):
         begins = accumulate(chunks, initial=header.begin + 8)
         for index, (begin, size) in enumerate(zip(begins, chunks, strict=False)):
-            _require_layers(file, header, layers, begin, size, index)
+            file.seek(begin + header.record_bytes + 4)
+            sizes = file.read(4 * layers)
+            promised = sum(struct.unpack(f"<{len(sizes) // 4}I", sizes[: len(sizes) // 4 * 4]))
+            if promised > size:
+                what = f"its layers promise {promised} bytes of {size}"
+                raise CloudFormatError(file.name, f"chunk {index}", what, FIX)
 
 
 def _laszip_record(file: GuardedFile, header: LasHeader) -> bytes:
@@ -89,12 +94,3 @@ def _layers(record: bytes) -> int:
     """Number of layers of a chunk; 0 for the older record formats, which have none."""
     items = [struct.unpack_from("<HH", record, at) for at in range(ITEMS_BEGIN + 2, len(record) - 3, ITEM_BYTES)]
     return sum(size if kind == EXTRA_BYTES else LAYERS.get(kind, 0) for kind, size in items)
-
-
-def _require_layers(file: GuardedFile, header: LasHeader, layers: int, begin: int, size: int, index: int) -> None:
-    """Check a chunk: one whole record, the number of points, a size per layer, the layers."""
-    file.seek(begin + header.record_bytes + 4)
-    sizes = file.read(4 * layers)
-    promised = sum(struct.unpack(f"<{len(sizes) // 4}I", sizes[: len(sizes) // 4 * 4]))
-    if promised > size:
-        raise CloudFormatError(file.name, f"chunk {index}", f"its layers promise {promised} bytes of {size}", FIX)

@@ -26,7 +26,13 @@ def parse_header(prefix: bytes, file: str) -> CloudHeader | None:
     while "DATA" not in entries:
         end = prefix.find(b"\n", position)
         if end < 0 or end >= HEADER_LIMIT:
-            _refuse_strangers(prefix, position, lines)
+            # Refuse bytes that cannot begin a PCD header as early as possible.
+            start = prefix[position : position + 10]
+            known = any(keyword.encode().startswith(start.split(b" ")[0]) for keyword in KEYWORDS)
+            if lines.number == 0 and not (start.startswith(b"#") or not start.strip() or known):
+                raise CloudFormatError(lines.file, "byte 0", "this is no PCD header", "check the file's type")
+            if len(prefix) > HEADER_LIMIT:
+                lines.raise_format_error(f"no 'DATA' line within {HEADER_LIMIT} bytes", "check the file's type")
             return None
         lines.number += 1
         line = prefix[position : end + 1]
@@ -44,16 +50,6 @@ def parse_header(prefix: bytes, file: str) -> CloudHeader | None:
     return CloudHeader(
         "pcd", _encoding(entries, lines), Layout.of(dtype), _points(entries, lines), position, b"".join(rewritten)
     )
-
-
-def _refuse_strangers(prefix: bytes, position: int, lines: HeaderLines) -> None:
-    """Refuse bytes that cannot begin a PCD header as early as possible."""
-    start = prefix[position : position + 10]
-    known = any(keyword.encode().startswith(start.split(b" ")[0]) for keyword in KEYWORDS)
-    if lines.number == 0 and not (start.startswith(b"#") or not start.strip() or known):
-        raise CloudFormatError(lines.file, "byte 0", "this is no PCD header", "check the file's type")
-    if len(prefix) > HEADER_LIMIT:
-        lines.raise_format_error(f"no 'DATA' line within {HEADER_LIMIT} bytes", "check the file's type")
 
 
 def _entry(line: bytes, lines: HeaderLines) -> tuple[str, list[str]]:

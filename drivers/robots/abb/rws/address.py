@@ -34,7 +34,8 @@ class RwsAddress:
     @classmethod
     def parse(cls, address: str) -> "RwsAddress":
         """Parse; opens nothing. Raises AddressNotUnderstood, which shows no password."""
-        shown = _without_password(address)
+        scheme, separator, rest = address.partition("://")
+        shown = scheme + separator + rest.rpartition("@")[2] if separator else address
         try:
             parts = urlsplit(address)
             port = parts.port
@@ -89,8 +90,3 @@ def _address_problem(host: str | None, path: str, options: dict[str, str]) -> st
         (not all(options.values()), "an option has no value"),
     )
     return next((words for wrong, words in checks if wrong), "")
-
-
-def _without_password(address: str) -> str:
-    scheme, separator, rest = address.partition("://")
-    return scheme + separator + rest.rpartition("@")[2] if separator else address
