@@ -16,26 +16,34 @@ def init(
     file: Annotated[
         Path, typer.Argument(help="The settings file to write; one that is there is kept as FILE.1.")
     ] = Path("handeyed.toml"),
+    from_file: Annotated[
+        Path | None, typer.Option("--from", help="Settings whose values are proposed; else those of FILE, if any.")
+    ] = None,
 ) -> None:
     """Write a cell's settings: asks for controller, camera, target, tolerance and box, and checks each. Nothing moves.
 
     Answers are read line by line, so they can come from a file: handeyed init < answers. An answer that is refused is
-    asked again. `handeyed serve --setup` asks the same in the page. deploy/handeyed.example.toml explains every other
-    setting.
+    asked again. Of settings that are there, what is not asked stays. `handeyed serve --setup` asks the same in the
+    page. deploy/handeyed.example.toml explains every other setting.
     """
     import asyncio
 
     from daemon.cli.local_daemon import free_port
+    from daemon.runtime.bounded_read import read_document
     from daemon.tools.camera_discovery import discover
-    from daemon.tools.first_setup.answers import write_settings
     from daemon.tools.first_setup.devices import find_controllers
     from daemon.tools.first_setup.interview import QUESTIONS, USUAL, Interview
+    from daemon.tools.first_setup.settings_before import SettingsBefore, write_settings
     from registration.io.regular_file import require_replaceable
 
     with writing(file, "name another file"):
         require_replaceable(file)
-    interview, usual = Interview(), {**dict.fromkeys(QUESTIONS), **USUAL}
-    usual["controller"] = next(iter(asyncio.run(find_controllers())), None)
+    before = SettingsBefore.of_file(file, free_port())
+    if from_file is not None:
+        before = before.with_answers_of(read_document(from_file), str(from_file))
+    interview, usual = Interview(before=before), {**dict.fromkeys(QUESTIONS), **USUAL, **before.answers()}
+    usual["controller"] = usual["controller"] or next(iter(asyncio.run(find_controllers())), None)
+    typer.echo("".join(f"{line}\n" for line in before.lines()), nl=False)
     for name, question in QUESTIONS.items():
         if name == "model" and interview.model is not None:
             continue
@@ -45,12 +53,12 @@ def init(
             typer.echo("\nCameras that answer:" if cameras else "\nNo camera answers discovery.")
             typer.echo("\n".join(f"  {number}  {entry.line()}" for number, entry in enumerate(cameras, 1)))
             numbers = {str(number): entry.address for number, entry in enumerate(cameras, 1)}
-            usual[name] = "1" if cameras else None
+            usual[name] = usual[name] or ("1" if cameras else None)
         while not (found := _ask(interview, name, question, usual[name], numbers)).complete:
             usual[name] = found.answer if name != "box" else None
-        usual["target"] = found.target or usual["target"]
+        usual["target"] = usual["target"] or found.target or ""
     with writing(file, "name another file"):
-        kept = write_settings(file, interview.settings_text(free_port()))
+        kept = write_settings(file, interview.settings_text())
     old = f"; the old one is {kept}" if kept is not None else ""
     typer.echo(f"\n{file} is written{old}. Next:\n  handeyed check {file}\n  handeyed serve {file}")
 

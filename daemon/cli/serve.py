@@ -29,7 +29,7 @@ def serve(
     from daemon.config.settings import load_settings_file
     from daemon.errors import DaemonError
     from daemon.runtime.systemd import Systemd
-    from daemon.tools.first_setup.answers import settings_before
+    from daemon.tools.first_setup.settings_before import settings_before
     from drivers.errors import DeviceError
 
     gc.freeze()

@@ -466,7 +466,7 @@ def read_settings(path: Path) -> tuple[dict[str, Any], SettingsFile]:
             what = error.strerror or str(error)
             raise _unreadable(file, "document", what, "give the path of a settings file") from None
         whole.update(content if file == path else f"\n{file.name}\n".encode() + content)
-        merge_tables(data, _parse_toml(content, str(file)), given_by, str(file))
+        merge_tables(data, parse_toml(content, str(file)), given_by, str(file))
     return data, SettingsFile(str(path.resolve()), whole.hexdigest(), given_by)
 
 
@@ -493,10 +493,11 @@ def merge_tables(data: dict[str, Any], more: dict[str, Any], given_by: dict[str,
 
 def parse_settings(content: bytes, origin: str) -> Settings:
     """Parse the content of a TOML file. Raises DocumentError."""
-    return validate_document(Settings, _parse_toml(content, origin), origin)
+    return validate_document(Settings, parse_toml(content, origin), origin)
 
 
-def _parse_toml(content: bytes, origin: str) -> dict[str, Any]:
+def parse_toml(content: bytes, origin: str) -> dict[str, Any]:
+    """Its tables, not yet validated. Raises DocumentError."""
     try:
         return tomllib.loads(content.decode())
     except UnicodeDecodeError as error:

@@ -5,19 +5,24 @@ from collections.abc import Mapping
 from typing import Any
 
 
-def toml_text(sections: Mapping[str, Mapping[str, Any]]) -> str:
-    """The sections, one key a line; a value that is None and an empty section are left out."""
-    return "\n".join(f"[{name}]\n{_lines(values)}\n" for name, values in sections.items() if _lines(values))
+def toml_text(table: Mapping[str, Any], name: str = "") -> str:
+    """The table and those in it, one key a line; a value that is None and an empty table are left out.
 
-
-def _lines(values: Mapping[str, Any]) -> str:
-    return "\n".join(f"{key} = {toml_value(value)}" for key, value in values.items() if value is not None)
+    A table below a section that holds no further one is written in a line, too.
+    """
+    tables = {key: each for key, each in table.items() if isinstance(each, Mapping)}
+    deep = [key for key, each in tables.items() if not name or any(isinstance(it, Mapping) for it in each.values())]
+    own = {key: value for key, value in table.items() if key not in deep and value not in (None, {})}
+    lines = "".join(f"{key} = {toml_value(value)}\n" for key, value in own.items())
+    inner = [toml_text(table[key], f"{name}.{key}".lstrip(".")) for key in deep]
+    return "\n".join(filter(None, [f"[{name}]\n{lines}" if name and lines else lines, *inner]))
 
 
 def toml_value(value: Any) -> str:
-    """A value as inline TOML; numbers, strings and booleans are written as in JSON."""
+    """A value as inline TOML; numbers, strings and booleans are written as in JSON, tables of a list line by line."""
     if isinstance(value, dict):
-        return "{ " + ", ".join(f"{key} = {toml_value(item)}" for key, item in value.items()) + " }"
+        return "{ " + ", ".join(f"{key} = {toml_value(item)}" for key, item in value.items() if item is not None) + " }"
     if isinstance(value, list | tuple):
-        return "[" + ", ".join(toml_value(item) for item in value) + "]"
+        begin, between, end = ("\n  ", ",\n  ", ",\n") if value and isinstance(value[0], dict) else ("", ", ", "")
+        return f"[{begin}{between.join(map(toml_value, value))}{end}]"
     return json.dumps(value)

@@ -18,9 +18,9 @@ from daemon.errors import AnswerRefused, SetupConflict, StorageError
 from daemon.sessions.pictures import encode_picture
 from daemon.store.actor import current_audit_context
 from daemon.tools.camera_discovery import Discovery, discover
-from daemon.tools.first_setup.answers import write_settings
 from daemon.tools.first_setup.devices import find_controllers
 from daemon.tools.first_setup.interview import QUESTIONS, USUAL, AnswerFound, Interview
+from daemon.tools.first_setup.settings_before import SettingsBefore, write_settings
 from daemon.tools.target_print.layout import lay_out
 from daemon.tools.target_print.pdf import pdf
 
@@ -33,11 +33,19 @@ NEEDED = {
     "box": ("controller", "model"),
 }
 """By answer, those of which its check goes out."""
+MAX_SETTINGS = 200_000
 
 Question = Annotated[str, Field(pattern=f"^({'|'.join(QUESTIONS)})$")]
 
 
-class SetupAnswers(Document):
+class SetupSettings(Document):
+    """A settings file."""
+
+    settings: Annotated[str, Field(max_length=MAX_SETTINGS)] | None = None
+    """Its text, from which answers are proposed, and of which stays what is not asked; null: the file that is there."""
+
+
+class SetupAnswers(SetupSettings):
     """The answers of `handeyed init`."""
 
     answers: dict[Question, Annotated[str, Field(max_length=500)]]
@@ -58,6 +66,15 @@ class SetupTried(AnswerFound):
     """The camera's picture: JPEG, in base64."""
 
 
+class SetupBefore(Document):
+    """What a settings file answers."""
+
+    answers: dict[str, str]
+    """By question, to propose; addresses without passwords, which stay as they are."""
+    found: tuple[str, ...]
+    """What stays of it, or why nothing is taken from it: lines for a person."""
+
+
 class SetupDocument(Document):
     """What is set up, and what was found."""
 
@@ -71,6 +88,8 @@ class SetupDocument(Document):
     """Controllers that answer at the usual address."""
     cameras: tuple[Discovery, ...]
     """Cameras that answer discovery, and what kept an interface from looking."""
+    before: SetupBefore | None
+    """What the settings file that is there answers; null for a cell that is set up."""
 
 
 class SetupWritten(Document):
@@ -95,7 +114,14 @@ async def read_setup(app: App, response: Response) -> SetupDocument:
         sha256=sha256,
         controllers=tuple(await find_controllers()) if looks else (),
         cameras=tuple(await asyncio.to_thread(discover)) if looks else (),
+        before=await asyncio.to_thread(_read, app, None) if looks else None,
     )
+
+
+@router.post("/read", response_model=SetupBefore, responses=problem_responses(400, 403, 409, 422))
+async def read_answers(app: App, body: Annotated[SetupSettings, Depends(JsonBody(SetupSettings))]) -> SetupBefore:
+    """The answers of a settings file. Nothing is tried or written."""
+    return await asyncio.to_thread(_read, app, body.settings)
 
 
 @router.get(
@@ -120,8 +146,7 @@ async def print_target(
 @router.post("/try", response_model=SetupTried, responses=problem_responses(400, 403, 409, 422, 502, 503, 504))
 async def try_answer(app: App, body: Annotated[SetupTry, Depends(JsonBody(SetupTry))]) -> SetupTried:
     """Check one answer at the devices: what they say, a picture, the target in it. Nothing moves or is written."""
-    _file_to_write(app)
-    interview, given = Interview(), {**USUAL, **body.answers}
+    interview, given = await asyncio.to_thread(_interview, app, body.settings), {**USUAL, **body.answers}
     for name in NEEDED.get(body.question, ()):
         if name == "camera":
             await interview.take_camera(given.get(name, ""), look=False)
@@ -142,13 +167,13 @@ async def write_setup(
 ) -> SetupWritten:
     """Check every answer once more, write the settings file, and begin anew with it. The file that is there is kept."""
     file = _file_to_write(app)
-    interview, given = Interview(), {**USUAL, **body.answers}
+    interview, given = await asyncio.to_thread(_interview, app, body.settings), {**USUAL, **body.answers}
     for name in QUESTIONS:
         if name != "model" or interview.model is None:
             found = await interview.take(name, given.get(name, ""))
             if not found.complete and name != "target":
                 raise AnswerRefused(f"the answer to {name} is not complete", "try it first, and send what it becomes")
-    text = interview.settings_text(app.settings.server.port)
+    text = interview.settings_text()
     if if_match != f'"{await asyncio.to_thread(_hash_of, file)}"':
         raise SetupConflict(f"{file} is another file than was read", "ask GET /setup again, and look at what is there")
     try:
@@ -169,6 +194,17 @@ def _file_to_write(app: Application) -> Path:
     if app.setup_file is None:
         raise SetupConflict("this daemon runs with a cell that is set up", "stop it, then handeyed serve --setup FILE")
     return app.setup_file
+
+
+def _interview(app: Application, text: str | None) -> Interview:
+    """One that begins with the file that is there, or a `text` in its place. Raises DocumentError, SetupConflict."""
+    before = SettingsBefore.of_file(_file_to_write(app), app.settings.server.port)
+    return Interview(before=before if text is None else before.with_answers_of(text.encode(), "settings"))
+
+
+def _read(app: Application, text: str | None) -> SetupBefore:
+    before = _interview(app, text).before
+    return SetupBefore(answers=before.answers(), found=before.lines())
 
 
 def _hash_of(file: Path) -> str | None:

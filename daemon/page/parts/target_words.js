@@ -14,6 +14,15 @@ export function textOfTarget({ kind, columns, rows, rest }) {
   return [`${kind}:${columns}x${rows}:1`, ...(SHARES[kind] ? [SHARES[kind]] : []), ...rest.trim().split(/\s+/).filter(Boolean)].join(':');
 }
 
+/** Whether both are of one kind, with the same counts and marks, whatever their lengths (pure). */
+export const sameTarget = (one, other) => JSON.stringify(partsOfTarget(one)) === JSON.stringify(partsOfTarget(other));
+
+/** The answer `200/10 15 calliper` taken apart (pure); what is usual for an empty one. */
+export function sizeOf(text) {
+  const [, length, count, second, instrument] = /^([\d.,]+)(?:\/(\d+))?(?:\s+([\d.,]+))?(?:\s+([a-z].*))?$/.exec(text) ?? [];
+  return length ? { length, count: count ?? '1', second: second ?? '', instrument: instrument ?? '' } : { length: '', count: '10', second: '', instrument: 'calliper' };
+}
+
 const SHARES = { charuco: 0.75, 'apriltag-grid': 0.25, 'aruco-grid': 0.25 }; // of the second length, where that in the picture is so near
 const NEAR = 0.04;
 const USUAL_MM = 20;

@@ -5,7 +5,7 @@ import { CellScene } from '../parts/cell_scene.js';
 import { Missing, useAsked } from '../parts/loaded.js';
 import { Picture } from '../parts/picture.js';
 import { ProblemNote } from '../parts/problem.js';
-import { partsOfTarget, printAddress, textOfTarget } from '../parts/target_words.js';
+import { partsOfTarget, printAddress, sameTarget, sizeOf, textOfTarget } from '../parts/target_words.js';
 import { numberOf } from '../parts/typed.js';
 import { shareBeyond } from '../scene/reach.js';
 import { ask } from '../state/ask.js';
@@ -65,7 +65,9 @@ function pictureOf(base64) {
 
 function Wizard({ found, etag, again }) {
   const cameras = found.cameras.filter(({ problem }) => !problem);
-  const [answers, setAnswers] = useState({ ...FIRST, controller: found.controllers[0] ?? '', camera: cameras[0]?.address ?? '' });
+  const usual = { ...FIRST, controller: found.controllers[0] ?? '', camera: cameras[0]?.address ?? '' };
+  const [answers, setAnswers] = useState({ ...usual, ...found.before.answers });
+  const [before, setBefore] = useState({ ...found.before, file: found.file }); // what is proposed, and stays; `text` of a file that was chosen here
   const [tried, setTried] = useState({}); // by question: { asked, data } of the answer that was tried, or { error }
   const [picture, setPicture] = useState(null);
   const [step, setStep] = useState(0);
@@ -83,9 +85,10 @@ function Wizard({ found, etag, again }) {
     setBusy(question);
     setProblem(null);
     try {
-      const { data } = await ask('/setup/try', { method: 'POST', body: { question, answers: given }, limit_s: TRY_S });
+      const { data } = await ask('/setup/try', { method: 'POST', body: { question, answers: given, settings: before.text }, limit_s: TRY_S });
       const next = { ...given, [question]: data.answer };
-      if (question === 'camera') next.target = data.target ?? '';
+      if (question === 'camera' && (!given.target || given.target === tried.camera?.data?.target)) next.target = data.target ?? '';
+      if (question === 'controller' && data.model) next.model = '';
       setTried((before) => ({ ...before, [question]: { asked: next[question], data } }));
       if (data.picture) setPicture((before) => { if (before) URL.revokeObjectURL(before.src); return { src: pictureOf(data.picture), ...data, size: data.size ?? before?.size }; });
       setAnswers(next);
@@ -126,7 +129,7 @@ function Wizard({ found, etag, again }) {
   const save = async (given) => {
     setBusy('save');
     try {
-      await ask('/setup', { method: 'PUT', body: { answers: given }, headers: { 'If-Match': etag }, limit_s: 90 });
+      await ask('/setup', { method: 'PUT', body: { answers: given, settings: before.text }, headers: { 'If-Match': etag }, limit_s: 90 });
       for (;;) { // the daemon begins anew with this file
         await new Promise((resolve) => setTimeout(resolve, AGAIN_MS));
         const now = await ask('/setup').then(({ data }) => data, () => null);
@@ -137,6 +140,28 @@ function Wizard({ found, etag, again }) {
       setBusy('');
     }
   };
+  /** Takes what a settings file answers; nothing is tried yet. */
+  const read = async (files) => {
+    if (!files?.length || busy || lost.value) return;
+    setBusy('read');
+    setProblem(null);
+    try {
+      const text = await files[0].text();
+      const { data } = await ask('/setup/read', { method: 'POST', body: { settings: text } });
+      setBefore({ ...data, text, file: files[0].name });
+      setAnswers({ ...usual, ...data.answers });
+      setTried({});
+      setStep(0);
+    } catch (error) {
+      setProblem(error);
+    } finally {
+      setBusy('');
+    }
+  };
+  const drop = (event) => {
+    event.preventDefault();
+    if (event.type === 'drop') read(event.dataTransfer.files);
+  };
   const shared = { answers, change, tried, busy, one, picture, found, cameras };
   const at = STEPS[step];
   const acts = {
@@ -146,10 +171,14 @@ function Wizard({ found, etag, again }) {
   };
   const Body = { connect: Connect, target: Target, need: Need }[at];
   const late = problem?.code === 'setup-conflict';
-  return html`<div class="wizard">
+  return html`<div class="wizard" onDragOver=${drop} onDrop=${drop}>
     <section class="card wizard-head"><h2>${t('wizard.title')}</h2>
       <ol class="wizard-steps">${STEPS.map((name, index) => html`<li class=${index === step ? 'now' : index < step ? 'done' : ''} aria-current=${index === step ? 'step' : undefined}><b aria-hidden="true">${index < step ? '✓' : index + 1}</b> ${t(`wizard.step.${name}`)}</li>`)}</ol>
-      <p class="quiet small">${t('wizard.still')}</p></section>
+      <p class="quiet small">${t('wizard.still')}</p>
+      ${step === 0 && html`<label class="file"><span class="button">${t('wizard.from.choose')}</span><input type="file" accept=".toml" onChange=${({ target }) => read(target.files)} /></label>`}
+      ${step === 0 && (before.found.length > 0 || Object.keys(before.answers).length > 0) && html`<div class="note info small wizard-from">
+        ${Object.keys(before.answers).length > 0 && html`<p>${t('wizard.from', { file: before.file })}</p>`}
+        ${before.found.map((line) => html`<p lang="en">${line}</p>`)}</div>`}</section>
     <form class="wizard-body" ref=${top} onSubmit=${acts[at]} aria-busy=${busy !== ''}>
       <${Body} ...${shared} />
       ${problem && html`<div class="wizard-problem"><${ProblemNote} problem=${problem} again=${late ? again : undefined} /></div>`}
@@ -235,8 +264,8 @@ const counted = (kind) => ({ chessboard: 'corners', charuco: 'squares', 'circles
 
 function Target({ answers, change, tried, busy, one, picture }) {
   const recognised = tried.camera?.data.target ?? tried.target?.data.target ?? null;
-  const [typed, setTyped] = useState(answers.target && answers.target !== recognised ? partsOfTarget(answers.target) : null);
-  const [size, setSize] = useState({ length: '', count: '10', second: '', instrument: 'calliper' });
+  const [typed, setTyped] = useState(answers.target && !(recognised && sameTarget(answers.target, recognised)) ? partsOfTarget(answers.target) : null);
+  const [size, setSize] = useState(sizeOf(answers.size));
   const describe = (values) => {
     const next = { kind: 'charuco', columns: '12', rows: '9', rest: 'DICT_5X5_100', ...typed, ...values };
     if (values.kind && values.kind !== typed?.kind) next.rest = { charuco: 'DICT_5X5_100', 'aruco-grid': 'DICT_5X5_100', 'aruco-marker': 'DICT_5X5_100 0', 'apriltag-grid': 'tag36h11' }[values.kind] ?? '';
@@ -267,7 +296,7 @@ function Target({ answers, change, tried, busy, one, picture }) {
       <div class="row"><button type="button" aria-disabled=${busy ? 'true' : undefined} onClick=${look}>${t('wizard.picture.again')}</button>
         <a href=${printAddress(answers.target || ANY_TARGET, numberOf(size.length) / Number(size.count), numberOf(size.second))} target="_blank">${t('wizard.print.pdf')}</a></div>
       <div class="wizard-typed"><div><label for="length">${t(`wizard.measure.${two || kind === 'aruco-marker' ? kind : counted(kind)}`)}</label><input id="length" inputmode="decimal" required value=${size.length} placeholder="200" onInput=${(event) => measure({ length: event.target.value })} /></div>
-        <div><label for="count">${t('wizard.measure.count')}</label><select id="count" value=${size.count} onChange=${(event) => measure({ count: event.target.value })}>${['1', '5', '10'].map((many) => html`<option value=${many}>${many}</option>`)}</select></div>
+        <div><label for="count">${t('wizard.measure.count')}</label><select id="count" value=${size.count} onChange=${(event) => measure({ count: event.target.value })}>${[...new Set(['1', '5', '10', size.count])].map((many) => html`<option value=${many}>${many}</option>`)}</select></div>
         ${two && html`<div><label for="second">${t(kind === 'charuco' ? 'wizard.measure.second' : 'wizard.measure.gap')}</label><input id="second" inputmode="decimal" value=${size.second} placeholder=${t('wizard.measure.picture')} onInput=${(event) => measure({ second: event.target.value })} /></div>`}
         <div><label for="instrument">${t('wizard.measure.with')}</label><select id="instrument" value=${size.instrument} onChange=${(event) => measure({ instrument: event.target.value })}>${INSTRUMENTS.map((name) => html`<option value=${name}>${t(`wizard.with.${name || 'none'}`)}</option>`)}</select></div></div>
       <${Said} tried=${tried.size} given=${answers.size} />

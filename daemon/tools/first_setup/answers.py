@@ -3,22 +3,17 @@
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any
 
 from calibration.knowledge import INSTRUMENT_ERRORS, Instrument
 from calibration.problem import Setup
 from calibration.targets import AprilTagGrid, ArucoGrid, ArucoMarker, Charuco, Chessboard, CircleGrid, Target
 from calibration.transforms import Array
-from daemon.config.settings import Settings, parse_settings
 from daemon.errors import AnswerRefused
 
 MIN_BOX_MM, MAX_TOLERANCE_MM, MAX_EDGE_MM = 50.0, 50.0, 2000.0
 HALF_MM, MARKER_SHARE, SNAP_SHARE = 0.5, 0.75, 0.04
 """A second length is proposed in these steps, a marker's as this share of the square, when it is so near (a share)."""
-
-STORE = "store"
-"""Folder of what the daemon keeps, beside the settings file."""
 
 Corner = tuple[float, float, float]
 EDGES: dict[type, tuple[str, str | None, str, str]] = {
@@ -136,32 +131,3 @@ def corner_of(base_T_flange: Array) -> Corner:
     """The flange's place in mm."""
     x, y, z = (round(float(value), 1) for value in base_T_flange[:3, 3])
     return x, y, z
-
-
-def write_settings(file: Path, text: str) -> Path | None:
-    """Write the file; returns where one that was there is kept: FILE.1, FILE.2, ... Raises DocumentError, OSError."""
-    parse_settings(text.encode(), str(file))
-    new, kept = file.with_name(f"{file.name}.new"), None
-    new.write_text(text, encoding="utf-8")
-    if file.exists():
-        names = (file.with_name(f"{file.name}.{number}") for number in range(1, 1000))
-        kept = file.rename(next(path for path in names if not path.exists()))
-    new.rename(file)
-    return kept
-
-
-NOWHERE = "127.0.0.1:9"
-"""Where no device answers."""
-
-
-def settings_before(file: Path, port: int) -> Settings:
-    """Of a daemon whose cell is not set up: no device is there; keys and log lie where `file` will have them."""
-    return Settings.model_validate(
-        {
-            "robot": {"address": f"tcp://{NOWHERE}", "box_mm": ((0, 0, 0), (1, 1, 1))},
-            "camera": {"address": f"http://{NOWHERE}/"},
-            "target": {"kind": "chessboard", "columns": 9, "rows": 6, "pitch_mm": 20.0},
-            "server": {"port": port},
-            "storage": {"folder": str(file.resolve().parent / STORE)},
-        }
-    )

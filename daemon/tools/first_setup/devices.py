@@ -120,10 +120,11 @@ def own_networks() -> list[IPv4Interface]:
     return [each for each in near if each.is_private and not each.is_loopback]
 
 
-async def look_at_controller(answer: str) -> SeenController:
+async def look_at_controller(answer: str, base_frame: PoseDocument | None = None) -> SeenController:
     """The controller at a host, or at an address: rws://..., http(s)://... of its services, tcp://... of the link.
 
-    Its services say what it is, and at which port its program listens; the program moves the arm. Raises DeviceError.
+    Its services say what it is, and at which port its program listens; the program moves the arm. `base_frame`: where
+    the base stands, if they do not say it. Raises DeviceError.
     """
     fix = "write the controller's address, as 192.168.125.1"
     try:
@@ -145,7 +146,7 @@ async def look_at_controller(answer: str) -> SeenController:
         raise AddressNotUnderstood(answer, "it names no host", fix)
     said = None if survey is None else next(iter(survey.symbols.values()), None)
     link = link or f"tcp://{host}:{LINK_PORT if said is None else int(float(said))}"
-    seen = _seen(link, survey)
+    seen = _controller_of(link, survey, base_frame)
     try:
         return await read_robot(seen)
     except DeviceError as error:
@@ -160,18 +161,19 @@ async def _read_survey(address: RwsAddress) -> ControllerSurvey:
         return await read_survey(controller, (), (), (PORT_SETTING,), TASK)
 
 
-def _seen(address: str, survey: ControllerSurvey | None) -> SeenController:
+def _controller_of(address: str, survey: ControllerSurvey | None, frame: PoseDocument | None) -> SeenController:
     """What the controller's services say of it."""
     if survey is None:
-        return SeenController(address, (), None, None, None, (0.0, 0.0, 0.0))
+        return SeenController(address, (), None, frame, None, (0.0, 0.0, 0.0))
     options = [option.upper().replace(" ", "") for option in survey.options or ()]
     arms = sorted({**ARMS, **SEVEN_AXIS_ARMS}, key=len, reverse=True)
     named = (
         arm for arm in arms if any(arm.upper().replace(" ", "").removesuffix("LID") in option for option in options)
     )
-    model, frame = next(named, None), None
-    if survey.base_frame is not None and not survey.base_at_world:
-        frame = PoseDocument.of(transform_from_quaternion(survey.base_frame[:3], survey.base_frame[3:]))
+    model = next(named, None)
+    if survey.base_frame is not None:
+        turned = transform_from_quaternion(survey.base_frame[:3], survey.base_frame[3:])
+        frame = None if survey.base_at_world else PoseDocument.of(turned)
     lines = (*survey.summary(), f"options {', '.join(survey.options or ('unknown',))}")
     return SeenController(address, lines, model, frame, None, (0.0, 0.0, 0.0))
 

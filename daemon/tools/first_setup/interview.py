@@ -18,12 +18,9 @@ from calibration.kinematics.abb_arms import find_any_arm
 from calibration.problem import Setup
 from calibration.targets import Target
 from daemon.cell.skeleton import lengths_mm, skeleton_mm
-from daemon.config.server_settings import ServerSettings
-from daemon.config.toml_text import toml_text
 from daemon.errors import AnswerRefused
 from daemon.tools.first_setup.answers import (
     EDGES,
-    STORE,
     Corner,
     TargetSize,
     box_of,
@@ -41,6 +38,7 @@ from daemon.tools.first_setup.devices import (
     read_robot,
     take_picture,
 )
+from daemon.tools.first_setup.settings_before import SettingsBefore, without_password
 
 QUESTIONS: dict[str, str] = json.loads(Path(__file__).with_suffix(".json").read_text("utf-8"))
 """What a terminal asks, in order, by the name of the answer."""
@@ -105,26 +103,30 @@ class Interview:
     expected_mm: float | None = None
     box_mm: tuple[Corner, Corner] | None = None
     corners: list[Corner] = field(default_factory=list)
+    before: SettingsBefore = field(default_factory=SettingsBefore)
 
     async def take(self, name: str, text: str) -> AnswerFound:
         """Check the answer to a question, asking the devices. Raises AnswerRefused, CalibrationError, DeviceError."""
-        return await TAKES[name](self, text.strip())
+        given = self.before.with_password(text.strip())
+        found = await TAKES[name](self, given)
+        return found if given == text.strip() else found.model_copy(update={"answer": text.strip()})
 
-    def settings_text(self, port: int = ServerSettings().port) -> str:
-        """The settings file of a daemon at `port`: what was asked, and nothing that has a default."""
+    def settings_text(self) -> str:
+        """The settings file: what was asked, what stays of the one before, and nothing that has a default."""
         seen, camera, size = self.controller, self.camera, self.size
         assert seen is not None and camera is not None and size is not None and self.box_mm is not None
         frame = None if seen.base_frame is None else seen.base_frame.model_dump(mode="json")
         target = {name: value for name, value in asdict(size.target).items() if value is not False}
-        return "# What `handeyed init` asked. handeyed.example.toml has every other setting.\n" + toml_text(
+        before = self.before.settings
+        known = size.known
+        if not known and size.target == before.target:  # certified, or measured in a way that is not asked
+            known = before.calibration.known.target.model_dump(exclude_unset=True)
+        return self.before.text_with(
             {
                 "robot": {"address": seen.address, "model": self.model, "base_frame": frame, "box_mm": self.box_mm},
                 "camera": {"address": camera.address, "setup": self.setup},
                 "target": {"kind": size.target.kind, **target},
-                "calibration": {"tolerance_mm": self.tolerance_mm},
-                "calibration.known.target": size.known,
-                "storage": {"folder": STORE},
-                "server": {} if port == ServerSettings().port else {"port": port},
+                "calibration": {"tolerance_mm": self.tolerance_mm, "known": {"target": known}},
             }
         )
 
@@ -137,10 +139,12 @@ class Interview:
                 where = ", ".join(str(each.network) for each in networks) or "no private network"
                 raise AnswerRefused(f"no controller answers in {where}", "write its address")
             return AnswerFound(answer=found[0], complete=False, found=tuple(found))
-        self.controller = seen = await look_at_controller(text)
+        robot = self.before.settings.robot
+        frame = robot.base_frame if text == robot.address else None
+        self.controller = seen = await look_at_controller(text, frame)
         self.model = seen.model
         at = ", ".join(f"{value:.0f}" for value in seen.flange_mm)
-        stands = f"flange at ({at}) mm; [robot] address {seen.address}"
+        stands = f"flange at ({at}) mm; [robot] address {without_password(seen.address)}"
         return AnswerFound(
             answer=text,
             found=(*seen.lines, stands, f"arm {seen.model or 'not named'}"),
@@ -163,7 +167,7 @@ class Interview:
 
     async def take_model(self, text: str) -> AnswerFound:
         """Name of the arm; empty for one that is not listed."""
-        self.model = find_any_arm(text).name if text else None
+        self.model = find_any_arm(text).identifier if text else None
         return AnswerFound(answer=text, model=self.model, arm=self._arm())
 
     async def take_camera(self, text: str, look: bool = True) -> AnswerFound:

@@ -40,7 +40,7 @@ async def cell(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> AsyncIterator
     """A daemon that sets up a cell, the headers of each role, and the file that it writes."""
     board = pictures(Chessboard(9, 6, 20.0), 1)[0].image
 
-    async def look_at_controller(answer: str) -> SeenController:
+    async def look_at_controller(answer: str, *frame: Any) -> SeenController:
         if answer != "10.0.0.2":
             raise DeviceUnreachable("robot", "nobody answers there", "correct the address")
         return CONTROLLER
@@ -69,6 +69,7 @@ async def test_what_is_found_is_shown(cell: Cell) -> None:
     answer = await bench.client.get("/setup", headers=headers["admin"])
     assert answer.json() == {
         "set_up": False, "file": str(file), "sha256": None, "controllers": ["10.0.0.2"], "cameras": [],
+        "before": {"answers": {}, "found": []},
     }  # fmt: skip
 
 
@@ -162,6 +163,43 @@ async def test_a_target_is_printed_as_by_the_command(cell: Cell, tmp_path: Path)
     assert (await printed("carpet")).json()["code"] == "document-refused"
 
 
+async def test_the_settings_that_are_there_answer_and_what_is_not_asked_stays(cell: Cell) -> None:
+    bench, headers, file = cell
+    first = {**ANSWERS, "tolerance": "0.5", "size": "200/10 calliper"}
+
+    async def ask(method: str, path: str, **body: Any) -> Any:
+        tag = (await bench.client.get("/setup", headers=headers["admin"])).headers["etag"]
+        return await bench.client.request(method, path, json=body, headers={**headers["admin"], "If-Match": tag})
+
+    assert (await ask("PUT", "/setup", answers=first)).status_code == 200
+    file.write_text(file.read_text().replace("[robot]", "[robot]\nspeed_mm_s = 50.0") + '\n[report]\ncell = "Line 3"\n')
+    there = (await bench.client.get("/setup", headers=headers["admin"])).json()["before"]
+    assert there["found"] == ["what is not asked stays as it is: report"]
+    assert there["answers"] == {
+        "controller": CONTROLLER.address, "model": "IRB 1600-6/1.45", "camera": ANSWERS["camera"],
+        "target": "chessboard:9x6:1.0", "size": "200/10 calliper", "tolerance": "0.5",
+        "box": " ".join(f"{value:g}" for corner in BOX for value in corner),
+    }  # fmt: skip
+    dropped = (await ask("POST", "/setup/read", settings=file.read_text())).json()
+    assert dropped == there
+    wrong = (await ask("POST", "/setup/read", settings="[robot]\nspeed_mm_s = 9000")).json()
+    assert (wrong["status"], wrong["problems"][0]["place"]) == (422, "robot.speed_mm_s")
+    proposed = {**there["answers"], "controller": "10.0.0.2", "tolerance": "0.8"}
+    assert (await ask("POST", "/setup/try", question="size", answers=proposed)).json()["expected_mm"]
+    assert not bench.robot.goals
+
+    assert (await ask("PUT", "/setup", answers=proposed)).status_code == 200
+
+    settings = load_settings(file)
+    assert (settings.robot.speed_mm_s, settings.report.cell) == (50.0, "Line 3")
+    assert (settings.calibration.tolerance_mm, settings.target) == (0.8, Chessboard(9, 6, 20.0))
+    other = '[report]\ncell = "Line 4"\n[server]\nport = 1\n'
+    assert (await ask("PUT", "/setup", answers=proposed, settings=other)).status_code == 200
+    settings = load_settings(file)
+    assert (settings.robot.speed_mm_s, settings.report.cell) == (100.0, "Line 4")
+    assert settings.server.port == bench.application.settings.server.port
+
+
 @pytest.mark.parametrize("role", ["viewer", "operator"])
 async def test_it_is_for_admins(cell: Cell, role: str) -> None:
     bench, headers, _ = cell
@@ -170,6 +208,7 @@ async def test_it_is_for_admins(cell: Cell, role: str) -> None:
         ("GET", "/setup/target.pdf", None),
         ("PUT", "/setup", {"answers": ANSWERS}),
         ("POST", "/setup/try", {}),
+        ("POST", "/setup/read", {}),
     )
     for method, path, body in asked:
         assert (await bench.client.request(method, path, json=body, headers=headers[role])).status_code == 403
@@ -182,6 +221,7 @@ async def test_a_cell_that_is_set_up_is_left_alone(cell: Cell) -> None:
     for method, path, body in (
         ("PUT", "/setup", {"answers": ANSWERS}),
         ("POST", "/setup/try", {"question": "controller", "answers": ANSWERS}),
+        ("POST", "/setup/read", {"settings": ""}),
     ):
         answer = await bench.client.request(method, path, json=body, headers={**headers["admin"], "If-Match": '"None"'})
         assert (answer.status_code, answer.json()["code"]) == (409, "setup-conflict")

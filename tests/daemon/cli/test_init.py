@@ -31,8 +31,10 @@ def cell(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, Any]]:
         yield mock.announcement
 
 
-def init(file: Path, *answers: str) -> Ran:
-    result = CliRunner().invoke(app, ["init", str(file)], input="".join(f"{answer}\n" for answer in answers))
+def init(file: Path, *answers: str, from_file: Path | None = None) -> Ran:
+    options = [] if from_file is None else ["--from", str(from_file)]
+    typed = "".join(f"{answer}\n" for answer in answers)
+    result = CliRunner().invoke(app, ["init", str(file), *options], input=typed)
     return Ran(result.exit_code, result.stdout, result.stderr)
 
 
@@ -69,6 +71,30 @@ def test_few_answers_make_settings_that_the_check_finds_well(cell: dict[str, Any
     assert re.search(r"expected with 8 pictures: ± 0\.\d\d mm; less with a better arm", ran.out)
     checked = handeyed("check", file)
     assert checked.status == 0, checked.out
+
+
+def test_settings_that_are_there_are_proposed_and_kept(cell: dict[str, Any], tmp_path: Path) -> None:
+    file = tmp_path / "handeyed.toml"
+    assert init(file, *answers_of(cell)).status == 0
+    file.write_text(file.read_text() + '\n[report]\ncell = "Line 3"\n')
+    before, moves = load_settings(file), moves_of(cell)
+
+    ran = init(file, *[""] * MAX_ANSWERS)
+
+    assert ran.status == 0, ran.err
+    assert "what is not asked stays as it is: report" in ran.out
+    assert load_settings(file) == before
+    other = tmp_path / "other" / "handeyed.toml"
+    other.parent.mkdir()
+    assert init(other, *[""] * (MAX_ANSWERS - 2), from_file=file).status == 1, "the answers end"
+    assert list(other.parent.iterdir()) == []
+    assert init(other, *[""] * MAX_ANSWERS, from_file=file).status == 0
+    assert load_settings(other).report.cell == "Line 3"
+    assert moves_of(cell) == moves
+    file.write_text("[robot]\nspeed_mm_s = 9000\n")
+    refused = init(other, from_file=file)
+    assert (refused.status, "robot.speed_mm_s" in refused.err) == (2, True)
+    assert "nothing is taken from" in init(file, *answers_of(cell)).out
 
 
 def test_what_is_refused_is_asked_again(cell: dict[str, Any], tmp_path: Path) -> None:

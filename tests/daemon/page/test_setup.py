@@ -4,15 +4,19 @@ import asyncio
 import re
 from pathlib import Path
 from typing import Any
-from urllib.parse import unquote, urljoin
+from urllib.parse import unquote, urljoin, urlsplit
 
 import httpx
 import pytest
 from typer.testing import CliRunner
 
+from calibration.documents.target import described
+from calibration.documents.target_text import target_of_text
 from daemon.cli import local_daemon
 from daemon.cli.demo_run.processes import start_child
 from daemon.cli.main import app
+from daemon.config.settings import load_settings
+from daemon.config.toml_text import toml_text
 from tests.daemon.cli.running import handeyed
 from tests.daemon.page.conftest import AXE_FINDINGS, page_of
 from tests.support.waiting import LIMIT_S
@@ -31,6 +35,11 @@ TOO_SMALL = """() => [...document.querySelectorAll('main :is(a, button, input, s
     .filter((one) => one.offsetParent).map((one) => [one, (one.closest('label.check') ?? one).getBoundingClientRect()])
     .filter(([, { width, height }]) => width < 44 || height < 44).map(([one]) => one.outerHTML.slice(0, 120))"""
 """What is pressed or typed into on a screen, and is smaller than a finger: 44 px (cockpit.md, B19)."""
+DROPPED = """text => {
+    const held = new DataTransfer();
+    held.items.add(new File([text], 'other.toml'));
+    return held;
+}"""
 LOW_CONTRAST = """async () => (await axe.run({ runOnly: ['color-contrast-enhanced'] })).violations.flatMap(
     ({ nodes }) => nodes.map(({ html }) => html.slice(0, 160)))"""
 """Text of less than 7 to 1, or of 4.5 to 1 where it is large (WCAG 2.2, 1.4.6)."""
@@ -194,3 +203,48 @@ async def test_each_step_is_read_and_pressed_by_everybody(browser: Any, axe: str
             for one, mm in zip(await page.locator(".wizard-box input").all(), NEAR_MM, strict=True):
                 await one.fill(mm)
             await page.get_by_text("Red where the arm cannot reach: nowhere").wait_for()
+
+
+async def test_a_settings_file_answers_and_nothing_is_tried_before_one_goes_on(browser: Any, tmp_path: Path) -> None:
+    file, other = tmp_path / "handeyed.toml", tmp_path / "other.toml"
+    file.write_text('[report]\ncell = "Line 3"\n[calibration]\ntolerance_mm = 0.4\n')
+    with (
+        start_child("mock", FAST, tmp_path) as mock,
+        start_child("daemon", ["daemon.cli", "serve", "--setup", str(file)], tmp_path) as daemon,
+    ):
+        cell = mock.announcement
+        board = "charuco:12x9:20:15:DICT_5X5_100"
+        other.write_text(
+            f'[robot]\naddress = "{cell["rws"]["1.0"].replace("http", "rws")}"\n'
+            "box_mm = [[0, -900, 0], [1400, 900, 1600]]\n"
+            f'[camera]\naddress = "{cell["camera"]}"\n[target]\n{toml_text(described(target_of_text(board)))}'
+        )
+        async with page_of(browser, viewport=SMALL_SCREEN) as page:
+            page.set_default_timeout(1000 * LIMIT_S)
+            asked: list[str] = []
+            page.on("request", lambda one: asked.append(f"{one.method} {urlsplit(one.url).path}"))
+            await page.goto(f"{daemon.announcement['url']}/page/?lang=en#/setup")
+            await page.get_by_text(f"Filled in from {file}.").wait_for()
+            assert "stays as it is: report" in await page.locator(".wizard-from").inner_text()
+            assert await page.locator("#controller").input_value() == ""
+            wrong = {"name": "wrong.toml", "mimeType": "text/plain", "buffer": b"[robot]\nspeed_mm_s = 9000"}
+            await page.locator("input[type=file]").set_input_files(wrong)
+            await page.get_by_text("· robot.speed_mm_s").wait_for()
+            dropped = await page.evaluate_handle(DROPPED, other.read_text())
+            await page.dispatch_event(".wizard", "drop", {"dataTransfer": dropped})
+            await page.get_by_text("Filled in from other.toml.").wait_for()
+            assert await page.locator("#camera").input_value() == cell["camera"]
+            assert not [one for one in asked if one.endswith("/setup/try")]
+            for _ in range(2):
+                await page.locator("main .primary").click()
+                await page.locator("form[aria-busy=false]").wait_for()
+                if await page.locator("#length").count():
+                    assert await page.locator("#length").input_value() == "20"
+                    assert await page.locator("#second").input_value() == "15"
+                    assert await page.get_by_role("radio", name="12 × 9 squares").is_checked()
+            assert await page.get_by_label("X first corner, mm").input_value() == "0"
+            await page.locator("main .primary").click()
+            await page.wait_for_url("**#/cell")
+    settings = load_settings(file)
+    assert (settings.target, settings.robot.box_mm[1]) == (target_of_text(board), (1400.0, 900.0, 1600.0))
+    assert settings.report.cell is None, "that of the file that was dropped has none"

@@ -14,16 +14,10 @@ from calibration.targets import AprilTagGrid, ArucoMarker, Charuco, Chessboard, 
 from calibration.transforms import transform
 from daemon.config.settings import parse_settings
 from daemon.errors import AnswerRefused
-from daemon.tools.first_setup.answers import (
-    box_of,
-    parse_corners,
-    parse_setup,
-    parse_size,
-    parse_tolerance,
-    write_settings,
-)
+from daemon.tools.first_setup.answers import box_of, parse_corners, parse_setup, parse_size, parse_tolerance
 from daemon.tools.first_setup.devices import SeenCamera, SeenController, find_controllers, own_networks
 from daemon.tools.first_setup.interview import Interview
+from daemon.tools.first_setup.settings_before import SettingsBefore, write_settings
 from tests.daemon.daemon_process import SETTINGS
 
 BOARD = Charuco(9, 7, 1.0, 0.747, "DICT_5X5_100")
@@ -100,15 +94,16 @@ def test_the_other_words() -> None:
     assert parse_tolerance("0,5 mm") == 0.5
 
 
-def test_the_file_is_short_and_holds_every_answer() -> None:
+def test_the_file_is_short_and_holds_every_answer(tmp_path: Path) -> None:
     hangs = PoseDocument.of(transform([[1, 0, 0], [0, -1, 0], [0, 0, -1]], [0.0, 0.0, 2500.0]))
     size = parse_size("220/10 16.5 calliper", BOARD)
     box = ((300.0, -900.0, 300.0), (1400.0, 900.0, 1600.0))
     seen = SeenController("tcp://10.0.0.2:4242", (), None, hangs, None, (0.0, 0.0, 0.0))
     camera = SeenCamera("video:0", "", np.zeros((2, 2), np.uint8))
-    answered = Interview(seen, camera, "IRB 1600-6/1.45", size=size, tolerance_mm=0.5, box_mm=box)
+    before = SettingsBefore.of_file(tmp_path / "handeyed.toml", 8373)
+    answered = Interview(seen, camera, "IRB 1600-6/1.45", size=size, tolerance_mm=0.5, box_mm=box, before=before)
 
-    text = answered.settings_text(8373)
+    text = answered.settings_text()
 
     settings = parse_settings(text.encode(), "handeyed.toml")
     assert len([line for line in text.splitlines() if "=" in line]) <= 18

@@ -37,7 +37,7 @@ NAN = float("nan")
 
 
 @WIRES
-async def test_the_published_bytes_are_answered_by_the_rapid(serial: bool) -> None:
+async def test_the_published_bytes_are_with_answers_of_the_rapid(serial: bool) -> None:
     async with running_cell(serial=serial, devices=False, program="rapid") as cell:
         wire = cell.announcement
         async with over_serial(str(wire.serial_path)) if serial else over_tcp(int(wire.robot_port or 0)) as client:

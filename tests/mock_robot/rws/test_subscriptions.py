@@ -100,7 +100,7 @@ async def test_whatever_is_sent_on_the_socket_of_2_closes_it_with_1008_and_that_
             assert "motoroff" in await heard(connection)
 
 
-async def test_pings_are_answered_by_1_alone() -> None:
+async def test_pings_are_with_answers_of_1_alone() -> None:
     async with rws_cell() as cell, client_of(cell, 1) as first, client_of(cell, 2) as second:
         async with socket(first, await subscribed(first, STATE[1]), 1) as connection:
             await asyncio.wait_for(await connection.ping(), LIMIT_S)

@@ -4,7 +4,7 @@ import { join } from 'node:path';
 import test from 'node:test';
 
 const page = join(import.meta.dirname, '..', '..', '..', '..', 'daemon', 'page');
-const { printAddress } = await import(join(page, 'parts', 'target_words.js'));
+const { printAddress, sameTarget, sizeOf } = await import(join(page, 'parts', 'target_words.js'));
 const { beyondReach, shareBeyond } = await import(join(page, 'scene', 'reach.js'));
 const { draggedTo } = await import(join(page, 'scene', 'handles.js'));
 
@@ -22,6 +22,15 @@ test('the address that prints a target has its kind, counts and lengths, the usu
     ['aruco-marker:1:DICT_5X5_100:7', 90, NaN, 'aruco-marker:90:DICT_5X5_100:7'],
   ];
   for (const [text, length, second, expected] of printed) assert.equal(printAddress(text, length, second), `/setup/target.pdf?target=${encodeURIComponent(expected)}`);
+});
+
+test('a size is taken apart as it was put together, and a target is the same whatever its lengths', () => {
+  assert.deepEqual(sizeOf('200/10 15.2 calliper'), { length: '200', count: '10', second: '15.2', instrument: 'calliper' });
+  assert.deepEqual(sizeOf('220,4/9 ruler-class-2'), { length: '220,4', count: '9', second: '', instrument: 'ruler-class-2' });
+  assert.deepEqual(sizeOf('20'), { length: '20', count: '1', second: '', instrument: '' });
+  assert.deepEqual(sizeOf(''), { length: '', count: '10', second: '', instrument: 'calliper' });
+  assert.ok(sameTarget('charuco:12x9:1.0:0.76:DICT_5X5_100', 'charuco:12x9:1:0.7342:DICT_5X5_100'));
+  assert.ok(!sameTarget('charuco:12x9:1:0.75:DICT_5X5_100', 'charuco:12x9:1:0.75:DICT_5X5_100:legacy'));
 });
 
 test('beyond reach is what lies farther than the arm stretched out, and the share of a box that does', () => {
