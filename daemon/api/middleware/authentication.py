@@ -80,7 +80,8 @@ class Authentication:
         with acting_as(context), self._application.key_watch.watch(caller, state["connection"].end):
             await self._app(scope, receive, send_and_note)
         await self._audit(scope, context, status)
-        if scope["method"] not in SAFE_METHODS and (session := state.get("session")) is not None:
+        touches = scope["method"] not in SAFE_METHODS and scope["path"] != "/setup/try"  # asked by a live picture, too
+        if touches and (session := state.get("session")) is not None:
             await self._sign_in.touch(session)
 
     async def _caller(self, scope: Scope, needed: Role) -> Caller:

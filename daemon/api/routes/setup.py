@@ -155,8 +155,9 @@ async def try_answer(app: App, body: Annotated[SetupTry, Depends(JsonBody(SetupT
     found = await interview.take(body.question, given.get(body.question, ""))
     picture = None
     if body.question in ("camera", "target") and interview.camera is not None:
-        picture = await app.service_workers.run(encode_picture, interview.camera.image, "image/jpeg", 960)
-    return SetupTried(**dict(found), picture=None if picture is None else base64.b64encode(picture).decode())
+        content = await app.service_workers.run(encode_picture, interview.camera.image, "image/jpeg", 960)
+        picture = base64.b64encode(content).decode()
+    return SetupTried(**dict(found), picture=picture)
 
 
 @router.put("", response_model=SetupWritten, responses=problem_responses(400, 403, 409, 422, 502, 503, 504, 507))

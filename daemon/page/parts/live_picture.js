@@ -5,6 +5,7 @@ import { clock, linked, lost } from '../state/now.js';
 import { count } from '../state/numbers.js';
 import { followPictures } from '../state/pictures.js';
 import { camera, ofCamera } from '../state/sensors.js';
+import { useVisible } from '../state/visible.js';
 import { t } from '../state/words.js';
 import { Picture } from './picture.js';
 import { Cause } from './problem.js';
@@ -16,12 +17,7 @@ const NOTHING = { src: null, number: null, size: undefined, look: null, seen: nu
 /** `of`: name of the camera, by default the chosen one. `onSeen(look)`: told of each look for the target, null before the first. `belongs`: of Picture. */
 export function LivePicture({ of = camera.value, onSeen, belongs }) {
   const [shown, setShown] = useState(NOTHING);
-  const [visible, setVisible] = useState(!document.hidden);
-  useEffect(() => {
-    const look = () => setVisible(!document.hidden);
-    document.addEventListener('visibilitychange', look);
-    return () => document.removeEventListener('visibilitychange', look);
-  }, []);
+  const visible = useVisible();
   useEffect(() => {
     if (!visible) return undefined;
     const control = new AbortController();

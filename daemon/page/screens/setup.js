@@ -4,7 +4,7 @@ import { Card, Facts } from '../parts/card.js';
 import { CellScene } from '../parts/cell_scene.js';
 import { Missing, useAsked } from '../parts/loaded.js';
 import { Picture } from '../parts/picture.js';
-import { ProblemNote } from '../parts/problem.js';
+import { Cause, ProblemNote } from '../parts/problem.js';
 import { partsOfTarget, printAddress, sameTarget, sizeOf, textOfTarget } from '../parts/target_words.js';
 import { numberOf } from '../parts/typed.js';
 import { shareBeyond } from '../scene/reach.js';
@@ -12,6 +12,7 @@ import { ask } from '../state/ask.js';
 import { fixed, significant } from '../state/numbers.js';
 import { lost, may } from '../state/now.js';
 import { go, linkTo } from '../state/place.js';
+import { useVisible } from '../state/visible.js';
 import { t } from '../state/words.js';
 
 const STEPS = ['connect', 'target', 'need'];
@@ -25,6 +26,8 @@ const TOLERANCE_STEP = 0.1; // mm
 const GAUGE_WIDTH = 400;
 const TRY_S = 60;
 const AGAIN_MS = 500;
+const LIVE_MS = 200; // from one live picture to the next
+const LIVE_AGAIN_MS = 2000; // after one that did not come
 
 export function Setup() {
   const setup = useAsked('/setup', [], { late: true });
@@ -58,9 +61,13 @@ export function coverage(corners, [width, height]) {
 
 const turn = ([ax, ay], [bx, by], [cx, cy]) => (bx - ax) * (cy - ay) - (by - ay) * (cx - ax);
 
-function pictureOf(base64) {
+/** A picture that is decoded: the last one stays until then. */
+async function pictureOf(base64) {
   const bytes = Uint8Array.from(atob(base64), (letter) => letter.charCodeAt(0));
-  return URL.createObjectURL(new Blob([bytes], { type: 'image/jpeg' }));
+  const image = new Image();
+  image.src = URL.createObjectURL(new Blob([bytes], { type: 'image/jpeg' }));
+  await image.decode();
+  return image.src;
 }
 
 function Wizard({ found, etag, again }) {
@@ -76,6 +83,49 @@ function Wizard({ found, etag, again }) {
   const top = useRef(null);
   useEffect(() => top.current?.querySelector('input:not([type=radio]), select, button')?.focus({ preventScroll: true }), [step]);
 
+  const visible = useVisible();
+  const live = useRef(Promise.resolve()); // the live picture that is under way: a camera is opened by one at a time
+  const show = async (data) => {
+    if (!data.picture) return;
+    const src = await pictureOf(data.picture);
+    setPicture((last) => {
+      if (last) URL.revokeObjectURL(last.src);
+      return { ...data, src, number: (last?.number ?? 0) + 1, size: data.size ?? last?.size };
+    });
+  };
+  useEffect(() => {
+    if (STEPS[step] !== 'target' || !visible || busy || lost.value) return undefined;
+    let wanted = true;
+    const question = answers.target ? 'target' : 'camera';
+    const look = async () => {
+      try {
+        const { data } = await ask('/setup/try', { method: 'POST', body: { question, answers, settings: before.text }, limit_s: TRY_S });
+        if (!wanted) return 0;
+        await show(data);
+        if (question === 'camera' && data.target) { // it came into view
+          setTried((all) => ({ ...all, camera: { asked: answers.camera, data } }));
+          setAnswers((all) => ({ ...all, target: data.target }));
+        }
+        return LIVE_MS;
+      } catch (error) {
+        if (wanted) setPicture((last) => last && { ...last, problem: error.problem });
+        return LIVE_AGAIN_MS;
+      }
+    };
+    const follow = async () => {
+      await live.current;
+      while (wanted) {
+        const began = performance.now();
+        const looked = look();
+        live.current = looked;
+        const pause_ms = await looked;
+        await new Promise((resolve) => setTimeout(resolve, began + pause_ms - performance.now()));
+      }
+    };
+    follow();
+    return () => { wanted = false; };
+  }, [step, visible, busy, lost.value, answers.camera, answers.target]);
+
   const change = (values) => {
     setProblem(null);
     setAnswers((before) => ({ ...before, ...values }));
@@ -85,12 +135,13 @@ function Wizard({ found, etag, again }) {
     setBusy(question);
     setProblem(null);
     try {
+      await live.current;
       const { data } = await ask('/setup/try', { method: 'POST', body: { question, answers: given, settings: before.text }, limit_s: TRY_S });
       const next = { ...given, [question]: data.answer };
       if (question === 'camera' && (!given.target || given.target === tried.camera?.data?.target)) next.target = data.target ?? '';
       if (question === 'controller' && data.model) next.model = '';
       setTried((before) => ({ ...before, [question]: { asked: next[question], data } }));
-      if (data.picture) setPicture((before) => { if (before) URL.revokeObjectURL(before.src); return { src: pictureOf(data.picture), ...data, size: data.size ?? before?.size }; });
+      await show(data);
       setAnswers(next);
       return { next, data };
     } catch (error) {
@@ -251,8 +302,8 @@ function ArmNow({ title, arm, flange_mm, box_mm, dragged }) {
 function Side({ picture, children }) {
   const share = picture?.corners?.length > 2 ? coverage(picture.corners, picture.size) : 0;
   const words = !picture ? t('wizard.picture.none') : picture.corners.length ? `✓ ${t('look.corners', { count: picture.corners.length, of: picture.of })}` : `✕ ${t('look.none')}`;
-  return html`<div class="wizard-side"><${Picture} src=${picture?.src} size=${picture?.size ?? undefined} corners=${picture?.corners ?? []} alt=${`${t('picture.camera')} ${words}`} />
-    <p role="status">${words}${share > 0 ? ` · ${t(share < 0.15 ? 'wizard.nearer' : share > 0.6 ? 'wizard.farther' : 'wizard.covers', { percent: fixed(100 * share, 0) })}` : ''}</p>${children}</div>`;
+  return html`<div class="wizard-side"><${Picture} src=${picture?.src} number=${picture?.number ?? null} dim=${!!picture?.problem} size=${picture?.size ?? undefined} corners=${picture?.corners ?? []} alt=${`${t('picture.camera')} ${words}`} />
+    ${picture?.problem ? html`<${Cause} cause=${{ ...picture.problem, what: picture.problem.detail }} />` : html`<p role="status">${words}${share > 0 ? ` · ${t(share < 0.15 ? 'wizard.nearer' : share > 0.6 ? 'wizard.farther' : 'wizard.covers', { percent: fixed(100 * share, 0) })}` : ''}</p>`}${children}</div>`;
 }
 
 function targetWords(text) {

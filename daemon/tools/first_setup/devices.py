@@ -139,7 +139,8 @@ async def look_at_controller(answer: str, base_frame: PoseDocument | None = None
     survey, problem = None, None
     if parts.hostname:
         try:
-            survey = await _read_survey(RwsAddress.parse(services))
+            async with RwsAdministration(RwsAddress.parse(services)) as controller:
+                survey = await read_survey(controller, (), (), (PORT_SETTING,), TASK)
         except DeviceError as error:
             problem = error
     elif link is None:
@@ -154,11 +155,6 @@ async def look_at_controller(answer: str, base_frame: PoseDocument | None = None
             raise (error if link == answer else problem or error) from None
         advice = f"{error.what}: the arm is read and pictures are taken by hand, until the robot program answers"
         return replace(await read_robot(replace(seen, address=services)), advice=advice)
-
-
-async def _read_survey(address: RwsAddress) -> ControllerSurvey:
-    async with RwsAdministration(address) as controller:
-        return await read_survey(controller, (), (), (PORT_SETTING,), TASK)
 
 
 def _controller_of(address: str, survey: ControllerSurvey | None, frame: PoseDocument | None) -> SeenController:

@@ -69,6 +69,11 @@ COUNT_SHIFTS = """
 MAX_SHIFT = 0.02
 """Of one screen, and of a run from its start to its result (cockpit.md, B20)."""
 
+HIDE = """hidden => {
+  Object.defineProperty(document, 'hidden', { value: hidden, configurable: true });
+  document.dispatchEvent(new Event('visibilitychange'));
+}"""
+
 TWO_FRAMES = "() => new Promise((drawn) => requestAnimationFrame(() => requestAnimationFrame(drawn)))"
 
 Opened = Callable[..., Any]

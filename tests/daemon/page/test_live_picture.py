@@ -10,7 +10,7 @@ from daemon.api.live.picture_stream import FAST_S, REST_S, PictureStream, Shown
 from tests.daemon.access_keys import bearer
 from tests.daemon.cell_under_test import Bench
 from tests.daemon.fakes import Gate, poses_around_the_target
-from tests.daemon.page.conftest import Opened
+from tests.daemon.page.conftest import HIDE, Opened
 from tests.support.waiting import eventually
 
 pytestmark = [pytest.mark.asyncio(loop_scope="module"), pytest.mark.slow]
@@ -29,11 +29,6 @@ WATCH = """() => {
   note();
 }"""
 """Collects what the picture shows after each change: its number, how many corners, where the first is, its address."""
-
-HIDE = """hidden => {
-  Object.defineProperty(document, 'hidden', { value: hidden, configurable: true });
-  document.dispatchEvent(new Event('visibilitychange'));
-}"""
 
 
 def stream_of(bench: Bench) -> PictureStream:

@@ -2,6 +2,7 @@
 
 import asyncio
 import re
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 from urllib.parse import unquote, urljoin, urlsplit
@@ -18,7 +19,7 @@ from daemon.cli.main import app
 from daemon.config.settings import load_settings
 from daemon.config.toml_text import toml_text
 from tests.daemon.cli.running import handeyed
-from tests.daemon.page.conftest import AXE_FINDINGS, page_of
+from tests.daemon.page.conftest import AXE_FINDINGS, HIDE, page_of
 from tests.support.waiting import LIMIT_S
 
 pytestmark = [pytest.mark.asyncio(loop_scope="module"), pytest.mark.slow]
@@ -27,6 +28,8 @@ FAST = ["mock_robot", "run", "--with-parent", "--time-scale", "100"]
 MAX_ANSWERS, MAX_S = 8, 240.0
 SMALL_SCREEN, PHONE = {"width": 1366, "height": 768}, {"width": 390, "height": 844}
 MAX_RATIO = 1.5
+MAX_LIVE_PER_S, TIMER_MS = 5, 10.0
+SHOWS = "number => Number(document.querySelector('.wizard-side figure')?.dataset.number) >= number"
 NEAR_MM = ("400", "900", "-300", "300", "450", "900")
 """Two corners, by axis, that every arm of the mock cell reaches."""
 EXPECTED = r"expected with 8 pictures: ± ([\d.]+) mm"
@@ -248,3 +251,61 @@ async def test_a_settings_file_answers_and_nothing_is_tried_before_one_goes_on(b
     settings = load_settings(file)
     assert (settings.target, settings.robot.box_mm[1]) == (target_of_text(board), (1400.0, 900.0, 1600.0))
     assert settings.report.cell is None, "that of the file that was dropped has none"
+
+
+async def test_the_picture_of_the_target_step_is_live(browser: Any, tmp_path: Path) -> None:
+    """One at a time, at most five a second; none in a hidden tab, beside a try, or once the step is left."""
+    with (
+        start_child("mock", FAST, tmp_path) as mock,
+        start_child("daemon", ["daemon.cli", "serve", "--setup", str(tmp_path / "handeyed.toml")], tmp_path) as daemon,
+    ):
+        cell = mock.announcement
+        async with page_of(browser, viewport=SMALL_SCREEN) as page:
+            page.set_default_timeout(1000 * LIMIT_S)
+            under_way, most, asked, live = 0, 0, [], []
+            page.on("requestfinished", lambda one: live.append(one) if "target" in (one.post_data or "")[:22] else None)
+
+            async def count(route: Any) -> None:
+                nonlocal under_way, most
+                asked.append(route.request.post_data_json["question"])
+                under_way += 1
+                most = max(most, under_way)
+                answer = await route.fetch()
+                under_way -= 1
+                await route.fulfill(response=answer)
+
+            async def until(number: int) -> None:
+                await page.wait_for_function(SHOWS, arg=number)
+
+            async def stands() -> None:
+                """No picture comes any more, however long one waits."""
+                while under_way:
+                    await page.wait_for_timeout(50)
+                before = len(asked)
+                await page.clock.fast_forward(60_000)
+                await page.evaluate("() => fetch('/health')")
+                assert len(asked) == before
+
+            await page.clock.install()
+            await page.route("**/setup/try", count)
+            await page.goto(f"{daemon.announcement['url']}/page/?lang=en#/setup")
+            await page.locator("#controller").fill(cell["rws"]["1.0"])
+            await page.locator("#camera").fill(cell["camera"])
+            await page.locator("main .primary").click()
+            await page.locator("#length").wait_for()
+            await until(4)
+            assert asked[:2] == ["controller", "camera"]
+            assert set(asked[2:]) == {"target"}
+            await page.get_by_text("of 88 corners found").wait_for()
+            await page.evaluate(HIDE, True)
+            await stands()
+            await page.evaluate(HIDE, False)
+            await until(5)
+            apart_ms = [after - before for before, after in pairwise(one.timing["startTime"] for one in live)]
+            assert min(apart_ms) >= 1000 / MAX_LIVE_PER_S - TIMER_MS
+            await page.get_by_role("button", name="Take another picture").click()
+            await until(8)
+            await page.get_by_role("button", name="Back").click()
+            await stands()
+            await page.unroute_all(behavior="ignoreErrors")
+    assert most == 1
