@@ -31,7 +31,7 @@ def joints_of_poses(
     if neither:
         first = ", ".join(map(str, neither[:6])) + (" ..." if len(neither) > 6 else "")
         raise GeometryError(
-            f"{len(neither)} pictures hold neither joints nor confdata ({first}): a pose is reached in several postures,"
+            f"{len(neither)} pictures hold neither joints nor confdata ({first}): a pose has several postures,"
             " and the arm's errors differ between them: record joints_deg, or the pose's confdata"
         )
     found: list[Array] = []
