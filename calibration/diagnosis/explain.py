@@ -220,7 +220,7 @@ def _with_turned_views(problem: Problem, prepared: PreparedSession, camera: Came
             for degrees in TURNS_DEG
         ]
         fits = np.min(turned_px, axis=0) < np.minimum(most_px, rms_px[:, 0] / MAX_TURNED_RATIO)
-        seen, poses = _joined(seen, poses, left_out.take(fits), as_seen[fits, 0])
+        seen, poses = _join(seen, poses, left_out.take(fits), as_seen[fits, 0])
     return evidence_of(problem, seen, camera, poses, prepared.camera_covariance)
 
 
@@ -232,11 +232,11 @@ def _as_read(problem: Problem, prepared: PreparedSession, poses: Array) -> Evide
     seen, kept = prepared.seen, ~prepared.board_turned
     every, _ = observe(problem)
     read = every.take(np.isin(every.positions, seen.positions[prepared.board_turned]))
-    seen, poses = _joined(seen.take(kept), poses[kept], read, candidate_poses(read, prepared.camera)[0][:, 0])
+    seen, poses = _join(seen.take(kept), poses[kept], read, candidate_poses(read, prepared.camera)[0][:, 0])
     return evidence_of(problem, seen, prepared.camera, poses, prepared.camera_covariance)
 
 
-def _joined(seen: Observations, poses: Array, more: Observations, more_poses: Array) -> tuple[Observations, Array]:
+def _join(seen: Observations, poses: Array, more: Observations, more_poses: Array) -> tuple[Observations, Array]:
     """Both with their poses (n, 4, 4), in the session's order."""
     seen, poses = seen.joined(more), np.concatenate([poses, more_poses])
     order = np.argsort(seen.positions)
