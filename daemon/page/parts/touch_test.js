@@ -2,12 +2,12 @@
 import { html, useState } from '../vendor/preact.js';
 import { ask, newKey } from '../state/ask.js';
 import { may, note, running } from '../state/now.js';
-import { moment, vector } from '../state/numbers.js';
+import { fixed, moment, vector } from '../state/numbers.js';
 import { go } from '../state/place.js';
 import { t } from '../state/words.js';
 import { Act } from './act.js';
 import { Approach } from './approach.js';
-import { touchRequest } from './touch_request.js';
+import { FAR_MM, takenBack, tipOff, touchRequest } from './touch_request.js';
 import { numberOf } from './typed.js';
 
 /** `verification`: the newest finished run that saw the target in the base; `last`: the newest touch test; `points_mm`: of the target; `moves`: whether the daemon moves the robot. */
@@ -20,6 +20,7 @@ export function TouchForm({ verification, last, points_mm = [], moves }) {
   const [problem, setProblem] = useState(null);
   const [point, setPoint] = useState(null);
   const [tolerance, setTolerance] = useState('');
+  const [far, setFar] = useState(null); // { id, off_mm } of a touch that is asked about
   const test = !anew && newest?.verification === verification.id ? newest : null;
   const tip = test?.tip ?? given ?? newest?.tip ?? null;
   const done = new Set(test?.touches.touches.map(({ id }) => id));
@@ -35,7 +36,17 @@ export function TouchForm({ verification, last, points_mm = [], moves }) {
     }
   };
   const touch = async () => {
-    const body = touchRequest({ test, tip, verification: verification.id, id: chosen, tolerance_mm });
+    const { data: now } = await ask('/robot'); // as it stands: what is shown may be a second old
+    const off_mm = tipOff({ now, tip, points, id: chosen });
+    if (off_mm > FAR_MM && far?.id !== chosen) return void setFar({ id: chosen, off_mm });
+    await send(touchRequest({ test, tip, verification: verification.id, id: chosen, tolerance_mm }));
+  };
+  const back = (index) => async () => {
+    if (test.touches.touches.length > 1) await send(takenBack(test, index));
+    else setAnew(true); // a test has a touch at least
+  };
+  const send = async (body) => {
+    setFar(null);
     const { data } = await ask('/touch', { method: 'POST', key: newKey(), body, limit_s: 60 });
     setOwn(data);
     setAnew(false);
@@ -53,13 +64,15 @@ export function TouchForm({ verification, last, points_mm = [], moves }) {
     <h3>${t('touch.tip')}</h3>
     <p>${tip ? html`<span class="mono">${vector(tip.flange_tip_mm, 2)} mm</span>` : t('touch.no-tip')}</p>
     ${test
-      ? html`<p class="small quiet">${t('touch.adds', { count: test.touches.touches.length })}</p><div class="row"><button type="button" onClick=${() => setAnew(true)}>${t('touch.anew')}</button></div>`
+      ? html`<p class="small quiet">${t('touch.adds', { count: test.touches.touches.length })}</p><div class="row"><button type="button" onClick=${() => setAnew(true)}>${t('touch.anew')}</button>
+          ${test.touches.touches.map(({ id, name }, index) => html`<${Act} key=${index} label=${t('touch.back', { point: id ?? name ?? index + 1 })} disabled=${!may('operator')} act=${back(index)} />`)}</div>`
       : html`<label class="file"><span class="button">${t('touch.choose-tip')}</span><input type="file" accept=".json,application/json" onChange=${choose} /></label>
         <div><label for="touch-tolerance">${t('touch.tolerance')}</label><input id="touch-tolerance" inputmode="decimal" autocomplete="off" value=${tolerance} onInput=${(event) => setTolerance(event.target.value)} aria-invalid=${wrong} /></div>`}
     ${problem && html`<p class="note warn" role="alert"><span class="mark" aria-hidden="true">!</span> ${problem}</p>`}
     <${Approach} key=${chosen} test=${test} tip=${tip} verification=${verification.id} id=${chosen} moves=${moves} />
     <h3>${t('touch.read')}</h3>
-    <${Act} label=${t('touch.take', { point: chosen })} primary disabled=${off} act=${touch} />
+    ${far?.id === chosen && html`<p class="note warn" role="alert"><span class="mark" aria-hidden="true">!</span> ${t('touch.far', { mm: fixed(far.off_mm, 1), point: chosen })}</p>`}
+    <${Act} label=${t(far?.id === chosen ? 'touch.far.count' : 'touch.take', { point: chosen })} primary=${far?.id !== chosen} disabled=${off} act=${touch} />
     <p class="small quiet">${t(may('operator') ? (tip ? 'touch.reads' : 'touch.tip-first') : 'missing.role')}</p>`;
 }
 

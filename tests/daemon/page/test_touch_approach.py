@@ -77,3 +77,31 @@ async def test_a_viewer_brings_no_tip_anywhere(open_page: Opened, cell: Cell) ->
     async with open_page("viewer", "verify/touch") as page:
         for button in ("#hold-stand-off", "#hold-nearer"):
             assert await page.locator(button).get_attribute("aria-disabled") == "true"
+
+
+async def test_a_touch_far_off_is_asked_about_and_each_can_be_taken_back(open_page: Opened, cell: Cell) -> None:
+    """5 mm and more (cockpit.md, B26)."""
+    bench, _ = cell
+    stood = bench.robot.base_T_flange.copy()
+
+    async def touched() -> list[int]:
+        tests = (await bench.client.get("/touches")).json()["touches"]
+        return [
+            touch["id"] for touch in (await bench.client.get(f"/touches/{tests[0]['id']}")).json()["touches"]["touches"]
+        ]
+
+    before = await touched()
+    bench.robot.base_T_flange = touching(10, (0.0, 16.0, 0.0))
+    async with open_page("operator", "verify/touch") as page:
+        await press(page.locator(".chip", has_text=re.compile("^10")))
+        take = page.get_by_role("button", name="The tip is at point 10")
+        await press(take)
+        await page.get_by_text("The tip is 16.").wait_for()
+        assert await touched() == before, "nothing counts yet"
+        await press(page.get_by_role("button", name="Count it all the same: point 10"))
+        await page.get_by_text(f"points touched: {len(before) + 1}.").wait_for()
+        assert await touched() == [*before, 10]
+        await press(page.get_by_role("button", name="Take back point 10").last)
+        await page.get_by_text(f"points touched: {len(before)}.").wait_for()
+        assert await touched() == before
+    bench.robot.base_T_flange = stood
