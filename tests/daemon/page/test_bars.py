@@ -1,6 +1,8 @@
 """Bars of the cockpit on every screen: sizes for fingers and gloves, contrast, what moves and what does not."""
 
 import json
+import re
+import subprocess
 from typing import Any
 
 import pytest
@@ -55,6 +57,46 @@ async def calibrate(cell: Cell) -> None:
     applied = {"applied_by": "operator"}
     assert (await bench.client.post(f"/calibrations/{made}/apply", json=applied, headers=headers)).status_code == 200
     await bench.client.post("/verify", json={}, params={"wait": LIMIT_S}, headers=headers)
+
+
+CLIPPED = """() => [...document.querySelectorAll('main .card, main button, main .chip')]
+    .filter((one) => one.clientWidth && !/auto|scroll/.test(getComputedStyle(one).overflowY))
+    .filter((one) => one.scrollHeight > one.clientHeight + 1 || one.scrollWidth > one.clientWidth + 1)
+    .map((one) => one.outerHTML.slice(0, 100))"""
+"""What holds more than it shows (B21)."""
+
+
+def has_font_for(language: str) -> bool:
+    """Whether fontconfig knows a font for it; without one, letters have the width of an empty box."""
+    listed = subprocess.run(["fc-list", f":lang={language}"], capture_output=True, text=True, check=False)
+    return bool(listed.stdout.strip())
+
+
+@pytest.mark.parametrize("language", ["en", "de", "zh", "es"])
+async def test_nothing_is_clipped_in_any_language(open_page: Opened, cell: Cell, language: str) -> None:
+    if not has_font_for(language):
+        pytest.skip(f"there is no font for {language} here: apt-get install fonts-noto-cjk")
+    await calibrate(cell)
+    for width, height in ((1366, 768), (390, 844)):
+        viewport = {"width": width, "height": height}
+        async with open_page("operator", "cell", f"lang={language}", viewport=viewport) as page:
+            await page.locator("dl.line").wait_for()
+            for place in PLACES:
+                await page.evaluate("place => { location.hash = '#/' + place }", place)
+                await page.locator("main .card").locator("visible=true").first.wait_for()
+                await page.wait_for_function("document.documentElement.scrollWidth <= innerWidth")
+                assert await page.evaluate(CLIPPED) == [], (place, width)
+
+
+async def test_what_is_asked_again_is_large_enough_for_gloves(open_page: Opened, cell: Cell) -> None:
+    async with open_page("operator", "cell", "lang=en", viewport={"width": 390, "height": 844}) as page:
+        await page.locator("dl.line").wait_for()
+        problem = {"status": 503, "json": {"code": "storage-error", "detail": "the disk is gone", "fix": "look at it"}}
+        await page.route(re.compile(r"/devices$"), lambda route: route.fulfill(**problem))
+        await page.evaluate("location.hash = '#/devices'")
+        await page.get_by_role("button", name="Try again").first.wait_for()
+        for again in await page.get_by_role("button", name="Try again").all():
+            assert (await again.bounding_box())["height"] >= LEAST_PX
 
 
 @pytest.mark.parametrize("theme", ["light", "dark"])
