@@ -43,9 +43,7 @@ MAX_CELLS, MAX_TEXT = 200, 1000
 MATRICES = ((4, 4), (3, 4), (16,))
 ROWS = ((6,), (7,), (12,))
 TURNS = ((3, 3), (9,))
-SAVEZ: dict[Any, str] = {(3,): "position", (4,): "quaternion"}
-"""What the shapes of arrays mean to which np.savez gave its own names."""
-
+SAVEZ: dict[Any, str] = {(3,): "position", (4,): "quaternion"}  # of arrays that np.savez named itself
 ONE_VIEW = (*MATRICES, *ROWS, *TURNS, (3,), (4,), ())
 """Shapes of what one view has; other arrays are over the views."""
 

@@ -267,7 +267,6 @@ def _elements(elements: dict[tuple[int, int], int]) -> list[int]:
 
 Cell = float | str
 
-MIN_POSE_NUMBERS = 6
 WIDTHS = "6 (x, y, z and three angles), 7 (x, y, z and a quaternion), 8 (with a time before), 12 or 16 (a matrix)"
 
 _GAP = r"[-_.:/ ]?"
@@ -303,7 +302,7 @@ def table_of_sides(origin: str, names: Sequence[str], columns: Sequence[Sequence
     groups: dict[str, dict[str, int]] = {}
     for index, name in enumerate(names):
         groups.setdefault(name.partition("_")[0], {})[name.partition("_")[2]] = index
-    both = [group for group in groups.values() if len(group) >= MIN_POSE_NUMBERS]  # h_x to h_rz, and e_x to e_rz
+    both = [group for group in groups.values() if len(group) >= 6]  # h_x to h_rz, and e_x to e_rz
     if len(both) == 2 and both[0].keys() == both[1].keys() and not any(map(relation_of, names)):
         with contextlib.suppress(DocumentError):
             one, other = (
