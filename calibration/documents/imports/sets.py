@@ -266,7 +266,7 @@ def _named_by(name: str, table: PoseTable, side: Side | None = None) -> PoseTabl
 
 def _nearest(files: Files, refused: Sequence[tuple[str, DocumentError]]) -> DocumentError:
     """The error of the file that is nearest to being one of poses: intrinsics are none."""
-    likely = re.compile(r"pose|robot|tcp|arm|joint|flange|hand|sample|pair", re.IGNORECASE)
+    likely = re.compile(r"pos|robot|tcp|arm|joint|flange|hand|sample|pair", re.IGNORECASE)
     for name, error in sorted(refused, key=lambda one: likely.search(one[0]) is None):
         if suffix_of(name) not in CAMERA_SUFFIXES or find_intrinsics(files, name) is None:
             return error

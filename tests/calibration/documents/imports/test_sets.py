@@ -510,3 +510,9 @@ def test_a_sheet_or_a_pickle_is_named_rather_than_the_one_pose_of_a_result(name:
     result = json.dumps({"R": POSES[0, :3, :3].tolist(), "t": MM[0].tolist()}).encode()
     with pytest.raises(DocumentError, match=fix):
         read_set(Held({name: b"PK", "result.json": result, **_pictures("{}.png")}), None, Chosen())
+
+
+def test_places_without_orientation_are_named_before_a_camera_s_matrix() -> None:
+    files = {"K_rgb.txt": lines("900 0 320", "0 900 240", "0 0 1"), "pos_act.txt": lines(*rows(MM, separator=" "))}
+    with pytest.raises(DocumentError, match=r"pos_act.txt: rows: 3 numbers a row: points of one side"):
+        read_set(Held(files | _pictures("{}.png")), None, Chosen())
