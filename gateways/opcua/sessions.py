@@ -76,11 +76,11 @@ class KeyChecks:
 def _with_key(service: str) -> Any:
     """This service of asyncua's session, refused with ServiceError without a valid key."""
 
-    async def served(self: "KeySession", *arguments: Any, **named: Any) -> Any:
+    async def serve(self: "KeySession", *arguments: Any, **named: Any) -> Any:
         await self.require_key()
         return await getattr(super(KeySession, self), service)(*arguments, **named)
 
-    return served
+    return serve
 
 
 class KeySession(InternalSession):  # type: ignore[misc]
