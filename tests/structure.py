@@ -19,8 +19,8 @@ ROOMS = (*CORE, "extensions", "gateways")
 
 MAX_UNITS = {"calibration": 24, "daemon": 23, "mock_robot": 16, "registration": 10}
 MAX_WEIGHTS = {
-    "lines of Python of the core": 96_946,
-    "lines of Python with the extensions": 100_431,
+    "lines of Python of the core": 96_943,
+    "lines of Python with the extensions": 100_428,
     "lines of Python of the gateways": 1_209,
     "files of the fullest folder": 50,
     "private functions used once": 771,
