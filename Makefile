@@ -77,7 +77,7 @@ test-busy: $(VENV)/developing
 	$(BIN)/python -m tests.support.busy $(BIN)/pytest -n $(TEST_WORKERS) --dist worksteal
 
 # OpenCV 5 has no calibrateHandEye. The tests are those of what calls OpenCV; OPENCV4_TESTS= and OPENCV4_CELLS= choose
-# less, or more.
+# less, or more; OPENCV4_MARKS="not slow" leaves out what takes long.
 OPENCV4 := .venv-opencv4
 OPENCV4_TESTS ?= $(addprefix tests/,calibration/detection calibration/observations calibration/preprocessing \
 	calibration/closed_forms calibration/test_solve.py calibration/test_targets.py registration/points registration/profiles \
@@ -85,7 +85,7 @@ OPENCV4_TESTS ?= $(addprefix tests/,calibration/detection calibration/observatio
 OPENCV4_CELLS ?= 8
 
 test-opencv4: $(OPENCV4)/installed
-	$(OPENCV4)/bin/python -m pytest -n auto $(OPENCV4_TESTS)
+	$(OPENCV4)/bin/python -m pytest -n auto $(if $(OPENCV4_MARKS),-m "$(OPENCV4_MARKS)") $(OPENCV4_TESTS)
 	$(OPENCV4)/bin/python -m benchmarks.hand_eye.peers --cells $(OPENCV4_CELLS)
 
 $(OPENCV4)/installed: pyproject.toml

@@ -19,9 +19,9 @@ def by_night() -> bool:
     return os.environ.get("HANDEYED_NIGHT") == "1"
 
 
-def seeds(count: int) -> range:
-    """The seeds of a statistic: every third of 0 to `count` - 1, by night all of them."""
-    return range(0, count, 1 if by_night() else 3)
+def seeds(count: int, every: int = 3) -> range:
+    """The seeds of a statistic: every third, or another share, of 0 to `count` - 1, by night all of them."""
+    return range(0, count, 1 if by_night() else every)
 
 
 def long_enough_s(normal: float = 120.0) -> float:

@@ -22,7 +22,7 @@ from tests.simulated.measured_sessions import (
     with_camera_poses,
     with_robot_poses,
 )
-from tests.support.cases import seeds
+from tests.support.cases import by_night, seeds
 
 SETUPS: tuple[Setup, ...] = ("eye-in-hand", "eye-to-hand")
 QUICK_AND_SLOW_SETUPS = ("eye-in-hand", pytest.param("eye-to-hand", marks=pytest.mark.slow))
@@ -66,7 +66,7 @@ def test_a_few_views_and_lengths_a_little_off_are_not_taken_for_drift(views: int
 @pytest.mark.slow
 @pytest.mark.parametrize("setup", SETUPS)
 @pytest.mark.parametrize("measure", MEASURES.values(), ids=MEASURES)
-@pytest.mark.parametrize("views", [6, 12, 24])
+@pytest.mark.parametrize("views", [6, 24, *[12] * by_night()])
 def test_errors_have_the_size_that_is_claimed(measure: Measure, setup: Setup, views: int) -> None:
     squares = []
     for seed in seeds(20):
