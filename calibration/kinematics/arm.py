@@ -322,8 +322,12 @@ class Arm:
         least: Array = self._excess_rad(joints + 2 * np.pi * np.arange(-2, 3)[:, None]).min(0)
         return least
 
+    def _wrist_centres(self, base_T_flange: Array) -> Array:
+        """Where axes 4 and 5 may meet (n, 3) mm for a pose (4, 4)."""
+        return np.array([base_T_flange[:3, 3] - self.flange_mm * base_T_flange[:3, 2]])
+
     def _out_of_reach(self, base_T_flange: Array) -> OutOfReach:
-        wrists = np.array([base_T_flange[:3, 3] - self.flange_mm * base_T_flange[:3, 2]])
+        wrists = self._wrist_centres(base_T_flange)
         reach, _ = self._elbow_to_wrist
         up = wrists[:, 2] - self.shoulder_height_mm
         radius = np.hypot(wrists[:, 0], wrists[:, 1])

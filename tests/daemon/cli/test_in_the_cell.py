@@ -139,7 +139,7 @@ def test_what_the_daemon_refuses_is_reported_in_its_words(running: Running, tmp_
     ran = handeyed("calibrate", "--url", running.url, "--request", tmp_path / "request.json")
 
     assert ran.status == 1
-    assert ran.err.startswith(f"{running.url}/calibrate: station 1: the flange would stand at (0.0, 0.0, 5000.0) mm")
+    assert ran.err.startswith(f"{running.url}/calibrate: pose 1: the flange would stand at (0.0, 0.0, 5000.0) mm")
 
 
 def test_check_asks_a_running_daemon_instead_of_its_devices(running: Running) -> None:

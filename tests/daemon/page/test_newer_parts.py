@@ -98,7 +98,7 @@ async def test_a_jog_that_is_refused_says_why(open_page: Opened, cell: Cell) -> 
     bench, _ = cell
     goals = len(bench.robot.goals)
     async with open_page("operator", "jog", "lang=de") as page:
-        refusal = page.get_by_text("axes are moved over the CB link only").first
+        refusal = page.get_by_text("Achsen werden nur über die CB-Verbindung bewegt").first
         await hold_until(page, hold_by_mouse, "Achse 1 +5°", refusal.is_visible)
         await page.get_by_role("button", name="Alle Achsen").click()
         await page.get_by_label("Achse 2, °").fill("zwei")

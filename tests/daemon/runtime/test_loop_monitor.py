@@ -117,6 +117,8 @@ async def longest_while(bench: Bench, path: str, url: str) -> float:
     query: dict[str, Any] = {"limit": ROWS} if any(one["name"] == "limit" for one in parameters) else {}
     if path.endswith("/compare"):
         query = {"with": "copy-0"}
+    if path == "/setup/target.pdf":
+        query = {"target": "charuco:12x9:20:15:DICT_5X5_100"}
     if path.endswith("/surface"):
         query = {"view": 0, "voxel_mm": 1.0}
     answer = await bench.client.get(url, params=query)
