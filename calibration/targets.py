@@ -82,7 +82,7 @@ class Chessboard:
     rows: Count
     """Rows of points, as columns."""
     pitch_mm: PositiveFloat
-    """Distance of neighbouring points, mm; of asymmetric circles half the distance within a row."""
+    """Distance of neighbouring points in a row, mm; OpenCV's samples take half of it for asymmetric circles."""
 
     @cached_property
     def points_mm(self) -> "Array":
@@ -133,7 +133,7 @@ class CircleGrid:
     rows: Count
     """Rows of points, as columns."""
     pitch_mm: PositiveFloat
-    """Distance of neighbouring points, mm; of asymmetric circles half the distance within a row."""
+    """Distance of neighbouring points in a row, mm; OpenCV's samples take half of it for asymmetric circles."""
     dots: Literal["black", "white"] = "black"
     """black dots on white, or white on black."""
     origin: Literal["large-dot"] | None = None
