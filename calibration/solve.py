@@ -266,7 +266,8 @@ def _with_own_joints(arm: Arm, problem: Problem) -> Problem:
     joints = [view.stance.joints_rad for view in problem.views]
     without = [view.index for view, one in zip(problem.views, joints, strict=True) if one is None or len(one) != AXES]
     if without:
-        raise GeometryError(f"pictures {without} hold no joints of six axes, from which an arm's errors are identified")
+        what = f"pictures {without} hold no joints of six axes, from which an arm's errors are identified"
+        raise GeometryError(f"{what}: record joints_deg, or confdata, since a pose has several postures")
     poses, numbers = np.array([view.base_T_flange for view in problem.views]), [view.index for view in problem.views]
     require_joints_of_each_view(arm, np.array(joints), poses, ARMS, numbers)
     return problem

@@ -36,7 +36,7 @@ def identify_arm_document(
     `box_mm` (2, 3) of the base: where `more_views` predicts registered points; without it, around those of the views.
     `distances`: known ones between the places, counted as the problems are.
     Views without joints get those of their poses and confdata. Raises as `identify_arm_session`, GeometryError for
-    sessions without images and views without confdata, UnreachablePoseError for poses that the arm does not reach.
+    sessions without images, UnreachablePoseError for poses that the arm does not reach.
     """
     if any(problem.in_space for problem in problems):
         raise GeometryError("the errors of an arm are identified from images only, this session holds poses or points")

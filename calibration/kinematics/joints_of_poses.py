@@ -4,7 +4,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from calibration.errors import GeometryError
 from calibration.kinematics.arm import Arm
 from calibration.transforms import Array
 
@@ -19,30 +18,21 @@ def joints_of_poses(
     base_T_flange: Sequence[Array],
     known_rad: Sequence[Array | None],
     confdata: Sequence[Confdata | None],
-) -> Array:
-    """Joints (n, 6) of poses (4, 4): the known ones, else those of the pose's confdata.
+) -> list[Array | None]:
+    """Joints (6,) of each pose (4, 4): the known ones, else those of its confdata, else None.
 
-    A pose has up to eight solutions, of which views show none to be the right one: with axis 5 turned over and axes 4
-    and 6 by half a turn all of them fit alike, with other errors of the arm. Raises GeometryError for poses with
-    neither, UnreachablePoseError.
+    A pose has up to eight solutions, of which pictures show none to be the right one: with axis 5 turned over and axes
+    4 and 6 by half a turn all of them fit alike, with other errors of the arm. Raises UnreachablePoseError.
     """
-    both = list(zip(known_rad, confdata, strict=True))
-    neither = [at for at, (known, posture) in enumerate(both) if known is None and posture is None]
-    if neither:
-        first = ", ".join(map(str, neither[:6])) + (" ..." if len(neither) > 6 else "")
-        raise GeometryError(
-            f"{len(neither)} pictures hold neither joints nor confdata ({first}): a pose has several postures,"
-            " and the arm's errors differ between them: record joints_deg, or the pose's confdata"
-        )
-    found: list[Array] = []
+    found: list[Array | None] = []
     for pose, known, posture in zip(base_T_flange, known_rad, confdata, strict=True):
         joints = known
         if known is None and posture is not None:
-            goes_on = found and tuple(arm.configuration(found[-1])) == posture
-            joints = arm.matching(pose, posture, found[-1] if goes_on else None)
-        assert joints is not None
+            before = found[-1] if found else None
+            goes_on = before is not None and tuple(arm.configuration(before)) == posture
+            joints = arm.matching(pose, posture, before if goes_on else None)
         found.append(joints)
-    return np.array(found)
+    return found
 
 
 def joints_in_range(arm: Arm, base_T_flange: Array, lowest_rad: Array, highest_rad: Array) -> Array:
