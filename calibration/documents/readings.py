@@ -206,9 +206,10 @@ def _explain_misfit(table: PoseTable, compared: Sequence[Compared], evidence: Ev
     few = evidence.take(evenly_spaced(len(evidence), MAX_COMPARED_VIEWS))
     readings = [reading for group in compared for reading in group.readings[:1]]
     tried: list[_Way] = []
+    possible = compared[0].possible  # then only an axis is looked for
     still, near = _agreeing_turns(few, ((_Change(table), one) for one in readings))
     if table.kind != "joints":  # an arm's joints leave no choice of lengths
-        tried = [(change, one) for _, one in near for change in _changes_of_lengths(table)]
+        tried = [(one, way) for _, way in near for one in _changes_of_lengths(table) if one.axis or not possible]
     turned, tables = _agreeing_turns(few, ((one, way) for way in readings for one in _turntables(table, way)))
     if turned < still:
         tried += [(_through_axis(few, *one), one[1]) for one in tables]
@@ -217,16 +218,17 @@ def _explain_misfit(table: PoseTable, compared: Sequence[Compared], evidence: Ev
     fitted = _fits_of(_placed(few, change, one) for change, one in tried)
     best = max(range(len(tried)), key=lambda at: fitted[at].log_likelihood)
     (change, reading), fit = tried[best], fitted[best]
-    words = f"; the rotations agree to {np.degrees(still):.2g} deg, so that target and pairs are right"
     explained = Compared((reading,), fit)
-    if explained.possible if not compared[0].possible else change.axis is not None and not explained.doubtful:
-        if change.axis is not None:
-            words = f"robot and images agree with {change.words} to {_noise(fit)} ({reading.words})"
-            return Decision(reading, words, axis=change.axis)
+    is_enough = not explained.doubtful if possible else explained.possible
+    if is_enough and change.axis is not None:
+        words = f"robot and images agree with {change.words} to {_noise(fit)} ({reading.words})"
+        return Decision(reading, words, axis=change.axis)
+    if possible or still > MAX_TURN_RAD:
+        return Decision(None, "")
+    words = f"; the rotations agree to {np.degrees(still):.2g} deg, so that target and pairs are right"
+    if is_enough:
         words += f", and with {change.words} the translations agree as well: {_noise(fit)} ({reading.words})"
         return Decision(None, words, (), change.fix)
-    if still > MAX_TURN_RAD:
-        return Decision(None, "")
     size = _other_size(table, compared, evidence)
     if size:
         return Decision(None, words + size, (), "compare the target's size, and the units of both sides")
