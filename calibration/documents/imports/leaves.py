@@ -37,13 +37,18 @@ MAX_DEPTH = 8
 POSE_NUMBERS = frozenset(("x", "y", "z", "w", "qw", "qx", "qy", "qz", "rx", "ry", "rz", "a", "b", "c"))
 """Last words of the names of a pose's numbers."""
 
-MAX_CELLS, MAX_TEXT = 200, 1000
-"""Numbers of one record, which may have joints and measurements beside a pose; characters of a text with numbers."""
+MAX_CELLS = 200
+"""Numbers of one record; a pose has 16 at most, a record may have joints and measurements besides."""
+
+MAX_TEXT = 1000
+"""Characters of a text that is read as numbers."""
 
 MATRICES = ((4, 4), (3, 4), (16,))
 ROWS = ((6,), (7,), (12,))
 TURNS = ((3, 3), (9,))
-SAVEZ: dict[Any, str] = {(3,): "position", (4,): "quaternion"}  # of arrays that np.savez named itself
+SAVEZ: dict[Any, str] = {(3,): "position", (4,): "quaternion"}
+"""Names of what one view has of arrays that np.savez called arr_0, arr_1."""
+
 ONE_VIEW = (*MATRICES, *ROWS, *TURNS, (3,), (4,), ())
 """Shapes of what one view has; other arrays are over the views."""
 
@@ -103,7 +108,12 @@ def table_of_data(data: Any, origin: str) -> PoseTable:
 
 
 RECORDERS = tuple({*pair.split()} for pair in WORDS["recorders"])
-"""How easy_handeye (2), moveit_calibration and visp_hand2eye_calibration call both poses, in metres (formats.md)."""
+"""How easy_handeye, easy_handeye2, moveit_calibration and visp_hand2eye_calibration call both poses, in metres.
+
+Sources: easy_handeye2_msgs/msg/SampleList.msg and handeye_sampler.py, which records the effector in the base for
+eye_in_hand and the base in the effector for eye_on_base; handeye_control_widget.cpp of moveit_calibration, whose joint
+states are rad.
+"""
 
 
 def _as_recorded(table: PoseTable, data: Any, names: Sequence[str]) -> PoseTable:
@@ -299,9 +309,8 @@ def _over_views(data: dict[str, Any], origin: str) -> tuple[list[Any], list[str]
     flat: dict[str, Any] = dict(_leaves(data, origin, most=MAX_POSES * 16))
     flat |= {name: one for name, one in data.items() if isinstance(one, list) and one and isinstance(one[0], dict)}
     every = {name: leaf for name, leaf in flat.items() if isinstance(leaf, np.ndarray)}
-    every |= {
-        name: leaf.T for name, leaf in every.items() if leaf.ndim == 2 and len(leaf) in (6, 7) and leaf.size > 7 * 16
-    }
+    long = (name for name, leaf in every.items() if leaf.ndim == 2 and len(leaf) in (6, 7) and leaf.size > 7 * 16)
+    every |= {name: every[name].T for name in [*long]}  # a column for each view, and more than a pose has numbers
     arrays = {name: leaf for name, leaf in every.items() if {leaf.shape, _squeeze(leaf).shape}.isdisjoint(ONE_VIEW)}
     over = {name: len(leaf) for name, leaf in arrays.items() if leaf.size >= 3 * len(leaf)}
     over |= {name: len(leaf) for name, leaf in flat.items() if isinstance(leaf, list)}

@@ -32,16 +32,21 @@ NOISE = frozenset((*WORDS["of_nothing"].split(), *WORD_FRAMES))
 """Words that do not say what a number is; whose it is, is for `sides`."""
 
 UNITS = {unit: unit for unit in MM} | {word: unit for unit, words in WORDS["units"].items() for word in words.split()}
+"""Words of a unit of lengths."""
+
 ANGLES = dict.fromkeys(WORDS["degrees"].split(), True) | dict.fromkeys(WORDS["radians"].split(), False)
-"""Words of a unit of lengths; and of angles, and whether it is degrees."""
+"""Words of a unit of angles, and whether it is degrees."""
 
 AXIS_WORDS = frozenset("xyzw")
 AXES = {"roll": "x", "pitch": "y", "yaw": "z"}
 SEQUENCES = (("a", "b", "c"), ("w", "p", "r"), ("o", "a", "t"), ("alpha", "beta", "gamma"), ("phi", "theta", "psi"))
 """Names of three angles in the order of their rotations."""
 
-JOINTS, JOINT_WORDS = (5, 6, 7, 8), frozenset(("joint", "joints", "axis", "j", "q", "theta", "angle", "angles", "jnt"))
-"""So many numbers in sequence, such as q1 to q6, are joints: an orientation has three, four or nine. Their words."""
+JOINT_WORDS = frozenset(("joint", "joints", "axis", "j", "q", "theta", "angle", "angles", "jnt"))
+"""Before the numbers of six joints."""
+
+JOINTS = (5, 6, 7, 8)
+"""So many numbers in sequence, such as q1 to q6, are joints: an orientation has three, four or nine."""
 
 _FRAMES = re.compile(r"[A-Za-z0-9]+_[Tt]_[A-Za-z0-9]+")
 _SHORT = re.compile(r"(q|quat|rot|rvec|r|e|euler|t|p|pos|trans|o)([xyzw]|\d)|(pose|tvec|tcp)(\d+)")

@@ -13,9 +13,11 @@ from calibration.documents.imports.pose_table import PoseTable
 from calibration.documents.imports.refusal import plain, refusal
 from calibration.transforms import Array
 
-MAX_SHOWN, MAX_TIME_SHARE = 4, 0.5
-"""Names of a list in a message; of longer ones the first and the last are shown. Largest distance of a picture's time
-from a pose's, as a share of the pictures' usual distance from each other."""
+MAX_SHOWN = 4
+"""Names of a list in a message; of longer ones the first and the last are shown."""
+
+MAX_TIME_SHARE = 0.5
+"""Largest distance of a picture's time from a pose's, as a share of the pictures' usual distance from each other."""
 
 _DIGITS = re.compile(r"(\d+)")
 

@@ -26,14 +26,23 @@ from calibration.kinematics.conventions import (
 from calibration.problem import Setup
 from calibration.transforms import QUATERNION_NORM_TOLERANCE, Array, inverse, transform
 
-MAX_ARM_MM, MIN_ARM_MM, MIN_STATED_MM = 20_000.0, 50.0, 20.0
-"""Longest distance of a flange from its base, on tracks too; the shortest in the median of the views; and the shortest
-in all views, below which the unit in the header is wrong."""
+MAX_ARM_MM, MIN_ARM_MM = 20_000.0, 50.0
+"""Longest distance of a flange from its base, on tracks too, and the shortest in the median of the views."""
 
-MAX_NUMBER, MAX_ANGLE_DEG, MAX_LAST_ROW, MIXED_RATIO = 1e15, 360.0, 1e-6, 100.0
-"""Larger numbers are damaged, and their squares overflow; larger ones are no angles; largest deviation of a matrix'
-last row from 0, 0, 0, 1. Poses so much nearer to the base than the farthest one are in another unit when a factor of
-1000 explains it."""
+MIN_STATED_MM = 20.0
+"""No arm stays that near to its base in all views: then the unit in the header is wrong."""
+
+MIXED_RATIO = 100.0
+"""Poses so much nearer to the base than the farthest one are in another unit when a factor of 1000 explains it."""
+
+MAX_NUMBER = 1e15
+"""Larger numbers are damaged, and their squares overflow."""
+
+MAX_ANGLE_DEG = 360.0
+"""Larger numbers are no angles of an orientation, and no joints."""
+
+MAX_LAST_ROW = 1e-6
+"""Largest deviation of a matrix' last row from 0, 0, 0, 1."""
 
 NAMED = "columns "
 """How the layout of numbers begins that have names."""

@@ -15,8 +15,11 @@ DAMAGED = (
 DAMAGED_ARCHIVE = (*DAMAGED, zipfile.BadZipFile, zlib.error, lzma.LZMAError, RuntimeError)
 """What zipfile and numpy raise for a damaged .npz file."""
 
-MAX_POSES, MAX_TEXT_BYTES = 20_000, 32_000_000
-"""Of one file; more poses are a trajectory, not views of a calibration, and such with 16 numbers are below 8 MB."""
+MAX_POSES = 20_000
+"""Poses of one file; more are a trajectory, not views of a calibration."""
+
+MAX_TEXT_BYTES = 32_000_000
+"""Bytes of a text with poses: 20,000 poses of 16 numbers are below 8 MB."""
 
 ZIP = b"PK\x03\x04"
 """How the sheets of spreadsheet programs begin."""

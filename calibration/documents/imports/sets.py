@@ -149,13 +149,8 @@ def read_folder(files: Files, chosen: Chosen, part: str | None = None) -> Import
             "samples of pose pairs", poses, pairing=words, camera_poses=seen, setup=poses.setup, notes=notes
         )
     if paired is None:
-        raise refusal(
-            files.origin,
-            "images",
-            "no pictures and no clouds",
-            "name them by --images; of a line scanner: handeyed profiles",
-            "pairs",
-        )
+        fix = "name them by --images; of a line scanner: handeyed profiles"
+        raise refusal(files.origin, "images", "no pictures and no clouds", fix, "pairs")
     taken = poses.take(paired.rows)
     return ImportedSet(
         "folder", taken, paired.images, paired.words, taken.camera, None, cameras[0] if len(cameras) == 1 else None,
@@ -368,11 +363,8 @@ def _bop(files: Files, part: str) -> Described:
     origin = f"{part}/scene_camera.json" if part else "scene_camera.json"
     data = read_json(files.read(origin), origin)
     camera = intrinsics_of(data[min(data, key=natural)], origin) if isinstance(data, dict) and data else None
-    return {
-        "camera": camera,
-        "setup": "eye-in-hand",
-        "notes": ("the camera's pose in the world is taken as the flange's in the base",),
-    }
+    note = "the camera's pose in the world is taken as the flange's in the base"
+    return {"camera": camera, "setup": "eye-in-hand", "notes": (note,)}
 
 
 def _visp(files: Files, part: str) -> Described:

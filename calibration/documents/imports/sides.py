@@ -50,9 +50,11 @@ MAX_MISMATCH_RAD, MORE_MISMATCH_RAD = float(np.radians(2.0)), float(np.radians(0
 """Mean difference of the angles up to which two sides agree; and by how much more than the best pair's those of other
 conventions may differ, which are compared by the translations as well."""
 
-MIN_PAIRS, MAX_COMPARED, MAX_STEP_SHARE = 3, 40, 0.1
-"""Views by which conventions are compared, and the usual distance of a row from the next, as a share of what all rows
-span, below which they are samples of a path."""
+MIN_PAIRS, MAX_COMPARED = 3, 40
+"""Views by which conventions are compared."""
+
+MAX_STEP_SHARE = 0.1
+"""Usual distance of a row from the next, as a share of what all rows span, below which they are samples of a path."""
 
 
 @dataclass(frozen=True)

@@ -12,8 +12,11 @@ import yaml
 
 from calibration.documents.imports.refusal import decode, refusal
 
-MAX_YAML_BYTES, MAX_XML_DEPTH = 4_000_000, 8
-"""PyYAML reads about 1 MB in a second. Elements within elements; deeper ones are read as text."""
+MAX_YAML_BYTES = 4_000_000
+"""PyYAML reads about 1 MB in a second."""
+
+MAX_XML_DEPTH = 8
+"""Elements within elements; deeper ones are read as text."""
 
 _DOCUMENTS = re.compile(r"^---[ \t]*$", re.MULTILINE)
 OPENCV_MATRIX = "tag:yaml.org,2002:opencv-matrix"
