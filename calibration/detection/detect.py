@@ -57,13 +57,7 @@ def validate_detection(detection: Detection, target: Target, image_size: tuple[i
         _require_enough(points[keep], MIN_POINTS_OF_A_MARKER if isinstance(target, ArucoMarker) else MIN_POINTS)
         view, residual_px = fit_plane_view(points[keep], pixels[keep], image_size)
         pitch_px, foreshortening = _scale(view, points[keep], pixels[keep])
-        # Mask (n,) of the outliers; the worst point when the RMS is too large though no point stands out.
-        distance = np.hypot(*residual_px.T)
-        outliers = distance > max(OUTLIER_OF_MEDIAN * float(np.median(distance)), MIN_OUTLIER_PX)
-        rms_px = float(np.sqrt(np.mean(distance**2) / 2))
-        if rms_px > MAX_RMS_PX + MAX_RMS_OF_PITCH * pitch_px and not outliers.any():
-            outliers = distance == distance.max()
-        outliers = np.asarray(outliers)
+        outliers = _find_outliers(residual_px, pitch_px)
         if not outliers.any():
             break
         keep[np.flatnonzero(keep)[outliers]] = False
@@ -79,6 +73,16 @@ def validate_detection(detection: Detection, target: Target, image_size: tuple[i
         what = Sentence("seen-far-away", pitch_px=pitch_px, least_px=MIN_PITCH_PX)
         raise DetectionError("too-far-away", what, Sentence("see-nearer"))
     return Detection(detection.ids[keep], pixels[keep])
+
+
+def _find_outliers(residual_px: Array, pitch_px: float) -> NDArray[np.bool_]:
+    """Mask (n,) of the outliers; the worst point when the RMS is too large though no point stands out."""
+    distance = np.hypot(*residual_px.T)
+    outliers = distance > max(OUTLIER_OF_MEDIAN * float(np.median(distance)), MIN_OUTLIER_PX)
+    rms_px = float(np.sqrt(np.mean(distance**2) / 2))
+    if rms_px > MAX_RMS_PX + MAX_RMS_OF_PITCH * pitch_px and not outliers.any():
+        outliers = distance == distance.max()
+    return np.asarray(outliers)
 
 
 def _require_enough(points: Array, min_points: int) -> None:

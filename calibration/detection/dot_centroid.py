@@ -67,11 +67,7 @@ def _measure(image: Grey, centres: Array, shapes: Array, clearance: Array) -> tu
     level = image[np.clip(rows, 0, height - 1)[:, :, None], np.clip(columns, 0, width - 1)[:, None, :]].astype(float)
     x = (columns - centres[:, :1])[:, None, :] + 0.0 * level
     y = (rows - centres[:, 1:])[:, :, None] + 0.0 * level
-    # Signed distance in px from ellipses (first order), negative inside.
-    inverse = np.linalg.inv(shapes)[:, :, :, None, None]
-    gx, gy = inverse[:, 0, 0] * x + inverse[:, 0, 1] * y, inverse[:, 1, 0] * x + inverse[:, 1, 1] * y
-    rho = np.sqrt(np.maximum(x * gx + y * gy, 1e-9))
-    distance = np.asarray((rho - 1) * rho / np.maximum(np.hypot(gx, gy), 1e-9))
+    distance = _distance_from_rim(x, y, shapes)
     paper = (distance > band) & (distance < band + ring) & inside
     relative = level / np.maximum(_plane_through(level, x, y, paper), 1.0)
     ink = distance < -band
@@ -87,6 +83,14 @@ def _measure(image: Grey, centres: Array, shapes: Array, clearance: Array) -> tu
         / np.where(bad, 1.0, area)[:, None]
     )
     return np.where(bad[:, None], np.nan, centres + shift), np.where(bad, np.nan, area)
+
+
+def _distance_from_rim(x: Array, y: Array, shapes: Array) -> Array:
+    """Signed distance in px from ellipses (first order), negative inside."""
+    inverse = np.linalg.inv(shapes)[:, :, :, None, None]
+    gx, gy = inverse[:, 0, 0] * x + inverse[:, 0, 1] * y, inverse[:, 1, 0] * x + inverse[:, 1, 1] * y
+    rho = np.sqrt(np.maximum(x * gx + y * gy, 1e-9))
+    return np.asarray((rho - 1) * rho / np.maximum(np.hypot(gx, gy), 1e-9))
 
 
 def _plane_through(level: Array, x: Array, y: Array, mask: Array) -> Array:

@@ -112,10 +112,7 @@ def readings_of(rotations: Array) -> Iterator[Reading]:
             rotation_from_euler(np.degrees(numbers[:, :1]), read),
             euler_numbers(rotations, read, MIN_SMALL_LOCK_SINE)[1],
         )
-    # The rotation vector (n, 2, 3) of each rotation, and the longer one in the opposite direction.
-    vectors = vector_from_rotation(rotations).reshape(-1, 3)
-    turns = np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), 1e-12)
-    vectors = np.stack([vectors, vectors * (1 - 2 * np.pi / turns)], axis=1)
+    vectors = _both_vectors(rotations)
     for true in ORDERS:
         for named, turned in (
             (f"intrinsic {true}", rotation_from_euler(vectors, true)),
@@ -130,3 +127,10 @@ def readings_of(rotations: Array) -> Iterator[Reading]:
         np.swapaxes(rotations, 1, 2)[:, None],
         everywhere,
     )
+
+
+def _both_vectors(rotations: Array) -> Array:
+    """The rotation vector (n, 2, 3) of each rotation, and the longer one in the opposite direction."""
+    vectors = vector_from_rotation(rotations).reshape(-1, 3)
+    turns = np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), 1e-12)
+    return np.stack([vectors, vectors * (1 - 2 * np.pi / turns)], axis=1)

@@ -106,12 +106,7 @@ def _views(rows: NDArray[np.intp], views: Sequence[int]) -> str:
 
 def _of_all_views(arm: Arm, joints: Array, poses: Array) -> JointMistake | None:
     """The mistake that most views have in common and that moves the flange by millimetres at most."""
-    # The constant (6,) that, added to the joints, gives the poses best.
-    shift, steps = np.zeros(AXES), 1e-6 * np.eye(AXES)
-    for _ in range(SHIFT_ROUNDS):
-        drawn = arm.forward(joints + shift)
-        slopes = [_off_by(drawn, arm.forward(joints + shift + step)) / 1e-6 for step in steps]
-        shift = shift + np.linalg.lstsq(np.array(slopes).T, _off_by(drawn, poses), rcond=None)[0]
+    shift = _shift_rad(arm, joints, poses)
     if _distances_mm(arm.forward(joints + shift), poses).max() <= MAX_VIEW_OFF_MM:
         axes = np.flatnonzero(np.abs(shift) > MIN_SHIFT_RAD)
         sizes = " and ".join(f"{-size:.3f}°" for size in np.degrees(shift[axes]))
@@ -124,6 +119,16 @@ def _of_all_views(arm: Arm, joints: Array, poses: Array) -> JointMistake | None:
             fix = "record them with three decimals, or leave them out and record the confdata"
             return JointMistake("joints-rounded", what, fix)
     return _in_another_frame(arm.forward(joints), poses, MAX_VIEW_OFF_MM)
+
+
+def _shift_rad(arm: Arm, joints: Array, poses: Array) -> Array:
+    """The constant (6,) that, added to the joints, gives the poses best."""
+    shift, steps = np.zeros(AXES), 1e-6 * np.eye(AXES)
+    for _ in range(SHIFT_ROUNDS):
+        drawn = arm.forward(joints + shift)
+        slopes = [_off_by(drawn, arm.forward(joints + shift + step)) / 1e-6 for step in steps]
+        shift = shift + np.linalg.lstsq(np.array(slopes).T, _off_by(drawn, poses), rcond=None)[0]
+    return shift
 
 
 def _off_by(poses: Array, others: Array) -> Array:

@@ -147,12 +147,7 @@ def _from_points(
     require_unit(ratio, "points", "the measured points are", "points_mm")
     whole = sum(map(len, seen))
     fitted = [_robust_pose(here, there) for here, there in zip(drawn, seen, strict=True)]
-    # The two levels (2,) by the medians of squares, whose distributions have two degrees of freedom and one.
-    rows = zip(drawn, seen, fitted, strict=True)
-    squares = [_split(map_points(pose, here) - there, _sight(there)) for here, there, pose in rows]
-    across, along = (np.concatenate([one[part] for one in squares]) for part in (0, 1))
-    levels: Array = np.sqrt([np.median(across) / CHI2_MEDIANS[0], np.median(along) / CHI2_MEDIANS[1]])
-    deviations = np.maximum(levels, max(float(levels.max()) * MIN_LEVEL_RATIO, MIN_DEVIATION_MM))
+    deviations = _robust_deviations(drawn, seen, fitted)
     for _ in range(ROUNDS):
         kept = [_agreeing(*one, deviations) for one in zip(drawn, seen, fitted, strict=True)]
         here = [points[mask] for points, mask in zip(drawn, kept, strict=True)]
@@ -202,6 +197,15 @@ def _robust_pose(here: Array, there: Array) -> Array:
 
 def _size(points: Array) -> float:
     return float(np.sqrt(np.mean(np.sum((points - points.mean(axis=0)) ** 2, axis=1))))
+
+
+def _robust_deviations(drawn: list[Array], seen: list[Array], fitted: list[Array]) -> Array:
+    """The two levels (2,) by the medians of squares, whose distributions have two degrees of freedom and one."""
+    rows = zip(drawn, seen, fitted, strict=True)
+    squares = [_split(map_points(pose, here) - there, _sight(there)) for here, there, pose in rows]
+    across, along = (np.concatenate([one[part] for one in squares]) for part in (0, 1))
+    levels: Array = np.sqrt([np.median(across) / CHI2_MEDIANS[0], np.median(along) / CHI2_MEDIANS[1]])
+    return np.maximum(levels, max(float(levels.max()) * MIN_LEVEL_RATIO, MIN_DEVIATION_MM))
 
 
 def _sight(points: Array) -> Array:

@@ -93,15 +93,19 @@ def observe(problem: Problem) -> tuple[Observations, dict[int, UnusableReason]]:
             why = UnusableReason("corners-damaged", Sentence("corners-damaged", ids=len(ids), corners=len(pixels)))
         refused[position] = why
     seen, by_corners = _usable_corners(problem, poses, whole)
-    # The first row (n,) with the same corners in every bit; no two exposures agree so far.
-    first_with: dict[bytes, int] = {}
-    images = (ids.tobytes() + pixels.tobytes() for ids, pixels in zip(seen.ids, seen.pixels, strict=True))
-    first_of = np.array([first_with.setdefault(image, row) for row, image in enumerate(images)], np.intp)
+    first_of = _first_with_same_image(seen)
     kept = first_of == np.arange(len(seen))
     for row in np.flatnonzero(~kept):
         first = problem.views[seen.positions[first_of[row]]].index
         by_corners[int(seen.positions[row])] = UnusableReason(IMAGE_REPEATED, Sentence("image-repeated", view=first))
     return seen if np.all(kept) else seen.take(kept), refused | by_corners
+
+
+def _first_with_same_image(seen: Observations) -> NDArray[np.intp]:
+    """The first row (n,) with the same corners in every bit; no two exposures agree so far."""
+    first_with: dict[bytes, int] = {}
+    images = (ids.tobytes() + pixels.tobytes() for ids, pixels in zip(seen.ids, seen.pixels, strict=True))
+    return np.array([first_with.setdefault(image, row) for row, image in enumerate(images)], np.intp)
 
 
 def rigid_mask(base_T_flange: Array) -> NDArray[np.bool_]:

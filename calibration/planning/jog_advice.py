@@ -87,12 +87,7 @@ def advise(
     try:
         belief = infer_scene(prior, problem)
     except UndeterminedError:
-        # Before X is known: turns about different axes, which determine it.
-        taken = np.array([view.base_T_flange for view in problem.views if view.detection is not None])
-        axis, angle_deg = FIRST_TURN if len(taken) < 2 else (_axes_by_variation(taken)[0], EXPLORING_TURN_DEG)
-        turn = f"turn the flange by about {angle_deg:g} deg about its {axis}"
-        words = f"{turn}, and bring the whole target back into the picture"
-        return Advice(words, None, None, None, ((axis, angle_deg),))
+        return _advise_without_x(problem)
     now_mm = belief.now_mm
     goal = stop.uncertainty_mm is not None or stop.tolerance_mm is not None
     met = now_mm is not None and (stop.met_by(belief) if goal else stop.views_left <= 0)
@@ -169,6 +164,16 @@ def _tilts_rad(scene: Scene, poses: Array) -> Array:
     normals = scene.camera_T_target(poses)[:, :3, 2]
     tilts: Array = np.arccos(np.clip(np.abs(normals[:, 2]), 0.0, 1.0))
     return tilts
+
+
+def _advise_without_x(problem: Problem) -> Advice:
+    """Advice before X is known: turns about different axes, which determine it."""
+    taken = np.array([view.base_T_flange for view in problem.views if view.detection is not None])
+    axis, angle_deg = FIRST_TURN if len(taken) < 2 else (_axes_by_variation(taken)[0], EXPLORING_TURN_DEG)
+    words = (
+        f"turn the flange by about {angle_deg:g} deg about its {axis}, and bring the whole target back into the picture"
+    )
+    return Advice(words, None, None, None, ((axis, angle_deg),))
 
 
 def _advise_about_one_axis(problem: Problem) -> Advice:

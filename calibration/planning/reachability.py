@@ -29,12 +29,7 @@ def reachable_by(
     """
 
     def reachable(base_T_flange: Array) -> NDArray[np.bool_]:
-        # Whole turns are added, so that the joints are as near as the limits allow; NaN outside them.
-        lower, upper = np.array(arm.lower_rad) - LIMIT_SLACK_RAD, np.array(arm.upper_rad) + LIMIT_SLACK_RAD
-        near = np.zeros(6) if joints_now_rad is None else joints_now_rad
-        lowest = lower + np.mod(arm.branches(base_T_flange, joints_now_rad) - lower, 2 * np.pi)
-        turns = np.clip(np.round((near - lowest) / (2 * np.pi)), 0, np.floor((upper - lowest) / (2 * np.pi)))
-        joints: Array = np.where(lowest <= upper, lowest + 2 * np.pi * turns, np.nan)
+        joints = _nearest_turns(arm, arm.branches(base_T_flange, joints_now_rad), joints_now_rad)
         solved: NDArray[np.bool_] = np.all(np.isfinite(joints), axis=-1)
         joints = np.where(solved[:, :, None], joints, 0.0)
         possible = solved & (arm.singularity_clearance(joints) >= MIN_SINGULARITY_CLEARANCE)
@@ -54,3 +49,13 @@ def reachable_by(
         return result
 
     return reachable
+
+
+def _nearest_turns(arm: Arm, joints_rad: Array, near_rad: Array | None) -> Array:
+    """Joints (..., 6) with whole turns added, as near to `near_rad` as the limits allow; NaN outside them."""
+    lower, upper = np.array(arm.lower_rad) - LIMIT_SLACK_RAD, np.array(arm.upper_rad) + LIMIT_SLACK_RAD
+    near = np.zeros(6) if near_rad is None else near_rad
+    lowest = lower + np.mod(joints_rad - lower, 2 * np.pi)
+    turns = np.clip(np.round((near - lowest) / (2 * np.pi)), 0, np.floor((upper - lowest) / (2 * np.pi)))
+    result: Array = np.where(lowest <= upper, lowest + 2 * np.pi * turns, np.nan)
+    return result
