@@ -86,14 +86,7 @@ class AdaptiveSequence:
         self._progress.wish, self._progress.stations = self.parameters.wish, self.parameters.wish.views_left
         self._progress.planning = Planning(note=self.parameters.assumed, goal=goal_of(self.parameters.wish))
         async with self.cell.motion_lease(Sentence("holder-run", run=self.log.id)) as robot:
-            # The first view is taken from where the arm stands.
-            await self.log.advance(E.ARRIVED)
-            view = await self._capture(captured=False)
-            guess = self.parameters.guess
-            if view.detection is None and (guess.mount_T_camera is None or guess.anchor_T_target is None):
-                raise TargetNotSeen(
-                    Sentence("target-not-seen-at-start", why=why_missing(view)), Sentence("bring-in-view")
-                )
+            await self._capture_first_view()
             await self._explore(robot)
             while (found := await self._plan_next(robot)).base_T_flange is not None:
                 await self._log_plan(E.PLANNED, found)
@@ -109,6 +102,14 @@ class AdaptiveSequence:
         check_detections(self._progress.views, min_views)
         await self.log.advance(E.DETECTED)
         return self.session.problem(self._progress.views)
+
+    async def _capture_first_view(self) -> None:
+        """Take the first view from where the arm stands, without moving it."""
+        await self.log.advance(E.ARRIVED)
+        view = await self._capture(captured=False)
+        guess = self.parameters.guess
+        if view.detection is None and (guess.mount_T_camera is None or guess.anchor_T_target is None):
+            raise TargetNotSeen(Sentence("target-not-seen-at-start", why=why_missing(view)), Sentence("bring-in-view"))
 
     async def _explore(self, robot: Robot) -> None:
         """Turn the flange by small angles to find the camera's place on it, when no guess is given."""

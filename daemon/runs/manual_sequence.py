@@ -91,11 +91,7 @@ class ManualSequence:
         """Carry out one request; returns True when it ends the sequence. A refused one leaves the run as it was."""
         try:
             if asked.action == "the end":
-                if (seen := len(self._progress.views_with_target)) < min_views:
-                    raise TooFewViews(
-                        Sentence("views-are-missing", seen=seen, needed=min_views),
-                        self._progress.planning.advice or BEGIN,
-                    )
+                self._check_view_count(min_views)
                 await self.log.advance(E.ENOUGH, stations=self.log.run.station)
             elif asked.jog is not None:
                 await self._jog(asked.jog)
@@ -121,6 +117,12 @@ class ManualSequence:
         await self.log.advance(E.JOGS)
         await jog.carry_out_as_holder()
         await self.log.advance(E.JOGGED)
+
+    def _check_view_count(self, min_views: int) -> None:
+        if (seen := len(self._progress.views_with_target)) < min_views:
+            raise TooFewViews(
+                Sentence("views-are-missing", seen=seen, needed=min_views), self._progress.planning.advice or BEGIN
+            )
 
     async def _take_view(self) -> None:
         await self.log.advance(E.ASKED)
