@@ -2,6 +2,8 @@
 
 import asyncio
 import re
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -143,69 +145,73 @@ async def test_from_an_empty_folder_to_an_accepted_calibration(
             assert await moves() > 0
 
 
-async def test_each_step_is_read_and_pressed_by_everybody(browser: Any, axe: str, tmp_path: Path) -> None:
-    with (
-        start_child("mock", FAST, tmp_path) as mock,
-        start_child("daemon", ["daemon.cli", "serve", "--setup", str(tmp_path / "handeyed.toml")], tmp_path) as daemon,
-    ):
-        cell = mock.announcement
+@asynccontextmanager
+async def page_of_set_up(browser: Any, folder: Path) -> AsyncIterator[tuple[Any, dict[str, Any], str]]:
+    """The page of a daemon that sets a cell up in the folder, what the mock announces, and the daemon's address."""
+    serve = ["daemon.cli", "serve", "--setup", str(folder / "handeyed.toml")]
+    with start_child("mock", FAST, folder) as mock, start_child("daemon", serve, folder) as daemon:
         async with page_of(browser, viewport=SMALL_SCREEN) as page:
             page.set_default_timeout(1000 * LIMIT_S)
+            yield page, mock.announcement, daemon.announcement["url"]
 
-            async def look() -> None:
-                for viewport in (PHONE, SMALL_SCREEN):
-                    await page.set_viewport_size(viewport)
-                    await page.wait_for_function("document.documentElement.scrollWidth <= innerWidth")
-                    for scheme in ("dark", "light"):
-                        await page.emulate_media(color_scheme=scheme, reduced_motion="reduce")
-                        assert await page.evaluate(AXE_FINDINGS) == []
-                        assert await page.evaluate(LOW_CONTRAST) == []
-                    assert await page.evaluate(TOO_SMALL) == []
 
-            async def find(route: Any) -> None:
-                """As if both had answered by themselves."""
-                answer = await route.fetch()
-                camera = {"address": cell["camera"], "vendor": "Basler", "model": "acA1920-40gm", "problem": ""}
-                found = {"controllers": ["192.168.125.1", cell["rws"]["1.0"]], "cameras": [camera]}
-                await route.fulfill(response=answer, json={**await answer.json(), **found})
+async def test_each_step_is_read_and_pressed_by_everybody(browser: Any, axe: str, tmp_path: Path) -> None:
+    async with page_of_set_up(browser, tmp_path) as (page, cell, url):
 
-            await page.route("**/setup", find)
-            await page.goto(daemon.announcement["url"])
-            await page.evaluate(axe)
-            assert await page.get_by_role("radio", name="acA1920-40gm").is_checked()
-            await page.get_by_role("radio", name=cell["rws"]["1.0"]).check()
-            assert await page.locator("#controller").input_value() == cell["rws"]["1.0"]
-            await look()
-            for press in ("Try it", "Take a picture"):
-                await page.get_by_role("button", name=press).click()
-                await page.locator("form[aria-busy=false]").wait_for()
-            await page.locator("#robot").wait_for()
-            await look()
-            await page.locator("main .primary").click()
-            await page.locator("#length").fill("200")
-            await look()
-            printed = await page.get_by_role("link", name="Print this target").get_attribute("href")
-            assert "charuco:12x9:20:15:" in unquote(printed)
-            assert (await page.request.get(urljoin(page.url, printed))).headers["content-type"] == "application/pdf"
-            await page.locator("main .primary").click()
-            await page.locator("#tolerance").fill("0.2")
-            await page.get_by_text("more than your limit").wait_for()
-            await page.get_by_role("button", name="The program's box").click()
-            await page.get_by_text("% of the box").wait_for()
-            await look()
-            far = page.get_by_label("X opposite corner, mm")
-            before = float(await far.input_value())
-            face = page.locator("[data-face=X2]")
-            await face.hover()  # waits until the scene, which has another size now, has put it where it stays
-            knob = await face.bounding_box()
-            x, y = knob["x"] + knob["width"] / 2, knob["y"] + knob["height"] / 2
-            await page.mouse.down()
-            await page.mouse.move(x + 20, y + 12, steps=3)
-            await page.mouse.up()
-            assert float(await far.input_value()) > before, "the face goes towards who looks"
-            for one, mm in zip(await page.locator(".wizard-box input").all(), NEAR_MM, strict=True):
-                await one.fill(mm)
-            await page.get_by_text("Red where the arm cannot reach: nowhere").wait_for()
+        async def look() -> None:
+            for viewport in (PHONE, SMALL_SCREEN):
+                await page.set_viewport_size(viewport)
+                await page.wait_for_function("document.documentElement.scrollWidth <= innerWidth")
+                for scheme in ("dark", "light"):
+                    await page.emulate_media(color_scheme=scheme, reduced_motion="reduce")
+                    assert await page.evaluate(AXE_FINDINGS) == []
+                    assert await page.evaluate(LOW_CONTRAST) == []
+                assert await page.evaluate(TOO_SMALL) == []
+
+        async def find(route: Any) -> None:
+            """As if both had answered by themselves."""
+            answer = await route.fetch()
+            camera = {"address": cell["camera"], "vendor": "Basler", "model": "acA1920-40gm", "problem": ""}
+            found = {"controllers": ["192.168.125.1", cell["rws"]["1.0"]], "cameras": [camera]}
+            await route.fulfill(response=answer, json={**await answer.json(), **found})
+
+        await page.route("**/setup", find)
+        await page.goto(url)
+        await page.evaluate(axe)
+        assert await page.get_by_role("radio", name="acA1920-40gm").is_checked()
+        await page.get_by_role("radio", name=cell["rws"]["1.0"]).check()
+        assert await page.locator("#controller").input_value() == cell["rws"]["1.0"]
+        await look()
+        for press in ("Try it", "Take a picture"):
+            await page.get_by_role("button", name=press).click()
+            await page.locator("form[aria-busy=false]").wait_for()
+        await page.locator("#robot").wait_for()
+        await look()
+        await page.locator("main .primary").click()
+        await page.locator("#length").fill("200")
+        await look()
+        printed = await page.get_by_role("link", name="Print this target").get_attribute("href")
+        assert "charuco:12x9:20:15:" in unquote(printed)
+        assert (await page.request.get(urljoin(page.url, printed))).headers["content-type"] == "application/pdf"
+        await page.locator("main .primary").click()
+        await page.locator("#tolerance").fill("0.2")
+        await page.get_by_text("more than your limit").wait_for()
+        await page.get_by_role("button", name="The program's box").click()
+        await page.get_by_text("% of the box").wait_for()
+        await look()
+        far = page.get_by_label("X opposite corner, mm")
+        before = float(await far.input_value())
+        face = page.locator("[data-face=X2]")
+        await face.hover()  # waits until the scene, which has another size now, has put it where it stays
+        knob = await face.bounding_box()
+        x, y = knob["x"] + knob["width"] / 2, knob["y"] + knob["height"] / 2
+        await page.mouse.down()
+        await page.mouse.move(x + 20, y + 12, steps=3)
+        await page.mouse.up()
+        assert float(await far.input_value()) > before, "the face goes towards who looks"
+        for one, mm in zip(await page.locator(".wizard-box input").all(), NEAR_MM, strict=True):
+            await one.fill(mm)
+        await page.get_by_text("Red where the arm cannot reach: nowhere").wait_for()
 
 
 async def test_a_settings_file_answers_and_nothing_is_tried_before_one_goes_on(browser: Any, tmp_path: Path) -> None:
@@ -255,57 +261,51 @@ async def test_a_settings_file_answers_and_nothing_is_tried_before_one_goes_on(b
 
 async def test_the_picture_of_the_target_step_is_live(browser: Any, tmp_path: Path) -> None:
     """One at a time, at most five a second; none in a hidden tab, beside a try, or once the step is left."""
-    with (
-        start_child("mock", FAST, tmp_path) as mock,
-        start_child("daemon", ["daemon.cli", "serve", "--setup", str(tmp_path / "handeyed.toml")], tmp_path) as daemon,
-    ):
-        cell = mock.announcement
-        async with page_of(browser, viewport=SMALL_SCREEN) as page:
-            page.set_default_timeout(1000 * LIMIT_S)
-            under_way, most, asked, live = 0, 0, [], []
-            page.on("requestfinished", lambda one: live.append(one) if "target" in (one.post_data or "")[:22] else None)
+    async with page_of_set_up(browser, tmp_path) as (page, cell, url):
+        under_way, most, asked, live = 0, 0, [], []
+        page.on("requestfinished", lambda one: live.append(one) if "target" in (one.post_data or "")[:22] else None)
 
-            async def count(route: Any) -> None:
-                nonlocal under_way, most
-                asked.append(route.request.post_data_json["question"])
-                under_way += 1
-                most = max(most, under_way)
-                answer = await route.fetch()
-                under_way -= 1
-                await route.fulfill(response=answer)
+        async def count(route: Any) -> None:
+            nonlocal under_way, most
+            asked.append(route.request.post_data_json["question"])
+            under_way += 1
+            most = max(most, under_way)
+            answer = await route.fetch()
+            under_way -= 1
+            await route.fulfill(response=answer)
 
-            async def until(number: int) -> None:
-                await page.wait_for_function(SHOWS, arg=number)
+        async def until(number: int) -> None:
+            await page.wait_for_function(SHOWS, arg=number)
 
-            async def stands() -> None:
-                """No picture comes any more, however long one waits."""
-                while under_way:
-                    await page.wait_for_timeout(50)
-                before = len(asked)
-                await page.clock.fast_forward(60_000)
-                await page.evaluate("() => fetch('/health')")
-                assert len(asked) == before
+        async def stands() -> None:
+            """No picture comes any more, however long one waits."""
+            while under_way:
+                await page.wait_for_timeout(50)
+            before = len(asked)
+            await page.clock.fast_forward(60_000)
+            await page.evaluate("() => fetch('/health')")
+            assert len(asked) == before
 
-            await page.clock.install()
-            await page.route("**/setup/try", count)
-            await page.goto(f"{daemon.announcement['url']}/page/?lang=en#/setup")
-            await page.locator("#controller").fill(cell["rws"]["1.0"])
-            await page.locator("#camera").fill(cell["camera"])
-            await page.locator("main .primary").click()
-            await page.locator("#length").wait_for()
-            await until(4)
-            assert asked[:2] == ["controller", "camera"]
-            assert set(asked[2:]) == {"target"}
-            await page.get_by_text("of 88 corners found").wait_for()
-            await page.evaluate(HIDE, True)
-            await stands()
-            await page.evaluate(HIDE, False)
-            await until(5)
-            apart_ms = [after - before for before, after in pairwise(one.timing["startTime"] for one in live)]
-            assert min(apart_ms) >= 1000 / MAX_LIVE_PER_S - TIMER_MS
-            await page.get_by_role("button", name="Take another picture").click()
-            await until(8)
-            await page.get_by_role("button", name="Back").click()
-            await stands()
-            await page.unroute_all(behavior="ignoreErrors")
+        await page.clock.install()
+        await page.route("**/setup/try", count)
+        await page.goto(f"{url}/page/?lang=en#/setup")
+        await page.locator("#controller").fill(cell["rws"]["1.0"])
+        await page.locator("#camera").fill(cell["camera"])
+        await page.locator("main .primary").click()
+        await page.locator("#length").wait_for()
+        await until(4)
+        assert asked[:2] == ["controller", "camera"]
+        assert set(asked[2:]) == {"target"}
+        await page.get_by_text("of 88 corners found").wait_for()
+        await page.evaluate(HIDE, True)
+        await stands()
+        await page.evaluate(HIDE, False)
+        await until(5)
+        apart_ms = [after - before for before, after in pairwise(one.timing["startTime"] for one in live)]
+        assert min(apart_ms) >= 1000 / MAX_LIVE_PER_S - TIMER_MS
+        await page.get_by_role("button", name="Take another picture").click()
+        await until(8)
+        await page.get_by_role("button", name="Back").click()
+        await stands()
+        await page.unroute_all(behavior="ignoreErrors")
     assert most == 1
