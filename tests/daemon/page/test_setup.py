@@ -22,6 +22,7 @@ from daemon.config.settings import load_settings
 from daemon.config.toml_text import toml_text
 from tests.daemon.cli.running import handeyed
 from tests.daemon.page.conftest import AXE_FINDINGS, HIDE, page_of
+from tests.support.ports import free_port, usual_port
 from tests.support.waiting import LIMIT_S
 
 pytestmark = [pytest.mark.asyncio(loop_scope="module"), pytest.mark.slow]
@@ -92,6 +93,7 @@ async def test_from_an_empty_folder_to_an_accepted_calibration(
     file = tmp_path / "cell" / "handeyed.toml"
     file.parent.mkdir()
     with (
+        usual_port(),
         start_child("mock", FAST, tmp_path) as mock,
         start_child("daemon", ["daemon.cli", "serve", "--setup", str(file)], tmp_path) as daemon,
     ):
@@ -149,7 +151,7 @@ async def test_from_an_empty_folder_to_an_accepted_calibration(
 async def page_of_set_up(browser: Any, folder: Path) -> AsyncIterator[tuple[Any, dict[str, Any], str]]:
     """The page of a daemon that sets a cell up in the folder, what the mock announces, and the daemon's address."""
     serve = ["daemon.cli", "serve", "--setup", str(folder / "handeyed.toml")]
-    with start_child("mock", FAST, folder) as mock, start_child("daemon", serve, folder) as daemon:
+    with usual_port(), start_child("mock", FAST, folder) as mock, start_child("daemon", serve, folder) as daemon:
         async with page_of(browser, viewport=SMALL_SCREEN) as page:
             page.set_default_timeout(1000 * LIMIT_S)
             yield page, mock.announcement, daemon.announcement["url"]
@@ -216,7 +218,8 @@ async def test_each_step_is_read_and_pressed_by_everybody(browser: Any, axe: str
 
 async def test_a_settings_file_answers_and_nothing_is_tried_before_one_goes_on(browser: Any, tmp_path: Path) -> None:
     file, other = tmp_path / "handeyed.toml", tmp_path / "other.toml"
-    file.write_text('[report]\ncell = "Line 3"\n[calibration]\ntolerance_mm = 0.4\n')
+    report = '[report]\ncell = "Line 3"\n[calibration]\ntolerance_mm = 0.4\n'
+    file.write_text(f'{report}[server]\nport = {free_port()}\n[storage]\nfolder = "store"\n')
     with (
         start_child("mock", FAST, tmp_path) as mock,
         start_child("daemon", ["daemon.cli", "serve", "--setup", str(file)], tmp_path) as daemon,
