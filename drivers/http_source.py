@@ -22,6 +22,8 @@ from drivers.timing import Timing
 POLL_S = 5.0
 CONNECT_LIMIT_S = 3.0
 RETRY_S = 0.05
+KEPT_S = 1.0
+"""A connection idle for longer is not used again: many servers end theirs after 2 to 5 s, as a picture is asked for."""
 HTTP_DATE_STEP_S = 1.0
 """HTTP dates and Age have a resolution of one second: content may be older by that much."""
 EXACT_AGE = "x-taken-at-age-s"
@@ -120,6 +122,7 @@ class HttpSource(PolledDevice):
             verify=tls_trust(self._url),
             timeout=httpx.Timeout(self._limit_s, connect=CONNECT_LIMIT_S),
             headers={"Accept-Encoding": "identity"},
+            limits=httpx.Limits(keepalive_expiry=KEPT_S),
         )
 
     async def close(self) -> None:

@@ -23,10 +23,12 @@ def refusal_of(url: str, device: str, limit_s: float) -> DeviceError | None:
     if parts.scheme not in PORTS or parts.hostname is None:
         return None
     address = (parts.hostname, parts.port or PORTS[parts.scheme])
+    tls = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)  # whoever it is: the player decides whether to trust the certificate
+    tls.check_hostname, tls.verify_mode = False, ssl.CERT_NONE
     try:
         with (
             socket.create_connection(address, limit_s) as plain,
-            _encrypt(plain, parts.hostname) if parts.scheme.endswith("s") else plain as server,
+            tls.wrap_socket(plain, server_hostname=parts.hostname) if parts.scheme.endswith("s") else plain as server,
         ):
             server.sendall(_request(parts.scheme, parts.hostname, url, parts.path, parts.query))
             answer = server.recv(256)
@@ -45,13 +47,6 @@ def refusal_of(url: str, device: str, limit_s: float) -> DeviceError | None:
     if status >= 500:
         return DeviceUnreachable(device, what, "the device is not ready; look at it")
     return GarbledAnswer(device, what, "check path, user and password of the address")
-
-
-def _encrypt(plain: socket.socket, host: str) -> ssl.SSLSocket:
-    """Whoever it is: the player decides whether to trust the certificate. Raises OSError."""
-    context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
-    context.check_hostname, context.verify_mode = False, ssl.CERT_NONE
-    return context.wrap_socket(plain, server_hostname=host)
 
 
 def _request(scheme: str, host: str, url: str, path: str, query: str) -> bytes:

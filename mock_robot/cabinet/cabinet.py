@@ -86,10 +86,6 @@ class Mounting:
         return transform(np.eye(3), external_axes[0] * np.array(self.track)) @ self.world_T_base
 
 
-UPSIDE_DOWN = np.diag([1.0, -1.0, -1.0, 1.0])
-"""A base turned by 180 deg about its x axis: an arm that hangs from a gantry."""
-
-
 MANUAL_SPEED_MM_S = 250.0
 """Manual reduced speed: faster moves are limited to it."""
 UNUSED_AXIS = 9e9

@@ -65,7 +65,8 @@ def picture(
 
     What lies around the target stays as it is while the flange stands; the noise is drawn from `rng`.
     """
-    surroundings = np.random.default_rng([truth.seed, _number_of_place(exposure.begin_base_T_flange)])
+    place = crc32(np.round(exposure.begin_base_T_flange[:3], 2).tobytes())  # one number within 0.01 mm and 0.6 degrees
+    surroundings = np.random.default_rng([truth.seed, place])
     poses = [
         BEHIND if hidden else truth.camera_T_target(base_T_flange) for base_T_flange in exposure.poses(SMEARED_POSES)
     ]
@@ -73,11 +74,6 @@ def picture(
         printed = print_target(truth.target, truth.sheet)
         return sketch(truth.camera, printed, poses[-1], truth.optics, surroundings, width)
     return render(truth.camera, truth.target, np.array(poses), truth.optics, rng, truth.sheet, surroundings)
-
-
-def _number_of_place(base_T_flange: Array) -> int:
-    """The same for a flange that stands; another one, but for moves of less than 0.01 mm or 0.6 degrees."""
-    return crc32(np.round(base_T_flange[:3], 2).tobytes())
 
 
 def cloud(truth: CellTruth, exposure: Exposure, rng: np.random.Generator) -> NDArray[np.float32]:

@@ -8,6 +8,9 @@ from typing import Any
 
 import uvicorn
 
+KEEP_ALIVE_S = 75
+"""nginx's default. Clients give up a connection idle for 5 s: if the server ends it then, a request meets the end."""
+
 
 async def read_body(receive: Callable[[], Awaitable[MutableMapping[str, Any]]], max_bytes: int) -> bytes:
     """The body of a request, the rest of one that is longer left unread."""
@@ -34,10 +37,8 @@ class HttpServer:
 
     def __init__(self, application: Any, **options: Any) -> None:
         """`options`: further arguments of uvicorn.Config, such as a certificate."""
-        options = {"ws": "none", **options}
-        config = uvicorn.Config(
-            application, log_level="error", access_log=False, lifespan="off", timeout_graceful_shutdown=1, **options
-        )
+        options = {"ws": "none", "timeout_keep_alive": KEEP_ALIVE_S, "timeout_graceful_shutdown": 1, **options}
+        config = uvicorn.Config(application, log_level="error", access_log=False, lifespan="off", **options)
         self._scheme = "https" if config.is_ssl else "http"
         self._server = _Server(config)
         self._serving: asyncio.Task[None] | None = None

@@ -124,11 +124,8 @@ def egm_devices(fragments: Fragments) -> dict[str, int | None]:
     None: the mock's own sender sends for it (`--egm`).
     """
     found = [*fragments.read("egm/SIO").items(), *fragments.read("SIO").items()]
-    return {each["Name"]: fragments.egm_port(each) for kind, many in found for each in many if _is_egm(kind, each)}
-
-
-def _is_egm(kind: str, instance: Instance) -> bool:
-    return kind in ("COM_TRP", "UDPUC_HOST") and instance.get("Type") == "UDPUC"
+    transports = [each for kind, many in found if kind in ("COM_TRP", "UDPUC_HOST") for each in many]
+    return {each["Name"]: fragments.egm_port(each) for each in transports if each.get("Type") == "UDPUC"}
 
 
 def serial_ports(fragments: Fragments) -> tuple[str, ...]:

@@ -26,11 +26,9 @@ class FrameFaultBoard(FaultBoard):
             return data
         answer = unpack(ANSWERS[command], frame.payload)
         altered = self.alter_reply(command, answer)
-        return data if altered is answer or isinstance(altered, Refused) else _with(frame, pack(altered))
-
-
-def _with(frame: Frame, payload: bytes) -> bytes:
-    return replace(frame, payload=payload).encode()
+        if altered is answer or isinstance(altered, Refused):
+            return data
+        return replace(frame, payload=pack(altered)).encode()
 
 
 def _frame(data: bytes) -> Frame | None:

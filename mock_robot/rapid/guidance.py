@@ -64,21 +64,25 @@ class EgmSession:
     failed: str = ""
     _ended: threading.Event = field(default_factory=threading.Event)
     _thread: threading.Thread | None = None
+    _switching: threading.Lock = field(default_factory=threading.Lock)
+    _freed: bool = False
 
     def begin(self) -> None:
-        """Start sending; a no-op while it sends."""
+        """Start sending; a no-op while it sends, and once it is freed: a statement may be under way then."""
         self.heard_s = monotonic()
-        if self._thread is None:
-            self._ended.clear()
-            thread = threading.Thread(target=self._live, name="rapid EGM", daemon=True)
-            thread.start()
-            self._thread = thread  # another thread may end it at once: only one that runs
+        with self._switching:
+            if self._thread is None and not self._freed:
+                self._ended.clear()
+                self._thread = threading.Thread(target=self._live, name="rapid EGM", daemon=True)
+                self._thread.start()
 
-    def end(self) -> None:
-        """Stop sending and guiding."""
+    def end(self, free: bool = False) -> None:
+        """Stop sending and guiding; `free`: for good."""
         self.guide = None
-        self._ended.set()
-        thread, self._thread = self._thread, None
+        with self._switching:
+            self._freed |= free
+            self._ended.set()
+            thread, self._thread = self._thread, None
         if thread is not None and thread is not threading.current_thread():
             thread.join()
 

@@ -136,22 +136,18 @@ def load_problems(folder: Path) -> tuple[int, list[LoadProblem]]:
     for path in _files(folder, MODULES):
         count += 1
         try:
-            beside = [other for other in _files(_task_folder(path), MODULES) if other != path]
+            of_task = next((each for each in path.parents if _BACKUP_TASK.fullmatch(each.name)), path.parent)
+            beside = [other for other in _files(of_task, MODULES) if other != path]
             load_module(path, beside, signals)
         except (RapidSyntaxError, RapidProgramError) as error:
             problems.append(LoadProblem(str(path.relative_to(folder)), str(error)))
     return count, problems
 
 
-def _task_folder(path: Path) -> Path:
-    """The folder TASKn of a backup that the module lies in, or its own."""
-    return next((each for each in path.parents if _BACKUP_TASK.fullmatch(each.name)), path.parent)
-
-
 def load_module(path: Path, beside: Iterable[Path] = (), signals: Mapping[str, Signal] = MappingProxyType({})) -> None:
     """Parse and compile one module with those beside it. Raises RapidSyntaxError, RapidProgramError."""
     own = Source(path.name, module_text(path))
-    if _is_encoded(own.text):
+    if sum(each < " " and each not in "\t\r\n\f\v" for each in own.text) > 0.02 * len(own.text):
         raise RapidProgramError(path.name, 1, "the module is encoded: only a controller reads it")
     try:
         _compile_all([own], signals)
@@ -160,11 +156,6 @@ def load_module(path: Path, beside: Iterable[Path] = (), signals: Mapping[str, S
         if not others:
             raise
         _compile_all([own, *others], signals, only=own)
-
-
-def _is_encoded(text: str) -> bool:
-    """Whether more than one character in fifty is none of a text."""
-    return sum(character < " " and character not in "\t\r\n\f\v" for character in text) > 0.02 * len(text)
 
 
 def _parse_or_none(path: Path) -> Source | None:

@@ -1,7 +1,7 @@
 """The program of one task: declares, checks and compiles its modules; and the PERS that outlive it."""
 
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import AbstractContextManager, nullcontext, suppress
+from contextlib import nullcontext, suppress
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -103,7 +103,10 @@ class Program:
                 local = node.data == "local"
                 inner = part(node, 1) if local else node
                 if inner.data in ("proc", "func", "trap"):
-                    with _clash_allowed(only, source):
+                    is_looked_at = (
+                        only is None or source is only
+                    )  # of others, what is declared a second time is left out
+                    with nullcontext() if is_looked_at else suppress(RapidProgramError):
                         pending.append((context, self._declare_routine(context, inner, local), inner))
         waiting = [(source, node) for source, module in loaded for node in parts(module, "data")]
         while waiting:  # a value may be made of one that a later module declares
@@ -181,11 +184,6 @@ class Program:
             raise context.wrong(line, f"{called} is a socketdev, which can be VAR only")
         scope = context.scope if reach == "local" else self.scope
         scope.declare(Data(called, kind, storage, slot), context.module, line)
-
-
-def _clash_allowed(only: Source | None, source: Source) -> AbstractContextManager[None]:
-    """While one module is looked at, what another one declares a second time is left out."""
-    return nullcontext() if only is None or source is only else suppress(RapidProgramError)
 
 
 def _type_and_initial(context: CompileContext, node: Node) -> tuple[Type, Run | None]:

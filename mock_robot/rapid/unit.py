@@ -131,8 +131,8 @@ class MotionUnit:
 
     def end_egm(self) -> None:
         """End the sessions of EGM and free their identities."""
-        for session in self.egm.values():
-            session.end()
+        for session in list(self.egm.values()):
+            session.end(free=True)
         self.egm.clear()
 
     # --- called by the cabinet ---

@@ -32,7 +32,8 @@ class Polls:
         """Serve one socket from handshake to close."""
         await receive()  # websocket.connect
         wanted = SUBPROTOCOLS[self.subscriptions.version]
-        group = self._group(scope["path"])
+        number = scope["path"].removeprefix("/poll/")
+        group = self.subscriptions.groups.get(int(number)) if number.isdecimal() else None
         refused = self._refusal(scope, wanted, group, session)
         if refused is not None or group is None:
             await _deny(send, refused or 404)
@@ -43,10 +44,6 @@ class Polls:
             await self._report(group, receive, send)
         finally:
             self.subscriptions.delete(group.number)
-
-    def _group(self, path: str) -> SubscriptionGroup | None:
-        number = path.removeprefix("/poll/")
-        return self.subscriptions.groups.get(int(number)) if number.isdecimal() else None
 
     def _refusal(
         self, scope: Scope, wanted: str, group: SubscriptionGroup | None, session: Session | None

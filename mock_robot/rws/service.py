@@ -92,7 +92,8 @@ class Service:
         cookies: list[tuple[str, str]] = []
         try:
             session, cookies = self._admit(asked)
-            await asyncio.sleep(self._delay_s(session))
+            slow_s = SLOW_S if self.world.faults.strike("rws-slow") else 0.0
+            await asyncio.sleep(slow_s + self.sessions.wait_s(session, self.world.clock()))
             reply = self._answer(asked, session).cut(asked.query)
         except Unauthorized:
             challenge = 'Basic realm="validusers@robapi.abb"' if self.version == 2 else self._digest.challenge(
@@ -134,10 +135,6 @@ class Service:
         except (binascii.Error, UnicodeDecodeError):
             return None
         return user if scheme.lower() == "basic" and PASSWORDS.get(user) == password else None
-
-    def _delay_s(self, session: Session) -> float:
-        slow_s = SLOW_S if self.world.faults.strike("rws-slow") else 0.0
-        return slow_s + self.sessions.wait_s(session, self.world.clock())
 
     def _answer(self, asked: RwsRequest, session: Session) -> Reply:
         self._require_media_types(asked)

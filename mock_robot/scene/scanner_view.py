@@ -85,7 +85,9 @@ def _trace(door: Door, origin: Array, direction: Array, t: Array, furthest_mm: f
     """
     for _ in range(NEWTON_STEPS):
         x, y, z = (origin + t[:, None] * direction).T
-        t = t + (z - door.envelope(x, y)) / _closing_rate(direction, *door.envelope_slope(x, y))
+        along_x, along_y = door.envelope_slope(x, y)
+        closing = along_x * direction[:, 0] + along_y * direction[:, 1] - direction[:, 2]
+        t = t + (z - door.envelope(x, y)) / np.maximum(closing, 1e-3)  # a ray that does not approach gets a far point
         t = np.minimum(t, 2 * furthest_mm)
     x, y, z = (origin + t[:, None] * direction).T
     active = np.flatnonzero(z - door.height(x, y) > STEP_TOLERANCE_MM)
@@ -98,12 +100,6 @@ def _trace(door: Door, origin: Array, direction: Array, t: Array, furthest_mm: f
         t[active] += np.maximum(gap, 0.0) / closing[active]
         active = active[(gap > STEP_TOLERANCE_MM) & (t[active] < 2 * furthest_mm)]
     return t
-
-
-def _closing_rate(direction: Array, along_x: Array, along_y: Array) -> Array:
-    """Rate at which a ray approaches the skin; a ray that does not approach gets a far point."""
-    rate = along_x * direction[:, 0] + along_y * direction[:, 1] - direction[:, 2]
-    return np.maximum(rate, 1e-3)
 
 
 def _add_noise(

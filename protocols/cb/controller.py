@@ -151,14 +151,11 @@ class ControllerSession:
         last = self._last
         if last is not None and frame.seq == last.request.seq and frame == last.request:
             return DuplicatePending(frame.seq) if last.reply is None else DuplicateAnswered(frame.seq, last.reply)
-        if last is not None and frame.command != Command.HELLO and not self._is_new(frame.seq, last.request.seq):
+        repeats = last is not None and (frame.seq == last.request.seq or is_older(frame.seq, last.request.seq))
+        if repeats and frame.command != Command.HELLO:
             reason = "the same seq with another content, or a seq from before the last one"
             return self._refuse(frame, Status.DUPLICATE_SEQ_DIFFERENT_PAYLOAD, reason)
         return self._new_request(frame)
-
-    @staticmethod
-    def _is_new(seq: int, last_seq: int) -> bool:
-        return seq != last_seq and not is_older(seq, last_seq)
 
     def _new_request(self, frame: Frame) -> ControllerEvent:
         if frame.command not in REQUESTS:

@@ -197,17 +197,13 @@ class BitReader:
         if not self._outstanding:
             return self._new_question() if self._open else None
         newest = self._line[-1]
-        if newest.times < MAX_UNANSWERED or newest.question in self._needed_questions:
+        needed = {group.question for group in self._groups} | self._known.keys()  # answered, or must be
+        if newest.times < MAX_UNANSWERED or newest.question in needed:
             return newest.question
         self._silent.add(newest.question)
         other = self._conclusive_question() or self._question_by_number()
         self._outstanding = other is None
         return other or newest.question
-
-    @property
-    def _needed_questions(self) -> set[ReadBits]:
-        """Questions that the device has answered, or must answer."""
-        return {group.question for group in self._groups} | self._known.keys()
 
     def _new_question(self) -> ReadBits:
         """The next question when everything on the line was answered."""
@@ -233,7 +229,11 @@ class BitReader:
 
     def _conclusive_question(self) -> ReadBits | None:
         """A conclusive question for the next group of bits, else any; those not sent for longest first."""
-        between = [question for group in self._groups for question in _all_questions(group)]
+        between = [
+            question
+            for group in self._groups
+            for question in (group.question, *group.longer_questions, group.other_question)
+        ]
         for questions in (self._questions_for(self._open[0]), between):
             for question in sorted(questions, key=lambda each: self._asked_last.get(each, 0)):
                 if question not in self._silent and self._is_conclusive(question):
@@ -264,10 +264,6 @@ def _groups(function: Function, wanted: Iterable[Bit]) -> Iterator[BitGroup]:
             waiting[:0] = group.halves()
         else:
             yield group
-
-
-def _all_questions(group: BitGroup) -> tuple[ReadBits, ...]:
-    return (group.question, *group.longer_questions, group.other_question)
 
 
 def _shape_of(question: ReadBits) -> Shape:

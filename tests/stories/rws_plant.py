@@ -8,13 +8,7 @@ from pathlib import Path
 from mock_robot.cabinet.panel import Mode
 from tests.mock_robot.running_cell import running_cell
 from tests.stories.plant import Plant, daemon_for, small_pictures
-
-
-def free_port() -> int:
-    """A UDP port that nobody has."""
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as asked:
-        asked.bind(("127.0.0.1", 0))
-        return int(asked.getsockname()[1])
+from tests.support.ports import free_port
 
 
 @asynccontextmanager
@@ -23,7 +17,7 @@ async def by_rws(folder: Path, version: int) -> AsyncIterator[Plant]:
     async with running_cell(time_scale=50.0, truth=small_pictures(3)) as cell:
         urls = await cell.cell.rws.start("127.0.0.1", 0, 0)
         host = (urls.first, urls.second)[version - 1].partition("//")[2]
-        egm = {"host": "127.0.0.1", "port": free_port(), "robot": "127.0.0.1"}
+        egm = {"host": "127.0.0.1", "port": free_port(socket.SOCK_DGRAM), "robot": "127.0.0.1"}
         await cell.cell.egm.start("127.0.0.1", egm["port"])
         robot = {"address": f"rws://{host}", "egm": egm, "limit_s": None}
         try:

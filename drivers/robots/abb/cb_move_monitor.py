@@ -32,16 +32,13 @@ class MoveMonitor:
         if report.progress_per_mille != self._progress_per_mille:
             self._progress_per_mille, self._advanced_at_s = report.progress_per_mille, now_s
         waited_s = now_s - self._advanced_at_s
-        if self._is_forgotten(report) and waited_s > FORGOTTEN_AFTER_S:
+        stands = bool(report.flags & Flag.IN_POSITION) and not report.flags & Flag.MOVING
+        if stands and report.progress_per_mille >= STANDS_PER_MILLE and waited_s > FORGOTTEN_AFTER_S:
             what = f"the controller stands still and does not know move {self.seq} any more"
             raise MoveFailed(self.device, what, "read the pose before going on", Status.ABORTED.name)
         if waited_s > STALLED_AFTER_S:
             raise MoveStalled(self.device, *_why_it_waits(report))
         return False
-
-    def _is_forgotten(self, report: Report) -> bool:
-        stands = bool(report.flags & Flag.IN_POSITION) and not report.flags & Flag.MOVING
-        return stands and report.progress_per_mille >= STANDS_PER_MILLE
 
 
 def _why_it_waits(report: Report) -> tuple[str, str]:

@@ -8,7 +8,7 @@ from calibration.errors import GeometryError
 from calibration.kinematics.arm import Configuration
 from calibration.transforms import Array, quaternion_from_rotation, rotation_from_quaternion, transform
 from drivers.errors import GarbledAnswer, MoveRefused
-from drivers.interfaces import JointGoal, MoveGoal, PoseReading, Posture, RobotSetup, RobotStatus, Standstill
+from drivers.interfaces import JointGoal, MoveGoal, PoseReading, RobotSetup, RobotStatus, Standstill
 from drivers.robots.abb.robtarget import (
     MIN_UNUSED_AXIS,
     SEVEN,
@@ -101,7 +101,7 @@ def move_of(device: str, goal: MoveGoal) -> Move:
     move = Move(
         position_mm=(float(position[0]), float(position[1]), float(position[2])),
         quaternion_wxyz=(float(quaternion[0]), float(quaternion[1]), float(quaternion[2]), float(quaternion[3])),
-        configuration=_confdata(goal.posture),
+        configuration=Configuration(*goal.posture),
         external_axes=_six(_with_first(goal.external_axes or UNUSED_AXES, goal.arm_angle_deg)),
         speed_mm_s=float(goal.speed_mm_s),
         kind=KINDS[goal.path],
@@ -157,11 +157,6 @@ def _goal_problem(goal: MoveGoal) -> str:
     if len(goal.posture) != 4 or any(abs(quarter) >= MAX_CONFIGURATION for quarter in goal.posture):
         return f"the configuration {tuple(goal.posture)}"
     return "" if goal.path in KINDS else f"the path {goal.path!r}; joint or linear"
-
-
-def _confdata(posture: Posture) -> Configuration:
-    cf1, cf4, cf6, cfx = posture
-    return Configuration(cf1, cf4, cf6, cfx)
 
 
 def _with_first(external_axes: tuple[float, ...], value: float | None) -> tuple[float, ...]:

@@ -212,7 +212,7 @@ def test_the_pointer_at_main_frees_egm(tmp_path: Path) -> None:
     for name, part in JOINT.items():
         text = text.replace("{" + name + "}", part)
     with home_running(tmp_path, {"guided": text}, SIO=SIO.replace("{port}", "9")) as controller:
-        eventually_blocking(lambda: bool(controller.unit.egm_ports))
+        eventually_blocking(lambda: bool(controller.unit.egm and controller.unit.egm_ports))
         ports = dict(controller.unit.egm_ports)
         controller.run_program(False, controller.clock())
         controller.move_pointer_to_main(controller.clock())

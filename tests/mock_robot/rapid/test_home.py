@@ -10,6 +10,7 @@ from mock_robot.__main__ import main
 from mock_robot.errors import MockError
 from mock_robot.rapid.home import HomeFragments, load_problems
 from tests.mock_robot.rws_cell import rws_cell_apart
+from tests.support.ports import free_port
 from tests.support.waiting import LIMIT_S
 
 SERVER = """%%%
@@ -60,12 +61,6 @@ EIO_SIGNAL:
       -Name "do_served" -SignalType "DO" -Device "Virt1"\\
       -DeviceMap "1"
 """
-
-
-def free_port() -> int:
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        return int(free.getsockname()[1])
 
 
 def write_home(folder: Path, port: int, text: str = SERVER) -> Path:
