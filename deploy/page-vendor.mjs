@@ -15,7 +15,7 @@ const ESBUILD = '0.28.2';
 const MODULES = {
   'preact.js': `
     export { Component, render } from 'preact';
-    export { useCallback, useEffect, useMemo, useRef, useState } from 'preact/hooks';
+    export { useCallback, useEffect, useLayoutEffect, useMemo, useRef, useState } from 'preact/hooks';
     export { batch, computed, effect, signal } from '@preact/signals';
     import { h } from 'preact';
     import htm from 'htm';

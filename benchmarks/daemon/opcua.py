@@ -1,10 +1,11 @@
-"""`python -m benchmarks.daemon.opcua [--cells 50] [--items 1000] [--seconds 15] [--hours 1]`: what the gateway costs.
+"""`python -m benchmarks.daemon.opcua [--cells 50] [--items 1000] [--seconds 15] [--hours 1|--clients 5000]`: its cost.
 
 The gateway in a process of its own over daemons that only talk (one process, /live five times a second under load),
 and a client with monitored items over SignAndEncrypt. Reported: time until clients can read, processor time at rest
 and under load, memory, the delay of a result's event, an abort over OPC UA beside the same over REST, the memory after
 100 connections that send half a message and wait, and after 30 clients that came and left. With `--hours` instead: its
-memory while clients come and leave for so long, one a second: some in order, some cut off, some refused.
+memory while clients come and leave for so long, one a second: half in order, a quarter cut off, a quarter refused.
+With `--clients` the same of so many, each as soon as the one before has left. The gateway has its unit's variables.
 """
 
 import argparse
@@ -38,7 +39,8 @@ from starlette.routing import Route
 from gateways.opcua.cell_state import SCALARS
 from gateways.opcua.gateway import MAX_SESSION_MS
 from gateways.opcua.settings import CellSettings, GatewaySettings, ServerSettings
-from tests.gateways.opcua.plant import Plant, PlantClient, free_port, refused
+from tests.gateways.opcua.plant import Plant, PlantClient, refused, unit_environment
+from tests.support.ports import free_port
 
 READY = {"calibrate": {"ready": True, "reasons": []}, "warnings": [], "warning_details": []}
 BUSY_BEAT_S, REST_BEAT_S, HEARTBEAT_S = 0.2, 1.0, 15.0
@@ -140,7 +142,7 @@ def run_gateway(settings: GatewaySettings, alive: Any) -> None:
 
     async def forever() -> None:
         asyncio.get_running_loop().add_signal_handler(signal.SIGUSR1, count)
-        async with serve(settings):
+        async with serve(settings, alone=True):
             await asyncio.Event().wait()
 
     asyncio.run(forever())
@@ -194,26 +196,27 @@ async def measure(cells: int, items: int, seconds: float) -> None:
         print(f"30 clients that came and left: {before_mb:.0f} MB before, {_mb(gateway):.0f} MB after")
 
 
-async def come_and_leave(cells: int, hours: float) -> None:
-    """Print how the gateway's memory changes while clients come and leave, one a second."""
+async def come_and_leave(cells: int, hours: float, count: int) -> None:
+    """Print how the gateway's memory changes while clients come and leave, one a second or so many."""
     ways = (_leave_in_order, _leave_in_order, _are_cut_off, _are_refused)
     async with running(cells) as (plant, _, gateway, alive):
-        end_s, sampled, clients = time.monotonic() + 3600 * hours, [], 0
+        began_s, sampled = time.monotonic(), list[float]()
         for way in itertools.cycle(ways):
-            next_s = time.monotonic() + 1.0
+            next_s = time.monotonic() + (1.0 if hours else 0.0)
             await way(plant)
-            clients += 1
             sampled.append(_mb(gateway))
-            if time.monotonic() > end_s:
+            if len(sampled) == count or (hours and time.monotonic() > began_s + 3600 * hours):
                 break
             await asyncio.sleep(max(0.0, next_s - time.monotonic()))
         quarter = len(sampled) // 4
         first, last = (float(np.median(part)) for part in (sampled[:quarter], sampled[-quarter:]))
-        hours_of = (np.arange(len(sampled)) + 0.5) * hours / len(sampled)
-        slope = np.polyfit(hours_of[quarter:], sampled[quarter:], 1)[0]
-        print(f"{clients} clients came and left in {hours:g} h, a quarter of them cut off, a quarter refused: "
+        slope = 1000 * np.polyfit(np.arange(quarter, len(sampled)), sampled[quarter:], 1)[0]
+        took_h = (time.monotonic() - began_s) / 3600
+        print(f"{len(sampled)} clients came and left in {took_h:.2f} h, a quarter of them cut off, a quarter refused: "
               f"{first:.1f} MB in the first quarter, {last:.1f} MB in the last (medians); "
-              f"{slope:+.2f} MB an hour after the first")  # fmt: skip
+              f"{slope:+.2f} MB by 1,000 clients after the first")  # fmt: skip
+        tenths = " ".join(f"{np.median(part):.1f}" for part in np.array_split(sampled, 10))
+        print(f"medians of each tenth: {tenths} MB")
         print(f"held at the end: {await _held(gateway, alive)} sessions and subscriptions")
 
 
@@ -347,10 +350,13 @@ def main() -> None:
     parser.add_argument("--items", type=int, default=1000)
     parser.add_argument("--seconds", type=float, default=15.0)
     parser.add_argument("--hours", type=float, default=0.0)
+    parser.add_argument("--clients", type=int, default=0)
     options = parser.parse_args()
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    os.environ.update(unit_environment())  # malloc reads its own when the gateway's process begins
     logging.getLogger("asyncua").setLevel(logging.CRITICAL)
-    what = come_and_leave(options.cells, options.hours) if options.hours else None
+    lasting = options.hours or options.clients
+    what = come_and_leave(options.cells, options.hours, options.clients) if lasting else None
     asyncio.run(what or measure(options.cells, options.items, options.seconds))
 
 

@@ -23,6 +23,7 @@ def archive(daemon: Client, folder: Path) -> list[str]:
         file = folder / f"{calibration_id}.json"
         if NAME.fullmatch(calibration_id) and not file.exists():
             part = file.with_name(f".{file.name}.part")
+            part.unlink(missing_ok=True)  # what a machine that stopped left is read-only
             part.write_bytes(daemon.read(f"/calibrations/{calibration_id}"))
             part.chmod(0o444)
             os.link(part, file)  # never replaces one that is there

@@ -13,6 +13,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from registration.io.regular_file import require_replaceable
+
 try:
     import copclib
     import laspy
@@ -83,9 +85,20 @@ def export_copc(cloud: Path, out: Path) -> int:
     return len(position)
 
 
-if __name__ == "__main__":
-    given, wanted = (Path(each) for each in sys.argv[1:])
+def main(given: Path, wanted: Path) -> None:
+    """Write `wanted` whole, or not at all. Exits in words where it is no file or the cloud is none."""
     part = wanted.with_name(f".{wanted.name}.part")
-    count = export_copc(given, part)
-    part.replace(wanted)
+    try:
+        require_replaceable(wanted)
+        count = export_copc(given, part)
+        part.replace(wanted)
+    except (OSError, laspy.errors.LaspyException) as error:
+        part.unlink(missing_ok=True)
+        sys.exit(f"{given} to {wanted}: {error}")
     sys.stdout.write(f"{wanted}: {count:,} points\n")
+
+
+if __name__ == "__main__":
+    if len(sys.argv) != 3:
+        sys.exit("export_copc.py CLOUD OUT.copc.laz")
+    main(Path(sys.argv[1]), Path(sys.argv[2]))

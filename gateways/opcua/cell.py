@@ -106,11 +106,18 @@ class Cell:
     async def abort(self, key: str | None) -> None:
         """Stop the run in progress, if there is one. Raises Refusal, Away.
 
-        The daemon is asked which: /live may be a beat behind, and name one that is over.
+        The daemon is asked which: /live may be a beat behind, and name one that is over. It counts where that fails.
         """
-        newest = (await self.get("/runs", key, limit=1))["runs"]
-        if newest and not newest[0]["over"]:
-            await self.post(f"/runs/{quoted(newest[0]['id'])}/abort", key, {}, {})
+        known = self.state.run
+        try:
+            newest = (await self.get("/runs", key, limit=1))["runs"]
+        except (Away, Refusal):
+            if known is None:
+                raise
+        else:
+            known = newest[0] if newest and not newest[0]["over"] else None
+        if known is not None:
+            await self.post(f"/runs/{quoted(known['id'])}/abort", key, {}, {})
 
     async def _request(self, method: str, path: str, key: str | None, **request: Any) -> httpx.Response:
         headers = {**request.pop("headers", {}), **_authorise(key)}
@@ -155,9 +162,15 @@ class Cell:
         async for number, event in self._listen("/events", {"Last-Event-ID": self._last_event}, 3 * HEARTBEAT_S):
             kind = event["event"]
             if kind == "run" and event.get("state") in FINAL:
-                run = await self.get(f"/runs/{quoted(event['id'])}")
-                await self._change(replace(self.state, last=run))
-                await self._on_result(run)
+                try:
+                    run = await self.get(f"/runs/{quoted(event['id'])}")
+                except Refusal as refusal:
+                    if refusal.status != 404:
+                        raise
+                    log.warning("%s: %s has ended, and is no longer stored", self.name, event["id"])
+                else:
+                    await self._change(replace(self.state, last=run))
+                    await self._on_result(run)
                 self._last_event = number or self._last_event  # it is sent once, also when the next question fails
                 await self._ask_readiness()
             elif kind in REFRESHED_BY and self.state.reached:

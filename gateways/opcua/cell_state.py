@@ -106,6 +106,7 @@ class CellState:
             "ToleranceMm": _number(current.get("tolerance_mm")),
             "Drift": self.drift.get("standing", ""),
             "DriftShiftMm": _number(self.drift.get("shift_mm")),
+            "DriftLimitMm": _number(self.drift.get("limit_mm")),
             "VerifiedAt": _of(points[-1], "at") or "",
             "ArmStopUnconfirmed": self.stop_unconfirmed,
             "RobotMode": robot.get("mode", ""),
@@ -129,6 +130,7 @@ SCALARS: dict[str, tuple[str, str]] = {
     "ToleranceMm": ("Double", "The largest U that is accepted, mm."),
     "Drift": ("String", "The standing of the drift chart."),
     "DriftShiftMm": ("Double", "How far the verifications have moved, mm."),
+    "DriftLimitMm": ("Double", "How far they may, mm."),
     "VerifiedAt": ("String", "When it was verified last, ISO 8601."),
     "ArmStopUnconfirmed": (
         "Boolean",

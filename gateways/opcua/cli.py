@@ -40,7 +40,7 @@ def opcua(
         for number in (signal.SIGINT, signal.SIGTERM):
             asyncio.get_running_loop().add_signal_handler(number, stopped.set)
         settings = read_settings(file)
-        async with serve(settings) as endpoint:
+        async with serve(settings, alone=True) as endpoint:
             typer.echo(f"{len(settings.cell)} cells at {endpoint}; clients' certificates: {settings.server.trusted}")
             await stopped.wait()
 

@@ -4,10 +4,11 @@ A user name is any label, or LABEL@CELL; the password is a key of that cell's da
 The role, its end and the audit stay in the daemon.
 """
 
+import asyncio
 import hashlib
+import logging
 import secrets
 import time
-import weakref
 from collections.abc import Mapping
 from contextvars import ContextVar
 from dataclasses import dataclass
@@ -16,10 +17,15 @@ from typing import Any
 from asyncua import ua
 from asyncua.common.utils import ServiceError
 from asyncua.crypto.permission_rules import User, UserRole
+from asyncua.server import monitored_item_service as items
 from asyncua.server.internal_server import InternalServer
 from asyncua.server.internal_session import InternalSession
+from cryptography.x509 import load_der_x509_certificate
 
 from gateways.opcua.cell import Away, Cell, Refusal
+from gateways.opcua.event_service import EventService
+
+log = logging.getLogger(__name__)
 
 RECHECK_S = 30.0
 """A session's key is checked again after so long, and the session ends with it."""
@@ -44,7 +50,9 @@ class KeyUsers:
         self, iserver: InternalServer, username: str | None = None, password: str | None = None, certificate: Any = None
     ) -> User | None:
         """Called while a session is activated, where nothing can be waited for; None refuses it."""
-        return KeyUser(label=username, key=password) if username and password else None
+        if not (username and password and password.isascii() and password.isprintable()):  # it goes into a header
+            return None
+        return KeyUser(label=username, key=password)
 
 
 class KeyChecks:
@@ -88,15 +96,39 @@ class KeySession(InternalSession):  # type: ignore[misc]
 
     checks: KeyChecks
     _checked_s = float("-inf")
+    _certificate = b""
     read, write, browse = _with_key("read"), _with_key("write"), _with_key("browse")
     translate_browsepaths_to_nodeids = _with_key("translate_browsepaths_to_nodeids")
-    create_subscription, transfer_subscriptions = _with_key("create_subscription"), _with_key("transfer_subscriptions")
+    transfer_subscriptions = _with_key("transfer_subscriptions")
     create_monitored_items = _with_key("create_monitored_items")
 
-    def activate_session(self, *arguments: Any, **named: Any) -> Any:
-        """Sign in, also as somebody else: the next service checks the key."""
+    async def create_session(self, params: Any, sockname: Any = None) -> Any:
+        """Make the session of a client with a trusted certificate. One that is never activated ends by its time."""
+        try:
+            if not params.ClientCertificate:  # asyncua would ask for none
+                raise ServiceError(ua.StatusCodes.BadCertificateInvalid)
+            made = await super().create_session(params, sockname)
+        except Exception:
+            await self.close_session()
+            raise
+        self._certificate, self._description = params.ClientCertificate, params.ClientDescription
+        self._start_timeout_watchdog()
+        return made
+
+    def activate_session(self, params: Any, peer_certificate: bytes | None) -> Any:
+        """Sign in, also as somebody else: the next service checks the key.
+
+        The certificate must be the channel's: whoever copies a trusted one, or uses none, does not have its key.
+        """
+        if peer_certificate != self._certificate:
+            raise ServiceError(ua.StatusCodes.BadSecurityChecksFailed)
         self._checked_s = float("-inf")
-        return super().activate_session(*arguments, **named)
+        return super().activate_session(params, peer_certificate)
+
+    async def require_trusted(self) -> None:
+        """Check the certificate and the key anew. Raises ServiceError."""
+        await self.iserver.certificate_validator(load_der_x509_certificate(self._certificate), self._description)
+        await self.require_key(now=True)
 
     async def require_key(self, *, now: bool = False) -> None:
         """Check the key when it was not within RECHECK_S. Raises ServiceError."""
@@ -106,6 +138,13 @@ class KeySession(InternalSession):  # type: ignore[misc]
             raise ServiceError(ua.StatusCodes.BadUserAccessDenied)
         await self.checks.require_valid(self.user)
         self._checked_s = time.monotonic()
+
+    async def create_subscription(self, *arguments: Any, **named: Any) -> Any:
+        """A subscription. asyncua names a log by it, which Python would keep, or what stands for its parent."""
+        await self.require_key()
+        made = await super().create_subscription(*arguments, **named)
+        logging.getLogger(items.__name__).manager.loggerDict.pop(f"{items.__name__}.{made.SubscriptionId}", None)
+        return made
 
     async def call(self, params: Any) -> Any:
         """Call methods, with the session's key at hand."""
@@ -122,16 +161,16 @@ class KeyServer(InternalServer):  # type: ignore[misc]
 
     def __init__(self, checks: KeyChecks) -> None:
         self._checks = checks
-        self.sessions: weakref.WeakSet[KeySession] = weakref.WeakSet()
         super().__init__(user_manager=KeyUsers())
+        self.subscription_service = self.isession.subscription_service = EventService(self.aspace, self)
 
     def create_session(self, name: str, user: User | None = None, external: bool = False) -> InternalSession:
-        """A session of a client."""
+        """A session of a client; a connection, `name`, has one. Raises ServiceError."""
+        if external and any(one.name == name for one in self._external_sessions.values()):
+            raise ServiceError(ua.StatusCodes.BadTooManySessions)
         nobody = user or User(role=UserRole.Anonymous)
         session = KeySession(self, self.aspace, self.subscription_service, name, user=nobody, external=external)
         session.checks = self._checks
-        if external:
-            self.sessions.add(session)
         return session
 
     def register_external_session(self, session: InternalSession) -> None:
@@ -140,11 +179,18 @@ class KeyServer(InternalServer):  # type: ignore[misc]
         super().register_external_session(session)
 
     async def end_revoked(self) -> None:
-        """End every session whose key is no longer valid."""
-        for session in list(self.sessions):
-            if session.is_activated():
-                try:
-                    await session.require_key(now=True)
-                except ServiceError as refused:
-                    if refused.code == ua.StatusCodes.BadUserAccessDenied:
-                        await session.close_session()
+        """End every session whose key or certificate is no longer valid, until cancelled."""
+        while True:
+            await asyncio.sleep(RECHECK_S)
+            await asyncio.gather(*map(_end_if_revoked, self._external_sessions.values()))
+
+
+async def _end_if_revoked(session: KeySession) -> None:
+    try:
+        if session.is_activated():
+            await session.require_trusted()
+    except ServiceError as refused:
+        if refused.code != ua.StatusCodes.BadCommunicationError:
+            await asyncio.gather(session.close_session(), return_exceptions=True)  # the others go on
+    except Exception:
+        log.exception("a session's key was not checked")  # and the gateway goes on

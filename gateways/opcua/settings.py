@@ -1,5 +1,6 @@
 """gateway.toml: which cells there are, and how clients reach the gateway."""
 
+import os
 import tomllib
 from dataclasses import dataclass
 from pathlib import Path
@@ -89,7 +90,10 @@ class GatewaySettings(Table):
 
 
 def read_settings(file: Path) -> GatewaySettings:
-    """The settings; paths count from the file's folder. Raises GatewayError."""
+    """The settings; paths count from the file's folder, those of [server] under systemd from the unit's state.
+
+    Raises GatewayError.
+    """
     try:
         read = GatewaySettings.model_validate(tomllib.loads(file.read_text()))
     except (OSError, UnicodeDecodeError) as error:
@@ -102,7 +106,8 @@ def read_settings(file: Path) -> GatewaySettings:
         raise GatewayError(place, first["msg"], "docs/use/opcua.md says what stands there") from None
     folder = file.resolve().parent
     cells = tuple(_below(folder, cell, "key_file", "ca_file") for cell in read.cell)
-    return GatewaySettings(cell=cells, server=_below(folder, read.server, "certificate", "private_key", "trusted"))
+    state = Path(os.environ.get("STATE_DIRECTORY", folder))  # that of the settings is not writable there
+    return GatewaySettings(cell=cells, server=_below(state, read.server, "certificate", "private_key", "trusted"))
 
 
 def _below(folder: Path, table: TableT, *names: str) -> TableT:

@@ -53,6 +53,13 @@ NO_ERROR, NO_HANDLE = ua.Variant(0, ua.VariantType.Int32), ua.Variant(0, ua.Vari
 Method = Callable[..., Awaitable[Any]]
 
 
+class _Scalar(ua.DataValue):  # type: ignore[misc]
+    """A value of the flat folder. Nothing changes it, so that asyncua need not copy it for each subscription."""
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> "_Scalar":
+        return self
+
+
 class VisionSystem:
     """One cell in the address space."""
 
@@ -83,7 +90,10 @@ class VisionSystem:
             server.link_method(server.get_node(self._id(f"{name}.{path}")), called)
         folder = await system.add_object(self._id(f"{name}.Cell"), ua.QualifiedName("Cell", self._cells))
         for variable, (kind, what) in SCALARS.items():
-            await self._add_variable(folder, variable, ua.VariantType[kind], what)
+            start = {"Boolean": False, "String": "", "Int32": 0, "Double": float("nan")}[kind]
+            at, title = self._id(f"{name}.Cell.{variable}"), ua.QualifiedName(variable, self._cells)
+            node = self._variables[variable] = await folder.add_variable(at, title, start, ua.VariantType[kind])
+            await node.write_attribute(ua.AttributeIds.Description, ua.DataValue(ua.LocalizedText(what, "en")))
         text = ua.NodeId(ua.ObjectIds.String)
         arguments = [_argument("Kind", text, "calibrate, verify or scan"), _argument("Ticket", text, "new for each")]
         await folder.add_method(
@@ -103,7 +113,8 @@ class VisionSystem:
             after |= {"#outer": outer, "#inner": inner}
             for name in SCALARS:
                 if name not in before or repr(before[name]) != repr(after[name]):
-                    await self._variables[name].write_value(ua.Variant(after[name], ua.VariantType[SCALARS[name][0]]))
+                    value = ua.Variant(after[name], ua.VariantType[SCALARS[name][0]])
+                    await self._variables[name].write_value(_Scalar(value, SourceTimestamp=datetime.now(UTC)))
             if (outer, inner) != (before.get("#outer"), before.get("#inner")):
                 await self._show_state("VisionStateMachine", outer, STATES)
                 await self._show_state(AUTOMATIC, inner, AUTOMATIC_STATES)
@@ -114,7 +125,9 @@ class VisionSystem:
                     JOB_STARTED, f"{after['RunKind']} began", JobId=_variant(ua.JobIdDataType(Id=after["RunId"]))
                 )
             if before.get("CalibrationId") != after["CalibrationId"]:
-                await self._show_configuration(after["CalibrationId"], state)
+                applied_at = ((state.current or {}).get("applied") or {}).get("applied_at")
+                node = self._server.get_node(self._id(f"{self.cell.name}.ConfigurationManagement.ActiveConfiguration"))
+                await node.write_value(_variant(_configuration(after["CalibrationId"], applied_at)))
             await self._send_conditions(state.conditions)
 
     async def send_result(self, run: Mapping[str, Any]) -> None:
@@ -138,8 +151,8 @@ class VisionSystem:
     def _methods(self) -> dict[str, Method]:
         return {
             f"{AUTOMATIC}.StartSingleJob": self._start_single_job,
-            f"{AUTOMATIC}.Abort": self._abort_with_cause,
-            f"{AUTOMATIC}.Stop": self._abort_with_cause,
+            f"{AUTOMATIC}.Abort": self._abort,
+            f"{AUTOMATIC}.Stop": self._abort,
             "RecipeManagement.GetRecipeListFiltered": self._list_recipes,
             "RecipeManagement.PrepareRecipe": self._prepare_recipe,
             "RecipeManagement.UnprepareRecipe": self._unprepare_recipe,
@@ -162,23 +175,19 @@ class VisionSystem:
         return await self._answer(started, lambda run_id: [_variant(ua.JobIdDataType(Id=run_id)), NO_ERROR])
 
     async def _begin(self, kind: str, ticket: str, name: str = "") -> str:
-        if kind not in RECIPES or not ticket or not ticket.isascii():
+        if kind not in RECIPES or not ticket or not (ticket.isascii() and ticket.isprintable()):
             raise Refusal(422, "ticket", "a kind and a new ticket in ASCII are needed", f"kinds: {', '.join(RECIPES)}")
         body = {"name": name, "capture": True} if kind == "scan" else {}
         run = await self.cell.start(RECIPES[kind], body, ticket, session_key.get())
         self._tickets = {**dict(list(self._tickets.items())[-MAX_LISTED:]), run["id"]: ticket}
         return str(run["id"])
 
-    async def _abort(self, parent: ua.NodeId) -> Any:
-        return await self._answer(self.cell.abort(session_key.get()), lambda _: [])
-
-    async def _abort_with_cause(self, parent: ua.NodeId, cause: ua.Variant, description: ua.Variant) -> Any:
-        return await self._answer(self.cell.abort(session_key.get()), lambda _: [NO_ERROR])
+    async def _abort(self, parent: ua.NodeId, *cause: ua.Variant) -> Any:
+        """Also by the specification's two methods, which have a cause and answer an error."""
+        return await self._answer(self.cell.abort(session_key.get()), lambda _: [NO_ERROR] if cause else [])
 
     async def _list_recipes(self, parent: ua.NodeId, *filters: ua.Variant) -> Any:
-        most = int(filters[3].Value or MAX_LISTED)
-        listed = [ua.RecipeIdInternalDataType(Id=name) for name in list(RECIPES)[:most]]
-        return _list_answer(len(listed) == len(RECIPES), listed)
+        return _page([ua.RecipeIdInternalDataType(Id=name) for name in RECIPES], filters[3])
 
     async def _prepare_recipe(self, parent: ua.NodeId, external: ua.Variant, internal: ua.Variant) -> Any:
         name = _id_of(external.Value) or _id_of(internal.Value)
@@ -199,24 +208,21 @@ class VisionSystem:
     async def _list_results(self, parent: ua.NodeId, *filters: ua.Variant) -> Any:
         """The newest first; by ResultState and JobId where these are given, the other filters have no match here."""
         state, job = int(filters[0].Value or 0), _id_of(filters[8].Value)
-        most, start = min(int(filters[9].Value or MAX_LISTED), MAX_LISTED), int(filters[10].Value or 0)
 
         def pack(answer: Mapping[str, Any]) -> list[ua.Variant]:
             over = [run for run in answer["runs"] if run["over"]]
             wanted = [run for run in over if state in (0, RESULT_STATES[run["state"]]) and job in ("", run["id"])]
-            page = [self._result_of(run) for run in wanted[start : start + most]]
-            return _list_answer(answer["next"] is None and start + most >= len(wanted), page)
+            results = [self._result_of(run) for run in wanted]
+            return _page(results, filters[9], filters[10], more=answer["next"] is not None)
 
         return await self._answer(self.cell.get("/runs", session_key.get(), limit=MAX_LISTED), pack)
 
     async def _list_configurations(self, parent: ua.NodeId, *arguments: ua.Variant) -> Any:
-        most, start = min(int(arguments[0].Value or MAX_LISTED), MAX_LISTED), int(arguments[1].Value or 0)
-
         def pack(answer: Mapping[str, Any]) -> list[ua.Variant]:
             applied = (self.cell.state.current or {}).get("applied")
             self._seen[session_key.get()] = {"If-Match": f'"applied-{applied["sequence"]}"'} if applied else {}
-            page = [_configuration(one["id"], one["created_at"]) for one in answer["calibrations"][start:][:most]]
-            return _list_answer(answer["next"] is None and start + most >= len(answer["calibrations"]), page)
+            listed = [_configuration(one["id"], one["created_at"]) for one in answer["calibrations"]]
+            return _page(listed, arguments[0], arguments[1], more=answer["next"] is not None)
 
         return await self._answer(self.cell.get("/calibrations", session_key.get(), limit=MAX_LISTED), pack)
 
@@ -255,12 +261,6 @@ class VisionSystem:
         number = ua.NodeId(numbers[state], self._types)
         await self._server.get_node(self._id(f"{current}.Id")).write_value(ua.Variant(number, ua.VariantType.NodeId))
 
-    async def _show_configuration(self, calibration_id: str, state: CellState) -> None:
-        applied = (state.current or {}).get("applied") or {}
-        active = _configuration(calibration_id, applied.get("applied_at"))
-        node = self._server.get_node(self._id(f"{self.cell.name}.ConfigurationManagement.ActiveConfiguration"))
-        await node.write_value(_variant(active))
-
     async def _send_conditions(self, conditions: dict[str, tuple[str, bool]]) -> None:
         for code in self._conditions.keys() | conditions.keys():
             if self._conditions.get(code) != conditions.get(code):
@@ -286,13 +286,6 @@ class VisionSystem:
         """An object with the mandatory parts of its type; `kind`: the type's number."""
         name = ua.QualifiedName(node_id.rpartition(".")[2], self._types if "." in node_id else self._cells)
         return await parent.add_object(self._id(node_id), name, ua.NodeId(kind, self._types), False)
-
-    async def _add_variable(self, folder: Node, name: str, kind: ua.VariantType, what: str) -> None:
-        start = {"Boolean": False, "String": "", "Int32": 0, "Double": float("nan")}[kind.name]
-        node_id = self._id(f"{self.cell.name}.Cell.{name}")
-        variable = await folder.add_variable(node_id, ua.QualifiedName(name, self._cells), start, kind)
-        await variable.write_attribute(ua.AttributeIds.Description, ua.DataValue(ua.LocalizedText(what, "en")))
-        self._variables[name] = variable
 
     def _id(self, name: str) -> ua.NodeId:
         return ua.NodeId(name, self._cells)
@@ -331,10 +324,12 @@ def _variant(value: Any) -> ua.Variant:
     return ua.Variant(value, ua.VariantType.ExtensionObject)
 
 
-def _list_answer(complete: bool, found: list[Any]) -> list[ua.Variant]:
-    """IsComplete, ResultCount, a handle, the list, Error."""
-    count = ua.Variant(len(found), ua.VariantType.UInt32)
-    listed = ua.Variant(found, ua.VariantType.ExtensionObject, is_array=True)
+def _page(found: list[Any], most: ua.Variant, start: ua.Variant = NO_HANDLE, more: bool = False) -> list[ua.Variant]:
+    """IsComplete, ResultCount, a handle, a page of the list, Error. `most`: 0 for any; `more` were not asked for."""
+    first, page_size = int(start.Value or 0), min(int(most.Value or MAX_LISTED), MAX_LISTED)
+    complete, page = not more and first + page_size >= len(found), found[first:][:page_size]
+    count = ua.Variant(len(page), ua.VariantType.UInt32)
+    listed = ua.Variant(page, ua.VariantType.ExtensionObject, is_array=True)
     return [ua.Variant(complete), count, NO_HANDLE, listed, NO_ERROR]
 
 

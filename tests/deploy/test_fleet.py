@@ -38,6 +38,15 @@ def test_a_backup_that_breaks_off_at_either_end_fails_the_unit(
     assert fails or "store" in (tmp_path / "sent").read_text()
 
 
+def test_what_thins_out_backups_follows_a_whole_one_only() -> None:
+    """systemd runs ExecStartPost after an ExecStart that succeeded (systemd.service(5))."""
+    assert re.search(r"^ExecStartPost=.*BACKUP_THEN", UNIT.read_text(), re.MULTILINE)
+    docs = (DEPLOY.parent / "docs" / "fleet.md").read_text()
+    commands = dict(re.findall(r"^(BACKUP_\w+)='(.*)'$", docs, re.MULTILINE))
+    assert "forget" in commands["BACKUP_THEN"]
+    assert not any("forget" in line for line in re.findall(r"^BACKUP_TO=.*", docs, re.MULTILINE))
+
+
 def test_systemd_finds_nothing_wrong_with_the_units(tmp_path: Path) -> None:
     if shutil.which("systemd-analyze") is None:
         pytest.skip("systemd-analyze is not here: apt-get install systemd")

@@ -90,6 +90,13 @@ def test_a_copc_file_has_every_point_to_its_last_digit_and_answers_for_a_part(tm
     ran = run("export_copc.py", tmp_path / "door.laz", out)
     assert (ran.returncode, ran.stdout) == (0, f"{out}: 60,000 points\n"), ran.stderr
 
+    link = tmp_path / "link.copc.laz"
+    link.symlink_to("elsewhere.laz")
+    refused = run("export_copc.py", tmp_path / "door.laz", link)
+    assert refused.returncode == 1
+    assert "it is a link, not a file" in refused.stderr
+    assert link.is_symlink()
+
     def rows(points: Any) -> "np.ndarray[Any, Any]":
         fields = np.column_stack(
             [np.asarray(getattr(points, name), int) for name in ("X", "Y", "Z", "red", "intensity")]

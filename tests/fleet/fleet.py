@@ -16,8 +16,9 @@ import yaml
 
 from daemon.cli.demo_run.settings_file import settings_text
 from mock_robot.truth.truth import CellTruth
-from tests.gateways.opcua.plant import Plant, free_port
+from tests.gateways.opcua.plant import Plant
 from tests.mock_robot.running_cell import ROOT, CellProcess, cell_process
+from tests.support.ports import free_port
 from tests.support.waiting import LIMIT_S
 
 TIME_SCALE = 40

@@ -36,6 +36,44 @@ END
 """
 """A cell to work with, and its settings as the plant edits them, from a copy of the release that no update touches."""
 
+GATEWAY = """[[cell]]
+name = "cell7"
+url = "https://127.0.0.1:8372"
+key_file = "/run/credentials/handeyed-opcua.service/cell7.key"
+ca_file = "authority.pem"
+"""
+
+CREDENTIAL = """[Service]
+LoadCredential=cell7.key:/etc/handeyed-opcua/cell7.key
+"""
+
+OPC_UA_CLIENT = """import asyncio, pathlib, shutil, sys
+from asyncua import Client, ua
+from asyncua.crypto.cert_gen import setup_self_signed_certificate
+from asyncua.crypto.security_policies import SecurityPolicyBasic256Sha256
+from cryptography.x509.oid import ExtendedKeyUsageOID
+
+async def main():
+    state, name = pathlib.Path("/var/lib/handeyed-opcua/pki"), "urn:test:client"
+    own, private = pathlib.Path("/root/mes.der"), pathlib.Path("/root/mes-key.pem")
+    use = [ExtendedKeyUsageOID.CLIENT_AUTH]
+    await setup_self_signed_certificate(private, own, name, "localhost", use, {"commonName": "mes"})
+    shutil.copy(own, state / "trusted/mes.der")
+    (state / "trusted/mes.der").chmod(0o644)
+    client = Client("opc.tcp://127.0.0.1:4840/", timeout=30)
+    client.application_uri = name
+    policy = SecurityPolicyBasic256Sha256
+    await client.set_security(policy, own, private, server_certificate=state / "own/gateway.der")
+    client.set_user("mes")
+    client.set_password(sys.argv[1])
+    async with client:
+        cells = await client.get_namespace_index("urn:handeyed:cells")
+        for what in ("Version", "State", "CalibrationId"):
+            print(what, await client.get_node(ua.NodeId(f"cell7.Cell.{what}", cells)).read_value())
+
+asyncio.run(main())
+"""
+
 
 @dataclass
 class Story:
@@ -266,6 +304,35 @@ def lock_up(story: Story) -> None:
     expect(story.shown("runuser -u handeyed -- handeyed audit verify /etc/handeyed/handeyed.toml"), "whole")
 
 
+def show_over_opc_ua(story: Story) -> None:
+    """The gateway's unit, by a user of its own, reads a key that is root's, and shows the cell to whom it trusts."""
+    machine = story.machine
+    extras, pip = machine.root / "opt/handeyed/extras", Path(__file__).resolve().parents[2] / ".venv/bin/pip"
+    python = machine.run("/opt/mock/bin/python3 --version").text.split()[1].rpartition(".")[0]
+    install = [str(pip), "install", "--quiet", "--no-warn-conflicts", "--target", str(extras)]
+    subprocess.run([*install, "--only-binary=:all:", f"--python-version={python}", "asyncua>=2.1,<3"], check=True)
+    added = machine.run(f"runuser -u handeyed -- handeyed keys add {SETTINGS} gateway --role viewer")
+    (key,) = re.findall(r"hek_[0-9a-f]{8}_[0-9a-f]{64}", added.text)
+    for path, text in (
+        ("etc/handeyed-opcua/gateway.toml", GATEWAY),
+        ("etc/handeyed-opcua/cell7.key", key),
+        ("etc/systemd/system/handeyed-opcua.service.d/key.conf", CREDENTIAL),
+        ("root/mes.py", OPC_UA_CLIENT),
+    ):
+        (machine.root / path).parent.mkdir(parents=True, exist_ok=True)
+        (machine.root / path).write_text(text)
+    machine.run("chmod 600 /etc/handeyed-opcua/cell7.key")
+    machine.run("install -m 644 /etc/handeyed/tls/authority.pem /etc/handeyed-opcua/")
+    machine.run("systemctl daemon-reload && systemctl enable --now handeyed-opcua")
+    ask = f"curl -s --cacert /etc/handeyed/tls/authority.pem {AUTHORIZATION} https://127.0.0.1:8372"
+    active = json.loads(machine.run(f"{ask}/calibrations/current").text)["applied"]["calibration_id"]
+    shown = [f"Version handeyed {release_of(story)}", "State Ready", f"CalibrationId {active}"]
+    machine.until(f"/opt/mock/bin/python3 /root/mes.py {story.key}", shown)
+    user = machine.run("ps -o user= -p $(systemctl show --property=MainPID --value handeyed-opcua)").text.strip()
+    if user in ("root", "handeyed"):
+        raise Failed(f"the gateway runs as {user}")
+
+
 def ask_for_help(story: Story) -> None:
     """The bundle of a cell with keys holds the daemon's real answers, and no key."""
     story.shown("handeyed support-bundle /etc/handeyed/handeyed.toml")
@@ -350,7 +417,8 @@ def remove(story: Story) -> None:
     """Removed, settings and data stay; purged, nothing points to what is gone."""
     machine = story.machine
     story.shown("apt-get remove handeyed")
-    machine.run(f"test -e {SETTINGS} && ! test -e /opt/handeyed")
+    machine.run(f'test -e {SETTINGS} && test "$(ls /opt/handeyed)" = extras')
+    machine.run("rm -r /opt/handeyed")  # what its administrator put there
     expect(story.shown("apt-get purge handeyed"), "What was measured stays in /var/lib/handeyed")
     story.shown("rm -f /etc/apt/sources.list.d/handeyed.list /usr/share/keyrings/handeyed.gpg")
     named = "find /etc /opt /usr /lib -name '*handeyed*' -not -path '/opt/mock/*'"
@@ -374,5 +442,5 @@ def release_of(story: Story) -> str:
 
 STEPS: tuple[Callable[[Story], None], ...] = (
     install, connect, calibrate, look, kill, hang, wrong_settings, restarts, late_address, reload, fragment, lock_up,
-    ask_for_help, back_up, update, update_to_a_broken_release, roll_back, remove,
+    show_over_opc_ua, ask_for_help, back_up, update, update_to_a_broken_release, roll_back, remove,
 )  # fmt: skip

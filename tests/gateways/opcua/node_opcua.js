@@ -27,7 +27,7 @@ async function main() {
   const cells = names.indexOf("urn:handeyed:cells");
   const types = names.indexOf("http://opcfoundation.org/UA/MachineVision");
   const node = (name) => `ns=${cells};s=${name}`;
-  const told = { events: [], conditions: [] };
+  const told = { events: [], conditions: [], atServer: [], refreshed: [] };
 
   const subscription = await session.createSubscription2({ requestedPublishingInterval: 50, publishingEnabled: true });
   const filter = opcua.constructEventFilter(["EventType", "Message", `${types}:ResultState`, `${types}:MeasId`, `${types}:JobId`, `${types}:ResultContent`, "ConditionName", "Retain"]);
@@ -36,6 +36,24 @@ async function main() {
     { samplingInterval: 0, discardOldest: false, queueSize: 100, filter },
     opcua.TimestampsToReturn.Both,
   );
+  const alarms = await session.createSubscription2({ requestedPublishingInterval: 50, publishingEnabled: true });
+  const ofServer = await alarms.monitor(
+    { nodeId: "i=2253", attributeId: opcua.AttributeIds.EventNotifier },
+    { samplingInterval: 0, discardOldest: false, queueSize: 100, filter: opcua.constructEventFilter(["EventType", "Message"]) },
+    opcua.TimestampsToReturn.Both,
+  );
+  const refreshed = new Promise((resolve) => ofServer.on("changed", ([type, message]) => {
+    if (type.value.namespace) return told.atServer.push(message.value.text);
+    told.refreshed.push(type.value.value);
+    if (type.value.value === 2788) resolve();
+  }));
+  const refresh = await session.call({
+    objectId: "i=2782",
+    methodId: "i=3875",
+    inputArguments: [new opcua.Variant({ dataType: opcua.DataType.UInt32, value: alarms.subscriptionId })],
+  });
+  await refreshed;
+  told.refresh = refresh.statusCode.name;
   let ended;
   const end = new Promise((resolve) => (ended = resolve));
   item.on("changed", (fields) => {

@@ -2,7 +2,6 @@
 
 import asyncio
 import shutil
-import socket
 from collections.abc import AsyncIterator, Awaitable, Mapping
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
@@ -17,9 +16,12 @@ from cryptography.x509.oid import ExtendedKeyUsageOID
 from gateways.opcua.gateway import serve
 from gateways.opcua.settings import CellSettings, GatewaySettings, ServerSettings
 from gateways.opcua.vision_system import CELLS, MACHINE_VISION
+from tests.support.ports import free_port
 
 LIMIT_S = 60.0
 CLIENT = "urn:test:client"
+
+UNIT = Path(__file__).resolve().parents[3] / "deploy" / "fleet" / "handeyed-opcua.service"
 
 
 @dataclass
@@ -69,15 +71,22 @@ class PlantClient:
     async def call(self, name: str, *arguments: Any) -> Any:
         return await self.node(name.rpartition(".")[0]).call_method(self.node(name), *arguments)
 
-    async def listen(self, *names: str, events_of: str = "") -> None:
-        """Be told of changes of variables, and of events of a cell."""
+    async def listen(self, *names: str, events_of: str = "", alarms: bool = False) -> None:
+        """Be told of changes of variables, and of events of a cell.
+
+        `alarms`: of conditions that came before as well; without a cell, of those of all, at the Server object.
+        """
         subscription = await self.client.create_subscription(50, self)
         if names:
             await subscription.subscribe_data_change([self.node(name) for name in names])
-        if events_of:
+        if events_of or alarms:
             types = await self.client.get_namespace_index(MACHINE_VISION)
             kinds = [ua.NodeId(number, types) for number in (1018, 1013, 1024, 1034, 1035)]
-            await subscription.subscribe_events(self.node(events_of), kinds)
+            await subscription.subscribe_events(self.node(events_of) if events_of else self.client.nodes.server, kinds)
+        if alarms:
+            conditions = self.client.get_node(ua.ObjectIds.ConditionType)
+            asked_for = ua.Variant(subscription.subscription_id, ua.VariantType.UInt32)
+            await conditions.call_method(ua.NodeId(ua.ObjectIds.ConditionType_ConditionRefresh), asked_for)
 
     def datachange_notification(self, node: Node, value: Any, data: object) -> None:
         self.values[node.nodeid.Identifier] = value
@@ -129,12 +138,10 @@ async def plant(folder: Path, urls: Mapping[str, str], keys: Mapping[str, str] |
         yield Plant(folder, endpoint)
 
 
-def free_port() -> int:
-    """A port that nobody listens at."""
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        port: int = free.getsockname()[1]
-        return port
+def unit_environment() -> dict[str, str]:
+    """The variables that the gateway's unit sets."""
+    lines = (line.removeprefix("Environment=") for line in UNIT.read_text().splitlines() if line.startswith("Env"))
+    return dict(pair.split("=", 1) for line in lines for pair in line.split())
 
 
 async def refused(request: Awaitable[Any]) -> str:

@@ -11,10 +11,13 @@ pytest.importorskip("asyncua", reason="asyncua is not here: pip install 'handeye
 
 from asyncua import Client, ua
 
+from gateways.opcua.cell import Cell
+from gateways.opcua.cell_state import CellState
 from tests.daemon.access_keys import bearer, with_keys
 from tests.daemon.cell_under_test import Parts, serving, settings_for
 from tests.daemon.fakes import Gate
-from tests.gateways.opcua.plant import free_port, plant, refused
+from tests.gateways.opcua.plant import plant, refused
+from tests.support.ports import free_port
 
 AUTOMATIC = "cell7.VisionStateMachine.AutomaticModeStateMachine"
 
@@ -103,7 +106,7 @@ async def test_the_roles_of_the_daemon_s_keys_hold_and_what_is_not_for_plants_is
                 assert await refused(mes.call("cell7.Cell.Start", "jog", "2")) == "BadInvalidArgument"
                 for no_ticket in ("", "a space", "größer", "two\r\nlines"):
                     told = await refused(mes.call("cell7.Cell.Start", "calibrate", no_ticket))
-                    assert told in ("BadInvalidArgument", "BadCommunicationError"), no_ticket
+                    assert told == "BadInvalidArgument", no_ticket
                 cause = (ua.Variant(0, ua.VariantType.Int32), "")
                 assert await refused(mes.call("cell7.VisionStateMachine.Reset", *cause)) == "BadNotSupported"
                 assert await refused(mes.call("cell7.VisionStateMachine.Halt", *cause)) == "BadNotSupported"
@@ -154,11 +157,45 @@ async def test_a_daemon_that_goes_is_not_ready_and_comes_back(tmp_path: Path) ->
         assert await scada.read("cell7.Cell.Reason") == "the daemon does not answer"
         away = await scada.hears(ConditionName="daemon-away")
         assert (away.Retain, away.Severity) == (True, 800)
+        async with gateway.client("late") as late:
+            await late.listen(events_of="cell7", alarms=True)
+            assert (await late.hears(ConditionName="daemon-away")).Retain is True
         assert await refused(scada.call("cell7.Cell.Start", "verify", "1")) == "BadCommunicationError"
         async with serving(settings):
             await scada.waits("cell7.Cell.Ready", True)
             assert await scada.read("cell7.Cell.State") == "Ready"
+            assert (await scada.hears(ConditionName="daemon-away", Retain=False)).NodeId == away.NodeId
+            async with gateway.client("later") as later:
+                await later.listen(events_of="cell7", alarms=True)
+                await later.hears(EventType=ua.NodeId(ua.ObjectIds.RefreshEndEventType))
+                assert [event.Message.Text for event in later.events if event.ConditionName] == []
         await staying.aclose()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("listens_at", ["cell7", "the Server object"])
+async def test_who_comes_late_is_told_of_each_condition_between_the_frames_of_a_refresh(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, listens_at: str
+) -> None:
+    gone = [{"name": name, "connected": False} for name in ("camera", "scanner", "robot")]
+
+    async def shows(cell: Cell) -> None:
+        await cell._on_change(CellState(reached=True, live={"devices": gone}))
+        await cell._on_change(CellState(reached=True, live={"devices": gone[:2]}))
+        await asyncio.Event().wait()
+
+    async def answers(*_: object, **__: object) -> object:
+        return {"runs": []}
+
+    monkeypatch.setattr(Cell, "follow", shows)
+    monkeypatch.setattr(Cell, "get", answers)
+    async with plant(tmp_path, {"cell7": "http://127.0.0.1:1"}) as gateway, gateway.client() as late:
+        await late.listen("cell7.Cell.Ready")
+        await late.listen(events_of=listens_at if listens_at == "cell7" else "", alarms=True)
+        await late.hears(EventType=ua.NodeId(ua.ObjectIds.RefreshEndEventType))
+        told = [event.ConditionName or event.EventType.Identifier for event in late.events]
+        assert (told[0], told[-1]) == (ua.ObjectIds.RefreshStartEventType, ua.ObjectIds.RefreshEndEventType)
+        assert sorted(told[1:-1]) == ["device-camera", "device-scanner"]
 
 
 @pytest.mark.slow

@@ -21,9 +21,10 @@ from daemon.access.roles import Role
 from daemon.cell.devices import open_devices
 from daemon.composition import build
 from tests.daemon.access_keys import TEST, bearer
-from tests.gateways.opcua.plant import PlantClient, free_port, plant, refused
+from tests.gateways.opcua.plant import PlantClient, plant, refused
 from tests.mock_robot.running_cell import RunningCell, running_cell
 from tests.stories.plant import poses_taught_for, settings_of, small_pictures
+from tests.support.ports import free_port
 from tests.support.serving import serve_for_tests
 from tests.support.waiting import LIMIT_S, eventually
 

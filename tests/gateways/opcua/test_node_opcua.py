@@ -32,3 +32,5 @@ async def test_node_opcua_starts_a_job_once_and_is_told_its_result(tmp_path: Pat
     assert told["lastResult"] == "finished"
     assert told["active"] == "", "the settings leave that to a person"
     assert "calibration began" in told["events"]
+    assert "calibration began" in told["atServer"]
+    assert (told["refresh"], told["refreshed"]) == ("Good", [2787, 2788])

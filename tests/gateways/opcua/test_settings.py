@@ -19,6 +19,17 @@ def test_paths_count_from_the_file_s_folder(tmp_path: Path) -> None:
     assert read.server.certificate == tmp_path / "pki/own/gateway.der"
 
 
+def test_under_systemd_the_server_s_paths_count_from_the_state_that_it_may_write(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("STATE_DIRECTORY", "/var/lib/handeyed-opcua")
+    (tmp_path / "gateway.toml").write_text(CELL + 'key_file = "cell7.key"\n')
+    read = read_settings(tmp_path / "gateway.toml")
+    assert (str(read.server.trusted), read.cell[0].key_file) == (
+        "/var/lib/handeyed-opcua/pki/trusted", tmp_path / "cell7.key",
+    )  # fmt: skip
+
+
 @pytest.mark.parametrize(
     ("text", "told"),
     [
