@@ -51,6 +51,10 @@ MAX_TURN_RAD, MORE_TURN_RAD, MAX_TURNED = float(np.radians(0.5)), float(np.radia
 """Mean difference of the angles between views up to which rotations agree; how much more others may differ, which are
 tried as well; most of them."""
 
+MAX_MOVED, MIN_RIGHT_SHARE = 2, 0.75
+"""Views by which pictures and poses may be moved against each other, and the share of pairs that are right, where wrong
+pairs are looked for."""
+
 MAX_RESIZED_READINGS = 3
 """Likeliest readings with which other sizes of the target are tried."""
 
@@ -170,6 +174,8 @@ def decide(table: PoseTable, compared: Sequence[Compared], evidence: Evidence | 
         found = _explain_misfit(table, compared, evidence)
     if found.axis is not None:
         return found
+    if not best.possible and not found.words:
+        found = _explain_pairs(table, compared, evidence)
     if not best.possible and others:
         words = f"none fits: {best.readings[0].words} is the nearest, and {agreement}"
         size = "" if found.words else _other_size(table, compared, evidence)
@@ -209,7 +215,8 @@ def _explain_misfit(table: PoseTable, compared: Sequence[Compared], evidence: Ev
     possible = compared[0].possible  # then only an axis is looked for
     still, near = _agreeing_turns(few, ((_Change(table), one) for one in readings))
     if table.kind != "joints":  # an arm's joints leave no choice of lengths
-        tried = [(one, way) for _, way in near for one in _changes_of_lengths(table) if one.axis or not possible]
+        changes = [*_changes_of_lengths(table, of_pictures=evidence.pictures is not None)]
+        tried = [(one, way) for _, way in near for one in changes if one.axis or not possible]
     turned, tables = _agreeing_turns(few, ((one, way) for way in readings for one in _turntables(table, way)))
     if turned < still:
         tried += [(_through_axis(few, *one), one[1]) for one in tables]
@@ -218,6 +225,8 @@ def _explain_misfit(table: PoseTable, compared: Sequence[Compared], evidence: Ev
     fitted = _fits_of(_placed(few, change, one) for change, one in tried)
     best = max(range(len(tried)), key=lambda at: fitted[at].log_likelihood)
     (change, reading), fit = tried[best], fitted[best]
+    shrunk = max(1.0, table.reach_mm("mm") / max(change.table.reach_mm("mm"), 1e-9))
+    fit = replace(fit, variances=fit.variances * [1.0, shrunk**2])  # in the robot's own millimetres
     explained = Compared((reading,), fit)
     is_enough = not explained.doubtful if possible else explained.possible
     if is_enough and change.axis is not None:
@@ -229,11 +238,35 @@ def _explain_misfit(table: PoseTable, compared: Sequence[Compared], evidence: Ev
     if is_enough:
         words += f", and with {change.words} the translations agree as well: {_noise(fit)} ({reading.words})"
         return Decision(None, words, (), change.fix)
-    size = _other_size(table, compared, evidence)
-    if size:
+    if size := _other_size(table, compared, evidence):
         return Decision(None, words + size, (), "compare the target's size, and the units of both sides")
     fix = "compare the unit and the axes of the places with the robot's display; or describe a track (external_axis)"
     return Decision(None, words + ", and only the translations contradict", (), fix)
+
+
+def _explain_pairs(table: PoseTable, compared: Sequence[Compared], evidence: Evidence) -> Decision:
+    """Which pairs are wrong, or by how many rows all are; `words` is "" where no rows make the rotations agree."""
+    few = evidence.take(np.arange(len(evidence)) < MAX_COMPARED_VIEWS)
+    seen = angles_between_images(few.camera_T_target)
+    found: list[tuple[int, int, list[str]]] = []
+    for reading, moved in product((one.readings[0] for one in compared), range(-MAX_MOVED, MAX_MOVED + 1)):
+        rows = few.indices + moved
+        inside = (rows >= 0) & (rows < len(table))
+        turns = table.poses(reading.convention, reading.unit, reading.frame)[rows[inside], :3, :3]
+        apart = np.abs(angles_between(turns) - seen[np.ix_(inside, inside)])
+        right = np.median(apart, axis=1) <= MAX_TURN_RAD
+        enough = np.sum(right) >= max(MIN_VIEWS, MIN_RIGHT_SHARE * len(right))
+        if enough and np.mean(apart[np.ix_(right, right)]) <= MAX_TURN_RAD and (moved or not np.all(right)):
+            found.append((abs(moved), moved, [table.labels[row] for row in rows[inside][~right]]))
+    if not found:
+        return Decision(None, "")
+    rows_off, moved, labels = min(found, key=lambda one: (one[0], len(one[2])))
+    if moved:
+        words = f"{rows_off} row{'s' * (rows_off > 1)} {'before' if moved < 0 else 'after'} for each picture"
+        fix = "correct the pairs: one end has too many or too few"
+        return Decision(None, f"; with the pose {words} the rotations agree", (), fix)
+    fix = "correct what is named, or leave it out with its picture"
+    return Decision(None, f"; without pose {', '.join(labels)} the rotations agree", (), fix)
 
 
 @dataclass(frozen=True, eq=False)
@@ -259,25 +292,25 @@ def _agreeing_turns(few: Evidence, ways: Iterable[_Way]) -> tuple[float, list[_W
     return least, [one for mismatch, one in found if mismatch <= most][:MAX_TURNED]
 
 
-def _changes_of_lengths(table: PoseTable) -> Iterator[_Change]:
+def _changes_of_lengths(table: PoseTable, *, of_pictures: bool) -> Iterator[_Change]:
     """Other units, reversed and exchanged axes, and a track along an axis of the base whose readings the table has."""
     for unit, factor in MM.items():
-        if factor != 1.0:
+        if factor != 1.0 and factor * table.reach_mm("mm") >= MIN_ARM_MM:
             fix = f"multiply the places by {factor:g}, or name their unit"
             fix = f"give --unit {unit}" if unit in LENGTH_UNITS and table.unit is None else fix
-            words = f"places in {unit}"
-            if factor * table.reach_mm("mm") < MIN_ARM_MM:  # no arm's: then the other side is in the inverse unit
-                words = f"the camera's places, or the target, {1 / factor:g} times as large"
-                fix = "give --camera-unit m" if factor == 1 / MM["m"] else "compare the target's size"
-            yield _Change(replace(table, lengths=factor * table.lengths), words, fix)
+            yield _Change(replace(table, lengths=factor * table.lengths), f"places in {unit}", fix)
+        if factor > 1.0 and (unit == "m" or not of_pictures):  # of pictures other sizes of the target are tried
+            words = f"the camera's places, or the target, {factor:g} times as large"
+            fix = f"multiply the camera's places by {factor:g}, for they are in {unit}"
+            fix = "give --camera-unit m" if unit == "m" else fix
+            yield _Change(replace(table, lengths=table.lengths / factor), words, fix)
     for order in permutations(range(3)):
         for signs in product((1.0, -1.0), repeat=3):
-            if order == (0, 1, 2) and signs == (1.0, 1.0, 1.0):
+            if order == (0, 1, 2) and abs(sum(signs)) == 3:  # all reversed: a mirror of the other side, too
                 continue
             axes = ",".join(("-" if sign < 0 else "") + "xyz"[axis] for axis, sign in zip(order, signs, strict=True))
-            reversed_only = order == (0, 1, 2)
             named = " and ".join("xyz"[at] for at in range(3) if signs[at] < 0)
-            words = f"{named} reversed" if reversed_only else f"the axes of the places as {axes}"
+            words = f"{named} reversed" if order == (0, 1, 2) else f"the axes of the places as {axes}"
             lengths = table.lengths[:, list(order)] * signs
             yield _Change(replace(table, lengths=lengths), words, f"give --axes={axes}, or correct the poses")
     yield from _beside_the_arm(table, "track", "a track along")

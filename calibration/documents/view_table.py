@@ -58,7 +58,7 @@ def _cells(view: ViewResultDocument, header: tuple[str, ...]) -> tuple[str, ...]
     size = (None, None) if correction is None else (correction.translation_mm, correction.rotation_deg)
     temperature_c = view.camera_temperature_c
     cells = (
-        str(view.index),
+        str(view.index + 1),
         view.image or "-",
         view.status,
         _number(view.reprojection_px),

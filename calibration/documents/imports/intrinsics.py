@@ -21,8 +21,8 @@ from calibration.documents.validation import validate_document
 HEADING = "intrinsics"
 FISHEYE = ("equidistant", "fisheye", "kannala_brandt", "kb4")
 MODELS = ("pinhole", "plumb_bob", "rational_polynomial", "radtan", "radial-tangential", "brown_conrady", "none", "")
-Keys = tuple[tuple[str, ...], ...]
-"""Ways to name numbers: one key of a list, or a key for each."""
+Record = Mapping[str, Any]
+Keys = tuple[tuple[str, ...], ...]  # ways to name numbers: one key of a list, or a key for each
 
 MATRIX, FOUR, DISTORTION, SIZE = (
     tuple(tuple(keys.split()) for keys in WORDS["intrinsics"][what])
@@ -79,9 +79,7 @@ def _mappings(data: Any, depth: int = 0) -> Iterator[Mapping[Any, Any]]:
                 yield from _mappings(value, depth + 1)
 
 
-def _numbers(
-    plain: Mapping[str, Any], names: Keys, counts: Container[int], missing: float | None = None
-) -> list[float] | None:
+def _numbers(plain: Record, names: Keys, counts: Container[int], missing: float | None = None) -> list[float] | None:
     """The numbers of the first of the names that has as many; `missing` is for a key of several that is not there."""
     for keys in names:
         if keys[0] not in plain:
@@ -97,14 +95,13 @@ def _numbers(
     return None
 
 
-def _intrinsics(plain: Mapping[str, Any], matrix: list[float], origin: str) -> Intrinsics:
+def _intrinsics(plain: Record, matrix: list[float], origin: str) -> Intrinsics:
     if len(matrix) == 4:
         fx, fy, cx, cy = matrix
         matrix = [fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0]
     rows = np.array(matrix).reshape(3, 3)
     if not (np.all(np.isfinite(rows)) and rows[0, 0] > 0 and rows[1, 1] > 0 and np.allclose(rows[2], [0, 0, 1])):
-        fix = "write fx, 0, cx / 0, fy, cy / 0, 0, 1"
-        raise refusal(origin, "camera matrix", "not one of a camera", fix, HEADING)
+        raise refusal(origin, "camera matrix", "not one of a camera", "write fx, 0, cx / 0, fy, cy / 0, 0, 1", HEADING)
     nested = plain.get("distortion")
     given = plain.get("distortion_model") or plain.get("lens") or (isinstance(nested, Mapping) and nested.get("type"))
     camera = str(plain.get("camera_model", "pinhole")).lower()

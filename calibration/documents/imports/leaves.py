@@ -15,7 +15,6 @@ import numpy as np
 from calibration.documents.imports.number_tables import (
     JOINT_WORDS,
     TURN_WORDS,
-    Cell,
     are_rotations,
     table_of_joints,
     table_of_one_side,
@@ -26,7 +25,7 @@ from calibration.documents.imports.number_tables import (
     words_of,
 )
 from calibration.documents.imports.pairing import natural
-from calibration.documents.imports.pose_table import PoseTable, table_of_matrices
+from calibration.documents.imports.pose_table import PoseTable, table_of_arrays, table_of_matrices
 from calibration.documents.imports.refusal import MAX_POSES, refusal
 from calibration.documents.imports.sides import WORDS, relation_of
 from calibration.kinematics.conventions import CONVENTIONS
@@ -34,25 +33,18 @@ from calibration.problem import Setup
 from calibration.transforms import Array
 
 MAX_DEPTH = 8
-POSE_NUMBERS = frozenset(("x", "y", "z", "w", "qw", "qx", "qy", "qz", "rx", "ry", "rz", "a", "b", "c"))
-"""Last words of the names of a pose's numbers."""
-
-MAX_CELLS = 200
-"""Numbers of one record; a pose has 16 at most, a record may have joints and measurements besides."""
-
-MAX_TEXT = 1000
-"""Characters of a text that is read as numbers."""
-
+MAX_CELLS = 200  # numbers of one record; a pose has 16 at most, a record may have joints and measurements besides
+MAX_TEXT = 1000  # characters of a text that is read as numbers
 MATRICES = ((4, 4), (3, 4), (16,))
 ROWS = ((6,), (7,), (12,))
 TURNS = ((3, 3), (9,))
 SAVEZ: dict[Any, str] = {(3,): "position", (4,): "quaternion"}
 """Names of what one view has of arrays that np.savez called arr_0, arr_1."""
 
-ONE_VIEW = (*MATRICES, *ROWS, *TURNS, (3,), (4,), ())
-"""Shapes of what one view has; other arrays are over the views."""
+ONE_VIEW = (*MATRICES, *ROWS, *TURNS, (3,), (4,), ())  # shapes of what one view has; other arrays are over the views
 
 Leaf = Array | np.float64 | str
+Leaves = Iterator[tuple[str, Leaf]]
 _NUMBERED = re.compile(r"(\D.*?)[_\- ]?(\d+)")
 _NUMBER_WITHIN = re.compile(r"(\D+?)(\d+)(_.+)")  # frame0_robot_R
 
@@ -79,9 +71,7 @@ def array_of(value: Any) -> Array | None:
         if inner is None:
             return None
         rows.append(inner)
-    if len({np.shape(row) for row in rows}) != 1 or np.ndim(rows[0]) > 3:
-        return None
-    return np.array(rows, float)
+    return None if len({np.shape(row) for row in rows}) != 1 or np.ndim(rows[0]) > 3 else np.array(rows, float)
 
 
 def table_of_data(data: Any, origin: str) -> PoseTable:
@@ -98,22 +88,23 @@ def table_of_data(data: Any, origin: str) -> PoseTable:
     if labels is None and (array := array_of(records)) is not None:
         return table_of_array(array, origin)
     flat = [dict(_leaves(record, origin)) for record in records]
+    every = {name: leaf for record in flat for name, leaf in record.items()}
+    usual = [name for name in every if 2 * sum(name in record for record in flat) > len(flat)]
+    flat = [{name: record.get(name, np.full(np.shape(every[name]), np.nan)) for name in usual} for record in flat]
     names = [name for name, leaf in flat[0].items() if all(_kind(one.get(name)) == _kind(leaf) for one in flat)]
     if not names:
         raise refusal(origin, "records", "they have no key in common", "give every pose the same keys")
-    _require_the_same_numbers(flat, names, origin)
     built = table_of_sides(origin, names, [[record[name] for record in flat] for name in names], _table_of_leaves)
     table = _as_recorded(replace(built, setup=setup_of(data)), data, names)
-    return table if labels is None or len(set(labels)) < len(labels) else _with_labels(table, labels)
+    if (called := tuple(labels or ())) and len({*called}) == len(called) == len(table):
+        return replace(table, labels=called, camera=table.camera and replace(table.camera, labels=called))
+    return table
 
 
 RECORDERS = tuple({*pair.split()} for pair in WORDS["recorders"])
 """How easy_handeye, easy_handeye2, moveit_calibration and visp_hand2eye_calibration call both poses, in metres.
-
 Sources: easy_handeye2_msgs/msg/SampleList.msg and handeye_sampler.py, which records the effector in the base for
-eye_in_hand and the base in the effector for eye_on_base; handeye_control_widget.cpp of moveit_calibration, whose joint
-states are rad.
-"""
+eye_in_hand and the base in the effector for eye_on_base; moveit_calibration's handeye_control_widget.cpp (rad)."""
 
 
 def _as_recorded(table: PoseTable, data: Any, names: Sequence[str]) -> PoseTable:
@@ -149,23 +140,6 @@ def _kind(leaf: Leaf | None) -> tuple[int, ...] | None:
     return None if leaf is None else () if isinstance(leaf, str) else np.shape(leaf)
 
 
-def _with_labels(table: PoseTable, labels: Sequence[str]) -> PoseTable:
-    camera = None if table.camera is None else _with_labels(table.camera, labels)
-    return replace(table, labels=tuple(labels), camera=camera)
-
-
-def _require_the_same_numbers(flat: Sequence[dict[str, Leaf]], names: Sequence[str], origin: str) -> None:
-    """Raises DocumentError for the first record without a number of the pose that others have."""
-    every = list(dict.fromkeys(name for record in flat for name in record))
-    lost = [name for name in every if name not in names and sum(name in record for record in flat) >= len(flat) - 1]
-    for name in lost:
-        if words_of(name)[-1:] and words_of(name)[-1] in POSE_NUMBERS:
-            at = next((at for at, record in enumerate(flat, 1) if name not in record), None)
-            if at is not None:
-                what = f"without {name}, which the others have"
-                raise refusal(origin, f"record {at}", what, "complete it, or remove it")
-
-
 def _table_of_leaves(origin: str, named: Sequence[str], columns: Sequence[Sequence[Leaf]]) -> PoseTable:
     """The table of the leaves of one side: by their shapes where one of them is a pose, else by their names."""
     leaves = dict(zip(named, columns, strict=True))
@@ -178,7 +152,7 @@ def _table_of_leaves(origin: str, named: Sequence[str], columns: Sequence[Sequen
         [name for name, kind in kinds.items() if kind in wanted]
         for wanted in ((*MATRICES, (2, 4, 4)), ROWS, TURNS, ((3,),), ((),))
     )
-    rows = [name for name in rows if not set(words_of(name)) & JOINT_WORDS] or rows
+    rows = [name for name in rows if not set(words_of(name)) & JOINT_WORDS] or ([] if places else rows)
     turns = [name for name in turns if are_rotations(np.array(leaves[name], float).reshape(-1, 3, 3))]
     if not leaves:
         raise refusal(origin, "records", "no numbers of a pose", "name them")
@@ -189,10 +163,7 @@ def _table_of_leaves(origin: str, named: Sequence[str], columns: Sequence[Sequen
         whole = table_of_array(np.array(leaves[matrices[0]]), origin)
     elif not matrices and len(turns) == len(places) == 1:
         place, turn = (np.array(leaves[name]) for name in (places[0], turns[0]))
-        layout = f"{turns[0]} and {places[0]}"
-        whole = PoseTable(
-            origin, tuple(labels), place, turn.reshape(-1, 9), "matrix", layout, CONVENTIONS["matrix"]
-        ).checked()
+        whole = table_of_arrays(origin, labels, place, turn.reshape(-1, 9), f"{turns[0]} and {places[0]}", "matrix")
     elif not matrices and not turns and len(rows) == 1:
         listed = np.array(leaves[rows[0]])
         joints = listed.shape[1] == 6 and set(words_of(rows[0])) & JOINT_WORDS
@@ -202,7 +173,7 @@ def _table_of_leaves(origin: str, named: Sequence[str], columns: Sequence[Sequen
         raise refusal(origin, "records", what, "name them robot and camera, or gripper2base and target2cam")
     if whole is not None:
         return with_names(whole, text_columns(texts), texts, [*cells.values()])
-    flat: dict[str, list[Cell]] = {}
+    flat: dict[str, list[Any]] = {}
     for name, column in leaves.items():
         if name in cells:
             flat[name] = cells[name]
@@ -264,7 +235,7 @@ def table_of_array(array: Array, origin: str, labels: Sequence[str] | None = Non
 def _opencv_matrix(data: Any) -> Any:
     """OpenCV's and ViSP's {rows, cols, data}, Zivid's {FloatMatrix: {Data: ...}} and a text of numbers as a list."""
     if isinstance(data, str):
-        numbers = [number_of(one) for one in re.split(r"[\s,;]+", data.strip("[]() ")[:MAX_TEXT])]
+        numbers = [number_of(one) for one in re.findall(r"[^][(),;\s]+", data[:MAX_TEXT])]
         return data if (len(numbers),) not in ((3,), (4,), *ROWS, *MATRICES, *TURNS) or None in numbers else numbers
     if isinstance(data, dict):
         if isinstance(data.get("FloatMatrix"), dict):
@@ -307,10 +278,14 @@ def _records(data: Any, origin: str) -> tuple[list[Any], list[str] | None]:
 def _over_views(data: dict[str, Any], origin: str) -> tuple[list[Any], list[str] | None] | None:
     """The records of arrays over the views, or of names with the view's number; None where there are neither."""
     flat: dict[str, Any] = dict(_leaves(data, origin, most=MAX_POSES * 16))
-    flat |= {name: one for name, one in data.items() if isinstance(one, list) and one and isinstance(one[0], dict)}
+    for name, value in data.items():  # records, also of one list below: {hand_world_samples: {transforms: [...]}}
+        lists = [one for one in (value.values() if isinstance(value, dict) else [value]) if isinstance(one, list)]
+        flat |= {name: lists[0]} if len(lists) == 1 and lists[0] and isinstance(lists[0][0], dict) else {}
     every = {name: leaf for name, leaf in flat.items() if isinstance(leaf, np.ndarray)}
-    long = (name for name, leaf in every.items() if leaf.ndim == 2 and len(leaf) in (6, 7) and leaf.size > 7 * 16)
-    every |= {name: every[name].T for name in [*long]}  # a column for each view, and more than a pose has numbers
+    turns = {len(leaf) for leaf in every.values() if leaf.shape[1:] == (3, 3)} - {3}
+    flat_ones = [name for name, leaf in every.items() if leaf.ndim == 2 and len(leaf) in (3, 6, 7)]
+    long = [name for name in flat_ones if every[name].size > 7 * 16 or every[name].shape[1] in turns]
+    every |= {name: every[name].T for name in long}  # a column for each view
     arrays = {name: leaf for name, leaf in every.items() if {leaf.shape, _squeeze(leaf).shape}.isdisjoint(ONE_VIEW)}
     over = {name: len(leaf) for name, leaf in arrays.items() if leaf.size >= 3 * len(leaf)}
     over |= {name: len(leaf) for name, leaf in flat.items() if isinstance(leaf, list)}
@@ -368,10 +343,10 @@ def _squeeze(leaf: Any) -> Any:
 def _alike(data: dict[str, Any]) -> bool:
     """Whether all values are records with a key in common that are no vectors, or arrays of one shape of a pose.
 
-    Names of both sides, or of joints beside a pose, are those of one view.
+    Names of both sides, or of X or joints beside a pose, are those of one view.
     """
     sides = {one.side for name in data if (one := relation_of(name)) is not None}
-    if sides >= {"robot", "camera"} or any("joint" in name.lower() for name in data):
+    if len(sides) > 1 or any("joint" in name.lower() for name in data):
         return False
     values = list(data.values())
     if all(isinstance(value, dict) for value in values):
@@ -382,9 +357,7 @@ def _alike(data: dict[str, Any]) -> bool:
     return len(shapes) == 1 and shapes <= {*MATRICES, *ROWS}
 
 
-def _leaves(
-    data: Any, origin: str, name: str = "", depth: int = 0, most: int = MAX_CELLS
-) -> Iterator[tuple[str, Leaf]]:
+def _leaves(data: Any, origin: str, name: str = "", depth: int = 0, most: int = MAX_CELLS) -> Leaves:
     """(dotted name, leaf) of a record: an array of at most so many numbers, a number or a text."""
     if depth > MAX_DEPTH:
         raise refusal(origin, name or "record", "it nests too deep", "write plain records")

@@ -15,7 +15,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from calibration.documents.imports.pose_table import MAX_ANGLE_DEG, MIN_STATED_MM, NAMED, PoseTable, table_of_matrices
+from calibration.documents.imports.pose_table import MAX_ANGLE_DEG, NAMED, PoseTable, table_of_arrays, table_of_matrices
 from calibration.documents.imports.refusal import MAX_POSES, refusal
 from calibration.documents.imports.sides import MIN_PAIRS, WORD_FRAMES, WORDS, best_split, build_by_sides, relation_of
 from calibration.errors import DocumentError
@@ -28,9 +28,6 @@ LENGTH_WORDS, TURN_WORDS, QUATERNION_WORDS, VECTOR_WORDS, POSE_WORDS, IMAGE_WORD
     frozenset(WORDS[f"of_{what}"].split())
     for what in ("lengths", "turns", "quaternions", "vectors", "poses", "images", "times", "labels")
 )
-NOISE = frozenset((*WORDS["of_nothing"].split(), *WORD_FRAMES))
-"""Words that do not say what a number is; whose it is, is for `sides`."""
-
 UNITS = {unit: unit for unit in MM} | {word: unit for unit, words in WORDS["units"].items() for word in words.split()}
 """Words of a unit of lengths."""
 
@@ -42,6 +39,10 @@ AXES = {"roll": "x", "pitch": "y", "yaw": "z"}
 SEQUENCES = (("a", "b", "c"), ("w", "p", "r"), ("o", "a", "t"), ("alpha", "beta", "gamma"), ("phi", "theta", "psi"))
 """Names of three angles in the order of their rotations."""
 
+NOISE = frozenset((*WORDS["of_nothing"].split(), *WORD_FRAMES))
+"""Words that do not say what a number is; whose it is, is for `sides`."""
+
+BLANKS = ("", "-", "None", "null", "N/A")
 JOINT_WORDS = frozenset(("joint", "joints", "axis", "j", "q", "theta", "angle", "angles", "jnt"))
 """Before the numbers of six joints."""
 
@@ -122,9 +123,7 @@ class _Named:
             words = [*words[:-1], *filter(None, short.groups())]
         slot = AXES.get(words[-1], words[-1])
         before = set(words[:-1]) | ({"rpy"} if words[-1] in AXES else set())
-        family: Family | None = None
-        if slot in ("x", "y", "z", "w") or slot.isdigit():
-            family = self._family(before, slot)
+        family = self._family(before, slot) if slot in ("x", "y", "z", "w") or slot.isdigit() else None
         if family is not None and slot not in self.slots[family]:
             self.slots[family][slot] = index
             if family == "turn":
@@ -204,8 +203,7 @@ def joints_of(names: Sequence[str]) -> list[int]:
     """Indices of six joints, numbered in sequence: joint1 to joint6, j1_deg, actual_q_0; [] where there are none."""
     found: dict[str, int] = {}
     for index, name in enumerate(names):
-        words = [word for word in words_of(name) if word not in ANGLES]
-        numbered = re.fullmatch(r"(\D*?)_*(\d+)", "_".join(words))
+        numbered = re.fullmatch(r"(\D*?)_*(\d+)", "_".join(word for word in words_of(name) if word not in ANGLES))
         if numbered and set(re.split(r"_+", numbered[1])) & JOINT_WORDS:
             found.setdefault(numbered[2], index)
     listed = _in_order(found)
@@ -291,18 +289,27 @@ def table_of_columns(origin: str, names: Sequence[str], rows: Sequence[Sequence[
     return table_of_sides(origin, names, [*zip(*rows, strict=True)], table_of_one_side)
 
 
-Named = Callable[[str, Sequence[str], Sequence[Sequence[Any]]], PoseTable]
-"""Makes a table of named columns of one side."""
+Named = Callable[[str, Sequence[str], Sequence[Sequence[Any]]], PoseTable]  # makes a table of named columns of one side
 
 
 def table_of_sides(origin: str, names: Sequence[str], columns: Sequence[Sequence[Any]], build: Named) -> PoseTable:
-    """What `build` makes of the columns of each side, or pairs of points. Raises DocumentError.
-
-    columns : of numbers, texts or arrays, one for each pose; pictures, times and labels belong to both sides.
-    """
+    """What `build` makes of the columns (numbers, texts, arrays) of each side, or pairs of points. DocumentError."""
+    stems = [re.sub(r"\.1$", "", name) for name in names]  # pandas calls the second x x.1
+    if sum(stems.count(one) == 2 for one in stems) >= 12:
+        names = [f"{'ab'[one in stems[:at]]}_{one}" if stems.count(one) == 2 else one for at, one in enumerate(stems)]
     found = text_columns(names)
-    texts = (found.image, found.time, found.label)
-    shared = [at for at in texts if at is not None and np.ndim(columns[at][0]) == 0]
+    shared = [at for at in (found.image, found.time, found.label) if at is not None and np.ndim(columns[at][0]) == 0]
+    sides = [None if at in shared or one is None else one.side for at, one in enumerate(map(relation_of, names))]
+    seen = [column for side, column in zip(sides, columns, strict=True) if side == "camera"]
+    blind = [  # where nothing was detected: blanks, NaN, zeros, the identity
+        all(cell in BLANKS if isinstance(cell, str) else np.all(np.isnan(cell) | np.isin(cell, (0, 1))) for cell in row)
+        for row in zip(*seen, strict=True)
+    ]
+    if "robot" in sides and sum(np.size(column[0]) for column in seen) >= 6 and 0 < 2 * sum(blind) < len(blind):
+        left = [[cell for cell, out in zip(column, blind, strict=True) if not out] for column in columns]
+        rows = ", ".join(str(at) for at, out in enumerate(blind, 1) if out)
+        table = table_of_sides(origin, names, left, build)
+        return replace(table, notes=(*table.notes, f"without a pose of the camera, and left out: rows {rows}"))
     points = _point_pairs(origin, names, columns)
     groups: dict[str, dict[str, int]] = {}
     for index, name in enumerate(names):
@@ -344,16 +351,10 @@ def _point_pairs(origin: str, names: Sequence[str], columns: Sequence[Sequence[A
             return None
         if points.ndim != 2 or points.shape[1] != 3:
             return None
-        labels = tuple(str(at + 1) for at in range(len(points)))
+        labels, none = [str(at + 1) for at in range(len(points))], np.empty((len(points), 0))
         layout = f"points {', '.join(names[at] for at in own)}"
-        table = PoseTable(
-            origin, labels, points, np.empty((len(points), 0)), "points", layout, POINTS, frame="base_T_flange"
-        )
-        found.append(table.checked())
+        found.append(table_of_arrays(origin, labels, points, none, layout, "points", frame="base_T_flange"))
     return replace(found[0], side="robot", camera=replace(found[1], side="camera"))
-
-
-POINTS = CONVENTIONS["points"]
 
 
 def table_of_one_side(origin: str, names: Sequence[str], cells: Sequence[Sequence[Cell]]) -> PoseTable:
@@ -370,24 +371,17 @@ def table_of_one_side(origin: str, names: Sequence[str], cells: Sequence[Sequenc
     labels = tuple(str(at + 1) for at in range(len(values)))
     layout = NAMED + ", ".join(names[index] for index in numbers[:8]) + (" ..." if len(numbers) > 8 else "")
     if columns.joints:
-        table = table_of_joints(origin, labels, values, layout)
         unit = None if columns.degrees is None else CONVENTIONS["joints" if columns.degrees else "joints-rad"]
-        table = replace(table, convention=unit)
+        table = replace(table_of_joints(origin, labels, values, layout), convention=unit)
     elif columns.pose or not columns.turn:
         table = table_of_rows(origin, values, labels, layout)
     else:
-        kind, said = {3: "angles", 4: "quaternion", 9: "matrix"}[len(columns.turn)], columns.convention
-        said = CONVENTIONS["rotation-vector-deg"] if said and said.order == "vector" and columns.degrees else said
-        table = PoseTable(
-            origin, labels, values[:, :3], values[:, 3:], kind, layout, said, columns.by_axis,  # type: ignore[arg-type]
-        )  # fmt: skip
+        said = columns.convention.name if columns.convention else ""
+        said += "-deg" if said == "rotation-vector" and columns.degrees else ""
+        table = table_of_arrays(origin, labels, values[:, :3], values[:, 3:], layout, said, by_axis=columns.by_axis)
     table = replace(table, layout=layout, unit=table.unit or columns.unit).checked()
     if columns.unit is not None:
         table.require_reach(columns.unit, "header")
-        reach_mm = float(np.linalg.norm(table.lengths, axis=1).max()) * MM[columns.unit]
-        if len(values) > 1 and reach_mm < MIN_STATED_MM:
-            what = f"in {columns.unit} as the header says, every pose is within {reach_mm:.3g} mm of the base"
-            raise refusal(origin, "header", what, "correct the unit in the header")
     return with_names(table, columns, names, cells)
 
 
@@ -412,17 +406,16 @@ def with_names(table: PoseTable, columns: Columns, names: Sequence[str], cells: 
 
 def table_of_joints(origin: str, labels: Sequence[str], joints: Array, layout: str) -> PoseTable:
     """The table of joints (n, 6), from which poses follow when the arm is known."""
-    return PoseTable(
-        origin, tuple(labels), np.zeros((len(joints), 3)), joints, "joints", f"joints: {layout}", unit="mm",
-        frame="base_T_flange",
-    ).checked()  # fmt: skip
+    said: dict[str, Any] = {"unit": "mm", "frame": "base_T_flange"}
+    return table_of_arrays(origin, labels, np.zeros((len(joints), 3)), joints, f"joints: {layout}", **said)
 
 
 def table_of_rows(origin: str, rows: Array, labels: Sequence[str] | None = None, layout: str = "") -> PoseTable:
     """The table of rows (n, k) without names. Raises DocumentError for a number of columns that is no pose."""
     rows = np.asarray(rows, float)
     width, names = rows.shape[1], tuple(labels or (str(at + 1) for at in range(len(rows))))
-    if width in (13, 17) and _counts(rows[:, 0]):
+    of_pose = width == 7 and _unit_norms(rows[:, 3:])
+    if width in (7, 13, 17) and not of_pose and _counts(rows[:, 0]):
         names, rows, width = tuple(str(int(number)) for number in rows[:, 0]), rows[:, 1:], width - 1
     said = layout or f"{width} numbers a row"
     if width == 16:
@@ -433,7 +426,7 @@ def table_of_rows(origin: str, rows: Array, labels: Sequence[str] | None = None,
             return table_of_matrices(origin, names, matrices, said)
         for turn, length in ((rows[:, :9], rows[:, 9:]), (rows[:, 3:], rows[:, :3])):
             if are_rotations(turn.reshape(-1, 3, 3)):
-                return PoseTable(origin, names, length, turn, "matrix", said).checked()
+                return table_of_arrays(origin, names, length, turn, said)
         if (both := _halves(origin, rows, names)) is not None:
             return both
         raise refusal(origin, "pose 1", "twelve numbers without a rotation matrix among them", f"give {WIDTHS}")
@@ -441,12 +434,10 @@ def table_of_rows(origin: str, rows: Array, labels: Sequence[str] | None = None,
     if width == 8 and _unit_norms(rows[:, 4:]):
         times, rows, width = rows[:, 0], rows[:, 1:], 7
         names = names if labels else tuple(f"{time:.9g}" for time in times)
-    if width == 7 and not _unit_norms(rows[:, 3:]) and _counts(rows[:, 0]):
-        names, rows, width = tuple(str(int(number)) for number in rows[:, 0]), rows[:, 1:], 6
     if width in (14, 24, 32) and (both := _halves(origin, rows, names)) is not None:
         return both
     if width == 3:
-        return PoseTable(origin, names, rows, np.empty((len(rows), 0)), "points", said, POINTS).checked()
+        return table_of_arrays(origin, names, rows, np.empty((len(rows), 0)), said, "points")
     if width not in (6, 7):
         raise refusal(origin, "rows", f"{width} numbers a row without names", f"give {WIDTHS}, or a header")
     notes: tuple[str, ...] = ()
@@ -458,10 +449,7 @@ def table_of_rows(origin: str, rows: Array, labels: Sequence[str] | None = None,
         norm = float(np.linalg.norm(rows[0, 3:]))
         what = f"seven numbers a row, of which the last four have norm {norm:.4g}, not 1"
         raise refusal(origin, "pose 1", what, "give a quaternion of norm 1, or a header that says what stands there")
-    kind = "quaternion" if width == 7 else "angles"
-    return PoseTable(
-        origin, names, rows[:, :3], rows[:, 3:], kind, said, times_s=times, notes=notes,  # type: ignore[arg-type]
-    ).checked()  # fmt: skip
+    return table_of_arrays(origin, names, rows[:, :3], rows[:, 3:], said, times_s=times, notes=notes)
 
 
 def _halves(origin: str, rows: Array, labels: Sequence[str]) -> PoseTable | None:
@@ -498,8 +486,7 @@ def seconds_of(text: str) -> float | None:
     if found is None:
         return None
     parts = [int(found[part]) for part in ("year", "month", "day", "hour", "minute", "second")]
-    try:
+    with contextlib.suppress(ValueError):
         moment = datetime(*parts, tzinfo=datetime.strptime(found["zone"] or "Z", "%z").tzinfo)  # type: ignore[arg-type,misc]
-    except ValueError:
-        return None
-    return moment.timestamp() + float(f"0.{found['fraction'] or 0}")
+        return moment.timestamp() + float(f"0.{found['fraction'] or 0}")
+    return None

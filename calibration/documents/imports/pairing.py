@@ -2,7 +2,8 @@
 
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import PurePosixPath
 
@@ -11,11 +12,10 @@ import numpy as np
 from calibration.documents.imports.number_tables import seconds_of
 from calibration.documents.imports.pose_table import PoseTable
 from calibration.documents.imports.refusal import plain, refusal
+from calibration.errors import DocumentError
 from calibration.transforms import Array
 
-MAX_SHOWN = 4
-"""Names of a list in a message; of longer ones the first and the last are shown."""
-
+MAX_SHOWN = 4  # names of a list in a message; of longer ones the first and the last are shown
 MAX_TIME_SHARE = 0.5
 """Largest distance of a picture's time from a pose's, as a share of the pictures' usual distance from each other."""
 
@@ -33,8 +33,7 @@ class Pairing:
 
 def natural(name: str) -> tuple[tuple[int, int | str], ...]:
     """The key by which view_2 comes before view_10."""
-    parts = _DIGITS.split(name.lower())
-    return tuple((0, int(part)) if part.isdigit() else (1, part) for part in parts if part)
+    return tuple((0, int(part)) if part.isdigit() else (1, part) for part in _DIGITS.split(name.lower()) if part)
 
 
 def pair(images: Sequence[str], table: PoseTable) -> Pairing:
@@ -43,18 +42,28 @@ def pair(images: Sequence[str], table: PoseTable) -> Pairing:
     if table.images is not None:
         return _by_name(images, table, table.images)
     stems = {plain(PurePosixPath(image).stem.lower()): image for image in images}
-    if len(stems) == len(images) and set(stems) == {plain(label.lower()) for label in table.labels}:
-        return Pairing(
-            tuple(range(len(table))), tuple(stems[plain(label.lower())] for label in table.labels), "by name"
-        )
-    if (numbers := _by_number(images, table)) is not None:
-        return numbers
-    if (times := _by_time(images, table)) is not None:
-        return times
+    labels = [plain(label.lower()) for label in table.labels]
+    if len(stems) == len(images) and set(stems) == set(labels):
+        return Pairing(tuple(range(len(table))), tuple(stems[label] for label in labels), "by name")
+    if (found := _by_number(images, table) or _by_time(images, table)) is not None:
+        return found
     if len(images) != len(table):
         what = f"{len(images)} pictures ({shown(images)}) and {len(table)} poses ({shown(table.labels)})"
         raise refusal(table.origin, "pairs", what, "give one picture for each pose: --images, --poses", "pairs")
     return Pairing(tuple(range(len(table))), tuple(images), "in natural order")
+
+
+def align_sides(robot: PoseTable, camera: PoseTable) -> PoseTable:
+    """The robot's table with the camera's of the views that both have, by names, numbers or times where rows differ."""
+    timed = robot.times_s is not None and camera.times_s is not None and len(robot) != len(camera)
+    names = [f"{time:.6f}.s" for time in camera.times_s] if timed else list(camera.labels)  # type: ignore[union-attr]
+    if tuple(names) != robot.labels and (len(robot) != len(camera) or {*names} == {*robot.labels}):
+        with suppress(DocumentError):
+            paired = pair(names, replace(robot, images=None))
+            note = f"robot's and camera's poses are paired {paired.words}".replace("picture", "pose of the camera")
+            robot = replace(robot, camera=None, notes=(*robot.notes, note)).take(paired.rows)
+            camera = camera.take([names.index(name) for name in paired.images])
+    return replace(robot, camera=camera)
 
 
 def _by_name(images: Sequence[str], table: PoseTable, wanted: Sequence[str]) -> Pairing:
@@ -85,13 +94,12 @@ def _by_number(images: Sequence[str], table: PoseTable) -> Pairing | None:
             paired = tuple(by_number[number] for number in posed)
             left = f"; {len(images) - n} pictures without a pose are left out" if len(images) > n else ""
             return Pairing(tuple(range(n)), paired, f"by the numbers in the names{left}")
-    if len(images) < n and counts:  # some pictures were deleted
-        for seen in counted:
-            first = next((one for one, end in ((0, 0), (1, n)) if end in seen), None)
-            if first is not None and first <= min(seen) and max(seen) < n + first:
-                rows = tuple(number - first for number in seen)
+    for seen in counted if len(images) < n else []:  # some pictures were deleted
+        for posed in [[*range(n)], [*range(1, n + 1)]] if counts else _numbers(table.labels):
+            is_whole = not counts or not {0, n}.isdisjoint(seen)
+            if set(seen) <= set(posed) and is_whole and sorted(seen) != [*range(1, len(seen) + 1)]:
                 words = f"by the numbers of the pictures; {n - len(images)} poses without a picture are left out"
-                return Pairing(rows, tuple(images), words)
+                return Pairing(tuple(posed.index(number) for number in seen), tuple(images), words)
     return None
 
 
@@ -125,14 +133,11 @@ def _by_time(images: Sequence[str], table: PoseTable) -> Pairing | None:
     if apart[worst] > MAX_TIME_SHARE * usual or len(set(rows.tolist())) < len(rows):
         what = f"{images[worst]} is {apart[worst]:.3g} s from the nearest pose, where pictures are {usual:.3g} s apart"
         raise refusal(table.origin, "pairs", what, "give poses at the times of the pictures", "pairs")
-    words = (
-        f"by time, at most {apart[worst]:.2g} s apart; {len(table) - len(rows)} poses without a picture are left out"
-    )
+    left = len(table) - len(rows)
+    words = f"by time, at most {apart[worst]:.2g} s apart; {left} poses without a picture are left out"
     return Pairing(tuple(rows.tolist()), tuple(images), words)
 
 
 def shown(names: Sequence[str]) -> str:
     """A list of names, shortened."""
-    if len(names) <= MAX_SHOWN:
-        return ", ".join(names)
-    return ", ".join([*names[: MAX_SHOWN - 1], "...", names[-1]])
+    return ", ".join(names if len(names) <= MAX_SHOWN else [*names[: MAX_SHOWN - 1], "...", names[-1]])

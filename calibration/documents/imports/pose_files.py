@@ -7,6 +7,7 @@ import io
 import re
 import zipfile
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import PurePath
 from typing import Any
 
@@ -14,15 +15,14 @@ import numpy as np
 
 from calibration.documents.imports.leaves import table_of_array, table_of_data
 from calibration.documents.imports.pose_table import PoseTable
-from calibration.documents.imports.programs import read_halcon_pose, read_keyed_text, read_rapid
+from calibration.documents.imports.programs import lists_in_lines, read_halcon_pose, read_keyed_text, read_rapid
 from calibration.documents.imports.refusal import DAMAGED, DAMAGED_ARCHIVE, decode, refusal
 from calibration.documents.imports.text_tables import read_text_table
-from calibration.documents.imports.trees import read_json, read_json_lines, read_xml_tree, read_yaml
+from calibration.documents.imports.trees import read_json, read_json_lines, read_python, read_xml_tree, read_yaml
 from calibration.errors import DocumentError
 from calibration.transforms import Array
 
-MAX_ARRAY_BYTES = 64_000_000
-"""Bytes of an array with poses."""
+MAX_ARRAY_BYTES = 64_000_000  # bytes of an array with poses
 
 _NUMBERS = re.compile(rb"'descr': '.?[if]")
 """In the header of an array of integers or floats; texts, dates and pictures (`u1`) beside it are passed over."""
@@ -51,13 +51,25 @@ def read_mat(content: bytes, origin: str) -> PoseTable:
         raise refusal(origin, "file", "larger than 64 MB", FIX)
     try:
         found = scipy.io.loadmat(io.BytesIO(content), struct_as_record=True)
+        arrays = {name: one for name, one in found.items() if isinstance(one, np.ndarray)}
+        data = {name: plain for name, one in arrays.items() if (plain := _of_matlab(one)) is not None}
     except (*DAMAGED_ARCHIVE, NotImplementedError, scipy.io.matlab.MatReadError) as error:
         raise refusal(origin, "file", f"no .mat file of version 5 ({str(error)[:80]})", "save it with -v6") from None
-    arrays = {name: one for name, one in found.items() if isinstance(one, np.ndarray) and one.dtype.kind in "iuf"}
     if sum(one.nbytes for one in arrays.values()) > MAX_ARRAY_BYTES:
         raise refusal(origin, "file", "unpacks to more than 64 MB", FIX)
-    moved = {name: np.moveaxis(one, 2, 0) if one.ndim == 3 else one for name, one in arrays.items()}
-    return table_of_data({name: np.asarray(one, float) for name, one in moved.items()}, origin)
+    return table_of_data(data, origin)
+
+
+def _of_matlab(value: Any) -> Any:
+    """Arrays with the views first, cells as lists, structs as mappings or lists of them; None for anything else."""
+    if not isinstance(value, np.ndarray) or value.nbytes > MAX_ARRAY_BYTES:
+        return None
+    if value.dtype.names:
+        structs = [{name: _of_matlab(one[name]) for name in value.dtype.names} for one in value.flat]
+        return structs[0] if len(structs) == 1 else structs
+    if value.dtype == object:
+        return [_of_matlab(one) for one in value.flat]
+    return None if value.dtype.kind not in "iuf" else np.moveaxis(value, 2, 0) if value.ndim == 3 else value
 
 
 def read_npz(content: bytes, origin: str) -> PoseTable:
@@ -92,13 +104,10 @@ _json, _json_lines, _yaml = (_reader_of(one) for one in (read_json, read_json_li
 _THREE_AND_FOUR = r"\[\s*\[(?:[^][,]*,){2}[^][,]*\]\s*,\s*\[(?:[^][,]*,){3}[^][,]*\]"
 _RAPID = re.compile(rf"\b(robtarget|jointtarget)\b|\bMODULE\s|{_THREE_AND_FOUR}", re.IGNORECASE)
 _KEYED = re.compile(
-    r"\bp\s*\[|\b[xX]\s*[=:]?\s*[-+.\d]+[^;\n]*\b[yY]\s*[=:]?\s*[-+.\d]+|^\s*[xX]\s*[=:]|\][^][\n]*\w[=:] ?\["
-    r"|^\w+[=:]\s*\n\[[^][]*\]\s*\n\w",
-    re.MULTILINE,
+    r"(?m)\bp\s*\[|\b[xX]\s*[=:]?\s*[-+.\d]+[^;\n]*\b[yY]\s*[=:]?\s*[-+.\d]+|^\s*[xX]\s*[=:]|\][^][\n]*\w[=:] ?\["
+    r"|^- Translation: ?\[|^\w+[=:]\s*\n\[[^][]*\]\s*\n\w"
 )
-_DOCUMENTS = re.compile(r"\A%YAML|^[a-z_]+:[ \t]*\n(?s:.*)^---[ \t]*$", re.MULTILINE)
-"""YAML: OpenCV's, and messages of `ros2 topic echo`."""
-
+_DOCUMENTS = re.compile(r"\A%YAML|^[a-z_]+:[ \t]*\n(?s:.*)^---[ \t]*$", re.MULTILINE)  # OpenCV's YAML, ros2 topic echo
 _HALCON = re.compile(r"^\s*[rt]\s+[-+.\d]|ParGroup", re.MULTILINE)
 
 
@@ -107,23 +116,28 @@ def read_any_text(content: bytes, origin: str) -> PoseTable:
     text = decode(content, origin)
     if text.lstrip()[:1] in ("{", "["):
         for reader in (_json, _json_lines):
-            try:
+            with suppress(DocumentError):
                 return reader(content, origin)
-            except DocumentError:
-                continue
     families = ((_RAPID, read_rapid), (_HALCON, read_halcon_pose), (_DOCUMENTS, _yaml), (_KEYED, read_keyed_text))
     reader = next((reader for pattern, reader in families if pattern.search(text)), read_text_table)
-    return reader(content, origin)
+    try:
+        return reader(content, origin)
+    except DocumentError:
+        if not (lists := lists_in_lines(text)):
+            raise
+    return table_of_data(lists, origin)
 
 
+TEXTS = (".txt", ".log", ".conf", ".xf", ".mod", ".modx", ".prg", ".sys", ".dat", ".pose", ".jbi", ".pts", ".mb6")
 FAMILIES: dict[str, Reader] = {
-    **dict.fromkeys((".csv", ".tsv", ".tum"), read_text_table),
-    **dict.fromkeys((".txt", ".log", ".conf", ".xf", ".mod", ".modx", ".prg", ".sys", ".dat", ".pose"), read_any_text),
-    **dict.fromkeys((".src", ".ls", ".script"), read_keyed_text),
+    **dict.fromkeys((".csv", ".tsv", ".tum", ".rob"), read_text_table),
+    **dict.fromkeys(TEXTS, read_any_text),
+    **dict.fromkeys((".src", ".ls", ".script", ".ini"), read_keyed_text),
     **dict.fromkeys((".yaml", ".yml", ".samples"), _yaml),
     **dict.fromkeys((".jsonl", ".ndjson"), _json_lines),
     ".json": _json,
-    ".xml": _reader_of(lambda content, origin: read_xml_tree(content, origin, "robot-poses")),
+    **dict.fromkeys((".xml", ".dtx"), _reader_of(read_xml_tree)),
+    ".py": _reader_of(read_python),
     ".npy": lambda content, origin: table_of_array(load_npy(content, origin), origin),
     ".npz": read_npz,
     ".mat": read_mat,

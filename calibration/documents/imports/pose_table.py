@@ -29,24 +29,14 @@ from calibration.transforms import QUATERNION_NORM_TOLERANCE, Array, inverse, tr
 MAX_ARM_MM, MIN_ARM_MM = 20_000.0, 50.0
 """Longest distance of a flange from its base, on tracks too, and the shortest in the median of the views."""
 
-MIN_STATED_MM = 20.0
-"""No arm stays that near to its base in all views: then the unit in the header is wrong."""
-
+MIN_STATED_MM = 20.0  # no arm stays that near to its base in all views: then the unit in the header is wrong
 MIXED_RATIO = 100.0
 """Poses so much nearer to the base than the farthest one are in another unit when a factor of 1000 explains it."""
 
-MAX_NUMBER = 1e15
-"""Larger numbers are damaged, and their squares overflow."""
-
-MAX_ANGLE_DEG = 360.0
-"""Larger numbers are no angles of an orientation, and no joints."""
-
-MAX_LAST_ROW = 1e-6
-"""Largest deviation of a matrix' last row from 0, 0, 0, 1."""
-
-NAMED = "columns "
-"""How the layout of numbers begins that have names."""
-
+MAX_NUMBER = 1e15  # larger numbers are damaged, and their squares overflow
+MAX_ANGLE_DEG = 360.0  # larger numbers are no angles of an orientation, and no joints
+MAX_LAST_ROW = 1e-6  # largest deviation of a matrix' last row from 0, 0, 0, 1
+NAMED = "columns "  # how the layout of numbers begins that have names
 SMALL_ARM_MM, LARGE_ARM_MM = 200.0, 5000.0
 """Lengths without a unit that put the flange nearer or farther, in the median, may as well be in another."""
 
@@ -143,17 +133,16 @@ class PoseTable:
     def doubtful_reach(self, unit: LengthUnit) -> str:
         """What to say of lengths without a unit that put the flange nearer to its base or farther than most arms; or
         ""."""
-        reach_mm = self.reach_mm(unit)
-        if self.unit is None and reach_mm > LARGE_ARM_MM:
-            far = f"which puts the flange {reach_mm / 1000:.3g} m from its base"
-            return f"lengths without a unit are taken as {unit}, {far}"
-        if self.unit is None and unit == "mm" and MIN_ARM_MM <= reach_mm < SMALL_ARM_MM:
-            return "lengths without a unit are taken as mm; were they cm, name the columns x_cm, y_cm, z_cm"
-        return ""
+        reach_mm, least_mm = self.reach_mm(unit), SMALL_ARM_MM if unit == "mm" else 0.0
+        if self.unit is not None or least_mm <= reach_mm <= LARGE_ARM_MM:
+            return ""
+        taken = f"lengths without a unit are taken as {unit}, which puts the flange {reach_mm:.3g} mm from its base"
+        return f"{taken}; were they cm, name the columns x_cm, y_cm, z_cm"
 
     def require_reach(self, unit: LengthUnit, said_by: str) -> None:
-        """Raises DocumentError when a stated unit puts the poses farther from the base than any arm reaches."""
-        if (reach_mm := self.reach_mm(unit)) > MAX_ARM_MM:
+        """Raises DocumentError when a stated unit puts the poses farther from the base than any arm, or all at it."""
+        near = np.linalg.norm(self.lengths, axis=1).max() * MM[unit] < MIN_STATED_MM and len(self) > 1
+        if (reach_mm := self.reach_mm(unit)) > MAX_ARM_MM or (near and said_by == "header"):
             what = f"in {unit} as stated, the poses are {reach_mm / 1000:.3g} m from the base"
             raise refusal(self.origin, said_by, what, "correct the unit")
 
@@ -226,11 +215,20 @@ def concatenate(tables: Sequence[PoseTable], labels: Sequence[str], origin: str)
     return replace(first, origin=origin, labels=tuple(labels), layout=layout, camera=camera, **arrays).checked()
 
 
-def table_of_matrices(origin: str, labels: Sequence[str], matrices: Array, layout: str) -> PoseTable:
-    """The table of matrices (n, 3 or 4, 4), row by row; a last row that holds the translation is transposed first.
+KINDS = {count: kind for kind, count in NUMBERS.items()}
 
-    Raises DocumentError for a last row that is neither.
-    """
+
+def table_of_arrays(
+    origin: str, labels: Sequence[str], lengths: Array, numbers: Array, layout: str, convention: str = "", **more: Any
+) -> PoseTable:
+    """The checked table of lengths (n, 3) and numbers (n, k), of which k says the kind; `convention` is a name."""
+    kind, known = KINDS[numbers.shape[1]], CONVENTIONS.get(convention)
+    return PoseTable(origin, tuple(labels), lengths, numbers, kind, layout, known, **more).checked()
+
+
+def table_of_matrices(origin: str, labels: Sequence[str], matrices: Array, layout: str) -> PoseTable:
+    """The table of matrices (n, 3 or 4, 4), row by row; a last row that holds the translation is transposed first, and
+    one that is neither raises DocumentError."""
     matrices = matrices[:, :3] if not np.any(matrices[:, 3:]) else matrices  # a last row that was never written
     if matrices.shape[1] == 4:
         last = np.abs(matrices[:, 3] - [0, 0, 0, 1]).max(axis=1)
@@ -241,7 +239,5 @@ def table_of_matrices(origin: str, labels: Sequence[str], matrices: Array, layou
             row = int(np.argmax(~(last < MAX_LAST_ROW)))
             what = "the last row of the 4 x 4 matrix is not 0, 0, 0, 1"
             raise refusal(origin, f"pose {labels[row]}", what, "write rigid transforms")
-    return PoseTable(
-        origin, tuple(labels), matrices[:, :3, 3].astype(float), matrices[:, :3, :3].reshape(-1, 9).astype(float),
-        "matrix", layout, CONVENTIONS["matrix"],
-    ).checked()  # fmt: skip
+    turns = matrices[:, :3, :3].reshape(-1, 9).astype(float)
+    return table_of_arrays(origin, labels, matrices[:, :3, 3].astype(float), turns, layout, "matrix")

@@ -14,32 +14,35 @@ from typing import NamedTuple
 import numpy as np
 
 from calibration.documents.imports.number_tables import table_of_columns, table_of_joints
-from calibration.documents.imports.pose_table import PoseTable
+from calibration.documents.imports.pose_table import PoseTable, table_of_arrays
 from calibration.documents.imports.refusal import decode, refusal
-from calibration.documents.imports.sides import WORDS
+from calibration.documents.imports.sides import MIN_PAIRS, WORDS
 from calibration.kinematics.conventions import CONVENTIONS
 from calibration.transforms import Array
 
 _NUMBER = r"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?"
 _UR = re.compile(rf"(?:(\w+)\s*=\s*)?p\s*\[\s*({_NUMBER}(?:\s*,\s*{_NUMBER}){{5}})\s*\]")
 _MOVE = re.compile(r"\b(?:movej|movel|movep|movec|servoj|get_inverse_kin)\s*\(", re.IGNORECASE)
+_NAME = re.compile(r"\s*(\w+)")
 _SET_TOOL = re.compile(rf"\bset_tcp\s*\(\s*(?:(\w+)\s*[,)]|p\s*\[\s*({_NUMBER}(?:\s*,\s*{_NUMBER}){{5}})\s*\])")
 _OFFSET = re.compile(r"\b(pose_trans|pose_add|interpolate_pose)\s*\(")
-_LIST = re.compile(rf"\b([A-Za-z]\w{{0,13}})\s*[=:]?\s*[\[(]\s*({_NUMBER}(?:[\s,;]+{_NUMBER}){{2,15}})\s*[\])]")
+_LIST = re.compile(
+    rf"\b([A-Za-z]\w{{0,13}}(?: \(\w+\))?)\s*[=:]?\s*[\[(]\s*({_NUMBER}(?:[\s,;]+{_NUMBER}){{2,15}})\s*[\])]"
+)
+_LISTED = re.compile(rf"(.*?[\[(=]\s*)({_NUMBER}(?:\s*,\s*{_NUMBER}){{5,15}})\s*(?:[\])].*)?$")
 _COMMA_NUMBER = r"[-+]?\d+,\d+(?:[eE][-+]?\d+)?"
 _PAIR = re.compile(
-    rf"\b([A-Za-z][A-Za-z0-9_]{{0,15}})\s*[=:\s]\s*({_COMMA_NUMBER}|{_NUMBER})\s*(mm|m|deg|°|rad)?"
+    rf"\b([A-Za-z][A-Za-z0-9_]{{0,19}})\s*[=:\s]\s*({_COMMA_NUMBER}|{_NUMBER})\s*(mm|m|deg|°|rad)?"
     r"(?=[\s;}\]]|,(?!\d)|$)"
 )
 
+MAX_LISTS = 8  # lists of numbers that a record of a log has
 KEYS = tuple(tuple(keys.split()) for keys in WORDS["poses"])
 """The numbers of a pose, in the order in which they are written."""
 
 HALCON_ORDERS = {0: "euler-XYZ", 2: "euler-xyz", 4: "rotation-vector"}
 """By HALCON's `f`, the sum of 1 (view: coordinate system), 2 (abg), 4 (Rodrigues), 8 (R(p-T)): MVTec, create_pose.
-
-gba is R = Rx Ry Rz, abg is R = Rz Ry Rx, both in degrees; the translation is in metres.
-"""
+gba is R = Rx Ry Rz, abg is R = Rz Ry Rx, both in degrees; the translation is in metres."""
 
 
 def read_keyed_text(content: bytes, origin: str) -> PoseTable:
@@ -69,14 +72,28 @@ def read_keyed_text(content: bytes, origin: str) -> PoseTable:
         counted = ", ".join(f"{count} {key}" for key, count in zip(keys, counts, strict=True))
         fix = "give every pose all numbers, and remove tools and bases"
         raise refusal(origin, "text", f"not as many of every number: {counted}", fix)
-    raise refusal(
-        origin, "text", "no poses in it", "give X, Y, Z with A, B, C, with W, P, R or with q1 to q4, or a table"
-    )
+    raise refusal(origin, "text", "no poses in it", "give X, Y, Z with A, B, C, W, P, R or q1 to q4, or a table")
+
+
+def lists_in_lines(text: str) -> dict[str, list[list[float]]]:
+    """The numbers that each line has in brackets or behind `=`, by the words before them: those of a log, of
+    `P1 = XY(...) /L1`, of `P000=...`. {} where lines that begin with the same words have other numbers, or none."""
+    found: dict[str, list[list[float]]] = {}
+    begun = [re.sub(r"\d+", "0", line) for line in text.splitlines()]
+    for listed in filter(None, map(_LISTED.match, text.splitlines())):
+        words = re.sub(r"\d+", "0", listed[1])
+        found.setdefault(words, []).append([float(number) for number in listed[2].split(",")])
+    named = {" ".join(re.findall("[A-Za-z]+", words)) or "pose": rows for words, rows in found.items()}
+    if not len(named) == len(found) <= MAX_LISTS:
+        return {}
+    counts = {len(rows) for rows in named.values()} | {sum(line.startswith(one) for line in begun) for one in found}
+    widths = [len({*map(len, rows)}) for rows in named.values()]
+    return named if len(counts) == 1 and min(counts) >= MIN_PAIRS and max(widths) == 1 else {}
 
 
 def _as_pairs(listed: re.Match[str]) -> str:
     """`Q=[1, 0, 0, 0]` as Q1=1 Q2=0 Q3=0 Q4=0, and `rvec: [...]` as rvec_1=... of lists with longer names."""
-    key = listed[1] if len(listed[1]) == 1 else f"{listed[1]}_"
+    key = listed[1] if len(listed[1]) == 1 else re.sub(r"\W+", "_", f"{listed[1]}_")
     return " ".join(f"{key}{at}={number}" for at, number in enumerate(re.split(r"[\s,;]+", listed[2]), 1))
 
 
@@ -89,14 +106,9 @@ def _universal_robots(origin: str, text: str) -> PoseTable:
         if offset := _OFFSET.search(text):
             what = f"poses that the program computes ({offset[1]})"
             raise refusal(origin, "text", what, "write the poses to which it moves as p[...]", "robot-poses")
-        found = []
-        for move in _MOVE.finditer(text):
-            literal = _UR.match(text, move.end()) or re.compile(r"\s*(\w+)").match(text, move.end())
-            if literal is None:
-                continue
-            match = named.get(literal[1]) if literal.re is not _UR else literal
-            if match is not None:
-                found.append((match[1] or "", match[2]))
+        goals = (_UR.match(text, move.end()) or _NAME.match(text, move.end()) for move in _MOVE.finditer(text))
+        known_goals = (goal if goal.re is _UR else named.get(goal[1]) for goal in goals if goal)
+        found = [(goal[1] or "", goal[2]) for goal in known_goals if goal]
     else:
         found = [(match[1] or "", match[2]) for match in _UR.finditer(text) if tool is None or match[1] != tool[1]]
         found = [one for one in found if tool is None or one[1] != tool[2]]
@@ -105,16 +117,14 @@ def _universal_robots(origin: str, text: str) -> PoseTable:
     rows: Array = np.array([[float(number) for number in numbers.split(",")] for _, numbers in found])
     labels = [name or str(at + 1) for at, (name, _) in enumerate(found)]
     labels = labels if len(set(labels)) == len(labels) else [str(at + 1) for at in range(len(labels))]
-    table = PoseTable(
-        origin, tuple(labels), rows[:, :3], rows[:, 3:], "angles", "p[x, y, z, rx, ry, rz] of URScript",
-        CONVENTIONS["rotation-vector"], unit="m",
-    ).checked()  # fmt: skip
+    said = "p[x, y, z, rx, ry, rz] of URScript", "rotation-vector"
+    table = table_of_arrays(origin, labels, rows[:, :3], rows[:, 3:], *said, unit="m")
     known = named.get(tool[1] or "") if tool else None
     numbers = (tool and tool[2]) or (known and known[2])
     if tool is None or (numbers and not any(float(number) for number in numbers.split(","))):
         return table
-    said = f"the program sets the tool {tool[1] or ''} p[{numbers or 'not read as numbers'}]"
-    note = f"{said} (m, rad): the poses are that tool's; the camera's pose is found relative to it"
+    sets = f"the program sets the tool {tool[1] or ''} p[{numbers or 'not read as numbers'}]"
+    note = f"{sets} (m, rad): the poses are that tool's; the camera's pose is found relative to it"
     return replace(table, notes=(note,))
 
 
@@ -137,9 +147,7 @@ def read_halcon_pose(content: bytes, origin: str) -> PoseTable:
         length_of = np.linalg.norm(turn)  # the tangent of half the angle
         turn = turn * (2 * np.arctan(length_of) / length_of if length_of > 0 else 2.0)
     layout = f"a pose of HALCON, representation {code}"
-    return PoseTable(
-        origin, ("1",), length, turn, "angles", layout, CONVENTIONS[HALCON_ORDERS[code]], unit="m"
-    ).checked()
+    return table_of_arrays(origin, "1", length, turn, layout, HALCON_ORDERS[code], unit="m")
 
 
 _TEXT_OR_COMMENT = re.compile(r'("[^"\n]*")|!.*')
@@ -196,12 +204,14 @@ def read_rapid(content: bytes, origin: str) -> PoseTable:
         named = re.search(r"\bjointtarget\b", text, re.IGNORECASE)
         what = "joint targets that are not read as numbers" if named else "no robtarget and no pose in it"
         raise refusal(origin, "text", what, "give robtargets: [[x, y, z], [q1, q2, q3, q4], ...]", "rapid")
-    return PoseTable(
-        origin, tuple(labels), np.array(lengths), np.array(turns), "quaternion",
-        f"{len(labels)} robtargets or poses of RAPID", CONVENTIONS["quaternion-wxyz"], unit="mm",
-        frame="base_T_flange", notes=_notes(text),
-        external_axes=np.where(np.abs(axes) > 8.9e9, np.nan, axes),  # 9E9: there is none
-    ).checked()  # fmt: skip
+    layout, external = (
+        f"{len(labels)} robtargets or poses of RAPID",
+        np.where(np.abs(axes) > 8.9e9, np.nan, axes),
+    )  # 9E9
+    return table_of_arrays(
+        origin, labels, np.array(lengths), np.array(turns), layout, "quaternion-wxyz", unit="mm",
+        frame="base_T_flange", notes=_notes(text), external_axes=external,
+    )  # fmt: skip
 
 
 def _declared(at: int, data: Sequence[_Data]) -> _Data | None:
@@ -239,12 +249,8 @@ def _notes(text: str) -> tuple[str, ...]:
     """What the module says of tool and work object that are not tool0 and wobj0, and of poses that it computes."""
     used = {name for match in _FRAME.finditer(text) for name in match.groups() if name}
     other = sorted(name for name in used if name.lower() not in ("tool0", "wobj0"))
-    notes = []
-    if other:
-        notes.append(
-            f"the module moves with {', '.join(other)}: a robtarget is then that tool in that work object; "
-            "the camera's pose is found relative to that tool"
-        )
+    moves = f"the module moves with {', '.join(other)}: a robtarget is then that tool in that work object"
+    notes = [f"{moves}; the camera's pose is found relative to that tool"] if other else []
     targets = {name.lower() for name in _TARGET.findall(text)}
     code = _DATA.sub("", text)
     computed = {name for name in _ASSIGNED.findall(code) if name.lower() in targets}

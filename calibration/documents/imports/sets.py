@@ -1,7 +1,4 @@
-"""Whole sets by the table of their layouts, and any folder: its pictures or clouds and the poses of one side or both.
-
-Sources: docs/formats.md#sets.
-"""
+"""Whole sets by the table of their layouts, and any folder: its pictures or clouds, and poses of one or both sides."""
 
 import re
 from collections.abc import Callable, Sequence
@@ -12,8 +9,8 @@ from typing import Any, Protocol
 
 from calibration.documents.imports.intrinsics import Intrinsics, intrinsics_of, read_intrinsics
 from calibration.documents.imports.leaves import array_of, number_of, setup_of, table_of_data
-from calibration.documents.imports.number_tables import table_of_rows
-from calibration.documents.imports.pairing import natural, pair, shown
+from calibration.documents.imports.number_tables import table_of_rows, words_of
+from calibration.documents.imports.pairing import MAX_SHOWN, align_sides, natural, pair, shown
 from calibration.documents.imports.pose_files import FAMILIES, load_npy, read_poses
 from calibration.documents.imports.pose_table import PoseTable, concatenate
 from calibration.documents.imports.refusal import decode, refusal
@@ -27,31 +24,26 @@ from calibration.problem import Setup
 from calibration.targets import MARKER_COUNTS
 
 PICTURES = frozenset((".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp", ".pgm", ".ppm"))
-CLOUDS = frozenset((".pcd", ".ply", ".npz"))
+CLOUDS, TIFF = frozenset((".pcd", ".ply", ".npz")), frozenset((".tif", ".tiff"))
+DEPTH = frozenset(WORDS["of_depth"].split())
+"""Words of pictures beside a camera's own; so is a TIFF called as another picture is."""
+
 CAMERA_SUFFIXES = frozenset((".yaml", ".yml", ".xml", ".json"))
-UNREAD = dict.fromkeys((".xlsx", ".xls", ".xlsm", ".ods"), ("poses are not read from a sheet", "save it as CSV")) | (
-    dict.fromkeys((".pkl", ".pickle"), ("a pickle may run any program, and is not read", "save it as .npz or JSON"))
-)
-MAX_CANDIDATES = 2000
-"""Files that are tried for poses when none are named."""
+UNREAD = {suffix: row["said"] for row in WORDS["unread"] for suffix in row["suffixes"].split()}
+MAX_CANDIDATES = 2000  # files that are tried for poses when none are named
 
 
 class Files(Protocol):
-    """The files of a folder: their names relative to it, with slashes, and their content."""
+    """The files of a folder: its name, for messages; their names relative to it, with slashes, in natural order; and
+    their content, of which `read` raises DocumentError."""
 
     @property
-    def origin(self) -> str:
-        """The folder's name, for messages."""
-        ...
+    def origin(self) -> str: ...
 
     @property
-    def names(self) -> Sequence[str]:
-        """Regular files, in natural order."""
-        ...
+    def names(self) -> Sequence[str]: ...
 
-    def read(self, name: str) -> bytes:
-        """The content of a file. Raises DocumentError."""
-        ...
+    def read(self, name: str) -> bytes: ...
 
 
 @dataclass(frozen=True)
@@ -126,9 +118,10 @@ def read_folder(files: Files, chosen: Chosen, part: str | None = None) -> Import
     if chosen.camera_poses:
         camera = _poses(files, chosen.camera_poses, "camera")
         poses = replace(poses, side="robot" if chosen.poses else poses.side, camera=camera)
+    poses = poses if poses.camera is None else align_sides(poses, poses.camera)
     paired, notes, pictures = None, tuple[str, ...](), tuple[str, ...]()
     try:
-        pictures = () if chosen.camera_poses and not chosen.images else tuple(_images(files, chosen.images))
+        pictures = () if chosen.camera_poses and not chosen.images else tuple(_images(files, chosen.images, poses))
         if pictures and (poses.camera is None or poses.kind != "points"):
             paired = pair(pictures, poses)
     except DocumentError:
@@ -145,32 +138,56 @@ def read_folder(files: Files, chosen: Chosen, part: str | None = None) -> Import
         raise refusal(poses.origin, "pairs", what, "give one of each for every picture", "pairs")
     if seen is not None and not pictures:
         words = "in the order of the files" if chosen.camera_poses else f"by {poses.origin}"
-        return ImportedSet(
-            "samples of pose pairs", poses, pairing=words, camera_poses=seen, setup=poses.setup, notes=notes
-        )
+        kind = "samples of pose pairs"
+        return ImportedSet(kind, poses, pairing=words, camera_poses=seen, setup=poses.setup, notes=notes)
     if paired is None:
-        fix = "name them by --images; of a line scanner: handeyed profiles"
-        raise refusal(files.origin, "images", "no pictures and no clouds", fix, "pairs")
+        fix = "name them by --images, or the camera's poses by --camera-poses; of a line scanner: handeyed profiles"
+        unread = [note for note in poses.notes if note.startswith("not read: ")]
+        unread += [f"{name}: {', '.join(UNREAD[suffix_of(name)])}" for name in files.names if suffix_of(name) in UNREAD]
+        raise refusal(
+            files.origin, "images", "; ".join(["no pictures and no clouds", *unread[:MAX_SHOWN]]), fix, "pairs"
+        )
     taken = poses.take(paired.rows)
+    if chosen.images is None and (others := len(of_suffix(files.names, PICTURES)) - len(pictures)) > 0:
+        notes = (f"{others} other pictures are not used",)
     return ImportedSet(
         "folder", taken, paired.images, paired.words, taken.camera, None, cameras[0] if len(cameras) == 1 else None,
-        poses.setup,
+        poses.setup, notes,
     )  # fmt: skip
 
 
-def _images(files: Files, pattern: str | None) -> Sequence[str]:
-    """The pictures or clouds; none where the folder has none."""
+def _images(files: Files, pattern: str | None, poses: PoseTable) -> Sequence[str]:
+    """The pictures or clouds but those of depth: all, or of several series the one with as many as poses."""
     if pattern is not None:
         if found := matching(files.names, pattern):
             return found
         raise refusal(files.origin, "--images", f"no file fits {pattern}", "check the pattern", "pairs")
-    images = of_suffix(files.names, PICTURES) or of_suffix(files.names, CLOUDS - {".npz"})
-    folders = {str(PurePosixPath(name).parent) for name in images}
-    of_views = len(folders) == len(images) and len({PurePosixPath(name).name for name in images}) == 1
-    if len(folders) > 1 and not of_views:
-        what = f"pictures in {len(folders)} folders ({shown(sorted(folders))})"
-        raise refusal(files.origin, "images", what, "name those of the session: --images 'FOLDER/*'", "pairs")
+    every = of_suffix(files.names, PICTURES) or of_suffix(files.names, CLOUDS - {".npz"})
+    stems = {name.rpartition(".")[0] for name in every if suffix_of(name) not in TIFF}
+    own = [name for name in every if DEPTH.isdisjoint(word.rstrip("0123456789") for word in words_of(name))]
+    images = [name for name in own if suffix_of(name) not in TIFF or name.rpartition(".")[0] not in stems] or every
+    images = sorted({*every} & {*(poses.images or ())}, key=natural) or images
+    series: dict[str, list[str]] = {}
+    for name in images:
+        series.setdefault(re.sub(r"\d+", "*", name), []).append(name)
+    fitting = {glob: one for glob, one in series.items() if len(one) == len(poses) and _are_of_one_folder(one)}
+    fitting = {} if poses.images else fitting  # the table names its own
+    if len(fitting) == 1:
+        return next(iter(fitting.values()))
+    if len(fitting) > 1 or not _are_of_one_folder(images):
+        folders = sorted({str(PurePosixPath(name).parent) for name in images})
+        what = f"pictures in {len(folders)} folders ({shown(folders)})"
+        what = f"{len(poses)} poses, and as many pictures each of {shown([*fitting])}" if fitting else what
+        fix = f"name those of the session: --images '{next(iter(fitting), 'FOLDER/*')}'"
+        raise refusal(files.origin, "images", what, fix, "pairs")
     return images
+
+
+def _are_of_one_folder(images: Sequence[str]) -> bool:
+    """Whether all lie in one folder, or each in one of its own and is called as the others are."""
+    folders = {str(PurePosixPath(name).parent) for name in images}
+    alike = {re.sub(r"\d+", "", PurePosixPath(name).name) for name in images}
+    return len(folders) <= 1 or (len(folders) == len(images) and len(alike) == 1)
 
 
 def _poses(files: Files, pattern: str, side: Side) -> PoseTable:
@@ -194,11 +211,13 @@ def find_poses(files: Files, but: str | None = None) -> PoseTable:
     refused: list[tuple[str, DocumentError]] = []
     others = set() if but is None else set(matching(files.names, but))
     candidates = [name for name in files.names if suffix_of(name) in FAMILIES and name not in others]
-    for name in candidates[:MAX_CANDIDATES]:
+    for name in sorted(candidates, key=lambda name: suffix_of(name) == ".py")[:MAX_CANDIDATES]:
+        if suffix_of(name) == ".py" and (several or points or any(len(own) > 1 for own in single.values())):
+            break  # sources are read only where no other file has poses
         try:
             table = read_poses(name, files.read(name))
         except DocumentError as error:
-            refused.append((name, error))
+            refused += [(name, error)] * (suffix_of(name) != ".py")
             continue
         if table.kind == "points" and table.camera is None:
             points[name] = table
@@ -214,39 +233,31 @@ def find_poses(files: Files, but: str | None = None) -> PoseTable:
         if len(names) > 1:
             several[f"{stem}...{suffix}"] = read_named(files, sorted(names, key=natural))
     if len(several) == 1:
-        return _named_by(*next(iter(several.items())), "robot")
+        ((name, table),) = several.items()
+        unread = [f"not read: {name}: {error.problems[0].what}" for name, error in refused if LIKELY.search(name)]
+        return _named_by(name, replace(table, notes=(*table.notes, *unread)), "robot")
     if both := _both_sides(several):
         return both
     if several:
         what = f"poses in several files ({shown([*several])})"
-        raise refusal(files.origin, "poses", what, "name those of the robot by --poses")
-    arrays = {
-        PurePosixPath(name).stem: load_npy(files.read(name), name) for name in candidates if name.endswith(".npy")
-    }
+        raise refusal(files.origin, "poses", what, "name the robot's by --poses, the camera's by --camera-poses")
+    arrays = {PurePosixPath(one).stem: load_npy(files.read(one), one) for one in candidates if one.endswith(".npy")}
     if len(arrays) > 1:
         return table_of_data(arrays, files.origin)
     if (both := _both_sides(points)) is not None:
         return both
     refused += [(name, refusal(name, "rows", "3 numbers a row: points of one side", "give poses")) for name in points]
     refused += [(name, refusal(name, "file", *said)) for name in files.names if (said := UNREAD.get(suffix_of(name)))]
-    lone = [names[0] for names in single.values() if len(names) == 1]
-    refused += [
-        (name, refusal(name, "poses", "one pose only", "give one of each picture, three or more")) for name in lone
-    ]
+    lone, fix = [names[0] for names in single.values() if len(names) == 1], "give one of each picture, three or more"
+    refused += [(name, refusal(name, "poses", "one pose only", fix)) for name in lone]
     raise _nearest(files, refused)
 
 
 def _both_sides(tables: dict[str, PoseTable]) -> PoseTable | None:
     """The robot's table with the camera's, of two files, or of files with one pose each in two groups, whose names or
     columns say whose they are; else None."""
-    counts = {*map(len, tables.values())}
-    if len(tables) != 2 or len(counts) > 1 or any(one.camera is not None for one in tables.values()):
-        return None
-    by_side = {}
-    for name, table in tables.items():
-        named = _named_by(name, table)
-        by_side[named.side] = named
-    if len(by_side) != 2 or "camera" not in by_side:
+    by_side = {one.side: one for one in map(_named_by, tables, tables.values()) if one.camera is None}
+    if len(tables) != 2 or len(by_side) != 2 or "camera" not in by_side:
         return None
     camera = by_side.pop("camera")
     return replace(*by_side.values(), side="robot", camera=replace(camera, side="camera"))
@@ -259,10 +270,12 @@ def _named_by(name: str, table: PoseTable, side: Side | None = None) -> PoseTabl
     return table if silent else with_relation(table, said)
 
 
+LIKELY = re.compile(r"pos|robot|tcp|arm|joint|flange|hand|sample|pair", re.IGNORECASE)  # in the name of a file of poses
+
+
 def _nearest(files: Files, refused: Sequence[tuple[str, DocumentError]]) -> DocumentError:
     """The error of the file that is nearest to being one of poses: intrinsics are none."""
-    likely = re.compile(r"pos|robot|tcp|arm|joint|flange|hand|sample|pair", re.IGNORECASE)
-    for name, error in sorted(refused, key=lambda one: likely.search(one[0]) is None):
+    for name, error in sorted(refused, key=lambda one: LIKELY.search(one[0]) is None):
         if suffix_of(name) not in CAMERA_SUFFIXES or find_intrinsics(files, name) is None:
             return error
     texts = [name for name in files.names if suffix_of(name) not in PICTURES | CLOUDS]
@@ -278,17 +291,13 @@ def find_intrinsics(files: Files, name: str) -> Intrinsics | None:
         return None
 
 
-Described = dict[str, Any]
-"""Further fields of an ImportedSet: target, camera, setup, notes."""
-
-
 @dataclass(frozen=True)
 class Layout:
     """A set by the names of its files: regular expressions, in which {part} is a camera's or scene's folder.
 
     Their rows stand in words.json. markers : files that every such set has; pairs of poses without pictures are any
-    folder. parts : names whose group `part` is one of several parts, `example` one. poses, seen : files of the robot's
-    poses, and of the camera's where there are no pictures.
+    folder. describe : further fields of an ImportedSet. parts : names whose group `part` is one of several parts,
+    `example` one.
     """
 
     name: str
@@ -297,12 +306,11 @@ class Layout:
     images: str
     unit: LengthUnit
     heading: str
-    describe: Callable[[Files, str], Described]
+    describe: Callable[[Files, str], dict[str, Any]]
     frame: Frame = "base_T_flange"
     convention: str | None = None
     parts: str | None = None
     example: str = ""
-    seen: str | None = None
 
     def read(self, files: Files, part: str | None) -> ImportedSet:
         """The set; `part` names one of several parts. Raises DocumentError."""
@@ -320,8 +328,6 @@ class Layout:
         clouds = of_suffix(listed, CLOUDS)
         images = of_suffix(listed, PICTURES) or of_suffix(clouds, frozenset(suffix_of(name) for name in clouds[:1]))
         described = self.describe(files, chosen)
-        if self.seen is not None and not images and (seen := self._names_of(files, self.seen, chosen)):
-            return ImportedSet(self.name, poses, (), "by number", self._table(files, seen), **described)
         if not images and of_suffix(listed, frozenset((".zdf",))):
             what, fix = "only .zdf, the camera's own format", "save PNG, PLY or NPZ beside them with Zivid's SDK"
             raise refusal(files.origin, "images", what, fix, self.heading)
@@ -338,7 +344,7 @@ class Layout:
         return replace(table, unit=self.unit, frame=self.frame, convention=convention, side="robot", named_frames=())
 
 
-def _metric(files: Files, part: str) -> Described:
+def _metric(files: Files, part: str) -> dict[str, Any]:
     data = read_yaml(files.read("CalibrationInfo.yaml"), "CalibrationInfo.yaml")
     info: dict[str, Any] = data if isinstance(data, dict) else {}
     lens = f"{part}/intrinsic_pars_file.yaml"
@@ -349,7 +355,7 @@ def _metric(files: Files, part: str) -> Described:
     }
 
 
-def _rwhe(files: Files, part: str) -> Described:
+def _rwhe(files: Files, part: str) -> dict[str, Any]:
     name = "calibration_object.txt"
     text = decode(files.read(name), name) if name in files.names else ""
     said, target = dict(re.findall(r"(chess_\w+)\s+([-+.\d]+)", text)), None
@@ -359,7 +365,7 @@ def _rwhe(files: Files, part: str) -> Described:
     return {"target": target, "setup": "eye-in-hand"}
 
 
-def _bop(files: Files, part: str) -> Described:
+def _bop(files: Files, part: str) -> dict[str, Any]:
     origin = f"{part}/scene_camera.json" if part else "scene_camera.json"
     data = read_json(files.read(origin), origin)
     camera = intrinsics_of(data[min(data, key=natural)], origin) if isinstance(data, dict) and data else None
@@ -367,7 +373,7 @@ def _bop(files: Files, part: str) -> Described:
     return {"camera": camera, "setup": "eye-in-hand", "notes": (note,)}
 
 
-def _visp(files: Files, part: str) -> Described:
+def _visp(files: Files, part: str) -> dict[str, Any]:
     found = (find_intrinsics(files, name) for name in files.names if name.endswith(".xml"))
     return {"camera": next(filter(None, found), None)}
 
@@ -376,8 +382,7 @@ DESCRIPTIONS = {"METRIC": _metric, "BOP": _bop, "RWHE": _rwhe, "ViSP": _visp}
 LAYOUTS = tuple(Layout(describe=DESCRIPTIONS.get(row["name"], lambda *_: {}), **row) for row in WORDS["sets"])
 
 CONFIGURATION = "cal_data.yaml"
-DICTIONARIES = tuple(MARKER_COUNTS)[:17]
-"""OpenCV's predefined dictionaries by their number, of which a set may state the number only."""
+DICTIONARIES = tuple(MARKER_COUNTS)[:17]  # OpenCV's, of which a set may state the number only
 
 
 def _industrial_calibration(files: Files, part: str | None) -> ImportedSet:
@@ -391,14 +396,12 @@ def _industrial_calibration(files: Files, part: str | None) -> ImportedSet:
     poses = read_named(files, [str(view["pose"]) for view in views])
     static = data.get("static_camera")
     return ImportedSet(
-        "industrial_calibration",
-        replace(poses, unit="m", frame="base_T_flange"),
-        tuple(str(view["image"]) for view in views),
-        f"by {CONFIGURATION}",
+        "industrial_calibration", replace(poses, unit="m", frame="base_T_flange"),
+        tuple(str(view["image"]) for view in views), f"by {CONFIGURATION}",
         target=_target(data.get("target_finder"), "type"),
         camera=intrinsics_of(data["intrinsics"], CONFIGURATION) if isinstance(data.get("intrinsics"), dict) else None,
         setup=None if static is None else "eye-to-hand" if static else "eye-in-hand",
-    )
+    )  # fmt: skip
 
 
 def _target(stated: Any, kind: str) -> dict[str, Any] | None:

@@ -4,14 +4,14 @@ A name says frames: `R_gripper2base`, `eef_to_base`, `base_T_ee`, `object_wrt_se
 them only: `robot_coords`, `rvec_marker`. The last part of a path that says any decides; `rvec` and `tvec`, what
 detectors call their numbers, count where nothing else does.
 
-Without names the rotations say which numbers go together: the angle by which a rigid body turned between two views is
-the same in both sides' poses, whatever X, the target's place, units and directions are. It costs no fit.
+Without names the rotations say which numbers go together, by the angles between views (`angle_agreement`).
 """
 
 import json
 import re
 import unicodedata
 from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -38,21 +38,20 @@ CONNECTORS = {"2": False, "to": False, "t": True, "in": False, "wrt": False, "fr
 
 OPENCV = re.compile(r"(?<![a-z])(gripper2base|base2gripper|target2cam)(?![a-z])", re.IGNORECASE)
 """Names of OpenCV's own parameters, which say a direction in OpenCV's sense only.
-
-Source: calibrateHandEye and calibrateRobotWorldHandEye in OpenCV's documentation of the module calib3d.
-"""
+Source: calibrateHandEye and calibrateRobotWorldHandEye in OpenCV's documentation of the module calib3d."""
 
 LETTERS = {pair: said for said, pairs in WORDS["letters"].items() for pair in pairs.split()}
+SPELT = {pair: "T_" + said.replace("_T_", "_") for pair, said in LETTERS.items()}  # T_base_flange of T_be
 _LETTERS = re.compile(r"(?<![A-Za-z])([a-z])[TMHP]([a-z])(?![A-Za-z])")
+_BEHIND = re.compile(r"(?<![A-Za-z])(?:[TRHMt]_[a-z]_?[a-z]|[TRHM]_[A-Z]_?[A-Z])(?![A-Za-z])")  # T_be, T_b_e, T_B_E
+_OF_TWO = re.compile(r"(?<![A-Za-z])[TH]_([A-Za-z]+0?)_([A-Za-z]+0?)")  # T_cam_board: board to cam, mostly
 _JOINED = re.compile(r"([a-z]+)(2|to|in|wrt)([a-z]+)")
 
 MAX_MISMATCH_RAD, MORE_MISMATCH_RAD = float(np.radians(2.0)), float(np.radians(0.2))
 """Mean difference of the angles up to which two sides agree; and by how much more than the best pair's those of other
 conventions may differ, which are compared by the translations as well."""
 
-MIN_PAIRS, MAX_COMPARED = 3, 40
-"""Views by which conventions are compared."""
-
+MIN_PAIRS, MAX_COMPARED = 3, 40  # views by which conventions are compared
 MAX_STEP_SHARE = 0.1
 """Usual distance of a row from the next, as a share of what all rows span, below which they are samples of a path."""
 
@@ -76,21 +75,21 @@ def relation_of(path: str) -> Relation | None:
     """What a path of names (parts between dots or slashes) says; None for nothing."""
     path = "".join(one for one in unicodedata.normalize("NFD", path) if not unicodedata.combining(one))
     path = re.sub(r"(?<=[\u3040-\u9fff])(?=[A-Za-z0-9])", "_", path)
+    path = _BEHIND.sub(lambda two: SPELT.get(two[0][1:].replace("_", "").lower(), two[0]), path)
+    path = _OF_TWO.sub(lambda two: f"{two[2]}_to_{two[1]}", path)
     path = _LETTERS.sub(lambda letters: LETTERS.get(letters[1] + letters[2], letters[0]), path)
     parts = re.split(r"[./]", re.sub(r"(?<=[a-z])(?=[A-Z][a-z])", "_", path))
     for part in reversed(parts):
         if (relation := _of_part(part)) is not None:
             return relation
-    words = {word for part in parts for word in _words(part)}
-    return Relation("camera", weak=True) if words & DETECTOR_WORDS else None
+    return Relation("camera", weak=True) if any(DETECTOR_WORDS & {*_words(part)} for part in parts) else None
 
 
 def _words(part: str) -> list[str]:
     """The words of a part; `gripper2base` is three."""
     words = []
-    for word in (
-        re.sub(r"(?<=[a-z])\d+$", "", one) if one != "tool0" else one for one in re.split(r"[\W_]+", part.lower())
-    ):
+    for one in re.split(r"[\W_]+", part.lower()):
+        word = one if one == "tool0" else re.sub(r"(?<=[a-z])\d+$", "", one)
         joined = _JOINED.fullmatch(word)
         if joined and joined[1] in WORD_FRAMES and joined[3] in WORD_FRAMES:
             words += [joined[1], joined[2], joined[3]]
@@ -106,7 +105,7 @@ def _of_part(part: str) -> Relation | None:
         return None
     sides = {SIDES[frame] for _, frame in frames}
     if len(sides) > 1:
-        connected = any(word in CONNECTORS for word in words)
+        connected = any(word in CONNECTORS for word in words) or "hand eye" in " ".join(words)
         return Relation(None) if connected else Relation(SIDES[frames[0][1]])
     (first, a), (last, b) = frames[0], frames[-1]
     connector = next((word for word in words[first + 1 : last] if word in CONNECTORS), None)
@@ -129,7 +128,7 @@ def build_by_sides(names: Sequence[str], shared: Sequence[int], build: Callable[
     named = {one.side for one in relations if one is not None and not one.weak}
     indices: dict[Side | None, list[int]] = {"robot": [], "camera": [], None: []}
     for index, one in enumerate(relations):
-        if index not in shared:
+        if index not in shared and (one is None or one.side is not None):  # without X itself
             indices[None if one is None or (one.weak and "robot" not in named) else one.side].append(index)
     nobodys, every = indices[None], [*range(len(names))]
     if not indices["robot"] and not indices["camera"]:  # a detector's pose beside one of no name: the robot's
@@ -171,11 +170,8 @@ def angles_of(table: PoseTable, conventions: Sequence[Convention]) -> list[tuple
     """The angles (n, n) between the poses of a table in each convention that makes them rotations."""
     found, few = [], table.take(range(min(len(table), MAX_COMPARED)))
     for convention in conventions:
-        try:
-            poses = few.poses(convention, "mm", "base_T_flange")
-        except GeometryError:
-            continue
-        found.append((convention, angles_between(poses[:, :3, :3])))
+        with suppress(GeometryError):
+            found.append((convention, angles_between(few.poses(convention, "mm", "base_T_flange")[:, :3, :3])))
     return found
 
 
@@ -184,9 +180,7 @@ def agreeing_conventions(
 ) -> tuple[float, tuple[Convention, ...], tuple[Convention, ...]]:
     """The least mismatch (rad) of the angles, and the conventions of both sides that leave about as little."""
     ours, seen = angles_of(robot, of_robot), angles_of(camera, of_camera)
-    compared = [
-        (mean_mismatch_rad(angles, others), one, other) for one, angles in ours for other, others in seen
-    ]  # fmt: skip
+    compared = [(mean_mismatch_rad(mine, its), one, other) for one, mine in ours for other, its in seen]
     least = min((mismatch for mismatch, _, _ in compared), default=np.inf)
     near = [(one, other) for mismatch, one, other in compared if mismatch <= least + MORE_MISMATCH_RAD]
     robots, cameras = (tuple(dict.fromkeys(pair[at] for pair in near)) for at in (0, 1))

@@ -2,24 +2,26 @@
 or without one, 4 x 4 blocks."""
 
 import csv
+import io
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from calibration.documents.imports.leaves import table_of_data
 from calibration.documents.imports.number_tables import ANGLES, UNITS, Cell, table_of_columns, table_of_rows, words_of
 from calibration.documents.imports.pose_table import PoseTable, table_of_matrices
 from calibration.documents.imports.refusal import decode, refusal
-from calibration.documents.imports.sides import Relation, relation_of, with_relation
 
 _NESTED = re.compile(r"\[\s*\[|\[[^][]*\d\s*[;\n]\s*[-+.\d][^][]*\]")
+_LISTS = re.compile(r'\A[^][\n]*[,;\t][^][\n]*\n(?:[^][\n]*[,;\t])?"?[\[(][-+.\d\[(\s]*\d[^"]*[\])]"?[,;\t\n]')
 _BRACKETS = re.compile(r"\[([^][]*)\]")
-_LABELLED = re.compile(r"\s*([A-Za-z_][^][]*?)?\s*[:=,;]?\s*\[([^][]*)\]\s*[,;]?\s*")
+_LABELLED = re.compile(r"\s*([A-Za-z_][^][(){}]*?)?\s*[:=,;]?\s*[\[({]([^][(){}]*)[\])}]\s*[,;]?\s*")
 
-MIN_DIGITS, MIN_SHARE, MAX_LOOKED_AT = 6, 2 / 3, 20
+MIN_DIGITS, MIN_SHARE, MAX_LOOKED_AT, MAX_BEGUN = 6, 2 / 3, 20, 2000
 """Digits of a line of a pose's numbers; share of the last lines (so many are looked at) in which a separator stands:
-titles above the table have other ones."""
+titles above the table have other ones; and characters in which a header and a first row with a list stand."""
 
 COMMENT = re.compile(r"^\s*(#|%|//|!|;\s*#)")
 _TRAILING_COMMENT = re.compile(r"(?<=[\d\"'\])])[,;]?\s+(#|%|//|!).*$")
@@ -37,7 +39,11 @@ _EMPTY_UNITS = ("", "-", "1", "none")
 
 def read_text_table(content: bytes, origin: str) -> PoseTable:
     """The poses of a text of rows. Raises DocumentError."""
-    found = rows_of(_without_brackets(decode(content, origin)))
+    text = decode(content, origin)
+    if _LISTS.search(text[:MAX_BEGUN]):  # lists in cells, as pandas writes them
+        records = csv.DictReader(io.StringIO(text), delimiter=_separator(text.splitlines()[:1]) or ",", restval="")
+        return table_of_data([{name or "index": cell for name, cell in row.items()} for row in records], origin)
+    found = rows_of(_without_brackets(text))
     cells, names = found.cells, found.names
     if not cells:
         raise refusal(origin, "rows", "no poses in it", "give one row for each picture")
@@ -83,10 +89,7 @@ def _without_names(origin: str, cells: list[list[Cell]]) -> PoseTable:
         last = {word for label in labels for word in words_of(label)[-1:]}
         if {"x", "y", "z"} <= last and len({*map(len, cells)}) == 1:
             return table_of_columns(origin, labels, [list(column) for column in zip(*cells, strict=True)])
-        if len(set(labels)) < len(labels):
-            if (both := _by_labels(origin, labels, cells)) is not None:
-                return both
-            labels = None
+        labels = labels if len(set(labels)) == len(labels) else None
     wrong = next(((at, cell) for at, row in enumerate(cells) for cell in row if isinstance(cell, str)), None)
     if wrong is not None:
         what = f"{wrong[1][:40]!r} is no number"
@@ -95,14 +98,14 @@ def _without_names(origin: str, cells: list[list[Cell]]) -> PoseTable:
     above = [row for row in numbers[::5] if len(row) < 4]
     if len(numbers) % 5 == 0 and len(above) == len(numbers) // 5 > 0:  # Open3D's .log: a line of counts, then 4 x 4
         numbers = [row for at, row in enumerate(numbers) if at % 5]
-    count = int(numbers[0][0]) if len(numbers[0]) == 1 and len(numbers) > 1 and len(numbers[1]) > 1 else None
-    widths = {len(row) for row in (numbers[1:] if count is not None else numbers)}
-    if count is not None:
-        numbers = numbers[1:]
-    if widths == {4} and len(numbers) % 4 == 0 and not labels:
-        matrices = np.array(numbers).reshape(-1, 4, 4)
+    counted = len(numbers[0]) == 1 and len(numbers) > 1 and len(numbers[1]) > 1
+    count, numbers = (int(numbers[0][0]), numbers[1:]) if counted else (None, numbers)
+    widths = {len(row) for row in numbers}
+    height = 4 if len(numbers) % 3 or any(row[-1] in (0, 1) for row in numbers) else 3
+    if widths == {4} and len(numbers) % height == 0 and not labels:
+        matrices = np.array(numbers).reshape(-1, height, 4)
         names = [str(at + 1) for at in range(len(matrices))]
-        table = table_of_matrices(origin, names, matrices, "4 x 4 matrices in rows of four")
+        table = table_of_matrices(origin, names, matrices, f"{height} x 4 matrices in rows of four")
         if count is not None and count != len(table):
             what = f"the first line says {count} poses, and {len(table)} follow"
             raise refusal(origin, "row 1", what, "complete the file")
@@ -118,23 +121,10 @@ def _without_names(origin: str, cells: list[list[Cell]]) -> PoseTable:
     return replace(table, images=tuple(labels or ())) if of_files else table
 
 
-def _by_labels(origin: str, labels: list[str], cells: list[list[Cell]]) -> PoseTable | None:
-    """The robot's and the camera's poses of rows that are called by their side, such as `hand` and `eye`."""
-    rows: dict[Relation | None, list[list[Cell]]] = {}
-    for label, row in zip(labels, cells, strict=True):
-        rows.setdefault(relation_of(label), []).append(row)
-    named = {said.side: with_relation(_without_names(origin, one), said) for said, one in rows.items() if said}
-    if len(rows) != 2 or {*named} != {"robot", "camera"} or len({*map(len, named.values())}) > 1:
-        return None
-    return replace(named["robot"], camera=named["camera"])
-
-
 @dataclass(frozen=True)
 class TextRows:
-    """The cells of the rows, and the names of the columns where a row of them or a comment says them.
-
-    decimal_commas : whether the rows look like numbers with decimal commas that are separated by commas.
-    """
+    """The cells of the rows, the names of the columns where a row of them or a comment says them, and whether the rows
+    look like numbers with decimal commas that are separated by commas."""
 
     cells: list[list[Cell]]
     names: list[str] | None
@@ -156,13 +146,13 @@ def rows_of(lines: Sequence[str]) -> TextRows:
     if names is None and comments and texts:
         said = [cell for cell in _split(comments[-1], separator) if cell]
         names = said if len(said) == len(texts[0]) and not any(style.is_number(cell) for cell in said) else None
-    if names is None:
-        # Without the lines between matrices in rows of four, such as `Pose 3:`.
-        matrix = [row for row in texts if len(row) == 4 and all(map(style.is_number, row))]
-        titles = [row[0] for row in texts if not (len(row) == 4 and all(map(style.is_number, row)))]
-        are_titles = len(matrix) % 4 == 0 and 4 * len(titles) <= len(matrix) and not any(map(style.is_number, titles))
-        texts = matrix if are_titles else texts
-    else:
+    if names is None and texts:
+        # Without the lines between matrices in rows of four, such as `Pose 3:`, and above sections, such as `[robot]`.
+        whole = [row for row in texts if all(map(style.is_number, row)) and len(row) == len(texts[-1])]
+        silent = sum(not any(map(style.is_number, row)) for row in texts)
+        are_titles = len(whole) >= 4 * silent and (len(texts[-1]) > 4 or len(whole) % 4 == 0)
+        texts = whole if are_titles and len(whole) + silent == len(texts) else texts
+    elif names is not None:
         numbers = {place for row in texts for place, cell in enumerate(row) if style.is_number(cell)}
         remarks = max(numbers, default=-1) + 1
         texts = [_fit_width(row, len(names), remarks) for row in texts if row[: len(names)] != names]
@@ -185,10 +175,8 @@ def _separator(lines: Sequence[str]) -> str | None:
 def _split(line: str, separator: str | None) -> list[str]:
     if separator is None:
         return [_bare(cell) for cell in line.split()]
-    cells = (
-        next(csv.reader([line], delimiter=separator, skipinitialspace=True)) if '"' in line else line.split(separator)
-    )
-    cells = [_bare(cell) for cell in cells]
+    quoted = csv.reader([line], delimiter=separator, skipinitialspace=True)
+    cells = [_bare(cell) for cell in (next(quoted) if '"' in line else line.split(separator))]
     return cells[:-1] if len(cells) > 1 and cells[-1] == "" else cells
 
 
@@ -245,6 +233,10 @@ def _names(above: list[list[str]], width: int, *, at_blanks: bool) -> list[str] 
     header = header or next((row for row in reversed(named) if len(row) >= least), None)
     if header is None:
         return None
+    if len({*header}) < len(header):  # a row above says whose they are: Robot, , , , , , Camera
+        groups, side = next((row for row in named if row is not header and any(row)), []), ""
+        sides = [side := cell or side for cell in [*groups, *[""] * (len(header) - len(groups))]]
+        header = [f"{side} {name}".strip() for side, name in zip(sides, header, strict=False)]
     units = next((row for row in reversed(above) if _are_units(row)), [])
     both = zip(header, [*units, *[""] * len(header)], strict=False)
     return [f"{name} [{unit}]" if unit.lower() not in _EMPTY_UNITS else name for name, unit in both]
@@ -256,10 +248,7 @@ def _are_units(row: Sequence[str]) -> bool:
 
 
 def _fit_width(row: list[str], width: int, remarks: int) -> list[str]:
-    """The row with as many cells as there are names: without empty ones behind, or with those of missing remarks.
-
-    From column `remarks` on no row has a number.
-    """
+    """The row with as many cells as names: without empty ones behind, or with missing remarks (from that column on)."""
     if row[width:] and not any(row[width:]):
         return row[:width]
-    return [*row, *[""] * (width - len(row))] if len(row) >= remarks else row
+    return [*row, *[""] * (width - len(row))] if len(row) >= remarks or row[-1] == "" else row

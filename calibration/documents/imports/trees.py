@@ -1,8 +1,10 @@
-"""JSON, JSON lines, YAML and XML as plain data. YAML by PyYAML's safe loader, without aliases, tags or large files.
+"""JSON, JSON lines, YAML, XML and Python's literals as plain data. YAML by PyYAML's safe loader, with no alias or tag.
 
 An alias may repeat a list within a list without end; a tag may name a class. OpenCV's `!!opencv-matrix` is a mapping.
 """
 
+import ast
+import contextlib
 import json
 import re
 import xml.etree.ElementTree as ElementTree
@@ -10,30 +12,31 @@ from typing import Any
 
 import yaml
 
-from calibration.documents.imports.refusal import decode, refusal
+from calibration.documents.imports.refusal import DAMAGED, decode, refusal
 
-MAX_YAML_BYTES = 4_000_000
-"""PyYAML reads about 1 MB in a second."""
+MAX_YAML_BYTES, MAX_SOURCE_BYTES = 4_000_000, 1_000_000  # PyYAML and Python's parser read about 1 MB in a second
+MAX_XML_DEPTH = 8  # elements within elements; deeper ones are read as text
 
-MAX_XML_DEPTH = 8
-"""Elements within elements; deeper ones are read as text."""
-
+_ARRAY = re.compile(r"\b(?:np|numpy)\.(?:array|asarray|matrix)\b|,\s*dtype\s*=\s*[\w.]+")
 _DOCUMENTS = re.compile(r"^---[ \t]*$", re.MULTILINE)
-OPENCV_MATRIX = "tag:yaml.org,2002:opencv-matrix"
+_SPARE = re.compile(r"^\s*(?://|#).*$|,(?=\s*[\]}])", re.MULTILINE)  # remarks, and a comma behind the last element
 
 
 class _Loader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ignore[misc]
     """The safe loader, which knows OpenCV's matrices as well."""
 
 
-_Loader.add_constructor(OPENCV_MATRIX, lambda loader, node: loader.construct_mapping(node, deep=True))
+_Loader.add_constructor("tag:yaml.org,2002:opencv-matrix", lambda loader, node: loader.construct_mapping(node, True))
 
 
 def read_json(content: bytes, origin: str) -> Any:
     """The data of a JSON text. Raises DocumentError."""
+    text = decode(content, origin)
     try:
-        return json.loads(decode(content, origin))
+        return json.loads(text)
     except json.JSONDecodeError as error:
+        if (spared := _SPARE.sub("", text)) != text:
+            return read_json(spared.encode(), origin)
         place = f"line {error.lineno}, column {error.colno}"
         raise refusal(origin, place, f"not JSON ({error.msg})", "write the file again") from None
     except (ValueError, RecursionError) as error:
@@ -83,7 +86,7 @@ def read_xml(text: str, origin: str, heading: str) -> ElementTree.Element:
         raise refusal(origin, "file", f"not XML ({error})", "write the file again", heading) from None
 
 
-def read_xml_tree(content: bytes, origin: str, heading: str) -> Any:
+def read_xml_tree(content: bytes, origin: str, heading: str = "robot-poses") -> Any:
     """An XML file as mappings by tag; repeated tags are a list, and so are numbers. Raises DocumentError."""
     return _tree(read_xml(decode(content, origin), origin, heading), 0)
 
@@ -91,9 +94,27 @@ def read_xml_tree(content: bytes, origin: str, heading: str) -> Any:
 def _tree(element: ElementTree.Element, depth: int) -> Any:
     if not len(element) or depth > MAX_XML_DEPTH:
         text = (element.text or "").strip()
-        return text.split() if len(text.split()) > 1 else text
+        return text.split() if len(text.split()) > 1 else text or dict(element.attrib)
     tree: dict[str, Any] = {}
     for child in element:
-        value = _tree(child, depth + 1)
-        tree.setdefault(child.tag, []).append(value)
+        tree.setdefault(child.tag, []).append(_tree(child, depth + 1))
     return {tag: values[0] if len(values) == 1 else values for tag, values in tree.items()}
+
+
+def read_python(content: bytes, origin: str) -> Any:
+    """The numbers that a Python source assigns or appends to names, by the names; nothing is run. DocumentError."""
+    found: dict[str, Any] = {}
+    if len(content) > MAX_SOURCE_BYTES:
+        raise refusal(origin, "file", "more than 1 MB of Python", "write the poses as JSON or CSV")
+    try:
+        nodes = [*ast.walk(ast.parse(_ARRAY.sub("", decode(content, origin))))]
+    except DAMAGED as error:
+        raise refusal(origin, "file", f"not Python ({str(error)[:80]})", "write the poses as JSON or CSV") from None
+    for node in nodes:
+        with contextlib.suppress(*DAMAGED):
+            match node:
+                case ast.Assign(targets=[ast.Name(id=name)]):
+                    found[name] = ast.literal_eval(node.value)
+                case ast.Call(func=ast.Attribute(value=ast.Name(id=name), attr="append"), args=[value]):
+                    found.setdefault(name, []).append(ast.literal_eval(value))
+    return json.loads(json.dumps(found, default=str))  # tuples as lists

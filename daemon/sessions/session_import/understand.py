@@ -13,7 +13,6 @@ from calibration.diagnosis.diagnose import MIN_VIEWS
 from calibration.diagnosis.evidence import Evidence
 from calibration.diagnosis.fit import Fit
 from calibration.diagnosis.plausibility import circle_of
-from calibration.documents.imports.number_tables import POINTS
 from calibration.documents.imports.pose_table import PoseTable
 from calibration.documents.imports.refusal import refusal
 from calibration.documents.imports.sets import CLOUDS, ImportedSet, read_set
@@ -26,7 +25,7 @@ from calibration.documents.target_text import FORMS, example, target_of_data
 from calibration.documents.view_evidence import evidence_of_views
 from calibration.errors import DocumentError, GeometryError
 from calibration.kinematics.abb_arms import find_arm
-from calibration.kinematics.conventions import LENGTH_UNITS, MM, Frame, LengthUnit
+from calibration.kinematics.conventions import CONVENTIONS, LENGTH_UNITS, MM, Frame, LengthUnit
 from calibration.problem import Problem, Setup
 from calibration.transforms import Array
 from daemon.sessions.session_files import ImageError, read_grey
@@ -109,6 +108,10 @@ def understand_set(
     unused = imported.camera is not None and camera is None and bool(images) and request.camera is None
     lens = ("the set's intrinsics state no distortion and are not used; --camera uses them",) if unused else ()
     doubt = table.doubtful_reach(reading.unit) if request.unit is None else ""
+    camera_unit = request.camera_unit or (imported.camera_poses and imported.camera_poses.unit)
+    if doubt and imported.camera_poses is not None and camera_unit is None:  # neither side says how large all is
+        fix = f"name the unit of both sides, or give --unit {reading.unit} if they are {reading.unit}"
+        raise Undecided.by(table.origin, "unit", doubt, fix)
     still = [label for label, pose in zip(table.labels, poses, strict=True) if np.allclose(pose, np.eye(4))]
     own = (f"pose {still[0]} is the identity: are the poses relative to it, and not to the base?",) if still else ()
     imported, is_unseen = replace(imported, poses=table), best.evidence is None and bool(best.missing)
@@ -125,9 +128,8 @@ def _of_points(request: ImportRequest, imported: ImportedSet) -> Understood:
     """Pairs of points of a standing camera, in units that make them one rigid body. Raises DocumentError."""
     robot, camera = imported.poses, imported.camera_poses
     if camera is None:
-        raise refusal(
-            robot.origin, "rows", "3 numbers a row: points of one side", "give poses, or points of both sides"
-        )
+        what = "3 numbers a row: points of one side"
+        raise refusal(robot.origin, "rows", what, "give poses, or points of both sides")
     if request.setup == "eye-in-hand":
         what = "pairs of points of a camera on the flange"
         raise refusal(robot.origin, "--setup", what, "give the arm's pose at each: handeyed.Session.of_points")
@@ -139,8 +141,8 @@ def _of_points(request: ImportRequest, imported: ImportedSet) -> Understood:
     ratio = float(np.std(robot.lengths)) / max(float(np.std(camera.lengths)), 1e-12)
     unit, of_camera = min(units, key=lambda pair: abs(np.log(max(ratio, 1e-12) * MM[pair[0]] / MM[pair[1]])))
     note = f"the camera's points: {of_camera}, {camera.layout}"
-    reading = Reading("eye-to-hand", POINTS, unit, "base_T_flange")
-    poses, seen = robot.poses(POINTS, unit, "base_T_flange"), camera.lengths * MM[of_camera]
+    reading = Reading("eye-to-hand", CONVENTIONS["points"], unit, "base_T_flange")
+    poses, seen = robot.poses(CONVENTIONS["points"], unit, "base_T_flange"), camera.lengths * MM[of_camera]
     decision = Decision(reading, "of a standing camera; the points themselves show how well they agree")
     return Understood(
         request, imported, reading, decision, poses, None, (), None, None, (*robot.notes, note), camera_points_mm=seen
@@ -276,6 +278,10 @@ def _of_sense(request: ImportRequest, imported: ImportedSet, found: Sequence[_Be
         if len({one.decision.reading.setup for one in fitting if one.decision.reading}) == 1:
             return best
         raise Undecided.by(best.table.origin, "names", " or ".join(one.words for one in fitting), f"give {SETUP_FIX}")
+    if imported.poses.side and not camera.named_frames and best.decision.reading and _decides(*best.carried_mm[::-1]):
+        what = f"{best.words}; with sides or directions other than their names say, what it carries would be near to it"
+        fix = "name both, such as base_T_flange and camera_T_target or target_T_camera; or give --frame if it is right"
+        raise Undecided.by(best.table.origin, "names", what, fix)
     allowed = _senses(imported.poses, camera)
     by_frame = {one.decision.reading.frame: one for one in sorted(fitting, key=lambda one: one.rank)}  # type: ignore[union-attr]
     if live := [one for frame, one in by_frame.items() if (frame, one.sight.frame) in allowed]:

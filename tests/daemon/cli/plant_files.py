@@ -61,17 +61,18 @@ class Variant:
     def write(self, folder: Path) -> Path:
         """The new folder with all files."""
         folder.mkdir()
-        for name, tilt in zip(self.pictures, TILTS_RAD, strict=True):
+        for name, tilt in zip(self.pictures, TILTS_RAD, strict=bool(self.pictures)):
             (folder / name).parent.mkdir(parents=True, exist_ok=True)
             (folder / name).write_bytes(picture(tilt))
         for name, content in self.files.items():
+            (folder / name).parent.mkdir(exist_ok=True)
             (folder / name).write_bytes(content)
         return folder
 
 
 def _variants() -> dict[str, Variant]:
     rows = lines(LIST, Q)
-    return {**_spelled(rows), **_headed(rows), **_doubtful(rows), **_named(rows), **_filed(rows)}
+    return {**_spelled(rows), **_headed(rows), **_doubtful(rows), **_named(rows), **_beside(rows), **_filed(rows)}
 
 
 def _spelled(rows: list[str]) -> dict[str, Variant]:
@@ -291,6 +292,39 @@ def _named(rows: list[str]) -> dict[str, Variant]:
     }  # fmt: skip
 
 
+def _beside(rows: list[str]) -> dict[str, Variant]:
+    """Other pictures than the camera's own; those of depth are not opened."""
+
+    def and_others(files: dict[str, bytes], names: str, content: bytes = b"depth") -> dict[str, bytes]:
+        return files | {names.format(at): content for at in range(1, VIEWS + 1)}
+
+    numbers, beside = range(1, VIEWS + 1), "6 other pictures are not used"
+    single = {f"{at}/pose.txt": csv(four_by_four(POSES[at - 1 : at]))["poses.csv"] for at in numbers}
+    left = [f"left/{at}.png" for at in numbers]
+    return {
+        "pictures of depth beside": Variant(
+            and_others(csv(rows), "depth_{}.png"), [f"color_{at}.png" for at in numbers], said=(beside,)),
+        "pictures of depth, in one folder": Variant(
+            and_others(csv(rows), "view_{}_Depth.png"), [f"view_{at}_Color.png" for at in numbers], said=(beside,)),
+        "pictures of depth, in a folder": Variant(
+            and_others(csv(rows), "depth/{}.png"), [f"rgb/{at}.png" for at in numbers], said=(beside,)),
+        "pictures of depth, called as the others": Variant(
+            and_others(csv(rows), "{}.tiff"), [f"{at}.png" for at in numbers], said=(beside,)),
+        "a folder a view, with depth": Variant(
+            and_others(single, "{}/depth.png"), [f"{at}/image{at}.png" for at in numbers]),
+        "a picture of the board": Variant(csv(rows) | {"board.png": b""}, said=("1 other pictures are not used",)),
+        "pictures of two cameras": Variant(
+            and_others(csv(rows), "right/{}.png"), left, refused=("left/*.png, right/*.png", "--images 'left/*.png'")),
+        "pictures of two cameras, of which one is named": Variant(
+            and_others(csv(rows), "right/{}.png"), left, (*EYE_IN_HAND, "--images", "left/*.png")),
+        "pictures of two folders, which the table names": Variant(
+            and_others(csv(lines(LIST, ("image", *Q), before=left)), "right/{}.png"), left),
+        "pictures of two cameras, which the table names": Variant(
+            and_others(csv(lines(LIST, ("image", *Q), before=[f"left_{at}.png" for at in numbers])), "right_{}.png"),
+            [f"left_{at}.png" for at in numbers]),
+    }  # fmt: skip
+
+
 def _filed(rows: list[str]) -> dict[str, Variant]:
     """Other files than one CSV."""
     each = range(7, 13)
@@ -304,6 +338,9 @@ def _filed(rows: list[str]) -> dict[str, Variant]:
     return {
         "a file a pose": Variant({name: file["poses.csv"] for name, file in single.items()}),
         "a file a pose, 4 x 4": Variant({name: file["poses.csv"] for name, file in matrices.items()}),
+        "a file a pose, with the last result": Variant({f"pose_{at}.json": json.dumps({
+            "robot_pose": POSES[at - 7].ravel().tolist(), "hand_eye_calibration": np.eye(4).ravel().tolist(),
+        }).encode() for at in each}),
         "KUKA E6POS": Variant({"cal.dat": kuka_dat().encode()}),
         "KUKA E6POS, one without C": Variant({"cal.dat": re.sub(r",C [^,]*,S", ",S", kuka_dat(), count=1).encode()},
             refused=("not as many of every number", "5 C")),
@@ -323,7 +360,7 @@ def _filed(rows: list[str]) -> dict[str, Variant]:
               "orientation": dict(zip("wxyz", row[3:], strict=True))}} for at, row in enumerate(LIST)]).encode()}),
         "JSON, one record without x": Variant({"poses.json": json.dumps(
             [{k: v for k, v in one.items() if (at, k) != (2, "x")} for at, one in enumerate(records)]).encode()},
-            refused=("record 3", "without x")),
+            refused=("pose 3", "a number is missing")),
         "4 x 4 in a cell": Variant(csv(["image,T", *(
             f'{name},"{json.dumps(pose.tolist())}"' for name, pose in zip(PICTURES, POSES, strict=True))])),
         "RAPID": Variant(csv(robtargets(), "poses.mod", "\r\n")),
@@ -341,6 +378,9 @@ def _filed(rows: list[str]) -> dict[str, Variant]:
             [{name: text(number) for name, number in record.items()} for record in records]).encode()}),
         "JSON by picture": Variant({"poses.json": json.dumps(by_picture).encode()}),
         "a log beside": Variant(csv(rows) | {"log.txt": b"10:15 began\n10:16 done\n", "readme.txt": b"see wiki\n"}),
+        "pictures in an archive": Variant(csv(rows) | {"pictures.zip": b"PK"}, [], refused=(
+            "no pictures and no clouds; pictures.zip: an archive is not read, unpack it",)),
+        "a recording": Variant({"cell.bag": b"#ROSBAG V2.0"}, refused=("write its pictures and poses into files",)),
         "nothing": Variant({}, refused=("poses",)),
         "an empty file": Variant({"poses.csv": b""}, refused=("no poses in it",)),
         "a sheet": Variant({"poses.xlsx": b"PK\x03\x04" + bytes(200)}, refused=("CSV",)),

@@ -23,7 +23,8 @@ X = transform_from_quaternion([45.0, -20.0, 95.0], [0.7193, -0.0069, 0.0431, 0.6
 TOOL = transform(rotation_from_vector([1.2092, -1.2092, 1.2092]), [0.0, 0.0, 215.0])
 IN_HAND = ("--setup", "eye-in-hand")
 PICTURES = ("--target", "chessboard:9x6:25", "--camera", "camera.yaml", *IN_HAND)
-SEEN_MM = np.array([0.0, 0.0, 600.0])
+SEEN_MM, SEEN_OF_POINTS_MM = (0.0, 0.0, 600.0), (300.0, -10.0, 930.0)
+"""Where the camera sees the targets, and the middle of the touched points, from which the other place is 450 mm."""
 ARM = ("--arm", "IRB 1600-6/1.45")
 
 BASE_T_CAMERA = transform(
@@ -35,12 +36,16 @@ BASE_T_CAMERA = transform(
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """A folder of `cases`: options of the import beside --out, files that hold the poses, and the right X."""
+    """A folder of `cases`: options of the import beside --out, files that hold the poses, and the right X.
+
+    `seen_mm`: a point that the camera sees.
+    """
 
     name: str
     stated: Sequence[str]
     files: Sequence[str]
     X: Array
+    seen_mm: tuple[float, float, float] = SEEN_MM
 
     def options(self, folder: Path) -> list[str]:
         """The options with the camera's file by its path."""
@@ -53,7 +58,8 @@ class Case:
         found = document.flange_T_camera or document.base_T_camera
         assert found is not None
         _, off_rad = difference(self.X, found.transform())
-        apart = map_points(found.transform(), SEEN_MM) - map_points(self.X, SEEN_MM)
+        seen_mm = np.array(self.seen_mm)
+        apart = map_points(found.transform(), seen_mm) - map_points(self.X, seen_mm)
         return float(np.linalg.norm(apart)), float(np.degrees(off_rad))
 
     def is_mirrored(self, calibration: str) -> bool:
@@ -89,7 +95,7 @@ CASES = (
     Case("pairs_opencv_npz", IN_HAND, ("samples.npz",), X),
     Case("pairs_same_file", (*IN_HAND, "--poses", "poses.yml", "--camera-poses", "poses.yml"), ("poses.yml",), X),
     Case("pairs_twelve_numbers", IN_HAND, ("pairs.csv",), X),
-    Case("point_pairs", ("--setup", "eye-to-hand"), ("points.csv",), BASE_T_CAMERA),
+    Case("point_pairs", ("--setup", "eye-to-hand"), ("points.csv",), BASE_T_CAMERA, SEEN_OF_POINTS_MM),
     Case("poses_xml_filestorage", (*PICTURES, "--poses", "robot_pose.xml"), ("robot_pose.xml",), X),
     Case("rapid_track_not_in_poses", PICTURES, ("Teach.mod",), X),
     Case("record_with_camera_pose", PICTURES, ("records.json",), X),

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from calibration.documents.validation import validate_document
@@ -11,7 +12,7 @@ from daemon.config.robot_settings import LoadSettings
 from daemon.config.settings import RobotSettings, Settings
 from drivers.interfaces import RobotSetup
 from drivers.registry import open_robot
-from mock_robot.cabinet.cabinet import UPSIDE_DOWN, Mounting
+from mock_robot.cabinet.cabinet import Mounting
 from tests.mock_robot.rws_cell import rws_cell
 from tests.support.waiting import eventually
 
@@ -59,7 +60,7 @@ def test_a_program_with_our_settings_has_none() -> None:
 async def test_a_base_frame_that_the_settings_lack_is_given_as_a_setting(frame: str) -> None:
     """Over a link that gives poses in the base frame it does not matter."""
     async with rws_cell() as cell:
-        cell.cell.controller.mounting = Mounting(transform(UPSIDE_DOWN[:3, :3], [0.0, 0.0, 2500.0]))
+        cell.cell.controller.mounting = Mounting(transform(np.diag([1.0, -1.0, -1.0]), [0.0, 0.0, 2500.0]))
         robot = open_robot(f"{cell.rws(1)}?frame={frame}")
         try:
             await eventually(lambda: robot.link.connected)

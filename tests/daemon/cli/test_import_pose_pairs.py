@@ -1,212 +1,45 @@
 """Poses of robot and camera in the shapes in which people have them: every layout gives the same pairs."""
 
-import io
 import json
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
-import scipy.io
-from scipy.spatial.transform import Rotation
 
 import handeyed as library
 from calibration.documents.calibration import CalibrationDocument
 from calibration.errors import DocumentError
-from calibration.problem import MeasuredPose
 from calibration.transforms import (
     Array,
     difference,
     inverse,
     map_points,
-    quaternion_from_rotation,
     rotation_from_vector,
     transform,
-    vector_from_rotation,
 )
 from daemon.sessions.session_import.request import ImportRequest
 from daemon.sessions.session_import.understand import understand
 from tests.calibration.documents.imports.file_damage import DAMAGES
 from tests.calibration.documents.imports.written import lines, npy, npz
+from tests.daemon.cli.pose_pair_layouts import (
+    CAMERA,
+    EULER,
+    LAYOUTS,
+    ROBOT,
+    Q,
+    R,
+    V,
+    X,
+    Y,
+    json_of,
+    r,
+    rows_of,
+    s,
+    t,
+    v,
+)
 from tests.daemon.cli.running import handeyed
-from tests.simulated.measured_sessions import measured_cell, tracker
-
-X = transform(rotation_from_vector([0.1, -0.2, 1.4]), [35.0, -20.0, 90.0])
-Y = transform(rotation_from_vector([3.1, 0.1, 0.0]), [900.0, 50.0, 100.0])
-
-
-def _pairs() -> tuple[Array, Array]:
-    """base_T_flange and camera_T_target (8, 4, 4) in mm, with a tracker's noise."""
-    drawn = measured_cell(np.random.default_rng(4), 8, tracker())
-    measured = [view.measured for view in drawn.problem.views]
-    seen = np.array([one.camera_T_target for one in measured if isinstance(one, MeasuredPose)])
-    shaken = transform(np.eye(3), 0.05 * np.random.default_rng(5).standard_normal((8, 3)))
-    return Y @ inverse(X @ seen) @ shaken, seen
-
-
-ROBOT, CAMERA = _pairs()
-R, t = ROBOT[:, :3, :3], ROBOT[:, :3, 3]
-r, s = CAMERA[:, :3, :3], CAMERA[:, :3, 3]
-V, v = vector_from_rotation(R), vector_from_rotation(r)
-Q, q = quaternion_from_rotation(R), quaternion_from_rotation(r)
-SIX = np.concatenate([t / 1000, V], axis=1), np.concatenate([s / 1000, v], axis=1)
-
-
-def _json(data: object) -> bytes:
-    return json.dumps(data, default=lambda array: array.tolist()).encode()
-
-
-def _rows(*columns: Array, separator: str = ",") -> list[str]:
-    return [separator.join(f"{number:.9f}" for number in row) for row in np.concatenate(columns, axis=1)]
-
-
-def _storage_of(matrices: dict[str, Array]) -> bytes:
-    """OpenCV's FileStorage with a key for each matrix."""
-    written = [
-        f"{key}: !!opencv-matrix\n  rows: {len(one)}\n  cols: {one.shape[1]}\n  dt: d\n  data: {one.ravel().tolist()}"
-        for key, one in matrices.items()
-    ]
-    return lines("%YAML:1.0", "---", *written)
-
-
-def _xml() -> bytes:
-    sides = (("robot_poses", np.concatenate([t, Q], axis=1)), ("marker_poses", np.concatenate([s, q], axis=1)))
-    head = '<{} type_id="opencv-matrix"><rows>8</rows><cols>7</cols><dt>d</dt><data>'
-    parts = [f"{head.format(name)}{' '.join(map(str, rows.ravel()))}</data></{name}>" for name, rows in sides]
-    return lines('<?xml version="1.0"?>', "<opencv_storage>", *parts, "</opencv_storage>")
-
-
-def _mat(**arrays: Array) -> bytes:
-    stream = io.BytesIO()
-    scipy.io.savemat(stream, {"bTe": 0.0, **arrays})
-    return stream.getvalue()
-
-
-LAST = np.moveaxis(ROBOT, 0, 2), np.moveaxis(CAMERA, 0, 2)
-ALTERNATING = np.stack([np.concatenate([t / 1000, V], axis=1), np.concatenate([s / 1000, v], axis=1)], axis=1)
-
-LAYOUTS: dict[str, dict[str, bytes]] = {
-    "four arrays in JSON, metres": {"samples.json": _json(
-        {"R_gripper2base": R, "t_gripper2base": t / 1000, "R_target2cam": r, "t_target2cam": s / 1000})},
-    "four arrays in npz": {"samples.npz": npz(R_gripper2base=R, t_gripper2base=t[..., None], R_target2cam=r,
-                                              t_target2cam=s[..., None])},
-    "stacks in npz": {"poses.npz": npz(base_T_gripper=ROBOT, camera_T_board=CAMERA)},
-    "arrays of the inverse": {"poses.npz": npz(R_base2gripper=inverse(ROBOT)[:, :3, :3],
-        t_base2gripper=inverse(ROBOT)[:, :3, 3], R_target2cam=r, t_target2cam=s)},
-    "rotation vectors and places": {"a.json": _json(
-        {"robot_rvecs": V, "robot_tvecs": t, "rvecs": v[..., None], "tvecs": s[..., None]})},
-    "records of two matrices": {"a.json": _json(
-        [{"robot": a, "board": b} for a, b in zip(ROBOT, CAMERA, strict=True)])},
-    "records of rotation and place": {"a.json": _json({str(at): {
-        "eef_to_base": {"rotation": a[:3, :3], "translation": a[:3, 3] / 1000},
-        "marker_to_camera": {"rotation": b[:3, :3], "translation": b[:3, 3] / 1000}}
-        for at, (a, b) in enumerate(zip(ROBOT, CAMERA, strict=True))})},
-    "records of seven numbers and a detection": {"a.yaml": _json([
-        {"tcp": [*(place / 1000), *turn], "rvec": b, "tvec": c / 1000}
-        for place, turn, b, c in zip(t, Q, v, s, strict=True)])},
-    "pairs of matrices": {"a.json": _json(np.stack([ROBOT, CAMERA], axis=1))},
-    "numbered keys of FileStorage": {"poses.yml": _storage_of({
-        f"{side}{at:02}": pose for at, both in enumerate(zip(ROBOT, CAMERA, strict=True), 1)
-        for side, pose in zip(("gripper2base", "target2cam"), both, strict=True)})},
-    "FileStorage in XML": {"poses.xml": _xml()},
-    "twelve numbers": {"a.csv": lines(*_rows(V, t / 1000, v, s / 1000))},
-    "twelve numbers, the camera first": {"a.csv": lines(*_rows(s / 1000, v, t / 1000, V))},
-    "rows in turn": {"a.txt": lines(*_rows(ALTERNATING.reshape(16, 6), separator=" "))},
-    "one side after the other": {"a.txt": lines(*_rows(np.concatenate(SIX), separator=" "))},
-    "named columns": {"a.csv": lines(
-        ",".join(f"{side}_{one}" for side in ("robot", "camera") for one in ("x", "y", "z", "qw", "qx", "qy", "qz")),
-        *_rows(t, Q, s, q))},
-    "two tables, metres": {"robot.csv": lines("x,y,z,rx,ry,rz", *_rows(*np.split(SIX[0], [3], axis=1))),
-                           "camera.csv": lines("x,y,z,rvec_x,rvec_y,rvec_z", *_rows(*np.split(SIX[1], [3], axis=1)))},
-    "two stacks": {"gripper2base.npy": npy(ROBOT), "target2cam.npy": npy(CAMERA)},
-    "four files": {"R_gripper2base.npy": npy(R), "t_gripper2base.npy": npy(t), "R_target2cam.npy": npy(r),
-                   "t_target2cam.npy": npy(s)},
-    "a file a view": {f"view_{at}.npz": npz(R_gripper2base=R[at], t_gripper2base=t[at], R_target2cam=r[at],
-                                            t_target2cam=s[at]) for at in range(8)},
-    "MATLAB's": {"poses.mat": _mat(robot_T=LAST[0], board_T=LAST[1])},
-    "MATLAB's, with frames of one letter": {"poses.mat": _mat(bTg=LAST[0], cTo=LAST[1])},
-    "inverse poses, with frames of one letter": {"a.json": _json({"gTb": inverse(ROBOT), "oMc": inverse(CAMERA)})},
-    "columns of two matrices": {"a.csv": lines(
-        ",".join(f"{side}_{row}{column}" for side in ("ee", "cam") for row in range(4) for column in range(4)),
-        *_rows(ROBOT.reshape(-1, 16), CAMERA.reshape(-1, 16)))},
-    "columns of six numbers with two digits": {"a.csv": lines(
-        ",".join(f"{side}_{at:02}" for side in ("tcp", "board") for at in range(6)), *_rows(t, V, s, v))},
-    "records by their numbers, with a detection": {"a.json": _json({str(at): {
-        "pose": [*t[at], *V[at]], "rvec": v[at], "tvec": s[at] / 1000} for at in range(8)})},
-    "records of a detection's columns": {"a.json": _json({"date": "2026-01-02", "poses": [
-        {"robot_pose": dict(zip(("x", "y", "z", "qw", "qx", "qy", "qz"), [*t[at], *Q[at]], strict=True)),
-         "aruco": {"rvec": v[at][:, None], "tvec": s[at][:, None]}} for at in range(8)]})},
-    "lines of places and orientations, and a matrix as one list": {"a.jsonl": b"\n".join(_json(
-        {"tcp": {"pos": t[at], "orient": Q[at]}, "board_in_camera": CAMERA[at].ravel()}) for at in range(8))},
-    "numbers within the keys of FileStorage": {"a.yml": _storage_of(
-        {f"frame{at}_{name}": matrix for at in range(8) for name, matrix in (
-            ("robot_R", R[at]), ("robot_t", t[at, :, None]),
-            ("cam_rvec", v[at, :, None]), ("cam_tvec", s[at, :, None]))})},
-    "places and Euler angles beside rotation vectors, without a header": {"a.csv": lines(
-        *_rows(t, np.degrees(Rotation.from_matrix(R).as_euler("xyz")), s, v))},
-    "seven and seven numbers": {"a.csv": lines(*_rows(t, Q, s, q))},
-    "two matrices a row": {"a.csv": lines(*_rows(ROBOT[:, :3].reshape(-1, 12), CAMERA[:, :3].reshape(-1, 12)))},
-    "numbers in texts": {"a.json": _json([
-        {"robot": _rows(t[at : at + 1], Q[at : at + 1])[0], "eye": _rows(s[at : at + 1], q[at : at + 1])[0]}
-        for at in range(8)])},
-    "a German table": {"a.csv": lines(
-        "Nr;" + ";".join(f"{side} {axis} [{unit}]" for side in ("Roboter", "Kamera") for axis, unit in zip(
-            ("X", "Y", "Z", "RX", "RY", "RZ"), ("mm", "mm", "mm", "rad", "rad", "rad"), strict=True)),
-        *(f"{at};{row.replace('.', ',')}" for at, row in enumerate(_rows(t, V, s, v, separator=";"), 1)))},
-    "matrices of FileStorage, a file a view and side": {
-        f"{side}_{at}.yaml": _storage_of({"PoseState": poses[at]})
-        for side, poses in (("robot_pose", ROBOT), ("checkerboard_pose", CAMERA)) for at in range(8)},
-    "handeye_calib_camodocal": {"a.yml": _storage_of(
-        {f"T{side}_{at}": poses[at] for at in range(8) for side, poses in ((1, ROBOT), (2, CAMERA))}
-    ) + b"frameCount: 8\n"},
-    "a log of the robot, an array of the camera": {
-        "robot.log": lines(*(f"Pose {at}: X={t[at, 0]:.6f} Y={t[at, 1]:.6f} Z={t[at, 2]:.6f} Q={Q[at].tolist()}"
-                             for at in range(8))), "camera_poses.npy": npy(CAMERA)},
-    "a folder a view, with intrinsics": {f"pose_{at:02}/data.json": _json({
-        "joint_pose": [0.1 * at] * 7, "O_T_EE": ROBOT[at].ravel(), "camera_intrinsics": [[900, 0, 320], [0, 900, 240],
-        [0, 0, 1]], "T_cam_target_rvec": v[at][:, None], "T_cam_target_tvec": s[at][:, None]}) for at in range(8)},
-    "rows called by their side, and a result below": {"a.csv": lines(
-        *(f"{side},{row}" for both in zip(*(_rows(p, np.degrees(Rotation.from_matrix(m).as_euler("xyz")))
-          for p, m in ((t, R), (s, r))), strict=True) for side, row in zip(("hand", "eye"), both, strict=True)),
-        "", "[[0 -1 0 20.5]", " [1 0 0 -10.25]", " [0 0 1 100.0]", " [0 0 0 1]]")},
-    "numbered views of each side": {"log.yml": _json({
-        side: {str(at): pose for at, pose in enumerate(poses, 1)}
-        for side, poses in (("end2base", ROBOT), ("marker2cam", CAMERA))})},
-    "lists below their names, in two files": {
-        f"{side}_info.txt": lines(*(line for at in range(8) for line in (
-            f"{at}:", "Rotation:", str(turns[at].tolist()), "Translation:", str((places[at] / 1000).tolist()), "")))
-        for side, turns, places in (("wrist2_wrt_base", V, t), ("target_wrt_cam", v, s))},
-    "arrays whose rows are counted": {"a.npz": npz(
-        gripper_pose=np.concatenate([t, Q], axis=1), Target_rvecs=np.column_stack([np.arange(1, 9), v]),
-        Target_tvecs=np.column_stack([np.arange(1, 9), np.full(8, 7), s]))},
-    "a file a view and side": {f"{side}_{at}.txt": lines(*_rows(poses[at], separator=" "))
-                               for side, poses in (("robot", ROBOT), ("cam", CAMERA)) for at in range(8)},
-    "lists under numbered names, below their sides": {"p.yaml": _json({
-        side: {f"pose{at}": row for at, row in enumerate(rows, 1)}
-        for side, rows in zip(("robot", "camera"), SIX, strict=True)})},
-    "columns pose1 to pose6, in two files": {
-        f"{side}.csv": lines("pose1,pose2,pose3,pose4,pose5,pose6", *_rows(rows))
-        for side, rows in zip(("robot", "target"), SIX, strict=True)},
-    "a folder a side": {f"{side}/{at}.txt": lines(*_rows(poses[at], separator=" "))
-                        for side, poses in (("arm", ROBOT), ("board", CAMERA)) for at in range(8)},
-    "stacks in npz beside a date and a count": {"samples.npz": npz(
-        T_base_ee=ROBOT, T_cam_board=CAMERA, count=np.array(8), saved_at=np.array("2026-01-02T10:15:00"))},
-    "matrices whose last row was never written": {"a.yml": _storage_of({
-        f"{side}{at:02}": pose * [[1], [1], [1], [0]] for at, both in enumerate(zip(ROBOT, CAMERA, strict=True))
-        for side, pose in zip(("gripper2base", "target2cam"), both, strict=True)})},
-    "pairs of matrices beside joints": {"log.json": _json({
-        "Title": "a log", "Joint Values": np.full((8, 6), 0.5), "Both": np.stack([ROBOT, CAMERA], axis=1)})},
-    "columns of two groups whose letters say no side": {"a.csv": lines(
-        "id," + ",".join(f"{side}_{axis}" for side in "he" for axis in ("x", "y", "z", "rx", "ry", "rz")),
-        *(f"{at},{row}" for at, row in enumerate(_rows(*SIX))))},
-    "records beside other lists, in two files": {
-        "arm.json": _json({"fields": ["x", "y"], "poses": [dict(zip(
-            ("x", "y", "z", "qw", "qx", "qy", "qz"), [*t[at], *Q[at]], strict=True)) for at in range(8)]}),
-        "camera.json": _json({"pattern": [9, 6], "camera_matrix": [[900, 0, 320], [0, 900, 240], [0, 0, 1]],
-                              "poses": [{"idx": at, "rvec": v[at], "tvec": s[at]} for at in range(8)]})},
-    "a file a view with a list a side": {f"view_{at}.json": _json(
-        {"robot": SIX[0][at], "board": SIX[1][at]}) for at in range(8)},
-}  # fmt: skip
 
 
 @pytest.mark.parametrize("layout", LAYOUTS)
@@ -216,14 +49,35 @@ def test_the_pairs_are_read(layout: str, tmp_path: Path) -> None:
         (tmp_path / name).write_bytes(content)
     understood = understand(ImportRequest(tmp_path, setup="eye-in-hand"))
     assert understood.camera_T_target is not None
-    np.testing.assert_allclose(understood.base_T_flange, ROBOT, atol=1e-4)
-    np.testing.assert_allclose(understood.camera_T_target, CAMERA, atol=1e-4)
+    n, in_order = len(understood.base_T_flange), np.argsort(understood.base_T_flange[:, 0, 3])
+    assert n == 8 or "three rows" in layout
+    of_robot = np.argsort(ROBOT[:n, 0, 3])
+    np.testing.assert_allclose(understood.base_T_flange[in_order], ROBOT[of_robot], atol=1e-4)
+    np.testing.assert_allclose(understood.camera_T_target[in_order], CAMERA[of_robot], atol=1e-4)
+
+
+EXCHANGED = {
+    "the names of the sides": {"robot": CAMERA, "camera": ROBOT},
+    "the direction of the camera's": {"robot": ROBOT, "camera": inverse(CAMERA)},
+    "the direction of both": {"robot": inverse(ROBOT), "camera": inverse(CAMERA)},
+}
+
+
+@pytest.mark.parametrize("what", EXCHANGED)
+def test_a_flange_that_would_carry_what_is_in_the_base_is_asked_about(what: str, tmp_path: Path) -> None:
+    """These poses fit exactly, with X and the target's pose in each other's place."""
+    (tmp_path / "a.json").write_bytes(json_of(EXCHANGED[what]))
+    ran = handeyed("import", tmp_path, "--setup", "eye-in-hand", "--out", tmp_path / "s")
+    assert ran.status == 2
+    assert "with sides or directions other than their names say, what it carries would be near to it" in ran.err
 
 
 CHANGES: dict[str, tuple[Callable[[Array], Array], str]] = {
     "y reversed": (lambda places: places * [1, -1, 1], "with y reversed the translations agree as well"),
     "x and y exchanged": (lambda places: places[:, [1, 0, 2]], "give --axes=y,x,z"),
     "inches": (lambda places: places / 25.4, "with places in inches"),
+    "the camera's in centimetres": (lambda places: 10.0 * places, "multiply the camera's places by 10"),
+    "the camera's in inches": (lambda places: 25.4 * places, "for they are in inches"),
 }
 
 
@@ -244,10 +98,48 @@ def test_translations_that_do_not_fit_beside_rotations_that_do_are_explained(cha
         assert ran.status == 0, ran.err
 
 
+@pytest.mark.parametrize(("factor", "shown"), [(0.1, "as mm"), (1 / 25.4, "as mm"), (0.01, "as m,")])
+def test_lengths_of_both_sides_that_no_arm_has_are_asked_for(factor: float, shown: str, tmp_path: Path) -> None:
+    """In centimetres, inches or decimetres both sides agree, and X would be as wrong as they are."""
+    arrays = {"R_gripper2base": R, "t_gripper2base": factor * t, "R_target2cam": r, "t_target2cam": factor * s}
+    (tmp_path / "a.npz").write_bytes(npz(**arrays))
+    asked = ("import", tmp_path, "--setup", "eye-in-hand", "--out", tmp_path / "s")
+    ran = handeyed(*asked)
+    assert ran.status == 2
+    assert f"lengths without a unit are taken {shown}" in ran.err and "name the unit of both sides" in ran.err
+    if shown == "as mm":
+        assert handeyed(*asked, "--unit", "mm").status == 0
+
+
+def _transposed(at: int) -> tuple[Array, Array]:
+    """The camera's poses, of which one has its rotation transposed."""
+    changed = CAMERA.copy()
+    changed[at, :3, :3] = changed[at, :3, :3].T
+    return ROBOT, changed
+
+
+WRONG_PAIRS = {
+    "one more of the camera's at the begin": (
+        (ROBOT[1:], CAMERA[:-1]), "with the pose 1 row before for each picture the rotations agree",
+    ),
+    "one more of the robot's": ((ROBOT[:-1], CAMERA[1:]), "with the pose 1 row after for each picture"),
+    "one transposed": (_transposed(4), "without pose 5 the rotations agree"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("what", WRONG_PAIRS)
+def test_wrong_pairs_are_named(what: str, tmp_path: Path) -> None:
+    (robot, camera), said = WRONG_PAIRS[what]
+    (tmp_path / "a.npz").write_bytes(npz(robot=robot, camera=camera))
+    ran = handeyed("import", tmp_path, "--setup", "eye-in-hand", "--out", tmp_path / "s")
+    assert ran.status == 2 and "none fits" in ran.err
+    assert said in ran.err
+
+
 def test_the_camera_s_unit_and_convention_may_be_stated(tmp_path: Path) -> None:
     (tmp_path / "in").mkdir()
-    (tmp_path / "in" / "robot.csv").write_bytes(lines("x,y,z,qw,qx,qy,qz", *_rows(t, Q)))
-    (tmp_path / "in" / "camera.csv").write_bytes(lines(*_rows(s / 1000, v)))
+    (tmp_path / "in" / "robot.csv").write_bytes(lines("x,y,z,qw,qx,qy,qz", *rows_of(t, Q)))
+    (tmp_path / "in" / "camera.csv").write_bytes(lines(*rows_of(s / 1000, v)))
     given = (
         "import",
         tmp_path / "in",
@@ -267,7 +159,7 @@ def test_the_camera_s_unit_and_convention_may_be_stated(tmp_path: Path) -> None:
 
 
 def test_two_poses_whose_names_do_not_decide_are_asked_for(tmp_path: Path) -> None:
-    records = _json([{"first": a, "second": b} for a, b in zip(ROBOT, CAMERA, strict=True)])
+    records = json_of([{"first": a, "second": b} for a, b in zip(ROBOT, CAMERA, strict=True)])
     (tmp_path / "a.json").write_bytes(records)
     ran = handeyed("import", tmp_path, "--setup", "eye-in-hand", "--out", tmp_path / "s")
     assert ran.status == 2
@@ -277,7 +169,7 @@ def test_two_poses_whose_names_do_not_decide_are_asked_for(tmp_path: Path) -> No
 def test_a_damaged_pose_of_the_robot_is_named_and_the_camera_s_not_taken_alone(tmp_path: Path) -> None:
     damaged = ROBOT.copy()
     damaged[3, 3] = [0, 0, 0, 5]
-    (tmp_path / "a.json").write_bytes(_json([{"robot": a, "board": b} for a, b in zip(damaged, CAMERA, strict=True)]))
+    (tmp_path / "a.json").write_bytes(json_of([{"robot": a, "board": b} for a, b in zip(damaged, CAMERA, strict=True)]))
     ran = handeyed("import", tmp_path, "--setup", "eye-in-hand", "--out", tmp_path / "s")
     assert ran.status == 2
     assert "pose 4: the last row of the 4 x 4 matrix is not 0, 0, 0, 1" in ran.err
@@ -287,7 +179,7 @@ def test_rows_of_a_path_are_no_pairs(tmp_path: Path) -> None:
     """Neighbours on a path are alike: taken as two sides, they would be one pose seen twice."""
     along = np.linspace(0.0, 1.0, 12)[:, None]
     path = np.concatenate([[900.0, 0.0, 400.0] + along * [200.0, 50.0, 80.0], along * [0.4, -0.3, 0.5]], axis=1)
-    (tmp_path / "path.csv").write_bytes(lines(*_rows(path)))
+    (tmp_path / "path.csv").write_bytes(lines(*rows_of(path)))
     ran = handeyed("import", tmp_path, "--setup", "eye-in-hand", "--out", tmp_path / "s")
     assert ran.status == 2
     assert "no pictures and no clouds" in ran.err
@@ -298,17 +190,17 @@ STANDING = transform(rotation_from_vector([3.0, 0.2, -0.1]), [820.0, 40.0, 1150.
 TOUCHED = map_points(STANDING, POINTS)
 
 POINT_PAIRS = {
-    "names of both sides": ("p.csv", lines("robot_x,robot_y,robot_z,cam_x,cam_y,cam_z", *_rows(TOUCHED, POINTS))),
+    "names of both sides": ("p.csv", lines("robot_x,robot_y,robot_z,cam_x,cam_y,cam_z", *rows_of(TOUCHED, POINTS))),
     "arrays, the camera's in metres": (
         "p.json", json.dumps({"p_cam": (POINTS / 1000).tolist(), "p_robot": TOUCHED.tolist()}).encode(),
     ),
     "records": (
         "p.json",
-        _json([{"robot": one, "camera": other} for one, other in zip(TOUCHED, POINTS, strict=True)]),
+        json_of([{"robot": one, "camera": other} for one, other in zip(TOUCHED, POINTS, strict=True)]),
     ),
     "records with the flange's poses, beside clouds": (
         "calib_data.json",
-        _json({str(at): {"p_cam": seen, "p_robot": place / 1000, "robot_pose": [*place / 1000, 0, 0, 0, 1]}
+        json_of({str(at): {"p_cam": seen, "p_robot": place / 1000, "robot_pose": [*place / 1000, 0, 0, 0, 1]}
                for at, (seen, place) in enumerate(zip(POINTS, TOUCHED, strict=True))}),
     ),
 }  # fmt: skip
@@ -336,7 +228,7 @@ def test_points_that_a_tip_touched_are_a_calibration(name: str, tmp_path: Path) 
 
 def test_points_with_a_wrong_pair_are_not_accepted(tmp_path: Path) -> None:
     (tmp_path / "p").mkdir()
-    wrong = lines("robot_x,robot_y,robot_z,cam_x,cam_y,cam_z", *_rows(np.roll(TOUCHED, 1, axis=0), POINTS))
+    wrong = lines("robot_x,robot_y,robot_z,cam_x,cam_y,cam_z", *rows_of(np.roll(TOUCHED, 1, axis=0), POINTS))
     (tmp_path / "p" / "p.csv").write_bytes(wrong)
     assert handeyed("import", tmp_path / "p", "--out", tmp_path / "s").status == 0
     assert handeyed("solve", tmp_path / "s").status == 3
@@ -361,8 +253,19 @@ def test_a_damaged_file_is_refused_or_gives_the_right_x(kind: str, tmp_path: Pat
                 assert off_mm < 1.0 and off_rad < 0.003, layout
 
 
+@pytest.mark.parametrize(
+    "row", ["P3=(1.0,2.0,a,0.4,0.5,0.6)(7,0)", "P3=(1.0,2.0,0.4,0.5,0.6)(7,0)", "Q3=(1,2,3,4,5,6)"]
+)
+def test_a_point_of_a_program_that_is_unlike_the_others_is_refused(row: str, tmp_path: Path) -> None:
+    points = [f"P{at}=({row})(7,0)" for at, row in enumerate(rows_of(t, EULER), 1)]
+    (tmp_path / "robot.prg").write_bytes(lines(*points[:2], row, *points[3:]))
+    (tmp_path / "camera_poses.npy").write_bytes(npy(CAMERA))
+    ran = handeyed("import", tmp_path, "--setup", "eye-in-hand", "--out", tmp_path / "s")
+    assert ran.status == 2 and "not read: robot.prg: " in ran.err
+
+
 def test_a_number_that_is_none_among_twelve_is_named(tmp_path: Path) -> None:
-    rows = _rows(V, t / 1000, v, s / 1000)
+    rows = rows_of(V, t / 1000, v, s / 1000)
     (tmp_path / "a.csv").write_bytes(lines(*rows[:3], rows[3].replace(rows[3].split(",")[4], "nan"), *rows[4:]))
     ran = handeyed("import", tmp_path, "--setup", "eye-in-hand", "--out", tmp_path / "s")
     assert ran.status == 2 and "pose 4: a number is missing or not finite" in ran.err
@@ -371,7 +274,7 @@ def test_a_number_that_is_none_among_twelve_is_named(tmp_path: Path) -> None:
 def test_names_of_both_sides_that_contradict_the_fit_are_asked_for(tmp_path: Path) -> None:
     """Both sides inverted fit as well as neither: with one name wrong, X would be that of the inverted poses."""
     wrong = {"R_gripper2base": R, "t_gripper2base": t, "R_cam2target": r, "t_cam2target": s}
-    (tmp_path / "a.json").write_bytes(_json(wrong))
+    (tmp_path / "a.json").write_bytes(json_of(wrong))
     ran = handeyed("import", tmp_path, "--setup", "eye-in-hand", "--out", tmp_path / "s")
     assert ran.status == 2
     assert "the names say base_T_flange of the robot's poses" in ran.err
@@ -434,7 +337,7 @@ def test_files_whose_names_say_a_direction_are_read_in_it(tmp_path: Path) -> Non
 
 def test_sides_without_names_that_nothing_tells_apart_are_asked_for(tmp_path: Path) -> None:
     """The camera's poses first fit as well: with X and the target's pose inverted and exchanged."""
-    (tmp_path / "a.json").write_bytes(_json(np.stack([NEAR_ROBOT, CAMERA], axis=1)))
+    (tmp_path / "a.json").write_bytes(json_of(np.stack([NEAR_ROBOT, CAMERA], axis=1)))
     ran = handeyed("import", tmp_path, "--setup", "eye-in-hand", "--out", tmp_path / "s")
     assert ran.status == 2 and "no name says whose the poses are" in ran.err
     assert ran.err.count("flange_T_camera = (") == 2
@@ -444,14 +347,14 @@ def test_sides_without_names_that_nothing_tells_apart_are_asked_for(tmp_path: Pa
 def test_points_of_two_files_are_read(header: tuple[str, ...], tmp_path: Path) -> None:
     """Of a camera beside the arm."""
     seen = np.random.default_rng(6).uniform([-200, -200, 400], [200, 200, 800], (8, 3))
-    (tmp_path / "robot_points.csv").write_bytes(lines(*header, *_rows(map_points(X, seen))))
-    (tmp_path / "camera_points.csv").write_bytes(lines(*header, *_rows(seen)))
+    (tmp_path / "robot_points.csv").write_bytes(lines(*header, *rows_of(map_points(X, seen))))
+    (tmp_path / "camera_points.csv").write_bytes(lines(*header, *rows_of(seen)))
     ran = handeyed("import", tmp_path, "--setup", "eye-to-hand", "--out", tmp_path / "s")
     assert ran.status == 0, ran.err
 
 
 def test_points_of_one_side_that_are_named_as_poses_are_refused(tmp_path: Path) -> None:
-    (tmp_path / "a.csv").write_bytes(lines("x,y,z", *_rows(t)))
+    (tmp_path / "a.csv").write_bytes(lines("x,y,z", *rows_of(t)))
     for at in range(8):
         (tmp_path / f"view_{at}.png").touch()
     ran = handeyed(

@@ -27,7 +27,7 @@ def spoilt_session(folder: Path) -> Path:
 
 
 def views_of(out: str) -> list[tuple[int, str]]:
-    """(picture, status) of every line of the table."""
+    """(number of the picture, status) of every line of the table."""
     lines = out[out.index("\npicture  image") :].splitlines()[2:]
     return [(int(line.split()[0]), line.split()[2]) for line in lines if re.match(r" *\d+ ", line)]
 
@@ -43,8 +43,8 @@ def test_views_are_listed_worst_first(solved: tuple[Ran, Path]) -> None:
     ran, _ = solved
 
     views = views_of(ran.out)
-    assert views[:2] == [(COVERED, "rejected"), (MISTYPED, "rejected")]
-    assert sorted(view for view, _ in views) == [0, 1, 2, 3, 4, 5]
+    assert views[:2] == [(COVERED + 1, "rejected"), (MISTYPED + 1, "rejected")]
+    assert sorted(view for view, _ in views) == [1, 2, 3, 4, 5, 6]
     assert "not-found" in ran.out and "pose-disagrees" in ran.out
 
 
