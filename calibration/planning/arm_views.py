@@ -67,7 +67,8 @@ class ArmExperiment:
         self._by = np.concatenate([by for by, _ in parts])
         self._noise = np.concatenate([noise for _, noise in parts])
         poses = np.tile(UNKNOWN_POSE_SIGMA, 1 + len(scenes))
-        before = np.diag(np.concatenate([poses, sigmas, _nuisance_sigmas(scenes[0])]) ** 2)
+        of_nuisances = np.maximum(np.diagonal(scenes[0].prior_information())[12:], UNKNOWN_LENS_SIGMA**-2) ** -0.5
+        before = np.diag(np.concatenate([poses, sigmas, of_nuisances]) ** 2)
         self._prior = before if known is None else known
         self._first_views = 0 if known is not None else MIN_PLACE_VIEWS
         nuisances = len(scenes[0].nuisances)
@@ -145,12 +146,6 @@ def _measurements(
     noise = np.tile(np.eye(6 + q), (len(poses), 1, 1))
     noise[:, :6, :6] = levels.pixel * by_pixels + np.diag(levels.deviations() ** 2)
     return by, noise
-
-
-def _nuisance_sigmas(scene: Scene) -> Array:
-    """Standard deviations (q,) of lens and target before any view."""
-    known = np.diagonal(scene.prior_information())[12:]
-    return np.asarray(np.maximum(known, UNKNOWN_LENS_SIGMA**-2) ** -0.5)
 
 
 def _point_weights(

@@ -6,6 +6,7 @@ turns away, with the target moved back to the middle of the image, near, far, or
 
 from dataclasses import dataclass
 from itertools import combinations, product
+from typing import Literal
 
 import numpy as np
 
@@ -27,17 +28,19 @@ from calibration.problem import Problem
 from calibration.targets import outline_mm
 from calibration.transforms import Array, map_points, rotation_from_vector, transform
 
-Turn = tuple[str, float]
+Axis = Literal["x", "y", "z"]
+
+Turn = tuple[Axis, float]
 """Axis of the flange, and angle in degrees."""
 
-AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
+AXES: dict[Axis, tuple[float, float, float]] = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 ANGLES_DEG = (15.0, 30.0, 45.0, 60.0)
 ANGLES_OF_TWO_DEG = (20.0, 40.0, 60.0)
 
 MIN_GAIN_OF_TWO_TURNS = 1.15
 """Two turns are advised only when they divide the uncertainty that one leaves by more than this."""
 
-FIRST_TURN = ("z", 30.0)
+FIRST_TURN: Turn = ("z", 30.0)
 """The first turn without an X: most cameras look along z, and a turn about z keeps the target in the image."""
 
 EXPLORING_TURN_DEG = 30.0
@@ -104,7 +107,10 @@ def advise(
     shift_mm = pose[:3, 3] - base_T_flange_now[:3, 3]
     outline = map_points(belief.scene.camera_T_target(pose[None])[0], outline_mm(problem.target.points_mm))
     outline_px = belief.scene.camera.project(outline)
-    return Advice(enough + _instruction(turns, shift_mm), pose, now_mm, planned_mm, turns, shift_mm, outline_px)
+    turned = ", then ".join(f"{angle:+g} deg about its {axis}" for axis, angle in turns)
+    shift = ", ".join(f"{value:+.0f}" for value in shift_mm)
+    words = f"turn the flange by {turned}, and move it by ({shift}) mm in the base: the target is in the middle then"
+    return Advice(enough + words, pose, now_mm, planned_mm, turns, shift_mm, outline_px)
 
 
 def _best_jog(
@@ -186,18 +192,12 @@ def _advise_about_one_axis(problem: Problem) -> Advice:
         f"turn the flange by {EXPLORING_TURN_DEG:g} deg or more about its z, and move it by {ACROSS_MM:g} mm or more"
         " across that axis, every second time also along it, with the whole target in the picture"
     )
-    turns = (("z", EXPLORING_TURN_DEG),)
-    return Advice(words, None, None if found is None else found.point_mm, None, turns)
+    turn: Turn = ("z", EXPLORING_TURN_DEG)
+    return Advice(words, None, None if found is None else found.point_mm, None, (turn,))
 
 
-def _axes_by_variation(taken: Array) -> list[str]:
+def _axes_by_variation(taken: Array) -> list[Axis]:
     """The flange's axes, in ascending order of the rotation between views about them."""
     motion = summarise_motion(taken)
     along = np.abs(motion.main_axis)
     return [tuple(AXES)[index] for index in np.argsort(along, kind="stable")]
-
-
-def _instruction(turns: tuple[Turn, ...], shift_mm: Array) -> str:
-    turned = ", then ".join(f"{angle:+g} deg about its {axis}" for axis, angle in turns)
-    shift = ", ".join(f"{value:+.0f}" for value in shift_mm)
-    return f"turn the flange by {turned}, and move it by ({shift}) mm in the base: the target is in the middle then"

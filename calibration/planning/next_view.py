@@ -7,7 +7,7 @@ import numpy as np
 from calibration.knowledge import Knowledge, TargetKnowledge
 from calibration.likelihood.predicted_uncertainty import median_distance_mm, predict, view_information
 from calibration.linear_algebra import covariance_or_inf
-from calibration.planning.plan import Plan, PlanningError, plan_poses
+from calibration.planning.plan import MANY_VIEWS, Plan, PlanningError, plan_poses
 from calibration.planning.point_criterion import point_matrices, worst_variances
 from calibration.planning.scene_belief import SceneBelief, ScenePrior, infer_scene
 from calibration.planning.viewpoint_selection import Reachable
@@ -17,8 +17,8 @@ from calibration.sentences.sentence import Sentence
 from calibration.solution import COVERAGE_FACTOR
 from calibration.transforms import Array
 
-MIN_VIEWS, MANY_VIEWS = 3, 6
-"""Least views before a goal counts, and views from which it counts however they are spread."""
+MIN_VIEWS = 3
+"""Least views before a goal counts."""
 
 HORIZON = 5
 """Most poses planned ahead: more change the next one little, and cost time while the arm waits."""
@@ -39,11 +39,13 @@ class StoppingRule:
 
     `uncertainty_mm`: RMS of a measured point's standard deviation. `tolerance_mm`: U at the worst of the points that
     matter. Goals count from three views on, and up to five only with two distances and three rolls.
+    `hurried`: whether the poses are those that lead to the tolerance soonest, else those that leave the least U.
     """
 
     views_left: int
     uncertainty_mm: float | None = None
     tolerance_mm: float | None = None
+    hurried: bool = False
 
     def met_by(self, belief: SceneBelief) -> bool:
         """True when a goal is stated, and the views so far meet every one, in statement and in belief.
@@ -178,9 +180,18 @@ def plan_ahead(
         return plan_poses(
             belief.scene, limits, min(views_left, HORIZON), start=found.base_T_flange, taken=taken, reachable=reachable,
             alternatives=belief.alternatives, seed=2 + len(problem.views), restarts=RESTARTS,
+            goal_mm=_goal_mm(stop, belief),
         )  # fmt: skip
     except PlanningError:
         return None
+
+
+def _goal_mm(stop: StoppingRule, belief: SceneBelief) -> float | None:
+    """The U to predict, so that the one which is estimated meets the tolerance as well; None of a run in no hurry."""
+    if stop.tolerance_mm is None or not stop.hurried:
+        return None
+    known = np.isfinite(belief.estimated_worst_mm)
+    return stop.tolerance_mm * (min(1.0, belief.predicted_worst_mm / belief.estimated_worst_mm) if known else 1.0)
 
 
 def _revalidate(
@@ -220,7 +231,7 @@ def _plan(
         try:
             return plan_poses(
                 wider.scene, limits, count, start=base_T_flange_now, taken=taken, reachable=reachable,
-                alternatives=wider.alternatives, seed=seed, restarts=RESTARTS,
+                alternatives=wider.alternatives, seed=seed, restarts=RESTARTS, goal_mm=_goal_mm(stop, belief),
             )  # fmt: skip
         except PlanningError:
             if share == CAUTION_FACTORS[-1]:

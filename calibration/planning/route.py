@@ -9,6 +9,9 @@ from calibration.transforms import Array, rotation_angle_rad
 TURN_MM_PER_RAD = 300.0
 """Travel that a turn of one radian counts as, about that of the camera on its lever arm."""
 
+STOP_S = 1.2
+"""Seconds of a stop with its picture."""
+
 
 def visiting_order(base_T_flange: Array, start: Array | None = None) -> list[int]:
     """Indices (n,) of the poses (n, 4, 4) from `start` (4, 4), or from the first: nearest neighbour, then 2-opt."""

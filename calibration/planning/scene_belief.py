@@ -227,7 +227,9 @@ def _rough_belief(
     posterior = covariance_or_inf(information, 6)
     covariance = caution**2 * (posterior if np.all(np.isfinite(posterior)) else prior_covariance)
     others = []
-    for lens in (camera,) if prior.camera else _alternative_cameras(camera):
+    factors = () if prior.camera else (0.6, 1.6)  # on the focal length: the range of a guessed field of view
+    scaled = (camera.matrix * np.array([[f, 1, 1], [1, f, 1], [1, 1, 1]]) for f in factors)
+    for lens in (camera, *(replace(camera, matrix=matrix) for matrix in scaled)):
         pose = camera_T_target[-1] if lens is camera else _target_poses(prior.target, lens, seen[-1:])[0]
         others += [
             _scene(prior, lens, x, anchor_T_mount[-1] @ x @ pose) for x in sigma_points(mount_T_camera, covariance)
@@ -279,12 +281,6 @@ def _target_poses(target: Target, camera: CameraModel, seen: list[View]) -> Arra
         except DetectionError as error:
             raise UndeterminedError(error.code, error.what, error.fix) from None
     return np.array(poses)
-
-
-def _alternative_cameras(camera: CameraModel) -> tuple[CameraModel, ...]:
-    """The camera, and two with 0.6 and 1.6 times its focal length: the range of a guessed field of view."""
-    return camera, *(replace(camera, matrix=camera.matrix * np.array([[f, 1, 1], [1, f, 1], [1, 1, 1]]))
-                     for f in (0.6, 1.6))  # fmt: skip
 
 
 def _diagonal_covariance(rotation_rad: float, translation_mm: float) -> Array:

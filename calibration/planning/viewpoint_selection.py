@@ -1,8 +1,8 @@
 """Selection of the set of viewpoints that determines X best: exchange among random candidates, then local search.
 
-The cost of a set is the predicted variance of the worst of the points that matter, the largest trace(W cov): U of the
-verdict (Yang, Rebello & Waslander, arXiv:2303.06766 choose views by information as well). Travel of the arm, which
-takes most of a run's time, raises it a little.
+The value of a set is the predicted variance of the worst of the points that matter, the largest trace(W cov): U of
+the verdict (Yang, Rebello & Waslander, arXiv:2303.06766 choose views by information as well). With a goal its cost is
+the arm's time until that is met, as far as the set leaves it unmet at the set's own rate of information.
 """
 
 from collections.abc import Callable
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from calibration.likelihood.predicted_uncertainty import Scene, view_information
 from calibration.linear_algebra import covariance_or_inf
 from calibration.planning.point_criterion import point_matrices, worst_variances
-from calibration.planning.route import lengths_with_one_more
+from calibration.planning.route import STOP_S, lengths_with_one_more, travel_from
 from calibration.planning.viewpoints import (
     ViewpointLimits,
     clip_to_limits,
@@ -64,6 +64,7 @@ class Search:
     """The conditions of a search. From each pose the target must be in view in all `alternatives` as well.
 
     `start` (4, 4): the flange's pose now, from which travel counts.
+    `goal_mm2`: the variance that is enough, with at least as many as `missing_views`.
     """
 
     scene: Scene
@@ -72,6 +73,8 @@ class Search:
     rng: np.random.Generator
     alternatives: tuple[Scene, ...] = ()
     start: Array | None = None
+    goal_mm2: float | None = None
+    missing_views: int = 0
 
     def candidates(self, viewpoints: Array) -> Candidates:
         """Those of the viewpoints (n, 6) that are allowed and reachable."""
@@ -86,16 +89,26 @@ class Search:
         return Candidates(viewpoints[keep], poses[keep], view_information(self.scene, poses[keep]))
 
     def cost(self, known: Array, others: Candidates, more: Candidates) -> Array:
-        """(n,) mm²: of the sets of `others` and one of `more` beside the information `known` (k, k).
+        """(n,): of the sets of `others` and one of `more` beside the information `known` (k, k); seconds with a goal.
 
-        It is the predicted variance of the worst of the points that matter, raised by the length of the route.
+        Without one the predicted variance of the worst of the points that matter in mm², raised by the route.
         """
         information = known + others.information.sum(axis=0) + more.information
         variance = worst_variances(self._matrices, covariance_or_inf(information, 6))
-        if self.start is None:
+        if self.start is None or self.limits.speed_mm_s is None:
             return variance
         route_mm = lengths_with_one_more(self.start, others.base_T_flange, more.base_T_flange)
-        return variance * (1 + COST_OF_TRAVEL_BY_MM * route_mm) ** 2
+        if self.goal_mm2 is None:
+            return variance * (1 + COST_OF_TRAVEL_BY_MM * route_mm) ** 2
+        seconds = route_mm / self.limits.speed_mm_s + STOP_S * (1 + len(others.viewpoints))
+        before = 1 / worst_variances(self._matrices, covariance_or_inf(known[None], 6))
+        share = (1 / self.goal_mm2 - before) / np.maximum(1 / variance - before, 1e-12)
+        return seconds * np.maximum(share, max(self.missing_views / (1 + len(others.viewpoints)), 1.0))
+
+    def cost_of(self, known: Array, chosen: Candidates) -> float:
+        """The cost of one set."""
+        first, rest = chosen.take(np.arange(1)), chosen.take(np.arange(1, len(chosen.viewpoints)))
+        return float(self.cost(known, rest, first)[0])
 
     @cached_property
     def _matrices(self) -> Array:
@@ -123,17 +136,37 @@ def select_viewpoints(search: Search, count: int, known: Array, restarts: int) -
 
     Returns fewer than `count` when the limits leave fewer candidates.
     """
-    batches: list[Candidates] = []
-    for _ in range(MAX_BATCHES):
-        batches.append(search.candidates(random_viewpoints(search.limits, POOL_SIZE, search.rng)))
-        if sum(len(batch.viewpoints) for batch in batches) >= POOL_SIZE:
-            break
-    candidates = batches[0].join(*batches[1:])
+    candidates = _draw_pool(search)
     if len(candidates.viewpoints) <= count:
         return candidates
     sets = [_exchange(search, candidates, count, known) for _ in range(restarts)]
-    costs = [search.cost(known, candidates.take(chosen[1:]), candidates.take(chosen[:1]))[0] for chosen in sets]
-    return _improve(search, candidates.take(sets[int(np.argmin(costs))]), known)
+    best = min(sets, key=lambda chosen: search.cost_of(known, candidates.take(chosen)))
+    return _improve(search, _drop_superfluous(search, candidates.take(best), known), known)
+
+
+def _drop_superfluous(search: Search, chosen: Candidates, known: Array) -> Candidates:
+    """The set without the views that cost more of the arm's time than they save, one after the other."""
+    while search.goal_mm2 is not None and (count := len(chosen.viewpoints)) > 1:
+        fewer = [chosen.take(np.delete(np.arange(count), one)) for one in range(count)]
+        costs = [search.cost_of(known, each) for each in fewer]
+        if min(costs) >= search.cost_of(known, chosen):
+            break
+        chosen = fewer[int(np.argmin(costs))]
+    return chosen
+
+
+def _draw_pool(search: Search) -> Candidates:
+    batches: list[Candidates] = []
+    for _ in range(MAX_BATCHES):
+        batches.append(search.candidates(random_viewpoints(search.limits, POOL_SIZE, search.rng)))
+        if sum(len(batch.viewpoints) for batch in batches) >= POOL_SIZE / (1 if search.goal_mm2 is None else 2):
+            break
+    pool = batches[0].join(*batches[1:])
+    if search.start is None or search.goal_mm2 is None or not len(pool.viewpoints):
+        return pool
+    here = pool.viewpoints[np.argmin(travel_from(search.start, pool.base_T_flange))]
+    part = search.rng.random((len(pool.viewpoints), 1))
+    return pool.join(search.candidates(clip_to_limits(search.limits, here + part * (pool.viewpoints - here))))
 
 
 def _exchange(search: Search, candidates: Candidates, count: int, known: Array) -> Indices:

@@ -19,6 +19,7 @@ class ViewpointLimits:
     distance_mm : camera to the middle of the board, nearest and furthest.
     box_mm : (2, 3) lower and upper corner for the flange in the base, or None.
     image_margin : share of the image's width kept free around the target, for a guess that is a little off.
+    speed_mm_s : of the arm, by whose time views are chosen; None: its way costs nothing.
     """
 
     tilt_rad: float
@@ -26,6 +27,7 @@ class ViewpointLimits:
     distance_mm: tuple[float, float]
     box_mm: Array | None = None
     image_margin: float = 0.04
+    speed_mm_s: float | None = 250.0
 
 
 AIM_LIMIT = 0.4
@@ -114,9 +116,14 @@ MIN_DISTANCE_OF_LIMIT = 0.7
 
 
 def in_sight(scene: Scene, limits: ViewpointLimits, base_T_flange: Array) -> NDArray[np.bool_]:
-    """Mask (n,): the whole target is in the image, not much nearer than the limits allow. For alternative scenes."""
-    centre = scene.target.points_mm.mean(axis=0, keepdims=True)
-    distance = np.linalg.norm(map_points(scene.camera_T_target(base_T_flange), centre)[:, 0], axis=1)
-    result: NDArray[np.bool_] = distance >= MIN_DISTANCE_OF_LIMIT * limits.distance_mm[0]
-    result &= target_in_view(scene, base_T_flange) == 1.0
+    """Mask (n,): the target's box is in the image, not much nearer than the limits allow. For alternative scenes."""
+    points = scene.target.points_mm
+    box = np.stack(np.meshgrid(*np.array([points.min(axis=0), points.max(axis=0)]).T), -1).reshape(-1, 3)
+    seen = map_points(scene.camera_T_target(base_T_flange), np.concatenate([box, points.mean(axis=0)[None]]))
+    pixels = scene.camera.project(seen[:, :-1].reshape(-1, 3)).reshape(len(seen), -1)
+    with np.errstate(invalid="ignore"):
+        result: NDArray[np.bool_] = np.all(
+            (pixels >= 0) & (pixels <= np.tile(scene.camera.image_size, len(box)) - 1), axis=1
+        )
+    result &= np.linalg.norm(seen[:, -1], axis=1) >= MIN_DISTANCE_OF_LIMIT * limits.distance_mm[0]
     return result

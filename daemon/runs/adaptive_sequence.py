@@ -1,14 +1,15 @@
 """Adaptive pose sequence: take a view, update the scene belief, plan the next pose, move; until X is known well."""
 
 import asyncio
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 import numpy as np
 
 from calibration.documents.external_axis import FoundAxisDocument, external_axes_of
 from calibration.documents.pose import PoseDocument
 from calibration.errors import UndeterminedError
+from calibration.kinematics.arm import Arm
 from calibration.planning.exploration import Exploration, turn_flange
 from calibration.planning.line_of_sight import LineOfSight
 from calibration.planning.next_view import NextView, StoppingRule, next_view, plan_ahead
@@ -24,7 +25,7 @@ from daemon.cell.settling import check_arrival
 from daemon.cell.skeleton import skeleton_mm
 from daemon.config.settings import TaughtPose
 from daemon.errors import NoPoses, PoseRefused, TargetNotSeen
-from daemon.model.records import Planning
+from daemon.model.records import GoalDocument, PlannedPoseDocument, Planning
 from daemon.model.run_states import RunEvent as E
 from daemon.runs.pose_sequence import check_detections, why_missing
 from daemon.runs.run_log import RunLog
@@ -52,9 +53,9 @@ class AdaptiveParameters:
         return self if reading is None else replace(self, guess=self.guess.at_reading(axis.axis(), reading))
 
 
-def goal_of(wish: StoppingRule) -> dict[str, Any]:
+def goal_of(wish: StoppingRule) -> GoalDocument:
     """What ends the run: a number of views, or what is known by then."""
-    return {"views": wish.views_left, "uncertainty_mm": wish.uncertainty_mm, "tolerance_mm": wish.tolerance_mm}
+    return GoalDocument(wish.views_left, wish.uncertainty_mm, wish.tolerance_mm)
 
 
 @dataclass
@@ -211,7 +212,7 @@ class AdaptiveSequence:
         self._progress.planning = replace(planning, planned_poses=await self._planned_poses(found), note=note)
         await self.log.advance(event, planning=self._progress.planning, stations=self._progress.stations)
 
-    async def _planned_poses(self, found: NextView) -> tuple[dict[str, Any], ...]:
+    async def _planned_poses(self, found: NextView) -> tuple[PlannedPoseDocument, ...]:
         """The planned poses with the joints at them, for drawing."""
         rules = self.parameters.rules
         if found.planned is None:
@@ -236,12 +237,16 @@ def _plan_from_there(
     return plan_ahead(found, problem, parameters.limits, wish, reachable=reachable)
 
 
-def _with_joints(rules: MotionRules, base_T_flange: Array, joints_now_rad: Array | None) -> tuple[dict[str, Any], ...]:
-    """The poses (n, 4, 4) as documents, with joints and skeleton at each."""
-    along = rules.joints_along(base_T_flange, joints_now_rad)
-    return tuple(
-        {"base_T_flange": PoseDocument.of(pose).model_dump(),
-         "joints_deg": None if at is None else [round(float(angle), 4) for angle in np.degrees(at)],
-         "skeleton_mm": skeleton_mm(rules.arm, at)}
-        for pose, at in zip(base_T_flange, along, strict=True)
-    )  # fmt: skip
+def _with_joints(
+    rules: MotionRules, base_T_flange: Array, joints_now_rad: Array | None
+) -> tuple[PlannedPoseDocument, ...]:
+    return tuple(draw_poses(rules.arm, base_T_flange, rules.joints_along(base_T_flange, joints_now_rad)))
+
+
+def draw_poses(
+    arm: Arm | None, base_T_flange: Array, along_rad: Sequence[Array | None]
+) -> Iterator[PlannedPoseDocument]:
+    """The poses (n, 4, 4) as documents, with joints (6,) and skeleton at each where they are known."""
+    for pose, joints_rad in zip(base_T_flange, along_rad, strict=True):
+        joints_deg = None if joints_rad is None else [round(float(angle), 4) for angle in np.degrees(joints_rad)]
+        yield PlannedPoseDocument(PoseDocument.of(pose), joints_deg, skeleton_mm(arm, joints_rad))

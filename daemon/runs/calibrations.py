@@ -79,6 +79,8 @@ class Calibrations:
         Raises CalibrationUnusable for one without the cell's external axis, StorageError, GeometryError.
         """
         errors = await self.store.arm(calibration.id)
+        if errors is None:  # there is nothing to compute that would hold the event loop up
+            return self.arm.in_use(calibration, None)
         return await self.workers.run(self.arm.in_use, calibration, errors)
 
     async def accuracy(self, calibration: CalibrationDocument) -> AccuracyDocument:

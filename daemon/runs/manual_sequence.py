@@ -22,7 +22,7 @@ from daemon.errors import (
     TargetNotSeen,
     TooFewViews,
 )
-from daemon.model.records import Planning
+from daemon.model.records import Planning, ShiftDocument, TurnDocument
 from daemon.model.run_states import RunEvent as E
 from daemon.model.run_states import RunState
 from daemon.runs.adaptive_sequence import AdaptiveParameters, goal_of
@@ -91,7 +91,9 @@ class ManualSequence:
         """Carry out one request; returns True when it ends the sequence. A refused one leaves the run as it was."""
         try:
             if asked.action == "the end":
-                self._check_view_count(min_views)
+                if (seen := len(self._progress.views_with_target)) < min_views:
+                    what = Sentence("views-are-missing", seen=seen, needed=min_views)
+                    raise TooFewViews(what, self._progress.planning.advice or BEGIN)
                 await self.log.advance(E.ENOUGH, stations=self.log.run.station)
             elif asked.jog is not None:
                 await self._jog(asked.jog)
@@ -118,12 +120,6 @@ class ManualSequence:
         await jog.carry_out_as_holder()
         await self.log.advance(E.JOGGED)
 
-    def _check_view_count(self, min_views: int) -> None:
-        if (seen := len(self._progress.views_with_target)) < min_views:
-            raise TooFewViews(
-                Sentence("views-are-missing", seen=seen, needed=min_views), self._progress.planning.advice or BEGIN
-            )
-
     async def _take_view(self) -> None:
         await self.log.advance(E.ASKED)
         reading = await self.cell.read_standing_pose()
@@ -140,28 +136,30 @@ class ManualSequence:
                 Sentence("look-and-jog-on", run=self.log.id, view=index),
             )
         advice = await self._advice(reading)
-        steps = [{"turn_axis": axis, "deg": angle_deg} for axis, angle_deg in advice.turns]
+        steps: list[TurnDocument | ShiftDocument] = [TurnDocument(*turn) for turn in advice.turns]
         if advice.shift_mm is not None:
-            steps.append({"shift_mm": advice.shift_mm.round(3).tolist()})
+            steps.append(ShiftDocument(tuple(advice.shift_mm.round(3).tolist())))
         station, at, ahead = self.log.run.station + 1, self.log.timestamp(), int(advice.planned_mm is not None)
         self._progress.planning = replace(
             self._progress.planning.predicting(station, at, advice.now_mm, advice.planned_mm, ahead),
             advice=advice.instruction,
             advice_steps=tuple(steps),
-            next_pose=None if advice.base_T_flange is None else PoseDocument.of(advice.base_T_flange).model_dump(),
-            next_outline_px=None if advice.outline_px is None else advice.outline_px.round(2).tolist(),
+            next_pose=None if advice.base_T_flange is None else PoseDocument.of(advice.base_T_flange),
+            next_outline_px=None
+            if advice.outline_px is None
+            else [(u, v) for u, v in advice.outline_px.round(2).tolist()],
         )
         stations = max(self.log.run.stations, self.log.run.station + 1)
         await self.log.advance(E.ADVISED, planning=self._progress.planning, stations=stations, captured=True)
 
     def _check_new_pose(self, reading: PoseReading) -> None:
-        for number, view in enumerate(self._progress.views_with_target, start=1):
+        for view in self._progress.views_with_target:
             if self.session.axis_moved_since(view.index, reading):
                 continue
             off_mm, off_rad = difference(view.base_T_flange, reading.base_T_flange)
             if off_mm < SAME_POSE_MM and off_rad < SAME_POSE_RAD:
                 raise SamePose(
-                    Sentence("stands-at-view", number=number, off_mm=off_mm),
+                    Sentence("stands-at-view", number=view.index + 1, off_mm=off_mm),
                     self._progress.planning.advice or Sentence("jog-on-and-turn"),
                 )
 

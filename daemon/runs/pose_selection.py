@@ -101,22 +101,29 @@ def select_taught_poses(settings: CalibrationSettings, count: int | None) -> tup
 MAX_VIEWS = 12
 """Most views of a run that goes on until it is enough."""
 
+MAX_HURRIED_MM = 0.5
+"""Widest tolerance to which poses lead in the least time: by a wider one a run ends while U still falls fast."""
+
 
 def stopping_rule(settings: CalibrationSettings, request: CalibrateRequest) -> StoppingRule:
     """When a run with planned views ends: at the `count` of settings or request, else when U meets the tolerance.
 
-    A request that states a tolerance or an uncertainty beside a count ends at whichever comes first.
+    A request that states a tolerance or an uncertainty beside a count ends at whichever comes first. Poses lead to a
+    stated tolerance in the least time. A wide one is met by the first few, which leave the least U, as without one.
     """
     fixed = request.count or settings.count
     goal = request.tolerance_mm or settings.verdict_limits().tolerance_mm
     if fixed is None:
-        return StoppingRule(MAX_VIEWS - 1, request.uncertainty_mm or settings.uncertainty_mm, goal)
+        stated = request.tolerance_mm is not None or settings.verdict_limits().tolerance_stated
+        hurried = stated and goal <= MAX_HURRIED_MM
+        return StoppingRule(MAX_VIEWS - 1, request.uncertainty_mm or settings.uncertainty_mm, goal, hurried)
     return StoppingRule(fixed, request.uncertainty_mm or settings.uncertainty_mm, request.tolerance_mm)
 
 
 def planning_limits(settings: CalibrationSettings, rules: MotionRules) -> ViewpointLimits:
     """The limits of planned poses."""
-    return settings.limits.model_copy(update={"box_mm": settings.limits.box_mm or rules.robot.box_mm}).limits()
+    limits = settings.limits.model_copy(update={"box_mm": settings.limits.box_mm or rules.robot.box_mm}).limits()
+    return replace(limits, speed_mm_s=rules.robot.speed_mm_s)
 
 
 def adaptive_parameters(

@@ -95,7 +95,7 @@ class RunLog:
 
     def silent_s(self) -> float:
         """Seconds since the last step; 0 while the run waits for an operator or is over."""
-        return 0.0 if self.run.over or self.waits_for_operator else self._clock.monotonic_s() - self.since_s
+        return 0.0 if self.run.is_over or self.waits_for_operator else self._clock.monotonic_s() - self.since_s
 
     def _after(self, event: RunEvent) -> RunRecord:
         return replace(

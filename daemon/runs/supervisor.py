@@ -35,7 +35,6 @@ from daemon.runtime.event_bus import EventBus
 from daemon.runtime.logs import about_run
 from daemon.store.actor import current_audit_context
 from daemon.store.damaged_rows import DamagedRow
-from daemon.store.listings import RunListing
 from daemon.store.page_filters import NO_FILTERS, PageFilters
 from daemon.store.store import Store
 from drivers.errors import DeviceError, DeviceTimeout, DeviceUnreachable, LinkLost
@@ -44,10 +43,10 @@ LINK_ERRORS = (LinkLost, DeviceTimeout, DeviceUnreachable)
 
 
 def progress_of(run: RunRecord) -> Sentence:
-    """The progress of a run in words, such as "after picture 4 of 12"."""
-    if run.station == 0:
+    """The progress of a run in words, such as "after picture 4 of 12": of all that it stores, a first look, too."""
+    if run.pictures == 0:
         return Sentence("before-first-picture", of=run.stations)
-    return Sentence("after-picture", picture=run.station, of=run.stations)
+    return Sentence("after-picture", picture=run.pictures, of=run.stations + run.pictures - run.station)
 
 
 def cause_of(error: Exception, run: RunRecord) -> CauseDocument:
@@ -148,7 +147,7 @@ class Supervisor:
     @property
     def in_progress(self) -> RunRecord | None:
         current = self._current
-        return current.log.run if current and not current.log.run.over else None
+        return current.log.run if current and not current.log.run.is_over else None
 
     @property
     def latest(self) -> RunRecord | None:
@@ -278,7 +277,7 @@ class Supervisor:
         that is not known MAX_ABORT_S later; the daemon then goes on trying. Raises RunOver, NotFound.
         """
         current = self._current
-        if current is None or current.log.id != run_id or current.log.run.over:
+        if current is None or current.log.id != run_id or current.log.run.is_over:
             return self._refuse_abort(run_id)
         if not (current.log.concluding or current.aborted_by):  # a second cancellation would end its cleaning up
             current.aborted_by = by
@@ -311,7 +310,7 @@ class Supervisor:
     async def request_queue(self, run_id: str) -> OperatorRequestQueue:
         """The request queue of a manual run. Raises RunOver, NotWaiting, NotFound."""
         current = self._current
-        if current is None or current.log.id != run_id or current.log.run.over:
+        if current is None or current.log.id != run_id or current.log.run.is_over:
             run = await self.run(run_id)
             raise RunOver(Sentence("run-is-over", run=run.id), Sentence("start-another-run"))
         if current.requests is None:
@@ -327,10 +326,10 @@ class Supervisor:
 
     async def listings(
         self, limit: int, before: str | None, filters: PageFilters = NO_FILTERS
-    ) -> list[RunListing | DamagedRow]:
+    ) -> list[RunRecord | DamagedRow]:
         """A page of runs, newest first; see Listings.runs."""
-        unsaved = {run_id: RunListing.of(run) for run_id, run in self._unsaved.items()}
-        return [unsaved.get(found.id) or found for found in await self._store.listings.runs(limit, before, filters)]
+        page = await self._store.listings.runs(limit, before, filters)
+        return [self._unsaved.get(found.id) or found for found in page]
 
     async def wait(self, run_id: str, seconds: float) -> RunRecord:
         """Wait for the end of the run up to `seconds`; returns its record then."""

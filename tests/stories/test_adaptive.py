@@ -121,7 +121,7 @@ async def test_a_link_lost_while_it_plans_fails_the_run_and_moves_nothing(tmp_pa
         ended = await story.operator.waits_for_the_end_of(run)
         moves = story.cell.commanded_moves
         assert ended["state"] == "failed"
-        assert ended["cause"]["what"].startswith("link to the controller lost after picture 1 of 5"), ended["cause"]
+        assert ended["cause"]["what"].startswith("link to the controller lost after picture 2 of 6"), ended["cause"]
         story.cell.clear_faults()
         await story.operator.waits_until_ready()
         await eventually(lambda: not story.cell.moving)

@@ -11,7 +11,7 @@ import pytest
 from calibration.documents.pose import PoseDocument
 from calibration.transforms import Array, difference, transform
 from daemon.errors import NotStill
-from mock_robot.cabinet.cabinet import UPSIDE_DOWN, Mounting
+from mock_robot.cabinet.cabinet import Mounting
 from mock_robot.truth.score import score_calibration
 from tests.daemon.fakes import ply_of, points_of
 from tests.mock_robot.running_cell import RunningCell, running_cell
@@ -20,7 +20,7 @@ from tests.support.waiting import LIMIT_S
 
 pytestmark = pytest.mark.slow
 
-WORLD_T_BASE = transform(UPSIDE_DOWN[:3, :3], [0.0, 0.0, 2500.0])
+WORLD_T_BASE = transform(np.diag([1.0, -1.0, -1.0]), [0.0, 0.0, 2500.0])
 BASE_FRAME = PoseDocument.of(WORLD_T_BASE).model_dump(mode="json")
 POINT_MM = 0.4
 

@@ -10,6 +10,7 @@ from tests.stories.one_model.plant_process import SABOTAGES
 from tests.stories.one_model.stored import check_store
 from tests.stories.one_model.world import World, a_world
 from tests.support.cases import cases
+from tests.support.waiting import eventually
 
 pytestmark = pytest.mark.slow
 
@@ -21,7 +22,7 @@ def test_histories_in_any_order() -> None:
 
 async def aborted_in_mid_run(world: World) -> None:
     await world.starts("operator", "/calibrate", {}, wait=False)
-    await world.waits_for_a_departure()
+    await eventually(lambda: world.witness.departures > 0)
     await world.aborts("operator")
 
 

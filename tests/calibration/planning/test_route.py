@@ -1,4 +1,4 @@
-"""Routes: the order of poses, what one more of them costs, and plans that travel less for nearly the same U."""
+"""Routes: the order of poses, what one more costs, plans that travel less for nearly the same U, and to a goal."""
 
 from itertools import pairwise
 
@@ -43,3 +43,16 @@ def test_a_plan_travels_less_for_nearly_the_same_uncertainty(monkeypatch: pytest
     without_mm, least_mm = plans()
     assert route_mm < 0.9 * without_mm
     assert expanded_mm < 1.03 * least_mm
+
+
+def test_poses_to_a_goal_take_less_of_the_arm_than_those_of_the_least_u() -> None:
+    least = plan_poses(TRUTH, WIDE, 5, start=LOOK, taken=LOOK[None], restarts=2)
+    goal_mm = 2 * least.predicted.worst_point.expanded_mm
+    soonest = plan_poses(TRUTH, WIDE, 5, start=LOOK, taken=LOOK[None], restarts=2, goal_mm=goal_mm)
+    assert soonest.predicted.worst_point.expanded_mm <= goal_mm
+    assert length_mm(LOOK, soonest.base_T_flange) < 0.67 * length_mm(LOOK, least.base_T_flange)
+
+
+def test_a_goal_beyond_reach_takes_every_pose() -> None:
+    plan = plan_poses(TRUTH, WIDE, 4, start=LOOK, taken=LOOK[None], restarts=1, goal_mm=1e-3)
+    assert len(plan.base_T_flange) == 4

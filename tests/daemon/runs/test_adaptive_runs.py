@@ -60,7 +60,7 @@ async def test_a_link_lost_while_it_plans_fails_the_run_before_the_next_move(
     settings = settings_for(tmp_path, calibration={"poses": [], "count": 3, "flange_T_camera_guess": guess})
     async with serving(settings, parts) as bench:
         run = (await bench.client.post("/calibrate", params={"wait": LIMIT_S})).json()
-        assert run["cause"]["what"] == "link to the controller lost after picture 1 of 3"
+        assert run["cause"]["what"] == "link to the controller lost after picture 2 of 4"
         assert len(bench.robot.goals) == 1
         parts.robot.lost = False
 

@@ -111,6 +111,7 @@ async def test_a_picture_without_the_target_is_kept_to_look_at_but_does_not_coun
         assert ((await hand.sees())["state"], (await hand.sees())["station"]) == ("waiting", 1)
         for pose in POSES[1:3]:
             assert (await hand.takes(pose)).status_code == 200
+        assert "picture 3 was taken" in (await hand.takes(POSES[1])).json()["detail"], "the refused one is picture 2"
         ended = (await hand.finishes()).json()
         assert (ended["state"], ended["station"]) == ("finished", 3)
 

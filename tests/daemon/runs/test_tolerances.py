@@ -5,13 +5,31 @@ from pathlib import Path
 import pytest
 
 from daemon.config.settings import CalibrationSettings
-from daemon.runs.pose_selection import mount_expectation
+from daemon.model.requests import CalibrateRequest
+from daemon.runs.pose_selection import mount_expectation, stopping_rule
 from protocols.plc.codes import ControlBit, PlcVerdict, StatusBit
 from protocols.plc.registers import BY_NAME
 from tests.daemon.calibrations import apply_calibration
 from tests.daemon.cell_under_test import serving, settings_for
 from tests.daemon.plcs import MOVING, ladder, value_of
 from tests.support.waiting import LIMIT_S
+
+
+@pytest.mark.parametrize(
+    ("stated", "asked", "hurried"),
+    [
+        ({}, {}, False),
+        ({"tolerance_mm": 0.5}, {}, True),
+        ({}, {"tolerance_mm": 0.5}, True),
+        ({"tolerance_mm": 1.0}, {}, False),
+    ],
+    ids=["by nobody", "in the settings", "by the request", "wide"],
+)
+def test_poses_hurry_to_a_tolerance_that_somebody_stated(
+    stated: dict[str, float], asked: dict[str, float], hurried: bool
+) -> None:
+    rule = stopping_rule(CalibrationSettings.model_validate(stated), CalibrateRequest.model_validate(asked))
+    assert (rule.tolerance_mm, rule.hurried) == ((stated | asked).get("tolerance_mm", 1.0), hurried)
 
 
 async def test_a_verification_is_compared_with_the_tolerance(tmp_path: Path) -> None:
