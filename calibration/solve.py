@@ -21,7 +21,7 @@ from calibration.kinematics.load import NO_LOAD, SAME_SHARE, Load
 from calibration.likelihood.estimate import Estimate
 from calibration.preprocessing.prepare import PreparedSession, at_given_lens, prepare_at_seen_lens, update_target_shape
 from calibration.problem import Problem
-from calibration.sentences.sentence import Sentence
+from calibration.sentences.sentence import Sentence, from_one
 from calibration.solution import Solution
 from calibration.solver.arm_hypotheses import SessionsContradict
 from calibration.solver.arm_identification import ArmFit, UnusualArm, identify_arm
@@ -236,7 +236,7 @@ def identify_arm_session(arm: Arm, problems: Sequence[Problem], distances: Seque
     fit = identify_arm(ArmErrorModel(arm), views, Postures(joints, load or NO_LOAD, sides, warmth_k), known)
     if one := fit.contradiction:
         place = order[one.place]
-        number = None if one.position is None else problems[place].views[one.position].index
+        number = None if one.position is None else problems[place].views[one.position].index + 1
         raise SessionsContradict(one, place + 1, number)
     if unusual := fit.beyond_usual():
         raise UnusualArm(arm.name, unusual)
@@ -266,7 +266,7 @@ def _with_own_joints(arm: Arm, problem: Problem) -> Problem:
     joints = [view.stance.joints_rad for view in problem.views]
     without = [view.index for view, one in zip(problem.views, joints, strict=True) if one is None or len(one) != AXES]
     if without:
-        what = f"pictures {without} hold no joints of six axes, from which an arm's errors are identified"
+        what = f"pictures {from_one(without)} hold no joints of six axes, from which an arm's errors are identified"
         raise GeometryError(f"{what}: record joints_deg, or confdata, since a pose has several postures")
     poses, numbers = np.array([view.base_T_flange for view in problem.views]), [view.index for view in problem.views]
     require_joints_of_each_view(arm, np.array(joints), poses, ARMS, numbers)

@@ -8,6 +8,7 @@ import numpy as np
 
 from calibration.documents.calibration import CorrectionDocument, FindingDocument, VerdictDocument
 from calibration.documents.pose import PoseDocument
+from calibration.sentences.sentence import from_one
 from calibration.transforms import Array
 from registration.documents import (
     DeviationDocument,
@@ -23,6 +24,7 @@ from registration.fusion.merging import EVERY_POINT, Merge
 from registration.fusion.pose_adjustment import ViewCorrection
 from registration.fusion.stitching import StitchingGap, measure_gap
 from registration.points.range_check import FIX
+from registration.points.surface import limit_of
 from registration.scan import (
     Registration,
     ScannerMount,
@@ -52,7 +54,7 @@ def register_scan(
     Clouds whose unit cannot be are refused unless `force`. Raises RegistrationError's leaves.
     """
     began = clock()
-    samples = sample_views(views)
+    samples = sample_views(views, limit=limit_of(len(views), refine=refine))
     doubts = unit_findings(samples)
     if doubts and not force:
         raise ScanError(doubts[0].message, doubts[0].fix)
@@ -124,11 +126,11 @@ def _findings(registration: Registration, hand: ScannerMount) -> list[FindingDoc
     agreed = registration.after or registration.before
     alone = [index for index, overlap in enumerate(agreed.view_overlap) if not overlap]
     if alone and len(registration.views) > 1:
-        what = f"views {_list(alone)} overlap no other; they keep the robot's pose"
+        what = f"views {from_one(alone)} overlap no other; they keep the robot's pose"
         findings.append(_finding("view-alone", "warning", what, "add views between, so that surfaces are seen twice"))
     empty = [index for index, view in enumerate(registration.views) if view.points == view.non_finite]
     if empty:
-        findings.append(_finding("view-empty", "warning", f"views {_list(empty)} have no points", "scan them again"))
+        findings.append(_finding("view-empty", "warning", f"views {from_one(empty)} have no points", "scan them again"))
     non_finite = sum(view.non_finite for view in registration.views)
     if non_finite:
         of = sum(view.points for view in registration.views)
@@ -139,12 +141,9 @@ def _findings(registration: Registration, hand: ScannerMount) -> list[FindingDoc
         far = [index for index, found in enumerate(refinement.corrections) if not found.explained]
         if far:
             noise = f"{hand.noise.translation_mm:.3g} mm, {np.rad2deg(hand.noise.rotation_rad):.2g} deg"
-            what = f"views {_list(far)} were moved further than three times the robot's noise ({noise}) explains"
-            findings.append(
-                _finding(
-                    "correction-unexplained", "warning", what, "check the calibration, and that the part stood still"
-                )
-            )
+            what = f"views {from_one(far)} were moved further than three times the robot's noise ({noise}) explains"
+            fix = "check the calibration, and that the part stood still"
+            findings.append(_finding("correction-unexplained", "warning", what, fix))
         if not refinement.converged:
             what = f"the refinement had not settled after {refinement.iterations} iterations"
             findings.append(
@@ -166,7 +165,7 @@ def unit_findings(samples: Sequence[ViewSample]) -> list[FindingDocument]:
     doubted = [index for index, sample in enumerate(samples) if sample.doubt is not None]
     if not doubted:
         return []
-    what = f"views {_list(doubted)}: {samples[doubted[0]].doubt}"
+    what = f"views {from_one(doubted)}: {samples[doubted[0]].doubt}"
     return [_finding("unit-impossible", "error", what, FIX)]
 
 
@@ -179,10 +178,6 @@ def _outliers(merged: MergedCloud) -> list[FindingDocument]:
 
 def _finding(code: str, severity: str, message: str, fix: str) -> FindingDocument:
     return FindingDocument.model_validate({"code": code, "severity": severity, "message": message, "fix": fix})
-
-
-def _list(indices: list[int]) -> str:
-    return ", ".join(map(str, indices))
 
 
 def stitch_views(views: Sequence[ScanView], mount: ScannerMount, reach_mm: float | None = None) -> StitchingDocument:

@@ -30,7 +30,7 @@ from registration.io.reading import open_cloud
 from registration.points.layout import Layout, Records
 from registration.points.range_check import POSSIBLE_MM, RangeCheck, RangeMm, range_of
 from registration.points.rigid_motion import RigidMotion, scale_to_mm
-from registration.points.surface import MAX_RANGE_MM, Surface, sample_points
+from registration.points.surface import MAX_RANGE_MM, POINT_LIMIT, Surface, sample_points
 
 DOCUMENT_LIMIT = 1 << 26
 
@@ -157,8 +157,10 @@ class ViewSample:
     doubt: str | None = None
 
 
-def sample_views(views: Sequence[ScanView], on_progress: OnProgress = ignore_progress) -> list[ViewSample]:
-    """Read a bounded sample of every view. Raises CloudError's leaves, UnitUnknown, ScanError.
+def sample_views(
+    views: Sequence[ScanView], on_progress: OnProgress = ignore_progress, *, limit: int = POINT_LIMIT
+) -> list[ViewSample]:
+    """Read a sample of every view, of at most `limit` points. Raises CloudError's leaves, UnitUnknown, ScanError.
 
     `on_progress` is called with the share of the files' bytes that is read. A file that does not say how many points it
     has counts when it is read.
@@ -169,19 +171,19 @@ def sample_views(views: Sequence[ScanView], on_progress: OnProgress = ignore_pro
     sizes = [size_of(view.path) for view in views]
     for index, view in enumerate(views):
         before, size, whole = sum(sizes[:index]), sizes[index], max(sum(sizes), 1)
-        samples.append(_sample(view, partial(report_part, on_progress, before / whole, size / whole)))
+        samples.append(_sample(view, limit, partial(report_part, on_progress, before / whole, size / whole)))
         on_progress((before + size) / whole)
     return samples
 
 
-def _sample(view: ScanView, on_read: OnProgress) -> ViewSample:
+def _sample(view: ScanView, limit: int, on_read: OnProgress) -> ViewSample:
     """`on_read` is called with the share of the points that is read."""
     scale = scale_to_mm(view.unit)
     with open_cloud(view.path) as cloud:
         blocks = _CountedBlocks(
             cloud.blocks(), cloud.layout, cloud.count, on_read, RangeCheck(view.unit, view.range_mm)
         )
-        points = sample_points(blocks, cloud.layout, scale)
+        points = sample_points(blocks, cloud.layout, scale, limit)
         if not len(points) and blocks.points > blocks.non_finite:
             what = f"{view.path.name}: no point lies within {MAX_RANGE_MM / 1e6:g} km of the scanner"
             raise ScanError(what, "check the cloud and its unit")

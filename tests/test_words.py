@@ -95,7 +95,7 @@ def test_an_id_stands_in_one_section() -> None:
 
 def test_a_form_is_one_that_the_page_fills_too() -> None:
     """daemon/page/words/fill.js knows these, and lists."""
-    known = re.compile(r"|views|step|list|\+?(\.\d+)?[gf%]")
+    known = re.compile(r"|views|picture|step|list|\+?(\.\d+)?[gf%]")
     forms = {form for file in FILES["sentences"] for text in texts_of(file).values() for _, form in places_in(text)}
     assert {form for form in forms if not known.fullmatch(form)} == set()
 

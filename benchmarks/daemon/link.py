@@ -99,7 +99,7 @@ def register_until(over: threading.Event) -> None:
                 pass
             if over.is_set():
                 return
-        stream.finish()
+        list(stream.last_parts())
 
 
 async def reconnects(count: int) -> str:

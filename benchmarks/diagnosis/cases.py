@@ -168,12 +168,12 @@ OTHERWISE = {
 
 
 def _says(finding: Finding, words: str) -> bool:
-    """Whether the finding names the view: view 2 is not view 20; alternatives, as in view 2 (or 3), are ignored."""
+    """Whether the finding names the picture: 2 is not 20; alternatives, as in picture 2 (or 3), are ignored."""
     message = re.sub(r" \(or [\d, ]+\)", "", finding.message)
     return re.search(re.escape(words) + r"(?!\d)", message) is not None
 
 
 def _views(finding: Finding) -> set[int]:
-    """Views before which a change may have occurred: 7 (or 8); 7 (or 6, 8)."""
+    """Indices of the pictures before which a change may have occurred: 6 and 7 of "7 (or 8)"."""
     views = re.search(r"picture (\d+(?: \(or [\d, ]+\))?)", finding.message)
-    return {int(view) for view in re.findall(r"\d+", views.group(1))} if views else set()
+    return {int(number) - 1 for number in re.findall(r"\d+", views.group(1))} if views else set()

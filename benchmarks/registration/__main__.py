@@ -60,8 +60,8 @@ def stream(points: int) -> None:
     def ours() -> None:
         moved = CloudStream("application/octet-stream", BASE_T_CAMERA, "mm")
         for start in range(0, len(body), chunk):
-            moved.feed(body[start : start + chunk])
-        moved.finish()
+            list(moved.parts(body[start : start + chunk]))
+        list(moved.last_parts())
 
     note(f"as a stream in pieces of 64 kB: {len(body) / best(ours) / 1e9:.2f} GB a second")
 

@@ -44,7 +44,11 @@ def tsai(anchor_T_mount: Array, camera_T_target: Array) -> Array:
     alpha, beta = motions.vectors()
     mount, camera = _modified_rodrigues(alpha), _modified_rodrigues(beta)
     # R carries the turned camera axes turn' k onto the mount's; X's rotation is R turn', and turn is symmetric.
-    candidates = [_rotation(_half_tangent(mount, camera @ turn)) @ turn for turn in HALF_TURNS]
+    candidates = []
+    for turn in HALF_TURNS:  # P' (3,) from skew(P_mount + P_camera) P' = P_camera - P_mount (Eq. 12)
+        coefficients, right_hand = skew(mount + camera @ turn).reshape(-1, 3), (camera @ turn - mount).reshape(-1)
+        half_tangent = np.asarray(np.linalg.lstsq(coefficients, right_hand, rcond=None)[0], float)
+        candidates.append(_rotation(half_tangent) @ turn)
     rotation = min(candidates, key=lambda candidate: float(np.linalg.norm(alpha - beta @ candidate.T)))
     return with_translation(motions, rotation)
 
@@ -54,12 +58,6 @@ def _modified_rodrigues(vectors: Array) -> Array:
     angle = np.linalg.norm(vectors, axis=1, keepdims=True)
     scaled: Array = 2 * np.sin(angle / 2) * vectors / angle
     return scaled
-
-
-def _half_tangent(mount: Array, camera: Array) -> Array:
-    """P' (3,) from skew(P_mount + P_camera) P' = P_camera - P_mount (Eq. 12)."""
-    coefficients, right_hand = skew(mount + camera).reshape(-1, 3), (camera - mount).reshape(-1)
-    return np.asarray(np.linalg.lstsq(coefficients, right_hand, rcond=None)[0])
 
 
 def _rotation(half_tangent: Array) -> Array:

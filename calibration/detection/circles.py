@@ -76,7 +76,9 @@ def detect_circles(image: Grey, target: CircleGrid) -> Detection:
             if not layouts:
                 continue
             if layouts[0].outside >= max(2, min(target.columns, target.rows) // 2):
-                refusal = _other_board_error(layouts[0], target)
+                shape = {"columns": target.columns, "rows": target.rows}
+                what = Sentence("seen-another-grid", more=int(layouts[0].outside), **shape)
+                refusal = DetectionError("other-board", what, Sentence("see-grid-size"))
                 continue
             area = factor**2
             found = Dots(to_full_size(dots.centres[index], factor), dots.shapes[index] * area, dots.areas[index] * area)
@@ -180,8 +182,3 @@ def _covers_every_border(ids: NDArray[np.intp], target: CircleGrid) -> bool:
     seen[ids] = True
     grid = seen.reshape(target.rows, target.columns)
     return bool(min(grid[0].mean(), grid[-1].mean(), grid[:, 0].mean(), grid[:, -1].mean()) >= 0.5)
-
-
-def _other_board_error(layout: Layout, target: CircleGrid) -> DetectionError:
-    what = Sentence("seen-another-grid", more=int(layout.outside), columns=target.columns, rows=target.rows)
-    return DetectionError("other-board", what, Sentence("see-grid-size"))

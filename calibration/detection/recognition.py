@@ -54,8 +54,8 @@ CELL_TOLERANCE = 0.2
 """A marker's distance from its place beside another one, as a share of the step."""
 NEAR_STEPS = 1.6
 """Markers nearer than this many least steps are neighbours."""
-USUAL_MARKER, MARKERS_TRIED = 0.75, (0.75, 0.6, 0.85)
-"""Side of a ChArUco marker over the square's: as usual, and as tried where no marker can be read alone."""
+MARKERS_TRIED = (0.75, 0.6, 0.85)
+"""Sides of a ChArUco marker over the square's, the usual one first, where no marker can be read alone."""
 MIN_FILLED = 0.85
 """Least share of a symmetric grid's places that hold a dot; an asymmetric one fills about half."""
 DICTIONARY_GROUPS = (

@@ -42,7 +42,11 @@ def _refine_once(image: Grey, plane: Array, corners: Array, along: Array, reach_
     outward = np.stack([tangent[..., 1], -tangent[..., 0]], axis=-1) / np.hypot(*np.moveaxis(tangent, -1, 0))[..., None]
     shift = _edge_shift(image, on_edge, outward, along, reach_px)
     # Four corners do not show the lens's distortion, so the edges of a single square may be bowed.
-    at_start, at_end = _ends_of_parabola(along, shift) if len(plane) == 1 else _ends_of_line(along, shift)
+    if len(plane) == 1:
+        at_start, at_end = _ends_of_parabola(along, shift)
+    else:
+        slope, middle = _line(along, shift)
+        at_start, at_end = middle - slope * 0.5, middle + slope * 0.5
     # A corner is the crossing of the edge that ends in it and the edge that starts in it.
     normals = np.stack([np.roll(outward[:, :, -1], 1, axis=1), outward[:, :, 0]], axis=2)
     shifts = np.stack([np.roll(at_end, 1, axis=1), at_start], axis=2)
@@ -69,12 +73,6 @@ def _along_the_edge(along: Array, level: Array) -> Array:
     """The line (n, 4, samples) through grey values along each edge: keeps uneven lighting, removes noise."""
     slope, middle = _line(along, level)
     return middle[..., None] + slope[..., None] * (along - 0.5)
-
-
-def _ends_of_line(along: Array, value: Array) -> tuple[Array, Array]:
-    """Values (n, 4) of the fitted lines at the starts and the ends of the edges."""
-    slope, middle = _line(along, value)
-    return middle - slope * 0.5, middle + slope * 0.5
 
 
 def _ends_of_parabola(along: Array, value: Array) -> tuple[Array, Array]:

@@ -88,7 +88,8 @@ def diagnose_solution(problem: Problem, solution: Solution, prepared: PreparedSe
     if any(_gives_another_size(f) for f in found):
         # Seen through another lens, or with corners numbered otherwise, a target has another size, or a lens seems to.
         drop |= {"target-scale", *LENS_DEVIATIONS}
-    if any(f.code == "intrinsics-do-not-fit" and _is_beyond(f, solution.uncertainty) for f in found):
+    beyond_mm = np.inf if solution.uncertainty is None else COVERAGE_FACTOR * solution.uncertainty.point_mm
+    if any(f.code == "intrinsics-do-not-fit" and (f.effect_mm or 0.0) > beyond_mm for f in found):
         drop |= LENS_DEVIATIONS  # the estimate had to take up other errors of the lens with these
     solution = replace(solution, findings=tuple(f for f in solution.findings if f.code not in drop))
     if not found:
@@ -102,12 +103,6 @@ def _gives_another_size(finding: Finding) -> bool:
     share = dict(finding.sizes).get("lens_share", np.inf)
     is_certain = finding.code in OF_ANOTHER_SIZE and finding.severity == "error"
     return is_certain and share > DEFAULT_VERDICT_LIMITS.lens_share
-
-
-def _is_beyond(finding: Finding, uncertainty: Uncertainty | None) -> bool:
-    """Whether more moves with the finding than the solution's expanded uncertainty (k = 2) allows."""
-    effect_mm = finding.effect_mm
-    return effect_mm is not None and uncertainty is not None and effect_mm > COVERAGE_FACTOR * uncertainty.point_mm
 
 
 def _in_order(solver: Sequence[Finding], found: Sequence[Finding]) -> tuple[Finding, ...]:

@@ -81,7 +81,9 @@ def lens_misfit(
     few, poses = seen.take(rows), camera_T_target[rows]
     if _step_p_value(few, camera, poses) > max_p_value:
         return None
-    found = adjust(few, camera, poses, np.ones(RATIONAL_INTRINSICS, bool), _expected_lens(camera))
+    brown = camera.lens_model == "pinhole" and len(camera.distortion) <= BROWN
+    expected = None if brown else camera.distortion  # coefficients of rational lenses may be of any size
+    found = adjust(few, camera, poses, np.ones(RATIONAL_INTRINSICS, bool), expected)
     before = pixel_deviation(pixel_statistics(few, camera, poses))
     after = pixel_deviation(pixel_statistics(few, found.camera, found.poses))
     by_chance = _p_value(few, before**2, after**2)
@@ -103,12 +105,6 @@ def fits_better(misfit: LensMisfit, seen: Observations, camera: CameraModel, pos
     few = seen.take(rows)
     there = pixel_deviation(pixel_statistics(few, camera, refine_poses(few, camera, poses[rows])))
     return _p_value(few, there**2, misfit.after_px**2) <= max_p_value
-
-
-def _expected_lens(camera: CameraModel) -> Array | None:
-    """The given coefficients, when they are not Brown's: those of rational lenses may be of any size."""
-    brown = camera.lens_model == "pinhole" and len(camera.distortion) <= BROWN
-    return None if brown else camera.distortion
 
 
 def gross_lens_misfit(problem: Problem, seen: Observations, otherwise_px: float = np.inf) -> LensMisfit | None:

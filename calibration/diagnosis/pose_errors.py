@@ -57,7 +57,9 @@ def p_value_beside_all_errors(
     chance = NoisePosterior.of(fitted, evidence.by_camera).p_value_of(value, by_unknowns)
     if chance > MAX_SMALL_CHANCE:
         return chance
-    by_travel = 1 / _mean_square_travel(evidence) if is_size else 0.0
+    places = evidence.base_T_flange[:, :3, 3]
+    spread = float(np.mean(np.sum((places - places.mean(axis=0)) ** 2, axis=1)))
+    by_travel = 1 / max(spread, MIN_SPREAD) if is_size else 0.0
     return max(chance, p_value_beside_pose_errors(evidence, fitted, value, by_unknowns, by_travel))
 
 
@@ -123,12 +125,6 @@ def _correlations(evidence: Evidence) -> Iterator[tuple[float, Array]]:
     for share, length in product(SHARES, LENGTHS):
         alike = np.exp(-0.5 * apart / length**2)[:, None, :, None]
         yield PRIOR_PROBABILITY / (len(SHARES) * len(LENGTHS)), share * alike * along + (1 - share) * own
-
-
-def _mean_square_travel(evidence: Evidence) -> float:
-    """Mean squared distance of the flange's places from their middle, mm²."""
-    places = evidence.base_T_flange[:, :3, 3]
-    return max(float(np.mean(np.sum((places - places.mean(axis=0)) ** 2, axis=1))), MIN_SPREAD)
 
 
 def _squared_distances(evidence: Evidence) -> Array:

@@ -82,8 +82,34 @@ class OtherConfiguration(UnreachablePoseError):
         super().__init__(what, Sentence("use-configuration", available=[str([*one]) for one in available]))
 
 
+class LimitedJoints:
+    """What every arm does with the limits of its axes."""
+
+    name: str
+    lower_rad: tuple[float, ...]
+    upper_rad: tuple[float, ...]
+
+    def require_within_limits(self, joints_rad: ArrayLike) -> None:
+        """Raises OutsideJointLimits for the axis of all joints (n,) that is furthest beyond its limits."""
+        excess = self._excess_rad(checked_joints(joints_rad, len(self.lower_rad)))
+        if excess.max() > LIMIT_SLACK_RAD:
+            raise OutsideJointLimits(self.name, int(excess.argmax()) + 1, float(excess.max()))
+
+    def _excess_rad(self, joints: Array) -> Array:
+        excess: Array = np.maximum(np.array(self.lower_rad) - joints, joints - np.array(self.upper_rad))
+        return excess
+
+    def _turns(self, joints: Array) -> Array:
+        """The same posture (k, n) with whole turns added wherever the limits allow."""
+        choices = []
+        for angle, low, high in zip(joints, self.lower_rad, self.upper_rad, strict=True):
+            turned = angle + 2 * np.pi * np.arange(-2, 3)
+            choices.append(turned[(low - turned <= LIMIT_SLACK_RAD) & (turned - high <= LIMIT_SLACK_RAD)])
+        return np.array(list(product(*choices)))
+
+
 @dataclass(frozen=True)
-class Arm:
+class Arm(LimitedJoints):
     """Lengths in mm, limits in rad, axis speeds in rad/s, as published for the arm.
 
     `shoulder_forward_mm`, `shoulder_height_mm`: axis 2 from the base; `elbow_up_mm`: axis 4 above axis 3.
@@ -218,8 +244,10 @@ class Arm:
 
         Raises as `inverse`, and OtherConfiguration when the pose is only reachable in another configuration.
         """
-        near = _middle_of(_checked(configuration)) if near_rad is None else checked_joints(near_rad)
-        fitting = self._all_matching(np.asarray(base_T_flange, float), _checked(configuration), near)
+        wanted, near = _checked(configuration), np.zeros(6)
+        near[[0, 3, 5]] = (np.array(wanted[:3]) + 0.5) * np.pi / 2  # the middle of the quarters
+        near = near if near_rad is None else checked_joints(near_rad)
+        fitting = self._all_matching(np.asarray(base_T_flange, float), wanted, near)
         best: Array = fitting[np.argmin(np.abs(fitting - near).max(-1))]
         return best
 
@@ -269,12 +297,6 @@ class Arm:
         """Distance of the wrist centre from axis 1 with the arm stretched forward: the reach in the arm's name."""
         return self.shoulder_forward_mm + self.lower_arm_mm + self._elbow_to_wrist[0]
 
-    def require_within_limits(self, joints_rad: ArrayLike) -> None:
-        """Raises OutsideJointLimits for the axis of joints (6,) that is furthest beyond its limits."""
-        excess = self._excess_rad(checked_joints(joints_rad))
-        if excess.max() > LIMIT_SLACK_RAD:
-            raise OutsideJointLimits(self.name, int(excess.argmax()) + 1, float(excess.max()))
-
     def _sides(self, q: Array) -> Array:
         """Signed clearances (..., 3): wrist before axis 1, wrist before the lower arm, axis 5."""
         reach, rest = self._elbow_to_wrist
@@ -292,10 +314,6 @@ class Arm:
             wanted.cfx in _CFX and in_quadrants and np.all(np.where(bits, -1, 1) * self._sides(joints) >= -slack)
         )
 
-    def _excess_rad(self, joints: Array) -> Array:
-        excess: Array = np.maximum(np.array(self.lower_rad) - joints, joints - np.array(self.upper_rad))
-        return excess
-
     def _within_limits(self, base_T_flange: Array, near_rad: ArrayLike | None, singular: float) -> Array:
         branches = self.branches(base_T_flange, near_rad, singular)
         if branches.ndim != 2:
@@ -305,22 +323,10 @@ class Arm:
             raise self._out_of_reach(base_T_flange)
         solutions = [turned for joints in reachable for turned in self._turns(joints)]
         if not solutions:
-            least = min((self._least_excess(joints) for joints in reachable), key=np.max)
+            turned = reachable[:, None] + 2 * np.pi * np.arange(-2, 3)[:, None]
+            least = min(self._excess_rad(turned).min(1), key=np.max)
             raise OutsideJointLimits(self.name, int(least.argmax()) + 1, float(least.max()))
         return _distinct(np.array(solutions))
-
-    def _turns(self, joints: Array) -> list[Array]:
-        """The same posture with whole turns added wherever the limits allow."""
-        choices = []
-        for angle, low, high in zip(joints, self.lower_rad, self.upper_rad, strict=True):
-            turned = angle + 2 * np.pi * np.arange(-2, 3)
-            choices.append(turned[(low - turned <= LIMIT_SLACK_RAD) & (turned - high <= LIMIT_SLACK_RAD)])
-        return [np.array(combination) for combination in product(*choices)]
-
-    def _least_excess(self, joints: Array) -> Array:
-        """Excess (6,) rad beyond the limits of each axis, with the best number of whole turns."""
-        least: Array = self._excess_rad(joints + 2 * np.pi * np.arange(-2, 3)[:, None]).min(0)
-        return least
 
     def _wrist_centres(self, base_T_flange: Array) -> Array:
         """Where axes 4 and 5 may meet (n, 3) mm for a pose (4, 4)."""
@@ -368,12 +374,6 @@ def _checked(configuration: tuple[int, ...]) -> Configuration:
     if len(configuration) != 4:
         raise GeometryError(f"confdata has four numbers (cf1, cf4, cf6, cfx), got {len(configuration)}")
     return Configuration(*configuration)
-
-
-def _middle_of(configuration: Configuration) -> Array:
-    middle = np.zeros(6)
-    middle[[0, 3, 5]] = (np.array(configuration[:3]) + 0.5) * np.pi / 2
-    return middle
 
 
 def _distinct(solutions: Array) -> Array:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from calibration.errors import CalibrationError
 from calibration.kinematics.arm import Arm
+from calibration.sentences.sentence import pictures
 from calibration.transforms import Array, inverse, rotation_angle_rad, vector_from_rotation
 
 MAX_OFF_MM = 3.0
@@ -68,7 +69,7 @@ def require_consistent_joints(
 def require_joints_of_each_view(
     arm: Arm, joints_rad: Array, base_T_flange: Array, others: Mapping[str, Arm], views: Sequence[int]
 ) -> None:
-    """As `require_consistent_joints`, and where the joints of any one of the `views`, by their numbers, do not."""
+    """As `require_consistent_joints`, and where the joints of any one of the `views`, by their indices, do not."""
     drawn = arm.forward(joints_rad)
     off_mm = _distances_mm(drawn, base_T_flange)
     wrong = np.flatnonzero(off_mm > MAX_VIEW_OFF_MM)
@@ -84,7 +85,7 @@ def require_joints_of_each_view(
         mistake
         or JointMistake(
             "joints-contradict-poses",
-            f"{_views(wrong, views)}: the joints do not give the pose",
+            f"{pictures([views[row] for row in wrong.tolist()])}: the joints do not give the pose",
             "record both at the same moment, with three decimals and without corrections by the controller",
         ),
         float(off_mm.max()),
@@ -96,12 +97,9 @@ def _of_swapped_views(drawn: Array, poses: Array, wrong: NDArray[np.intp], views
     off_mm = np.array([_distances_mm(np.broadcast_to(drawn[row], poses.shape), poses) for row in wrong])
     if off_mm.min(axis=1).max() > MAX_VIEW_OFF_MM:
         return None
-    what = f"{_views(wrong, views)}: the joints are those of {_views(off_mm.argmin(axis=1), views)}"
+    here, there = (pictures([views[row] for row in rows]) for rows in (wrong, off_mm.argmin(axis=1)))
+    what = f"{here}: the joints are those of {there}"
     return JointMistake("joints-of-another-view", what, "give each view its own joints")
-
-
-def _views(rows: NDArray[np.intp], views: Sequence[int]) -> str:
-    return f"picture{'s' * (len(rows) > 1)} {', '.join(str(views[row]) for row in rows)}"
 
 
 def _of_all_views(arm: Arm, joints: Array, poses: Array) -> JointMistake | None:

@@ -4,15 +4,12 @@ From the smallest to the largest (translation, rotation), and what each is for:
 
     MIN_REPEATABILITY    0.01 mm, 0.001 deg   floor of a noise level while hypotheses are compared
     MIN_POSE_NOISE       0.02 mm, 0.002 deg   floor of an estimated noise level that weighs robot against clouds
-    PLANNING_NOISE       0.05 mm, 0.005 deg   default of `noise` in plans: a good robot, close to its last poses
     PRIOR_NOISE          0.2 mm,  0.02 deg    median of the prior on the noise level in a working volume
     MAX_USUAL_NOISE      1.0 mm,  0.1 deg     an estimated level above it is reported
     ABSOLUTE_NOISE       1.0 mm,  0.15 deg    assumed over a metre where no calibration has estimated it
     MAX_POSSIBLE_NOISE   15 mm,   1.5 deg     more is no robot's error: poses and images contradict each other
 
-The first two are floors of estimates, the last three bounds of what is usual and of what is possible. The planner's
-default is below the prior's median: it is the user's statement about one robot, which the estimate replaces once there
-are enough views.
+The first two are floors of estimates, the last three bounds of what is usual and of what is possible.
 """
 
 from dataclasses import dataclass, replace
@@ -40,8 +37,6 @@ MIN_REPEATABILITY = RobotNoise(0.01, float(np.radians(0.001)))
 
 MIN_POSE_NOISE = RobotNoise(0.02, float(np.radians(0.002)))
 """An estimate of zero from few views must not freeze the poses when clouds are registered."""
-
-PLANNING_NOISE = RobotNoise(0.05, float(np.radians(0.005)))
 
 PRIOR_NOISE = RobotNoise(0.2, float(np.radians(0.02)))
 """An industrial robot in its working volume."""

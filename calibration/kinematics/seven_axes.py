@@ -19,6 +19,7 @@ from calibration.kinematics.arm import (
     TOOL0_IN_AXIS_6,
     Arm,
     Configuration,
+    LimitedJoints,
     OtherConfiguration,
     OutOfReach,
     OutsideJointLimits,
@@ -49,7 +50,7 @@ STARTS_PER_AXIS = (3, 2, 3, 2, 2, 2, 3)
 
 
 @dataclass(frozen=True)
-class SevenAxisArm:
+class SevenAxisArm(LimitedJoints):
     """`links_mm` (7, 3): from the base to the first axis, then from each to the next outwards, all joints zero.
 
     `flange_mm`: from axis 6 along it to the flange.
@@ -100,12 +101,6 @@ class SevenAxisArm:
         q = checked_joints(joints_rad, AXES)
         cf1, cf4, cf6 = (int(np.floor(q[axis] / (np.pi / 2))) for axis in (0, 3, 5))
         return Configuration(cf1, cf4, cf6, sum(bit for bit, axis in NEGATIVE if q[axis] < 0))
-
-    def require_within_limits(self, joints_rad: ArrayLike) -> None:
-        """Raises OutsideJointLimits for the axis of joints (7,) that is furthest beyond its limits."""
-        excess = self._excess_rad(checked_joints(joints_rad, AXES))
-        if excess.max() > LIMIT_SLACK_RAD:
-            raise OutsideJointLimits(self.name, int(excess.argmax()) + 1, float(excess.max()))
 
     def nearest(self, base_T_flange: ArrayLike, joints_now_rad: ArrayLike) -> Array:
         """Joints (7,) within the limits, from `joints_now_rad` (7,) with the least turning of all axes together.
@@ -217,18 +212,6 @@ class SevenAxisArm:
             best = least[least.max(-1).argmin()]
             raise OutsideJointLimits(self.name, int(best.argmax()) + 1, float(best.max()))
         return np.concatenate(turned)
-
-    def _turns(self, joints: Array) -> Array:
-        """The same posture with whole turns added wherever the limits allow."""
-        choices = []
-        for angle, low, high in zip(joints, self.lower_rad, self.upper_rad, strict=True):
-            angles = angle + 2 * np.pi * np.arange(-1, 2)
-            choices.append(angles[(angles >= low - LIMIT_SLACK_RAD) & (angles <= high + LIMIT_SLACK_RAD)])
-        return np.array(list(product(*choices)))
-
-    def _excess_rad(self, joints: Array) -> Array:
-        excess: Array = np.maximum(np.array(self.lower_rad) - joints, joints - np.array(self.upper_rad))
-        return excess
 
 
 AnyArm = Arm | SevenAxisArm

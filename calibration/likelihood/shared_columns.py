@@ -52,6 +52,7 @@ def join_places(models: Sequence[MixedModel]) -> MixedModel:
         count=np.concatenate([one.count for one in models]),
         prior_information=np.insert(first.prior_information, 12, zeros),
         prior_offset=np.insert(first.prior_offset, 12, zeros),
+        mixture_at=first.mixture_at + more,
         basis=np.concatenate([one.basis for one in models]),
     )
 

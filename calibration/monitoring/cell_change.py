@@ -15,7 +15,8 @@ Source: D. J. C. MacKay, "Bayesian interpolation", Neural Computation 4, 1992.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from math import degrees
 from typing import Literal
 
 import numpy as np
@@ -63,19 +64,19 @@ class SeenTarget:
 
 
 @dataclass(frozen=True)
-class PossibleChange:
-    """A hypothesis, its probability, and the likeliest amount.
+class DriftChangeDocument:
+    """What may have changed between the chart's first verifications and the last one, with its probability.
 
-    `axis` and `turned_rad`: of a zero. `shift_mm`, `turn_rad`: of the camera in its mount's frame, or of the target in
-    that in which it stands.
+    `cause` "axis-zero": the zero of `axis` (1 to 6) moved by `turned_deg`. Otherwise the camera or the target moved by
+    `shift_mm` and `turn_deg`: the camera in the frame of its mount, the target in that in which it stands.
     """
 
     cause: Cause
     chance: float
     axis: int | None = None
-    turned_rad: float = 0.0
-    shift_mm: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    turn_rad: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    turned_deg: float | None = None
+    shift_mm: tuple[float, float, float] | None = None
+    turn_deg: tuple[float, float, float] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,7 +99,7 @@ def fit_poses(target_mm: Array, anchor_mm: Array) -> Array:
     return np.array(poses)
 
 
-def find_change(before: Sequence[SeenTarget], now: SeenTarget, arm: Arm, scene: Scene) -> list[PossibleChange]:
+def find_change(before: Sequence[SeenTarget], now: SeenTarget, arm: Arm, scene: Scene) -> list[DriftChangeDocument]:
     """The possible changes between the verifications `before` and the one `now`, the likeliest first.
 
     `scene.noise`: repeatability of the arm and noise of the pixels. Verifications at other stations, or at the same
@@ -127,10 +128,8 @@ def find_change(before: Sequence[SeenTarget], now: SeenTarget, arm: Arm, scene: 
     logs = np.array([np.log(one.prior) + log for one, (log, _) in zip(hypotheses, found, strict=True)])
     chances = np.exp(logs - logs.max())
     chances /= chances.sum()
-    changes = [
-        _change(one, float(chance), amount) for one, chance, (_, amount) in zip(hypotheses, chances, found, strict=True)
-    ]
-    return sorted(changes, key=lambda one: -one.chance)
+    likeliest_first = np.argsort(-chances, kind="stable")
+    return [_change(hypotheses[row], float(chances[row]), found[row][1]) for row in likeliest_first]
 
 
 def _same_stations(before: SeenTarget, now: SeenTarget) -> dict[int, int]:
@@ -192,10 +191,12 @@ def _evidence(one: _Hypothesis, motions: Array, noise: Array, log_levels: Array)
     return float(logs[best] + np.log(np.mean(np.exp(np.array(logs) - logs[best])))), amounts[best]
 
 
-def _change(one: _Hypothesis, chance: float, amount: Array) -> PossibleChange:
+def _change(one: _Hypothesis, chance: float, amount: Array) -> DriftChangeDocument:
+    """Rounded to 1 nm and 1e-6 degrees."""
+    change = DriftChangeDocument(one.cause, round(chance, 6), one.axis)
     if one.cause == "nothing":
-        return PossibleChange(one.cause, chance)
+        return change
     if one.axis is not None:
-        return PossibleChange(one.cause, chance, one.axis, float(amount[0]))
-    turn, shift = ((float(x), float(y), float(z)) for x, y, z in amount.reshape(2, 3))
-    return PossibleChange(one.cause, chance, shift_mm=shift, turn_rad=turn)
+        return replace(change, turned_deg=round(degrees(amount[0]), 6))
+    (a, b, c), (x, y, z) = np.degrees(amount[:3]).round(6).tolist(), amount[3:].round(6).tolist()
+    return replace(change, shift_mm=(x, y, z), turn_deg=(a, b, c))

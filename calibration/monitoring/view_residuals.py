@@ -3,7 +3,6 @@
 import numpy as np
 
 from calibration.documents.calibration import TRANSFORM_NAMES, CalibrationDocument, CorrectionDocument
-from calibration.documents.pose import PoseDocument
 from calibration.observations.pose_model import predicted_camera_T_target
 from calibration.problem import anchor_T_mount_of
 from calibration.targets import Target
@@ -21,9 +20,10 @@ def predict_pixels(
     `correction`: the error that the calibration estimates of this robot pose. None where the calibration has no
     transform or no camera.
     """
-    mount, anchor = (_transform(document, name) for name in TRANSFORM_NAMES[document.setup])
-    if mount is None or anchor is None or document.camera is None:
+    poses = [getattr(document, name) for name in TRANSFORM_NAMES[document.setup]]
+    if None in poses or document.camera is None:
         return None
+    mount, anchor = (pose.transform() for pose in poses)
     if correction is not None:
         turn = np.radians(correction.rotation_deg)
         base_T_flange = base_T_flange @ transform_from_vector(np.concatenate([turn, correction.translation_mm]))
@@ -31,11 +31,6 @@ def predict_pixels(
     camera_T_target = predicted_camera_T_target(anchor_T_mount[None], mount, anchor)[0]
     points_mm = document.scale_of(target) * target.points_mm
     return document.camera.camera().project(map_points(camera_T_target, points_mm))
-
-
-def _transform(document: CalibrationDocument, name: str) -> Array | None:
-    pose: PoseDocument | None = getattr(document, name)
-    return None if pose is None else pose.transform()
 
 
 def root_mean_square(residuals_px: Array) -> float | None:

@@ -117,7 +117,8 @@ def draw_levels(
     spreads = np.array([one @ np.swapaxes(one, 1, 2) for one in directions])  # (g, n, m, m), of one unit each
     centre, root = start, INITIAL_SIGMA * np.eye(len(directions))
     for count in ROUNDS:
-        drawn = _normal_points(count, len(directions))
+        spread = (np.outer(np.arange(1.0, count + 1), GENERATORS[: len(directions)]) + 0.5) % 1.0
+        drawn = np.asarray(ndtri(spread), np.float64)  # quasi-random normal deviates
         levels = np.clip(centre + drawn @ root.T, lowest, highest)
         log_likelihood, steps, covariances = _evaluate_levels(at, spreads, levels, known)
         density = -0.5 * np.sum(drawn**2, axis=1) - float(np.linalg.slogdet(root)[1])
@@ -174,9 +175,3 @@ def _start(fitted: PoseFit, sources: Sources, prior: NoisePrior) -> Array:
     known = np.array([fitted.variances.get(name, 0.0) for name in sources])
     start: Array = np.maximum(0.5 * np.log(np.maximum(known, 1e-300)), prior.mean - np.log(WIDE_PRIOR_FACTOR))
     return start
-
-
-def _normal_points(count: int, dimensions: int) -> Array:
-    """Quasi-random normal deviates (count, dimensions), deterministic."""
-    spread = (np.outer(np.arange(1.0, count + 1), GENERATORS[:dimensions]) + 0.5) % 1.0
-    return np.asarray(ndtri(spread), np.float64)

@@ -1,12 +1,12 @@
 """A sentence made from an id and parameters by a table of templates, so that programs and translations have both.
 
 words/LANGUAGE.json holds the templates by section and id, the same in every language. A place {name:form} is filled by
-the parameter of that name, in Python's format language; `views` lists indices of views, `step` writes a sign and a gap,
-and the form of a list stands between its items. The operator's page reads the same files and fills them alike.
+the parameter of that name, in Python's format language; `views` lists indices of views, `picture` writes one, both from
+1; `step` writes a sign and a gap, and the form of a list stands between its items. The page fills them alike.
 """
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from math import isfinite
@@ -101,7 +101,10 @@ class _Templates(Formatter):
 
     def format_field(self, value: Any, format_spec: str) -> str:
         if format_spec == "views":
-            return _views(value, named=self._language.tag == "en")
+            return pictures(value) if self._language.tag == "en" else _first_of(value, " \u2026")
+        if format_spec == "picture" and isinstance(value, int | list):
+            return from_one(value if isinstance(value, list) else [value])
+        format_spec = format_spec.removeprefix("picture")
         if format_spec == "step":
             return self._decimal(f"{'-+'[value > 0]} {abs(value)}")
         if isinstance(value, str) and value in NOT_FINITE:
@@ -119,13 +122,18 @@ class _Templates(Formatter):
         return number.replace(".", self._language.decimal)
 
 
-def _views(indices: list[int], *, named: bool) -> str:
-    """The first MAX_LISTED_VIEWS indices; `named`: after the word, which templates of other languages hold."""
-    listed = ", ".join(map(str, indices[:MAX_LISTED_VIEWS]))
-    if not named:
-        return listed + (" \u2026" if len(indices) > MAX_LISTED_VIEWS else "")
-    more = f" and {len(indices) - MAX_LISTED_VIEWS} more" if len(indices) > MAX_LISTED_VIEWS else ""
-    return f"picture {listed}" if len(indices) == 1 else f"pictures {listed}{more}"
+def from_one(indices: Iterable[int]) -> str:
+    """Pictures, or views of a scan, as people count them: that of index 0 is 1."""
+    return ", ".join(str(index + 1) for index in indices)
+
+
+def pictures(indices: Sequence[int]) -> str:
+    """Such as "pictures 1, 3"; the first MAX_LISTED_VIEWS."""
+    return f"picture{'s' * (len(indices) > 1)} {_first_of(indices, f' and {len(indices) - MAX_LISTED_VIEWS} more')}"
+
+
+def _first_of(indices: Sequence[int], more: str) -> str:
+    return from_one(indices[:MAX_LISTED_VIEWS]) + more * (len(indices) > MAX_LISTED_VIEWS)
 
 
 def _json(value: Any) -> Any:

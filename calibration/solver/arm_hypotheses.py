@@ -1,7 +1,6 @@
-"""What may explain the views of a target: groups of the arm's errors, how large they are, and a target of another size.
+"""What may explain the views of a target: groups of the arm's errors, and how large they are.
 
-An estimate without errors of the arm takes them for what is left to it, a target of another size or a principal point
-that is off. Where it has taken up one of these, every group is tried with it and with target and camera as described.
+Target and lens are unknown in each of them, with the prior that they have without errors of the arm.
 
 What does not belong together (another arm, a camera that was remounted, a target or a base that moved) is a constant
 change of some views' poses beside the errors of one arm: of those of one session, or of those from one view on. All are
@@ -29,12 +28,6 @@ from calibration.transforms import Array, adjoint, inverse, map_points
 SCALES = {0.15: 0.1, 0.4: 0.2, 1.0: 0.5, 2.0: 0.2}
 """Of the parameters' means and standard deviations, with prior probabilities: most arms are as delivered."""
 
-PRIOR_OFF_PROBABILITY = 0.1
-"""Prior probability that the target's size is off, where that was found without errors of the arm."""
-
-SIZE_SIGMA = 2e-3
-"""Standard deviation of a target's size that is off, as a share: printers and paper."""
-
 NEXT_GROUP_PROBABILITY = 0.98
 """Prior probability that an arm with the errors up to one group has those of the next: all have gears and weight, and
 what views do not show of them must stay uncertain."""
@@ -45,13 +38,10 @@ class Hypothesis:
     """The groups `up_to` one, whose deviations are times `scale`; without errors of the arm None and 0.
 
     Where its temperatures are known the growth by them is among the errors in any case: all arms grow.
-
-    `as_described`: the target's size, not as the estimate without errors of the arm has it.
     """
 
     up_to: Group | None
     scale: float
-    as_described: bool
     log_prior: float
 
 
@@ -77,38 +67,27 @@ class Restricted:
 
     def target_scale(self, b: Array, session: ArmSession) -> float:
         """Of the target against the description, after a step b (p,)."""
-        return 1.0 if self.of.as_described else float(session.best.scale * np.exp(b[session.size_place()]))
+        return float(session.best.scale * np.exp(b[session.size_place()]))
 
     def covariance(self, of_step: Array, session: ArmSession) -> Array:
-        """Covariance of `unknowns`, then of lens and target, from that of b (p, p); 0 for a size as described."""
-        poses, p, first = session.poses, self.model.unknowns, session.poses + len(session.arm)
-        q = len(session.best.z)
-        nuisances = np.arange(first, first + q)
-        if self.of.as_described:
-            nuisances = np.delete(nuisances, session.size_place() - poses)
+        """Covariance of `unknowns`, then of lens and target, from that of b (p, p)."""
+        poses, p, whole = session.poses, self.model.unknowns, session.poses + len(session.arm) + len(session.best.z)
         own = np.r_[0:poses, p - len(self.errors) : p, poses : p - len(self.errors)]
-        among = np.concatenate([np.arange(poses), poses + self.errors, nuisances])
-        found = np.zeros((first + q, first + q))
+        among = np.r_[0:poses, poses + self.errors, whole - len(session.best.z) : whole]
+        found = np.zeros((whole, whole))
         found[np.ix_(among, among)] = of_step[np.ix_(own, own)]
         return found
 
 
 def hypotheses(session: ArmSession) -> list[Hypothesis]:
     """Those without errors of the arm first; prior probabilities sum to 1 with errors, and to 1 without."""
-    odds = {True: 0.0}
-    if session.sized:
-        odds = {True: float(np.log(1 - PRIOR_OFF_PROBABILITY)), False: float(np.log(PRIOR_OFF_PROBABILITY))}
     groups = [group for group in LADDER if group != "play" or session.postures.sides is not None]
-    known: list[tuple[Group | None, float, float]] = [(None, 0.0, 0.0)]
+    known = [Hypothesis(None, 0.0, 0.0)]
     for place, group in enumerate(groups):
         last = place + 1 == len(groups)
         share = NEXT_GROUP_PROBABILITY**place * (1.0 if last else 1 - NEXT_GROUP_PROBABILITY)
-        known += [(group, scale, float(np.log(share * prior))) for scale, prior in SCALES.items()]
-    return [
-        Hypothesis(group, scale, as_described, log_prior + log_odds)
-        for group, scale, log_prior in known
-        for as_described, log_odds in odds.items()
-    ]
+        known += [Hypothesis(group, scale, float(np.log(share * prior))) for scale, prior in SCALES.items()]
+    return known
 
 
 def restrict(
@@ -119,24 +98,21 @@ def restrict(
     `levels`: where the search for them starts.
     """
     model = session.linearise()
-    others, k, size, scale = model.unknowns, len(session.arm), session.size_place(), session.best.scale
+    others, k = model.unknowns, len(session.arm)
     jacobian = session.arm.jacobian(session.parameters, session.postures)
     whole = session.add_distances(with_arm(model, jacobian, session.arm.sigmas**-2.0, session.parameters))
-    whole.prior_information[size] = max(SIZE_SIGMA, abs(scale - 1)) ** -2.0  # a print may be some per cent off
-    whole.prior_offset[size] = np.log(scale)
     found, variances = [], replace(session.best.variances, trend_rotation=0.0, trend_translation=0.0)
     for row, one in enumerate(wanted):
         columns = session.arm.indices(*_groups_of(one, session.postures))
         absent = np.setdiff1d(np.arange(k), columns)
-        fixed, steps = others + absent, -session.parameters[absent]
-        if one.as_described:
-            fixed, steps = np.append(size, fixed), np.append(-np.log(scale), steps)
         scales = np.ones(k)
         scales[session.arm.indices(*LADDER)] = max(one.scale, 1e-9)
         known, offset = whole.prior_information.copy(), whole.prior_offset.copy()
         known[others:] /= scales**2
         offset[others:] -= scales * session.arm.means
-        restricted = fix_unknowns(replace(whole, prior_information=known, prior_offset=offset), fixed, steps)
+        restricted = fix_unknowns(
+            replace(whole, prior_information=known, prior_offset=offset), others + absent, -session.parameters[absent]
+        )
         variances = estimate_variances(restricted, levels[row] if levels else variances)
         found.append(Restricted(one, columns, restricted, variances))
     return found
@@ -190,7 +166,7 @@ _SENTENCES: dict[ContradictionKind, str] = {
 class SessionsContradict(CalibrationError):
     """Errors of the arm are not taken from views that do not belong together; `found` is what does not.
 
-    `session`: counted from 1; `view`: its number there.
+    `session`: counted from 1; `view`: its number there, from 1.
     """
 
     def __init__(self, found: Contradiction, session: int, view: int | None) -> None:

@@ -274,7 +274,8 @@ def _rms_mm(squares: Array, session: ArmSession) -> float:
 
 def _hold_out(session: ArmSession, candidate: _Candidate, regions: Sequence[NDArray[np.intp]]) -> Array:
     """Sums (g,) of squared prediction errors of the target's middle, mm², at the views of each region left out."""
-    model, n = candidate.of.model, len(session.postures)
+    found, n = candidate.marginal, len(session.postures)
+    model = replace(candidate.of.model, prior_information=found.prior_information)
     middle = session.views[0].rows.nominal_mm.mean(axis=0, keepdims=True)
     centre = np.concatenate([map_points(chain.flange_T_target(), middle)[:, 0] for chain in session.chains])
     rows = point_rows(centre)
@@ -283,7 +284,7 @@ def _hold_out(session: ArmSession, candidate: _Candidate, regions: Sequence[NDAr
     for region in regions:
         kept = np.ones(n, bool)
         kept[region] = False
-        step = solve(take_views(model, kept), candidate.marginal.variances)
+        step = solve(take_views(model, kept), found.variances)
         wanted = -(whole[region] @ (model.UAy[region] @ np.append(step.b, 1.0))[..., None])
         squares.append(float(np.sum((rows[region] @ wanted) ** 2)))
     return np.array(squares)

@@ -67,8 +67,7 @@ class ArmSession:
     """The views of m places, with their chains, and the errors (k,) that the chains' poses contain.
 
     The unknowns are X (6), the places (6 m), the nuisances of lens and target, and the arm's errors (k).
-    `distances`: known ones between the places, in the order of `views`. `sized`: the target's size is unknown, too;
-    else it is as described, and the arm's lengths are in the target's millimetres.
+    `distances`: known ones between the places, in the order of `views`.
     """
 
     arm: ArmErrorModel
@@ -77,7 +76,6 @@ class ArmSession:
     chains: Sequence[Chain]
     parameters: Array
     distances: Sequence[KnownDistance] = ()
-    sized: bool = False
 
     @property
     def places(self) -> NDArray[np.intp]:
@@ -125,10 +123,7 @@ class ArmSession:
     def _linearise(self, views: TargetViews, chain: Chain) -> MixedModel:
         best = self.best
         assert best.nuisances is not None
-        model = linearise(exact_pixels(views.rows.seen, best.nuisances), chain, best.nuisances, best.z)
-        known = model.prior_information.copy()
-        known[12:] = best.model.prior_information[12 : 12 + len(best.z)]
-        return replace(model, prior_information=known, mixture=None)
+        return linearise(exact_pixels(views.rows.seen, best.nuisances), chain, best.nuisances, best.z)
 
     def add_distances(self, model: MixedModel) -> MixedModel:
         """The model with the known distances; its first unknowns are X, the places, and those of camera and size."""
@@ -176,13 +171,7 @@ def _length_between(
 def begin_arm_session(
     arm: ArmErrorModel, views: Sequence[TargetViews], postures: Postures, distances: Sequence[KnownDistance] = ()
 ) -> ArmSession:
-    """The session at the drawing; X is that of the first place, and every target where its first view has it.
-
-    With known distances the target's size may be another one: they separate it from lengths of the arm. It may be, too,
-    where the estimate without errors of the arm has found another one.
-    """
-    best = views[0].best
-    sized = bool(distances) or (best.nuisances is not None and best.differs([best.nuisances.size]))
+    """The session at the drawing; X is that of the first place, and every target where its first view has it."""
     drawn = np.split(arm.forward(np.zeros(len(arm)), postures), np.cumsum([len(one.rows.seen) for one in views])[:-1])
     x, chains = views[0].best.chain.mount_T_camera, []
     for one, base_T_flange in zip(views, drawn, strict=True):
@@ -193,4 +182,4 @@ def begin_arm_session(
             target = (anchor_T_mount_of(one.rows.setup, base_T_flange[first]) @ x @ seen_T[first])[0]
         chain = Chain(one.rows.setup, base_T_flange, x, target, np.zeros((len(seen_T), 6)))
         chains.append(chain.with_corrections_from(seen_T))
-    return ArmSession(arm, postures, views, chains, np.zeros(len(arm)), tuple(distances), sized)
+    return ArmSession(arm, postures, views, chains, np.zeros(len(arm)), tuple(distances))

@@ -16,35 +16,25 @@ def registered_points(estimate: ArmEstimate, postures: Postures, points_mm: Arra
 
     For a camera on the flange. Not contained: by what the arm scatters about one pose.
     """
-    return _register(estimate, postures, points_mm, _pose_covariances(estimate, postures))
-
-
-def place_points(
-    estimate: ArmEstimate, joints_rad: Array, points_mm: Array, scatter: RobotNoise
-) -> tuple[Array, Array]:
-    """As `registered_points`, at joints (n, 6) of which nothing else is known.
-
-    The covariances contain by what the arm scatters about one pose, and what is not known of it: the side of its play,
-    and its temperature by `warmth_sigma_k`.
-    """
-    return _register(estimate, estimate.postures(joints_rad), points_mm, _covariances_at(estimate, joints_rad, scatter))
+    flange = estimate.model.forward(estimate.parameters, postures)
+    rows = flange[:, :3, :3] @ _rows(estimate, points_mm)
+    on_flange = map_points(estimate.mount_T_camera, points_mm)
+    covariance: Array = rows @ _pose_covariances(estimate, postures) @ np.swapaxes(rows, 1, 2)
+    return map_points(flange, on_flange[:, None])[:, 0], covariance
 
 
 def point_variances(
     estimate: ArmEstimate, joints_rad: Array, points_mm: Array, scatter: RobotNoise = NO_SCATTER
 ) -> Array:
-    """Variances (n, m), mm², over three axes, of points (m, 3) of the camera's frame placed at each of the joints."""
-    covariances, rows = _covariances_at(estimate, joints_rad, scatter), _rows(estimate, points_mm)
+    """Variances (n, m), mm², over three axes, of points (m, 3) of the camera's frame placed at each of the joints.
+
+    They contain by what the arm scatters about one pose, and what is not known of it: the side of its play, and its
+    temperature by `warmth_sigma_k`.
+    """
+    covariances, rows = _pose_covariances(estimate, estimate.postures(joints_rad)), _rows(estimate, points_mm)
+    covariances[:, 6:, 6:] += unknown_covariances(estimate, joints_rad) + np.diag(np.repeat(scatter.levels() ** 2, 3))
     variances: Array = np.einsum("mij,njk,mik->nm", rows, covariances, rows, optimize=True)
     return variances
-
-
-def _register(estimate: ArmEstimate, postures: Postures, points_mm: Array, covariances: Array) -> tuple[Array, Array]:
-    flange = estimate.model.forward(estimate.parameters, postures)
-    rows = flange[:, :3, :3] @ _rows(estimate, points_mm)
-    on_flange = map_points(estimate.mount_T_camera, points_mm)
-    covariance: Array = rows @ covariances @ np.swapaxes(rows, 1, 2)
-    return map_points(flange, on_flange[:, None])[:, 0], covariance
 
 
 def _rows(estimate: ArmEstimate, points_mm: Array) -> Array:
@@ -61,13 +51,6 @@ def _pose_covariances(estimate: ArmEstimate, postures: Postures) -> Array:
     by[:, 6:, 6:] = jacobian
     covariances: Array = by @ estimate.covariance @ np.swapaxes(by, 1, 2)
     return covariances
-
-
-def _covariances_at(estimate: ArmEstimate, joints_rad: Array, scatter: RobotNoise) -> Array:
-    """As `_pose_covariances`, with the scatter about one pose and what is not known of it."""
-    found = _pose_covariances(estimate, estimate.postures(joints_rad))
-    found[:, 6:, 6:] += unknown_covariances(estimate, joints_rad) + np.diag(np.repeat(scatter.levels() ** 2, 3))
-    return found
 
 
 def unknown_covariances(estimate: ArmEstimate, joints_rad: Array) -> Array:

@@ -33,9 +33,9 @@ POLICY: tuple[tuple[str, str, Role], ...] = (
 
 def role_for(method: str, path: str) -> Role:
     """The lowest role that may make this request."""
-    return next(role for verb, place, role in POLICY if verb in (method, ANY) and _matches(place, path))
-
-
-def _matches(place: str, path: str) -> bool:
-    """True when a row's place is this path, a folder that holds it (`/page/*`), or any."""
-    return place in (path, ANY) or (place.endswith("/*") and path.startswith(place[:-1]))
+    return next(
+        role
+        for verb, place, role in POLICY
+        if verb in (method, ANY)
+        and (place in (path, ANY) or (place.endswith("/*") and path.startswith(place[:-1])))  # /page/*: what is in it
+    )

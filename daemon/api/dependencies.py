@@ -56,8 +56,6 @@ CameraName = Annotated[
     str | None,
     Query(min_length=1, max_length=32, description="name of one of [cameras]; 'camera' is the one of [camera]"),
 ]
-
-
 ScannerName = Annotated[
     str | None,
     Query(min_length=1, max_length=32, description="name of one of [scanners]; 'scanner' is the one of [scanner]"),
@@ -104,8 +102,6 @@ Limit = Annotated[int, Query(ge=1, le=500, description="how many at most"), IN_W
 Before = Annotated[
     str | None, Query(min_length=1, max_length=64, description="cursor: the last id of the page before; see `next`")
 ]
-
-
 Moment = Annotated[
     str | None,
     Query(
@@ -196,13 +192,10 @@ async def check_query_names(request: Request) -> None:
     known = list(_query_names(dependant))
     unknown = [name for name in request.query_params if name not in known]
     if unknown:
-        problems = [_unknown_parameter(name, known) for name in unknown[:MAX_PROBLEMS]]
+        fixes = {name: nearest_fix(name, known) or "remove it" for name in unknown[:MAX_PROBLEMS]}
+        what = "unknown query parameter"
+        problems = [DocumentProblem(f"query.{shortened(name)}", what, fix) for name, fix in fixes.items()]
         raise InvalidRequest(limit_problems(problems, len(unknown)))
-
-
-def _unknown_parameter(name: str, known: list[str]) -> DocumentProblem:
-    fix = nearest_fix(name, known) or "remove it"
-    return DocumentProblem(f"query.{shortened(name)}", "unknown query parameter", fix)
 
 
 def _query_names(dependant: Any) -> Iterator[str]:

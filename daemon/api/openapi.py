@@ -6,7 +6,7 @@ from typing import Any, Literal
 
 from fastapi import FastAPI, Request, Response
 from fastapi.routing import APIRoute
-from pydantic import BaseModel
+from pydantic import BaseModel, TypeAdapter
 from pydantic.json_schema import models_json_schema
 
 from calibration.errors import DocumentProblem
@@ -21,6 +21,9 @@ from daemon.api.middleware.idempotency import KEY_PATTERN, MAX_KEY_LENGTH, NOT_S
 from daemon.api.problems import problem_of
 from daemon.api.route_table import TAGS, routers
 from daemon.api.schemas.answer import Answer
+from daemon.api.schemas.drift import DriftDocument
+from daemon.api.schemas.runs import RunDocument
+from daemon.api.schemas.scans import ScanDocument
 from daemon.http.problem_details import MEDIA_TYPE, Problem, reason_phrase
 from daemon.runtime.workers import Workers
 from drivers import errors as device
@@ -130,8 +133,12 @@ def build_openapi(app: FastAPI) -> dict[str, Any]:
             models.pop(unused, None)
         models.update(schemas["$defs"])
         for answer in Answer.__subclasses__():
-            if answer.__name__ in models and (shown := _examples_of(answer)):
+            extra: Any = answer.model_config.get("json_schema_extra")  # with the null values that FastAPI omits
+            shown = extra.get("examples") if isinstance(extra, dict) else None
+            if answer.__name__ in models and isinstance(shown, list):
                 models[answer.__name__]["examples"] = shown
+        for record in (DriftDocument, RunDocument, ScanDocument):
+            models[record.__name__]["examples"] = TypeAdapter(record).json_schema()["examples"]
         components["securitySchemes"] = {"key": KEY_SCHEME, "session": COOKIE_SCHEME}
         components["parameters"] = {"IdempotencyKey": IDEMPOTENCY_KEY}
         document["tags"] = [{"name": name, "description": about} for name, about in TAGS.items()]
@@ -196,13 +203,6 @@ def _finish(document: dict[str, Any], bodies: dict[tuple[str, str], type[BaseMod
                     used.add(int(status))
             operation["responses"] = dict(sorted(operation["responses"].items()))
     return used
-
-
-def _examples_of(answer: type[BaseModel]) -> list[Any]:
-    """The examples of a model, with the null values that FastAPI omits."""
-    extra = answer.model_config.get("json_schema_extra")
-    shown = extra.get("examples") if isinstance(extra, dict) else None
-    return shown if isinstance(shown, list) else []
 
 
 def _problem(status: int) -> dict[str, Any]:

@@ -7,9 +7,10 @@ from typing import Any
 from calibration.documents.calibration import CalibrationDocument
 from calibration.documents.calibration_text import accuracy_text, summary
 from calibration.documents.numbers import significant
+from calibration.monitoring.cell_change import DriftChangeDocument
 from daemon.api.schemas.calibrations import CalibrateStatus, CurrentCalibration
 from daemon.api.schemas.cell import RobotDocument
-from daemon.api.schemas.drift import DriftChangeDocument, DriftDocument
+from daemon.api.schemas.drift import DriftDocument
 from daemon.api.schemas.health import ReadyDocument
 from daemon.model.records import RunRecord
 from daemon.reports.reports import MIN_SHOWN_CHANCE
@@ -26,7 +27,7 @@ def _run_lines(run: RunRecord, calibration: CalibrationDocument | None) -> Itera
     yield f"{run.kind} run {run.id}: {run.state}{stations}"
     if run.planning is not None:
         yield from filter(None, (prediction_text(run.planning), run.planning.note))
-        if not run.over and run.planning.advice:
+        if not run.is_over and run.planning.advice:
             yield f"next: {run.planning.advice}"
     if run.cause is not None:
         yield f"why:  {run.cause.what}"
@@ -40,10 +41,10 @@ def _run_lines(run: RunRecord, calibration: CalibrationDocument | None) -> Itera
         yield f"scan {run.result['scan_id']}: {run.result['views']} views; GET /scans/{run.result['scan_id']}/cloud"
     if run.result is not None and "joints_deg" in run.result:
         yield f"the axes stand at {', '.join(f'{angle:.2f}' for angle in run.result['joints_deg'])} deg"
-    if not run.over and run.request.get("manual"):
+    if not run.is_over and run.request.get("manual"):
         yield f"jog the arm with POST /runs/{run.id}/jog"
         yield f"take a picture with POST /runs/{run.id}/stations, end with POST /runs/{run.id}/finish"
-    if not run.over:
+    if not run.is_over:
         yield f"follow it with GET /runs/{run.id} or /events; stop it with POST /runs/{run.id}/abort"
 
 

@@ -38,7 +38,10 @@ async def readiness(app: Application, camera: CellCamera, scanner: str | None = 
     except (NoCalibration, NotFound) as error:
         register.append(error.what)
     of_sources = (warning for source in app.warning_sources for warning in source.warnings())
-    warnings = list(dict.fromkeys([*_disk_warnings(app), *of_sources]))
+    free_mb, of_disk = app.store.free_bytes() / 1e6, list[str]()
+    if app.store.fault is None and free_mb < app.settings.storage.reserve_mb:
+        of_disk = [Sentence("disk-nearly-full", free_mb=free_mb, folder=str(app.store.folder))]
+    warnings = list(dict.fromkeys([*of_disk, *of_sources]))
     return ReadyDocument(
         ready=not calibrate or not register,
         calibrate=Readiness(ready=not calibrate, reasons=calibrate, reason_details=SentenceDocument.each_of(calibrate)),
@@ -46,10 +49,3 @@ async def readiness(app: Application, camera: CellCamera, scanner: str | None = 
         warnings=warnings,
         warning_details=SentenceDocument.each_of(warnings),
     )
-
-
-def _disk_warnings(app: Application) -> list[str]:
-    free_mb = app.store.free_bytes() / 1e6
-    if app.store.fault is not None or free_mb >= app.settings.storage.reserve_mb:
-        return []
-    return [Sentence("disk-nearly-full", free_mb=free_mb, folder=str(app.store.folder))]

@@ -1,6 +1,7 @@
 """The answers that show a run: JSON, or text."""
 
 from fastapi import Request, Response
+from pydantic import RootModel
 
 from calibration.documents.calibration import CalibrationDocument
 from daemon.api.negotiation import respond
@@ -21,11 +22,12 @@ async def answer_run(
     if run.result is not None and run.kind == "calibration":
         calibration = (await app.store.calibration(run.result["calibration_id"])).document
     every = dict(headers or {})
-    if not run.over:
+    if not run.is_over:
         every["Retry-After"] = str(POLL_S)
-    return respond(request, RunDocument.of(run), lambda: run_text(run, calibration), status, every)
+    document = RootModel[RunDocument](RunDocument.of(run))
+    return respond(request, document, lambda: run_text(run, calibration), status, every)
 
 
 async def answer_started(request: Request, app: Application, run: RunRecord) -> Response:
     """The answer to the request that started the run: 202 with Location, or 200 when it is over."""
-    return await answer_run(request, app, run, 200 if run.over else 202, {"Location": f"/runs/{run.id}"})
+    return await answer_run(request, app, run, 200 if run.is_over else 202, {"Location": f"/runs/{run.id}"})

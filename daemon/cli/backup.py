@@ -22,6 +22,7 @@ def backup(
     from daemon.config.settings import load_settings
     from daemon.runtime.clock import Clock
     from daemon.store.backup import back_up, write_backup
+    from daemon.store.database import storage_errors
     from daemon.store.offline import open_offline
 
     store = Path(load_settings(config).storage.folder)
@@ -30,7 +31,9 @@ def backup(
         raise CommandError("-", "a terminal shows no tar file", "send it on: handeyed backup ... --out - | restic ...")
     with open_offline(store) as database:
         if piped:
-            write_backup(store, database, sys.stdout.buffer, made_at, store)
+            with storage_errors(Path("standard output")):
+                write_backup(store, database, sys.stdout.buffer, made_at, store)
+                sys.stdout.flush()
             return
         count = back_up(store, database, out, made_at)
     typer.echo(f"{out}: {count} files, {out.stat().st_size / 1e6:.1f} MB")

@@ -21,7 +21,8 @@ def calibrate_manually(daemon: Client, body: dict[str, Any]) -> Run:
     _print_aside(f"run {run['id']}: {BEGIN}\n{KEYS}")
     try:
         while not ended:
-            run, ended = _handle_key(daemon, links, _read_key())
+            line = sys.stdin.readline()  # "" at the end of the input
+            run, ended = _handle_key(daemon, links, line.strip().lower() if line else "q")
     except (KeyboardInterrupt, SystemExit, ClientError):
         if not daemon.run(run["id"])["over"]:
             daemon.abort(run)
@@ -45,17 +46,9 @@ def _handle_key(daemon: Client, links: dict[str, str], key: str) -> tuple[Any, b
             raise
         print_error(f"not taken: {refused.what}: {refused.fix}")
         return None, False
-    planning = run["planning"]
-    _print_aside(
-        f"picture {run['station']} taken. {planning['predicted'] or 'not yet determined'}\n  next: {planning['advice']}"
-    )
+    planned, number = run["planning"], sum(name.startswith("frame ") for name in run["links"])
+    _print_aside(f"picture {number} taken. {planned['predicted'] or 'not yet determined'}\n  next: {planned['advice']}")
     return run, False
-
-
-def _read_key() -> str:
-    """Read a line from standard input; "q" at its end."""
-    line = sys.stdin.readline()
-    return line.strip().lower() if line else "q"
 
 
 def _print_aside(text: str) -> None:

@@ -10,7 +10,7 @@ from daemon.cli.errors import CommandError, ExitStatus
 from daemon.cli.output import Json, print_error, writing
 
 if TYPE_CHECKING:
-    from registration.documents import RegisteredViewDocument, RegistrationReportDocument
+    from registration.documents import RegistrationReportDocument
     from registration.fusion.merging import Outliers
 
 
@@ -94,10 +94,7 @@ def _summary(report: "RegistrationReportDocument", out: Path) -> str:
     if before is not None:
         fitted = "" if after is None else f", {after:.3f} mm after refinement"
         lines.append(f"  between overlapping views {before:.3f} mm RMS by the robot's poses{fitted}")
-    lines += [_view_line(view) for view in report.views]
+    for view in report.views:
+        deviation = "" if view.rms_mm is None else f"{view.rms_mm:8.3f} mm RMS"
+        lines.append(f"  {view.cloud:<24}{view.points:>12,} points{view.overlap:6.0%} overlap{deviation}")
     return "\n".join([*lines, *(f"  {finding_line(finding)}" for finding in report.verdict.findings)])
-
-
-def _view_line(view: "RegisteredViewDocument") -> str:
-    deviation = "" if view.rms_mm is None else f"{view.rms_mm:8.3f} mm RMS"
-    return f"  {view.cloud:<24}{view.points:>12,} points{view.overlap:6.0%} overlap{deviation}"

@@ -50,6 +50,6 @@ def _line(pair: "StitchedPairDocument") -> str:
     a, b = pair.views
     x, y, z = pair.base_offset_mm
     return (
-        f"views {a} and {b}: gap {pair.gap_mm:+.3f} mm (95 % within {pair.width_mm:.3f} mm),"
+        f"views {a + 1} and {b + 1}: gap {pair.gap_mm:+.3f} mm (95 % within {pair.width_mm:.3f} mm),"
         f" shift ({x:+.3f}, {y:+.3f}, {z:+.3f}) mm shown by {SHOWN[len(pair.directions)]}, {pair.overlap:.0%} overlap"
     )

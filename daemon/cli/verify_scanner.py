@@ -74,5 +74,5 @@ def _text(found: "AcceptanceDocument") -> str:
     for position in found.positions:
         balls = "; ".join(f"form {ball.form_mm:.4f}, size {ball.size_mm:+.4f} mm" for ball in position.balls)
         apart = "" if position.spacing_error_mm is None else f"; spacing {position.spacing_error_mm:+.4f} mm"
-        lines.append(f"  position {position.view}: {balls}{apart}")
+        lines.append(f"  position {position.view + 1}: {balls}{apart}")
     return "\n".join(lines)

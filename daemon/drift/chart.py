@@ -4,6 +4,7 @@ import logging
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from math import isfinite
+from typing import Literal
 
 import numpy as np
 
@@ -12,7 +13,7 @@ from calibration.documents.knowledge import NoiseBeliefDocument
 from calibration.errors import CalibrationError
 from calibration.kinematics.abb_arms import find_arm
 from calibration.likelihood.predicted_uncertainty import ExpectedNoise, Scene
-from calibration.monitoring.cell_change import PossibleChange, find_change
+from calibration.monitoring.cell_change import DriftChangeDocument, find_change
 from calibration.monitoring.control_chart import ChartPoint, DriftRules, DriftStanding, chart, scatter_limit_mm
 from calibration.monitoring.learnt_noise import learn_noise
 from calibration.sentences.sentence import Sentence
@@ -40,13 +41,13 @@ Vector = tuple[float, float, float]
 
 @dataclass(frozen=True)
 class DriftReport:
-    """Evaluation of the chart's last point. `alarm` is a sentence, None while the calibration holds.
+    """Evaluation of the chart's last point, "off" without one. `alarm`: a sentence, None while the calibration holds.
 
     `shift_mm`: apparent displacement of the fixed target, moving average; `limit_mm`: its limit by chance.
     """
 
-    standing: DriftStanding | None = None
-    calibration_id: str = ""
+    standing: Literal["off", DriftStanding] = "off"
+    calibration_id: str | None = None
     verifications: int = 0
     shift_mm: float = 0.0
     limit_mm: float | None = None
@@ -55,8 +56,9 @@ class DriftReport:
     alarm: str | None = None
 
     def event_data(self) -> dict[str, object]:
-        """The fields as JSON values, for the event `drift`."""
-        return vars(self).copy()
+        """The fields as JSON values, for the event `drift`, in which a chart that is off stands nowhere."""
+        standing = None if self.standing == "off" else self.standing
+        return vars(self) | {"standing": standing, "calibration_id": self.calibration_id or ""}
 
 
 @dataclass(frozen=True)
@@ -90,7 +92,7 @@ class DriftChart:
 
     report: DriftReport = field(default_factory=DriftReport)
     points: tuple[DriftPointDocument, ...] = ()
-    changes: tuple[PossibleChange, ...] = ()
+    changes: tuple[DriftChangeDocument, ...] = ()
     robot_noise: NoiseBeliefDocument | None = None
 
 
@@ -148,7 +150,9 @@ def _learnt_noise(
     return NoiseBeliefDocument.of(learnt) if within else belief
 
 
-def _changes(entries: Sequence[ChartEntry], document: CalibrationDocument, settings: Settings) -> list[PossibleChange]:
+def _changes(
+    entries: Sequence[ChartEntry], document: CalibrationDocument, settings: Settings
+) -> list[DriftChangeDocument]:
     """What may have changed between the verifications of the reference and the last one."""
     now, x = entries[-1].seen, document.mount_T_camera
     before = [entry.seen for entry in _reference(entries[:-1], settings.drift.learn) if entry.seen is not None]

@@ -147,7 +147,7 @@ def _read_all(runs: list[RunRecord], applied: AppliedCalibration, target_points_
     return [
         _RunEntries(
             run.id,
-            run.over,
+            run.is_over,
             (chart_entry(run, target_points_mm),) if belongs_to_chart(run, applied, len(target_points_mm)) else (),
         )
         for run in runs

@@ -86,7 +86,7 @@ class DriftSchedule(InBackground):
     async def _check_cell(self) -> None:
         """Withdraw the latest run's consent when there is an obstacle to motion; a run in progress checks by itself."""
         latest = self.operations.supervisor.latest
-        if latest is not None and not latest.over:
+        if latest is not None and not latest.is_over:
             # What anybody sees after its end counts, also before the next check.
             self._seen_after, self._seen = latest.id, self._see()
             return
@@ -130,7 +130,7 @@ class DriftSchedule(InBackground):
         latest = self.operations.supervisor.latest
         if latest is None:
             return Sentence("schedule-daemon-started")
-        if not latest.over:
+        if not latest.is_over:
             return ""
         if latest.state is not RunState.FINISHED:
             return Sentence(f"schedule-run-{latest.state}", run=latest.id)

@@ -7,13 +7,14 @@ parsed in one turn of the event loop (see request_pacing.py), aborts first.
 """
 
 import asyncio
+import mmap
 import select
 from contextlib import suppress
-from typing import Any
+from typing import Any, cast
 
 import httptools
-from uvicorn.protocols.http.flow_control import HIGH_WATER_LIMIT
-from uvicorn.protocols.http.httptools_impl import HttpToolsProtocol
+from uvicorn._types import ASGIReceiveEvent
+from uvicorn.protocols.http.httptools_impl import HttpToolsProtocol, RequestResponseCycle
 
 from daemon.http.accepting import ABORT_LINE
 from daemon.http.connection_limiter import ConnectionLimiter
@@ -55,6 +56,10 @@ PACING = "pacing"
 ON_AUTHENTICATED = "on_authenticated"
 """Key in a scope's `state`: a function without arguments, to be called when the request has shown a valid key."""
 
+LEND_BODY = "lend_body"
+"""Key in a scope's `state`: a function without arguments, after which the pieces of a body with Content-Length come as
+views of a buffer of the connection's own, each valid until the next piece is asked for. This saves two copies."""
+
 
 class LimitedConnection(HttpToolsProtocol):
     """uvicorn's HTTP connection with the limits of HttpLimits."""
@@ -71,6 +76,7 @@ class LimitedConnection(HttpToolsProtocol):
         self._body_waited_s = 0.0
         self._body_bytes = 0
         self._length_left = 0  # of a body with Content-Length
+        self._own_buffer: memoryview | None = None  # for a body whose pieces are lent
         self._overhead_bytes = 0  # since the last head or piece of a body: head, sizes of chunks, trailers
         self._refusal = MALFORMED  # of what the parser does not take
         self._last_progress_s = self._last_check_s = 0.0
@@ -83,12 +89,11 @@ class LimitedConnection(HttpToolsProtocol):
         """The client's IP address."""
         return self.client[0] if self.client else ""
 
-    @property
-    def max_chunk_bytes(self) -> int:
-        """How many bytes it parses at once."""
+    def room_in(self, shared: memoryview) -> memoryview:
+        """Room for as many bytes as are parsed at once, or lent."""
         if not self._authenticated:
-            return MAX_UNAUTHENTICATED_CHUNK_BYTES
-        return BUFFER_BYTES if self._length_left else MAX_CHUNK_BYTES
+            return shared[:MAX_UNAUTHENTICATED_CHUNK_BYTES]
+        return (self._own_buffer or shared)[: None if self._length_left else MAX_CHUNK_BYTES]
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
         super().connection_made(transport)
@@ -156,10 +161,21 @@ class LimitedConnection(HttpToolsProtocol):
             self._parse(memoryview(held))
 
     def _feed(self, piece: memoryview) -> None:
+        """Parse a piece, or lend it past the parser as it lies in the connection's buffer."""
         if self._head_since_s is None and self._body_since_s is None:
             self._start_head()
         self._overhead_bytes += len(piece)
         self._unset_keepalive_if_required()
+        if self._own_buffer is not None and self._length_left:
+            self._count_body(len(piece))
+            if not self.cycle.response_complete:
+                cast(_LendingCycle, self.cycle).lend(piece)
+            if not self._length_left:
+                self._own_buffer = None
+                self.on_message_complete()
+                self.parser = httptools.HttpRequestParser(self)  # the one before waits for the end of this body
+                self.parser.set_dangerous_leniencies(lenient_data_after_close=True)  # as in uvicorn
+            return
         try:
             self.parser.feed_data(piece)
         except httptools.HttpParserError:
@@ -185,21 +201,24 @@ class LimitedConnection(HttpToolsProtocol):
         lengths = [int(value) for name, value in self.headers if name == b"content-length"]
         self._length_left = 0 if self.parser.should_upgrade() or not lengths else lengths[0]
         self.cycle.transport = _LingeringTransport(self)  # type: ignore[assignment]
+        self.cycle.__class__ = _LendingCycle
         self.scope["state"][ON_AUTHENTICATED] = self._authenticate
+        self.scope["state"][LEND_BODY] = self.lend_body
         self.scope["state"][PACING] = self._limiter.pacing
 
     def on_body(self, body: bytes) -> None:
-        """Like uvicorn's, but pass a chunk on without copying when no other is pending: saves two copies of a cloud."""
+        self._count_body(len(body))
+        super().on_body(body)
+
+    def _count_body(self, length: int) -> None:
         self._overhead_bytes = 0
-        self._body_bytes += len(body)
-        self._length_left = max(0, self._length_left - len(body))
-        if self.cycle.body or self.cycle.response_complete or self.parser.should_upgrade():
-            super().on_body(body)
-            return
-        self.cycle.body = body  # type: ignore[assignment]
-        if len(body) > HIGH_WATER_LIMIT:
-            self.flow.pause_reading()
-        self.cycle.message_event.set()
+        self._body_bytes += length
+        self._length_left = max(0, self._length_left - length)
+
+    def lend_body(self) -> None:
+        """From here on pass the body on as it lies in a buffer of its own, where it is large."""
+        if self._authenticated and self._length_left > MAX_CHUNK_BYTES:  # its pages take no memory until bytes come
+            self._own_buffer = memoryview(mmap.mmap(-1, min(self._length_left, BUFFER_BYTES)))
 
     def on_message_complete(self) -> None:
         super().on_message_complete()
@@ -256,17 +275,14 @@ class LimitedConnection(HttpToolsProtocol):
             self._refuse(TOO_SLOW)
         elif self._body_since_s is not None and not self.flow.read_paused:
             self._body_waited_s += now_s - max(before_s, self._body_since_s)
-            if idle or self._body_waited_s > self._body_limit_s:
+            by_rate_s = self._limits.idle_s + self._body_bytes / self._limits.body_bytes_per_s
+            if idle or self._body_waited_s > (by_rate_s if self._authenticated else self._limits.body_s):
                 self._refuse(TOO_SLOW)
-        elif (self.flow.write_paused or self.flow.read_paused) and (idle or self._has_hung_up()):
-            self.transport.abort()
+        elif self.flow.write_paused or self.flow.read_paused:
+            waits_for_client = self.flow.write_paused or self._body_since_s is not None  # and not for the answer
+            if (idle and waits_for_client) or self._has_hung_up():
+                self.transport.abort()
         self._schedule_check()
-
-    @property
-    def _body_limit_s(self) -> float:
-        if not self._authenticated:
-            return self._limits.body_s
-        return self._limits.idle_s + self._body_bytes / self._limits.body_bytes_per_s
 
     def _has_hung_up(self) -> bool:
         """True when the end of the connection has arrived, which is not noticed otherwise while reading is paused."""
@@ -300,6 +316,32 @@ class LimitedConnection(HttpToolsProtocol):
                 self.transport.write_eof()
         self.flow.resume_reading()
         self.loop.call_later(self._limits.linger_s, self.transport.close)
+
+
+class _LendingCycle(RequestResponseCycle):
+    """uvicorn's request with its answer, which passes a lent piece of a body on without copying it."""
+
+    lent: memoryview | None = None
+
+    def lend(self, piece: memoryview) -> None:
+        """Pass this on with the next `receive`, and read nothing before the one after it."""
+        assert self.lent is None  # since reading pauses
+        self.lent = piece.toreadonly()
+        self.flow.pause_reading()
+        self.message_event.set()
+
+    async def receive(self) -> ASGIReceiveEvent:
+        if self.lent is None or self.disconnected or self.response_complete:
+            message = await super().receive()
+        else:  # without reading on: the piece lies where the next one would come
+            self.message_event.clear()
+            message = {"type": "http.request", "body": bytes(self.body), "more_body": self.more_body}
+            self.body = bytearray()
+        if self.lent is not None and message["type"] == "http.request":
+            before = message["body"]  # parsed before the body was lent
+            message["body"] = before + self.lent if before else self.lent  # type: ignore[typeddict-item]
+            self.lent = None
+        return message
 
 
 class _LingeringTransport:

@@ -20,10 +20,9 @@ class SharedBuffer:
 class ConnectionProtocol(Protocol):
     """Like asyncio.Protocol, but `data_received` must not keep a reference to the memoryview."""
 
-    @property
-    def max_chunk_bytes(self) -> int:
-        """How many bytes it wants at most with the next `data_received`."""
-        ...
+    def room_in(self, shared: memoryview) -> memoryview:
+        """Where the next bytes are put: in this buffer of all connections, or in one of its own."""
+        return shared
 
     def connection_made(self, transport: Any) -> None: ...
     def data_received(self, data: memoryview) -> None: ...
@@ -36,8 +35,6 @@ class ConnectionProtocol(Protocol):
 class _Lost(ConnectionProtocol):
     """Takes the place of a connection that is lost, and does nothing."""
 
-    max_chunk_bytes = BUFFER_BYTES
-
 
 _LOST = _Lost()  # type: ignore[abstract] # what its Protocol does is nothing
 
@@ -47,12 +44,14 @@ class BufferedConnection(asyncio.BufferedProtocol):
 
     def __init__(self, connection: ConnectionProtocol, buffer: SharedBuffer) -> None:
         self._connection, self._shared = connection, buffer
+        self._room = buffer.buffer
 
     def get_buffer(self, sizehint: int) -> memoryview:
-        return self._shared.buffer[: self._connection.max_chunk_bytes]
+        self._room = self._connection.room_in(self._shared.buffer)
+        return self._room
 
     def buffer_updated(self, nbytes: int) -> None:
-        self._connection.data_received(self._shared.buffer[:nbytes])
+        self._connection.data_received(self._room[:nbytes])
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         self._connection.connection_made(transport)

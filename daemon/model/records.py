@@ -1,15 +1,13 @@
 """The records of the store: runs, calibrations, scans."""
 
-import json
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 import numpy as np
-from pydantic import TypeAdapter
 
 from calibration.documents.calibration import CalibrationDocument, SentenceDocument
 from calibration.documents.external_axis import external_axes_of
-from calibration.documents.pose import PoseDocument
+from calibration.documents.pose import PoseDocument, Vector
 from calibration.kinematics.stance import Stance
 from daemon.config.settings import MAIN_CAMERA, MAIN_SCANNER
 from daemon.model.run_states import FINAL_STATES, RunState
@@ -36,36 +34,84 @@ class CauseDocument:
 
 
 @dataclass(frozen=True)
-class Planning:
-    """Progress of a run that plans its views one after another.
+class TurnDocument:
+    """A turn of the flange about one of its own axes."""
+
+    turn_axis: Literal["x", "y", "z"]
+    deg: float
+
+
+@dataclass(frozen=True)
+class ShiftDocument:
+    """A shift of the flange along the base's axes."""
+
+    shift_mm: Vector
+
+
+@dataclass(frozen=True)
+class PredictionDocument:
+    """U (k = 2) at the worst of the points that matter after a station, and with the views planned then."""
+
+    station: int
+    at: str
+    now_mm: float | None
+    planned_mm: float | None
+
+
+@dataclass(frozen=True)
+class PlannedPoseDocument:
+    """A planned pose; where the arm is known its axis angles, and base, shoulder, elbow, wrist and flange to draw."""
+
+    base_T_flange: PoseDocument
+    joints_deg: list[float] | None
+    skeleton_mm: list[Vector] | None
+
+
+@dataclass(frozen=True)
+class GoalDocument:
+    """What ends a planned run: so many views at the most, or one sigma or U of a measured point."""
+
+    views: int
+    uncertainty_mm: float | None
+    tolerance_mm: float | None
+
+
+@dataclass(frozen=True)
+class Foreseen:
+    """What a run that plans its views one after another predicts and advises.
 
     `now_mm`: U (k = 2) at the worst of the points that matter with the views so far, None before they determine X;
-    `planned_mm`: the same after the next `ahead` planned views. `pictures` includes the first look. `note`: what was
-    assumed; `advice`: where the operator should jog to, in words, and `next_pose` the same as base_T_flange;
-    `next_outline_px`: where the target's outline is in the picture then; `advice_steps`: the advice one by one.
-    `history`: `now_mm`, `planned_mm` after each station. `planned_poses`: the poses planned, the next one first.
-    `goal`: of the run.
+    `planned_mm`: the same after the next `ahead` planned views. `note`: what was assumed; `advice`: where the operator
+    should jog to, in words, and `next_pose` the same as base_T_flange; `next_outline_px`: where the target's outline is
+    in the picture then; `advice_steps`: the advice one by one. `history`: the predictions after each station.
+    `planned_poses`: the poses planned, the next one first. `goal`: of the run.
     """
 
     now_mm: float | None = None
     planned_mm: float | None = None
     ahead: int = 0
-    pictures: int = 0
     note: str = ""
     advice: str = ""
-    next_pose: dict[str, Any] | None = None
-    next_outline_px: list[list[float]] | None = None
-    advice_steps: tuple[dict[str, Any], ...] = ()
-    history: tuple[dict[str, Any], ...] = ()
-    planned_poses: tuple[dict[str, Any], ...] = ()
-    goal: dict[str, Any] | None = None
+    next_pose: PoseDocument | None = None
+    next_outline_px: list[tuple[float, float]] | None = None
+    advice_steps: tuple[TurnDocument | ShiftDocument, ...] = ()
+    history: tuple[PredictionDocument, ...] = ()
+    planned_poses: tuple[PlannedPoseDocument, ...] = ()
+    goal: GoalDocument | None = None
+
+
+@dataclass(frozen=True)
+class Planning(Foreseen):
+    """Progress of such a run; `pictures`: how many are stored, the first look included."""
+
+    pictures: int = 0
 
     def predicting(
         self, station: int, at: str, now_mm: float | None, planned_mm: float | None, ahead: int
     ) -> "Planning":
         """The planning after a station, which its history then has, too."""
-        row = {"station": station, "at": at, "now_mm": now_mm, "planned_mm": planned_mm}
-        return replace(self, now_mm=now_mm, planned_mm=planned_mm, ahead=ahead, history=(*self.history, row))
+        history = (*self.history, PredictionDocument(station, at, now_mm, planned_mm))
+        return replace(self, now_mm=now_mm, planned_mm=planned_mm, ahead=ahead, history=history)
 
 
 @dataclass(frozen=True)
@@ -90,35 +136,13 @@ class RunRecord:
     started_by_role: str = ""
 
     @property
-    def over(self) -> bool:
+    def is_over(self) -> bool:
         return self.state in FINAL_STATES
 
     @property
     def pictures(self) -> int:
         """The number of stored pictures: one per station, and the first look of an adaptive run."""
         return self.planning.pictures if self.planning else self.station
-
-    def row(self) -> tuple[Any, ...]:
-        """The values in the order of the table's columns."""
-        cause = None if self.cause is None else _CAUSE.dump_json(self.cause).decode()
-        result = None if self.result is None else json.dumps(self.result)
-        return (self.id, self.kind, str(self.state), self.station, self.stations, cause, self.created_at,
-                self.updated_at, json.dumps(self.request), result,
-                self.planning and json.dumps(asdict(self.planning)), self.started_by, self.started_by_role)  # fmt: skip
-
-    @classmethod
-    def of(cls, row: tuple[Any, ...]) -> "RunRecord":
-        """The record of a row. Raises ValueError, TypeError for one that is not what was stored."""
-        run_id, kind, state, station, stations, cause, created_at, updated_at, request, result, planning, *starter = row
-        asked, found = json.loads(request), None if result is None else json.loads(result)
-        if not (isinstance(asked, dict) and isinstance(found, dict | None)):
-            raise ValueError("request or result is no JSON object")
-        why = None if cause is None else _CAUSE.validate_json(cause)
-        return cls(run_id, kind, RunState(state), station, stations, created_at, updated_at, why,
-                   asked, found, planning and Planning(**json.loads(planning)), *starter)  # fmt: skip
-
-
-_CAUSE = TypeAdapter(CauseDocument)
 
 
 @dataclass(frozen=True)
@@ -155,14 +179,6 @@ class AppliedCalibration:
     despite_verdict: bool = False
     reason: str = ""
     camera: str = MAIN_CAMERA
-
-    @classmethod
-    def of(cls, row: tuple[Any, ...]) -> "AppliedCalibration":
-        """The entry of a row of the table; a damaged store of an older version has fewer columns."""
-        sequence, calibration_id, applied_at, applied_by, *rest = row
-        defaults: tuple[Any, ...] = ("", 0, "", MAIN_CAMERA)
-        role, despite_verdict, reason, camera = (*rest, *defaults[len(rest) :])
-        return cls(calibration_id, applied_at, applied_by, sequence, role, bool(despite_verdict), reason, camera)
 
 
 @dataclass(frozen=True)
@@ -204,8 +220,8 @@ class FlangePose:
         return Stance.of_degrees(self.base_T_flange.transform(), self.joints_deg, self.external_axes)
 
 
-@dataclass(frozen=True)
-class ScanViewDocument:
+@dataclass(frozen=True, kw_only=True)
+class ScanViewDocument(FlangePose):
     """One cloud of a scan. `joints_deg`: the arm's axes, null where the pose came without; `external_axes` likewise.
 
     `points`, with those that are not finite, and `bytes` of the file: null, and `created_by` empty, in views from
@@ -215,14 +231,8 @@ class ScanViewDocument:
     view: int
     file: str
     unit: Unit
-    base_T_flange: PoseDocument
     created_at: str
-    joints_deg: tuple[float, ...] | None
-    external_axes: tuple[float | None, ...] | None = None
+    joints_deg: tuple[float, ...] | None = field()
     points: int | None = None
     bytes: int | None = None
     created_by: str = ""
-
-    @property
-    def pose(self) -> FlangePose:
-        return FlangePose(self.base_T_flange, self.joints_deg, self.external_axes)

@@ -139,7 +139,7 @@ FALLBACK_CODES: tuple[tuple[type[Exception], str], ...] = (
 """Error codes for exceptions whose own code has no number in the register map; the first matching type decides."""
 
 DRIFT = {
-    None: DriftState.OFF,
+    "off": DriftState.OFF,
     "learning": DriftState.LEARNING,
     "steady": DriftState.STEADY,
     "drifting": DriftState.DRIFTING,
@@ -285,7 +285,7 @@ class PlcGateway:
     async def _follow(self, start: StartCommand, run: RunRecord) -> CommandResult:
         """Wait for the end of the run, publishing its progress, and return its result."""
         try:
-            while not run.over:
+            while not run.is_over:
                 run = await self.operations.supervisor.wait(run.id, PROGRESS_S)
                 self._take(StationReached(run.station, run.stations))
             return await self._result(start.command, run, self._camera(start.camera))

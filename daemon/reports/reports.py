@@ -5,7 +5,7 @@ Contents of the calibration report as ISO/IEC 17025:2017, 7.8.2 and 7.8.4; U = k
 
 from collections import defaultdict
 from collections.abc import Sequence
-from math import degrees, hypot
+from math import hypot
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,7 +14,7 @@ from calibration.documents.arm_field import ArmFieldDocument
 from calibration.documents.calibration import TRANSFORM_NAMES, CalibrationDocument
 from calibration.documents.numbers import DASH, MINUS, places
 from calibration.kinematics.conventions import numbers_of
-from calibration.monitoring.cell_change import PossibleChange
+from calibration.monitoring.cell_change import DriftChangeDocument
 from calibration.planning.more_arm_views import BOX_STEPS
 from calibration.sentences.sentence import as_sentence, text_of
 from daemon.reports.budget import budget_at_worst, noise_sources, scale_percent
@@ -45,7 +45,7 @@ def calibration_report(document: CalibrationDocument, context: ReportContext) ->
     U_mm = [2 * u for u in sure.translation_mm] if sure else [None] * 3
     U_deg = [2 * u for u in sure.rotation_deg] if sure else [None] * 3
     bars = [
-        Bar(str(view.index), view.base_error_mm, view.status == "rejected")
+        Bar(str(view.index + 1), view.base_error_mm, view.status == "rejected")
         for view in document.views
         if view.base_error_mm is not None
     ]
@@ -98,7 +98,7 @@ def _verified(run: "RunRecord") -> dict[str, Any]:
 def drift_report(drift: "DriftChart", context: ReportContext) -> str:
     """The control chart of the active calibration."""
     first, last = (drift.points[0].at, drift.points[-1].at) if drift.points else (DASH, DASH)
-    about = {"calibration": drift.report.calibration_id, "last": last}
+    about = {"calibration": drift.report.calibration_id or "", "last": last}
     number = text_of("drift.number", about, language_of(context.language))
     return render("drift", number, context, first=first, last=last, **_drift(drift))
 
@@ -115,15 +115,15 @@ def _drift(drift: "DriftChart | None") -> dict[str, Any]:
         "drift": drift,
         "alarm": None if drift.report.alarm is None else as_sentence(drift.report.alarm),
         "chart": control_chart(points, "mm") if points else None,
-        "standing": drift.report.standing or "off",
+        "standing": drift.report.standing,
         "changes": [_change(one) for one in drift.changes if one.chance >= MIN_SHOWN_CHANCE],
     }
 
 
-def _change(change: PossibleChange) -> tuple[str, dict[str, Any]]:
+def _change(change: DriftChangeDocument) -> tuple[str, dict[str, Any]]:
     """The word of what may have changed, and what fills it."""
-    turned_deg = degrees(hypot(*change.turn_rad) if change.axis is None else change.turned_rad)
-    amounts = {"axis": change.axis, "shift_mm": hypot(*change.shift_mm), "turned_deg": turned_deg}
+    turned_deg = hypot(*change.turn_deg or ()) if change.axis is None else change.turned_deg
+    amounts = {"axis": change.axis, "shift_mm": hypot(*change.shift_mm or ()), "turned_deg": turned_deg}
     return f"change.{change.cause}", {**amounts, "chance": change.chance}
 
 
@@ -135,7 +135,7 @@ def scan_report(
     deviations: DeviationMap | None = None,
 ) -> str:
     """The report of a registered scan; `pictures`: the merged cloud from three sides."""
-    bars = [Bar(str(view.index), view.rms_mm) for view in found.views if view.rms_mm is not None]
+    bars = [Bar(str(view.index + 1), view.rms_mm) for view in found.views if view.rms_mm is not None]
     shares = [
         Bar("0" if abs(middle_mm) < 1e-9 else f"{middle_mm:+.2g}".replace("-", MINUS), 100 * share)
         for middle_mm, share in (
@@ -151,6 +151,6 @@ def scan_report(
 
 def acceptance_report(record: "DocumentRecord", found: "AcceptanceDocument", context: ReportContext) -> str:
     """The report of a scanner's verification. It has no limits: they are those of its data sheet or of the plant."""
-    bars = [Bar(str(one.view), max((ball.form_mm for ball in one.balls), default=0.0)) for one in found.positions]
+    bars = [Bar(str(one.view + 1), max((ball.form_mm for ball in one.balls), default=0.0)) for one in found.positions]
     chart = bar_chart(bars, "mm") if bars else None
     return render("acceptance", record.id, context, record=record, found=found, bars=chart)

@@ -9,16 +9,12 @@ from daemon.runtime.tasks import InBackground
 PERIOD_S = 10.0
 
 
-def _find_trim() -> Callable[[int], int] | None:
-    """glibc's malloc_trim; None of another C library."""
-    return getattr(ctypes.CDLL(None), "malloc_trim", None)
-
-
 class MemoryTrim(InBackground):
     """Background service: trims the heap of the C library every `PERIOD_S`, in a thread (7 ms for 100 MB)."""
 
     def __init__(self, trim: Callable[[int], int] | None = None, period_s: float = PERIOD_S) -> None:
-        self._trim, self._period_s = trim or _find_trim(), period_s
+        self._trim = trim or getattr(ctypes.CDLL(None), "malloc_trim", None)  # glibc's
+        self._period_s = period_s
 
     async def run(self) -> None:
         while self._trim is not None:

@@ -25,6 +25,7 @@ from daemon.scans.progress import ProgressReports
 from daemon.store.store import Store
 from registration.documents import RegistrationReportDocument
 from registration.fusion.concatenation import report_part, size_of
+from registration.points.surface import limit_of
 from registration.report import column_findings, report_of, unit_findings
 from registration.scan import ScannerMount, ScanView, layout_of_views, register_views, sample_views, scanner_mount_of
 
@@ -186,10 +187,11 @@ def _register(
     began, samples, done = clock(), [], 0.0
     reading = READING_TO_REFINE if wanted.refine else READING
     whole = max(sum(size_of(view.path) for view in wanted.views), 1)
+    limit = limit_of(len(wanted.views), refine=wanted.refine)
     for count, view in enumerate(wanted.views):
         on_stage("reading", count, done)
         share = reading * size_of(view.path) / whole
-        samples += sample_views([view], partial(report_part, on_progress, done, share))
+        samples += sample_views([view], partial(report_part, on_progress, done, share), limit=limit)
         done += share
     on_stage("registering", len(samples), reading)
     read = clock()

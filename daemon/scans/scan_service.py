@@ -106,7 +106,7 @@ class ScanService:
     async def add_view(
         self,
         scan_id: str,
-        body: AsyncIterator[bytes],
+        body: AsyncIterator[bytes | memoryview],
         media_type: str,
         unit: Unit,
         pose: FlangePose,
@@ -131,7 +131,12 @@ class ScanService:
         return view
 
     async def transform_cloud(
-        self, body: AsyncIterator[bytes], media_type: str, unit: Unit, base_T_scanner: Array, check: RangeCheck | None
+        self,
+        body: AsyncIterator[bytes | memoryview],
+        media_type: str,
+        unit: Unit,
+        base_T_scanner: Array,
+        check: RangeCheck | None,
     ) -> tuple[Path, int]:
         """Transform a cloud that cannot be streamed into base, in mm; returns file and number of points.
 
@@ -237,7 +242,7 @@ class ScanService:
     ) -> RegistrationRequest:
         """Raises ScanEmpty, NotFound, and as `CalibrationInUse.base_T_flange`."""
         rows = await self._views(scan_id)
-        folder, stances = self.store.scan_folder(scan_id), [row.pose.stance for row in rows]
+        folder, stances = self.store.scan_folder(scan_id), [row.stance for row in rows]
         scanner = (await self.store.scan(scan_id)).scanner
         poses = await self.workers.run(calibration.base_T_flange, stances)
         views = [

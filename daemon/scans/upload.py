@@ -42,7 +42,7 @@ class Upload:
 
 @asynccontextmanager
 async def receive_upload(
-    body: AsyncIterator[bytes],
+    body: AsyncIterator[bytes | memoryview],
     folder: Path,
     name: str,
     media_type: str,
@@ -61,7 +61,7 @@ async def receive_upload(
             async for chunk in body:
                 await workers.run(_append, out, file, stream, chunk)
             if stream is not None:
-                stream.finish()
+                list(stream.last_parts())
         yield Upload(file, await workers.run(_read_through, file, check) if stream is None else stream.points)
     finally:
         with suppress(OSError):
@@ -74,10 +74,9 @@ def _create(file: Path) -> BinaryIO:
         return create_file(file)
 
 
-def _append(out: BinaryIO, file: Path, stream: CloudStream | None, chunk: bytes) -> None:
+def _append(out: BinaryIO, file: Path, stream: CloudStream | None, chunk: bytes | memoryview) -> None:
     if stream is not None:
-        for _ in stream.parts(chunk):
-            pass
+        list(stream.parts(chunk))
     with storage_errors(file):
         out.write(chunk)
 

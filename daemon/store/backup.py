@@ -62,12 +62,18 @@ def back_up(store: Path, database: Database, target: Path, made_at: str) -> int:
 
 
 def write_backup(store: Path, database: Database, file: IO[bytes], made_at: str, folder: Path) -> int:
-    """As `back_up`, into a file or pipe, from its first byte to its last; the database is copied in `folder` first."""
+    """As `back_up`, into a file or pipe, from its first byte to its last; the database is copied in `folder` first.
+
+    What `file` raises is left to the caller, who knows its name.
+    """
     database.guard()
-    with storage_errors(store), tempfile.TemporaryDirectory(prefix=".handeyed-backup-", dir=folder) as work:
+    with storage_errors(store):
+        made = tempfile.TemporaryDirectory(prefix=".handeyed-backup-", dir=folder)
+    with made as work:
         copy = Path(work, DATABASE_NAME)
-        anchor = _anchor(store)  # before the snapshot, so that the log in it contains the anchored row
-        database.read_now(lambda db: copy_database(db, copy))
+        with storage_errors(store):
+            anchor = _anchor(store)  # before the snapshot, so that the log in it contains the anchored row
+            database.read_now(lambda db: copy_database(db, copy))
         with tarfile.open(fileobj=file, mode="w|") as archive:
             hashes = {DATABASE_NAME: _add_file(archive, DATABASE_NAME, copy)}
             if anchor is not None:

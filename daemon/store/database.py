@@ -61,7 +61,7 @@ class Database:
         `migrate` False: raises StorageError when the schema is older than SCHEMA_VERSION.
         """
         self.path, self._at = path, at
-        self.guard: Callable[[], None] = _allow
+        self.guard: Callable[[], None] = lambda: None
         self._commit_callbacks: list[Callable[[], None]] = []
         self.thread = ThreadPoolExecutor(1, thread_name_prefix="store")
         try:
@@ -144,10 +144,6 @@ class Database:
                 return work()
 
         return await asyncio.get_running_loop().run_in_executor(self.thread, run_work)
-
-
-def _allow() -> None:
-    """The guard of a store without one."""
 
 
 def _connect_read_only(path: Path) -> sqlite3.Connection:

@@ -1,19 +1,27 @@
-"""Pages of runs, calibrations and scans for lists: heavy documents are passed on as stored, and not parsed.
+"""Rows as records, and pages of them for lists: heavy documents are passed on as stored, and not parsed.
 
 Read over a connection of its own, so that a long list keeps no run waiting for the store.
 """
 
-import json
 import sqlite3
-from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields
+from functools import partial
 from typing import Any, Generic, TypeVar
 
+import msgspec
 from pydantic import TypeAdapter
 
 from calibration.documents.calibration import AccuracyDocument
 from daemon.errors import CursorUnknown
-from daemon.model.records import CalibrationOrigin, RunRecord, ScanRecord, ScanViewDocument
+from daemon.model.records import (
+    AppliedCalibration,
+    CalibrationOrigin,
+    Planning,
+    RunRecord,
+    ScanRecord,
+    ScanViewDocument,
+)
 from daemon.store.damaged_rows import DamagedRow, parse_each
 from daemon.store.database import Database
 from daemon.store.page_filters import NO_FILTERS, PageFilters
@@ -36,41 +44,53 @@ class Table(Generic[Record]):
         columns = [*beside, *self._names]
         marks = ", ".join(f":{column}" for column in columns)
         self.select = f"SELECT {', '.join(self._names)} FROM {name}"
+        self._update = f"UPDATE {name} SET {', '.join(f'{column} = :{column}' for column in columns)} WHERE id = :id"
         self._insert = f"INSERT INTO {name} ({', '.join(columns)}) VALUES ({marks})"
 
     def insert(self, db: sqlite3.Connection, record: Record, **beside: Any) -> None:
-        """Insert the record's row."""
+        """Insert the record's row; `beside`: also in the place of a field."""
+        db.execute(self._insert, self._row(record) | beside)
+
+    def update(self, db: sqlite3.Connection, record: Record) -> bool:
+        """Whether there was a row with the record's `id`; it is the record's now."""
+        return bool(db.execute(self._update, self._row(record)).rowcount)
+
+    def _row(self, record: Record) -> dict[str, Any]:
         row = {name: getattr(record, name) for name in self._names}
         for name in self._compound:
             row[name] = None if row[name] is None else self._json.dump_json(row[name]).decode()
-        db.execute(self._insert, row | beside)
+        return row
 
-    def record(self, row: Sequence[Any]) -> Record:
-        """The record of a row of `select`. Raises ValueError for one that is not what was stored."""
+    def record(self, row: Sequence[Any], outlined: Mapping[str, type] = {}) -> Record:
+        """The record of a row of `select`. Raises ValueError for one that is not what was stored.
+
+        `outlined`: types of compound fields that are made of their outlines, unvalidated: what is within objects and
+        lists is not parsed.
+        """
         values = dict(zip(self._names, row, strict=True))
         for name in self._compound:
-            values[name] = None if values[name] is None else json.loads(values[name])
+            if values[name] is not None:
+                kind, stored = outlined.get(name), values[name]
+                values[name] = self._json.validate_json(stored) if kind is None else kind(**_outline(stored))
         return self._adapter.validate_python(values)
 
 
-_REQUEST_IS_SOUND = "CASE WHEN json_valid(request) THEN json_type(request) = 'object' ELSE 0 END"
-_RESULT_IS_SOUND = (
-    "CASE WHEN result IS NULL THEN 1 WHEN json_valid(result) THEN json_type(result) = 'object' ELSE 0 END"
-)
-_RUNS = (
-    f"SELECT *, {_REQUEST_IS_SOUND} AND {_RESULT_IS_SOUND},"
-    f" CASE WHEN {_REQUEST_IS_SOUND} THEN json_object('manual', json_extract(request, '$.manual')) END,"
-    f" CASE WHEN {_RESULT_IS_SOUND} THEN json_object('calibration_id', json_extract(result, '$.calibration_id'),"
-    " 'scan_id', json_extract(result, '$.scan_id')) END FROM runs"
-)
+_PARTS = msgspec.json.Decoder(dict[str, msgspec.Raw])
+
+
+def _outline(stored: str) -> dict[str, Any]:
+    """A JSON object, with msgspec.Raw in the place of objects and lists. Raises ValueError."""
+    parts = _PARTS.decode(stored)
+    return {key: part if memoryview(part)[0] in b"{[" else msgspec.json.decode(part) for key, part in parts.items()}
+
+
 ACCURACY = "CASE WHEN json_valid(document) THEN json_extract(document, '$.accuracy') END"
 """Of a row of calibrations, as JSON."""
 
-_CALIBRATIONS = (
-    "SELECT id, run_id, created_at, accepted, camera,"
-    f" {ACCURACY},"
-    " CASE WHEN json_valid(document) THEN json_type(document, '$.verdict') = 'object' ELSE 0 END FROM calibrations"
-)
+_LISTED = """(SELECT rowid, *, CASE WHEN json_valid(document) THEN CASE json_type(document, '$.verdict')
+    WHEN 'object' THEN coalesce(json_extract(document, '$.accuracy'), '{}') END END AS accuracy FROM calibrations)"""
+APPLIED = Table("applied", AppliedCalibration)
+RUNS = Table("runs", RunRecord, compound=("cause", "request", "result", "planning"))
 SCANS = Table("scans", ScanRecord)
 _SCAN_VIEWS = Table(
     "scan_views", ScanViewDocument, compound=("base_T_flange", "joints_deg", "external_axes"), beside=("scan_id",)
@@ -89,47 +109,14 @@ def views_of(db: sqlite3.Connection, scan_id: str) -> list[ScanViewDocument]:
 
 
 @dataclass(frozen=True)
-class RunListing:
-    """A run of a list. `request` and `result` are JSON as stored; `run` holds of them what its links need."""
-
-    run: RunRecord
-    request: str
-    result: str | None
-
-    @property
-    def id(self) -> str:
-        return self.run.id
-
-    @classmethod
-    def of(cls, run: RunRecord) -> "RunListing":
-        return cls(run, json.dumps(run.request), None if run.result is None else json.dumps(run.result))
-
-    @classmethod
-    def of_row(cls, row: tuple[Any, ...]) -> "RunListing":
-        *columns, sound, manual, linked = row
-        if not sound:
-            raise ValueError("request or result is no JSON object")
-        request, result = columns[8], columns[9]
-        columns[8], columns[9] = manual, None
-        links = {key: value for key, value in json.loads(linked).items() if value is not None}
-        return cls(replace(RunRecord.of(tuple(columns)), result=links or None), request, result)
-
-
-@dataclass(frozen=True)
 class CalibrationListing(CalibrationOrigin):
     """A calibration of a list. `camera`: by its name in the settings."""
 
     camera: str
     accuracy: AccuracyDocument
 
-    @classmethod
-    def of_row(cls, row: tuple[Any, ...]) -> "CalibrationListing":
-        found_id, run_id, created_at, accepted, camera, accuracy, sound = row
-        if not sound:
-            raise ValueError("the document is no calibration")
-        return cls(
-            found_id, run_id, created_at, bool(accepted), camera, AccuracyDocument.model_validate_json(accuracy or "{}")
-        )
+
+_CALIBRATIONS = Table(_LISTED, CalibrationListing, compound=("accuracy",))
 
 
 @dataclass(frozen=True)
@@ -155,22 +142,22 @@ class Listings:
 
     async def runs(
         self, limit: int, before: str | None = None, filters: PageFilters = NO_FILTERS
-    ) -> list[RunListing | DamagedRow]:
-        """Up to `limit` runs older than `before`."""
+    ) -> list[RunRecord | DamagedRow]:
+        """Up to `limit` runs older than `before`; objects and lists within request, result and plan are msgspec.Raw."""
+        parse = partial(RUNS.record, outlined={"request": dict, "result": dict, "planning": Planning})
         return await self._reader.read(
-            lambda db: parse_each(RunListing.of_row, read_page(db, _RUNS, "runs", limit, before, filters))
+            lambda db: parse_each(parse, read_page(db, RUNS.select, "runs", limit, before, filters))
         )
 
     async def calibrations(
         self, limit: int, before: str | None = None, filters: PageFilters = NO_FILTERS
     ) -> list[CalibrationListing | DamagedRow]:
         """Up to `limit` calibrations older than `before`."""
-
-        def read(db: sqlite3.Connection) -> list[CalibrationListing | DamagedRow]:
-            rows = read_page(db, _CALIBRATIONS, "calibrations", limit, before, filters)
-            return parse_each(CalibrationListing.of_row, rows)
-
-        return await self._reader.read(read)
+        return await self._reader.read(
+            lambda db: parse_each(
+                _CALIBRATIONS.record, read_page(db, _CALIBRATIONS.select, "calibrations", limit, before, filters)
+            )
+        )
 
     async def scans(
         self, limit: int, before: str | None = None, filters: PageFilters = NO_FILTERS

@@ -41,7 +41,7 @@ def runs_to_prune(runs: Sequence[RunRecord], keep_runs: int, old: Set[str], kept
     return [
         run.id
         for place, run in enumerate(runs)
-        if place > 0 and run.over and run.id not in kept and (place >= keep_runs or run.id in old)
+        if place > 0 and run.is_over and run.id not in kept and (place >= keep_runs or run.id in old)
     ]
 
 

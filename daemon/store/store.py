@@ -42,25 +42,31 @@ from daemon.store.damaged_rows import parse_each, parse_row, parse_stored, parsi
 from daemon.store.database import Database
 from daemon.store.documents import ACCEPTANCES, RIGS, DocumentKind, DocumentRecord, Documents
 from daemon.store.idempotency_keys import IdempotencyKeys
-from daemon.store.listings import ACCURACY, SCANS, Listings, insert_view, read_page, views_of
+from daemon.store.listings import ACCURACY, APPLIED, RUNS, SCANS, Listings, insert_view, read_page, views_of
 from daemon.store.opening import LockedStore
 from daemon.store.outbox import Outbox
 
 
 def read_calibration(row: tuple[Any, ...]) -> CalibrationRecord:
     """The record of a row. Raises StorageInconsistent when its document is not what was stored."""
-    calibration_id, run_id, created_at, accepted, content, *named = row
+    calibration_id, run_id, created_at, accepted, content, camera = row
     document = parse_stored(CalibrationDocument, content, f"calibration {calibration_id}")
-    return CalibrationRecord(calibration_id, run_id, created_at, bool(accepted), document, *named)
+    return CalibrationRecord(calibration_id, run_id, created_at, bool(accepted), document, camera)
+
+
+def read_applied(row: Any) -> AppliedCalibration:
+    """The entry of a row of the history. Raises StorageInconsistent."""
+    return parse_row(APPLIED.record, row, "applied calibration")
 
 
 def read_run_or_failed(row: Any) -> RunRecord:
     """The record of a row; of a damaged one only id and times, failed."""
     try:
-        return parse_row(RunRecord.of, row, "run")
+        return parse_row(RUNS.record, row, "run")
     except StorageInconsistent as error:
         cause = CauseDocument.because(error.code, error.what, error.fix)
-        return RunRecord(str(row[0]), row[1], RunState.FAILED, 0, 0, str(row[6]), str(row[7]), cause)
+        run_id, kind, _state, _station, _stations, created_at, updated_at, *_ = row
+        return RunRecord(str(run_id), kind, RunState.FAILED, 0, 0, str(created_at), str(updated_at), cause)
 
 
 class StoredEvents:
@@ -90,12 +96,7 @@ class StoredEvents:
 
 log = logging.getLogger(__name__)
 
-_UPDATE_RUN = (
-    "UPDATE runs SET (id, kind, state, station, stations, cause, created_at, updated_at, request, result,"
-    " planning, started_by, started_by_role) = (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?) WHERE id = ?"
-)
-
-_CALIBRATION = "SELECT * FROM calibrations"
+_CALIBRATION = "SELECT id, run_id, created_at, accepted, document, camera FROM calibrations"
 
 RUN_BYTES = 20e6
 """What a run takes on the disk, until the sizes of the latest runs are known."""
@@ -205,11 +206,11 @@ class Store:
 
     async def save_run(self, run: RunRecord) -> None:
         """Insert or update the run."""
-        context, row = current_audit_context(), run.row()
+        context = current_audit_context()
 
         def save(db: sqlite3.Connection) -> None:
-            if not db.execute(_UPDATE_RUN, (*row, run.id)).rowcount:
-                db.execute(f"INSERT INTO runs VALUES ({', '.join('?' * len(row))})", row)
+            if not RUNS.update(db, run):
+                RUNS.insert(db, run)
                 record_change(db, context, run.created_at, "run", run.id, kind=run.kind)
 
         await self._database.write(save)
@@ -218,8 +219,8 @@ class Store:
         """The run with this id. Raises NotFound."""
 
         def read(db: sqlite3.Connection) -> RunRecord | None:
-            row = db.execute("SELECT * FROM runs WHERE id = ?", (run_id,)).fetchone()
-            return None if row is None else parse_row(RunRecord.of, row, "run")
+            row = db.execute(f"{RUNS.select} WHERE id = ?", (run_id,)).fetchone()
+            return None if row is None else parse_row(RUNS.record, row, "run")
 
         found = await self._database.read(read)
         if found is None:
@@ -231,9 +232,8 @@ class Store:
 
         One that is damaged is there as a failed one without request and result.
         """
-        query = "SELECT * FROM runs"
         return await self._database.read(
-            lambda db: [read_run_or_failed(row) for row in read_page(db, query, "runs", limit, before)]
+            lambda db: [read_run_or_failed(row) for row in read_page(db, RUNS.select, "runs", limit, before)]
         )
 
     async def runs_in_progress(self) -> list[RunRecord]:
@@ -243,8 +243,8 @@ class Store:
         """
         states = tuple(str(state) for state in sorted(FINAL_STATES))
         marks = ", ".join("?" * len(states))
-        query = f"SELECT * FROM runs WHERE state NOT IN ({marks})"
-        rows = await self._database.read(lambda db: parse_each(RunRecord.of, db.execute(query, states)))
+        query = f"{RUNS.select} WHERE state NOT IN ({marks})"
+        rows = await self._database.read(lambda db: parse_each(RUNS.record, db.execute(query, states)))
         found, damaged = split_damaged(rows)
         for run_id in damaged:
             log.error("run %s in the store is damaged; it is left as it is", run_id)
@@ -304,10 +304,7 @@ class Store:
             (now,) = db.execute(query, (applied.camera,)).fetchone()
             if expected is not None and now not in expected:
                 raise AppliedMeanwhile(now)
-            row = (applied.calibration_id, applied.applied_at, applied.applied_by, context.role,
-                   applied.despite_verdict, applied.reason, applied.camera)  # fmt: skip
-            columns = "calibration_id, applied_at, applied_by, role, despite_verdict, reason, camera"
-            db.execute(f"INSERT INTO applied ({columns}) VALUES (?, ?, ?, ?, ?, ?, ?)", row)
+            APPLIED.insert(db, applied, role=context.role, sequence=None)  # which the table assigns
             (sequence,) = db.execute("SELECT last_insert_rowid()").fetchone()
             despite = {"despite_verdict": True, "reason": applied.reason} if applied.despite_verdict else {}
             record_change(db, context, applied.applied_at, "apply", str(sequence), calibration=applied.calibration_id,
@@ -326,29 +323,31 @@ class Store:
 
     async def history(self, limit: int = 1) -> list[AppliedCalibration]:
         """The applied calibrations of all cameras, newest first: the first one of each camera is active."""
-        query = "SELECT * FROM applied ORDER BY sequence DESC LIMIT ?"
-        rows = await self._database.read(lambda db: db.execute(query, (limit,)).fetchall())
-        return [AppliedCalibration.of(row) for row in rows]
+        query = f"{APPLIED.select} ORDER BY sequence DESC LIMIT ?"
+        return await self._database.read(lambda db: [read_applied(row) for row in db.execute(query, (limit,))])
 
     async def history_entry(self, sequence: int) -> AppliedCalibration:
         """The entry of the history with this sequence number. Raises NotFound."""
-        query = "SELECT * FROM applied WHERE sequence = ?"
-        row = await self._database.read(lambda db: db.execute(query, (sequence,)).fetchone())
-        if row is None:
+        found = await self._read_applied("sequence = ?", sequence)
+        if found is None:
             raise NotFound(Sentence("no-such-entry", number=sequence), Sentence("see-what-was-active"))
-        return AppliedCalibration.of(row)
+        return found
 
     async def current(self, camera: str = MAIN_CAMERA) -> tuple[AppliedCalibration, CalibrationRecord]:
         """The active calibration of a camera and its entry in the history. Raises NoCalibration."""
-
-        def newest(db: sqlite3.Connection) -> AppliedCalibration | None:
-            rows = map(AppliedCalibration.of, db.execute("SELECT * FROM applied ORDER BY sequence DESC"))
-            return next((applied for applied in rows if applied.camera == camera), None)
-
-        applied = await self._database.read(newest)
+        applied = await self._read_applied("camera = ? ORDER BY sequence DESC LIMIT 1", camera)
         if applied is None:
             raise NoCalibration(camera)
         return applied, await self.calibration(applied.calibration_id)
+
+    async def _read_applied(self, where: str, value: int | str) -> AppliedCalibration | None:
+        """The entry of the history of which that is true."""
+
+        def read(db: sqlite3.Connection) -> AppliedCalibration | None:
+            row = db.execute(f"{APPLIED.select} WHERE {where}", (value,)).fetchone()
+            return None if row is None else read_applied(row)
+
+        return await self._database.read(read)
 
     async def runs_in_force(self) -> frozenset[str]:
         """The runs that the active calibrations of all cameras come from."""
@@ -402,8 +401,8 @@ class Store:
             count = db.execute("SELECT COUNT(*) FROM scan_views WHERE scan_id = ?", (scan_id,)).fetchone()[0]
             file = f"view_{count:03d}{upload.suffix}"
             view = ScanViewDocument(
-                count, file, unit, pose.base_T_flange, created_at, pose.joints_deg, pose.external_axes,
-                points, upload.stat().st_size, context.actor,
+                **vars(pose), view=count, file=file, unit=unit, created_at=created_at, points=points,
+                bytes=upload.stat().st_size, created_by=context.actor,
             )  # fmt: skip
             rename_durably(upload, upload.with_name(view.file), self._at)
             insert_view(db, scan_id, view)

@@ -37,7 +37,8 @@ def solve_sphere_scan(views: Sequence[ScanView], radius_mm: float) -> Solution:
         require_observable(poses)
         answer = solve_from_sphere([SphereView(centres[index], views[index].anchor_T_mount) for index in found])
     except UndeterminedError as error:
-        results = [_view_without_sphere(index, reasons.get(index, error.code)) for index in range(len(views))]
+        why = [reasons.get(index, error.code) for index in range(len(views))]
+        results = [ViewResult(index, None, "rejected", reason, None, None, None) for index, reason in enumerate(why)]
         return solution_without_x(METHOD, setup_of(views), results, poses, error)
     return _solution(views, found, centres, reasons, answer)
 
@@ -56,12 +57,13 @@ def _solution(
         for index in found
     }
     left_out = {} if answer.left_out_mm is None else dict(zip(used, answer.left_out_mm.tolist(), strict=True))
-    results = [
-        _view_with_sphere(index, index in used, left_out.get(index, float(np.linalg.norm(off[index]))))
-        if index in centres
-        else _view_without_sphere(index, reasons[index])
-        for index in range(len(views))
-    ]
+    results = list[ViewResult]()
+    for index in range(len(views)):
+        is_used, away_mm, reason = index in used, None, reasons.get(index, "pose-disagrees")
+        if index in centres:  # from where the other views put the sphere's centre
+            away_mm = left_out.get(index, float(np.linalg.norm(off[index])))
+        how = None if is_used else reason
+        results.append(ViewResult(index, None, "used" if is_used else "rejected", how, None, away_mm, None))
     x_mm, y_mm, z_mm = answer.anchor_centre_mm
     at = Finding(
         "sphere-centre",
@@ -88,13 +90,3 @@ def _solution(
         np.array([views[index].base_T_flange for index in used]),
         (at,),
     )
-
-
-def _view_with_sphere(index: int, used: bool, base_error_mm: float) -> ViewResult:
-    """`base_error_mm`: distance of the sphere's centre from where the other views put it."""
-    reason = None if used else "pose-disagrees"
-    return ViewResult(index, None, "used" if used else "rejected", reason, None, base_error_mm, None)
-
-
-def _view_without_sphere(index: int, reason: str) -> ViewResult:
-    return ViewResult(index, None, "rejected", reason, None, None, None)

@@ -68,9 +68,10 @@ def solve_from_sphere(views: Sequence[SphereView]) -> SphereSolution:
         estimate = _descend(system, estimate)
     covariance = _covariance(system, estimate)
     residuals = system.residuals(estimate)
-    left_out = (
-        [_leave_one_out_mm(system, index, estimate) for index in range(len(kept))] if len(kept) > MIN_VIEWS else None
-    )
+    left_out: list[float] | None = None
+    if len(kept) > MIN_VIEWS:
+        without = [_descend(system.without(index), estimate) for index in range(len(kept))]
+        left_out = [float(np.linalg.norm(system.residuals(one)[index])) for index, one in enumerate(without)]
     return SphereSolution(
         transform(estimate.rotation, estimate.translation),
         estimate.centre,
@@ -206,11 +207,6 @@ FIX = Sentence("turn-and-spread-sphere")
 def _weakest(direction: Array) -> Sentence:
     turns = np.linalg.norm(direction[:3]) * 300 > np.linalg.norm(direction[3:6])
     return Sentence("sphere-leaves-rotation" if turns else "sphere-leaves-translation")
-
-
-def _leave_one_out_mm(system: _SphereSystem, index: int, start: _Estimate) -> float:
-    estimate = _descend(system.without(index), start)
-    return float(np.linalg.norm(system.residuals(estimate)[index]))
 
 
 def cube_rotations() -> list[Array]:

@@ -145,7 +145,9 @@ def solve_from_surfaces(
             and float(np.abs(step[-3:]).max()) < STEP_TOLERANCE_MM
         )
         reach_mm = max(least_mm, reach_mm * NARROWING)
-    _require_finite(covariance)
+    deviations = np.sqrt(np.diagonal(covariance))
+    if deviations[:3].max() > ROTATION_LIMIT_RAD or deviations[3:].max() > TRANSLATION_LIMIT_MM:
+        raise UndeterminedError("surfaces-unobservable", _weakest(deviations * np.repeat([300.0, 1.0], 3)), FIX)
     alone = tuple(index for index in range(count) if index not in system.overlapping_views)
     return SurfaceSolution(x, covariance, tuple(motions), noise, alone, iteration, settled)
 
@@ -248,12 +250,6 @@ def _covariance_of_x(information: Array) -> Array:
         raise UndeterminedError("surfaces-unobservable", _weakest(vectors[:, 0]), FIX)
     found: Array = (vectors / values @ vectors.T) / lengths[:, None] / lengths
     return found
-
-
-def _require_finite(covariance: Array) -> None:
-    deviations = np.sqrt(np.diagonal(covariance))
-    if deviations[:3].max() > ROTATION_LIMIT_RAD or deviations[3:].max() > TRANSLATION_LIMIT_MM:
-        raise UndeterminedError("surfaces-unobservable", _weakest(deviations * np.repeat([300.0, 1.0], 3)), FIX)
 
 
 def _weakest(direction: Array) -> Sentence:

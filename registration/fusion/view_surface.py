@@ -71,18 +71,16 @@ def _points_of(
 ) -> Array:
     """The averaged points (n, 3) of all these clouds, also of those a little outside the box."""
     grid = VoxelGrid(voxel_mm, XYZ_FLOAT32)
-    grown = None if box_mm is None else _grown(box_mm, NEAR_EDGES * voxel_mm)
+    grown, margin_mm = None, NEAR_EDGES * voxel_mm
+    if box_mm is not None:
+        (x, y, z), (to_x, to_y, to_z) = np.array(box_mm[0]) - margin_mm, np.array(box_mm[1]) + margin_mm
+        grown = ((x, y, z), (to_x, to_y, to_z))
     blocks = FiniteBlocks(XYZ_FLOAT32, stopped, grown, on_read)
     for cloud in clouds:
         for block in blocks.of(cloud):
             grid.add(block)
     found = np.concatenate([*grid.blocks(), np.empty(0, XYZ_FLOAT32.dtype)])
     return np.stack([found[name].astype(float) for name in XYZ_FLOAT32.xyz], axis=1)
-
-
-def _grown(box_mm: Box, margin_mm: float) -> Box:
-    low, high = np.array(box_mm[0]) - margin_mm, np.array(box_mm[1]) + margin_mm
-    return (low[0], low[1], low[2]), (high[0], high[1], high[2])
 
 
 def _deviations(points: Array, normals: Array, others: Array, voxel_mm: float, on_progress: OnProgress) -> Array:

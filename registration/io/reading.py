@@ -12,7 +12,7 @@ from typing import Protocol
 from registration.errors import CloudTruncated, CloudUnsupported
 from registration.io.durable_file import GuardedFile
 from registration.io.formats import npy, pcd, ply, rows
-from registration.io.formats.bodies import decoder_of, require_end
+from registration.io.formats.bodies import BLOCK_BYTES, decoder_of, require_end
 from registration.io.formats.compressed import CompressedSource
 from registration.io.formats.detect import HeaderParser, octets
 from registration.io.formats.extras import E57Source, LasSource
@@ -20,7 +20,6 @@ from registration.io.formats.header import HEADER_LIMIT, CloudHeader
 from registration.io.formats.npz import NpzSource
 from registration.io.formats.sections import SectionPassage
 from registration.io.formats.stl import open_stl
-from registration.io.stream import BLOCK_BYTES
 from registration.points.layout import Layout, Records
 
 PARSERS: dict[str, HeaderParser] = {

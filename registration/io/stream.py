@@ -2,21 +2,24 @@
 
     stream = CloudStream("application/x-ply", base_T_camera, "m")
     for chunk in body:
-        send(stream.feed(chunk))
-    send(stream.finish())
+        send_all(stream.parts(chunk))
+    send_all(stream.last_parts())
 
 The header is emitted as soon as it is complete, every point likewise. Output is as long as input for binary clouds, so
 Content-Length can be announced. Points with NaN or infinite coordinates are passed through (they stay non-finite)
 and counted in `non_finite`. All other columns, and the faces of a PLY file, are unchanged; normals are rotated.
 """
 
+import weakref
+from collections import deque
 from collections.abc import Iterator
+from contextlib import suppress
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from registration.errors import CloudTruncated, CloudUnsupported
-from registration.io.formats.bodies import BodyDecoder, TextEncoder, decoder_of, require_end
+from registration.io.formats.bodies import BLOCK_BYTES, BodyDecoder, TextEncoder, decoder_of, require_end
 from registration.io.formats.detect import HeaderParser, parser_of
 from registration.io.formats.header import CloudHeader
 from registration.io.formats.sections import SectionPassage
@@ -24,14 +27,11 @@ from registration.points.layout import Records
 from registration.points.range_check import RangeCheck
 from registration.points.rigid_motion import BlockMover, RigidMotion
 
-BLOCK_BYTES = 1 << 18
-"""Block size that stays in the second-level cache through read, move and write."""
-
 
 class CloudStream:
     """Stream of one cloud. `file` names it in errors. Every method raises RegistrationError's leaves.
 
-    After an error or `finish` the stream cannot be used further.
+    After an error or `last_parts` the stream cannot be used further.
     """
 
     def __init__(
@@ -63,6 +63,9 @@ class CloudStream:
         self._prefix = b""
         self._header: CloudHeader | None = None
         self._mover: BlockMover | None = None
+        self._encoder: TextEncoder | None = None
+        self._free: deque[NDArray[np.uint8]] = deque(maxlen=2)
+        """Memory of pieces that nobody holds any more; new memory costs a page fault every 4 kB."""
 
     @property
     def header(self) -> CloudHeader | None:
@@ -84,19 +87,8 @@ class CloudStream:
         """Points with a coordinate that is NaN or infinite so far."""
         return self._mover.non_finite if self._mover else 0
 
-    def feed(self, chunk: bytes | bytearray | memoryview) -> bytes:
-        """Feed a chunk; returns the output that is ready."""
-        return b"".join([bytes(part) for part in self.parts(chunk)])
-
-    def finish(self) -> bytes:
-        """End the input; returns the remaining output. Raises CloudTruncated when something is missing."""
-        return b"".join([bytes(part) for part in self.last_parts()])
-
     def parts(self, chunk: bytes | bytearray | memoryview) -> Iterator[bytes | memoryview]:
-        """As `feed`, without joining the parts; a part is valid until its chunk is overwritten.
-
-        A writable chunk may be overwritten in place, which saves a copy.
-        """
+        """Feed a chunk; the output that is ready, which stays as it is when the chunk is overwritten."""
         data = memoryview(chunk).cast("B")
         if self._header is None and data:
             content = self._prefix + data
@@ -107,11 +99,12 @@ class CloudStream:
             self._prefix = b""
             yield self._begin(header)
             data = memoryview(content)[header.length :]
-        for start in range(0, len(data), BLOCK_BYTES):
-            yield from self._body(data[start : start + BLOCK_BYTES])
+        step = BLOCK_BYTES if self._encoder else max(1, len(data))
+        for start in range(0, len(data), step):
+            yield from self._body(data[start : start + step])
 
     def last_parts(self) -> Iterator[bytes | memoryview]:
-        """As `finish`, without joining the parts."""
+        """End the input; the remaining output. Raises CloudTruncated when something is missing."""
         if self._header is None:
             header = self._parser(b"", self._file) if not self._prefix else None
             if header is None:
@@ -123,8 +116,7 @@ class CloudStream:
                 )
             yield self._begin(header)
         self._lead.finish()
-        for block in self._points.finish():
-            yield self._move(block)
+        yield from self._moved(self._points.finish(), 0)
         self._tail.finish()
         if self._range is not None:
             self._range.require(self._file)
@@ -148,25 +140,42 @@ class CloudStream:
     def _body(self, data: memoryview) -> Iterator[bytes | memoryview]:
         if not self._lead.complete:
             used = self._lead.take(data)
-            yield data[:used]
+            yield bytes(data[:used])
             data = data[used:]
         if self._lead.complete and not self._points.complete and data:
-            for block in self._points.take(data):
-                yield self._move(block)
+            yield from self._moved(self._points.take(data), len(data))
             data = data[self._points.taken :]
         if self._points.complete and not self._tail.complete and data:
             used = self._tail.take(data)
-            yield data[:used]
+            yield bytes(data[:used])
             data = data[used:]
         if data:
             assert self._header is not None
             require_end(self._header, self._file, self._points.points, data)
 
-    def _move(self, block: Records) -> bytes | memoryview:
+    def _moved(self, blocks: Iterator[Records], size: int) -> Iterator[bytes | memoryview]:
+        """The moved blocks of `size` bytes: encoded each, or side by side in memory that is theirs until released."""
         assert self._mover is not None and self._header is not None
-        if self._range is not None:
-            self._range.look(block, self._header.layout)
-        if self._mover.in_place and not block.flags.writeable:
-            block = block.copy()
-        moved = self._mover.move(block, into=np.empty_like(block))  # not overwritten while it waits to be sent
-        return self._encoder.encode(moved) if self._encoder else moved.view(np.uint8).data
+        end, out = 0, np.empty(0, np.uint8)
+        for block in blocks:
+            if self._range is not None:
+                self._range.look(block, self._header.layout)
+            if self._encoder:
+                yield self._encoder.encode(self._mover.move(block))
+                continue
+            if not end:
+                room = size + self._header.layout.itemsize
+                with suppress(IndexError):  # the memory of a piece may come back at any time, from any thread
+                    out = self._free.pop()
+                out = out if len(out) >= room else np.empty(room, np.uint8)
+            start, end = end, end + block.nbytes
+            into = out[start:end].view(block.dtype)
+            if self._mover.in_place:
+                out[start:end] = block.view(np.uint8)
+                self._mover.move(into)
+            else:
+                self._mover.move(block, into)
+        if end:
+            moved = out[:end]
+            weakref.finalize(moved, self._free.append, out).atexit = False
+            yield moved.data

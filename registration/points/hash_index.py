@@ -37,24 +37,26 @@ class CellIndex:
         """Number of each key; unknown keys get new numbers. Equal neighbours are looked up once."""
         if not len(keys):
             return np.empty(0, np.intp)
-        heads = np.flatnonzero(np.concatenate([[True], keys[1:] != keys[:-1]]))
-        if 2 * len(heads) > len(keys):
+        changes = keys[1:] != keys[:-1]
+        if 2 * np.count_nonzero(changes) > len(keys):
             return self._look_up(keys)
+        heads = np.concatenate([[0], np.flatnonzero(changes) + 1])
         return np.repeat(self._look_up(keys[heads]), np.diff(heads, append=len(keys)))
 
     def _look_up(self, keys: Keys) -> NDArray[np.intp]:
         if LOAD * (self._count + len(keys)) > len(self._slots):
             self._resize(int(LOAD * (self._count + len(keys))).bit_length() + 1)
         slot = self._first_slots(keys)
-        open_ = np.arange(len(keys))
+        held = self._slots[slot]
+        open_ = np.flatnonzero(held != keys)
         while len(open_):
-            held = self._slots[slot[open_]]
-            free = held == FREE
+            free = held[open_] == FREE
             if free.any():
                 self._settle(keys, slot, open_[free])
-                held = self._slots[slot[open_]]
-            open_ = open_[held != keys[open_]]
+                open_ = open_[self._slots[slot[open_]] != keys[open_]]
             slot[open_] = (slot[open_] + 1) & (len(self._slots) - 1)
+            held[open_] = self._slots[slot[open_]]
+            open_ = open_[held[open_] != keys[open_]]
         found: NDArray[np.intp] = self._numbers[slot]
         return found
 

@@ -27,7 +27,6 @@ RIGID_TOLERANCE = 1e-5
 FLOAT32_REACH_MM = 20_000.0
 """Up to a translation of this length float32 arithmetic loses less than float32 storage (1 µm at 16 m)."""
 
-
 LANES = 16
 """Points moved at once by the widest vector instructions (AVX-512, float32)."""
 
@@ -119,20 +118,15 @@ class BlockMover:
     def move(self, block: Records, into: Records | None = None) -> Records:
         self.points += len(block)
         moved = self._xyz.move(block, None if self.in_place else into)
-        self.non_finite += _count_non_finite(moved)
+        # A cheap sum shows whether there is anything to count; cv2's runs at memory speed without warnings.
+        if not np.isfinite(sum(cv2.sumElems(moved[None]))):
+            self.non_finite += int(len(moved) - np.count_nonzero(np.isfinite(moved).all(axis=1)))
         if self._xyz.whole_record:
             return moved.view(self._layout.dtype)[:, 0]
         self._xyz.store(moved, block)
         if self._normals:
             self._normals.store(self._normals.move(block), block)
         return block
-
-
-def _count_non_finite(points: NDArray[Any]) -> int:
-    """A cheap sum shows whether there is anything to count; cv2's runs at memory speed without warnings."""
-    if np.isfinite(sum(cv2.sumElems(points[None]))):
-        return 0
-    return int(len(points) - np.count_nonzero(np.isfinite(points).all(axis=1)))
 
 
 class IntegerMover:

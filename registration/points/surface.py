@@ -13,12 +13,14 @@ from registration.points.layout import Layout, Records
 POINT_LIMIT = 30_000
 """Points kept per view; more would not improve six parameters."""
 
+LEAST_LIMIT, ALL_POINTS = 10_000, 3_000_000
+"""Per view, and of all views together, where these are only compared; each takes about 80 bytes."""
+
 MAX_RANGE_MM = 1e6
 """1 km: no scanner of parts measures as far; such coordinates stand for "no measurement"."""
 
 NEIGHBOURS = 14
 """Number of points a normal is fitted to."""
-
 
 MAX_LINE_RATIO = 0.02
 """A neighbourhood whose middle variance is below this share of its largest is a line and gets no normal."""
@@ -48,13 +50,14 @@ class Surface:
         normals = np.where(np.sum(normals * points, axis=1, keepdims=True) > 0, -normals, normals)
         kept = spreads[:, 1] > MAX_LINE_RATIO * spreads[:, 2]
         spacing_mm = float(np.median(distances[:, -1]) * np.sqrt(np.pi / (count - 1)))
-        return cls(points[kept], normals[kept], spacing_mm or 1.0, scipy.spatial.cKDTree(points[kept]))
+        points = np.ascontiguousarray(points[kept])  # which the tree refers to
+        return cls(points, normals[kept], spacing_mm or 1.0, scipy.spatial.cKDTree(points))
 
 
 def planes_of(patches: Array) -> tuple[Array, Array]:
     """Normals (n, 3), of arbitrary sign, of planes through patches (n, k, 3), and the spreads (n, 3), ascending."""
     patches = patches - patches.mean(axis=1, keepdims=True)
-    spreads, vectors = np.linalg.eigh(np.einsum("nki,nkj->nij", patches, patches))
+    spreads, vectors = np.linalg.eigh(patches.transpose(0, 2, 1) @ patches)
     return vectors[:, :, 0], spreads
 
 
@@ -103,6 +106,11 @@ def _hashes(start: int, count: int) -> NDArray[np.uint32]:
         mixed ^= mixed >> np.uint32(shift)
         mixed *= np.uint32(factor)
     return mixed
+
+
+def limit_of(views: int, *, refine: bool) -> int:
+    """Points kept of each of so many views; all for a refinement, whose counterparts do not settle among fewer."""
+    return POINT_LIMIT if refine else min(POINT_LIMIT, max(LEAST_LIMIT, ALL_POINTS // max(views, 1)))
 
 
 def sample_points(blocks: Iterable[Records], layout: Layout, scale_to_mm: float, limit: int = POINT_LIMIT) -> Array:

@@ -96,16 +96,16 @@ class VoxelGrid:
 
     @np.errstate(all="ignore")  # an infinite number of cubes is too many
     def _keys(self, columns: dict[str, Array]) -> Keys:
-        """One key per cube."""
-        keys: Keys = np.zeros(len(columns[self.layout.xyz[0]]), np.int64)
-        for name in self.layout.xyz:
-            index = np.floor(columns[name] / self.edge_mm)
-            if len(index) and np.abs(index).max() >= CELLS:
-                raise ScanError(
-                    f"points lie more than {CELLS} voxels of {self.edge_mm} mm from the origin", "use larger voxels"
-                )
-            keys = (keys << AXIS_BITS) | (index.astype(np.int64) + CELLS)
-        return keys
+        """One key per cube: the numbers of the cubes along x, y and z, AXIS_BITS each."""
+        indices = [np.floor(columns[name] / self.edge_mm) for name in self.layout.xyz]
+        if any(len(index) and max(index.max(), -index.min()) >= CELLS for index in indices):
+            raise ScanError(
+                f"points lie more than {CELLS} voxels of {self.edge_mm} mm from the origin", "use larger voxels"
+            )
+        along_x, along_y, along_z = indices
+        of_plane = along_y * (2 * CELLS) + along_z  # whole numbers below 2^53
+        keys: Keys = along_x.astype(np.int64) << (2 * AXIS_BITS)
+        return keys + (of_plane.astype(np.int64) + CELLS * ((1 << 2 * AXIS_BITS) + (1 << AXIS_BITS) + 1))
 
     def _make_room(self) -> None:
         have, need = self._sums.shape[1], len(self._cells)

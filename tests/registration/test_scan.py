@@ -160,7 +160,7 @@ def test_a_view_far_off_is_reported(tmp_path: Path) -> None:
     hand = ScannerMount("calibration-1", FLANGE_T_CAMERA, NOISE)
     report = register_scan(read_scan(tmp_path), hand, tmp_path / "merged.ply", ticks(), refine=True)
     found = {finding.code: finding.message for finding in report.verdict.findings}
-    assert found["correction-unexplained"].startswith("views 3 ")
+    assert found["correction-unexplained"].startswith("views 4 ")
 
 
 def test_the_report_has_the_shape_the_formats_promise(tmp_path: Path) -> None:

@@ -9,7 +9,7 @@ from calibration.kinematics.arm import Arm, UnreachablePoseError
 from calibration.kinematics.arm_errors import Postures
 from calibration.kinematics.stance import Stance
 from calibration.likelihood.predicted_uncertainty import ExpectedNoise, Scene
-from calibration.monitoring.cell_change import PossibleChange, SeenTarget, find_change
+from calibration.monitoring.cell_change import DriftChangeDocument, SeenTarget, find_change
 from calibration.observations.observations import observe
 from calibration.observations.view_poses import candidate_poses
 from calibration.problem import Detection, Problem, Setup, View, anchor_T_mount_of
@@ -44,7 +44,7 @@ class Change:
 
 def changes_of(
     arm: Arm, change: Change, seed: int, before: int = 1, *, eye_to_hand: bool = False, same_stations: bool = True
-) -> list[PossibleChange]:
+) -> list[DriftChangeDocument]:
     """What is said of the last verification of a standard arm, after `before` others."""
     rng = np.random.default_rng([seed, 7])
     built, place = build_arm(arm, "standard", seed), target_places(rng, arm, 1)[0]

@@ -14,6 +14,7 @@ from calibration.diagnosis.view_hypotheses import CHANGES, change_message
 from calibration.kinematics.stance import Stance
 from calibration.preprocessing.prepare import prepare
 from calibration.problem import Detection, Problem, Setup, View
+from calibration.sentences.sentence import from_one
 from calibration.targets import Charuco
 from calibration.transforms import (
     Array,
@@ -189,7 +190,7 @@ def swapped(problem: Problem, rng: np.random.Generator) -> Fault:
     i, j = sorted(_seen(problem, rng, 2))
     poses = poses_of(problem)
     poses[[i, j]] = poses[[j, i]]
-    return Fault(with_poses(problem, poses), frozenset({"poses-swapped"}), (f"pictures {i} and {j}",))
+    return Fault(with_poses(problem, poses), frozenset({"poses-swapped"}), (f"pictures {i + 1} and {j + 1}",))
 
 
 def sign_lost(problem: Problem, rng: np.random.Generator) -> Fault:
@@ -200,7 +201,7 @@ def sign_lost(problem: Problem, rng: np.random.Generator) -> Fault:
     which = int(rng.choice(np.flatnonzero(np.abs(quaternion[1:]) > 0.05)) + 1)
     quaternion[which] *= -1
     poses[row, :3, :3] = rotation_from_quaternion(quaternion)
-    return Fault(with_poses(problem, poses), frozenset({"pose-mistyped"}), (f"picture {row}", NUMBERS[3 + which]))
+    return Fault(with_poses(problem, poses), frozenset({"pose-mistyped"}), (f"picture {row + 1}", NUMBERS[3 + which]))
 
 
 def turned(problem: Problem, rng: np.random.Generator) -> Fault:
@@ -211,7 +212,7 @@ def turned(problem: Problem, rng: np.random.Generator) -> Fault:
     assert seen is not None
     last = len(problem.target.points_mm) - 1
     views[row] = replace(views[row], detection=Detection(last - seen.ids, seen.corners_px))
-    return Fault(replace(problem, views=tuple(views)), frozenset({"board-turned"}), (f"picture {row}",))
+    return Fault(replace(problem, views=tuple(views)), frozenset({"board-turned"}), (f"picture {row + 1}",))
 
 
 def other_tool(problem: Problem, rng: np.random.Generator) -> Fault:
@@ -241,7 +242,7 @@ def track_left_out(problem: Problem, rng: np.random.Generator, order: str | None
     groups = [
         [view.index for view in problem.views if places[view.index] == place] for place in range(places.max() + 1)
     ]
-    says = tuple(f"pictures {', '.join(map(str, group[:12]))}" for group in groups)
+    says = tuple(f"pictures {from_one(group[:12])}" for group in groups)
     return Fault(with_poses(problem, poses), frozenset({"track-not-declared"}), says)
 
 
@@ -274,7 +275,7 @@ def mistyped(problem: Problem, rng: np.random.Generator) -> Slip:
     def at(size: float) -> Fault:
         poses = poses_of(problem)
         poses[row, axis, 3] += sign * size
-        return Fault(with_poses(problem, poses), frozenset({"pose-mistyped"}), (f"picture {row}",))
+        return Fault(with_poses(problem, poses), frozenset({"pose-mistyped"}), (f"picture {row + 1}",))
 
     return Slip(at)
 

@@ -186,7 +186,7 @@ def _turned_after(problem: Problem, rng: np.random.Generator) -> Fault:
     k = int(rng.integers(2, len(problem.views) - 1))
     corner = np.array(problem.image_size) - 1.0
     change = _seen(problem, lambda row, seen: Detection(seen.ids, corner - seen.corners_px) if row >= k else seen)
-    return Fault(change, frozenset({"pictures-turned"}), (f"picture {k}",), k)
+    return Fault(change, frozenset({"pictures-turned"}), (f"picture {k + 1}",), k)
 
 
 def _camera(problem: Problem, matrix: Array, distortion: Array, says: str) -> Fault:

@@ -163,7 +163,10 @@ class LiveFeed:
             self._ready = main[1]
             self._ready_of = f"{{{','.join(f'{json_of(name)}:{text}' for name, text in further)}}}"
         await self._look_at_target(run)
-        snapshot = self._take(self._robot_document())
+        model, cell, robot = self._app.operations.rules.model, self._app.cell, None
+        if self._robot is not None:
+            robot = RobotDocument.of(self._robot, cell.robot, cell.holder, model)
+        snapshot = self._take(robot)
         changed = {**snapshot, "at": ""} != {**self._snapshot, "at": ""}
         if changed or now_s - self._beat_at_s >= 0.99 * BEAT_S:
             self._beat_at_s, self._snapshot = now_s, snapshot
@@ -209,12 +212,6 @@ class LiveFeed:
             return json_of(await readiness(self._app, camera))
         return "null"
 
-    def _robot_document(self) -> RobotDocument | None:
-        if self._robot is None:
-            return None
-        cell = self._app.cell
-        return RobotDocument.of(self._robot, cell.robot, cell.holder, self._app.operations.rules.model)
-
     def _take(self, robot: RobotDocument | None) -> Snapshot:
         app = self._app
         run = app.supervisor.in_progress
@@ -222,7 +219,7 @@ class LiveFeed:
             "at": json_of(app.clock.timestamp()),
             "software": json_of(SOFTWARE),
             "robot": json_of(robot),
-            "run": json_of(None if run is None else RunDocument.of(run)),
+            "run": json_of(None if run is None else RootModel[RunDocument](RunDocument.of(run))),
             "devices": json_of([RootModel[DeviceState](state) for state in app.device_watch.states()]),
             "ready": self._ready,
             "ready_of": self._ready_of,

@@ -122,7 +122,9 @@ class Authentication:
         token = session_token(scope)
         if token is None:
             raise KeyMissing("this needs a key")
-        if scope["method"] not in SAFE_METHODS and not _from_own_page(scope):
+        headers = dict(scope["headers"])  # RequestChecks has refused every other origin
+        of_own_page = b"origin" in headers or headers.get(b"sec-fetch-site") == b"same-origin"
+        if scope["method"] not in SAFE_METHODS and not of_own_page:
             raise CrossOrigin("a cookie came without an Origin", "ask from a page of this daemon, or with a key")
         session, key = await self._sign_in.find(token)
         scope.setdefault("state", {})["session"] = session
@@ -155,12 +157,6 @@ def session_token(scope: Scope) -> str | None:
     """The token of the request's session cookie; None without one."""
     cookies = (value.decode("latin-1") for name, value in scope["headers"] if name == b"cookie")
     return token_in(";".join(cookies), scope["scheme"])
-
-
-def _from_own_page(scope: Scope) -> bool:
-    """True when the browser states that a page of this daemon asks; RequestChecks has refused every other origin."""
-    headers = dict(scope["headers"])
-    return b"origin" in headers or headers.get(b"sec-fetch-site") == b"same-origin"
 
 
 def peer_of(scope: Scope) -> str:

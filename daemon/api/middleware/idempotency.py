@@ -47,7 +47,9 @@ def _json(status: int, document: BaseModel, location: str) -> Rebuilt:
 
 async def _scan(app: Application, scan_id: str) -> Rebuilt:
     scan = await app.store.scan(scan_id)
-    return _json(201, ScanDocument.of(scan, await app.store.scan_views(scan_id)), f"/scans/{scan_id}")
+    return _json(
+        201, RootModel[ScanDocument](ScanDocument.of(scan, await app.store.scan_views(scan_id))), f"/scans/{scan_id}"
+    )
 
 
 async def _view(app: Application, subject: str) -> Rebuilt:

@@ -79,12 +79,19 @@ class RequestChecks:
     async def _pass(self, scope: Scope, exchange: "_Exchange", headers: dict[bytes, str]) -> None:
         answered = True
         try:
-            _check_repeated(scope)
+            names = [name for name, _ in scope["headers"] if name in SINGLE_HEADERS]
+            if len(names) > len(set(names)):
+                raise RequestMalformed(next(name.decode() for name in names if names.count(name) > 1))
             exchange.check_length(headers.get(b"content-length", ""))
             self._check_host(scope["http_version"], headers)
             _check_origin(scope, headers)
-            _check_encoding(headers)
-            _check_query(scope["query_string"])
+            encoding = headers.get(b"content-encoding", "identity")  # bodies are taken as they come, never unpacked
+            if encoding.strip().lower() != "identity":
+                what = f"the body's encoding {encoding[:40]!r} is not supported"
+                raise UnknownMediaType(what, "send the body as it is")
+            if (size := len(scope["query_string"])) > MAX_QUERY_BYTES:
+                fix = f"send at most {MAX_QUERY_BYTES} bytes after the question mark"
+                raise InvalidRequest([DocumentProblem("query", f"it has {size} bytes", fix)])
             await self._app(scope, exchange.receive, exchange.send)
         except ClientDisconnect:
             answered = False
@@ -151,19 +158,6 @@ async def _receive_nothing() -> Message:
 async def _send_nowhere(_message: Message) -> None: ...
 
 
-def _check_repeated(scope: Scope) -> None:
-    names = [name for name, _ in scope["headers"] if name in SINGLE_HEADERS]
-    if len(names) > len(set(names)):
-        raise RequestMalformed(next(name.decode() for name in names if names.count(name) > 1))
-
-
-def _check_encoding(headers: dict[bytes, str]) -> None:
-    """Refuse a Content-Encoding: bodies are taken as they come, and nothing is ever unpacked."""
-    encoding = headers.get(b"content-encoding", "identity")
-    if encoding.strip().lower() != "identity":
-        raise UnknownMediaType(f"the body's encoding {encoding[:40]!r} is not supported", "send the body as it is")
-
-
 def _check_origin(scope: Scope, headers: dict[bytes, str]) -> None:
     """Refuse requests of browser pages from other origins (Fetch standard, Origin and Sec-Fetch-*).
 
@@ -184,12 +178,6 @@ def _follows_link(scope: Scope, headers: dict[bytes, str]) -> bool:
     """True for a navigation of a whole window to a document of LINKED_PATHS."""
     navigates = (headers.get(b"sec-fetch-mode"), headers.get(b"sec-fetch-dest")) == ("navigate", "document")
     return navigates and scope["method"] == "GET" and LINKED_PATHS.fullmatch(scope["path"]) is not None
-
-
-def _check_query(query: bytes) -> None:
-    if len(query) > MAX_QUERY_BYTES:
-        fix = f"send at most {MAX_QUERY_BYTES} bytes after the question mark"
-        raise InvalidRequest([DocumentProblem("query", f"it has {len(query)} bytes", fix)])
 
 
 def _request_id(headers: dict[bytes, str]) -> str:

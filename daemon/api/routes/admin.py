@@ -1,8 +1,7 @@
 """POST /setup, GET /audit and whether it is whole, GET /settings and /about."""
 
 import json
-from collections.abc import Iterator
-from typing import Annotated, Any
+from typing import Annotated
 
 from fastapi import APIRouter, Depends, Query, Request, Response
 
@@ -51,8 +50,8 @@ async def audit(app: App, limit: Limit = 50, before: Sequence = None) -> Respons
     following = f"/audit?limit={limit}&before={found[limit - 1].sequence}" if len(found) > limit else None
 
     def as_json() -> bytes:
-        rows: Iterator[Any] = ({**vars(row), "detail": json.loads(row.detail)} for row in found[:limit])
-        return page_json("rows", (AuditDocument(**row).model_dump_json() for row in rows), following)
+        rows = [AuditDocument(**vars(row) | {"detail": json.loads(row.detail)}) for row in found[:limit]]
+        return page_json({"rows": rows}, following)
 
     return await respond_page(app, as_json)
 

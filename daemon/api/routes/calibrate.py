@@ -1,13 +1,10 @@
 """GET and POST /calibrate, POST /verify."""
 
-import math
-from functools import partial
 from typing import Annotated
 
 from fastapi import APIRouter, Depends, Request, Response
 
 from calibration.documents.pose import PoseDocument
-from calibration.kinematics.arm import Arm
 from daemon.api.dependencies import App, Before, Identifier, JsonBody, Limit, Wait, WithCamera, page_of, respond_page
 from daemon.api.middleware.disconnects import client_of
 from daemon.api.negotiation import or_text, respond
@@ -19,14 +16,13 @@ from daemon.api.schemas.acceptances import AcceptanceList, StoredAcceptance
 from daemon.api.schemas.answer import documents_json
 from daemon.api.schemas.calibrations import AppliedDocument, CalibrateStatus, CalibrationSummary
 from daemon.api.schemas.cell import ForesightDocument, frame_warning
-from daemon.api.schemas.runs import PlannedPoseDocument, RunDocument
+from daemon.api.schemas.runs import RunDocument
 from daemon.application import Application
-from daemon.cell.skeleton import skeleton_mm
 from daemon.config.settings import CalibrationSettings
 from daemon.drift.cell_cameras import CellCamera
 from daemon.errors import NoCalibration
 from daemon.model.requests import CalibrateRequest, VerifyRequest
-from daemon.runs.foresight import Foresight
+from daemon.runs.adaptive_sequence import draw_poses
 from daemon.runs.pose_selection import stopping_rule
 from daemon.scans.scanner_acceptance import AcceptanceDocument
 from daemon.store.actor import current_audit_context
@@ -69,20 +65,13 @@ async def plan(app: App, body: Annotated[CalibrateRequest, Depends(JsonBody(Cali
     """What POST /calibrate would do from where the arm stands. Never moves anything; 409 while a run is in progress."""
     reading = await app.readings.robot.read()
     found = await app.camera(body.camera).operations.foresee(body, reading.pose, reading.joints)
-    return await respond_page(app, partial(_foresight_json, found, app.operations.rules.arm))
 
+    def as_json() -> bytes:
+        poses = list(draw_poses(app.operations.rules.arm, found.base_T_flange, found.joints_rad))
+        document = ForesightDocument(poses=poses, predicted_mm=list(found.predicted_mm), note=found.note)
+        return document.model_dump_json().encode()
 
-def _foresight_json(found: Foresight, arm: Arm | None) -> bytes:
-    poses = [
-        PlannedPoseDocument(
-            base_T_flange=PoseDocument.of(pose),
-            joints_deg=None if joints is None else [round(math.degrees(angle), 4) for angle in joints],
-            skeleton_mm=skeleton_mm(arm, joints),
-        )
-        for pose, joints in zip(found.base_T_flange, found.joints_rad, strict=True)
-    ]
-    document = ForesightDocument(poses=poses, predicted_mm=list(found.predicted_mm), note=found.note)
-    return document.model_dump_json().encode()
+    return await respond_page(app, as_json)
 
 
 @router.get("/acceptances", response_model=AcceptanceList)
@@ -134,7 +123,7 @@ async def _status(app: Application, camera: CellCamera) -> CalibrateStatus:
     running = app.supervisor.in_progress
     calibrations = PageFilters.of({"kind": "calibration"})
     listed, _ = split_damaged(await app.supervisor.listings(2, None, calibrations))  # one may be in progress
-    ended = next((listing.id for listing in listed if listing.run.over), None)
+    ended = next((run.id for run in listed if run.is_over), None)
     last = None if ended is None else await app.supervisor.run(ended)
     return CalibrateStatus(
         current=current,

@@ -6,7 +6,6 @@ from dataclasses import replace
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Depends, Header, Query, Request, Response
-from pydantic import RootModel
 
 from calibration.documents.arm import ArmErrorsDocument, arm_summary
 from calibration.documents.arm_field import MAX_STEPS, ArmFieldDocument, arm_field, arm_field_text
@@ -40,7 +39,7 @@ from daemon.api.schemas.answer import page_json
 from daemon.api.schemas.calibrations import AppliedDocument, CalibrationList, CalibrationSummary, CurrentCalibration
 from daemon.application import Application
 from daemon.errors import NoCalibration, NotFound, StorageInconsistent
-from daemon.model.records import AppliedCalibration, CalibrationRecord
+from daemon.model.records import CalibrationRecord
 from daemon.model.requests import ApplyRequest, ObservationsRequest, SolveRequest
 from daemon.store.damaged_rows import split_damaged
 from daemon.store.listings import CalibrationListing
@@ -116,9 +115,8 @@ async def calibrations(app: App, limit: Limit = 50, before: Before = None, accep
     read = [await _as_in_force(app, listing) if listing.id in current else listing for listing in read]
 
     def as_json() -> bytes:
-        found = (CalibrationSummary.of(row, row.accuracy, current=row.id in current).model_dump_json() for row in read)
-        applied = (RootModel[AppliedCalibration](row).model_dump_json() for row in history)
-        return page_json("calibrations", found, following, damaged, applied=applied)
+        found = [CalibrationSummary.of(row, row.accuracy, current=row.id in current) for row in read]
+        return page_json({"calibrations": found, "damaged": damaged, "applied": history}, following)
 
     return await respond_page(app, as_json)
 

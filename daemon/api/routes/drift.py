@@ -3,6 +3,7 @@
 from typing import Annotated
 
 from fastapi import APIRouter, Query, Request, Response
+from pydantic import RootModel
 
 from daemon.api.dependencies import IN_WHOLE_DIGITS, App, WithCamera
 from daemon.api.negotiation import or_text, respond
@@ -34,8 +35,8 @@ async def drift(
     chart = await (camera.drift.refresh() if calibration is None else camera.drift.chart_of_earlier(calibration))
     most, extensions = min(limit, MAX_CHECKS), request.app.state.extensions
     touched = [check for extension in extensions if extension.checks
-               for check in await extension.checks(app, chart.report.calibration_id, most)]  # fmt: skip
+               for check in await extension.checks(app, chart.report.calibration_id or "", most)]  # fmt: skip
     scanner = app.settings.scanner_beside(camera.name)
     accepted = await app.store.acceptances_of(scanner, most)
     document = await app.service_workers.run(DriftDocument.of, chart, app.settings.drift, limit, touched, accepted)
-    return respond(request, document, lambda: drift_text(document))
+    return respond(request, RootModel[DriftDocument](document), lambda: drift_text(document))

@@ -5,6 +5,7 @@ from typing import Annotated
 from fastapi import APIRouter, Query, Request, Response
 
 from calibration.errors import DocumentError, DocumentProblem
+from calibration.transforms import Array
 from daemon.api.dependencies import App
 from daemon.api.problems import problem_responses
 from daemon.api.routes.rigs import sensors_of
@@ -20,7 +21,7 @@ from daemon.api.streaming.cloud_request import (
     media_type_of,
 )
 from daemon.api.streaming.cloud_response import CloudResponse
-from daemon.api.streaming.request_body import body_chunks
+from daemon.api.streaming.request_body import body_chunks, lend_body
 from daemon.api.streaming.temporary_file import TemporaryFileResponse
 from daemon.config.settings import MAIN_SCANNER
 from daemon.errors import CalibrationUnusable
@@ -79,13 +80,18 @@ async def register(
         camera = app.settings.camera_beside(by_name) if app.settings.cameras else None
         used = await app.operations.calibrations.in_use(await app.operations.calibrations.find(calibration, camera))
         at = await flange_pose_of(app, pose, beside)
-        base_T_scanner = await app.service_workers.run(app.scans.base_T_scanner, used, at, by_name)
-        of_arm = await app.service_workers.run(arm_headers, used, [at])
+
+        def place() -> tuple[Array, dict[str, str]]:
+            return app.scans.base_T_scanner(used, at, by_name), arm_headers(used, [at])
+
+        as_drawn = used.arm is None  # then no inverse kinematics hold the event loop up
+        base_T_scanner, of_arm = place() if as_drawn else await app.service_workers.run(place)
         named = {"Handeyed-Calibration": used.document.id, **of_arm}
     numbers = (*at.base_T_flange.translation_mm, *at.base_T_flange.quaternion_wxyz)
     check = None if force else app.scans.range_check(unit, scanner or MAIN_SCANNER)
     headers = {"Handeyed-Pose": ",".join(f"{x!r}" for x in numbers), **named}
     if media_type in WHOLE:  # their index is at the end, so they cannot be streamed
+        lend_body(request.scope)
         file, points = await app.scans.transform_cloud(
             body_chunks(request.receive), media_type, unit, base_T_scanner, check
         )

@@ -57,7 +57,7 @@ Form = Annotated[
 ]
 
 
-def _language_of(
+async def _language_of(
     request: Request,
     language: Annotated[
         LanguageTag | None, Query(description="without it, as Accept-Language prefers; else en")
@@ -104,7 +104,9 @@ async def report_calibration(
     context = await _with_history(app, context, document.id)
     if record.run_id is not None:
         folder = app.store.session_folder(record.run_id, record.camera)
-        pictures, digest = await app.service_workers.run(_session, _target_of(app, record.camera), folder, document)
+        seen_by = record.camera  # the settings may name it no more
+        settings = app.settings.of_camera(seen_by) if seen_by in app.settings.camera_names else app.settings
+        pictures, digest = await app.service_workers.run(_session, settings.target, folder, document)
         context = replace(context, pictures=pictures, session_sha256=digest)
     errors = await app.store.arm(document.id)
     if errors is not None:
@@ -129,12 +131,6 @@ async def _with_history(app: Application, context: ReportContext, calibration_id
     if not chart.points:
         return context
     return replace(context, drift=chart, verification=await app.store.run(chart.points[-1].run_id))
-
-
-def _target_of(app: Application, camera: str) -> Target:
-    """What this camera looks at; [target] for a camera that the settings name no more."""
-    known = camera in app.settings.camera_names
-    return (app.settings.of_camera(camera) if known else app.settings).target
 
 
 def _session(target: Target, folder: Path, document: CalibrationDocument) -> tuple[tuple[Picture, ...], str | None]:
@@ -291,7 +287,9 @@ async def _answer(
     """
     html, policy = await app.service_workers.run(_with_policy, report)
     headers = {"Content-Language": language, "Vary": "Accept, Accept-Language"}
-    if (form or _preferred(request)) == "html":
+    weights = dict(media_ranges(request))
+    prefers_pdf = weights.get(PDF, 0.0) > weights.get(HTML, 0.0)
+    if form == "html" or not (form or prefers_pdf):
         headers["Content-Security-Policy"] = policy
         return Response(html, media_type=f"{HTML}; charset=utf-8", headers=headers)
     try:
@@ -305,9 +303,3 @@ async def _answer(
 def _with_policy(report: Callable[[], str]) -> tuple[str, str]:
     html = report()
     return html, policy_of(html)
-
-
-def _preferred(request: Request) -> str:
-    """pdf when Accept gives it a higher weight than HTML."""
-    weights = dict(media_ranges(request))
-    return "pdf" if weights.get(PDF, 0.0) > weights.get(HTML, 0.0) else "html"

@@ -28,7 +28,7 @@ from daemon.api.routes.cell import PICTURES, stored_picture
 from daemon.api.run_answers import answer_run, answer_started
 from daemon.api.schemas.answer import page_json
 from daemon.api.schemas.run_views import RunViewsDocument
-from daemon.api.schemas.runs import RunDocument, RunList, listing_json
+from daemon.api.schemas.runs import RunDocument, RunList
 from daemon.application import Application
 from daemon.errors import NotFound
 from daemon.model.records import RunKind, RunRecord
@@ -66,7 +66,11 @@ async def runs(
     filters = PageFilters.of({"kind": kind, "state": state, "since": since, "until": until})
     page, following = page_of(await app.supervisor.listings(limit + 1, before, filters), limit, "/runs", filters)
     read, damaged = split_damaged(page)
-    return await respond_page(app, lambda: page_json("runs", map(listing_json, read), following, damaged))
+
+    def as_json() -> bytes:
+        return page_json({"runs": [RunDocument.of(run) for run in read], "damaged": damaged}, following)
+
+    return await respond_page(app, as_json)
 
 
 @router.get("/{run_id}", response_model=RunDocument, responses={200: or_text("The run"), **problem_responses(404)})

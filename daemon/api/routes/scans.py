@@ -6,6 +6,7 @@ from typing import Annotated, Any
 
 import numpy as np
 from fastapi import APIRouter, Depends, Query, Request, Response
+from pydantic import RootModel
 
 from calibration.documents.calibration_in_use import CalibrationInUse
 from calibration.sentences.sentence import Sentence
@@ -48,6 +49,7 @@ from daemon.api.streaming.cloud_request import (
     flange_pose_of,
     media_type_of,
 )
+from daemon.api.streaming.request_body import lend_body
 from daemon.api.streaming.temporary_file import TemporaryFileResponse
 from daemon.application import Application
 from daemon.errors import NotFound
@@ -78,8 +80,8 @@ async def scans(app: App, limit: Limit = 50, before: Before = None, name: NamePa
     read, damaged = split_damaged(page)
 
     def as_json() -> bytes:
-        found = (ScanDocument.of(row.scan, row.views).model_dump_json() for row in read)
-        return page_json("scans", found, following, damaged)
+        found = [ScanDocument.of(row.scan, row.views) for row in read]
+        return page_json({"scans": found, "damaged": damaged}, following)
 
     return await respond_page(app, as_json)
 
@@ -98,8 +100,8 @@ async def create(
     scan, run = await app.operations.scan(body)
     if run is not None:
         run = await wait_for_run(request, app, run.id, wait)
-    document = ScanDocument.of(scan, await app.store.scan_views(scan.id), run)
-    status, headers = (201, {}) if run is None or run.over else (202, {"Retry-After": "1"})
+    document = RootModel[ScanDocument](ScanDocument.of(scan, await app.store.scan_views(scan.id), run))
+    status, headers = (201, {}) if run is None or run.is_over else (202, {"Retry-After": "1"})
     return Response(
         document.model_dump_json(), status, {"Location": f"/scans/{scan.id}", **headers}, media_type="application/json"
     )
@@ -132,6 +134,7 @@ async def add_view(
     if request.headers.get("content-length", "0") == "0" and "transfer-encoding" not in request.headers:
         return await app.operations.scan_here(scan_id)
     media_type, at = media_type_of(request), await flange_pose_of(app, pose, beside)
+    lend_body(request.scope)
     return await app.scans.add_view(scan_id, request.stream(), media_type, unit, at, force=force)
 
 
@@ -209,7 +212,7 @@ async def cloud(
         if found is None:
             return _in_progress(app, job, scan_id, refine)
     clouds = await app.scans.clouds(scan_id, used, found)
-    poses = [row.pose for row in await app.store.scan_views(scan_id)][: len(clouds)]
+    poses = (await app.store.scan_views(scan_id))[: len(clouds)]
     if view is not None:
         clouds, poses = [_one_of(clouds, view, scan_id)], poses[view : view + 1]
     document = used.document

@@ -1,8 +1,10 @@
 """Schemas of keys and the audit log."""
 
-from typing import Any, Literal
+from dataclasses import dataclass
+from typing import Any, ClassVar, Literal
 
-from daemon.api.schemas.answer import EXAMPLE_AT, Answer, example
+from daemon.access.audit_chain import AuditRow
+from daemon.api.schemas.answer import EXAMPLE_AT, Answer, as_it_stands, example
 
 RoleWord = Literal["viewer", "operator", "admin"]
 
@@ -101,17 +103,13 @@ class PairingDocument(Answer):
     role: RoleWord
 
 
-class AuditDocument(Answer):
+@dataclass(frozen=True)
+class AuditDocument(AuditRow):
     """One entry of the audit log. `hash` covers the row and the hash of the row before."""
 
-    sequence: int
-    at: str
-    actor: str
-    role: str
-    action: str
-    subject: str
-    detail: dict[str, Any]
-    hash: str
+    __pydantic_config__: ClassVar = as_it_stands()
+
+    detail: dict[str, Any]  # type: ignore[assignment] # in the row its JSON, which the hash covers
 
 
 class AuditList(Answer):

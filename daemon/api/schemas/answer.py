@@ -1,9 +1,9 @@
 """The base class of all answers, and helpers for examples in openapi.json."""
 
-import json
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from typing import Any, Self, TypeVar
 
+import msgspec
 from pydantic import BaseModel, ConfigDict
 
 from daemon.errors import StorageInconsistent
@@ -51,25 +51,20 @@ def documents_of(
 def documents_json(name: str, kind: type[OfRecord], page: Iterable[DocumentRecord], following: str | None) -> bytes:
     """The JSON of a page of stored documents, with the ids of those that are damaged."""
     read, damaged = split_damaged(documents_of(kind.of_record, page))
-    return page_json(name, (document.model_dump_json() for document in read), following, damaged)
+    return page_json({name: read, "damaged": damaged}, following)
 
 
-def page_json(
-    name: str,
-    items: Iterable[str],
-    following: str | None,
-    damaged: Iterable[str] | None = None,
-    **beside: Iterable[str],
-) -> bytes:
-    """The JSON of a page: the list `name` of `items`, which are JSON, the lists `beside` it, and the link `next`.
+def page_json(lists: Mapping[str, Sequence[Any]], following: str | None) -> bytes:
+    """The JSON of a page: the lists by their names, and the link `next`; a msgspec.Raw in them is JSON as it stands."""
+    return msgspec.json.encode({**lists, "next": following}, enc_hook=_plain)
 
-    `damaged`: ids of rows that cannot be read, where the page tells them.
-    """
-    lists = {name: items, **beside}
-    if damaged is not None:
-        lists["damaged"] = map(json.dumps, damaged)
-    fields = (f"{json.dumps(key)}:[{','.join(each)}]" for key, each in lists.items())
-    return f'{{{",".join(fields)},"next":{json.dumps(following)}}}'.encode()
+
+def _plain(value: Any) -> Any:
+    """What is no dataclass and no plain value itself: the fields of a model, or a sentence or number as such."""
+    for plain in (str, float):
+        if isinstance(value, plain):
+            return plain(value)
+    return vars(value)
 
 
 def example(**answer: Any) -> ConfigDict:
@@ -77,13 +72,14 @@ def example(**answer: Any) -> ConfigDict:
     return ConfigDict(frozen=True, json_schema_extra={"examples": [answer]})
 
 
-def as_it_stands(**answer: Any) -> ConfigDict:
-    """The `__pydantic_config__` of an answer that is a record with its fields: each is there, whatever its default."""
+def as_it_stands(*, optional: Collection[str] = (), **answer: Any) -> ConfigDict:
+    """The `__pydantic_config__` of an answer that is a record: each field is there, but for the `optional` ones."""
 
     def describe(schema: dict[str, Any]) -> None:
         for field in schema["properties"].values():
             field.pop("default", None)
-        schema |= {"required": list(schema["properties"])} | ({"examples": [answer]} if answer else {})
+        schema["required"] = [name for name in schema["properties"] if name not in optional]
+        schema |= {"examples": [answer]} if answer else {}
 
     return ConfigDict(json_schema_extra=describe)
 

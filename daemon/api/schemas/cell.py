@@ -17,12 +17,12 @@ from calibration.kinematics.seven_axes import AnyArm
 from calibration.problem import Setup
 from calibration.sentences.sentence import as_sentence
 from daemon.api.schemas.answer import EXAMPLE_AT, Answer, as_it_stands
-from daemon.api.schemas.runs import PlannedPoseDocument
 from daemon.cell.device_watch import DeviceState
 from daemon.cell.frame_check import frame_difference
 from daemon.cell.readings import RobotReading
 from daemon.cell.skeleton import lengths_mm, skeleton_mm
 from daemon.config.settings import Settings, TaughtPose
+from daemon.model.records import PlannedPoseDocument
 from daemon.sessions.look import Look
 from drivers.interfaces import Robot
 

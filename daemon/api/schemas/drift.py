@@ -2,16 +2,15 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import degrees
-from typing import ClassVar, Literal
+from typing import ClassVar
 
 from calibration.documents.calibration import SentenceDocument
 from calibration.documents.knowledge import NoiseBeliefDocument
-from calibration.monitoring.cell_change import PossibleChange
+from calibration.monitoring.cell_change import DriftChangeDocument
 from calibration.monitoring.control_chart import DriftRules
-from daemon.api.schemas.answer import EXAMPLE_AT, EXAMPLE_ID, Answer, OfRecord, as_it_stands, documents_of, example
+from daemon.api.schemas.answer import EXAMPLE_AT, EXAMPLE_ID, Answer, OfRecord, as_it_stands, documents_of
 from daemon.config.settings import DriftSettings
-from daemon.drift.chart import DriftChart, DriftPointDocument, rules_of
+from daemon.drift.chart import DriftChart, DriftPointDocument, DriftReport, rules_of
 from daemon.scans.scanner_acceptance import AcceptanceDocument
 from daemon.store.damaged_rows import split_damaged
 from daemon.store.documents import DocumentRecord
@@ -34,35 +33,6 @@ class DriftTouchDocument(Answer):
     accepted: bool
 
 
-class DriftChangeDocument(Answer):
-    """What may have changed between the chart's first verifications and the last one, with its probability.
-
-    `cause` "axis-zero": the zero of `axis` (1 to 6) moved by `turned_deg`. Otherwise the camera or the target moved by
-    `shift_mm` and `turn_deg`: the camera in the frame of its mount, the target in that in which it stands.
-    """
-
-    cause: Literal["nothing", "camera-moved", "target-moved", "axis-zero"]
-    chance: float
-    axis: int | None = None
-    turned_deg: float | None = None
-    shift_mm: tuple[float, float, float] | None = None
-    turn_deg: tuple[float, float, float] | None = None
-
-    @classmethod
-    def of(cls, change: PossibleChange) -> "DriftChangeDocument":
-        moved = change.cause in ("camera-moved", "target-moved")
-        x, y, z = (round(degrees(turn), 6) for turn in change.turn_rad)
-        a, b, c = (round(shift, 6) for shift in change.shift_mm)
-        return cls(
-            cause=change.cause,
-            chance=round(change.chance, 6),
-            axis=change.axis,
-            turned_deg=None if change.axis is None else round(degrees(change.turned_rad), 6),
-            shift_mm=(a, b, c) if moved else None,
-            turn_deg=(x, y, z) if moved else None,
-        )
-
-
 class DriftScannerDocument(OfRecord):
     """One verification of the scanner with a sphere or a ball bar: its errors, as POST /verify gave them."""
 
@@ -79,7 +49,8 @@ class DriftScannerDocument(OfRecord):
         return cls(**vars(found), id=record.id, at=record.created_at)
 
 
-class DriftDocument(Answer):
+@dataclass(frozen=True, kw_only=True)
+class DriftDocument(DriftReport):
     """The control chart of the active calibration; "off" without one. `points`: the oldest first.
 
     `alarm`: a sentence, or null; `alarm_detail`: what it is made of. `scatter_limit_mm`: the largest scatter of the
@@ -92,7 +63,7 @@ class DriftDocument(Answer):
     its origin; null without a calibration, or one of an earlier version.
     """
 
-    model_config = example(
+    __pydantic_config__: ClassVar = as_it_stands(
         standing="steady", calibration_id=EXAMPLE_ID, verifications=1, shift_mm=0.021, limit_mm=0.094, scatter_mm=0.04,
         scatter_limit_mm=0.16, alarm=None, alarm_detail=None,
         rules={"weight": 0.2, "learn": 5, "allowed_mm": 0.0, "runs_between_false_alarms": 1000.0},
@@ -109,14 +80,6 @@ class DriftDocument(Answer):
                      "translation_factor": 1.5, "origin": "learnt", "arm": "IRB 1600-6/1.2"},
     )  # fmt: skip
 
-    standing: Literal["off", "learning", "steady", "drifting", "out-of-tolerance"]
-    calibration_id: str | None
-    verifications: int
-    shift_mm: float
-    limit_mm: float | None
-    scatter_mm: float
-    scatter_limit_mm: float | None
-    alarm: str | None
     alarm_detail: SentenceDocument | None
     rules: DriftRulesDocument
     points: list[DriftPointDocument]
@@ -135,13 +98,12 @@ class DriftDocument(Answer):
         accepted: Sequence[DocumentRecord] = (),
     ) -> "DriftDocument":
         report = chart.report
-        known = {"standing": report.standing or "off", "calibration_id": report.calibration_id or None}
         return cls(
-            **{**vars(report), **known},
+            **vars(report),
             alarm_detail=None if report.alarm is None else SentenceDocument.each_of([report.alarm])[0],
             rules=DriftRulesDocument(**vars(rules_of(settings))),
             points=list(chart.points[-limit:]),
-            changes=[DriftChangeDocument.of(change) for change in chart.changes],
+            changes=list(chart.changes),
             touch_tests=list(touched),
             scanner=split_damaged(documents_of(DriftScannerDocument.of_record, accepted))[0],
             robot_noise=chart.robot_noise,

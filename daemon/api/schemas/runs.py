@@ -1,26 +1,11 @@
 """Schemas of runs."""
 
-from typing import Any, Literal
+from dataclasses import dataclass
+from typing import ClassVar
 
-from calibration.documents.pose import PoseDocument, Vector
-from daemon.api.schemas.answer import EXAMPLE_AT, EXAMPLE_ID, Answer, example
-from daemon.model.records import CauseDocument, Planning, RunKind, RunRecord
-from daemon.model.run_states import RunState
+from daemon.api.schemas.answer import EXAMPLE_AT, EXAMPLE_ID, Answer, as_it_stands
+from daemon.model.records import Foreseen, Planning, RunRecord
 from daemon.runs.run_log import prediction_text
-from daemon.store.listings import RunListing
-
-
-class TurnDocument(Answer):
-    """A turn of the flange about one of its own axes."""
-
-    turn_axis: Literal["x", "y", "z"]
-    deg: float
-
-
-class ShiftDocument(Answer):
-    """A shift of the flange along the base's axes."""
-
-    shift_mm: Vector
 
 
 class NearDocument(Answer):
@@ -30,32 +15,8 @@ class NearDocument(Answer):
     deg: float = 5.0
 
 
-class PredictionDocument(Answer):
-    """U (k = 2) at the worst of the points that matter after a station, and with the views planned then."""
-
-    station: int
-    at: str
-    now_mm: float | None
-    planned_mm: float | None
-
-
-class PlannedPoseDocument(Answer):
-    """A planned pose; where the arm is known its axis angles, and base, shoulder, elbow, wrist and flange to draw."""
-
-    base_T_flange: PoseDocument
-    joints_deg: list[float] | None
-    skeleton_mm: list[Vector] | None
-
-
-class GoalDocument(Answer):
-    """What ends a planned run: so many views at the most, or one sigma or U of a measured point."""
-
-    views: int
-    uncertainty_mm: float | None
-    tolerance_mm: float | None
-
-
-class PlanningDocument(Answer):
+@dataclass(frozen=True, kw_only=True)
+class PlanningDocument(Foreseen):
     """The predictions of an adaptive or manual run: U (k = 2) at the worst of the points that matter, mm.
 
     `now_mm`: from the views so far, null before they determine X; `planned_mm`: with the `ahead` views planned next.
@@ -65,32 +26,25 @@ class PlanningDocument(Answer):
     `history`: the predictions after each station; `planned_poses`: the next one first; `goal`: what ends the run.
     """
 
-    now_mm: float | None
-    planned_mm: float | None
-    ahead: int
+    __pydantic_config__: ClassVar = as_it_stands()
+
     predicted: str | None
-    note: str
-    advice: str
-    next_pose: PoseDocument | None
-    next_outline_px: list[tuple[float, float]] | None
-    advice_steps: list[TurnDocument | ShiftDocument]
     near: NearDocument
-    history: list[PredictionDocument]
-    planned_poses: list[PlannedPoseDocument]
-    goal: GoalDocument | None
 
     @classmethod
     def of(cls, planning: Planning) -> "PlanningDocument":
-        return cls(**vars(planning), predicted=prediction_text(planning), near=NearDocument())
+        shown = {name: value for name, value in vars(planning).items() if name != "pictures"}
+        return cls(**shown, predicted=prediction_text(planning), near=NearDocument())
 
 
-class RunDocument(Answer):
+@dataclass(frozen=True, kw_only=True)
+class RunDocument(RunRecord):
     """One run. `station` counts the stations captured so far; `result` depends on `kind`.
 
     `started_by`: the key's name, or who started it without one; empty in runs from before that was stored.
     """
 
-    model_config = example(
+    __pydantic_config__: ClassVar = as_it_stands(
         id=EXAMPLE_ID,
         kind="calibration",
         state="finished",
@@ -108,26 +62,14 @@ class RunDocument(Answer):
         links={"self": f"/runs/{EXAMPLE_ID}", "calibration": f"/calibrations/{EXAMPLE_ID}"},
     )
 
-    id: str
-    kind: RunKind
-    state: RunState
+    planning: PlanningDocument | None = None  # type: ignore[assignment] # without `pictures`, which `links` have
     over: bool
-    station: int
-    stations: int
-    created_at: str
-    updated_at: str
-    cause: CauseDocument | None
-    request: dict[str, Any]
-    result: dict[str, Any] | None
-    planning: PlanningDocument | None
-    started_by: str
-    started_by_role: str
     links: dict[str, str]
 
     @classmethod
     def of(cls, run: RunRecord) -> "RunDocument":
         links = {"self": f"/runs/{run.id}"}
-        if not run.over:
+        if not run.is_over:
             links["abort"] = f"/runs/{run.id}/abort"
             if run.request.get("manual"):
                 links |= {name: f"/runs/{run.id}/{name}" for name in ("stations", "jog", "finish")}
@@ -137,13 +79,7 @@ class RunDocument(Answer):
         if run.kind != "scan":
             links.update({f"frame {k}": f"/runs/{run.id}/frames/{k}" for k in range(run.pictures)})
         planning = None if run.planning is None else PlanningDocument.of(run.planning)
-        return cls(**{**vars(run), "planning": planning}, over=run.over, links=links)
-
-
-def listing_json(listing: RunListing) -> str:
-    """The RunDocument of a list as JSON, with request and result as stored."""
-    rest = RunDocument.of(listing.run).model_dump_json(exclude={"request", "result"})
-    return f'{rest[:-1]},"request":{listing.request},"result":{listing.result or "null"}}}'
+        return cls(**{**vars(run), "planning": planning}, over=run.is_over, links=links)
 
 
 class RunList(Answer):

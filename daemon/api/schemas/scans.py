@@ -1,16 +1,19 @@
 """Schemas of scans, their views and clouds. Lengths in mm."""
 
-from typing import Literal
+from dataclasses import dataclass
+from typing import ClassVar, Literal
 
-from daemon.api.schemas.answer import EXAMPLE_AT, EXAMPLE_ID, Answer, example
+from daemon.api.schemas.answer import EXAMPLE_AT, EXAMPLE_ID, Answer, as_it_stands
 from daemon.api.schemas.runs import RunDocument
 from daemon.model.records import RunRecord, ScanRecord, ScanViewDocument
 
 
-class ScanDocument(Answer):
+@dataclass(frozen=True, kw_only=True)
+class ScanDocument(ScanRecord):
     """A scan of a part from several views; `run` fills it when the daemon drives the scanner."""
 
-    model_config = example(
+    __pydantic_config__: ClassVar = as_it_stands(
+        optional=("run",),
         id=EXAMPLE_ID,
         name="door 4711",
         refine=False,
@@ -25,11 +28,6 @@ class ScanDocument(Answer):
         },
     )
 
-    id: str
-    name: str
-    refine: bool
-    scanner: str
-    created_at: str
     views: list[ScanViewDocument]
     run: RunDocument | None = None
     links: dict[str, str]

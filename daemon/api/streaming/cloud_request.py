@@ -29,11 +29,19 @@ AXES_BESIDE = "the controller's external axes from the first at a given pose, mm
 class BesidePose:
     """What a request says of the arm beside the pose of its flange."""
 
-    joints: Annotated[str | None, Query(max_length=200, description=JOINTS)] = None
-    external_axes: Annotated[str | None, Query(max_length=200, description=AXES_BESIDE)] = None
+    joints: str | None
+    external_axes: str | None
+
+    @classmethod
+    async def of_query(
+        cls,
+        joints: Annotated[str | None, Query(max_length=200, description=JOINTS)] = None,
+        external_axes: Annotated[str | None, Query(max_length=200, description=AXES_BESIDE)] = None,
+    ) -> "BesidePose":
+        return cls(joints, external_axes)
 
 
-Beside = Annotated[BesidePose, Depends()]
+Beside = Annotated[BesidePose, Depends(BesidePose.of_query)]
 UnitQuery = Annotated[Literal["mm", "m"], Query(description="unit of the cloud's coordinates")]
 ForceQuery = Annotated[bool, Query(description="take a cloud whose unit cannot be, too")]
 
@@ -122,7 +130,7 @@ def arm_headers(calibration: CalibrationInUse, poses: Sequence[FlangePose]) -> d
     """Headers of a cloud in base: whether the arm's errors are in it, how well it is placed by them at these poses, and
     a warning for poses without joints and for another load.
 
-    Takes inverse kinematics: for a worker thread. Raises UnreachablePoseError.
+    With errors of the arm it takes inverse kinematics: for a worker thread. Raises UnreachablePoseError.
     """
     stances = [pose.stance for pose in poses]
     placement = calibration.placement(stances)

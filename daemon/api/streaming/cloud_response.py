@@ -16,7 +16,7 @@ from starlette.types import Receive, Scope, Send
 
 from daemon.api.http_errors import BodyTooLarge
 from daemon.api.problems import answer, problem_of
-from daemon.api.streaming.request_body import body_chunks
+from daemon.api.streaming.request_body import body_chunks, lend_body
 from daemon.api.streaming.spool import Spool
 from daemon.errors import StorageError
 from registration.errors import CloudTooLong, CloudTruncated, RegistrationError
@@ -46,11 +46,11 @@ class StreamedCloud:
 
     async def receive(self, receive: Receive, ready: asyncio.Event, done: OnComplete) -> None:
         """Transform the body into the spool; set `ready` for the answer to begin. Raises REFUSALS, ClientDisconnect."""
-        size = 0
+        size, is_small = 0, self.content_length is not None and self.content_length <= MAX_SMALL_BODY_BYTES
         try:
             async for chunk in body_chunks(receive):
                 size += await self._put(self.stream.parts(chunk))
-                if size and self.stream.in_range and not ready.is_set() and not self._is_small:
+                if size and self.stream.in_range and not ready.is_set() and not is_small:
                     self._check_length()
                     ready.set()
             size += await self._put(self.stream.last_parts())
@@ -75,10 +75,6 @@ class StreamedCloud:
         header = self.stream.header
         assert header is not None
         return with_frame(header.rewritten, self.calibration_id) if header.format == "ply" else header.rewritten
-
-    @property
-    def _is_small(self) -> bool:
-        return self.content_length is not None and self.content_length <= MAX_SMALL_BODY_BYTES
 
     def answer_length(self) -> int | None:
         """Length of the answer in bytes, if the header determines it."""
@@ -117,10 +113,11 @@ class CloudResponse(Response):
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Receive and send concurrently, each at its own pace."""
+        lend_body(scope)
         spool = Spool(self._folder)
-        passage = StreamedCloud(
-            self._stream, spool, _content_length(scope), self._every_header.get("Handeyed-Calibration", "")
-        )
+        given = dict(scope["headers"]).get(b"content-length", b"").decode("latin-1")
+        length = int(given) if given.isdigit() else None
+        passage = StreamedCloud(self._stream, spool, length, self._every_header.get("Handeyed-Calibration", ""))
         ready = asyncio.Event()
         taking = asyncio.create_task(passage.receive(receive, ready, self._done))
         try:
@@ -158,8 +155,3 @@ class CloudResponse(Response):
             log.warning("a streamed cloud was cut off: %s", error or "the client disconnected")
             return
         await send({"type": "http.response.body", "body": b"", "more_body": False})
-
-
-def _content_length(scope: Scope) -> int | None:
-    value = dict(scope["headers"]).get(b"content-length", b"").decode("latin-1")
-    return int(value) if value.isdigit() else None

@@ -3,11 +3,22 @@
 from collections.abc import AsyncIterator
 
 from starlette.requests import ClientDisconnect
-from starlette.types import Receive
+from starlette.types import Receive, Scope
+
+from daemon.http.connections import LEND_BODY
 
 
-async def body_chunks(receive: Receive) -> AsyncIterator[bytes]:
-    """Yield the body's bytes. Raises ClientDisconnect, and BodyTooLarge from the request checks."""
+def lend_body(scope: Scope) -> None:
+    """From here on the pieces of a large body come as views, each valid until the next one is asked for."""
+    if (lend := scope.get("state", {}).get(LEND_BODY)) is not None:
+        lend()
+
+
+async def body_chunks(receive: Receive) -> AsyncIterator[bytes | memoryview]:
+    """Yield the body's bytes; a view of a lent body is valid until the next one.
+
+    Raises ClientDisconnect, and BodyTooLarge from the request checks.
+    """
     more = True
     while more:
         message = await receive()

@@ -1,5 +1,5 @@
 // Something asked of the daemon, asked anew when one of the events it depends on comes.
-import { html, useCallback, useEffect, useRef, useState } from '../vendor/preact.js';
+import { html, useCallback, useEffect, useLayoutEffect, useRef, useState } from '../vendor/preact.js';
 import { hold } from '../state/arrival.js';
 import { ask } from '../state/ask.js';
 import { changed, linked, session } from '../state/now.js';
@@ -15,7 +15,7 @@ export function useAsked(path, kinds = [], { late = false } = {}) {
   const happened = kinds.map((kind) => changed.value[kind] ?? 0).join();
   const link = state.error?.status === 0 ? linked.value : Math.max(1, linked.value); // the first link changes nothing that was answered
   const release = useRef(() => {});
-  useEffect(() => {
+  useLayoutEffect(() => { // with the drawing itself: an effect comes later, and the screen might count as whole before
     let wanted = true;
     if (path && !late) release.current = hold();
     if (path) {

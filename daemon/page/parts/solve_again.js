@@ -22,7 +22,7 @@ export function SolveAgain({ path, views }) {
   };
   return html`<p class="quiet">${t('again.about')}</p>
     <div class="row views-chosen" role="group" aria-label=${t('again.views')}>${views.map(({ index }) =>
-      html`<button type="button" class="chip" key=${index} aria-pressed=${!without.includes(index)} onClick=${() => toggle(index)}>${index}</button>`)}</div>
+      html`<button type="button" class="chip" key=${index} aria-pressed=${!without.includes(index)} onClick=${() => toggle(index)}>${index + 1}</button>`)}</div>
     <div><label for="again-method">${t('again.method')}</label>
       <select id="again-method" value=${method} onChange=${(event) => setMethod(event.target.value)}>${METHODS.map((name) => html`<option value=${name}>${name === 'auto' ? t('again.auto') : name}</option>`)}</select></div>
     <${Act} label=${t('again.solve')} act=${solve} disabled=${running.value || left < LEAST_VIEWS} />

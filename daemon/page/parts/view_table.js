@@ -13,7 +13,7 @@ export function ViewTable({ rows, chosen, choose, result = false }) {
       ${!result && html`<th scope="col" class="num">${t('views.corners')}</th>`}
       <th scope="col">${t('views.px')}</th>${result && html`<th scope="col">${t('views.mm')}</th><th scope="col">${t('views.robot')}</th>`}</tr></thead>
     <tbody>${rows.map((row) => html`<tr key=${row.index} class=${row.index === chosen ? 'chosen' : ''}>
-      <th scope="row"><button type="button" class="row-button" aria-pressed=${row.index === chosen} onClick=${() => choose(row.index)}>${row.index}</button></th>
+      <th scope="row"><button type="button" class="row-button" aria-pressed=${row.index === chosen} onClick=${() => choose(row.index)}>${row.index + 1}</button></th>
       <td><${Status} row=${row} /></td>
       ${!result && html`<td class="num">${row.corners ? count(row.corners.length) : '—'}</td>`}
       <td><${Bar} value=${row.rms_px} end=${px} text=${fixed(row.rms_px, 3)} /></td>

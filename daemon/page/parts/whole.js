@@ -1,5 +1,5 @@
 // A screen, hidden until its first answers and the state of the cell are there, for ten seconds at most; then shown for good.
-import { html, useEffect, useRef, useState } from '../vendor/preact.js';
+import { html, useEffect, useLayoutEffect, useRef, useState } from '../vendor/preact.js';
 import { awaited } from '../state/arrival.js';
 import { heardAt, lost, ready, refused, session } from '../state/now.js';
 import { t } from '../state/words.js';
@@ -11,8 +11,8 @@ export function Whole({ children, quiet = false, onWhole }) {
   const [drawn, setDrawn] = useState(false); // the screen has asked what it asks at first
   const [late, setLate] = useState(false);
   const arrived = useRef(false);
-  useEffect(() => {
-    setDrawn(true);
+  useLayoutEffect(() => {
+    setDrawn(true); // after the layout effects of all children
     const timer = setTimeout(() => setLate(true), MAX_HIDDEN_MS);
     return () => clearTimeout(timer);
   }, []);

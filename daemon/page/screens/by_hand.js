@@ -13,6 +13,7 @@ import { useAsked } from '../parts/loaded.js';
 import { LivePicture } from '../parts/live_picture.js';
 import { carriedBy, placesOf } from '../parts/places.js';
 import { stepsTo } from '../parts/pose.js';
+import { picturesOf } from '../parts/run_times.js';
 import { WayToGo, isNear } from '../parts/way_to_go.js';
 import { ask, newKey } from '../state/ask.js';
 import { cameraOf, ofCamera } from '../state/sensors.js';
@@ -30,7 +31,8 @@ export function ByHand({ shown }) {
   const speeds = HELD_SPEEDS_MM_S.filter((speed) => !arm.data || speed <= arm.data.speed_mm_s);
   const [asked, setAsked] = useState(HELD_SPEEDS_MM_S.at(-1));
   const speed_mm_s = speeds.includes(asked) ? asked : speeds.at(-1); // none where the settings allow less than all of them
-  const { planning, station, stations } = shown;
+  const { planning, station } = shown;
+  const { number, of } = picturesOf(shown);
   const now = robot.value;
   const next = planning?.next_pose;
   const here = now?.base_T_flange;
@@ -63,7 +65,7 @@ export function ByHand({ shown }) {
   const why = may('operator') ? t(waits ? 'move.running' : moving ? 'move.moving' : `state.${shown.state}`) : t('missing.role');
   return html`<div class="cockpit by-hand">
     <${Bar} steps=${html`<${Steps} at="pictures" run=${shown.id} />`}
-      sentence=${html`<span id="advice">${t('jog.title', { view: Math.min(station + 1, stations), of: stations })}: ${waits || moving ? html`<${Advice} planning=${planning} here=${here} near=${near} goes=${goes} />` : t(`state.${shown.state}`)}</span>`}
+      sentence=${html`<span id="advice">${t('jog.title', { view: number, of })}: ${waits || moving ? html`<${Advice} planning=${planning} here=${here} near=${near} goes=${goes} />` : t(`state.${shown.state}`)}</span>`}
       about=${`${t(jogs ? 'jog.nothing-moves' : 'jog.pendant-only')}${planning?.now_mm ? ` ${t('jog.so-far', { U: mm(planning.now_mm) })}` : ''}`} />
     <${Card} title=${t('cell.camera')} id="camera" flush><${LivePicture} of=${cameraOf(shown)} onSeen=${setSeen} belongs=${planning?.next_outline_px} />
       ${planning?.next_outline_px && html`<p class="belongs-here"><b aria-hidden="true"></b> ${t('way.belongs')}</p>`}</${Card}>

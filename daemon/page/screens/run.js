@@ -10,7 +10,7 @@ import { Missing, useAsked } from '../parts/loaded.js';
 import { Picture } from '../parts/picture.js';
 import { carriedBy, placesOf } from '../parts/places.js';
 import { Cause } from '../parts/problem.js';
-import { timesOf } from '../parts/run_times.js';
+import { picturesOf, timesOf } from '../parts/run_times.js';
 import { ViewTable } from '../parts/view_table.js';
 import { fixed, mm, moment, timeOfDay } from '../state/numbers.js';
 import { clock, old, robot, run } from '../state/now.js';
@@ -78,9 +78,11 @@ function RunShown({ shown }) {
 
 const SIGNS = { finished: '✓', failed: '✕', aborted: '■' };
 
-export function sentenceOf({ kind, state, station, stations, over }) {
+export function sentenceOf(shown) {
+  const { kind, state, stations, over } = shown;
   if (over) return `${t(`kind.${kind}`)}: ${t(`state.${state}`)}`;
-  return stations ? `${t('run.view', { view: Math.min(station + 1, stations), of: stations })}: ${t(`state.${state}`)}` : t(`state.${state}`);
+  const { number, of } = picturesOf(shown);
+  return stations ? `${t('run.view', { view: number, of })}: ${t(`state.${state}`)}` : t(`state.${state}`);
 }
 
 /** What is known so far and expected at the end, or what came of it; why it ended, who began it. */
@@ -123,9 +125,11 @@ function Times({ shown }) {
   return html`<p class="small times">${left}${t('run.so-far', { s: fixed(elapsed_s, 0) })} · ${begun}</p>`;
 }
 
-function StepBar({ shown: { state, station, stations, over } }) {
+function StepBar({ shown }) {
+  const { state, stations, over } = shown;
   if (!stations) return null;
-  const done = over && state === 'finished' ? stations : station;
-  return html`<div class="step-bar" role="img" aria-label=${t('run.steps', { done: Math.min(done, stations), of: stations })}>
-    ${Array.from({ length: Math.min(stations, 40) }, (_, index) => html`<span class=${index < done ? 'done' : index === done && !over ? 'doing' : ''}></span>`)}</div>`;
+  const { taken, of } = picturesOf(shown);
+  const done = over && state === 'finished' ? of : taken;
+  return html`<div class="step-bar" role="img" aria-label=${t('run.steps', { done: Math.min(done, of), of })}>
+    ${Array.from({ length: Math.min(of, 40) }, (_, index) => html`<span class=${index < done ? 'done' : index === done && !over ? 'doing' : ''}></span>`)}</div>`;
 }

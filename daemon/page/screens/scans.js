@@ -126,7 +126,7 @@ function Scan({ id }) {
       ${fitting ? html`<${Progress} share=${Math.max(report.data?.progress ?? 0, step?.progress ?? 0)} words=${stageWords(step, views.length)} />` : html`<${Missing} asked=${report} />`}
       ${waiting && html`<${Act} label=${t('problem.again')} act=${async () => report.again()} />`}
       ${quality && html`<div class="table-frame" tabindex="0" role="group" aria-label=${t('scan.registration')}><table><thead><tr><th scope="col">${t('views.view')}</th><th scope="col" class="num">${t('scan.points')}</th><th scope="col" class="num">${t('scan.overlap')}</th><th scope="col" class="num">${t('scan.rms')}</th></tr></thead>
-        <tbody>${quality.views.map((view) => html`<tr><th scope="row">${view.index}</th><td class="num">${count(view.points)}</td><td class="num">${fixed(100 * view.overlap, 0)} %</td><td class="num">${mm(view.rms_mm)}</td></tr>`)}</tbody></table></div>`}
+        <tbody>${quality.views.map((view) => html`<tr><th scope="row">${view.index + 1}</th><td class="num">${count(view.points)}</td><td class="num">${fixed(100 * view.overlap, 0)} %</td><td class="num">${mm(view.rms_mm)}</td></tr>`)}</tbody></table></div>`}
     </${Card}>
     ${quality && html`<${Card} title=${t('result.found')} id="found"><${Findings} findings=${quality.verdict.findings} /></${Card}>`}
   </div>`;

@@ -1,4 +1,4 @@
-// Templates: {name} and {name:form}, with the forms of calibration/sentences: .2g, .1f, +.2f, .0%, views, and lists.
+// Templates: {name} and {name:form}, with the forms of calibration/sentences: .2g, .1f, +.2f, .0%, views, picture, and lists.
 
 /** `template` with its places filled by `params`, numbers with the `decimal` mark; parts that are sentences are looked up in `table`. Throws when one is missing. */
 export function fill(template, params, table = {}, decimal = '.') {
@@ -9,7 +9,9 @@ export function fill(template, params, table = {}, decimal = '.') {
 }
 
 function formed(value, form, table, decimal) {
-  if (form === 'views' && Array.isArray(value)) return value.slice(0, 12).join(', ') + (value.length > 12 ? ' …' : '');
+  if (form === 'views' && Array.isArray(value)) return formed(value.slice(0, 12), 'picture') + (value.length > 12 ? ' …' : '');
+  if (form === 'picture' && Array.isArray(value)) return value.map((index) => index + 1).join(', ');
+  if (form === 'picture' && typeof value === 'number') return String(value + 1);
   if (form === 'step') return `${value > 0 ? '+' : '−'} ${number(Math.abs(value), '', decimal)}`;
   if (Array.isArray(value)) return value.map((one) => formed(one, '', table, decimal)).join(form || (decimal === ',' && value.some(isBroken) ? '; ' : ', '));
   if (value !== null && typeof value === 'object') {

@@ -54,7 +54,11 @@ def draw_view(image: Picture, view: View, result: ViewResult, magnification: flo
     if result.points is not None:
         points = result.points
         _draw_points(canvas, _enlarge(points.pixels, factor), points.used, pen)
-        _draw_arrows(canvas, _enlarge(points.pixels, factor), points.residuals_px * factor * magnification, pen)
+        begins = _enlarge(points.pixels, factor)
+        ends = begins + points.residuals_px * factor * magnification
+        for start, end in zip(_in_range(begins), _in_range(ends), strict=True):
+            cv2.arrowedLine(canvas, start, end, BLACK, 3 * pen.line, cv2.LINE_AA, tipLength=0.2)
+            cv2.arrowedLine(canvas, start, end, AMBER, pen.line, cv2.LINE_AA, tipLength=0.2)
     elif view.detection is not None:
         found = view.detection.corners_px
         _draw_points(canvas, _enlarge(found, factor), np.full(len(found), not rejected), pen)
@@ -75,12 +79,6 @@ def _draw_points(canvas: Picture, pixels: Array, used: NDArray[np.bool_], pen: P
             cv2.drawMarker(canvas, (x, y), RED, cv2.MARKER_TILTED_CROSS, 2 * pen.mark, 2 * pen.line, cv2.LINE_AA)
 
 
-def _draw_arrows(canvas: Picture, pixels: Array, arrows: Array, pen: Pen) -> None:
-    for start, end in zip(_in_range(pixels), _in_range(pixels + arrows), strict=True):
-        cv2.arrowedLine(canvas, start, end, BLACK, 3 * pen.line, cv2.LINE_AA, tipLength=0.2)
-        cv2.arrowedLine(canvas, start, end, AMBER, pen.line, cv2.LINE_AA, tipLength=0.2)
-
-
 def _in_range(pixels: Array) -> list[tuple[int, int]]:
     """Whole pixels that OpenCV can draw to; a point far outside is moved to the same side of the image."""
     near = np.clip(np.nan_to_num(pixels), -30000, 30000)
@@ -89,7 +87,7 @@ def _in_range(pixels: Array) -> list[tuple[int, int]]:
 
 def _lines(view: View, result: ViewResult, magnification: float, reason: str) -> tuple[str, str]:
     count = 0 if view.detection is None else len(view.detection.ids)
-    title = f"picture {result.index}  {result.image or 'no image'}  {result.status}  {count} points"
+    title = f"picture {result.index + 1}  {result.image or 'no image'}  {result.status}  {count} points"
     if result.points is None:
         return title, reason
     outliers = int(np.count_nonzero(~result.points.used))

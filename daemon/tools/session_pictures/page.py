@@ -26,7 +26,10 @@ def residual_page(
         return f"{page.render(title=title, figures=figures, findings=solution.findings)}\n"
     pixels = np.concatenate([points.pixels[points.used] for points in used])
     residuals_px = np.concatenate([points.residuals_px[points.used] for points in used])
-    distances = [_by_distance(view) for view in fitted]
+    distances = []
+    for view, points in ((view, view.points) for view in fitted if view.points is not None):
+        away_mm, name = float(np.median(points.distances_mm)), f"picture {view.index + 1}"
+        distances.append(Mark(away_mm, view.reprojection_px or 0.0, view.status, f"{name}: {away_mm:.0f} mm"))
     text: str = page.render(
         title=title,
         figures=figures,
@@ -42,11 +45,5 @@ def residual_page(
     return text + "\n"
 
 
-def _by_distance(view: ViewResult) -> Mark:
-    assert view.points is not None
-    distance_mm = float(np.median(view.points.distances_mm))
-    return Mark(distance_mm, view.reprojection_px or 0.0, view.status, f"picture {view.index}: {distance_mm:.0f} mm")
-
-
 def _by_view(view: ViewResult, value: float | None, unit: str) -> Mark:
-    return Mark(float(view.index), value or 0.0, view.status, f"picture {view.index}: {value or 0.0:.3g} {unit}")
+    return Mark(view.index + 1, value or 0.0, view.status, f"picture {view.index}: {value or 0.0:.3g} {unit}")

@@ -60,7 +60,10 @@ def last_runs(folder: Path) -> list[dict[str, Any]]:
             " FROM runs ORDER BY created_at DESC, id DESC",
         )
     parsed = [{**row, **{name: _parse(row[name]) for name in ("cause", "request", "result")}} for row in rows]
-    return [{**row, "result": _shorten(row["result"])} for row in parsed]
+    for result in (row["result"] for row in parsed):
+        if isinstance(result, dict) and isinstance(result.get("verification"), dict):
+            result["verification"]["points"] = "left out"
+    return parsed
 
 
 def last_events(folder: Path) -> list[dict[str, Any]]:
@@ -99,12 +102,6 @@ def _rows(db: sqlite3.Connection, query: str, limit: int = MAX_ROWS) -> list[dic
 
 def _parse(text: str | None) -> Any:
     return None if text is None else json.loads(text)
-
-
-def _shorten(result: Any) -> Any:
-    if isinstance(result, dict) and isinstance(result.get("verification"), dict):
-        return {**result, "verification": {**result["verification"], "points": "left out"}}
-    return result
 
 
 def describe_machine(store: Path) -> dict[str, Any]:

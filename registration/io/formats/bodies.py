@@ -9,6 +9,9 @@ from registration.errors import CloudFormatError, CloudTooLong, CloudTruncated
 from registration.io.formats.header import CloudHeader, shorten
 from registration.points.layout import Layout, Records, scalar_columns
 
+BLOCK_BYTES = 1 << 18
+"""Bytes of a block of records, which stays in the second-level cache while it is read, moved and written."""
+
 LINE_LIMIT = 1 << 16
 """Longest line of text in bytes; a longer one means damage or another format."""
 
@@ -37,7 +40,7 @@ class BodyDecoder(Protocol):
 
 
 class BinaryDecoder:
-    """Fixed-size records. Blocks are views of the given bytes, or a copy where a boundary cuts a record."""
+    """Fixed-size records. Blocks are views of the given bytes, up to BLOCK_BYTES; a cut record is one of its own."""
 
     def __init__(self, header: CloudHeader, file: str) -> None:
         self._file = file
@@ -52,16 +55,25 @@ class BinaryDecoder:
         return self.points == self._count
 
     def take(self, data: memoryview) -> Iterator[Records]:
-        cut = len(self._cut)
-        content = _join(self._cut, data) if cut else data
-        whole = len(content) // self._dtype.itemsize
+        itemsize, offset = self._dtype.itemsize, 0
+        if self._cut:
+            offset = min(itemsize - len(self._cut), len(data))
+            self._cut += data[:offset]
+            if len(self._cut) == itemsize:
+                cut, self._cut = self._cut, b""
+                self.points += 1
+                yield np.frombuffer(cut, self._dtype)
+        whole = (len(data) - offset) // itemsize
         if self._count is not None:
             whole = min(whole, self._count - self.points)
-        used = whole * self._dtype.itemsize
-        self.points += whole
-        self._cut, self.taken = (b"", used - cut) if self.complete else (bytes(content[used:]), len(data))
-        if whole:
-            yield np.frombuffer(content[:used], self._dtype)
+        end, step = offset + whole * itemsize, max(1, BLOCK_BYTES // itemsize)
+        for first in range(0, whole, step):
+            block = np.frombuffer(data, self._dtype, min(step, whole - first), offset + first * itemsize)
+            self.points += len(block)
+            yield block
+        self.taken = end if self.complete else len(data)
+        if not self.complete:
+            self._cut += data[end:]
 
     def finish(self) -> Iterator[Records]:
         if self._cut:
@@ -71,14 +83,6 @@ class BinaryDecoder:
         if self._count is not None and not self.complete:
             raise _truncation_error(self._file, self.points, self._count)
         return iter(())
-
-
-def _join(first: bytes, second: memoryview) -> memoryview:
-    """Both parts in newly allocated memory."""
-    joined = np.empty(len(first) + len(second), np.uint8)
-    joined[: len(first)] = np.frombuffer(first, np.uint8)
-    joined[len(first) :] = np.frombuffer(second, np.uint8)
-    return joined.data
 
 
 class TextDecoder:

@@ -45,7 +45,9 @@ def require_sound_chunks(file: GuardedFile, header: LasHeader, lazrs: Any) -> No
         raise CloudFormatError(
             file.name, "chunk table", f"it promises {sum(chunks)} bytes of chunks, but there are {room}", FIX
         )
-    if layers := _layers(record):
+    items = [struct.unpack_from("<HH", record, at) for at in range(ITEMS_BEGIN + 2, len(record) - 3, ITEM_BYTES)]
+    # Of a chunk; none in the older record formats.
+    if layers := sum(size if kind == EXTRA_BYTES else LAYERS.get(kind, 0) for kind, size in items):
         begins = accumulate(chunks, initial=header.begin + 8)
         for index, (begin, size) in enumerate(zip(begins, chunks, strict=False)):
             file.seek(begin + header.record_bytes + 4)
@@ -88,9 +90,3 @@ def _require_table(file: GuardedFile, header: LasHeader) -> int:
     if chunks * header.record_bytes > room:  # a chunk begins with one uncompressed record
         raise CloudFormatError(file.name, "chunk table", f"it promises {chunks} chunks in {room} bytes", FIX)
     return room
-
-
-def _layers(record: bytes) -> int:
-    """Number of layers of a chunk; 0 for the older record formats, which have none."""
-    items = [struct.unpack_from("<HH", record, at) for at in range(ITEMS_BEGIN + 2, len(record) - 3, ITEM_BYTES)]
-    return sum(size if kind == EXTRA_BYTES else LAYERS.get(kind, 0) for kind, size in items)

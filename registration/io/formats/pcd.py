@@ -38,25 +38,20 @@ def parse_header(prefix: bytes, file: str) -> CloudHeader | None:
         line = prefix[position : end + 1]
         position = end + 1
         rewritten.append(line)
-        if line.startswith(b"#") or not line.decode("ascii", "replace").split():
+        if line.startswith(b"#") or not (words := line.decode("ascii", "replace").split()):
             continue
-        keyword, words = _entry(line, lines)
+        if words[0] not in KEYWORDS:
+            lines.raise_format_error(f"{shorten(words[0])} is no PCD keyword", "check the file's type")
+        keyword = "FIELDS" if words[0] == "COLUMNS" else words[0]
         if keyword in entries:
             lines.raise_format_error(f"{keyword} stands twice")
-        entries[keyword] = words
+        entries[keyword] = words[1:]
         if keyword == "VIEWPOINT":
             rewritten[-1] = ORIGIN + line[len(line.rstrip()) :]
     dtype = _record(entries, lines)
     return CloudHeader(
         "pcd", _encoding(entries, lines), Layout.of(dtype), _points(entries, lines), position, b"".join(rewritten)
     )
-
-
-def _entry(line: bytes, lines: HeaderLines) -> tuple[str, list[str]]:
-    words = line.decode("ascii", "replace").split()
-    if words[0] not in KEYWORDS:
-        lines.raise_format_error(f"{shorten(words[0])} is no PCD keyword", "check the file's type")
-    return ("FIELDS" if words[0] == "COLUMNS" else words[0]), words[1:]
 
 
 def _record(entries: dict[str, list[str]], lines: HeaderLines) -> np.dtype[Any]:

@@ -31,7 +31,8 @@ def parse_header(prefix: bytes, file: str) -> CloudHeader | None:
     words = line.lstrip("#/ ").split(separator)
     named = not all(NUMBER.fullmatch(word.strip()) for word in words)
     unnamed = [*"xyz", *(f"c{index}" for index in range(3, len(words)))][: len(words)]
-    names = [_column(word) for word in words] if named else unnamed
+    plain = [word.strip().strip('"').strip().lower() for word in words]
+    names = [SYNONYMS.get(name, name) for name in plain] if named else unnamed
     if not named and len(names) == 6 and are_bytes(prefix[: prefix.rfind(b"\n")].decode("ascii", "replace"), separator):
         names[3:] = COLOURS
     if not {"x", "y", "z"} <= set(names) or len(set(names)) != len(names) or len(names) > COLUMN_LIMIT:
@@ -40,11 +41,6 @@ def parse_header(prefix: bytes, file: str) -> CloudHeader | None:
     length = end + 1 if named else 0
     layout = Layout.of(np.dtype([(name, "<f8") for name in names]))
     return CloudHeader("rows", "text", layout, None, length, prefix[:length], separator=separator)
-
-
-def _column(word: str) -> str:
-    name = word.strip().strip('"').strip().lower()
-    return SYNONYMS.get(name, name)
 
 
 def are_bytes(lines: str, separator: str | None) -> bool:

@@ -120,13 +120,13 @@ def said_of_poses(problem: Problem) -> str:
 def test_what_a_posture_of_its_own_is_off_by_is_no_mistyped_pose() -> None:
     problem = with_a_view_turned_back(share_joints=1.0)
     assert said_of_poses(problem) == ""
-    assert "the pose of picture 8 has a wrong number: x " in said_of_poses(mistyped_by(problem, 4.0, 8))
+    assert "the pose of picture 9 has a wrong number: x " in said_of_poses(mistyped_by(problem, 4.0, 8))
 
 
 def test_one_view_of_eight_in_a_posture_of_its_own_may_be_mistyped_or_show_the_arms_geometry() -> None:
     session = varied(np.random.default_rng((9917, 5, 165)))
     assert session.turned_back == {0} and session.problem.views[0].stance.joints_rad is not None
-    assert search("picture 0 .* by 1.50 mm .* no other picture has its posture", said_of_poses(session.problem))
+    assert search("picture 1 .* by 1.50 mm .* no other picture has its posture", said_of_poses(session.problem))
     assert "posture" not in said_of_poses(mistyped_by(session.problem, 15.0, 0))
     assert "posture" not in said_of_poses(mistyped_by(session.problem, 3.0, 4))
 
@@ -134,7 +134,7 @@ def test_one_view_of_eight_in_a_posture_of_its_own_may_be_mistyped_or_show_the_a
 @pytest.mark.slow
 def test_without_joints_a_view_that_is_a_little_off_may_have_stood_in_another_posture() -> None:
     problem = with_a_view_turned_back(share_joints=0.0)
-    assert search("picture 27 .* it is mistyped, or the arm stood in another posture", said_of_poses(problem))
+    assert search("picture 28 .* it is mistyped, or the arm stood in another posture", said_of_poses(problem))
     assert "posture" not in said_of_poses(mistyped_by(problem, 15.0, 27))
 
 

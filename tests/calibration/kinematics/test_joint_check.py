@@ -85,10 +85,10 @@ def swap(*pairs: tuple[int, int]) -> Array:
 @pytest.mark.parametrize(
     ("joints", "poses", "code", "words"),
     [
-        (swap((2, 5)), POSES, "joints-of-another-view", "pictures 12, 15: the joints are those of pictures 15, 12"),
-        (swap((2, 5), (0, 1), (7, 9)), POSES, "joints-of-another-view", "pictures 10, 11, 12, 15, 17, 19"),
+        (swap((2, 5)), POSES, "joints-of-another-view", "pictures 13, 16: the joints are those of pictures 16, 13"),
+        (swap((2, 5), (0, 1), (7, 9)), POSES, "joints-of-another-view", "pictures 11, 12, 13, 16, 18, 20"),
         (JOINTS + np.outer(np.arange(10) == 4, np.radians([0, 0.02, 0, 0, 0, 0])), POSES, "joints-contradict-poses",
-         "picture 14: the joints do not give the pose"),
+         "picture 15: the joints do not give the pose"),
         (JOINTS + np.radians([0, 0.1, 0, 0, 0, 0]), POSES, "joints-with-shifted-zeros",
          r"axis 2 are shifted by 0\.100°"),
         (np.radians(np.round(np.degrees(JOINTS), 1)), POSES, "joints-rounded", r"rounded to 0\.1°"),

@@ -209,7 +209,7 @@ def test_a_pose_that_is_no_number_is_named() -> None:
     rng = np.random.default_rng(0)
     robot, seen = poses(rng, 0.4 * rng.standard_normal((8, 3)), "eye-in-hand")
     seen[5, 0, 3] = np.nan
-    with pytest.raises(UndeterminedError, match="camera's pose 5"):
+    with pytest.raises(UndeterminedError, match="camera's pose 6"):
         solve_hand_eye_poses("eye-in-hand", robot, seen)
 
 

@@ -51,9 +51,9 @@ def of_two(built: BuiltArm, other: BuiltArm, seed: int, camera_moved_by: Array) 
 @pytest.mark.parametrize(
     ("case", "kind", "words"),
     [
-        ("target", "target-or-base-moved", "moved before picture (9|10|11) of session 1"),
-        ("base", "target-or-base-moved", "moved before picture (9|10|11) of session 1"),
-        ("camera in a session", "camera-moved", "the camera moved before picture (9|10|11) of session 1"),
+        ("target", "target-or-base-moved", "moved before picture (10|11|12) of session 1"),
+        ("base", "target-or-base-moved", "moved before picture (10|11|12) of session 1"),
+        ("camera in a session", "camera-moved", "the camera moved before picture (10|11|12) of session 1"),
         ("arm", "other-arm", "session 3 is of another arm"),
         ("camera", "camera-remounted", "the camera sits elsewhere in session 3"),
     ],

@@ -6,9 +6,10 @@ import pytest
 from calibration.kinematics.abb_arms import find_arm
 from calibration.kinematics.arm_errors import AXES, Postures
 from calibration.kinematics.robot_accuracy import RobotNoise
+from calibration.likelihood.mapped_points import point_rows
 from calibration.solve import identify_arm_session
 from calibration.solver.arm_identification import ArmFit
-from calibration.solver.registered_points import place_points, point_variances
+from calibration.solver.registered_points import point_variances, registered_points, unknown_covariances
 from calibration.transforms import Array, map_points
 from mock_robot.arm.built_arm import build_arm
 from tests.simulated.arms import (
@@ -35,13 +36,23 @@ def identified(seed: int) -> tuple[np.random.Generator, ArmCell, ArmFit, Array]:
     return rng, cell, identify_arm_session(ARM, cell.problems), target
 
 
+def placed(fit: ArmFit, joints: Array, points: Array, scatter: RobotNoise) -> tuple[Array, Array]:
+    """Points (n, 3) in the base at joints of which nothing else is known, and their covariances (n, 3, 3)."""
+    postures = fit.postures(joints)
+    found, covariances = registered_points(fit, postures, points)
+    turns = fit.model.forward(fit.parameters, postures)[:, :3, :3]
+    rows = turns @ point_rows(map_points(fit.mount_T_camera, points))
+    of_poses = unknown_covariances(fit, joints) + np.diag(np.repeat(scatter.levels() ** 2, 3))
+    return found, covariances + rows @ of_poses @ np.swapaxes(rows, 1, 2)
+
+
 def normalised_square(rng: np.random.Generator, cell: ArmCell, fit: ArmFit, joints: Array) -> float:
     """Mean square of the errors of points, over their standard deviations, that arms with play and scatter make."""
     n = len(joints)
     points, scatter = draw_points(rng, n), draw_scatter(rng, n)
     stands = cell.built.base_T_flange(Postures(joints, sides=rng.choice([-1.0, 1.0], (n, AXES)))) @ scatter
     levels = RobotNoise(float(np.sqrt(fit.variances.translation)), float(np.sqrt(fit.variances.rotation)))
-    found, covariances = place_points(fit, joints, points, levels)
+    found, covariances = placed(fit, joints, points, levels)
     off = found - map_points(stands @ cell.mount_T_camera, points[:, None])[:, 0]
     return normalised_rms(off, covariances) ** 2
 
@@ -63,8 +74,8 @@ def test_the_variances_of_points_are_the_traces_of_their_covariances() -> None:
     joints = np.array([view.stance.joints_rad for view in cell.problems[0].views[:3]])
     where, levels, none = np.array([[0.0, 0.0, 500.0], [50.0, -40.0, 600.0]]), RobotNoise(0.02, 4e-5), RobotNoise(0, 0)
     for column, point in enumerate(where):
-        covariances = place_points(fit, joints, np.tile(point, (3, 1)), levels)[1]
+        covariances = placed(fit, joints, np.tile(point, (3, 1)), levels)[1]
         traces = np.trace(covariances, axis1=1, axis2=2)
         np.testing.assert_allclose(point_variances(fit, joints, where, levels)[:, column], traces)
-        without = place_points(fit, joints, np.tile(point, (3, 1)), none)[1]
+        without = placed(fit, joints, np.tile(point, (3, 1)), none)[1]
         assert np.all(traces > np.trace(without, axis1=1, axis2=2))

@@ -1,6 +1,7 @@
 """The interface's manners: every refusal is a problem with code and fix, and openapi.json is what is served."""
 
 import asyncio
+import inspect
 import json
 from pathlib import Path
 from typing import Any
@@ -14,6 +15,7 @@ from daemon.api.app import routes
 from daemon.api.middleware.request_checks import MAX_JSON_BYTES
 from daemon.api.negotiation import wants_text
 from daemon.api.operation_names import NAMES
+from daemon.api.route_table import routers
 from daemon.http.problem_details import reason_phrase
 from daemon.model.records import CalibrationRecord
 from extensions.installed import INSTALLED
@@ -68,6 +70,16 @@ def test_every_operation_has_the_name_that_a_generated_client_calls() -> None:
     }
     assert named == NAMES | added
     assert len(set(named.values())) == len(named)
+
+
+def test_no_dependency_waits_for_a_thread() -> None:
+    """FastAPI calls those that are not asynchronous in its thread pool, which readers may fill."""
+    asked = [r.dependant for router in routers(INSTALLED) for r in router.routes if isinstance(r, APIRoute)]
+    assert asked
+    for dependant in asked:
+        for inner in dependant.dependencies:
+            asked.append(inner)
+            assert inspect.iscoroutinefunction(inner.call) or inspect.iscoroutinefunction(type(inner.call).__call__)
 
 
 def test_every_reference_in_openapi_leads_somewhere() -> None:

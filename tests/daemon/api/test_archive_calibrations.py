@@ -40,8 +40,15 @@ async def test_each_applied_calibration_is_written_once_and_stays_as_it_is(
 
     for name in ("cal-1", "cal-2"):
         await apply_calibration(bench, name)
+    folder.mkdir()
+    left = folder / ".cal-1.json.part"
+    left.touch(0o444)  # of a machine that stopped; root could write to it
+    was = left.stat().st_ino
     await bench.application.store.apply(AppliedCalibration("cal-1", "2026-11-21T10:00:00.000Z", "test"))  # again
+    kept_open = left.open()
     assert await archive() == ["cal-1", "cal-2"]
+    kept_open.close()
+    assert (folder / "cal-1.json").stat().st_ino != was
     assert {file.name: file.stat().st_mode & 0o777 for file in folder.iterdir()} == {
         "cal-1.json": 0o444, "cal-2.json": 0o444
     }  # fmt: skip

@@ -13,9 +13,9 @@ from calibration.kinematics.joint_check import JointsDisagree
 from calibration.kinematics.stance import Stance
 from calibration.transforms import Array
 from daemon.model.records import AppliedCalibration, CalibrationRecord
-from tests.daemon.calibrations import a_calibration, an_arm, apply_calibration, apply_with_arm, document_with_covariance
+from tests.daemon.calibrations import a_calibration, an_arm, apply_with_arm, document_with_covariance
 from tests.daemon.cell_under_test import Bench
-from tests.daemon.clouds import PLY, POSE, cloud
+from tests.daemon.clouds import PLY, cloud
 from tests.daemon.fakes import FLANGE_T_CAMERA, ply_of, points_of
 from tests.daemon.scans.scan_folders import a_scan
 
@@ -86,7 +86,7 @@ async def test_an_arm_grows_by_the_temperature_that_is_stated_and_is_warned_of_w
 
 
 async def test_the_event_loop_computes_no_kinematics(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
-    await apply_calibration(bench)
+    await apply_with_arm(bench)
     place, threads = CalibrationInUse.base_T_flange, set[int]()
 
     def placed(given: CalibrationInUse, *poses: Any) -> Array:
@@ -96,7 +96,7 @@ async def test_the_event_loop_computes_no_kinematics(bench: Bench, monkeypatch: 
     monkeypatch.setattr(CalibrationInUse, "base_T_flange", placed)
     scan, content = await a_scan(bench), ply_of(cloud(100))
     for link in ("/register", scan["links"]["views"]):
-        answer = await bench.client.post(link, params={"pose": POSE}, content=content, headers=PLY)
+        answer = await bench.client.post(link, params=query_at(JOINTS[0]), content=content, headers=PLY)
         assert answer.status_code in (200, 201), answer.text
     assert (await bench.client.get(scan["links"]["cloud"])).status_code == 200
     assert threads

@@ -137,6 +137,25 @@ async def test_a_client_that_reads_while_it_sends_gets_the_first_points_before_i
     np.testing.assert_allclose(moved, in_base(cloud(2_000_000)), atol=2e-3)
 
 
+async def test_two_clouds_and_a_question_sent_at_once_are_answered_in_turn(bench: Bench) -> None:
+    """The first cloud's body passes by the parser, which reads the second request from its first byte on."""
+    await apply_calibration(bench)
+    clouds = [cloud(100_000, seed=seed) for seed in (1, 2)]
+    requests = b""
+    for points in clouds:
+        head = f"POST /register?pose={POSE} HTTP/1.1\r\nHost: localhost\r\nContent-Type: application/octet-stream\r\n"
+        content = points.astype("<f4").tobytes()
+        requests += f"{head}Content-Length: {len(content)}\r\n\r\n".encode() + content
+    reader, writer = await asyncio.open_connection(urlsplit(bench.url).hostname, urlsplit(bench.url).port)
+    writer.write(requests + b"GET /health HTTP/1.1\r\nHost: localhost\r\n\r\n")
+    for points in clouds:
+        assert b"200" in (await asyncio.wait_for(reader.readuntil(b"\r\n\r\n"), LIMIT_S)).split(b"\r\n")[0]
+        moved = np.frombuffer(await reader.readexactly(12 * len(points)), "<f4").reshape(-1, 3)
+        np.testing.assert_allclose(moved, in_base(points), atol=2e-3)
+    assert b"200" in (await asyncio.wait_for(reader.readuntil(b"\r\n\r\n"), LIMIT_S)).split(b"\r\n")[0]
+    writer.close()
+
+
 @pytest.mark.slow
 async def test_a_client_that_never_reads_its_answer_is_cut_off_and_leaves_nothing(tmp_path: Path) -> None:
     """All of it is taken; what memory does not hold waits in a file; then nothing moves, and the connection ends."""

@@ -44,7 +44,7 @@ async def alarms_in(bench: Bench) -> list[dict[str, Any]]:
 async def test_a_knocked_camera_raises_the_alarm_everywhere_and_a_new_calibration_ends_it(tmp_path: Path) -> None:
     async with calibrated(tmp_path, plc=MOVING) as (bench, camera), ladder(bench) as plc:
         watch = watch_of(bench)
-        assert watch.report.standing in (None, "learning")
+        assert watch.report.standing in ("off", "learning")
         for _ in range(4):
             await bench.verify()
         await eventually(lambda: watch.report.verifications == 4)

@@ -51,7 +51,7 @@ class FakeOperations:
 
     @property
     def in_progress(self) -> RunRecord | None:
-        return None if self.latest is None or self.latest.over else self.latest
+        return None if self.latest is None or self.latest.is_over else self.latest
 
     async def robot_obstacles(self) -> tuple[str, ...]:
         return self.obstacles

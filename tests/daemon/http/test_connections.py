@@ -2,10 +2,13 @@
 
 import asyncio
 import json
+import resource
 import socket
 import sys
+import threading
 from collections.abc import AsyncIterator, Callable
-from contextlib import asynccontextmanager
+from contextlib import AsyncExitStack, asynccontextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
@@ -15,7 +18,10 @@ import pytest
 from daemon.http.connection_limiter import ConnectionLimiter, HttpLimits
 from daemon.http.listen_socket import BACKLOG, open_listener
 from daemon.http.request_pacing import RequestPacing
+from daemon.scans import scan_service
+from tests.daemon.calibrations import apply_calibration
 from tests.daemon.cell_under_test import Bench, serving, settings_for
+from tests.daemon.clouds import LAZ, POSE, cloud, laz_of
 from tests.support.waiting import LIMIT_S, eventually
 
 QUICK = HttpLimits(head_s=0.3, head_bytes=10_000, idle_s=0.4, connections=40)
@@ -43,6 +49,10 @@ async def told(reader: asyncio.StreamReader, within_s: float = LIMIT_S) -> dict[
     assert f" {problem['status']} ".encode() in head.splitlines()[0]
     assert problem["fix"]
     return problem
+
+
+def resident_bytes() -> int:
+    return int(Path("/proc/self/statm").read_text().split()[1]) * resource.getpagesize()
 
 
 def test_no_answer_waits_for_the_client_to_acknowledge_its_first_half() -> None:
@@ -165,6 +175,51 @@ async def test_a_request_that_waits_for_its_answer_is_left_alone(tmp_path: Path)
             await is_cut_off_for_a_body_that_stops(bench)
         bench.application.events.publish("test", {})
         assert await asyncio.wait_for(reader.readuntil(b"data: {}"), LIMIT_S)
+
+
+@pytest.mark.parametrize("points", [1_000, 100_000], ids=["parsed", "lent"])
+async def test_an_upload_whose_answer_takes_long_is_left_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, points: int
+) -> None:
+    going_on, move_file = threading.Event(), scan_service.move_file
+
+    def move_later(*arguments: Any, **named: Any) -> Any:
+        assert going_on.wait(LIMIT_S)
+        return move_file(*arguments, **named)
+
+    monkeypatch.setattr(scan_service, "move_file", move_later)
+    async with serving(settings_for(tmp_path), door=ConnectionLimiter(QUICK)) as bench:
+        await apply_calibration(bench)
+        content = laz_of(cloud(points))
+        asked = bench.client.post("/register", params={"pose": POSE}, content=content, headers=LAZ)
+        answering = asyncio.create_task(asked)
+        for _ in range(3):
+            await is_cut_off_for_a_body_that_stops(bench)
+        going_on.set()
+        assert (await answering).status_code == 200
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="another system tells its memory otherwise")
+async def test_clouds_that_are_announced_take_no_memory_before_they_come(bench: Bench) -> None:
+    """A buffer of 1 MB waits for each of 65."""
+    head = f"POST /register?pose={POSE} HTTP/1.1\r\nHost: localhost\r\nContent-Type: application/octet-stream\r\n"
+    await apply_calibration(bench)
+
+    def lending() -> int:
+        return sum(getattr(one, "_own_buffer", None) is not None for one in bench.server.server_state.connections)
+
+    async def announce(stack: AsyncExitStack, count: int) -> None:
+        """Until so many clouds are announced."""
+        for number in range(lending(), count):
+            _, writer = await stack.enter_async_context(connected(bench))
+            writer.write(f"{head}Content-Length: 5000000\r\n\r\n".encode() + bytes(12))
+            await eventually(partial(lambda before: lending() > before, number))
+
+    async with AsyncExitStack() as stack:
+        await announce(stack, 5)
+        before = resident_bytes()
+        await announce(stack, 65)
+        assert resident_bytes() - before < 20e6
 
 
 async def test_half_open_connections_make_room_for_whole_requests(tmp_path: Path) -> None:

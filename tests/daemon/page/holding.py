@@ -10,8 +10,12 @@ HOLD_MS = 1400
 
 
 async def press(one: Any, key: str = "Enter") -> None:
-    """Press a key on a button, link or box once it can be used: its data may still be on the way, the page old."""
+    """Press a key on a button, link or box once it is seen and can be used: its data may be on the way, the page old.
+
+    What is hidden takes no focus, and the key would go to another place.
+    """
     usable = one.and_(one.page.locator(":not([aria-disabled=true], :disabled)"))
+    await usable.wait_for()
     await usable.press(key)
 
 

@@ -146,7 +146,7 @@ async def test_a_result_is_reported_exported_and_solved_again(
         await press(page.get_by_role("button", name="Which way it may be wrong"))
         await page.get_by_text("along the axes of the ellipsoid").wait_for()
         await press(page.get_by_role("button", name="Recalculate"))
-        await page.get_by_role("group", name="Pictures to use").get_by_role("button", name="2").click()
+        await page.get_by_role("group", name="Pictures to use").get_by_role("button", name="3").click()
         await page.get_by_text("4 of 5 pictures are used").wait_for()
         await page.get_by_role("button", name="Recalculate (nothing moves)").click()
         await page.get_by_text("4 / 5").or_(page.get_by_text("4 / 4")).wait_for()

@@ -20,7 +20,7 @@ from calibration.documents.calibration import (
 from calibration.documents.numbers import number, places, significant
 from calibration.documents.target import TargetDocument
 from calibration.likelihood.mapped_points import point_sigmas_mm
-from calibration.monitoring.cell_change import PossibleChange
+from calibration.monitoring.cell_change import DriftChangeDocument
 from calibration.monitoring.control_chart import DriftStanding
 from calibration.sentences.sentence import LANGUAGES, LanguageTag
 from daemon.config.report_settings import ReportSettings
@@ -55,7 +55,7 @@ VERIFIED = RunRecord("run-9", "verify", RunState.FINISHED, 3, 3, AT, AT, result=
     "points": [{"id": 1, "sigma_mm": [0.04, 0.05, 0.01], "base_mm": [[1.0, 2.0, 3.0], [1.1, 2.0, 3.0]]}],
     "sigma_mm": [0.0465, 0.0685, 0.0136], "expected_point_mm": 0.09,
 }})  # fmt: skip
-CHANGES = (PossibleChange("axis-zero", 0.9, axis=2, turned_rad=np.radians(0.02)), PossibleChange("nothing", 0.1))
+CHANGES = (DriftChangeDocument("axis-zero", 0.9, axis=2, turned_deg=0.02), DriftChangeDocument("nothing", 0.1))
 DRIFT = DriftChart(DriftReport("steady", "cal-1"), (
     DriftPointDocument("run-8", "2026-11-21T08:00:00Z", "learning", (0, 0, 0), (0, 0, 0), 0.02, None, 0.03),
     DriftPointDocument("run-9", AT, "drifting", (0, 0, 0), (0, 0, 0), 0.2, 0.1, 0.03),

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from daemon.runtime.memory_trim import MemoryTrim, _find_trim
+from daemon.runtime.memory_trim import MemoryTrim
 from tests.support.waiting import LIMIT_S
 
 
@@ -36,7 +36,7 @@ async def test_it_trims_in_a_thread_until_it_is_stopped() -> None:
 
 
 def test_freed_blocks_leave_the_process() -> None:
-    trim = _find_trim()
+    trim = MemoryTrim()._trim
     assert trim is not None
     trim(0)
     blocks = [np.ones(10_000) for _ in range(2000)]  # 160 MB in pieces that come from the heap

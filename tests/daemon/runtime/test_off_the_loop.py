@@ -10,9 +10,9 @@ import pytest
 from calibration.documents.calibration import CalibrationDocument
 from calibration.kinematics.arm import Arm
 from daemon.api.dependencies import VALUES_ON_THE_LOOP, JsonBody
-from daemon.api.routes import calibrate as calibrate_routes
 from daemon.api.routes import reports as report_routes
-from daemon.model.records import RunRecord
+from daemon.runs import adaptive_sequence
+from daemon.store.listings import Table
 from tests.daemon.calibrations import apply_calibration
 from tests.daemon.cell_under_test import Bench, pose_json, serving, settings_for
 from tests.daemon.fakes import poses_around_the_target
@@ -55,10 +55,10 @@ async def test_a_plan_of_taught_poses(tmp_path: Path, watched: Watched) -> None:
     """A hundred poses of an arm with an offset wrist take 0.7 s."""
     async with serving(settings_for(tmp_path, robot=ARM)) as bench:
         watched.watch(Arm, "nearest")
-        watched.watch(calibrate_routes, "skeleton_mm")
+        watched.watch(adaptive_sequence, "skeleton_mm")
         answer = await bench.client.post("/plan", json={"poses": POSES * 20})
     assert answer.status_code == 200, answer.text
-    assert watched.called == {"Arm.nearest", "daemon.api.routes.calibrate.skeleton_mm"}
+    assert watched.called == {"Arm.nearest", "daemon.runs.adaptive_sequence.skeleton_mm"}
     assert not watched.on_the_loop
 
 
@@ -93,11 +93,11 @@ async def test_a_body_of_many_values(bench: Bench, watched: Watched) -> None:
 async def test_stored_verifications_and_calibrations(bench: Bench, watched: Watched) -> None:
     await apply_calibration(bench)
     await bench.verify()
-    watched.watch(RunRecord, "of")
+    watched.watch(Table, "record")
     watched.watch(CalibrationDocument, "model_validate_json")
     for path in ("/drift", "/calibrations/cal-1", "/calibrations/current", "/calibrate"):
         assert (await bench.client.get(path)).status_code == 200, path
-    assert watched.called == {"RunRecord.of", "CalibrationDocument.model_validate_json"}
+    assert watched.called == {"Table.record", "CalibrationDocument.model_validate_json"}
     assert not watched.on_the_loop
 
 

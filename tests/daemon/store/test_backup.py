@@ -14,11 +14,10 @@ import pytest
 
 from calibration.sentences.sentence import AS_WRITTEN
 from daemon.access.roles import Role
-from daemon.model.records import CauseDocument
+from daemon.model.records import CauseDocument, RunRecord
 from daemon.model.run_states import RunState
 from daemon.runs.supervisor import abort_cause
 from daemon.store.database import DATABASE_NAME
-from daemon.store.listings import RunListing
 from daemon.store.schema import MIGRATIONS
 from daemon.store.store import Store
 from tests.daemon.access_keys import TEST, bearer
@@ -119,8 +118,8 @@ async def test_the_cause_of_an_older_run_is_kept_as_it_was_written(tmp_path: Pat
     assert (well.cause, well.started_by, well.station) == (None, "Ann", 1)
     await store.save_run(replace(well, state=RunState.ABORTED, cause=abort_cause("Ann", well)))
     (listed, _) = await store.listings.runs(2)
-    assert isinstance(listed, RunListing)
-    assert listed.run.cause == abort_cause("Ann", well)
+    assert isinstance(listed, RunRecord)
+    assert listed.cause == abort_cause("Ann", well)
     await store.close()
     told = sqlite3.connect(tmp_path / DATABASE_NAME)
     (data,) = told.execute("SELECT data FROM outbox WHERE topic = 'run.ended'").fetchone()
@@ -168,3 +167,17 @@ async def test_a_backup_replaces_nothing_but_a_file(tmp_path: Path, kind: str) -
     assert "all.tar" in refused.err
     assert (target.lstat().st_ino, target.lstat().st_mode) == (before.st_ino, before.st_mode)
     assert (tmp_path / "file").read_bytes() == b"before"
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="this system has no /dev/full")
+async def test_what_a_stream_goes_into_is_full_and_not_the_store(tmp_path: Path) -> None:
+    here = config_in(tmp_path / "here")
+    await fill_store(tmp_path / "here" / "store")
+    command = [sys.executable, "-m", "daemon.cli", "backup", str(here), "--out", "-"]
+    full = os.open("/dev/full", os.O_WRONLY)
+    done = await asyncio.to_thread(subprocess.run, command, stdout=full, stderr=subprocess.PIPE, check=False)
+    os.close(full)
+    told = done.stderr.decode()
+    assert done.returncode != 0
+    assert "standard output" in told and str(tmp_path) not in told and "Traceback" not in told, told
+    assert leftovers(tmp_path) == []

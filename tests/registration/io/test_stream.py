@@ -1,5 +1,6 @@
 """A cloud moved while it passes by."""
 
+import collections
 import itertools
 
 import numpy as np
@@ -38,8 +39,8 @@ def body_of(media_type: str, encoding: str, layout: Layout, count: int) -> bytes
 def through(body: bytes, media_type: str, cuts: list[int] | None = None, unit: str = "mm") -> tuple[bytes, CloudStream]:
     stream = CloudStream(media_type, BASE_T_CAMERA, unit)
     edges = [0, *sorted(cuts or []), len(body)]
-    out = b"".join(stream.feed(body[start:end]) for start, end in itertools.pairwise(edges))
-    return out + stream.finish(), stream
+    out = b"".join(part for start, end in itertools.pairwise(edges) for part in stream.parts(body[start:end]))
+    return out + b"".join(stream.last_parts()), stream
 
 
 def records_in(body: bytes, media_type: str) -> np.ndarray:
@@ -94,6 +95,23 @@ def test_boundaries_of_pieces_do_not_show(media_type: str, encoding: str, layout
 def test_byte_by_byte(media_type: str, encoding: str, layout: Layout) -> None:
     body = body_of(media_type, encoding, layout, 20)
     assert through(body, media_type, list(range(len(body))))[0] == through(body, media_type)[0]
+
+
+@pytest.mark.parametrize(("media_type", "encoding", "layout"), KINDS)
+@pytest.mark.parametrize("kept", [0, 3])
+def test_a_part_stays_as_it_is_until_it_is_let_go(media_type: str, encoding: str, layout: Layout, kept: int) -> None:
+    """The chunks come in one buffer, of which the next is read; memory of a part that was let go is used again."""
+    body = body_of(media_type, encoding, layout, 3000)
+    stream, buffer, out = CloudStream(media_type, BASE_T_CAMERA, "mm"), bytearray(2001), b""
+    held: collections.deque[bytes | memoryview] = collections.deque()
+    for start in range(0, len(body), len(buffer)):
+        chunk = memoryview(buffer)[: len(body) - start]
+        chunk[:] = body[start : start + len(chunk)]
+        held.extend(stream.parts(chunk))
+        buffer[:] = b"\xff" * len(buffer)
+        while len(held) > kept:
+            out += held.popleft()
+    assert out + b"".join([*held, *stream.last_parts()]) == through(body, media_type)[0]
 
 
 @pytest.mark.parametrize(("media_type", "encoding", "layout"), KINDS)
@@ -199,6 +217,10 @@ def test_faces_and_cameras_come_out_bit_for_bit() -> None:
     assert out.endswith(faces)
     for cuts in ([len(header) + 3], [len(body) - 5, len(body) - 4], list(range(len(body)))):
         assert through(body, PLY, cuts)[0] == out
+    stream, buffer = CloudStream(PLY, BASE_T_CAMERA, "mm"), bytearray(body)
+    parts = list(stream.parts(buffer))
+    buffer[:] = bytes(len(buffer))
+    assert b"".join(parts) == out
     with pytest.raises(CloudTruncated, match="face 3"):
         through(body[:-1], PLY)
     with pytest.raises(CloudTooLong):
@@ -281,7 +303,7 @@ def test_normals_of_several_numbers_are_no_normals_and_pass_by() -> None:
 def test_something_else_is_reported_at_the_first_byte() -> None:
     for media_type in (PLY, PCD):
         with pytest.raises(CloudFormatError, match="byte 0"):
-            CloudStream(media_type, BASE_T_CAMERA, "mm").feed(b"\x89PNG")
+            list(CloudStream(media_type, BASE_T_CAMERA, "mm").parts(b"\x89PNG"))
 
 
 def test_the_viewpoint_is_the_origin_after_the_move() -> None:
@@ -311,7 +333,7 @@ def test_far_away_coordinates_keep_their_digits() -> None:
     far[:3, 3] = [4.5e5, -9.9e5, 1e6]
     records = cloud(XYZ_FLOAT64, 100)
     stream = CloudStream(PLY, far, "mm")
-    out = stream.feed(ply.format_header(XYZ_FLOAT64, 100) + records.tobytes()) + stream.finish()
+    out = b"".join([*stream.parts(ply.format_header(XYZ_FLOAT64, 100) + records.tobytes()), *stream.last_parts()])
     np.testing.assert_allclose(xyz(records_in(out, PLY)), moved(records, far), rtol=0, atol=2e-9)
 
 

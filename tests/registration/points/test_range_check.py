@@ -44,7 +44,7 @@ def test_a_scan_of_an_impossible_unit_is_refused_unless_forced(tmp_path: Path) -
     stands = poses(2)
     write_scan(tmp_path, [view_of(flat, pose @ HAND.flange_T_camera, 1) / 1e3 for pose in stands], stands, "mm")
     out = tmp_path / "out.ply"
-    with pytest.raises(ScanError, match=r"views 0, 1: every point is nearer than 1 mm .*force"):
+    with pytest.raises(ScanError, match=r"views 1, 2: every point is nearer than 1 mm .*force"):
         register_scan(read_scan(tmp_path), HAND, out, ticks())
     assert not out.exists()
     report = register_scan(read_scan(tmp_path), HAND, out, ticks(), force=True)

@@ -1,9 +1,9 @@
-// The time a run has left, by the pace of its pictures: known from the second on, near the truth, and hardly ever longer than before.
+// The time a run has left, by the pace of its pictures: known from the second on, near the truth, and hardly ever longer than before. The picture at which it is.
 import assert from 'node:assert/strict';
 import { join } from 'node:path';
 import test from 'node:test';
 
-const { timesOf } = await import(join(import.meta.dirname, '..', '..', '..', '..', 'daemon', 'page', 'parts', 'run_times.js'));
+const { picturesOf, timesOf } = await import(join(import.meta.dirname, '..', '..', '..', '..', 'daemon', 'page', 'parts', 'run_times.js'));
 
 const PICTURES = 8;
 const BEGAN_S = 1.7e9;
@@ -49,4 +49,16 @@ test('the seconds since the beginning go on before the first picture, and what i
   const { elapsed_s, left_s } = timesOf(shownAfter(run, 2), 0);
   assert.ok(Math.abs(elapsed_s - run.taken_s[1]) < 0.01 && left_s > 0);
   assert.ok(Math.abs(timesOf(shownAfter(run, 2), 1).left_s - (left_s - 1)) < 1e-6);
+});
+
+test('the picture at which a run is has the number that its film shows', () => {
+  const links = (stored) => Object.fromEntries(Array.from({ length: stored }, (_, index) => [`frame ${index}`, `/runs/1/frames/${index}`]));
+  const rows = [ // [run, pictures stored], { taken, of, number }
+    [{ station: 2, stations: 5, state: 'moving', planning: null }, 2, { taken: 2, of: 5, number: 3 }],
+    [{ station: 5, stations: 5, state: 'solving', planning: null }, 5, { taken: 5, of: 5, number: 5 }],
+    [{ station: 0, stations: 5, state: 'moving', planning: {} }, 1, { taken: 1, of: 6, number: 2 }], // after the first look
+    [{ station: 2, stations: 5, state: 'waiting', planning: {}, request: { manual: true } }, 3, { taken: 3, of: 6, number: 4 }], // one was refused
+    [{ station: 2, stations: 5, state: 'planning', planning: {}, request: { manual: true } }, 3, { taken: 2, of: 5, number: 3 }], // the third is looked at
+  ];
+  for (const [run, stored, expected] of rows) assert.deepEqual(picturesOf({ ...run, links: links(stored) }), expected);
 });

@@ -10,7 +10,7 @@ const places = (text) => [...text.matchAll(/\{(\w+)[^}]*\}/g)].map(([, name]) =>
 test('forms are those of the daemon', () => {
   const rows = [
     ['{a:.2g} mm', { a: 0.12345 }, '0.12 mm'], ['{a:.1f}', { a: 2 }, '2.0'], ['{a:+.2f}', { a: -1.5 }, '−1.50'], ['{a:.0%}', { a: 0.25 }, '25 %'],
-    ['{a:views}', { a: [1, 2] }, '1, 2'], ['{a: and }', { a: ['x', 'y'] }, 'x and y'], ['{a:g}', { a: 4 }, '4'], ['{b}', {}, '{b}'],
+    ['{a:views}', { a: [1, 2] }, '2, 3'], ['{a:picture}', { a: 0 }, '1'], ['{a:picture}', { a: [0, 11] }, '1, 12'], ['{a:picture}', { a: '—' }, '—'], ['{a: and }', { a: ['x', 'y'] }, 'x and y'], ['{a:g}', { a: 4 }, '4'], ['{b}', {}, '{b}'],
   ];
   for (const [template, params, expected] of rows) assert.equal(fill(template, params), expected);
 });
