@@ -13,6 +13,7 @@ from typing import Literal
 
 import numpy as np
 
+from calibration.camera import CameraModel
 from calibration.transforms import Array
 
 Mixture = tuple[tuple[float, float], ...]
@@ -61,6 +62,12 @@ CENTRE_PX: dict[CameraSource, Mixture] = {
 
 LENS_PX: dict[CameraSource, float] = {"this-session": 0.1, "maker": 0.25, "file": 0.25, "nominal": 5.0}
 """Of radial distortion, at the picture's corner."""
+
+TANGENTIAL_PX: dict[CameraSource, float] = {"this-session": 1.0, "maker": 1.0, "file": 1.0, "nominal": 5.0}
+"""Of p1 and of p2 there, where the description has radial distortion alone: lenses show 0.1 to 2 px."""
+
+MIN_DISTORTION_PX = 1.0
+"""Least distortion at the corner of pictures that are not rectified."""
 
 ARM_SHARE: dict[ArmSource, Mixture] = {
     "as-delivered": ((0.90, 5e-4), (0.10, 2e-3)),
@@ -136,31 +143,42 @@ class PriorMixture:
         return np.asarray(self.information.min(axis=0))
 
 
-def lens_mixture(knowledge: Knowledge) -> list[tuple[float, tuple[float, ...]]]:
-    """(probability, standard deviations of log focal length, cx, cy, radial distortion at the corner in px)."""
-    focal, centre, lens = FOCAL_SHARE[knowledge.camera], CENTRE_PX[knowledge.camera], LENS_PX[knowledge.camera]
-    return [(p * r, (by_focal, by_centre, by_centre, lens)) for (p, by_focal), (r, by_centre) in product(focal, centre)]
+def distortion_px(knowledge: Knowledge, camera: CameraModel) -> tuple[float, ...]:
+    """Standard deviations of what is unknown of a given camera's distortion, at the corner: k1, or k1, p1 and p2.
+
+    Tangential distortion is unknown where the description has radial distortion alone, or is nominal. Where it has
+    both, they were estimated with the principal point, and the errors make up for one another; where it has none,
+    pictures are rectified.
+    """
+    corner = np.array(camera.image_size) / 2 / np.diagonal(camera.matrix)[:2]
+    off_px = np.diagonal(camera.matrix)[:2] * (np.array(camera.lens.distort(*corner[:, None]))[:, 0] - corner)
+    distorted = np.linalg.norm(off_px) > MIN_DISTORTION_PX or knowledge.camera == "nominal"
+    unsaid = camera.lens_model == "pinhole" and distorted and not np.any(camera.distortion[2:4])
+    return (LENS_PX[knowledge.camera], *(2 * (TANGENTIAL_PX[knowledge.camera],) if unsaid else ()))
 
 
-def prior_mixture(knowledge: Knowledge, bow_mm: float, *, lens: bool) -> PriorMixture:
-    """The prior of [log f, cx, cy, k1 in px at the corner, if `lens`] and [log size, anisotropy, shear, three bows].
+def prior_mixture(knowledge: Knowledge, bow_mm: float, distortion: tuple[float, ...] = ()) -> PriorMixture:
+    """The prior of [log f, cx, cy, and `distortion`, px at the corner] and [log size, anisotropy, shear, three bows].
 
-    The target's size is against the arm's millimetre: the deviations of both add up. `bow_mm`: one standard deviation
-    of a print's bow.
+    The first are left out without `distortion`: where the camera is estimated. The target's size is against the arm's
+    millimetre: the deviations of both add up. `bow_mm`: one standard deviation of a print's bow.
     """
     log_weights, information, arm_share = [], [], []
+    focal, centre = FOCAL_SHARE[knowledge.camera], CENTRE_PX[knowledge.camera]
+    of_lens: list[tuple[float, tuple[float, ...]]] = [(1.0, ())]
+    if distortion:
+        of_lens = [(p * r, (one, off, off, *distortion)) for (p, one), (r, off) in product(focal, centre)]
     of_size, of_arm, of_shape = knowledge.target.size_prior(), ARM_SHARE[knowledge.arm], knowledge.target.shape_prior()
     for (by_lens, lenses), (by_size, size), (by_arm, arm), (by_shape, plane, bow) in product(
-        lens_mixture(knowledge) if lens else [(1.0, ())], of_size, of_arm, of_shape
+        of_lens, of_size, of_arm, of_shape
     ):
         log_weights.append(np.log(by_lens * by_size * by_arm * by_shape))
         information.append(_precisions(lenses, float(np.hypot(size, arm)), plane, bow * bow_mm))
         arm_share.append(arm**2 / (arm**2 + size**2))
-    centre = _usual(CENTRE_PX[knowledge.camera])
-    usual_lens = (_usual(FOCAL_SHARE[knowledge.camera]), centre, centre, LENS_PX[knowledge.camera]) if lens else ()
+    usual_lens = (_usual(focal), _usual(centre), _usual(centre), *distortion) if distortion else ()
     _, plane, bow = of_shape[0]
     usual = _precisions(usual_lens, float(np.hypot(_usual(of_size), _usual(of_arm))), plane, bow * bow_mm)
-    return PriorMixture(np.array(log_weights), np.array(information), np.array(arm_share), usual, 4 if lens else 0)
+    return PriorMixture(np.array(log_weights), np.array(information), np.array(arm_share), usual, len(usual_lens))
 
 
 def _precisions(lens: tuple[float, ...], size: float, plane: float, bow_mm: float) -> Array:

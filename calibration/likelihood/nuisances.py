@@ -1,8 +1,9 @@
 """The unknowns of a session beside X, the target's pose and the robot's poses: lens, and the target's size and shape.
 
 None of them is exactly known, at any number of views. Their values z (q,) are deviations from the description: of a
-given camera log f, cx, cy [px], radial distortion [px at the picture's corner]; of an estimated one changes of its nine
-intrinsics, without a prior; then the log of the target's size, anisotropy, shear, and three bows [mm at half its size].
+given camera log f, cx, cy [px], radial distortion and, where the description has no tangential one, p1 and p2 [px at
+the picture's corner]; of an estimated one changes of its nine intrinsics, without a prior; then the log of the target's
+size, anisotropy, shear, and three bows [mm at half its size].
 Shape and lens belong together: with a free lens and a rigid target, a bent or stretched print bends X.
 """
 
@@ -12,19 +13,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibration.camera import CameraModel
-from calibration.knowledge import BOW_SHARE, Knowledge, PriorMixture, prior_mixture
+from calibration.knowledge import BOW_SHARE, Knowledge, PriorMixture, distortion_px, prior_mixture
 from calibration.observations.observations import Observations
 from calibration.observations.reprojection import INTRINSICS, PixelStatistics, pixel_statistics, with_intrinsics
 from calibration.transforms import Array
 
-GIVEN_LENS, SHAPES = 4, 5
-"""Unknowns of a given lens, and of the target's shape beside its size."""
+SHAPES = 5
+"""Unknowns of the target's shape beside its size."""
 
 FOCAL, CENTRE = (0,), (1, 2)
 """Places among z of a given camera's focal length and principal point."""
 
-BY_GIVEN_LENS = np.arange(INTRINSICS) < GIVEN_LENS + 1
-"""Of fx fy cx cy k1 k2 p1 p2 k3: those that the unknowns of a given lens change."""
+DISTORTION = (4, 6, 7)
+"""Places of k1, p1 and p2 among fx fy cx cy k1 k2 p1 p2 k3."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +43,8 @@ class Nuisances:
     @classmethod
     def of(cls, camera: CameraModel, nominal_mm: Array, knowledge: Knowledge, *, estimated: bool) -> "Nuisances":
         """Those of a session with a given camera, or with one that is estimated from its images."""
-        prior = prior_mixture(knowledge, BOW_SHARE * _half_size_mm(nominal_mm), lens=not estimated)
+        distortion = () if estimated else distortion_px(knowledge, camera)
+        prior = prior_mixture(knowledge, BOW_SHARE * _half_size_mm(nominal_mm), distortion)
         return cls(camera, nominal_mm, estimated, prior)
 
     @property
@@ -54,6 +56,11 @@ class Nuisances:
     def size(self) -> int:
         """Place among z of the log of the target's size."""
         return self.first_known + self.prior.size
+
+    @property
+    def tangential(self) -> range:
+        """Places among z of tangential distortion that a given camera's description leaves out; none otherwise."""
+        return range(4, self.prior.size)
 
     @property
     def shape(self) -> range:
@@ -68,7 +75,7 @@ class Nuisances:
     @property
     def free(self) -> NDArray[np.bool_]:
         """Which of fx fy cx cy k1 k2 p1 p2 k3 are unknown (9,)."""
-        return np.ones(INTRINSICS, bool) if self.estimated else BY_GIVEN_LENS
+        return self.estimated | np.isin(np.arange(INTRINSICS), [0, 1, 2, 3, *self._distortion])
 
     def __len__(self) -> int:
         return self.size + 1 + SHAPES
@@ -78,8 +85,9 @@ class Nuisances:
         if self.estimated:
             return with_intrinsics(self.camera, z[:INTRINSICS])
         focal_x, focal_y = np.diagonal(self.camera.matrix)[:2]
-        stretch = np.expm1(z[0])
-        change = np.array([stretch * focal_x, stretch * focal_y, z[1], z[2], z[3] * self._k1_by_px, *np.zeros(4)])
+        change, lens = np.zeros(INTRINSICS), self.prior.size
+        change[:4] = np.expm1(z[0]) * focal_x, np.expm1(z[0]) * focal_y, z[1], z[2]
+        change[self._distortion] = z[3:lens] * self._by_px
         return with_intrinsics(self.camera, change)
 
     def scale_at(self, z: Array) -> float:
@@ -103,17 +111,21 @@ class Nuisances:
         found = pixel_statistics(there, camera, camera_T_target, free_intrinsics=self.free, shape_modes=modes)
         if self.estimated:
             return found
-        by = np.zeros((found.sums.shape[-1], found.sums.shape[-1] - 1))
-        by[:6, :6], by[11:, 10:] = np.eye(6), np.eye(len(by) - 11)
+        by = np.delete(np.eye(found.sums.shape[-1]), 7, axis=1)
         by[[6, 7], 6] = np.diagonal(camera.matrix)[:2]
-        by[8, 7], by[9, 8], by[10, 9] = 1.0, 1.0, self._k1_by_px
+        by[range(10, 10 + len(self._by_px)), range(9, 9 + len(self._by_px))] = self._by_px
         return PixelStatistics(by.T @ found.sums @ by, found.count)
 
     @property
-    def _k1_by_px(self) -> float:
-        """Change of k1 that moves a point at the picture's corner by 1 px."""
+    def _distortion(self) -> list[int]:
+        return list(DISTORTION[: self.prior.size - 3])
+
+    @property
+    def _by_px(self) -> Array:
+        """Changes of k1, p1 and p2 that move a point as far out as the picture's corner by up to 1 px."""
         focal = float(np.sqrt(np.prod(np.diagonal(self.camera.matrix)[:2])))
-        return focal**2 / float(np.hypot(*self.camera.image_size) / 2) ** 3
+        corner = float(np.hypot(*self.camera.image_size)) / 2
+        return np.array([focal**2 / corner**3, *(2 * [focal / (3 * corner**2)])])[: self.prior.size - 3]
 
     def _shapes(self) -> Array:
         """Displacements (k, 3, 5) of the points by one unit of anisotropy, shear and three bows."""

@@ -51,6 +51,7 @@ class Scene:
     """The scene that is planned for: known or guessed. Frames as in `calibration.problem`.
 
     `points`: where the uncertainty counts; the working volume without any. `knowledge`: of target, camera and arm.
+    `described`: the camera as it was described, where `camera` is one that was found.
     """
 
     setup: Setup
@@ -62,11 +63,14 @@ class Scene:
     intrinsics_free: bool = False
     points: tuple[NamedPoint, ...] = ()
     knowledge: Knowledge = NOTHING_STATED
+    described: CameraModel | None = None
 
     @cached_property
     def nuisances(self) -> Nuisances:
         """What is unknown of lens and target."""
-        return Nuisances.of(self.camera, self.target.points_mm, self.knowledge, estimated=self.intrinsics_free)
+        camera, free = self.described or self.camera, self.intrinsics_free
+        of_description = Nuisances.of(camera, self.target.points_mm, self.knowledge, estimated=free)
+        return replace(of_description, camera=self.camera)
 
     @property
     def unknowns(self) -> int:

@@ -45,7 +45,7 @@ def expectation_of(
     used = {view.index for view in solution.views if view.status != "rejected"}
     poses = np.array([view.base_T_flange for view in problem.views if view.index in used])
     free = solution.camera_source == "estimated" and problem.camera is None
-    scene = Scene(problem.setup, problem.target, camera, x, y, noise, free, points, problem.knowledge)
+    scene = Scene(problem.setup, problem.target, camera, x, y, noise, free, points, problem.knowledge, problem.camera)
     expected_mm = predict(scene, poses).worst_point.expanded_mm
     if not isfinite(expected_mm):
         return NOTHING_EXPECTED

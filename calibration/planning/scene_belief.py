@@ -291,5 +291,5 @@ def _diagonal_covariance(rotation_rad: float, translation_mm: float) -> Array:
 def _scene(prior: ScenePrior, camera: CameraModel, mount_T_camera: Array, anchor_T_target: Array) -> Scene:
     return Scene(
         prior.setup, prior.target, camera, mount_T_camera, anchor_T_target, prior.noise, prior.camera is None,
-        prior.points, prior.knowledge,
+        prior.points, prior.knowledge, prior.camera,
     )  # fmt: skip

@@ -97,26 +97,21 @@ def _effect_mm(prepared: PreparedSession, best: Estimate, places: Sequence[int])
 
 
 def _camera(prepared: PreparedSession, selection: Selection) -> Iterator[Finding]:
-    best = selection.best
-    if prepared.nuisances.estimated:
+    best, known = selection.best, prepared.nuisances
+    if known.estimated:
         return
-    if best.differs(FOCAL):
-        yield Finding(
-            "focal-length-off",
-            "warning",
-            Sentence("focal-length-off", percent=100 * np.expm1(best.z[FOCAL[0]])),
-            Sentence("calibrate-camera-in-focus"),
-            effect_mm=_effect_mm(prepared, best, FOCAL),
-        )
-    if best.differs(CENTRE):
-        right, down = best.z[list(CENTRE)]
-        yield Finding(
-            "principal-point-off",
-            "info",
-            Sentence("principal-point-off", right_px=right, down_px=down),
-            Sentence("calibrate-camera"),
-            effect_mm=_effect_mm(prepared, best, CENTRE),
-        )
+    right, down = best.z[list(CENTRE)]
+    off = Sentence("tangential-distortion-off", px=float(np.linalg.norm(best.z[known.tangential])))
+    focal = Sentence("focal-length-off", percent=100 * np.expm1(best.z[FOCAL[0]]))
+    centre = Sentence("principal-point-off", right_px=right, down_px=down)
+    parts: tuple[tuple[Sequence[int], Severity, Sentence, Sentence], ...] = (
+        (FOCAL, "warning", focal, Sentence("calibrate-camera-in-focus")),
+        (CENTRE, "info", centre, Sentence("calibrate-camera")),
+        (known.tangential, "info", off, Sentence("calibrate-tangential")),
+    )
+    for places, severity, what, fix in parts:
+        if places and best.differs(places):
+            yield Finding(what.id, severity, what, fix, effect_mm=_effect_mm(prepared, best, places))
 
 
 def _statements(problem: Problem, selection: Selection) -> Iterator[Finding]:

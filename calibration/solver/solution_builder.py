@@ -50,7 +50,8 @@ def build_solution(
     if left_out is not None:
         # Of errors that all views share, for which the covariance is widened, nothing shows in views left out.
         covariance = covariance + (left_out.inflation - 1) * covariance_of(best.step.information)[:6, :6]
-    lens_differs = best.differs(FOCAL) or best.differs(CENTRE)  # of a given camera from its description
+    parts = (FOCAL, CENTRE, prepared.nuisances.tangential)  # of a given camera
+    lens_differs = any(part and best.differs(part) for part in parts)
     return Solution(
         setup=problem.setup,
         method=method,

@@ -19,6 +19,9 @@ Poses = Literal["planned", "random"]
 
 CAMERA = CameraModel(np.array([[2400.0, 0, 1223.5], [0, 2400.0, 1023.5], [0, 0, 1]]), np.zeros(5), (2448, 2048))
 BOARD = Chessboard(12, 9, 20.0)
+RADIAL = np.array([-0.1, 0.05, 0.0, 0.0])
+"""Distortion of a camera that was calibrated without tangential terms."""
+
 DISTANCES_MM = {"planned": (450.0, 750.0), "random": (500.0, 700.0)}
 MARGIN_PX = 20
 CORNER_PX = 1500.0
@@ -34,6 +37,7 @@ class Wrong:
     size, focal, arm : of the print, the focal length and the arm's lengths, over what is described.
     centre_px, radial_px : the principal point along the diagonal; radial distortion at CORNER_PX.
     stretch, shear : of the print. bow_mm : along x, at 100 mm from the middle.
+    tangential_px : at CORNER_PX on the diagonal, where it is largest, of a lens described as RADIAL.
     """
 
     size: float = 1.0
@@ -44,6 +48,7 @@ class Wrong:
     stretch: float = 0.0
     shear: float = 0.0
     bow_mm: float = 0.0
+    tangential_px: float = 0.0
 
 
 FAULTS = {
@@ -56,6 +61,7 @@ FAULTS = {
     "shear 0.1 %": Wrong(shear=1e-3),
     **{f"bow {bow} mm": Wrong(bow_mm=bow) for bow in (0.3, 1.0)},
     "radial 0.5 px": Wrong(radial_px=0.5),
+    **{f"tangential {off} px": Wrong(tangential_px=off) for off in (0.1, 0.5, 1.5)},
     "together": Wrong(0.992, 1.004, 1.001, 8.0, 0.3, 1e-3, 5e-4, 0.2),
 }
 
@@ -92,7 +98,8 @@ def wrong_session(
         seen.append(View(index, Stance(pose), Detection(np.arange(len(pixels)), pixels)))
     in_arm = X.copy()
     in_arm[:3, 3] *= wrong.arm
-    problem = Problem(setup, BOARD, CAMERA, CAMERA.image_size, tuple(seen), poses_from_controller=True)
+    given = replace(CAMERA, distortion=RADIAL) if wrong.tangential_px else CAMERA
+    problem = Problem(setup, BOARD, given, CAMERA.image_size, tuple(seen), poses_from_controller=True)
     return WrongSession(problem, in_arm)
 
 
@@ -126,6 +133,9 @@ def true_camera(wrong: Wrong) -> CameraModel:
     matrix[[0, 1], [0, 1]] *= wrong.focal
     matrix[:2, 2] += wrong.centre_px * np.sqrt(0.5)
     distortion[0] = wrong.radial_px * matrix[0, 0] ** 2 / CORNER_PX**3
+    if wrong.tangential_px:
+        both = np.sqrt(0.5) * wrong.tangential_px * matrix[0, 0] / (3 * CORNER_PX**2)
+        distortion = np.array([*RADIAL[:2], both, both])
     return replace(CAMERA, matrix=matrix, distortion=distortion)
 
 

@@ -103,6 +103,24 @@ def test_an_error_of_the_lens_that_the_estimate_does_not_know_is_refused_and_wit
     assert "principal-point-off" not in {finding.code for finding in verdict.findings}
 
 
+@pytest.mark.parametrize("p1_and_p2", [(5e-4, 0.0), (0.0, -2e-3)])
+def test_tangential_distortion_that_the_description_leaves_out_is_found(p1_and_p2: tuple[float, float]) -> None:
+    """1.4 and 6 px at the corner."""
+    seen = simulated_session(np.random.default_rng(0), 12, Noise(), "eye-in-hand")
+    assert seen.camera is not None
+    lens = replace(seen.camera, distortion=np.array([-0.1, 0.05, *p1_and_p2, 0.0]))
+    views = []
+    for view in seen.views:
+        assert view.detection is not None
+        rays = seen.camera.normalise(view.detection.corners_px)
+        corners_px = lens.project(np.column_stack([rays, np.ones(len(rays))]))
+        views.append(replace(view, detection=replace(view.detection, corners_px=corners_px)))
+    without = replace(seen.camera, distortion=np.array([-0.1, 0.05, 0.0, 0.0, 0.0]))
+    solution = solve_hand_eye(replace(seen, camera=without, views=tuple(views)))
+    assert "tangential-distortion-off" in {finding.code for finding in solution.findings}
+    assert shift_mm(solution, solve_hand_eye(seen)) < 0.3
+
+
 def test_another_focus_that_the_estimate_has_found_is_said_and_widens_nothing() -> None:
     clean = simulated_session(np.random.default_rng(0), 12, Noise(), "eye-in-hand")
     problem = focal_wrong(clean, np.random.default_rng(0)).at(0.02).problem

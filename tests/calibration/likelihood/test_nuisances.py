@@ -60,11 +60,11 @@ def test_a_mixture_of_one_component_is_that_normal_density(solved: tuple[Prepare
 
 def test_probabilities_sum_to_one_and_the_size_is_against_the_arms_lengths() -> None:
     for knowledge in (Knowledge(), Knowledge(TargetKnowledge("certified", 0.0), "this-session", "absolute-accuracy")):
-        mixture = prior_mixture(knowledge, 0.2, lens=True)
+        mixture = prior_mixture(knowledge, 0.2, (0.25,))
         assert np.exp(mixture.log_weights).sum() == pytest.approx(1.0)
         assert np.all((mixture.arm_share > 0) & (mixture.arm_share < 1))
     printed, certified = (
-        prior_mixture(Knowledge(target), 0.2, lens=False).usual[0]
+        prior_mixture(Knowledge(target), 0.2).usual[0]
         for target in (TargetKnowledge(), TargetKnowledge("certified", 0.0))
     )
     assert printed < certified  # a print is known less well
