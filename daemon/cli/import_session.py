@@ -2,6 +2,7 @@
 
 import json as json_text
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
@@ -71,25 +72,15 @@ def import_session(
     intrinsics = None if camera is None else _intrinsics(camera)
     described = None if target is None else _target(target)
     for folder in folders:
-        request = ImportRequest(
-            folder,
-            chosen,
-            part,
-            conventions,
-            unit or unit_of_brand,
-            frame,
-            setup,
-            described,
-            intrinsics,
-            cloud_unit,
-            arm,
-            None if axes is None else _axes(axes),
-            camera_unit or camera_unit_of_brand,
-            of_camera,
-        )
-        with progress_bar(folder.resolve().name) as progress:
-            understood = understand(request, progress)
-        file = write_session(understood, out if len(folders) == 1 else out / folder.resolve().name)
+        with TemporaryDirectory() as pictures:
+            request = ImportRequest(
+                folder, chosen, part, conventions, unit or unit_of_brand, frame, setup, described, intrinsics,
+                cloud_unit, arm, None if axes is None else _axes(axes), camera_unit or camera_unit_of_brand, of_camera,
+                Path(pictures),
+            )  # fmt: skip
+            with progress_bar(folder.resolve().name) as progress:
+                understood = understand(request, progress)
+            file = write_session(understood, out if len(folders) == 1 else out / folder.resolve().name)
         if json:
             reading = understood.reading
             answer = {

@@ -33,6 +33,10 @@ from calibration.problem import Setup
 from calibration.transforms import Array
 
 MAX_DEPTH = 8
+MIN_PICTURE = 1000  # bytes of an array that is a picture
+DEPTH = frozenset(WORDS["of_depth"].split())
+"""Words of pictures beside a camera's own; so is a TIFF called as another picture is."""
+
 MAX_CELLS = 200  # numbers of one record; a pose has 16 at most, a record may have joints and measurements besides
 MAX_TEXT = 1000  # characters of a text that is read as numbers
 MATRICES = ((4, 4), (3, 4), (16,))
@@ -74,6 +78,22 @@ def array_of(value: Any) -> Array | None:
     return None if len({np.shape(row) for row in rows}) != 1 or np.ndim(rows[0]) > 3 else np.array(rows, float)
 
 
+def is_picture(value: Any) -> bool:
+    """Whether it is an array of a picture's bytes, (h, w) or (h, w, 3), or of several: (n, h, w) or (n, h, w, 3)."""
+    return isinstance(value, np.ndarray) and value.dtype == np.uint8 and value.ndim > 1 and value.size >= MIN_PICTURE
+
+
+def table_beside_pictures(data: Any, origin: str) -> PoseTable:
+    """The table of plain data, with the picture of each pose where the data hold them. Raises DocumentError."""
+    held = {name: one for name, one in data.items() if is_picture(one)} if isinstance(data, dict) else {}
+    table = table_of_data({name: one for name, one in data.items() if name not in held} if held else data, origin)
+    own = [
+        one if len(one) == len(table) else one[None] for name, one in held.items() if DEPTH.isdisjoint(words_of(name))
+    ]
+    fitting = [tuple(one) for one in own if len(one) == len(table)]
+    return replace(table, pictures=fitting[0] if len(fitting) == 1 else ())
+
+
 def table_of_data(data: Any, origin: str) -> PoseTable:
     """The table of plain data, with the camera's poses where they hold both sides. Raises DocumentError."""
     data = _opencv_matrix(data)
@@ -83,8 +103,7 @@ def table_of_data(data: Any, origin: str) -> PoseTable:
         data = {str(key).replace("T1_", "robot_").replace("T2_", "camera_"): value for key, value in data.items()}
     records, labels = _records(data, origin)
     if len(records) > MAX_POSES:
-        what = f"{len(records)} records, where {MAX_POSES} are read"
-        raise refusal(origin, "records", what, "give those of the pictures")
+        raise refusal(origin, "records", f"{len(records)}, where {MAX_POSES} are read", "give those of the pictures")
     if labels is None and (array := array_of(records)) is not None:
         return table_of_array(array, origin)
     flat = [dict(_leaves(record, origin)) for record in records]
@@ -95,7 +114,8 @@ def table_of_data(data: Any, origin: str) -> PoseTable:
     if not names:
         raise refusal(origin, "records", "they have no key in common", "give every pose the same keys")
     built = table_of_sides(origin, names, [[record[name] for record in flat] for name in names], _table_of_leaves)
-    table = _as_recorded(replace(built, setup=setup_of(data)), data, names)
+    target = data["target"] if isinstance(data, dict) and isinstance(data.get("target"), dict) else None
+    table = _as_recorded(replace(built, setup=setup_of(data), target=target), data, names)
     if (called := tuple(labels or ())) and len({*called}) == len(called) == len(table):
         return replace(table, labels=called, camera=table.camera and replace(table.camera, labels=called))
     return table
@@ -212,8 +232,10 @@ MIN_FRAMES, STILL_SHARE = 3, 0.02
 def table_of_array(array: Array, origin: str, labels: Sequence[str] | None = None) -> PoseTable:
     """The table of an array: (n, 3 or 4, 4), (3 or 4, 4), (n, k), (k,) or a column (k, 1). Raises DocumentError.
 
-    (n, 2, 4, 4) and (n, 2, k) are pairs: of the robot's pose and the camera's.
+    (n, 2, 4, 4), (2, n, 4, 4) and (n, 2, k) are pairs: of the robot's pose and the camera's.
     """
+    if array.ndim == 4 and len(array) == 2:
+        array = np.swapaxes(array, 0, 1)
     if array.ndim == 2 and array.shape[1] == 1:
         array = array[:, 0]
     if array.ndim == 1 or array.shape in ((4, 4), (3, 4)):

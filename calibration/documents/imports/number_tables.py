@@ -11,6 +11,7 @@ import unicodedata
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import datetime
+from itertools import product
 from typing import Any, Literal
 
 import numpy as np
@@ -102,6 +103,8 @@ class _Named:
         self.is_grid = {"00", "22"} <= {one[-1] for one in words if one}
         for index, one in enumerate(words):
             self._take(index, one)
+        base = int((4, 4) in self.elements or ((3, 3) in self.elements and (0, 0) not in self.elements))
+        self.elements = {(row - base, column - base): at for (row, column), at in self.elements.items()}
         turn = self.slots["turn"]
         if len(_in_order(turn)) in JOINTS:  # q1 to q6 beside an orientation
             self.slots["turn"] = {slot: index for slot, index in turn.items() if not slot.isdigit()}
@@ -233,8 +236,7 @@ def _lengths(named: _Named) -> list[int]:
         return [slots[axis] for axis in "xyz"]
     if len(listed := _in_order(slots)) == 3:
         return listed
-    base = 1 if (4, 4) in named.elements or ((3, 3) in named.elements and (0, 0) not in named.elements) else 0
-    return [named.elements[row + base, 3 + base] for row in range(3) if (row + base, 3 + base) in named.elements]
+    return [named.elements[row, 3] for row in range(3) if (row, 3) in named.elements]
 
 
 def _set_turn(columns: Columns, named: _Named) -> None:
@@ -253,19 +255,12 @@ def _set_turn(columns: Columns, named: _Named) -> None:
         said = [f"quaternion-{order}" for order in ("wxyz", "xyzw") if len(listed) == 4 and order in words]
         said += ["rotation-vector"] if len(listed) == 3 and words & VECTOR_WORDS else []
         columns.turn, columns.convention = listed, CONVENTIONS[said[-1]] if said else None
-    elif elements := _elements(named.elements):
-        columns.turn, columns.convention = elements, CONVENTIONS["matrix"]
+    elif {*product(range(3), range(3))} <= {*named.elements}:
+        columns.turn = [named.elements[place] for place in product(range(3), range(3))]
+        columns.convention = CONVENTIONS["matrix"]
     else:
         sequence = next((names for names in SEQUENCES if {*names} <= {*named.plain}), ())
         columns.turn = [named.plain[name] for name in sequence]
-
-
-def _elements(elements: dict[tuple[int, int], int]) -> list[int]:
-    for base in (0, 1):
-        wanted = [(row + base, column + base) for row in range(3) for column in range(3)]
-        if all(place in elements for place in wanted) and (base or (4, 4) not in elements):
-            return [elements[place] for place in wanted]
-    return []
 
 
 Cell = float | str
@@ -283,9 +278,8 @@ _FORMS = tuple(re.compile(rf"(?<!\d){date}[T_\- ]?{_CLOCK}(?!\d){_ZONE}") for da
 
 def table_of_columns(origin: str, names: Sequence[str], rows: Sequence[Sequence[Cell]]) -> PoseTable:
     """The table of rows with named columns, with the camera's poses where they name both. Raises DocumentError."""
-    if not 0 < len(rows) <= MAX_POSES:
-        what = "no poses in it" if not rows else f"{len(rows)} rows, where {MAX_POSES} are read"
-        raise refusal(origin, "rows", what, "give one row for each picture")
+    if len(rows) > MAX_POSES:
+        raise refusal(origin, "rows", f"{len(rows)}, where {MAX_POSES} are read", "give one for each picture")
     return table_of_sides(origin, names, [*zip(*rows, strict=True)], table_of_one_side)
 
 
@@ -297,6 +291,9 @@ def table_of_sides(origin: str, names: Sequence[str], columns: Sequence[Sequence
     stems = [re.sub(r"\.1$", "", name) for name in names]  # pandas calls the second x x.1
     if sum(stems.count(one) == 2 for one in stems) >= 12:
         names = [f"{'ab'[one in stems[:at]]}_{one}" if stems.count(one) == 2 else one for at, one in enumerate(stems)]
+    letters = {name.partition("_")[0].lower() for name in names}
+    if "c" in letters and letters - {"c"} in ({"w"}, {"r"}, {"b"}):  # C_X beside W_X, R_X or B_X
+        names = [f"{'camera' if name[0] in 'cC' else 'robot'}{name[1:]}" for name in names]
     found = text_columns(names)
     shared = [at for at in (found.image, found.time, found.label) if at is not None and np.ndim(columns[at][0]) == 0]
     sides = [None if at in shared or one is None else one.side for at, one in enumerate(map(relation_of, names))]

@@ -13,33 +13,33 @@ from typing import Any
 
 import numpy as np
 
-from calibration.documents.imports.leaves import table_of_array, table_of_data
+from calibration.documents.imports import trees
+from calibration.documents.imports.leaves import is_picture, table_beside_pictures, table_of_array, table_of_data
 from calibration.documents.imports.pose_table import PoseTable
 from calibration.documents.imports.programs import lists_in_lines, read_halcon_pose, read_keyed_text, read_rapid
-from calibration.documents.imports.refusal import DAMAGED, DAMAGED_ARCHIVE, decode, refusal
-from calibration.documents.imports.text_tables import read_text_table
-from calibration.documents.imports.trees import read_json, read_json_lines, read_python, read_xml_tree, read_yaml
+from calibration.documents.imports.refusal import DAMAGED, DAMAGED_ARCHIVE, MAX_UNPACKED_BYTES, decode, refusal
+from calibration.documents.imports.text_tables import read_sheet, read_text_table
 from calibration.errors import DocumentError
 from calibration.transforms import Array
 
 MAX_ARRAY_BYTES = 64_000_000  # bytes of an array with poses
 
-_NUMBERS = re.compile(rb"'descr': '.?[if]")
-"""In the header of an array of integers or floats; texts, dates and pictures (`u1`) beside it are passed over."""
+_NUMBERS = re.compile(rb"'descr': '.?([if]|u1)")
+"""In the header of an array of integers, floats or pictures; texts and dates beside it are passed over."""
 
 FIX = "save an array n x 4 x 4, n x 7 or n x 6 of floats"
 
 
 def load_npy(content: bytes, origin: str) -> Array:
-    """A numeric array of at most MAX_ARRAY_BYTES. Raises DocumentError."""
-    if len(content) > MAX_ARRAY_BYTES:
-        raise refusal(origin, "array", "larger than 64 MB", FIX)
+    """A numeric array of at most MAX_ARRAY_BYTES, or of pictures. Raises DocumentError."""
     try:
         array = np.lib.format.read_array(io.BytesIO(content), allow_pickle=False)
     except DAMAGED as error:
         raise refusal(origin, "file", f"no array of numpy, or no numbers in it ({str(error)[:80]})", FIX) from None
-    if array.dtype.kind not in "iuf":
-        raise refusal(origin, "array", f"its elements are no numbers ({array.dtype})", FIX)
+    if is_picture(array):
+        return array
+    if array.dtype.kind not in "iuf" or array.nbytes > MAX_ARRAY_BYTES:
+        raise refusal(origin, "array", f"no numbers ({array.dtype}), or more than 64 MB of them", FIX)
     return np.atleast_1d(array).astype(float)
 
 
@@ -47,8 +47,6 @@ def read_mat(content: bytes, origin: str) -> PoseTable:
     """The poses of MATLAB's .mat file (version 5), whose views are the last axis. Raises DocumentError."""
     import scipy.io  # an eighth of a second, and few bring such files
 
-    if len(content) > MAX_ARRAY_BYTES:
-        raise refusal(origin, "file", "larger than 64 MB", FIX)
     try:
         found = scipy.io.loadmat(io.BytesIO(content), struct_as_record=True)
         arrays = {name: one for name, one in found.items() if isinstance(one, np.ndarray)}
@@ -73,19 +71,19 @@ def _of_matlab(value: Any) -> Any:
 
 
 def read_npz(content: bytes, origin: str) -> PoseTable:
-    """The poses of a .npz file, of at most MAX_ARRAY_BYTES together. Raises DocumentError."""
+    """The poses of a .npz file, with its pictures, of at most MAX_UNPACKED_BYTES together. Raises DocumentError."""
     try:
         with zipfile.ZipFile(io.BytesIO(content)) as archive:
             members = [member for member in archive.infolist() if member.filename.endswith(".npy")]
-            if sum(member.file_size for member in members) > MAX_ARRAY_BYTES or len(members) > 100:
-                raise refusal(origin, "file", "unpacks to more than 64 MB or 100 arrays", FIX)
+            if sum(member.file_size for member in members) > MAX_UNPACKED_BYTES or len(members) > 100:
+                raise refusal(origin, "file", "unpacks to more than 256 MB or 100 arrays", FIX)
             packed = {member.filename.removesuffix(".npy"): archive.read(member) for member in members}
             packed = {name: array for name, array in packed.items() if _NUMBERS.search(array[:128])} or packed
     except DAMAGED_ARCHIVE as error:
         raise refusal(origin, "file", f"no .npz file ({str(error)[:80]})", FIX) from None
     arrays = {name: load_npy(array, f"{origin}: {name}") for name, array in packed.items()}
     try:
-        return table_of_data(dict(arrays), origin)
+        return table_beside_pictures(dict(arrays), origin)
     except DocumentError as error:
         have = ", ".join(f"{name} {array.shape}" for name, array in list(arrays.items())[:8])
         what = f"not one array of poses among {have or 'none'} ({error.problems[0].what})"
@@ -96,10 +94,10 @@ Reader = Callable[[bytes, str], PoseTable]
 
 
 def _reader_of(read: Callable[[bytes, str], Any]) -> Reader:
-    return lambda content, origin: table_of_data(read(content, origin), origin)
+    return lambda content, origin: table_beside_pictures(read(content, origin), origin)
 
 
-_json, _json_lines, _yaml = (_reader_of(one) for one in (read_json, read_json_lines, read_yaml))
+_json, _json_lines, _yaml = (_reader_of(one) for one in (trees.read_json, trees.read_json_lines, trees.read_yaml))
 
 _THREE_AND_FOUR = r"\[\s*\[(?:[^][,]*,){2}[^][,]*\]\s*,\s*\[(?:[^][,]*,){3}[^][,]*\]"
 _RAPID = re.compile(rf"\b(robtarget|jointtarget)\b|\bMODULE\s|{_THREE_AND_FOUR}", re.IGNORECASE)
@@ -136,11 +134,13 @@ FAMILIES: dict[str, Reader] = {
     **dict.fromkeys((".yaml", ".yml", ".samples"), _yaml),
     **dict.fromkeys((".jsonl", ".ndjson"), _json_lines),
     ".json": _json,
-    **dict.fromkeys((".xml", ".dtx"), _reader_of(read_xml_tree)),
-    ".py": _reader_of(read_python),
+    **dict.fromkeys((".xml", ".dtx"), _reader_of(trees.read_xml_tree)),
+    ".py": _reader_of(trees.read_python),
     ".npy": lambda content, origin: table_of_array(load_npy(content, origin), origin),
     ".npz": read_npz,
     ".mat": read_mat,
+    **dict.fromkeys((".pkl", ".pickle"), _reader_of(trees.read_pickle)),
+    **dict.fromkeys((".xlsx", ".xlsm"), read_sheet),
 }
 """Readers by suffix."""
 

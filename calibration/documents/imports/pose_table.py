@@ -54,9 +54,10 @@ class PoseTable:
     side, named_frames : whose poses the names say they are, and in which direction, two where it can be meant in two
         senses (`sides.Relation`); the evidence may contradict it. opencv : the names are OpenCV's own.
     camera : the camera's poses of the same rows, where the source has both sides.
-    setup : where the camera is, as the source states it.
+    setup, target : where the camera is and what it sees, as the source states it; the target as in session.json.
     external_axes : (n, k) of the controller's axes beside the arm, mm or degrees, NaN where there is none.
     arm : of joints, which stand in `numbers`; `lengths` are empty then.
+    pictures : (n,) uint8 (h, w) or (h, w, 3), where the source holds them.
     parts : where every record has poses of several moving frames, each by the frame's name; the table is the first.
     """
 
@@ -78,8 +79,10 @@ class PoseTable:
     opencv: bool = False
     camera: "PoseTable | None" = None
     setup: Setup | None = None
+    target: Any = None
     external_axes: Array | None = None
     arm: Arm | None = None
+    pictures: tuple[Array, ...] = ()
     parts: "Mapping[str, PoseTable]" = field(default_factory=dict)
 
     def __len__(self) -> int:
@@ -187,6 +190,7 @@ class PoseTable:
         fields = ("lengths", "numbers", "times_s", "external_axes")
         arrays: dict[str, Any] = {name: one[chosen] for name in fields if (one := getattr(self, name)) is not None}
         images = None if self.images is None else tuple(self.images[row] for row in chosen)
+        arrays["pictures"] = tuple(self.pictures[row] for row in chosen) if self.pictures else ()
         camera = None if self.camera is None else self.camera.take(chosen)
         return replace(self, labels=tuple(self.labels[row] for row in chosen), images=images, camera=camera, **arrays)
 
@@ -210,6 +214,8 @@ def concatenate(tables: Sequence[PoseTable], labels: Sequence[str], origin: str)
     for name in ("lengths", "numbers", "external_axes"):
         listed = [one for table in tables if (one := getattr(table, name)) is not None]
         arrays[name] = np.concatenate(listed) if len(listed) == len(tables) else None
+    pictures = tuple(one for table in tables for one in table.pictures)
+    arrays["pictures"] = pictures if len(pictures) == len(tables) else ()
     camera = None if first.camera is None else concatenate(cameras, labels, origin)
     layout = f"{len(tables)} files with one pose each: {first.layout}"
     return replace(first, origin=origin, labels=tuple(labels), layout=layout, camera=camera, **arrays).checked()

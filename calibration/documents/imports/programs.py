@@ -81,8 +81,7 @@ def lists_in_lines(text: str) -> dict[str, list[list[float]]]:
     found: dict[str, list[list[float]]] = {}
     begun = [re.sub(r"\d+", "0", line) for line in text.splitlines()]
     for listed in filter(None, map(_LISTED.match, text.splitlines())):
-        words = re.sub(r"\d+", "0", listed[1])
-        found.setdefault(words, []).append([float(number) for number in listed[2].split(",")])
+        found.setdefault(re.sub(r"\d+", "0", listed[1]), []).append([float(number) for number in listed[2].split(",")])
     named = {" ".join(re.findall("[A-Za-z]+", words)) or "pose": rows for words, rows in found.items()}
     if not len(named) == len(found) <= MAX_LISTS:
         return {}
@@ -204,10 +203,8 @@ def read_rapid(content: bytes, origin: str) -> PoseTable:
         named = re.search(r"\bjointtarget\b", text, re.IGNORECASE)
         what = "joint targets that are not read as numbers" if named else "no robtarget and no pose in it"
         raise refusal(origin, "text", what, "give robtargets: [[x, y, z], [q1, q2, q3, q4], ...]", "rapid")
-    layout, external = (
-        f"{len(labels)} robtargets or poses of RAPID",
-        np.where(np.abs(axes) > 8.9e9, np.nan, axes),
-    )  # 9E9
+    layout = f"{len(labels)} robtargets or poses of RAPID"
+    external = np.where(np.abs(axes) > 8.9e9, np.nan, axes)  # 9E9
     return table_of_arrays(
         origin, labels, np.array(lengths), np.array(turns), layout, "quaternion-wxyz", unit="mm",
         frame="base_T_flange", notes=_notes(text), external_axes=external,

@@ -18,6 +18,7 @@ DAMAGED_ARCHIVE = (*DAMAGED, zipfile.BadZipFile, zlib.error, lzma.LZMAError, Run
 
 MAX_POSES = 20_000  # poses of one file; more are a trajectory, not views of a calibration
 MAX_TEXT_BYTES = 32_000_000  # bytes of a text with poses: 20,000 poses of 16 numbers are below 8 MB
+MAX_UNPACKED_BYTES = 256_000_000  # of pictures and numbers that one file holds
 ZIP = b"PK\x03\x04"  # how the sheets of spreadsheet programs begin
 PLAIN = {0x1A: None, ord("\u2212"): "-", **dict.fromkeys(map(ord, "\u00a0\u202f\u2009\u3000"), " ")} | {
     wide: wide - 0xFEE0 for wide in range(0xFF01, 0xFF5F)

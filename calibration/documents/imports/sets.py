@@ -1,22 +1,21 @@
 """Whole sets by the table of their layouts, and any folder: its pictures or clouds, and poses of one or both sides."""
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 from pathlib import PurePosixPath
 from typing import Any, Protocol
 
-from calibration.documents.imports.intrinsics import Intrinsics, intrinsics_of, read_intrinsics
-from calibration.documents.imports.leaves import array_of, number_of, setup_of, table_of_data
-from calibration.documents.imports.number_tables import table_of_rows, words_of
+from calibration.documents.imports.intrinsics import Intrinsics, read_intrinsics
+from calibration.documents.imports.leaves import DEPTH, number_of, table_of_data
+from calibration.documents.imports.number_tables import words_of
 from calibration.documents.imports.pairing import MAX_SHOWN, align_sides, natural, pair, shown
 from calibration.documents.imports.pose_files import FAMILIES, load_npy, read_poses
 from calibration.documents.imports.pose_table import PoseTable, concatenate
-from calibration.documents.imports.refusal import decode, refusal
+from calibration.documents.imports.refusal import refusal
 from calibration.documents.imports.sides import WORDS, equal_sides, relation_of, rows_as_pairs, with_relation
-from calibration.documents.imports.text_tables import rows_of
-from calibration.documents.imports.trees import read_json, read_json_lines, read_yaml
+from calibration.documents.imports.trees import read_yaml
 from calibration.errors import DocumentError, GeometryError
 from calibration.kinematics.abb_arms import find_arm
 from calibration.kinematics.conventions import CONVENTIONS, Frame, LengthUnit, Side
@@ -25,9 +24,6 @@ from calibration.targets import MARKER_COUNTS
 
 PICTURES = frozenset((".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp", ".pgm", ".ppm"))
 CLOUDS, TIFF = frozenset((".pcd", ".ply", ".npz")), frozenset((".tif", ".tiff"))
-DEPTH = frozenset(WORDS["of_depth"].split())
-"""Words of pictures beside a camera's own; so is a TIFF called as another picture is."""
-
 CAMERA_SUFFIXES = frozenset((".yaml", ".yml", ".xml", ".json"))
 UNREAD = {suffix: row["said"] for row in WORDS["unread"] for suffix in row["suffixes"].split()}
 MAX_CANDIDATES = 2000  # files that are tried for poses when none are named
@@ -120,8 +116,12 @@ def read_folder(files: Files, chosen: Chosen, part: str | None = None) -> Import
         poses = replace(poses, side="robot" if chosen.poses else poses.side, camera=camera)
     poses = poses if poses.camera is None else align_sides(poses, poses.camera)
     paired, notes, pictures = None, tuple[str, ...](), tuple[str, ...]()
+    within = poses.pictures if chosen == Chosen(poses=chosen.poses) else ()
+    names = tuple(f"view_{at:03}.png" for at in range(len(within)))
+    poses = replace(poses, pictures=within, images=names or poses.images)
     try:
-        pictures = () if chosen.camera_poses and not chosen.images else tuple(_images(files, chosen.images, poses))
+        if chosen.images or not chosen.camera_poses:
+            pictures = names or tuple(_images(files, chosen.images, poses))
         if pictures and (poses.camera is None or poses.kind != "points"):
             paired = pair(pictures, poses)
     except DocumentError:
@@ -131,8 +131,7 @@ def read_folder(files: Files, chosen: Chosen, part: str | None = None) -> Import
         notes, pictures = ("pictures and clouds are not used: the file has the camera's side",) * bool(pictures), ()
     if not pictures and poses.camera is None and poses.kind != "points":
         poses = rows_as_pairs(poses) or poses
-    lenses = [find_intrinsics(files, name) for name in of_suffix(files.names, CAMERA_SUFFIXES)[:MAX_CANDIDATES]]
-    cameras, seen = [one for one in lenses if one is not None], poses.camera
+    seen = poses.camera
     if seen is not None and len(seen) != len(poses):
         what = f"{len(poses)} poses of the robot and {len(seen)} of the camera"
         raise refusal(poses.origin, "pairs", what, "give one of each for every picture", "pairs")
@@ -151,8 +150,7 @@ def read_folder(files: Files, chosen: Chosen, part: str | None = None) -> Import
     if chosen.images is None and (others := len(of_suffix(files.names, PICTURES)) - len(pictures)) > 0:
         notes = (f"{others} other pictures are not used",)
     return ImportedSet(
-        "folder", taken, paired.images, paired.words, taken.camera, None, cameras[0] if len(cameras) == 1 else None,
-        poses.setup, notes,
+        "folder", taken, paired.images, paired.words, taken.camera, poses.target, _camera(files), poses.setup, notes
     )  # fmt: skip
 
 
@@ -283,6 +281,13 @@ def _nearest(files: Files, refused: Sequence[tuple[str, DocumentError]]) -> Docu
     return refusal(files.origin, "poses", what, "name it by --poses")
 
 
+def _camera(files: Files, folder: str = "") -> Intrinsics | None:
+    """The intrinsics below a folder, where one file has some."""
+    named = [name for name in of_suffix(files.names, CAMERA_SUFFIXES) if name.startswith(folder)]
+    found = [one for name in named[:MAX_CANDIDATES] if (one := find_intrinsics(files, name)) is not None]
+    return found[0] if len(found) == 1 else None
+
+
 def find_intrinsics(files: Files, name: str) -> Intrinsics | None:
     """The intrinsics of a file; None where it holds none."""
     try:
@@ -296,8 +301,7 @@ class Layout:
     """A set by the names of its files: regular expressions, in which {part} is a camera's or scene's folder.
 
     Their rows stand in words.json. markers : files that every such set has; pairs of poses without pictures are any
-    folder. describe : further fields of an ImportedSet. parts : names whose group `part` is one of several parts,
-    `example` one.
+    folder. parts : names whose group `part` is one of several parts, `example` one.
     """
 
     name: str
@@ -305,12 +309,12 @@ class Layout:
     poses: str
     images: str
     unit: LengthUnit
-    heading: str
-    describe: Callable[[Files, str], dict[str, Any]]
     frame: Frame = "base_T_flange"
-    convention: str | None = None
+    convention: str = ""
     parts: str | None = None
     example: str = ""
+    setup: Setup | None = None
+    notes: Sequence[str] = ()
 
     def read(self, files: Files, part: str | None) -> ImportedSet:
         """The set; `part` names one of several parts. Raises DocumentError."""
@@ -322,70 +326,38 @@ class Layout:
             if chosen not in parts:
                 kind = "cameras" if "camera" in self.example else "scenes"
                 what = f"{len(parts)} {kind} ({', '.join(parts[:6])})"
-                raise refusal(files.origin, "--part", what, f"name one: --part {self.example}", self.heading)
-        poses = self._table(files, self._names_of(files, self.poses, chosen))
-        listed = self._names_of(files, self.images, chosen)
-        clouds = of_suffix(listed, CLOUDS)
-        images = of_suffix(listed, PICTURES) or of_suffix(clouds, frozenset(suffix_of(name) for name in clouds[:1]))
-        described = self.describe(files, chosen)
-        if not images and of_suffix(listed, frozenset((".zdf",))):
-            what, fix = "only .zdf, the camera's own format", "save PNG, PLY or NPZ beside them with Zivid's SDK"
-            raise refusal(files.origin, "images", what, fix, self.heading)
-        paired = pair(images, poses)
-        return ImportedSet(self.name, poses.take(paired.rows), paired.images, paired.words, **described)
-
-    def _names_of(self, files: Files, pattern: str, part: str) -> list[str]:
-        inside = pattern.replace("{part}/", f"{re.escape(part)}/" if part else "")
-        return [name for name in files.names if re.search(inside, name)]
-
-    def _table(self, files: Files, names: Sequence[str]) -> PoseTable:
-        table = read_named(files, names)
-        convention = table.convention if self.convention is None else CONVENTIONS[self.convention]
-        return replace(table, unit=self.unit, frame=self.frame, convention=convention, side="robot", named_frames=())
+                raise refusal(files.origin, "--part", what, f"name one: --part {self.example}", self.name.lower())
+        inside = f"{re.escape(chosen)}/" if chosen else ""
+        named, listed = (
+            [name for name in files.names if re.search(pattern.replace("{part}/", inside), name)]
+            for pattern in (self.poses, self.images)
+        )
+        table = read_named(files, named)
+        convention = CONVENTIONS.get(self.convention, table.convention)
+        poses = replace(table, unit=self.unit, frame=self.frame, convention=convention, side="robot", named_frames=())
+        paired = pair(of_suffix(listed, PICTURES), poses)
+        target, setup = _metric(files) if self.name == "METRIC" else (None, self.setup)
+        return ImportedSet(
+            self.name, poses.take(paired.rows), paired.images, paired.words, None, target,
+            _camera(files, chosen and f"{chosen}/"), setup, tuple(self.notes),
+        )  # fmt: skip
 
 
-def _metric(files: Files, part: str) -> dict[str, Any]:
+def _metric(files: Files) -> tuple[dict[str, Any] | None, Setup]:
+    """Target and set-up."""
     data = read_yaml(files.read("CalibrationInfo.yaml"), "CalibrationInfo.yaml")
     info: dict[str, Any] = data if isinstance(data, dict) else {}
-    lens = f"{part}/intrinsic_pars_file.yaml"
-    return {
-        "target": _target(info, "pattern_type"),
-        "camera": read_intrinsics(lens, files.read(lens)) if lens in files.names else None,
-        "setup": "eye-to-hand" if number_of(info.get("calibration_setup")) else "eye-in-hand",
-    }
+    setup: Setup = "eye-to-hand" if number_of(info.get("calibration_setup")) else "eye-in-hand"
+    return _target(info, "pattern_type"), setup
 
 
-def _rwhe(files: Files, part: str) -> dict[str, Any]:
-    name = "calibration_object.txt"
-    text = decode(files.read(name), name) if name in files.names else ""
-    said, target = dict(re.findall(r"(chess_\w+)\s+([-+.\d]+)", text)), None
-    if {"chess_mm_width", "chess_width", "chess_height"} <= set(said):
-        counts = {"columns": said["chess_width"], "rows": said["chess_height"]}
-        target = {"kind": "chessboard", **counts, "pitch_mm": said["chess_mm_width"]}
-    return {"target": target, "setup": "eye-in-hand"}
-
-
-def _bop(files: Files, part: str) -> dict[str, Any]:
-    origin = f"{part}/scene_camera.json" if part else "scene_camera.json"
-    data = read_json(files.read(origin), origin)
-    camera = intrinsics_of(data[min(data, key=natural)], origin) if isinstance(data, dict) and data else None
-    note = "the camera's pose in the world is taken as the flange's in the base"
-    return {"camera": camera, "setup": "eye-in-hand", "notes": (note,)}
-
-
-def _visp(files: Files, part: str) -> dict[str, Any]:
-    found = (find_intrinsics(files, name) for name in files.names if name.endswith(".xml"))
-    return {"camera": next(filter(None, found), None)}
-
-
-DESCRIPTIONS = {"METRIC": _metric, "BOP": _bop, "RWHE": _rwhe, "ViSP": _visp}
-LAYOUTS = tuple(Layout(describe=DESCRIPTIONS.get(row["name"], lambda *_: {}), **row) for row in WORDS["sets"])
+LAYOUTS = tuple(Layout(**row) for row in WORDS["sets"])
 
 CONFIGURATION = "cal_data.yaml"
 DICTIONARIES = tuple(MARKER_COUNTS)[:17]  # OpenCV's, of which a set may state the number only
 
 
-def _industrial_calibration(files: Files, part: str | None) -> ImportedSet:
+def _industrial_calibration(files: Files) -> ImportedSet:
     """cal_data.yaml with a pose file and an image for each view: metres, qx, qy, qz, qw."""
     data = read_yaml(files.read(CONFIGURATION), CONFIGURATION)
     views: Any = data.get("data") if isinstance(data, dict) else None
@@ -399,7 +371,7 @@ def _industrial_calibration(files: Files, part: str | None) -> ImportedSet:
         "industrial_calibration", replace(poses, unit="m", frame="base_T_flange"),
         tuple(str(view["image"]) for view in views), f"by {CONFIGURATION}",
         target=_target(data.get("target_finder"), "type"),
-        camera=intrinsics_of(data["intrinsics"], CONFIGURATION) if isinstance(data.get("intrinsics"), dict) else None,
+        camera=find_intrinsics(files, CONFIGURATION),
         setup=None if static is None else "eye-to-hand" if static else "eye-in-hand",
     )  # fmt: skip
 
@@ -411,8 +383,6 @@ def _target(stated: Any, kind: str) -> dict[str, Any] | None:
     fixed, names, of_lengths = row["fixed"], row["stated"].split(), WORDS["lengths_of_targets"]
     lengths = {of_lengths[key]: number for key in of_lengths if (number := number_of(data.get(key))) is not None}
     given: dict[str, Any] = {name: round(1000 * metres, 9) for name, metres in lengths.items()}
-    if "pitch_mm" in names and "square_mm" in given:
-        given["pitch_mm"] = given["square_mm"]
     given["columns"] = data.get("cols", data.get("number_of_columns"))
     given["rows"] = data.get("rows", data.get("number_of_rows"))
     number, given["dictionary"] = number_of(data.get("dictionary")), data.get("dictionary")
@@ -422,106 +392,13 @@ def _target(stated: Any, kind: str) -> dict[str, Any] | None:
     return {**fixed, **{name: given.get(name) for name in names}} if whole else None
 
 
-SPEC = "dataset_spec.json"
-ROTATIONS = WORDS["rotations"]
-
-
-def _dataset_spec(files: Files, part: str | None) -> ImportedSet:
-    """One camera of the set, which states every convention; `part` is its id."""
-    data = read_json(files.read(SPEC), SPEC)
-    spec: dict[str, Any] = data if isinstance(data, dict) else {}
-    cameras = {str(one.get("id")): one for one in spec.get("cameras") or [] if isinstance(one, dict)}
-    chosen = part or (next(iter(cameras)) if len(cameras) == 1 else None)
-    if chosen not in cameras:
-        what = f"{len(cameras)} cameras ({', '.join(list(cameras)[:6])})"
-        raise refusal(SPEC, "cameras", what, "name one: --part ID", "dataset_spec")
-    poses = _poses_of_spec(files, spec)
-    images = cameras[str(chosen)].get("images")
-    listed = images.get("pattern", images.get("paths")) if isinstance(images, dict) else images
-    names = matching(files.names, listed) if isinstance(listed, str) else [str(name) for name in listed or []]
-    paired = pair(names, poses)  # a token's regular expression is not run: it may take for ever
-    target = _target(spec.get("target"), "kind")
-    return ImportedSet("dataset_spec", poses.take(paired.rows), paired.images, paired.words, target=target)
-
-
-def _poses_of_spec(files: Files, spec: dict[str, Any]) -> PoseTable:
-    source, stated = spec.get("robot_poses"), spec.get("pose_convention")
-    if not isinstance(source, dict) or not isinstance(stated, dict):
-        raise refusal(SPEC, "robot_poses", "no robot_poses with a pose_convention", "add both", "dataset_spec")
-    rotation = ROTATIONS.get(str(stated.get("rotation_format")))
-    if rotation is None or stated.get("translation_units") not in ("m", "mm"):
-        what = f"rotation {stated.get('rotation_format')!r} in {stated.get('translation_units')!r}"
-        raise refusal(SPEC, "pose_convention", what, f"one of {', '.join(ROTATIONS)} in m or mm", "dataset_spec")
-    name, columns, field = str(source.get("path")), source.get("columns"), source.get("matrix_field")
-    content, wanted = files.read(name), [str(field)]
-    if isinstance(columns, dict):
-        turn = [str(one) for one in columns.get("rotation") or []]
-        wanted = turn if len(turn) == 16 else [str(columns.get(key)) for key in ("tx", "ty", "tz")] + turn
-    if not isinstance(columns, dict) and not isinstance(field, str):
-        table = read_poses(name, content)
-    else:
-        if name.endswith((".json", ".jsonl")):
-            records = read_json_lines(content, name) if name.endswith("l") else read_json(content, name)
-        else:
-            rows = rows_of(decode(content, name).splitlines())
-            records = [dict(zip(rows.names or (), cells, strict=False)) for cells in rows.cells]
-        found = array_of([[one.get(key) if isinstance(one, dict) else None for key in wanted] for one in records])
-        if found is None or (field and found[0].size != 16):
-            what = f"not all have {', '.join(wanted)}" + (" as a 4 x 4 matrix" if field else " as numbers")
-            raise refusal(name, "records", what, "correct it", "dataset_spec")
-        table = table_of_rows(name, found.reshape(len(found), -1))
-    if table.kind != CONVENTIONS[rotation].kind:
-        what = f"the poses are {table.layout}, not {stated.get('rotation_format')}"
-        raise refusal(SPEC, "pose_convention.rotation_format", what, "make them agree", "dataset_spec")
-    inverted = str(stated.get("transform")) in ("t_tcp_base", "t_tcp_world")
-    return replace(
-        table, convention=CONVENTIONS[rotation], by_axis=False, unit=stated["translation_units"],
-        frame="flange_T_base" if inverted else "base_T_flange", camera=None,
-    ).checked()  # fmt: skip
-
-
-OWN = ("session.json", "scan.json")
-
-
-def _own(files: Files, part: str | None) -> ImportedSet:
-    """A session or scan of ours, imported again to change or check what it states of its poses."""
-    name = next(name for name in files.names if name in OWN)
-    data = read_json(files.read(name), name)
-    views = data.get("views") if isinstance(data, dict) else None
-    if not isinstance(views, list) or not views or not all(isinstance(view, dict) for view in views):
-        raise refusal(name, "views", "no list of views", "give one record for each view", name.replace(".", ""))
-    for key in ("corners_px", "points_mm"):  # solved as it is
-        if key in views[0]:
-            fix = f"run handeyed solve {files.origin}"
-            raise refusal(files.origin, name, f"a session with {key}", fix, "own-files")
-    poses = table_of_data([view.get("base_T_flange") for view in views], name)
-    in_mm = "translation_mm" in poses.layout or len(poses.units()) > 1
-    poses = replace(poses, unit="mm" if in_mm else poses.unit, frame=poses.frame or "base_T_flange", side="robot")
-    setup = setup_of(data)
-    if "camera_T_target" in views[0]:
-        seen = table_of_data([view.get("camera_T_target") for view in views], name)
-        seen = replace(seen, unit="mm" if "translation_mm" in seen.layout else seen.unit, side=None)
-        return ImportedSet("samples of pose pairs", poses, pairing=f"by {name}", camera_poses=seen, setup=setup)
-    images = tuple(str(view.get("image") or view.get("cloud")) for view in views)
-    units, camera = {view.get("unit") for view in views}, data.get("camera")
-    return ImportedSet(
-        "handeyed", replace(poses, images=images), images, f"by {name}", target=data.get("target"),
-        camera=intrinsics_of(camera, name) if isinstance(camera, dict) else None, setup=setup,
-        cloud_unit=next(iter(units)) if len(units) == 1 and units <= {"m", "mm"} else None,
-    )  # fmt: skip
-
-
-STATED: dict[str, tuple[str, Callable[[Files, str | None], ImportedSet]]] = {
-    CONFIGURATION: ("industrial_calibration", _industrial_calibration),
-    SPEC: ("dataset_spec", _dataset_spec),
-    **dict.fromkeys(OWN, ("handeyed", _own)),
-}
-"""Files that state what stands in their folder, with the name of their kind."""
-
-
 def read_set(files: Files, part: str | None, chosen: Chosen, arm: str | None = None) -> ImportedSet:
     """The set in a folder; with globs given it is read as any folder. `arm`: of joints. Raises DocumentError."""
-    imported = _read_set(files, part, chosen)
+    known = [one for one in LAYOUTS if all(any(re.search(mark, name) for name in files.names) for mark in one.markers)]
+    if chosen != Chosen() or not (known or CONFIGURATION in files.names):
+        imported = read_folder(files, chosen, part)
+    else:
+        imported = _industrial_calibration(files) if CONFIGURATION in files.names else known[0].read(files, part)
     return imported if imported.poses.kind != "joints" else replace(imported, poses=with_arm(imported.poses, arm))
 
 
@@ -534,14 +411,3 @@ def with_arm(joints: PoseTable, name: str | None) -> PoseTable:
         return replace(joints, arm=find_arm(name), side="robot")
     except GeometryError as error:
         raise refusal("--arm", name, str(error), "correct it", "joint-states") from None
-
-
-def _read_set(files: Files, part: str | None, chosen: Chosen) -> ImportedSet:
-    if chosen == Chosen():
-        for name, (_, read) in STATED.items():
-            if name in files.names:
-                return read(files, part)
-        for layout in LAYOUTS:
-            if all(any(re.search(marker, name) for name in files.names) for marker in layout.markers):
-                return layout.read(files, part)
-    return read_folder(files, chosen, part)

@@ -4,15 +4,19 @@ or without one, 4 x 4 blocks."""
 import csv
 import io
 import re
+import zipfile
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from xml.etree.ElementTree import Element
 
 import numpy as np
 
-from calibration.documents.imports.leaves import table_of_data
+from calibration.documents.imports.leaves import MAX_CELLS, table_of_data
 from calibration.documents.imports.number_tables import ANGLES, UNITS, Cell, table_of_columns, table_of_rows, words_of
+from calibration.documents.imports.pairing import natural
 from calibration.documents.imports.pose_table import PoseTable, table_of_matrices
-from calibration.documents.imports.refusal import decode, refusal
+from calibration.documents.imports.refusal import DAMAGED_ARCHIVE, MAX_POSES, MAX_TEXT_BYTES, decode, refusal
+from calibration.documents.imports.trees import read_xml
 
 _NESTED = re.compile(r"\[\s*\[|\[[^][]*\d\s*[;\n]\s*[-+.\d][^][]*\]")
 _LISTS = re.compile(r'\A[^][\n]*[,;\t][^][\n]*\n(?:[^][\n]*[,;\t])?"?[\[(][-+.\d\[(\s]*\d[^"]*[\])]"?[,;\t\n]')
@@ -31,6 +35,8 @@ _GERMAN_THOUSANDS = re.compile(r"[-+]?\d{1,3}(\.\d{3})+,\d+")
 _ENGLISH_THOUSANDS = re.compile(r"[-+]?\d{1,3}(,\d{3})+\.\d+")
 _COMMA_GROUPS = re.compile(r"[-+]?[1-9]\d{0,2}(,\d{3})+")
 _POINT_GROUPS = re.compile(r"[-+]?[1-9]\d{0,2}(\.\d{3})+")
+_SHARED = "xl/sharedStrings.xml"
+_SHEET = re.compile(rf"{_SHARED}|xl/worksheets/sheet\d+\.xml")
 _STATED = re.compile(r"sep=(.)", re.IGNORECASE)
 _SEPARATORS = (";", "\t", "|", ",")
 _NOT_FINITE = ("nan", "inf", "-inf", "+inf")
@@ -57,6 +63,33 @@ def read_text_table(content: bytes, origin: str) -> PoseTable:
             raise refusal(origin, f"row {wrong + 1}", what, fix)
         return table_of_columns(origin, names, cells)
     return _without_names(origin, cells)
+
+
+def read_sheet(content: bytes, origin: str) -> PoseTable:
+    """The poses of the first sheet of an .xlsx file. Raises DocumentError."""
+    try:
+        with zipfile.ZipFile(io.BytesIO(content)) as archive:
+            names = sorted(filter(_SHEET.fullmatch, archive.namelist()), key=natural)
+            names = names[: 1 + (_SHARED in names)]
+            if sum(archive.getinfo(name).file_size for name in names) > MAX_TEXT_BYTES:
+                raise refusal(origin, "sheet", "unpacks to more than 32 MB", "give the poses of the pictures only")
+            *shared, sheet = (read_xml(decode(archive.read(name), origin), origin, "robot-poses") for name in names)
+        texts = [_text_of(one) for root in shared for one in root]
+        rows = [
+            {cell.get("r", "").rstrip("0123456789"): _text_of(cell, texts) for cell in row.iterfind("{*}c")}
+            for row in [*sheet.iterfind(".//{*}row")][: MAX_POSES + 100]
+        ]
+    except DAMAGED_ARCHIVE as error:
+        raise refusal(origin, "file", f"no .xlsx file ({str(error)[:80]})", "save the sheet as CSV") from None
+    columns = sorted({name for row in rows for name in row}, key=lambda name: (len(name), name))[:MAX_CELLS]
+    return read_text_table("\n".join("\t".join(row.get(name, "") for name in columns) for row in rows).encode(), origin)
+
+
+def _text_of(cell: Element, shared: Sequence[str] = ()) -> str:
+    """What a cell or a shared text says, without the readings of Japanese words."""
+    paths = ("{*}v", "{*}t", "{*}r/{*}t", "{*}is/{*}t", "{*}is/{*}r/{*}t")
+    said = " ".join("".join(one.text or "" for path in paths for one in cell.iterfind(path)).split())
+    return shared[int(said)] if cell.get("t") == "s" else said
 
 
 def _without_brackets(text: str) -> list[str]:

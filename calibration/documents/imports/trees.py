@@ -1,18 +1,24 @@
-"""JSON, JSON lines, YAML, XML and Python's literals as plain data. YAML by PyYAML's safe loader, with no alias or tag.
-
-An alias may repeat a list within a list without end; a tag may name a class. OpenCV's `!!opencv-matrix` is a mapping.
+"""JSON, JSON lines, YAML, XML, Python's literals and pickles as plain data. YAML by PyYAML's safe loader, with no alias
+or tag: an alias may repeat a list within a list without end, a tag may name a class. OpenCV's `!!opencv-matrix` is a
+mapping. What a pickle calls is never run, not even numpy: arrays are put together from what stands in it.
 """
 
 import ast
 import contextlib
+import io
 import json
+import pickle
 import re
+import struct
 import xml.etree.ElementTree as ElementTree
+from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
 import yaml
 
-from calibration.documents.imports.refusal import DAMAGED, decode, refusal
+from calibration.documents.imports.refusal import DAMAGED, MAX_UNPACKED_BYTES, decode, refusal
+from calibration.transforms import Array
 
 MAX_YAML_BYTES, MAX_SOURCE_BYTES = 4_000_000, 1_000_000  # PyYAML and Python's parser read about 1 MB in a second
 MAX_XML_DEPTH = 8  # elements within elements; deeper ones are read as text
@@ -118,3 +124,75 @@ def read_python(content: bytes, origin: str) -> Any:
                 case ast.Call(func=ast.Attribute(value=ast.Name(id=name), attr="append"), args=[value]):
                     found.setdefault(name, []).append(ast.literal_eval(value))
     return json.loads(json.dumps(found, default=str))  # tuples as lists
+
+
+_NUMBERS = re.compile(r"[<>=|][biuf][1248]")
+_MADE = re.compile(r"numpy\.(dtype|ndarray|core\.\w+\.(_reconstruct|scalar|_frombuffer))|_codecs\.encode")
+"""What numpy's arrays and numbers are made of in a pickle."""
+
+
+@dataclass(eq=False)
+class _Made:
+    """What a pickle calls by one of these names, with its arguments and its state; nothing is called."""
+
+    name: str
+    args: tuple[Any, ...] = ()
+    state: Any = ()
+
+    def __call__(self, *args: Any) -> "_Made":
+        return _Made(self.name, args)
+
+    def __setstate__(self, state: Any) -> None:
+        self.state = state
+
+
+class _Unpickler(pickle._Unpickler):  # in Python: the one in C makes room for as many objects as a pickle numbers
+    dispatch = pickle._Unpickler.dispatch | {pickle.BYTEARRAY8[0]: pickle._Unpickler.dispatch[pickle.BINBYTES8[0]]}
+
+    def find_class(self, module: str, name: str) -> Any:
+        made = f"{module}.{name}".replace("numpy._core.", "numpy.core.")
+        if not _MADE.fullmatch(made):
+            raise pickle.UnpicklingError(f"{module}.{name} is not read: it may run any program")
+        return _Made(made)
+
+
+def read_pickle(content: bytes, origin: str) -> Any:
+    """The lists, mappings, numbers, texts and arrays of a pickle. Raises DocumentError, which names any other class."""
+    try:
+        data = _Unpickler(io.BytesIO(content), encoding="latin1").load()
+        return _unpickled(data, [MAX_UNPACKED_BYTES])
+    except (*DAMAGED, pickle.UnpicklingError, struct.error) as error:
+        fix = "save arrays, lists and mappings of numbers, or .npz or JSON"
+        raise refusal(origin, "file", f"no pickle of numbers ({str(error)[:120]})", fix) from None
+
+
+def _unpickled(value: Any, left: list[int]) -> Any:
+    """Plain data; `left`: the bytes that may follow, since a pickle may name a list within a list many times."""
+    left[0] -= 100 + (len(value) if isinstance(value, str) else 0)
+    if left[0] < 0:
+        raise ValueError(f"more than {MAX_UNPACKED_BYTES // 1_000_000} MB")
+    match value:
+        case dict():
+            return {str(key): _unpickled(one, left) for key, one in value.items()}
+        case list() | tuple():
+            return [_unpickled(one, left) for one in value]
+        case _Made(name="_codecs.encode", args=[str(text), *_]):
+            return text.encode("latin1")
+        case _Made(name="numpy.core.multiarray._reconstruct", state=[_, shape, dtype, by_columns, content]):
+            return _array_of(dtype, content, shape, "F" if by_columns else "C", left)
+        case _Made(name="numpy.core.numeric._frombuffer", args=[content, dtype, shape, order]):
+            return _array_of(dtype, content, shape, order, left)
+        case _Made(name="numpy.core.multiarray.scalar", args=[dtype, content]):
+            return float(_array_of(dtype, content, (), "C", left))
+    return float(value) if type(value) in (int, float) else value if isinstance(value, bool | str | bytes) else None
+
+
+def _array_of(dtype: _Made, content: Any, shape: Any, order: Any, left: list[int]) -> Array:
+    said = f"{dtype.state[1]}{dtype.args[0]}"
+    packed = _unpickled(content, left)
+    packed = packed.encode("latin1") if isinstance(packed, str) else packed  # of Python 2
+    if not _NUMBERS.fullmatch(said):
+        raise ValueError(f"an array of {said}")
+    array = np.frombuffer(packed, said).reshape(shape, order=order)
+    left[0] -= array.nbytes if said == "|u1" else 8 * array.size
+    return array if said == "|u1" else array.astype(float)

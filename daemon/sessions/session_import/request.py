@@ -20,6 +20,7 @@ class ImportRequest:
 
     conventions : allowed ones, several of a brand; part : a camera or scene of several; arm : of joints.
     axes : of the places, such as ("x", "-y", "z"). camera_unit, camera_conventions : of the camera's poses.
+    pictures : an empty folder for those that lie within other files, as long as the session is not written.
     """
 
     folder: Path
@@ -36,6 +37,7 @@ class ImportRequest:
     axes: tuple[str, ...] | None = None
     camera_unit: LengthUnit | None = None
     camera_conventions: tuple[Convention, ...] | None = None
+    pictures: Path | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -28,6 +28,7 @@ from calibration.kinematics.abb_arms import find_arm
 from calibration.kinematics.conventions import CONVENTIONS, LENGTH_UNITS, MM, Frame, LengthUnit
 from calibration.problem import Problem, Setup
 from calibration.transforms import Array
+from daemon.sessions.pictures import encode_picture
 from daemon.sessions.session_files import ImageError, read_grey
 from daemon.sessions.session_import.folder_files import FolderFiles
 from daemon.sessions.session_import.request import ImportRequest, Understood, require_cloud_unit
@@ -64,7 +65,12 @@ def understand(request: ImportRequest, progress: Progress = lambda done, of: Non
     files = FolderFiles.of(request.folder)
     imported = read_set(files, request.part, request.chosen, request.arm)
     links = (f"{len(files.links)} links are not followed",) if files.links else ()
-    images = [files.path(name).absolute() for name in imported.images]
+    within = imported.poses.pictures if request.pictures is not None else ()
+    images = [
+        (request.pictures or Path()) / name if within else files.path(name).absolute() for name in imported.images
+    ]
+    for image, picture in zip(images, within, strict=False):
+        image.write_bytes(encode_picture(picture, "image/png", None))
     return understand_set(request, replace(imported, notes=(*imported.notes, *links)), images, progress)
 
 

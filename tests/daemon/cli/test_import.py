@@ -4,6 +4,7 @@ import json
 import os
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -166,6 +167,18 @@ def test_an_own_session_is_imported_unchanged(tmp_path: Path) -> None:
     for one, other in zip(before, after, strict=True):
         for key in ("translation_mm", "quaternion_wxyz"):
             np.testing.assert_allclose(one["base_T_flange"][key], other["base_T_flange"][key], atol=1e-9)
+
+
+def test_pictures_within_the_file_of_the_poses_are_written_beside_the_session(tmp_path: Path) -> None:
+    seen = [cv2.imdecode(np.frombuffer(picture(tilt), np.uint8), cv2.IMREAD_COLOR) for tilt in TILTS_RAD]
+    (tmp_path / "cell").mkdir()
+    np.savez_compressed(tmp_path / "cell" / "views.npz", poses=POSES, color=np.array(seen))
+    ran = handeyed("import", tmp_path / "cell", "--out", tmp_path / "s", "--target", TARGET, "--setup", "eye-in-hand")
+    assert ran.status == 0, ran.err
+    views = json.loads((tmp_path / "s" / "session.json").read_text())["views"]
+    for at, view in enumerate(views):
+        np.testing.assert_array_equal(cv2.imread(str(tmp_path / "s" / view["image"])), seen[at])
+    assert handeyed("solve", tmp_path / "s", "--tolerance", "20").status == 0
 
 
 def test_the_folder_to_write_must_be_new(euler: Path, tmp_path: Path) -> None:

@@ -1,8 +1,7 @@
 """Whole sets of other programs, from small files of our own making."""
 
 import json
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,7 +10,7 @@ from calibration.documents.imports.intrinsics import read_intrinsics
 from calibration.documents.imports.leaves import table_of_data
 from calibration.documents.imports.pairing import pair
 from calibration.documents.imports.pose_table import PoseTable
-from calibration.documents.imports.sets import LAYOUTS, STATED, Chosen, ImportedSet, read_set
+from calibration.documents.imports.sets import LAYOUTS, Chosen, ImportedSet, read_set
 from calibration.documents.target import described
 from calibration.documents.target_text import target_of_data, target_of_text, text_of_target
 from calibration.errors import DocumentError
@@ -23,6 +22,7 @@ from tests.calibration.documents.imports.written import (
     POSES,
     VECTORS,
     WXYZ,
+    Held,
     lines,
     matrices,
     npy,
@@ -30,21 +30,6 @@ from tests.calibration.documents.imports.written import (
     ros_poses,
     rows,
 )
-
-
-@dataclass(frozen=True)
-class Held:
-    """Files in memory."""
-
-    files: Mapping[str, bytes]
-    origin: str = "set"
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        return tuple(sorted(self.files))
-
-    def read(self, name: str) -> bytes:
-        return self.files[name]
 
 
 def _pictures(pattern: str, first: int = 0) -> dict[str, bytes]:
@@ -71,21 +56,6 @@ SETS: dict[str, tuple[dict[str, bytes], str | None]] = {
                 "intrinsics": {"fx": 1352.0, "fy": 1356.1, "cx": 789.7, "cy": 627.3}, "static_camera": False,
             }).encode(),
             **_pictures("images/{}.png"), **{f"poses/{at}.yaml": text for at, text in enumerate(POSE_YAML)},
-        },
-        None,
-    ),
-    "dataset_spec": (
-        {
-            "dataset_spec.json": json.dumps({
-                "cameras": [{"id": "cam0", "images": {"kind": "glob", "pattern": "cam0/*.png"}}],
-                "target": {"kind": "chessboard", "cols": 9, "rows": 6, "square_size_m": 0.0236},
-                "robot_poses": {"path": "poses.csv", "format": "csv", "columns": {
-                    "tx": "a", "ty": "b", "tz": "c", "rotation": ["d", "e", "f", "g"]}},
-                "pose_convention": {"transform": "t_base_tcp", "rotation_format": "quat_wxyz",
-                                    "translation_units": "mm"},
-                "pose_pairing": {"kind": "by_index"}, "topology": "single_cam_handeye",
-            }).encode(),
-            "poses.csv": lines("a,b,c,d,e,f,g", *rows(MM, WXYZ)), **_pictures("cam0/{}.png"),
         },
         None,
     ),
@@ -131,27 +101,6 @@ SETS: dict[str, tuple[dict[str, bytes], str | None]] = {
         },
         None,
     ),
-    "Zivid": (
-        {
-            **{f"pos{at + 1:02}.yaml": ("__version__:\n  serializer: 1\n  data: 1\nFloatMatrix:\n  Data:\n    "
-               + json.dumps(pose.tolist())).encode() for at, pose in enumerate(POSES)},
-            **_pictures("img0{}.png", 1), **_pictures("img0{}.ply", 1),
-        },
-        None,
-    ),
-    "handeyed": (
-        {
-            "session.json": json.dumps({
-                "schema_version": 1, "setup": "eye-in-hand", "camera": None,
-                "target": {"kind": "chessboard", "columns": 9, "rows": 6, "pitch_mm": 23.6},
-                "views": [{"image": f"view_{at}.png", "base_T_flange": {
-                    "translation_mm": mm.tolist(), "quaternion_wxyz": wxyz.tolist()}}
-                    for at, (mm, wxyz) in enumerate(zip(MM, WXYZ, strict=True))],
-            }).encode(),
-            **_pictures("view_{}.png"),
-        },
-        None,
-    ),
     "samples of pose pairs": (
         {"cell.samples": json.dumps({
             "parameters": {"calibration_type": "eye_in_hand"},
@@ -167,11 +116,8 @@ def read(case: str) -> ImportedSet:
 
 
 def poses_of(imported: ImportedSet) -> np.ndarray:  # type: ignore[type-arg]
-    (convention,), (unit,), (frame,) = (
-        imported.poses.conventions(),
-        imported.poses.units(),
-        imported.poses.frames(),
-    )
+    (convention,), (unit,) = imported.poses.conventions(), imported.poses.units()
+    frame, *_ = imported.poses.named_frames or imported.poses.frames()
     return imported.poses.poses(convention, unit, frame)
 
 
@@ -186,33 +132,39 @@ def test_a_set_is_recognised_and_its_poses_need_no_guess(case: str) -> None:
 
 
 def test_every_kind_has_a_sample() -> None:
-    known = {layout.name for layout in LAYOUTS} | {name for name, _ in STATED.values()}
-    assert known | {"samples of pose pairs"} == set(SETS)
+    known = {layout.name for layout in LAYOUTS}
+    assert known | {"industrial_calibration", "samples of pose pairs"} == set(SETS)
 
 
 def test_targets_of_the_sets() -> None:
     described = {case: target_of_data(found, case) for case in SETS if (found := read(case).target) is not None}
     assert described == {
         "industrial_calibration": target_of_text("charuco:5x7:36.195:18.256:DICT_6X6_250"),
-        "dataset_spec": target_of_text("chessboard:9x6:23.6"),
         "METRIC": target_of_text("chessboard:3x4:50"),
-        "RWHE": target_of_text("chessboard:8x6:28.5"),
-        "handeyed": target_of_text("chessboard:9x6:23.6"),
     }
 
 
-def test_our_own_session_may_state_its_poses_as_matrices() -> None:
-    views = [{"cloud": f"{at}.ply", "unit": "m", "base_T_flange": {"matrix": pose.tolist()}}
-             for at, pose in enumerate(matrices())]  # fmt: skip
-    imported = read_set(Held({"scan.json": json.dumps({"views": views}).encode()}), None, Chosen())
+def test_our_own_session_is_a_folder_whose_poses_and_pictures_one_file_names() -> None:
+    own = [{"translation_mm": mm.tolist(), "quaternion_wxyz": q.tolist()} for mm, q in zip(MM, WXYZ, strict=True)]
+    views = [{"image": f"view_{at}.png", "base_T_flange": one} for at, one in enumerate(own)]
+    target = {"kind": "chessboard", "columns": 9, "rows": 6, "pitch_mm": 23.6}
+    session = {"schema_version": 1, "setup": "eye-in-hand", "camera": None, "target": target, "views": views}
+    files = {"session.json": json.dumps(session).encode(), **_pictures("view_{}.png")}
+    imported = read_set(Held(files), None, Chosen())
     np.testing.assert_allclose(poses_of(imported), POSES, atol=1e-5)
-    assert (imported.cloud_unit, imported.images) == ("m", ("0.ply", "1.ply", "2.ply"))
+    assert (imported.images, imported.target, imported.setup) == (
+        ("view_0.png", "view_1.png", "view_2.png"), target, "eye-in-hand"
+    )  # fmt: skip
 
 
-def test_a_session_of_points_is_solved_as_it_is() -> None:
-    views = [{"points_mm": [], "base_T_flange": {}}]
-    with pytest.raises(DocumentError, match="run handeyed solve set"):
-        read_set(Held({"session.json": json.dumps({"views": views}).encode()}), None, Chosen())
+def test_zivid_s_matrices_stand_in_a_folder_of_their_own_pictures() -> None:
+    written = "__version__:\n  serializer: 1\n  data: 1\nFloatMatrix:\n  Data:\n    "
+    files = {f"pos{at + 1:02}.yaml": (written + json.dumps(pose.tolist())).encode() for at, pose in enumerate(POSES)}
+    imported = read_set(Held(files | _pictures("img0{}.png", 1) | _pictures("img0{}.ply", 1)), None, Chosen())
+    np.testing.assert_allclose(poses_of(imported), POSES, atol=1e-5)
+    assert imported.images == ("img01.png", "img02.png", "img03.png")
+    with pytest.raises(DocumentError, match="save PNG or PLY beside them with Zivid's SDK"):
+        read_set(Held(files | _pictures("img0{}.zdf", 1)), None, Chosen())
 
 
 def test_two_files_with_the_same_poses_are_one() -> None:
@@ -505,7 +457,8 @@ def test_a_name_in_full_means_that_file_and_a_pattern_the_end_of_a_path() -> Non
     assert imported.images == ("in/shots/0.png", "in/shots/1.png", "in/shots/2.png")
 
 
-@pytest.mark.parametrize(("name", "fix"), [("poses.xlsx", "save it as CSV"), ("poses.pickle", "save it as .npz")])
+@pytest.mark.parametrize(("name", "fix"), [("poses.xlsx", "save the sheet as CSV"), ("poses.ods", "save it as CSV"),
+                                           ("poses.pickle", "save arrays")])  # fmt: skip
 def test_a_sheet_or_a_pickle_is_named_rather_than_the_one_pose_of_a_result(name: str, fix: str) -> None:
     result = json.dumps({"R": POSES[0, :3, :3].tolist(), "t": MM[0].tolist()}).encode()
     with pytest.raises(DocumentError, match=fix):

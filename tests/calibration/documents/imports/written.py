@@ -2,6 +2,12 @@
 
 import io
 import json
+import pickle
+import zipfile
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+from xml.sax.saxutils import escape
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -54,6 +60,48 @@ def npz(*unnamed: Array, **arrays: Array) -> bytes:
     stream = io.BytesIO()
     np.savez(stream, *unnamed, **arrays)
     return stream.getvalue()
+
+
+def sheet(rows: list[list[Any]], *, shared: bool = True) -> bytes:
+    """An .xlsx file with texts in a list of their own, as Excel writes it, or in their cells."""
+    texts: list[str] = []
+
+    def cell(name: str, value: Any) -> str:
+        if isinstance(value, str) and shared:
+            texts.append(value)
+            return f'<c r="{name}" t="s"><v>{len(texts) - 1}</v></c>'
+        if isinstance(value, str):
+            return f'<c r="{name}" t="inlineStr"><is><t>{escape(value)}</t></is></c>'
+        return f'<c r="{name}"><f>1+1</f><v>{value!r}</v></c>'
+
+    lines = ""
+    for at, row in enumerate(rows, 1):
+        cells = (cell(f"{column}{at}", one) for column, one in zip("ABCDEFGH", row, strict=False) if one is not None)
+        lines += f'<row r="{at}">{"".join(cells)}</row>'
+    space = 'xmlns="http://schemas.openxmlformats.org/spreadsheetml/2006/main"'
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("xl/worksheets/sheet1.xml", f"<worksheet {space}><sheetData>{lines}</sheetData></worksheet>")
+        archive.writestr("xl/worksheets/sheet2.xml", f"<worksheet {space}/>")
+        if shared:
+            said = "".join(f"<si><t>{escape(text)}</t><rPh><t>reading</t></rPh></si>" for text in texts)
+            archive.writestr("xl/sharedStrings.xml", f"<sst {space}>{said}</sst>")
+    return stream.getvalue()
+
+
+@dataclass(frozen=True)
+class Held:
+    """Files in memory."""
+
+    files: Mapping[str, bytes]
+    origin: str = "set"
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        return tuple(sorted(self.files))
+
+    def read(self, name: str) -> bytes:
+        return self.files[name]
 
 
 def matrices(metres: bool = False) -> Array:
@@ -131,6 +179,9 @@ FILES: dict[str, tuple[str, bytes, str]] = {
     "JSON lines": ("a.jsonl", lines(*(json.dumps(pose) for pose in ros_poses())), ""),
     "YAML": ("a.yaml", lines(*(f"- {json.dumps(pose)}" for pose in ros_poses())), ""),
     "NPY": ("a.npy", npy(POSES), ""),
+    "a pickle": ("a.pkl", pickle.dumps({"poses": list(POSES)}, 2), ""),
+    "a sheet": ("a.xlsx", sheet([[*"xyz", "rvec_x", "rvec_y", "rvec_z"],
+                                 *np.concatenate([MM, VECTORS], axis=1).tolist()]), ""),
     "NPZ": ("a.npz", npz(R=ROTATIONS, t=MM), ""),
     "RAPID": ("a.mod", rapid(), ""),
     "KUKA": ("a.src", keyed("DECL E6POS P={{X {}, Y {}, Z {}, A {}, B {}, C {}, S 2, T 35}}", euler("ZYX")), "kuka"),
