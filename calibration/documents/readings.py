@@ -174,8 +174,9 @@ def decide(table: PoseTable, compared: Sequence[Compared], evidence: Evidence | 
         found = _explain_misfit(table, compared, evidence)
     if found.axis is not None:
         return found
-    if not best.possible and not found.words:
-        found = _explain_pairs(table, compared, evidence)
+    for most_rad in (MAX_TURN_RAD, MAX_POSSIBLE_NOISE.rotation_rad):  # as of good pairs, then as of the worst arm's
+        if not best.possible and not found.words:
+            found = _explain_pairs(table, compared, evidence, most_rad)
     if not best.possible and others:
         words = f"none fits: {best.readings[0].words} is the nearest, and {agreement}"
         size = "" if found.words else _other_size(table, compared, evidence)
@@ -244,7 +245,7 @@ def _explain_misfit(table: PoseTable, compared: Sequence[Compared], evidence: Ev
     return Decision(None, words + ", and only the translations contradict", (), fix)
 
 
-def _explain_pairs(table: PoseTable, compared: Sequence[Compared], evidence: Evidence) -> Decision:
+def _explain_pairs(table: PoseTable, compared: Sequence[Compared], evidence: Evidence, most_rad: float) -> Decision:
     """Which pairs are wrong, or by how many rows all are; `words` is "" where no rows make the rotations agree."""
     few = evidence.take(np.arange(len(evidence)) < MAX_COMPARED_VIEWS)
     seen = angles_between_images(few.camera_T_target)
@@ -254,9 +255,9 @@ def _explain_pairs(table: PoseTable, compared: Sequence[Compared], evidence: Evi
         inside = (rows >= 0) & (rows < len(table))
         turns = table.poses(reading.convention, reading.unit, reading.frame)[rows[inside], :3, :3]
         apart = np.abs(angles_between(turns) - seen[np.ix_(inside, inside)])
-        right = np.median(apart, axis=1) <= MAX_TURN_RAD
+        right = np.median(apart, axis=1) <= most_rad
         enough = np.sum(right) >= max(MIN_VIEWS, MIN_RIGHT_SHARE * len(right))
-        if enough and np.mean(apart[np.ix_(right, right)]) <= MAX_TURN_RAD and (moved or not np.all(right)):
+        if enough and np.mean(apart[np.ix_(right, right)]) <= most_rad and (moved or not np.all(right)):
             found.append((abs(moved), moved, [table.labels[row] for row in rows[inside][~right]]))
     if not found:
         return Decision(None, "")
@@ -265,7 +266,7 @@ def _explain_pairs(table: PoseTable, compared: Sequence[Compared], evidence: Evi
         words = f"{rows_off} row{'s' * (rows_off > 1)} {'before' if moved < 0 else 'after'} for each picture"
         fix = "correct the pairs: one end has too many or too few"
         return Decision(None, f"; with the pose {words} the rotations agree", (), fix)
-    fix = "correct what is named, or leave it out with its picture"
+    fix = "correct what is named, or leave it out with its picture; with --setup and --frame all are imported"
     return Decision(None, f"; without pose {', '.join(labels)} the rotations agree", (), fix)
 
 

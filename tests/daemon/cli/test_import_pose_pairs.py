@@ -111,9 +111,12 @@ def test_lengths_of_both_sides_that_no_arm_has_are_asked_for(factor: float, show
         assert handeyed(*asked, "--unit", "mm").status == 0
 
 
-def _transposed(at: int) -> tuple[Array, Array]:
-    """The camera's poses, of which one has its rotation transposed."""
+def _transposed(at: int, off_deg: float = 0.0) -> tuple[Array, Array]:
+    """The camera's poses, of which one has its rotation transposed, and which are off by so much about any axis."""
+    axes = np.random.default_rng(38).normal(size=(len(CAMERA), 3))
+    axes *= np.radians(off_deg) / np.linalg.norm(axes, axis=1, keepdims=True)
     changed = CAMERA.copy()
+    changed[:, :3, :3] = rotation_from_vector(axes) @ CAMERA[:, :3, :3]
     changed[at, :3, :3] = changed[at, :3, :3].T
     return ROBOT, changed
 
@@ -124,6 +127,7 @@ WRONG_PAIRS = {
     ),
     "one more of the robot's": ((ROBOT[:-1], CAMERA[1:]), "with the pose 1 row after for each picture"),
     "one transposed": (_transposed(4), "without pose 5 the rotations agree"),
+    "one transposed among worse ones": (_transposed(4, off_deg=0.9), "without pose 5 the rotations agree"),
 }  # fmt: skip
 
 
