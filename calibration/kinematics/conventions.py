@@ -9,6 +9,7 @@ axis. An extrinsic order is the reversed intrinsic order of the reversed numbers
 import difflib
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import permutations
 from typing import Literal
 
 import numpy as np
@@ -162,7 +163,7 @@ def rotations_of(convention: Convention, numbers: Array, *, by_axis: bool = Fals
     if convention.order == "vector":
         return rotation_from_vector(radians)
     order = convention.order
-    if by_axis:
+    if by_axis and order != "ZYZ":
         radians = radians[:, ["xyz".index(axis) for axis in order.lower()]]
     if order.isupper():
         return rotation_from_euler(radians, order)
@@ -259,17 +260,15 @@ def _from_matrices(matrices: Array) -> Array:
 def allowed_conventions(kind: Kind, numbers: Array, *, by_axis: bool = False) -> tuple[Convention, ...]:
     """The conventions under which numbers (n, k) of a kind may be meant.
 
-    Angles beyond a full turn are degrees. By axis, orders in which an axis occurs twice are left out, and the extrinsic
-    ones, which are the intrinsic ones reversed.
+    Angles beyond a full turn are degrees. By axis, orders in which an axis occurs twice are left out but for Kawasaki's
+    ZYZ, which some call rx, ry, rz, and the extrinsic ones, which are the intrinsic ones reversed.
     """
     found: Sequence[Convention] = [convention for convention in CONVENTIONS.values() if convention.kind == kind]
     if kind in ("angles", "joints"):
         if np.max(np.abs(numbers), initial=0.0) > MAX_ANGLE_RAD:
             found = [convention for convention in found if convention.degrees]
         if by_axis:
-            found = [
-                one for one in found if one.order == "vector" or (one.order.isupper() and len(set(one.order)) == 3)
-            ]
+            found = [one for one in found if one.order in {"vector", "ZYZ", *map("".join, permutations("XYZ"))}]
     return tuple(found)
 
 

@@ -5,7 +5,15 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from calibration.errors import GeometryError
-from calibration.kinematics.conventions import BRANDS, CONVENTIONS, NUMBERS, find_conventions, numbers_of, rotations_of
+from calibration.kinematics.conventions import (
+    BRANDS,
+    CONVENTIONS,
+    NUMBERS,
+    allowed_conventions,
+    find_conventions,
+    numbers_of,
+    rotations_of,
+)
 from calibration.transforms import rotation_from_vector
 
 ANGLES = np.array([[10.0, 20.0, 30.0], [-170.0, 40.0, 95.0]])
@@ -21,6 +29,12 @@ def test_euler_angles_are_scipy_s(name: str) -> None:
 def test_angles_named_by_axis_are_those_of_the_axes() -> None:
     given = rotations_of(CONVENTIONS["euler-ZYX"], ANGLES, by_axis=True)
     np.testing.assert_allclose(given, rotations_of(CONVENTIONS["euler-xyz"], ANGLES), atol=1e-12)
+
+
+def test_kawasaki_s_angles_may_be_named_by_axis_and_stand_in_their_order() -> None:
+    kawasaki = CONVENTIONS["euler-ZYZ"]
+    assert kawasaki in allowed_conventions("angles", ANGLES, by_axis=True)
+    np.testing.assert_array_equal(rotations_of(kawasaki, ANGLES, by_axis=True), rotations_of(kawasaki, ANGLES))
 
 
 def test_the_other_kinds() -> None:

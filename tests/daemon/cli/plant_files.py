@@ -121,6 +121,8 @@ def _spelled(rows: list[str]) -> dict[str, Variant]:
             [f"{whose}_{name}" for whose in ("flange", "target") for name in Q]))),
         "lengths in two units": Variant(
             csv(lines(LIST, ["x_m", "y_mm", "z_mm", *Q[3:]])), refused=("different units in x_m, y_mm, z_mm",)),
+        "O, A, T that are called rx, ry, rz": Variant(
+            csv(lines(angles(order="ZYZ"), ["x", "y", "z", "rx", "ry", "rz"])), said=("euler-ZYZ",)),
         "angles in two units": Variant(csv(lines(angles(), ["x", "y", "z", "rx_rad", "ry_deg", "rz_deg"])),
             refused=("different units in rx_rad, ry_deg, rz_deg",)),
         "thousands, German": Variant(csv(lines(

@@ -24,9 +24,9 @@ def quaternions(poses: Array = POSES, scale: float = 1.0) -> Rows:
     return rows
 
 
-def angles(scale: float = 1.0) -> Rows:
-    """x, y, z (mm) and angles in degrees times `scale`, in the order of the rotations ZYX."""
-    turned = Rotation.from_matrix(POSES[:, :3, :3]).as_euler("ZYX", degrees=True) * scale
+def angles(scale: float = 1.0, order: str = "ZYX") -> Rows:
+    """x, y, z (mm) and angles in degrees times `scale`, in the order of the rotations."""
+    turned = Rotation.from_matrix(POSES[:, :3, :3]).as_euler(order, degrees=True) * scale
     rows: Rows = np.concatenate([POSES[:, :3, 3], turned], axis=1).tolist()
     return rows
 
