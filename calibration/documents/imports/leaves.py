@@ -115,7 +115,9 @@ def table_of_data(data: Any, origin: str) -> PoseTable:
         raise refusal(origin, "records", "they have no key in common", "give every pose the same keys")
     built = table_of_sides(origin, names, [[record[name] for record in flat] for name in names], _table_of_leaves)
     target = data["target"] if isinstance(data, dict) and isinstance(data.get("target"), dict) else None
-    table = _as_recorded(replace(built, setup=setup_of(data), target=target), data, names)
+    units = {record.get("unit") for record in records if isinstance(record, dict) and "cloud" in record}
+    unit = units.pop() if units in ({"m"}, {"mm"}) else None
+    table = _as_recorded(replace(built, setup=setup_of(data), target=target, cloud_unit=unit), data, names)
     if (called := tuple(labels or ())) and len({*called}) == len(called) == len(table):
         return replace(table, labels=called, camera=table.camera and replace(table.camera, labels=called))
     return table

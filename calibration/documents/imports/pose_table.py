@@ -55,6 +55,7 @@ class PoseTable:
         senses (`sides.Relation`); the evidence may contradict it. opencv : the names are OpenCV's own.
     camera : the camera's poses of the same rows, where the source has both sides.
     setup, target : where the camera is and what it sees, as the source states it; the target as in session.json.
+    cloud_unit : of the clouds, as scan.json states it.
     external_axes : (n, k) of the controller's axes beside the arm, mm or degrees, NaN where there is none.
     arm : of joints, which stand in `numbers`; `lengths` are empty then.
     pictures : (n,) uint8 (h, w) or (h, w, 3), where the source holds them.
@@ -80,6 +81,7 @@ class PoseTable:
     camera: "PoseTable | None" = None
     setup: Setup | None = None
     target: Any = None
+    cloud_unit: Any = None
     external_axes: Array | None = None
     arm: Arm | None = None
     pictures: tuple[Array, ...] = ()
@@ -133,15 +135,6 @@ class PoseTable:
         """Distance of the flange from its base in the median of the poses, with lengths in that unit."""
         return float(np.median(np.linalg.norm(self.lengths, axis=1))) * MM[unit]
 
-    def doubtful_reach(self, unit: LengthUnit) -> str:
-        """What to say of lengths without a unit that put the flange nearer to its base or farther than most arms; or
-        ""."""
-        reach_mm, least_mm = self.reach_mm(unit), SMALL_ARM_MM if unit == "mm" else 0.0
-        if self.unit is not None or least_mm <= reach_mm <= LARGE_ARM_MM:
-            return ""
-        taken = f"lengths without a unit are taken as {unit}, which puts the flange {reach_mm:.3g} mm from its base"
-        return f"{taken}; were they cm, name the columns x_cm, y_cm, z_cm"
-
     def require_reach(self, unit: LengthUnit, said_by: str) -> None:
         """Raises DocumentError when a stated unit puts the poses farther from the base than any arm, or all at it."""
         near = np.linalg.norm(self.lengths, axis=1).max() * MM[unit] < MIN_STATED_MM and len(self) > 1
@@ -176,13 +169,6 @@ class PoseTable:
         unnamed = self.kind == "angles" and self.convention is None and self.unit is None
         unnamed = unnamed and not self.by_axis and not self.layout.startswith(NAMED)
         return unnamed and bool(np.abs(numbers).max(initial=0.0) <= MAX_ANGLE_DEG)
-
-    def as_joints(self, arm: Arm) -> "PoseTable":
-        """The same six numbers as joints of that arm."""
-        return replace(
-            self, lengths=np.zeros((len(self), 3)), numbers=np.concatenate([self.lengths, self.numbers], axis=1),
-            kind="joints", unit="mm", frame="base_T_flange", arm=arm, layout="six joints a row",
-        )  # fmt: skip
 
     def take(self, rows: Sequence[int]) -> "PoseTable":
         """Only some poses, in another order."""

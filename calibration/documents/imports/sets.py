@@ -13,7 +13,7 @@ from calibration.documents.imports.number_tables import words_of
 from calibration.documents.imports.pairing import MAX_SHOWN, align_sides, natural, pair, shown
 from calibration.documents.imports.pose_files import FAMILIES, load_npy, read_poses
 from calibration.documents.imports.pose_table import PoseTable, concatenate
-from calibration.documents.imports.refusal import refusal
+from calibration.documents.imports.refusal import decode, refusal
 from calibration.documents.imports.sides import WORDS, equal_sides, relation_of, rows_as_pairs, with_relation
 from calibration.documents.imports.trees import read_yaml
 from calibration.errors import DocumentError, GeometryError
@@ -150,7 +150,8 @@ def read_folder(files: Files, chosen: Chosen, part: str | None = None) -> Import
     if chosen.images is None and (others := len(of_suffix(files.names, PICTURES)) - len(pictures)) > 0:
         notes = (f"{others} other pictures are not used",)
     return ImportedSet(
-        "folder", taken, paired.images, paired.words, taken.camera, poses.target, _camera(files), poses.setup, notes
+        "folder", taken, paired.images, paired.words, taken.camera, poses.target, _camera(files), poses.setup, notes,
+        poses.cloud_unit,
     )  # fmt: skip
 
 
@@ -337,6 +338,10 @@ class Layout:
         poses = replace(table, unit=self.unit, frame=self.frame, convention=convention, side="robot", named_frames=())
         paired = pair(of_suffix(listed, PICTURES), poses)
         target, setup = _metric(files) if self.name == "METRIC" else (None, self.setup)
+        if BOARD in files.names:
+            said = dict(re.findall(r"(chess_\w+)\s+([-+.\d]+)", decode(files.read(BOARD), BOARD)))
+            found = {field: said.get(word) for field, word in WORDS["board"].items()}
+            target = {"kind": "chessboard", **found} if all(found.values()) else None
         return ImportedSet(
             self.name, poses.take(paired.rows), paired.images, paired.words, None, target,
             _camera(files, chosen and f"{chosen}/"), setup, tuple(self.notes),
@@ -351,6 +356,7 @@ def _metric(files: Files) -> tuple[dict[str, Any] | None, Setup]:
     return _target(info, "pattern_type"), setup
 
 
+BOARD = "calibration_object.txt"  # of RWHE
 LAYOUTS = tuple(Layout(**row) for row in WORDS["sets"])
 
 CONFIGURATION = "cal_data.yaml"

@@ -13,7 +13,7 @@ from calibration.diagnosis.diagnose import MIN_VIEWS
 from calibration.diagnosis.evidence import Evidence
 from calibration.diagnosis.fit import Fit
 from calibration.diagnosis.plausibility import circle_of
-from calibration.documents.imports.pose_table import PoseTable
+from calibration.documents.imports.pose_table import LARGE_ARM_MM, SMALL_ARM_MM, PoseTable
 from calibration.documents.imports.refusal import refusal
 from calibration.documents.imports.sets import CLOUDS, ImportedSet, read_set
 from calibration.documents.imports.sides import agreeing_conventions, equal_sides
@@ -113,7 +113,13 @@ def understand_set(
             raise refusal(table.origin, "poses", circle.message, circle.fix, "pose-pairs")
     unused = imported.camera is not None and camera is None and bool(images) and request.camera is None
     lens = ("the set's intrinsics state no distortion and are not used; --camera uses them",) if unused else ()
-    doubt = table.doubtful_reach(reading.unit) if request.unit is None else ""
+    doubt, reach_mm = "", table.reach_mm(reading.unit)
+    least_mm = SMALL_ARM_MM if reading.unit == "mm" else 0.0
+    if request.unit is None and table.unit is None and not least_mm <= reach_mm <= LARGE_ARM_MM:
+        doubt = (
+            f"lengths without a unit are taken as {reading.unit}, which puts the flange {reach_mm:.3g} mm from its base"
+        )
+        doubt = f"{doubt}; were they cm, name the columns x_cm, y_cm, z_cm"
     camera_unit = request.camera_unit or (imported.camera_poses and imported.camera_poses.unit)
     if doubt and imported.camera_poses is not None and camera_unit is None:  # neither side says how large all is
         fix = f"name the unit of both sides, or give --unit {reading.unit} if they are {reading.unit}"
@@ -232,7 +238,12 @@ def _best(
     """The likeliest of the robot's tables and of the readings of the camera's poses. Raises DocumentError."""
     tables = [imported.poses]
     if request.arm is not None and imported.poses.may_be_joints():
-        tables.append(imported.poses.as_joints(find_arm(request.arm)))
+        six = np.concatenate([imported.poses.lengths, imported.poses.numbers], axis=1)
+        joints = replace(
+            imported.poses, lengths=np.zeros((len(six), 3)), numbers=six, kind="joints", unit="mm",
+            frame="base_T_flange", arm=find_arm(request.arm), layout="six joints a row",
+        )  # fmt: skip
+        tables.append(joints)
     sights = [_Sight()] if imported.camera_poses is None else _sights(request, imported)
     found: dict[Frame, list[_Best]] = {}
     for sight in sights:

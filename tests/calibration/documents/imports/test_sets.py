@@ -141,6 +141,7 @@ def test_targets_of_the_sets() -> None:
     assert described == {
         "industrial_calibration": target_of_text("charuco:5x7:36.195:18.256:DICT_6X6_250"),
         "METRIC": target_of_text("chessboard:3x4:50"),
+        "RWHE": target_of_text("chessboard:8x6:28.5"),
     }
 
 
@@ -155,6 +156,15 @@ def test_our_own_session_is_a_folder_whose_poses_and_pictures_one_file_names() -
     assert (imported.images, imported.target, imported.setup) == (
         ("view_0.png", "view_1.png", "view_2.png"), target, "eye-in-hand"
     )  # fmt: skip
+
+
+def test_our_own_scan_may_state_its_poses_as_matrices_and_the_unit_of_its_clouds() -> None:
+    views = [{"cloud": f"{at}.ply", "unit": "m", "base_T_flange": {"matrix": pose.tolist()}}
+             for at, pose in enumerate(matrices())]  # fmt: skip
+    files = {"scan.json": json.dumps({"views": views}).encode(), **{view["cloud"]: b"" for view in views}}
+    imported = read_set(Held(files), None, Chosen())
+    np.testing.assert_allclose(poses_of(imported), POSES, atol=1e-5)
+    assert (imported.cloud_unit, imported.images) == ("m", ("0.ply", "1.ply", "2.ply"))
 
 
 def test_zivid_s_matrices_stand_in_a_folder_of_their_own_pictures() -> None:
