@@ -340,8 +340,8 @@ class Layout:
         target, setup = _metric(files) if self.name == "METRIC" else (None, self.setup)
         if BOARD in files.names:
             said = dict(re.findall(r"(chess_\w+)\s+([-+.\d]+)", decode(files.read(BOARD), BOARD)))
-            found = {field: said.get(word) for field, word in WORDS["board"].items()}
-            target = {"kind": "chessboard", **found} if all(found.values()) else None
+            counts = {field: said.get(word) for field, word in WORDS["board"].items()}
+            target = {"kind": "chessboard", **counts} if all(counts.values()) else None
         return ImportedSet(
             self.name, poses.take(paired.rows), paired.images, paired.words, None, target,
             _camera(files, chosen and f"{chosen}/"), setup, tuple(self.notes),
