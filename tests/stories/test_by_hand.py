@@ -124,7 +124,7 @@ async def test_at_the_terminal_enter_takes_a_view_and_f_finishes(tmp_path: Path)
         await person.types("")
         assert "the arm stands where picture 1 was taken" in await person.reads("not taken")
         await person.types("f")
-        assert "1 pictures show the target, 3 are needed" in await person.reads("not taken")
+        assert "pictures that show the target: 1; 3 are needed" in await person.reads("not taken")
         for number in range(2, 5):
             run = (await story.operator.client.get("/runs")).json()["runs"][0]
             await jogs_and_waits(story.cell, where_next(story.cell, run["planning"], rng))

@@ -136,7 +136,7 @@ async def test_it_cannot_be_finished_with_fewer_than_three_views(tmp_path: Path,
             await hand.takes(pose)
         refused = await hand.finishes()
         assert (refused.status_code, refused.json()["code"]) == (409, "too-few-views")
-        assert f"{views} pictures show the target, 3 are needed" in refused.json()["detail"]
+        assert f"pictures that show the target: {views}; 3 are needed" in refused.json()["detail"]
         assert (await hand.sees())["state"] == "waiting"
 
 
