@@ -8,6 +8,7 @@ import json
 import os
 import re
 import subprocess
+import sys
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -307,9 +308,10 @@ def lock_up(story: Story) -> None:
 def show_over_opc_ua(story: Story) -> None:
     """The gateway's unit, by a user of its own, reads a key that is root's, and shows the cell to whom it trusts."""
     machine = story.machine
-    extras, pip = machine.root / "opt/handeyed/extras", Path(__file__).resolve().parents[2] / ".venv/bin/pip"
+    extras, own = machine.root / "opt/handeyed/extras", story.folder / "pip"  # Debian's python3 need not have pip
+    subprocess.run([sys.executable, "-m", "venv", str(own)], check=True)
     python = machine.run("/opt/mock/bin/python3 --version").text.split()[1].rpartition(".")[0]
-    install = [str(pip), "install", "--quiet", "--no-warn-conflicts", "--target", str(extras)]
+    install = [str(own / "bin/pip"), "install", "--quiet", "--no-warn-conflicts", "--target", str(extras)]
     subprocess.run([*install, "--only-binary=:all:", f"--python-version={python}", "asyncua>=2.1,<3"], check=True)
     added = machine.run(f"runuser -u handeyed -- handeyed keys add {SETTINGS} gateway --role viewer")
     (key,) = re.findall(r"hek_[0-9a-f]{8}_[0-9a-f]{64}", added.text)
