@@ -136,9 +136,7 @@ async def _secure(server: Server, settings: ServerSettings) -> None:
         await server.load_certificate(settings.certificate)
         await server.load_private_key(settings.private_key)
     except (OSError, ValueError) as error:
-        fix = (
-            "let its user write there; or remove both files: they are made anew, and clients have to trust the new one"
-        )
+        fix = "let its user write there; or remove both: they are made anew, and clients have to trust the new one"
         raise GatewayError(str(settings.certificate), str(error), fix) from None
     kinds = ua.SecurityPolicyType
     server.set_security_policy([kinds.Basic256Sha256_SignAndEncrypt, kinds.Aes256Sha256RsaPss_SignAndEncrypt])

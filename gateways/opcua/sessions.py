@@ -9,6 +9,7 @@ import hashlib
 import logging
 import secrets
 import time
+import weakref
 from collections.abc import Mapping
 from contextvars import ContextVar
 from dataclasses import dataclass
@@ -165,8 +166,8 @@ class KeyServer(InternalServer):  # type: ignore[misc]
         self.subscription_service = self.isession.subscription_service = EventService(self.aspace, self)
 
     def create_session(self, name: str, user: User | None = None, external: bool = False) -> InternalSession:
-        """A session of a client; a connection, `name`, has one. Raises ServiceError."""
-        if external and any(one.name == name for one in self._external_sessions.values()):
+        """A session of a client; a connection, which is a task, has one. Its port may be one's that was cut off."""
+        if external and any(one.connection() is asyncio.current_task() for one in self._external_sessions.values()):
             raise ServiceError(ua.StatusCodes.BadTooManySessions)
         nobody = user or User(role=UserRole.Anonymous)
         session = KeySession(self, self.aspace, self.subscription_service, name, user=nobody, external=external)
@@ -176,6 +177,7 @@ class KeyServer(InternalServer):  # type: ignore[misc]
     def register_external_session(self, session: InternalSession) -> None:
         """A client that was cut off returns to its session by this token, which asyncua counts up from 1000."""
         session.auth_token = ua.NodeId(secrets.token_hex(16))
+        session.connection = weakref.ref(asyncio.current_task())
         super().register_external_session(session)
 
     async def end_revoked(self) -> None:

@@ -14,6 +14,7 @@ from asyncua import Client, ua
 from asyncua.common.utils import ServiceError
 from asyncua.crypto.cert_gen import setup_self_signed_certificate
 from asyncua.crypto.security_policies import SecurityPolicyBasic256Sha256
+from asyncua.server.uaprocessor import UaProcessor
 from cryptography.x509.oid import ExtendedKeyUsageOID
 
 from gateways.opcua import sessions
@@ -123,6 +124,19 @@ async def test_a_connection_has_one_session(tmp_path: Path) -> None:
         await intruder.create_session()
         for _ in range(3):
             assert await refused(intruder.create_session()) == "BadTooManySessions"
+
+
+async def test_who_comes_from_the_port_of_a_client_that_was_cut_off_has_a_session(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As a PLC after its power went: the session from before stays for a minute."""
+    of_all = property(lambda _: ("10.0.0.7", 49152), lambda *_: None)
+    monkeypatch.setattr(UaProcessor, "name", of_all, raising=False)
+    async with cell7(tmp_path) as (gateway, _, keys), gateway.client("plc", keys["viewer"]) as plc:
+        await plc.listen("cell7.Cell.Ready")
+        plc.client.disconnect_socket()
+        async with gateway.client("plc", keys["viewer"]) as again:
+            assert await again.read("cell7.Cell.Ready") is True
 
 
 async def test_a_session_ends_with_its_certificate(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
