@@ -3,8 +3,9 @@
 The gateway in a process of its own over daemons that only talk (one process, /live five times a second under load),
 and a client with monitored items over SignAndEncrypt. Reported: time until clients can read, processor time at rest
 and under load, memory, the delay of a result's event, an abort over OPC UA beside the same over REST, the memory after
-100 connections that send half a message and wait, and after 30 clients that came and left. With `--hours` instead: its
-memory while clients come and leave for so long, one a second: half in order, a quarter cut off, a quarter refused.
+100 connections that send half a message and wait, and after 30 clients that came and left; and how long a cell is Ready
+whose daemon hangs (SIGSTOP), and one whose daemon is killed. With `--hours` instead: its memory while clients come and
+leave for so long, one a second: half in order, a quarter cut off, a quarter refused.
 With `--clients` the same of so many, each as soon as the one before has left. The gateway has its unit's variables.
 """
 
@@ -149,8 +150,8 @@ def run_gateway(settings: GatewaySettings, alive: Any) -> None:
 
 
 @asynccontextmanager
-async def running(cells: int) -> AsyncIterator[tuple[Plant, str, psutil.Process, Any]]:
-    """A gateway over so many talkers: where clients connect, the talkers' address, its process, and its `alive`."""
+async def running(cells: int) -> AsyncIterator[tuple[Plant, str, psutil.Process, psutil.Process, Any]]:
+    """A gateway over so many talkers: where clients connect, the talkers' address and process, its own, its `alive`."""
     spawning = multiprocessing.get_context("spawn")
     with tempfile.TemporaryDirectory(prefix="handeyed-opcua-") as name:
         folder, port, web = Path(name), free_port(), free_port()
@@ -172,7 +173,8 @@ async def running(cells: int) -> AsyncIterator[tuple[Plant, str, psutil.Process,
             processes.append(spawning.Process(target=run_gateway, args=(settings, alive), daemon=True))
             processes[1].start()
             await _listens(port)
-            yield Plant(folder, endpoint), url, psutil.Process(processes[1].pid), alive
+            talker, gateway = (psutil.Process(process.pid) for process in processes)
+            yield Plant(folder, endpoint), url, talker, gateway, alive
         finally:
             for process in reversed(processes):
                 process.kill()
@@ -182,7 +184,7 @@ async def running(cells: int) -> AsyncIterator[tuple[Plant, str, psutil.Process,
 
 async def measure(cells: int, items: int, seconds: float) -> None:
     """Print each figure."""
-    async with running(cells) as (plant, url, gateway, _):
+    async with running(cells) as (plant, url, talker, gateway, _):
         async with plant.client() as client, httpx.AsyncClient(base_url=url) as rest:
             print(f"{cells} cells: ready after {time.time() - gateway.create_time():.1f} s, {_mb(gateway):.0f} MB")
             await _load(client, rest, gateway, cells, items, seconds)
@@ -194,12 +196,14 @@ async def measure(cells: int, items: int, seconds: float) -> None:
             async with plant.client() as client:
                 await client.listen("cell0.Cell.Ready")
         print(f"30 clients that came and left: {before_mb:.0f} MB before, {_mb(gateway):.0f} MB after")
+        async with plant.client() as client:
+            await _away(client, talker)
 
 
 async def come_and_leave(cells: int, hours: float, count: int) -> None:
     """Print how the gateway's memory changes while clients come and leave, one a second or so many."""
     ways = (_leave_in_order, _leave_in_order, _are_cut_off, _are_refused)
-    async with running(cells) as (plant, _, gateway, alive):
+    async with running(cells) as (plant, _, _, gateway, alive):
         began_s, sampled = time.monotonic(), list[float]()
         for way in itertools.cycle(ways):
             next_s = time.monotonic() + (1.0 if hours else 0.0)
@@ -293,6 +297,20 @@ async def _result(client: PlantClient, rest: httpx.AsyncClient) -> None:
         await client.hears(Message=f"r{k} finished")
         delays.append(time.perf_counter() - began_s)
     print(f"a result's event: {1000 * max(delays):.0f} ms at most after the daemon's")
+
+
+async def _away(client: PlantClient, talker: psutil.Process) -> None:
+    await client.listen("cell0.Cell.Ready")
+    took_s = []
+    for end in (talker.suspend, talker.kill):
+        await client.waits("cell0.Cell.Ready", True)
+        began_s = time.perf_counter()
+        end()
+        await client.waits("cell0.Cell.Ready", False)
+        took_s.append(time.perf_counter() - began_s)
+        if end == talker.suspend:
+            talker.resume()
+    print("not Ready after a daemon hangs: {:.1f} s; after one is killed: {:.1f} s".format(*took_s))
 
 
 async def _half_messages(port: int, gateway: psutil.Process) -> None:

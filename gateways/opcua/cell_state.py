@@ -132,10 +132,7 @@ SCALARS: dict[str, tuple[str, str]] = {
     "DriftShiftMm": ("Double", "How far the verifications have moved, mm."),
     "DriftLimitMm": ("Double", "How far they may, mm."),
     "VerifiedAt": ("String", "When it was verified last, ISO 8601."),
-    "ArmStopUnconfirmed": (
-        "Boolean",
-        "The controller has not confirmed that the arm stands: press the emergency stop.",
-    ),
+    "ArmStopUnconfirmed": ("Boolean", "It is not confirmed that the arm stands: press the emergency stop."),
     "RobotMode": ("String", "The controller's mode."),
     "Version": ("String", "Of the daemon."),
 }

@@ -50,6 +50,9 @@ STATUS = {
 
 NO_ERROR, NO_HANDLE = ua.Variant(0, ua.VariantType.Int32), ua.Variant(0, ua.VariantType.UInt32)
 
+GIVEN = ("MeasId", "ProductId", "PartId")
+"""What a client gives with a job, and gets back with its result: the ticket, and two parts of a scan's name."""
+
 Method = Callable[..., Awaitable[Any]]
 
 
@@ -71,7 +74,7 @@ class VisionSystem:
         self._shown: dict[str, Any] = {}
         self._conditions: dict[str, tuple[str, bool]] = {}
         self._seen: dict[str | None, Mapping[str, str]] = {}
-        self._tickets: dict[str, str] = {}
+        self._given: dict[str, Mapping[str, Any]] = {}
         self._showing = asyncio.Lock()
 
     async def build(self) -> None:
@@ -135,17 +138,13 @@ class VisionSystem:
         kind = ua.VariantType
         result = self._result_of(run)
         fields = {
-            "ResultId": _variant(result.ResultId),
             "IsPartial": ua.Variant(result.IsPartial, kind.Boolean),
             "ResultState": ua.Variant(result.ResultState, kind.Int32),
-            "JobId": _variant(result.JobId),
             "CreationTime": ua.Variant(result.CreationTime, kind.DateTime),
-            "InternalRecipeId": _variant(result.InternalRecipeId),
-            "InternalConfigurationId": _variant(result.InternalConfigurationId),
             "ResultContent": ua.Variant(result.ResultContent, kind.Variant),
         }
-        if run["id"] in self._tickets:
-            fields["MeasId"] = _variant(ua.MeasIdDataType(Id=self._tickets[run["id"]]))
+        ids = (*GIVEN, "ResultId", "JobId", "InternalRecipeId", "InternalConfigurationId")
+        fields |= {name: _variant(getattr(result, name)) for name in ids}  # None as well: asyncua keeps the last one's
         await self._send(RESULT_READY, f"{run['kind']} {run['state']}", **fields)
 
     def _methods(self) -> dict[str, Method]:
@@ -163,23 +162,24 @@ class VisionSystem:
         }
 
     async def _start(self, parent: ua.NodeId, kind: ua.Variant, ticket: ua.Variant) -> Any:
-        started = self._begin(kind.Value or "", ticket.Value or "")
+        started = self._begin(kind.Value or "", {"MeasId": ua.MeasIdDataType(Id=ticket.Value or "")})
         return await self._answer(started, lambda run_id: [ua.Variant(run_id, ua.VariantType.String)])
 
     async def _start_single_job(
         self, parent: ua.NodeId, meas_id: ua.Variant, part_id: ua.Variant, recipe_id: ua.Variant,
         product_id: ua.Variant, parameters: ua.Variant,
     ) -> Any:  # fmt: skip
-        name = " ".join(filter(None, (_id_of(product_id.Value), _id_of(part_id.Value))))
-        started = self._begin(_id_of(recipe_id.Value), _id_of(meas_id.Value), name)
+        given = dict(zip(GIVEN, (meas_id.Value, product_id.Value, part_id.Value), strict=True))
+        started = self._begin(_id_of(recipe_id.Value), given)
         return await self._answer(started, lambda run_id: [_variant(ua.JobIdDataType(Id=run_id)), NO_ERROR])
 
-    async def _begin(self, kind: str, ticket: str, name: str = "") -> str:
+    async def _begin(self, kind: str, given: Mapping[str, Any]) -> str:
+        ticket, *names = (_id_of(given.get(name)) for name in GIVEN)
         if kind not in RECIPES or not ticket or not (ticket.isascii() and ticket.isprintable()):
             raise Refusal(422, "ticket", "a kind and a new ticket in ASCII are needed", f"kinds: {', '.join(RECIPES)}")
-        body = {"name": name, "capture": True} if kind == "scan" else {}
+        body = {"name": " ".join(filter(None, names)), "capture": True} if kind == "scan" else {}
         run = await self.cell.start(RECIPES[kind], body, ticket, session_key.get())
-        self._tickets = {**dict(list(self._tickets.items())[-MAX_LISTED:]), run["id"]: ticket}
+        self._given = {**dict(list(self._given.items())[-MAX_LISTED:]), run["id"]: self._given.get(run["id"], given)}
         return str(run["id"])
 
     async def _abort(self, parent: ua.NodeId, *cause: ua.Variant) -> Any:
@@ -253,6 +253,7 @@ class VisionSystem:
             InternalRecipeId=ua.RecipeIdInternalDataType(Id=RECIPE_OF.get(run["kind"], run["kind"])),
             InternalConfigurationId=ua.ConfigurationIdDataType(Id=self._shown.get("CalibrationId", "")),
             ResultContent=[ua.Variant(_content(run), ua.VariantType.String)],
+            **self._given.get(run["id"], {}),
         )
 
     async def _show_state(self, machine: str, state: str, numbers: Mapping[str, int]) -> None:
@@ -265,12 +266,14 @@ class VisionSystem:
         for code in self._conditions.keys() | conditions.keys():
             if self._conditions.get(code) != conditions.get(code):
                 text, is_error = conditions.get(code) or self._conditions[code]
+                stops = ua.Variant(is_error and self._shown["#outer"] == "Error")  # OPC 40100-1, 11.4.4.3
                 await self._send(
                     ERROR if is_error else WARNING,
                     text,
                     NodeId=ua.Variant(self._id(f"{self.cell.name}.Conditions.{code}"), ua.VariantType.NodeId),
                     ConditionName=ua.Variant(code, ua.VariantType.String),
                     Retain=ua.Variant(code in conditions, ua.VariantType.Boolean),
+                    **dict.fromkeys(("StopReaction", "BlockReaction"), stops),
                     Severity=ua.Variant(ERROR_SEVERITY if is_error else WARNING_SEVERITY, ua.VariantType.UInt16),
                 )
         self._conditions = conditions

@@ -30,7 +30,7 @@ async function main() {
   const told = { events: [], conditions: [], atServer: [], refreshed: [] };
 
   const subscription = await session.createSubscription2({ requestedPublishingInterval: 50, publishingEnabled: true });
-  const filter = opcua.constructEventFilter(["EventType", "Message", `${types}:ResultState`, `${types}:MeasId`, `${types}:JobId`, `${types}:ResultContent`, "ConditionName", "Retain"]);
+  const filter = opcua.constructEventFilter(["EventType", "Message", `${types}:ResultState`, `${types}:MeasId`, `${types}:JobId`, `${types}:ResultContent`, `${types}:PartId`, "ConditionName", "Retain"]);
   const item = await subscription.monitor(
     { nodeId: node("cell7"), attributeId: opcua.AttributeIds.EventNotifier },
     { samplingInterval: 0, discardOldest: false, queueSize: 100, filter },
@@ -57,11 +57,11 @@ async function main() {
   let ended;
   const end = new Promise((resolve) => (ended = resolve));
   item.on("changed", (fields) => {
-    const [type, message, state, measId, jobId, content, condition, retain] = fields.map((field) => field.value);
+    const [type, message, state, measId, jobId, content, partId, condition, retain] = fields.map((field) => field.value);
     if (condition) told.conditions.push([condition, retain]);
     else told.events.push(message.text);
     if (type.value === 1024) {
-      Object.assign(told, { state, measId: measId.id, resultOf: jobId.id, result: JSON.parse(content[0].value) });
+      Object.assign(told, { state, measId: measId.id, partId: partId.id, resultOf: jobId.id, result: JSON.parse(content[0].value) });
       ended();
     }
   });
@@ -94,7 +94,8 @@ async function main() {
     methodId: node("cell7.ResultManagement.GetResultById"),
     inputArguments: [await structure(3021, { id: told.jobId }), new opcua.Variant({ dataType: opcua.DataType.Int32, value: 0 })],
   });
-  told.byId = [byId.statusCode.name, byId.outputArguments[1].value.resultState];
+  const result = byId.outputArguments[1].value;
+  told.byId = [byId.statusCode.name, result.resultState, result.partId.id];
   await session.close();
   await client.disconnect();
   console.log(JSON.stringify(told));

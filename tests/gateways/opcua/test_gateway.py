@@ -67,6 +67,9 @@ async def test_a_run_is_started_once_by_its_ticket_and_told_from_its_begin_to_it
         assert await refused(mes.call(f"{management}.ActivateConfiguration", wrong)) == "BadNotFound"
         assert await mes.read("cell7.Cell.U_Mm") == current["expanded_mm"]
         assert await mes.read("cell7.Cell.LastResult") == "finished"
+        assert (await bench.client.post("/verify")).is_success
+        by_rest = await mes.hears(Message="verify finished")
+        assert (ended.MeasId.Id, by_rest.MeasId) == ("ticket-1", None), "it was started without a ticket"
 
 
 @pytest.mark.slow
@@ -181,7 +184,7 @@ async def test_who_comes_late_is_told_of_each_condition_between_the_frames_of_a_
 
     async def shows(cell: Cell) -> None:
         await cell._on_change(CellState(reached=True, live={"devices": gone}))
-        await cell._on_change(CellState(reached=True, live={"devices": gone[:2]}))
+        await cell._on_change(CellState(reached=True, live={"devices": gone[:2]}, store_sound=False))
         await asyncio.Event().wait()
 
     async def answers(*_: object, **__: object) -> object:
@@ -195,7 +198,9 @@ async def test_who_comes_late_is_told_of_each_condition_between_the_frames_of_a_
         await late.hears(EventType=ua.NodeId(ua.ObjectIds.RefreshEndEventType))
         told = [event.ConditionName or event.EventType.Identifier for event in late.events]
         assert (told[0], told[-1]) == (ua.ObjectIds.RefreshStartEventType, ua.ObjectIds.RefreshEndEventType)
-        assert sorted(told[1:-1]) == ["device-camera", "device-scanner"]
+        assert sorted(told[1:-1]) == ["device-camera", "device-scanner", "store-unsound"]
+        stopped = [event.ConditionName for event in late.events if event.StopReaction and event.BlockReaction]
+        assert stopped == ["store-unsound"], "the only one for which the state machine went to Error"
 
 
 @pytest.mark.slow

@@ -28,7 +28,7 @@ async def test_node_opcua_starts_a_job_once_and_is_told_its_result(tmp_path: Pat
     assert told["started"] == "Good"
     assert [run["id"] for run in runs] == [told["jobId"]] == [told["again"]] == [told["resultOf"]]
     assert (told["state"], told["measId"], told["result"]["state"]) == (1, "order-4711", "finished")
-    assert told["byId"] == ["Good", 1]
+    assert (told["partId"], told["byId"]) == ("part 1", ["Good", 1, "part 1"])
     assert told["lastResult"] == "finished"
     assert told["active"] == "", "the settings leave that to a person"
     assert "calibration began" in told["events"]
