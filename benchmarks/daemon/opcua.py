@@ -61,9 +61,8 @@ def talk(port: int) -> None:
             yield _event("live", {"ready": READY, "run": None, "robot": robot, "devices": [], "software": "talker"})
             while True:
                 count += 1
-                moved: dict[str, Any] = {"at": str(count)}
-                if busy[0]:
-                    moved |= {"run": {"id": "r", "kind": "verify", "station": count, "stations": count}}
+                run = {"id": "r", "kind": "verify", "station": count, "stations": count}
+                moved = {"at": str(count), "run": run if busy[0] else None}
                 yield _event("live", moved)
                 await asyncio.sleep(BUSY_BEAT_S if busy[0] else REST_BEAT_S)
 
