@@ -32,8 +32,13 @@ class Plant:
     endpoint: str
 
     @asynccontextmanager
-    async def client(self, label: str = "mes", key: str = "any", trusted: bool = True) -> AsyncIterator["PlantClient"]:
-        """A signed-in client; `trusted`: its certificate lies in the gateway's folder."""
+    async def client(
+        self, label: str = "mes", key: str = "any", trusted: bool = True, session: Path | None = None
+    ) -> AsyncIterator["PlantClient"]:
+        """A signed-in client; `trusted`: its certificate lies in the gateway's folder.
+
+        `session`: a file in which it keeps its session, to return to.
+        """
         name = f"{label.replace('@', '-')}-{trusted}"
         certificate, private = self.folder / f"{name}.der", self.folder / f"{name}-key.pem"
         use = [ExtendedKeyUsageOID.CLIENT_AUTH]
@@ -42,7 +47,7 @@ class Plant:
             shutil.copy(certificate, self.folder / "trusted" / certificate.name)
         # asyncua's client leaves by itself when a read takes longer than this: on a busy machine a second is nothing
         client = Client(self.endpoint, timeout=LIMIT_S, watchdog_intervall=LIMIT_S)
-        client.application_uri = CLIENT
+        client.application_uri, client.session_state_path = CLIENT, session
         gateway = self.folder / "own.der"
         await client.set_security(SecurityPolicyBasic256Sha256, certificate, private, server_certificate=gateway)
         client.set_user(label)

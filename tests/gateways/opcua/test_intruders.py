@@ -2,6 +2,7 @@
 
 import asyncio
 import gc
+import shutil
 import weakref
 from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import asynccontextmanager
@@ -137,6 +138,23 @@ async def test_who_comes_from_the_port_of_a_client_that_was_cut_off_has_a_sessio
         plc.client.disconnect_socket()
         async with gateway.client("plc", keys["viewer"]) as again:
             assert await again.read("cell7.Cell.Ready") is True
+
+
+async def test_a_client_that_was_cut_off_returns_to_its_session_with_its_certificate_alone(tmp_path: Path) -> None:
+    file, copy = tmp_path / "session.json", tmp_path / "copy.json"
+    async with cell7(tmp_path) as (gateway, _, keys), gateway.client("plc", keys["viewer"], session=file) as plc:
+        await plc.listen("cell7.Cell.Ready")
+        plc.client.disconnect_socket()
+        shutil.copy(file, copy)
+        async with gateway.client("thief", keys["viewer"], session=copy) as thief:
+            assert token_of(thief) != token_of(plc), "another trusted certificate gets a session of its own"
+        async with gateway.client("plc", keys["viewer"], session=file) as again:
+            assert token_of(again) == token_of(plc)
+            assert await again.read("cell7.Cell.Ready") is True
+
+
+def token_of(client: PlantClient) -> Any:
+    return client.client.uaclient.session.authentication_token
 
 
 async def test_a_session_ends_with_its_certificate(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
