@@ -123,7 +123,7 @@ class KeySession(InternalSession):  # type: ignore[misc]
         """
         if peer_certificate != self._certificate:
             raise ServiceError(ua.StatusCodes.BadSecurityChecksFailed)
-        self._checked_s = float("-inf")
+        self._checked_s, self.connection = float("-inf"), weakref.ref(asyncio.current_task())
         return super().activate_session(params, peer_certificate)
 
     async def require_trusted(self) -> None:
@@ -132,7 +132,9 @@ class KeySession(InternalSession):  # type: ignore[misc]
         await self.require_key(now=True)
 
     async def require_key(self, *, now: bool = False) -> None:
-        """Check the key when it was not within RECHECK_S. Raises ServiceError."""
+        """Check the key when it was not within RECHECK_S; asyncua serves connections that were refused too."""
+        if self.external and not now and self.connection() is not asyncio.current_task():
+            raise ServiceError(ua.StatusCodes.BadSessionIdInvalid)
         if not self.external or not (now or time.monotonic() - self._checked_s > RECHECK_S):
             return
         if not isinstance(self.user, KeyUser):

@@ -53,8 +53,6 @@ NO_ERROR, NO_HANDLE = ua.Variant(0, ua.VariantType.Int32), ua.Variant(0, ua.Vari
 GIVEN = ("MeasId", "ProductId", "PartId")
 """What a client gives with a job, and gets back with its result: the ticket, and two parts of a scan's name."""
 
-Method = Callable[..., Awaitable[Any]]
-
 
 class _Scalar(ua.DataValue):  # type: ignore[misc]
     """A value of the flat folder. Nothing changes it, so that asyncua need not copy it for each subscription."""
@@ -147,7 +145,7 @@ class VisionSystem:
         fields |= {name: _variant(getattr(result, name)) for name in ids}  # None as well: asyncua keeps the last one's
         await self._send(RESULT_READY, f"{run['kind']} {run['state']}", **fields)
 
-    def _methods(self) -> dict[str, Method]:
+    def _methods(self) -> dict[str, Callable[..., Awaitable[Any]]]:
         return {
             f"{AUTOMATIC}.StartSingleJob": self._start_single_job,
             f"{AUTOMATIC}.Abort": self._abort,

@@ -148,6 +148,13 @@ async def test_a_client_that_was_cut_off_returns_to_its_session_with_its_certifi
         shutil.copy(file, copy)
         async with gateway.client("thief", keys["viewer"], session=copy) as thief:
             assert token_of(thief) != token_of(plc), "another trusted certificate gets a session of its own"
+        async with channel(gateway, "thief-True") as thief_who_goes_on:
+            thief_who_goes_on.uaclient.session.restore_authentication_token(token_of(plc))
+            thief_who_goes_on._server_nonce = plc.client._server_nonce
+            enters = thief_who_goes_on.activate_session(username="plc", password="none")
+            assert await refused(enters) == "BadSecurityChecksFailed"
+            reads = PlantClient(thief_who_goes_on, plc.cells).read("cell7.Cell.Ready")
+            assert await refused(reads) == "BadSessionIdInvalid", "asyncua goes on with the session that was refused"
         async with gateway.client("plc", keys["viewer"], session=file) as again:
             assert token_of(again) == token_of(plc)
             assert await again.read("cell7.Cell.Ready") is True
