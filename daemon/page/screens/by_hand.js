@@ -77,7 +77,6 @@ export function ByHand({ shown }) {
         ${station < 3 && html`<p class="small quiet">${t('jog.least')}</p>`}
       </div>
       <${Card} title=${t(goes ? 'way.by-axis' : 'way.title')} id="way">
-        ${planning?.note && html`<p class="note warn" role="alert" lang="en"><span class="mark" aria-hidden="true">!</span> ${planning.note}</p>`}
         ${here && next ? html`<${WayToGo} here=${here} there=${next} near=${planning.near} hold=${goes && { within: shown.id, speed_mm_s, held, setHeld, off }} />` : html`<p class="quiet">${t('way.free')}</p>`}
         ${goes && speeds.length > 1 && html`<${Chips} label=${t('move.speed')} values=${speeds} chosen=${speed_mm_s} text=${(one) => `${fixed(one, 0)} mm/s`} choose=${setAsked} />`}
       </${Card}>
