@@ -13,7 +13,6 @@ from typing import Literal
 
 import numpy as np
 
-from calibration.camera import CameraModel
 from calibration.transforms import Array
 
 Mixture = tuple[tuple[float, float], ...]
@@ -65,9 +64,6 @@ LENS_PX: dict[CameraSource, float] = {"this-session": 0.1, "maker": 0.25, "file"
 
 TANGENTIAL_PX: dict[CameraSource, float] = {"this-session": 1.0, "maker": 1.0, "file": 1.0, "nominal": 5.0}
 """Of p1 and of p2 there, where the description has radial distortion alone: lenses show 0.1 to 2 px."""
-
-MIN_DISTORTION_PX = 1.0
-"""Least distortion at the corner of pictures that are not rectified."""
 
 ARM_SHARE: dict[ArmSource, Mixture] = {
     "as-delivered": ((0.90, 5e-4), (0.10, 2e-3)),
@@ -141,20 +137,6 @@ class PriorMixture:
     def widest(self) -> Array:
         """Precisions (q,) of the widest component of each unknown."""
         return np.asarray(self.information.min(axis=0))
-
-
-def distortion_px(knowledge: Knowledge, camera: CameraModel) -> tuple[float, ...]:
-    """Standard deviations of what is unknown of a given camera's distortion, at the corner: k1, or k1, p1 and p2.
-
-    Tangential distortion is unknown where the description has radial distortion alone, or is nominal. Where it has
-    both, they were estimated with the principal point, and the errors make up for one another; where it has none,
-    pictures are rectified.
-    """
-    corner = np.array(camera.image_size) / 2 / np.diagonal(camera.matrix)[:2]
-    off_px = np.diagonal(camera.matrix)[:2] * (np.array(camera.lens.distort(*corner[:, None]))[:, 0] - corner)
-    distorted = np.linalg.norm(off_px) > MIN_DISTORTION_PX or knowledge.camera == "nominal"
-    unsaid = camera.lens_model == "pinhole" and distorted and not np.any(camera.distortion[2:4])
-    return (LENS_PX[knowledge.camera], *(2 * (TANGENTIAL_PX[knowledge.camera],) if unsaid else ()))
 
 
 def prior_mixture(knowledge: Knowledge, bow_mm: float, distortion: tuple[float, ...] = ()) -> PriorMixture:
