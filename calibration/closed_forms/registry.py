@@ -7,7 +7,6 @@ import numpy as np
 from calibration.closed_forms.kronecker import kronecker
 from calibration.closed_forms.motions import MotionPairs, all_pairs, with_translation
 from calibration.closed_forms.park import park
-from calibration.closed_forms.quaternions import left_product_matrix, right_product_matrix
 from calibration.closed_forms.shah import shah
 from calibration.closed_forms.three_pose import three_pose
 from calibration.transforms import Array, quaternion_from_rotation, rotation_from_quaternion, skew, transform
@@ -19,7 +18,7 @@ def horaud(anchor_T_mount: Array, camera_T_target: Array) -> Array:
     """X (4, 4): the unit quaternion q with the least sum |n_A q - q n_B|² over the turns' axes n (Eqs. 30 to 33)."""
     motions = all_pairs(anchor_T_mount, camera_T_target).with_clear_axes()
     alpha, beta = (_pure(vectors / np.linalg.norm(vectors, axis=1, keepdims=True)) for vectors in motions.vectors())
-    difference = left_product_matrix(alpha) - right_product_matrix(beta)
+    difference = _product_matrix(alpha, 1.0) - _product_matrix(beta, -1.0)
     quadratic = np.einsum("kji,kjl->il", difference, difference)
     quaternion = np.linalg.eigh(quadratic)[1][:, 0]
     return with_translation(motions, rotation_from_quaternion(quaternion))
@@ -97,7 +96,7 @@ def _dual_quaternions(motions: Array) -> tuple[Array, Array]:
     """q and q' = t q / 2 of transforms (k, 4, 4), with q's scalar part not negative (Eq. 9)."""
     real = quaternion_from_rotation(motions[:, :3, :3])
     pure = np.concatenate([np.zeros((len(motions), 1)), motions[:, :3, 3]], axis=1)
-    return real, (left_product_matrix(pure) @ real[..., None])[..., 0] / 2
+    return real, (_product_matrix(pure, 1.0) @ real[..., None])[..., 0] / 2
 
 
 def _from_null_space(vt: Array) -> tuple[Array, Array]:
@@ -115,6 +114,15 @@ def _from_null_space(vt: Array) -> tuple[Array, Array]:
     real, dual = first * u1 + second * u2, first * v1 + second * v2
     length = np.linalg.norm(real)
     return real / length, dual / length
+
+
+def _product_matrix(quaternions: Array, sign: float) -> Array:
+    """(k, 4, 4) of scalar-first quaternions (k, 4): p q = matrix(p, 1) @ q = matrix(q, -1) @ p."""
+    scalar, vector = quaternions[:, 0], quaternions[:, 1:]
+    result = np.zeros((len(quaternions), 4, 4))
+    result[:, 0, 0], result[:, 0, 1:], result[:, 1:, 0] = scalar, -vector, vector
+    result[:, 1:, 1:] = scalar[:, None, None] * np.eye(3) + sign * skew(vector)
+    return result
 
 
 ClosedForm = Callable[[Array, Array], Array]

@@ -1,10 +1,13 @@
-"""ROS: a static transform as a launch file, as a TFMessage, for easy_handeye2 and for moveit_calibration.
+"""ROS: a static transform as a launch file, as a TFMessage, for easy_handeye2, for moveit_calibration, and as URDF.
 
-Metres; the quaternion as x, y, z, w. Options of static_transform_publisher as in ros2/geometry2; the .calib file as
-easy_handeye2's HandeyeCalibration.msg; the launch file as moveit_calibration's control widget saves it.
+Metres; the quaternion as x, y, z, w; in URDF turns in rad about fixed axes, R = Rz(yaw) Ry(pitch) Rx(roll). Options of
+static_transform_publisher as in ros2/geometry2; the .calib file as easy_handeye2's HandeyeCalibration.msg; the launch
+file as moveit_calibration's control widget saves it.
 """
 
-from calibration.documents.exports.subject import Subject
+from collections.abc import Sequence
+
+from calibration.documents.exports.subject import OPTICAL_FRAME, Subject
 
 UNITS = "metres; quaternion x, y, z, w with w >= 0"
 
@@ -65,3 +68,21 @@ def write_moveit(subject: Subject) -> str:
 
 def _flow(values: dict[str, str]) -> str:
     return "{" + ", ".join(f"{name}: {value}" for name, value in values.items()) + "}"
+
+
+OPTICAL_TURN = ("-1.570796326794897", "0", "-1.570796326794897")
+
+
+def write_urdf(subject: Subject) -> str:
+    """A macro that joins `child` to `parent`; with a body frame the optical frame hangs on it."""
+    about = "; ".join([*subject.about(), "metres, rad, rpy about fixed axes"])
+    links = _link(subject, "${parent}", subject.child, subject.metres(), subject.turn("euler-xyz-rad"))
+    if subject.is_body_frame:
+        links += _link(subject, f"${{prefix}}{subject.child}", OPTICAL_FRAME, "000", OPTICAL_TURN)
+    return subject.filled("urdf.xml.txt", about=about, links=links)
+
+
+def _link(subject: Subject, above: str, name: str, position: Sequence[str], angles: Sequence[str]) -> str:
+    placed = {"position": " ".join(position), "angles": " ".join(angles)}
+    joint = name.removesuffix("_frame").replace("/", "_")
+    return subject.filled("urdf_link.xml.txt", name=name, joint=joint, above=above, **placed)
