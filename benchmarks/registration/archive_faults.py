@@ -20,9 +20,8 @@ from typing import Any
 from benchmarks.registration.archive import an_archive
 from daemon.tools.batch_registration.executors import open_executor, run_here
 from daemon.tools.batch_registration.finished import FINISHED_NAME, FinishedScans
-from daemon.tools.batch_registration.manifest import MANIFEST_NAME
 from daemon.tools.batch_registration.remote_folder import RemoteFolder
-from daemon.tools.batch_registration.tasks import OutcomeDocument, RegistrationTask
+from daemon.tools.batch_registration.tasks import MANIFEST_NAME, OutcomeDocument, RegistrationTask
 from tests.daemon.calibrations import a_calibration
 from tests.daemon.tools.dask_cluster import cluster
 

@@ -1,19 +1,20 @@
-"""`handeyed robot ...`: install the robot program on a controller, copy its files, or remove it."""
+"""`handeyed robot ...`: install the robot program on a controller, copy its files, remove it, or write X there."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from daemon.cli.errors import CommandError
+from daemon.cli.errors import CommandError, ExitStatus
 from daemon.cli.output import CommandGroup
 from daemon.cli.robot_acceptance import acceptance
 from daemon.cli.robot_files import module_files, program_files
-from daemon.cli.robot_frame import write_frame
 from daemon.cli.robot_jog import jog
 from daemon.cli.robot_setup import remove, rws_address, setup
 
 if TYPE_CHECKING:
+    from calibration.documents.calibration import CalibrationDocument
+    from calibration.transforms import Array
     from drivers.robots.abb.rws.address import RwsAddress
 
 app = typer.Typer(cls=CommandGroup, name="robot", no_args_is_help=True, help="The controller over Robot Web Services.")
@@ -28,7 +29,6 @@ app.command()(jog)
 app.command()(setup)
 app.command()(acceptance)
 app.command()(remove)
-app.command("write-frame")(write_frame)
 
 
 @app.command()
@@ -70,3 +70,88 @@ async def _upload(where: "RwsAddress", folder: Path, to: str, called: bool, egm:
         await controller.make_folder(to)
         for name, content in files.items():
             await controller.write_file(f"{to}/{name}", content)
+
+
+MAX_CONNECT_S = 15.0
+NAME = r"[A-Za-z]\w{0,31}"
+
+
+@app.command("write-frame")
+def write_frame(
+    address: Annotated[str, typer.Argument(help="rws://host, rws://user:password@host:port?version=2")],
+    file: Annotated[Path, typer.Argument(help="calibration.json")],
+    tooldata: Annotated[str | None, typer.Option(help="A tooldata whose tframe becomes X.")] = None,
+    wobjdata: Annotated[str | None, typer.Option(help="A wobjdata whose uframe becomes the target's pose.")] = None,
+    task: Annotated[str, typer.Option(help="The task that has it.")] = "T_ROB1",
+    despite_verdict: Annotated[bool, typer.Option("--despite-verdict", help="Also when it is not accepted.")] = False,
+    yes: Annotated[bool, typer.Option("--yes", help="Do not ask for consent.")] = False,
+) -> None:
+    """Write X into the tframe of a tooldata; or the target's pose, or that of a camera that stands still, into the
+    uframe of a wobjdata. Everything else of the record stays as it is.
+
+    Nothing is written before you consent, and nothing while the program runs. What was written is read back.
+
+    Exit status: 0 written, 1 not written, 2 unreadable input, 3 the calibration is not accepted.
+    """
+    import asyncio
+
+    from calibration.documents.exports.rapid import pose_text
+    from daemon.cli.compare import read_calibration
+
+    where = rws_address(address)
+    kind, name = _place(tooldata, wobjdata, task)
+    document = read_calibration(file)
+    if not (document.verdict.accepted or despite_verdict):
+        fix = "calibrate again as its findings advise, or give --despite-verdict"
+        raise CommandError(str(file), "the calibration is not accepted", fix, ExitStatus.NOT_ACCEPTED)
+    frame = pose_text(_frame(document, kind, file))
+    asyncio.run(_write(where, kind, f"{task}/{name}", frame.replace(" ", ""), yes))
+    typer.echo(f"{name}: written and read back")
+
+
+def _place(tooldata: str | None, wobjdata: str | None, task: str) -> tuple[str, str]:
+    """Type and name of the data. Raises CommandError."""
+    import re
+
+    given = {kind: name for kind, name in (("tooldata", tooldata), ("wobjdata", wobjdata)) if name is not None}
+    if len(given) != 1:
+        raise CommandError("write-frame", "it writes one frame", "give --tooldata or --wobjdata", ExitStatus.UNREADABLE)
+    ((kind, name),) = given.items()
+    for word in (name, task):
+        if not re.fullmatch(NAME, word):
+            raise CommandError(word[:40], "no name of RAPID", "write it as on the pendant", ExitStatus.UNREADABLE)
+    if name.lower() in ("tool0", "wobj0"):
+        raise CommandError(name, "it is the controller's own", f"name a {kind} of yours", ExitStatus.UNREADABLE)
+    return kind, name
+
+
+def _frame(document: "CalibrationDocument", kind: str, file: Path) -> "Array":
+    """What the calibration knows for that type of data. Raises CommandError."""
+    if kind == "tooldata":
+        pose, what = document.flange_T_camera, "no camera on the flange"
+    else:
+        pose, what = document.base_T_target or document.base_T_camera, "neither a target nor a camera in the base"
+    if pose is None:
+        raise CommandError(str(file), f"the calibration has {what}", "name another type of data")
+    return pose.transform()
+
+
+async def _write(where: "RwsAddress", kind: str, symbol: str, frame: str, yes: bool) -> None:
+    from drivers.robots.abb.rws.rapid_data import FRAME_AT
+    from drivers.robots.abb.rws.robot import RwsRobot
+
+    robot = RwsRobot(where)
+    robot.start()
+    try:
+        await robot.wait_for_link(MAX_CONNECT_S)
+        state = await robot.read_state()
+        if state.execution == "running":
+            raise CommandError(where.address, "the program runs", "stop it: a frame is not changed below a moving arm")
+        data = robot.frame_of(symbol, kind)
+        parts = await data.read()
+        typer.echo(f"{where.address}: {state}\n  {symbol} has   {parts[FRAME_AT[kind]]}\n  it will have {frame}")
+        if not (yes or typer.confirm("Write it?", default=False)):
+            raise CommandError(where.address, "nothing was written", "consent to it, or give --yes")
+        await data.write(parts, frame)
+    finally:
+        await robot.close()

@@ -4,7 +4,6 @@ import secrets
 from contextlib import suppress
 from dataclasses import dataclass, field
 
-from daemon.access.attempt_limit import AttemptLimit
 from daemon.access.browser_sessions import (
     MAX_SESSION_S,
     TOKEN_BYTES,
@@ -15,7 +14,7 @@ from daemon.access.browser_sessions import (
 )
 from daemon.access.errors import KeyMissing, PairingRefused, RoleTooLow, TooManyAttempts
 from daemon.access.keys import KeyRecord
-from daemon.access.pairing import MAX_PAIRING_S, Pairing, PairingCodes
+from daemon.access.pairing import MAX_PAIRING_S, AttemptLimit, Pairing, PairingCodes
 from daemon.access.roles import ROLES, Caller, Role
 from daemon.errors import StorageError
 from daemon.runtime.clock import Clock

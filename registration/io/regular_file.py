@@ -4,8 +4,8 @@ import errno
 import os
 import stat
 from contextlib import suppress
+from io import FileIO
 from pathlib import Path
-from typing import BinaryIO
 
 QUIET = ("O_NONBLOCK", "O_NOCTTY", "O_CLOEXEC", "O_BINARY")
 """Flags of open(2), each where the system has it: O_BINARY is Windows'."""
@@ -15,7 +15,7 @@ def _flags(*names: str) -> int:
     return sum(getattr(os, name, 0) for name in names)
 
 
-def open_regular(path: Path, *, follow_links: bool = True) -> BinaryIO:
+def open_regular(path: Path, *, follow_links: bool = True) -> FileIO:
     """Open for reading, unbuffered. Raises OSError, also for what is no regular file, or a link not to be followed."""
     links = 0 if follow_links else _flags("O_NOFOLLOW")
     try:

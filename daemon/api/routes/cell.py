@@ -4,7 +4,6 @@ from fastapi import APIRouter, Depends, Request, Response
 
 from calibration.sentences.sentence import Sentence
 from daemon.api.dependencies import App, WidthQuery, WithCamera, no_body
-from daemon.api.device_checks import check_devices
 from daemon.api.live.picture_stream import STREAM, StreamedPictures, working_run
 from daemon.api.negotiation import PICTURE_TYPES, choose_picture_type, or_text, respond
 from daemon.api.plain_text import robot_text
@@ -14,18 +13,21 @@ from daemon.api.schemas.cell import (
     ArmDocument,
     ArmTemperatureDocument,
     ArmTemperatureRequest,
+    CheckDocument,
     CheckList,
     DeviceDocument,
     LookDocument,
     RobotDocument,
 )
 from daemon.application import Application
+from daemon.cell.cell import motion_obstacles
 from daemon.config.settings import MAIN_CAMERA
 from daemon.drift.cell_cameras import CellCamera
-from daemon.errors import CellBusy
+from daemon.errors import CellBusy, InterlockOpen
 from daemon.sessions.pictures import PictureType, Width, encode_file
 from daemon.sessions.session_writer import image_name
 from daemon.tools.support_bundle.bundle import redact
+from drivers.errors import DeviceError
 from drivers.interfaces import CaptureSettings
 
 router = APIRouter(tags=["cell"])
@@ -169,3 +171,67 @@ async def stored_picture(app: Application, run_id: str, k: int, media_type: Pict
     if media_type == "image/png" and width is None:
         return await app.store.read_file(file)
     return await app.service_workers.run(encode_file, file, media_type, width)
+
+
+async def check_devices(app: Application) -> list[CheckDocument]:
+    """One result for each thing that was looked at. Raises CellBusy while a run works."""
+    if (run := app.supervisor.in_progress) is not None:
+        raise CellBusy(Sentence("holder-run", run=run.id))
+    results = [_storage(app), await _robot(app), *[await _camera(app, camera) for camera in app.cameras.cameras]]
+    if app.settings.interlocks is not None:
+        results.append(await _interlocks(app))
+    links = {state.name: state for state in app.device_watch.states()}
+    for name in app.settings.named_scanners():
+        scanner = links[name]
+        fix = "" if scanner.connected or scanner.last_error is None else scanner.last_error.fix
+        results.append(CheckDocument.of(name, scanner.connected, scanner.detail, fix))
+    return results
+
+
+def _storage(app: Application) -> CheckDocument:
+    reasons, free_gb = app.store.obstacles(), app.store.free_bytes() / 1e9
+    if reasons:
+        return CheckDocument.of("storage", False, "; ".join(reasons), "see docs/runbook.md")
+    return CheckDocument.of("storage", True, Sentence("check-storage", folder=str(app.store.folder), free_gb=free_gb))
+
+
+async def _robot(app: Application) -> CheckDocument:
+    try:
+        reading = await app.readings.robot.read()
+    except DeviceError as error:
+        app.device_watch.note("robot", error)
+        return CheckDocument.of("robot", False, error.what, error.fix)
+    if reasons := motion_obstacles(reading.status):
+        what = Sentence("check-robot-not-ready", reasons=list(reasons))
+        return CheckDocument.of("robot", False, what, Sentence("check-robot-fix"))
+    x_mm, y_mm, z_mm = reading.pose.base_T_flange[:3, 3]
+    could = "check-robot-moves" if app.cell.robot.capabilities.moves else "check-robot-reads"
+    return CheckDocument.of("robot", True, Sentence(could, x_mm=x_mm, y_mm=y_mm, z_mm=z_mm))
+
+
+async def _camera(app: Application, camera: CellCamera) -> CheckDocument:
+    try:
+        look = await camera.looks.read()
+    except DeviceError as error:
+        app.device_watch.note(camera.name, error)
+        return CheckDocument.of(camera.name, False, error.what, error.fix)
+    width, height = look.size
+    expected = camera.settings.camera.intrinsics
+    if expected is not None and look.size != tuple(expected.image_size):
+        wanted_width, wanted_height = expected.image_size
+        size = {"width": width, "height": height, "wanted_width": wanted_width, "wanted_height": wanted_height}
+        what = Sentence("check-camera-size", **size)
+        return CheckDocument.of(camera.name, False, what, Sentence("check-camera-size-fix"))
+    found = 0 if look.detection is None else len(look.detection.ids)
+    if not found:
+        return CheckDocument.of(camera.name, True, Sentence("check-camera-no-target", width=width, height=height))
+    what = Sentence("check-camera-points", width=width, height=height, found=found, of=look.of)
+    return CheckDocument.of(camera.name, True, what)
+
+
+async def _interlocks(app: Application) -> CheckDocument:
+    try:
+        await app.cell.require_interlocks()
+    except InterlockOpen as error:
+        return CheckDocument.of("interlocks", False, error.what, error.fix)
+    return CheckDocument.of("interlocks", True, Sentence("check-interlocks"))

@@ -1,5 +1,6 @@
 """Register one scan of an archive, unless its manifest matches the inputs. Runs in any process."""
 
+import hashlib
 import json
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,13 +12,67 @@ from calibration.documents.calibration_in_use import CalibrationInUse
 from calibration.documents.validation import Document, parse_document
 from calibration.errors import CalibrationError
 from daemon.tools.batch_registration.errors import ArchiveError
-from daemon.tools.batch_registration.manifest import MANIFEST_NAME, ManifestDocument, describe_file, hash_of_inputs
 from daemon.tools.batch_registration.remote_folder import RemoteFolder
 from registration.documents import ScanDocument
 from registration.errors import RegistrationError
 from registration.fusion.merging import Merge
+from registration.io.regular_file import open_regular
 from registration.report import register_scan
 from registration.scan import place_views, read_scan, scanner_mount_of
+
+MANIFEST_NAME = "manifest.json"
+"""Hashes of a registered scan's inputs and files. Written last, so it marks a finished scan."""
+
+
+class WrittenDocument(Document):
+    """A file with its size in bytes and SHA-256."""
+
+    name: str
+    """Name of the file."""
+    bytes: int
+    """Its size in bytes."""
+    sha256: str
+    """SHA-256 of its content, hexadecimal."""
+
+
+class ManifestDocument(Document):
+    """A finished scan."""
+
+    heading = "manifestjson"
+
+    schema_version: Literal[1] = 1
+    """Version of the format."""
+    scan: str
+    """Folder of the scan, below the archive's."""
+    calibration_id: str
+    """Of the calibration that was used."""
+    input_sha256: str
+    """SHA-256 over scan.json, the clouds that it names, the calibration and the options."""
+    points: int
+    """Number of points."""
+    accepted: bool
+    """The verdict of the scan's report."""
+    files: list[WrittenDocument]
+    """What was written beside it."""
+
+
+def hash_of_inputs(folder: Path, names: list[str], about: bytes) -> str:
+    """SHA-256 over `about` and the names and contents of the files."""
+    whole = hashlib.sha256(about)
+    for name in names:
+        whole.update(f"\n{name}\n{file_hash(folder / name)}".encode())
+    return whole.hexdigest()
+
+
+def file_hash(path: Path) -> str:
+    """The SHA-256 of a file's content, hexadecimal."""
+    with open_regular(path) as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def describe_file(path: Path) -> WrittenDocument:
+    return WrittenDocument(name=path.name, bytes=path.stat().st_size, sha256=file_hash(path))
+
 
 SCAN, MERGED, REPORT = "scan.json", "merged.ply", "report.json"
 

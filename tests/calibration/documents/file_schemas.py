@@ -21,8 +21,7 @@ from daemon.scans.scanner_acceptance import AcceptanceDocument
 from daemon.sessions.detections import DetectionsDocument
 from daemon.store.backup import BackupManifestDocument
 from daemon.tools.acceptance_report import RobotAcceptanceDocument
-from daemon.tools.batch_registration.manifest import ManifestDocument
-from daemon.tools.batch_registration.tasks import OutcomeDocument
+from daemon.tools.batch_registration.tasks import ManifestDocument, OutcomeDocument
 from daemon.tools.setup_record import SetupRecordDocument
 from registration.documents import ProfilesDocument, RegistrationReportDocument, ScanDocument, StitchingDocument
 from tests.calibration.documents.schema_examples import (

@@ -9,9 +9,8 @@ from typing import Any
 import httpx
 import pytest
 
-from daemon.access.attempt_limit import MAX_ATTEMPTS
 from daemon.access.browser_sessions import MAX_SESSION_S, cookie_of, token_in
-from daemon.access.pairing import MAX_GUESSES, MAX_PAIRING_S, PairingCodes
+from daemon.access.pairing import MAX_ATTEMPTS, MAX_GUESSES, MAX_PAIRING_S, PairingCodes
 from daemon.access.roles import Role
 from daemon.runtime.clock import Clock
 from tests.daemon.access_keys import TEST, bearer

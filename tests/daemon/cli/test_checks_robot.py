@@ -7,7 +7,7 @@ import pytest
 
 from calibration.documents.validation import validate_document
 from calibration.transforms import transform
-from daemon.cli.checks_robot import check_robot, setup_problems
+from daemon.cli.checks import check_robot, setup_problems
 from daemon.config.robot_settings import LoadSettings
 from daemon.config.settings import RobotSettings, Settings
 from drivers.interfaces import RobotSetup

@@ -18,7 +18,7 @@ from daemon.model.run_states import RunState
 from daemon.reports.context import Picture, ReportContext
 from daemon.reports.reports import calibration_report
 from daemon.runs.supervisor import progress_of
-from daemon.tools.session_pictures.page import residual_page
+from daemon.tools.session_pictures.write import residual_page
 from tests.daemon.calibrations import document_with_covariance
 
 INDEX, NUMBER = 3, 4

@@ -27,7 +27,6 @@ from daemon.config.report_settings import ReportSettings
 from daemon.drift.chart import DriftChart, DriftPointDocument, DriftReport
 from daemon.model.records import RunRecord, ScanRecord
 from daemon.model.run_states import RunState
-from daemon.reports.budget import point_variances
 from daemon.reports.charts import LOOKS, Bar, ChartPoint, bar_chart, control_chart, limit_scale
 from daemon.reports.context import Picture, ReportContext
 from daemon.reports.languages import WORDS
@@ -36,6 +35,7 @@ from daemon.reports.reports import (
     acceptance_report,
     calibration_report,
     drift_report,
+    point_variances,
     scan_report,
     verification_report,
 )

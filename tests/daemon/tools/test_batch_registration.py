@@ -16,9 +16,8 @@ import pytest
 from calibration.documents.pose import PoseDocument
 from calibration.transforms import inverse, map_points, rotation_from_vector, transform
 from daemon.tools.batch_registration.finished import FINISHED_NAME
-from daemon.tools.batch_registration.manifest import MANIFEST_NAME
 from daemon.tools.batch_registration.remote_folder import RemoteFolder
-from daemon.tools.batch_registration.tasks import RegistrationTask, run_task
+from daemon.tools.batch_registration.tasks import MANIFEST_NAME, RegistrationTask, run_task
 from tests.daemon.calibrations import a_calibration
 from tests.daemon.cli.running import handeyed
 from tests.daemon.fakes import FLANGE_T_CAMERA, ply_of
