@@ -1,5 +1,7 @@
 """The complete mock cell: truth, arm, controller, links, camera, scanner and control port."""
 
+import json
+import os
 from collections.abc import Callable
 from contextlib import AsyncExitStack
 from dataclasses import astuple, dataclass, replace
@@ -7,7 +9,7 @@ from functools import partial
 from pathlib import Path
 from random import Random
 from time import monotonic
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -16,7 +18,6 @@ from calibration.kinematics.arm import Arm
 from calibration.kinematics.load import Load
 from calibration.kinematics.seven_axes import SevenAxisArm
 from calibration.transforms import Array
-from mock_robot.announcement import Announcement
 from mock_robot.arm.scara import ScaraArm
 from mock_robot.arm.simulated_arm import ArmNoise, SimulatedArm
 from mock_robot.cabinet.cabinet import MotionBox
@@ -28,11 +29,59 @@ from mock_robot.faults.boards import FaultBoards
 from mock_robot.links.cb_program import CAMERA_LOAD
 from mock_robot.links.wires import PythonWires, RapidWires, Wires
 from mock_robot.rapid.controller import DEPLOYED
-from mock_robot.rws.station import RwsStation
+from mock_robot.rws.station import RwsStation, RwsUrls
 from mock_robot.truth.start_posture import start_joints
 from mock_robot.truth.truth import CellTruth
 from mock_robot.truth.truth_sheet import cell_sheet
 from protocols.cb.codes import Command
+
+
+@dataclass(frozen=True)
+class Announcement:
+    """Addresses of all interfaces, and the cell sheet: what an integrator knows, nothing of the truth."""
+
+    seed: int
+    robot_host: str
+    robot_port: int | None
+    serial_path: str | None
+    devices_url: str | None
+    control_url: str
+    sheet: dict[str, Any]
+    rws: RwsUrls | None = None
+    profiler: str | None = None
+    cameras: tuple[str, ...] = ()
+    scanners: tuple[str, ...] = ()
+
+    def document(self) -> dict[str, Any]:
+        """The announcement as a JSON document."""
+        return {
+            "schema_version": 1,
+            "seed": self.seed,
+            "pid": os.getpid(),
+            "robot": {"host": self.robot_host, "port": self.robot_port, "serial": self.serial_path},
+            "camera": self._device("camera/snapshot.png"),
+            "scanner": self._device("scanner/cloud.ply"),
+            "cameras": {name: self._device(f"cameras/{name}/snapshot.png") for name in self.cameras},
+            "scanners": {name: self._device(f"scanners/{name}/cloud.pcd") for name in self.scanners},
+            "profiler": self.profiler,
+            "rws": None if self.rws is None else {"1.0": self.rws.first, "2.0": self.rws.second},
+            "control": self.control_url,
+            "cell": self.sheet,
+        }
+
+    def _device(self, path: str) -> str | None:
+        return None if self.devices_url is None else f"{self.devices_url}/{path}"
+
+    def line(self) -> str:
+        """The announcement as one line of JSON."""
+        return json.dumps(self.document())
+
+    def write(self, path: Path) -> None:
+        """Write the line atomically: readers see the whole file or none."""
+        unfinished = path.with_name(f".{path.name}.{os.getpid()}")
+        unfinished.write_text(self.line() + "\n")
+        unfinished.replace(path)
+
 
 LOOPBACK = "127.0.0.1"
 

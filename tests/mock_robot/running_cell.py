@@ -18,9 +18,8 @@ from typing import Any
 
 import httpx
 
-from mock_robot.announcement import Announcement
 from mock_robot.cabinet.cabinet import Cabinet
-from mock_robot.cell import MockCell, Ports, RobotProgram
+from mock_robot.cell import Announcement, MockCell, Ports, RobotProgram
 from mock_robot.truth.truth import CellTruth
 from protocols.cb.codes import Command
 from tests.support.loop_time import loop_time

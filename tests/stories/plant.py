@@ -24,7 +24,7 @@ from daemon.cell.devices import open_devices
 from daemon.composition import build
 from daemon.config.settings import Settings, TaughtPose
 from daemon.model.run_states import RunState
-from mock_robot.announcement import Announcement
+from mock_robot.cell import Announcement
 from mock_robot.truth.truth import CellTruth
 from mock_robot.truth.truth_sheet import cell_sheet
 from tests.mock_robot.running_cell import RunningCell, running_cell

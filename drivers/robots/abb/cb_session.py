@@ -1,11 +1,12 @@
 """One connection: requests and answers, heartbeats, and its end. It does not survive a reconnect."""
 
 import asyncio
-from collections.abc import Callable
+from collections import OrderedDict
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager
 from dataclasses import dataclass
 
 from drivers.errors import DeviceError, GarbledAnswer, LinkLost
-from drivers.robots.priority_lock import PriorityLock
 from drivers.timing import Timing
 from drivers.transports.transport import Connection
 from protocols.cb.client import ClientSession
@@ -14,6 +15,55 @@ from protocols.cb.errors import NotAllowedNow
 from protocols.cb.events import ClientEvent, GarbledReply, GreetingLost, ReplyReceived
 from protocols.cb.frames import FramingBroken, GarbageSkipped
 from protocols.cb.messages import Hello, Ping, Refused, Reply, Request, Stop, Welcome
+
+Turns = OrderedDict[asyncio.Future[None], None]
+
+
+class PriorityLock:
+    """An asyncio lock whose urgent waiters go first; a waiter that is cancelled leaves the queue."""
+
+    def __init__(self) -> None:
+        self._taken = False
+        self._urgent: Turns = OrderedDict()
+        self._ordinary: Turns = OrderedDict()
+
+    @property
+    def waiting(self) -> int:
+        """Number of waiters."""
+        return len(self._urgent) + len(self._ordinary)
+
+    @asynccontextmanager
+    async def hold(self, *, urgent: bool = False) -> AsyncIterator[None]:
+        """Hold the lock; waits for it."""
+        await self._enter(self._urgent if urgent else self._ordinary)
+        try:
+            yield
+        finally:
+            self._leave()
+
+    async def _enter(self, queue: Turns) -> None:
+        if not self._taken:
+            self._taken = True
+            return
+        turn: asyncio.Future[None] = asyncio.get_running_loop().create_future()
+        queue[turn] = None
+        try:
+            await turn
+        except asyncio.CancelledError:
+            queue.pop(turn, None)
+            if turn.done() and not turn.cancelled():
+                self._leave()  # the lock was granted at the moment of cancellation: pass it on
+            raise
+
+    def _leave(self) -> None:
+        for queue in (self._urgent, self._ordinary):
+            while queue:
+                turn, _ = queue.popitem(last=False)
+                if not turn.done():
+                    turn.set_result(None)
+                    return
+        self._taken = False
+
 
 REPLY_LIMIT_S = 2.0
 REPEAT_AFTER_S, MAX_REPEAT_S = 0.25, 1.0

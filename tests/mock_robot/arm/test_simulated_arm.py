@@ -9,8 +9,7 @@ from calibration.kinematics.arm import OutsideJointLimits
 from calibration.transforms import inverse, vector_from_rotation
 from mock_robot.arm.built_arm import MAX_WARMTH_K, build_arm
 from mock_robot.arm.paths import LinePath
-from mock_robot.arm.simulated_arm import IN_POSITION_S, ArmNoise, SimulatedArm, plan_motion
-from mock_robot.arm.speed_profile import Braked, Trapezoid
+from mock_robot.arm.simulated_arm import IN_POSITION_S, ArmNoise, Braked, SimulatedArm, Trapezoid, plan_motion
 from tests.mock_robot.controller_client import ARM, AWAY, HOME
 
 positive = st.floats(0.01, 100.0)

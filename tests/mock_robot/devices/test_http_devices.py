@@ -18,7 +18,7 @@ from mock_robot.faults.device_faults import DEVICE_FAULTS, DeviceFaultBoard
 from mock_robot.scene.camera_view import facing
 from mock_robot.scene.part import DOOR
 from mock_robot.scene.printed_target import print_target
-from mock_robot.truth.score_ply import UnreadablePly, read_points
+from mock_robot.truth.score import UnreadablePly, read_points
 from mock_robot.truth.truth import NO_NOISE, CellTruth
 from mock_robot.truth.truth_sheet import scan_poses_of
 from tests.support.waiting import LIMIT_S

@@ -4,11 +4,11 @@ from dataclasses import dataclass, field
 from types import SimpleNamespace
 from typing import Any
 
+from mock_robot.rapid.controller import MAX_CLOCK_S
 from mock_robot.rapid.errors import ProgramStopped
 from mock_robot.rapid.interrupts import Interrupts
 from mock_robot.rapid.program import PersistentMemory, Program, Source
 from mock_robot.rapid.scope import Data
-from mock_robot.rapid.services import MAX_CLOCK_S
 from mock_robot.rapid.tasks import ProgramTask
 
 

@@ -12,12 +12,11 @@ import pytest
 
 from mock_robot.cabinet.panel import Mode
 from mock_robot.rapid.configuration import Fragments, task_plans
-from mock_robot.rapid.controller import DEPLOYED
+from mock_robot.rapid.controller import DEPLOYED, MAX_CLOCK_S, OpenDevices
 from mock_robot.rapid.errors import CycleLeft
 from mock_robot.rapid.frames import FrameFaultBoard
 from mock_robot.rapid.interrupts import Interrupts
 from mock_robot.rapid.program import PersistentMemory, Program
-from mock_robot.rapid.services import MAX_CLOCK_S, OpenDevices
 from mock_robot.rapid.signals import Signal
 from mock_robot.rapid.statements import HANDLED_ERROR
 from mock_robot.rapid.tasks import ProgramTask

@@ -9,7 +9,7 @@ from scipy.spatial import cKDTree
 from calibration.transforms import Array, inverse, map_points, rotation_from_vector, transform
 from mock_robot.scene.part import DOOR, surface_samples
 from mock_robot.scene.scanner_view import ScannerModel, cast, cloud_ply, scan
-from mock_robot.truth.score_ply import read_points
+from mock_robot.truth.score import read_points
 from mock_robot.truth.truth import CellTruth
 from mock_robot.truth.truth_sheet import scan_poses_of
 

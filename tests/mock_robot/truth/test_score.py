@@ -6,8 +6,7 @@ import pytest
 from calibration.transforms import Array, map_points, rotation_from_vector, transform
 from mock_robot.scene.part import DOOR, surface_samples
 from mock_robot.scene.scanner_view import cloud_ply
-from mock_robot.truth.score import Unscorable, score_calibration, score_cloud
-from mock_robot.truth.score_ply import UnreadablePly, read_points
+from mock_robot.truth.score import UnreadablePly, Unscorable, read_points, score_calibration, score_cloud
 from mock_robot.truth.truth import CellTruth
 
 TRUTH = CellTruth.from_seed(7)

@@ -20,7 +20,7 @@ from registration.errors import CloudError, CloudIOError, CloudTooLong, CloudTru
 from registration.io import convert, durable_file, parallel_copy
 from registration.io.convert import move_file
 from registration.io.formats import npy, pcd, ply
-from registration.io.formats.lzf import LzfDamaged, decompress
+from registration.io.formats.compressed import LzfDamaged, decompress
 from registration.points.layout import XYZ_FLOAT32, Layout, Records
 from registration.points.rigid_motion import RigidMotion
 from tests.registration.clouds import BASE_T_CAMERA, RICH, cloud, moved, xyz
