@@ -114,11 +114,11 @@ def weigh(finding: Finding, uncertainty: Uncertainty | None, limits: VerdictLimi
     the rest of it, or far below the tolerance, is information; one well below the tolerance a warning. A size beyond
     its limit stays what it is, however little moves with it: such a description belongs to something else.
     """
-    if finding.sizes and exceeds_limit(finding, limits):
+    if any(abs(size) > getattr(limits, name) for name, size in finding.sizes):
         return finding
     if finding.sizes:
         fix = Sentence("none-needed") if finding.within == "info" else finding.fix
-        finding = replace(finding, severity=less_severe(finding.severity, finding.within), fix=fix)
+        finding = replace(finding, severity=min(finding.severity, finding.within, key=SEVERITIES.index), fix=fix)
     if finding.effect_mm is None or uncertainty is None:
         return finding
     expanded_mm = COVERAGE_FACTOR * uncertainty.point_mm
@@ -130,22 +130,8 @@ def weigh(finding: Finding, uncertainty: Uncertainty | None, limits: VerdictLimi
         deserved = "warning"
     if effect_mm <= max(without_mm, limits.negligible_share * limits.tolerance_mm):
         deserved = "info"
-    return replace(finding, severity=less_severe(finding.severity, more_severe(deserved, finding.least)))
-
-
-def exceeds_limit(finding: Finding, limits: VerdictLimits = DEFAULT_VERDICT_LIMITS) -> bool:
-    """Whether one of the finding's sizes is beyond its limit, or it has none to compare."""
-    return not finding.sizes or any(abs(size) > getattr(limits, name) for name, size in finding.sizes)
-
-
-def less_severe(one: Severity, other: Severity) -> Severity:
-    """The lower of two severities."""
-    return min(one, other, key=SEVERITIES.index)
-
-
-def more_severe(one: Severity, other: Severity) -> Severity:
-    """The higher of two severities."""
-    return max(one, other, key=SEVERITIES.index)
+    deserved = max(deserved, finding.least, key=SEVERITIES.index)
+    return replace(finding, severity=min(finding.severity, deserved, key=SEVERITIES.index))
 
 
 def verdict_of(solution: Solution, findings: tuple[Finding, ...], limits: VerdictLimits) -> Verdict:

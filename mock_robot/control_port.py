@@ -69,6 +69,7 @@ class ControlPort:
                 continue
             try:
                 answer = handler(self, {**_fields(scope, body), **match.groupdict()})
+                answer = self._state() if answer is None else answer
             except MockError as error:
                 return _problem(404 if isinstance(error, UnknownFault) else 422, str(error))
             self.nudge()
@@ -80,7 +81,7 @@ class ControlPort:
 
     # --- handlers ---
 
-    def _state(self, fields: Fields) -> Any:
+    def _state(self) -> Any:
         now_s = self.clock()
         controller = self.controller
         controller.tick(now_s)
@@ -127,23 +128,7 @@ class ControlPort:
         self.faults.clear(self.clock(), fields.get("name"))
         return {"on": self.faults.active}
 
-    def _motors(self, fields: Fields) -> Any:
-        self.controller.switch_motors(_switch(fields, "on"), self.clock())
-        return self._state(fields)
-
-    def _mode(self, fields: Fields) -> Any:
-        self.controller.switch_mode(Mode.from_name(str(fields.get("mode"))), self.clock())
-        return self._state(fields)
-
-    def _emergency_stop(self, fields: Fields) -> Any:
-        self.controller.press_emergency_stop(_switch(fields, "pressed"), self.clock())
-        return self._state(fields)
-
-    def _program(self, fields: Fields) -> Any:
-        self.controller.run_program(_switch(fields, "running"), self.clock())
-        return self._state(fields)
-
-    def _jog(self, fields: Fields) -> Any:
+    def _jog(self, fields: Fields) -> None:
         """Move the arm as an operator does with the joystick: to `joints_deg`, or to `base_T_flange`, `in_s` (1 s).
 
         Or, with `axis_beside`, the track (mm) or the turntable (degrees) beside it, at once.
@@ -155,13 +140,12 @@ class ControlPort:
         robot_s = controller.robot_s(now_s)
         if "axis_beside" in fields:
             controller.stand_axes(controller.mounting.axes_at(_number(fields["axis_beside"], "axis_beside", -1e4, 1e4)))
-            return self._state(fields)
+            return
         in_s = _number(fields.get("in_s", 1.0), "in_s", *JOG_S)
         try:
             controller.arm.jog(self._jog_goal(fields, robot_s), in_s * controller.time_scale, robot_s)
         except UnreachablePoseError as error:
             raise JogRefused(f"{error.what}: {error.fix}") from None
-        return self._state(fields)
 
     def _jog_goal(self, fields: Fields, robot_s: float) -> Array:
         """The joints (6,) rad to jog to. Raises JogRefused, UnreachablePoseError."""
@@ -179,39 +163,29 @@ class ControlPort:
         except (TypeError, ValueError, GeometryError):
             raise JogRefused("give joints_deg, one angle for each axis, or base_T_flange, a pose in mm") from None
 
-    def _restart(self, fields: Fields) -> Any:
-        self.controller.restart(self.clock())
-        return self._state(fields)
-
-    def _fail_power(self, fields: Fields) -> Any:
-        """Mains off and on again: the program pointer stays, motors and program are off."""
-        self.controller.fail_power(self.clock())
-        return self._state(fields)
-
-    def _pointer_to_main(self, fields: Fields) -> Any:
-        self.controller.move_pointer_to_main(self.clock())
-        return self._state(fields)
-
 
 _ROUTES: tuple[tuple[str, re.Pattern[str], Callable[[ControlPort, Fields], Any]], ...] = tuple(
     (method, re.compile(path), handler)
     for method, path, handler in (
-        ("GET", "/state", ControlPort._state),
+        ("GET", "/state", lambda port, _: port._state()),
         ("GET", "/log", ControlPort._log),
         ("GET", "/faults", ControlPort._list_faults),
         ("POST", "/faults/(?P<name>[a-z0-9-]+)", ControlPort._fault_on),
         ("DELETE", "/faults/(?P<name>[a-z0-9-]+)", ControlPort._fault_off),
         ("DELETE", "/faults", ControlPort._fault_off),
-        ("POST", "/motors", ControlPort._motors),
-        ("POST", "/mode", ControlPort._mode),
-        ("POST", "/emergency-stop", ControlPort._emergency_stop),
-        ("POST", "/program", ControlPort._program),
+        ("POST", "/motors", lambda port, f: port.controller.switch_motors(_switch(f, "on"), port.clock())),
+        ("POST", "/mode",
+         lambda port, f: port.controller.switch_mode(Mode.from_name(str(f.get("mode"))), port.clock())),
+        ("POST", "/emergency-stop",
+         lambda port, f: port.controller.press_emergency_stop(_switch(f, "pressed"), port.clock())),
+        ("POST", "/program", lambda port, f: port.controller.run_program(_switch(f, "running"), port.clock())),
         ("POST", "/jog", ControlPort._jog),
-        ("POST", "/restart", ControlPort._restart),
-        ("POST", "/power-failure", ControlPort._fail_power),
-        ("POST", "/pointer-to-main", ControlPort._pointer_to_main),
+        ("POST", "/restart", lambda port, _: port.controller.restart(port.clock())),
+        ("POST", "/power-failure", lambda port, _: port.controller.fail_power(port.clock())),
+        ("POST", "/pointer-to-main", lambda port, _: port.controller.move_pointer_to_main(port.clock())),
     )
-)
+)  # fmt: skip
+"""Handlers by method and path; where one returns None, the answer is the state."""
 
 
 def _fields(scope: Scope, body: bytes) -> dict[str, Any]:

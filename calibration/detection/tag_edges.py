@@ -43,7 +43,8 @@ def _refine_once(image: Grey, plane: Array, corners: Array, along: Array, reach_
     shift = _edge_shift(image, on_edge, outward, along, reach_px)
     # Four corners do not show the lens's distortion, so the edges of a single square may be bowed.
     if len(plane) == 1:
-        at_start, at_end = _ends_of_parabola(along, shift)
+        start_of, end_of = np.vander([0.0, 1.0], 3) @ np.linalg.pinv(np.vander(along, 3))  # of the fitted parabolas
+        at_start, at_end = np.asarray(shift @ start_of), np.asarray(shift @ end_of)
     else:
         slope, middle = _line(along, shift)
         at_start, at_end = middle - slope * 0.5, middle + slope * 0.5
@@ -73,13 +74,6 @@ def _along_the_edge(along: Array, level: Array) -> Array:
     """The line (n, 4, samples) through grey values along each edge: keeps uneven lighting, removes noise."""
     slope, middle = _line(along, level)
     return middle[..., None] + slope[..., None] * (along - 0.5)
-
-
-def _ends_of_parabola(along: Array, value: Array) -> tuple[Array, Array]:
-    """Values (n, 4) of the fitted parabolas at the starts and the ends of the edges."""
-    basis = np.vander(along, 3)
-    start, end = np.vander([0.0, 1.0], 3) @ np.linalg.pinv(basis)
-    return np.asarray(value @ start), np.asarray(value @ end)
 
 
 def _line(along: Array, value: Array) -> tuple[Array, Array]:

@@ -218,7 +218,13 @@ def _explain_misfit(table: PoseTable, compared: Sequence[Compared], evidence: Ev
     if table.kind != "joints":  # an arm's joints leave no choice of lengths
         changes = [*_changes_of_lengths(table, of_pictures=evidence.pictures is not None)]
         tried = [(one, way) for _, way in near for one in changes if one.axis or not possible]
-    turned, tables = _agreeing_turns(few, ((one, way) for way in readings for one in _turntables(table, way)))
+    turntables = (  # about an axis of the base; they carry no target that the flange holds
+        (one, way)
+        for way in readings
+        if way.setup == "eye-in-hand"
+        for one in _beside_the_arm(table, "turntable", "a turntable about")
+    )
+    turned, tables = _agreeing_turns(few, turntables)
     if turned < still:
         tried += [(_through_axis(few, *one), one[1]) for one in tables]
     if not tried:
@@ -315,12 +321,6 @@ def _changes_of_lengths(table: PoseTable, *, of_pictures: bool) -> Iterator[_Cha
             lengths = table.lengths[:, list(order)] * signs
             yield _Change(replace(table, lengths=lengths), words, f"give --axes={axes}, or correct the poses")
     yield from _beside_the_arm(table, "track", "a track along")
-
-
-def _turntables(table: PoseTable, reading: Reading) -> Iterator[_Change]:
-    """Turntables about an axis of the base whose readings the table has; they carry no target that the flange holds."""
-    if reading.setup == "eye-in-hand":
-        yield from _beside_the_arm(table, "turntable", "a turntable about")
 
 
 def _beside_the_arm(table: PoseTable, kind: AxisKind, what: str) -> Iterator[_Change]:

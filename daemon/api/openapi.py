@@ -56,11 +56,6 @@ EXAMPLES: dict[int, Exception] = {
 }
 
 
-def example_of(status: int) -> dict[str, Any]:
-    """The example as problem+json."""
-    return problem_of(EXAMPLES[status]).model_dump(exclude_none=True)
-
-
 MODE: Literal["validation"] = "validation"
 REF = "#/components/schemas/{model}"
 
@@ -206,8 +201,8 @@ def _finish(document: dict[str, Any], bodies: dict[tuple[str, str], type[BaseMod
 
 
 def _problem(status: int) -> dict[str, Any]:
-    schema = {"$ref": "#/components/schemas/Problem"}
+    schema, example = {"$ref": "#/components/schemas/Problem"}, problem_of(EXAMPLES[status])
     return {
         "description": reason_phrase(status),
-        "content": {MEDIA_TYPE: {"schema": schema, "example": example_of(status)}},
+        "content": {MEDIA_TYPE: {"schema": schema, "example": example.model_dump(exclude_none=True)}},
     }

@@ -63,17 +63,13 @@ class Mounting:
         number = 0 if self.beside is None else self.beside.number
         return tuple(reading if each == number else UNUSED_AXIS for each in range(1, 7))
 
-    def true_world_T_base(self, external_axes: tuple[float, ...]) -> Array:
-        """Where the base stands."""
-        return self._moved(external_axes)
-
     def reported_world_T_base(self, external_axes: tuple[float, ...]) -> Array:
         """Where the controller believes it to stand."""
         return self._moved(external_axes) if self.integrated else self.world_T_base
 
     def start_T_base(self, external_axes: tuple[float, ...]) -> Array:
         """The base now, where the track is at 0 and as a turntable sees it: what camera and target see."""
-        start_T_base = inverse(self.world_T_base) @ self.true_world_T_base(external_axes)
+        start_T_base = inverse(self.world_T_base) @ self._moved(external_axes)
         if self.beside is None:
             return start_T_base
         reading = reading_of(self.beside.kind, external_axes[self.beside.number - 1])

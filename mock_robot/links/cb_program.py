@@ -114,9 +114,6 @@ class Controller(Cabinet):
 
     # --- requests ---
 
-    def _ping(self, seq: int, request: cb.Ping, now_s: float) -> cb.Reply:
-        return cb.Pong()
-
     def _hello(self, seq: int, request: cb.Hello, now_s: float) -> cb.Reply:
         self.halt(now_s, Status.ABORTED)
         self._move, self._finished = None, (0, Status.OK)
@@ -249,9 +246,6 @@ class Controller(Cabinet):
         pairs = zip(self.external_axes, asked, strict=True)
         return tuple(have if have >= 8.9e9 else wanted for have, wanted in pairs)
 
-    def _get_error(self, seq: int, request: cb.GetError, now_s: float) -> cb.Reply:
-        return self._error
-
     def _set_output(self, seq: int, request: cb.SetOutput, now_s: float) -> cb.Reply:
         self.outputs[request.output] = request.on
         return cb.OutputDone()
@@ -298,7 +292,7 @@ class Controller(Cabinet):
 
 
 _HANDLERS: dict[type[Any], Callable[[Controller, int, Any, float], cb.Reply]] = {
-    cb.Ping: Controller._ping,
+    cb.Ping: lambda *_: cb.Pong(),
     cb.Hello: Controller._hello,
     cb.GetPose: Controller._pose,
     cb.Move: Controller._move_request,
@@ -308,7 +302,7 @@ _HANDLERS: dict[type[Any], Callable[[Controller, int, Any, float], cb.Reply]] = 
     cb.GetJoints: Controller._joints,
     cb.Bye: Controller._bye,
     cb.MoveJoints: Controller._move_joints,
-    cb.GetError: Controller._get_error,
+    cb.GetError: lambda controller, *_: controller._error,
     cb.SetOutput: Controller._set_output,
     cb.GetSetup: Controller._get_setup,
 }

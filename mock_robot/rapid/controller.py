@@ -229,7 +229,7 @@ class RapidController(Cabinet):
         outputs: dict[str, Callable[[str], bool]] = {
             "MotOnState": lambda _: self.panel.motors_on,
             "EmStop": lambda _: self.panel.emergency_stop,
-            "TaskExecuting": self._executes,
+            "TaskExecuting": lambda name: any(one.task.running for one in self._loaded if one.task.name == name),
             "Error": lambda name: name in self._error,
         }
         fragments = self._fragments
@@ -380,9 +380,6 @@ class RapidController(Cabinet):
         if signal is not None:
             signal.value = bool(value) if signal.kind in DIGITAL else value
         return signal is not None
-
-    def _executes(self, task_name: str) -> bool:
-        return any(loaded.task.running for loaded in self._loaded if loaded.task.name == task_name)
 
     def _note(self, code: int, text: str) -> None:
         self.record(self.clock(), code, text)

@@ -18,11 +18,6 @@ def matrix_of(pose: list[Any]) -> Array:
         raise RapidError("ERR_ILLQUAT", str(error)) from None
 
 
-def trans_and_rot(matrix: Array) -> list[Any]:
-    """[trans, rot] of a matrix (4, 4), in single precision."""
-    return [singles(matrix[:3, 3]), singles(quaternion_from_rotation(matrix[:3, :3]))]
-
-
 def singles(values: Any) -> list[float]:
     """Round numbers as a num stores them."""
     return [single(float(value)) for value in values]
@@ -34,8 +29,9 @@ def flange_of(target: list[Any], tool: list[Any], wobj: list[Any] | None) -> Arr
 
 
 def target_at(world_T_flange: Array, tool: list[Any], wobj: list[Any] | None) -> list[Any]:
-    """[trans, rot] of the tool in the work object."""
-    return trans_and_rot(inverse(world_T_object(wobj)) @ world_T_flange @ matrix_of(tool[1]))
+    """[trans, rot] of the tool in the work object, in single precision."""
+    object_T_tool = inverse(world_T_object(wobj)) @ world_T_flange @ matrix_of(tool[1])
+    return [singles(object_T_tool[:3, 3]), singles(quaternion_from_rotation(object_T_tool[:3, :3]))]
 
 
 def world_T_object(wobj: list[Any] | None) -> Array:

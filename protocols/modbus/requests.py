@@ -165,10 +165,6 @@ def _parse_write_registers(function: Function, data: bytes) -> Request:
     return WriteWords(function, address, words_of(data[5:]))
 
 
-def _parse_mask_write(_function: Function, data: bytes) -> Request:
-    return MaskWrite(*struct.unpack(">HHH", data))
-
-
 def _parse_read_write(_function: Function, data: bytes) -> Request:
     read_address, read_count, write_address, write_count, promised = struct.unpack(">HHHHB", data[:9])
     _require_count(read_count, MAX_READ_WORDS)
@@ -195,7 +191,7 @@ _PARSERS: dict[int, Callable[[Function, bytes], Request]] = {
     Function.WRITE_REGISTER: _parse_write_register,
     Function.WRITE_COILS: _parse_write_coils,
     Function.WRITE_REGISTERS: _parse_write_registers,
-    Function.MASK_WRITE_REGISTER: _parse_mask_write,
+    Function.MASK_WRITE_REGISTER: lambda _, data: MaskWrite(*struct.unpack(">HHH", data)),
     Function.READ_WRITE_REGISTERS: _parse_read_write,
     Function.ENCAPSULATED: _parse_identification,
 }

@@ -246,10 +246,6 @@ def _on_end(state: Handshake, event: CommandEnded) -> Change:
     return replace(after, waiting=block), ()
 
 
-def _on_cell_status(state: Handshake, event: CellStatus) -> Change:
-    return replace(state, cell=event), ()
-
-
 def _on_time(state: Handshake, event: TimePassed) -> Change:
     after = replace(
         state, heartbeat_out=next_count(state.heartbeat_out), silent_s=min(state.silent_s + event.seconds, 1e6)
@@ -281,6 +277,6 @@ _REACTIONS: dict[type[Any], Callable[[Handshake, Any], Change]] = {
     StartRefused: _on_refusal,
     StationReached: _on_progress,
     CommandEnded: _on_end,
-    CellStatus: _on_cell_status,
+    CellStatus: lambda state, event: (replace(state, cell=event), ()),
     TimePassed: _on_time,
 }

@@ -59,9 +59,6 @@ class LargeVoxelGrid:
             if len(self._grid) > self._most_cells:
                 self._divide()
 
-    def _restore(self, keys: Keys, sums: Array) -> None:
-        self._grid.restore(keys, sums)
-
     def _divide(self) -> None:
         keys, sums = self._grid.sums()
         self._grid = VoxelGrid(self.edge_mm, self.layout)
@@ -76,7 +73,7 @@ class LargeVoxelGrid:
         for number in self._ranges.numbers():
             with LargeVoxelGrid(self.edge_mm, self.layout, self._ranges.folder, self._most_cells) as grid:
                 for keys, sums in self._ranges.take_sums(number):
-                    grid._restore(keys, sums)
+                    grid._grid.restore(keys, sums)
                 for block in self._ranges.take_points(number):
                     grid.add(block)
                 yield from grid.blocks()

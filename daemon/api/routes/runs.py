@@ -4,7 +4,6 @@ from typing import Annotated
 
 from fastapi import APIRouter, Depends, Path, Request, Response
 
-from calibration.documents.calibration import CalibrationDocument
 from calibration.sentences.sentence import Sentence
 from daemon.api.dependencies import (
     IN_WHOLE_DIGITS,
@@ -144,23 +143,18 @@ async def finish(request: Request, app: App, run_id: Identifier, wait: Wait = 0.
 async def views(app: App, run_id: Identifier) -> Response:
     """The views of a calibration or verification run: the points found, and where its calibration predicts them."""
     found = await app.supervisor.run(run_id)
-    calibration, arm = await _calibration_of(app, found), app.operations.rules.arm
+    calibration_id = (found.result or {}).get("calibration_id")  # that the run has made, or has verified
+    calibration = None if calibration_id is None else (await app.store.calibration(calibration_id)).document
+    arm = app.operations.rules.arm
     folder, own = app.store.run_folder(found.id), found.kind == "calibration"
     if found.kind in ("scan", "jog") or not (folder / SESSION_FILE).is_file():
         raise NotFound(Sentence("no-views-of-run", run=found.id), Sentence("look-at-other-run"))
 
     def as_json() -> bytes:
         known = run_views(folder, calibration, arm, own=own)
-        calibration_id = None if calibration is None else calibration.id
         return RunViewsDocument.of(found.id, calibration_id, known, arm).model_dump_json().encode()
 
     return await respond_page(app, as_json)
-
-
-async def _calibration_of(app: Application, run: RunRecord) -> CalibrationDocument | None:
-    """The calibration that a run has made, or has verified; None before its end."""
-    calibration_id = (run.result or {}).get("calibration_id")
-    return None if calibration_id is None else (await app.store.calibration(calibration_id)).document
 
 
 @router.get(

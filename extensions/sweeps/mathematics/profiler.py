@@ -60,7 +60,8 @@ def solve_profiler(sweeps: Sequence[ArtefactSweep], rough: Array | None = None) 
             found[index] = _find_artefact(sweep)
         except RegistrationError as error:
             reasons[index] = f"artefact-not-found: {error}"
-    middles = np.array([_middle_pose(sweeps[index]) for index in found]).reshape(-1, 4, 4)
+    paths = [sweeps[index].path for index in found]
+    middles = np.array([path.base_T_flange[len(path.times_s) // 2] for path in paths]).reshape(-1, 4, 4)
     try:
         answer, seen_mm = _solve(sweeps, found, names, radii_mm, rough)
     except (UndeterminedError, PathGap) as error:
@@ -136,11 +137,6 @@ def _find_artefact(sweep: ArtefactSweep) -> SurfacePoints:
     if sweep.radius_mm is None:
         return find_plane(block, standing=path.stands, face=sweep.face)
     return find_sphere(block, sweep.radius_mm, standing=path.stands)
-
-
-def _middle_pose(sweep: ArtefactSweep) -> Array:
-    middle: Array = sweep.path.base_T_flange[len(sweep.path.times_s) // 2]
-    return middle
 
 
 def _view(index: int, reason: str | None, error_mm: float | None) -> ViewResult:
