@@ -41,8 +41,7 @@ from daemon.runtime.memory_trim import MemoryTrim
 from daemon.runtime.metrics import Metrics
 from daemon.runtime.recent_log import RecentLog
 from daemon.runtime.service_ends import ServiceEnds, read_ends
-from daemon.runtime.status_line import Doing, StatusLine
-from daemon.runtime.systemd import Systemd
+from daemon.runtime.systemd import Doing, StatusLine, Systemd
 from daemon.runtime.update_hold import UpdateHold
 from daemon.runtime.workers import Workers
 from daemon.scans.registration_jobs import RegistrationJobs

@@ -15,7 +15,6 @@ from daemon.api.routes import (
     health,
     help_codes,
     keys,
-    live,
     page,
     register,
     reports,
@@ -24,7 +23,6 @@ from daemon.api.routes import (
     scans,
     session,
     setup,
-    support,
 )
 from daemon.api.schemas.health import Welcome
 from daemon.runtime.version import SOFTWARE
@@ -80,11 +78,9 @@ ROUTERS: tuple[APIRouter, ...] = (
     cell.router,
     runs.robot,
     events.router,
-    live.router,
     register.router,
     scans.router,
     admin.router,
-    support.router,
     setup.router,
     session.router,
     page.router,

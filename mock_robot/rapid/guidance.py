@@ -21,8 +21,7 @@ from calibration.transforms import (
 )
 from mock_robot.cabinet.egm_sample import robot_sample
 from mock_robot.rapid.unit import MotionUnit
-from protocols.egm.corrections import Correction, decode_correction
-from protocols.egm.messages import NotEgm, RobotSample, encode
+from protocols.egm.messages import Correction, NotEgm, RobotSample, decode_correction, encode
 
 PERIOD_S = 0.004
 MAX_SPEED_DEG_S, MAX_DEVIATION_DEG = 1.0, 1000.0

@@ -20,7 +20,7 @@ from daemon.application import Application
 from daemon.errors import DaemonError, StorageError
 from daemon.http.connection_limiter import network_of
 from daemon.http.connections import ON_AUTHENTICATED
-from daemon.runtime.log_limit import LogLimit
+from daemon.runtime.logs import LogLimit
 from daemon.store.actor import AuditContext, acting_as
 
 log = logging.getLogger(__name__)

@@ -23,8 +23,8 @@ from daemon.api.http_errors import InvalidRequest, KeyReused, RequestInFlight
 from daemon.api.middleware.disconnects import wait_for_run
 from daemon.api.problems import answer, problem_of
 from daemon.api.run_answers import answer_started
-from daemon.api.schemas.rigs import StoredRig
 from daemon.api.schemas.scans import ScanDocument
+from daemon.api.schemas.stored_documents import StoredRig
 from daemon.api.streaming.request_body import body_chunks
 from daemon.application import Application
 from daemon.errors import DaemonError, StorageError

@@ -12,11 +12,11 @@ from daemon.api.plain_text import status_text
 from daemon.api.problems import problem_responses
 from daemon.api.readiness import readiness
 from daemon.api.routes.runs import STARTED, answer_run_start
-from daemon.api.schemas.acceptances import AcceptanceList, StoredAcceptance
 from daemon.api.schemas.answer import documents_json
 from daemon.api.schemas.calibrations import AppliedDocument, CalibrateStatus, CalibrationSummary
 from daemon.api.schemas.cell import ForesightDocument, frame_warning
 from daemon.api.schemas.runs import RunDocument
+from daemon.api.schemas.stored_documents import AcceptanceList, StoredAcceptance
 from daemon.application import Application
 from daemon.config.settings import CalibrationSettings
 from daemon.drift.cell_cameras import CellCamera

@@ -19,7 +19,7 @@ from calibration.documents.validation import parse_document
 from calibration.kinematics.abb_arms import find_arm
 from daemon.api.dependencies import IN_WHOLE_DIGITS, App, Identifier
 from daemon.api.problems import problem_responses
-from daemon.api.schemas.exports import ExportDocument, ExportList
+from daemon.api.schemas.calibrations import ExportDocument, ExportList
 from daemon.application import Application
 from daemon.errors import NotFound
 from daemon.sessions.session_files import SESSION_FILE

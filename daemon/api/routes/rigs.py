@@ -11,7 +11,7 @@ from daemon.api.dependencies import App, Before, Identifier, JsonBody, Limit, pa
 from daemon.api.middleware.authentication import caller_of
 from daemon.api.problems import problem_responses
 from daemon.api.schemas.answer import documents_json
-from daemon.api.schemas.rigs import RigList, StoredRig
+from daemon.api.schemas.stored_documents import RigList, StoredRig
 from daemon.application import Application
 from daemon.scans.rig_sensors import RigSensors
 

@@ -26,8 +26,7 @@ from daemon.api.problems import problem_responses
 from daemon.api.routes.cell import PICTURES, stored_picture
 from daemon.api.run_answers import answer_run, answer_started
 from daemon.api.schemas.answer import page_json
-from daemon.api.schemas.run_views import RunViewsDocument
-from daemon.api.schemas.runs import RunDocument, RunList
+from daemon.api.schemas.runs import RunDocument, RunList, RunViewsDocument
 from daemon.application import Application
 from daemon.errors import NotFound
 from daemon.model.records import RunKind, RunRecord

@@ -33,7 +33,7 @@ def tip(
     """
     from calibration.documents.imports.pose_files import read_poses
     from daemon.runtime.bounded_read import read_document
-    from extensions.touch.mathematics.tip import tip_document, tip_text
+    from extensions.touch.mathematics.pivot_calibration import tip_document, tip_text
 
     table = read_poses(str(file), read_document(file))
     document = tip_document(_calibrate(table, convention, unit), table.labels)

@@ -9,7 +9,7 @@ import pytest
 
 from daemon.access.keys import new_key
 from daemon.access.roles import Role
-from daemon.runtime.log_limit import INTERVAL_S, MAX_SUBJECTS, LogLimit
+from daemon.runtime.logs import INTERVAL_S, MAX_SUBJECTS, LogLimit
 from tests.daemon.access_keys import TEST, bearer
 from tests.daemon.cell_under_test import Bench, serving, settings_for
 from tests.support.waiting import LIMIT_S, eventually

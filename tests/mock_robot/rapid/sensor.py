@@ -2,8 +2,7 @@
 
 from collections.abc import Iterable
 
-from protocols.egm.corrections import Correction
-from protocols.egm.messages import MessageType
+from protocols.egm.messages import Correction, MessageType
 from protocols.egm.protobuf import double_field, integer_field, message_field
 
 

@@ -15,8 +15,7 @@ from calibration.transforms import Array
 from mock_robot.arm.simulated_arm import ArmNoise, SimulatedArm
 from mock_robot.rapid.controller import RapidController
 from mock_robot.rapid.headers import builtins
-from protocols.egm.corrections import Correction, decode_correction
-from protocols.egm.messages import decode
+from protocols.egm.messages import Correction, decode, decode_correction
 from tests.mock_robot.controller_client import ARM, HOME
 from tests.mock_robot.rapid import customer_program
 from tests.mock_robot.rapid.sensor import encode_correction
