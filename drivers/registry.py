@@ -18,12 +18,11 @@ from urllib.parse import SplitResult, parse_qsl, urlsplit
 from calibration.transforms import Array
 from drivers.cameras.aravis_camera import AravisLibrary
 from drivers.cameras.basler_camera import PylonLibrary
-from drivers.cameras.folder_camera import FolderCamera
 from drivers.cameras.genicam.address import parse_camera_address
-from drivers.cameras.genicam.camera import GenICamCamera
 from drivers.cameras.genicam.device import Library
+from drivers.cameras.genicam.opened_device import GenICamCamera
 from drivers.cameras.genicam_camera import HarvestersLibrary
-from drivers.cameras.http_camera import HttpCamera
+from drivers.cameras.image_files import FolderCamera, HttpCamera
 from drivers.cameras.realsense_camera import RealSenseLibrary
 from drivers.cameras.video_camera import VideoCamera
 from drivers.errors import AddressNotUnderstood
@@ -44,11 +43,10 @@ from drivers.robots.abb.rws.address import RwsAddress
 from drivers.robots.abb.rws.redundant_stop import RedundantStop
 from drivers.robots.abb.rws.robot import RwsRobot
 from drivers.robots.base_frame import RobotInBaseFrame
+from drivers.scanners.cloud_files import FolderScanner, HttpScanner
 from drivers.scanners.folder_profiler import FolderProfiler
-from drivers.scanners.folder_scanner import FolderScanner
 from drivers.scanners.genicam_scanner import GenICamScanner
 from drivers.scanners.gocator_profiler import GocatorProfiler
-from drivers.scanners.http_scanner import HttpScanner
 from drivers.scanners.profiler_address import ProfilerHost, parse_profiler_address
 from drivers.timing import Timing
 from drivers.transports.serial_line import SerialTransport

@@ -22,8 +22,8 @@ import numpy as np
 from benchmarks.daemon.half_open import health_ms, row
 from benchmarks.daemon.http import process
 from drivers.cameras.genicam.address import parse_camera_address
-from drivers.cameras.genicam.camera import GenICamCamera
 from drivers.cameras.genicam.device import RawPicture
+from drivers.cameras.genicam.opened_device import GenICamCamera
 from tests.drivers.cameras.genicam_fake import FakeDevice, FakeLibrary, FakeOpenCamera
 
 BAR_MS = 20.0

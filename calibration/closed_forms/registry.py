@@ -4,12 +4,18 @@ from collections.abc import Callable
 
 import numpy as np
 
-from calibration.closed_forms.kronecker import kronecker
+from calibration.closed_forms.kronecker import as_rotation, kronecker, kronecker_sum
 from calibration.closed_forms.motions import MotionPairs, all_pairs, with_translation
-from calibration.closed_forms.park import park
-from calibration.closed_forms.shah import shah
 from calibration.closed_forms.three_pose import three_pose
-from calibration.transforms import Array, quaternion_from_rotation, rotation_from_quaternion, skew, transform
+from calibration.transforms import (
+    Array,
+    inverse,
+    nearest_rotation,
+    quaternion_from_rotation,
+    rotation_from_quaternion,
+    skew,
+    transform,
+)
 
 # R. Horaud & F. Dornaika, "Hand-eye calibration", Int. J. Robotics Research 14(3), 1995.
 
@@ -95,8 +101,7 @@ def _equations(motions: MotionPairs) -> Array:
 def _dual_quaternions(motions: Array) -> tuple[Array, Array]:
     """q and q' = t q / 2 of transforms (k, 4, 4), with q's scalar part not negative (Eq. 9)."""
     real = quaternion_from_rotation(motions[:, :3, :3])
-    pure = np.concatenate([np.zeros((len(motions), 1)), motions[:, :3, 3]], axis=1)
-    return real, (_product_matrix(pure, 1.0) @ real[..., None])[..., 0] / 2
+    return real, (_product_matrix(_pure(motions[:, :3, 3]), 1.0) @ real[..., None])[..., 0] / 2
 
 
 def _from_null_space(vt: Array) -> tuple[Array, Array]:
@@ -123,6 +128,35 @@ def _product_matrix(quaternions: Array, sign: float) -> Array:
     result[:, 0, 0], result[:, 0, 1:], result[:, 1:, 0] = scalar, -vector, vector
     result[:, 1:, 1:] = scalar[:, None, None] * np.eye(3) + sign * skew(vector)
     return result
+
+
+# F. Park & B. Martin, "Robot sensor calibration: solving AX = XB on the Euclidean group", IEEE T-RA 10(5) 1994.
+
+
+def park(anchor_T_mount: Array, camera_T_target: Array) -> Array:
+    """X (4, 4): the rotation that carries the camera's rotation vectors onto the mount's (Eq. 20)."""
+    motions = all_pairs(anchor_T_mount, camera_T_target).with_clear_axes()
+    alpha, beta = motions.vectors()
+    # (M' M)^(-1/2) M' with M = sum beta alpha' is the polar factor; by SVD it also exists for two motions.
+    rotation, _ = nearest_rotation(alpha.T @ beta)
+    return with_translation(motions, rotation)
+
+
+# M. Shah, "Solving the robot-world/hand-eye calibration problem using the Kronecker product", JMR 5(3), 2013.
+#
+# A X = Y B with A = anchor_T_mount, X = mount_T_camera, Y = anchor_T_target, B = target_T_camera.
+
+
+def shah(anchor_T_mount: Array, camera_T_target: Array) -> Array:
+    """X (4, 4): both rotations from the first singular vectors (Eqs. 22 to 24), both translations linearly (Eq. 30)."""
+    u, _, vt = np.linalg.svd(kronecker_sum(anchor_T_mount[:, :3, :3], camera_T_target[:, :3, :3]))
+    mount_R_camera, anchor_R_target = as_rotation(np.stack([vt[0].reshape(3, 3), u[:, 0].reshape(3, 3)]))
+    n = len(anchor_T_mount)
+    coefficients = np.concatenate([anchor_T_mount[:, :3, :3], np.broadcast_to(-np.eye(3), (n, 3, 3))], axis=2)
+    target_t_camera = inverse(camera_T_target)[:, :3, 3]
+    right_hand = target_t_camera @ anchor_R_target.T - anchor_T_mount[:, :3, 3]
+    translation = np.linalg.lstsq(coefficients.reshape(-1, 6), right_hand.reshape(-1), rcond=None)[0][:3]
+    return transform(mount_R_camera, translation)
 
 
 ClosedForm = Callable[[Array, Array], Array]

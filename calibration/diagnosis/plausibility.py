@@ -12,8 +12,7 @@ import numpy as np
 
 from calibration.closed_forms.inverted_poses import ALWAYS_AGREEING
 from calibration.closed_forms.observability import SAME_POSE_MM, SAME_POSE_RAD, distinct_stations
-from calibration.closed_forms.park import park
-from calibration.closed_forms.shah import shah
+from calibration.closed_forms.registry import park, shah
 from calibration.diagnosis.convention_hypotheses import MIN_SETUP_RATIO
 from calibration.diagnosis.evidence import Evidence, evidence_of
 from calibration.errors import UndeterminedError

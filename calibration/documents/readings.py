@@ -12,7 +12,7 @@ from itertools import permutations, product
 import numpy as np
 
 from calibration.closed_forms.observability import require_observable
-from calibration.closed_forms.park import park
+from calibration.closed_forms.registry import park
 from calibration.diagnosis.angle_agreement import angles_between, angles_between_images, mean_mismatch_rad
 from calibration.diagnosis.diagnose import MIN_LOG_LIKELIHOOD_GAIN, MIN_VIEWS, evenly_spaced
 from calibration.diagnosis.evidence import Evidence

@@ -1,9 +1,13 @@
-"""Checks that a PLY or PCD file is complete, by its header and length."""
+"""Scanners that write PLY or PCD files to a folder, or serve them at a URL; and whether such a file is complete."""
 
+import asyncio
 import re
 from typing import Literal
 
 from drivers.errors import GarbledAnswer, NothingMeasured
+from drivers.http_source import HttpSource
+from drivers.interfaces import ScannedCloud
+from drivers.watched_folder import WatchedFolder
 from registration.errors import CloudError
 from registration.io.formats import pcd, ply
 from registration.io.formats.header import HEADER_LIMIT, CloudHeader
@@ -58,3 +62,33 @@ def _has_whole_last_line(content: bytes, start: int) -> bool:
     first = content[start : start + HEADER_LIMIT].split(b"\n", 1)[0]
     last = content[max(start, content.rfind(b"\n") + 1) :]
     return bool(last) and len(last.split()) == len(first.split())
+
+
+class FolderScanner(WatchedFolder):
+    """drivers.interfaces.Scanner. A cloud is as old as its file plus `lag_s` for scanning and writing."""
+
+    kind, suffixes, limit_s, max_bytes = "scanner", (".ply", ".pcd"), 60.0, 2**30
+
+    async def scan(self, newer_than_s: float) -> ScannedCloud:
+        """The newest complete cloud from after `newer_than_s`; raises a DeviceError."""
+        media_type, content, taken_at_s = await self.newest(newer_than_s, whole_cloud)
+        return ScannedCloud(content, media_type, taken_at_s)
+
+
+PICTURES_AND_PAGES = ("text/html", "image/")
+
+
+class HttpScanner(HttpSource):
+    """drivers.interfaces.Scanner. The response may state a cloud's age; otherwise it was scanned after the request."""
+
+    kind, max_bytes = "scanner", 2**30
+    limit_s = 60.0  # a structured-light scan of one view takes seconds, its transfer as long
+
+    async def scan(self, newer_than_s: float) -> ScannedCloud:
+        """A cloud scanned after `newer_than_s`; raises a DeviceError."""
+        fetched = await self.fetch(newer_than_s)
+        if fetched.media_type.startswith(PICTURES_AND_PAGES):
+            what = f"it answered with {fetched.media_type}, not with a cloud"
+            raise GarbledAnswer(self.device, what, "check the URL")
+        media_type = await asyncio.to_thread(whole_cloud, self.device, fetched.content)
+        return ScannedCloud(fetched.content, media_type, fetched.taken_at_s)

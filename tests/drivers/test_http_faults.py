@@ -10,7 +10,7 @@ import zlib
 import httpx
 import pytest
 
-from drivers.cameras.http_camera import HttpCamera
+from drivers.cameras.image_files import HttpCamera
 from drivers.errors import AnswerTooLarge, DeviceTimeout, DeviceUnreachable, GarbledAnswer
 from drivers.http_source import HttpSource, age_s, tls_trust
 from tests.drivers.http_devices import Answer, http_device

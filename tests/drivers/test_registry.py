@@ -5,13 +5,11 @@ from pathlib import Path
 import pytest
 
 from drivers import registry
-from drivers.cameras.folder_camera import FolderCamera
-from drivers.cameras.http_camera import HttpCamera
+from drivers.cameras.image_files import FolderCamera, HttpCamera
 from drivers.cameras.video_camera import VideoCamera
 from drivers.errors import AddressNotUnderstood, DeviceError
 from drivers.registry import check_camera_address, check_robot_address, check_scanner_address
-from drivers.scanners.folder_scanner import FolderScanner
-from drivers.scanners.http_scanner import HttpScanner
+from drivers.scanners.cloud_files import FolderScanner, HttpScanner
 from drivers.transports.serial_line import SerialTransport
 from drivers.transports.tcp import TcpTransport
 from tests.drivers.robots.fake_controller import FakeController, TcpCell

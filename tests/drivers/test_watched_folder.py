@@ -12,7 +12,7 @@ import time
 import pytest
 
 from drivers.cameras.decoding import decode
-from drivers.cameras.folder_camera import FolderCamera
+from drivers.cameras.image_files import FolderCamera
 from drivers.errors import AnswerTooLarge, DeviceError, DeviceTimeout, GarbledAnswer
 from drivers.watched_folder import LAG_S, Sighting
 from tests.drivers.pictures import PNG
@@ -83,7 +83,7 @@ async def test_a_half_written_file_is_waited_for(tmp_path, camera):
 async def test_a_file_that_stays_half_is_reported_by_its_name(tmp_path, camera, clock, monkeypatch):
     leave(tmp_path / "a.png", PNG[:200])
     decoded = threading.Event()
-    monkeypatch.setattr("drivers.cameras.folder_camera.decode", lambda *seen: (decoded.set(), decode(*seen))[1])
+    monkeypatch.setattr("drivers.cameras.image_files.decode", lambda *seen: (decoded.set(), decode(*seen))[1])
     error = await error_when_the_time_is_over(camera, clock, clock.clock() - 10, decoded.is_set)
     assert isinstance(error, GarbledAnswer)
     assert "a.png: not a whole picture: the PNG ends early" in str(error)
@@ -165,7 +165,7 @@ HUNG_SHARE = """
 import asyncio, signal, sys, threading
 from pathlib import Path
 import drivers.watched_folder as watched
-from drivers.cameras.folder_camera import FolderCamera
+from drivers.cameras.image_files import FolderCamera
 from drivers.errors import DeviceUnreachable
 
 watched.files_in = lambda *_: threading.Event().wait()

@@ -11,8 +11,8 @@ import pytest
 from drivers import registry
 from drivers.cameras.basler_camera import OpenPylonCamera, PylonLibrary
 from drivers.cameras.genicam.address import parse_camera_address
-from drivers.cameras.genicam.camera import GenICamCamera
 from drivers.cameras.genicam.device import FoundCamera
+from drivers.cameras.genicam.opened_device import GenICamCamera
 from tests.mock_robot.running_cell import running_cell
 from tests.stories.plant import small_pictures
 from tests.stories.vendor_camera import calibrate_and_register

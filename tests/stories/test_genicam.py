@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from drivers import registry
 from drivers.cameras.genicam.address import parse_camera_address
-from drivers.cameras.genicam.camera import GenICamCamera
 from drivers.cameras.genicam.device import FoundCamera, RawPicture
+from drivers.cameras.genicam.opened_device import GenICamCamera
 from drivers.cameras.genicam_camera import HarvestersLibrary, OpenGenTLCamera
 from tests.mock_robot.running_cell import running_cell
 from tests.stories.plant import small_pictures

@@ -14,8 +14,7 @@ import numpy as np
 import pytest
 import trustme
 
-from drivers.cameras.folder_camera import FolderCamera
-from drivers.cameras.http_camera import HttpCamera
+from drivers.cameras.image_files import FolderCamera, HttpCamera
 from drivers.cameras.video_camera import VideoCamera
 from drivers.errors import DeviceError, DeviceTimeout, DeviceUnreachable, GarbledAnswer
 from drivers.interfaces import Camera, CaptureSettings

@@ -10,8 +10,8 @@ import pytest
 
 from drivers import errors
 from drivers.cameras.genicam.address import parse_camera_address
-from drivers.cameras.genicam.camera import GenICamCamera
 from drivers.cameras.genicam.device import FoundCamera
+from drivers.cameras.genicam.opened_device import GenICamCamera
 from drivers.errors import DeviceError
 from tests.drivers.cameras.genicam_fake import FakeDevice, FakeLibrary
 from tests.stories.camera_fault_rows import CAMERA_ROWS, VENDOR_ROWS, VENDOR_TESTS, CameraRow, VendorRow

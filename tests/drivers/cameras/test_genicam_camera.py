@@ -11,8 +11,8 @@ import pytest
 
 from daemon.sessions.session_writer import png_of
 from drivers.cameras.genicam.address import parse_camera_address
-from drivers.cameras.genicam.camera import GenICamCamera
 from drivers.cameras.genicam.device import FoundCamera
+from drivers.cameras.genicam.opened_device import GenICamCamera
 from drivers.errors import (
     AddressNotUnderstood,
     DeviceTaken,

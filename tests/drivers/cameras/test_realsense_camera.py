@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from drivers.cameras.genicam.address import parse_camera_address
-from drivers.cameras.genicam.camera import GenICamCamera
+from drivers.cameras.genicam.opened_device import GenICamCamera
 from drivers.cameras.realsense_camera import RealSenseLibrary
 from drivers.errors import DeviceTaken, DeviceUnreachable, SettingRefused, StreamStalled, WrongDevice
 from drivers.scanners.genicam_scanner import GenICamScanner

@@ -10,9 +10,7 @@ import pytest
 
 from drivers.errors import AnswerTooLarge, DeviceTimeout, DeviceUnreachable, GarbledAnswer, NothingMeasured
 from drivers.interfaces import Scanner
-from drivers.scanners.cloud_files import whole_cloud
-from drivers.scanners.folder_scanner import FolderScanner
-from drivers.scanners.http_scanner import HttpScanner
+from drivers.scanners.cloud_files import FolderScanner, HttpScanner, whole_cloud
 from tests.drivers.http_devices import Answer, http_device
 from tests.support.waiting import LIMIT_S, eventually, patiently
 

@@ -1,4 +1,4 @@
-"""A sensor that guides a controller by EGM: the other end of protocols/egm/corrections.py."""
+"""A sensor that guides a controller by EGM: the other end of protocols/egm/messages.py."""
 
 from collections.abc import Iterable
 

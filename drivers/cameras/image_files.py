@@ -1,10 +1,11 @@
-"""A camera that serves its image at a URL."""
+"""Cameras that serve an image at a URL, or write their images to a folder."""
 
 import asyncio
 
 from drivers.cameras.decoding import decode, file_bits
 from drivers.http_source import NO_QUERY, Fetched, HttpSource
 from drivers.interfaces import CameraFrame, CaptureSettings
+from drivers.watched_folder import WatchedFolder
 
 
 class HttpCamera(HttpSource):
@@ -33,3 +34,16 @@ class HttpCamera(HttpSource):
             None if temperature_c is None else CaptureSettings(file_bits(fetched.content), temperature_c=temperature_c)
         )
         return CameraFrame(image, fetched.taken_at_s, fetched.content, capture)
+
+
+class FolderCamera(WatchedFolder):
+    """drivers.interfaces.Camera. An image is as old as its file plus `lag_s` for exposure and writing."""
+
+    kind, suffixes, limit_s, max_bytes = "camera", (".png", ".jpg", ".jpeg"), 5.0, 64 * 2**20
+
+    async def grab(self, newer_than_s: float) -> CameraFrame:
+        """The newest complete image from after `newer_than_s`; raises a DeviceError."""
+        image, encoded, taken_at_s = await self.newest(
+            newer_than_s, lambda device, content: decode(device, content, self._image_size)
+        )
+        return CameraFrame(image, taken_at_s, encoded)
