@@ -53,7 +53,7 @@ async def approach(
 async def touches(app: App, limit: Limit = 50, before: Before = None) -> Response:
     """The touch tests, newest first."""
     page, following = page_of(await app.store.documents(TOUCH_TESTS).page(limit + 1, before), limit, "/touches")
-    return await respond_page(app, lambda: documents_json("touches", StoredTouch, page, following))
+    return await respond_page(app, lambda: documents_json("touches", StoredTouch.of_record, page, following))
 
 
 @router.get(

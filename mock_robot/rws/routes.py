@@ -1,8 +1,7 @@
 """Routes of both services: method, path, action, handler. 1.0 names actions in `?action=`, 2.0 in the path."""
 
 import re
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
 from functools import partial
 
 from mock_robot.rws import acting, disk, reading, refusals
@@ -127,29 +126,21 @@ _SECOND: tuple[Row, ...] = (
 )
 
 
-@dataclass(frozen=True)
-class Routes:
-    """Routes of one service."""
-
-    rows: tuple[tuple[str, re.Pattern[str], str | None, Handler], ...]
-
-    @classmethod
-    def of(cls, rows: Iterable[Row]) -> "Routes":
-        """Compile the rows' paths to patterns."""
-        return cls(tuple((method, re.compile(path), verb, handler) for method, path, verb, handler in rows))
-
-    def answer(self, context: RequestContext) -> Reply:
-        """Find the handler and call it. Raises RwsRefused."""
-        asked, known = context.asked, False
-        for method, pattern, verb, handler in self.rows:
-            match = pattern.fullmatch(asked.path)
-            if match is None or method != asked.method:
-                continue
-            known = True
-            if method != "POST" or verb == asked.action:
-                return handler(context, match.groupdict())
-        raise RwsRefused(refusals.BAD_ARGUMENT if known else refusals.NO_RESOURCE, "Invalid action" if known else None)
-
-
-ROUTES = {1: Routes.of((*_SHARED, *_FIRST)), 2: Routes.of((*_SHARED, *_SECOND))}
+ROUTES = {
+    version: tuple((method, re.compile(path), verb, handler) for method, path, verb, handler in rows)
+    for version, rows in ((1, (*_SHARED, *_FIRST)), (2, (*_SHARED, *_SECOND)))
+}
 DIALECTS = {1: RWS_1, 2: RWS_2}
+
+
+def answer_request(context: RequestContext, version: int) -> Reply:
+    """Find the handler in that version of the services and call it. Raises RwsRefused."""
+    asked, known = context.asked, False
+    for method, pattern, verb, handler in ROUTES[version]:
+        match = pattern.fullmatch(asked.path)
+        if match is None or method != asked.method:
+            continue
+        known = True
+        if method != "POST" or verb == asked.action:
+            return handler(context, match.groupdict())
+    raise RwsRefused(refusals.BAD_ARGUMENT if known else refusals.NO_RESOURCE, "Invalid action" if known else None)

@@ -16,7 +16,7 @@ from mock_robot.rws.documents import JSON_1, JSON_2, XHTML_1, XHTML_2, Encoding,
 from mock_robot.rws.exchange import DONE, Reply, RwsRequest, parse
 from mock_robot.rws.polls import Polls
 from mock_robot.rws.refusals import GONE, NO_RESOURCE, NOT_ACCEPTABLE, UNSUPPORTED_MEDIA, RwsRefused
-from mock_robot.rws.routes import DIALECTS, ROUTES
+from mock_robot.rws.routes import DIALECTS, answer_request
 from mock_robot.rws.sessions import Session, Sessions, SessionsExhausted
 from mock_robot.rws.subscriptions import Subscriptions
 from mock_robot.rws.world import World
@@ -148,7 +148,7 @@ class Service:
         if self.version == 2 and asked.path.startswith("/rw/mastership") and self.world.faults.strike("rws-410"):
             raise RwsRefused(GONE)
         context = RequestContext(self.world, DIALECTS[self.version], session, asked, self.world.clock())
-        return ROUTES[self.version].answer(context)
+        return answer_request(context, self.version)
 
     def _subscription(self, asked: RwsRequest, session: Session) -> Reply:
         if asked.method == "POST" and asked.path == "/subscription":

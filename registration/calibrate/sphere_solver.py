@@ -59,7 +59,8 @@ def solve_from_sphere(views: Sequence[SphereView]) -> SphereSolution:
         raise UndeterminedError(
             "too-few-views", Sentence("sphere-views", views=len(views)), Sentence("scan-from", least=MIN_VIEWS)
         )
-    system = _SphereSystem.of(views)
+    poses, centres_mm = (np.array([getattr(view, name) for view in views]) for name in ("anchor_T_mount", "centre_mm"))
+    system = _SphereSystem(poses[:, :3, :3], poses[:, :3, 3], centres_mm)
     kept = list(range(len(views)))
     estimate = _solve(system)
     while (len(views) - len(kept)) < OUTLIER_SHARE * len(views) and (bad := _outlier(system, estimate)) is not None:
@@ -97,11 +98,6 @@ class _SphereSystem:
     rotations: Array
     translations: Array
     centres: Array
-
-    @classmethod
-    def of(cls, views: Sequence[SphereView]) -> "_SphereSystem":
-        poses = np.array([view.anchor_T_mount for view in views])
-        return cls(poses[:, :3, :3], poses[:, :3, 3], np.array([view.centre_mm for view in views]))
 
     def without(self, index: int) -> "_SphereSystem":
         return _SphereSystem(

@@ -78,7 +78,7 @@ async def plan(app: App, body: Annotated[CalibrateRequest, Depends(JsonBody(Cali
 async def acceptances(app: App, limit: Limit = 50, before: Before = None) -> Response:
     """The scanner's verifications, newest first."""
     page, following = page_of(await app.store.acceptances.page(limit + 1, before), limit, "/acceptances")
-    return await respond_page(app, lambda: documents_json("acceptances", StoredAcceptance, page, following))
+    return await respond_page(app, lambda: documents_json("acceptances", StoredAcceptance.of_record, page, following))
 
 
 @router.get("/acceptances/{acceptance_id}", response_model=StoredAcceptance, responses=problem_responses(404))

@@ -43,7 +43,9 @@ EVERY: dict[str, ExportFormat | PoseFormat] = {**FORMATS, **POSE_FORMATS}
 async def exports(app: App, calibration_id: Identifier) -> ExportList:
     """The formats in which this calibration and its poses can be had. "current" is the active one."""
     document = await app.operations.calibrations.find(calibration_id)
-    return ExportList(exports=[ExportDocument.of(each, document.id) for each in EVERY.values()])
+    here = f"/calibrations/{document.id}/exports"
+    listed = [ExportDocument(**vars(each), format=each.name, href=f"{here}/{each.name}") for each in EVERY.values()]
+    return ExportList(exports=listed)
 
 
 @router.get(

@@ -54,7 +54,7 @@ async def store_rig(
 async def rigs(app: App, limit: Limit = 50, before: Before = None) -> Response:
     """The rigs, newest first."""
     page, following = page_of(await app.store.rigs.page(limit + 1, before), limit, "/rigs")
-    return await respond_page(app, lambda: documents_json("rigs", StoredRig, page, following))
+    return await respond_page(app, lambda: documents_json("rigs", StoredRig.of_record, page, following))
 
 
 @router.get("/{rig_id}", response_model=StoredRig, responses=problem_responses(404))

@@ -17,21 +17,19 @@ class Answer(BaseModel):
     model_config = ConfigDict(frozen=True)
 
 
-class OfRecord(Answer):
-    """An answer that is made from a stored document."""
-
-    @classmethod
-    def of_record(cls, record: DocumentRecord) -> Self:
-        """Raises StorageInconsistent."""
-        raise NotImplementedError
-
-
-class StoredAnswer(OfRecord):
-    """What was stored, when and by whom."""
+class StoredAnswer(Answer):
+    """What was stored, when and by whom; a subclass adds the field of the document."""
 
     id: str
     created_at: str
     created_by: str
+
+    @classmethod
+    def of_record(cls, record: DocumentRecord) -> Self:
+        """Raises StorageInconsistent."""
+        (name,) = cls.model_fields.keys() - StoredAnswer.model_fields.keys()
+        model: Any = cls.model_fields[name].annotation
+        return cls(**vars(record), **{name: record.parsed(model)})
 
 
 Stored = TypeVar("Stored", bound=Answer)
@@ -48,9 +46,11 @@ def documents_of(
             yield DamagedRow(record.id)
 
 
-def documents_json(name: str, kind: type[OfRecord], page: Iterable[DocumentRecord], following: str | None) -> bytes:
+def documents_json(
+    name: str, of_record: Callable[[DocumentRecord], Answer], page: Iterable[DocumentRecord], following: str | None
+) -> bytes:
     """The JSON of a page of stored documents, with the ids of those that are damaged."""
-    read, damaged = split_damaged(documents_of(kind.of_record, page))
+    read, damaged = split_damaged(documents_of(of_record, page))
     return page_json({name: read, "damaged": damaged}, following)
 
 

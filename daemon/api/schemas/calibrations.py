@@ -4,7 +4,6 @@ from dataclasses import dataclass
 from typing import ClassVar, Literal
 
 from calibration.documents.calibration import AccuracyDocument, CalibrationDocument
-from calibration.documents.exports.formats import ExportFormat, PoseFormat
 from daemon.api.schemas.answer import EXAMPLE_AT, EXAMPLE_ID, Answer, as_it_stands, example
 from daemon.api.schemas.runs import RunDocument
 from daemon.model.records import AppliedCalibration, CalibrationRecord
@@ -112,11 +111,6 @@ class ExportDocument(Answer):
     media_type: str
     about: str
     href: str
-
-    @classmethod
-    def of(cls, known: ExportFormat | PoseFormat, calibration_id: str) -> "ExportDocument":
-        href = f"/calibrations/{calibration_id}/exports/{known.name}"
-        return cls(**vars(known), format=known.name, href=href)
 
 
 class ExportList(Answer):

@@ -8,7 +8,7 @@ from calibration.documents.calibration import SentenceDocument
 from calibration.documents.knowledge import NoiseBeliefDocument
 from calibration.monitoring.cell_change import DriftChangeDocument
 from calibration.monitoring.control_chart import DriftRules
-from daemon.api.schemas.answer import EXAMPLE_AT, EXAMPLE_ID, Answer, OfRecord, as_it_stands, documents_of
+from daemon.api.schemas.answer import EXAMPLE_AT, EXAMPLE_ID, Answer, as_it_stands, documents_of
 from daemon.config.settings import DriftSettings
 from daemon.drift.chart import DriftChart, DriftPointDocument, DriftReport, rules_of
 from daemon.scans.scanner_acceptance import AcceptanceDocument
@@ -33,7 +33,7 @@ class DriftTouchDocument(Answer):
     accepted: bool
 
 
-class DriftScannerDocument(OfRecord):
+class DriftScannerDocument(Answer):
     """One verification of the scanner with a sphere or a ball bar: its errors, as POST /verify gave them."""
 
     id: str

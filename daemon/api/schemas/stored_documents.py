@@ -3,17 +3,12 @@
 from calibration.documents.rig import RigDocument
 from daemon.api.schemas.answer import Answer, StoredAnswer
 from daemon.scans.scanner_acceptance import AcceptanceDocument
-from daemon.store.documents import DocumentRecord
 
 
 class StoredRig(StoredAnswer):
     """A rig.json as it was stored. The newest one is active."""
 
     rig: RigDocument
-
-    @classmethod
-    def of_record(cls, record: DocumentRecord) -> "StoredRig":
-        return cls(**vars(record), rig=record.parsed(RigDocument))
 
 
 class RigList(Answer):
@@ -28,10 +23,6 @@ class StoredAcceptance(StoredAnswer):
     """A verification of the scanner, as POST /verify answered it."""
 
     acceptance: AcceptanceDocument
-
-    @classmethod
-    def of_record(cls, record: DocumentRecord) -> "StoredAcceptance":
-        return cls(**vars(record), acceptance=record.parsed(AcceptanceDocument))
 
 
 class AcceptanceList(Answer):

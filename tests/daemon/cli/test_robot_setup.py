@@ -15,7 +15,7 @@ from daemon.cli.main import app
 from mock_robot.cabinet.panel import Mode
 from mock_robot.rws.context import RequestContext
 from mock_robot.rws.exchange import DONE, Reply
-from mock_robot.rws.routes import Routes
+from mock_robot.rws.routes import answer_request
 from protocols.cfg_file import CfgInstance, parse_cfg
 from tests.daemon.cli.running import Ran, handeyed
 from tests.mock_robot.rws_cell import RwsCell, rws_cell_apart
@@ -227,16 +227,15 @@ def test_a_controller_with_more_signals_than_a_page_is_set_up(version: int, tmp_
         assert cell.world.equipment.configuration["EIO"]["EIO_SIGNAL"] == signals
 
 
-def deletes_nothing_by_id(routes: Routes, context: RequestContext) -> Reply:
+def deletes_nothing_by_id(context: RequestContext, version: int) -> Reply:
     asked = context.asked
     by_id = asked.method == "DELETE" and asked.path.rpartition("/")[2].isdecimal()
-    return DONE if by_id else ANSWER(routes, context)
+    return DONE if by_id else answer_request(context, version)
 
 
-ANSWER = Routes.answer
 READINGS: dict[str, tuple[str, Callable[..., Any]]] = {
     "refused": ("mock_robot.rws.acting.instance_id", lambda title: "unknown"),
-    "without effect": ("mock_robot.rws.routes.Routes.answer", deletes_nothing_by_id),
+    "without effect": ("mock_robot.rws.service.answer_request", deletes_nothing_by_id),
 }
 """What else than deleting a controller may do at DELETE of an entry's id, of which no answer is public."""
 

@@ -18,7 +18,7 @@ def paths_in(text: str) -> list[str]:
 
 
 def is_read(path: str) -> bool:
-    return any(method == "GET" and pattern.fullmatch(path) for method, pattern, _, _ in ROUTES[2].rows)
+    return any(method == "GET" and pattern.fullmatch(path) for method, pattern, _, _ in ROUTES[2])
 
 
 @pytest.mark.parametrize("path", paths_in(ANSWERED))
