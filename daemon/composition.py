@@ -40,19 +40,16 @@ from daemon.runtime.loop_monitor import EventLoopMonitor
 from daemon.runtime.memory_trim import MemoryTrim
 from daemon.runtime.metrics import Metrics
 from daemon.runtime.recent_log import RecentLog
-from daemon.runtime.service_ends import ServiceEnds, read_ends
-from daemon.runtime.systemd import Doing, StatusLine, Systemd
-from daemon.runtime.update_hold import UpdateHold
+from daemon.runtime.systemd import Doing, ServiceEnds, StatusLine, Systemd, UpdateHold, read_ends
 from daemon.runtime.workers import Workers
 from daemon.scans.registration_jobs import RegistrationJobs
 from daemon.scans.scan_service import ScanService
 from daemon.server import Announce, Server, SettingsReload, make_announcer
 from daemon.sessions.look import share_looks
 from daemon.sessions.pictures import LivePictures
-from daemon.store.key_expiry import KeyExpiry
 from daemon.store.key_service import KeyService
 from daemon.store.key_watch import KeyWatch
-from daemon.store.monitor import StoreMonitor
+from daemon.store.monitor import KeyExpiry, StoreMonitor
 from daemon.store.retention import Retention
 from daemon.store.sign_in import SignIn
 from daemon.store.store import Store

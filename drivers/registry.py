@@ -37,8 +37,7 @@ from drivers.interfaces import (
     VibrationMonitor,
 )
 from drivers.robots.abb.cb_robot import CbRobot
-from drivers.robots.abb.egm_path import EgmPath
-from drivers.robots.abb.egm_vibration import EgmMonitor
+from drivers.robots.abb.egm_vibration import EgmMonitor, EgmPath
 from drivers.robots.abb.rws.address import RwsAddress
 from drivers.robots.abb.rws.redundant_stop import RedundantStop
 from drivers.robots.abb.rws.robot import RwsRobot
@@ -46,8 +45,7 @@ from drivers.robots.base_frame import RobotInBaseFrame
 from drivers.scanners.cloud_files import FolderScanner, HttpScanner
 from drivers.scanners.folder_profiler import FolderProfiler
 from drivers.scanners.genicam_scanner import GenICamScanner
-from drivers.scanners.gocator_profiler import GocatorProfiler
-from drivers.scanners.profiler_address import ProfilerHost, parse_profiler_address
+from drivers.scanners.gocator_profiler import GocatorProfiler, ProfilerHost, parse_profiler_address
 from drivers.timing import Timing
 from drivers.transports.serial_line import SerialTransport
 from drivers.transports.tcp import TcpTransport

@@ -41,8 +41,7 @@ from protocols.plc.events import (
     StationReached,
     TimePassed,
 )
-from protocols.plc.handshake import Handshake, Rules, react
-from protocols.plc.image import register_image
+from protocols.plc.handshake import Handshake, Rules, react, register_image
 from protocols.plc.registers import BY_NAME, CONTROL
 from protocols.plc.results import Accuracy, CameraPose, CommandResult, Sigma
 from registration.documents import RegistrationReportDocument

@@ -11,8 +11,7 @@ from dataclasses import dataclass
 from typing import cast
 
 from protocols.modbus.errors import HeaderBroken
-from protocols.modbus.mbap import Adu, MbapReader
-from protocols.modbus.repetition import RequestNumbers
+from protocols.modbus.mbap import Adu, MbapReader, RequestNumbers
 
 log = logging.getLogger(__name__)
 

@@ -1,6 +1,8 @@
 """sd_notify(3) over NOTIFY_SOCKET: READY, STATUS, STOPPING, WATCHDOG. Sends nothing without systemd.
 
-Before the watchdog ends the daemon, the stacks of all threads and tasks say on standard error where it hangs.
+Before the watchdog ends the daemon, the stacks of all threads and tasks say on standard error where it hangs. How often
+systemd has started the service again, and why, stands in a file: ExecStopPost= writes each end. While root keeps
+another one fresh, an update holds the cell: no run begins, and the update waits for the one in progress.
 """
 
 import asyncio
@@ -10,12 +12,16 @@ import socket
 import sys
 import threading
 import traceback
-from collections.abc import Awaitable, Callable, Iterator, Mapping, Sequence
+from collections.abc import Awaitable, Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from pathlib import Path
 
+from calibration.sentences.sentence import Sentence
+from daemon.runtime.bounded_read import read_bounded
 from daemon.runtime.clock import Clock
 from daemon.runtime.logs import print_error_line
+from daemon.runtime.metrics import Labels, Metric
 from daemon.runtime.tasks import InBackground
 
 HOLD_FILE = Path("/run/handeyed.hold")
@@ -176,7 +182,7 @@ async def _answers(work_is_alive: Callable[[], Awaitable[bool]], limit_s: float)
         return False
 
 
-PERIOD_S = 1.0
+STATUS_PERIOD_S = 1.0
 """Of the line that `systemctl status` shows."""
 
 
@@ -216,4 +222,117 @@ class StatusLine(InBackground):
     async def run(self) -> None:
         while self._systemd.address is not None:
             self.send()
-            await self._clock.sleep(PERIOD_S)
+            await self._clock.sleep(STATUS_PERIOD_S)
+
+
+ENDS = "ends"
+"""In the runtime folder, which systemd keeps until the next start after a failure, and deletes when it is stopped."""
+
+RECENT_S = 24 * 3600.0
+"""An end is warned of for so long."""
+
+
+@dataclass(frozen=True)
+class ServiceEnd:
+    """One end that nobody asked for: when, in seconds since 1970, and its cause in systemd's words."""
+
+    at_s: float
+    cause: str
+
+
+def read_ends(folder: Path | None) -> tuple[ServiceEnd, ...]:
+    """Ends that nobody asked for, oldest first; empty for a daemon that is no service."""
+    if folder is None:
+        return ()
+    try:
+        lines = read_bounded(folder / ENDS).decode("ascii", "replace").splitlines()
+    except OSError:
+        return ()
+    ends = (_parse(line) for line in lines)
+    return tuple(end for end in ends if end is not None)
+
+
+def _parse(line: str) -> ServiceEnd | None:
+    """An end of "1795680000 watchdog killed ABRT"; None for one that was asked for."""
+    at, result, code, status, *_ = [*line.split(), "", "", "", ""]
+    if not at.isdigit() or result in ("", "success"):
+        return None
+    detail = {"exit-code": f"exit status {status}", "signal": f"signal {status}", "core-dump": f"signal {status}"}
+    return ServiceEnd(float(at), detail.get(result, result) if code else result)
+
+
+@dataclass(frozen=True)
+class ServiceEnds:
+    """What /ready and /metrics say of the ends. `now_s`: seconds since 1970."""
+
+    ends: tuple[ServiceEnd, ...]
+    now_s: Callable[[], float] = lambda: datetime.now(UTC).timestamp()
+
+    def warnings(self) -> list[str]:
+        """The last end, while it is recent."""
+        if not self.ends or self.now_s() - self.ends[-1].at_s > RECENT_S:
+            return []
+        last = self.ends[-1]
+        at = datetime.fromtimestamp(last.at_s, UTC).strftime("%Y-%m-%d %H:%M:%S UTC")
+        return [Sentence("service-restarted", count=len(self.ends), cause=last.cause, at=at)]
+
+    def families(self) -> Iterable[Metric]:
+        """The number of ends by cause."""
+        causes = [end.cause for end in self.ends]
+        samples: dict[Labels, float] = {
+            (("cause", cause),): float(causes.count(cause)) for cause in sorted(set(causes))
+        }
+        about = "Starts of the service after ends that nobody asked for, since somebody started it, by cause."
+        return [Metric("handeyed_service_restarts_total", "counter", about, samples or {(("cause", "none"),): 0.0})]
+
+
+HOLD_PERIOD_S = 0.5
+
+MAX_SILENT_S = 60.0
+"""A hold that nobody touched for so long is over: who made it has died."""
+
+MAX_REASON = 100
+
+
+class UpdateHold(InBackground):
+    """Background service: `reason` is the file's text while it is kept fresh, else None.
+
+    `handeyed-release` (deploy/) writes the file and touches it every second; one that is left behind lapses. A file
+    needs neither key nor certificate, and only root can write below /run.
+    """
+
+    def __init__(self, clock: Clock, file: Path | None) -> None:
+        """`file` None: nothing ever holds."""
+        self._clock, self._file = clock, file
+        self._touched_ns: int | None = None
+        self._touched_at_s = 0.0
+        self.reason: str | None = None
+
+    async def start(self) -> None:
+        self.look()
+        await super().start()
+
+    def look(self) -> None:
+        """Read the file once. Its age is counted from the last touch that was seen: clocks of the day may jump."""
+        if self._file is None:
+            return
+        try:
+            touched_ns = self._file.stat().st_mtime_ns
+            with self._file.open(encoding="utf-8", errors="replace") as text:
+                reason = "".join(filter(str.isprintable, text.readline(MAX_REASON)))
+        except OSError:
+            self.reason = self._touched_ns = None
+            return
+        if touched_ns != self._touched_ns:
+            self._touched_ns, self._touched_at_s = touched_ns, self._clock.monotonic_s()
+        fresh = self._clock.monotonic_s() - self._touched_at_s <= MAX_SILENT_S
+        self.reason = (reason or "an update") if fresh else None
+
+    def warnings(self) -> list[str]:
+        """The reason of the hold, for GET /ready."""
+        return [] if self.reason is None else [Sentence("update-holds", update=self.reason)]
+
+    async def run(self) -> None:
+        while True:
+            await self._clock.sleep(HOLD_PERIOD_S)
+            self.look()

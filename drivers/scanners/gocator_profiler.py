@@ -2,20 +2,51 @@
 
 import asyncio
 from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
+from urllib.parse import urlsplit
 
 import numpy as np
 from numpy.typing import NDArray
 
 from drivers.backoff import Backoff
 from drivers.clock_mapping import ClockMapping
-from drivers.errors import ClocksApart, DeviceError, GarbledAnswer, LinkLost
+from drivers.errors import AddressNotUnderstood, ClocksApart, DeviceError, GarbledAnswer, LinkLost
 from drivers.scanners.line_profiler import LineProfiler
-from drivers.scanners.profiler_address import ProfilerHost
 from drivers.timing import Timing
-from protocols.gocator.data_channel import NO_VALUE, DataChannel, NotGocator, ProfileGroup, RawProfiles
+from protocols.gocator.data_channel import NO_VALUE, PORT, DataChannel, NotGocator, ProfileGroup, RawProfiles
 from registration.errors import ProfileError
 from registration.profiles.profile_block import MAX_POINTS, ProfileBlock
+
+ADDRESS_FIX = "write profiles://host, profiles://host:port or profiles:/folder"
+
+
+@dataclass(frozen=True)
+class ProfilerHost:
+    """A sensor, or a program that speaks for it."""
+
+    host: str
+    port: int = PORT
+
+
+def parse_profiler_address(address: str) -> ProfilerHost | Path:
+    """Raises AddressNotUnderstood."""
+    rest = address.partition(":")[2]
+    if not rest.startswith("//") or rest.startswith("///"):
+        folder = rest.removeprefix("//") if rest.startswith("///") else rest
+        if not folder:
+            raise AddressNotUnderstood(address, "host or folder is missing", ADDRESS_FIX)
+        return Path(folder)
+    try:
+        parts = urlsplit(address)
+        host, port = parts.hostname or "", parts.port if parts.port is not None else PORT
+    except ValueError as error:
+        raise AddressNotUnderstood(address, str(error), ADDRESS_FIX) from error
+    if not host or not port or parts.path or parts.query:
+        raise AddressNotUnderstood(address, "it is not a host and a port", ADDRESS_FIX)
+    return ProfilerHost(host, port)
+
 
 LIMIT_S = 60.0
 CONNECT_LIMIT_S = 5.0

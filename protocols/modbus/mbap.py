@@ -1,6 +1,7 @@
 """Splits a Modbus TCP byte stream into ADUs by the MBAP header."""
 
 import struct
+from collections import OrderedDict
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -73,3 +74,31 @@ class MbapReader:
             if not MIN_LENGTH <= length <= MAX_LENGTH:
                 return f"a length of {length}, where {MIN_LENGTH} to {MAX_LENGTH} are allowed"
         return ""
+
+
+KEPT = 64
+"""Requests that are remembered. A client that counts to less before it begins again does not number its requests."""
+
+
+class RequestNumbers:
+    """The latest requests of one connection.
+
+    The Modbus TCP implementation guide asks for a new number for each request. Of a client that gives one number to two
+    different requests nothing is recognised.
+    """
+
+    def __init__(self) -> None:
+        self._latest: OrderedDict[int, bytes] = OrderedDict()
+        self._numbered = True
+
+    def is_repeated(self, adu: Adu) -> bool:
+        """Note a request; True when the same one, with the same number, came before others that came since."""
+        before = self._latest.get(adu.transaction)
+        if before is not None and before != adu.pdu:
+            self._numbered = False
+        newest = next(reversed(self._latest), None) == adu.transaction
+        if before is None:
+            self._latest[adu.transaction] = adu.pdu
+            if len(self._latest) > KEPT:
+                self._latest.popitem(last=False)
+        return self._numbered and before is not None and not newest

@@ -20,8 +20,7 @@ from protocols.modbus.mbap import Adu, MbapReader
 from protocols.plc.bank import PlcBank
 from protocols.plc.codes import TRIGGERS, ControlBit
 from protocols.plc.events import CellStatus, Effect, HandshakeEvent, RegistersWritten, StartAccepted, StartCommand
-from protocols.plc.handshake import Handshake, Phase, Rules, react
-from protocols.plc.image import register_image
+from protocols.plc.handshake import Handshake, Phase, Rules, react, register_image
 from tests.protocols.line_trouble import (
     BUSY,
     CARRY,

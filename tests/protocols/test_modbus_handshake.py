@@ -31,8 +31,9 @@ from protocols.plc.handshake import (
     Phase,
     Rules,
     react,
+    register_image,
+    status_bits,
 )
-from protocols.plc.image import register_image, status_bits
 from protocols.plc.registers import BY_NAME, RESULT
 from protocols.plc.results import NO_RESULT, CommandResult
 

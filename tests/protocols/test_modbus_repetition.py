@@ -2,8 +2,7 @@
 
 import pytest
 
-from protocols.modbus.mbap import Adu
-from protocols.modbus.repetition import KEPT, RequestNumbers
+from protocols.modbus.mbap import KEPT, Adu, RequestNumbers
 
 PRESS, RELEASE, READ = b"press", b"release", b"read"
 Request = tuple[int, bytes]

@@ -21,8 +21,7 @@ from protocols.modbus.mbap import Adu, MbapReader
 from protocols.modbus.words import Words
 from protocols.plc.bank import PlcBank
 from protocols.plc.events import CellStatus, RegistersWritten
-from protocols.plc.handshake import Handshake, Rules, react
-from protocols.plc.image import register_image
+from protocols.plc.handshake import Handshake, Rules, react, register_image
 from protocols.plc.registers import SIZE
 from tests.support.waiting import LIMIT_S
 

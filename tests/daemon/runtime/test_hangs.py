@@ -8,8 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from daemon.runtime.service_ends import ENDS, RECENT_S, ServiceEnd, ServiceEnds, read_ends
-from daemon.runtime.systemd import HangReport, stacks
+from daemon.runtime.systemd import ENDS, RECENT_S, HangReport, ServiceEnd, ServiceEnds, read_ends, stacks
 
 
 def wait_here_for(released: threading.Event) -> None:

@@ -7,8 +7,7 @@ from pathlib import Path
 import pytest
 
 from daemon.runtime.clock import Clock
-from daemon.runtime.systemd import Doing, Systemd
-from daemon.runtime.update_hold import MAX_SILENT_S, UpdateHold
+from daemon.runtime.systemd import MAX_SILENT_S, Doing, Systemd, UpdateHold
 from tests.daemon.cell_under_test import serving, settings_for
 from tests.daemon.runtime.service_manager import Manager
 

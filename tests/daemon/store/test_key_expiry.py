@@ -7,7 +7,7 @@ import pytest
 from daemon.access.keys import KeyRecord
 from daemon.access.roles import Role
 from daemon.store.actor import AuditContext
-from daemon.store.key_expiry import ending
+from daemon.store.monitor import ending
 from tests.daemon.cell_under_test import serving, settings_for
 
 NOW = "2026-11-26T08:00:00.000Z"

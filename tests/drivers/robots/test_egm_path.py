@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from drivers.errors import DeviceTimeout
-from drivers.robots.abb.egm_path import EgmPath
-from drivers.robots.abb.egm_vibration import EgmMonitor, ReceivedSample
+from drivers.robots.abb.egm_vibration import EgmMonitor, EgmPath, ReceivedSample
 from protocols.egm.messages import RobotSample
 
 SAMPLE = RobotSample(0, 0, (0.0,) * 6, (0.0, 0.0, 0.0), (2.0, 0.0, 0.0, 0.0))

@@ -20,8 +20,7 @@ from drivers.errors import (
 from drivers.interfaces import ProfileSource, Scanner
 from drivers.registry import check_scanner_address, open_scanner
 from drivers.scanners.folder_profiler import FolderProfiler
-from drivers.scanners.gocator_profiler import GocatorProfiler, coordinates_mm
-from drivers.scanners.profiler_address import ProfilerHost, parse_profiler_address
+from drivers.scanners.gocator_profiler import GocatorProfiler, ProfilerHost, coordinates_mm, parse_profiler_address
 from drivers.timing import Timing
 from protocols.gocator.data_channel import NO_VALUE, ProfileGroup, RawProfiles, Stamp, encode
 from registration.profiles.profile_block import ProfileBlock
