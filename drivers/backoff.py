@@ -10,13 +10,13 @@ JITTER = 0.2
 class Backoff:
     """Waits between attempts; `succeeded` restarts with the shortest."""
 
-    def __init__(self, chance: Callable[[], float], steps_s: tuple[float, ...] = STEPS_S) -> None:
-        self._chance, self._steps_s = chance, steps_s
+    def __init__(self, chance: Callable[[], float]) -> None:
+        self._chance = chance
         self._failures = 0
 
     def next_wait_s(self) -> float:
         """The wait after another failure."""
-        step_s = self._steps_s[min(self._failures, len(self._steps_s) - 1)]
+        step_s = STEPS_S[min(self._failures, len(STEPS_S) - 1)]
         self._failures += 1
         return step_s * (1 + JITTER * (2 * self._chance() - 1))
 

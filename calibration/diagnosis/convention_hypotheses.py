@@ -114,7 +114,7 @@ def convention_hypotheses(evidence: Evidence) -> Iterator[Hypothesis]:
         yield _pitch(evidence, factor)
 
 
-def reading_hypotheses(evidence: Evidence, alternatives: int = len(CONVENTIONS)) -> Iterator[Hypothesis]:
+def reading_hypotheses(evidence: Evidence) -> Iterator[Hypothesis]:
     """One hypothesis for each convention that gives poses within MAX_CELL_MM."""
     for convention in CONVENTIONS:
         corrected = evidence.with_robot_poses(convention.undo(evidence.base_T_flange, evidence.camera_T_target))
@@ -122,7 +122,7 @@ def reading_hypotheses(evidence: Evidence, alternatives: int = len(CONVENTIONS))
             continue
         yield Hypothesis(
             convention.code, (), corrected, evidence, Sentence(convention.code), Sentence(f"undo-{convention.code}"),
-            alternatives=alternatives, whole_session=True,
+            alternatives=len(CONVENTIONS), whole_session=True,
             bonus=3 * len(corrected) * float(np.log(convention.shrinks)),
         )  # fmt: skip
 

@@ -138,7 +138,6 @@ def arm_document(
     created_at: str,
     software: str,
     joints_from_poses: int = 0,
-    serial: str | None = None,
     more_views: MoreArmViewsDocument | None = None,
     findings: Sequence[Finding] = (),
 ) -> ArmErrorsDocument:
@@ -148,7 +147,6 @@ def arm_document(
     sigmas = np.sqrt(np.diagonal(fit.covariance)[6:])
     return ArmErrorsDocument(
         arm=fit.model.arm.identifier,
-        serial=serial,
         created_at=created_at,
         software=software,
         setup=problems[0].setup,

@@ -45,7 +45,7 @@ class CameraEstimate:
     """`covariance` (9, 9) of fx fy cx cy k1 k2 p1 p2 k3, 0 where fixed at 0; (12, 12) with k4 k5 k6, where the lens has
     them. `rms_px` per axis.
 
-    `positions` (n,): indices of the detections used, with their `camera_T_target` (n, 4, 4) and `views_rms_px` (n,).
+    `positions` (n,): indices of the detections used, with their `camera_T_target` (n, 4, 4).
     """
 
     camera: CameraModel
@@ -53,7 +53,6 @@ class CameraEstimate:
     rms_px: float
     positions: NDArray[np.intp]
     camera_T_target: Array
-    views_rms_px: Array
 
 
 def estimate_camera(target: Target, detections: Sequence[Detection], image_size: tuple[int, int]) -> CameraEstimate:
@@ -164,4 +163,4 @@ def _estimate(seen: Observations, fit: BundleFit) -> CameraEstimate:
     rms_px = float(np.sqrt(square.sum() / count.sum()))
     known = 4 + len(fit.camera.distortion)
     covariance = fit.covariance[:known, :known]
-    return CameraEstimate(fit.camera, covariance, rms_px, seen.positions, fit.poses, np.sqrt(square / count))
+    return CameraEstimate(fit.camera, covariance, rms_px, seen.positions, fit.poses)

@@ -16,6 +16,7 @@ MAX_TILT_RAD = 1e-4
 
 _AXES = np.array([[0, 0, 1], [0, 1, 0], [0, 1, 0], [1, 0, 0], [0, 1, 0], [1, 0, 0]], float)
 """Directions of ABB's axes 1 to 6 in the base with all joints at zero."""
+COMPARED_POSES = 64
 
 
 @dataclass(frozen=True)
@@ -44,9 +45,7 @@ class JointChain:
         return base_T_joint[:, :3, 3], np.einsum("nij,nj->ni", base_T_joint[:, :3, :3], self.axes)
 
 
-def arm_of_chain(
-    chain: JointChain, name: str, limits_rad: Array, speeds_rad_s: tuple[float, ...], *, samples: int = 64
-) -> Arm:
+def arm_of_chain(chain: JointChain, name: str, limits_rad: Array, speeds_rad_s: tuple[float, ...]) -> Arm:
     """The chain as an arm with ABB's six lengths. `limits_rad` (6, 2).
 
     Raises GeometryError that names the first property which such an arm must have and this one lacks: directions of
@@ -82,13 +81,13 @@ def arm_of_chain(
     )
     offset_mm = float(last[2] - forearm[2])
     arm = with_wrist_offset(arm, offset_mm if abs(offset_mm) > MAX_OFFSET_MM else 0.0)
-    _compare(arm, chain, limits_rad, samples)
+    _compare(arm, chain, limits_rad)
     return arm
 
 
-def _compare(arm: Arm, chain: JointChain, limits_rad: Array, samples: int) -> None:
+def _compare(arm: Arm, chain: JointChain, limits_rad: Array) -> None:
     """Raise GeometryError when the arm and the chain differ anywhere within the limits."""
-    joints = np.random.default_rng(0).uniform(limits_rad[:, 0], limits_rad[:, 1], (samples, 6))
+    joints = np.random.default_rng(0).uniform(limits_rad[:, 0], limits_rad[:, 1], (COMPARED_POSES, 6))
     drawn = np.array([chain.forward(each) for each in joints])
     off = np.linalg.inv(arm.forward(joints)) @ drawn
     turned = float(np.degrees(rotation_angle_rad(off[:, :3, :3])).max())

@@ -79,12 +79,10 @@ def leaves_box(
     return OutsideBox(float(step / (len(points) - 1)), found, float(outside[step, point]), bool(point))
 
 
-def stay_in_box(
-    arm: Arm, start_rad: Array, ends_rad: Array, box: Box, slack_mm: float = 0.0, points_mm: Array = FLANGE
-) -> NDArray[np.bool_]:
-    """Mask (n,) of the joints (n, 6) to which the path is never outside the box by more than `slack_mm`."""
+def stay_in_box(arm: Arm, start_rad: Array, ends_rad: Array, box: Box, points_mm: Array = FLANGE) -> NDArray[np.bool_]:
+    """Mask (n,) of the joints (n, 6) to which the path is never outside the box."""
     outside = box.outside_mm(path_mm(arm, start_rad, ends_rad, points_mm))
-    return np.asarray(np.all(outside <= slack_mm, axis=(-1, -2)))
+    return np.asarray(np.all(outside <= 0.0, axis=(-1, -2)))
 
 
 def _steps(arm: Arm, travel_rad: Array, reach_mm: float) -> int:

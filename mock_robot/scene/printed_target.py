@@ -124,15 +124,13 @@ def print_target(target: Target, sheet: PrintOptions | None = None) -> PrintedTa
             raise UnprintableTarget("a tracked frame has no printed points: describe a board")
 
 
-def _with_margin(
-    u_mm: Array, v_mm: Array, values: Array, margin_mm: float, margin_value: float = WHITE
-) -> PrintedCells:
+def _with_margin(u_mm: Array, v_mm: Array, values: Array, margin_mm: float) -> PrintedCells:
     if margin_mm <= 0:
         return PrintedCells(u_mm, v_mm, values)
     return PrintedCells(
         np.concatenate([[u_mm[0] - margin_mm], u_mm, [u_mm[-1] + margin_mm]]),
         np.concatenate([[v_mm[0] - margin_mm], v_mm, [v_mm[-1] + margin_mm]]),
-        np.pad(values, 1, constant_values=margin_value),
+        np.pad(values, 1, constant_values=WHITE),
     )
 
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from calibration.transforms import Array
-from mock_robot.scene.part import DOOR, Door
+from mock_robot.scene.part import DOOR
 from mock_robot.scene.scanner_view import ScannerModel, cast
 
 
@@ -31,13 +31,11 @@ class ProfilerModel:
         return self.slopes() * seen, seen
 
 
-def profile_door(
-    profiler: ProfilerModel, part_T_profiler: Array, rng: np.random.Generator, door: Door = DOOR
-) -> tuple[Array, Array]:
+def profile_door(profiler: ProfilerModel, part_T_profiler: Array, rng: np.random.Generator) -> tuple[Array, Array]:
     """x and z (n, columns) in mm of the door's skin from poses (n, 4, 4), NaN beside the metal."""
     slopes = profiler.slopes()
     length = np.hypot(slopes, 1.0)
     rays = np.column_stack([slopes, np.zeros_like(slopes), np.ones_like(slopes)]) / length[:, None]
     scanner = ScannerModel(range_mm=profiler.range_mm)
-    z = np.array([cast(scanner, pose, rays, door)[0] / length for pose in part_T_profiler])
+    z = np.array([cast(scanner, pose, rays, DOOR)[0] / length for pose in part_T_profiler])
     return profiler.measured(z, rng)

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from calibration.transforms import Array, difference, inverse, map_points
-from mock_robot.scene.part import DOOR, Door, surface_samples
+from mock_robot.scene.part import DOOR, surface_samples
 from mock_robot.truth.truth import CellTruth
 
 SCORED_POINTS = 200_000
@@ -19,7 +19,7 @@ class Unscorable(ValueError):
     """Nothing can be compared with the truth; the message says why."""
 
 
-def score_cloud(truth: CellTruth, ply: bytes, door: Door = DOOR) -> dict[str, Any]:
+def score_cloud(truth: CellTruth, ply: bytes) -> dict[str, Any]:
     """Deviation of a merged cloud (PLY, base frame, mm) from the true skin, and the share of the part it covers.
 
     Large clouds are scored on an even selection of `SCORED_POINTS` points. Covered is the share of the skin within
@@ -30,9 +30,9 @@ def score_cloud(truth: CellTruth, ply: bytes, door: Door = DOOR) -> dict[str, An
     if not len(finite):
         raise Unscorable("the cloud holds no finite point: scan the part again")
     scored = map_points(inverse(truth.base_T_part), finite[:: -(-len(finite) // SCORED_POINTS)])
-    deviation = door.deviation(scored)
+    deviation = DOOR.deviation(scored)
     distance = np.abs(deviation)
-    nearest, _ = cKDTree(scored).query(surface_samples(COVERED_WITHIN_MM, door), distance_upper_bound=COVERED_WITHIN_MM)
+    nearest, _ = cKDTree(scored).query(surface_samples(COVERED_WITHIN_MM, DOOR), distance_upper_bound=COVERED_WITHIN_MM)
     return {
         "points": len(points),
         "not_finite": len(points) - len(finite),

@@ -9,7 +9,7 @@ from calibration.documents.pose import PoseDocument
 from calibration.documents.session import CameraDocument
 from calibration.problem import ANCHORS, MOUNTS
 from calibration.transforms import Array, inverse, transform
-from mock_robot.scene.part import DOOR, Door
+from mock_robot.scene.part import DOOR
 from mock_robot.truth.truth import CellTruth, Nominal
 
 DISTANCE_MM = 740.0
@@ -23,15 +23,15 @@ def scan_poses_of(truth: CellTruth) -> list[Array]:
     return scan_poses(truth.nominal) if truth.setup == "eye-in-hand" else []
 
 
-def scan_poses(nominal: Nominal, door: Door = DOOR) -> list[Array]:
+def scan_poses(nominal: Nominal) -> list[Array]:
     """Poses row by row in alternating direction, for a short path; the camera looks along the skin's normal."""
     camera_T_flange = inverse(nominal.mount_T_camera)
     poses = []
     for row, y in enumerate(ROWS_MM):
         for x in COLUMNS_MM if row % 2 == 0 else COLUMNS_MM[::-1]:
             # part_T_camera at DISTANCE_MM from the skin at (x, y), its x along the door, its y down.
-            aim = np.array([x, y, float(door.height(np.array(x), np.array(y)))])
-            out = np.array([x / door.radius_along, y / door.radius_up, 1.0])
+            aim = np.array([x, y, float(DOOR.height(np.array(x), np.array(y)))])
+            out = np.array([x / DOOR.radius_along, y / DOOR.radius_up, 1.0])
             out /= np.linalg.norm(out)
             down = np.cross(-out, [1.0, 0.0, 0.0])
             down /= np.linalg.norm(down)

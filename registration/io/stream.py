@@ -27,9 +27,12 @@ from registration.points.layout import Records
 from registration.points.range_check import RangeCheck
 from registration.points.rigid_motion import BlockMover, RigidMotion
 
+BODY = "request body"
+"""What errors call the cloud."""
+
 
 class CloudStream:
-    """Stream of one cloud. `file` names it in errors. Every method raises RegistrationError's leaves.
+    """Stream of one cloud. Every method raises RegistrationError's leaves.
 
     After an error or `last_parts` the stream cannot be used further.
     """
@@ -40,13 +43,11 @@ class CloudStream:
         base_T_camera: ArrayLike,
         unit: str | None,
         *,
-        out_unit: str = "mm",
-        file: str = "request body",
         range_check: RangeCheck | None = None,
     ) -> None:
         """`range_check`: refuses, at the cloud's end, one whose unit cannot be."""
         self._range = range_check
-        self._start(parser_of(media_type, file), RigidMotion.of(base_T_camera, unit, out_unit), file)
+        self._start(parser_of(media_type, BODY), RigidMotion.of(base_T_camera, unit), BODY)
 
     @classmethod
     def with_parser(cls, parser: HeaderParser, motion: RigidMotion, file: str) -> "CloudStream":

@@ -10,7 +10,7 @@ from calibration.transforms import Array
 from registration.errors import PathGap, PathTooCoarse, ProfileError
 from registration.points.rigid_motion import RigidMotion
 from registration.profiles.profile_block import ProfileBlock
-from registration.profiles.robot_path import MAX_GAP_S, RobotPath
+from registration.profiles.robot_path import RobotPath
 
 MAX_WAITING_PROFILES = 20_000
 """Profiles that wait for the robot's poses: 10 s at 2,000 a second."""
@@ -18,6 +18,7 @@ MAX_WAITING_POSES_S = 10.0
 """Poses older than this are forgotten where no profiles come."""
 MAX_BEND_MM = 0.25
 """By which the sensor may leave the straight line between two poses."""
+BLOCK_PROFILES = 256
 
 
 class SweepAssembler:
@@ -26,13 +27,13 @@ class SweepAssembler:
     `clock_offset_s`: the robot's clock minus the sensor's, at the same moment.
     """
 
-    def __init__(self, flange_T_profiler: Array, clock_offset_s: float = 0.0, max_gap_s: float = MAX_GAP_S) -> None:
+    def __init__(self, flange_T_profiler: Array, clock_offset_s: float = 0.0) -> None:
         """Raises MotionError, ProfileError."""
         RigidMotion.of(flange_T_profiler, "mm")
         if not np.isfinite(clock_offset_s):
             raise ProfileError(f"a clock offset of {clock_offset_s} s is not possible", "give it in s")
         self._flange_T_profiler = np.asarray(flange_T_profiler, float)
-        self._offset_s, self._max_gap_s = float(clock_offset_s), max_gap_s
+        self._offset_s = float(clock_offset_s)
         self._times: Array = np.empty(0)
         self._poses: Array = np.empty((0, 4, 4))
         self._waiting: deque[ProfileBlock] = deque()
@@ -80,7 +81,7 @@ class SweepAssembler:
             if ready < len(block):
                 self._waiting.appendleft(block[ready:])
             if ready:
-                flange = path.at(block.times_s[:ready] + self._offset_s, self._max_gap_s)
+                flange = path.at(block.times_s[:ready] + self._offset_s)
                 yield block[:ready].points_in(flange @ self._flange_T_profiler)
             if ready < len(block):
                 break
@@ -116,14 +117,12 @@ def assemble_sweep(
     path: RobotPath,
     flange_T_profiler: Array,
     clock_offset_s: float = 0.0,
-    max_gap_s: float = MAX_GAP_S,
-    block_profiles: int = 256,
 ) -> Iterator[NDArray[np.float32]]:
-    """Points (k, 3) in base, mm, of a recorded sweep, `block_profiles` at a time.
+    """Points (k, 3) in base, mm, of a recorded sweep, BLOCK_PROFILES at a time.
 
     Raises PathGap, MotionError, ProfileError.
     """
     RigidMotion.of(flange_T_profiler, "mm")
-    for start in range(0, len(block), block_profiles):
-        part = block[start : start + block_profiles]
-        yield part.points_in(path.at(part.times_s + clock_offset_s, max_gap_s) @ flange_T_profiler)
+    for start in range(0, len(block), BLOCK_PROFILES):
+        part = block[start : start + BLOCK_PROFILES]
+        yield part.points_in(path.at(part.times_s + clock_offset_s) @ flange_T_profiler)
