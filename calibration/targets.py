@@ -278,7 +278,9 @@ class TrackedFrame:
         return _array([(x, y, 0.0) for y in (-half, half) for x in (-half, half)])
 
 
-Target = Chessboard | Charuco | CircleGrid | AprilTagGrid | ArucoGrid | ArucoMarker | TrackedFrame
+Grid = Chessboard | Charuco | CircleGrid | AprilTagGrid | ArucoGrid
+PrintedTarget = Grid | ArucoMarker
+Target = PrintedTarget | TrackedFrame
 MarkerTarget = AprilTagGrid | ArucoGrid | ArucoMarker
 
 

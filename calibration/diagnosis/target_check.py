@@ -10,18 +10,7 @@ from calibration.observations.observations import observe
 from calibration.problem import Detection, Problem
 from calibration.sentences.sentence import Sentence
 from calibration.solution import Finding
-from calibration.targets import (
-    AprilTagGrid,
-    ArucoGrid,
-    ArucoMarker,
-    Charuco,
-    Chessboard,
-    CircleGrid,
-    Target,
-    TrackedFrame,
-)
-
-Grid = Chessboard | Charuco | CircleGrid | AprilTagGrid | ArucoGrid
+from calibration.targets import AprilTagGrid, ArucoGrid, ArucoMarker, Charuco, Grid, Target, TrackedFrame
 
 FOREIGN_ID = "corner-id-unknown"
 MAX_TRIED_VIEWS = 5

@@ -15,12 +15,11 @@ from calibration.targets import (
     Charuco,
     Chessboard,
     CircleGrid,
+    PrintedTarget,
     Target,
     TrackedFrame,
     require_markers,
 )
-
-PrintedTarget = Chessboard | Charuco | CircleGrid | AprilTagGrid | ArucoGrid | ArucoMarker
 
 
 def printable(target: PrintedTarget) -> PrintedTarget:

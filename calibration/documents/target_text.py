@@ -6,9 +6,9 @@ Columns x rows and lengths in mm, as in session.json.
 from typing import Any
 
 from calibration.documents.imports.refusal import refusal
-from calibration.documents.target import PrintedTarget, TargetFile, described
+from calibration.documents.target import TargetFile, described
 from calibration.documents.validation import validate_document
-from calibration.targets import Target
+from calibration.targets import PrintedTarget, Target
 
 FORMS: dict[str, tuple[str, ...]] = {
     "chessboard": ("size", "pitch_mm"),

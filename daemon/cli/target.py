@@ -11,7 +11,7 @@ from daemon.cli.errors import CommandError, ExitStatus
 from daemon.cli.output import CommandGroup, Json, print_json, writing
 
 if TYPE_CHECKING:
-    from calibration.documents.target import PrintedTarget
+    from calibration.targets import PrintedTarget
 
 app = typer.Typer(
     cls=CommandGroup, name="target", no_args_is_help=True, help="Write a target to print: PDF or SVG, true to size."

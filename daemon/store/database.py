@@ -107,12 +107,7 @@ class Database:
 
     def read_now(self, query: Callable[[sqlite3.Connection], Answer]) -> Answer:
         """Like `read`, for commands without an event loop."""
-
-        def run_query() -> Answer:
-            with storage_errors(self.path):
-                return query(self._connection)
-
-        return self.thread.submit(run_query).result()
+        return self._now(lambda: query(self._connection))
 
     def close_now(self) -> None:
         """Like `close`, for commands without an event loop."""
@@ -121,12 +116,14 @@ class Database:
 
     def write_now(self, change: Callable[[sqlite3.Connection], Answer]) -> Answer:
         """Like `write`, for commands without an event loop."""
+        return self._now(lambda: self._transaction(change))
 
-        def run_change() -> Answer:
+    def _now(self, work: Callable[[], Answer]) -> Answer:
+        def guarded() -> Answer:
             with storage_errors(self.path):
-                return self._transaction(change)
+                return work()
 
-        return self.thread.submit(run_change).result()
+        return self.thread.submit(guarded).result()
 
     def _transaction(self, change: Callable[[sqlite3.Connection], Answer]) -> Answer:
         self.guard()

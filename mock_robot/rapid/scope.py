@@ -134,21 +134,11 @@ class Scope:
 
     def find(self, name: str) -> Symbol | None:
         """The symbol of that name, or None."""
-        scope: Scope | None = self
-        while scope is not None:
-            if name in scope.symbols:
-                return scope.symbols[name]
-            scope = scope.outer
-        return None
+        return self.symbols.get(name) or (self.outer.find(name) if self.outer else None)
 
     def find_type(self, name: str) -> Type | None:
         """The type of that name, or None."""
-        scope: Scope | None = self
-        while scope is not None:
-            if name in scope.types:
-                return scope.types[name]
-            scope = scope.outer
-        return None
+        return self.types.get(name) or (self.outer.find_type(name) if self.outer else None)
 
     def declare(self, symbol: Symbol, module: str, line: int) -> None:
         """Add a name; raises RapidProgramError if it exists at this level."""

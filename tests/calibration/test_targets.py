@@ -6,7 +6,7 @@ import cv2
 import pytest
 from pydantic import TypeAdapter
 
-from calibration.documents.target import PrintedTarget, TargetDocument
+from calibration.documents.target import TargetDocument
 from calibration.errors import DetectionError
 from calibration.targets import (
     MARKER_COUNTS,
@@ -14,6 +14,7 @@ from calibration.targets import (
     AprilTagGrid,
     Charuco,
     Chessboard,
+    PrintedTarget,
     Target,
     TrackedFrame,
     require_markers,

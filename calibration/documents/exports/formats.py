@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
+from typing import Generic, TypeVar
 
 from calibration.documents.calibration import CalibrationDocument
 from calibration.documents.exports import brands, pose_list, rapid, ros, scene3d
@@ -11,6 +12,8 @@ from calibration.documents.exports.subject import ExportOptions, Subject, subjec
 from calibration.documents.validation import nearest_fix
 from calibration.errors import ExportRefused
 from calibration.transforms import quaternion_from_rotation
+
+Content = TypeVar("Content", Subject, PoseList)
 
 TEXT, YAML, XML = "text/plain", "application/yaml", "application/xml"
 
@@ -35,25 +38,19 @@ def write_matrix(subject: Subject) -> str:
 
 
 @dataclass(frozen=True)
-class ExportFormat:
+class ExportFormat(Generic[Content]):
     """`file`: the name to save it as; `write`: its content, text as UTF-8."""
 
     name: str
     file: str
     media_type: str
     about: str
-    write: Callable[[Subject], str | bytes]
+    write: Callable[[Content], str | bytes]
 
-
-@dataclass(frozen=True)
-class PoseFormat:
-    """A format of a list of poses."""
-
-    name: str
-    file: str
-    media_type: str
-    about: str
-    write: Callable[[PoseList], str]
+    def encoded(self, content: Content) -> bytes:
+        """The file."""
+        written = self.write(content)
+        return written if isinstance(written, bytes) else written.encode()
 
 
 _FORMATS = (
@@ -85,26 +82,25 @@ _FORMATS = (
     ExportFormat("usd", "handeyed.usda", "model/vnd.usda", "OpenUSD stage", scene3d.write_usd),
 )  # fmt: skip
 
-FORMATS: Mapping[str, ExportFormat] = MappingProxyType({each.name: each for each in _FORMATS})
+FORMATS: Mapping[str, ExportFormat[Subject]] = MappingProxyType({each.name: each for each in _FORMATS})
 """Formats of X by name, in the order they are listed."""
 
 _POSE_FORMATS = (
-    PoseFormat("poses-toml", "poses.toml", "application/toml", "poses for the settings", pose_list.write_poses_toml),
-    PoseFormat("rapid-robtarget", "handeyed_poses.mod", TEXT, "RAPID robtargets", pose_list.write_robtargets),
-    PoseFormat("rapid-jointtarget", "handeyed_joints.mod", TEXT, "RAPID jointtargets", pose_list.write_jointtargets),
+    ExportFormat("poses-toml", "poses.toml", "application/toml", "poses for the settings", pose_list.write_poses_toml),
+    ExportFormat("rapid-robtarget", "handeyed_poses.mod", TEXT, "RAPID robtargets", pose_list.write_robtargets),
+    ExportFormat("rapid-jointtarget", "handeyed_joints.mod", TEXT, "RAPID jointtargets", pose_list.write_jointtargets),
 )
 
-POSE_FORMATS: Mapping[str, PoseFormat] = MappingProxyType({each.name: each for each in _POSE_FORMATS})
+POSE_FORMATS: Mapping[str, ExportFormat[PoseList]] = MappingProxyType({each.name: each for each in _POSE_FORMATS})
 """Formats of a list of poses by name."""
 
 
 def export(calibration: CalibrationDocument, name: str, options: ExportOptions | None = None) -> bytes:
     """X of `calibration` in the format `name`. Raises ExportRefused for an unknown name or without X."""
-    content = find_format(name).write(subject_of(calibration, options or ExportOptions()))
-    return content if isinstance(content, bytes) else content.encode()
+    return find_format(name).encoded(subject_of(calibration, options or ExportOptions()))
 
 
-def find_format(name: str) -> ExportFormat:
+def find_format(name: str) -> ExportFormat[Subject]:
     """The format of that name. Raises ExportRefused with the nearest ones."""
     if name not in FORMATS:
         fix = nearest_fix(name, FORMATS) or f"use one of {', '.join(FORMATS)}"
@@ -116,4 +112,4 @@ def export_poses(poses: PoseList, name: str) -> bytes:
     """`poses` in the format `name` of POSE_FORMATS. Raises ExportRefused."""
     if name not in POSE_FORMATS:
         raise ExportRefused(f"{name[:40]!r} is no format of poses", f"use one of {', '.join(POSE_FORMATS)}")
-    return POSE_FORMATS[name].write(poses).encode()
+    return POSE_FORMATS[name].encoded(poses)

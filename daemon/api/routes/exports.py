@@ -1,11 +1,11 @@
 """GET /calibrations/{id}/exports: X and the poses it was taken from, as files of other systems."""
 
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 from fastapi import APIRouter, Path, Query, Response
 
-from calibration.documents.exports.formats import FORMATS, POSE_FORMATS, ExportFormat, PoseFormat, export, export_poses
+from calibration.documents.exports.formats import FORMATS, POSE_FORMATS, ExportFormat, export, export_poses
 from calibration.documents.exports.pose_list import PoseList, pose_list
 from calibration.documents.exports.subject import (
     DEFAULT_DECIMALS,
@@ -32,7 +32,7 @@ Parent = Annotated[str | None, Query(pattern=FRAME, max_length=250, description=
 CHILD = "name of the camera's frame; one that ends with camera_link is its body frame (REP 103)"
 Child = Annotated[str, Query(pattern=FRAME, max_length=250, description=CHILD)]
 Decimals = Annotated[int, Query(ge=0, le=MAX_DECIMALS, description="of lengths in mm"), IN_WHOLE_DIGITS]
-EVERY: dict[str, ExportFormat | PoseFormat] = {**FORMATS, **POSE_FORMATS}
+EVERY: dict[str, ExportFormat[Any]] = {**FORMATS, **POSE_FORMATS}
 
 
 @router.get(

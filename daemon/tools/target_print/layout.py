@@ -4,9 +4,9 @@ import math
 import textwrap
 from functools import singledispatch
 
-from calibration.documents.target import PrintedTarget, json_of_target
+from calibration.documents.target import json_of_target
 from calibration.sentences.sentence import Sentence
-from calibration.targets import Charuco, Chessboard, CircleGrid
+from calibration.targets import Charuco, Chessboard, CircleGrid, PrintedTarget
 from daemon.errors import PrintRefused
 from daemon.tools.target_print.shapes import Artwork, Box, Disc, Rectangles, Sheet, TextLine, chessboard_squares
 
