@@ -15,7 +15,7 @@ from extensions.sweeps.mathematics.profiler import ArtefactSweep, solve_profiler
 from mock_robot.arm.paths import LinePath
 from mock_robot.arm.simulated_arm import ArmMotion, ArmNoise, plan_motion
 from mock_robot.scene.part import DOOR
-from mock_robot.scene.profiler_view import ProfilerModel, profile_door
+from mock_robot.scene.scanner_view import ProfilerModel, profile_door
 from mock_robot.truth.truth import TARGET_MIDDLE_MM, CellTruth
 from registration.profiles.profile_block import ProfileBlock
 from registration.profiles.robot_path import RobotPath

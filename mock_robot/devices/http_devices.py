@@ -26,9 +26,8 @@ from starlette.routing import Route
 from calibration.transforms import Array, difference, inverse, rotation_from_vector, transform, vector_from_rotation
 from mock_robot.faults.device_faults import Device, DeviceFault, DeviceFaultBoard
 from mock_robot.scene.camera_view import render, sketch
-from mock_robot.scene.organised_view import organised_pcd
 from mock_robot.scene.printed_target import print_target
-from mock_robot.scene.scanner_view import ScannerModel, cloud_ply, scan
+from mock_robot.scene.scanner_view import ScannerModel, cloud_ply, organised_pcd, scan
 from mock_robot.truth.truth import CellTruth
 from mock_robot.truth.warming import CameraWarming
 

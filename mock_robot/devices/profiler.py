@@ -8,7 +8,7 @@ import numpy as np
 
 from calibration.transforms import Array, inverse
 from mock_robot.devices.tcp_server import TcpServer
-from mock_robot.scene.profiler_view import ProfilerModel, profile_door
+from mock_robot.scene.scanner_view import ProfilerModel, profile_door
 from mock_robot.truth.truth import CellTruth
 from protocols.gocator.data_channel import NO_VALUE, ProfileGroup, RawProfiles, Stamp, encode
 

@@ -1,6 +1,7 @@
 """Simulates the cloud of a structured-light scanner by casting one ray per grid point on the true skin.
 
 Scanner frame as the camera's, z along the view. A ray that meets no metal within the measuring range gives no point.
+The profiles of a laser triangulation sensor are cast alike: a fan of light in its plane y = 0, z along it.
 """
 
 from collections.abc import Sequence
@@ -9,10 +10,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from calibration.camera import CameraModel
+from calibration.targets import Target
 from calibration.transforms import Array
+from mock_robot.scene.camera_view import render
+from mock_robot.scene.optics import Optics
 from mock_robot.scene.part import DOOR, Door
-from registration.io.formats.ply import format_header
-from registration.points.layout import XYZ_FLOAT32
+from mock_robot.scene.printed_target import PrintOptions
+from registration.io.formats import pcd, ply
+from registration.points.layout import XYZ_FLOAT32, Layout
 
 NEWTON_STEPS = 5
 TRACING_STEPS = 80
@@ -117,4 +123,63 @@ def _add_noise(
 def cloud_ply(points: NDArray[np.float32]) -> bytes:
     """Binary PLY, x y z as float32, mm."""
     records = np.ascontiguousarray(points, "<f4")
-    return format_header(XYZ_FLOAT32, len(points)) + records.tobytes()
+    return ply.format_header(XYZ_FLOAT32, len(points)) + records.tobytes()
+
+
+COLUMNS = Layout.of(np.dtype([(name, "<f4") for name in ("x", "y", "z", "intensity")]))
+
+
+def organised_pcd(
+    scanner: ScannerModel,
+    target: Target,
+    scanner_T_target: Array,
+    optics: Optics,
+    rng: np.random.Generator,
+    sheet: PrintOptions | None = None,
+) -> bytes:
+    """A PCD of rows × columns points, in mm, of the target's plane, with noise along each ray; NaN out of range."""
+    centre = [(scanner.columns - 1) / 2, (scanner.rows - 1) / 2]
+    matrix = np.array([[scanner.focal, 0, centre[0]], [0, scanner.focal, centre[1]], [0, 0, 1.0]])
+    lens = CameraModel(matrix, np.zeros(5), (scanner.columns, scanner.rows))
+    picture = render(lens, target, scanner_T_target, optics, rng, sheet)
+    rays, normal = scanner.rays(), scanner_T_target[:3, 2]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        distance = (normal @ scanner_T_target[:3, 3]) / (rays @ normal)
+    depth = distance * rays[:, 2]
+    near, far = scanner.range_mm
+    distance[~((depth > near) & (depth < far))] = np.nan
+    distance = distance + rng.normal(0.0, scanner.noise_mm, distance.shape) * (distance / scanner.reference_mm) ** 2
+    rows = np.column_stack([rays * distance[:, None], picture.reshape(-1)]).astype("<f4")
+    return pcd.format_header(COLUMNS, len(rows), rows=scanner.rows) + rows.tobytes()
+
+
+@dataclass(frozen=True)
+class ProfilerModel:
+    """`columns` points across a fan of twice `half_angle_deg`, measured within `range_mm` of z with `noise_mm`."""
+
+    columns: int = 320
+    half_angle_deg: float = 15.0
+    range_mm: tuple[float, float] = (300.0, 700.0)
+    noise_mm: float = 0.04
+
+    def slopes(self) -> Array:
+        """x / z (columns,) of the light."""
+        widest = float(np.tan(np.radians(self.half_angle_deg)))
+        return np.linspace(-widest, widest, self.columns)
+
+    def measured(self, z: Array, rng: np.random.Generator) -> tuple[Array, Array]:
+        """x and z (n, columns) with noise, NaN out of range."""
+        near, far = self.range_mm
+        with np.errstate(invalid="ignore"):
+            seen = np.where((z > near) & (z < far), z + rng.normal(0, self.noise_mm, z.shape), np.nan)
+        return self.slopes() * seen, seen
+
+
+def profile_door(profiler: ProfilerModel, part_T_profiler: Array, rng: np.random.Generator) -> tuple[Array, Array]:
+    """x and z (n, columns) in mm of the door's skin from poses (n, 4, 4), NaN beside the metal."""
+    slopes = profiler.slopes()
+    length = np.hypot(slopes, 1.0)
+    rays = np.column_stack([slopes, np.zeros_like(slopes), np.ones_like(slopes)]) / length[:, None]
+    scanner = ScannerModel(range_mm=profiler.range_mm)
+    z = np.array([cast(scanner, pose, rays, DOOR)[0] / length for pose in part_T_profiler])
+    return profiler.measured(z, rng)

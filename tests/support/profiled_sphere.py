@@ -3,7 +3,7 @@
 import numpy as np
 
 from calibration.transforms import Array
-from mock_robot.scene.profiler_view import ProfilerModel
+from mock_robot.scene.scanner_view import ProfilerModel
 
 
 def profile_sphere(

@@ -11,7 +11,7 @@ import sys
 from pathlib import Path
 from typing import NamedTuple
 
-from mock_robot.rapid.headers import builtins
+from mock_robot.rapid.program import builtins
 from mock_robot.rapid.scope import Builtin
 from mock_robot.rapid.syntax import name, parse_system, parts
 from mock_robot.rapid.types import Array

@@ -14,7 +14,7 @@ import pytest
 from calibration.transforms import Array
 from mock_robot.arm.simulated_arm import ArmNoise, SimulatedArm
 from mock_robot.rapid.controller import RapidController
-from mock_robot.rapid.headers import builtins
+from mock_robot.rapid.program import builtins
 from protocols.egm.messages import Correction, decode, decode_correction
 from tests.mock_robot.controller_client import ARM, HOME
 from tests.mock_robot.rapid import customer_program

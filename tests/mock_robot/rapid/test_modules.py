@@ -9,9 +9,8 @@ import pytest
 
 from mock_robot.rapid.configuration import Fragments, task_plans
 from mock_robot.rapid.errors import RapidSyntaxError
-from mock_robot.rapid.headers import builtins
 from mock_robot.rapid.instructions.table import DOES
-from mock_robot.rapid.program import PersistentMemory, Program
+from mock_robot.rapid.program import PersistentMemory, Program, builtins
 from mock_robot.rapid.signals import Signal
 from mock_robot.rapid.syntax import parse_module
 from mock_robot.rapid.tasks import ProgramTask

@@ -10,7 +10,7 @@ from calibration.documents.exports.formats import export, export_poses
 from calibration.documents.exports.pose_list import pose_list
 from mock_robot.rapid import instructions, statements
 from mock_robot.rapid.controller import DEPLOYED
-from mock_robot.rapid.headers import builtins, system_types
+from mock_robot.rapid.program import builtins, system_types
 from mock_robot.rapid.syntax import Node, name, parse_module, parse_system, parts
 from tests.calibration.documents.exports.some_poses import ARM, POSES
 from tests.conftest import ROOT

@@ -4,7 +4,7 @@ import numpy as np
 
 from calibration.transforms import inverse, map_points, rotation_from_vector, transform
 from mock_robot.scene.part import DOOR
-from mock_robot.scene.profiler_view import ProfilerModel, profile_door
+from mock_robot.scene.scanner_view import ProfilerModel, profile_door
 from tests.support.profiled_sphere import profile_sphere
 
 PROFILER = ProfilerModel(columns=40, noise_mm=0.0)
