@@ -31,6 +31,39 @@ app.command()(acceptance)
 app.command()(remove)
 
 
+@app.command("write-frame")
+def write_frame(
+    address: Annotated[str, typer.Argument(help="rws://host, rws://user:password@host:port?version=2")],
+    file: Annotated[Path, typer.Argument(help="calibration.json")],
+    tooldata: Annotated[str | None, typer.Option(help="A tooldata whose tframe becomes X.")] = None,
+    wobjdata: Annotated[str | None, typer.Option(help="A wobjdata whose uframe becomes the target's pose.")] = None,
+    task: Annotated[str, typer.Option(help="The task that has it.")] = "T_ROB1",
+    despite_verdict: Annotated[bool, typer.Option("--despite-verdict", help="Also when it is not accepted.")] = False,
+    yes: Annotated[bool, typer.Option("--yes", help="Do not ask for consent.")] = False,
+) -> None:
+    """Write X into the tframe of a tooldata; or the target's pose, or that of a camera that stands still, into the
+    uframe of a wobjdata. Everything else of the record stays as it is.
+
+    Nothing is written before you consent, and nothing while the program runs. What was written is read back.
+
+    Exit status: 0 written, 1 not written, 2 unreadable input, 3 the calibration is not accepted.
+    """
+    import asyncio
+
+    from calibration.documents.exports.rapid import pose_text
+    from daemon.cli.compare import read_calibration
+
+    where = rws_address(address)
+    kind, name = _place(tooldata, wobjdata, task)
+    document = read_calibration(file)
+    if not (document.verdict.accepted or despite_verdict):
+        fix = "calibrate again as its findings advise, or give --despite-verdict"
+        raise CommandError(str(file), "the calibration is not accepted", fix, ExitStatus.NOT_ACCEPTED)
+    frame = pose_text(_frame(document, kind, file))
+    asyncio.run(_write(where, kind, f"{task}/{name}", frame.replace(" ", ""), yes))
+    typer.echo(f"{name}: written and read back")
+
+
 @app.command()
 def upload(
     address: Annotated[str, typer.Argument(help="rws://host, rws://user:password@host:port?version=2")],
@@ -74,39 +107,6 @@ async def _upload(where: "RwsAddress", folder: Path, to: str, called: bool, egm:
 
 MAX_CONNECT_S = 15.0
 NAME = r"[A-Za-z]\w{0,31}"
-
-
-@app.command("write-frame")
-def write_frame(
-    address: Annotated[str, typer.Argument(help="rws://host, rws://user:password@host:port?version=2")],
-    file: Annotated[Path, typer.Argument(help="calibration.json")],
-    tooldata: Annotated[str | None, typer.Option(help="A tooldata whose tframe becomes X.")] = None,
-    wobjdata: Annotated[str | None, typer.Option(help="A wobjdata whose uframe becomes the target's pose.")] = None,
-    task: Annotated[str, typer.Option(help="The task that has it.")] = "T_ROB1",
-    despite_verdict: Annotated[bool, typer.Option("--despite-verdict", help="Also when it is not accepted.")] = False,
-    yes: Annotated[bool, typer.Option("--yes", help="Do not ask for consent.")] = False,
-) -> None:
-    """Write X into the tframe of a tooldata; or the target's pose, or that of a camera that stands still, into the
-    uframe of a wobjdata. Everything else of the record stays as it is.
-
-    Nothing is written before you consent, and nothing while the program runs. What was written is read back.
-
-    Exit status: 0 written, 1 not written, 2 unreadable input, 3 the calibration is not accepted.
-    """
-    import asyncio
-
-    from calibration.documents.exports.rapid import pose_text
-    from daemon.cli.compare import read_calibration
-
-    where = rws_address(address)
-    kind, name = _place(tooldata, wobjdata, task)
-    document = read_calibration(file)
-    if not (document.verdict.accepted or despite_verdict):
-        fix = "calibrate again as its findings advise, or give --despite-verdict"
-        raise CommandError(str(file), "the calibration is not accepted", fix, ExitStatus.NOT_ACCEPTED)
-    frame = pose_text(_frame(document, kind, file))
-    asyncio.run(_write(where, kind, f"{task}/{name}", frame.replace(" ", ""), yes))
-    typer.echo(f"{name}: written and read back")
 
 
 def _place(tooldata: str | None, wobjdata: str | None, task: str) -> tuple[str, str]:
