@@ -28,10 +28,6 @@ def i_timer(task: ProgramTask, once: bool | None, seconds: float, interrupt: Slo
     task.services.interrupts.repeat(interrupt.value, seconds, bool(once))
 
 
-def i_delete(task: ProgramTask, interrupt: Slot) -> None:
-    task.services.interrupts.delete(interrupt)
-
-
 UNBOOKED = -1.0
 FIRST_BOOKED = 2000.0
 """The mock's own first number of booked errors."""
@@ -63,10 +59,6 @@ def book_err_no(task: ProgramTask, number: Slot) -> None:
         raise RapidError("ERR_ARGVALERR", "BookErrNo wants a variable that holds -1")
     number.value = FIRST_BOOKED + task.booked
     task.booked += 1
-
-
-def clk_reset(task: ProgramTask, clock: Slot) -> None:
-    clock.value.reset()
 
 
 def clk_start(task: ProgramTask, clock: Slot) -> None:
@@ -152,12 +144,12 @@ DOES = MappingProxyType(
         "ErrWrite": err_write,
         "IPers": i_pers,
         "ITimer": i_timer,
-        "IDelete": i_delete,
+        "IDelete": lambda task, interrupt: task.services.interrupts.delete(interrupt),
         "IError": i_error,
         "GetTrapData": get_trap_data,
         "ReadErrData": read_err_data,
         "BookErrNo": book_err_no,
-        "ClkReset": clk_reset,
+        "ClkReset": lambda task, clock: clock.value.reset(),
         "ClkStart": clk_start,
         "ClkRead": clk_read,
     }

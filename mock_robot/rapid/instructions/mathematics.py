@@ -8,10 +8,6 @@ from mock_robot.rapid.tasks import ProgramTask
 from mock_robot.rapid.values import short, single
 
 
-def absolute(task: ProgramTask, value: float) -> float:
-    return abs(value)
-
-
 def acos(task: ProgramTask, value: float) -> float:
     if not -1.0 <= value <= 1.0:
         raise RapidError("ERR_ARGVALERR", f"Acos({value:g})")
@@ -29,19 +25,11 @@ def trunc(task: ProgramTask, value: float, decimals: float | None) -> float:
     return single(math.trunc(value * scale) / scale)
 
 
-def distance(task: ProgramTask, first: list[float], second: list[float]) -> float:
-    return single(math.dist(first, second))
-
-
 def n_orient(task: ProgramTask, rotation: list[float]) -> list[float]:
     norm = math.hypot(*rotation)
     if norm == 0.0:
         raise RapidError("ERR_ILLQUAT", "a rotation of zeros")
     return [single(part / norm) for part in rotation]
-
-
-def str_len(task: ProgramTask, text: str) -> float:
-    return float(len(text))
 
 
 def num_to_str(task: ProgramTask, value: float, decimals: float, exponent: bool | None) -> str:
@@ -51,13 +39,13 @@ def num_to_str(task: ProgramTask, value: float, decimals: float, exponent: bool 
 
 DOES = MappingProxyType(
     {
-        "Abs": absolute,
+        "Abs": lambda task, value: abs(value),
         "Acos": acos,
         "Sqrt": sqrt,
         "Trunc": trunc,
-        "Distance": distance,
+        "Distance": lambda task, first, second: single(math.dist(first, second)),
         "NOrient": n_orient,
-        "StrLen": str_len,
+        "StrLen": lambda task, text: float(len(text)),
         "NumToStr": num_to_str,
     }
 )

@@ -36,10 +36,6 @@ def copy(
     target.value.write(integer(to_index), source.value.read(first, number))
 
 
-def length(task: ProgramTask, raw: Slot) -> float:
-    return float(raw.value.length)
-
-
 def pack(
     task: ProgramTask,
     value: tuple[Type, Any],
@@ -101,7 +97,7 @@ DOES = MappingProxyType(
     {
         "ClearRawBytes": clear,
         "CopyRawBytes": copy,
-        "RawBytesLen": length,
+        "RawBytesLen": lambda task, raw: float(raw.value.length),
         "PackRawBytes": pack,
         "UnpackRawBytes": unpack,
     }

@@ -32,17 +32,9 @@ def conf_j(task: ProgramTask, on: bool | None, off: bool | None) -> None:
     _set(task, CONF, {0: not off})
 
 
-def conf_l(task: ProgramTask, on: bool | None, off: bool | None) -> None:
-    _set(task, CONF, {1: not off})
-
-
 def sing_area(task: ProgramTask, wrist: bool | None, lock: bool | None, off: bool | None) -> None:
     """Off is the default; the simulated arm never avoids singularities."""
     _set(task, SING, {0: bool(wrist), 1: bool(lock)})
-
-
-def grip_load(task: ProgramTask, load: Slot) -> None:
-    _activate(task, "loaddata", load)
 
 
 def _activate(task: ProgramTask, kind: str, slot: Slot) -> None:
@@ -92,9 +84,9 @@ DOES = MappingProxyType(
     {
         "VelSet": vel_set,
         "ConfJ": conf_j,
-        "ConfL": conf_l,
+        "ConfL": lambda task, on, off: _set(task, CONF, {1: not off}),
         "SingArea": sing_area,
-        "GripLoad": grip_load,
+        "GripLoad": lambda task, load: _activate(task, "loaddata", load),
         "GetSysData": get_sys_data,
         "SetSysData": set_sys_data,
     }

@@ -25,14 +25,6 @@ SYSTEM = ("mock-0001", "6.16.0202", "6.16.02.02", "mock", "mock", "en", "mock")
 """Serial number, version, its name, type of robot, controller's id, language and name of the system."""
 
 
-def op_mode(task: ProgramTask) -> float:
-    return MODES[task.services.panel.mode]
-
-
-def speed_override(task: ProgramTask, current_task: bool | None) -> float:
-    return round(100 * float(task.services.panel.speed_override), 2)
-
-
 def system_info(task: ProgramTask, *switches: bool | None) -> str:
     """By its switch; the LAN address of a virtual controller is VC."""
     devices = task.services.devices
@@ -123,8 +115,8 @@ DOES = MappingProxyType(
         "DOutput": read,
         "SetDO": set_do,
         "WaitDO": wait_signal,
-        "OpMode": op_mode,
-        "CSpeedOverride": speed_override,
+        "OpMode": lambda task: MODES[task.services.panel.mode],
+        "CSpeedOverride": lambda task, current_task: round(100 * float(task.services.panel.speed_override), 2),
         "GetSysInfo": system_info,
         "RobOS": runs_on_robot_controller,
         "Open": open_,

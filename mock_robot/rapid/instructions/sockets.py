@@ -133,10 +133,6 @@ def close(task: ProgramTask, slot: Slot) -> None:
     task.services.devices.drop(slot.value)
 
 
-def peek(task: ProgramTask, slot: Slot) -> float:
-    return float(slot.value.look(task.services.wire))
-
-
 def _limit(time: float | None) -> float | None:
     seconds = DEFAULT_WAIT_S if time is None else time
     return None if seconds >= MAX_WAIT_S else max(0.0, seconds)
@@ -151,6 +147,6 @@ DOES = MappingProxyType(
         "SocketReceive": receive,
         "SocketSend": send,
         "SocketClose": close,
-        "SocketPeek": peek,
+        "SocketPeek": lambda task, slot: float(slot.value.look(task.services.wire)),
     }
 )
