@@ -40,7 +40,11 @@ def uncertainty_with_arm(
     covariance = estimate.covariance[:6, :6]
     listed = np.array([point.camera_mm for point in claimed.points]).reshape(-1, 3)
     volume = working_volume_mm(document)
-    sigmas = _sigmas_mm(document, estimate, joints_rad, np.concatenate([listed, volume]))
+    places = np.concatenate([listed, volume])
+    if document.setup == "eye-to-hand":  # a camera beside the robot: in the base, by X alone
+        sigmas = point_sigmas_mm(covariance, places)[None]
+    else:
+        sigmas = np.sqrt(point_variances(estimate, joints_rad, places))
     of_x = uncertainty_of(covariance, estimate.mount_T_camera, volume)
     x, y, z = of_x.translation_mm.tolist()
     a, b, c = np.degrees(of_x.rotation_rad).tolist()
@@ -69,13 +73,6 @@ def working_volume_mm(document: CalibrationDocument) -> Array:
     if document.camera is None or {point.name for point in points} <= set(WORKING_VOLUME_NAMES):
         return listed
     return working_points_mm(document.camera.camera(), float(np.median(np.linalg.norm(listed, axis=1))))
-
-
-def _sigmas_mm(document: CalibrationDocument, estimate: ArmEstimate, joints_rad: Array, points_mm: Array) -> Array:
-    """Standard deviations (n, m) at the joints; of a camera beside the robot (1, m), in the base, by X alone."""
-    if document.setup == "eye-to-hand":
-        return point_sigmas_mm(estimate.covariance[:6, :6], points_mm)[None]
-    return np.asarray(np.sqrt(point_variances(estimate, joints_rad, points_mm)))
 
 
 POSE_WITHOUT_JOINTS = "pose-without-joints"

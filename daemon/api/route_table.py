@@ -8,7 +8,6 @@ from daemon.api.routes import (
     calibrate,
     calibrations,
     cell,
-    docs,
     drift,
     events,
     exports,
@@ -60,7 +59,7 @@ async def welcome(request: Request) -> Response | Welcome:
     if "text/html" in request.headers.get("accept", ""):
         return Response(status_code=303, headers={"Location": place, "Vary": "Accept"})
     added = (extension.links for extension in request.app.state.extensions)
-    built = {"docs": "/docs/"} if docs.SITE.is_dir() else {}
+    built = {"docs": "/docs/"} if page.SITE.is_dir() else {}
     links = LINKS | built | {name: path for links in added for name, path in links.items()}
     return Welcome(software=SOFTWARE, links=links)
 
@@ -84,7 +83,7 @@ ROUTERS: tuple[APIRouter, ...] = (
     setup.router,
     session.router,
     page.router,
-    docs.router,
+    page.docs,
     keys.router,
     help_codes.router,
 )

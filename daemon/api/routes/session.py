@@ -6,12 +6,11 @@ from typing import Annotated
 from fastapi import APIRouter, Depends, Request, Response
 
 from daemon.access.browser_sessions import MAX_SESSION_S, cookie_of
-from daemon.access.roles import ROLES, Caller, Role
+from daemon.access.roles import ROLES, Role
 from daemon.api.dependencies import App, JsonBody, no_body
 from daemon.api.middleware.authentication import caller_of, peer_of, session_of, session_token
 from daemon.api.problems import problem_responses
 from daemon.api.schemas.access import PairingDocument, SessionDocument, SignedInDocument
-from daemon.application import Application
 from daemon.http.connection_limiter import network_of
 from daemon.model.requests import PairingRequest, SessionRequest
 from daemon.runtime.version import SOFTWARE
@@ -56,12 +55,15 @@ async def session(request: Request, app: App) -> SessionDocument:
     """Who is signed in, and what is asked for: "nobody" is asked, the "setup-code" makes the first key, or a "key"."""
     caller = caller_of(request)
     found = session_of(request)
+    asked = "nobody" if caller.role > Role.VIEWER else "setup-code"
+    if await app.store.access_keys.any_ever():
+        asked = "key"
     return SessionDocument.model_validate(
         {
             "name": caller.name,
             "role": caller.role.word,
             "expires_at": None if found is None else found.expires_at,
-            "asked": await _asked(app, caller),
+            "asked": asked,
             "cell": app.settings.report.cell or socket.gethostname(),
             "software": SOFTWARE,
             "languages": LANGUAGES,
@@ -115,9 +117,3 @@ async def pair(
     role = None if body.role is None else ROLES[body.role]
     code, expires_at, given = app.sign_in.pair(caller_of(request), session_of(request), role)
     return PairingDocument.model_validate({"code": code, "expires_at": expires_at, "role": given.word})
-
-
-async def _asked(app: Application, caller: Caller) -> str:
-    if await app.store.access_keys.any_ever():
-        return "key"
-    return "nobody" if caller.role > Role.VIEWER else "setup-code"

@@ -5,7 +5,7 @@ from pathlib import Path
 import httpx
 import pytest
 
-from daemon.api.routes import docs
+from daemon.api.routes import page
 from tests.daemon.cell_under_test import Bench
 
 
@@ -17,7 +17,7 @@ def site(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     (folder / "api" / "index.html").write_text("<h1>REST</h1>")
     (folder / "script.js").write_text("1")
     (tmp_path / "secret").write_text("not for you")
-    monkeypatch.setattr(docs, "SITE", folder)
+    monkeypatch.setattr(page, "SITE", folder)
     return folder
 
 
@@ -51,7 +51,7 @@ async def test_links_name_the_site_where_it_is(bench: Bench, site: Path) -> None
 async def test_a_daemon_without_the_site_says_how_to_get_it(
     bench: Bench, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(docs, "SITE", tmp_path / "nowhere")
+    monkeypatch.setattr(page, "SITE", tmp_path / "nowhere")
     answer = await bench.client.get("/docs/")
     assert (answer.status_code, answer.json()["code"]) == (404, "not-found")
     assert "make docs" in answer.json()["fix"]
