@@ -79,7 +79,7 @@ def open_robot(
     parse, make = _look_up(ROBOTS, "robot", address)
     robot = make(parse(address), timing, limit_s=limit_s, axes=axes)
     if stop_address is not None:
-        second = RwsRobot(_stop_address(stop_address), timing, name="second way to stop")
+        second = RwsRobot(check_stop_address(stop_address), timing, name="second way to stop")
         robot = RedundantStop(robot, second, timing)
     if world_T_base is not None and robot.capabilities.pose_frame == "world":
         robot = RobotInBaseFrame(robot, world_T_base)
@@ -137,16 +137,12 @@ def cb_transport(address: str) -> Transport:
     return transport
 
 
-def check_stop_address(address: str) -> None:
-    """Raises AddressNotUnderstood; opens nothing."""
-    _stop_address(address)
-
-
 def _check_address(table: dict[str, Any], device: str, address: str) -> None:
     _look_up(table, device, address)[0](address)
 
 
-def _stop_address(address: str) -> RwsAddress:
+def check_stop_address(address: str) -> RwsAddress:
+    """Parsed. Raises AddressNotUnderstood; opens nothing."""
     if address.partition(":")[0].lower() != "rws":
         raise AddressNotUnderstood(address, "a second way to stop needs Robot Web Services", "write rws://host")
     return RwsAddress.parse(address)

@@ -83,13 +83,8 @@ class Diagnosis:
 FurtherHypotheses = Callable[[Evidence], Iterable[Hypothesis]]
 
 
-def no_hypotheses(_: Evidence) -> Iterable[Hypothesis]:
-    """None."""
-    return ()
-
-
 def diagnose(
-    evidence: Evidence, target_centre_mm: Array, views: int, further: FurtherHypotheses = no_hypotheses
+    evidence: Evidence, target_centre_mm: Array, views: int, further: FurtherHypotheses = lambda _: ()
 ) -> Diagnosis | None:
     """The cause of the inconsistency; None when no known cause is significant.
 

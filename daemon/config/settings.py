@@ -36,7 +36,7 @@ from drivers.errors import AddressNotUnderstood
 from drivers.registry import check_camera_address, check_robot_address, check_scanner_address, check_stop_address
 
 
-def _address_validator(check: Callable[[str], None]) -> AfterValidator:
+def _address_validator(check: Callable[[str], object]) -> AfterValidator:
     """A validator that accepts what `check`, a driver's parser of addresses, accepts."""
 
     def validate(address: str) -> str:
