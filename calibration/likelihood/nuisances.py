@@ -45,10 +45,21 @@ class Nuisances:
 
     @classmethod
     def of(cls, camera: CameraModel, nominal_mm: Array, knowledge: Knowledge, *, estimated: bool) -> "Nuisances":
-        """Those of a session with a given camera, or with one that is estimated from its images."""
-        distortion = () if estimated else _distortion_px(knowledge, camera)
-        prior = prior_mixture(knowledge, BOW_SHARE * _half_size_mm(nominal_mm), distortion)
-        return cls(camera, nominal_mm, estimated, prior)
+        """Those of a session with a given camera, or with one that is estimated from its images.
+
+        Tangential distortion is unknown where the description has radial distortion alone, or is nominal. Where it has
+        both, they were estimated with the principal point, and the errors make up for one another; where it has none,
+        pictures are rectified.
+        """
+        focal, half = np.diagonal(camera.matrix)[:2], np.array(camera.image_size) / 2
+        off_px = focal * np.array(camera.lens.distort(*(half / focal)[:, None]))[:, 0] - half
+        distorted = np.linalg.norm(off_px) > MIN_DISTORTION_PX or knowledge.camera == "nominal"
+        unsaid = camera.lens_model == "pinhole" and distorted and not np.any(camera.distortion[2:4])
+        tangential = 2 * (TANGENTIAL_PX[knowledge.camera],) if unsaid else ()
+        distortion = () if estimated else (LENS_PX[knowledge.camera], *tangential)
+        return cls(
+            camera, nominal_mm, estimated, prior_mixture(knowledge, BOW_SHARE * _half_size_mm(nominal_mm), distortion)
+        )
 
     @property
     def first_known(self) -> int:
@@ -146,17 +157,3 @@ class Nuisances:
 def _half_size_mm(points_mm: Array) -> float:
     """Half the larger side of the target, 1 mm at least."""
     return max(float(np.ptp(points_mm[:, :2], axis=0).max()) / 2, 1.0)
-
-
-def _distortion_px(knowledge: Knowledge, camera: CameraModel) -> tuple[float, ...]:
-    """Standard deviations of what is unknown of a given camera's distortion, at the corner: k1, or k1, p1 and p2.
-
-    Tangential distortion is unknown where the description has radial distortion alone, or is nominal. Where it has
-    both, they were estimated with the principal point, and the errors make up for one another; where it has none,
-    pictures are rectified.
-    """
-    corner = np.array(camera.image_size) / 2 / np.diagonal(camera.matrix)[:2]
-    off_px = np.diagonal(camera.matrix)[:2] * (np.array(camera.lens.distort(*corner[:, None]))[:, 0] - corner)
-    distorted = np.linalg.norm(off_px) > MIN_DISTORTION_PX or knowledge.camera == "nominal"
-    unsaid = camera.lens_model == "pinhole" and distorted and not np.any(camera.distortion[2:4])
-    return (LENS_PX[knowledge.camera], *(2 * (TANGENTIAL_PX[knowledge.camera],) if unsaid else ()))
