@@ -151,9 +151,8 @@ def prior_mixture(knowledge: Knowledge, bow_mm: float, distortion: tuple[float, 
     if distortion:
         of_lens = [(p * r, (one, off, off, *distortion)) for (p, one), (r, off) in product(focal, centre)]
     of_size, of_arm, of_shape = knowledge.target.size_prior(), ARM_SHARE[knowledge.arm], knowledge.target.shape_prior()
-    for (by_lens, lenses), (by_size, size), (by_arm, arm), (by_shape, plane, bow) in product(
-        of_lens, of_size, of_arm, of_shape
-    ):
+    components = product(of_lens, of_size, of_arm, of_shape)
+    for (by_lens, lenses), (by_size, size), (by_arm, arm), (by_shape, plane, bow) in components:
         log_weights.append(np.log(by_lens * by_size * by_arm * by_shape))
         information.append(_precisions(lenses, float(np.hypot(size, arm)), plane, bow * bow_mm))
         arm_share.append(arm**2 / (arm**2 + size**2))

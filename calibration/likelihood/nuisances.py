@@ -57,9 +57,8 @@ class Nuisances:
         unsaid = camera.lens_model == "pinhole" and distorted and not np.any(camera.distortion[2:4])
         tangential = 2 * (TANGENTIAL_PX[knowledge.camera],) if unsaid else ()
         distortion = () if estimated else (LENS_PX[knowledge.camera], *tangential)
-        return cls(
-            camera, nominal_mm, estimated, prior_mixture(knowledge, BOW_SHARE * _half_size_mm(nominal_mm), distortion)
-        )
+        bow_mm = BOW_SHARE * _half_size_mm(nominal_mm)
+        return cls(camera, nominal_mm, estimated, prior_mixture(knowledge, bow_mm, distortion))
 
     @property
     def first_known(self) -> int:

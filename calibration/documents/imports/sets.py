@@ -359,7 +359,7 @@ def _metric(files: Files) -> tuple[dict[str, Any] | None, Setup]:
 BOARD = "calibration_object.txt"  # of RWHE
 LAYOUTS = tuple(Layout(**row) for row in WORDS["sets"])
 
-CONFIGURATION = "cal_data.yaml"
+CONFIGURATION, OWN = "cal_data.yaml", "session.json"
 DICTIONARIES = tuple(MARKER_COUNTS)[:17]  # OpenCV's, of which a set may state the number only
 
 
@@ -400,6 +400,8 @@ def _target(stated: Any, kind: str) -> dict[str, Any] | None:
 
 def read_set(files: Files, part: str | None, chosen: Chosen, arm: str | None = None) -> ImportedSet:
     """The set in a folder; with globs given it is read as any folder. `arm`: of joints. Raises DocumentError."""
+    if chosen == Chosen() and OWN in files.names and re.search(rb'"(corners_px|points_mm)"\s*:', files.read(OWN)):
+        raise refusal(files.origin, OWN, "corners or points", f"run handeyed solve {files.origin}", "own-files")
     known = [one for one in LAYOUTS if all(any(re.search(mark, name) for name in files.names) for mark in one.markers)]
     if chosen != Chosen() or not (known or CONFIGURATION in files.names):
         imported = read_folder(files, chosen, part)

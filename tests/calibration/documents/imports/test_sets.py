@@ -177,6 +177,13 @@ def test_zivid_s_matrices_stand_in_a_folder_of_their_own_pictures() -> None:
         read_set(Held(files | _pictures("img0{}.zdf", 1)), None, Chosen())
 
 
+@pytest.mark.parametrize("key", ["corners_px", "points_mm"])
+def test_a_session_of_corners_or_points_is_solved_as_it_is(key: str) -> None:
+    views = [{key: [], "base_T_flange": {}}]
+    with pytest.raises(DocumentError, match="run handeyed solve set"):
+        read_set(Held({"session.json": json.dumps({"views": views}).encode()}), None, Chosen())
+
+
 def test_two_files_with_the_same_poses_are_one() -> None:
     files = {"poses.txt": lines(*rows(MM, WXYZ)), "poses.npy": npy(np.concatenate([MM, WXYZ], axis=1))}
     assert len(read_set(Held(files | _pictures("{}.png")), None, Chosen()).poses) == 3
