@@ -5,20 +5,16 @@ Maximum likelihood over X, the target's pose, a scale where the camera has none,
 Views that disagree are left out. Motions that do not determine X are refused.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
 from calibration.closed_forms.observability import require_observable
 from calibration.errors import UndeterminedError
-from calibration.pose_pairs.alike_errors import with_alike_errors
 from calibration.pose_pairs.independent_noise import PoseFit, distances_of, fit_independent_noise, outlier_limit
 from calibration.pose_pairs.noise_marginalisation import marginalise_few
 from calibration.pose_pairs.noise_models import cameras_of
 from calibration.pose_pairs.random_walk_noise import MIN_VIEWS, with_random_walk
 from calibration.pose_pairs.residuals import PosePairs, initial_chain
-from calibration.problem import Setup
 from calibration.sentences.sentence import Sentence
 from calibration.solver.least_median import agreeing_views
 from calibration.transforms import Array
@@ -34,48 +30,6 @@ TAILS = (np.inf, 4.0)
 
 MAX_SCALE_SIGMA = 0.1
 """Largest standard deviation of the scale, relative; beyond it X's translation is not determined."""
-
-
-@dataclass(frozen=True, eq=False)
-class PoseSolution:
-    """The result of `solve_hand_eye_poses`.
-
-    mount_T_camera, anchor_T_target : (4, 4).
-    covariance : (12, 12) of both, of `pose @ exp(.)`, [rad, mm] each.
-    used : (n,) mask of the views that agree.
-    scale : length in the camera's poses over true length.
-    camera : the kind of noise that explains the views best.
-    deviations : one standard deviation per axis and source, rad or mm.
-    """
-
-    mount_T_camera: Array
-    anchor_T_target: Array
-    covariance: Array
-    used: NDArray[np.bool_]
-    scale: float
-    camera: str
-    deviations: dict[str, float]
-
-
-def solve_hand_eye_poses(
-    setup: Setup, base_T_flange: Array, camera_T_target: Array, *, metric: bool = True
-) -> PoseSolution:
-    """X from the robot's and the camera's poses (n, 4, 4), mm. Raises UndeterminedError where it is not determined.
-
-    `metric=False`: the camera's lengths are right up to one unknown factor, as those of a single moving camera are.
-    """
-    pairs = PosePairs(setup, base_T_flange, camera_T_target, metric)
-    fitted, used = fit_pose_pairs(pairs)
-    fitted = with_alike_errors(pairs.take(used), fitted)
-    return PoseSolution(
-        fitted.chain.mount_T_camera,
-        fitted.chain.anchor_T_target,
-        fitted.covariance[:12, :12],
-        used,
-        fitted.chain.scale,
-        fitted.camera,
-        {source: float(np.sqrt(variance)) for source, variance in fitted.variances.items()},
-    )
 
 
 def fit_pose_pairs(pairs: PosePairs) -> tuple[PoseFit, NDArray[np.bool_]]:
