@@ -35,6 +35,8 @@ async def calibrate_and_register(cell: RunningCell, truth: CellTruth, address: s
         ask = story.operator.client
         run = (await ask.post("/calibrate", params={"wait": LIMIT_S})).json()
         assert run["state"] == "finished", run["cause"]
+        verdict = (await ask.get(run["links"]["calibration"])).json()["verdict"]
+        assert verdict["accepted"], verdict["findings"]
         document = (await story.application.store.current())[1].document
         look = (await ask.get("/camera/look")).json()
         answer = await ask.post("/register", params={"pose": "now"}, content=ply_of(SEEN_MM), headers=PLY)
