@@ -42,6 +42,10 @@ def make_certificate(folder: Path, hosts: Sequence[str], now: datetime, days: in
     authority_key, key = ec.generate_private_key(ec.SECP256R1()), ec.generate_private_key(ec.SECP256R1())
     authority = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, f"handeyed on {hosts[0]}"[:64])])
     subject = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, hosts[0][:64])])
+    names = [
+        x509.IPAddress(ipaddress.ip_address(host)) if is_address(host) else x509.DNSName(host)
+        for host in dict.fromkeys((*hosts, *THIS_MACHINE))
+    ]
     begins, ends = now - CLOCK_TOLERANCE, now + timedelta(days=days)
     root = (
         _builder(authority, authority, authority_key, begins, ends)
@@ -54,10 +58,7 @@ def make_certificate(folder: Path, hosts: Sequence[str], now: datetime, days: in
         .add_extension(x509.BasicConstraints(ca=False, path_length=None), critical=True)
         .add_extension(_usage(sign_certificates=False), critical=True)
         .add_extension(x509.ExtendedKeyUsage([ExtendedKeyUsageOID.SERVER_AUTH]), critical=False)
-        .add_extension(
-            x509.SubjectAlternativeName([_general_name(host) for host in dict.fromkeys((*hosts, *THIS_MACHINE))]),
-            critical=False,
-        )
+        .add_extension(x509.SubjectAlternativeName(names), critical=False)
         .add_extension(x509.AuthorityKeyIdentifier.from_issuer_public_key(authority_key.public_key()), critical=False)
         .sign(authority_key, hashes.SHA256())
     )
@@ -110,10 +111,6 @@ def is_address(host: str) -> bool:
     except ValueError:
         return False
     return True
-
-
-def _general_name(host: str) -> x509.GeneralName:
-    return x509.IPAddress(ipaddress.ip_address(host)) if is_address(host) else x509.DNSName(host)
 
 
 def _write_new(file: Path, content: bytes, mode: int) -> None:

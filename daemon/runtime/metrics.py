@@ -10,6 +10,7 @@ from daemon.runtime.version import VERSION
 from registration.io.stream import CloudStream
 
 Labels = tuple[tuple[str, str], ...]
+ESCAPES = str.maketrans({"\\": r"\\", '"': r"\"", "\n": r"\n"})
 
 
 @dataclass(frozen=True)
@@ -25,7 +26,7 @@ class Metric:
         yield f"# HELP {self.name} {self.about}"
         yield f"# TYPE {self.name} {self.kind}"
         for labels, value in self.samples.items():
-            inside = ",".join(f'{key}="{_escape(text)}"' for key, text in labels)
+            inside = ",".join(f'{key}="{text.translate(ESCAPES)}"' for key, text in labels)
             yield f"{self.name}{{{inside}}} {_number(value)}" if inside else f"{self.name} {_number(value)}"
 
 
@@ -86,10 +87,6 @@ def process_families(proc: Path = Path("/proc/self")) -> list[Metric]:
 def exposition(families: Iterable[Metric]) -> str:
     """The page for Prometheus."""
     return "".join(f"{line}\n" for family in families for line in family.lines())
-
-
-def _escape(text: str) -> str:
-    return text.replace("\\", "\\\\").replace('"', '\\"').replace("\n", "\\n")
 
 
 def _number(value: float) -> str:

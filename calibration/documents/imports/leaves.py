@@ -282,7 +282,7 @@ def _records(data: Any, origin: str) -> tuple[list[Any], list[str] | None]:
         if not isinstance(data, dict) or not data:
             break
         data = {str(key): _opencv_matrix(value) for key, value in data.items()}
-        if (views := _over_views(data, origin)) is not None:
+        if views := _arrays_over_views(data, origin) or _numbered_views(data, origin):
             return views
         values = list(data.values())
         if len(data) > 1 and _alike(data):
@@ -299,35 +299,40 @@ def _records(data: Any, origin: str) -> tuple[list[Any], list[str] | None]:
     raise refusal(origin, "document", what, "give a list of records with x, y, z, qw, qx, qy, qz")
 
 
-def _over_views(data: dict[str, Any], origin: str) -> tuple[list[Any], list[str] | None] | None:
-    """The records of arrays over the views, or of names with the view's number; None where there are neither."""
-    flat: dict[str, Any] = dict(_leaves(data, origin, most=MAX_POSES * 16))
+def _arrays_over_views(data: dict[str, Any], origin: str) -> tuple[list[Any], None] | None:
+    """A record for each view, of arrays and lists that have an element for each; None where there are none."""
+    leaves: dict[str, Any] = dict(_leaves(data, origin, most=MAX_POSES * 16))
     for name, value in data.items():  # records, also of one list below: {hand_world_samples: {transforms: [...]}}
         lists = [one for one in (value.values() if isinstance(value, dict) else [value]) if isinstance(one, list)]
-        flat |= {name: lists[0]} if len(lists) == 1 and lists[0] and isinstance(lists[0][0], dict) else {}
-    every = {name: leaf for name, leaf in flat.items() if isinstance(leaf, np.ndarray)}
+        leaves |= {name: lists[0]} if len(lists) == 1 and lists[0] and isinstance(lists[0][0], dict) else {}
+    every = {name: leaf for name, leaf in leaves.items() if isinstance(leaf, np.ndarray)}
+
+    # Arrays with a column for each view: too long for one view, or with as many columns as there are rotations.
     turns = {len(leaf) for leaf in every.values() if leaf.shape[1:] == (3, 3)} - {3}
-    flat_ones = [name for name, leaf in every.items() if leaf.ndim == 2 and len(leaf) in (3, 6, 7)]
-    long = [name for name in flat_ones if every[name].size > 7 * 16 or every[name].shape[1] in turns]
-    every |= {name: every[name].T for name in long}  # a column for each view
+    rows_of_pose = {name: leaf for name, leaf in every.items() if leaf.ndim == 2 and len(leaf) in (3, 6, 7)}
+    every |= {n: leaf.T for n, leaf in rows_of_pose.items() if leaf.size > 7 * 16 or leaf.shape[1] in turns}
+
     arrays = {name: leaf for name, leaf in every.items() if {leaf.shape, _squeeze(leaf).shape}.isdisjoint(ONE_VIEW)}
-    over = {name: len(leaf) for name, leaf in arrays.items() if leaf.size >= 3 * len(leaf)}
-    over |= {name: len(leaf) for name, leaf in flat.items() if isinstance(leaf, list)}
-    said = [relation_of(name) for name, leaf in every.items() if leaf.shape in MATRICES[:2]]
-    if sum(one is not None and one.side == "robot" for one in said) == 1 and all(
-        leaf.shape[1:] in ((2,), (3,)) for leaf in arrays.values() if leaf.ndim > 1
-    ):
+    sides = [relation_of(name) for name, leaf in every.items() if leaf.shape in MATRICES[:2]]
+    seen_only = all(leaf.shape[1:] in ((2,), (3,)) for leaf in arrays.values() if leaf.ndim > 1)
+    if seen_only and sum(one is not None and one.side == "robot" for one in sides) == 1:
         return [data], None  # a pose, and the corners or points that were seen from it
-    if over and (any(name in arrays for name in over) or len(over) > 1):
-        counts = [*over.values()]
-        n = max(set(counts), key=counts.count)
-        listed = {name: leaf for name, leaf in data.items() if isinstance(leaf, list)} | {
-            name: leaf for name, leaf in flat.items() if isinstance(leaf, np.ndarray) and leaf.shape not in MATRICES[:2]
-        }
-        arrays = {name: leaf if leaf.shape[1:] in ROWS else _without_counters(leaf) for name, leaf in arrays.items()}
-        chosen = {name: leaf for name, leaf in (listed | {k: flat[k] for k in over} | arrays).items() if len(leaf) == n}
-        views = [{name: _squeeze(leaf[at]) for name, leaf in chosen.items()} for at in range(n)]
-        return views, None
+
+    counts = {name: len(leaf) for name, leaf in arrays.items() if leaf.size >= 3 * len(leaf)}
+    counts |= {name: len(leaf) for name, leaf in leaves.items() if isinstance(leaf, list)}
+    if len(counts) < 2 and arrays.keys().isdisjoint(counts):
+        return None
+    n = max(set(counts.values()), key=[*counts.values()].count)
+    columns: dict[str, Any] = {name: leaf for name, leaf in data.items() if isinstance(leaf, list)}
+    columns |= {k: v for k, v in leaves.items() if isinstance(v, np.ndarray) and v.shape not in MATRICES[:2]}
+    columns |= {name: leaves[name] for name in counts}
+    columns |= {name: leaf if leaf.shape[1:] in ROWS else _without_counters(leaf) for name, leaf in arrays.items()}
+    columns = {name: leaf for name, leaf in columns.items() if len(leaf) == n}
+    return [{name: _squeeze(leaf[at]) for name, leaf in columns.items()} for at in range(n)], None
+
+
+def _numbered_views(data: dict[str, Any], origin: str) -> tuple[list[Any], list[str]] | None:
+    """A record for each number that names have, {base2end1: ..., base2end2: ...} or {base2end: {1: ..., 2: ...}}."""
     numbered: dict[str, dict[str, Any]] = {
         name: views
         for name, views in data.items()
@@ -335,13 +340,13 @@ def _over_views(data: dict[str, Any], origin: str) -> tuple[list[Any], list[str]
         and len(views) > 1
         and len({re.sub(r"\d+", "", str(key)) for key in views}) == 1
         and all(isinstance(view, list | dict) for view in views.values())
-    }  # {base2end: {1: ..., 2: ...}, cam2marker: ...}
+    }
     for name, value in data.items():
         if (found := _NUMBERED.fullmatch(name) or _NUMBER_WITHIN.fullmatch(name)) and isinstance(value, list | dict):
             numbered.setdefault("".join(found.groups()[::2]), {})[found[2]] = value
-    if not numbered or max(map(len, numbered.values())) < 2:
+    n = max(map(len, numbered.values()), default=0)
+    if n < 2:
         return None
-    n = max(map(len, numbered.values()))
     full = {stem: views for stem, views in numbered.items() if len(views) == n}
     numbers = sorted(next(iter(full.values())), key=natural)
     if any(set(views) != set(numbers) for views in full.values()):

@@ -95,8 +95,12 @@ def _text_of(cell: Element, shared: Sequence[str] = ()) -> str:
 def _without_brackets(text: str) -> list[str]:
     """The lines of a text; of numbers in brackets, as Python, numpy and MATLAB print them, one line for each row."""
     if not _NESTED.search(text):
-        lines = ((_LABELLED.fullmatch(line), line) for line in text.splitlines())
-        return [line if found is None else _join(found[1], found[2]) for found, line in lines]
+        rows = []
+        for line in text.splitlines():
+            label, numbers = found.groups() if (found := _LABELLED.fullmatch(line)) else (None, line)
+            by = "," if "," in numbers else " "
+            rows.append(f"{label.replace(by, '_')}{by}{numbers}" if label else numbers)
+        return rows
     within = _BRACKETS.findall(text)
     outside = re.sub(r"\[[^][]*\]|[][]", "", text).splitlines()
     if len(rows := [line for line in outside if len(re.findall(r"\d", line)) >= MIN_DIGITS]) > len(within):
@@ -104,11 +108,6 @@ def _without_brackets(text: str) -> list[str]:
     if re.search(r"\[\s*\[", text):  # rows have brackets of their own: a line break within one is only a wrapped line
         return [" ".join(row.split()) for row in within if row.strip()]
     return [row.strip() for matrix in within for row in re.split(r"[;\n]", matrix) if row.strip()]
-
-
-def _join(label: str | None, numbers: str) -> str:
-    separator = "," if "," in numbers else " "
-    return f"{label.replace(separator, '_')}{separator}{numbers}" if label else numbers
 
 
 def _without_names(origin: str, cells: list[list[Cell]]) -> PoseTable:
