@@ -7,7 +7,7 @@ performance of an industrial robot", Industrial Robot 39(1), 2012 (arms); R. Wil
 the image?", J. Opt. Soc. Am. A 11(11), 1994 (principal points). A page fitted to the paper is 2 to 6 % smaller.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 from typing import Literal
 
@@ -70,7 +70,7 @@ ARM_SHARE: dict[ArmSource, Mixture] = {
     "absolute-accuracy": ((0.97, 1.5e-4), (0.03, 1e-3)),
     "arm-json": ((0.97, 1.5e-4), (0.03, 1e-3)),
 }
-"""Of the arm's millimetre."""
+"""Of the arm's millimetre: by as much as errors of arms, zeros and sag more than lengths, change it in one posture."""
 
 MAX_RARE = 0.1
 """Probability up to which plans leave a component of a mixture out."""
@@ -133,6 +133,12 @@ class PriorMixture:
     arm_share: Array
     usual: Array
     size: int
+
+    def of_target(self) -> "PriorMixture":
+        """The prior where the arm's errors are unknowns of their own: the size is against the true millimetre."""
+        information = self.information.copy()
+        information[:, self.size] /= 1 - self.arm_share
+        return replace(self, information=information, arm_share=0 * self.arm_share)
 
     def widest(self) -> Array:
         """Precisions (q,) of the widest component of each unknown."""

@@ -1,6 +1,7 @@
 """What may explain the views of a target: groups of the arm's errors, and how large they are.
 
-Target and lens are unknown in each of them, with the prior that they have without errors of the arm.
+Target and lens are unknown in each of them. Without errors of the arm the target's size is against its millimetre, with
+what errors may do to that (`ARM_SHARE`); with them it is against the true one, in which points are placed then.
 
 What does not belong together (another arm, a camera that was remounted, a target or a base that moved) is a constant
 change of some views' poses beside the errors of one arm: of those of one session, or of those from one view on. All are
@@ -16,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibration.errors import CalibrationError
-from calibration.kinematics.arm_errors import LADDER, Group, Postures
+from calibration.kinematics.arm_errors import LADDER, Group
 from calibration.likelihood.mixed_model import MixedModel, Variances, solve
 from calibration.likelihood.noise_marginalisation import restricted_log_likelihood
 from calibration.likelihood.shared_columns import fix_unknowns, with_arm
@@ -65,10 +66,6 @@ class Restricted:
         found[session.poses + self.errors] = b[first:] + session.parameters[self.errors]
         return found
 
-    def target_scale(self, b: Array, session: ArmSession) -> float:
-        """Of the target against the description, after a step b (p,)."""
-        return float(session.best.scale * np.exp(b[session.size_place()]))
-
     def covariance(self, of_step: Array, session: ArmSession) -> Array:
         """Covariance of `unknowns`, then of lens and target, from that of b (p, p)."""
         poses, p, whole = session.poses, self.model.unknowns, session.poses + len(session.arm) + len(session.best.z)
@@ -103,26 +100,21 @@ def restrict(
     whole = session.add_distances(with_arm(model, jacobian, session.arm.sigmas**-2.0, session.parameters))
     found, variances = [], replace(session.best.variances, trend_rotation=0.0, trend_translation=0.0)
     for row, one in enumerate(wanted):
-        columns = session.arm.indices(*_groups_of(one, session.postures))
+        groups = LADDER[: LADDER.index(one.up_to) + 1] if one.up_to else ()
+        warmth: tuple[Group, ...] = ("warmth",) if groups and session.postures.warmth_k is not None else ()
+        columns = session.arm.indices(*groups, *warmth)
         absent = np.setdiff1d(np.arange(k), columns)
         scales = np.ones(k)
         scales[session.arm.indices(*LADDER)] = max(one.scale, 1e-9)
         known, offset = whole.prior_information.copy(), whole.prior_offset.copy()
         known[others:] /= scales**2
         offset[others:] -= scales * session.arm.means
-        restricted = fix_unknowns(
-            replace(whole, prior_information=known, prior_offset=offset), others + absent, -session.parameters[absent]
-        )
+        mixture = whole.mixture.of_target() if whole.mixture and one.up_to else whole.mixture
+        supposed = replace(whole, prior_information=known, prior_offset=offset, mixture=mixture)
+        restricted = fix_unknowns(supposed, others + absent, -session.parameters[absent])
         variances = estimate_variances(restricted, levels[row] if levels else variances)
         found.append(Restricted(one, columns, restricted, variances))
     return found
-
-
-def _groups_of(one: Hypothesis, postures: Postures) -> tuple[Group, ...]:
-    if one.up_to is None:
-        return ()
-    groups = LADDER[: LADDER.index(one.up_to) + 1]
-    return groups if postures.warmth_k is None else (*groups, "warmth")
 
 
 ContradictionKind = Literal["other-arm", "camera-remounted", "camera-moved", "target-or-base-moved"]

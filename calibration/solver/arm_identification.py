@@ -77,14 +77,12 @@ class ArmFit(ArmEstimate):
     anchor_T_target : (m, 4, 4) of the target's places.
     covariance_with_all : of [X, the places of the target (6 m), the parameters (k), lens and target].
     target_scale : of the target against the description.
-    views : number of those that agree.
-    seen : those views.
+    seen : the views that agree.
     distances : the known ones, in their order, beside those found.
     contradiction : what in the sessions does not belong together; errors of an arm must not be taken from them then.
     """
 
     taken_up: bool
-    views: int
     log_evidence: float
     anchor_T_target: Array
     covariance_with_all: Array
@@ -121,11 +119,6 @@ class _Candidate:
     marginal: Marginal
 
     @property
-    def with_errors(self) -> bool:
-        """Whether errors of the arm are among its unknowns."""
-        return self.of.of.up_to is not None
-
-    @property
     def log_evidence(self) -> float:
         """With the prior of its hypothesis."""
         return self.marginal.log_evidence + self.of.of.log_prior
@@ -146,8 +139,7 @@ def identify_arm(
     with_errors = np.array([one.up_to is not None for one in wanted])
     contradiction = find_contradiction(session, restricted[int(np.argmax(np.where(with_errors, logs, -np.inf)))])
     likely = np.flatnonzero(with_errors & (logs > logs[with_errors].max() - MAX_LOG_DEFICIT))
-    steps = [solve(restricted[row].model, restricted[row].variances).b for row in likely]
-    first = [restricted[row].unknowns(step, session) for row, step in zip(likely, steps, strict=True)]
+    first = [one.unknowns(solve(one.model, one.variances).b, session) for one in (restricted[row] for row in likely)]
     session = session.move(np.mean(first, axis=0)[session.poses :])
     kept = [*np.flatnonzero(~with_errors), *likely]
     again = restrict(session, [wanted[row] for row in kept], [restricted[row].variances for row in kept])
@@ -179,7 +171,8 @@ def _average(session: ArmSession, candidates: Sequence[_Candidate]) -> tuple[Arr
 
     The covariance is of lens and target as well, of which the mean is not asked.
     """
-    weights = np.exp(_logs(candidates) - _log_sum(candidates))
+    whole = _log_sum(candidates)
+    weights = np.array([np.exp(one.log_evidence - whole) for one in candidates])
     means = np.array([one.of.unknowns(one.marginal.b, session) for one in candidates])
     covariances = np.array([one.of.covariance(one.marginal.covariance, session) for one in candidates])
     mean = weights @ means
@@ -187,19 +180,15 @@ def _average(session: ArmSession, candidates: Sequence[_Candidate]) -> tuple[Arr
     return mean, np.tensordot(weights, covariances, 1) + (weights[:, None] * off).T @ off
 
 
-def _logs(candidates: Sequence[_Candidate]) -> Array:
-    return np.array([one.log_evidence for one in candidates])
-
-
 def _log_sum(candidates: Sequence[_Candidate]) -> float:
     """Logarithm of the sum of the evidences."""
-    return float(np.logaddexp.reduce(_logs(candidates)))
+    return float(np.logaddexp.reduce([one.log_evidence for one in candidates]))
 
 
 def _conclude(session: ArmSession, candidates: list[_Candidate]) -> ArmFit:
     """The fit from the models without errors and the likely ones with errors."""
     k, poses = len(session.arm), session.poses
-    without, likely = ([one for one in candidates if one.with_errors is has] for has in (False, True))
+    without, likely = ([one for one in candidates if (one.of.of.up_to is None) is drawn] for drawn in (True, False))
     gain = _log_sum(likely) - _log_sum(without)
     ladder, worse = _ladder_rows(session, without, likely)
     taken_up = gain > MIN_LOG_EVIDENCE and not worse and len(session.postures) >= MIN_TAKEN_UP_VIEWS
@@ -212,11 +201,10 @@ def _conclude(session: ArmSession, candidates: list[_Candidate]) -> ArmFit:
     targets = np.array([chain.anchor_T_target for chain in session.chains])
     targets = targets @ transform_from_vector(mean[6:poses].reshape(-1, 6))
     camera_T_target = np.concatenate([chain.camera_T_target() for chain in session.chains])
-    scale = likeliest.of.target_scale(likeliest.marginal.b, session)
+    scale = session.best.scale * float(np.exp(likeliest.marginal.b[session.size_place()]))
     return ArmFit(
         model=session.arm,
         taken_up=taken_up,
-        views=len(session.postures),
         log_evidence=gain,
         parameters=mean[poses:],
         covariance=covariance[np.ix_(kept, kept)],
@@ -297,9 +285,8 @@ def _regions(session: ArmSession) -> list[NDArray[np.intp]]:
     regions: list[list[NDArray[np.intp]]] = [[] for _ in range(REGIONS)]
     for place in range(len(session.views)):
         own = np.flatnonzero(session.places == place)
-        for region, rows in zip(
-            regions, split(turns[own], max(2, min(REGIONS, len(own) // MIN_REGION_VIEWS))), strict=False
-        ):
+        count = max(2, min(REGIONS, len(own) // MIN_REGION_VIEWS))
+        for region, rows in zip(regions, split(turns[own], count), strict=False):
             region.append(own[rows])
     return [np.concatenate(region) for region in regions if region]
 
@@ -323,7 +310,7 @@ def select_views_with_arm(model: MixedModel, variances: Variances, used: NDArray
 
 
 def _update_views(model: MixedModel, variances: Variances, used: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    changed, distances = used.copy(), _squared_distances(model, variances, used) / 6
+    changed, distances = used.copy(), _measure_distances(model, variances, used) / 6
     limit = outlier_limit(int(np.count_nonzero(used)), len(used))
     back = ~used & (distances < limit)
     if np.any(back):
@@ -334,7 +321,7 @@ def _update_views(model: MixedModel, variances: Variances, used: NDArray[np.bool
     return changed
 
 
-def _squared_distances(model: MixedModel, variances: Variances, used: NDArray[np.bool_]) -> Array:
+def _measure_distances(model: MixedModel, variances: Variances, used: NDArray[np.bool_]) -> Array:
     """Squared Mahalanobis distance (n,) of each view's own pose from its prediction by the other used views; 6 dof."""
     p = model.unknowns
     kept = take_views(model, used)

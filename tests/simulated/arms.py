@@ -65,6 +65,14 @@ def reachable_views(
     raise ValueError(f"{arm.name} reaches too few views of that target")
 
 
+def lengths_of(arm: Arm) -> dict[str, float]:
+    """Drawn lengths, mm, by the names of their errors."""
+    return {
+        "link_1_tx": arm.shoulder_forward_mm, "link_2_tz": arm.lower_arm_mm, "link_3_tx": arm.forearm_mm,
+        "link_3_tz": arm.elbow_up_mm, "link_5_tz": arm.wrist_offset_mm,
+    }  # fmt: skip
+
+
 def least_travel(arm: Arm, base_T_flange: Array) -> Array:
     """Joints (n, 6) of poses (n, 4, 4): of each the nearest to those before, at first to a wrist that is bent down."""
     near, found = np.radians([0.0, 0.0, 0.0, 0.0, 30.0, 0.0]), []

@@ -16,7 +16,7 @@ from calibration.solver.arm_identification import ArmFit
 from calibration.solver.arm_session import CheckedDistance, KnownDistance, TargetViews, begin_arm_session
 from calibration.transforms import Array, map_points, transform_from_vector
 from mock_robot.arm.built_arm import BuiltArm
-from tests.simulated.arms import ArmCell, arm_cell, reachable_views, target_before
+from tests.simulated.arms import ArmCell, arm_cell, lengths_of, reachable_views, target_before
 from tests.simulated.sessions import BOARD
 
 ARM = find_arm("IRB 2600-20/1.65")
@@ -35,10 +35,7 @@ def longer_arm() -> tuple[ArmCell, tuple[Problem, ...], KnownDistance]:
     the true distance between the second and the third place."""
     model, rng = ArmErrorModel(ARM), np.random.default_rng(3)
     errors = np.zeros(len(model))
-    for name, length_mm in {
-        "link_1_tx": ARM.shoulder_forward_mm, "link_2_tz": ARM.lower_arm_mm, "link_3_tx": ARM.forearm_mm,
-        "link_3_tz": ARM.elbow_up_mm, "link_5_tz": ARM.wrist_offset_mm,
-    }.items():  # fmt: skip
+    for name, length_mm in lengths_of(ARM).items():
         errors[model.index(name)] = LONGER * length_mm
     joints = [reachable_views(rng, ARM, target, count) for target, count in zip(TARGETS, (9, 12, 10), strict=True)]
     cell = arm_cell(rng, BuiltArm(model, errors), joints, TARGETS)
