@@ -40,10 +40,15 @@ _LINK_ERRORS = {1: "rx tx ty", 2: "rx rz tz", 3: "rz tx tz", 4: "rz ty tz", 5: "
 
 _WAVES = ("sine", "cosine")
 _COMPONENTS = ("rx", "ry", "rz", "tx", "ty", "tz")
-_OWN_SAGS = {"2_by_lower_arm": (1.3e-4, 0.9e-4), "2_by_forearm": (0.6e-4, 0.4e-4), "3_by_forearm": (0.9e-4, 0.6e-4)}
-_CUBIC_SAGS = {"2_by_both_cubed": (0.0, 0.6e-4), "3_by_forearm_cubed": (0.0, 0.3e-4)}
-"""Mean and standard deviation of the sag by own weight, rad at the stretched arm for each metre of its reach, which the
-controller leaves; and of the part by the third power of the moment: gears are softer or stiffer under load."""
+_OWN_SAGS = {"2_by_lower_arm": 1.3e-4, "2_by_forearm": 0.6e-4, "3_by_forearm": 0.9e-4}
+"""Mean of the sag by own weight that the controller leaves, rad at the stretched arm for each metre of its reach."""
+
+_CUBIC_SAGS = {"2_by_both_cubed": 0.6e-4, "3_by_forearm_cubed": 0.3e-4}
+"""One standard deviation of the part by the third power of the moment: gears are softer or stiffer under load."""
+
+COMMON_SAG_SIGMA, OWN_SAG_SIGMA = 0.58, 0.4
+"""Over the mean, of all sags and bends by own weight together, and of each: a controller leaves one share of all of
+them, evenly from none to the whole, and weights and stiffnesses differ."""
 
 _LOAD_SAGS = ("2_by_load", "3_by_load", "5_by_load")
 
@@ -56,9 +61,10 @@ LENGTH_SIGMA_MM = 0.2
 ECCENTRICITY_SIGMA_RAD = 6e-5
 RATIO_SIGMA = 2e-5
 REST_HARMONICS = (2, 3)
-"""Of each axis's angle. Their amplitudes are as the first one's over the harmonic: what parameters lack is smooth."""
+"""Of each axis's angle, and the first of them of the forearm's elevation, which weight follows, at axes 2 and 3. Their
+amplitudes are as the first one's over the harmonic: what parameters lack is smooth."""
 BEND_MM = 0.1
-"""Mean and standard deviation, of a level link of an arm of 1 m reach by its own weight; it grows with the reach."""
+"""Mean, of a level link of an arm of 1 m reach by its own weight; it grows with the reach."""
 COMPLIANCE_SIGMA = 2e-6
 """rad/(N m) of an axis of an arm of 1 m reach; it falls with the third power of the reach."""
 PLAY_SIGMA_RAD = 4e-5
@@ -129,6 +135,7 @@ class ArmErrorModel:
         self.parameters = _parameters(arm)
         self.sigmas: Array = np.array([parameter.sigma for parameter in self.parameters])
         self.means: Array = np.array([parameter.mean for parameter in self.parameters])
+        self._usual_sag = self.means * np.isin(np.arange(len(self.means)), self.indices("sag"))
         tool = arm.forward(np.zeros(AXES))[:3, :3]
         elbow = np.array([arm.forearm_mm, 0.0, arm.elbow_up_mm])
         shoulder = np.array([arm.shoulder_forward_mm, 0.0, arm.shoulder_height_mm])
@@ -189,6 +196,7 @@ class ArmErrorModel:
         moments = self.moments(postures)
         for bent, (own, along) in _BENDS.items():
             found[bent - 1, :, 3:, self.index(f"bend_{bent}")] = moments[f"{bent}_by_{own}"][1][:, None] * along
+        found[..., self.index("sag_common")] = found @ self._usual_sag
         if postures.warmth_k is not None:
             found[:, :, 3:, self.index("expansion")] = self._links[:, None] * postures.warmth_k[:, None]
         return found
@@ -197,9 +205,8 @@ class ArmErrorModel:
         """Derivative (6, n, k) of each axis's true angle by the parameters."""
         q = postures.joints_rad
         found = np.zeros((AXES, len(q), len(self)))
-        of_axis = {"zero": np.ones(q.shape), "ratio": q}
-        for label in ("", *map(str, REST_HARMONICS)):
-            turns = int(label or 1) * q
+        of_axis, rise = {"zero": np.ones(q.shape), "ratio": q}, np.tile(q[:, 1:2] + q[:, 2:3], AXES)
+        for label, turns in {"": q, **{str(times): times * q for times in REST_HARMONICS}, "up": 2 * rise}.items():
             of_axis |= {f"sine{label}": np.sin(turns), f"cosine{label}": np.cos(turns)}
         if postures.sides is not None:
             of_axis["play"] = -postures.sides
@@ -208,6 +215,7 @@ class ArmErrorModel:
                 found[parameter.axis - 1, :, row] = of_axis[kind][:, parameter.axis - 1]
         for name, (axis, moment) in self.moments(postures).items():
             found[axis - 1, :, self.index(f"sag_{name}")] = moment
+        found[..., self.index("sag_common")] = found @ self._usual_sag
         return found
 
     def moments(self, postures: Postures) -> dict[str, tuple[int, Array]]:
@@ -259,17 +267,22 @@ def _parameters(arm: Arm) -> tuple[ErrorParameter, ...]:
         found.append(ErrorParameter(f"ratio_{axis}", "gears", "rad/rad", axis, RATIO_SIGMA))
         for wave in _WAVES:
             found.append(ErrorParameter(f"{wave}_{axis}", "gears", "rad", axis, ECCENTRICITY_SIGMA_RAD))
-    for name, (mean, sigma) in _OWN_SAGS.items():
-        found.append(ErrorParameter(f"sag_{name}", "sag", "rad", int(name[0]), sigma * reach_m, mean * reach_m))
+    for name, mean in _OWN_SAGS.items():
+        usual = mean * reach_m
+        found.append(ErrorParameter(f"sag_{name}", "sag", "rad", int(name[0]), OWN_SAG_SIGMA * usual, usual))
     for name in _LOAD_SAGS:
         found.append(ErrorParameter(f"sag_{name}", "sag", "rad/(N m)", int(name[0]), COMPLIANCE_SIGMA / reach_m**3))
     found += [ErrorParameter(f"play_{axis}", "play", "rad", axis, PLAY_SIGMA_RAD) for axis in range(1, AXES + 1)]
     found.append(ErrorParameter("expansion", "warmth", "1/K", 1, EXPANSION_SIGMA, EXPANSION_MEAN))
-    for name, (mean, sigma) in _CUBIC_SAGS.items():
-        found.append(ErrorParameter(f"sag_{name}", "sag", "rad", int(name[0]), sigma * reach_m, mean * reach_m))
+    for name, sigma in _CUBIC_SAGS.items():
+        found.append(ErrorParameter(f"sag_{name}", "sag", "rad", int(name[0]), sigma * reach_m))
     for link in _BENDS:
-        found.append(ErrorParameter(f"bend_{link}", "sag", "mm", link, BEND_MM * reach_m, BEND_MM * reach_m))
+        usual = BEND_MM * reach_m
+        found.append(ErrorParameter(f"bend_{link}", "sag", "mm", link, OWN_SAG_SIGMA * usual, usual))
     for axis, harmonic, wave in product(range(1, AXES + 1), REST_HARMONICS, _WAVES):
         sigma = ECCENTRICITY_SIGMA_RAD / harmonic
         found.append(ErrorParameter(f"{wave}{harmonic}_{axis}", "rest", "rad", axis, sigma))
+    found.append(ErrorParameter("sag_common", "sag", "1", 2, COMMON_SAG_SIGMA))
+    for axis, wave in product((2, 3), _WAVES):
+        found.append(ErrorParameter(f"{wave}up_{axis}", "rest", "rad", axis, ECCENTRICITY_SIGMA_RAD / 2))
     return tuple(found)
