@@ -7,7 +7,7 @@ in a box of a third by 0.7 by 0.4 of the reach; the registered point is 450 to 6
 
 import argparse
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 
@@ -81,7 +81,7 @@ def main() -> None:
     sizes = options.size or SIZES
     for name, table in TABLES.items():
         if options.only in (None, name):
-            of_table = OTHER_SIZES if name == "others" and not options.size else sizes
+            of_table = OTHER_SIZES if name in ("others", "families") and not options.size else sizes
             table(range(options.seed, options.seed + options.arms), of_table)
 
 
@@ -122,19 +122,28 @@ def ordinary_table(seeds: range, sizes: Sequence[str]) -> None:
 
 def others_table(seeds: range, sizes: Sequence[str]) -> None:
     """Planned views, and sessions in one posture as they are jogged, with arms of the model and of other forms."""
-    print(
-        f"Planned, or jogged in one posture ({len(seeds)} arms a row): RMS in mm over the box; z: errors over the claim"
-    )
+    _print_others({name: [(name, seed) for seed in seeds] for name in sizes}, JOGGED)
+
+
+def families_table(seeds: range, sizes: Sequence[str]) -> None:
+    """The same with the sizes in turn, one a seed, of planned views and of 20 in one posture."""
+    _print_others({"in turn": [(sizes[seed % len(sizes)], seed) for seed in seeds]}, ((), (20,)))
+
+
+def _print_others(arms: Mapping[str, Sequence[tuple[str, int]]], sessions: Sequence[tuple[int, ...]]) -> None:
+    """`arms`: size and seed of those of each row."""
+    count = len(next(iter(arms.values())))
+    print(f"Planned, or jogged in one posture ({count} arms a row): RMS in mm over the box; z: errors over the claim")
     print(
         f"{'arm':20} {'errors':10} {'views':>11} {'taken up':>8} {'refused':>7} {'before':>7} {'after':>7} {'times':>6}"
-        f" {'worse':>6} {'by > U':>6} {'z':>5} {'too high mm':>11}"
+        f" {'worse':>6} {'by > U':>6} {'claim':>6} {'z':>5} {'too high mm':>11}"
     )
-    for name, family, views in product(sizes, ("standard", *FAMILIES), JOGGED):
-        every = [_other(find_arm(name), family, seed, views) for seed in seeds]
+    for name, family, views in product(arms, ("standard", *FAMILIES), sessions):
+        every = [_other(find_arm(size), family, seed, views) for size, seed in arms[name]]
         rows = [row for row in every if row is not None]
-        before, after, z = (
+        before, after, claim, z = (
             _rms([getattr(row, part) for row in rows]) if rows else np.nan
-            for part in ("before_mm", "after_mm", "normalised")
+            for part in ("before_mm", "after_mm", "claim_mm", "normalised")
         )
         high_mm = np.mean([row.high_mm for row in rows])
         taken = sum(row.taken_up for row in rows)
@@ -143,8 +152,8 @@ def others_table(seeds: range, sizes: Sequence[str]) -> None:
         worse = np.mean([one > 0 for one in by_mm])
         beyond = sum(one > 2 * row.claim_mm for one, row in zip(by_mm, rows, strict=True))
         print(
-            f"{of_row} {taken:>5}/{len(seeds):<2} {len(every) - len(rows):7}"
-            f" {before:7.3f} {after:7.3f} {before / after:6.1f} {worse:6.0%} {beyond:6} {z:5.2f} {high_mm:11.2f}",
+            f"{of_row} {taken:>5}/{count:<2} {len(every) - len(rows):7} {before:7.3f} {after:7.3f}"
+            f" {before / after:6.1f} {worse:6.0%} {beyond:6} {claim:6.3f} {z:5.2f} {high_mm:11.2f}",
             flush=True,
         )
 
@@ -218,7 +227,7 @@ def _planned(arm: Arm, seed: int, family: str = "standard") -> Row:
     experiment = ArmExperiment(model, scenes, candidates, interest, model.sigmas)
     plan = experiment.choose(40)
     joints = [candidates[place].joints_rad[[row for at, row in plan.views if at == place]] for place in range(PLACES)]
-    cell = arm_cell(rng, _build(arm, family, seed), joints, targets)
+    cell = arm_cell(rng, built_of_family(arm, family, seed), joints, targets)
     elsewhere = _interest(rng, arm)
     bound = ArmExperiment(model, scenes, candidates, elsewhere, model.sigmas)
     return _measure(cell, elsewhere, bound.point_mm([CANDIDATES * place + row for place, row in plan.views]))
@@ -232,26 +241,29 @@ def _ordinary(arm: Arm, arm_class: ArmClass, seed: int) -> Row:
     return _measure(cell, _interest(rng, arm), np.nan, seen)
 
 
-def _build(arm: Arm, family: str, seed: int) -> BuiltArm:
+def built_of_family(arm: Arm, family: str, seed: int) -> BuiltArm:
+    """An arm of the class `standard`, or of another form."""
     return build_arm(arm, "standard", seed) if family == "standard" else build_other_arm(arm, family, seed)
 
 
 def _other(arm: Arm, family: str, seed: int, views: Sequence[int]) -> Row | None:
     """None where the session is refused."""
     try:
-        return _jogged(arm, family, seed, views) if views else _planned(arm, seed, family)
+        return _measure(*jogged(arm, family, seed, views), np.nan) if views else _planned(arm, seed, family)
     except CalibrationError:
         return None
 
 
-def _jogged(arm: Arm, family: str, seed: int, views: Sequence[int]) -> Row:
+def jogged(arm: Arm, family: str, seed: int, views: Sequence[int]) -> tuple[ArmCell, PointsOfInterest]:
+    """A session in one posture with as many views of each place, and where its points are held out."""
     rng = np.random.default_rng([seed, 3])
     targets = target_places(rng, arm, len(views))
     joints = [
         reachable_views(rng, arm, target, count, one_posture=True)
         for target, count in zip([*targets], views, strict=True)
     ]
-    return _measure(arm_cell(rng, _build(arm, family, seed), joints, targets), _interest(rng, arm), np.nan)
+    cell = arm_cell(rng, built_of_family(arm, family, seed), joints, targets)
+    return cell, _interest(rng, arm)
 
 
 def _measure(cell: ArmCell, interest: PointsOfInterest, bound_mm: float, seen: PointsOfInterest | None = None) -> Row:
@@ -288,6 +300,7 @@ TABLES: dict[str, Callable[[range, Sequence[str]], None]] = {
     "planned": planned_table,
     "ordinary": ordinary_table,
     "others": others_table,
+    "families": families_table,
     "perfect": perfect_table,
     "joint": joint_table,
     "more": more_table,
