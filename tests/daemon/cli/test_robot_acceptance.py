@@ -43,6 +43,7 @@ from protocols.cb.layouts import pack
 from protocols.cfg_file import CfgInstance
 from tests.daemon.cli.running import handeyed
 from tests.mock_robot.rws_cell import RwsCell, rws_cell_apart
+from tests.support.cases import seeds
 from tests.support.skipping_loop import SkippingLoop, run_skipping
 from tests.support.waiting import LIMIT_S
 
@@ -412,9 +413,15 @@ def test_a_cell_without_a_fault_passes_every_row() -> None:
     assert verdicts(acceptance()[0]) == dict.fromkeys(EVERY, "passed")
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("row", EVERY)
-def test_the_fault_of_a_row_fails_that_row_and_no_other(row: str) -> None:
+def test_the_fault_of_a_row_fails_that_row(row: str) -> None:
+    document, _ = acceptance(FAULT_OF_ROW[row], [row])
+    assert verdicts(document) == {row: "failed"}, document["rows"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("row", [EVERY[number] for number in seeds(len(EVERY), every=6)])
+def test_the_fault_of_a_row_fails_no_other(row: str) -> None:
     document, _ = acceptance(FAULT_OF_ROW[row])
     assert verdicts(document) == {**dict.fromkeys(EVERY, "passed"), row: "failed"}, document["rows"]
 
