@@ -33,7 +33,7 @@ from mock_robot.truth.warming import CameraWarming
 
 STILL_MM, STILL_RAD = 1e-4, 1e-7
 SMEARED_POSES, SCAN_BANDS = 7, 12
-PNG_SPEED = [cv2.IMWRITE_PNG_COMPRESSION, 1]
+PNG_SPEED = [cv2.IMWRITE_PNG_COMPRESSION, 1, cv2.IMWRITE_PNG_STRATEGY, cv2.IMWRITE_PNG_STRATEGY_RLE]
 BEHIND = transform(np.eye(3), [0.0, 0.0, -1e4])
 
 
