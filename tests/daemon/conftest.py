@@ -19,22 +19,25 @@ async def bench(tmp_path: Path) -> AsyncIterator[Bench]:
 
 @pytest.fixture(scope="session")
 def computed_results() -> Iterator[list[ComputedOnce]]:
-    """Detections, solutions and comparisons with planned poses, kept for the runs that meet the same again.
+    """Detections, recognised targets, solutions and comparisons with planned poses, kept for who meets the same again.
 
     The fake cell's pictures depend on nothing but its poses: without this every run would solve the same problem.
     """
     from calibration.detection import detect as detection
+    from calibration.detection import recognition
     from calibration.planning.what_if import PlanComparison
     from calibration.solve import solve_hand_eye
 
     find = PlanComparison.findings
     detect, solve = ComputedOnce(detection.detect), ComputedOnce(solve_hand_eye)
+    recognise = ComputedOnce(recognition.recognise)
     compare = ComputedOnce(lambda *arguments: tuple(find(*arguments)))
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(detection, "detect", detect)
+        patch.setattr(recognition, "recognise", recognise)
         patch.setattr("calibration.solve.solve_hand_eye", solve)
         patch.setattr(PlanComparison, "findings", lambda *arguments: iter(compare(*arguments)))
-        yield [detect, solve, compare]
+        yield [detect, recognise, solve, compare]
 
 
 @pytest.fixture(autouse=True)

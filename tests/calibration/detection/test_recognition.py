@@ -26,6 +26,9 @@ CIRCLES = CircleGrid("asymmetric", 4, 11, 40.0)
 ARUCO = ArucoGrid(4, 3, 30.0, 9.0, "DICT_5X5_100")
 TAGS = AprilTagGrid(4, 3, 30.0, 9.0)
 
+PICTURES = len(seeds(2))
+"""Of each target."""
+
 SLIPS: dict[str, tuple[Target, Target]] = {
     "rows and columns exchanged": (CHARUCO, replace(CHARUCO, columns=5, rows=7)),
     "one column more": (CHARUCO, replace(CHARUCO, columns=8)),
@@ -59,7 +62,7 @@ SLOW = {"symmetric circles"}
     [pytest.param(*slip, id=name, marks=[pytest.mark.slow] * (name in SLOW)) for name, slip in SLIPS.items()],
 )
 def test_the_description_that_fits_is_named(shown: Target, described: Target) -> None:
-    for picture in pictures(shown, 2, seed=3):
+    for picture in pictures(shown, PICTURES, seed=3):
         with pytest.raises(DetectionError) as refusal:
             detect(picture.image, described)
 
@@ -106,7 +109,7 @@ PRINTS: dict[str, tuple[Target, PrintOptions | None]] = {
 
 @pytest.mark.parametrize(("printed", "sheet"), PRINTS.values(), ids=PRINTS)
 def test_a_target_that_nobody_described_is_recognised(printed: Target, sheet: PrintOptions | None) -> None:
-    for picture in pictures(printed, 2, seed=4, sheet=sheet):
+    for picture in pictures(printed, PICTURES, seed=4, sheet=sheet):
         found = recognise(picture.image)
 
         assert found is not None
