@@ -91,25 +91,24 @@ async def cell7(folder: Path) -> AsyncIterator[tuple[Plant, Bench, dict[str, str
         yield made, bench, keys
 
 
-@pytest.mark.parametrize(
-    ("name", "shown", "status"),
-    [
-        pytest.param("", "", "BadCertificateInvalid", id="no encryption"),
-        pytest.param("", TRUSTED, "BadSecurityChecksFailed", id="no encryption, a copied certificate"),
-        pytest.param(EVIL, "", "BadCertificateInvalid", id="none is shown"),
-        pytest.param(EVIL, EVIL, "BadCertificateUntrusted", id="not trusted"),
-        pytest.param(EVIL, TRUSTED, "BadSecurityChecksFailed", id="a copied certificate"),
-        pytest.param(TRUSTED, TRUSTED, "accepted", id="the control"),
-    ],
-)
-async def test_a_key_is_worth_nothing_without_the_trusted_certificate_s_own(
-    tmp_path: Path, name: str, shown: str, status: str
-) -> None:
+ATTEMPTS = {
+    "no encryption": ("", "", "BadCertificateInvalid"),
+    "no encryption, a copied certificate": ("", TRUSTED, "BadSecurityChecksFailed"),
+    "none is shown": (EVIL, "", "BadCertificateInvalid"),
+    "not trusted": (EVIL, EVIL, "BadCertificateUntrusted"),
+    "a copied certificate": (EVIL, TRUSTED, "BadSecurityChecksFailed"),
+    "the control": (TRUSTED, TRUSTED, "accepted"),
+}
+"""The certificates of channel and session, and the status of an attempt."""
+
+
+async def test_a_key_is_worth_nothing_without_the_trusted_certificate_s_own(tmp_path: Path) -> None:
     async with cell7(tmp_path) as (gateway, bench, keys):
-        async with channel(gateway, name, shown) as intruder:
-            assert await refused(intruder.enters(keys["operator"])) == status
-        runs = (await bench.client.get("/runs", headers=bearer(keys["viewer"]))).json()["runs"]
-        assert len(runs) == (status == "accepted")
+        for attempt, (name, shown, status) in ATTEMPTS.items():
+            async with channel(gateway, name, shown) as intruder:
+                assert await refused(intruder.enters(keys["operator"])) == status, attempt
+            runs = (await bench.client.get("/runs", headers=bearer(keys["viewer"]))).json()["runs"]
+            assert len(runs) == (status == "accepted"), attempt
 
 
 async def test_no_password_ends_the_gateway(tmp_path: Path) -> None:
