@@ -162,7 +162,7 @@ def test_wildly_wrong_poses_everywhere_are_not_accepted() -> None:
     assert not judge(problem, solve_hand_eye(problem)).accepted
 
 
-SOLVE_5000_VIEWS = """
+SOLVE_2000_VIEWS = """
 import json
 from pathlib import Path
 from calibration.solve import solve_hand_eye
@@ -172,7 +172,7 @@ from tests.simulated.spoiled_sessions import cell, error_of
 def megabytes(name):
     return int(Path("/proc/self/status").read_text().split(name)[1].split()[0]) / 1e3
 
-truth = cell(13, 5000, target=Chessboard(4, 3, 40.0))
+truth = cell(13, 2000, target=Chessboard(4, 3, 40.0))
 before = megabytes("VmRSS:")
 X = solve_hand_eye(truth.problem).mount_T_camera
 print(json.dumps([megabytes("VmHWM:") - before, error_of(X, truth)[0]]))
@@ -182,7 +182,7 @@ print(json.dumps([megabytes("VmHWM:") - before, error_of(X, truth)[0]]))
 
 @pytest.mark.slow
 def test_thousands_of_views_cost_no_more_than_their_number() -> None:
-    ran = subprocess.run([sys.executable, "-c", SOLVE_5000_VIEWS], capture_output=True, text=True, cwd=ROOT, check=True)
+    ran = subprocess.run([sys.executable, "-c", SOLVE_2000_VIEWS], capture_output=True, text=True, cwd=ROOT, check=True)
     growth_mb, error_mm = json.loads(ran.stdout)
     assert error_mm < 0.05
-    assert growth_mb < 400
+    assert growth_mb < 160

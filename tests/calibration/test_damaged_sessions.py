@@ -9,7 +9,7 @@ from calibration.solve import solve_hand_eye
 from calibration.verdict import judge
 from tests.simulated.damage import damaged_session
 from tests.simulated.damage_excess import excess, intact_excess
-from tests.support.cases import cases
+from tests.support.cases import by_night, cases
 
 COVERAGE_FACTOR = 3.0
 MAX_WORSE = 1.05
@@ -17,7 +17,12 @@ MAX_WORSE = 1.05
 
 
 @pytest.mark.slow
-@settings(max_examples=cases(30), phases=(Phase.explicit, Phase.generate), deadline=None, derandomize=True)
+@settings(
+    max_examples=cases(30 if by_night() else 12),
+    phases=(Phase.explicit, Phase.generate),
+    deadline=None,
+    derandomize=True,
+)
 @given(st.integers(0, 2**32 - 1))
 def test_damage_ends_in_a_refusal_or_in_an_answer_within_its_uncertainty(seed: int) -> None:
     """`HANDEYED_CASES=20000 pytest tests/calibration/test_damaged_sessions.py` is the long run.

@@ -15,6 +15,7 @@ from calibration.verdict import judge
 from tests.simulated.described_wrongly import FAULTS, HIGH, LOW, Poses, Wrong, WrongSession, u_ratio, wrong_session
 from tests.simulated.faults import SETUPS
 from tests.simulated.sessions import CellNoise
+from tests.support.cases import seeds
 
 
 def error_over_u(session: WrongSession, solution: Solution) -> float:
@@ -29,7 +30,9 @@ def error_over_u(session: WrongSession, solution: Solution) -> float:
 @pytest.mark.parametrize("fault", FAULTS)
 @pytest.mark.parametrize("setup", SETUPS)
 def test_x_is_right_within_its_uncertainty_at_the_default_number_of_views(fault: str, setup: Setup) -> None:
-    for seed, (views, noise) in enumerate(((3, LOW), (4, LOW), (4, HIGH), (5, HIGH))):
+    tried = ((3, LOW), (4, LOW), (4, HIGH), (5, HIGH))
+    for seed in seeds(len(tried)):
+        views, noise = tried[seed]
         session = wrong_session(np.random.default_rng(seed), views, FAULTS[fault], noise, setup, "planned")
         assert error_over_u(session, estimate_hand_eye(session.problem)) < 1.5, (fault, views)
 
