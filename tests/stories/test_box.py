@@ -10,7 +10,7 @@ from calibration.documents.pose import PoseDocument
 from calibration.transforms import Array, rotation_from_vector, transform
 from mock_robot.arm.simulated_arm import SimulatedArm
 from tests.calibration.kinematics.link_chain import urdf_chain
-from tests.stories.plant import Plant, plant
+from tests.stories.plant import Plant, plant, small_pictures
 
 pytestmark = pytest.mark.slow
 
@@ -53,7 +53,7 @@ def poses_on_an_arc(story: Plant, *angles_and_radii: tuple[float, float]) -> lis
 async def test_a_plan_that_swings_out_of_the_box_moves_nothing(
     tmp_path: Path, moves: list[tuple[Array, Array]]
 ) -> None:
-    async with plant(tmp_path, robot={"box_mm": BOX_MM}) as story:
+    async with plant(tmp_path, truth=small_pictures(7), robot={"box_mm": BOX_MM}) as story:
         swing = poses_on_an_arc(story, (40, 980), (-40, 980), (0, 800))
         for path in ("/calibrate", "/scans"):
             answer = await story.operator.client.post(path, json={"poses": swing})
@@ -64,7 +64,7 @@ async def test_a_plan_that_swings_out_of_the_box_moves_nothing(
 
 
 async def test_what_is_driven_stays_in_the_box(tmp_path: Path, moves: list[tuple[Array, Array]]) -> None:
-    async with plant(tmp_path, robot={"box_mm": BOX_MM}) as story:
+    async with plant(tmp_path, truth=small_pictures(7), robot={"box_mm": BOX_MM}) as story:
         around = poses_on_an_arc(story, (40, 980), (20, 930), (0, 940), (-20, 930), (-40, 980))
         run = await story.operator.starts("/calibrate", poses=around)
         assert (await story.operator.waits_for_the_end_of(run))["station"] == len(around)

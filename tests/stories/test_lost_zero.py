@@ -5,14 +5,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.stories.plant import TEXT, plant
+from tests.stories.plant import TEXT, plant, small_pictures
 from tests.support.waiting import LIMIT_S
 
 pytestmark = pytest.mark.slow
 
 
 async def test_the_axis_that_lost_its_zero_is_named_with_its_chance(tmp_path: Path) -> None:
-    async with plant(tmp_path) as story:
+    async with plant(tmp_path, truth=small_pictures(7)) as story:
         ask = story.operator.client
         for path in ("/calibrate", "/verify", "/verify", "/verify"):
             run = (await ask.post(path, params={"wait": LIMIT_S})).json()
