@@ -3,13 +3,16 @@
 The area is exact where one straight edge crosses a pixel; where several do, the pixel is first split into 8×8 parts.
 """
 
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from calibration.transforms import Array
 from mock_robot.scene.printed_target import PrintedCells, PrintedDots
+
+Affine = tuple[Array, Array, Array]
+"""A linear function on each pixel: its value at the centre, and its slopes along x and y per pixel."""
 
 CELL_PARTS = 8
 DOT_PARTS = 4
@@ -79,7 +82,7 @@ class CellCoverage:
         return white, sheet
 
     def _edges(
-        self, u: Array, v: Array, ranges: tuple[NDArray[np.int32], ...]
+        self, u: Affine, v: Affine, ranges: tuple[NDArray[np.int32], ...]
     ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         i_low, i_high, j_low, j_high = ranges
         several = (i_high - i_low > 1) | (j_high - j_low > 1)
@@ -88,17 +91,15 @@ class CellCoverage:
         if np.any(several):
             offsets = (np.arange(CELL_PARTS) + 0.5) / CELL_PARTS - 0.5
             dy, dx = np.meshgrid(offsets, offsets, indexing="ij")
-            u, v = _parts(u[:, several], dx, dy, CELL_PARTS), _parts(v[:, several], dx, dy, CELL_PARTS)
+            u, v = (_parts((at[several], x[several], y[several]), dx, dy, CELL_PARTS) for at, x, y in (u, v))
             i = self._u_index(u[0] - (np.abs(u[1]) + np.abs(u[2])) / 2)
             j = self._v_index(v[0] - (np.abs(v[1]) + np.abs(v[2])) / 2)
             parts_white, parts_sheet = self._blend(u, v, i, j)
-            shape = (-1, CELL_PARTS * CELL_PARTS)
-            white[several] = parts_white.reshape(shape).mean(axis=1)
-            sheet[several] = parts_sheet.reshape(shape).mean(axis=1)
+            white[several], sheet[several] = parts_white.mean(axis=1), parts_sheet.mean(axis=1)
         return white, sheet
 
     def _blend(
-        self, u: Array, v: Array, i: NDArray[np.int32], j: NDArray[np.int32]
+        self, u: Affine, v: Affine, i: NDArray[np.int32], j: NDArray[np.int32]
     ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         """Blend the 2×2 cells from (j, i) on: exact when only one line crosses."""
         i_line, j_line = np.minimum(i, len(self._u) - 1), np.minimum(j, len(self._v) - 1)
@@ -106,12 +107,17 @@ class CellCoverage:
         upper = np.where(j < len(self._v), share_below(self._v[j_line], *v), 1.0)
         i_next, j_next = np.minimum(i + 1, len(self._u)), np.minimum(j + 1, len(self._v))
 
-        def blend(table: NDArray[np.float32]) -> NDArray[np.float32]:
-            top = left * table[j, i] + (1 - left) * table[j, i_next]
-            bottom = left * table[j_next, i] + (1 - left) * table[j_next, i_next]
-            return (upper * top + (1 - upper) * bottom).astype(np.float32)
+        def blend(table: NDArray[np.float32], here: Any = ...) -> NDArray[np.float32]:
+            x, y, x_next, y_next, west, north = (each[here] for each in (i, j, i_next, j_next, left, upper))
+            top = west * table[y, x] + (1 - west) * table[y, x_next]
+            bottom = west * table[y_next, x] + (1 - west) * table[y_next, x_next]
+            blended: NDArray[np.float32] = (north * top + (1 - north) * bottom).astype(np.float32)
+            return blended
 
-        return blend(self._white), blend(self._sheet)
+        sheet = np.ones(i.shape, np.float32)
+        rim = np.nonzero((i == 0) | (j == 0) | (i_next == len(self._u)) | (j_next == len(self._v)))
+        sheet[rim] = blend(self._sheet, rim)
+        return blend(self._white), sheet
 
 
 def dot_coverage(dots: PrintedDots, u: Array, v: Array) -> NDArray[np.float32]:
@@ -127,7 +133,7 @@ def dot_coverage(dots: PrintedDots, u: Array, v: Array) -> NDArray[np.float32]:
         pu, pv = _parts(_affine(u, y, x), dx, dy, DOT_PARTS), _parts(_affine(v, y, x), dx, dy, DOT_PARTS)
         distance, nu, nv = _signed_distance(dots, pu[0], pv[0])
         shares = share_below(np.zeros(1), distance, nu * pu[1] + nv * pv[1], nu * pu[2] + nv * pv[2])
-        covered[y, x] = shares.reshape(-1, DOT_PARTS * DOT_PARTS).mean(axis=1)
+        covered[y, x] = shares.mean(axis=1)
     return covered
 
 
@@ -148,15 +154,13 @@ def _extremes(at_corners: NDArray[Number]) -> tuple[NDArray[Number], NDArray[Num
     return np.minimum(pair_low[:-1], pair_low[1:]), np.maximum(pair_high[:-1], pair_high[1:])
 
 
-def _affine(at_corners: Array, y: NDArray[np.intp], x: NDArray[np.intp]) -> Array:
-    """(3, n): value at the pixel's centre, and its slopes along x and y per pixel."""
+def _affine(at_corners: Array, y: NDArray[np.intp], x: NDArray[np.intp]) -> Affine:
     a, b = at_corners[y, x], at_corners[y, x + 1]
     c, d = at_corners[y + 1, x], at_corners[y + 1, x + 1]
-    return np.stack([(a + b + c + d) / 4, (b - a + d - c) / 2, (c - a + d - b) / 2])
+    return (a + b + c + d) / 4, (b - a + d - c) / 2, (c - a + d - b) / 2
 
 
-def _parts(affine: Array, dx: Array, dy: Array, count: int) -> Array:
-    """(3, n × parts): the same linear function on each part of each pixel."""
-    centre = affine[0][:, None] + affine[1][:, None] * dx.ravel() + affine[2][:, None] * dy.ravel()
-    slopes = [np.repeat(slope / count, dx.size) for slope in affine[1:]]
-    return np.stack([centre.ravel(), *slopes])
+def _parts(affine: Affine, dx: Array, dy: Array, count: int) -> Affine:
+    """The same linear functions on each part of each pixel: centres (n, parts), slopes (n, 1)."""
+    centre, along_x, along_y = (each[:, None] for each in affine)
+    return centre + along_x * dx.ravel() + along_y * dy.ravel(), along_x / count, along_y / count
