@@ -4,6 +4,7 @@ import os
 import shutil
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ import pytest_asyncio
 from daemon.cell import held_button
 from tests.daemon.access_keys import with_keys
 from tests.daemon.cell_under_test import Bench
+from tests.support.cases import by_night
 from tests.support.waiting import LIMIT_S
 
 CHROMIUM = "/usr/bin/chromium"
@@ -73,6 +75,10 @@ HIDE = """hidden => {
   Object.defineProperty(document, 'hidden', { value: hidden, configurable: true });
   document.dispatchEvent(new Event('visibilitychange'));
 }"""
+
+LANGUAGES, THEMES = ("en", "de", "zh", "es"), ("light", "dark")
+SHOWN = [*product(LANGUAGES, THEMES)] if by_night() else [*zip(LANGUAGES, 2 * THEMES, strict=True)]
+"""How a screen is shown: in every language and every theme, and by night in each language by each theme."""
 
 TWO_FRAMES = "() => new Promise((drawn) => requestAnimationFrame(() => requestAnimationFrame(drawn)))"
 

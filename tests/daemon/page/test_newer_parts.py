@@ -17,7 +17,7 @@ from tests.daemon.access_keys import bearer, with_keys
 from tests.daemon.calibrations import an_arm, document_with_covariance, with_views
 from tests.daemon.cell_under_test import Bench
 from tests.daemon.fakes import ply_of
-from tests.daemon.page.conftest import AXE_FINDINGS, Opened
+from tests.daemon.page.conftest import AXE_FINDINGS, SHOWN, Opened
 from tests.daemon.page.holding import hold_by_key, hold_by_mouse, hold_requests, hold_until, press
 from tests.daemon.rig_files import a_rig
 from tests.extensions.touch.touches import TIP, touch_two_points, touching
@@ -341,8 +341,7 @@ async def _refuse(route: Any, asked: list[Any]) -> None:
 NEW = ("jog", "verify", "verify/touch", "devices", "result/cal-1", "calibrate")
 
 
-@pytest.mark.parametrize("theme", ["light", "dark"])
-@pytest.mark.parametrize("language", ["en", "de", "zh", "es"])
+@pytest.mark.parametrize(("language", "theme"), SHOWN)
 async def test_axe_finds_nothing_where_all_of_it_is_shown(
     open_page: Opened, cell: Cell, axe: str, theme: str, language: str, tmp_path: Path
 ) -> None:
