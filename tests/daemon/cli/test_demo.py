@@ -76,7 +76,7 @@ def demo(tmp_path: Path) -> Iterator[Callable[..., Demo]]:
 
 
 def test_the_cell_is_calibrated_the_door_registered_and_the_printed_lines_work(demo: Callable[..., Demo]) -> None:
-    cell = demo("--keep")
+    cell = demo("--keep", "--time-scale", "20")
     cell.reads_until("frame.png")
 
     text = "\n".join(cell.printed)
