@@ -104,7 +104,7 @@ test-deployed: export OPENBLAS_NUM_THREADS ?= 1
 test-deployed: $(DEPLOYED)/installed
 	@$(DEPLOYED)/bin/pip --disable-pip-version-check --quiet install --no-deps --no-build-isolation --force-reinstall .
 	$(DEPLOYED)/bin/python --version
-	$(DEPLOYED)/bin/python -m pytest -n $(TEST_WORKERS) -m "not slow" $(DEPLOYED_TESTS)
+	$(DEPLOYED)/bin/python -m pytest -n auto -m "not slow" $(DEPLOYED_TESTS)
 	$(DEPLOYED)/bin/handeyed demo
 
 $(DEPLOYED)/installed: pyproject.toml deploy/requirements.lock
