@@ -89,13 +89,10 @@ class CellCoverage:
         several |= (i_high > i_low) & (j_high > j_low)
         white, sheet = self._blend(u, v, i_low, j_low)
         if np.any(several):
-            offsets = (np.arange(CELL_PARTS) + 0.5) / CELL_PARTS - 0.5
-            dy, dx = np.meshgrid(offsets, offsets, indexing="ij")
-            u, v = (_parts((at[several], x[several], y[several]), dx, dy, CELL_PARTS) for at, x, y in (u, v))
+            u, v = (_parts((at[several], x[several], y[several]), CELL_PARTS) for at, x, y in (u, v))
             i = self._u_index(u[0] - (np.abs(u[1]) + np.abs(u[2])) / 2)
             j = self._v_index(v[0] - (np.abs(v[1]) + np.abs(v[2])) / 2)
-            parts_white, parts_sheet = self._blend(u, v, i, j)
-            white[several], sheet[several] = parts_white.mean(axis=1), parts_sheet.mean(axis=1)
+            white[several], sheet[several] = (parts.mean(axis=1) for parts in self._blend(u, v, i, j))
         return white, sheet
 
     def _blend(
@@ -111,8 +108,7 @@ class CellCoverage:
             x, y, x_next, y_next, west, north = (each[here] for each in (i, j, i_next, j_next, left, upper))
             top = west * table[y, x] + (1 - west) * table[y, x_next]
             bottom = west * table[y_next, x] + (1 - west) * table[y_next, x_next]
-            blended: NDArray[np.float32] = (north * top + (1 - north) * bottom).astype(np.float32)
-            return blended
+            return np.asarray(north * top + (1 - north) * bottom, np.float32)
 
         sheet = np.ones(i.shape, np.float32)
         rim = np.nonzero((i == 0) | (j == 0) | (i_next == len(self._u)) | (j_next == len(self._v)))
@@ -128,9 +124,7 @@ def dot_coverage(dots: PrintedDots, u: Array, v: Array) -> NDArray[np.float32]:
     pad = 0.5 * (np.abs(np.diff(u, axis=1))[:-1] + np.abs(np.diff(v, axis=1))[:-1])
     y, x = np.nonzero((low < pad) & (high > -pad))
     if len(y):
-        offsets = (np.arange(DOT_PARTS) + 0.5) / DOT_PARTS - 0.5
-        dy, dx = np.meshgrid(offsets, offsets, indexing="ij")
-        pu, pv = _parts(_affine(u, y, x), dx, dy, DOT_PARTS), _parts(_affine(v, y, x), dx, dy, DOT_PARTS)
+        pu, pv = _parts(_affine(u, y, x), DOT_PARTS), _parts(_affine(v, y, x), DOT_PARTS)
         distance, nu, nv = _signed_distance(dots, pu[0], pv[0])
         shares = share_below(np.zeros(1), distance, nu * pu[1] + nv * pv[1], nu * pu[2] + nv * pv[2])
         covered[y, x] = shares.mean(axis=1)
@@ -160,7 +154,9 @@ def _affine(at_corners: Array, y: NDArray[np.intp], x: NDArray[np.intp]) -> Affi
     return (a + b + c + d) / 4, (b - a + d - c) / 2, (c - a + d - b) / 2
 
 
-def _parts(affine: Affine, dx: Array, dy: Array, count: int) -> Affine:
+def _parts(affine: Affine, count: int) -> Affine:
     """The same linear functions on each part of each pixel: centres (n, parts), slopes (n, 1)."""
+    offsets = (np.arange(count) + 0.5) / count - 0.5
+    dy, dx = np.meshgrid(offsets, offsets, indexing="ij")
     centre, along_x, along_y = (each[:, None] for each in affine)
     return centre + along_x * dx.ravel() + along_y * dy.ravel(), along_x / count, along_y / count
