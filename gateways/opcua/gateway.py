@@ -59,16 +59,20 @@ async def serve(settings: GatewaySettings, alone: bool = False) -> AsyncIterator
     server.product_uri, server.manufacturer_name = "urn:handeyed:opcua", "handeyed"
     server.limits.max_message_size, server.limits.max_chunk_count = MAX_MESSAGE_BYTES, MAX_CHUNKS
     InternalSession.max_connections = settings.server.connections  # where asyncua looks for it
-    await server.init()
-    await _secure(server, settings.server)
-    await server.import_xml(xmlstring=gzip.decompress(NODESET.read_bytes()).decode())
-    await server.load_data_type_definitions()
-    _register_subtypes(await server.get_namespace_index(MACHINE_VISION))
-    await server.register_namespace(CELLS)
-    for cell in settings.cell:
-        system = VisionSystem(server, cell)
-        await system.build()
-        cells[cell.name] = system.cell
+    gc.disable()  # all that is built stays: to go over it again and again would take half of the time
+    try:
+        await server.init()
+        await _secure(server, settings.server)
+        await server.import_xml(xmlstring=gzip.decompress(NODESET.read_bytes()).decode())
+        await server.load_data_type_definitions()
+        _register_subtypes(await server.get_namespace_index(MACHINE_VISION))
+        await server.register_namespace(CELLS)
+        for cell in settings.cell:
+            system = VisionSystem(server, cell)
+            await system.build()
+            cells[cell.name] = system.cell
+    finally:
+        gc.enable()
     if alone:  # the collector goes over what clients leave behind only: soon enough, and in no 0.3 s
         gc.collect()
         gc.freeze()
@@ -124,14 +128,10 @@ async def _secure(server: Server, settings: ServerSettings) -> None:
     try:
         for folder in (settings.certificate.parent, settings.private_key.parent, settings.trusted):
             folder.mkdir(parents=True, exist_ok=True)
-        await setup_self_signed_certificate(
-            settings.private_key,
-            settings.certificate,
-            APPLICATION,
-            socket.gethostname(),
-            [ExtendedKeyUsageOID.CLIENT_AUTH, ExtendedKeyUsageOID.SERVER_AUTH],
-            {"organizationName": "handeyed", "commonName": "handeyed gateway"},
-        )
+        files = settings.private_key, settings.certificate
+        use = [ExtendedKeyUsageOID.CLIENT_AUTH, ExtendedKeyUsageOID.SERVER_AUTH]
+        name = {"organizationName": "handeyed", "commonName": "handeyed gateway"}
+        await setup_self_signed_certificate(*files, APPLICATION, socket.gethostname(), use, name)
         settings.private_key.chmod(0o600)
         await server.load_certificate(settings.certificate)
         await server.load_private_key(settings.private_key)
