@@ -198,6 +198,7 @@ def test_check_waits_for_egm_and_says_when_none_comes(alone: tuple[ChildProcess,
 def test_check_says_what_to_do_where_nobody_answers(alone: tuple[ChildProcess, Path], tmp_path: Path) -> None:
     mock, settings = alone
     text = settings.read_text().replace(mock.announcement["camera"], "http://127.0.0.1:9/camera.png")
+    text = text.replace("limit_s = 60.0", "limit_s = 1.0", 1)  # of the camera
     (tmp_path / "handeyed.toml").write_text(text)
 
     ran = handeyed("check", tmp_path / "handeyed.toml", "--json")
