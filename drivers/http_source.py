@@ -258,7 +258,8 @@ class HttpSource(PolledDevice):
         while True:
             try:
                 async with asyncio.timeout(CONNECT_LIMIT_S):
-                    _, writer = await asyncio.open_connection(self._url.host, self._port())
+                    port = self._url.port or {"http": 80, "https": 443}[self._url.scheme]
+                    _, writer = await asyncio.open_connection(self._url.host, port)
                 writer.close()
             except (OSError, TimeoutError) as error:
                 self._report.down(f"nobody listens ({error or 'no answer'})")
@@ -268,6 +269,3 @@ class HttpSource(PolledDevice):
                     self._report.up("somebody listens")
                 backoff.reset()
                 await self._timing.sleep(POLL_S)
-
-    def _port(self) -> int:
-        return self._url.port or {"http": 80, "https": 443}[self._url.scheme]

@@ -20,6 +20,15 @@ Commands = tuple[Callable[..., None] | typer.Typer, ...]
 
 Json = Annotated[bool, typer.Option("--json", help="Print JSON for programs instead of words for people.")]
 
+# What the commands over a scan's clouds share.
+ArmErrors = Annotated[
+    Path | None, typer.Option(help="arm.json of solve --arm: place the flange where the arm as built has it.")
+]
+ArmTemperature = Annotated[
+    float | None, typer.Option(help="With --arm: of the arm's links, in °C, when the scan was taken.")
+]
+Refine = Annotated[bool, typer.Option("--refine", help="Fit the views to each other, within the robot's noise.")]
+
 
 def print_json(value: Any) -> None:
     """Print a value for programs, in one line."""

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, cast
 import typer
 
 from daemon.cli.errors import CommandError, ExitStatus
-from daemon.cli.output import Json, print_error, writing
+from daemon.cli.output import ArmErrors, ArmTemperature, Json, Refine, print_error, writing
 
 if TYPE_CHECKING:
     from registration.documents import RegistrationReportDocument
@@ -23,21 +23,15 @@ def register(
             "--out", "-o", help="File to write: .ply, .pcd, .las, .laz, .e57 (metres), .npy, .xyz, .csv or .bin."
         ),
     ],
-    refine: Annotated[bool, typer.Option("--refine", help="Fit the views to each other, within the robot's noise.")] = (
-        False
-    ),
+    refine: Refine = False,
     voxel_mm: Annotated[float | None, typer.Option(help="Average the points of each cell of this size.")] = None,
     normals: Annotated[bool, typer.Option("--normals", help="Estimate normals where the clouds have none.")] = False,
     outliers: Annotated[
         str, typer.Option(help="Isolated points: keep, or remove by 'statistical' or 'radius'.")
     ] = "keep",
     views: Annotated[Path | None, typer.Option(help="Also write each view to this folder.")] = None,
-    arm: Annotated[
-        Path | None, typer.Option(help="arm.json of solve --arm: place the flange where the arm as built has it.")
-    ] = None,
-    arm_temperature: Annotated[
-        float | None, typer.Option(help="With --arm: of the arm's links, in °C, when the scan was taken.")
-    ] = None,
+    arm: ArmErrors = None,
+    arm_temperature: ArmTemperature = None,
     force: Annotated[bool, typer.Option("--force", help="Register clouds whose unit cannot be, too.")] = False,
     json: Json = False,
 ) -> None:
@@ -45,16 +39,14 @@ def register(
 
     Exit status: 0 done, 3 done but not accepted (see the findings), 2 unreadable input.
     """
-    from calibration.documents.calibration import CalibrationDocument
-    from calibration.documents.validation import parse_document
     from calibration.errors import CalibrationError
     from daemon.cli.arm_file import read_in_use
-    from daemon.runtime.bounded_read import read_document
+    from daemon.cli.compare import read_calibration
     from registration.fusion.merging import Merge
     from registration.report import register_scan
     from registration.scan import place_views, read_scan, scanner_mount_of
 
-    document = parse_document(CalibrationDocument, read_document(calibration), str(calibration))
+    document = read_calibration(calibration)
     merge = Merge(voxel_mm, normals, cast("Outliers", outliers))
     if views is not None:
         with writing(views, "check path and rights"):

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from daemon.cli.errors import CommandError, ExitStatus
-from daemon.cli.output import Json, print_error, progress_bar
+from daemon.cli.output import ArmErrors, Json, Refine, print_error, progress_bar
 
 if TYPE_CHECKING:
     from daemon.tools.batch_registration.finished import FinishedScans
@@ -21,13 +21,9 @@ def register_archive(
         str, typer.Option(help="local, here (this process), or a Dask scheduler: tcp://...")
     ] = "local",
     workers: Annotated[int, typer.Option(min=1, max=256, help="Worker processes of --scheduler local.")] = 2,
-    refine: Annotated[bool, typer.Option("--refine", help="Fit the views to each other, within the robot's noise.")] = (
-        False
-    ),
+    refine: Refine = False,
     voxel_mm: Annotated[float | None, typer.Option(help="Average the points of each cell of this size.")] = None,
-    arm: Annotated[
-        Path | None, typer.Option(help="arm.json of solve --arm: place the flange where the arm as built has it.")
-    ] = None,
+    arm: ArmErrors = None,
     force: Annotated[bool, typer.Option("--force", help="Register clouds whose unit cannot be, too.")] = False,
     json: Json = False,
 ) -> None:
@@ -53,9 +49,8 @@ def register_archive(
 def _tasks(
     folder: str, calibration: Path, out: str, arm: Path | None, how: dict[str, Any]
 ) -> "tuple[list[RegistrationTask], FinishedScans]":
-    from calibration.documents.calibration import CalibrationDocument
-    from calibration.documents.validation import parse_document
     from daemon.cli.arm_file import read_in_use
+    from daemon.cli.compare import read_calibration
     from daemon.runtime.bounded_read import read_document
     from daemon.tools.batch_registration.finished import FinishedScans
     from daemon.tools.batch_registration.remote_folder import RemoteFolder
@@ -63,7 +58,7 @@ def _tasks(
     from registration.scan import scanner_mount_of
 
     content = read_document(calibration)
-    given = read_in_use(parse_document(CalibrationDocument, content, str(calibration)), arm, None)
+    given = read_in_use(read_calibration(calibration), arm, None)
     scanner_mount_of(given.document)
     errors = None if arm is None else read_document(arm).decode()
     source, target = RemoteFolder.of(folder), RemoteFolder.of(out)

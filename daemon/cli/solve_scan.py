@@ -79,13 +79,11 @@ def _from_surfaces(views: "list[ScanView]", rough: Path | None) -> "Solution":
 
 def _rough_x(file: Path, setup: "Setup") -> "Array":
     """X of a calibration of the same set-up. Raises DocumentError, ScanError."""
-    from calibration.documents.calibration import CalibrationDocument
-    from calibration.documents.validation import parse_document
-    from daemon.runtime.bounded_read import read_document
+    from daemon.cli.compare import read_calibration
     from registration.errors import ScanError
     from registration.scan import scanner_mount_of
 
-    document = parse_document(CalibrationDocument, read_document(file), str(file))
+    document = read_calibration(file)
     if setup == "eye-in-hand":
         return scanner_mount_of(document).flange_T_camera
     if document.base_T_camera is None:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from daemon.cli.errors import ExitStatus, require_finite
-from daemon.cli.output import Json
+from daemon.cli.output import ArmErrors, ArmTemperature, Json
 
 if TYPE_CHECKING:
     from registration.documents import StitchedPairDocument
@@ -21,12 +21,8 @@ def stitch(
     reach_mm: Annotated[
         float | None, typer.Option(min=1e-3, max=1e4, help="Largest gap looked for; by default 4 mm or 4 spacings.")
     ] = None,
-    arm: Annotated[
-        Path | None, typer.Option(help="arm.json of solve --arm: place the flange where the arm as built has it.")
-    ] = None,
-    arm_temperature: Annotated[
-        float | None, typer.Option(help="With --arm: of the arm's links, in °C, when the scan was taken.")
-    ] = None,
+    arm: ArmErrors = None,
+    arm_temperature: ArmTemperature = None,
     json: Json = False,
 ) -> None:
     """Measure how far the views of a scan lie apart where they overlap, placed by robot and calibration alone.

@@ -80,7 +80,8 @@ class TcpTransport:
             what = f"no answer to a connection in {CONNECT_LIMIT_S:g} s"
             raise DeviceUnreachable(self.address, what, "check address, cable and network port") from error
         except OSError as error:
-            raise DeviceUnreachable(self.address, _reason(error), CHECK_ADDRESS) from error
+            system = os.strerror(error.errno).lower() if error.errno and error.errno > 0 else ""  # without the address
+            raise DeviceUnreachable(self.address, system or error.strerror or str(error), CHECK_ADDRESS) from error
         raw = writer.get_extra_info("socket")
         if raw.getsockname() == raw.getpeername():  # self-connection: a connect to a local port nobody listens on
             writer.transport.abort()
@@ -90,8 +91,3 @@ class TcpTransport:
         for option, value in KEEPALIVE.items():
             raw.setsockopt(socket.IPPROTO_TCP, option, value)
         return TcpConnection(self.address, reader, writer)
-
-
-def _reason(error: OSError) -> str:
-    """The system's error text without the address, which asyncio adds."""
-    return os.strerror(error.errno).lower() if error.errno and error.errno > 0 else error.strerror or str(error)

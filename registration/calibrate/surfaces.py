@@ -199,16 +199,10 @@ def _estimate_noise(system: _SurfaceSystem, noise: RobotNoise, stated: RobotNois
             squares += [np.mean(rotation_rad**2 + left[:3]), np.mean(translation_mm**2 + left[3:])]
         deviations = np.sqrt(squares / (1 + len(system.overlapping_views)))
         noise = RobotNoise(float(deviations[1]), float(deviations[0]))
-        if _alike(before, noise):
+        then, now = ((one.translation_mm, one.rotation_rad) for one in (before, noise))
+        if np.allclose(then, now, rtol=NOISE_TOLERANCE, atol=0):
             break
     return noise
-
-
-def _alike(one: RobotNoise, other: RobotNoise) -> bool:
-    return (
-        abs(one.translation_mm / other.translation_mm - 1) < NOISE_TOLERANCE
-        and abs(one.rotation_rad / other.rotation_rad - 1) < NOISE_TOLERANCE
-    )
 
 
 def _with_x(
