@@ -134,7 +134,7 @@ def _findings(registration: Registration, hand: ScannerMount) -> list[FindingDoc
     non_finite = sum(view.non_finite for view in registration.views)
     if non_finite:
         of = sum(view.points for view in registration.views)
-        what = f"{non_finite} of {of} points have coordinates that are not finite, and are left out of the merged cloud"
+        what = f"{non_finite} of {of} points are not finite, or 0, 0, 0, and are left out of the merged cloud"
         findings.append(_finding("points-not-finite", "info", what, "none needed: the scanner saw nothing there"))
     refinement = registration.refinement
     if refinement:

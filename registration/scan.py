@@ -244,10 +244,11 @@ class _CountedBlocks:
         for block in self._blocks:
             self.points += len(block)
             self.range.look(block, self._layout)
-            self.non_finite += len(block) - int(np.count_nonzero(self._layout.finite(block)))
+            measured = block[self._layout.measured(block)]
+            self.non_finite += len(block) - len(measured)
             if self._count:
                 self._on_read(min(self.points / self._count, 1.0))
-            yield block
+            yield measured
 
 
 def write_views(views: Sequence[PlacedView], folder: Path) -> list[Path]:

@@ -100,7 +100,7 @@ class BlockMover:
 
     `move` returns the block itself, changed in place where it must be writable, otherwise `into` or an internal block
     valid until the next call. `points` and `non_finite` count what was moved: a point with a NaN or infinite coordinate
-    is moved as it is (it stays non-finite) and counted.
+    stays non-finite, and one at 0, 0, 0, as scanners write a pixel without a point, becomes NaN; both are counted.
     """
 
     def __init__(self, motion: RigidMotion, layout: Layout) -> None:
@@ -161,6 +161,7 @@ class _TripleMover:
         kind = layout.kind(names).newbyteorder("=")
         single = kind.itemsize <= 4 and kind.kind == "f" and fits_float32
         self._kind = kind if kind == np.int32 else np.dtype(np.float32 if single else float)
+        self._marks = matrix.shape == (3, 4) and all(layout.dtype[name].kind == "f" for name in names)
         packed = layout.is_contiguous(names) and layout.dtype[names[0]] == self._kind
         self.whole_record = packed and layout.itemsize == 3 * self._kind.itemsize
         self._resize(0)
@@ -186,6 +187,8 @@ class _TripleMover:
                 plane[0] = block[name]
             cv2.merge(planes, source[None])
         move_points(self._matrix, source, target)
+        if self._marks and (nothing := source[:, 2] == 0).any():
+            target[nothing & ~source[:, :2].any(axis=1)] = np.nan  # moved, they would lie where the scanner stands
         return target
 
     def planes(self, count: int) -> list[NDArray[Any]]:

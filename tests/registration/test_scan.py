@@ -62,6 +62,19 @@ def test_the_plain_formula_puts_every_point_on_the_part(tmp_path: Path, unit: st
     assert report.verdict.findings == []
 
 
+def test_pixels_without_a_point_are_left_out_and_no_cluster_stands_where_the_camera_stood(tmp_path: Path) -> None:
+    stands = poses(2)
+    clouds = [view_of(flat, pose @ HAND.flange_T_camera, seed) for seed, pose in enumerate(stands)]
+    for points in clouds:
+        points[::10] = 0
+    write_scan(tmp_path, clouds, stands)
+    report = register_scan(read_scan(tmp_path), HAND, tmp_path / "out.ply", ticks())
+    merged = read(tmp_path / "out.ply")
+    assert len(merged) == sum(len(points) * 9 // 10 for points in clouds)
+    assert np.abs(merged[:, 2]).max() < 0.2
+    assert ("points-not-finite", "info") in [(one.code, one.severity) for one in report.verdict.findings]
+
+
 def test_views_can_be_written_one_by_one(tmp_path: Path) -> None:
     bumpy_scan(tmp_path, errs=False)
     views = read_scan(tmp_path)

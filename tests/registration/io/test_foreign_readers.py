@@ -173,7 +173,7 @@ def test_las_of_another_writer_is_merged_into_las(
     laspy = library("laspy")
     theirs = laspy.create(file_version=version[0], point_format=version[1])
     theirs.header.scales = [0.001] * 3
-    theirs.x, theirs.y, theirs.z = np.arange(300) / 3, np.arange(300) / 5, np.arange(300) / 7
+    theirs.x, theirs.y, theirs.z = (np.arange(1, 301) / share for share in (3, 5, 7))
     theirs.classification, theirs.red = np.arange(300) % 32, np.arange(300) * 200
     theirs.return_number, theirs.intensity = np.full(300, 3), np.arange(300)
     file = tmp_path / f"in{kinds[0]}"

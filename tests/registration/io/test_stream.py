@@ -30,10 +30,13 @@ BIG = Layout.of(np.dtype([(name, ">f4") for name in "xyz"] + [("label", ">i4")])
 
 
 def body_of(media_type: str, encoding: str, layout: Layout, count: int) -> bytes:
-    records = cloud(layout, count)
+    return encoded(media_type, encoding, layout, cloud(layout, count))
+
+
+def encoded(media_type: str, encoding: str, layout: Layout, records: np.ndarray) -> bytes:
     content = TextEncoder(layout).encode(records) if encoding == "ascii" else records.tobytes()
     header = {PLY: ply.format_header, PCD: pcd.format_header, OCTETS: lambda *_: b""}[media_type]
-    return header(layout, count, encoding) + content
+    return header(layout, len(records), encoding) + content
 
 
 def through(body: bytes, media_type: str, cuts: list[int] | None = None, unit: str = "mm") -> tuple[bytes, CloudStream]:
@@ -180,6 +183,22 @@ def test_points_that_are_not_finite_pass_and_are_counted() -> None:
     finite = np.isfinite(xyz(records_in(out, PLY))).all(axis=1)
     assert stream.non_finite == 3
     assert np.flatnonzero(~finite).tolist() == [2, 4, 7]
+
+
+@pytest.mark.parametrize(("media_type", "encoding", "layout"), KINDS)
+def test_a_pixel_without_a_point_does_not_become_one_where_the_scanner_stands(
+    media_type: str, encoding: str, layout: Layout
+) -> None:
+    records = cloud(layout, 9)
+    for name in layout.xyz:
+        records[name][[2, 5]] = 0  # as many scanners write it
+    records["z"][7] = 0  # a point, beside the scanner
+    out, stream = through(encoded(media_type, encoding, layout, records), media_type)
+    answer = xyz(records_in(out, media_type))
+    seen = np.delete(np.arange(9), [2, 5])
+    assert np.isnan(answer[[2, 5]]).all()
+    np.testing.assert_allclose(answer[seen], moved(records)[seen], rtol=0, atol=2e-4)
+    assert (stream.points, stream.non_finite) == (9, 2)
 
 
 @pytest.mark.parametrize(("media_type", "encoding", "layout"), KINDS)

@@ -21,8 +21,9 @@ NONE = float("nan")
     [
         ("mm", [0.5, 0.7], "nearer than 1 mm"),
         ("m", [500.0, 700.0], "farther than 20 m"),
-        ("mm", [0.0, 0.0], "nearer than 1 mm"),
-        ("mm", [0.0, 9e9], "nearer than 1 mm or farther than 20 m"),
+        ("mm", [0.0, 0.0], None),
+        ("mm", [0.5, 9e9], "nearer than 1 mm or farther than 20 m"),
+        ("mm", [0.0, 9e9], "every point is farther than 20 m"),
         ("mm", [NONE, 0.5], "nearer than 1 mm"),
         ("mm", [0.0, 500.0], None),
         ("m", [9e9, 0.5, NONE], None),
