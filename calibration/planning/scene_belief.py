@@ -57,6 +57,7 @@ class ScenePrior:
 
     `rotation_rad`, `translation_mm`: one standard deviation per axis of the two poses (4, 4).
     `points`: where the uncertainty counts; the working volume without any. `knowledge`: of target, camera and arm.
+    `lens_before`: of an earlier calibration, where planning begins; the views decide, as they do in the run's result.
     """
 
     setup: Setup
@@ -69,6 +70,7 @@ class ScenePrior:
     translation_mm: float = PRIOR_SIGMA_MM
     points: tuple[NamedPoint, ...] = ()
     knowledge: Knowledge = NOTHING_STATED
+    lens_before: CameraModel | None = None
 
     def at_reading(self, axis: ExternalAxis, reading: float) -> "ScenePrior":
         """What is stated with the axis at its zero, in the base where it stands at this reading."""
@@ -115,7 +117,8 @@ def infer_scene(prior: ScenePrior, problem: Problem, *, caution: float = 1.0, di
     Raises UndeterminedError when prior and views together do not determine where camera and target are.
     """
     seen = [problem.views[position] for position in observe(problem)[0].positions]
-    camera = prior.camera or default_camera(problem.image_size)
+    before = prior.lens_before if prior.lens_before and prior.lens_before.image_size == problem.image_size else None
+    camera = prior.camera or before or default_camera(problem.image_size)
     if not seen:
         return _belief_of_prior(prior, camera, caution)
     if len(seen) >= 3:
@@ -137,7 +140,7 @@ def sigma_points(a_T_b: Array, covariance: Array) -> list[Array]:
     return [a_T_b @ transform_from_vector(step) for step in np.concatenate([steps, -steps])]
 
 
-def default_camera(image_size: tuple[int, int]) -> CameraModel:
+def default_camera(image_size: tuple[int, int] = (1600, 1200)) -> CameraModel:
     """A camera with a usual field of view, the principal point in the middle and no distortion."""
     width, height = image_size
     focal = DEFAULT_FOCAL_OF_WIDTH * width
@@ -227,7 +230,8 @@ def _rough_belief(
     posterior = covariance_or_inf(information, 6)
     covariance = caution**2 * (posterior if np.all(np.isfinite(posterior)) else prior_covariance)
     others = []
-    factors = () if prior.camera else (0.6, 1.6)  # on the focal length: the range of a guessed field of view
+    guessed = camera not in (prior.camera, prior.lens_before)
+    factors = (0.6, 1.6) if guessed else ()  # on the focal length: the range of a guessed field of view
     scaled = (camera.matrix * np.array([[f, 1, 1], [1, f, 1], [1, 1, 1]]) for f in factors)
     for lens in (camera, *(replace(camera, matrix=matrix) for matrix in scaled)):
         pose = camera_T_target[-1] if lens is camera else _target_poses(prior.target, lens, seen[-1:])[0]

@@ -97,7 +97,7 @@ class AdaptiveSequence:
                     self._progress.misses += 1
                     self._progress.stations += 1
                     if self._progress.misses > MAX_MISSES:
-                        check_detections(self._progress.views, len(self._progress.views))
+                        check_detections(self._progress.views, max(min_views, len(self._progress.views) - MAX_MISSES))
             self._progress.stations = self.log.run.station
             await self._log_plan(E.ENOUGH, found)
         check_detections(self._progress.views, min_views)

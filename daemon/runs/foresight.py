@@ -8,6 +8,7 @@ from calibration.errors import UndeterminedError
 from calibration.likelihood.predicted_uncertainty import Scene, predict
 from calibration.planning.next_view import next_view
 from calibration.planning.plan import PlanningError
+from calibration.planning.scene_belief import default_camera
 from calibration.problem import Problem
 from calibration.transforms import Array
 from daemon.cell.motion_rules import MotionRules
@@ -42,9 +43,9 @@ def foresee_taught(rules: MotionRules, poses: tuple[TaughtPose, ...], joints_now
 def foresee(parameters: AdaptiveParameters, base_T_flange_now: Array, joints_now_rad: Array | None) -> Foresight:
     """Plan the next poses of an adaptive run before its first view, as the run would after it. Raises NoPoses."""
     prior, rules = parameters.guess, parameters.rules
-    size = prior.camera.image_size if prior.camera else (0, 0)
+    lens = prior.camera or prior.lens_before or default_camera()
     try:
-        nothing_seen = Problem(prior.setup, prior.target, prior.camera, size, ())
+        nothing_seen = Problem(prior.setup, prior.target, prior.camera, lens.image_size, ())
         found = next_view(
             prior, nothing_seen, parameters.limits, parameters.wish, base_T_flange_now=base_T_flange_now,
             reachable=rules.reachable_from(joints_now_rad),

@@ -25,12 +25,13 @@ from daemon.runs.adaptive_sequence import AdaptiveParameters
 
 @dataclass(frozen=True)
 class SceneGuess:
-    """Rough knowledge of the scene: the settings' guesses, else the active calibration."""
+    """Rough knowledge of the scene: the settings' guesses, else the active calibration, whose is `lens_before`."""
 
     setup: Setup
     camera: CameraModel | None
     mount_T_camera: PoseDocument | None
     anchor_T_target: PoseDocument | None
+    lens_before: CameraModel | None = None
 
     @classmethod
     def of(
@@ -46,7 +47,7 @@ class SceneGuess:
             return found
         return replace(
             found,
-            camera=found.camera or (current.camera.camera() if current.camera else None),
+            lens_before=current.camera.camera() if current.camera else None,
             mount_T_camera=found.mount_T_camera or current.mount_T_camera,
             anchor_T_target=found.anchor_T_target or current.anchor_T_target,
         )
@@ -150,8 +151,13 @@ def adaptive_parameters(
         settings.guess_mm,
         points,
         settings.known.knowledge(),
+        known.lens_before,
     )
-    assumed = "" if known.camera else "the intrinsics are unknown: planned from a usual field of view until they are"
+    assumed = (
+        ""
+        if known.camera or known.lens_before
+        else "the intrinsics are unknown: planned from a usual field of view until they are"
+    )
     return AdaptiveParameters(guess, planning_limits(settings, rules), wish, rules, assumed)
 
 

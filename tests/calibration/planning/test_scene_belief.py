@@ -11,7 +11,7 @@ from calibration.planning.exploration import ANGLES_DEG, Exploration, turn_flang
 from calibration.planning.jog_advice import advise
 from calibration.planning.next_view import NextView, StoppingRule, next_view, plan_ahead
 from calibration.planning.scene_belief import ScenePrior, infer_scene, sigma_points
-from calibration.planning.viewpoints import target_in_view
+from calibration.planning.viewpoints import flange_poses, target_in_view
 from calibration.planning.what_if import PlanComparison
 from calibration.solution import NamedPoint
 from calibration.solve import solve_hand_eye
@@ -238,3 +238,22 @@ def test_a_run_ends_by_the_uncertainty_that_a_diagnosis_has_widened(monkeypatch)
 
     monkeypatch.setattr("calibration.solve.solve_hand_eye", solve_widened)
     assert next_view(guess, problem, WIDE, wish, base_T_flange_now=poses[-1]).base_T_flange is not None
+
+
+@pytest.mark.parametrize("lens", ["refocused", "of other pictures"])
+def test_the_lens_of_before_is_where_planning_begins_and_never_what_is_known(lens):
+    """A run ends by what its result will say, which does not have the lens of the active calibration either."""
+    before = {
+        "refocused": replace(
+            TRUTH.camera, matrix=TRUTH.camera.matrix * np.array([[1.01, 1, 1], [1, 1.01, 1], [1] * 3])
+        ),
+        "of other pictures": replace(TRUTH.camera, matrix=TRUTH.camera.matrix / 2, image_size=(640, 512)),
+    }[lens]
+    without = guess_off(0.0, 0.0, intrinsics_known=False)
+    looks = [[0.4, 0.0, 0.0, 500.0], [-0.4, 0.1, 1.2, 700.0], [0.0, 0.5, -1.0, 600.0], [0.1, -0.5, 2.0, 550.0]]
+    poses = [LOOK, *flange_poses(TRUTH, np.array([[*look, 0.0, 0.0] for look in looks]))]
+    guess = replace(without, lens_before=before)
+    first = infer_scene(guess, problem_of([LOOK], None))
+    assert (first.scene.camera is before) == (lens == "refocused"), "of another size it says nothing of these pictures"
+    belief, unknown = (infer_scene(one, problem_of(poses, None)) for one in (guess, without))
+    assert belief.scene.intrinsics_free and belief.estimated_worst_mm == unknown.estimated_worst_mm

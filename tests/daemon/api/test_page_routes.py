@@ -66,16 +66,19 @@ async def test_what_does_not_change_is_said_once(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-async def test_a_plan_moves_nothing_and_says_what_the_views_will_tell(tmp_path: Path) -> None:
+@pytest.mark.parametrize("lens", ["given", "not given"])
+async def test_a_plan_moves_nothing_and_says_what_the_views_will_tell(tmp_path: Path, lens: str) -> None:
     camera, target = pose_json(FLANGE_T_CAMERA), pose_json(BASE_T_TARGET)
     guesses = {"poses": [], "flange_T_camera_guess": camera, "base_T_target_guess": target}
-    async with serving(settings_for(tmp_path, robot=ARM, calibration=guesses)) as bench:
+    unknown = {} if lens == "given" else {"camera": {"intrinsics": None}}
+    async with serving(settings_for(tmp_path, robot=ARM, calibration=guesses, **unknown)) as bench:
         answer = await bench.client.post("/plan", json={"count": 4})
         assert answer.status_code == 200, answer.text
         found = answer.json()
         assert len(found["poses"]) == len(found["predicted_mm"]) == 4
         assert found["predicted_mm"][0] is None
         assert found["predicted_mm"][3] > 0
+        assert found["note"].startswith("the intrinsics are unknown") == (lens == "not given")
         assert len(found["poses"][0]["skeleton_mm"]) == 5
         assert not bench.robot.goals
         assert bench.camera.pictures == 0
