@@ -5,7 +5,7 @@ the Problem holds it with the reason.
 """
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
@@ -71,6 +71,7 @@ Progress = Callable[[int, int], None]
 
 
 PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".pgm")
+OF_THEIR_SIZE = "give intrinsics found at the pictures' size, or null: they are then estimated"
 WITHOUT_FILES = "give corners_px, points_mm or camera_T_target, or solve the folder with 'handeyed solve'"
 
 
@@ -129,8 +130,7 @@ def load_problem(session: SessionFolder, progress: Progress = lambda done, of: N
         raise _document_error(str(session.file), "views", what, fix)
     if document.in_space:
         return _problem_in_space(session, target, progress)
-    camera = document.camera.camera() if document.camera else None
-    expected = camera.image_size if camera else document.image_size
+    stated = document.camera.image_size if document.camera else document.image_size
     seen: dict[int, tuple[View, tuple[int, int] | None]] = {}
     problems: dict[int, DocumentProblem] = {}
     with ThreadPoolExecutor(max_workers=min(os.cpu_count() or 1, 8)) as pool:
@@ -146,17 +146,18 @@ def load_problem(session: SessionFolder, progress: Progress = lambda done, of: N
                 problems[index] = DocumentProblem(f"views[{index}].image", error.what, error.fix)
             progress(done, len(jobs))
     sizes = {index: size for index, (_, size) in sorted(seen.items()) if size is not None}
-    expected = expected or next(iter(sizes.values()), None)
+    taken = list(sizes.values())
+    expected = stated if stated in taken else max(taken, key=taken.count, default=stated or (0, 0))
     for index, size in sizes.items():
-        if expected is not None and size != expected:
+        if size != expected:
             what = f"'{document.views[index].image}' is {_by(size)} pixels where the session has {_by(expected)}"
             problems[index] = DocumentProblem(f"views[{index}].image", what, TAKE_AGAIN)
-    if problems:
-        found = [problems[index] for index in sorted(problems)]
+    found = [problems[index] for index in sorted(problems)]
+    if stated and stated != expected:
+        what = f"{_by(stated)}, but the pictures are {_by(expected)}"
+        found.insert(0, DocumentProblem("camera.image_size" if document.camera else "image_size", what, OF_THEIR_SIZE))
+    if found:
         raise DocumentError(str(session.file), with_heading(SessionDocument, found))
-    if expected is None:
-        missing = DocumentProblem("image_size", "missing, and no image shows it", "add it")
-        raise DocumentError(str(session.file), with_heading(SessionDocument, [missing]))
     views = [view for _, (view, _) in sorted(seen.items())]
     views = explain_missing(views, target, lambda name: read_grey(session.path / name))
     views = [
@@ -165,10 +166,16 @@ def load_problem(session: SessionFolder, progress: Progress = lambda done, of: N
         )
         for view, recorded in ((view, document.views[view.index]) for view in views)
     ]  # fmt: skip
+    return problem_of(document, expected, views)
+
+
+def problem_of(document: SessionDocument, image_size: tuple[int, int], views: Sequence[View]) -> Problem:
+    """The solver's Problem, exactly as a session of pictures describes it."""
     return Problem(
-        document.setup, target, camera, expected, tuple(views), poses_from_controller=document.poses_from_controller,
-        axis_offset=document.axis_offset, external_axis=document.rough_axis, load=document.carried,
-        knowledge=document.known.knowledge(), robot_noise=document.noise_belief,
+        document.setup, document.described_target(), document.camera.camera() if document.camera else None, image_size,
+        tuple(views), poses_from_controller=document.poses_from_controller, axis_offset=document.axis_offset,
+        external_axis=document.rough_axis, load=document.carried, knowledge=document.known.knowledge(),
+        robot_noise=document.noise_belief,
     )  # fmt: skip
 
 

@@ -21,6 +21,7 @@ from daemon.runtime.workers import Workers
 from daemon.sessions.detections import DETECTIONS_FILE, DetectionDocument, DetectionsDocument, MissedDocument
 from daemon.sessions.look import measure_quality
 from daemon.sessions.session_files import SESSION_FILE, read_grey, read_levels
+from daemon.sessions.session_reader import problem_of
 from daemon.store.store import Store
 from drivers.cameras.decoding import PNG_MAGIC
 from drivers.cameras.pixel_depth import to_8_bit
@@ -113,15 +114,8 @@ class SessionWriter:
 
     def problem(self, views: list[View]) -> Problem:
         """The solver's Problem, exactly as the folder describes it."""
-        document = self._document
         assert self._image_size is not None  # the first picture set it
-        camera = document.camera.camera() if document.camera else None
-        return Problem(
-            document.setup, document.described_target(), camera, self._image_size, tuple(views),
-            poses_from_controller=document.poses_from_controller, axis_offset=document.axis_offset,
-            external_axis=document.rough_axis, load=document.carried, knowledge=document.known.knowledge(),
-            robot_noise=document.noise_belief,
-        )  # fmt: skip
+        return problem_of(self._document, self._image_size, views)
 
     def problem_here(self, views: list[View]) -> Problem:
         """For planning: the problem as if its external axis had stood in every view where it stands in the last."""

@@ -91,6 +91,11 @@ def _smaller(folder: Path) -> None:
     cv2.imwrite(str(folder / "view_003.png"), np.zeros((240, 320), np.uint8))
 
 
+def _all_smaller(folder: Path) -> None:
+    for file in folder.glob("view_*.png"):
+        cv2.imwrite(str(file), np.zeros((240, 320), np.uint8))
+
+
 def _cut(folder: Path) -> None:
     file = folder / "view_003.png"
     file.write_bytes(file.read_bytes()[:-200])
@@ -127,6 +132,10 @@ SPOILT_FILES = {
         _smaller,
         f"views[3].image: 'view_003.png' is 320 x 240 pixels where the session has 640 x 480: {AGAIN}",
     ),
+    "images of another size than the camera": (
+        _all_smaller,
+        "camera.image_size: 640 x 480, but the pictures are 320 x 240: give intrinsics found at the pictures' size",
+    ),
     "image cut off": (_cut, f"views[3].image: 'view_003.png' is cut off or damaged: {AGAIN}"),
     "image damaged": (_damaged, f"views[3].image: 'view_003.png' is cut off or damaged: {AGAIN}"),
     "image that is none": (
@@ -148,6 +157,15 @@ def test_a_spoilt_file(
     assert (ran.status, ran.out) == (2, "")
     assert [error for error in ran.errors if error.startswith(f"{folder / SESSION}: {line}")], ran.err
     assert capfd.readouterr().err == ""  # no library writes past us
+
+
+def test_without_a_camera_the_size_of_most_pictures_counts_and_not_that_of_the_first(tmp_path: Path) -> None:
+    folder = with_images(tmp_path / "cell", lambda document: document.update(camera=None))
+    cv2.imwrite(str(folder / "view_000.png"), np.zeros((240, 320), np.uint8))
+
+    (error,) = handeyed("solve", folder).errors
+
+    assert f"views[0].image: 'view_000.png' is 320 x 240 pixels where the session has 640 x 480: {AGAIN}" in error
 
 
 def test_every_bad_image_is_reported_at_once(tmp_path: Path) -> None:
