@@ -111,13 +111,9 @@ def _png_size(encoded: bytes) -> tuple[int, int, int]:
 
 
 def _jpeg_size(encoded: bytes) -> tuple[int, int, int]:
-    """(width, height, bytes a pixel) of a JPEG with an end marker; JPEG has no checksums."""
-    if JPEG_END not in encoded[-64:]:
-        raise ValueError("the JPEG ends early")
-    if encoded.count(JPEG_SCAN) > MAX_SCANS:
-        raise ValueError(f"the JPEG has more than {MAX_SCANS} scans")
+    """(width, height, bytes a pixel) of a JPEG up to its end marker; a film may follow. It has no checksums."""
     at = 2
-    while encoded[at] == 0xFF:
+    while encoded[at : at + 1] == b"\xff":
         marker = encoded[at + 1]
         if marker == 0xFF:
             at += 1
@@ -126,7 +122,12 @@ def _jpeg_size(encoded: bytes) -> tuple[int, int, int]:
         if marker in JPEG_LONE or length < 2:
             break
         if marker in JPEG_SIZES:
+            end = encoded.find(JPEG_END, at)
+            if end < 0:
+                raise ValueError("the JPEG ends early")
+            if encoded.count(JPEG_SCAN, at, end) > MAX_SCANS:
+                raise ValueError(f"the JPEG has more than {MAX_SCANS} scans")
             height, width, channels = struct.unpack_from(">HHB", encoded, at + 5)
             return width, height, min(channels, 3)
         at += 2 + length
-    raise ValueError("the JPEG's segments are torn")
+    raise ValueError("the JPEG's segments are torn" if at < len(encoded) else "the JPEG ends early")

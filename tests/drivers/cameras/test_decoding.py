@@ -24,6 +24,22 @@ def test_a_jpeg_keeps_its_size():
     assert decode("c", encoded(".jpg", GREY)).shape == (30, 40)
 
 
+@pytest.mark.parametrize(
+    "behind",
+    [bytes(4096), b"\0\0\0\x18ftypmp42" + b"\xff\xda" * 200, JPEG],
+    ids=["padding", "a telephone's film", "a second picture"],
+)
+def test_what_follows_a_whole_jpeg_does_not_count(behind):
+    np.testing.assert_array_equal(decode("c", JPEG + behind, (40, 30)), decode("c", JPEG))
+    assert not is_truncated(JPEG + behind)
+
+
+def test_a_small_whole_picture_inside_half_a_jpeg_does_not_make_it_whole():
+    small = b"\xff\xe1" + struct.pack(">H", len(JPEG) + 2) + JPEG
+    assert not is_truncated(JPEG[:2] + small + JPEG[2:])
+    assert is_truncated(JPEG[:2] + small + JPEG[2:-2])
+
+
 def test_sixteen_bits_become_eight():
     image = decode("c", encoded(".png", GREY.astype(np.uint16) * 257))
     assert image.dtype == np.uint8
