@@ -71,7 +71,7 @@ Progress = Callable[[int, int], None]
 
 
 PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".pgm")
-OF_THEIR_SIZE = "give intrinsics found at the pictures' size, or null: they are then estimated"
+OF_THEIR_SIZE = "give intrinsics found at the pictures' size, or none (null): they are then estimated"
 WITHOUT_FILES = "give corners_px, points_mm or camera_T_target, or solve the folder with 'handeyed solve'"
 
 
@@ -146,8 +146,8 @@ def load_problem(session: SessionFolder, progress: Progress = lambda done, of: N
                 problems[index] = DocumentProblem(f"views[{index}].image", error.what, error.fix)
             progress(done, len(jobs))
     sizes = {index: size for index, (_, size) in sorted(seen.items()) if size is not None}
-    taken = list(sizes.values())
-    expected = stated if stated in taken else max(taken, key=taken.count, default=stated or (0, 0))
+    of_all = list(sizes.values())
+    expected = stated if stated in of_all else max(of_all, key=of_all.count, default=stated or (0, 0))
     for index, size in sizes.items():
         if size != expected:
             what = f"'{document.views[index].image}' is {_by(size)} pixels where the session has {_by(expected)}"
@@ -161,11 +161,9 @@ def load_problem(session: SessionFolder, progress: Progress = lambda done, of: N
     views = [view for _, (view, _) in sorted(seen.items())]
     views = explain_missing(views, target, lambda name: read_grey(session.path / name))
     views = [
-        replace(
-            view, camera_temperature_c=recorded.camera_temperature_c, arm_temperature_c=recorded.arm_temperature_c,
-        )
-        for view, recorded in ((view, document.views[view.index]) for view in views)
-    ]  # fmt: skip
+        replace(view, camera_temperature_c=taken.camera_temperature_c, arm_temperature_c=taken.arm_temperature_c)
+        for view, taken in ((view, document.views[view.index]) for view in views)
+    ]
     return problem_of(document, expected, views)
 
 

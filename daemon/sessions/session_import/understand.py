@@ -29,7 +29,7 @@ from calibration.kinematics.conventions import CONVENTIONS, LENGTH_UNITS, MM, Fr
 from calibration.problem import Problem, Setup
 from calibration.transforms import Array
 from daemon.sessions.pictures import encode_picture
-from daemon.sessions.session_files import ImageError, read_grey
+from daemon.sessions.session_files import TAKE_AGAIN, ImageError, read_grey
 from daemon.sessions.session_import.folder_files import FolderFiles
 from daemon.sessions.session_import.request import ImportRequest, Understood, require_cloud_unit
 from daemon.sessions.session_reader import SessionFolder, load_problem
@@ -385,8 +385,10 @@ def _load(session: SessionFolder, progress: Progress) -> Problem:
     except DocumentError as error:
         first, count = error.problems[0], len(error.problems)
         what = first.what if count == 1 else f"{first.what}, and {count - 1} more like it"
-        fix = "give pictures" + (": these are pointers of Git LFS (git lfs pull)" if _is_pointer(session) else "")
-        raise refusal(str(session.path), "images", what, fix, "pictures") from None
+        fix = first.fix.partition(" (docs/")[0].replace(TAKE_AGAIN, "take it again, or leave it out with its pose")
+        fix = "give the pictures: these are pointers of Git LFS (git lfs pull)" if _is_pointer(session) else fix
+        place = "--camera" if first.place.startswith("camera") else "images"
+        raise refusal(str(session.path), place, what, fix, "pictures") from None
 
 
 def _is_pointer(session: SessionFolder) -> bool:

@@ -131,6 +131,24 @@ def test_poses_that_are_all_the_same_are_refused(tmp_path: Path) -> None:
     assert "poses: all 6 poses are the same" in ran.err
 
 
+def test_a_camera_of_another_picture_size_is_what_is_corrected(euler: Path, tmp_path: Path) -> None:
+    camera = _camera(tmp_path)
+    camera.write_text(camera.read_text().replace("image_width: 640", "image_width: 1280"))
+    ran = handeyed("import", euler, "--out", tmp_path / "s", "--target", TARGET, "--camera", camera)
+    assert (ran.status, len(ran.errors)) == (2, 1)
+    assert (
+        "--camera: 1280 x 480, but the pictures are 640 x 480: give intrinsics found at the pictures' size" in ran.err
+    )
+
+
+def test_one_picture_of_another_size_is_named_with_what_to_do(tmp_path: Path) -> None:
+    folder = _folder(tmp_path / "cell", _rows("ZYX"))
+    cv2.imwrite(str(folder / "view_7.png"), np.zeros((640, 480), np.uint8))  # held upright
+    ran = handeyed("import", folder, "--out", tmp_path / "s", "--target", TARGET)
+    assert (ran.status, len(ran.errors)) == (2, 1)
+    assert "view_7.png' is 480 x 640 pixels where the session has 640 x 480: take it again, or leave it out" in ran.err
+
+
 def test_one_pose_is_not_taken_for_none(tmp_path: Path) -> None:
     folder = _folder(tmp_path / "cell", _rows("ZYX")[:1])
     ran = handeyed("import", folder, "--out", tmp_path / "s", "--target", TARGET)
