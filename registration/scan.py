@@ -244,7 +244,7 @@ class _CountedBlocks:
         for block in self._blocks:
             self.points += len(block)
             self.range.look(block, self._layout)
-            measured = block[self._layout.measured(block)]
+            measured = block[self._layout.has_point(block)]
             self.non_finite += len(block) - len(measured)
             if self._count:
                 self._on_read(min(self.points / self._count, 1.0))

@@ -189,11 +189,11 @@ def _belief_of_solution(
     return SceneBelief(
         scene, others, solution.uncertainty.point_mm, predicted.point_mm,
         solution.uncertainty.worst_point.expanded_mm, predicted.worst_point.expanded_mm,
-        solution.observability.views_used, _varied(scene, taken),
+        solution.observability.views_used, _differ_enough(scene, taken),
     )  # fmt: skip
 
 
-def _varied(scene: Scene, base_T_flange: Array) -> bool:
+def _differ_enough(scene: Scene, base_T_flange: Array) -> bool:
     """Whether the views (n, 4, 4) have two distances, MIN_DISTANCE_RATIO apart, and three rolls, MIN_ROLL_RAD apart."""
     poses, centre = scene.camera_T_target(base_T_flange), scene.target.points_mm.mean(axis=0, keepdims=True)
     distances = np.linalg.norm(map_points(poses, centre)[:, 0], axis=1)

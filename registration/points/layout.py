@@ -62,10 +62,10 @@ class Layout:
         finite: NDArray[np.bool_] = x & y & z
         return finite
 
-    def measured(self, block: Records) -> NDArray[np.bool_]:
+    def has_point(self, block: Records) -> NDArray[np.bool_]:
         """Which points (n,) of a scanner's block are any: finite, and not 0, 0, 0 as in a pixel without one."""
-        measured: NDArray[np.bool_] = self.finite(block) & np.any([block[name] != 0 for name in self.xyz], axis=0)
-        return measured
+        found: NDArray[np.bool_] = self.finite(block) & np.any([block[name] != 0 for name in self.xyz], axis=0)
+        return found
 
     def offset(self, name: str) -> int:
         """Byte offset of a column in the record."""

@@ -40,7 +40,7 @@ class RangeCheck:
         """Take note of the distances of a block's points, which are in the scanner's frame."""
         if self.sound:
             return
-        block = block[layout.measured(block)]
+        block = block[layout.has_point(block)]
         points = np.stack([block[name].astype(float) for name in layout.xyz], axis=1)
         with np.errstate(over="ignore", invalid="ignore"):
             distances_mm = np.linalg.norm(points, axis=1) * self._scale

@@ -30,10 +30,10 @@ BIG = Layout.of(np.dtype([(name, ">f4") for name in "xyz"] + [("label", ">i4")])
 
 
 def body_of(media_type: str, encoding: str, layout: Layout, count: int) -> bytes:
-    return encoded(media_type, encoding, layout, cloud(layout, count))
+    return encode(media_type, encoding, layout, cloud(layout, count))
 
 
-def encoded(media_type: str, encoding: str, layout: Layout, records: np.ndarray) -> bytes:
+def encode(media_type: str, encoding: str, layout: Layout, records: np.ndarray) -> bytes:
     content = TextEncoder(layout).encode(records) if encoding == "ascii" else records.tobytes()
     header = {PLY: ply.format_header, PCD: pcd.format_header, OCTETS: lambda *_: b""}[media_type]
     return header(layout, len(records), encoding) + content
@@ -193,7 +193,7 @@ def test_a_pixel_without_a_point_does_not_become_one_where_the_scanner_stands(
     for name in layout.xyz:
         records[name][[2, 5]] = 0  # as many scanners write it
     records["z"][7] = 0  # a point, beside the scanner
-    out, stream = through(encoded(media_type, encoding, layout, records), media_type)
+    out, stream = through(encode(media_type, encoding, layout, records), media_type)
     answer = xyz(records_in(out, media_type))
     seen = np.delete(np.arange(9), [2, 5])
     assert np.isnan(answer[[2, 5]]).all()
