@@ -92,7 +92,11 @@ class Client:
         self.url, self._timeout_s = url.rstrip("/"), timeout_s
         key, authority = key or os.environ.get("HANDEYED_KEY"), ca or os.environ.get("HANDEYED_CA")
         if tls is None and authority:
-            tls = _tls_context(str(authority))
+            try:
+                tls = ssl.create_default_context(cafile=authority)
+            except (OSError, ssl.SSLError):
+                what, fix = "not an authority's certificate", "set HANDEYED_CA to authority.pem"
+                raise NotAnAddress(str(authority), what, fix) from None
         self._http = httpx.Client(
             base_url=self.url,
             timeout=timeout_s,
@@ -338,13 +342,6 @@ def _pose_text(base_T_flange: "ArrayLike | None") -> str:
 
 def _quoted(identifier: str) -> str:
     return quote(identifier, safe="")
-
-
-def _tls_context(authority: str) -> ssl.SSLContext:
-    try:
-        return ssl.create_default_context(cafile=authority)
-    except (OSError, ssl.SSLError):
-        raise NotAnAddress(authority, "not an authority's certificate", "set HANDEYED_CA to authority.pem") from None
 
 
 @contextmanager

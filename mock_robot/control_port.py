@@ -104,9 +104,6 @@ class ControlPort:
             "faults": self.faults.active,
         }
 
-    def _log(self, fields: Fields) -> Any:
-        return [{"at_s": entry.at_s, "code": entry.code, "text": entry.text} for entry in self.controller.log]
-
     def _list_faults(self, fields: Fields) -> Any:
         return [
             {"name": fault.name, "area": fault.area, "summary": fault.summary, "on": fault.name in self.faults.active}
@@ -168,7 +165,7 @@ _ROUTES: tuple[tuple[str, re.Pattern[str], Callable[[ControlPort, Fields], Any]]
     (method, re.compile(path), handler)
     for method, path, handler in (
         ("GET", "/state", lambda port, _: port._state()),
-        ("GET", "/log", ControlPort._log),
+        ("GET", "/log", lambda port, _: [vars(entry) for entry in port.controller.log]),
         ("GET", "/faults", ControlPort._list_faults),
         ("POST", "/faults/(?P<name>[a-z0-9-]+)", ControlPort._fault_on),
         ("DELETE", "/faults/(?P<name>[a-z0-9-]+)", ControlPort._fault_off),

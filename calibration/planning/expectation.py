@@ -49,14 +49,12 @@ def expectation_of(
     expected_mm = predict(scene, poses).worst_point.expanded_mm
     if not isfinite(expected_mm):
         return NOTHING_EXPECTED
-    return Expectation(expected_mm, _why(solution.uncertainty.worst_point.expanded_mm, expected_mm, solution, noise))
-
-
-def _why(found_mm: float, expected_mm: float, solution: Solution, noise: ExpectedNoise) -> Sentence | None:
+    found_mm = solution.uncertainty.worst_point.expanded_mm
     if expected_mm / MAX_RATIO <= found_mm <= expected_mm * MAX_RATIO:
-        return None
+        return Expectation(expected_mm, None)
     reason = _reason(found_mm > expected_mm, solution, noise)
-    return Sentence("accuracy-unexpected", found_mm=found_mm, expected_mm=expected_mm, reason=reason)
+    why = Sentence("accuracy-unexpected", found_mm=found_mm, expected_mm=expected_mm, reason=reason)
+    return Expectation(expected_mm, why)
 
 
 def _reason(larger: bool, solution: Solution, noise: ExpectedNoise) -> Sentence:

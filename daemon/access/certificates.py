@@ -42,10 +42,8 @@ def make_certificate(folder: Path, hosts: Sequence[str], now: datetime, days: in
     authority_key, key = ec.generate_private_key(ec.SECP256R1()), ec.generate_private_key(ec.SECP256R1())
     authority = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, f"handeyed on {hosts[0]}"[:64])])
     subject = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, hosts[0][:64])])
-    names = [
-        x509.IPAddress(ipaddress.ip_address(host)) if is_address(host) else x509.DNSName(host)
-        for host in dict.fromkeys((*hosts, *THIS_MACHINE))
-    ]
+    every = dict.fromkeys((*hosts, *THIS_MACHINE))
+    names = [x509.IPAddress(ipaddress.ip_address(one)) if is_address(one) else x509.DNSName(one) for one in every]
     begins, ends = now - CLOCK_TOLERANCE, now + timedelta(days=days)
     root = (
         _builder(authority, authority, authority_key, begins, ends)

@@ -9,7 +9,6 @@ from pathlib import Path
 from daemon.runtime.version import VERSION
 from registration.io.stream import CloudStream
 
-ESCAPED = str.maketrans({"\\": "\\\\", '"': '\\"', "\n": "\\n"})
 Labels = tuple[tuple[str, str], ...]
 ESCAPES = str.maketrans({"\\": r"\\", '"': r"\"", "\n": r"\n"})
 

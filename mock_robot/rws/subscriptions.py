@@ -116,11 +116,20 @@ class Subscriptions:
             kind, name = _PANEL[path]
             return kind, f"/rw/{path}", lambda: [Item("", name, {name: self._panel(name)})]
         if path == "rapid/execution":
-            return "rap-ctrlexecstate-ev", "/rw/rapid/execution;ctrlexecstate", self._execution
+            return (
+                "rap-ctrlexecstate-ev",
+                "/rw/rapid/execution;ctrlexecstate",
+                lambda: [Item("", "execution", {"ctrlexecstate": self.world.execution_state})],
+            )
         if path.startswith("iosystem/signals/"):
             return self._signal(path.removeprefix("iosystem/signals/"))
         if path == "elog/0":
-            return "elog-message-ev", "/rw/elog/0", self._elog
+            world = self.world
+            return (
+                "elog-message-ev",
+                "/rw/elog/0",
+                lambda: [Item("", one.title, {"seqnum": one.title.rpartition("/")[2]}) for one in world.elog.items()],
+            )
         if path.startswith("rapid/symbol/"):
             return self._symbol(path)
         return None
@@ -133,12 +142,6 @@ class Subscriptions:
             "speedratio": str(round(100 * panel.speed_override)),
         }
         return values[name]
-
-    def _execution(self) -> list[Item]:
-        return [Item("", "execution", {"ctrlexecstate": self.world.execution_state})]
-
-    def _elog(self) -> list[Item]:
-        return [Item("", item.title, {"seqnum": item.title.rpartition("/")[2]}) for item in self.world.elog.items()]
 
     def _signal(self, path: str) -> tuple[str, str, Callable[[], list[Item]]] | None:
         found = self.world.signal(path)

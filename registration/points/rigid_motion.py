@@ -100,7 +100,7 @@ class BlockMover:
 
     `move` returns the block itself, changed in place where it must be writable, otherwise `into` or an internal block
     valid until the next call. `points` and `non_finite` count what was moved: a point with a NaN or infinite coordinate
-    stays non-finite, and one at 0, 0, 0, as scanners write a pixel without a point, becomes NaN; both are counted.
+    stays non-finite. Several at 0, 0, 0, as scanners write pixels without a point, become NaN. Both are counted.
     """
 
     def __init__(self, motion: RigidMotion, layout: Layout) -> None:
@@ -188,7 +188,9 @@ class _TripleMover:
             cv2.merge(planes, source[None])
         move_points(self._matrix, source, target)
         if self._marks and (nothing := source[:, 2] == 0).any():
-            target[nothing & ~source[:, :2].any(axis=1)] = np.nan  # moved, they would lie where the scanner stands
+            nothing &= ~source[:, :2].any(axis=1)
+            if np.count_nonzero(nothing) > 1:  # moved, they would lie where the scanner stands; one may be meant
+                target[nothing] = np.nan
         return target
 
     def planes(self, count: int) -> list[NDArray[Any]]:
