@@ -83,7 +83,7 @@ def test_nothing_is_predicted_of_a_perfect_arm_nor_for_a_box_out_of_reach_nor_be
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "places", "arms"),
-    [("IRB 2600-20/1.65", 1, 8 if by_night() else 4)]
+    [("IRB 2600-20/1.65", 1, 8)]
     + [("IRB 120-3/0.6", 1, 8), ("IRB 2600-20/1.65", 3, 6), ("IRB 6700-200/2.60", 1, 8)] * by_night(),
 )
 def test_the_views_bring_what_was_predicted(name: str, places: int, arms: int) -> None:
