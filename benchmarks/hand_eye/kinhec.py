@@ -22,8 +22,8 @@ from pathlib import Path
 import numpy as np
 
 from calibration.errors import UndeterminedError
-from calibration.pose_pairs.solve import solve_hand_eye_poses
 from calibration.transforms import inverse
+from tests.support.pose_arrays import solve_hand_eye_poses
 
 MM = np.array([[1, 1, 1, 1e3]] * 3 + [[1, 1, 1, 1]])
 Errors = tuple[float, float]

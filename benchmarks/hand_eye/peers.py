@@ -20,13 +20,13 @@ import numpy as np
 from benchmarks.hand_eye.cells import STATED, bound_of, draw_cell, error_of
 from benchmarks.hand_eye.closed_form_peers import Poses, opencv_methods, own, whose
 from calibration.errors import UndeterminedError
-from calibration.pose_pairs.solve import solve_hand_eye_poses
 from calibration.preprocessing.prepare import prepare
 from calibration.problem import Setup
 from calibration.solve import estimate_session
 from calibration.transforms import Array
 from tests.simulated.pose_pairs import Motions, PoseNoise, PoseSession, drawn_session
 from tests.simulated.sessions import Cell, CellNoise, random_cell
+from tests.support.pose_arrays import solve_hand_eye_poses
 
 VIEWS = (5, 10, 20, 50)
 BARS = np.array([0.85, 0.65])

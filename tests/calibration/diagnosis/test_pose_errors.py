@@ -126,7 +126,7 @@ def test_what_a_posture_of_its_own_is_off_by_is_no_mistyped_pose() -> None:
 def test_one_view_of_eight_in_a_posture_of_its_own_may_be_mistyped_or_show_the_arms_geometry() -> None:
     session = varied(np.random.default_rng((9917, 5, 165)))
     assert session.turned_back == {0} and session.problem.views[0].stance.joints_rad is not None
-    assert search("picture 1 .* by 1.50 mm .* no other picture has its posture", said_of_poses(session.problem))
+    assert search("picture 1 .* by 1.07 mm .* no other picture has its posture", said_of_poses(session.problem))
     assert "posture" not in said_of_poses(mistyped_by(session.problem, 15.0, 0))
     assert "posture" not in said_of_poses(mistyped_by(session.problem, 3.0, 4))
 

@@ -1,17 +1,12 @@
 """X from pairs of poses: found within its own uncertainty, robust, and refused where the motions do not tell."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from calibration.errors import UndeterminedError
 from calibration.likelihood.mapped_points import point_rows
-from calibration.pose_pairs.alike_errors import with_alike_errors
-from calibration.pose_pairs.residuals import PosePairs
-from calibration.pose_pairs.solve import fit_pose_pairs
 from calibration.problem import Setup
 from calibration.transforms import (
     Array,
@@ -21,54 +16,12 @@ from calibration.transforms import (
     vector_from_rotation,
     vector_from_transform,
 )
-from tests.simulated.pose_pairs import PoseNoise, drawn_session
-from tests.simulated.pose_pairs import with_alike_errors as seen_alike
+from tests.simulated.pose_pairs import PoseNoise, drawn_session, with_alike_errors
 from tests.support.cases import seeds
+from tests.support.pose_arrays import solve_hand_eye_poses
 
 X = transform(rotation_from_vector([0.3, -2.0, 0.4]), [40.0, -60.0, 90.0])
 Y = transform(rotation_from_vector([-0.2, 0.1, 1.4]), [700.0, 100.0, -50.0])
-
-
-@dataclass(frozen=True, eq=False)
-class PoseSolution:
-    """What was found from pairs of poses.
-
-    mount_T_camera, anchor_T_target : (4, 4).
-    covariance : (12, 12) of both, of `pose @ exp(.)`, [rad, mm] each.
-    used : (n,) mask of the views that agree.
-    scale : length in the camera's poses over true length.
-    camera : the kind of noise that explains the views best.
-    deviations : one standard deviation per axis and source, rad or mm.
-    """
-
-    mount_T_camera: Array
-    anchor_T_target: Array
-    covariance: Array
-    used: NDArray[np.bool_]
-    scale: float
-    camera: str
-    deviations: dict[str, float]
-
-
-def solve_hand_eye_poses(
-    setup: Setup, base_T_flange: Array, camera_T_target: Array, *, metric: bool = True
-) -> PoseSolution:
-    """X from the robot's and the camera's poses (n, 4, 4), mm. Raises UndeterminedError where it is not determined.
-
-    `metric=False`: the camera's lengths are right up to one unknown factor, as those of a single moving camera are.
-    """
-    pairs = PosePairs(setup, base_T_flange, camera_T_target, metric)
-    fitted, used = fit_pose_pairs(pairs)
-    fitted = with_alike_errors(pairs.take(used), fitted)
-    return PoseSolution(
-        fitted.chain.mount_T_camera,
-        fitted.chain.anchor_T_target,
-        fitted.covariance[:12, :12],
-        used,
-        fitted.chain.scale,
-        fitted.camera,
-        {source: float(np.sqrt(variance)) for source, variance in fitted.variances.items()},
-    )
 
 
 def poses(
@@ -116,7 +69,7 @@ def test_halves_of_a_set_agree_within_u_though_like_views_share_errors() -> None
     for seed in seeds(36, every=6):
         rng = np.random.default_rng(seed)
         session = drawn_session(rng, 60, PoseNoise(0.005, 0.05, 0.02, 0.1), "looking")
-        seen = seen_alike(rng, session.camera_T_target, deg=0.15, mm=0.5)
+        seen = with_alike_errors(rng, session.camera_T_target, deg=0.15, mm=0.5)
         left_to_right = np.argsort(seen[:, 0, 3])
         one, other = (
             solve_hand_eye_poses("eye-in-hand", session.anchor_T_mount[half], seen[half])
