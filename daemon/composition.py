@@ -81,8 +81,7 @@ def build(
     store = store or Store(Path(settings.storage.folder), at=at)
     events, metrics = EventBus(store.stored_events), Metrics()
     store.publish = events.publish
-    workers, service_workers = Workers(clock), Workers(clock)
-    merge_workers = Workers(clock, threads=1, niceness=10, before=workers)
+    workers, service_workers, merge_workers = Workers(clock), Workers(clock), Workers(clock, threads=1, niceness=10)
     interlocks = settings.interlocks.open() if settings.interlocks else None
     devices = open_devices(settings, clock)
     exposure = open_exposure_control(settings, devices.camera, workers, clock)

@@ -2,7 +2,6 @@
 
 import asyncio
 import os
-import threading
 from collections.abc import AsyncIterator, Callable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import asynccontextmanager, suppress
@@ -21,9 +20,6 @@ THREADS = 2
 MAX_WAITING = 4
 """Jobs that may wait in a pool when `run_if_free` is called."""
 
-GIVE_WAY_S = 1.0
-"""Longest wait of a background job between two blocks, so that it ends beside a job that hangs."""
-
 
 class Workers:
     """A pool of threads that knows how long its oldest job has been running, to detect one that hangs.
@@ -31,12 +27,9 @@ class Workers:
     A job whose caller is cancelled before the job has begun is dropped.
     """
 
-    def __init__(
-        self, clock: Clock, threads: int = THREADS, niceness: int = 0, before: "Workers | None" = None
-    ) -> None:
-        """`niceness` is of these threads alone: the rest of the process goes before them; `before`: see `stops`."""
+    def __init__(self, clock: Clock, threads: int = THREADS, niceness: int = 0) -> None:
+        """`niceness` is of these threads alone: the rest of the process goes before them."""
         self._clock, self._max_jobs = clock, threads + MAX_WAITING
-        self._before, self._ended = before, threading.Condition()
         self._threads = ThreadPoolExecutor(threads, "worker", _be_nice, (niceness,))
         self._began_s: dict[int, float] = {}
         self._waiting: set[int] = set()
@@ -53,9 +46,7 @@ class Workers:
             try:
                 return work(*args, **kwargs)
             finally:
-                with self._ended:
-                    del self._began_s[job]
-                    self._ended.notify_all()
+                del self._began_s[job]
 
         self._waiting.add(job)
         try:
@@ -70,13 +61,6 @@ class Workers:
         if len(self._began_s) + len(self._waiting) >= self._max_jobs:
             raise WorkersBusy(MAX_WAITING)
         return await self.run(work, *args, **kwargs)
-
-    def stops(self, stop: threading.Event) -> bool:
-        """Whether `stop` is set. A job asks between two blocks, and waits first while jobs of `before` are running."""
-        if (before := self._before) is not None:
-            with before._ended:
-                before._ended.wait_for(lambda: not before._began_s, GIVE_WAY_S)
-        return stop.is_set()
 
     @asynccontextmanager
     async def opened(self, open_file: Callable[[Path], BinaryIO], path: Path) -> AsyncIterator[BinaryIO]:

@@ -184,7 +184,7 @@ class ScanService:
         stop, on_progress = threading.Event(), self._progress_of("merge", scan_id, view)
 
         def merge_until_stopped() -> None:
-            merge_clouds(clouds, target, calibration_id, merge, partial(self.merge_workers.stops, stop), on_progress)
+            merge_clouds(clouds, target, calibration_id, merge, stop.is_set, on_progress)
             if stop.is_set():
                 target.unlink(missing_ok=True)
 
@@ -203,7 +203,7 @@ class ScanService:
         stop, on_progress = threading.Event(), self._progress_of("surface", scan_id, view)
         try:
             found = await self.merge_workers.run_if_free(
-                view_surface, clouds, view, voxel_mm, box_mm, partial(self.merge_workers.stops, stop), on_progress
+                view_surface, clouds, view, voxel_mm, box_mm, stop.is_set, on_progress
             )
         except asyncio.CancelledError:
             stop.set()

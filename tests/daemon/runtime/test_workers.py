@@ -43,30 +43,3 @@ async def test_a_file_is_closed_whenever_its_caller_leaves(leaves: str, tmp_path
     may_open.set()
     await eventually(lambda: bool(files) and files[0].closed)
     workers.close()
-
-
-async def test_a_merge_waits_between_two_blocks_for_a_run(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("daemon.runtime.workers.GIVE_WAY_S", 600.0)
-    of_runs, asked, may_end = Workers(Clock(), threads=1), threading.Event(), threading.Event()
-    of_merges, order = Workers(Clock(), threads=1, before=of_runs), list[str]()
-
-    def plan() -> None:
-        may_end.wait()
-        order.append("planned")
-
-    def merge() -> bool:
-        asked.set()
-        stopped = of_merges.stops(threading.Event())
-        order.append("next block")
-        return stopped
-
-    planning = asyncio.create_task(of_runs.run(plan))
-    await eventually(lambda: of_runs.oldest_job_s() > 0)
-    merging = asyncio.create_task(of_merges.run(merge))
-    await eventually(asked.is_set)
-    may_end.set()
-    await planning
-    assert not await merging
-    assert order == ["planned", "next block"]
-    of_runs.close()
-    of_merges.close()
