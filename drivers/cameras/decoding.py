@@ -1,5 +1,6 @@
 """Decodes PNG and JPEG files and refuses incomplete ones. OpenCV is given only complete files."""
 
+import re
 import struct
 import zlib
 
@@ -12,12 +13,13 @@ from drivers.errors import GarbledAnswer
 
 PNG_MAGIC = b"\x89PNG\r\n\x1a\n"
 JPEG_MAGIC = b"\xff\xd8\xff"
-JPEG_END = b"\xff\xd9"
-JPEG_SCAN = b"\xff\xda"
+JPEG_END, JPEG_SCAN = 0xD9, 0xDA
+JPEG_MARKER = re.compile(rb"\xff[^\x00\xff\xd0-\xd7]")
+"""Ends a scan: neither a stuffed 0 nor a restart."""
 JPEG_SIZES = frozenset({*range(0xC0, 0xD0)} - {0xC4, 0xC8, 0xCC})
 """Markers whose segment holds a JPEG's height and width (ITU T.81, table B.1)."""
 JPEG_LONE = frozenset({0x01, *range(0xD0, 0xDA)})
-"""Markers without a segment, and that of the first scan: none of them stands before the size."""
+"""Markers without a segment: before the end of the picture there are none between segments."""
 MAX_SCANS = 100
 """Scans of a JPEG: each is a pass over all pixels; progressive ones have about ten."""
 MAX_DECODED_BYTES = 200_000_000
@@ -112,22 +114,24 @@ def _png_size(encoded: bytes) -> tuple[int, int, int]:
 
 def _jpeg_size(encoded: bytes) -> tuple[int, int, int]:
     """(width, height, bytes a pixel) of a JPEG up to its end marker; a film may follow. It has no checksums."""
-    at = 2
+    at, size, scans = 2, None, 0
     while encoded[at : at + 1] == b"\xff":
         marker = encoded[at + 1]
         if marker == 0xFF:
             at += 1
             continue
+        if marker == JPEG_END and size:
+            return size
         length = int.from_bytes(encoded[at + 2 : at + 4])
-        if marker in JPEG_LONE or length < 2:
+        if marker in JPEG_LONE or length < 2 or (marker in JPEG_SIZES and size):
             break
         if marker in JPEG_SIZES:
-            end = encoded.find(JPEG_END, at)
-            if end < 0:
-                raise ValueError("the JPEG ends early")
-            if encoded.count(JPEG_SCAN, at, end) > MAX_SCANS:
-                raise ValueError(f"the JPEG has more than {MAX_SCANS} scans")
             height, width, channels = struct.unpack_from(">HHB", encoded, at + 5)
-            return width, height, min(channels, 3)
+            size = width, height, min(channels, 3)
         at += 2 + length
+        if marker == JPEG_SCAN:
+            scans, behind = scans + 1, JPEG_MARKER.search(encoded, at)
+            at = behind.start() if behind else len(encoded)
+        if scans > MAX_SCANS:
+            raise ValueError(f"the JPEG has more than {MAX_SCANS} scans")
     raise ValueError("the JPEG's segments are torn" if at < len(encoded) else "the JPEG ends early")

@@ -34,6 +34,15 @@ def test_what_follows_a_whole_jpeg_does_not_count(behind):
     assert not is_truncated(JPEG + behind)
 
 
+def test_an_end_marker_within_a_remark_hides_neither_scans_nor_a_missing_end():
+    sizes = JPEG.index(b"\xff\xda")
+    with_remark = JPEG[:sizes] + b"\xff\xfe\0\x04\xff\xd9" + JPEG[sizes:]
+    assert not is_truncated(with_remark)
+    assert is_truncated(with_remark[:-2])
+    with pytest.raises(GarbledAnswer, match="more than 100 scans"):
+        decode("c", with_remark[:-2] + 101 * JPEG[sizes:-2] + JPEG[-2:])
+
+
 def test_a_small_whole_picture_inside_half_a_jpeg_does_not_make_it_whole():
     small = b"\xff\xe1" + struct.pack(">H", len(JPEG) + 2) + JPEG
     assert not is_truncated(JPEG[:2] + small + JPEG[2:])
