@@ -153,11 +153,8 @@ def adaptive_parameters(
         settings.known.knowledge(),
         known.lens_before,
     )
-    assumed = (
-        ""
-        if known.camera or known.lens_before
-        else "the intrinsics are unknown: planned from a usual field of view until they are"
-    )
+    unknown = "the intrinsics are unknown: planned from a usual field of view until they are"
+    assumed = "" if known.camera or known.lens_before else unknown
     return AdaptiveParameters(guess, planning_limits(settings, rules), wish, rules, assumed)
 
 

@@ -64,8 +64,7 @@ class Layout:
 
     def has_point(self, block: Records) -> NDArray[np.bool_]:
         """Which points (n,) of a scanner's block are any: finite, and not 0, 0, 0 as in a pixel without one."""
-        found: NDArray[np.bool_] = self.finite(block) & np.any([block[name] != 0 for name in self.xyz], axis=0)
-        return found
+        return np.asarray(self.finite(block) & np.any([block[name] != 0 for name in self.xyz], axis=0))
 
     def offset(self, name: str) -> int:
         """Byte offset of a column in the record."""

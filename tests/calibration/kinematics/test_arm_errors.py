@@ -60,7 +60,7 @@ def test_a_load_lowers_the_stretched_arm() -> None:
         if parameter.group == "sag":
             errors = 1e-4 * (np.arange(len(model)) == row)
             sunk = model.forward(errors, stretched)[0, 2, 3] - model.forward(0 * errors, stretched)[0, 2, 3]
-            assert sunk < -1e-5, parameter.name
+            assert sunk < (-1e-5 if parameter.name == "sag_common" else -2e-5), parameter.name  # a share, not rad or mm
 
 
 @pytest.mark.parametrize("name", NAMES)
