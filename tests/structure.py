@@ -21,7 +21,7 @@ MAX_UNITS = {"calibration": 24, "daemon": 23, "mock_robot": 14, "registration": 
 MAX_WEIGHTS = {
     "lines of Python of the core": 96_300,
     "lines of Python with the extensions": 99_775,
-    "lines of Python of the gateways": 1_324,
+    "lines of Python of the gateways": 1_322,
     "files of the fullest folder": 48,
     "private functions used once": 699,
     "of them of at most 8 lines": 277,

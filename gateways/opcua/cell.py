@@ -196,14 +196,10 @@ class Cell:
             current = await self.get("/calibrations/current")
         drift = await self.get("/drift")
         gauges = _gauges((await self._request("GET", "/metrics", self._key)).text)
-        state = replace(
-            self.state,
-            current=current,
-            drift=drift,
-            stop_unconfirmed=gauges.get("handeyed_arm_stop_unconfirmed", 0.0) > 0,
-            store_sound=gauges.get("handeyed_store_sound", 1.0) > 0,
-        )
-        await self._change(state)
+        stopping = gauges.get("handeyed_arm_stop_unconfirmed", 0.0) > 0
+        sound = gauges.get("handeyed_store_sound", 1.0) > 0
+        shown = replace(self.state, current=current, drift=drift, stop_unconfirmed=stopping, store_sound=sound)
+        await self._change(shown)
 
     async def _listen(
         self, path: str, headers: Mapping[str, str], silence_s: float

@@ -65,7 +65,10 @@ async def serve(settings: GatewaySettings, alone: bool = False) -> AsyncIterator
         await _secure(server, settings.server)
         await server.import_xml(xmlstring=gzip.decompress(NODESET.read_bytes()).decode())
         await server.load_data_type_definitions()
-        _register_subtypes(await server.get_namespace_index(MACHINE_VISION))
+        types = await server.get_namespace_index(MACHINE_VISION)
+        for name, (data_type, encoding) in SUBTYPES.items():
+            kind = type(name, (ua.BinaryIdBaseDataType,), {"data_type": ua.NodeId(data_type, types)})
+            ua.register_extension_object(name, ua.NodeId(encoding, types), kind, ua.NodeId(data_type, types))
         await server.register_namespace(CELLS)
         for cell in settings.cell:
             system = VisionSystem(server, cell)
@@ -98,14 +101,13 @@ class TrustedFolder:
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
+        self._unread: set[Path] = set()
 
     async def __call__(self, certificate: x509.Certificate, description: ua.ApplicationDescription) -> None:
         """Raises ServiceError."""
-        store = TrustStore([self._folder], [])
-        try:
-            await store.load_trust()
-        except (OSError, ValueError):  # an empty folder
-            raise ServiceError(ua.StatusCodes.BadCertificateUntrusted) from None
+        store = TrustStore([], [])
+        if trusted := await asyncio.to_thread(self._certificates):
+            store._trust_store = x509.verification.Store(trusted)
         what = CertificateValidatorOptions
         validator = CertificateValidator(what.TIME_RANGE | what.URI | what.TRUSTED | what.PEER_CLIENT, store)
         try:
@@ -115,11 +117,20 @@ class TrustedFolder:
             log.warning("refused: the certificate of %s: %s", certificate.subject.rfc4514_string(), name)
             raise
 
-
-def _register_subtypes(types: int) -> None:
-    for name, (data_type, encoding) in SUBTYPES.items():
-        kind = type(name, (ua.BinaryIdBaseDataType,), {"data_type": ua.NodeId(data_type, types)})
-        ua.register_extension_object(name, ua.NodeId(encoding, types), kind, ua.NodeId(data_type, types))
+    def _certificates(self) -> list[x509.Certificate]:
+        """The folder's, DER or PEM. One that is no certificate, or is removed meanwhile, refuses nobody else."""
+        read = []
+        for file in self._folder.glob("*.*"):
+            try:
+                if file.suffix.lower() in (".der", ".pem", ".cer", ".crt"):
+                    content = file.read_bytes()
+                    pem = b"-----BEGIN" in content
+                    read.append((x509.load_pem_x509_certificate if pem else x509.load_der_x509_certificate)(content))
+            except (OSError, ValueError) as error:
+                if file not in self._unread:
+                    log.warning("%s is not read as a certificate: %s", file, error)
+                self._unread.add(file)
+        return read
 
 
 async def _secure(server: Server, settings: ServerSettings) -> None:

@@ -4,7 +4,7 @@ import os
 import tomllib
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, TypeVar
+from typing import Annotated, Self
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
@@ -26,8 +26,9 @@ class Table(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True)
 
-
-TableT = TypeVar("TableT", bound=Table)
+    def below(self, folder: Path, *names: str) -> Self:
+        """The same with the paths of these names counted from the folder."""
+        return self.model_copy(update={name: folder / path for name in names if (path := getattr(self, name))})
 
 
 class CellSettings(Table):
@@ -69,7 +70,7 @@ class ServerSettings(Table):
     """The key of its certificate."""
 
     trusted: Path = Path("pki/trusted")
-    """A folder with the certificates (.pem, .der) of clients, or of their authorities. Others are refused."""
+    """A folder with certificates (.der, .pem, .cer, .crt) of clients, or of their authorities. Others are refused."""
 
     connections: Annotated[int, Field(ge=1, le=1000)] = 100
     """Sessions at a time."""
@@ -105,11 +106,6 @@ def read_settings(file: Path) -> GatewaySettings:
         place = f"{file}: {'.'.join(str(part) for part in first['loc']) or 'cells'}"
         raise GatewayError(place, first["msg"], "docs/use/opcua.md says what stands there") from None
     folder = file.resolve().parent
-    cells = tuple(_below(folder, cell, "key_file", "ca_file") for cell in read.cell)
+    cells = tuple(cell.below(folder, "key_file", "ca_file") for cell in read.cell)
     state = Path(os.environ.get("STATE_DIRECTORY", folder))  # that of the settings is not writable there
-    return GatewaySettings(cell=cells, server=_below(state, read.server, "certificate", "private_key", "trusted"))
-
-
-def _below(folder: Path, table: TableT, *names: str) -> TableT:
-    given = {name: value for name in names if (value := getattr(table, name)) is not None}
-    return table.model_copy(update={name: folder / value for name, value in given.items()})
+    return GatewaySettings(cell=cells, server=read.server.below(state, "certificate", "private_key", "trusted"))

@@ -133,14 +133,9 @@ class VisionSystem:
 
     async def send_result(self, run: Mapping[str, Any]) -> None:
         """The event of a run that ended."""
-        kind = ua.VariantType
         result = self._result_of(run)
-        fields = {
-            "IsPartial": ua.Variant(result.IsPartial, kind.Boolean),
-            "ResultState": ua.Variant(result.ResultState, kind.Int32),
-            "CreationTime": ua.Variant(result.CreationTime, kind.DateTime),
-            "ResultContent": ua.Variant(result.ResultContent, kind.Variant),
-        }
+        kinds = {"IsPartial": "Boolean", "ResultState": "Int32", "CreationTime": "DateTime", "ResultContent": "Variant"}
+        fields = {name: ua.Variant(getattr(result, name), ua.VariantType[kind]) for name, kind in kinds.items()}
         ids = (*GIVEN, "ResultId", "JobId", "InternalRecipeId", "InternalConfigurationId")
         fields |= {name: _variant(getattr(result, name)) for name in ids}  # None as well: asyncua keeps the last one's
         await self._send(RESULT_READY, f"{run['kind']} {run['state']}", **fields)

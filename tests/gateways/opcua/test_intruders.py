@@ -111,6 +111,18 @@ async def test_a_key_is_worth_nothing_without_the_trusted_certificate_s_own(tmp_
             assert len(runs) == (status == "accepted"), attempt
 
 
+async def test_a_file_that_is_half_a_certificate_refuses_nobody_else(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    async with cell7(tmp_path) as (gateway, _, keys):
+        for half in ("half.der", "half.pem"):
+            (gateway.folder / "trusted" / half).write_bytes(b"-----BEGIN CERTIFICATE-----\nMII")
+        async with channel(gateway, TRUSTED, TRUSTED) as intruder:
+            await intruder.enters(keys["operator"])
+    for half in ("half.der", "half.pem"):
+        assert caplog.text.count(f"{half} is not read as a certificate") == 1
+
+
 async def test_no_password_ends_the_gateway(tmp_path: Path) -> None:
     async with cell7(tmp_path) as (gateway, _, keys), gateway.client("mes", keys["viewer"]) as mes:
         for key in ("schlüssel", "a\r\nX: y", "\x00", "钥匙"):
@@ -163,14 +175,16 @@ def token_of(client: PlantClient) -> Any:
     return client.client.uaclient.session.authentication_token
 
 
-async def test_a_session_ends_with_its_certificate(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("after", ["", f"{TRUSTED}.der.old"], ids=["removed", "renamed"])
+async def test_a_session_ends_with_its_certificate(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, after: str) -> None:
     monkeypatch.setattr(sessions, "RECHECK_S", 0.1)
     async with cell7(tmp_path) as (gateway, _, keys), channel(gateway, TRUSTED, TRUSTED) as intruder:
         await intruder.enters(keys["operator"])
         left = weakref.ref(
             next(one for one in gc.get_objects() if isinstance(one, sessions.KeySession) and one.external)
         )
-        (gateway.folder / "trusted" / f"{TRUSTED}.der").unlink()
+        certificate = gateway.folder / "trusted" / f"{TRUSTED}.der"
+        certificate.rename(certificate.with_name(after)) if after else certificate.unlink()
         await eventually(lambda: (session := left()) is None or not session.is_activated())
 
 
