@@ -94,6 +94,14 @@ class ErrorParameter:
     sigma: float
     mean: float = 0.0
 
+    @property
+    def largest(self) -> float:
+        """What no arm is beyond, from the mean; own weight's sags are told apart poorly: one may be of any size."""
+        if self.group == "sag" and not self.name.endswith("load"):
+            return float("inf")
+        # what the others lack gathers in the harmonics of the rest: they are judged as a gear's first one
+        return MAX_USUAL_SIGMAS * (ECCENTRICITY_SIGMA_RAD if self.group == "rest" else self.sigma)
+
 
 @dataclass(frozen=True, eq=False)
 class Postures:
@@ -223,8 +231,11 @@ class ArmErrorModel:
         arm, load = self.arm, postures.load
         shoulder, elbow, wrist, _ = np.moveaxis(arm.skeleton(postures.joints_rad), -2, 0)
         carried = map_points(arm.forward(postures.joints_rad), np.array([load.centre_mm]))[:, 0]
-        base_R_wrist = self._wrist_axis(postures.joints_rad)
-        across = rotation_from_vector(postures.joints_rad[:, :1] * _DIRECTIONS[0]) @ _DIRECTIONS[1]
+        q1, q2, q3, q4 = postures.joints_rad[:, :4].T
+        across = rotation_from_vector(q1[:, None] * _DIRECTIONS[0]) @ _DIRECTIONS[1]
+        wrist_axis = _DIRECTIONS[4]  # axis 5 in the base
+        for angle, direction in zip((q4, q2 + q3, q1), _DIRECTIONS[[3, 1, 0]], strict=True):
+            wrist_axis = (rotation_from_vector(angle[:, None] * direction) @ wrist_axis[..., None])[..., 0]
         newtons = load.mass_kg * GRAVITY_M_S2 * 1e-3
         forearm = arm.reach_mm - arm.shoulder_forward_mm - arm.lower_arm_mm
         of_lower_arm = _moment(across, elbow - shoulder) / arm.lower_arm_mm
@@ -237,22 +248,13 @@ class ArmErrorModel:
             "3_by_forearm_cubed": (3, of_forearm**3),
             "2_by_load": (2, newtons * _moment(across, carried - shoulder)),
             "3_by_load": (3, newtons * _moment(across, carried - elbow)),
-            "5_by_load": (5, newtons * _moment(base_R_wrist, carried - wrist)),
+            "5_by_load": (5, newtons * _moment(wrist_axis, carried - wrist)),
         }
-
-    def _wrist_axis(self, q: Array) -> Array:
-        """Axis 5 (n, 3) in the base."""
-        turns = (q[:, 0], q[:, 1] + q[:, 2], q[:, 3])
-        axis: Array = np.broadcast_to(_DIRECTIONS[4], (len(q), 3))
-        for angle, direction in reversed(list(zip(turns, _DIRECTIONS[[0, 1, 3]], strict=True))):
-            axis = (rotation_from_vector(angle[:, None] * direction) @ axis[..., None])[..., 0]
-        return axis
 
 
 def _moment(axis: Array, arm: Array) -> Array:
     """Component (n,) along `axis` of arm × down, for lever arms (n, 3): positive where a weight lowers the arm."""
-    down = np.array([0.0, 0.0, -1.0])
-    return np.asarray(np.sum(axis * np.cross(arm, down), axis=-1))
+    return np.asarray(np.sum(axis * np.cross(arm, [0.0, 0.0, -1.0]), axis=-1))
 
 
 def _parameters(arm: Arm) -> tuple[ErrorParameter, ...]:

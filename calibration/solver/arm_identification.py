@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from calibration.camera import CameraModel
 from calibration.errors import CalibrationError
-from calibration.kinematics.arm_errors import LADDER, MAX_USUAL_SIGMAS, ArmErrorModel, Group, Postures
+from calibration.kinematics.arm_errors import LADDER, ArmErrorModel, Group, Postures
 from calibration.kinematics.arm_estimate import ArmEstimate
 from calibration.likelihood.leave_out import split
 from calibration.likelihood.mapped_points import point_rows
@@ -94,11 +94,9 @@ class ArmFit(ArmEstimate):
     contradiction: Contradiction | None = None
 
     def beyond_usual(self) -> list[str]:
-        """Names of parameters above MAX_USUAL_SIGMAS, the largest first: no arm's errors."""
-        sizes = np.abs(self.parameters - self.model.means) / self.model.sigmas
-        # parts of the sag by own weight are told apart poorly: one may be large where the whole is not
-        sizes *= [one.group != "sag" or one.name.endswith("load") for one in self.model.parameters]
-        return [self.model.parameters[row].name for row in np.argsort(-sizes) if sizes[row] > MAX_USUAL_SIGMAS]
+        """Names of parameters beyond the largest that arms have, the farthest first."""
+        sizes = np.abs(self.parameters - self.model.means) / [one.largest for one in self.model.parameters]
+        return [self.model.parameters[row].name for row in np.argsort(-sizes) if sizes[row] > 1.0]
 
 
 class UnusualArm(CalibrationError):

@@ -226,3 +226,13 @@ def test_a_zero_that_is_off_by_a_degree_is_no_error_of_an_arm() -> None:
     with pytest.raises(UnusualArm, match=r"revolution counters.* gears for play") as refused:
         identify_arm_session(ARM, arm_cell(rng, replace(built, errors=errors), joints, TARGETS).problems)
     assert refused.value.parameters[0] == "zero_3"
+
+
+@pytest.mark.parametrize(("parameter", "size_rad", "usual"), [
+    ("sine_3", 3e-4, True), ("sine_3", 4e-4, False), ("sine2_3", 3e-4, True), ("cosine3_6", 4e-4, False),
+])  # fmt: skip
+def test_higher_harmonics_are_judged_as_a_gear_s_first_one(parameter: str, size_rad: float, usual: bool) -> None:
+    *_, fit = identified("standard")
+    changed = fit.parameters.copy()
+    changed[fit.model.index(parameter)] = size_rad
+    assert (parameter not in replace(fit, parameters=changed).beyond_usual()) is usual
