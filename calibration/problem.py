@@ -23,7 +23,8 @@ from calibration.kinematics.load import Load
 from calibration.kinematics.robot_accuracy import USUAL_BELIEF, NoiseBelief
 from calibration.kinematics.stance import Stance
 from calibration.knowledge import NOTHING_STATED, Knowledge
-from calibration.targets import DESCRIBED, Target
+from calibration.sentences.described import Described
+from calibration.targets import IN_DOCUMENTS, Target
 from calibration.transforms import Array, inverse
 
 Setup = Literal["eye-in-hand", "eye-to-hand"]
@@ -75,7 +76,7 @@ Measurement = MeasuredPose | MeasuredPoints
 
 
 @dataclass(frozen=True)
-class AxisOffset:
+class AxisOffset(Described):
     """The number that turns about one axis leave open, measured otherwise (docs/decisions/0043).
 
     A coordinate along that axis, with one standard deviation: of the camera's centre in the mount's frame, or of the
@@ -83,7 +84,7 @@ class AxisOffset:
     z it is the z of that point.
     """
 
-    __pydantic_config__: ClassVar[ConfigDict] = DESCRIBED
+    __pydantic_config__: ClassVar[ConfigDict] = IN_DOCUMENTS
 
     of: Literal["camera", "target"]
     """camera: its centre, in the frame of its mount; target: its origin, in the other frame."""

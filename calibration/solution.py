@@ -7,18 +7,17 @@ from typing import Literal, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import ConfigDict, with_config
+from pydantic import with_config
 
 from calibration.camera import CameraModel
 from calibration.kinematics.external_axis import ExternalAxis
 from calibration.kinematics.robot_accuracy import NoiseBelief
 from calibration.problem import AxisOffset, Setup
+from calibration.sentences.described import Described
+from calibration.targets import IN_DOCUMENTS
 from calibration.transforms import Array
 
 Severity = Literal["error", "warning", "info"]
-
-IN_DOCUMENTS = ConfigDict(extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True)
-"""Of results that stand in documents as they are: strict as `calibration.documents.validation.Document`."""
 
 
 @dataclass(frozen=True)
@@ -186,7 +185,7 @@ GroupedBy = Literal["image", "pose", "view"]
 
 @with_config(IN_DOCUMENTS)
 @dataclass(frozen=True)
-class LeaveOutDocument:
+class LeaveOutDocument(Described):
     """Uncertainty of a measured point by leaving out groups of neighbouring views; it assumes no noise model.
 
     Neighbours have the target's place in the image in common, the pose, or nothing: single views.
@@ -236,7 +235,7 @@ class Observability:
 
 @with_config(IN_DOCUMENTS)
 @dataclass(frozen=True)
-class HoldOutDocument:
+class HoldOutDocument(Described):
     """Leave one view out; the document holds null below 4 views, and no pixels without images."""
 
     base_error_mm: float
@@ -247,7 +246,7 @@ class HoldOutDocument:
 
 @with_config(IN_DOCUMENTS)
 @dataclass(frozen=True)
-class ClockOffsetDocument:
+class ClockOffsetDocument(Described):
     """The robot's clock minus the sensor's, with one standard deviation."""
 
     offset_s: float

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 from pydantic import ConfigDict, Field, PositiveFloat
 
 from calibration.errors import DetectionError
+from calibration.sentences.described import Described
 from calibration.sentences.sentence import Sentence
 
 if TYPE_CHECKING:
@@ -52,10 +53,10 @@ def require_kind(schema: dict[str, Any]) -> None:
     schema["required"] = ["kind", *schema["required"]]
 
 
-DESCRIBED = ConfigDict(extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True)
-"""Of a dataclass that documents hold as it stands: strict as they are; the text below a field describes it there."""
+IN_DOCUMENTS = ConfigDict(extra="forbid", allow_inf_nan=False)
+"""Of a dataclass that documents hold as it stands: strict as `calibration.documents.validation.Document`."""
 
-_BY_KIND: ConfigDict = {**DESCRIBED, "json_schema_extra": require_kind}
+_BY_KIND: ConfigDict = {**IN_DOCUMENTS, "json_schema_extra": require_kind}
 
 
 def _grid(columns: int, rows: int, pitch_mm: float) -> Points:
@@ -70,7 +71,7 @@ def _array(points: Points) -> "Array":
 
 
 @dataclass(frozen=True)
-class Chessboard:
+class Chessboard(Described):
     """`columns` × `rows` inner corners; the origin is the first of them."""
 
     __pydantic_config__: ClassVar[ConfigDict] = _BY_KIND
@@ -91,7 +92,7 @@ class Chessboard:
 
 
 @dataclass(frozen=True)
-class Charuco:
+class Charuco(Described):
     """`columns` × `rows` squares; its points are the inner corners, its origin the board's outer corner (as OpenCV)."""
 
     __pydantic_config__: ClassVar[ConfigDict] = _BY_KIND
@@ -119,7 +120,7 @@ class Charuco:
 
 
 @dataclass(frozen=True)
-class CircleGrid:
+class CircleGrid(Described):
     """Circle centres; asymmetric: OpenCV's, `pitch_mm` between neighbours in a row, odd rows shifted by half."""
 
     __pydantic_config__: ClassVar[ConfigDict] = _BY_KIND
@@ -180,7 +181,7 @@ class MarkerGrid:
         return _array([(x + right, y + down, z) for x, y, z in origins for right, down in corners])
 
 
-class _OfMarkers(ABC):
+class _OfMarkers(Described, ABC):
     """A target whose points are those of its markers."""
 
     @property

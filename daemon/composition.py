@@ -255,6 +255,6 @@ async def _serve(
     reload = application.reload if is_service else None
     server = Server(application, announce, reload=reload, extensions=INSTALLED)
     application.setup_file, application.end = setup_file, partial(setattr, server, "should_exit", True)
-    await server.prepare()
+    server.prepare()
     await server.listen()
     return application.begins_anew

@@ -27,7 +27,7 @@ import uvicorn
 from calibration.errors import DocumentError
 from calibration.sentences.sentence import Sentence
 from daemon.access.tls_context import server_context
-from daemon.api.app import create_api, prepare, routes
+from daemon.api.app import create_api, routes
 from daemon.api.extension import Extensions
 from daemon.application import Application
 from daemon.cell.devices import open_exposure_control
@@ -191,10 +191,9 @@ class Server(uvicorn.Server):
         self._listener: socket.socket | None = None
         self._tls: ssl.SSLContext | None = None
 
-    async def prepare(self) -> None:
-        """Do before the first request what would keep the event loop then: routes, garbage collection."""
+    def prepare(self) -> None:
+        """Do before the first request what would keep the event loop then: garbage collection."""
         sys.setswitchinterval(SWITCH_S)
-        await prepare(self._routes)
         gc.collect()
         gc.freeze()  # what lives as long as the process is not looked through again
         gc.set_threshold(*COLLECT_AFTER)

@@ -1,15 +1,17 @@
 """scan.json (clouds with poses), profiles.json (sweeps of a line profiler), and the report of a registration."""
 
+from dataclasses import dataclass
 from typing import Annotated, Literal
 
 from pydantic import Field, with_config
-from typing_extensions import TypedDict
 
 from calibration.documents.calibration import CorrectionDocument, VerdictDocument
 from calibration.documents.external_axis import ExternalAxes
 from calibration.documents.pose import PoseDocument
 from calibration.documents.validation import Document
 from calibration.problem import Setup
+from calibration.sentences.described import Described
+from calibration.targets import IN_DOCUMENTS
 from registration.points.rigid_motion import Unit
 
 Positive = Annotated[float, Field(gt=0)]
@@ -118,8 +120,9 @@ class DeviationDocument(Document):
     """After it, mm; null without refinement."""
 
 
-@with_config(Document.model_config)
-class Seconds(TypedDict):
+@with_config(IN_DOCUMENTS)
+@dataclass(frozen=True)
+class Seconds(Described):
     """Durations of the steps in seconds."""
 
     read: float

@@ -12,7 +12,8 @@ from typing import ClassVar
 import numpy as np
 from pydantic import ConfigDict
 
-from calibration.targets import DESCRIBED
+from calibration.sentences.described import Described
+from calibration.targets import IN_DOCUMENTS
 from calibration.transforms import Array
 from registration.errors import SphereError
 from registration.points.sphere_fit import find_artefact, fit_sphere
@@ -24,10 +25,10 @@ BALL_RADII = 1.25
 
 
 @dataclass(frozen=True)
-class ProbedBall:
+class ProbedBall(Described):
     """One ball in one position, in the scanner's frame."""
 
-    __pydantic_config__: ClassVar[ConfigDict] = DESCRIBED
+    __pydantic_config__: ClassVar[ConfigDict] = IN_DOCUMENTS
 
     centre_mm: tuple[float, float, float]
     """Its centre in the scanner's frame, mm."""

@@ -43,7 +43,7 @@ async def _serve(folder: Path, pixel_format: str, pictures_per_s: float, ready: 
     from tests.daemon.cell_under_test import serving, settings_for
 
     async with serving(settings_for(folder)) as bench:
-        await bench.server.prepare()  # as the daemon does before its first request
+        bench.server.prepare()  # as the daemon does before its first request
         camera = GenICamCamera(lambda _: _Large(pixel_format), parse_camera_address("genicam:S1"))
         camera.start()
         await camera.grab(0.0)

@@ -47,7 +47,7 @@ async def _daemon(folder: Path, secured: bool, ready: Any) -> None:
     server = certificate(folder / "tls") if secured else {}
     async with serving(settings_for(folder / "store", server=server)) as bench:
         key, _ = await bench.application.key_service.add("viewer", Role.VIEWER, TEST)
-        await bench.server.prepare()
+        bench.server.prepare()
         await asyncio.sleep(0.5)  # what that took is not to be counted
         bench.application.loop_monitor.reset()
         ready.put((urlsplit(bench.url).port, key))

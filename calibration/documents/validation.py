@@ -10,6 +10,7 @@ from typing import Any, ClassVar, Literal, TypeVar, get_args, get_origin
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from calibration.errors import DocumentError, DocumentProblem
+from calibration.sentences.described import Described
 
 TOP = "document"
 """The place of the document itself."""
@@ -24,10 +25,10 @@ MAX_NAME_LENGTH = 60
 """Characters of a name in a message; a longer one is shortened, and no similar name is searched for."""
 
 
-class Document(BaseModel):
+class Document(Described, BaseModel):
     """Strict, frozen, finite: the base of every document model. The text below a field describes it in schemas."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, use_attribute_docstrings=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
     heading: ClassVar[str] = ""
     """Heading of docs/formats.md that describes the file; empty where the model is no file."""

@@ -2,18 +2,15 @@
 
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
-from functools import cache
 
-import httpx
-from fastapi import APIRouter, Depends, FastAPI, Request, Response
+from fastapi import FastAPI, Request, Response
 from fastapi.exceptions import RequestValidationError
 from starlette.exceptions import HTTPException
-from starlette.routing import BaseRoute, Match
+from starlette.routing import Match
 from starlette.types import ASGIApp
 
 from calibration.errors import CalibrationError
 from daemon.api import openapi, problems
-from daemon.api.dependencies import check_query_names
 from daemon.api.extension import Extensions
 from daemon.api.live.live_feed import LiveFeed
 from daemon.api.live.picture_stream import PictureStream
@@ -22,7 +19,6 @@ from daemon.api.middleware.authentication import Authentication
 from daemon.api.middleware.disconnects import Disconnects
 from daemon.api.middleware.idempotency import Idempotency
 from daemon.api.middleware.request_checks import RequestChecks
-from daemon.api.operation_names import operation_name
 from daemon.api.robot_documents import RobotDocuments
 from daemon.api.route_table import routers
 from daemon.application import Application
@@ -64,7 +60,7 @@ def routes(application: Application | None, extensions: Extensions = ()) -> Fast
         redoc_url=None,
         openapi_url=None,  # made on the event loop by FastAPI
         redirect_slashes=False,  # one spelling per path; redirections are not problem documents
-        routes=_routes(extensions),
+        routes=[route for router in routers(extensions) for route in router.routes],
         license_info={"name": "Apache-2.0", "identifier": "Apache-2.0"},
     )
     app.state.application, app.state.extensions = application, extensions
@@ -82,25 +78,6 @@ def routes(application: Application | None, extensions: Extensions = ()) -> Fast
     return app
 
 
-@cache
-def _routes(extensions: Extensions) -> list[BaseRoute]:
-    """The routes, the same for every application; FastAPI computes what it needs of them once, at the first request."""
-    table = APIRouter(
-        dependencies=[Depends(check_query_names)],
-        responses=problems.problem_responses(422, 500),
-        generate_unique_id_function=operation_name,
-    )
-    for router in routers(extensions):
-        table.include_router(router)
-    return table.routes
-
-
-async def prepare(app: FastAPI) -> None:
-    """Compute what the first request would compute on the event loop: the table of routes."""
-    async with httpx.AsyncClient(transport=httpx.ASGITransport(app), base_url="http://localhost") as client:
-        await client.get("/nowhere")
-
-
 async def _http_error(request: Request, error: Exception) -> Response:
     if isinstance(error, HTTPException) and error.status_code == 405:
         error = HTTPException(405, headers={"Allow": ", ".join(_methods_at(request))})
@@ -109,9 +86,5 @@ async def _http_error(request: Request, error: Exception) -> Response:
 
 def _methods_at(request: Request) -> list[str]:
     """The methods of all routes at this path."""
-    methods: set[str] = set()
-    for router in routers(request.app.state.extensions):
-        for route in router.routes:
-            if route.matches(request.scope)[0] is not Match.NONE:
-                methods |= getattr(route, "methods", None) or set()
-    return sorted(methods)
+    here = (route for route in request.app.routes if route.matches(request.scope)[0] is not Match.NONE)
+    return sorted({method for route in here for method in getattr(route, "methods", None) or ()})

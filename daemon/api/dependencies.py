@@ -1,12 +1,12 @@
-"""Dependencies of the routes: application, body, query parameters, pages."""
+"""Routers, and the dependencies of their routes: application, body, query parameters, pages."""
 
 import json
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any, Generic, Protocol, TypeVar
 
-from fastapi import Depends, Path, Query, Request, Response
+from fastapi import APIRouter, Depends, Path, Query, Request, Response
 from pydantic import BaseModel, BeforeValidator
 
 from calibration.documents.validation import (
@@ -19,6 +19,8 @@ from calibration.documents.validation import (
 )
 from calibration.errors import DocumentProblem
 from daemon.api.http_errors import BodyMalformed, InvalidRequest
+from daemon.api.operation_names import operation_name
+from daemon.api.problems import problem_responses
 from daemon.application import Application
 from daemon.drift.cell_cameras import CellCamera
 from daemon.sessions.pictures import Width
@@ -203,3 +205,15 @@ def _query_names(dependant: Any) -> Iterator[str]:
         yield field.alias
     for inner in dependant.dependencies:
         yield from _query_names(inner)
+
+
+def api_router(prefix: str = "", *, tags: Sequence[str] = (), include_in_schema: bool = True) -> APIRouter:
+    """A router whose routes refuse unknown query parameters, answer 422 and 500 with problems, and have their names."""
+    return APIRouter(  # of each noun, not one around all, for which FastAPI would build every route a second time
+        prefix=prefix,
+        tags=[*tags],
+        include_in_schema=include_in_schema,
+        dependencies=[Depends(check_query_names)],
+        responses=problem_responses(422, 500),
+        generate_unique_id_function=operation_name,
+    )

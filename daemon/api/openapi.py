@@ -2,12 +2,14 @@
 
 import asyncio
 import json
-from typing import Any, Literal
+from collections.abc import Sequence
+from typing import Any
 
 from fastapi import FastAPI, Request, Response
 from fastapi.routing import APIRoute
 from pydantic import BaseModel, TypeAdapter
 from pydantic.json_schema import models_json_schema
+from starlette.routing import BaseRoute
 
 from calibration.errors import DocumentProblem
 from daemon import errors
@@ -16,10 +18,9 @@ from daemon.access.policy import role_for
 from daemon.access.roles import Role
 from daemon.api import http_errors
 from daemon.api.dependencies import JsonBody
-from daemon.api.extension import Extensions
 from daemon.api.middleware.idempotency import KEY_PATTERN, MAX_KEY_LENGTH, NOT_STORED
 from daemon.api.problems import problem_of
-from daemon.api.route_table import TAGS, routers
+from daemon.api.route_table import TAGS
 from daemon.api.schemas.answer import Answer
 from daemon.api.schemas.drift import DriftDocument
 from daemon.api.schemas.runs import RunDocument
@@ -55,8 +56,6 @@ EXAMPLES: dict[int, Exception] = {
     507: errors.StorageFull(_FULL, "free some space there; what was stored before is unharmed"),
 }
 
-
-MODE: Literal["validation"] = "validation"
 REF = "#/components/schemas/{model}"
 
 PATH = "/openapi.json"
@@ -119,9 +118,9 @@ def build_openapi(app: FastAPI) -> dict[str, Any]:
     """The complete document, cached."""
     if app.openapi_schema is None:
         document = FastAPI.openapi(app)
-        bodies = _bodies(app.state.extensions)
+        bodies = _bodies(app.routes)
         documented: dict[type[BaseModel], None] = dict.fromkeys([*bodies.values(), Problem])
-        _, schemas = models_json_schema([(model, MODE) for model in documented], ref_template=REF)
+        _, schemas = models_json_schema([(model, "validation") for model in documented], ref_template=REF)
         components = document.setdefault("components", {})
         models = components.setdefault("schemas", {})
         for unused in ("HTTPValidationError", "ValidationError"):
@@ -162,12 +161,11 @@ def _make_portable(schema: Any) -> None:
         schema.pop("default", None)
 
 
-def _bodies(extensions: Extensions) -> dict[tuple[str, str], type[BaseModel]]:
+def _bodies(routes: Sequence[BaseRoute]) -> dict[tuple[str, str], type[BaseModel]]:
     """The model of each route's JsonBody, by path and method."""
     return {
         (route.path, method): read.call.model
-        for router in routers(extensions)
-        for route in router.routes
+        for route in routes
         if isinstance(route, APIRoute)
         for read in route.dependant.dependencies
         if isinstance(read.call, JsonBody)

@@ -2,6 +2,7 @@
 
 from fastapi import APIRouter, Request, Response
 
+from daemon.api.dependencies import api_router
 from daemon.api.extension import Extensions
 from daemon.api.routes import (
     admin,
@@ -49,7 +50,7 @@ TAGS = {
     "health": "Health, readiness and metrics.",
 }
 
-root = APIRouter(tags=["health"])
+root = api_router(tags=["health"])
 
 
 @root.get("/", response_model=Welcome)

@@ -38,8 +38,7 @@ class BackupManifestDocument(Document):
 
     made_at: str
     """UTC, ISO 8601."""
-    schema_number: int = Field(alias="schema")
-    """Version of the database."""
+    schema_number: int = Field(alias="schema", description="Version of the database.")
     format: int
     """Version of the backup."""
     files: dict[str, str] = Field(default_factory=dict)

@@ -6,12 +6,12 @@ from contextlib import AsyncExitStack
 from pathlib import Path
 from typing import Annotated, BinaryIO, Literal
 
-from fastapi import APIRouter, Depends, Response
+from fastapi import Depends, Response
 from fastapi.responses import StreamingResponse
 from starlette.types import Send
 
 from calibration.documents.validation import Document
-from daemon.api.dependencies import App, Identifier, JsonBody
+from daemon.api.dependencies import App, Identifier, JsonBody, api_router
 from daemon.api.problems import problem_of, problem_responses
 from daemon.api.routes.register import Which
 from daemon.api.schemas.answer import EXAMPLE_AT, EXAMPLE_ID, Answer, example
@@ -81,7 +81,7 @@ class SweepRequest(Document):
 
 log = logging.getLogger(__name__)
 
-router = APIRouter(prefix="/sweeps", tags=["scans"])
+router = api_router(prefix="/sweeps", tags=["scans"])
 
 OCTETS = "application/octet-stream"
 CHUNK_BYTES = (1 << 18) // POINT_BYTES * POINT_BYTES

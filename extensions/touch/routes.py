@@ -2,9 +2,9 @@
 
 from typing import Annotated
 
-from fastapi import APIRouter, Depends, Request, Response
+from fastapi import Depends, Request, Response
 
-from daemon.api.dependencies import App, Before, Identifier, JsonBody, Limit, Wait, page_of, respond_page
+from daemon.api.dependencies import App, Before, Identifier, JsonBody, Limit, Wait, api_router, page_of, respond_page
 from daemon.api.negotiation import or_text, respond
 from daemon.api.problems import problem_responses
 from daemon.api.routes.runs import STARTED, answer_run_start
@@ -18,7 +18,7 @@ from extensions.touch.schemas import StoredTouch, TouchList
 from extensions.touch.tables import TOUCH_TESTS
 from extensions.touch.touch_tests import TouchTests
 
-router = APIRouter(tags=["calibrate"])
+router = api_router(tags=["calibrate"])
 
 
 @router.post(

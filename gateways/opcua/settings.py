@@ -24,7 +24,7 @@ class GatewayError(Exception):
 class Table(BaseModel):
     """A table of the file."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True)
+    model_config = ConfigDict(frozen=True, extra="forbid")
 
     def below(self, folder: Path, *names: str) -> Self:
         """The same with the paths of these names counted from the folder."""

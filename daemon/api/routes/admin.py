@@ -4,10 +4,10 @@ import json
 from collections.abc import Awaitable
 from typing import Annotated
 
-from fastapi import APIRouter, Depends, Query, Request, Response
+from fastapi import Depends, Query, Request, Response
 from pydantic import BaseModel, RootModel
 
-from daemon.api.dependencies import IN_WHOLE_DIGITS, App, JsonBody, Limit, respond_page
+from daemon.api.dependencies import IN_WHOLE_DIGITS, App, JsonBody, Limit, api_router, respond_page
 from daemon.api.problems import problem_responses
 from daemon.api.readiness import readiness
 from daemon.api.routes.cell import devices
@@ -30,7 +30,7 @@ from daemon.store.audit_log import check_audit_log
 from daemon.tools.support_bundle.bundle import about_software, gather_in_daemon, redact_values
 from drivers.errors import DeviceError
 
-router = APIRouter(tags=["access"])
+router = api_router(tags=["access"])
 
 
 @router.post(

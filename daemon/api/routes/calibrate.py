@@ -2,10 +2,21 @@
 
 from typing import Annotated
 
-from fastapi import APIRouter, Depends, Request, Response
+from fastapi import Depends, Request, Response
 
 from calibration.documents.pose import PoseDocument
-from daemon.api.dependencies import App, Before, Identifier, JsonBody, Limit, Wait, WithCamera, page_of, respond_page
+from daemon.api.dependencies import (
+    App,
+    Before,
+    Identifier,
+    JsonBody,
+    Limit,
+    Wait,
+    WithCamera,
+    api_router,
+    page_of,
+    respond_page,
+)  # fmt: skip
 from daemon.api.middleware.disconnects import client_of
 from daemon.api.negotiation import or_text, respond
 from daemon.api.plain_text import status_text
@@ -31,7 +42,7 @@ from daemon.store.documents import DocumentRecord
 from daemon.store.page_filters import PageFilters
 from drivers.errors import DeviceError
 
-router = APIRouter(tags=["calibrate"])
+router = api_router(tags=["calibrate"])
 
 HOW_TO_START = (
     "POST /calibrate with no body, or with poses, count, tolerance_mm, uncertainty_mm, target, manual, arm or camera;"

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Depends, Header, Query, Request, Response
+from fastapi import Depends, Header, Query, Request, Response
 
 from calibration.documents.arm import ArmErrorsDocument, arm_summary
 from calibration.documents.arm_field import MAX_STEPS, ArmFieldDocument, arm_field, arm_field_text
@@ -26,6 +26,7 @@ from daemon.api.dependencies import (
     JsonBody,
     Limit,
     WithCamera,
+    api_router,
     box_of,
     page_of,
     respond_page,
@@ -90,7 +91,7 @@ def parse_if_match(if_match: str | None) -> Sequence[int] | None:
 MAX_SESSION_VALUES = 40_000
 """Commas of a session in a request: a hundred views of a hundred points in space."""
 
-router = APIRouter(prefix="/calibrations", tags=["calibrations"])
+router = api_router(prefix="/calibrations", tags=["calibrations"])
 
 With = Annotated[str, Query(alias="with", min_length=1, max_length=64, description='id of the other, or "current"')]
 FalseAlarm = Annotated[

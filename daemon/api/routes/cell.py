@@ -1,9 +1,9 @@
 """The cell's devices: /robot, /arm, /devices, /check and the camera's pictures."""
 
-from fastapi import APIRouter, Depends, Request, Response
+from fastapi import Depends, Request, Response
 
 from calibration.sentences.sentence import Sentence
-from daemon.api.dependencies import App, WidthQuery, WithCamera, no_body
+from daemon.api.dependencies import App, WidthQuery, WithCamera, api_router, no_body
 from daemon.api.live.picture_stream import STREAM, StreamedPictures, working_run
 from daemon.api.negotiation import PICTURE_TYPES, choose_picture_type, or_text, respond
 from daemon.api.plain_text import robot_text
@@ -30,7 +30,7 @@ from daemon.tools.support_bundle.bundle import redact
 from drivers.errors import DeviceError
 from drivers.interfaces import CaptureSettings
 
-router = APIRouter(tags=["cell"])
+router = api_router(tags=["cell"])
 
 
 @router.get(

@@ -2,10 +2,10 @@
 
 from typing import Annotated
 
-from fastapi import APIRouter, Query, Request, Response
+from fastapi import Query, Request, Response
 from pydantic import RootModel
 
-from daemon.api.dependencies import IN_WHOLE_DIGITS, App, WithCamera
+from daemon.api.dependencies import IN_WHOLE_DIGITS, App, WithCamera, api_router
 from daemon.api.negotiation import or_text, respond
 from daemon.api.plain_text import drift_text
 from daemon.api.problems import problem_responses
@@ -14,7 +14,7 @@ from daemon.drift.samples import MAX_VERIFICATIONS
 
 MAX_CHECKS = 100
 
-router = APIRouter(tags=["calibrate"])
+router = api_router(tags=["calibrate"])
 
 
 @router.get(

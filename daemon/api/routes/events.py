@@ -5,16 +5,16 @@ import json
 from collections.abc import AsyncIterator
 from typing import Annotated
 
-from fastapi import APIRouter, Header, Request, Response
+from fastapi import Header, Request, Response
 from fastapi.responses import StreamingResponse
 from starlette.types import Receive, Scope, Send
 
-from daemon.api.dependencies import App
+from daemon.api.dependencies import App, api_router
 from daemon.api.live.live_feed import Listener, LiveFeed
 from daemon.api.problems import problem_responses
 from daemon.runtime.event_bus import EventBus
 
-router = APIRouter(tags=["events"])
+router = api_router(tags=["events"])
 
 KEEPALIVE_S = 15.0
 """A comment is sent after this long without an event, so that both ends detect a broken connection."""

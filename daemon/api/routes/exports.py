@@ -3,7 +3,7 @@
 from typing import Annotated, Any
 
 import numpy as np
-from fastapi import APIRouter, Path, Query, Response
+from fastapi import Path, Query, Response
 
 from calibration.documents.exports.formats import FORMATS, POSE_FORMATS, ExportFormat, export, export_poses
 from calibration.documents.exports.pose_list import PoseList, pose_list
@@ -17,14 +17,14 @@ from calibration.documents.exports.subject import (
 from calibration.documents.session import SessionDocument
 from calibration.documents.validation import parse_document
 from calibration.kinematics.abb_arms import find_arm
-from daemon.api.dependencies import IN_WHOLE_DIGITS, App, Identifier
+from daemon.api.dependencies import IN_WHOLE_DIGITS, App, Identifier, api_router
 from daemon.api.problems import problem_responses
 from daemon.api.schemas.calibrations import ExportDocument, ExportList
 from daemon.application import Application
 from daemon.errors import NotFound
 from daemon.sessions.session_files import SESSION_FILE
 
-router = APIRouter(prefix="/calibrations", tags=["calibrations"])
+router = api_router(prefix="/calibrations", tags=["calibrations"])
 
 FRAME = f"^(?:{FRAME_NAME.pattern})$"
 Format = Annotated[str, Path(min_length=1, max_length=40, description="as in the list")]

@@ -2,10 +2,10 @@
 
 from typing import get_args
 
-from fastapi import APIRouter, Request, Response
+from fastapi import Request, Response
 
 from calibration.errors import DocumentError, DocumentProblem
-from daemon.api.dependencies import App, CameraName, ScannerName
+from daemon.api.dependencies import App, CameraName, ScannerName, api_router
 from daemon.api.negotiation import or_text, respond
 from daemon.api.plain_text import ready_text
 from daemon.api.problems import problem_responses
@@ -19,7 +19,7 @@ from daemon.model.run_states import FINAL_STATES
 from daemon.runtime.metrics import Labels, Metric, exposition, merged
 from daemon.runtime.version import SOFTWARE
 
-router = APIRouter(tags=["health"])
+router = api_router(tags=["health"])
 
 
 @router.get("/health", response_model=HealthDocument)

@@ -2,18 +2,16 @@
 
 from collections.abc import Iterator
 
-from fastapi import APIRouter
-
 from calibration.errors import CalibrationError
 from calibration.sentences.sentence import sections_in
-from daemon.api.dependencies import App, Identifier
+from daemon.api.dependencies import App, Identifier, api_router
 from daemon.api.problems import HTTP_CODES, problem_responses, status_of_kind
 from daemon.api.schemas.about import HelpDocument, HelpList
 from daemon.errors import DaemonError, NotFound
 from drivers.errors import DeviceError
 from registration.errors import RegistrationError
 
-router = APIRouter(prefix="/help", tags=["health"])
+router = api_router(prefix="/help", tags=["health"])
 
 FINDINGS = ("views", "view-causes", "session-causes", "findings")
 """Sections of the sentences whose ids are codes of findings."""

@@ -2,18 +2,18 @@
 
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Depends, Response
+from fastapi import Depends, Response
 
 from daemon.access.keys import KeyRecord
 from daemon.access.roles import ROLES
-from daemon.api.dependencies import App, Identifier, JsonBody, no_body
+from daemon.api.dependencies import App, Identifier, JsonBody, api_router, no_body
 from daemon.api.problems import problem_responses
 from daemon.api.schemas.access import KeyList, NewKeyDocument, RevokedKeys
 from daemon.application import Application
 from daemon.model.requests import NewKeyRequest, RotateKeyRequest
 from daemon.store.actor import current_audit_context
 
-router = APIRouter(prefix="/keys", tags=["access"])
+router = api_router(prefix="/keys", tags=["access"])
 
 REFUSALS: dict[int | str, dict[str, Any]] = problem_responses(400, 403, 404, 409, 413, 500, 507)
 

@@ -5,15 +5,16 @@ The documentation is as `make docs` builds it, where the installation has it; no
 
 from pathlib import Path
 
-from fastapi import APIRouter, Request, Response
+from fastapi import Request, Response
 from starlette.concurrency import run_in_threadpool
 from starlette.exceptions import HTTPException
 from starlette.staticfiles import StaticFiles
 
+from daemon.api.dependencies import api_router
 from daemon.errors import NotFound
 from daemon.page import PageFile, PageFiles
 
-router = APIRouter(prefix="/page", include_in_schema=False)
+router = api_router(prefix="/page", include_in_schema=False)
 
 FOR_EVER = "public, max-age=31536000, immutable"
 
@@ -67,7 +68,7 @@ CONTENT_SECURITY_POLICY = (
 )
 """Scripts of this daemon only, which read the site and nothing else: the theme's are not ours, and write HTML."""
 
-docs = APIRouter(prefix="/docs", include_in_schema=False)
+docs = api_router(prefix="/docs", include_in_schema=False)
 
 
 @docs.get("")

@@ -2,11 +2,11 @@
 
 from typing import Annotated
 
-from fastapi import APIRouter, Query, Request, Response
+from fastapi import Query, Request, Response
 
 from calibration.errors import DocumentError, DocumentProblem
 from calibration.transforms import Array
-from daemon.api.dependencies import App
+from daemon.api.dependencies import App, api_router
 from daemon.api.problems import problem_responses
 from daemon.api.routes.rigs import sensors_of
 from daemon.api.streaming.cloud_request import (
@@ -28,7 +28,7 @@ from daemon.errors import CalibrationUnusable
 from daemon.scans.upload import NPZ, PLY, WHOLE
 from registration.io.stream import CloudStream
 
-router = APIRouter(tags=["register"])
+router = api_router(tags=["register"])
 
 Sensor = Annotated[str | None, Query(min_length=1, max_length=255, description="name of a sensor of the active rig")]
 Which = Annotated[str, Query(max_length=64, description="'current', or a calibration's id")]

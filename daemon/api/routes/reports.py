@@ -9,13 +9,13 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from fastapi import APIRouter, Depends, Query, Request, Response
+from fastapi import Depends, Query, Request, Response
 from numpy.typing import NDArray
 
 from calibration.documents.calibration import CalibrationDocument
 from calibration.sentences.sentence import LANGUAGES, LanguageTag, Sentence
 from calibration.targets import Target
-from daemon.api.dependencies import App, Identifier, WidthQuery, WithCamera
+from daemon.api.dependencies import App, Identifier, WidthQuery, WithCamera, api_router
 from daemon.api.negotiation import choose_picture_type, media_ranges, weighted_values
 from daemon.api.problems import problem_responses
 from daemon.api.routes.cell import PICTURES
@@ -39,7 +39,7 @@ from daemon.sessions.session_files import find_grey
 from registration.fusion.merging import Merge
 from registration.fusion.view_surface import SURFACE
 
-router = APIRouter()
+router = api_router()
 
 HTML, PDF = "text/html", "application/pdf"
 MAX_PDF_S = 20.0

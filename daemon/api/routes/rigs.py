@@ -2,12 +2,12 @@
 
 from typing import Annotated
 
-from fastapi import APIRouter, Depends, Query, Request, Response
+from fastapi import Depends, Query, Request, Response
 
 from calibration.documents.rig import RigDocument
 from daemon.access.errors import RoleTooLow
 from daemon.access.roles import Role
-from daemon.api.dependencies import App, Before, Identifier, JsonBody, Limit, page_of, respond_page
+from daemon.api.dependencies import App, Before, Identifier, JsonBody, Limit, api_router, page_of, respond_page
 from daemon.api.middleware.authentication import caller_of
 from daemon.api.problems import problem_responses
 from daemon.api.schemas.answer import documents_json
@@ -15,7 +15,7 @@ from daemon.api.schemas.stored_documents import RigList, StoredRig
 from daemon.application import Application
 from daemon.scans.rig_sensors import RigSensors
 
-router = APIRouter(prefix="/rigs", tags=["calibrations"])
+router = api_router(prefix="/rigs", tags=["calibrations"])
 
 Despite = Annotated[bool, Query(description="also a rig that was not accepted")]
 

@@ -2,7 +2,7 @@
 
 from typing import Annotated
 
-from fastapi import APIRouter, Depends, Path, Request, Response
+from fastapi import Depends, Path, Request, Response
 
 from calibration.sentences.sentence import Sentence
 from daemon.api.dependencies import (
@@ -15,6 +15,7 @@ from daemon.api.dependencies import (
     Moment,
     Wait,
     WidthQuery,
+    api_router,
     no_body,
     page_of,
     respond_page,
@@ -37,8 +38,8 @@ from daemon.sessions.session_files import SESSION_FILE
 from daemon.store.damaged_rows import split_damaged
 from daemon.store.page_filters import PageFilters
 
-router = APIRouter(prefix="/runs", tags=["runs"])
-robot = APIRouter(prefix="/robot", tags=["cell"])
+router = api_router(prefix="/runs", tags=["runs"])
+robot = api_router(prefix="/robot", tags=["cell"])
 
 JogBody = Annotated[JogRequest, Depends(JsonBody(JogRequest))]
 

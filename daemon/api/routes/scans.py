@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-from fastapi import APIRouter, Depends, Query, Request, Response
+from fastapi import Depends, Query, Request, Response
 from pydantic import RootModel
 
 from calibration.documents.calibration_in_use import CalibrationInUse
@@ -20,6 +20,7 @@ from daemon.api.dependencies import (
     JsonBody,
     Limit,
     Wait,
+    api_router,
     box_of,
     page_of,
     respond_page,
@@ -64,7 +65,7 @@ from registration.fusion.merging import Merge, Outliers
 
 NamePart = Annotated[str | None, Query(min_length=1, max_length=200, description="a part of the name")]
 
-router = APIRouter(prefix="/scans", tags=["scans"])
+router = api_router(prefix="/scans", tags=["scans"])
 
 MAX_JSON_POINTS = 10_000
 """Limit of points in JSON, which takes hundreds of times longer than octets."""

@@ -3,11 +3,11 @@
 import socket
 from typing import Annotated
 
-from fastapi import APIRouter, Depends, Request, Response
+from fastapi import Depends, Request, Response
 
 from daemon.access.browser_sessions import MAX_SESSION_S, cookie_of
 from daemon.access.roles import ROLES, Role
-from daemon.api.dependencies import App, JsonBody, no_body
+from daemon.api.dependencies import App, JsonBody, api_router, no_body
 from daemon.api.middleware.authentication import caller_of, peer_of, session_of, session_token
 from daemon.api.problems import problem_responses
 from daemon.api.schemas.access import PairingDocument, SessionDocument, SignedInDocument
@@ -16,7 +16,7 @@ from daemon.model.requests import PairingRequest, SessionRequest
 from daemon.runtime.version import SOFTWARE
 from daemon.store.actor import current_audit_context
 
-router = APIRouter(prefix="/session", tags=["access"])
+router = api_router(prefix="/session", tags=["access"])
 
 LANGUAGES = ["en"]
 """The languages in which the daemon has its sentences; a page may have more, by their ids."""

@@ -6,12 +6,12 @@ import hashlib
 from pathlib import Path
 from typing import Annotated
 
-from fastapi import APIRouter, Depends, Header, Query, Response
+from fastapi import Depends, Header, Query, Response
 from pydantic import Field
 
 from calibration.documents.target_text import target_of_text
 from calibration.documents.validation import Document
-from daemon.api.dependencies import App, JsonBody
+from daemon.api.dependencies import App, JsonBody, api_router
 from daemon.api.problems import problem_responses
 from daemon.application import Application
 from daemon.errors import AnswerRefused, SetupConflict, StorageError
@@ -24,7 +24,7 @@ from daemon.tools.first_setup.settings_before import SettingsBefore, write_setti
 from daemon.tools.target_print.layout import lay_out
 from daemon.tools.target_print.pdf import pdf
 
-router = APIRouter(prefix="/setup", tags=["cell"])
+router = api_router(prefix="/setup", tags=["cell"])
 
 NEEDED = {
     "model": ("controller",),
