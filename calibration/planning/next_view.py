@@ -201,7 +201,7 @@ def _revalidate(
     pose = prepared.base_T_flange[:1]
     if not within_limits(belief.scene, limits, pose).all() or not (reachable is None or reachable(pose).all()):
         return None
-    if not all(in_sight(other, limits, pose).all() for other in belief.alternatives):
+    if not in_sight(belief.alternatives, limits, pose).all():
         return None
     predicted = predict(belief.scene, np.concatenate([_poses_with_target(problem), prepared.base_T_flange]))
     if not predicted.worst_point.sigma_mm <= MAX_LOSS_OF_PREPARED * prepared.predicted.worst_point.sigma_mm:
@@ -215,15 +215,9 @@ def _poses_with_target(problem: Problem) -> Array:
 
 
 def _plan(
-    prior: ScenePrior,
-    problem: Problem,
-    limits: ViewpointLimits,
-    stop: StoppingRule,
-    base_T_flange_now: Array,
-    reachable: Reachable | None,
-    caution: float,
-    belief: SceneBelief,
-) -> Plan:
+    prior: ScenePrior, problem: Problem, limits: ViewpointLimits, stop: StoppingRule, base_T_flange_now: Array,
+    reachable: Reachable | None, caution: float, belief: SceneBelief,
+) -> Plan:  # fmt: skip
     taken = _poses_with_target(problem)
     count, seed = min(stop.views_left, HORIZON), 1 + len(problem.views)
     for share in CAUTION_FACTORS:

@@ -82,10 +82,7 @@ class Search:
         keep = within_limits(self.scene, self.limits, poses)
         if self.reachable is not None:
             keep[keep] = self.reachable(poses[keep])
-        for other in self.alternatives:
-            if not keep.any():
-                break
-            keep[keep] = in_sight(other, self.limits, poses[keep])
+        keep[keep] = in_sight(self.alternatives, self.limits, poses[keep])
         return Candidates(viewpoints[keep], poses[keep], view_information(self.scene, poses[keep]))
 
     def cost(self, known: Array, others: Candidates, more: Candidates) -> Array:

@@ -1,6 +1,7 @@
 """Viewpoints of a target as six parameters, their limits, and the robot poses that reach them."""
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -115,15 +116,20 @@ MIN_DISTANCE_OF_LIMIT = 0.7
 """In an alternative scene the camera keeps at least this share of the nearest distance allowed."""
 
 
-def in_sight(scene: Scene, limits: ViewpointLimits, base_T_flange: Array) -> NDArray[np.bool_]:
-    """Mask (n,): the target's box is in the image, not much nearer than the limits allow. For alternative scenes."""
-    points = scene.target.points_mm
-    box = np.stack(np.meshgrid(*np.array([points.min(axis=0), points.max(axis=0)]).T), -1).reshape(-1, 3)
-    seen = map_points(scene.camera_T_target(base_T_flange), np.concatenate([box, points.mean(axis=0)[None]]))
-    pixels = scene.camera.project(seen[:, :-1].reshape(-1, 3)).reshape(len(seen), -1)
-    with np.errstate(invalid="ignore"):
-        result: NDArray[np.bool_] = np.all(
-            (pixels >= 0) & (pixels <= np.tile(scene.camera.image_size, len(box)) - 1), axis=1
-        )
-    result &= np.linalg.norm(seen[:, -1], axis=1) >= MIN_DISTANCE_OF_LIMIT * limits.distance_mm[0]
+def in_sight(scenes: Sequence[Scene], limits: ViewpointLimits, base_T_flange: Array) -> NDArray[np.bool_]:
+    """Mask (n,): in all alternative scenes the target's box is in the image, not much nearer than the limits allow."""
+    result = np.ones(len(base_T_flange), bool)
+    for camera in {scene.camera: None for scene in scenes}:  # all scenes of one in one step
+        alike = [scene for scene in scenes if scene.camera is camera]
+        points = alike[0].target.points_mm
+        box = np.stack(np.meshgrid(*np.array([points.min(axis=0), points.max(axis=0)]).T), -1).reshape(-1, 3)
+        mounts = np.array([[scene.mount_T_camera] for scene in alike])
+        anchors = np.array([[scene.anchor_T_target] for scene in alike])
+        poses = replace(alike[0], mount_T_camera=mounts, anchor_T_target=anchors).camera_T_target(base_T_flange)
+        seen = map_points(poses, np.concatenate([box, points.mean(axis=0)[None]]))
+        pixels = camera.project(seen[..., :-1, :].reshape(-1, 3)).reshape(len(alike), len(result), -1, 2)
+        with np.errstate(invalid="ignore"):
+            shown = np.all((pixels >= 0) & (pixels <= np.array(camera.image_size) - 1), axis=(2, 3))
+        far = np.linalg.norm(seen[..., -1, :], axis=-1) >= MIN_DISTANCE_OF_LIMIT * limits.distance_mm[0]
+        result &= np.all(shown & far, axis=0)
     return result
