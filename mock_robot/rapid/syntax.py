@@ -20,6 +20,7 @@ RESERVED = frozenset(_RESERVED_WORDS.split())
 """Words that are no names (kernel manual 3HAC050946, reserved words)."""
 
 
+@cache
 def parse_module(text: str, module: str) -> Node:
     """Parse a module; raises RapidSyntaxError, and RapidProgramError for a name that can be none."""
     tree = _parse(text, module, "module")
@@ -38,7 +39,6 @@ def parse_system() -> Node:
     return _parse(text, "system.rapid", "system")
 
 
-@cache
 def _parse(text: str, module: str, start: Literal["module", "system"]) -> Node:
     try:
         return _parser().parse(text, start=start)

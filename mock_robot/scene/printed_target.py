@@ -5,6 +5,7 @@ are dots on such a sheet. Markers and their positions come from OpenCV, so the p
 """
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import cv2
@@ -108,6 +109,7 @@ class PrintedTarget:
         return np.where(on_sheet, value, np.nan)
 
 
+@lru_cache(maxsize=16)  # a cell asks for its own with each picture
 def print_target(target: Target, sheet: PrintOptions | None = None) -> PrintedTarget:
     """Build the print of a target. Raises UnprintableTarget."""
     sheet = sheet or PrintOptions()
@@ -199,8 +201,7 @@ def _circles(target: CircleGrid, sheet: PrintOptions) -> PrintedTarget:
 
 
 def _tile(offsets: Array, count: int, pitch_mm: float) -> Array:
-    lines: Array = (pitch_mm * np.arange(count)[:, None] + offsets).ravel()
-    return np.append(lines, pitch_mm * count)
+    return np.append((pitch_mm * np.arange(count)[:, None] + offsets).ravel(), pitch_mm * count)
 
 
 def _dictionary(name: str) -> Any:

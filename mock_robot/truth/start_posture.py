@@ -17,8 +17,7 @@ SEVEN_AXES_USUAL_RAD = np.radians([0.0, -60.0, 0.0, 0.0, 60.0, 0.0, 0.0])
 def target_middle_mm(truth: CellTruth) -> Array:
     """Centre of the printed sheet in the base frame (3,)."""
     middle = np.append(print_target(truth.target, truth.sheet).outline_mm.mean(axis=0), 0.0)
-    aimed: Array = map_points(truth.base_T_target, middle[None])[0]
-    return aimed
+    return np.asarray(map_points(truth.base_T_target, middle[None])[0])
 
 
 def base_T_camera_above(truth: CellTruth, distance_mm: float, roll_rad: float) -> Array:
