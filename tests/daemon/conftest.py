@@ -19,7 +19,7 @@ async def bench(tmp_path: Path) -> AsyncIterator[Bench]:
 
 @pytest.fixture(scope="session")
 def computed_results() -> Iterator[list[ComputedOnce]]:
-    """Detections, recognised targets, solutions and comparisons with planned poses, kept for who meets the same again.
+    """Detections, recognised targets, solutions, expected accuracies and comparisons with planned poses, computed once.
 
     The fake cell's pictures depend on nothing but its poses: without this every run would solve the same problem.
     """
@@ -27,17 +27,19 @@ def computed_results() -> Iterator[list[ComputedOnce]]:
     from calibration.detection import recognition
     from calibration.planning.what_if import PlanComparison
     from calibration.solve import solve_hand_eye
+    from daemon.tools.first_setup import expected
 
     find = PlanComparison.findings
     detect, solve = ComputedOnce(detection.detect), ComputedOnce(solve_hand_eye)
-    recognise = ComputedOnce(recognition.recognise)
+    recognise, expect = ComputedOnce(recognition.recognise), ComputedOnce(expected.expected_mm)
     compare = ComputedOnce(lambda *arguments: tuple(find(*arguments)))
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(detection, "detect", detect)
         patch.setattr(recognition, "recognise", recognise)
+        patch.setattr(expected, "expected_mm", expect)
         patch.setattr("calibration.solve.solve_hand_eye", solve)
         patch.setattr(PlanComparison, "findings", lambda *arguments: iter(compare(*arguments)))
-        yield [detect, recognise, solve, compare]
+        yield [detect, recognise, solve, expect, compare]
 
 
 @pytest.fixture(autouse=True)

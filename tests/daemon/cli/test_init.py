@@ -17,7 +17,7 @@ from daemon.cli.demo_run.processes import start_child
 from daemon.cli.main import app
 from daemon.config.settings import load_settings
 from daemon.tools.first_setup import interview
-from daemon.tools.first_setup.devices import SeenCamera
+from daemon.tools.first_setup.devices import SeenCamera, take_picture
 from tests.calibration.detection.sights import pictures
 from tests.daemon.cli.running import Ran, handeyed
 
@@ -29,6 +29,21 @@ MAX_ANSWERS = 8
 def cell(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, Any]]:
     with start_child("mock", FAST, tmp_path_factory.mktemp("mock")) as mock:
         yield mock.announcement
+
+
+@pytest.fixture(autouse=True, scope="module")
+def one_picture_of_each_camera() -> Iterator[None]:
+    """A further one differs by its noise only; to draw it and to recognise its target takes most of an interview."""
+    taken: dict[str, SeenCamera] = {}
+
+    async def take_picture_once(address: str) -> SeenCamera:
+        if address not in taken:
+            taken[address] = await take_picture(address)
+        return taken[address]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(interview, "take_picture", take_picture_once)
+        yield
 
 
 def init(file: Path, *answers: str, from_file: Path | None = None) -> Ran:
@@ -184,10 +199,10 @@ def test_pictures_are_taken_until_a_target_is_recognised(
     board = pictures(Chessboard(9, 6, 20.0), 1)[0].image
     shown = iter([black, black, grey, board])
 
-    async def take_picture(address: str) -> SeenCamera:
+    async def take_shown(address: str) -> SeenCamera:
         return SeenCamera(address, "", next(shown))
 
-    monkeypatch.setattr(interview, "take_picture", take_picture)
+    monkeypatch.setattr(interview, "take_picture", take_shown)
     controller, _, setup, _, _, tolerance, box = answers_of(cell)
 
     ran = init(tmp_path / "handeyed.toml", controller, "video:0", setup, "", "", "", "", "20", tolerance, box)
