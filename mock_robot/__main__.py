@@ -208,8 +208,7 @@ def _faults(options: argparse.Namespace) -> int:
     from mock_robot.faults.device_faults import DEVICE_FAULTS
     from mock_robot.faults.robot_faults import FAULTS
 
-    faults = [FAULTS[name] for name in FAULTS], [DEVICE_FAULTS[name] for name in DEVICE_FAULTS]
-    rows = [(fault.name, fault.area, fault.summary) for board in faults for fault in board]
+    rows = [(fault.name, fault.area, fault.summary) for fault in (*FAULTS.values(), *DEVICE_FAULTS.values())]
     if options.json:
         _print(json.dumps([dict(zip(("name", "area", "summary"), row, strict=True)) for row in rows], indent=2))
         return 0

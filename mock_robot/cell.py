@@ -25,7 +25,7 @@ from mock_robot.control_port import ControlPort
 from mock_robot.devices.egm import EgmSender
 from mock_robot.devices.http_server import HttpServer
 from mock_robot.errors import MockError
-from mock_robot.faults.boards import FaultBoards
+from mock_robot.faults.device_faults import DEVICE_FAULTS
 from mock_robot.links.cb_program import CAMERA_LOAD
 from mock_robot.links.wires import PythonWires, RapidWires, Wires
 from mock_robot.rapid.controller import DEPLOYED
@@ -148,10 +148,10 @@ class MockCell:
         self.controller = self._wires.controller
         self.controller.mounting = replace(truth.mounting)
         self.controller.stand_axes(truth.mounting.axes_at(0.0))
-        self.faults = FaultBoards(self.controller, self._wires.board)
-        self.rws = RwsStation(self.controller, self._wires.board, clock)
+        self.faults = self._wires.board
+        self.rws = RwsStation(self.controller, self.faults, clock)
         self.rws.world.equipment.arm = truth.arm
-        self.egm = EgmSender(self.controller, self._wires.board, clock)
+        self.egm = EgmSender(self.controller, self.faults, clock)
         self._closing = AsyncExitStack()
 
     async def start(self, ports: Ports) -> Announcement:
@@ -184,12 +184,12 @@ class MockCell:
         self, fault: str, *, strikes: int | None = None, only: Command | None = None, after_moves: int = 0
     ) -> None:
         """Switch a fault on, as `POST /faults/{name}` does."""
-        self.faults.switch_on(fault, self.clock(), strikes=strikes, only=only, after_moves=after_moves)
+        self.faults.switch_on(fault, self.controller, self.clock(), strikes=strikes, only=only, after_moves=after_moves)
         self.nudge()
 
     def clear_faults(self, fault: str | None = None) -> None:
         """Switch one fault off, or all of them."""
-        self.faults.clear(self.clock(), fault)
+        self.faults.clear(self.controller, self.clock(), fault)
         self.nudge()
 
     def nudge(self) -> None:
@@ -200,9 +200,8 @@ class MockCell:
     def _devices(self) -> object:
         from mock_robot.devices.http_devices import DeviceApp  # imports renderer and ray caster only when needed
 
-        application = DeviceApp(self.truth, lambda: self.flange_at(self.clock()))
-        self.faults = replace(self.faults, devices=application.faults)
-        return application
+        self.faults.table = {**self.faults.table, **DEVICE_FAULTS}
+        return DeviceApp(self.truth, lambda: self.flange_at(self.clock()), self.faults)
 
     async def _start_profiler(self, host: str, port: int) -> str:
         from mock_robot.devices.profiler import MockProfiler  # imports the ray caster only when needed

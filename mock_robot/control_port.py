@@ -20,7 +20,7 @@ from mock_robot.cabinet.cabinet import Cabinet
 from mock_robot.cabinet.panel import Mode
 from mock_robot.devices.http_server import read_body
 from mock_robot.errors import JogRefused, MockError, NoSuchState, UnknownFault
-from mock_robot.faults.boards import FaultBoards
+from mock_robot.faults.board import FaultBoard
 from protocols.cb.codes import Command, Flag
 
 Scope = MutableMapping[str, Any]
@@ -38,7 +38,7 @@ class ControlPort:
     """The ASGI application. `nudge` makes the links react to a change at once."""
 
     controller: Cabinet
-    faults: FaultBoards
+    faults: FaultBoard
     clock: Callable[[], float]
     nudge: Callable[[], None]
 
@@ -101,29 +101,30 @@ class ControlPort:
             "emergency_stop": controller.panel.emergency_stop,
             "program_running": controller.panel.program_running,
             "speed_override": controller.panel.speed_override,
-            "faults": self.faults.active,
+            "faults": sorted(self.faults.active),
         }
 
     def _list_faults(self, fields: Fields) -> Any:
         return [
             {"name": fault.name, "area": fault.area, "summary": fault.summary, "on": fault.name in self.faults.active}
-            for fault in self.faults.rows.values()
+            for fault in self.faults.table.values()
         ]
 
     def _fault_on(self, fields: Fields) -> Any:
         only = fields.get("only")
         self.faults.switch_on(
             fields["name"],
+            self.controller,
             self.clock(),
             strikes=_count(fields, "strikes"),
             only=None if only is None else _command(str(only)),
             after_moves=_count(fields, "after_moves") or 0,
         )
-        return {"on": self.faults.active}
+        return {"on": sorted(self.faults.active)}
 
     def _fault_off(self, fields: Fields) -> Any:
-        self.faults.clear(self.clock(), fields.get("name"))
-        return {"on": self.faults.active}
+        self.faults.clear(self.controller, self.clock(), fields.get("name"))
+        return {"on": sorted(self.faults.active)}
 
     def _jog(self, fields: Fields) -> None:
         """Move the arm as an operator does with the joystick: to `joints_deg`, or to `base_T_flange`, `in_s` (1 s).

@@ -13,6 +13,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial, reduce
 from time import monotonic
+from typing import Literal
 from zlib import crc32
 
 import cv2
@@ -24,12 +25,14 @@ from starlette.responses import PlainTextResponse, Response
 from starlette.routing import Route
 
 from calibration.transforms import Array, difference, inverse, rotation_from_vector, transform, vector_from_rotation
-from mock_robot.faults.device_faults import Device, DeviceFault, DeviceFaultBoard
+from mock_robot.faults.board import DeviceFault, FaultBoard
 from mock_robot.scene.camera_view import render, sketch
 from mock_robot.scene.printed_target import print_target
 from mock_robot.scene.scanner_view import ScannerModel, cloud_ply, organised_pcd, scan
 from mock_robot.truth.truth import CellTruth
 from mock_robot.truth.warming import CameraWarming
+
+Device = Literal["camera", "scanner"]
 
 STILL_MM, STILL_RAD = 1e-4, 1e-7
 SMEARED_POSES, SCAN_BANDS = 7, 12
@@ -102,15 +105,14 @@ class Capture:
 
 
 class DeviceApp(Starlette):
-    """The ASGI application and its fault board."""
+    """The ASGI application."""
 
-    def __init__(self, truth: CellTruth, flange_now: Callable[[], Array]) -> None:
+    def __init__(self, truth: CellTruth, flange_now: Callable[[], Array], faults: FaultBoard) -> None:
         """`flange_now`: true base_T_flange; it is called at the start and end of each capture, on the event loop."""
-        self.faults = DeviceFaultBoard()
 
         def station(device: Device, develop: Develop, number: int = 0, media_type: str | None = None) -> _Station:
             warming, seed = truth.warming if device == "camera" else None, truth.seed + number
-            return _Station(device, seed, flange_now, self.faults, develop, media_type or MEDIA_TYPES[device], warming)
+            return _Station(device, seed, flange_now, faults, develop, media_type or MEDIA_TYPES[device], warming)
 
         stations = {
             "/camera/snapshot.png": station("camera", partial(_camera, truth)),
@@ -133,7 +135,7 @@ class _Station:
     _device: Device
     _seed: int
     _flange_now: Callable[[], Array]
-    _faults: DeviceFaultBoard
+    _faults: FaultBoard
     _develop: Develop
     _media_type: str
     _warming: CameraWarming | None
@@ -144,7 +146,7 @@ class _Station:
     async def answer(self, request: Request) -> Response:
         """Capture and respond with the file."""
         asked_s = monotonic()
-        struck = self._faults.strike(self._device)
+        struck = self._faults.strike_device(self._device)
         status = max((fault.status for fault in struck), default=200)
         if status != 200:
             return PlainTextResponse(f"the {self._device} is not ready", status)

@@ -1,8 +1,9 @@
-"""Named faults of controller and link, and the board that switches them.
+"""Named faults, and the board that switches those of a cell.
 
-A fault acts in up to four places: on the controller's state when it begins (`begin`), on a reply before encoding
-(`reply`), on encoded bytes sent (`send`) and on bytes received (`receive`). New faults are new rows of
-`mock_robot.faults.robot_faults`.
+A fault of controller and link acts in up to four places: on the controller's state when it begins (`begin`), on a
+reply before encoding (`reply`), on encoded bytes sent (`send`) and on bytes received (`receive`). One of camera or
+scanner acts before the capture (`delay_s`, `status`), in the scene (`hides_target`), on captured data (`picture`,
+`points`) or on the encoded file (`content`). New faults are new rows of `robot_faults` and `device_faults`.
 """
 
 from collections.abc import Callable, Mapping
@@ -10,9 +11,12 @@ from dataclasses import dataclass, field
 from random import Random
 from typing import Literal
 
+import numpy as np
+from numpy.typing import NDArray
+
 from mock_robot.cabinet.cabinet import Cabinet
 from mock_robot.cabinet.wire_steps import Send, WireStep
-from mock_robot.errors import UnknownFault
+from mock_robot.errors import NoSuchState, UnknownFault
 from protocols.cb.codes import Command
 from protocols.cb.messages import Reply
 
@@ -20,6 +24,8 @@ SendFault = Callable[[bytes, Random], tuple[WireStep, ...]]
 ReceiveFault = Callable[[bytes, Random], bytes]
 ReplyFault = Callable[[Reply], Reply]
 StateFault = Callable[[Cabinet, float], None]
+Picture = NDArray[np.uint8]
+Points = NDArray[np.float32]
 
 
 @dataclass(frozen=True)
@@ -37,8 +43,24 @@ class Fault:
 
     @property
     def area(self) -> str:
-        """link, serial, robot, rws or egm: the first word of its name."""
+        """link, serial, robot, rws, egm, camera or scanner: the first word of its name."""
         return self.name.partition("-")[0]
+
+
+@dataclass(frozen=True, kw_only=True)
+class DeviceFault(Fault):
+    """One of camera or scanner, whose strikes are captures.
+
+    `repeats`: the previous file is sent again, with its true age (`honest`) or as if new (`lying`).
+    """
+
+    delay_s: float = 0.0
+    status: int = 200
+    hides_target: bool = False
+    repeats: Literal["no", "honest", "lying"] = "no"
+    picture: Callable[[Picture], Picture] | None = None
+    points: Callable[[Points], Points] | None = None
+    content: Callable[[bytes], bytes] | None = None
 
 
 @dataclass
@@ -83,11 +105,13 @@ class FaultBoard:
     ) -> None:
         """Switch a fault on: for `strikes` replies, only for replies to `only`, after `after_moves` further moves.
 
-        Raises UnknownFault.
+        Raises UnknownFault, and NoSuchState for a condition that camera and scanner lack.
         """
         if name not in self.table:
             raise UnknownFault(name, tuple(self.table))
         fault = self.table[name]
+        if isinstance(fault, DeviceFault) and (only is not None or after_moves):
+            raise NoSuchState("condition of a camera or scanner fault", "only or after_moves", ("strikes",))
         from_move = controller.moves_accepted + after_moves
         self._active[name] = ActiveFault(fault, strikes or fault.strikes, only, from_move)
         self.wake(controller, now_s)
@@ -126,6 +150,15 @@ class FaultBoard:
         if on:
             self._count_strike(self._active[name])
         return on
+
+    def strike_device(self, device: str) -> tuple[DeviceFault, ...]:
+        """Faults that affect this capture of the camera or the scanner; each loses one strike."""
+        struck = []
+        for active in list(self._active.values()):
+            if isinstance(active.fault, DeviceFault) and active.fault.area == device:
+                struck.append(active.fault)
+                self._count_strike(active)
+        return tuple(struck)
 
     def alter_incoming(self, data: bytes) -> bytes:
         """Received bytes as altered by the active faults."""

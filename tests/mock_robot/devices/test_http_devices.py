@@ -13,14 +13,16 @@ from numpy.typing import NDArray
 from calibration.detection.detect import detect
 from calibration.transforms import Array, inverse, map_points, rotation_from_vector, transform
 from mock_robot.devices.http_devices import DeviceApp
-from mock_robot.errors import UnknownFault
-from mock_robot.faults.device_faults import DEVICE_FAULTS, DeviceFaultBoard
+from mock_robot.errors import NoSuchState, UnknownFault
+from mock_robot.faults.board import FaultBoard
+from mock_robot.faults.device_faults import DEVICE_FAULTS
 from mock_robot.scene.camera_view import facing
 from mock_robot.scene.part import DOOR
 from mock_robot.scene.printed_target import print_target
 from mock_robot.truth.score import UnreadablePly, read_points
 from mock_robot.truth.truth import NO_NOISE, CellTruth
 from mock_robot.truth.truth_sheet import scan_poses_of
+from tests.mock_robot.controller_client import bare_controller
 from tests.support.waiting import LIMIT_S
 
 pytestmark = pytest.mark.slow
@@ -41,8 +43,9 @@ def looking_at_the_target(distance_mm: float = 620.0) -> Array:
 class Cell:
     """The devices, asked as a client asks them."""
 
-    def __init__(self, app: DeviceApp) -> None:
-        self.app = app
+    def __init__(self, flange_now: Callable[[], Array]) -> None:
+        self.faults = FaultBoard(DEVICE_FAULTS)
+        app = DeviceApp(TRUTH, flange_now, self.faults)
         self.client = httpx.AsyncClient(transport=httpx.ASGITransport(app=app), base_url="http://mock", timeout=LIMIT_S)
 
     async def ask(self, path: str) -> httpx.Response:
@@ -61,7 +64,7 @@ async def at() -> AsyncIterator[Callable[[Callable[[], Array]], Cell]]:
     cells: list[Cell] = []
 
     def build(pose: Callable[[], Array]) -> Cell:
-        cells.append(Cell(DeviceApp(TRUTH, pose)))
+        cells.append(Cell(pose))
         return cells[-1]
 
     yield build
@@ -186,7 +189,7 @@ async def test_the_truth_is_served_nowhere(at: At) -> None:
 
 
 async def spoiled(cell: Cell, fault: str) -> httpx.Response:
-    cell.app.faults.switch_on(fault)
+    cell.faults.switch_on(fault, bare_controller(), 0.0)
     return await cell.ask(PICTURE if fault.startswith("camera") else CLOUD)
 
 
@@ -210,7 +213,7 @@ async def test_camera_faults_spoil_one_picture_each(at: At) -> None:
     assert hidden.shape == (1200, 1920)
     assert np.percentile(hidden, 99) < 160, "no white paper in sight"
 
-    assert cell.app.faults.active == ()
+    assert not cell.faults.active
     assert len(detect(await cell.picture(), TRUTH.target).ids) == 88
 
 
@@ -234,7 +237,7 @@ async def test_a_repeated_picture_comes_until_it_is_cleared(at: At, fault: str, 
     assert (once_more.headers["x-capture-id"] == first.headers["x-capture-id"]) is honest
     assert (float(once_more.headers["x-taken-at-age-s"]) > 0.0) is honest
 
-    cell.app.faults.clear(fault)
+    cell.faults.clear(bare_controller(), 0.0, fault)
     assert (await cell.ask(PICTURE)).content != first.content
 
 
@@ -267,23 +270,28 @@ async def test_a_late_answer_is_late(at: At, device: str, monkeypatch: pytest.Mo
 
 
 def test_a_fault_strikes_as_often_as_it_is_set_to() -> None:
-    board = DeviceFaultBoard()
-    board.switch_on("camera-black", strikes=2)
-    struck = [[fault.name for fault in board.strike("camera")] for _ in range(3)]
+    board = FaultBoard(DEVICE_FAULTS)
+    board.switch_on("camera-black", bare_controller(), 0.0, strikes=2)
+    struck = [[fault.name for fault in board.strike_device("camera")] for _ in range(3)]
     assert struck == [["camera-black"], ["camera-black"], []]
 
 
 def test_a_fault_of_one_device_leaves_the_other_alone() -> None:
-    board = DeviceFaultBoard()
-    board.switch_on("scanner-empty")
-    assert board.strike("camera") == ()
-    assert board.active == ("scanner-empty",)
-    board.clear()
-    assert board.active == ()
+    board, controller = FaultBoard(DEVICE_FAULTS), bare_controller()
+    board.switch_on("scanner-empty", controller, 0.0)
+    assert board.strike_device("camera") == ()
+    assert list(board.active) == ["scanner-empty"]
+    board.clear(controller, 0.0)
+    assert not board.active
+
+
+def test_a_fault_of_a_device_waits_for_no_request_and_no_move() -> None:
+    with pytest.raises(NoSuchState, match="only or after_moves"):
+        FaultBoard(DEVICE_FAULTS).switch_on("camera-black", bare_controller(), 0.0, after_moves=1)
 
 
 def test_an_unknown_fault_is_refused_with_those_there_are() -> None:
     with pytest.raises(UnknownFault, match="camera-black"):
-        DeviceFaultBoard().switch_on("camera-on-fire")
+        FaultBoard(DEVICE_FAULTS).switch_on("camera-on-fire", bare_controller(), 0.0)
     with pytest.raises(UnknownFault, match="scanner-nan"):
-        DeviceFaultBoard().clear("camera-on-fire")
+        FaultBoard(DEVICE_FAULTS).clear(bare_controller(), 0.0, "camera-on-fire")
