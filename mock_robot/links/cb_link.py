@@ -16,6 +16,7 @@ from protocols.cb.events import (
 from protocols.cb.frames import FramingBroken, GarbageSkipped
 from protocols.cb.layouts import COMMAND_OF
 from protocols.cb.messages import Bye
+from protocols.cb.session_state import SessionState
 
 HALF_FRAME_S = 0.5
 """A frame interrupted for longer than this is discarded."""
@@ -48,7 +49,7 @@ class ControllerLink:
         self._faults.wake(self._controller, now_s)
         steps = self._handle_restart()
         for answer in self._controller.tick(now_s):
-            if self._session.state.name == "GREETED":
+            if self._session.state is SessionState.GREETED:
                 steps += self._faults.outgoing(None, self._session.announce(answer))
         if self._session.half_frame_bytes and now_s - self._last_byte_s >= HALF_FRAME_S:
             steps += self._act_on(self._session.abandon_half_frame(), now_s)

@@ -1,7 +1,6 @@
 """The client's end of the CB link: numbers requests, matches replies, and repeats a request under its old number."""
 
 from dataclasses import dataclass
-from enum import Enum
 
 from protocols.cb.codes import REPLY_BIT, VERSION, Capability, Command, Status
 from protocols.cb.errors import NotAllowedNow, NothingToAnswer, PayloadRefused, RequestOutstanding
@@ -18,53 +17,8 @@ from protocols.cb.events import (
 from protocols.cb.frames import ChecksumFailed, Frame, FrameReader, FramingBroken, GarbageSkipped, ReaderEvent
 from protocols.cb.layouts import ANSWERS, COMMAND_OF, good_status, pack, unpack
 from protocols.cb.messages import Refused, Reply, Request, Stop, Welcome
+from protocols.cb.session_state import ALLOWED_COMMANDS, STATE_AFTER, SessionState
 from protocols.counter import next_count
-
-
-class ClientSessionState(Enum):
-    """State of the client's session with its controller."""
-
-    NOT_GREETED = "not greeted"
-    GREETED = "greeted"
-    BROKEN = "broken"
-
-
-class ClientTrigger(Enum):
-    """Events that change a ClientSessionState."""
-
-    WELCOMED = "welcomed"
-    GREETING_LOST = "greeting lost"
-    GOT_FAREWELL = "got farewell"
-    FRAMING_BROKE = "framing broke"
-
-
-ALLOWED_COMMANDS: dict[ClientSessionState, frozenset[Command]] = {
-    ClientSessionState.NOT_GREETED: frozenset({Command.PING, Command.HELLO}),
-    ClientSessionState.GREETED: frozenset(Command),
-    ClientSessionState.BROKEN: frozenset(),
-}
-"""Commands that may be sent in each state."""
-
-NEXT_STATE: dict[ClientSessionState, dict[ClientTrigger, ClientSessionState]] = {
-    ClientSessionState.NOT_GREETED: {
-        ClientTrigger.WELCOMED: ClientSessionState.GREETED,
-        ClientTrigger.GREETING_LOST: ClientSessionState.NOT_GREETED,
-        ClientTrigger.FRAMING_BROKE: ClientSessionState.BROKEN,
-    },
-    ClientSessionState.GREETED: {
-        ClientTrigger.WELCOMED: ClientSessionState.GREETED,
-        ClientTrigger.GREETING_LOST: ClientSessionState.NOT_GREETED,
-        ClientTrigger.GOT_FAREWELL: ClientSessionState.NOT_GREETED,
-        ClientTrigger.FRAMING_BROKE: ClientSessionState.BROKEN,
-    },
-    ClientSessionState.BROKEN: {ClientTrigger.FRAMING_BROKE: ClientSessionState.BROKEN},
-}
-"""Every transition of the state; a reply without a row leaves the state unchanged."""
-
-_TRIGGER_OF_REPLY = {
-    Command.HELLO: ClientTrigger.WELCOMED,
-    Command.BYE: ClientTrigger.GOT_FAREWELL,
-}
 
 
 @dataclass(frozen=True)
@@ -83,7 +37,7 @@ class ClientSession:
 
     def __init__(self, *, resynchronise: bool, known_session: int | None = None, last_seq: int = 0) -> None:
         self._reader = FrameReader(resynchronise=resynchronise)
-        self._state = ClientSessionState.NOT_GREETED
+        self._state = SessionState.NOT_GREETED
         self._session = known_session
         self._last_seq = last_seq
         self._outstanding: _Outstanding | None = None
@@ -91,7 +45,7 @@ class ClientSession:
         """What the controller can do, from its reply to HELLO."""
 
     @property
-    def state(self) -> ClientSessionState:
+    def state(self) -> SessionState:
         """State of the session."""
         return self._state
 
@@ -155,7 +109,7 @@ class ClientSession:
             case Frame():
                 return self._frame(event)
             case FramingBroken():
-                self._advance(ClientTrigger.FRAMING_BROKE)
+                self._state = SessionState.BROKEN
                 return [event]
             case ChecksumFailed() | GarbageSkipped():
                 return [event]
@@ -185,21 +139,17 @@ class ClientSession:
         self._outstanding = None
         answered: list[ClientEvent] = [ReplyReceived(waiting.seq, waiting.request, reply)]
         if isinstance(reply, Refused):
-            if reply.status == Status.VERSION and self._state is ClientSessionState.GREETED:
-                self._advance(ClientTrigger.GREETING_LOST)
+            if reply.status == Status.VERSION and self._state is SessionState.GREETED:
+                self._state = SessionState.NOT_GREETED
                 answered.insert(0, GreetingLost())
             return answered
-        self._advance(_TRIGGER_OF_REPLY.get(command))
+        self._state = STATE_AFTER.get(command, self._state)
         if isinstance(reply, Welcome):
             self.capabilities = reply.capabilities
             before, self._session = self._session, reply.session
             if before is not None and before != reply.session:
                 answered.insert(0, SessionChanged(before, reply.session))
         return answered
-
-    def _advance(self, trigger: ClientTrigger | None) -> None:
-        if trigger is not None:
-            self._state = NEXT_STATE[self._state].get(trigger, self._state)
 
 
 def _reply(command: Command, frame: Frame) -> Reply:

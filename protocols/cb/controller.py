@@ -1,7 +1,6 @@
 """The controller's end of the CB link: allowed commands, detection of repeated requests, encoding of refusals."""
 
 from dataclasses import dataclass
-from enum import Enum
 
 from protocols.cb.codes import REPLY_BIT, VERSION, Command, Status
 from protocols.cb.errors import NothingToAnswer, PayloadRefused
@@ -16,55 +15,13 @@ from protocols.cb.events import (
 from protocols.cb.frames import ChecksumFailed, Frame, FrameReader, FramingBroken, GarbageSkipped, ReaderEvent
 from protocols.cb.layouts import ANSWERS, COMMAND_OF, REQUESTS, good_status, pack, unpack
 from protocols.cb.messages import Answer, Hello, Refused, Reply
+from protocols.cb.session_state import ALLOWED_COMMANDS, STATE_AFTER, SessionState
 from protocols.counter import MAX_COUNT
 
 
 def is_older(seq: int, last: int) -> bool:
     """Whether `seq` lies in the half circle before `last`: such a request was delayed and must not be executed."""
     return (seq - last) % MAX_COUNT > MAX_COUNT // 2
-
-
-class ControllerSessionState(Enum):
-    """State of the controller's session with its client."""
-
-    AWAITING_HELLO = "awaiting HELLO"
-    GREETED = "greeted"
-    BROKEN = "broken"
-
-
-class ControllerTrigger(Enum):
-    """Events that change a ControllerSessionState."""
-
-    WELCOMED = "welcomed"
-    SAID_FAREWELL = "said farewell"
-    FRAMING_BROKE = "framing broke"
-
-
-ALLOWED_COMMANDS: dict[ControllerSessionState, frozenset[Command]] = {
-    ControllerSessionState.AWAITING_HELLO: frozenset({Command.PING, Command.HELLO}),
-    ControllerSessionState.GREETED: frozenset(Command),
-    ControllerSessionState.BROKEN: frozenset(),
-}
-"""Commands passed up in each state; any other gets status VERSION, since no version has been agreed."""
-
-NEXT_STATE: dict[ControllerSessionState, dict[ControllerTrigger, ControllerSessionState]] = {
-    ControllerSessionState.AWAITING_HELLO: {
-        ControllerTrigger.WELCOMED: ControllerSessionState.GREETED,
-        ControllerTrigger.FRAMING_BROKE: ControllerSessionState.BROKEN,
-    },
-    ControllerSessionState.GREETED: {
-        ControllerTrigger.WELCOMED: ControllerSessionState.GREETED,
-        ControllerTrigger.SAID_FAREWELL: ControllerSessionState.AWAITING_HELLO,
-        ControllerTrigger.FRAMING_BROKE: ControllerSessionState.BROKEN,
-    },
-    ControllerSessionState.BROKEN: {ControllerTrigger.FRAMING_BROKE: ControllerSessionState.BROKEN},
-}
-"""Every transition of the state; an answer without a row leaves the state unchanged."""
-
-_TRIGGER_OF_ANSWER = {
-    Command.HELLO: ControllerTrigger.WELCOMED,
-    Command.BYE: ControllerTrigger.SAID_FAREWELL,
-}
 
 
 @dataclass
@@ -84,12 +41,12 @@ class ControllerSession:
     def __init__(self, *, resynchronise: bool, refuse_with: Status | None = None) -> None:
         self._reader = FrameReader(resynchronise=resynchronise)
         self._refuse_with = refuse_with
-        self._state = ControllerSessionState.AWAITING_HELLO
+        self._state = SessionState.NOT_GREETED
         self._last: _Last | None = None
         self._waiting: dict[int, Frame] = {}
 
     @property
-    def state(self) -> ControllerSessionState:
+    def state(self) -> SessionState:
         """State of the session."""
         return self._state
 
@@ -115,8 +72,8 @@ class ControllerSession:
         del self._waiting[seq]
         if self._last is not None and self._last.request is request:
             self._last.reply = answer
-        if not isinstance(reply, Refused):
-            self._advance(_TRIGGER_OF_ANSWER.get(Command(request.command)))
+        if not isinstance(reply, Refused) and self._state is not SessionState.BROKEN:
+            self._state = STATE_AFTER.get(Command(request.command), self._state)
         return answer
 
     def reply_to(self, seq: int) -> bytes | None:
@@ -136,7 +93,7 @@ class ControllerSession:
                 answer = self._encode(event.seq, event.command & ~REPLY_BIT, Refused(Status.BAD_SUM))
                 return BadChecksum(event.seq, event.command, answer)
             case FramingBroken():
-                self._advance(ControllerTrigger.FRAMING_BROKE)
+                self._state = SessionState.BROKEN
                 return event
             case GarbageSkipped():
                 return event
@@ -165,7 +122,7 @@ class ControllerSession:
             message = unpack(REQUESTS[command], frame.payload)
         except PayloadRefused as error:
             return self._refuse(frame, error.status, error.reason)
-        if command not in ALLOWED_COMMANDS[self._state]:
+        if command not in ALLOWED_COMMANDS[self._state]:  # VERSION, since none has been agreed
             return self._refuse(frame, Status.VERSION, "HELLO must come first")
         if isinstance(message, Hello) and not message.speaks(VERSION):
             return self._refuse(frame, Status.VERSION, f"versions {message.version_min} to {message.version_max}")
@@ -183,7 +140,3 @@ class ControllerSession:
         if command in ANSWERS and not isinstance(reply, ANSWERS[Command(command)]):
             raise NothingToAnswer(f"{type(reply).__name__} does not answer {Command(command).name}")
         return Frame(command | REPLY_BIT, seq, pack(reply), good_status(reply)).encode()
-
-    def _advance(self, trigger: ControllerTrigger | None) -> None:
-        if trigger is not None:
-            self._state = NEXT_STATE[self._state].get(trigger, self._state)

@@ -4,7 +4,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from protocols.cb.client import ClientSessionState
 from protocols.cb.events import (
     BadChecksum,
     ReplyReceived,
@@ -13,6 +12,7 @@ from protocols.cb.events import (
 from protocols.cb.frames import GarbageSkipped
 from protocols.cb.layouts import REQUESTS
 from protocols.cb.messages import SetArmed
+from protocols.cb.session_state import SessionState
 from tests.protocols.dirt import GARBAGE
 from tests.protocols.rows import REQUEST_ROWS
 from tests.protocols.session_pairs import ANSWER_OF, HELLO, asked, greeted_pair, welcome
@@ -38,7 +38,7 @@ def fed(end, line, chunk):
 def test_a_conversation_survives_cutting_and_dirt_on_a_serial_line(kinds, chunk, data):
     client, controller = greeted_pair(resynchronise=True)
     for kind in kinds:
-        if client.state is not ClientSessionState.GREETED:
+        if client.state is not SessionState.GREETED:
             asked(client, controller, HELLO, welcome())
         message = messages[kind]
         heard = fed(controller, data.draw(dirt) + client.request(message), chunk)

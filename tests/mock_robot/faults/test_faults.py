@@ -10,7 +10,6 @@ from mock_robot.cabinet.wire_steps import Close, Pause, Reset, Send
 from mock_robot.errors import UnknownFault
 from mock_robot.faults.robot_faults import FAULTS
 from protocols.cb import messages as cb
-from protocols.cb.client import ClientSessionState
 from protocols.cb.codes import Command, Flag, Status
 from protocols.cb.events import (
     GarbledReply,
@@ -20,6 +19,7 @@ from protocols.cb.events import (
     UnexpectedReply,
 )
 from protocols.cb.frames import ChecksumFailed, FramingBroken, GarbageSkipped
+from protocols.cb.session_state import SessionState
 from tests.mock_robot.controller_client import AWAY, HOME, ControllerClient, bare_controller, joints_now, move_to
 
 STATUS = cb.GetStatus()
@@ -155,7 +155,7 @@ def test_a_restart_closes_tcp_and_asks_a_serial_client_to_greet_again() -> None:
     client.faults.switch_on("link-restart", client.controller, client.now_s)
     heard = client.sends(client.session.request(STATUS))
     assert any(isinstance(event, GreetingLost) for event in heard)
-    assert client.session.state is ClientSessionState.NOT_GREETED
+    assert client.session.state is SessionState.NOT_GREETED
     assert not client.controller.armed
 
 
@@ -261,7 +261,7 @@ def test_no_random_schedule_of_faults_moves_twice_for_one_request(serial: bool) 
         for _ in range(4):
             fault = schedule.choice(LINE_FAULTS)
             client.faults.switch_on(fault, client.controller, client.now_s, after_moves=schedule.randrange(2))
-            if client.closed or client.session.state is not ClientSessionState.GREETED:
+            if client.closed or client.session.state is not SessionState.GREETED:
                 break
             client.session.abandon()
             data = client.session.request(move_to(schedule.choice([HOME, AWAY])))
