@@ -8,10 +8,9 @@ from daemon.cli.errors import CommandError, ExitStatus
 if TYPE_CHECKING:
     from calibration.documents.calibration import CalibrationDocument
     from calibration.problem import Setup
-    from calibration.solution import NamedPoint, Solution
+    from calibration.solution import NamedPoint
     from calibration.transforms import Array
     from calibration.verdict import VerdictLimits
-    from registration.scan import ScanView
 
 ARTEFACTS = ("sphere", "none")
 
@@ -55,11 +54,15 @@ def solve_scan(
     from daemon.runtime.version import SOFTWARE
     from registration.calibrate.outcome import judge_scan
     from registration.calibrate.sphere import solve_sphere_scan
-    from registration.scan import read_scan
+    from registration.calibrate.surfaces import solve_surface_scan
+    from registration.scan import read_scan, setup_of
 
     clock, views = Clock(), read_scan(folder)
     limits, points = required
-    solution = solve_sphere_scan(views, radius_mm) if radius_mm is not None else _from_surfaces(views, rough)
+    if radius_mm is not None:
+        solution = solve_sphere_scan(views, radius_mm)
+    else:
+        solution = solve_surface_scan(views, None if rough is None else _rough_x(rough, setup_of(views)))
     solution = with_points(solution, points, np.array([view.anchor_T_mount for view in views]))
     return calibration_document(
         solution,
@@ -68,13 +71,6 @@ def solve_scan(
         created_at=clock.timestamp(),
         software=SOFTWARE,
     )
-
-
-def _from_surfaces(views: "list[ScanView]", rough: Path | None) -> "Solution":
-    from registration.calibrate.surfaces import solve_surface_scan
-    from registration.scan import setup_of
-
-    return solve_surface_scan(views, None if rough is None else _rough_x(rough, setup_of(views)))
 
 
 def _rough_x(file: Path, setup: "Setup") -> "Array":

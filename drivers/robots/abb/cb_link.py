@@ -2,11 +2,9 @@
 
 import asyncio
 
-from drivers.backoff import Backoff
-from drivers.errors import DeviceError, DeviceUnreachable, LinkLost
-from drivers.interfaces import LinkHealth
-from drivers.link_status import LinkReport
+from drivers.errors import DeviceError, LinkLost
 from drivers.robots.abb.cb_session import CbConversation, CbLimits
+from drivers.robots.abb.controller_link import ControllerLink
 from drivers.timing import Timing, shorten_switch_interval
 from drivers.transports.transport import Connection, Transport
 from protocols.cb.client import ClientSession
@@ -15,25 +13,18 @@ from protocols.cb.messages import Bye
 BYE_LIMIT_S = 0.5
 
 
-class CbLink:
+class CbLink(ControllerLink):
     """Owns the connection. `conversation` is the current one; each reconnect creates a new one."""
 
+    again = "it is dialled again by itself"
+
     def __init__(self, device: str, transport: Transport, timing: Timing, reply_limit_s: float) -> None:
-        self._device, self._transport, self._timing = device, transport, timing
-        self._limits = CbLimits(reply_limit_s, transport.half_frame_limit_s)
-        self._backoff = Backoff(timing.chance)
-        self._report = LinkReport(timing.clock)
+        super().__init__(device, timing)
+        self._transport, self._limits = transport, CbLimits(reply_limit_s, transport.half_frame_limit_s)
         self._conversation: CbConversation | None = None
-        self._connected = asyncio.Event()
         self._known_session: int | None = None
         self._last_seq = 0
-        self._task: asyncio.Task[None] | None = None
         self._hanging_up: set[asyncio.Task[None]] = set()
-
-    @property
-    def health(self) -> LinkHealth:
-        """Whether the controller is connected, with the reason if not."""
-        return self._report.health
 
     @property
     def controller_session(self) -> int | None:
@@ -42,17 +33,8 @@ class CbLink:
 
     def start(self) -> None:
         """Start connecting."""
-        if self._task is None:
-            shorten_switch_interval()
-            self._task = asyncio.create_task(self._connect_repeatedly(), name=f"link to {self._device}")
-
-    async def wait_for_link(self, limit_s: float) -> None:
-        """Wait until the link is up; raises DeviceUnreachable with the last reason."""
-        waiting = asyncio.ensure_future(self._connected.wait())
-        in_time = await self._timing.wait_until_done(waiting, limit_s)
-        waiting.cancel()
-        if not in_time:
-            raise self._unreachable()
+        shorten_switch_interval()
+        super().start()
 
     def conversation(self) -> CbConversation:
         """The current conversation; raises DeviceUnreachable."""
@@ -67,14 +49,10 @@ class CbLink:
             await self._timing.wait_until_done(bye, BYE_LIMIT_S)
             bye.cancel()
             await asyncio.gather(bye, return_exceptions=True)
-        if self._task is not None:
-            self._task.cancel()
-            await asyncio.gather(self._task, return_exceptions=True)
-            self._task = None
+        await super().close()
         await asyncio.gather(*self._hanging_up)
-        self._report.down("closed")
 
-    async def _connect_repeatedly(self) -> None:
+    async def _look(self) -> None:
         while True:
             try:
                 connection = await self._transport.connect()
@@ -90,18 +68,18 @@ class CbLink:
             resynchronise=self._transport.resynchronise, known_session=self._known_session, last_seq=self._last_seq
         )
         conversation = CbConversation(
-            self._device, connection, session, self._timing, self._limits, self._end_conversation
+            self.device, connection, session, self._timing, self._limits, self._end_conversation
         )
-        listening = asyncio.create_task(conversation.listen(), name=f"listens to {self._device}")
-        beating = asyncio.create_task(self._greet_and_keep_alive(conversation), name=f"heartbeat to {self._device}")
+        listening = asyncio.create_task(conversation.listen(), name=f"listens to {self.device}")
+        beating = asyncio.create_task(self._greet_and_keep_alive(conversation), name=f"heartbeat to {self.device}")
         try:
             return await asyncio.shield(conversation.lost)
         finally:
-            conversation.lose(LinkLost(self._device, "the link was closed here", "open it again to go on"))
+            conversation.lose(LinkLost(self.device, "the link was closed here", "open it again to go on"))
             self._last_seq = session.last_seq
             for task in (listening, beating):
                 task.cancel()
-            hanging_up = asyncio.create_task(_hang_up(connection, listening, beating), name=f"leaves {self._device}")
+            hanging_up = asyncio.create_task(_hang_up(connection, listening, beating), name=f"leaves {self.device}")
             self._hanging_up.add(hanging_up)
             hanging_up.add_done_callback(self._hanging_up.discard)
             await asyncio.shield(hanging_up)  # shielded, so that a concurrent close cannot leave the port open
@@ -125,9 +103,6 @@ class CbLink:
         self._conversation = None
         self._connected.clear()
         self._report.down(f"{error.what}: {error.fix}")
-
-    def _unreachable(self) -> DeviceUnreachable:
-        return DeviceUnreachable(self._device, self.health.detail, "it is dialled again by itself")
 
 
 async def _hang_up(connection: Connection, *tasks: "asyncio.Task[None]") -> None:

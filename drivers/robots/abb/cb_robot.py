@@ -9,7 +9,6 @@ from calibration.transforms import Array
 from drivers.errors import DeviceError, MoveFailed, MoveRefused, MoveStalled
 from drivers.interfaces import (
     JointGoal,
-    LinkHealth,
     MoveGoal,
     PoseReading,
     RobotCapabilities,
@@ -22,6 +21,7 @@ from drivers.robots.abb.cb_link import CbLink
 from drivers.robots.abb.cb_move_monitor import MoveMonitor
 from drivers.robots.abb.cb_session import REPLY_LIMIT_S, Answered, CbConversation, OvertakenByStop
 from drivers.robots.abb.cb_status_errors import move_failure, move_refusal, request_refusal
+from drivers.robots.abb.controller_link import LinkedRobot
 from drivers.robots.abb.robtarget import POSE_CONVENTION
 from drivers.timing import Timing
 from drivers.transports.transport import Transport
@@ -52,8 +52,10 @@ STOP_WAIT_S = 0.5
 """How long a move that ends on the way waits for its STOP to be answered; sending it goes on. Normally milliseconds."""
 
 
-class CbRobot:
+class CbRobot(LinkedRobot):
     """drivers.interfaces.Robot. Raises DeviceUnreachable before `start` and while disconnected."""
+
+    _link: CbLink
 
     def __init__(
         self,
@@ -70,11 +72,6 @@ class CbRobot:
         self._stopping: set[asyncio.Task[None]] = set()
 
     @property
-    def link(self) -> LinkHealth:
-        """Whether the controller is connected."""
-        return self._link.health
-
-    @property
     def capabilities(self) -> RobotCapabilities:
         """The robot can move."""
         return RobotCapabilities(moves=True, pose_convention=POSE_CONVENTION, pose_frame="world")
@@ -83,14 +80,6 @@ class CbRobot:
     def controller_session(self) -> int | None:
         """Session number; a change means that the controller restarted. None before the first greeting."""
         return self._link.controller_session
-
-    def start(self) -> None:
-        """Start connecting in the background."""
-        self._link.start()
-
-    async def wait_for_link(self, limit_s: float) -> None:
-        """Wait for the link; raises DeviceUnreachable with the reason on timeout."""
-        await self._link.wait_for_link(limit_s)
 
     async def read_pose(self) -> PoseReading:
         """Pose of tool0 in wobj0, whatever tool and work object are selected at the controller."""
@@ -182,10 +171,6 @@ class CbRobot:
         """Switch an output that the modules name. Raises RequestRefused when they name none."""
         which = Output.LIGHT if output == "light" else Output.TRIGGER
         await self._read(SetOutput(which, on), f"switching the {output}")
-
-    async def close(self) -> None:
-        """Send BYE (the controller disarms), and stop connecting."""
-        await self._link.close()
 
     async def _read(
         self, request: Request, doing: str, conversation: CbConversation | None = None, *, urgent: bool = False

@@ -134,19 +134,14 @@ def _evaluate(
     base_T_flange = np.array([touch.base_T_flange.transform() for touch in touches.touches if touch.base_T_flange])
     tips_mm = np.broadcast_to(np.array(tip.flange_tip_mm), (len(points), 3))
     touched_mm = map_points(base_T_flange, tips_mm[:, None])[:, 0] + [touch.miss_mm for touch in touches.touches]
-    if arm is not None:
-        mapping = _subtract_touch(mapping, arm.rows(base_T_flange, tips_mm, arm.touched_rad))
+    if arm is not None:  # [X, the arm's errors] move the touched points, too
+        rows = mapping.rows.copy()
+        rows[:, :, 6:] -= arm.rows(base_T_flange, tips_mm, arm.touched_rad)
+        mapping = SharedError(rows, mapping.covariance)
     own = _own(points, base_T_flange, tip, touches.placing_sigma_mm, calibration, arm)
     shared = [tip_error(base_T_flange, tip.covariance_matrix()), *looks]
     found = evaluate_touch_test(seen_mm, touched_mm, mapping, shared, own, tolerance_mm)
     return _document(found, calibration.id, tip, touches.touches, seen_mm, touched_mm)
-
-
-def _subtract_touch(seen: SharedError, touched_rows: Array) -> SharedError:
-    """The error of seen less touched points by [X, the arm's errors], which move both."""
-    rows = seen.rows.copy()
-    rows[:, :, 6:] -= touched_rows
-    return SharedError(rows, seen.covariance)
 
 
 def _mapping(calibration: CalibrationDocument) -> tuple[Array, Array]:

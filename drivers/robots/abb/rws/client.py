@@ -198,11 +198,6 @@ class RwsClient:
             raise DeviceUnreachable(self.device, "no session with the controller", "it is looked for again by itself")
         return self.dialect
 
-    def _session_now(self) -> httpx.AsyncClient:
-        self.require_dialect()
-        assert self._http is not None
-        return self._http
-
     def _most_specific(self, errors: list[DeviceError]) -> DeviceError:
         """From one error per version tried, the one that was answered, or all combined."""
         for error in errors:
@@ -269,8 +264,10 @@ class RwsClient:
         if not urgent:
             await self._pace()
         async with nullcontext() if urgent else self._ordinary:
+            self.require_dialect()
+            assert self._http is not None
             doing = f"{method} {path}"
-            return await self._send(self._session_now(), method, path, query, form, headers, doing, content)
+            return await self._send(self._http, method, path, query, form, headers, doing, content)
 
     async def _send(
         self,

@@ -15,8 +15,7 @@ from websockets.typing import Subprotocol
 
 from drivers.backoff import Backoff
 from drivers.errors import DeviceError, DeviceUnreachable, GarbledAnswer
-from drivers.interfaces import LinkHealth
-from drivers.link_status import LinkReport
+from drivers.robots.abb.controller_link import ControllerLink
 from drivers.robots.abb.rws import parsing
 from drivers.robots.abb.rws.client import RwsClient
 from drivers.robots.abb.rws.dialect import DIALECTS
@@ -128,50 +127,27 @@ MAX_SILENT_CHANGES = 2
 _FIELDS = {"ctrlstate": "controller", "opmode": "mode", "ctrlexecstate": "execution"}
 
 
-class RwsLink:
+class RwsLink(ControllerLink):
     """Owns session and subscription."""
 
+    again = "it is looked for again by itself"
+
     def __init__(self, client: RwsClient, timing: Timing) -> None:
-        self._client, self._timing = client, timing
-        self._report = LinkReport(timing.clock)
-        self._backoff, self._watch_backoff = Backoff(timing.chance), Backoff(timing.chance)
+        super().__init__(client.device, timing)
+        self._client, self._watch_backoff = client, Backoff(timing.chance)
         self._watch: Subscription | None = None
         self._last_values: dict[str, str] = {}
         self.newest_event = 0
-        self._up = asyncio.Event()
-        self._task: asyncio.Task[None] | None = None
-
-    @property
-    def health(self) -> LinkHealth:
-        """Whether the controller is connected, and its state."""
-        return self._report.health
 
     @property
     def watching(self) -> bool:
         """Whether a subscription is open."""
         return self._watch is not None and self._watch.is_open
 
-    def start(self) -> None:
-        """Start connecting."""
-        if self._task is None:
-            self._task = asyncio.create_task(self._connect_repeatedly(), name=f"link to {self._client.device}")
-
-    async def wait_for_link(self, limit_s: float) -> None:
-        """Wait for the controller; raises DeviceUnreachable with the reason."""
-        waiting = asyncio.ensure_future(self._up.wait())
-        in_time = await self._timing.wait_until_done(waiting, limit_s)
-        waiting.cancel()
-        if not in_time:
-            raise DeviceUnreachable(self._client.device, self.health.detail, "it is looked for again by itself")
-
     async def close(self) -> None:
         """Log out."""
-        if self._task is not None:
-            self._task.cancel()
-            await asyncio.gather(self._task, return_exceptions=True)
-            self._task = None
+        await super().close()
         await self._client.close()
-        self._report.down("closed")
 
     async def one(self, path: str, query: Mapping[str, str] | None = None, *, urgent: bool = False) -> parsing.Values:
         """The first resource at a path; empty when there is none. Raises DeviceError."""
@@ -198,21 +174,21 @@ class RwsLink:
         """Execution state of RAPID, "running" or "stopped". Raises DeviceError."""
         return parsing.word(self._client.device, await self.one("/rw/rapid/execution", urgent=urgent), "ctrlexecstate")
 
-    async def _connect_repeatedly(self) -> None:
+    async def _look(self) -> None:
         while True:
             try:
                 dialect = await self._client.find()
                 async with asyncio.TaskGroup() as group:
-                    group.create_task(self._look(dialect.name))
+                    group.create_task(self._poll_panel(dialect.name))
                     group.create_task(self._keep_watching())
             except* DeviceError as errors:
                 error = errors.exceptions[0]
-                self._up.clear()
+                self._connected.clear()
                 self._report.down(f"{error.what}: {error.fix}" if isinstance(error, DeviceError) else str(error))
             await self._client.close()
             await self._timing.sleep(self._backoff.next_wait_s())
 
-    async def _look(self, name: str) -> None:
+    async def _poll_panel(self, name: str) -> None:
         """Poll the panel; raises DeviceError when it cannot be read."""
         unreported = 0
         while True:
@@ -227,7 +203,7 @@ class RwsLink:
                 self._last_values.update(polled)
             self._report.up(f"connected over {name}: {state}")
             self._backoff.reset()
-            self._up.set()
+            self._connected.set()
             await self._timing.sleep(POLL_S)
 
     async def _keep_watching(self) -> None:

@@ -5,7 +5,8 @@ from typing import Literal, NoReturn
 
 from calibration.transforms import Array
 from drivers.errors import MoveRefused, RequestRefused
-from drivers.interfaces import LinkHealth, MoveGoal, PoseReading, RobotCapabilities, RobotStatus, Standstill
+from drivers.interfaces import MoveGoal, PoseReading, RobotCapabilities, RobotStatus, Standstill
+from drivers.robots.abb.controller_link import LinkedRobot
 from drivers.robots.abb.robtarget import POSE_CONVENTION
 from drivers.robots.abb.rws import parsing
 from drivers.robots.abb.rws.address import FRAMES, RwsAddress
@@ -20,7 +21,7 @@ READ_ONLY = "over Robot Web Services the arm is read, not moved"
 INSTEAD = "take the pictures by hand (handeyed calibrate --manual), or set [robot] address to the CB link, tcp://..."
 
 
-class RwsRobot:
+class RwsRobot(LinkedRobot):
     """Raises DeviceUnreachable before `start` and while disconnected."""
 
     def __init__(
@@ -36,12 +37,7 @@ class RwsRobot:
         self._address, self._axes = address, axes
         self._timing = timing or Timing()
         self._client = RwsClient(self._device, address, self._timing, LIMIT_S if limit_s is None else limit_s)
-        self._link = RwsLink(self._client, self._timing)
-
-    @property
-    def link(self) -> LinkHealth:
-        """Whether the controller is connected, and its state."""
-        return self._link.health
+        self._link: RwsLink = RwsLink(self._client, self._timing)
 
     @property
     def capabilities(self) -> RobotCapabilities:
@@ -63,18 +59,6 @@ class RwsRobot:
     def newest_event(self) -> int:
         """Number of the newest event log entry received; 0 before the first."""
         return self._link.newest_event
-
-    def start(self) -> None:
-        """Start connecting in the background."""
-        self._link.start()
-
-    async def wait_for_link(self, limit_s: float) -> None:
-        """Wait for the controller; raises DeviceUnreachable with the reason on timeout."""
-        await self._link.wait_for_link(limit_s)
-
-    async def close(self) -> None:
-        """Log out and stop connecting."""
-        await self._link.close()
 
     # --- reading ---
 
