@@ -26,11 +26,6 @@ class CbLink(ControllerLink):
         self._last_seq = 0
         self._hanging_up: set[asyncio.Task[None]] = set()
 
-    @property
-    def controller_session(self) -> int | None:
-        """Session number at the last greeting; another one means that the controller restarted."""
-        return self._known_session
-
     def start(self) -> None:
         """Start connecting."""
         shorten_switch_interval()

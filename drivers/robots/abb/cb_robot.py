@@ -76,11 +76,6 @@ class CbRobot(LinkedRobot):
         """The robot can move."""
         return RobotCapabilities(moves=True, pose_convention=POSE_CONVENTION, pose_frame="world")
 
-    @property
-    def controller_session(self) -> int | None:
-        """Session number; a change means that the controller restarted. None before the first greeting."""
-        return self._link.controller_session
-
     async def read_pose(self) -> PoseReading:
         """Pose of tool0 in wobj0, whatever tool and work object are selected at the controller."""
         answered = await self._read(GetPose(), "reading the pose")

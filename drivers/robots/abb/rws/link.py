@@ -6,7 +6,6 @@ import logging
 import re
 from collections.abc import Callable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass
 from urllib.parse import urlsplit
 
 from websockets.asyncio.client import ClientConnection, connect
@@ -28,22 +27,12 @@ _EVENT = re.compile(r'<li class="([\w-]+)"[^>]*>')
 _SPAN = re.compile(r'<span class="([\w-]+)">([^<]*)</span>')
 
 
-@dataclass(frozen=True)
-class RwsEvent:
-    """One change. `kind` is ABB's class, such as pnl-ctrlstate-ev."""
-
-    kind: str
-    values: dict[str, str]
-
-
-def events_in(message: str) -> list[RwsEvent]:
-    """Events of one message, which is always XHTML."""
+def events_in(message: str) -> list[dict[str, str]]:
+    """The values of each change that a message reports; it is always XHTML."""
     begins = [*_EVENT.finditer(message)]
     ends = [*(begin.start() for begin in begins[1:]), len(message)][: len(begins)]
     return [
-        RwsEvent(
-            begin.group(1), {name: html.unescape(value) for name, value in _SPAN.findall(message, begin.end(), end)}
-        )
+        {name: html.unescape(value) for name, value in _SPAN.findall(message, begin.end(), end)}
         for begin, end in zip(begins, ends, strict=True)
     ]
 
@@ -51,7 +40,7 @@ def events_in(message: str) -> list[RwsEvent]:
 class Subscription:
     """A subscription to the panel, the execution state and the event log."""
 
-    def __init__(self, client: RwsClient, on_event: Callable[[RwsEvent], None]) -> None:
+    def __init__(self, client: RwsClient, on_event: Callable[[dict[str, str]], None]) -> None:
         self._client, self._on_event = client, on_event
         self._connection: ClientConnection | None = None
 
@@ -216,7 +205,7 @@ class RwsLink(ControllerLink):
                 log.info("%s", error)
             await self._timing.sleep(self._watch_backoff.next_wait_s())
 
-    def _on_event(self, event: RwsEvent) -> None:
-        self._last_values.update(event.values)
-        if event.values.get("seqnum", "").isdecimal():
-            self.newest_event = int(event.values["seqnum"])
+    def _on_event(self, values: dict[str, str]) -> None:
+        self._last_values.update(values)
+        if values.get("seqnum", "").isdecimal():
+            self.newest_event = int(values["seqnum"])

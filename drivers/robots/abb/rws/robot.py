@@ -46,11 +46,6 @@ class RwsRobot(LinkedRobot):
         return RobotCapabilities(moves=False, pose_convention=POSE_CONVENTION, pose_frame=frame)
 
     @property
-    def robotware(self) -> int:
-        """Family of RobotWare, from the version of the services: 6 for 1.0, 7 for 2.0. Raises DeviceError."""
-        return {1: 6, 2: 7}[self._client.require_dialect().version]
-
-    @property
     def watching(self) -> bool:
         """Whether the controller reports changes by a subscription."""
         return self._link.watching
