@@ -34,7 +34,8 @@ class OpenDevices:
     """Open devices, the controller's addresses, and whether clients can connect.
 
     `virtual`: RobotStudio's controller, which has no address of its own. Without `network`, nothing can be bound, and
-    a listening socket is closed.
+    a listening socket is closed. `address`: of a bound socket; input of a serial line from before it is `reachable`
+    may be discarded.
     """
 
     host: str = "127.0.0.1"
@@ -52,14 +53,6 @@ class OpenDevices:
     def drop(self, device: Any) -> None:
         """Forget a closed device."""
         self._open.pop(id(device), None)
-
-    def note_address(self, address: tuple[str, int]) -> None:
-        """Note the address of a bound socket."""
-        self.address = address
-
-    def note_listening(self) -> None:
-        """Note that clients can connect; input of a serial line from before may be discarded."""
-        self.reachable.set()
 
     def close(self) -> None:
         """Close everything."""

@@ -65,7 +65,7 @@ def clear_buffer(task: ProgramTask, slot: Slot) -> None:
 def read_bin(task: ProgramTask, slot: Slot, time: float | None) -> float:
     """Read one byte."""
     line, seconds = slot.value.line, DEFAULT_WAIT_S if time is None else time
-    task.services.devices.note_listening()
+    task.services.devices.reachable.set()
     ends_s = None if seconds >= MAX_WAIT_S else task.now_s() + seconds
     while not line.arrived and not line.look(task.services.wire):
         left_s = None if ends_s is None else max(0.0, ends_s - task.now_s())

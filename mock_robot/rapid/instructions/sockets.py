@@ -40,7 +40,7 @@ def bind(task: ProgramTask, slot: Slot, address: str, port: float) -> None:
         name = "ERR_SOCK_ADDR_INUSE" if error.errno == errno.EADDRINUSE else "ERR_SOCK_ADDR_INVALID"
         raise RapidError(name, f"{address}:{number}: {error.strerror}") from None
     device.state = "bound"
-    task.services.devices.note_address(end.getsockname())
+    task.services.devices.address = end.getsockname()
 
 
 def _bind(end: socket.socket, address: str, number: int) -> None:
@@ -61,7 +61,7 @@ def listen(task: ProgramTask, slot: Slot) -> None:
     device.require_open().listen(4)
     device.require_open().setblocking(False)
     device.state = "listening"
-    task.services.devices.note_listening()
+    task.services.devices.reachable.set()
 
 
 def accept(task: ProgramTask, slot: Slot, client: Slot, address: Slot | None, time: float | None) -> None:
