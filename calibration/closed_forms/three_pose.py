@@ -14,16 +14,15 @@ from calibration.transforms import Array, inverse, nearest_rotation, rotation_an
 
 @dataclass(frozen=True, eq=False)
 class ThreePose:
-    """The paper's X with a proper rotation, and the matrix of Eq. 7.
+    """The paper's X with a proper rotation.
 
     camera_T_mount : (4, 4).
-    equation_7 : (3, 3), a rotation only in the absence of noise.
-    distance_from_rotation : Frobenius distance of `equation_7` from the nearest rotation.
+    distance_from_rotation : Frobenius distance of the matrix of Eq. 7, a rotation only in the absence of noise, from
+        the nearest rotation.
     axis_angle_rad : angle between the axes of the robot's two motions.
     """
 
     camera_T_mount: Array
-    equation_7: Array
     distance_from_rotation: float
     axis_angle_rad: float
 
@@ -44,13 +43,12 @@ def solve_three_pose(anchor_T_mount: Array, camera_T_target: Array) -> ThreePose
     with_cross = [np.column_stack([*k, np.cross(*k)]) for k in (k_camera, k_mount)]
     if abs(np.linalg.det(with_cross[1])) < 1e-12:
         raise GeometryError("the two motions turn about the same axis: Eq. 7 has no inverse")
-    equation_7 = with_cross[0] @ np.linalg.inv(with_cross[1])
-    rotation, distance = nearest_rotation(equation_7)
+    rotation, distance = nearest_rotation(with_cross[0] @ np.linalg.inv(with_cross[1]))
     coefficients: Array = (camera[:, :3, :3] - np.eye(3)).reshape(6, 3)  # Eqs. 8, 9
     right_hand: Array = (mount[:, :3, 3] @ rotation.T - camera[:, :3, 3]).reshape(6)
     translation = np.linalg.lstsq(coefficients, right_hand, rcond=None)[0]
     cosine = float(abs(k_mount[0] @ k_mount[1]))
-    return ThreePose(transform(rotation, translation), equation_7, distance, float(np.arccos(min(cosine, 1.0))))
+    return ThreePose(transform(rotation, translation), distance, float(np.arccos(min(cosine, 1.0))))
 
 
 def _axes(motions: Array) -> Array:

@@ -1,6 +1,5 @@
 """The error of the arm over a box of places of its flange, before and after its errors are taken out (mm)."""
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -8,7 +7,7 @@ from pydantic import Field
 
 from calibration.documents.arm import ArmErrorsDocument
 from calibration.documents.calibration import CalibrationDocument
-from calibration.documents.pose import Vector
+from calibration.documents.pose import Vector, rounded_vector
 from calibration.documents.validation import Document
 from calibration.errors import GeometryError
 from calibration.kinematics.arm_box import box_around, grid_in, joints_at_places, middle_of
@@ -81,16 +80,16 @@ def arm_field(
         calibration_id=calibration.id,
         arm=errors.arm,
         taken_up=errors.taken_up,
-        box_mm=(_vector(box_mm[0]), _vector(box_mm[1])),
+        box_mm=(rounded_vector(box_mm[0]), rounded_vector(box_mm[1])),
         steps=steps,
-        point_in_flange_mm=_vector(map_points(estimate.mount_T_camera, point)[0]),
+        point_in_flange_mm=rounded_vector(map_points(estimate.mount_T_camera, point)[0]),
         before_rms_mm=_rms(squares),
         after_rms_mm=_rms(left),
         points=[
             ArmFieldPointDocument(
-                flange_mm=_vector(drawn[row, :3, 3]),
-                point_mm=_vector(found[row]),
-                error_mm=_vector(missed[row]),
+                flange_mm=rounded_vector(drawn[row, :3, 3]),
+                point_mm=rounded_vector(found[row]),
+                error_mm=rounded_vector(missed[row]),
                 before_mm=round(float(np.sqrt(squares[row])), 6),
                 after_mm=round(float(np.sqrt(left[row])), 6),
                 seen=bool(seen[row]),
@@ -141,8 +140,3 @@ def _joints_of(calibration: CalibrationDocument) -> Array:
 
 def _rms(squares: Array) -> float | None:
     return round(float(np.sqrt(squares.mean())), 6) if len(squares) else None
-
-
-def _vector(values: Sequence[float] | Array) -> Vector:
-    x, y, z = (round(float(value), 6) for value in values)
-    return x, y, z

@@ -1,12 +1,11 @@
 """What more views would leave of the error of a registered point: a part of arm.json (mm, degrees)."""
 
-from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 from pydantic import Field
 
-from calibration.documents.pose import Vector
+from calibration.documents.pose import Vector, rounded_vector
 from calibration.documents.validation import Document
 from calibration.planning.more_arm_views import BOX_STEPS, MORE_VIEWS, plan_more_arm_views
 from calibration.targets import Target
@@ -59,12 +58,12 @@ def more_arm_views_document(fit: "ArmFit", target: Target, box_mm: Array | None 
     possible = len(planned.after_mm)
     counts = sorted({min(count, possible) for count in MORE_VIEWS})
     return MoreArmViewsDocument(
-        box_mm=(_vector(planned.box_mm[0]), _vector(planned.box_mm[1])),
+        box_mm=(rounded_vector(planned.box_mm[0]), rounded_vector(planned.box_mm[1])),
         points=len(planned.interest.points_mm),
         now_mm=round(planned.now_mm, 6),
         after=[PointAfterViewsDocument(more=count, point_mm=round(planned.after_mm[count - 1], 6)) for count in counts],
         further=[
-            FurtherArmViewDocument(joints_deg=six(joints), target_mm=_vector(fit.anchor_T_target[place, :3, 3]))
+            FurtherArmViewDocument(joints_deg=six(joints), target_mm=rounded_vector(fit.anchor_T_target[place, :3, 3]))
             for joints, place in zip(np.degrees(planned.joints_rad), planned.places, strict=True)
         ],
     )
@@ -85,8 +84,3 @@ def six(joints: Array) -> Joints:
     """Of an array (6,)."""
     one, two, three, four, five, sixth = joints.tolist()
     return one, two, three, four, five, sixth
-
-
-def _vector(values: Sequence[float] | Array) -> Vector:
-    x, y, z = (round(float(value), 6) for value in values)
-    return x, y, z

@@ -1,6 +1,7 @@
 """The document of a pose: {"translation_mm": [x, y, z], "quaternion_wxyz": [w, x, y, z]}."""
 
 import math
+from collections.abc import Sequence
 from typing import Annotated, Self
 
 from pydantic import AfterValidator
@@ -26,6 +27,12 @@ def _unit(quaternion: tuple[float, float, float, float]) -> tuple[float, float, 
 
 
 Quaternion = Annotated[tuple[float, float, float, float], AfterValidator(_unit)]
+
+
+def rounded_vector(values: Sequence[float] | Array) -> Vector:
+    """x, y, z with six digits after the point."""
+    x, y, z = (round(float(value), 6) for value in values)
+    return x, y, z
 
 
 def is_direction(vector: Vector) -> bool:

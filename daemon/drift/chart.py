@@ -10,6 +10,7 @@ import numpy as np
 
 from calibration.documents.calibration import CalibrationDocument
 from calibration.documents.knowledge import NoiseBeliefDocument
+from calibration.documents.pose import rounded_vector
 from calibration.errors import CalibrationError
 from calibration.kinematics.abb_arms import find_arm
 from calibration.likelihood.predicted_uncertainty import ExpectedNoise, Scene
@@ -17,7 +18,6 @@ from calibration.monitoring.cell_change import DriftChangeDocument, find_change
 from calibration.monitoring.control_chart import ChartPoint, DriftRules, DriftStanding, chart, scatter_limit_mm
 from calibration.monitoring.learnt_noise import learn_noise
 from calibration.sentences.sentence import Sentence
-from calibration.transforms import Array
 from daemon.config.settings import DriftSettings, Settings
 from daemon.drift.samples import ChartEntry, robot_noise_mm
 
@@ -187,18 +187,13 @@ def _point(entry: ChartEntry, drawn: ChartPoint) -> DriftPointDocument:
         entry.run_id,
         entry.at,
         drawn.standing,
-        _round(drawn.shift_mm),
-        _round(drawn.average_mm),
+        rounded_vector(drawn.shift_mm),
+        rounded_vector(drawn.average_mm),
         round(drawn.drift_mm, 6),
         round(drawn.limit_mm, 6) if isfinite(drawn.limit_mm) else None,
         round(entry.sample.scatter_mm, 6),
         entry.camera_temperature_c,
     )
-
-
-def _round(vector: Array) -> Vector:
-    x, y, z = (round(float(value), 6) for value in vector)
-    return x, y, z
 
 
 def rules_of(settings: DriftSettings) -> DriftRules:
