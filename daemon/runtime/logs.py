@@ -42,11 +42,6 @@ def about_request(request_id: str) -> AbstractContextManager[None]:
     return within(_request, request_id)
 
 
-def request_id() -> str:
-    """The id of the current request; "-" outside any request."""
-    return _request.get()
-
-
 class OneLineFormatter(logging.Formatter):
     """Formats a record as one line; escapes line breaks and control characters, removes API keys."""
 

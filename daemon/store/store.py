@@ -379,11 +379,6 @@ class Store:
             raise NotFound.noun("scan", scan_id)
         return parse_row(SCANS.record, row, "scan")
 
-    async def scans(self, limit: int, before: str | None = None) -> list[ScanRecord]:
-        """Up to `limit` scans older than the one with the id `before`, newest first. Raises CursorUnknown."""
-        rows = await self._database.read(lambda db: read_page(db, SCANS.select, "scans", limit, before))
-        return [parse_row(SCANS.record, row, "scan") for row in rows]
-
     async def acceptances_of(self, scanner: str, limit: int) -> list[DocumentRecord]:
         """The latest verifications of a scanner by name, at most `limit`, the oldest first. Raises StorageError."""
         query = """SELECT a.id, a.scan_id, a.created_at, a.created_by, a.document FROM acceptances a

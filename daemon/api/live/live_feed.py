@@ -3,7 +3,7 @@
 import asyncio
 import json
 import logging
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Collection
 from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any
@@ -61,7 +61,13 @@ def _rounded(value: Any) -> Any:
 log = logging.getLogger(__name__)
 
 MAX_LISTENERS = 64
-MAX_LISTENERS_OF_ADDRESS = MAX_LISTENERS // 2
+
+
+def require_room(addresses: Collection[str], address: str) -> None:
+    """Raises TooManyListeners when all places are taken, or half of them by this address."""
+    if len(addresses) >= MAX_LISTENERS or list(addresses).count(address) >= MAX_LISTENERS // 2:
+        raise TooManyListeners(len(addresses))
+
 
 BEAT_S = 1.0
 """Every listener gets a message at least this often, also when nothing has changed."""
@@ -102,9 +108,7 @@ class LiveFeed:
 
     def admit(self, address: str) -> Listener:
         """A place for one listener, until `release`; one address has at most half of them. Raises TooManyListeners."""
-        same = sum(listener.address == address for listener in self._listeners)
-        if len(self._listeners) >= MAX_LISTENERS or same >= MAX_LISTENERS_OF_ADDRESS:
-            raise TooManyListeners(len(self._listeners))
+        require_room([listener.address for listener in self._listeners], address)
         listener = Listener(address)
         self._listeners.add(listener)
         if self._poller is None or self._poller.done():

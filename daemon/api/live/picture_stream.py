@@ -10,8 +10,7 @@ from fastapi.responses import StreamingResponse
 from numpy.typing import NDArray
 from starlette.types import Receive, Scope, Send
 
-from daemon.api.http_errors import TooManyListeners
-from daemon.api.live.live_feed import MAX_LISTENERS, MAX_LISTENERS_OF_ADDRESS, json_of
+from daemon.api.live.live_feed import json_of, require_room
 from daemon.api.problems import problem_of
 from daemon.api.schemas.cell import LookDocument
 from daemon.application import Application
@@ -158,9 +157,7 @@ class StreamedPictures(StreamingResponse):
         self._listeners, self.address = stream.listeners, address
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        same = sum(listener.address == self.address for listener in self._listeners)
-        if len(self._listeners) >= MAX_LISTENERS or same >= MAX_LISTENERS_OF_ADDRESS:
-            raise TooManyListeners(len(self._listeners))
+        require_room([listener.address for listener in self._listeners], self.address)
         self._listeners.add(self)
         try:
             await super().__call__(scope, receive, send)

@@ -47,7 +47,7 @@ ASKED = {
 async def test_heads_that_two_readers_might_read_in_two_ways_are_refused(bench: Bench) -> None:
     answers = {case: await asked(bench, *lines) for case, (lines, _) in ASKED.items()}
     assert answers == {case: expected for case, (_, expected) in ASKED.items()}
-    assert await bench.application.store.scans(10) == []
+    assert await bench.application.store.listings.scans(10) == []
 
 
 async def test_the_set_up_refuses_before_it_reads_the_body_when_there_are_keys(tmp_path: Path) -> None:

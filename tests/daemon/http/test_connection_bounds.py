@@ -193,7 +193,7 @@ async def test_trailers_are_refused(tmp_path: Path, case: str, secured: bool) ->
         head = cell.request("POST /scans").replace(b"\r\n\r\n", b"\r\nTransfer-Encoding: chunked\r\n\r\n2\r\n{}\r\n")
         writer.write(head + sent)
         assert await refusal(reader) == code
-        assert not (await cell.bench.application.store.scans(10, None))
+        assert not (await cell.bench.application.store.listings.scans(10))
 
 
 async def test_a_key_in_a_trailer_is_none(tmp_path: Path) -> None:

@@ -118,7 +118,7 @@ async def _check_restored(folder: Path, done: list[str]) -> list[str]:
     """The whole backup, or nothing before the restore was acknowledged."""
     if "restore" not in done:
         store = Store(folder / RESTORED)
-        begun = await store.scans(1)
+        begun = await store.listings.scans(1)
         await store.close()
         if not begun:
             left = [name for name in ("runs", "scans") if (folder / RESTORED / name).exists()]

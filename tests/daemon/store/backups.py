@@ -7,6 +7,7 @@ from pathlib import Path
 
 from daemon.model.records import ScanRecord
 from daemon.store.backup import back_up
+from daemon.store.listings import ScanListing
 from daemon.store.offline import open_offline
 from daemon.store.store import Store
 from tests.daemon.daemon_process import SETTINGS
@@ -37,7 +38,8 @@ async def names_of_scans(folder: Path) -> list[str]:
     """The scans in a store, oldest first."""
     store = Store(folder)
     try:
-        return [scan.name for scan in await store.scans(500)][::-1]
+        found = await store.listings.scans(500)
+        return [one.scan.name for one in found if isinstance(one, ScanListing)][::-1]
     finally:
         await store.close()
 
