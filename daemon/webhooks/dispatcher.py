@@ -111,6 +111,9 @@ class WebhookDispatcher:
     failures: Counter[str] = field(default_factory=Counter)
     """Failed attempts of each receiver since it last accepted a message."""
 
+    _refusals: Counter[str] = field(default_factory=Counter, init=False)
+    """Of them those that refused the message at hand for good: what is away refuses nothing."""
+
     _tasks: list[asyncio.Task[None]] = field(default_factory=list, init=False)
 
     async def start(self) -> None:
@@ -174,14 +177,12 @@ class WebhookDispatcher:
             await self.outbox.acknowledge(name, message.number)
             return
         refused = await self._send(webhook, message, secrets, client)
-        if refused is None:
-            self.failures[name] = 0
-            await self.outbox.acknowledge(name, message.number)
-            return
         self.failures[name] += 1
-        if refused in PERMANENT_REFUSALS and self.failures[name] >= MAX_ATTEMPTS_WHEN_REFUSED:
-            log.error("webhook %s never takes message %s (HTTP %d): it is left out", name, message.id, refused)
-            self.failures[name] = 0
+        self._refusals[name] += refused in PERMANENT_REFUSALS
+        if refused is None or self._refusals[name] >= MAX_ATTEMPTS_WHEN_REFUSED:
+            if refused is not None:
+                log.error("webhook %s never takes message %s (HTTP %d): it is left out", name, message.id, refused)
+            self.failures[name] = self._refusals[name] = 0
             await self.outbox.acknowledge(name, message.number)
             return
         await self.clock.sleep(pause_s(self.failures[name], self.chance()))

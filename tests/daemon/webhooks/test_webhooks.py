@@ -130,6 +130,18 @@ async def test_a_message_that_is_never_taken_does_not_stop_those_behind_it(store
         await sending.stop()
 
 
+async def test_a_receiver_that_was_away_may_refuse_once_and_gets_the_message(store: Store, tmp_path: Path) -> None:
+    """A proxy that answers 400 while what is behind it starts, after a night without an answer, loses nothing."""
+    away = [0, 502, 503] * MAX_ATTEMPTS_WHEN_REFUSED
+    async with receiving(*away, 400) as mes:
+        sending = dispatcher(store, webhook(tmp_path, mes, topics=("calibration.applied",)))
+        await sending.start()
+        await apply_some(store, "a", "b")
+        bodies = await mes.has(len(away) + 3)
+        assert [body["data"]["sequence"] for body in bodies] == [1] * (len(away) + 2) + [2]
+        await sending.stop()
+
+
 async def test_a_new_receiver_does_not_get_the_past_and_a_known_one_misses_nothing(tmp_path: Path) -> None:
     async with receiving() as mes:
         store = Store(tmp_path)
