@@ -14,7 +14,7 @@ import numpy as np
 
 from calibration.knowledge import PriorMixture
 from calibration.likelihood.chain import Chain
-from calibration.linear_algebra import covariance_of
+from calibration.linear_algebra import covariance_of, inverse_or_pseudo_inverse
 from calibration.observations.reprojection import PixelStatistics
 from calibration.transforms import Array, vector_from_rotation
 
@@ -231,7 +231,7 @@ def woodbury(model: MixedModel, variances: Variances) -> Array:
     """K (n, 6, 6) with V^-1 = (I - U K U') / s²; zero where the robot is exact."""
     deviation = variances.deviations()
     scaled = deviation[:, None] * model.UU * deviation + variances.pixel * np.eye(6)
-    K: Array = deviation[:, None] * np.linalg.inv(scaled) * deviation
+    K: Array = deviation[:, None] * inverse_or_pseudo_inverse(scaled) * deviation
     return K
 
 

@@ -19,7 +19,7 @@ from calibration.kinematics.robot_accuracy import MIN_REPEATABILITY, USUAL_BELIE
 from calibration.knowledge import PriorMixture
 from calibration.likelihood.mixed_model import MixedModel, Variances, sum_products
 from calibration.likelihood.variance_components import redundancy
-from calibration.linear_algebra import MIN_EIGENVALUE, scaled_inverse_and_log_determinant
+from calibration.linear_algebra import MIN_EIGENVALUE, inverse_or_pseudo_inverse, scaled_inverse_and_log_determinant
 from calibration.solution import ArmScale
 from calibration.transforms import Array
 
@@ -180,7 +180,7 @@ def _at_levels(model: MixedModel, variances: Variances, deviations: Array) -> _A
     pixel, spread = variances.pixel, np.repeat(deviations, 3, axis=1)[:, None, :, None]  # (k, 1, 6, 1)
     spread_t = np.swapaxes(spread, 2, 3)
     scaled = spread * model.UU * spread_t / pixel + np.eye(6)
-    K = spread * np.linalg.inv(scaled) * spread_t / pixel  # (k, n, 6, 6)
+    K = spread * inverse_or_pseudo_inverse(scaled) * spread_t / pixel  # (k, n, 6, 6)
     p, columns, total, mixture = model.unknowns, model.UAy, model.total, model.mixture
     at = np.arange(0) if mixture is None else model.mixture_at + np.arange(mixture.information.shape[1])
     others = np.setdiff1d(np.arange(p), at)

@@ -1,10 +1,20 @@
 """The estimator's sums: made once, taken apart again, and each the same as when it is made by itself."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from calibration.likelihood.estimate import exact_pixels, linearise
-from calibration.likelihood.mixed_model import MixedModel, Variances, per_view_equations, solve, trend_basis, with_trend
+from calibration.likelihood.mixed_model import (
+    MixedModel,
+    Variances,
+    per_view_equations,
+    solve,
+    trend_basis,
+    with_trend,
+    woodbury,
+)
 from calibration.preprocessing.prepare import PreparedSession
 from calibration.solve import estimate_session
 from calibration.solver.view_outliers import Selection
@@ -44,3 +54,10 @@ def test_what_the_views_say_adds_up(solved: tuple[PreparedSession, Selection], f
     whole = gradient.sum(axis=0) + known * model.prior_offset
     np.testing.assert_allclose((whole - step.gradient) / scale, 0, atol=1e-6)
     assert model.corrections(step.K, step.b).shape == (14, 6)
+
+
+def test_a_view_in_the_plane_of_the_image_is_no_error(solved: tuple[PreparedSession, Selection]) -> None:
+    """Poses that a wrong X puts there, as of exchanged pictures: a point moves by more than numbers tell apart."""
+    model = by_pixels(solved)
+    K = woodbury(replace(model, by_robot=np.full_like(model.by_robot, 1e30)), LEVELS)
+    assert np.all(np.isfinite(K))
