@@ -199,7 +199,7 @@ class Server(uvicorn.Server):
         gc.set_threshold(*COLLECT_AFTER)
 
     async def listen(self) -> None:
-        """Serve until a signal comes or `should_exit` is set. Raises PortTaken, CertificateUnusable."""
+        """Serve until a signal comes or `should_exit` is set. Raises DaemonError."""
         settings = self._application.settings.server
         if settings.certificate is not None and settings.private_key is not None:
             self._tls = server_context(settings.certificate, settings.private_key)
@@ -207,8 +207,12 @@ class Server(uvicorn.Server):
             await self.serve([self._listener])
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
-        """Like uvicorn's, then announce the URL."""
+        """Start the application, then like uvicorn's, and announce the URL. Raises DaemonError.
+
+        Not in the lifespan: there an error is a traceback in the log, and the process ends without a word.
+        """
         self._loop = asyncio.get_running_loop()
+        await self._application.start()
         await super().startup([])
         if self._listener is not None:
             limits = self._limiter.limits

@@ -35,7 +35,7 @@ ABOUT = (
 
 
 def create_api(app: FastAPI, application: Application) -> ASGIApp:
-    """The REST interface of `application`, which its lifespan starts and stops: `app` behind the middleware."""
+    """The REST interface of `application`, which its lifespan stops: `app` behind the middleware."""
     keyed = Idempotency(app, application, app.state.extensions)
     known = Authentication(AbortFirst(keyed, application), application)
     return RequestChecks(Disconnects(known), application.settings.server, application.metrics)
@@ -47,7 +47,6 @@ def routes(application: Application | None, extensions: Extensions = ()) -> Fast
     @asynccontextmanager
     async def lifespan(_app: FastAPI) -> AsyncIterator[None]:
         assert application is not None
-        await application.start()
         yield
         await application.stop()
 

@@ -161,6 +161,14 @@ async def test_a_new_receiver_does_not_get_the_past_and_a_known_one_misses_nothi
         await store.close()
 
 
+async def test_a_daemon_whose_secret_is_missing_does_not_start_and_says_why(tmp_path: Path) -> None:
+    """What its start raises reaches whoever started it: not a traceback in the log, and no daemon."""
+    hook = WebhookSettings(receiver="mes", url="http://127.0.0.1:1/", secret_file=str(tmp_path / "secret"))
+    with pytest.raises(SecretUnusable, match="no such file or directory: make one"):
+        async with serving(settings_for(tmp_path).model_copy(update={"webhooks": (hook,)})):
+            pytest.fail("it serves")
+
+
 async def test_a_run_and_a_view_are_reported_by_the_running_daemon(tmp_path: Path) -> None:
     (tmp_path / "secret").write_bytes(SECRET)
     async with receiving() as mes:
