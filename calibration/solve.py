@@ -41,11 +41,7 @@ METHODS = ("auto", *CLOSED_FORMS)
 MAX_ROUNDS = 3
 """Rounds in which target shape and camera are estimated in turn, the camera with the robot's poses."""
 
-CONTRADICTORY = (
-    "contradictory-input",
-    Sentence("no-estimate"),
-    Sentence("check-pose-convention"),
-)
+CONTRADICTORY = ("contradictory-input", Sentence("no-estimate"), Sentence("check-pose-convention"))
 """Code, message and fix when numbers far from any cell break the arithmetic; the diagnosis may name the convention."""
 
 

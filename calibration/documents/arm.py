@@ -164,10 +164,7 @@ def arm_document(
         scatter_deg=float(np.degrees(np.sqrt(fit.variances.rotation))),
         ladder=[
             ArmLadderDocument(
-                up_to=row.up_to,
-                probability=row.probability,
-                log_evidence=row.log_evidence,
-                hold_out_mm=row.hold_out_mm,
+                up_to=row.up_to, probability=row.probability, log_evidence=row.log_evidence, hold_out_mm=row.hold_out_mm
             )
             for row in fit.ladder
         ],

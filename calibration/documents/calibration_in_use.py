@@ -121,10 +121,7 @@ class CalibrationInUse:
 
     @classmethod
     def of(
-        cls,
-        document: CalibrationDocument,
-        errors: ArmErrorsDocument | None,
-        conditions: ArmConditions = NOT_KNOWN,
+        cls, document: CalibrationDocument, errors: ArmErrorsDocument | None, conditions: ArmConditions = NOT_KNOWN
     ) -> "CalibrationInUse":
         """With arm.json, where that was identified and took errors up. Raises GeometryError for a damaged one.
 

@@ -7,12 +7,7 @@ from typing import Annotated, Self
 from pydantic import AfterValidator
 
 from calibration.documents.validation import Document
-from calibration.transforms import (
-    QUATERNION_NORM_TOLERANCE,
-    Array,
-    quaternion_from_rotation,
-    transform_from_quaternion,
-)
+from calibration.transforms import QUATERNION_NORM_TOLERANCE, Array, quaternion_from_rotation, transform_from_quaternion
 
 Vector = tuple[float, float, float]
 MIN_DIRECTION, MAX_DIRECTION = 1e-3, 1e6

@@ -6,12 +6,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from calibration.documents.calibration import (
-    COVARIANCE_ORDER,
-    FindingDocument,
-    Six,
-    VerdictDocument,
-)
+from calibration.documents.calibration import COVARIANCE_ORDER, FindingDocument, Six, VerdictDocument
 from calibration.documents.calibration_text import finding_line
 from calibration.documents.pose import PoseDocument, Vector
 from calibration.documents.validation import Document

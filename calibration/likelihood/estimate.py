@@ -196,11 +196,7 @@ def linearise(
         information, offset = model.prior_information.copy(), model.prior_offset.copy()
         information[known:], offset[known:] = nuisances.prior.widest(), z[nuisances.first_known :]
         model = replace(
-            model,
-            prior_information=information,
-            prior_offset=offset,
-            mixture=nuisances.prior,
-            mixture_at=known,
+            model, prior_information=information, prior_offset=offset, mixture=nuisances.prior, mixture_at=known
         )
     return with_trend(model, trend_basis(chain.base_T_flange)) if trend else model
 

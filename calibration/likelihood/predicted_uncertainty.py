@@ -17,11 +17,7 @@ import numpy as np
 from calibration.camera import BROWN, CameraModel
 from calibration.knowledge import NOTHING_STATED, Knowledge
 from calibration.likelihood.chain import Chain
-from calibration.likelihood.mapped_points import (
-    named_points_uncertainty,
-    point_rows,
-    working_volume_uncertainty,
-)
+from calibration.likelihood.mapped_points import named_points_uncertainty, point_rows, working_volume_uncertainty
 from calibration.likelihood.mixed_model import Variances, linearise_model, per_view_equations, solve
 from calibration.likelihood.nuisances import Nuisances
 from calibration.linear_algebra import covariance_or_inf

@@ -143,11 +143,7 @@ def _usable_corners(
             lambda corners: Sentence("too-few-corners", corners=corners, least=MIN_CORNERS),
         ),
         (wide_mm < 1e-6 * long_mm, "corners-on-a-line", lambda corners: Sentence("corners-on-a-line")),
-        (
-            _extents(pixels, row, count)[1] < MIN_WIDTH_PX,
-            "edge-on",
-            lambda corners: Sentence("corners-edge-on"),
-        ),
+        (_extents(pixels, row, count)[1] < MIN_WIDTH_PX, "edge-on", lambda corners: Sentence("corners-edge-on")),
     )
     refused = {}
     kept = np.ones(n, bool)

@@ -12,12 +12,7 @@ import numpy as np
 
 from calibration.closed_forms.observability import summarise_motion
 from calibration.errors import UndeterminedError
-from calibration.likelihood.predicted_uncertainty import (
-    Scene,
-    median_distance_mm,
-    predict,
-    view_information,
-)
+from calibration.likelihood.predicted_uncertainty import Scene, median_distance_mm, predict, view_information
 from calibration.linear_algebra import covariance_or_inf
 from calibration.planning.next_view import StoppingRule
 from calibration.planning.point_criterion import point_matrices, worst_variances

@@ -150,11 +150,7 @@ def default_camera(image_size: tuple[int, int] = (1600, 1200)) -> CameraModel:
 
 def _belief_of_prior(prior: ScenePrior, camera: CameraModel, caution: float) -> SceneBelief:
     if prior.mount_T_camera is None or prior.anchor_T_target is None:
-        raise UndeterminedError(
-            "target-not-found",
-            Sentence("target-nowhere"),
-            Sentence("see-target-or-guess"),
-        )
+        raise UndeterminedError("target-not-found", Sentence("target-nowhere"), Sentence("see-target-or-guess"))
     scene = _scene(prior, camera, prior.mount_T_camera, prior.anchor_T_target)
     covariance = caution**2 * prior.covariance()
     of_mount = [(x, prior.anchor_T_target) for x in sigma_points(prior.mount_T_camera, covariance)]

@@ -12,13 +12,7 @@ from scipy.special import fdtri, gammaln
 from calibration.linear_algebra import covariance_of
 from calibration.observations.pose_model import clip_step
 from calibration.pose_pairs.noise_models import sources_of
-from calibration.pose_pairs.reml_optimizer import (
-    Moments,
-    State,
-    initial_variances,
-    maximise,
-    restriction_term,
-)
+from calibration.pose_pairs.reml_optimizer import Moments, State, initial_variances, maximise, restriction_term
 from calibration.pose_pairs.residuals import LinearisedPairs, PosePairs, ScaledChain, linearise
 from calibration.solution import ArmScale
 from calibration.transforms import Array

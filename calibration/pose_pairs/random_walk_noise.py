@@ -16,13 +16,7 @@ from calibration.linear_algebra import covariance_of
 from calibration.observations.pose_model import clip_step
 from calibration.pose_pairs.independent_noise import PoseFit
 from calibration.pose_pairs.noise_models import RANDOM_WALK
-from calibration.pose_pairs.reml_optimizer import (
-    Moments,
-    State,
-    initial_variances,
-    maximise,
-    restriction_term,
-)
+from calibration.pose_pairs.reml_optimizer import Moments, State, initial_variances, maximise, restriction_term
 from calibration.pose_pairs.residuals import PosePairs, ScaledChain, floor_variances, linearise
 from calibration.transforms import Array, transform
 

@@ -46,11 +46,7 @@ def fit_pose_pairs(pairs: PosePairs) -> tuple[PoseFit, NDArray[np.bool_]]:
         used = agreeing
     likeliest = marginalise_few(pairs.take(used), with_random_walk(pairs.take(used), likeliest))
     if not pairs.metric and not np.sqrt(likeliest.covariance[12, 12]) < MAX_SCALE_SIGMA:
-        raise UndeterminedError(
-            "scale-undetermined",
-            Sentence("camera-hardly-moves"),
-            Sentence("move-camera-further"),
-        )
+        raise UndeterminedError("scale-undetermined", Sentence("camera-hardly-moves"), Sentence("move-camera-further"))
     return likeliest, used
 
 

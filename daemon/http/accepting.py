@@ -42,11 +42,7 @@ class Accepting:
     """
 
     def __init__(
-        self,
-        listener: socket.socket,
-        begin: Begin,
-        max_begun_a_turn: int,
-        held: Callable[[], bool] = lambda: False,
+        self, listener: socket.socket, begin: Begin, max_begun_a_turn: int, held: Callable[[], bool] = lambda: False
     ) -> None:
         self._listener, self._begin, self._max_begun, self._held = listener, begin, max_begun_a_turn, held
         self._waiting: deque[tuple[socket.socket, str]] = deque()

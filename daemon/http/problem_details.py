@@ -10,12 +10,7 @@ from calibration.errors import DocumentProblem
 
 MEDIA_TYPE = "application/problem+json"
 
-_PHRASES = {
-    413: "Content Too Large",
-    414: "URI Too Long",
-    416: "Range Not Satisfiable",
-    422: "Unprocessable Content",
-}
+_PHRASES = {413: "Content Too Large", 414: "URI Too Long", 416: "Range Not Satisfiable", 422: "Unprocessable Content"}
 """Phrases that Python 3.13 changed."""
 
 

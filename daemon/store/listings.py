@@ -175,12 +175,7 @@ class Listings:
 
 
 def read_page(
-    db: sqlite3.Connection,
-    query: str,
-    table: str,
-    limit: int,
-    before: str | None,
-    filters: PageFilters = NO_FILTERS,
+    db: sqlite3.Connection, query: str, table: str, limit: int, before: str | None, filters: PageFilters = NO_FILTERS
 ) -> list[Any]:
     """One page, latest insertion first: ordered by rowid and not by time, since the clock may jump back."""
     conditions, values = list(filters.conditions), list(filters.values)

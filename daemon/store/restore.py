@@ -95,8 +95,7 @@ def finish_restore(store: Path) -> None:
             target = store / entry.name
             if os.path.lexists(target):
                 raise StorageError(
-                    f"a restore into {store} cannot be finished: {entry.name} is there already",
-                    f"move {target} away",
+                    f"a restore into {store} cannot be finished: {entry.name} is there already", f"move {target} away"
                 )
             if entry.name == DATABASE_NAME:
                 fsync_path(store)
