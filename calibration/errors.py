@@ -10,7 +10,7 @@ CalibrationError
 """
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Self
 
 
 class PicklableError(Exception):
@@ -55,9 +55,13 @@ class DocumentError(CalibrationError):
     """A document cannot be used. `origin`: the file (or 'request body'); `problems`: every defect found."""
 
     def __init__(self, origin: str, problems: list[DocumentProblem]) -> None:
-        self.origin = origin
-        self.problems = problems
+        self.origin, self.problems = origin, problems
         super().__init__("\n".join(f"{origin}: {problem}" for problem in problems))
+
+    @classmethod
+    def one(cls, origin: str, place: str, what: str, fix: str) -> Self:
+        """An error of one defect."""
+        return cls(origin, [DocumentProblem(place, what, fix)])
 
 
 class DetectionError(CalibrationError):

@@ -19,7 +19,7 @@ from calibration.documents.requirement import PointsDocument, Tolerance, Verdict
 from calibration.documents.session import CameraDocument
 from calibration.documents.target import TargetDocument
 from calibration.documents.validation import Document, validate_document
-from calibration.errors import DocumentError, DocumentProblem, GeometryError
+from calibration.errors import DocumentError, GeometryError
 from calibration.kinematics.abb_arms import find_any_arm
 from calibration.kinematics.arm_errors import AXES
 from calibration.kinematics.load import Load
@@ -458,13 +458,15 @@ def read_settings(path: Path) -> tuple[dict[str, Any], SettingsFile]:
     except (FileNotFoundError, NotADirectoryError, RuntimeError):  # a link to itself is refused below
         found = []
     except OSError as error:
-        raise _unreadable(folder, "folder", error.strerror or str(error), "let the daemon's user read it") from None
+        raise DocumentError.one(
+            str(folder), "folder", error.strerror or str(error), "let the daemon's user read it"
+        ) from None
     for file in (path, *found):
         try:
             content = read_bounded(file)
         except OSError as error:
             what = error.strerror or str(error)
-            raise _unreadable(file, "document", what, "give the path of a settings file") from None
+            raise DocumentError.one(str(file), "document", what, "give the path of a settings file") from None
         whole.update(content if file == path else f"\n{file.name}\n".encode() + content)
         merge_tables(data, parse_toml(content, str(file)), given_by, str(file))
     return data, SettingsFile(str(path.resolve()), whole.hexdigest(), given_by)
@@ -501,12 +503,8 @@ def parse_toml(content: bytes, origin: str) -> dict[str, Any]:
     try:
         return tomllib.loads(content.decode())
     except UnicodeDecodeError as error:
-        raise _unreadable(origin, f"byte {error.start}", "not UTF-8 text", "save the file as UTF-8") from None
+        raise DocumentError.one(origin, f"byte {error.start}", "not UTF-8 text", "save the file as UTF-8") from None
     except tomllib.TOMLDecodeError as error:
-        raise _unreadable(origin, "document", f"not TOML ({error})", "correct the line") from None
+        raise DocumentError.one(origin, "document", f"not TOML ({error})", "correct the line") from None
     except (ValueError, RecursionError) as error:  # an integer of thousands of digits; brackets a thousand deep
-        raise _unreadable(origin, "document", f"beyond what is read ({error})", "shorten it") from None
-
-
-def _unreadable(origin: Path | str, place: str, what: str, fix: str) -> DocumentError:
-    return DocumentError(str(origin), [DocumentProblem(place, what, fix)])
+        raise DocumentError.one(origin, "document", f"beyond what is read ({error})", "shorten it") from None

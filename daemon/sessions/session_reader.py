@@ -92,12 +92,12 @@ def open_session(path: Path) -> SessionFolder:
     folder = path.parent if path.name == SESSION_FILE else path
     file = folder / SESSION_FILE
     if not folder.is_dir():
-        raise _document_error(
+        raise DocumentError.one(
             str(folder), "folder", "not there" if not folder.exists() else "not a folder", "check the path"
         )
     if not file.exists() and any(path.suffix.lower() in PICTURES for path in folder.iterdir()):
         fix = f"make one of them and a file of poses: handeyed import {folder} --out SESSION"
-        raise _document_error(str(file), "file", "the folder holds pictures, and no session.json", fix)
+        raise DocumentError.one(str(file), "file", "the folder holds pictures, and no session.json", fix)
     document = parse_document(SessionDocument, read_document(file), str(file))
     _require_sound(document, str(file))
     return SessionFolder(folder, document)
@@ -127,7 +127,7 @@ def load_problem(session: SessionFolder, progress: Progress = lambda done, of: N
     document, target = session.document, session.document.described_target()
     if document.point_pairs is not None:
         what, fix = "pairs of points have no poses of a target", "solve them with 'handeyed solve'"
-        raise _document_error(str(session.file), "views", what, fix)
+        raise DocumentError.one(str(session.file), "views", what, fix)
     if document.in_space:
         return _problem_in_space(session, target, progress)
     stated = document.camera.image_size if document.camera else document.image_size
@@ -317,7 +317,3 @@ _CHECKS = (_check_views, _check_observations, _check_external_axis, _check_sizes
 
 def _by(size: tuple[int, int]) -> str:
     return f"{size[0]} x {size[1]}"
-
-
-def _document_error(origin: str, place: str, what: str, fix: str) -> DocumentError:
-    return DocumentError(origin, [DocumentProblem(place, what, fix)])

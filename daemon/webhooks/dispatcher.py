@@ -66,11 +66,6 @@ def _secret(line: bytes, file: Path) -> bytes:
         raise SecretUnusable(file, "what follows whsec_ is not base64") from None
 
 
-# Errors of webhooks.
-#
-# DaemonError └── SecretUnusable a secret file cannot be read, or a secret is too short
-
-
 class SecretUnusable(DaemonError):
     """A secret file cannot be read, or a secret is too short."""
 
