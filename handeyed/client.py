@@ -25,8 +25,11 @@ from urllib.parse import quote
 
 import httpx
 
+from calibration.errors import DocumentError
 from daemon.model.run_states import FINAL_STATES
 from handeyed.errors import ClientError, ConnectionBroke, NoDaemon, NotAnAddress, Refused, RunFailed
+from registration.errors import CloudError
+from registration.io.durable_file import GuardedFile, new_file
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -41,6 +44,7 @@ POLL_S = 20.0
 MAX_TRIES = 3
 """How often the start of a run is sent, with one Idempotency-Key: it starts once."""
 
+JSON = "application/json"
 MEDIA_TYPES = {".ply": "application/x-ply", ".pcd": "application/x-pcd", ".bin": "application/octet-stream",
                ".las": "application/vnd.laszip", ".laz": "application/vnd.laszip"}  # fmt: skip
 
@@ -90,21 +94,23 @@ class Client:
         timeout_s: float = MAX_ANSWER_S,
     ) -> None:
         self.url, self._timeout_s = url.rstrip("/"), timeout_s
-        key, authority = key or os.environ.get("HANDEYED_KEY"), ca or os.environ.get("HANDEYED_CA")
+        key, authority = key or os.environ.get("HANDEYED_KEY") or "", ca or os.environ.get("HANDEYED_CA")
         if tls is None and authority:
             try:
                 tls = ssl.create_default_context(cafile=authority)
             except (OSError, ssl.SSLError):
                 what, fix = "not an authority's certificate", "set HANDEYED_CA to authority.pem"
                 raise NotAnAddress(str(authority), what, fix) from None
-        self._http = httpx.Client(
-            base_url=self.url,
-            timeout=timeout_s,
-            trust_env=False,
-            headers={"Authorization": f"Bearer {key}"} if key else {},
-            # Plain HTTP needs no authorities, and reading them takes 40 ms of processor time.
-            verify=tls or (ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT) if self.url.startswith("http:") else True),
-        )
+        key = _header("key", key.strip())
+        with self._translate_errors():
+            self._http = httpx.Client(
+                base_url=self.url,
+                timeout=timeout_s,
+                trust_env=False,
+                headers={"Authorization": f"Bearer {key}"} if key else {},
+                # Plain HTTP needs no authorities, and reading them takes 40 ms of processor time.
+                verify=tls or (ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT) if self.url.startswith("http:") else True),
+            )
 
     def __enter__(self) -> Self:
         return self
@@ -122,15 +128,16 @@ class Client:
 
     def read(self, path: str) -> bytes:
         """The content of a GET."""
-        return self._answer("GET", path).content
+        return self._answer("GET", path, media_type="").content
 
     def post(self, path: str, body: dict[str, Any] | None = None) -> Any:
         """The JSON answer of a POST; `body` goes as JSON."""
         return self._answer("POST", path, json=body or {}).json()
 
-    def download(self, path: str, file: Path) -> int:
-        """GET into `file`; its size in bytes."""
-        return self._stream_into(file, "GET", path)
+    def download(self, path: str, file: str | Path) -> int:
+        """GET into `file`, which appears when it is whole; its size in bytes."""
+        with self._translate_errors():
+            return self._stream_into(Path(file), "GET", path)
 
     def start(
         self, path: str, body: dict[str, Any] | None = None, *, wait_s: float = 0.0, retry_key: str | None = None
@@ -140,7 +147,7 @@ class Client:
         Answered when the run is over, or after `wait_s` as it is then. A start whose answer is lost is sent again with
         the same Idempotency-Key, and never starts twice; `retry_key` is yours, to go on after a crash of your program.
         """
-        headers = {"Idempotency-Key": retry_key or str(uuid.uuid4())}
+        headers = {"Idempotency-Key": _header("retry_key", retry_key or str(uuid.uuid4()))}
         params, limit_s = ({"wait": wait_s} if wait_s else {}), self._timeout_s + wait_s
         for tries in range(1, MAX_TRIES + 1):
             try:
@@ -161,7 +168,7 @@ class Client:
         """The run when it is over, or after `limit_s` as it is then."""
         while not run["over"] and (limit_s is None or limit_s > 0):
             step_s = POLL_S if limit_s is None else min(POLL_S, limit_s)
-            waiting = {"params": {"wait": step_s}, "timeout": self._timeout_s + step_s}
+            waiting: dict[str, Any] = {"params": {"wait": step_s}, "timeout": self._timeout_s + step_s}
             run = self._answer("GET", f"/runs/{run['id']}", **waiting).json()
             limit_s = None if limit_s is None else limit_s - step_s
         return run
@@ -210,15 +217,18 @@ class Client:
     def calibration(self, calibration_id: str) -> "CalibrationDocument":
         """calibration.json; `handeyed.register` and `handeyed.export` take it."""
         from calibration.documents.calibration import CalibrationDocument
+        from calibration.documents.validation import validate_document
 
-        return CalibrationDocument.model_validate(self.get(f"/calibrations/{_quoted(calibration_id)}"))
+        document = self.get(f"/calibrations/{_quoted(calibration_id)}")
+        with self._translate_errors():
+            return validate_document(CalibrationDocument, document, self.url)
 
     def current(self) -> dict[str, Any] | None:
         """The active calibration (`calibration`, `applied`, `expanded_mm` and its like); None when none is active."""
         try:
             found: dict[str, Any] = self.get("/calibrations/current")
         except Refused as refused:
-            if refused.status == 404:
+            if refused.code == "not-found":  # not of another server
                 return None
             raise
         return found
@@ -242,23 +252,28 @@ class Client:
         """
         import numpy as np
 
-        sent = np.ascontiguousarray(points, "<f4").reshape(-1, 3)
-        query = {"pose": _pose_text(base_T_flange), **query}
-        headers = {"Content-Type": MEDIA_TYPES[".bin"]}
-        answer = self._answer("POST", "/register", content=sent.tobytes(), params=query, headers=headers)
+        from handeyed.arrays import as_points
+
+        with self._translate_errors():
+            octets, kind = np.ascontiguousarray(as_points(points), "<f4").tobytes(), MEDIA_TYPES[".bin"]
+            sent = {"params": {"pose": _pose_text(base_T_flange), **query}, "headers": {"Content-Type": kind}}
+        answer = self._answer("POST", "/register", media_type=kind, content=octets, **sent)
         return np.frombuffer(answer.content, "<f4").reshape(-1, 3)
 
-    def register_file(self, cloud: Path, out: Path, base_T_flange: "ArrayLike | None" = None, **query: str) -> int:
+    def register_file(
+        self, cloud: str | Path, out: str | Path, base_T_flange: "ArrayLike | None" = None, **query: str
+    ) -> int:
         """A cloud's file (.ply, .pcd, .las, .laz, .bin) in the base frame as the file `out`; its size in bytes.
 
-        Streamed: neither file is held in memory. The arguments are those of `register`.
+        Streamed: neither file is held in memory; `out` appears when it is whole. The arguments are those of `register`.
         """
-        media_type = MEDIA_TYPES.get(cloud.suffix.lower())
+        suffix = Path(cloud).suffix
+        media_type = MEDIA_TYPES.get(suffix.lower())
         if media_type is None:
-            raise ClientError(str(cloud), f"{cloud.suffix!r} is no cloud's", f"give one of {', '.join(MEDIA_TYPES)}")
-        query, headers = {"pose": _pose_text(base_T_flange), **query}, {"Content-Type": media_type}
-        with cloud.open("rb") as content:
-            return self._stream_into(out, "POST", "/register", content=content, params=query, headers=headers)
+            raise ClientError(str(cloud), f"{suffix!r} is no cloud's", f"give one of {', '.join(MEDIA_TYPES)}")
+        with self._translate_errors(), GuardedFile.reading(Path(cloud), str(cloud)) as file:
+            sent = {"params": {"pose": _pose_text(base_T_flange), **query}, "headers": {"Content-Type": media_type}}
+            return self._stream_into(Path(out), "POST", "/register", content=file.raw, **sent)
 
     def events(self, after: int | None = None) -> Iterator[ServerEvent]:
         """What happens in the cell, as it happens; `after`: the `number` of the last that you have seen, 0 for all.
@@ -272,39 +287,37 @@ class Client:
     def _listen(self, after: int | None = None) -> Iterator[Iterator[ServerEvent]]:
         headers = {} if after is None else {"Last-Event-ID": str(after)}
         endless = httpx.Timeout(self._timeout_s, read=None)
-        with (
-            self._translate_errors(),
-            self._http.stream("GET", "/events", headers=headers, timeout=endless) as answer,
-        ):
-            self._require_success(answer)
+        with self._translate_errors(), self._http.stream("GET", "/events", headers=headers, timeout=endless) as answer:
+            self._require_success(answer, "text/event-stream")
             yield parse_sse(answer.iter_lines())
 
-    def _answer(self, method: str, path: str, **request: Any) -> httpx.Response:
+    def _answer(self, method: str, path: str, *, media_type: str = JSON, **request: Any) -> httpx.Response:
         with self._translate_errors():
-            return self._require_success(self._http.request(method, path, **request))
+            return self._require_success(self._http.request(method, path, **request), media_type)
 
     def _stream_into(self, file: Path, method: str, path: str, **request: Any) -> int:
-        with self._translate_errors(), self._http.stream(method, path, **request) as answer:
-            self._require_success(answer)
-            with file.open("wb") as out:
+        with self._http.stream(method, path, **request) as answer:
+            self._require_success(answer, "")
+            with new_file(file, durable=False) as out:
                 for block in answer.iter_bytes():
                     out.write(block)
         return file.stat().st_size
 
-    def _require_success(self, answer: httpx.Response) -> httpx.Response:
-        """The answer. Raises Refused: from problem+json, else from the status."""
-        if not answer.is_error:
+    def _require_success(self, answer: httpx.Response, media_type: str) -> httpx.Response:
+        """The answer. Raises Refused: from problem+json, else from status and type; another server answers anything."""
+        if answer.is_success and answer.headers.get("Content-Type", "").startswith(media_type):
             return answer
         answer.read()
         try:
             problem = answer.json()
             what, fix = str(problem["detail"]), str(problem["fix"])
         except (ValueError, KeyError, TypeError):
-            problem, what = {}, f"HTTP {answer.status_code} {answer.reason_phrase}"
+            kind = f", {answer.headers.get('Content-Type', 'of no type')}" if answer.is_success else ""
+            problem, what = {}, f"HTTP {answer.status_code} {answer.reason_phrase}{kind}"
             fix = "is this the daemon's address?"
         after = answer.headers.get("Retry-After", "")
         raise Refused(
-            f"{self.url}{answer.url.path}", what, fix,
+            str(answer.url.copy_with(query=None)), what, fix,
             status=answer.status_code, problem=problem, retry_after_s=float(after) if after.isdigit() else None,
         )  # fmt: skip
 
@@ -321,6 +334,11 @@ class Client:
         except httpx.TimeoutException:
             fix = f"look at {self.url}/health and the daemon's log"
             raise ConnectionBroke(self.url, "no answer in time", fix) from None
+        except DocumentError as error:
+            first = error.problems[0]
+            raise ClientError(f"{error.origin}: {first.place}", first.what, first.fix) from None
+        except CloudError as error:
+            raise ClientError(error.file, error.what, error.fix) from None
         except (httpx.InvalidURL, httpx.UnsupportedProtocol):
             raise NotAnAddress(self.url, "not an address", f"give one such as {DEFAULT_URL}") from None
         except httpx.HTTPError as error:
@@ -332,12 +350,18 @@ def _pose_text(base_T_flange: "ArrayLike | None") -> str:
     """The `pose` of a query: x,y,z,qw,qx,qy,qz, or "now"."""
     if base_T_flange is None:
         return "now"
-    import numpy as np
-
     from calibration.documents.pose import PoseDocument
+    from handeyed.arrays import as_pose
 
-    pose = PoseDocument.of(np.asarray(base_T_flange, float))
+    pose = PoseDocument.of(as_pose(base_T_flange))
     return ",".join(repr(number) for number in (*pose.translation_mm, *pose.quaternion_wxyz))
+
+
+def _header(name: str, value: str) -> str:
+    """The value of a header. Raises ClientError, which does not show it."""
+    if not (value.isascii() and value.isprintable()):
+        raise ClientError(name, "it has characters that a header cannot hold", "use letters, digits and hyphens")
+    return value
 
 
 def _quoted(identifier: str) -> str:

@@ -23,7 +23,7 @@ from calibration.documents.plan import PlanDocument, PlannedDocument, PredictedD
 from calibration.documents.requirement import VerdictSettings
 from calibration.documents.target import TargetFile
 from calibration.documents.validation import validate_json
-from calibration.errors import DocumentError, DocumentProblem, UndeterminedError
+from calibration.errors import DocumentError, UndeterminedError
 from calibration.kinematics.conventions import Frame
 from calibration.kinematics.stance import Stance
 from calibration.likelihood.predicted_uncertainty import predict
@@ -39,6 +39,7 @@ from daemon.runtime.version import SOFTWARE
 from daemon.sessions.session_import.request import ImportRequest
 from daemon.sessions.session_import.understand import understand_set
 from daemon.sessions.session_reader import load_problem, open_session
+from handeyed.arrays import as_points, as_pose
 from registration.io.reading import open_cloud
 
 MM = {"mm": 1.0, "m": 1000.0}
@@ -87,7 +88,7 @@ class Session:
         poses = np.asarray(base_T_flange, float)
         if poses.ndim != 3 or poses.shape[1:] != (4, 4) or len(poses) != len(corners_px):
             what = f"{poses.shape} poses and {len(corners_px)} pictures do not go together"
-            raise DocumentError("of_corners", [DocumentProblem("base_T_flange", what, "give (n, 4, 4) and n arrays")])
+            raise DocumentError.one("of_corners", "base_T_flange", what, "give (n, 4, 4) and n arrays")
         known = validate_json(TargetFile, {"target": target}, "of_corners").target
         views = tuple(
             View(index, Stance(pose), Detection(np.asarray(which, np.intp), pixels))
@@ -109,7 +110,7 @@ class Session:
         poses, seen = np.asarray(base_T_flange, float), np.asarray(camera_T_target, float)
         if poses.ndim != 3 or poses.shape[1:] != (4, 4) or poses.shape != seen.shape:
             what = f"{poses.shape} poses of the robot and {seen.shape} of the camera do not go together"
-            raise DocumentError("of_poses", [DocumentProblem("base_T_flange", what, "give (n, 4, 4) of both")])
+            raise DocumentError.one("of_poses", "base_T_flange", what, "give (n, 4, 4) of both")
         pairs = enumerate(zip(poses, seen, strict=True))
         views = tuple(View(index, Stance(pose), None, measured=MeasuredPose(other)) for index, (pose, other) in pairs)
         return cls(Problem(setup, TrackedFrame(), None, (0, 0), views, in_space=True))
@@ -131,12 +132,12 @@ class Session:
         points, seen = np.asarray(robot_mm, float), np.asarray(camera_mm, float)
         if points.ndim != 2 or points.shape[1] != 3 or points.shape != seen.shape:
             what = f"{points.shape} points of the robot and {seen.shape} of the camera do not go together"
-            raise DocumentError("of_points", [DocumentProblem("robot_mm", what, "give (n, 3) of both")])
+            raise DocumentError.one("of_points", "robot_mm", what, "give (n, 3) of both")
         if setup == "eye-in-hand":
             poses = np.zeros((0, 4, 4)) if base_T_flange is None else np.asarray(base_T_flange, float)
             if poses.shape != (len(points), 4, 4):
                 what = "a camera on the flange needs the arm's pose at each point"
-                raise DocumentError("of_points", [DocumentProblem("base_T_flange", what, "give (n, 4, 4)")])
+                raise DocumentError.one("of_points", "base_T_flange", what, "give (n, 4, 4)")
             points = map_points(inverse(poses), points[:, None])[:, 0]
         return cls(Problem(setup, TrackedFrame(), None, (0, 0), (), in_space=True), (points, seen))
 
@@ -178,7 +179,7 @@ def solve(
         try:
             solution = solve_point_pairs(known.problem.setup, *known.point_pairs)
         except UndeterminedError as why:
-            raise DocumentError("of_points", [DocumentProblem("points", why.what, why.fix)]) from None
+            raise DocumentError.one("of_points", "points", why.what, why.fix) from None
         verdict = judge_point_pairs(solution, limits)
     else:
         solution = solve_hand_eye(known.problem, method=method)
@@ -209,11 +210,8 @@ def _session_of(given: Any, setup: Setup | None, frame: Frame | None) -> Session
         what = f"solve takes a Session, a folder, a file or a mapping of arrays, not {type(given).__name__}"
         raise TypeError(f"{what}: make one with Session.of_corners, of_poses or of_points")
     if table.camera is None:
-        what, fix = (
-            "only one side's poses",
-            "give the robot's and the camera's, such as R_gripper2base and R_target2cam",
-        )
-        raise DocumentError(origin, [DocumentProblem("poses", what, fix)])
+        fix = "give the robot's and the camera's, such as R_gripper2base and R_target2cam"
+        raise DocumentError.one(origin, "poses", "only one side's poses", fix)
     request = ImportRequest(Path(origin), setup=setup or table.setup or "eye-in-hand", frame=frame)
     read = understand_set(request, ImportedSet("pairs", table, camera_poses=table.camera))
     if read.camera_points_mm is not None:
@@ -256,21 +254,21 @@ def register(
     external_axes : the controller's axes beside the arm then, mm or degrees; where the calibration has one.
     arm : what is in arm.json, where the arm's errors were identified with the calibration.
 
-    Raises DocumentError for a calibration without X, or without the pose that it needs, and as
-    `CalibrationInUse.base_T_flange`.
+    Raises DocumentError for a calibration without X, or without the pose that it needs, for arrays that are no points
+    or no pose, and as `CalibrationInUse.base_T_flange`.
     """
-    given = CalibrationInUse.of(calibration, arm)
+    given, points = CalibrationInUse.of(calibration, arm), as_points(points_mm)
     calibration = given.document
     if calibration.base_T_camera is not None:
-        return map_points(calibration.base_T_camera.transform(), points_mm)
+        return map_points(calibration.base_T_camera.transform(), points)
     if calibration.flange_T_camera is None or base_T_flange is None:
         what = "the calibration has no transform" if base_T_flange is not None else "the pose of the flange is missing"
-        raise DocumentError("register", [DocumentProblem("base_T_flange", what, "give what is missing")])
+        raise DocumentError.one("register", "base_T_flange", what, "give what is missing")
     joints = None if joints_deg is None else np.asarray(joints_deg, float).tolist()
     axes = None if external_axes is None else tuple(external_axes)
-    (pose,) = given.base_T_flange([Stance.of_degrees(np.asarray(base_T_flange, float), joints, axes)])
+    (pose,) = given.base_T_flange([Stance.of_degrees(as_pose(base_T_flange), joints, axes)])
     base_T_camera = pose @ calibration.flange_T_camera.transform()
-    return map_points(base_T_camera, points_mm)
+    return map_points(base_T_camera, points)
 
 
 def read_cloud(file: str | Path, *, unit: str) -> Array:
@@ -279,12 +277,11 @@ def read_cloud(file: str | Path, *, unit: str) -> Array:
     unit : of the file's lengths, "mm" or "m"; it is never guessed. Raises RegistrationError, DocumentError.
     """
     if unit not in MM:
-        raise DocumentError("read_cloud", [DocumentProblem("unit", f"{unit!r} is no unit", "say 'mm' or 'm'")])
+        raise DocumentError.one("read_cloud", "unit", f"{unit!r} is no unit", "say 'mm' or 'm'")
     with open_cloud(Path(file)) as cloud:
         blocks = [np.column_stack([block[axis] for axis in "xyz"]).astype(float) for block in cloud.blocks()]
     points = np.concatenate(blocks) if blocks else np.empty((0, 3))
-    kept: Array = points[np.isfinite(points).all(axis=1)] * MM[unit]
-    return kept
+    return np.asarray(points[np.isfinite(points).all(axis=1)] * MM[unit])
 
 
 def export(

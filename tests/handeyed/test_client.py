@@ -194,6 +194,9 @@ async def test_points_and_files_arrive_in_the_base_frame(bench: Bench, tmp_path:
         await asked(bench, lambda cell: cell.register_file(tmp_path / "part.stl", out))
     with pytest.raises(Refused):
         await asked(bench, lambda cell: cell.register(np.zeros((0, 3)), unit="feet"))
+    for wrong in [(points.T, base_T_flange), (points, base_T_flange.T)]:
+        with pytest.raises(ClientError, match="give"):
+            await asked(bench, lambda cell, wrong=wrong: cell.register(*wrong))
 
 
 async def test_events_go_on_where_they_ended(bench: Bench) -> None:
@@ -267,21 +270,65 @@ def test_where_no_daemon_is(url: str, error: type[ClientError]) -> None:
         cell.get("/health")
 
 
-def test_what_is_no_daemon_is_named_by_its_status() -> None:
+@pytest.mark.parametrize(
+    ("answer", "what"),
+    [
+        ("404 Not Found\r\n", "HTTP 404 Not Found"),
+        ("200 OK\r\nContent-Type: text/html\r\n", "HTTP 200 OK, text/html"),
+        ("302 Found\r\nLocation: /sign-in\r\n", "HTTP 302 Found"),
+    ],
+)
+@pytest.mark.parametrize(
+    "question",
+    [
+        lambda cell: cell.get("/runs"),
+        lambda cell: cell.current(),
+        lambda cell: cell.start("/calibrate"),
+        lambda cell: cell.register([[0.0, 0.0, 500.0]]),
+        lambda cell: next(cell.events()),
+    ],
+)
+def test_what_is_no_daemon_is_named_by_its_answer(question: Callable[[Client], object], answer: str, what: str) -> None:
     with socket.create_server(("127.0.0.1", 0)) as server:
 
-        def answer() -> None:
+        def serve() -> None:
             connection, _ = server.accept()
             with connection:
                 connection.recv(65536)
-                connection.sendall(b"HTTP/1.1 404 Not Found\r\nContent-Length: 0\r\n\r\n")
+                connection.sendall(f"HTTP/1.1 {answer}Content-Length: 0\r\n\r\n".encode())
 
-        other = threading.Thread(target=answer)
+        other = threading.Thread(target=serve)
         other.start()
-        with pytest.raises(Refused, match="HTTP 404 Not Found") as refused:
-            Client(f"http://127.0.0.1:{server.getsockname()[1]}").get("/runs")
+        with pytest.raises(Refused, match=what) as refused:
+            question(Client(f"http://127.0.0.1:{server.getsockname()[1]}"))
         other.join()
     assert refused.value.code == ""
+
+
+@pytest.mark.parametrize("key", ["hek_\u00fc\u00fc\u00fc", "hek_a\nb"])
+def test_what_no_header_can_hold_is_refused_and_not_shown(key: str) -> None:
+    with pytest.raises(ClientError, match=r"^key: it has characters that a header cannot hold") as refused:
+        Client(key=key)
+    assert "hek_" not in str(refused.value)
+    with pytest.raises(ClientError, match=r"^retry_key:"), Client(key="hek_of_a_file\n") as cell:
+        cell.start("/calibrate", retry_key=key)
+
+
+async def test_a_file_is_replaced_by_a_whole_one_only(bench: Bench, tmp_path: Path) -> None:
+    await apply_calibration(bench)
+    part, out = tmp_path / "part.ply", tmp_path / "out.ply"
+    part.write_bytes(ply_of(cloud(200_000)))
+    size = await asked(bench, lambda cell: cell.register_file(str(part), str(out)))
+    out.write_bytes(b"as before")
+    cut = tmp_path / "cut.ply"
+    cut.write_bytes(part.read_bytes()[:-7])
+    for bad in (cut, tmp_path / "missing.ply"):
+        with pytest.raises(ClientError):
+            await asked(bench, lambda cell, bad=bad: cell.register_file(bad, out))
+        assert out.read_bytes() == b"as before"
+    with pytest.raises(ClientError, match="check path, rights"):
+        await asked(bench, lambda cell: cell.register_file(part, tmp_path / "no" / "out.ply"))
+    assert await asked(bench, lambda cell: cell.register_file(part, part)) == size, "also in its own place"
 
 
 @pytest.mark.slow
