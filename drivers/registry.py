@@ -15,6 +15,8 @@ from pathlib import Path
 from typing import Any, TypeVar
 from urllib.parse import SplitResult, parse_qsl, urlsplit
 
+import httpx
+
 from calibration.transforms import Array
 from drivers.cameras.aravis_camera import AravisLibrary
 from drivers.cameras.basler_camera import PylonLibrary
@@ -161,8 +163,9 @@ def _split(address: str) -> tuple[SplitResult, str, int]:
     """Parts, host and port (0 when absent)."""
     try:
         parts = urlsplit(address)
+        httpx.URL(address)  # refuses a host that no resolver takes
         return parts, parts.hostname or "", parts.port or 0
-    except ValueError as error:
+    except (ValueError, httpx.InvalidURL) as error:
         raise AddressNotUnderstood(
             address, str(error), "write scheme://host:port, with a port of 1 to 65535"
         ) from error

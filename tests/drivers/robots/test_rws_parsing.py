@@ -49,6 +49,8 @@ def test_an_address_says_where_and_how_to_ask(address, read):
         ("rws://h?frame=tool", "frame is one of wobj, base, world"),
         ("rws://h?certificate=", "no value"),
         ("rws://h:99999", "rws://host"),
+        ("rws://zelle ü", "Invalid IDNA hostname: 'zelle ü'"),
+        (f"rws://{'h' * 70_000}", "too long"),
     ],
 )
 def test_an_address_that_means_nothing_says_what_would(address, message):

@@ -4,6 +4,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from urllib.parse import parse_qsl, unquote, urlsplit
 
+import httpx
+
 from drivers.errors import AddressNotUnderstood, RequestRefused
 from registration.io.regular_file import read_regular
 
@@ -39,7 +41,8 @@ class RwsAddress:
         try:
             parts = urlsplit(address)
             port = parts.port
-        except ValueError as error:
+            httpx.URL(scheme="http", host=parts.hostname or "")  # refuses one that no resolver takes
+        except (ValueError, httpx.InvalidURL) as error:
             raise AddressNotUnderstood(shown, str(error), _EXAMPLE) from None
         options = dict(parse_qsl(parts.query, keep_blank_values=True))
         other = "" if parts.scheme == "rws" else "this is done over Robot Web Services"
