@@ -79,6 +79,8 @@ def parse_header(prefix: bytes, size: int, file: str) -> LasHeader:
         what = f"the header promises {count} points in {count * record_bytes} bytes, but {size - begin} follow"
         raise CloudTruncated(file, f"byte {size}", what, FIX)
     numbers = np.frombuffer(prefix, "<f8", 12, SCALES)
+    if not (np.abs(numbers[:6]) < LENGTH_LIMIT).all() or not (numbers[:3] > 1 / LENGTH_LIMIT).all():
+        raise CloudFormatError(file, "header", "scales or offsets are not valid lengths", FIX)
     bounds = numbers[6:].reshape(3, 2)  # max x, min x, max y, ...
     frame = LasFrame(numbers[:3].copy(), numbers[3:6].copy(), bounds[:, 1].copy(), bounds[:, 0].copy())
     return LasHeader(frame, begin, record_bytes, count, compressed)
@@ -104,9 +106,8 @@ def move_frame(frame: LasFrame, motion: RigidMotion, file: str) -> tuple[LasFram
 
     Raises CloudFormatError.
     """
-    fields = (frame.scales, frame.offsets, frame.lower, frame.upper)
-    if not all((np.abs(field) < LENGTH_LIMIT).all() for field in fields) or not (frame.scales > 1 / LENGTH_LIMIT).all():
-        raise CloudFormatError(file, "header", "scales, offsets or bounds are not valid lengths", FIX)
+    if not all((np.abs(bound) < LENGTH_LIMIT).all() for bound in (frame.lower, frame.upper)):
+        raise CloudFormatError(file, "header", "bounds are not valid lengths", FIX)
     centre = frame.lower / 2 + frame.upper / 2
     scale = float(frame.scales.max()) * float(np.linalg.norm(motion.matrix[:, 0]))
     offset = np.rint(motion.matrix[:, :3] @ centre + motion.matrix[:, 3])

@@ -1,6 +1,7 @@
 """LAS, LAZ and E57, where their libraries are installed."""
 
 import contextlib
+import struct
 import sys
 from pathlib import Path
 from typing import Any
@@ -10,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from registration.errors import CloudError, CloudUnsupported
+from registration.errors import CloudError, CloudFormatError, CloudUnsupported
 from registration.io.convert import move_file
 from registration.io.formats import extras
 from registration.io.formats.las import SCALES
@@ -53,6 +54,20 @@ def test_las_is_read_in_blocks_with_every_dimension(tmp_path: Path, suffix: str)
     answer = read(tmp_path / "out.ply")
     np.testing.assert_allclose(xyz(answer), moved(records), rtol=0, atol=1e-9)
     assert np.array_equal(answer["quality"], records["quality"])
+
+
+@pytest.mark.parametrize("number", [0.0, float("nan"), float("inf"), 1e-300])
+@pytest.mark.parametrize("axis", [0, 2])
+@pytest.mark.parametrize("suffix", [".las", ".laz"])
+def test_a_scale_that_makes_no_lengths_is_refused(tmp_path: Path, suffix: str, axis: int, number: float) -> None:
+    """Read with it, every point has the same x, or none is finite: a cloud of nothing, and no error."""
+    path = tmp_path / f"in{suffix}"
+    las(path, 100)
+    damaged = bytearray(path.read_bytes())
+    struct.pack_into("<d", damaged, SCALES + 8 * axis, number)
+    path.write_bytes(damaged)
+    with pytest.raises(CloudFormatError, match="header: scales or offsets are not valid lengths: copy or write"):
+        read(path)
 
 
 @pytest.mark.parametrize(("source", "target"), [(".las", ".las"), (".laz", ".laz"), (".las", ".laz")])
