@@ -4,13 +4,12 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, Self, get_args
 from uuid import uuid4
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from calibration.camera import CameraModel
 from calibration.documents.arm import ArmErrorsDocument
 from calibration.documents.calibration import CalibrationDocument, calibration_document
 from calibration.documents.calibration_in_use import CalibrationInUse
@@ -20,9 +19,10 @@ from calibration.documents.imports.leaves import table_of_data
 from calibration.documents.imports.pose_files import read_poses
 from calibration.documents.imports.sets import ImportedSet
 from calibration.documents.plan import PlanDocument, PlannedDocument, PredictedDocument
-from calibration.documents.requirement import VerdictSettings
+from calibration.documents.requirement import MAX_TOLERANCE_MM, VerdictSettings
+from calibration.documents.session import CameraDocument
 from calibration.documents.target import TargetFile
-from calibration.documents.validation import validate_json
+from calibration.documents.validation import validate_document, validate_json
 from calibration.errors import DocumentError, UndeterminedError
 from calibration.kinematics.conventions import Frame
 from calibration.kinematics.stance import Stance
@@ -51,6 +51,11 @@ class Session:
 
     problem: Problem
     point_pairs: tuple[Array, Array] | None = None
+
+    def __post_init__(self) -> None:
+        if self.problem.setup not in get_args(Setup):
+            what, fix = f"{self.problem.setup!r} is no set-up", f"say {' or '.join(map(repr, get_args(Setup)))}"
+            raise DocumentError.one("Session", "setup", what, fix)
 
     @classmethod
     def open(cls, folder: str | Path, progress: Callable[[int, int], None] = lambda done, of: None) -> Self:
@@ -97,7 +102,9 @@ class Session:
         camera = None
         if camera_matrix is not None:
             lens = np.zeros(5) if distortion is None else np.asarray(distortion, float).ravel()
-            camera = CameraModel(np.asarray(camera_matrix, float), lens, image_size)
+            given = {"matrix": camera_matrix, "distortion": lens, "image_size": image_size}
+            lists = {name: np.asarray(array).tolist() for name, array in given.items()}
+            camera = validate_document(CameraDocument, lists, "of_corners").camera()
         return cls(Problem(setup, known, camera, image_size, views))
 
     @classmethod
@@ -173,8 +180,9 @@ def solve(
     `result.flange_T_camera.transform()` is X (4, 4) in mm; None, with the reason in `result.verdict.findings`, where
     the motions do not determine it. `result.model_dump_json()` is calibration.json. Raises DocumentError, TypeError.
     """
-    known = _session_of(session, setup, frame)
-    limits = VerdictSettings().limits(tolerance_mm)
+    if tolerance_mm is not None and not 0 < tolerance_mm <= MAX_TOLERANCE_MM:
+        raise DocumentError.one("solve", "tolerance_mm", f"{tolerance_mm} mm is no tolerance", "give U in mm")
+    known, limits = _session_of(session, setup, frame), VerdictSettings().limits(tolerance_mm)
     if known.point_pairs is not None:
         try:
             solution = solve_point_pairs(known.problem.setup, *known.point_pairs)

@@ -1,6 +1,7 @@
 """`import handeyed`: arrays in, results out."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -108,7 +109,34 @@ def test_a_wrong_argument_says_what_fits() -> None:
         handeyed.Session.of_poses(np.eye(4)[None], np.tile(np.eye(4), (2, 1, 1)))
     with pytest.raises(DocumentError, match="X needs four or more"):
         handeyed.solve(handeyed.Session.of_points(np.eye(3), np.eye(3)))
+    poses = np.tile(np.eye(4), (3, 1, 1))
+    with pytest.raises(DocumentError, match="'eye_in_hand' is no set-up: say 'eye-in-hand' or 'eye-to-hand'"):
+        handeyed.Session.of_poses(poses, poses, setup="eye_in_hand")  # type: ignore[arg-type]
     assert "solve" in dir(handeyed) and "Session" in dir(handeyed)
+
+
+@pytest.mark.parametrize("tolerance_mm", [0.0, -1.0, float("nan"), float("inf")])
+def test_a_tolerance_that_is_none_is_refused_before_anything_is_solved(tolerance_mm: float) -> None:
+    with pytest.raises(DocumentError, match=r"solve: tolerance_mm: .* is no tolerance: give U in mm"):
+        handeyed.solve(session(), tolerance_mm=tolerance_mm)
+
+
+@pytest.mark.parametrize(
+    ("camera", "why"),
+    [
+        ({"camera_matrix": np.eye(3).ravel()}, "matrix"),
+        ({"camera_matrix": np.full((3, 3), np.nan)}, r"matrix\[0\]\[0\]: nan is not finite"),
+        ({"camera_matrix": np.eye(3), "distortion": np.zeros(3)}, "distortion"),
+        ({"camera_matrix": np.eye(3), "distortion": [0, 0, 0, 0, np.inf]}, r"distortion\[4\]: inf is not finite"),
+        ({"camera_matrix": np.eye(3), "image_size": (0, 1200)}, r"image_size\[0\]: 0 is below"),
+        ({"camera_matrix": np.eye(3), "image_size": "1920x1200"}, "image_size"),
+    ],
+)
+def test_a_camera_that_is_none_is_refused_before_anything_is_solved(camera: dict[str, Any], why: str) -> None:
+    board = {"kind": "chessboard", "columns": 9, "rows": 6, "pitch_mm": 20.0}
+    sized = {"image_size": (1920, 1200), **camera}
+    with pytest.raises(DocumentError, match=f"of_corners: {why}"):
+        handeyed.Session.of_corners(np.eye(4)[None], [np.zeros((54, 2))], board, **sized)
 
 
 def test_a_cloud_is_read_in_mm(tmp_path) -> None:  # type: ignore[no-untyped-def]
