@@ -74,7 +74,7 @@ def _ask(interview: "Interview", name: str, question: str, usual: str | None, nu
     while True:
         try:
             text = typer.prompt(f"\n{question}", default=usual, show_default=bool(usual))
-        except typer.Abort:
+        except (typer.Abort, RuntimeError):  # RuntimeError: there is no input at all
             raise CommandError("the answers", "they end before the last question", "nothing was written") from None
         try:
             found = asyncio.run(interview.take(name, numbers.get(text.strip(), text)))

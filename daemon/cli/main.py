@@ -78,11 +78,7 @@ def options(
 def command_line(extensions: Mapping[str, Commands]) -> typer.Typer:
     """The core's commands, and those of `extensions`, by their names."""
     app = typer.Typer(
-        cls=CommandGroup,
-        no_args_is_help=True,
-        rich_markup_mode="rich",
-        pretty_exceptions_show_locals=False,
-        help=ABOUT,
+        cls=CommandGroup, no_args_is_help=True, rich_markup_mode="rich", pretty_exceptions_show_locals=False, help=ABOUT
     )
     app.callback()(options)
     added = (command for commands in extensions.values() for command in commands)

@@ -1,5 +1,6 @@
 """What every command shares: results on standard output, everything else on standard error, bars on a terminal only."""
 
+import errno
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -80,6 +81,11 @@ class CommandGroup(typer.core.TyperGroup):
             raise typer.Exit(ExitStatus.UNREADABLE) from None
         except (CalibrationError, ClientError, DaemonError, DeviceError) as error:
             print_error(str(error))
+            raise typer.Exit(ExitStatus.FAILED) from None
+        except OSError as error:
+            if error.errno != errno.ENOSPC:
+                raise
+            print_error(f"{error.filename or 'standard output'}: no space is left: free some, or write elsewhere")
             raise typer.Exit(ExitStatus.FAILED) from None
 
 

@@ -36,10 +36,7 @@ def check_options(artefact: str | None, radius_mm: float | None, rough: Path | N
 
 
 def solve_scan(
-    folder: Path,
-    radius_mm: float | None,
-    rough: Path | None,
-    required: "tuple[VerdictLimits, tuple[NamedPoint, ...]]",
+    folder: Path, radius_mm: float | None, rough: Path | None, required: "tuple[VerdictLimits, tuple[NamedPoint, ...]]"
 ) -> "CalibrationDocument":
     """Calibrate from a sphere when its radius is given, else from overlapping surfaces, with a rough X or none.
 

@@ -133,3 +133,23 @@ def test_every_file_that_is_written_is_named_by_o() -> None:
     written = [(name, opts) for name, opts in options if "--out" in opts]
     assert len(written) > 10
     assert [name for name, opts in written if "-o" not in opts] == []
+
+
+@pytest.mark.parametrize(
+    ("command", "redirection", "said"),
+    [
+        ("arms", ">/dev/full", "standard output: no space is left: free some, or write elsewhere\n"),
+        ("schema session", ">/dev/full", "standard output: no space is left: free some, or write elsewhere\n"),
+        ("init x.toml", "<&-", "the answers: they end before the last question: nothing was written\n"),
+    ],
+)
+def test_what_the_shell_gives_or_takes_is_a_sentence(command: str, redirection: str, said: str, tmp_path: Path) -> None:
+    """A full disk behind standard output, and a service or timer without any input."""
+    script = f'exec "$0" -m daemon.cli {command} {redirection}'
+    path = os.pathsep.join((str(Path.cwd()), os.environ.get("PYTHONPATH", "")))
+    asked: dict[str, Any] = {"env": {**os.environ, "PYTHONPATH": path}, "cwd": tmp_path, "timeout": 120}
+    ran = subprocess.run(
+        ["/bin/sh", "-c", script, sys.executable], capture_output=True, text=True, check=False, **asked
+    )
+    assert (ran.returncode, ran.stderr) == (1, said)
+    assert list(tmp_path.iterdir()) == []
