@@ -20,13 +20,7 @@ PLY = "application/x-ply"
 NPZ = "application/x-npz"
 WHOLE = (LAZ, NPZ)
 """Formats whose index is at the end: they cannot be streamed."""
-SUFFIXES = {
-    PLY: ".ply",
-    "application/x-pcd": ".pcd",
-    "application/octet-stream": ".f32",
-    LAZ: ".laz",
-    NPZ: ".npz",
-}
+SUFFIXES = {PLY: ".ply", "application/x-pcd": ".pcd", "application/octet-stream": ".f32", LAZ: ".laz", NPZ: ".npz"}
 """File suffixes by media type; octets are float32 x, y, z."""
 
 ORIGIN = "request body"

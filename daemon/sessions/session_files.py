@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from calibration.errors import ErrorWithFix
 from daemon.runtime.bounded_read import read_bounded
-from drivers.cameras.decoding import is_truncated
+from drivers.cameras.decoding import is_truncated, without_orientation
 from drivers.cameras.pixel_depth import to_8_bit
 
 SESSION_FILE = "session.json"
@@ -57,7 +57,7 @@ def read_levels(file: Path) -> NDArray[Any]:
 
 def _decode(content: bytes, flags: int) -> NDArray[Any] | None:
     try:
-        image = cv2.imdecode(np.frombuffer(content, np.uint8), flags)
+        image = cv2.imdecode(np.frombuffer(without_orientation(content), np.uint8), flags)
     except cv2.error:
         return None
     return None if image is None else np.asarray(image)

@@ -3,6 +3,7 @@
 import re
 import struct
 import zlib
+from contextlib import suppress
 
 import cv2
 import numpy as np
@@ -20,6 +21,7 @@ JPEG_SIZES = frozenset({*range(0xC0, 0xD0)} - {0xC4, 0xC8, 0xCC})
 """Markers whose segment holds a JPEG's height and width (ITU T.81, table B.1)."""
 JPEG_LONE = frozenset({0x01, *range(0xD0, 0xDA)})
 """Markers without a segment: before the end of the picture there are none between segments."""
+ORIENTATION = 274
 MAX_SCANS = 100
 """Scans of a JPEG: each is a pass over all pixels; progressive ones have about ten."""
 MAX_DECODED_BYTES = 200_000_000
@@ -67,6 +69,23 @@ def is_truncated(encoded: bytes) -> bool:
     except (ValueError, struct.error, IndexError):
         return encoded.startswith((PNG_MAGIC, JPEG_MAGIC))
     return False
+
+
+def without_orientation(encoded: bytes) -> bytes:
+    """A TIFF whose rows come as they are stored (TIFF 6.0, tag 274), which OpenCV turns or mirrors whatever its flags.
+
+    Any other file, and a damaged TIFF, as it is.
+    """
+    if (order := {b"II*\0": "<", b"MM\0*": ">"}.get(encoded[:4])) is None:
+        return encoded
+    changed = bytearray(encoded)
+    with suppress(struct.error):
+        (at,) = struct.unpack_from(f"{order}I", changed, 4)
+        (count,) = struct.unpack_from(f"{order}H", changed, at)
+        for entry in range(at + 2, at + 2 + 12 * count, 12):
+            if struct.unpack_from(f"{order}H", changed, entry) == (ORIENTATION,):
+                struct.pack_into(f"{order}HIHH", changed, entry + 2, 3, 1, 1, 0)
+    return bytes(changed)
 
 
 def _whole_picture_size(encoded: bytes) -> tuple[int, int]:

@@ -64,12 +64,7 @@ class GocatorProfiler(LineProfiler):
     lag_s = 0.5
 
     def __init__(
-        self,
-        address: ProfilerHost,
-        timing: Timing | None = None,
-        *,
-        limit_s: float = LIMIT_S,
-        max_bytes: int = 0,
+        self, address: ProfilerHost, timing: Timing | None = None, *, limit_s: float = LIMIT_S, max_bytes: int = 0
     ) -> None:
         super().__init__(f"scanner profiles://{address.host}:{address.port}", timing or Timing(), limit_s)
         self._address = address

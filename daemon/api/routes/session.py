@@ -101,12 +101,7 @@ async def touch(request: Request, app: App) -> Response:
     return Response(status_code=204)
 
 
-@router.post(
-    "/pairing",
-    response_model=PairingDocument,
-    status_code=201,
-    responses=problem_responses(400, 403, 413),
-)
+@router.post("/pairing", response_model=PairingDocument, status_code=201, responses=problem_responses(400, 403, 413))
 async def pair(
     request: Request, app: App, body: Annotated[PairingRequest, Depends(JsonBody(PairingRequest))]
 ) -> PairingDocument:

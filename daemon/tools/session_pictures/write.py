@@ -30,12 +30,7 @@ REASONS = {
 
 
 def write_pictures(
-    folder: Path,
-    title: str,
-    problem: Problem,
-    solution: Solution,
-    order: Sequence[int],
-    read: Callable[[str], Picture],
+    folder: Path, title: str, problem: Problem, solution: Solution, order: Sequence[int], read: Callable[[str], Picture]
 ) -> Path:
     """One JPEG a view and PAGE_FILE in `folder`, which is made; returns the page. Raises OSError.
 

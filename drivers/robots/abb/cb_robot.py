@@ -58,12 +58,7 @@ class CbRobot(LinkedRobot):
     _link: CbLink
 
     def __init__(
-        self,
-        transport: Transport,
-        timing: Timing | None = None,
-        *,
-        limit_s: float | None = None,
-        axes: int = 6,
+        self, transport: Transport, timing: Timing | None = None, *, limit_s: float | None = None, axes: int = 6
     ) -> None:
         self._device = f"robot {transport.address}"
         self._timing, self._axes = timing or Timing(), axes
