@@ -27,14 +27,7 @@ from daemon.errors import (
     NotHeld,
     ToleranceLoosened,
 )
-from daemon.model.records import (
-    CalibrationRecord,
-    FlangePose,
-    RunKind,
-    RunRecord,
-    ScanRecord,
-    ScanViewDocument,
-)
+from daemon.model.records import CalibrationRecord, FlangePose, RunKind, RunRecord, ScanRecord, ScanViewDocument
 from daemon.model.requests import (
     CalibrateRequest,
     HoldRequest,

@@ -262,11 +262,7 @@ class ObservationsRequest(SessionDocument):
     """
 
     model_config = examples(
-        {
-            "schema_version": 1,
-            "setup": "eye-in-hand",
-            "views": [{"base_T_flange": _POSE, "camera_T_target": _SEEN}] * 3,
-        }
+        {"schema_version": 1, "setup": "eye-in-hand", "views": [{"base_T_flange": _POSE, "camera_T_target": _SEEN}] * 3}
     )
 
     arm: bool = False

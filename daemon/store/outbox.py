@@ -2,11 +2,14 @@
 
 import asyncio
 import json
+import logging
 import sqlite3
 from dataclasses import dataclass
 from typing import Any
 
 from daemon.store.database import Database
+
+log = logging.getLogger(__name__)
 
 MAX_MESSAGES = 100_000
 """Messages kept for a webhook that does not answer; older ones are deleted."""
@@ -49,7 +52,7 @@ class Outbox:
         await self._database.write(lambda db: db.execute("INSERT INTO outbox (topic, at, data) VALUES (?, ?, ?)", row))
 
     async def next(self, name: str) -> OutboxMessage | None:
-        """The oldest message that this webhook has not received; None without one."""
+        """The oldest message that this webhook has not received; None without one, and for one that is damaged."""
         query = (
             "SELECT number, id, topic, at, data FROM outbox"
             " WHERE number > (SELECT delivered FROM webhooks WHERE name = ?) ORDER BY number LIMIT 1"
@@ -58,7 +61,12 @@ class Outbox:
         if row is None:
             return None
         number, message_id, topic, at, data = row
-        return OutboxMessage(number, message_id, topic, at, json.loads(data))
+        try:
+            return OutboxMessage(number, message_id, topic, at, json.loads(data))
+        except (TypeError, ValueError) as error:
+            log.error("message %s for webhook %s is damaged (%s): it is left out", message_id, name, error)
+            await self.acknowledge(name, number)
+            return None
 
     async def acknowledge(self, name: str, number: int) -> None:
         """Mark the message and all before it as received by this webhook."""

@@ -4,6 +4,7 @@ import asyncio
 import base64
 import hashlib
 import hmac
+import sqlite3
 from collections.abc import Awaitable, Callable
 from pathlib import Path
 from typing import Any
@@ -13,6 +14,7 @@ import pytest
 from daemon.config.server_settings import WebhookSettings
 from daemon.model.records import AppliedCalibration, CalibrationRecord
 from daemon.runtime.clock import Clock
+from daemon.store.database import DATABASE_NAME
 from daemon.store.store import Store
 from daemon.webhooks.dispatcher import (
     MAX_ATTEMPTS_WHEN_REFUSED,
@@ -128,6 +130,27 @@ async def test_a_message_that_is_never_taken_does_not_stop_those_behind_it(store
         bodies = await mes.has(MAX_ATTEMPTS_WHEN_REFUSED + 1)
         assert [body["data"]["sequence"] for body in bodies] == [1] * MAX_ATTEMPTS_WHEN_REFUSED + [2]
         await sending.stop()
+
+
+async def test_a_damaged_message_is_left_out_and_does_not_stop_those_behind_it(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    store = Store(tmp_path)
+    await store.outbox.subscribe("mes")
+    for detail in ("before", "lost", "behind"):
+        await store.outbox.post("alarm", AT, {"what": detail})
+    await store.close()
+    with sqlite3.connect(tmp_path / DATABASE_NAME) as db:
+        db.execute("UPDATE outbox SET data = '{\"what\": ' WHERE data LIKE '%lost%'")
+    db.close()
+    store = Store(tmp_path)
+    async with receiving() as mes:
+        sending = dispatcher(store, webhook(tmp_path, mes))
+        await sending.start()
+        assert [body["data"]["what"] for body in await mes.has(2)] == ["before", "behind"]
+        await sending.stop()
+    await store.close()
+    assert "for webhook mes is damaged" in caplog.text
 
 
 async def test_a_receiver_that_was_away_may_refuse_once_and_gets_the_message(store: Store, tmp_path: Path) -> None:
