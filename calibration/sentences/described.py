@@ -11,14 +11,13 @@ from itertools import pairwise
 from typing import Any
 
 from pydantic import GetJsonSchemaHandler
-from pydantic_core import CoreSchema
 
 
 class Described:
     """Base of models and dataclasses at the top of a module: the text below a field describes it in JSON schemas."""
 
     @classmethod
-    def __get_pydantic_json_schema__(cls, core_schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+    def __get_pydantic_json_schema__(cls, core_schema: Any, handler: GetJsonSchemaHandler) -> dict[str, Any]:
         schema = handler(core_schema)
         properties = handler.resolve_ref_schema(schema)["properties"]
         for base in (each for each in cls.__mro__ if issubclass(each, Described)):
