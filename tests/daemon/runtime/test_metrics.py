@@ -55,7 +55,7 @@ async def test_promtool_finds_nothing_wrong(tmp_path: Path) -> None:
     "arguments",
     [("check", "config", "prometheus.yml"), ("check", "config", "--syntax-only", "fleet.yml"),
      ("check", "rules", "handeyed.rules.yml"),
-     ("test", "rules", "handeyed.rules.test.yml")],
+     ("test", "rules", "handeyed.rules.test.yml"), ("test", "rules", "handeyed.updates.test.yml")],
     ids=" ".join,
 )  # fmt: skip
 def test_promtool_accepts_what_is_deployed(arguments: tuple[str, ...]) -> None:
