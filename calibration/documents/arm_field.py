@@ -7,7 +7,7 @@ from pydantic import Field
 
 from calibration.documents.arm import ArmErrorsDocument
 from calibration.documents.calibration import CalibrationDocument
-from calibration.documents.pose import Vector, rounded_vector
+from calibration.documents.pose import Vector, round_vector
 from calibration.documents.validation import Document
 from calibration.errors import GeometryError
 from calibration.kinematics.arm_box import box_around, grid_in, joints_at_places, middle_of
@@ -80,16 +80,16 @@ def arm_field(
         calibration_id=calibration.id,
         arm=errors.arm,
         taken_up=errors.taken_up,
-        box_mm=(rounded_vector(box_mm[0]), rounded_vector(box_mm[1])),
+        box_mm=(round_vector(box_mm[0]), round_vector(box_mm[1])),
         steps=steps,
-        point_in_flange_mm=rounded_vector(map_points(estimate.mount_T_camera, point)[0]),
+        point_in_flange_mm=round_vector(map_points(estimate.mount_T_camera, point)[0]),
         before_rms_mm=_rms(squares),
         after_rms_mm=_rms(left),
         points=[
             ArmFieldPointDocument(
-                flange_mm=rounded_vector(drawn[row, :3, 3]),
-                point_mm=rounded_vector(found[row]),
-                error_mm=rounded_vector(missed[row]),
+                flange_mm=round_vector(drawn[row, :3, 3]),
+                point_mm=round_vector(found[row]),
+                error_mm=round_vector(missed[row]),
                 before_mm=round(float(np.sqrt(squares[row])), 6),
                 after_mm=round(float(np.sqrt(left[row])), 6),
                 seen=bool(seen[row]),

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from pydantic import Field
 
-from calibration.documents.pose import Vector, rounded_vector
+from calibration.documents.pose import Vector, round_vector
 from calibration.documents.validation import Document
 from calibration.planning.more_arm_views import BOX_STEPS, MORE_VIEWS, plan_more_arm_views
 from calibration.targets import Target
@@ -58,12 +58,12 @@ def more_arm_views_document(fit: "ArmFit", target: Target, box_mm: Array | None 
     possible = len(planned.after_mm)
     counts = sorted({min(count, possible) for count in MORE_VIEWS})
     return MoreArmViewsDocument(
-        box_mm=(rounded_vector(planned.box_mm[0]), rounded_vector(planned.box_mm[1])),
+        box_mm=(round_vector(planned.box_mm[0]), round_vector(planned.box_mm[1])),
         points=len(planned.interest.points_mm),
         now_mm=round(planned.now_mm, 6),
         after=[PointAfterViewsDocument(more=count, point_mm=round(planned.after_mm[count - 1], 6)) for count in counts],
         further=[
-            FurtherArmViewDocument(joints_deg=six(joints), target_mm=rounded_vector(fit.anchor_T_target[place, :3, 3]))
+            FurtherArmViewDocument(joints_deg=six(joints), target_mm=round_vector(fit.anchor_T_target[place, :3, 3]))
             for joints, place in zip(np.degrees(planned.joints_rad), planned.places, strict=True)
         ],
     )

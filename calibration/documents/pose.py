@@ -24,7 +24,7 @@ def _unit(quaternion: tuple[float, float, float, float]) -> tuple[float, float, 
 Quaternion = Annotated[tuple[float, float, float, float], AfterValidator(_unit)]
 
 
-def rounded_vector(values: Sequence[float] | Array) -> Vector:
+def round_vector(values: Sequence[float] | Array) -> Vector:
     """x, y, z with six digits after the point."""
     x, y, z = (round(float(value), 6) for value in values)
     return x, y, z

@@ -10,7 +10,7 @@ import numpy as np
 
 from calibration.documents.calibration import CalibrationDocument
 from calibration.documents.knowledge import NoiseBeliefDocument
-from calibration.documents.pose import rounded_vector
+from calibration.documents.pose import round_vector
 from calibration.errors import CalibrationError
 from calibration.kinematics.abb_arms import find_arm
 from calibration.likelihood.predicted_uncertainty import ExpectedNoise, Scene
@@ -187,8 +187,8 @@ def _point(entry: ChartEntry, drawn: ChartPoint) -> DriftPointDocument:
         entry.run_id,
         entry.at,
         drawn.standing,
-        rounded_vector(drawn.shift_mm),
-        rounded_vector(drawn.average_mm),
+        round_vector(drawn.shift_mm),
+        round_vector(drawn.average_mm),
         round(drawn.drift_mm, 6),
         round(drawn.limit_mm, 6) if isfinite(drawn.limit_mm) else None,
         round(entry.sample.scatter_mm, 6),

@@ -65,7 +65,7 @@ class GenICamDevice(PolledDevice):
 
     async def identify(self) -> DeviceIdentity:
         """Vendor, model, serial number, address and abilities. Raises DeviceError."""
-        session = await self._opened(self._timing.clock() + self._limit_s)
+        session = await self._await_session(self._timing.clock() + self._limit_s)
         return await self._ask(session, session.identity, self._limit_s)
 
     async def close(self) -> None:
@@ -80,7 +80,7 @@ class GenICamDevice(PolledDevice):
         """What `take` makes of a picture exposed after `newer_than_s`, within the limit; raises a DeviceError."""
         deadline_s = max(self._timing.clock(), newer_than_s) + self._limit_s
         while True:
-            session = await self._opened(deadline_s)
+            session = await self._await_session(deadline_s)
             while (early_s := newer_than_s - self._timing.clock()) >= 0:
                 await self._timing.sleep(early_s + 0.001)
             left_s = max(0.05, deadline_s - self._timing.clock())
@@ -126,7 +126,7 @@ class GenICamDevice(PolledDevice):
 
     def _find_and_open(self) -> CameraSession:
         try:
-            found = self._chosen(self._library.discover())
+            found = self._choose(self._library.discover())
             if not found.free:
                 raise DeviceTaken(self.device, f"{found} is controlled by another program")
             camera = self._library.open(found)
@@ -141,7 +141,7 @@ class GenICamDevice(PolledDevice):
             camera.close()
             raise DeviceUnreachable(self.device, f"it does not answer ({error})", "check power and cable") from error
 
-    def _chosen(self, found: list[FoundCamera]) -> FoundCamera:
+    def _choose(self, found: list[FoundCamera]) -> FoundCamera:
         """The camera that the address names, or the only one. Raises DeviceUnreachable, WrongDevice."""
         if not found:
             what = "no camera answers discovery"
@@ -155,7 +155,7 @@ class GenICamDevice(PolledDevice):
             raise WrongDevice(self.device, f"{len(named)} cameras answer: {listed}", "name one by its serial number")
         raise WrongDevice(self.device, f"no camera is {name}, but there are: {listed}", "correct the serial number")
 
-    async def _opened(self, deadline_s: float) -> CameraSession:
+    async def _await_session(self, deadline_s: float) -> CameraSession:
         """The open camera. Raises the reason why there is none at the deadline."""
         while self._session is None:
             left_s = deadline_s - self._timing.clock()
@@ -219,12 +219,12 @@ class GenICamCamera(GenICamDevice):
 
     async def read_exposure(self) -> tuple[Exposure, ExposureRange] | None:
         """What is set and what can be; None without the feature. Raises DeviceError."""
-        session = await self._opened(self._timing.clock() + self._limit_s)
+        session = await self._await_session(self._timing.clock() + self._limit_s)
         return await self._ask(session, session.read_exposure, self._limit_s)
 
     async def set_exposure(self, wanted: Exposure) -> Exposure:
         """Set both within the camera's range, for the next frame. Raises DeviceError."""
-        session = await self._opened(self._timing.clock() + self._limit_s)
+        session = await self._await_session(self._timing.clock() + self._limit_s)
         return await self._ask(session, lambda: session.set_exposure(wanted), self._limit_s)
 
     def _require_size(self, frame: CameraFrame) -> None:
