@@ -90,6 +90,14 @@ class _Session:
         return np.asarray(self.problem.target.points_mm.mean(axis=0, keepdims=True))
 
     @property
+    def behind(self) -> tuple[list[int], float]:
+        """Views of poses in space with the target behind the camera, none where few; its median depth in all, mm."""
+        depths = map_points(self.evidence.camera_T_target, self.centre_mm)[:, 0, 2]
+        views = [int(index) for index in self.evidence.indices[depths < 0]]
+        many = self.problem.in_space and len(views) > MAX_BEHIND_SHARE * len(depths)
+        return views if many else [], float(np.median(depths))
+
+    @property
     def chain(self) -> tuple[Array, Array] | None:
         """X and the target's pose; None where they are not determined, or robot and images contradict each other."""
         X, Y, noise = self.solution.mount_T_camera, self.solution.anchor_T_target, self.solution.noise
@@ -230,19 +238,19 @@ def _mount(session: _Session) -> Iterator[Finding]:
         return
     seen_mm = float(np.median(np.linalg.norm(map_points(session.evidence.camera_T_target, session.centre_mm), axis=-1)))
     few = len(session.evidence) < MIN_SURE_VIEWS
-    refused = few and (away_mm > REFUSED_MM or away_mm > MAX_DISTANCE_RATIO * seen_mm)
+    inverted = bool(session.behind[0])  # on both sides: X is the target's place then
+    refused = inverted or (few and (away_mm > REFUSED_MM or away_mm > MAX_DISTANCE_RATIO * seen_mm))
     message = Sentence("mount-too-far", away_mm=away_mm, target_mm=seen_mm)
-    yield Finding("mount-too-far", "error" if refused else "warning", message, Sentence("check-setup-and-units"))
+    fix = Sentence("look-along-z" if inverted else "check-setup-and-units")
+    yield Finding("mount-too-far", "error" if refused else "warning", message, fix)
 
 
 def _sight(session: _Session) -> Iterator[Finding]:
     """The target behind the camera in most views, or the flange itself before it in every one."""
-    if session.problem.in_space:  # an axis that points backwards; inverted on both sides, poses fit as well
-        depths = map_points(session.evidence.camera_T_target, session.centre_mm)[:, 0, 2]
-        behind = [int(index) for index in session.evidence.indices[depths < 0]]
-        if len(behind) > MAX_BEHIND_SHARE * len(depths):
-            message = Sentence("target-behind-camera", views=behind, depth_mm=-float(np.median(depths)))
-            yield Finding("target-behind-camera", "warning", message, Sentence("look-along-z"))
+    behind, depth_mm = session.behind
+    if behind:  # an axis that points backwards; inverted on both sides, poses fit as well
+        message = Sentence("target-behind-camera", views=behind, depth_mm=-depth_mm)
+        yield Finding("target-behind-camera", "warning", message, Sentence("look-along-z"))
     if session.chain is None or MOUNTS[session.problem.setup] == "base":
         return
     flange_T_camera = session.chain[0]

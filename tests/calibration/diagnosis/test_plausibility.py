@@ -57,6 +57,7 @@ def from_pictures(problem: Problem, X: Array, Y: Array) -> Problem:
 IDENTITY = np.eye(4)
 HALF_TURN = transform(rotation_from_vector([np.pi, 0.0, 0.0]), [0.0, 0.0, 0.0])
 ANYWHERE = transform(rotation_from_vector([0.4, 1.0, -0.2]), [300.0, 20.0, 500.0])
+FAR = transform(rotation_from_vector([0.1, 3.0, 0.2]), [900.0, 200.0, 50.0])
 X_OF_CELL = transform(rotation_from_vector([0.2, -0.3, 1.0]), [60.0, -40.0, 90.0])
 
 
@@ -101,6 +102,10 @@ def measure_twice(problem: Problem) -> Problem:
     return with_camera_poses(problem, lambda seen: seen[[0, 1, 2, 0]])
 
 
+def both_inverted(problem: Problem) -> Problem:
+    return with_robot_poses(with_camera_poses(problem, inverse), inverse)
+
+
 def few(problem: Problem, views: int) -> Problem:
     return replace(problem, views=problem.views[:views], poses_from_controller=True)
 
@@ -133,6 +138,9 @@ ROWS: dict[str, tuple[Callable[[], Problem], str, bool]] = {
     "a camera whose z axis points backwards": (
         lambda: with_camera_poses(pairs(16, X_OF_CELL, ANYWHERE, exact=False), lambda seen: HALF_TURN @ seen),
         "target-behind-camera", True,
+    ),
+    "poses inverted on both sides": (
+        lambda: both_inverted(pairs(17, X_OF_CELL, FAR, exact=False)), "mount-too-far", False,
     ),
     "a tracker that says the same twice": (
         lambda: measure_twice(few(pairs(15, X_OF_CELL, ANYWHERE, exact=False), 4)), "camera-poses-repeated", False,
