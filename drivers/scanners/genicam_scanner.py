@@ -1,45 +1,26 @@
 """A GenICam 3D camera: organised clouds, with an intensity where the camera sends one."""
 
 import asyncio
-from collections.abc import Callable
 from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.cameras.genicam.address import CameraAddress
-from drivers.cameras.genicam.device import Library
 from drivers.cameras.genicam.opened_device import GenICamDevice
 from drivers.cameras.genicam.scan3d import RangeImage
 from drivers.cameras.genicam.session import CameraSession
 from drivers.errors import AnswerTooLarge, NothingMeasured
 from drivers.interfaces import ScannedCloud
 from drivers.scanners.cloud_files import EMPTY_FIX
-from drivers.timing import Timing
 from registration.io.formats.pcd import format_header
 from registration.points.layout import Layout
-
-LIMIT_S = 60.0
-MAX_BYTES = 2**30
 
 
 class GenICamScanner(GenICamDevice):
     """drivers.interfaces.Scanner and IdentifiedDevice. Each cloud is exposed after it was asked for."""
 
-    kind = "scanner"
-
-    def __init__(
-        self,
-        make_library: Callable[[CameraAddress], Library],
-        address: CameraAddress,
-        timing: Timing | None = None,
-        *,
-        limit_s: float = LIMIT_S,
-        max_bytes: int = MAX_BYTES,
-    ) -> None:
-        super().__init__(make_library, address, timing, limit_s=limit_s)
-        self._max_bytes = max_bytes
+    kind, limit_s = "scanner", 60.0
 
     async def scan(self, newer_than_s: float) -> ScannedCloud:
         """A cloud exposed after `newer_than_s`, as PCD in mm with width and height; raises a DeviceError."""

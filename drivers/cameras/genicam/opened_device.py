@@ -25,7 +25,6 @@ from drivers.interfaces import CameraFrame, DeviceIdentity, Exposure, ExposureRa
 from drivers.polled_device import PolledDevice
 from drivers.timing import Timing
 
-LIMIT_S = 5.0
 POLL_S = 1.0
 MARGIN_S = 2.0
 """Time beyond its limit that a library's call may take before the thread is left alone."""
@@ -41,10 +40,11 @@ Answer = TypeVar("Answer")
 class GenICamDevice(PolledDevice):
     """A camera, or 3D camera, that is opened in the background, and opened again with growing waits when it is lost.
 
-    `make_library` gives the vendor's library for the address.
+    `make_library` gives the vendor's library for the address. A subclass says how long a picture may take, and how
+    large a cloud may be.
     """
 
-    kind = "camera"
+    kind, limit_s, max_bytes = "camera", 5.0, 2**30
 
     def __init__(
         self,
@@ -52,11 +52,15 @@ class GenICamDevice(PolledDevice):
         address: CameraAddress,
         timing: Timing | None = None,
         *,
-        limit_s: float = LIMIT_S,
+        image_size: tuple[int, int] | None = None,
+        limit_s: float | None = None,
+        max_bytes: int | None = None,
     ) -> None:
+        """`image_size`: of a camera's pictures. What is not given is of the kind of device."""
         super().__init__(f"{self.kind} {address.text.partition('?')[0]}", timing or Timing())
-        self._library, self._address = make_library(address), address
-        self._limit_s = limit_s
+        self._library, self._address, self._image_size = make_library(address), address, image_size
+        self._limit_s = self.limit_s if limit_s is None else limit_s
+        self._max_bytes = self.max_bytes if max_bytes is None else max_bytes
         self._thread = FileThread(f"calls of {self.device}", self._timing)
         self._session: CameraSession | None = None
         self._failure: DeviceError = DeviceTimeout(self.device, "not opened yet", "wait a moment")
@@ -126,7 +130,7 @@ class GenICamDevice(PolledDevice):
 
     def _find_and_open(self) -> CameraSession:
         try:
-            found = self._choose(self._library.discover())
+            found = self._look_up(self._library.discover())
             if not found.free:
                 raise DeviceTaken(self.device, f"{found} is controlled by another program")
             camera = self._library.open(found)
@@ -141,7 +145,7 @@ class GenICamDevice(PolledDevice):
             camera.close()
             raise DeviceUnreachable(self.device, f"it does not answer ({error})", "check power and cable") from error
 
-    def _choose(self, found: list[FoundCamera]) -> FoundCamera:
+    def _look_up(self, found: list[FoundCamera]) -> FoundCamera:
         """The camera that the address names, or the only one. Raises DeviceUnreachable, WrongDevice."""
         if not found:
             what = "no camera answers discovery"
@@ -198,18 +202,6 @@ class GenICamCamera(GenICamDevice):
 
     triggered by software where the camera can, else the first of a stream that begins with the request.
     """
-
-    def __init__(
-        self,
-        make_library: Callable[[CameraAddress], Library],
-        address: CameraAddress,
-        timing: Timing | None = None,
-        *,
-        image_size: tuple[int, int] | None = None,
-        limit_s: float = LIMIT_S,
-    ) -> None:
-        super().__init__(make_library, address, timing, limit_s=limit_s)
-        self._image_size = image_size
 
     async def grab(self, newer_than_s: float) -> CameraFrame:
         """A frame exposed after `newer_than_s`; raises a DeviceError."""
