@@ -5,7 +5,9 @@ Times are passed in. `now_s` is wire time (heartbeat, time stamps); the arm runs
 
 from abc import ABC, abstractmethod
 from collections import deque
+from collections.abc import Mapping
 from dataclasses import dataclass, field
+from types import MappingProxyType
 from typing import Any, Protocol
 
 import numpy as np
@@ -18,6 +20,18 @@ from mock_robot.cabinet.disk import Disk
 from mock_robot.cabinet.panel import Mode, Panel
 from protocols.cb import messages as cb
 from protocols.cb.codes import Flag, Status
+
+TITLES: Mapping[int, str] = MappingProxyType(
+    {
+        10020: "Execution error state",
+        50026: "Close to singularity",
+        50027: "Joint Out of Range",
+        50050: "Position outside reach",
+        50080: "Position not compatible",
+    }
+)
+"""Titles by number."""
+
 
 UP, LEFT = np.array([0.0, 0.0, 1.0]), np.array([0.0, 1.0, 0.0])
 BESIDE: dict[AxisKind, ExternalAxis] = {

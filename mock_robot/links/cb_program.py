@@ -15,8 +15,7 @@ from calibration.kinematics.seven_axes import SevenAxisArm
 from calibration.transforms import Array, inverse, quaternion_from_rotation, transform_from_quaternion
 from mock_robot.arm.goals import goal_joints, speeds_sharing
 from mock_robot.arm.simulated_arm import IN_POSITION_S
-from mock_robot.cabinet.cabinet import MANUAL_SPEED_MM_S, MIN_OVERRIDE, Cabinet
-from mock_robot.cabinet.events import TITLES
+from mock_robot.cabinet.cabinet import MANUAL_SPEED_MM_S, MIN_OVERRIDE, TITLES, Cabinet
 from mock_robot.cabinet.panel import Mode
 from protocols.cb import messages as cb
 from protocols.cb.codes import VERSION, Capability, MoveKind, Output, Status

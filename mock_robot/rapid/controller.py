@@ -7,8 +7,7 @@ from pathlib import Path
 from time import monotonic
 from typing import Any
 
-from mock_robot.cabinet.cabinet import Cabinet
-from mock_robot.cabinet.events import TITLES
+from mock_robot.cabinet.cabinet import TITLES, Cabinet
 from mock_robot.cabinet.panel import Panel
 from mock_robot.errors import MockError
 from mock_robot.faults.robot_faults import FAULTS

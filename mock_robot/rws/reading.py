@@ -3,12 +3,28 @@
 from collections.abc import Mapping
 from datetime import timedelta
 
+import numpy as np
+
 from calibration.transforms import quaternion_from_rotation
 from mock_robot.cabinet.disk import RAMDISK_PATH
 from mock_robot.rws.context import RequestContext
 from mock_robot.rws.exchange import Item, Reply
-from mock_robot.rws.numbers import format_axis, format_float
 from mock_robot.rws.refusals import BAD_ARGUMENT, LIFO_IN_2_0, NO_RESOURCE, NO_SIGNAL, RwsRefused
+
+MIN_UNUSED_AXIS = 8.9e9
+UNUSED_1, UNUSED_2 = "8.999999e+09", "9000000000"
+"""9E9 as RobotWare 6 and 7.20 print it."""
+
+
+def format_float(value: float) -> str:
+    """Nine significant digits, which parse to the same float32."""
+    return f"{float(np.float32(value)) + 0.0:.9g}"
+
+
+def format_axis(value: float, unused: str) -> str:
+    """Value of an external axis, or `unused` for an axis that does not exist."""
+    return unused if value >= MIN_UNUSED_AXIS else format_float(value)
+
 
 Parts = Mapping[str, str]
 MECHUNIT = "ROB_1"

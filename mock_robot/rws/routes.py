@@ -7,7 +7,7 @@ from functools import partial
 from mock_robot.rws import acting, disk, reading, refusals
 from mock_robot.rws.context import RequestContext, ServiceDialect
 from mock_robot.rws.exchange import Reply
-from mock_robot.rws.numbers import UNUSED_1, UNUSED_2
+from mock_robot.rws.reading import UNUSED_1, UNUSED_2
 from mock_robot.rws.refusals import RwsRefused
 
 Handler = Callable[[RequestContext, Mapping[str, str]], Reply]

@@ -8,7 +8,7 @@ from io import StringIO
 import numpy as np
 
 from calibration.transforms import quaternion_from_rotation
-from mock_robot.rws.numbers import format_float
+from mock_robot.rws.reading import format_float
 from tests.mock_robot.rws_cell import RwsCell
 from tests.support.waiting import eventually_blocking
 

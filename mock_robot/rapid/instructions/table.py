@@ -6,9 +6,9 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-from mock_robot.rapid.instructions import egm, flow, mathematics, motion, poses, rawbytes, settings, signals, sockets
+from mock_robot.rapid.instructions import egm, flow, mathematics, motion, rawbytes, settings, signals, sockets
 
-_TABLES = (egm, flow, mathematics, motion, poses, rawbytes, settings, signals, sockets)
+_TABLES = (egm, flow, mathematics, motion, rawbytes, settings, signals, sockets)
 
 DOES: Mapping[str, Callable[..., Any]] = MappingProxyType(
     {name.casefold(): does for table in _TABLES for name, does in table.DOES.items()}
