@@ -29,10 +29,8 @@ from daemon.cell.devices import open_devices
 from daemon.cell.frame_check import frame_difference
 from daemon.cell.readings import read_setup
 from daemon.cell.vibration import VibrationGate
-from daemon.cli.local_daemon import client_of
 from daemon.cli.output import CheckResult
-from daemon.cli.rest_client import connect
-from daemon.cli.service import running_service
+from daemon.cli.rest_client import client_of, connect, running_service
 from daemon.config.plc_settings import InterlockSettings, PlcSerialSettings, PlcSettings
 from daemon.config.settings import MAIN_CAMERA, MAIN_SCANNER, RobotSettings, Settings, SettingsFile
 from daemon.errors import NotStill, PortTaken

@@ -30,7 +30,7 @@ def demo(
     from daemon.cli.demo_run.report import next_steps, report, report_json
     from daemon.cli.demo_run.scenario import VIEW_FILE, run_scenario
     from daemon.cli.demo_run.settings_file import settings_text
-    from daemon.cli.local_daemon import free_port
+    from daemon.cli.rest_client import free_port
 
     _clear_folder(folder)
     printer = ProgressPrinter(aside=as_json)

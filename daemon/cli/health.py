@@ -14,7 +14,7 @@ def health(
 
     Exit status: 0 it answers, 1 it does not, 2 the settings cannot be read.
     """
-    from daemon.cli.local_daemon import client_of
+    from daemon.cli.rest_client import client_of
     from daemon.config.settings import load_settings
 
     with client_of(load_settings(config), limit) as daemon:

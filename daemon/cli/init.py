@@ -28,7 +28,7 @@ def init(
     """
     import asyncio
 
-    from daemon.cli.local_daemon import free_port
+    from daemon.cli.rest_client import free_port
     from daemon.runtime.bounded_read import read_document
     from daemon.tools.camera_discovery import discover
     from daemon.tools.first_setup.devices import find_controllers

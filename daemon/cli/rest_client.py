@@ -1,11 +1,55 @@
-"""The client of a command: of the service of this machine, or of the daemon at an address."""
+"""The client of a command: of the service of this machine, of the daemon with given settings, or at an address."""
 
+import json
 import os
+import socket
 import ssl
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+from urllib.parse import urlsplit
 
+from daemon.access.service_key import read_authorization
 from daemon.access.tls_context import pinned
-from daemon.cli.service import running_service
+from daemon.config.server_settings import ANY_HOST, ServerSettings, is_loopback
 from handeyed.client import DEFAULT_URL, MAX_ANSWER_S, Client
+
+if TYPE_CHECKING:
+    from daemon.config.settings import Settings
+
+RUNTIME = Path("/run/handeyed")
+"""RuntimeDirectory= of the unit."""
+
+READY_FILE = "daemon.json"
+"""There, written by `serve --ready-file`."""
+
+
+@dataclass(frozen=True)
+class RunningService:
+    """Where the service answers, the certificate it shows (None: no TLS), and what lets its group in."""
+
+    url: str
+    certificate: Path | None
+    authorization: str | None
+
+    def is_at(self, url: str) -> bool:
+        """True when `url` is this service's: its port, at an address of this machine's own."""
+        ours, asked = urlsplit(self.url), urlsplit(url)
+        local = asked.hostname == ours.hostname or is_loopback(asked.hostname or "")
+        return local and (asked.scheme, asked.port) == (ours.scheme, ours.port)
+
+
+def running_service(folder: Path = RUNTIME) -> RunningService | None:
+    """The service that runs; None when none does, or for somebody outside its group."""
+    try:
+        ready = json.loads((folder / READY_FILE).read_text(encoding="utf-8"))
+        certificate = ready.get("certificate")
+        url = str(ready["url"])
+    except (OSError, ValueError, KeyError, AttributeError):
+        return None
+    for anywhere, here in ANY_HOST.items():
+        url = url.replace(f"//{anywhere}:", f"//{here}:").replace(f"//[{anywhere}]:", f"//[{here}]:")
+    return RunningService(url, None if certificate is None else Path(certificate), read_authorization(folder))
 
 
 def connect(url: str, limit_s: float = MAX_ANSWER_S, tls: ssl.SSLContext | None = None) -> Client:
@@ -23,3 +67,25 @@ def connect(url: str, limit_s: float = MAX_ANSWER_S, tls: ssl.SSLContext | None 
         tls = pinned(str(service.certificate))
     key = os.environ.get("HANDEYED_KEY") or (service.authorization or "").removeprefix("Bearer ")
     return Client(url, key=key, tls=tls, timeout_s=limit_s)
+
+
+MAX_PORTS = 100
+"""Ports that are tried from the usual one on."""
+
+
+def client_of(settings: "Settings", limit_s: float) -> Client:
+    """A client of that daemon, which trusts exactly the certificate of the settings. Raises CertificateUnusable."""
+    certificate = settings.server.certificate
+    return connect(settings.server.local_url, limit_s, None if certificate is None else pinned(certificate))
+
+
+def free_port() -> int:
+    """The daemon's usual port when it is free, so that what is printed stays the same; else the next that is."""
+    usual = ServerSettings()
+    for port in range(usual.port, usual.port + MAX_PORTS):
+        try:
+            socket.create_server((usual.host, port)).close()
+        except OSError:
+            continue
+        return port
+    return 0

@@ -24,7 +24,7 @@ def serve(
 
     gc.disable()  # what is imported stays: looking through it again and again takes a tenth of the start
     from calibration.errors import CalibrationError
-    from daemon.cli.local_daemon import free_port
+    from daemon.cli.rest_client import free_port
     from daemon.composition import serve as serve_settings
     from daemon.config.settings import load_settings_file
     from daemon.errors import DaemonError

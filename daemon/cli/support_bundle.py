@@ -22,7 +22,7 @@ def support_bundle(
     """Gather settings, log, versions, the store's summary and the last runs, without secrets. Nothing moves."""
     from datetime import UTC, datetime
 
-    from daemon.cli.service import running_service
+    from daemon.cli.rest_client import running_service
     from daemon.tools.support_bundle.bundle import gather
 
     at = datetime.now(UTC)

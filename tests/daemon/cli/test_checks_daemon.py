@@ -9,7 +9,7 @@ import pytest
 
 from daemon.cli.checks import check_daemon
 from daemon.cli.output import CheckResult
-from daemon.cli.service import RunningService
+from daemon.cli.rest_client import RunningService
 from daemon.config.settings import Settings, SettingsFile
 from tests.daemon.cell_under_test import serving, settings_for
 from tests.support.waiting import LIMIT_S

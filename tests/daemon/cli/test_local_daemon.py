@@ -10,8 +10,7 @@ from pathlib import Path
 import pytest
 
 from daemon.access.certificates import CERTIFICATE, PRIVATE_KEY, make_certificate
-from daemon.cli.local_daemon import client_of
-from daemon.cli.rest_client import connect
+from daemon.cli.rest_client import client_of, connect
 from daemon.config.settings import Settings
 from handeyed import ClientError
 from tests.conftest import ROOT

@@ -15,7 +15,7 @@ from typer.testing import CliRunner
 
 from calibration.documents.target import described
 from calibration.documents.target_text import target_of_text
-from daemon.cli import local_daemon
+from daemon.cli import rest_client
 from daemon.cli.demo_run.processes import start_child
 from daemon.cli.main import app
 from daemon.config.settings import load_settings
@@ -104,7 +104,7 @@ async def test_from_an_empty_folder_to_an_accepted_calibration(
                 return int((await client.get(f"{cell['control']}/state")).json()["moves_commanded"])
 
             port = int(url.rpartition(":")[2])
-            monkeypatch.setattr(local_daemon, "free_port", lambda: port)
+            monkeypatch.setattr(rest_client, "free_port", lambda: port)
             typed = [cell["rws"]["1.0"], cell["camera"], "", "", "200/10 calliper", "1", "program"]
             again = tmp_path / "init.toml"
             ran = await asyncio.to_thread(CliRunner().invoke, app, ["init", str(again)], "\n".join(typed) + "\n")
