@@ -23,16 +23,21 @@ def server_context(certificate: str, private_key: str) -> ssl.SSLContext:
     return context
 
 
-def pinned(certificate: str) -> ssl.SSLContext:
-    """TLS that accepts this certificate and no other, whatever names are in it. Raises CertificateUnusable."""
+def trusting(authority: str) -> ssl.SSLContext:
+    """TLS of a client that trusts this authority (PEM) and no other. Raises CertificateUnusable."""
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
-    context.check_hostname = False  # it is known itself, not by its name
-    context.verify_flags |= ssl.VerifyFlags.VERIFY_X509_PARTIAL_CHAIN
     try:
-        context.load_verify_locations(certificate)
+        context.load_verify_locations(authority)
     except OSError as error:  # ssl.SSLError is one
         reason = (error.strerror or str(error)).lower()
-        raise CertificateUnusable(
-            f"{certificate}: cannot be read ({reason})", "ask as root or as the daemon's user"
-        ) from None
+        fix = "give one in PEM; ask as root or as the daemon's user"
+        raise CertificateUnusable(f"{authority}: cannot be read ({reason})", fix) from None
+    return context
+
+
+def pinned(certificate: str) -> ssl.SSLContext:
+    """TLS that accepts this certificate and no other, whatever names are in it. Raises CertificateUnusable."""
+    context = trusting(certificate)
+    context.check_hostname = False  # it is known itself, not by its name
+    context.verify_flags |= ssl.VerifyFlags.VERIFY_X509_PARTIAL_CHAIN
     return context

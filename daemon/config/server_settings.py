@@ -87,8 +87,12 @@ class WebhookSettings(Document):
     receiver: Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9-]{0,39}$")]
     url: Annotated[str, Field(max_length=2000), AfterValidator(_validate_http_url)]
     secret_file: Annotated[str, Field(min_length=1)]
+    ca_file: Annotated[str, Field(min_length=1)] | None = None
+    """The authority of the receiver's certificate, PEM; without it the public authorities count."""
+
     topics: tuple[Topic, ...] = ()
 
     def beside(self, folder: Path) -> "WebhookSettings":
-        """A copy with a relative file resolved against `folder`, that of the settings file."""
-        return self.model_copy(update={"secret_file": str(folder / self.secret_file)})
+        """A copy with relative files resolved against `folder`, that of the settings file."""
+        authority = None if self.ca_file is None else str(folder / self.ca_file)
+        return self.model_copy(update={"secret_file": str(folder / self.secret_file), "ca_file": authority})

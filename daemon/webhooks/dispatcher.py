@@ -6,6 +6,7 @@ import hashlib
 import hmac
 import json
 import logging
+import ssl
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
@@ -15,12 +16,16 @@ from pathlib import Path
 import httpx
 
 from calibration.sentences.sentence import Sentence
+from daemon.access.tls_context import trusting
 from daemon.config.server_settings import WebhookSettings
 from daemon.errors import DaemonError, StorageError
 from daemon.runtime.clock import Clock
 from daemon.runtime.metrics import Labels, Metric
 from daemon.store.outbox import Outbox, OutboxMessage
 from registration.io.regular_file import read_regular
+
+Trusted = ssl.SSLContext | bool
+"""Whose certificates count; True: those of the public authorities."""
 
 MIN_SECRET_BYTES = 32
 """The length of the hash: a longer secret is no stronger, a shorter one is weaker."""
@@ -112,12 +117,12 @@ class WebhookDispatcher:
     _tasks: list[asyncio.Task[None]] = field(default_factory=list, init=False)
 
     async def start(self) -> None:
-        """Read the secrets and start the tasks. Raises SecretUnusable, StorageError."""
-        secrets = [read_secrets(Path(webhook.secret_file)) for webhook in self.webhooks]
+        """Read the files and start the tasks. Raises SecretUnusable, CertificateUnusable, StorageError."""
+        files = [_read_files(webhook) for webhook in self.webhooks]
         for webhook in self.webhooks:
             await self.outbox.subscribe(webhook.receiver)
-        for webhook, keys in zip(self.webhooks, secrets, strict=True):
-            self._tasks.append(asyncio.create_task(self._serve(webhook, keys)))
+        for webhook, (secrets, trusted) in zip(self.webhooks, files, strict=True):
+            self._tasks.append(asyncio.create_task(self._serve(webhook, secrets, trusted)))
 
     async def stop(self) -> None:
         """Stop the tasks; undelivered messages stay in the outbox."""
@@ -126,9 +131,9 @@ class WebhookDispatcher:
         await asyncio.gather(*self._tasks, return_exceptions=True)
 
     async def change(self, webhooks: tuple[WebhookSettings, ...]) -> None:
-        """Serve these receivers from now on. Raises SecretUnusable, StorageError; then those before go on."""
+        """Serve these receivers from now on. Raises as `start`; then those before go on."""
         for webhook in webhooks:
-            read_secrets(Path(webhook.secret_file))
+            _read_files(webhook)
         await self.stop()
         self._tasks.clear()
         self.webhooks = webhooks
@@ -150,9 +155,9 @@ class WebhookDispatcher:
         about = "Attempts since a receiver last took something."
         return [Metric("handeyed_webhook_failures", "gauge", about, failures)]
 
-    async def _serve(self, webhook: WebhookSettings, secrets: tuple[bytes, ...]) -> None:
+    async def _serve(self, webhook: WebhookSettings, secrets: tuple[bytes, ...], trusted: Trusted) -> None:
         limits = httpx.Timeout(ANSWER_LIMIT_S)
-        async with httpx.AsyncClient(timeout=limits, trust_env=False, follow_redirects=False) as client:
+        async with httpx.AsyncClient(verify=trusted, timeout=limits, trust_env=False, follow_redirects=False) as client:
             while True:
                 try:
                     await self._next(webhook, secrets, client)
@@ -203,6 +208,11 @@ class WebhookDispatcher:
         if self.failures[webhook.receiver] == 0:
             log.warning("webhook %s does not take message %s: %s", webhook.receiver, message.id, why)
         return status
+
+
+def _read_files(webhook: WebhookSettings) -> tuple[tuple[bytes, ...], Trusted]:
+    trusted = trusting(webhook.ca_file) if webhook.ca_file else True
+    return read_secrets(Path(webhook.secret_file)), trusted
 
 
 def body_of(message: OutboxMessage) -> bytes:

@@ -11,6 +11,9 @@ from typing import Any
 
 import pytest
 
+from daemon.access.certificates import AUTHORITY
+from daemon.access.errors import CertificateUnusable
+from daemon.access.tls_context import server_context
 from daemon.config.server_settings import WebhookSettings
 from daemon.model.records import AppliedCalibration, CalibrationRecord
 from daemon.runtime.clock import Clock
@@ -19,6 +22,7 @@ from daemon.store.store import Store
 from daemon.webhooks.dispatcher import (
     MAX_ATTEMPTS_WHEN_REFUSED,
     MAX_PAUSE_S,
+    MIN_FAILURES_TO_WARN,
     SecretUnusable,
     WebhookDispatcher,
     pause_s,
@@ -28,8 +32,10 @@ from daemon.webhooks.dispatcher import (
 )
 from tests.daemon.calibrations import a_calibration
 from tests.daemon.cell_under_test import serving, settings_for
+from tests.daemon.http.tls_files import certificate
 from tests.daemon.save_paths import pending_counts
 from tests.daemon.webhooks.receiver import Receiver, receiving
+from tests.support.waiting import eventually
 
 SECRET = b"0123456789abcdef0123456789abcdef"
 AT = "2026-11-21T09:00:00.000Z"
@@ -102,6 +108,28 @@ async def test_messages_come_in_order_signed_and_with_ids_of_their_own(store: St
             expected = base64.b64encode(hmac.new(SECRET, content, hashlib.sha256).digest()).decode()
             assert headers["webhook-signature"] == f"v1,{expected}"
         await sending.stop()
+
+
+async def test_a_plant_s_own_authority_counts_where_it_is_named(store: Store, tmp_path: Path) -> None:
+    tls = certificate(tmp_path / "tls")
+    async with receiving(tls=server_context(tls["certificate"], tls["private_key"])) as mes:
+        stranger = dispatcher(store, webhook(tmp_path, mes))
+        await stranger.start()
+        await apply_some(store, "a")
+        await eventually(lambda: stranger.failures["mes"] >= MIN_FAILURES_TO_WARN)
+        await stranger.stop()
+        assert not mes.got
+        trusting = dispatcher(store, webhook(tmp_path, mes, ca_file=str(tmp_path / "tls" / AUTHORITY)))
+        await trusting.start()
+        assert [body["type"] for body in await mes.has(2)] == ["calibration.stored", "calibration.applied"]
+        await trusting.stop()
+
+
+async def test_an_authority_that_is_none_is_refused_at_the_start(store: Store, tmp_path: Path) -> None:
+    async with receiving() as mes:
+        hook = webhook(tmp_path, mes, ca_file=str(tmp_path / "secret"))
+        with pytest.raises(CertificateUnusable, match=r"secret: cannot be read.*in PEM"):
+            await dispatcher(store, hook).start()
 
 
 async def test_what_is_not_taken_comes_again_the_same_and_before_anything_later(store: Store, tmp_path: Path) -> None:
