@@ -127,7 +127,7 @@ def in_sight(scenes: Sequence[Scene], limits: ViewpointLimits, base_T_flange: Ar
         anchors = np.array([[scene.anchor_T_target] for scene in alike])
         poses = replace(alike[0], mount_T_camera=mounts, anchor_T_target=anchors).camera_T_target(base_T_flange)
         seen = map_points(poses, np.concatenate([box, points.mean(axis=0)[None]]))
-        pixels = camera.project(seen[..., :-1, :].reshape(-1, 3)).reshape(len(alike), len(result), -1, 2)
+        pixels = camera.project(seen[..., :-1, :].reshape(-1, 3)).reshape(*seen.shape[:2], len(box), 2)
         with np.errstate(invalid="ignore"):
             shown = np.all((pixels >= 0) & (pixels <= np.array(camera.image_size) - 1), axis=(2, 3))
         far = np.linalg.norm(seen[..., -1, :], axis=-1) >= MIN_DISTANCE_OF_LIMIT * limits.distance_mm[0]

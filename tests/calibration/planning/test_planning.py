@@ -76,10 +76,11 @@ def test_unreachable_poses_are_not_planned():
     assert np.all(plan.base_T_flange[:, 0, 3] > 0)
 
 
-def test_limits_that_allow_nothing_are_refused_with_what_to_do():
+@pytest.mark.parametrize("alternatives", [(), (seed_scene(),)], ids=["alone", "with an alternative scene"])
+def test_limits_that_allow_nothing_are_refused_with_what_to_do(alternatives):
     nowhere = replace(WIDE, box_mm=np.array([[5000.0, 5000, 5000], [5001, 5001, 5001]]))
     with pytest.raises(PlanningError, match=r"only 0 of 3 poses .* widen tilt"):
-        plan_poses(seed_scene(), nowhere, 3)
+        plan_poses(seed_scene(), nowhere, 3, alternatives=alternatives)
 
 
 def test_views_already_taken_are_built_upon():
