@@ -238,7 +238,8 @@ def _mount(session: _Session) -> Iterator[Finding]:
         return
     seen_mm = float(np.median(np.linalg.norm(map_points(session.evidence.camera_T_target, session.centre_mm), axis=-1)))
     few = len(session.evidence) < MIN_SURE_VIEWS
-    inverted = bool(session.behind[0])  # on both sides: X is the target's place then
+    # Inverted on both sides, X is the target's place, and the target's place X.
+    inverted = bool(session.behind[0]) and float(np.linalg.norm(session.chain[1][:3, 3])) <= WARNED_MM
     refused = inverted or (few and (away_mm > REFUSED_MM or away_mm > MAX_DISTANCE_RATIO * seen_mm))
     message = Sentence("mount-too-far", away_mm=away_mm, target_mm=seen_mm)
     fix = Sentence("look-along-z" if inverted else "check-setup-and-units")
