@@ -54,7 +54,7 @@ class Outbox:
     async def next(self, name: str) -> OutboxMessage | None:
         """The oldest message that this webhook has not received; None without one, and for one that is damaged."""
         query = (
-            "SELECT number, id, topic, at, data FROM outbox"
+            "SELECT number, id, topic, at, CAST(data AS BLOB) FROM outbox"
             " WHERE number > (SELECT delivered FROM webhooks WHERE name = ?) ORDER BY number LIMIT 1"
         )
         row = await self._database.read(lambda db: db.execute(query, (name,)).fetchone())

@@ -138,6 +138,7 @@ class WebhookDispatcher:
         self._tasks.clear()
         self.webhooks = webhooks
         self.failures.clear()
+        self._refusals.clear()
         await self.start()
 
     def warnings(self) -> list[str]:

@@ -165,11 +165,12 @@ async def test_a_damaged_message_is_left_out_and_does_not_stop_those_behind_it(
 ) -> None:
     store = Store(tmp_path)
     await store.outbox.subscribe("mes")
-    for detail in ("before", "lost", "behind"):
+    for detail in ("before", "lost", "garbled", "behind"):
         await store.outbox.post("alarm", AT, {"what": detail})
     await store.close()
     with sqlite3.connect(tmp_path / DATABASE_NAME) as db:
         db.execute("UPDATE outbox SET data = '{\"what\": ' WHERE data LIKE '%lost%'")
+        db.execute("UPDATE outbox SET data = CAST(x'7b2277ff' AS TEXT) WHERE data LIKE '%garbled%'")
     db.close()
     store = Store(tmp_path)
     async with receiving() as mes:
@@ -190,6 +191,22 @@ async def test_a_receiver_that_was_away_may_refuse_once_and_gets_the_message(sto
         await apply_some(store, "a", "b")
         bodies = await mes.has(len(away) + 3)
         assert [body["data"]["sequence"] for body in bodies] == [1] * (len(away) + 2) + [2]
+        await sending.stop()
+
+
+async def test_refusals_of_before_count_no_longer_after_new_settings(store: Store, tmp_path: Path) -> None:
+    refused = MAX_ATTEMPTS_WHEN_REFUSED - 1
+    async with receiving(*[400] * refused, *[503] * 10_000) as mes:
+        hook = webhook(tmp_path, mes, topics=("calibration.applied",))
+        sending = dispatcher(store, hook)
+        await sending.start()
+        await apply_some(store, "a")
+        await mes.has(refused + 1)
+        await sending.change(())
+        mes.statuses[:] = [400]
+        before = len(mes.got)
+        await sending.change((hook,))
+        assert [body["data"]["sequence"] for body in await mes.has(before + 2)][before:] == [1, 1]
         await sending.stop()
 
 
