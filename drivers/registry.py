@@ -163,7 +163,7 @@ def _split(address: str) -> tuple[SplitResult, str, int]:
     """Parts, host and port (0 when absent)."""
     try:
         parts = urlsplit(address)
-        httpx.URL(address)  # refuses a host that no resolver takes
+        httpx.URL(address).host.encode("idna")  # both refuse hosts that no resolver takes
         return parts, parts.hostname or "", parts.port or 0
     except (ValueError, httpx.InvalidURL) as error:
         raise AddressNotUnderstood(

@@ -51,6 +51,8 @@ def test_an_address_says_where_and_how_to_ask(address, read):
         ("rws://h:99999", "rws://host"),
         ("rws://zelle ü", "Invalid IDNA hostname: 'zelle ü'"),
         (f"rws://{'h' * 70_000}", "too long"),
+        ("rws://a..b", "label empty or too long"),
+        ("rws://xn--abc", "rws://host"),
     ],
 )
 def test_an_address_that_means_nothing_says_what_would(address, message):

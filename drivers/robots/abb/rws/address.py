@@ -41,7 +41,7 @@ class RwsAddress:
         try:
             parts = urlsplit(address)
             port = parts.port
-            httpx.URL(scheme="http", host=parts.hostname or "")  # refuses one that no resolver takes
+            httpx.URL(scheme="http", host=parts.hostname or "").host.encode("idna")  # refuse what no resolver takes
         except (ValueError, httpx.InvalidURL) as error:
             raise AddressNotUnderstood(shown, str(error), _EXAMPLE) from None
         options = dict(parse_qsl(parts.query, keep_blank_values=True))
