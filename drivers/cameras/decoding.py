@@ -22,6 +22,11 @@ JPEG_SIZES = frozenset({*range(0xC0, 0xD0)} - {0xC4, 0xC8, 0xCC})
 JPEG_LONE = frozenset({0x01, *range(0xD0, 0xDA)})
 """Markers without a segment: before the end of the picture there are none between segments."""
 ORIENTATION = 274
+TIFFS = {
+    **{mark: (order, "I", "H", 4, 12) for mark, order in ((b"II*\0", "<"), (b"MM\0*", ">"))},
+    **{mark: (order, "Q", "Q", 8, 20) for mark, order in ((b"II+\0", "<"), (b"MM\0+", ">"))},
+}
+"""By the beginning of a TIFF and a BigTIFF: order, kinds of offset and count, place of the first, bytes of an entry."""
 MAX_SCANS = 100
 """Scans of a JPEG: each is a pass over all pixels; progressive ones have about ten."""
 MAX_DECODED_BYTES = 200_000_000
@@ -76,15 +81,17 @@ def without_orientation(encoded: bytes) -> bytes:
 
     Any other file, and a damaged TIFF, as it is.
     """
-    if (order := {b"II*\0": "<", b"MM\0*": ">"}.get(encoded[:4])) is None:
+    if (kind := TIFFS.get(encoded[:4])) is None:
         return encoded
+    order, offset, number, first, size = kind
     changed = bytearray(encoded)
-    with suppress(struct.error):
-        (at,) = struct.unpack_from(f"{order}I", changed, 4)
-        (count,) = struct.unpack_from(f"{order}H", changed, at)
-        for entry in range(at + 2, at + 2 + 12 * count, 12):
+    with suppress(struct.error, OverflowError):
+        (at,) = struct.unpack_from(order + offset, changed, first)
+        (count,) = struct.unpack_from(order + number, changed, at)
+        begin = at + struct.calcsize(order + number)
+        for entry in range(begin, begin + size * count, size):
             if struct.unpack_from(f"{order}H", changed, entry) == (ORIENTATION,):
-                struct.pack_into(f"{order}HIHH", changed, entry + 2, 3, 1, 1, 0)
+                struct.pack_into(f"{order}H{offset}HH", changed, entry + 2, 3, 1, 1, 0)
     return bytes(changed)
 
 

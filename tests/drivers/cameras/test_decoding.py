@@ -171,33 +171,41 @@ def test_no_bytes_raise_anything_else(tail, head):
         decode("c", head + tail)
 
 
-def tiff(image, orientation: int, order: str) -> bytes:
-    """An uncompressed grey TIFF, its rows stored from the top, with an orientation that says otherwise."""
+def tiff(image, orientation: int, order: str, big: bool = False) -> bytes:
+    """An uncompressed grey TIFF or BigTIFF, rows stored from the top, with an orientation that says otherwise."""
     height, width = image.shape
-    longs = {256: width, 257: height, 273: 8, 278: height, 279: image.size}
+    at = 16 if big else 8
+    longs = {256: width, 257: height, 273: at, 278: height, 279: image.size}
     fields = longs | {258: 8, 259: 1, 262: 1, 274: orientation, 277: 1}
+    offset, number, pad = ("Q", "Q", 4) if big else ("I", "H", 0)
     entries = (
-        struct.pack(f"{order}HHII", tag, 4, 1, value)
+        struct.pack(f"{order}HH{offset}I{pad}x", tag, 4, 1, value)
         if tag in longs
-        else struct.pack(f"{order}HHIHH", tag, 3, 1, value, 0)
+        else struct.pack(f"{order}HH{offset}HH{pad}x", tag, 3, 1, value, 0)
         for tag, value in sorted(fields.items())
     )
-    head = (b"II" if order == "<" else b"MM") + struct.pack(f"{order}HI", 42, 8 + image.size)
-    return head + image.tobytes() + struct.pack(f"{order}H", len(fields)) + b"".join(entries) + bytes(4)
+    head = b"II" if order == "<" else b"MM"
+    head += (
+        struct.pack(f"{order}HHHQ", 43, 8, 0, at + image.size)
+        if big
+        else struct.pack(f"{order}HI", 42, at + image.size)
+    )
+    return head + image.tobytes() + struct.pack(order + number, len(fields)) + b"".join(entries) + bytes(at - 4)
 
 
+@pytest.mark.parametrize("big", [False, True], ids=["TIFF", "BigTIFF"])
 @pytest.mark.parametrize("order", ["<", ">"])
 @pytest.mark.parametrize("orientation", range(1, 9))
-def test_a_tiff_comes_as_its_rows_are_stored(orientation: int, order: str, tmp_path) -> None:
+def test_a_tiff_comes_as_its_rows_are_stored(orientation: int, order: str, big: bool, tmp_path) -> None:
     """As PNG and JPEG do: X of a picture that was turned or mirrored belongs to another camera."""
     file = tmp_path / "view.tif"
-    file.write_bytes(tiff(GREY, orientation, order))
+    file.write_bytes(tiff(GREY, orientation, order, big))
     np.testing.assert_array_equal(read_grey(file), GREY)
 
 
 @settings(max_examples=60)
 @given(
-    st.binary(max_size=60), st.sampled_from([b"", b"II*\0", b"MM\0*", b"II*\0\x08\0\0\0", tiff(GREY, 3, "<")[:1300]])
+    st.binary(max_size=60), st.sampled_from([b"", b"II*\0", b"MM\0+", b"II*\0\x08\0\0\0", tiff(GREY, 3, "<")[:1300]])
 )
 def test_what_is_no_whole_tiff_stays_as_it_is_long(tail, head):
     assert len(without_orientation(head + tail)) == len(head + tail)
