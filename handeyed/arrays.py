@@ -28,7 +28,9 @@ def as_pose(base_T_flange: ArrayLike) -> Array:
 
 def _floats(place: str, given: ArrayLike, fix: str) -> Array:
     try:
-        floats: Array = np.ma.filled(np.ma.asarray(given, float), np.nan)
+        if isinstance(given, np.ma.MaskedArray):
+            given = given.astype(float).filled(np.nan)
+        floats: Array = np.asarray(given, float)
     except (TypeError, ValueError) as error:
         raise DocumentError.one("register", place, str(error), fix) from None
     return floats

@@ -131,8 +131,9 @@ class Client:
         return self._answer("GET", path, media_type="").content
 
     def post(self, path: str, body: dict[str, Any] | None = None) -> Any:
-        """The JSON answer of a POST; `body` goes as JSON."""
-        return self._answer("POST", path, json=body or {}).json()
+        """The JSON answer of a POST, None for one without content; `body` goes as JSON."""
+        answer = self._answer("POST", path, json=body or {})
+        return answer.json() if answer.content else None
 
     def download(self, path: str, file: str | Path) -> int:
         """GET into `file`, which appears when it is whole; its size in bytes."""
@@ -273,7 +274,7 @@ class Client:
             raise ClientError(str(cloud), f"{suffix!r} is no cloud's", f"give one of {', '.join(MEDIA_TYPES)}")
         with self._translate_errors(), GuardedFile.reading(Path(cloud), str(cloud)) as file:
             sent = {"params": {"pose": _pose_text(base_T_flange), **query}, "headers": {"Content-Type": media_type}}
-            return self._stream_into(Path(out), "POST", "/register", content=file.raw, **sent)
+            return self._stream_into(Path(out), "POST", "/register", media_type, content=file.raw, **sent)
 
     def events(self, after: int | None = None) -> Iterator[ServerEvent]:
         """What happens in the cell, as it happens; `after`: the `number` of the last that you have seen, 0 for all.
@@ -295,9 +296,9 @@ class Client:
         with self._translate_errors():
             return self._require_success(self._http.request(method, path, **request), media_type)
 
-    def _stream_into(self, file: Path, method: str, path: str, **request: Any) -> int:
+    def _stream_into(self, file: Path, method: str, path: str, media_type: str = "", **request: Any) -> int:
         with self._http.stream(method, path, **request) as answer:
-            self._require_success(answer, "")
+            self._require_success(answer, media_type)
             with new_file(file, durable=False) as out:
                 for block in answer.iter_bytes():
                     out.write(block)
@@ -305,7 +306,8 @@ class Client:
 
     def _require_success(self, answer: httpx.Response, media_type: str) -> httpx.Response:
         """The answer. Raises Refused: from problem+json, else from status and type; another server answers anything."""
-        if answer.is_success and answer.headers.get("Content-Type", "").startswith(media_type):
+        of_ours = answer.headers.get("Content-Type", "").lower().startswith(media_type)
+        if answer.is_success and (of_ours or answer.status_code == 204):
             return answer
         answer.read()
         try:
@@ -339,7 +341,7 @@ class Client:
             raise ClientError(f"{error.origin}: {first.place}", first.what, first.fix) from None
         except CloudError as error:
             raise ClientError(error.file, error.what, error.fix) from None
-        except (httpx.InvalidURL, httpx.UnsupportedProtocol):
+        except (httpx.InvalidURL, httpx.UnsupportedProtocol, UnicodeError):
             raise NotAnAddress(self.url, "not an address", f"give one such as {DEFAULT_URL}") from None
         except httpx.HTTPError as error:
             what = f"the connection broke ({error})"

@@ -262,7 +262,10 @@ async def test_with_a_key_and_over_tls(tmp_path: Path, monkeypatch: pytest.Monke
         assert await asyncio.to_thread(runs) == []
 
 
-@pytest.mark.parametrize(("url", "error"), [("ftp://cell", NotAnAddress), ("http://127.0.0.1:{free}", NoDaemon)])
+@pytest.mark.parametrize(
+    ("url", "error"),
+    [("ftp://cell", NotAnAddress), ("http://a..b:1", NotAnAddress), ("http://127.0.0.1:{free}", NoDaemon)],
+)
 def test_where_no_daemon_is(url: str, error: type[ClientError]) -> None:
     with socket.create_server(("127.0.0.1", 0)) as taken:
         free = taken.getsockname()[1]
@@ -281,14 +284,18 @@ def test_where_no_daemon_is(url: str, error: type[ClientError]) -> None:
 @pytest.mark.parametrize(
     "question",
     [
-        lambda cell: cell.get("/runs"),
-        lambda cell: cell.current(),
-        lambda cell: cell.start("/calibrate"),
-        lambda cell: cell.register([[0.0, 0.0, 500.0]]),
-        lambda cell: next(cell.events()),
+        lambda cell, _: cell.get("/runs"),
+        lambda cell, _: cell.current(),
+        lambda cell, _: cell.start("/calibrate"),
+        lambda cell, _: cell.register([[0.0, 0.0, 500.0]]),
+        lambda cell, folder: cell.register_file(folder / "in.bin", folder / "out.bin"),
+        lambda cell, _: next(cell.events()),
     ],
 )
-def test_what_is_no_daemon_is_named_by_its_answer(question: Callable[[Client], object], answer: str, what: str) -> None:
+def test_what_is_no_daemon_is_named_by_its_answer(
+    question: Callable[[Client, Path], object], answer: str, what: str, tmp_path: Path
+) -> None:
+    (tmp_path / "in.bin").write_bytes(bytes(12))
     with socket.create_server(("127.0.0.1", 0)) as server:
 
         def serve() -> None:
@@ -300,9 +307,9 @@ def test_what_is_no_daemon_is_named_by_its_answer(question: Callable[[Client], o
         other = threading.Thread(target=serve)
         other.start()
         with pytest.raises(Refused, match=what) as refused:
-            question(Client(f"http://127.0.0.1:{server.getsockname()[1]}"))
+            question(Client(f"http://127.0.0.1:{server.getsockname()[1]}"), tmp_path)
         other.join()
-    assert refused.value.code == ""
+    assert refused.value.code == "" and not (tmp_path / "out.bin").exists()
 
 
 @pytest.mark.parametrize("key", ["hek_\u00fc\u00fc\u00fc", "hek_a\nb"])
