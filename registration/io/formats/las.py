@@ -79,7 +79,8 @@ def parse_header(prefix: bytes, size: int, file: str) -> LasHeader:
         what = f"the header promises {count} points in {count * record_bytes} bytes, but {size - begin} follow"
         raise CloudTruncated(file, f"byte {size}", what, FIX)
     numbers = np.frombuffer(prefix, "<f8", 12, SCALES)
-    if not (np.abs(numbers[:6]) < LENGTH_LIMIT).all() or not (numbers[:3] > 1 / LENGTH_LIMIT).all():
+    no_scale = count > 0 and not (np.abs(numbers[:3]) > 1 / LENGTH_LIMIT).all()
+    if no_scale or not (np.abs(numbers[:6]) < LENGTH_LIMIT).all():
         raise CloudFormatError(file, "header", "scales or offsets are not valid lengths", FIX)
     bounds = numbers[6:].reshape(3, 2)  # max x, min x, max y, ...
     frame = LasFrame(numbers[:3].copy(), numbers[3:6].copy(), bounds[:, 1].copy(), bounds[:, 0].copy())
@@ -108,6 +109,8 @@ def move_frame(frame: LasFrame, motion: RigidMotion, file: str) -> tuple[LasFram
     """
     if not all((np.abs(bound) < LENGTH_LIMIT).all() for bound in (frame.lower, frame.upper)):
         raise CloudFormatError(file, "header", "bounds are not valid lengths", FIX)
+    if not (frame.scales > 1 / LENGTH_LIMIT).all():
+        raise CloudFormatError(file, "header", "scales are not valid lengths", FIX)
     centre = frame.lower / 2 + frame.upper / 2
     scale = float(frame.scales.max()) * float(np.linalg.norm(motion.matrix[:, 0]))
     offset = np.rint(motion.matrix[:, :3] @ centre + motion.matrix[:, 3])
