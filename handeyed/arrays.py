@@ -29,7 +29,7 @@ def as_pose(base_T_flange: ArrayLike) -> Array:
 def _floats(place: str, given: ArrayLike, fix: str) -> Array:
     try:
         if isinstance(given, np.ma.MaskedArray):
-            given = given.astype(float).filled(np.nan)
+            given = np.ma.filled(np.ma.asarray(given, float), np.nan)
         floats: Array = np.asarray(given, float)
     except (TypeError, ValueError) as error:
         raise DocumentError.one("register", place, str(error), fix) from None

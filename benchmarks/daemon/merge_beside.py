@@ -85,11 +85,12 @@ def main() -> int:
                 for _ in range(options.runs):
                     alone_s.append(run_s(client))
                     beside_s.append(run_beside_s(client, url, scan, MERGES["voxels of 1 mm"]))
+                slower = 0.0
                 if options.runs:
                     slower = np.median(beside_s) / np.median(alone_s) - 1
                     print(f"a run {np.median(alone_s):.1f} s alone, {slower:+.1%} beside merges (bar {RUN_BAR:.0%})")
                     print(*(" ".join(f"{one:.1f}" for one in which) for which in (alone_s, beside_s)), sep=" / ")
-                return int(max(peaks.values()) > BAR_MB)
+                return int(max(peaks.values()) > BAR_MB or slower > RUN_BAR)
 
 
 if __name__ == "__main__":

@@ -143,7 +143,8 @@ class ClientSession:
                 self._state = SessionState.NOT_GREETED
                 answered.insert(0, GreetingLost())
             return answered
-        self._state = STATE_AFTER.get(command, self._state)
+        if self._state is not SessionState.BROKEN:
+            self._state = STATE_AFTER.get(command, self._state)
         if isinstance(reply, Welcome):
             self.capabilities = reply.capabilities
             before, self._session = self._session, reply.session
