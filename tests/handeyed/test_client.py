@@ -306,8 +306,9 @@ def test_what_is_no_daemon_is_named_by_its_answer(
 
         other = threading.Thread(target=serve)
         other.start()
-        with pytest.raises(Refused, match=what) as refused:
-            question(Client(f"http://127.0.0.1:{server.getsockname()[1]}"), tmp_path)
+        url = f"http://127.0.0.1:{server.getsockname()[1]}"
+        with pytest.raises(Refused, match=what) as refused, Client(url) as cell:
+            question(cell, tmp_path)
         other.join()
     assert refused.value.code == "" and not (tmp_path / "out.bin").exists()
 
