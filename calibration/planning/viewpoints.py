@@ -117,7 +117,10 @@ MIN_DISTANCE_OF_LIMIT = 0.7
 
 
 def in_sight(scenes: Sequence[Scene], limits: ViewpointLimits, base_T_flange: Array) -> NDArray[np.bool_]:
-    """Mask (n,): in all alternative scenes the target's box is in the image, not much nearer than the limits allow."""
+    """Mask (n,): in all alternative scenes the target's box is in the image, not much nearer than the limits allow.
+
+    The scenes have one set-up and one target.
+    """
     result = np.ones(len(base_T_flange), bool)
     for camera in {scene.camera: None for scene in scenes}:  # all scenes of one in one step
         alike = [scene for scene in scenes if scene.camera is camera]

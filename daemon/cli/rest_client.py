@@ -23,6 +23,9 @@ RUNTIME = Path("/run/handeyed")
 READY_FILE = "daemon.json"
 """There, written by `serve --ready-file`."""
 
+MAX_PORTS = 100
+"""Ports that are tried from the usual one on."""
+
 
 @dataclass(frozen=True)
 class RunningService:
@@ -69,12 +72,8 @@ def connect(url: str, limit_s: float = MAX_ANSWER_S, tls: ssl.SSLContext | None 
     return Client(url, key=key, tls=tls, timeout_s=limit_s)
 
 
-MAX_PORTS = 100
-"""Ports that are tried from the usual one on."""
-
-
 def client_of(settings: "Settings", limit_s: float) -> Client:
-    """A client of that daemon, which trusts exactly the certificate of the settings. Raises CertificateUnusable."""
+    """A client of the daemon with these settings, trusting exactly their certificate. Raises CertificateUnusable."""
     certificate = settings.server.certificate
     return connect(settings.server.local_url, limit_s, None if certificate is None else pinned(certificate))
 

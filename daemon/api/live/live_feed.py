@@ -62,13 +62,6 @@ log = logging.getLogger(__name__)
 
 MAX_LISTENERS = 64
 
-
-def require_room(addresses: Collection[str], address: str) -> None:
-    """Raises TooManyListeners when all places are taken, or half of them by this address."""
-    if len(addresses) >= MAX_LISTENERS or list(addresses).count(address) >= MAX_LISTENERS // 2:
-        raise TooManyListeners(len(addresses))
-
-
 BEAT_S = 1.0
 """Every listener gets a message at least this often, also when nothing has changed."""
 
@@ -80,6 +73,12 @@ MAX_READING_AGE_S = 3.0
 
 MOVES = frozenset({RunState.MOVING, RunState.WAITING})
 """States of a run in which the robot is read in steps of FAST_S; in the others the run itself reads it."""
+
+
+def require_room(addresses: Collection[str], address: str) -> None:
+    """Raises TooManyListeners when all places are taken, or half of them by this address."""
+    if len(addresses) >= MAX_LISTENERS or list(addresses).count(address) >= MAX_LISTENERS // 2:
+        raise TooManyListeners(len(addresses))
 
 
 @dataclass(eq=False)

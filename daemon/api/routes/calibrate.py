@@ -16,7 +16,7 @@ from daemon.api.dependencies import (
     api_router,
     page_of,
     respond_page,
-)  # fmt: skip
+)
 from daemon.api.middleware.disconnects import client_of
 from daemon.api.negotiation import or_text, respond
 from daemon.api.plain_text import status_text
