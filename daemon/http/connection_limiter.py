@@ -8,6 +8,7 @@ keeps out a request with a key.
 
 import ipaddress
 import resource
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from typing import Protocol
 
@@ -16,6 +17,9 @@ from daemon.http.request_pacing import RequestPacing
 
 SPARE_DESCRIPTORS = 256
 """Descriptors reserved for files, devices and the store."""
+
+MAX_TAKEN = 4
+"""Sockets in the hands of threads at a time; other large bodies go through the event loop."""
 
 DESCRIPTORS_PER_CONNECTION = 2
 """The socket, and the temporary file of an upload or a download."""
@@ -100,13 +104,15 @@ class Places:
 
 @dataclass(eq=False)
 class ConnectionLimiter:
-    """The places of one server, and the receive buffer and the turns that its connections share."""
+    """The places of one server, and the receive buffer, the turns and the threads that its connections share."""
 
     limits: HttpLimits = field(
         default_factory=lambda: HttpLimits(connections=reserve_descriptors(HttpLimits.connections))
     )
     buffer: SharedBuffer = field(default_factory=SharedBuffer)
     pacing: RequestPacing = field(default_factory=RequestPacing)
+    threads: ThreadPoolExecutor = field(default_factory=lambda: ThreadPoolExecutor(MAX_TAKEN, "exchange"))
+    taken: int = field(default=0, init=False)
     unauthenticated: Places = field(init=False)
     authenticated: Places = field(init=False)
 

@@ -8,6 +8,7 @@ parsed in one turn of the event loop (see request_pacing.py), aborts first.
 
 import asyncio
 import mmap
+import os
 import select
 from contextlib import suppress
 from typing import Any, cast
@@ -17,11 +18,12 @@ from uvicorn._types import ASGIReceiveEvent
 from uvicorn.protocols.http.httptools_impl import HttpToolsProtocol, RequestResponseCycle
 
 from daemon.http.accepting import ABORT_LINE
-from daemon.http.connection_limiter import ConnectionLimiter
+from daemon.http.connection_limiter import MAX_TAKEN, ConnectionLimiter
 from daemon.http.listener import PendingConnection
 from daemon.http.problem_details import MEDIA_TYPE, Problem
 from daemon.http.receive_buffer import BUFFER_BYTES, BufferedConnection
 from daemon.http.security_headers import with_security_headers
+from daemon.http.taken_socket import TakenSocket
 
 
 def _answer(status: int, code: str, detail: str, fix: str) -> bytes:
@@ -60,6 +62,9 @@ LEND_BODY = "lend_body"
 """Key in a scope's `state`: a function without arguments, after which the pieces of a body with Content-Length come as
 views of a buffer of the connection's own, each valid until the next piece is asked for. This saves two copies."""
 
+TAKE_SOCKET = "take_socket"
+"""Key in a scope's `state`: a function without arguments that returns the TakenSocket of a large body, or None."""
+
 
 class LimitedConnection(HttpToolsProtocol):
     """uvicorn's HTTP connection with the limits of HttpLimits."""
@@ -77,6 +82,7 @@ class LimitedConnection(HttpToolsProtocol):
         self._body_bytes = 0
         self._length_left = 0  # of a body with Content-Length
         self._own_buffer: memoryview | None = None  # for a body whose pieces are lent
+        self._taken: TakenSocket | None = None
         self._overhead_bytes = 0  # since the last head or piece of a body: head, sizes of chunks, trailers
         self._refusal = MALFORMED  # of what the parser does not take
         self._last_progress_s = self._last_check_s = 0.0
@@ -119,6 +125,8 @@ class LimitedConnection(HttpToolsProtocol):
             self._timer.cancel()
         self._limiter.release(self)
         self._held = b""
+        if self._taken is not None:
+            self._taken.end()
         super().connection_lost(exc)
         self._unset_keepalive_if_required()
         # Without these references the connection is freed at once, with the 100 kB that TLS keeps for it, and not when
@@ -172,9 +180,7 @@ class LimitedConnection(HttpToolsProtocol):
                 cast(_LendingCycle, self.cycle).lend(piece)
             if not self._length_left:
                 self._own_buffer = None
-                self.on_message_complete()
-                self.parser = httptools.HttpRequestParser(self)  # the one before waits for the end of this body
-                self.parser.set_dangerous_leniencies(lenient_data_after_close=True)  # as in uvicorn
+                self._end_unparsed_body()
             return
         try:
             self.parser.feed_data(piece)
@@ -204,6 +210,7 @@ class LimitedConnection(HttpToolsProtocol):
         self.cycle.__class__ = _LendingCycle
         self.scope["state"][ON_AUTHENTICATED] = self._authenticate
         self.scope["state"][LEND_BODY] = self.lend_body
+        self.scope["state"][TAKE_SOCKET] = self.take_socket
         self.scope["state"][PACING] = self._limiter.pacing
 
     def on_body(self, body: bytes) -> None:
@@ -220,6 +227,45 @@ class LimitedConnection(HttpToolsProtocol):
         if self._authenticated and self._length_left > MAX_CHUNK_BYTES:  # its pages take no memory until bytes come
             self._own_buffer = memoryview(mmap.mmap(-1, min(self._length_left, BUFFER_BYTES)))
 
+    def take_socket(self) -> TakenSocket | None:
+        """The socket for the rest of a large body with Content-Length, before the answer begins; its owner calls `run`.
+
+        None over TLS, when a piece has come that was not asked for yet, and when all threads are in use.
+        """
+        free = self._authenticated and self.scheme == "http" and self._limiter.taken < MAX_TAKEN
+        come = self._held or self.cycle.body or self._own_buffer is not None
+        if not free or come or self._length_left <= MAX_CHUNK_BYTES or self.transport.get_write_buffer_size():
+            return None
+        self.flow.pause_reading()
+        descriptor = os.dup(self.transport.get_extra_info("socket").fileno())
+        self._taken = TakenSocket(self, descriptor, self._length_left, self._limiter.threads)
+        self._limiter.taken += 1
+        self.cycle.transport.write = self._taken.add_head  # type: ignore[method-assign]
+        return self._taken
+
+    def note_progress(self, received: int) -> None:
+        """The thread with the socket has received so many bytes of the body, or, with 0, sent some of the answer."""
+        self._last_progress_s = self.loop.time()
+        self._count_body(received)
+
+    def take_back(self, taken: TakenSocket) -> None:
+        """Go on with the connection after a whole exchange; end it when the client is gone."""
+        self._taken = None
+        self._limiter.taken -= 1
+        if taken.gone:
+            self._drop_request()
+            self.transport.abort()
+            return
+        self.cycle.transport.write = self.transport.write  # type: ignore[method-assign]
+        if not taken.body_left:
+            self.cycle.expected_content_length -= taken.sent - len(taken.head)
+            self._end_unparsed_body()
+
+    def _end_unparsed_body(self) -> None:
+        self.on_message_complete()
+        self.parser = httptools.HttpRequestParser(self)  # the one before waits for the end of this body
+        self.parser.set_dangerous_leniencies(lenient_data_after_close=True)  # as in uvicorn
+
     def on_message_complete(self) -> None:
         super().on_message_complete()
         self._body_since_s, self._overhead_bytes, self._length_left = None, 0, 0
@@ -234,6 +280,11 @@ class LimitedConnection(HttpToolsProtocol):
     def unread(self) -> bool:
         """True when the client may have sent more than was read, so that closing at once would reset the connection."""
         return bool(self._held) or self._body_since_s is not None
+
+    @property
+    def _awaits_body(self) -> bool:
+        """True while only the client keeps the body from coming."""
+        return self._taken.awaits_body if self._taken is not None else not self.flow.read_paused
 
     @property
     def _in_progress(self) -> bool:
@@ -273,14 +324,14 @@ class LimitedConnection(HttpToolsProtocol):
                 self.transport.abort()
         elif self._head_since_s is not None and now_s - self._head_since_s > self._limits.head_s:
             self._refuse(TOO_SLOW)
-        elif self._body_since_s is not None and not self.flow.read_paused:
+        elif self._body_since_s is not None and self._awaits_body:
             self._body_waited_s += now_s - max(before_s, self._body_since_s)
             by_rate_s = self._limits.idle_s + self._body_bytes / self._limits.body_bytes_per_s
             if idle or self._body_waited_s > (by_rate_s if self._authenticated else self._limits.body_s):
                 self._refuse(TOO_SLOW)
         elif self.flow.write_paused or self.flow.read_paused:
             waits_for_client = self.flow.write_paused or self._body_since_s is not None  # and not for the answer
-            if (idle and waits_for_client) or self._has_hung_up():
+            if (idle and waits_for_client) or (self._taken is None and self._has_hung_up()):
                 self.transport.abort()
         self._schedule_check()
 

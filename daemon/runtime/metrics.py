@@ -47,10 +47,10 @@ class Metrics:
     registered_points: int = 0
     registered_bytes: int = 0
 
-    def count_cloud(self, stream: CloudStream, with_answers_oftes: int) -> None:
+    def count_cloud(self, stream: CloudStream, answer_bytes: int) -> None:
         """Count one cloud registered by POST /register: its points and the bytes of the answer."""
         self.registered_points += stream.points
-        self.registered_bytes += with_answers_oftes
+        self.registered_bytes += answer_bytes
 
     def families(self) -> list[Metric]:
         """The families of GET /metrics that belong to no service."""

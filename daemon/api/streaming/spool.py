@@ -24,7 +24,7 @@ MAX_READER_WAIT_S = 0.05
 
 
 class Spool:
-    """A FIFO queue with one writer and one reader."""
+    """A FIFO queue of bytes: in memory while they fit there, else in a file until that is read to its end."""
 
     def __init__(self, folder: Path, memory_bytes: int = MEMORY_BYTES) -> None:
         """`folder`: for the temporary file, which may grow as large as the answer."""
@@ -33,18 +33,69 @@ class Spool:
         self._in_memory = 0
         self._file: IO[bytes] | None = None
         self._written = self._read = 0
+
+    @property
+    def in_file(self) -> bool:
+        """Whether bytes wait in the file."""
+        return self._read < self._written
+
+    def fits(self, length: int) -> bool:
+        """Whether so many more bytes fit into memory."""
+        return not self.in_file and self._in_memory + length <= self._memory_bytes
+
+    def append(self, content: bytes | memoryview) -> None:
+        """Append `content`, which must not be changed afterwards. Raises StorageError when the file cannot grow."""
+        if content and self.fits(len(content)):
+            self._memory.append(content)
+            self._in_memory += len(content)
+        elif content:
+            self._write(content)
+
+    def take(self) -> bytes | memoryview:
+        """The next bytes, of the file at most CHUNK_BYTES; b"" when the queue is empty. Raises StorageError."""
+        if self._memory:
+            content = self._memory.popleft()
+            self._in_memory -= len(content)
+            return content
+        return self._next() if self.in_file else b""
+
+    def close(self) -> None:
+        """Close and delete the temporary file."""
+        if self._file is not None:
+            self._file.close()
+
+    def _write(self, content: bytes | memoryview) -> None:
+        with storage_errors(self._folder):
+            if self._file is None:
+                self._file = tempfile.TemporaryFile(dir=self._folder, buffering=0)  # noqa: SIM115 - closed by `close`
+            rest = memoryview(content)
+            while rest:
+                rest = rest[os.pwrite(self._file.fileno(), rest, self._written + len(content) - len(rest)) :]
+            self._written += len(content)
+
+    def _next(self) -> bytes:
+        """Read the next chunk of the file; by position, since a writer may use the file at the same time."""
+        assert self._file is not None
+        with storage_errors(self._folder):
+            content = os.pread(self._file.fileno(), min(CHUNK_BYTES, self._written - self._read), self._read)
+        self._read += len(content)
+        return content
+
+
+class AwaitedSpool(Spool):
+    """A spool whose writer and reader are tasks of the event loop."""
+
+    def __init__(self, folder: Path, memory_bytes: int = MEMORY_BYTES) -> None:
+        super().__init__(folder, memory_bytes)
         self._ended = False
         self._news, self._space = asyncio.Event(), asyncio.Event()
 
     async def put(self, content: bytes | memoryview) -> None:
-        """Append `content`, which must not be changed afterwards. Raises StorageError when the file cannot grow."""
-        if not content:
-            return  # an empty piece would look like the end
-        if self._in_file or not (self._fits(len(content)) or await self._fits_soon(len(content))):
-            await asyncio.to_thread(self._append, content)
+        """Like `append`, but wait up to MAX_READER_WAIT_S for room in memory, and write to the file in a thread."""
+        if self.fits(len(content)) or (not self.in_file and await self._fits_soon(len(content))):
+            self.append(content)
         else:
-            self._memory.append(content)
-            self._in_memory += len(content)
+            await asyncio.to_thread(self.append, content)
         self._news.set()
 
     def end(self) -> None:
@@ -56,51 +107,20 @@ class Spool:
         """The next bytes; b"" at the end of the queue."""
         while True:
             if self._memory:
-                content = self._memory.popleft()
-                self._in_memory -= len(content)
                 self._space.set()
-                return content
-            if self._in_file:
-                return await asyncio.to_thread(self._next)
+                return self.take()
+            if self.in_file:
+                return await asyncio.to_thread(self.take)
             if self._ended:
                 return b""
             self._news.clear()
             await self._news.wait()
 
-    def close(self) -> None:
-        """Close and delete the temporary file."""
-        if self._file is not None:
-            self._file.close()
-
-    def _fits(self, length: int) -> bool:
-        return self._in_memory + length <= self._memory_bytes
-
     async def _fits_soon(self, length: int) -> bool:
-        """Wait up to MAX_READER_WAIT_S for the reader to free memory; True when `length` bytes fit."""
+        """Wait for the reader to free memory; True when `length` bytes fit."""
         with suppress(TimeoutError):
             async with asyncio.timeout(MAX_READER_WAIT_S):
-                while length <= self._memory_bytes and not self._fits(length):
+                while length <= self._memory_bytes and not self.fits(length):
                     self._space.clear()
                     await self._space.wait()
-        return self._fits(length)
-
-    @property
-    def _in_file(self) -> bool:
-        return self._read < self._written
-
-    def _append(self, content: bytes | memoryview) -> None:
-        with storage_errors(self._folder):
-            if self._file is None:
-                self._file = tempfile.TemporaryFile(dir=self._folder, buffering=0)  # noqa: SIM115 - closed by `close`
-            rest = memoryview(content)
-            while rest:
-                rest = rest[os.pwrite(self._file.fileno(), rest, self._written + len(content) - len(rest)) :]
-            self._written += len(content)
-
-    def _next(self) -> bytes:
-        """Read the next chunk of the file; by position, since the writer uses the file at the same time."""
-        assert self._file is not None
-        with storage_errors(self._folder):
-            content = os.pread(self._file.fileno(), min(CHUNK_BYTES, self._written - self._read), self._read)
-        self._read += len(content)
-        return content
+        return self.fits(length)

@@ -4,18 +4,20 @@ import asyncio
 import json
 import resource
 import socket
+import struct
 import sys
 import threading
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator, Callable, Iterable
 from contextlib import AsyncExitStack, asynccontextmanager
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 from urllib.parse import urlsplit
 
 import pytest
 
 from daemon.http.connection_limiter import ConnectionLimiter, HttpLimits
+from daemon.http.connections import LimitedConnection
 from daemon.http.listen_socket import BACKLOG, open_listener
 from daemon.http.request_pacing import RequestPacing
 from daemon.scans import scan_service
@@ -201,18 +203,19 @@ async def test_an_upload_whose_answer_takes_long_is_left_alone(
 
 @pytest.mark.skipif(sys.platform != "linux", reason="another system tells its memory otherwise")
 async def test_clouds_that_are_announced_take_no_memory_before_they_come(bench: Bench) -> None:
-    """A buffer of 1 MB waits for each of 65."""
+    """A thread waits for each of four, a buffer of 1 MB for each of 61 others."""
     head = f"POST /register?pose={POSE} HTTP/1.1\r\nHost: localhost\r\nContent-Type: application/octet-stream\r\n"
     await apply_calibration(bench)
 
     def lending() -> int:
-        return sum(getattr(one, "_own_buffer", None) is not None for one in bench.server.server_state.connections)
+        connections = cast(Iterable[LimitedConnection], bench.server.server_state.connections)
+        return sum(one._own_buffer is not None or one._taken is not None for one in connections)
 
     async def announce(stack: AsyncExitStack, count: int) -> None:
         """Until so many clouds are announced."""
         for number in range(lending(), count):
             _, writer = await stack.enter_async_context(connected(bench))
-            writer.write(f"{head}Content-Length: 5000000\r\n\r\n".encode() + bytes(12))
+            writer.write(f"{head}Content-Length: 6000000\r\n\r\n".encode() + struct.pack("<3f", 0, 0, 500))
             await eventually(partial(lambda before: lending() > before, number))
 
     async with AsyncExitStack() as stack:

@@ -1,0 +1,84 @@
+"""Large clouds in the hands of threads: as through the event loop, and no thread outlives its client or the daemon."""
+
+import asyncio
+import socket
+from collections.abc import AsyncIterator
+from contextlib import AsyncExitStack, asynccontextmanager
+from pathlib import Path
+from urllib.parse import urlsplit
+
+import numpy as np
+import pytest
+
+from daemon.http.connection_limiter import MAX_TAKEN, ConnectionLimiter, HttpLimits
+from tests.daemon.calibrations import apply_calibration
+from tests.daemon.cell_under_test import Bench, serving, settings_for
+from tests.daemon.clouds import POSE, cloud, in_base
+from tests.support.waiting import LIMIT_S, eventually
+
+POINTS = 200_000
+HALF = 6 * POINTS
+
+Ends = tuple[asyncio.StreamReader, asyncio.StreamWriter]
+
+
+@asynccontextmanager
+async def half_sent(bench: Bench, content: bytes) -> AsyncIterator[Ends]:
+    """A connection over which the first half of a cloud was sent."""
+    url = urlsplit(bench.url)
+    reader, writer = await asyncio.open_connection(url.hostname, url.port)
+    head = f"POST /register?pose={POSE} HTTP/1.1\r\nHost: localhost\r\nContent-Type: application/octet-stream\r\n"
+    writer.write(f"{head}Content-Length: {len(content)}\r\n\r\n".encode() + content[:HALF])
+    try:
+        yield reader, writer
+    finally:
+        writer.close()
+
+
+async def moved_points(reader: asyncio.StreamReader) -> np.ndarray:
+    assert b" 200 " in (await reader.readuntil(b"\r\n\r\n")).splitlines()[0]
+    return np.frombuffer(await reader.readexactly(12 * POINTS), "<f4").reshape(-1, 3)
+
+
+async def test_as_many_clouds_as_there_are_threads_and_one_more(tmp_path: Path) -> None:
+    """The last goes through the event loop; all answers are right, and their connections take another question."""
+    clouds = [cloud(POINTS, seed=seed) for seed in range(MAX_TAKEN + 1)]
+    door = ConnectionLimiter()
+    async with serving(settings_for(tmp_path), door=door) as bench, AsyncExitStack() as stack:
+        await apply_calibration(bench)
+        ends: list[Ends] = []
+        for number, points in enumerate(clouds, 1):
+            ends.append(await stack.enter_async_context(half_sent(bench, points.astype("<f4").tobytes())))
+            await asyncio.wait_for(ends[-1][0].readuntil(b"HTTP/1.1"), LIMIT_S)
+            assert door.taken == min(number, MAX_TAKEN)
+        for (reader, writer), points in zip(ends, clouds, strict=True):
+            writer.write(points.astype("<f4").tobytes()[HALF:] + b"GET /health HTTP/1.1\r\nHost: localhost\r\n\r\n")
+            async with asyncio.timeout(LIMIT_S):
+                np.testing.assert_allclose(await moved_points(reader), in_base(points), atol=2e-3)
+                assert b" 200 " in (await reader.readuntil(b"\r\n\r\n")).splitlines()[0]
+        assert door.taken == 0
+
+
+@pytest.mark.parametrize("leaves", [False, True], ids=["sends no more", "is gone"])
+async def test_a_client_that_sends_no_more_leaves_no_thread(tmp_path: Path, leaves: bool) -> None:
+    door = ConnectionLimiter(HttpLimits(idle_s=0.4))
+    async with serving(settings_for(tmp_path), door=door) as bench:
+        await apply_calibration(bench)
+        async with half_sent(bench, cloud(POINTS).astype("<f4").tobytes()) as (reader, writer):
+            await asyncio.wait_for(reader.readuntil(b"\r\n\r\n"), LIMIT_S)
+            if leaves:
+                writer.transport.get_extra_info("socket").shutdown(socket.SHUT_WR)
+            assert len(await asyncio.wait_for(reader.read(-1), LIMIT_S)) < 12 * POINTS
+            await eventually(lambda: not door.taken)
+        assert (await bench.client.get("/health")).status_code == 200
+
+
+async def test_the_daemon_stops_while_a_thread_waits_for_a_client(tmp_path: Path) -> None:
+    door = ConnectionLimiter()
+    async with AsyncExitStack() as stack:
+        async with serving(settings_for(tmp_path), door=door) as bench:
+            await apply_calibration(bench)
+            reader, _ = await stack.enter_async_context(half_sent(bench, cloud(POINTS).astype("<f4").tobytes()))
+            await asyncio.wait_for(reader.readuntil(b"\r\n\r\n"), LIMIT_S)
+            assert door.taken == 1
+        assert door.taken == 0
