@@ -36,6 +36,12 @@ if TYPE_CHECKING:
 
     from calibration.documents.calibration import CalibrationDocument
 
+TLS_ERRORS = (
+    ("CERTIFICATE", "its certificate is not trusted", "name its authority.pem in HANDEYED_CA"),
+    ("SSL", "what answers speaks no TLS", "begin its address with http://"),
+)
+"""What a connection's error has in its text, what that means, and what to do; the first that fits counts."""
+
 DEFAULT_URL = "http://127.0.0.1:8372"
 MAX_ANSWER_S = 30.0
 """Only runs take longer; they are waited for in pieces of POLL_S."""
@@ -328,9 +334,9 @@ class Client:
         try:
             yield
         except httpx.ConnectError as error:
-            if "CERTIFICATE" in str(error).upper():
-                what, fix = "its certificate is not trusted", "name its authority.pem in HANDEYED_CA"
-                raise ClientError(self.url, what, fix) from None
+            for mark, what, fix in TLS_ERRORS:
+                if mark in str(error).upper():
+                    raise ClientError(self.url, what, fix) from None
             fix = "start it with 'handeyed serve CONFIG', or give its address with --url"
             raise NoDaemon(self.url, "no daemon answers", fix) from None
         except httpx.TimeoutException:

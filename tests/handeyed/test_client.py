@@ -262,6 +262,15 @@ async def test_with_a_key_and_over_tls(tmp_path: Path, monkeypatch: pytest.Monke
         assert await asyncio.to_thread(runs) == []
 
 
+async def test_an_address_with_tls_where_there_is_none(bench: Bench) -> None:
+    def health() -> object:
+        with Client(bench.url.replace("http:", "https:")) as cell:
+            return cell.get("/health")
+
+    with pytest.raises(ClientError, match=r"speaks no TLS: begin its address with http://"):
+        await asyncio.to_thread(health)
+
+
 @pytest.mark.parametrize(
     ("url", "error"),
     [("ftp://cell", NotAnAddress), ("http://a..b:1", NotAnAddress), ("http://127.0.0.1:{free}", NoDaemon)],
