@@ -105,6 +105,7 @@ def build(
         RegistrationJobs(store, merge_workers, clock, events),
         events.publish,
         arm,
+        lambda: supervisor.in_progress is not None,
     )
     rules = MotionRules.of(settings.robot)
     operations = Operations(

@@ -1,6 +1,7 @@
-"""How far a job in a thread is, passed on to the event loop now and then."""
+"""How far a job in a thread is, passed on to the event loop now and then, and how it is stopped."""
 
 import asyncio
+import threading
 from collections.abc import Callable
 
 STEP, INTERVAL_S = 0.05, 1.0
@@ -23,3 +24,25 @@ class ProgressReports:
         if share >= self._share + STEP and now_s >= self._at_s + INTERVAL_S:
             self._share, self._at_s = share, now_s
             self._loop.call_soon_threadsafe(self._report, share)
+
+
+class JobStop:
+    """Stops a job in a thread that asks `is_set` after each step. During a run a step is followed by as long a rest.
+
+    A lower priority is no substitute: a thread of little that holds Python's lock keeps everybody waiting.
+    """
+
+    def __init__(self, run_in_progress: Callable[[], bool], monotonic_s: Callable[[], float]) -> None:
+        self._run_in_progress, self._monotonic_s = run_in_progress, monotonic_s
+        self._stop, self._at_s = threading.Event(), monotonic_s()
+
+    def set(self) -> None:
+        """Let the job end with its step; it rests no longer."""
+        self._stop.set()
+
+    def is_set(self) -> bool:
+        """Whether the job shall end, after the rest."""
+        if self._run_in_progress():
+            self._stop.wait(self._monotonic_s() - self._at_s)
+        self._at_s = self._monotonic_s()
+        return self._stop.is_set()

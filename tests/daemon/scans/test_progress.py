@@ -10,7 +10,7 @@ from calibration.kinematics.stance import Stance
 from calibration.problem import Setup
 from calibration.transforms import transform
 from daemon.scans import progress
-from daemon.scans.progress import INTERVAL_S, STEP, ProgressReports
+from daemon.scans.progress import INTERVAL_S, STEP, JobStop, ProgressReports
 from registration.fusion.concatenation import PlacedCloud, merge_clouds
 from registration.fusion.merging import Merge
 from registration.fusion.view_surface import view_surface
@@ -33,6 +33,19 @@ async def test_a_job_reports_seldom_and_never_less_than_before() -> None:
         reports(share)
     await asyncio.sleep(0)
     assert reported == [0.5, 0.6, 1.0]
+
+
+def test_a_job_rests_as_long_as_its_step_took_while_a_run_is_in_progress(monkeypatch: pytest.MonkeyPatch) -> None:
+    rests_s: list[float] = []
+    moments = [(0.0, False)]  # the clock, and whether a run is in progress
+    stop = JobStop(lambda: moments[-1][1], lambda: moments[-1][0])
+    monkeypatch.setattr(stop._stop, "wait", rests_s.append)
+    for moment in ((0.2, False), (0.5, True), (0.75, True), (1.0, False)):
+        moments.append(moment)
+        assert not stop.is_set()
+    stop.set()
+    assert stop.is_set()
+    assert rests_s == [pytest.approx(0.3), pytest.approx(0.25)]
 
 
 def parts_of(folder: Path, points: int = 30_000) -> list[PlacedCloud]:
