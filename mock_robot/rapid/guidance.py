@@ -5,7 +5,6 @@ import threading
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field
-from time import monotonic
 from typing import Any
 
 import numpy as np
@@ -29,15 +28,8 @@ MAX_SPEED_DEG_S, MAX_DEVIATION_DEG = 1.0, 1000.0
 LOOPBACK = "127.0.0.1"
 
 
-@dataclass
-class Guide:
-    """How corrections move the arm: what they give the axes, and how fast. `target` returns joints (6,) in rad."""
-
-    target: Callable[[Correction], Array | None]
-    max_speed_rad_s: float
-    within: Callable[[Array], bool]
-    start: Array
-    max_deviation_rad: float
+Target = Callable[[Correction], Array | None]
+"""Axes (6,) in rad that a correction gives; None for one that names nothing of this guidance."""
 
 
 @dataclass
@@ -45,7 +37,7 @@ class EgmSession:
     """One EGM identity, from EGMGetId to EGMReset. It sends from its own thread while it streams or guides.
 
     `target`: port on this machine that it sends to, whatever address the device has; None sends nothing. `state`:
-    taken, set up, streams, activated or runs.
+    taken, set up, streams, activated or runs. `guide`: where corrections move the arm, from `start`, while it runs.
     """
 
     unit: MotionUnit
@@ -53,14 +45,11 @@ class EgmSession:
     state: str = "taken"
     kind: str = "joint"
     target: int | None = None
-    timeout_s: float = 1.0
     every: int = 1
     settings: dict[str, Any] = field(default_factory=dict)
-    guide: Guide | None = None
-    settled_since_s: float | None = None
+    guide: Target | None = None
+    start: Array = field(default_factory=lambda: np.zeros(6))
     newest: Correction | None = None
-    heard_s: float = 0.0
-    failed: str = ""
     _ended: threading.Event = field(default_factory=threading.Event)
     _thread: threading.Thread | None = None
     _switching: threading.Lock = field(default_factory=threading.Lock)
@@ -68,7 +57,6 @@ class EgmSession:
 
     def begin(self) -> None:
         """Start sending; a no-op while it sends, and once it is freed: a statement may be under way then."""
-        self.heard_s = monotonic()
         with self._switching:
             if self._thread is None and not self._freed:
                 self._ended.clear()
@@ -84,11 +72,6 @@ class EgmSession:
             thread, self._thread = self._thread, None
         if thread is not None and thread is not threading.current_thread():
             thread.join()
-
-    @property
-    def is_silent(self) -> bool:
-        """Whether the sensor has sent nothing for the time that was allowed."""
-        return monotonic() - self.heard_s > self.timeout_s
 
     def _live(self) -> None:
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as own:
@@ -111,30 +94,27 @@ class EgmSession:
             except OSError:
                 return
             with suppress(NotEgm):
-                self.newest, self.heard_s = decode_correction(data), monotonic()
+                self.newest = decode_correction(data)
 
     def _follow(self) -> None:
-        """Move the arm by as much as one period allows."""
+        """Move the arm by as much as one period allows; a correction out of its reach moves nothing."""
         guide, newest, unit = self.guide, self.newest, self.unit
         if guide is None or newest is None or unit.held or unit.stopped_by:
             return
-        here = unit.joints_now()
-        try:
-            wanted = guide.target(newest)
+        here, most_rad = unit.joints_now(), self._setting_rad("max_deviation", MAX_DEVIATION_DEG)
+        with suppress(UnreachablePoseError):
+            wanted = guide(newest)
             if wanted is None:
                 return
-            wanted = guide.start + np.clip(wanted - guide.start, -guide.max_deviation_rad, guide.max_deviation_rad)
+            wanted = self.start + np.clip(wanted - self.start, -most_rad, most_rad)
             unit.arm.require_within_limits(wanted)
-        except UnreachablePoseError as error:
-            self.failed = error.what
-            return
-        period_s = PERIOD_S * unit.time_scale
-        step = guide.max_speed_rad_s * period_s
-        unit.cabinet.arm.guide(here + np.clip(wanted - here, -step, step), period_s, unit.now_s())
-        if not guide.within(wanted - here):
-            self.settled_since_s = None
-        elif self.settled_since_s is None:
-            self.settled_since_s = unit.now_s()
+            period_s = PERIOD_S * unit.time_scale
+            step = self._setting_rad("max_speed", MAX_SPEED_DEG_S) * period_s
+            unit.cabinet.arm.guide(here + np.clip(wanted - here, -step, step), period_s, unit.now_s())
+
+    def _setting_rad(self, name: str, usual_deg: float) -> float:
+        given = self.settings.get(name)
+        return float(np.radians(usual_deg if given is None else given))
 
     def _sample(self, number: int) -> RobotSample:
         """Pose of the tool in the work object that the program named: of the flange in the world without them."""
@@ -149,7 +129,7 @@ class EgmSession:
         return pose
 
 
-def guide_joints(session: EgmSession, axes: list[bool], within: list[tuple[float, float]]) -> Guide:
+def guide_joints(session: EgmSession, axes: list[bool]) -> Target:
     """Corrections are angles of the axes; those that are not named stay."""
     start, moves = session.unit.joints_now(), np.array(axes)
 
@@ -159,22 +139,15 @@ def guide_joints(session: EgmSession, axes: list[bool], within: list[tuple[float
         joints: Array = np.where(moves, np.radians(correction.joints_deg[: len(start)]), start)
         return joints
 
-    bounds = np.radians(np.array(within))
-
-    def inside(rest: Array) -> bool:
-        return bool(np.all((bounds[:, 0] <= rest) & (rest <= bounds[:, 1]) | ~moves))
-
-    return _guide(session, target, inside, start)
+    return target
 
 
-def guide_pose(session: EgmSession, parts: list[bool], within: list[tuple[float, float]]) -> Guide:
+def guide_pose(session: EgmSession, parts: list[bool]) -> Target:
     """Corrections are poses in the sensor's frame; the parts of the correction frame that are not named stay."""
-    unit, settings = session.unit, session.settings
-    world_T_start = session.world_T_tool()
-    corrected, sensed = settings["world_T_correction"](world_T_start), settings["world_T_sensor"](world_T_start)
-    tool, external, moves = settings.get("flange_T_tool", np.eye(4)), unit.external_axes(), np.array(parts)
-    first, bounds = inverse(corrected) @ world_T_start, np.array(within)
-    goal = [first]
+    unit, settings, world_T_start = session.unit, session.settings, session.world_T_tool()
+    corrected, sensed = settings["world_T_correction"], settings["world_T_sensor"]
+    tool, external, moves = settings["flange_T_tool"], unit.external_axes(), np.array(parts)
+    first = inverse(corrected) @ world_T_start
 
     def target(correction: Correction) -> Array | None:
         if len(correction.position_mm) != 3:
@@ -184,29 +157,9 @@ def guide_pose(session: EgmSession, parts: list[bool], within: list[tuple[float,
         wanted = inverse(corrected) @ sensed @ wanted
         shift = np.where(moves[:3], wanted[:3, 3], first[:3, 3])
         turn = np.where(moves[3:], vector_from_rotation(wanted[:3, :3] @ first[:3, :3].T), 0.0)
-        goal[0] = transform(rotation_from_vector(turn) @ first[:3, :3], shift)
-        world_T_flange = corrected @ goal[0] @ inverse(tool)
-        base_T_flange = inverse(unit.cabinet.mounting.reported_world_T_base(tuple(external))) @ world_T_flange
-        joints: Array = unit.arm.nearest(base_T_flange, unit.joints_now())
+        goal = transform(rotation_from_vector(turn) @ first[:3, :3], shift)
+        world_T_base = unit.cabinet.mounting.reported_world_T_base(tuple(external))
+        joints: Array = unit.arm.nearest(inverse(world_T_base) @ corrected @ goal @ inverse(tool), unit.joints_now())
         return joints
 
-    def inside(rest: Array) -> bool:
-        here = inverse(corrected) @ session.world_T_tool()
-        turn_deg = np.degrees(vector_from_rotation(goal[0][:3, :3] @ here[:3, :3].T))
-        left = np.concatenate([goal[0][:3, 3] - here[:3, 3], turn_deg])
-        return bool(np.all((bounds[:, 0] <= left) & (left <= bounds[:, 1]) | ~moves))
-
-    return _guide(session, target, inside, unit.joints_now())
-
-
-def _guide(
-    session: EgmSession, target: Callable[[Correction], Array | None], inside: Callable[[Array], bool], start: Array
-) -> Guide:
-    speed, deviation = (session.settings.get(name) for name in ("max_speed", "max_deviation"))
-    return Guide(
-        target,
-        float(np.radians(MAX_SPEED_DEG_S if speed is None else speed)),
-        inside,
-        start,
-        float(np.radians(MAX_DEVIATION_DEG if deviation is None else deviation)),
-    )
+    return target

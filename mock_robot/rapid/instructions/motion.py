@@ -32,15 +32,9 @@ def _move(*, linear: bool) -> Callable[..., None]:
         tool: Slot,
         wobj: Slot | None,
     ) -> None:
-        unit = own_unit(task)
-        flange = flange_of(target, tool.value, None if wobj is None else wobj.value)
-        try:
-            joints = unit.joints_for(flange, target[2], target[3])
-        except UnreachablePoseError as error:
-            code = OTHER_CONFIGURATION if isinstance(error, OtherConfiguration) else OUTSIDE_REACH
-            raise ProgramStopped(code, task.name, error.what) from error
+        joints = joints_of(task, target, tool, wobj)
         note_move(task, tool, wobj)
-        _take_along(unit, target[3])
+        _take_along(task.services.unit, target[3])
         _travel(task, joints, speed, linear=linear)
 
     return move
@@ -81,6 +75,17 @@ def own_unit(task: ProgramTask) -> Any:
     if not task.motion:
         raise RapidError("ERR_NORUNUNIT", f"{task.name} moves no arm")
     return task.services.unit
+
+
+def joints_of(task: ProgramTask, target: list[Any], tool: Slot, wobj: Slot | None) -> Array:
+    """Axes (6,) in rad of a robtarget; the program stops for one that cannot be reached."""
+    flange = flange_of(target, tool.value, None if wobj is None else wobj.value)
+    try:
+        joints: Array = own_unit(task).joints_for(flange, target[2], target[3])
+    except UnreachablePoseError as error:
+        code = OTHER_CONFIGURATION if isinstance(error, OtherConfiguration) else OUTSIDE_REACH
+        raise ProgramStopped(code, task.name, error.what) from error
+    return joints
 
 
 def _travel(task: ProgramTask, joints: Array, speed: list[float], *, linear: bool) -> None:

@@ -133,84 +133,22 @@ def test_a_customers_program_is_guided_as_its_client_chooses(tmp_path: Path, kin
             assert controller.memory["was_guided"].value is (not guidance.ends_itself)
 
 
-GUIDED = """MODULE guided
+STREAMS = """MODULE streams
   VAR egmident id;
-  CONST egm_minmax close := [-0.05, 0.05];
-  PERS num stage := 0;
   PROC main()
     EGMReset id;
     EGMGetId id;
-    EGMSetupUC ROB_1, id, "default", "UCdevice" {mode} \\CommTimeout:=20;
-    {act}
-    stage := EGMGetState(id);
-    {run}
-    stage := 10;
-    EGMReset id;
+    EGMSetupUC ROB_1, id, "default", "UCdevice" \\Joint;
+    EGMStreamStart id;
     WaitTime 1000;
   ENDPROC
 ENDMODULE
 """
-JOINT = {
-    "mode": "\\Joint",
-    "act": "EGMActJoint id \\J1:=close \\MaxSpeedDeviation:=30;",
-    "run": "EGMRunJoint id, EGM_STOP_HOLD \\J1 \\CondTime:=0.5;",
-}
-POSE = {
-    "mode": "\\Pose",
-    "act": "EGMActPose id \\Tool:=tool0 \\WObj:=wobj0, [[0,0,0],[1,0,0,0]], EGM_FRAME_WOBJ, "
-    "[[0,0,0],[1,0,0,0]], EGM_FRAME_WOBJ \\x:=close \\y:=close \\z:=close \\MaxSpeedDeviation:=30;",
-    "run": "EGMRunPose id, EGM_STOP_HOLD \\x \\y \\z \\CondTime:=0.5;",
-}
-
-
-@pytest.mark.parametrize("program", [JOINT, POSE], ids=["joint", "pose"])
-def test_a_sensor_guides_the_arm_until_it_stands_where_it_was_sent(tmp_path: Path, program: dict[str, str]) -> None:
-    text = GUIDED
-    for name, part in program.items():
-        text = text.replace("{" + name + "}", part)
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sensor:
-        sensor.bind(("127.0.0.1", 0))
-        sensor.settimeout(0.2)
-        port = sensor.getsockname()[1]
-        with home_running(tmp_path, {"guided": text}, SIO=SIO.replace("{port}", str(port))) as controller:
-            stage, seen = controller.memory["stage"], []
-            while stage.value < 10 and controller.panel.program_running:
-                try:
-                    data, robot = sensor.recvfrom(2048)
-                except TimeoutError:
-                    continue  # the program may have ended meanwhile
-                seen.append(decode(data))
-                first = seen[0]
-                x, y, z = first.position_mm
-                goal = (first.joints_deg[0] + 3.0, *(first.joints_deg[1:]))
-                correction = (
-                    Correction(1, goal) if program is JOINT else Correction(1, (), (x, y + 20.0, z), (1, 0, 0, 0))
-                )
-                sensor.sendto(encode_correction(correction), robot)
-            assert stage.value == 10
-            joints_deg = np.degrees(controller.unit.joints_now())
-            if program is JOINT:
-                np.testing.assert_allclose(joints_deg, goal, atol=0.06)
-            else:
-                flange = controller.unit.world_T_flange(np.radians(joints_deg), controller.unit.external_axes())
-                np.testing.assert_allclose(flange[:3, 3], (x, y + 20.0, z), atol=0.1)
-
-
-def test_a_sensor_that_sends_nothing_ends_the_guidance(tmp_path: Path) -> None:
-    text = GUIDED.replace("CommTimeout:=20", "CommTimeout:=0.2")
-    for name, part in JOINT.items():
-        text = text.replace("{" + name + "}", part)
-    with home_running(tmp_path, {"guided": text}, SIO=SIO.replace("{port}", "9")) as controller:
-        eventually_blocking(lambda: not controller.panel.program_running)
-        assert "ERR_UDPUC_COMM" in controller.log[-1].text
 
 
 def test_the_pointer_at_main_frees_egm(tmp_path: Path) -> None:
     """Upstream's tests of abb_robot_client begin each program so, and find no EGM running."""
-    text = GUIDED
-    for name, part in JOINT.items():
-        text = text.replace("{" + name + "}", part)
-    with home_running(tmp_path, {"guided": text}, SIO=SIO.replace("{port}", "9")) as controller:
+    with home_running(tmp_path, {"streams": STREAMS}, SIO=SIO.replace("{port}", "9")) as controller:
         eventually_blocking(lambda: bool(controller.unit.egm and controller.unit.egm_ports))
         ports = dict(controller.unit.egm_ports)
         controller.run_program(False, controller.clock())
