@@ -5,12 +5,14 @@ A plain ASGI application: a table of routes with JSON input (body or query) and 
 
 import json
 import re
-from collections.abc import Awaitable, Callable, Mapping, MutableMapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
-from urllib.parse import parse_qsl
 
 import numpy as np
+from starlette.requests import Request
+from starlette.responses import JSONResponse
+from starlette.types import Receive, Scope, Send
 
 from calibration.documents.pose import PoseDocument
 from calibration.errors import GeometryError
@@ -18,16 +20,11 @@ from calibration.kinematics.arm import UnreachablePoseError
 from calibration.transforms import Array
 from mock_robot.cabinet.cabinet import Cabinet
 from mock_robot.cabinet.panel import Mode
-from mock_robot.devices.http_server import read_body
 from mock_robot.errors import JogRefused, MockError, NoSuchState, UnknownFault
 from mock_robot.faults.board import FaultBoard
 from protocols.cb.codes import Command, Flag
 
-Scope = MutableMapping[str, Any]
-Receive = Callable[[], Awaitable[MutableMapping[str, Any]]]
-Send = Callable[[MutableMapping[str, Any]], Awaitable[None]]
 Fields = Mapping[str, Any]
-MAX_BODY_BYTES = 65536
 JOG_S = (0.02, 60.0)
 """Shortest and longest time of a jog."""
 TRUE, FALSE = ("true", "1", "yes", "on"), ("false", "0", "no", "off")
@@ -44,31 +41,22 @@ class ControlPort:
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Handle one request."""
-        if scope["type"] != "http":
-            return
-        status, answer = self._answer(scope, await read_body(receive, MAX_BODY_BYTES))
-        content = json.dumps(answer).encode()
-        media_type = b"application/json" if status < 400 else b"application/problem+json"
-        await send(
-            {
-                "type": "http.response.start",
-                "status": status,
-                "headers": [(b"content-type", media_type), (b"content-length", str(len(content)).encode())],
-            }
-        )
-        await send({"type": "http.response.body", "body": content})
+        request = Request(scope, receive)
+        status, answer = self._answer(request.method, request.url.path, request.query_params, await request.body())
+        media_type = "application/json" if status < 400 else "application/problem+json"
+        await JSONResponse(answer, status, media_type=media_type)(scope, receive, send)
 
-    def _answer(self, scope: Scope, body: bytes) -> tuple[int, Any]:
+    def _answer(self, asked: str, path: str, query: Fields, body: bytes) -> tuple[int, Any]:
         allowed = set()
         for method, pattern, handler in _ROUTES:
-            match = pattern.fullmatch(scope["path"])
+            match = pattern.fullmatch(path)
             if match is None:
                 continue
-            if method != scope["method"]:
+            if method != asked:
                 allowed.add(method)
                 continue
             try:
-                answer = handler(self, {**_fields(scope, body), **match.groupdict()})
+                answer = handler(self, {**query, **_fields(body), **match.groupdict()})
                 answer = self._state() if answer is None else answer
             except MockError as error:
                 return _problem(404 if isinstance(error, UnknownFault) else 422, str(error))
@@ -186,17 +174,14 @@ _ROUTES: tuple[tuple[str, re.Pattern[str], Callable[[ControlPort, Fields], Any]]
 """Handlers by method and path; where one returns None, the answer is the state."""
 
 
-def _fields(scope: Scope, body: bytes) -> dict[str, Any]:
-    fields: dict[str, Any] = dict(parse_qsl(scope.get("query_string", b"").decode("latin-1")))
-    if not body:
-        return fields
+def _fields(body: bytes) -> dict[str, Any]:
     try:
-        document = json.loads(body)
+        document = json.loads(body or "{}")
     except ValueError as error:
         raise NoSuchState("request body", str(error), ("a JSON object",)) from error
     if not isinstance(document, dict):
         raise NoSuchState("request body", type(document).__name__, ("a JSON object",))
-    return {**fields, **document}
+    return document
 
 
 def _switch(fields: Fields, name: str) -> bool:

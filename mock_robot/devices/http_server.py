@@ -2,7 +2,7 @@
 
 import asyncio
 import socket
-from collections.abc import Awaitable, Callable, Iterator, MutableMapping
+from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
@@ -10,17 +10,6 @@ import uvicorn
 
 KEEP_ALIVE_S = 75
 """nginx's default. Clients give up a connection idle for 5 s: if the server ends it then, a request meets the end."""
-
-
-async def read_body(receive: Callable[[], Awaitable[MutableMapping[str, Any]]], max_bytes: int) -> bytes:
-    """The body of a request, the rest of one that is longer left unread."""
-    body = b""
-    while len(body) <= max_bytes:
-        message = await receive()
-        body += message.get("body", b"")
-        if not message.get("more_body"):
-            break
-    return body
 
 
 class _Server(uvicorn.Server):

@@ -6,11 +6,14 @@ import binascii
 import hashlib
 import re
 import secrets
-from collections.abc import Awaitable, Callable, Mapping, MutableMapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any
 
-from mock_robot.devices.http_server import read_body
+from starlette.requests import Request
+from starlette.responses import HTMLResponse
+from starlette.types import Receive, Scope, Send
+from starlette.websockets import WebSocket
+
 from mock_robot.rws.context import RequestContext
 from mock_robot.rws.documents import JSON_1, JSON_2, XHTML_1, XHTML_2, Encoding, subscription_created
 from mock_robot.rws.exchange import DONE, Reply, RwsRequest, parse
@@ -20,11 +23,7 @@ from mock_robot.rws.sessions import Session, Sessions, SessionsExhausted
 from mock_robot.rws.subscriptions import PERIODS_S, SubscriptionGroup, Subscriptions
 from mock_robot.rws.world import World
 
-Scope = MutableMapping[str, Any]
-Receive = Callable[[], Awaitable[MutableMapping[str, Any]]]
-Send = Callable[[MutableMapping[str, Any]], Awaitable[None]]
 PASSWORDS = {"Default User": "robotics", "Admin": "robotics", "admin": "robotics"}
-MAX_BODY_BYTES = 64 * 2**20
 SLOW_S = 1.0
 """Delay of responses under the fault `rws-slow`."""
 
@@ -46,28 +45,28 @@ class Polls:
         """Check for changes now."""
         self._nudge.set()
 
-    async def serve(self, scope: Scope, receive: Receive, send: Send, session: Session | None) -> None:
+    async def serve(self, socket: WebSocket, session: Session | None) -> None:
         """Serve one socket from handshake to close."""
-        await receive()  # websocket.connect
+        await socket.receive()  # the connection
         wanted = SUBPROTOCOLS[self.subscriptions.version]
-        number = scope["path"].removeprefix("/poll/")
+        number = socket.url.path.removeprefix("/poll/")
         group = self.subscriptions.groups.get(int(number)) if number.isdecimal() else None
-        refused = self._refusal(scope, wanted, group, session)
+        refused = self._refusal(socket, wanted, group, session)
         if refused is not None or group is None:
-            await _deny(send, refused or 404)
+            await socket.send_denial_response(HTMLResponse("<html>Refused</html>", refused or 404))
             return
         group.taken = True
-        await send({"type": "websocket.accept", "subprotocol": wanted})
+        await socket.accept(wanted)
         try:
-            await self._report(group, receive, send)
+            await self._report(group, socket)
         finally:
             self.subscriptions.delete(group.number)
 
     def _refusal(
-        self, scope: Scope, wanted: str, group: SubscriptionGroup | None, session: Session | None
+        self, socket: WebSocket, wanted: str, group: SubscriptionGroup | None, session: Session | None
     ) -> int | None:
         """HTTP status that refuses a handshake; None when it is accepted."""
-        if wanted not in scope["subprotocols"]:
+        if wanted not in socket.scope["subprotocols"]:
             return 400
         if session is None:
             return 403 if self.subscriptions.version == 1 else 401
@@ -75,35 +74,24 @@ class Polls:
             return 404
         return None
 
-    async def _report(self, group: SubscriptionGroup, receive: Receive, send: Send) -> None:
-        hearing = asyncio.ensure_future(receive())
+    async def _report(self, group: SubscriptionGroup, socket: WebSocket) -> None:
+        hearing = asyncio.ensure_future(socket.receive())
         try:
             while group.number in self.subscriptions.groups:
                 for message in group.events(self.clock()):
-                    await send({"type": "websocket.send", "text": message})
+                    await socket.send_text(message)
                 await asyncio.wait({hearing}, timeout=POLL_S)
                 if not hearing.done():
                     continue
                 if hearing.result()["type"] == "websocket.disconnect":
                     return
                 if self.subscriptions.version == 2:
-                    await _close(send, POLICY_VIOLATION, "Client cannot send data.")
+                    await socket.close(POLICY_VIOLATION, "Client cannot send data.")
                     return
-                hearing = asyncio.ensure_future(receive())  # RWS 1.0 ignores messages
-            await _close(send, GOING_AWAY, "")
+                hearing = asyncio.ensure_future(socket.receive())  # RWS 1.0 ignores messages
+            await socket.close(GOING_AWAY)
         finally:
             hearing.cancel()
-
-
-async def _close(send: Send, code: int, reason: str) -> None:
-    await send({"type": "websocket.close", "code": code, "reason": reason})
-
-
-async def _deny(send: Send, status: int) -> None:
-    await send(
-        {"type": "websocket.http.response.start", "status": status, "headers": [(b"content-type", b"text/html")]}
-    )
-    await send({"type": "websocket.http.response.body", "body": b"<html>Refused</html>"})
 
 
 class Unauthorized(Exception):
@@ -133,9 +121,9 @@ class Service:
         """Handle one request or one subscription's socket."""
         self.react_to_controller()
         if scope["type"] == "websocket":
-            await self.polls.serve(scope, receive, send, self._session_of(_headers(scope)))
+            await self.polls.serve(WebSocket(scope, receive, send), self._session_of(_headers(scope)))
         elif scope["type"] == "http":
-            await self._serve(scope, await read_body(receive, MAX_BODY_BYTES), send)
+            await self._serve(scope, await Request(scope, receive).body(), send)
 
     def react_to_controller(self) -> None:
         """React to changes of the controller: a restart drops all sessions, faults take effect."""
