@@ -9,7 +9,7 @@ from pydantic import Field, model_validator
 
 from calibration.documents.pose import Vector, is_direction
 from calibration.documents.validation import Document
-from calibration.errors import DocumentError, DocumentProblem
+from calibration.errors import DocumentError
 from calibration.kinematics.external_axis import AxisKind, ExternalAxis, reading_of
 from calibration.kinematics.stance import Stance
 from calibration.solution import ExternalAxisEstimate
@@ -112,5 +112,5 @@ class FoundAxisDocument(ExternalAxisDocument):
                 f"the calibration has a {self.kind}, external axis {self.number}, and a pose comes without its reading"
             )
             fix = f"give external_axes beside the pose, {UNITS[self.kind]}; or let the pose be read from the robot"
-            raise DocumentError("pose", [DocumentProblem("external_axes", what, fix)])
+            raise DocumentError.one("pose", "external_axes", what, fix)
         return axis.at_zero(base_T_flange, known)

@@ -83,7 +83,7 @@ def validate_json(model: type[Model], data: Any, origin: str) -> Model:
     try:
         return model.model_validate_json(json.dumps(_with_integers(data)), strict=True)
     except RecursionError:
-        raise DocumentError(origin, [DocumentProblem(TOP, "it nests too deep", "send less")]) from None
+        raise DocumentError.one(origin, TOP, "it nests too deep", "send less") from None
     except ValidationError as error:
         details = error.errors(include_url=False)
         raise DocumentError(origin, _problems(model, details)) from None

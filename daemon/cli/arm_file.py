@@ -19,14 +19,13 @@ def read_in_use(
     """
     from calibration.documents.arm import ArmErrorsDocument
     from calibration.documents.calibration_in_use import CalibrationInUse
-    from calibration.documents.validation import parse_document
     from calibration.errors import CalibrationError
     from calibration.kinematics.arm_conditions import ArmConditions
-    from daemon.runtime.bounded_read import read_document
+    from daemon.runtime.bounded_read import read_as
 
     if file is None:
         return CalibrationInUse(calibration)
-    errors = parse_document(ArmErrorsDocument, read_document(file), str(file))
+    errors = read_as(ArmErrorsDocument, file)
     if errors.setup != calibration.setup:
         what = f"it is of an {errors.setup} cell, the calibration of an {calibration.setup} one"
         raise CommandError(str(file), what, "name the arm.json of the same session", ExitStatus.UNREADABLE)

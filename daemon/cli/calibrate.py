@@ -70,15 +70,12 @@ def calibrate(
 
 def _request_body(request: Path | None, given: dict[str, Any]) -> dict[str, Any]:
     """The body of the file `request`, with the options `given` (None: not) in place of its values."""
-    from calibration.documents.validation import parse_document
     from daemon.model.requests import CalibrateRequest
-    from daemon.runtime.bounded_read import read_document
+    from daemon.runtime.bounded_read import read_as
 
     body: dict[str, Any] = {}
     if request is not None:
-        body = parse_document(CalibrateRequest, read_document(request), str(request)).model_dump(
-            mode="json", exclude_none=True
-        )
+        body = read_as(CalibrateRequest, request).model_dump(mode="json", exclude_none=True)
     return body | {name: value for name, value in given.items() if value is not None}
 
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from calibration.documents.session import CameraDocument
 from calibration.documents.validation import validate_document
-from calibration.errors import DocumentError, DocumentProblem
+from calibration.errors import DocumentError
 from daemon.runtime.bounded_read import read_document
 
 OTHERS = frozenset((".yaml", ".yml", ".xml"))
@@ -26,8 +26,8 @@ def read_camera(file: Path) -> CameraDocument:
     try:
         data = json.loads(read_document(file))
     except (ValueError, RecursionError) as error:
-        problem = DocumentProblem("document", f"not JSON ({error})", "give matrix, distortion and image_size as JSON")
-        raise DocumentError(str(file), [problem]) from None
+        fix = "give matrix, distortion and image_size as JSON"
+        raise DocumentError.one(str(file), "document", f"not JSON ({error})", fix) from None
     if isinstance(data, dict) and isinstance(data.get("camera"), dict):
         data = {key: value for key, value in data["camera"].items() if key != "source"}
     return validate_document(CameraDocument, data, str(file))

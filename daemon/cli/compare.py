@@ -40,11 +40,11 @@ def read_calibration(file: Path) -> "CalibrationDocument":
     """Read calibration.json. Raises DocumentError."""
     from calibration.documents.calibration import CalibrationDocument
     from calibration.documents.validation import parse_document
-    from calibration.errors import DocumentError, DocumentProblem
+    from calibration.errors import DocumentError
     from daemon.runtime.bounded_read import read_document
 
     content = read_document(file)
     if b'"views"' in content and b'"verdict"' not in content:
         fix = f"solve it: handeyed solve {file.parent} --out calibration.json"
-        raise DocumentError(str(file), [DocumentProblem("document", "this is a session, not its calibration", fix)])
+        raise DocumentError.one(str(file), "document", "this is a session, not its calibration", fix)
     return parse_document(CalibrationDocument, content, str(file))

@@ -16,6 +16,11 @@ from daemon.cli.errors import CommandError, ExitStatus
 if TYPE_CHECKING:
     from pydantic import BaseModel
 
+    from calibration.documents.calibration import CalibrationDocument
+    from calibration.solution import Solution
+    from calibration.targets import Target
+    from calibration.verdict import Verdict
+
 Commands = tuple[Callable[..., None] | typer.Typer, ...]
 """Of an extension: functions that are commands, and groups of commands, each with a name of its own."""
 
@@ -59,6 +64,17 @@ def write_document(file: Path, document: "BaseModel") -> None:
     with writing(file):
         file.parent.mkdir(parents=True, exist_ok=True)
         file.write_text(document.model_dump_json(indent=1) + "\n", encoding="utf-8")
+
+
+def new_calibration(solution: "Solution", verdict: "Verdict", target: "Target | None" = None) -> "CalibrationDocument":
+    """calibration.json of a solution, with a new id and the present time."""
+    from calibration.documents.calibration import calibration_document
+    from daemon.runtime.clock import Clock, time_ordered_id
+    from daemon.runtime.version import SOFTWARE
+
+    clock = Clock()
+    dated: dict[str, Any] = {"calibration_id": time_ordered_id(clock), "created_at": clock.timestamp()}
+    return calibration_document(solution, verdict, **dated, software=SOFTWARE, target=target)
 
 
 class CommandGroup(typer.core.TyperGroup):

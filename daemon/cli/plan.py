@@ -31,21 +31,19 @@ def plan(
 def read_plan(file: Path) -> "PlanDocument":
     """Read plan.json, for `plan` and `assess`. Raises DocumentError."""
     from calibration.documents.plan import PlanDocument
-    from calibration.documents.validation import parse_document
-    from daemon.runtime.bounded_read import read_document
+    from daemon.runtime.bounded_read import read_as
 
-    return parse_document(PlanDocument, read_document(file), str(file))
+    return read_as(PlanDocument, file)
 
 
 def _arm(name: str, file: Path) -> "Arm":
-    from calibration.errors import DocumentError, DocumentProblem, GeometryError
+    from calibration.errors import DocumentError, GeometryError
     from calibration.kinematics.abb_arms import find_arm
 
     try:
         return find_arm(name)
     except GeometryError as error:
-        problem = DocumentProblem("robot", str(error), "correct it, or leave it out")
-        raise DocumentError(str(file), [problem]) from None
+        raise DocumentError.one(str(file), "robot", str(error), "correct it, or leave it out") from None
 
 
 def prediction_text(predicted: "PredictedDocument") -> str:

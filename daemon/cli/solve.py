@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from daemon.cli.errors import CommandError, ExitStatus
-from daemon.cli.output import Json, print_error, progress_bar, write_document, writing
+from daemon.cli.output import Json, new_calibration, print_error, progress_bar, write_document, writing
 
 if TYPE_CHECKING:
     from calibration.documents.calibration import CalibrationDocument
@@ -209,10 +209,9 @@ def _box_of(at: Path | None) -> "Array | None":
 
 def _points_file(at: Path) -> "PointsFile":
     from calibration.documents.requirement import PointsFile
-    from calibration.documents.validation import parse_document
-    from daemon.runtime.bounded_read import read_document
+    from daemon.runtime.bounded_read import read_as
 
-    return parse_document(PointsFile, read_document(at), str(at))
+    return read_as(PointsFile, at)
 
 
 def solve_session(
@@ -225,17 +224,14 @@ def solve_session(
     """The calibration and what it is of; None of pairs of points. Raises CommandError, DocumentError."""
     from dataclasses import replace
 
-    from calibration.documents.calibration import calibration_document
     from calibration.documents.plan import NoiseExpectedDocument
     from calibration.likelihood.mapped_points import at_points
     from calibration.planning.what_if import PlanComparison
     from calibration.solve import poses_at_zero, solve_hand_eye
     from calibration.verdict import judge
-    from daemon.runtime.clock import Clock, time_ordered_id
-    from daemon.runtime.version import SOFTWARE
     from daemon.sessions.session_reader import find_repeated_poses, load_problem, open_session
 
-    clock, session = Clock(), open_session(folder)
+    session = open_session(folder)
     if session.document.point_pairs is not None:
         return _solve_points(session.document, str(session.file), required), None
     changes: dict[str, Any] = {} if known is None else {"known": session.document.known.replaced_by(known)}
@@ -255,38 +251,24 @@ def solve_session(
     verdict = judge(problem, solution, limits)
     if (better := PlanComparison.for_session(problem, solution, NoiseExpectedDocument().noise(), points)) is not None:
         verdict = replace(verdict, findings=(*verdict.findings, *better.findings(problem, solution)))
-    document = calibration_document(
-        solution,
-        verdict,
-        calibration_id=time_ordered_id(clock),
-        created_at=clock.timestamp(),
-        software=SOFTWARE,
-        target=problem.target,
-    )
-    return document, (session, problem, solution)
+    return new_calibration(solution, verdict, problem.target), (session, problem, solution)
 
 
 def _solve_points(document: "SessionDocument", origin: str, required: "Requirement") -> "CalibrationDocument":
     """The calibration of pairs of points. Raises DocumentError where they do not determine it."""
     import numpy as np
 
-    from calibration.documents.calibration import calibration_document
-    from calibration.errors import DocumentError, DocumentProblem, UndeterminedError
+    from calibration.errors import DocumentError, UndeterminedError
     from calibration.likelihood.mapped_points import with_points
     from calibration.pose_pairs.point_pairs import judge_point_pairs, solve_point_pairs
-    from daemon.runtime.clock import Clock, time_ordered_id
-    from daemon.runtime.version import SOFTWARE
 
-    clock, pairs, (limits, points) = Clock(), document.point_pairs, required
+    pairs, (limits, points) = document.point_pairs, required
     assert pairs is not None
     try:
         solution = with_points(solve_point_pairs(document.setup, *pairs), points, np.eye(4)[None])
     except UndeterminedError as why:
-        raise DocumentError(origin, [DocumentProblem("views", why.what, why.fix)]) from None
-    verdict = judge_point_pairs(solution, limits)
-    return calibration_document(
-        solution, verdict, calibration_id=time_ordered_id(clock), created_at=clock.timestamp(), software=SOFTWARE
-    )
+        raise DocumentError.one(origin, "views", why.what, why.fix) from None
+    return new_calibration(solution, judge_point_pairs(solution, limits))
 
 
 def symmetry_lines(problem: "Problem") -> list[str]:

@@ -4,6 +4,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from daemon.cli.errors import CommandError, ExitStatus
+from daemon.cli.output import new_calibration
 
 if TYPE_CHECKING:
     from calibration.documents.calibration import CalibrationDocument
@@ -45,29 +46,19 @@ def solve_scan(
     """
     import numpy as np
 
-    from calibration.documents.calibration import calibration_document
     from calibration.likelihood.mapped_points import with_points
-    from daemon.runtime.clock import Clock, time_ordered_id
-    from daemon.runtime.version import SOFTWARE
     from registration.calibrate.outcome import judge_scan
     from registration.calibrate.sphere import solve_sphere_scan
     from registration.calibrate.surfaces import solve_surface_scan
     from registration.scan import read_scan, setup_of
 
-    clock, views = Clock(), read_scan(folder)
-    limits, points = required
+    views, (limits, points) = read_scan(folder), required
     if radius_mm is not None:
         solution = solve_sphere_scan(views, radius_mm)
     else:
         solution = solve_surface_scan(views, None if rough is None else _rough_x(rough, setup_of(views)))
     solution = with_points(solution, points, np.array([view.anchor_T_mount for view in views]))
-    return calibration_document(
-        solution,
-        judge_scan(solution, limits),
-        calibration_id=time_ordered_id(clock),
-        created_at=clock.timestamp(),
-        software=SOFTWARE,
-    )
+    return new_calibration(solution, judge_scan(solution, limits))
 
 
 def _rough_x(file: Path, setup: "Setup") -> "Array":

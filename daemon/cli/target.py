@@ -63,7 +63,7 @@ def from_file(
     """The target that a file names."""
     import tomllib
 
-    from calibration.errors import DocumentError, DocumentProblem
+    from calibration.errors import DocumentError
     from daemon.runtime.bounded_read import read_document
 
     content = read_document(file)
@@ -71,8 +71,8 @@ def from_file(
         data = tomllib.loads(content.decode()) if file.suffix == ".toml" else json.loads(content)
         target = data["target"]
     except (ValueError, KeyError, TypeError, RecursionError) as error:
-        problem = DocumentProblem("target", f"not found ({error!s})", "give a file with a target in it")
-        raise DocumentError(str(file), [problem]) from None
+        fix = "give a file with a target in it"
+        raise DocumentError.one(str(file), "target", f"not found ({error!s})", fix) from None
     _write(target, page, out, as_json, origin=str(file))
 
 

@@ -10,7 +10,7 @@ from calibration.documents.arm import ArmErrorsDocument
 from calibration.documents.calibration import CalibrationDocument, calibration_document
 from calibration.documents.calibration_in_use import CalibrationInUse
 from calibration.documents.plan import NoiseExpectedDocument
-from calibration.errors import DocumentError, DocumentProblem
+from calibration.errors import DocumentError
 from calibration.kinematics.arm import Arm
 from calibration.likelihood.mapped_points import at_points
 from calibration.planning.expectation import NOTHING_EXPECTED, expectation_of
@@ -146,8 +146,8 @@ def solve_session_of(session: ObservationsRequest, run: CalibrationRun, calibrat
     """Solve a session that needs no file. Raises DocumentError."""
     if run.arm is not None and session.external_axis is not None:
         what = "an arm's errors are not found while an external axis moves"
-        raise DocumentError("request body", [DocumentProblem("arm", what, "leave it out")])
+        raise DocumentError.one("request body", "arm", what, "leave it out")
     if run.arm is not None and session.distances:
         what, fix = "they lead to other sessions, and a request holds one", "solve the folders by handeyed solve --arm"
-        raise DocumentError("request body", [DocumentProblem("distances", what, fix)])
+        raise DocumentError.one("request body", "distances", what, fix)
     return run.solve(problem_without_files(session, "request body"), calibration_id, created_at)

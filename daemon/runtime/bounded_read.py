@@ -1,9 +1,15 @@
 """Read a file up to MAX_BYTES; refuses devices and pipes, which may never end."""
 
 from pathlib import Path
+from typing import TypeVar
 
-from calibration.errors import DocumentError, DocumentProblem
+from pydantic import BaseModel
+
+from calibration.documents.validation import parse_document
+from calibration.errors import DocumentError
 from registration.io.regular_file import read_regular
+
+Model = TypeVar("Model", bound=BaseModel)
 
 MAX_BYTES = 256_000_000
 """256 MB: documents and pictures are far smaller."""
@@ -20,5 +26,9 @@ def read_document(file: Path) -> bytes:
         return read_bounded(file)
     except OSError as error:
         reason = (error.strerror or str(error)).lower()
-        problem = DocumentProblem("file", reason, "check the path and its permissions")
-        raise DocumentError(str(file), [problem]) from None
+        raise DocumentError.one(str(file), "file", reason, "check the path and its permissions") from None
+
+
+def read_as(model: type[Model], file: Path) -> Model:
+    """The document in a JSON file. Raises DocumentError."""
+    return parse_document(model, read_document(file), str(file))

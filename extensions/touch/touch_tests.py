@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from datetime import datetime
+from functools import partial
 
 import numpy as np
 
@@ -11,7 +12,7 @@ from calibration.documents.tip import TipDocument
 from calibration.documents.touch_test import TouchTestDocument
 from calibration.documents.touches import TouchesDocument
 from calibration.documents.validation import Document
-from calibration.errors import DocumentError, DocumentProblem
+from calibration.errors import DocumentError
 from calibration.kinematics.stance import Stance
 from calibration.sentences.sentence import Sentence
 from calibration.transforms import Array
@@ -35,7 +36,7 @@ from extensions.touch.mathematics.with_arm import touch_test_with_arm, touches_i
 from extensions.touch.requests import ApproachRequest, TouchRequest
 from extensions.touch.tables import TOUCH_TESTS
 
-ORIGIN = "request body"
+_refusal = partial(DocumentError.one, "request body")
 MAX_TOUCHES = 100
 
 MAX_AGE_H = 8.0
@@ -123,7 +124,7 @@ class TouchTests:
         built = touches_in_use(given, TouchesDocument(touches=(request.touch,))).touches[0]
         anywhere = PoseDocument.of(np.eye(4))  # a touch has a pose, which says nothing of where the point was seen
         touch = built.model_copy(update={"base_T_flange": anywhere})
-        return PointToTouch(sighting_of(given.document, touch, seen, ORIGIN), tip_mm, given)
+        return PointToTouch(sighting_of(given.document, touch, seen, "request body"), tip_mm, given)
 
     async def _require_current(self, base: "_Basis") -> None:
         """Raises DocumentError for a calibration that is no longer active, and an old verification."""
@@ -217,10 +218,6 @@ def _tolerance_mm(
     return tolerance_mm
 
 
-def _refusal(place: str, what: str, fix: str) -> DocumentError:
-    return DocumentError(ORIGIN, [DocumentProblem(place, what, fix)])
-
-
 def _evaluate(
     given: CalibrationInUse,
     tip: TipDocument,
@@ -230,7 +227,7 @@ def _evaluate(
 ) -> TouchTestDocument:
     """The test, of the points as the verification has seen them."""
     seen = {} if run is None else _seen_by(run, given)
-    return touch_test_with_arm(given, tip, touches, seen, tolerance_mm, ORIGIN)
+    return touch_test_with_arm(given, tip, touches, seen, tolerance_mm, "request body")
 
 
 def _seen_by(run: RunRecord, given: CalibrationInUse) -> dict[int, SeenPoint]:

@@ -4,7 +4,7 @@ from typing import get_args
 
 from fastapi import Request, Response
 
-from calibration.errors import DocumentError, DocumentProblem
+from calibration.errors import DocumentError
 from daemon.api.dependencies import App, CameraName, ScannerName, api_router
 from daemon.api.negotiation import or_text, respond
 from daemon.api.plain_text import ready_text
@@ -47,8 +47,8 @@ async def ready(request: Request, app: App, camera: CameraName = None, scanner: 
     elif camera is None:
         document = await scanner_readiness(app, scanner)
     else:
-        problem = DocumentProblem("camera", "the scanner's settings name its camera", "leave it out, or scanner")
-        raise DocumentError("query", [problem])
+        what = "the scanner's settings name its camera"
+        raise DocumentError.one("query", "camera", what, "leave it out, or scanner")
     return respond(request, document, lambda: ready_text(document), 200 if document.ready else 503)
 
 

@@ -4,7 +4,7 @@ from typing import Annotated
 
 from fastapi import Query, Request, Response
 
-from calibration.errors import DocumentError, DocumentProblem
+from calibration.errors import DocumentError
 from calibration.transforms import Array
 from daemon.api.dependencies import App, api_router
 from daemon.api.problems import problem_responses
@@ -65,8 +65,8 @@ async def register(
     media_type = media_type_of(request)
     by_rig = scanner is not None and (scanner not in app.settings.scanners or app.settings.placed_by_rig(scanner))
     if by_rig and calibration != "current":
-        problem = DocumentProblem("calibration", "a sensor of a rig needs none", "leave it out, or leave scanner out")
-        raise DocumentError("query", [problem])
+        fix = "leave it out, or leave scanner out"
+        raise DocumentError.one("query", "calibration", "a sensor of a rig needs none", fix)
     if by_rig:
         assert scanner is not None
         if app.settings.robot.external_axis is not None:

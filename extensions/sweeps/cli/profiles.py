@@ -1,15 +1,12 @@
 """`handeyed profiles ...`: calibrate a line profiler from a folder of sweeps, and put sweeps into the base frame."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from daemon.cli.errors import CommandError, ExitStatus
-from daemon.cli.output import CommandGroup, Json, print_error, write_document
-
-if TYPE_CHECKING:
-    from calibration.documents.calibration import CalibrationDocument
+from daemon.cli.output import CommandGroup, Json, new_calibration, print_error, write_document
 
 app = typer.Typer(
     name="profiles",
@@ -47,18 +44,16 @@ def calibrate(
 
     Exit status: 0 accepted, 3 not accepted (see the findings), 2 unreadable input.
     """
-    from calibration.documents.calibration import calibration_document
     from calibration.documents.calibration_text import summary
+    from daemon.cli.compare import read_calibration
     from daemon.cli.solve import requirement_of
-    from daemon.runtime.clock import Clock, time_ordered_id
-    from daemon.runtime.version import SOFTWARE
     from extensions.sweeps.mathematics.folder import read_profile_folder
     from extensions.sweeps.mathematics.profiler import ArtefactSweep, solve_profiler
     from extensions.sweeps.mathematics.standing import read_standing_profiles
     from registration.calibrate.outcome import judge_scan
 
     limits, _ = requirement_of(tolerance, None)
-    first = None if rough is None else _calibration(rough).flange_T_camera
+    first = None if rough is None else read_calibration(rough).flange_T_camera
     if artefact is not None:
         sweeps = read_standing_profiles(folder, artefact, convention)
     else:
@@ -67,11 +62,8 @@ def calibrate(
             for sweep in read_profile_folder(folder)
             if sweep.artefact is not None
         ]
-    clock, solution = Clock(), solve_profiler(sweeps, None if first is None else first.transform())
-    document = calibration_document(
-        solution, judge_scan(solution, limits), calibration_id=time_ordered_id(clock), created_at=clock.timestamp(),
-        software=SOFTWARE,
-    )  # fmt: skip
+    solution = solve_profiler(sweeps, None if first is None else first.transform())
+    document = new_calibration(solution, judge_scan(solution, limits))
     if out is not None:
         write_document(out, document)
     if json:
@@ -97,12 +89,13 @@ def register(
 
     Exit status: 0 done, 3 done with a calibration that was not accepted, 2 unreadable input.
     """
+    from daemon.cli.compare import read_calibration
     from extensions.sweeps.mathematics.assembler import assemble_sweep
     from extensions.sweeps.mathematics.folder import read_profile_folder
     from registration.io.writing import new_cloud
     from registration.points.layout import XYZ_FLOAT32
 
-    document, sweeps = _calibration(calibration), read_profile_folder(folder)
+    document, sweeps = read_calibration(calibration), read_profile_folder(folder)
     if document.flange_T_camera is None or document.clock_offset is None:
         what = "it has no flange_T_camera with a clock_offset"
         fix = "use a calibration.json of handeyed profiles calibrate"
@@ -123,11 +116,3 @@ def register(
     if not document.verdict.accepted:
         print_error(f"{calibration}: verdict: this calibration was not accepted: calibrate again, and register anew")
     raise typer.Exit(ExitStatus.OK if document.verdict.accepted else ExitStatus.NOT_ACCEPTED)
-
-
-def _calibration(file: Path) -> "CalibrationDocument":
-    from calibration.documents.calibration import CalibrationDocument
-    from calibration.documents.validation import parse_document
-    from daemon.runtime.bounded_read import read_document
-
-    return parse_document(CalibrationDocument, read_document(file), str(file))

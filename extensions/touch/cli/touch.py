@@ -40,19 +40,17 @@ def touch(
     """
     from calibration.documents.tip import TipDocument
     from calibration.documents.touches import TouchesDocument
-    from calibration.documents.validation import parse_document
     from calibration.errors import GeometryError
     from calibration.kinematics.arm import UnreachablePoseError
     from daemon.cli.arm_file import read_in_use
     from daemon.cli.compare import read_calibration
-    from daemon.runtime.bounded_read import read_document
+    from daemon.runtime.bounded_read import read_as
     from extensions.touch.mathematics.report import touch_test_text
     from extensions.touch.mathematics.with_arm import touch_test_with_arm
 
     require_finite(tolerance_mm=tolerance_mm, arm_temperature=arm_temperature)
     given = read_in_use(read_calibration(calibration), arm, arm_temperature)
-    known_tip = parse_document(TipDocument, read_document(tip), str(tip))
-    points = parse_document(TouchesDocument, read_document(touches), str(touches))
+    known_tip, points = read_as(TipDocument, tip), read_as(TouchesDocument, touches)
     seen = {} if session is None else _seen(session, given)
     try:
         found = touch_test_with_arm(given, known_tip, points, seen, tolerance_mm, str(touches))
@@ -71,7 +69,7 @@ def _seen(folder: Path, given: "CalibrationInUse") -> "dict[int, SeenPoint]":
 
     import numpy as np
 
-    from calibration.errors import DocumentError, DocumentProblem
+    from calibration.errors import DocumentError
     from calibration.monitoring.target_scatter import verify
     from daemon.sessions.session_reader import load_problem, open_session
     from extensions.touch.mathematics.report import verified_points
@@ -84,7 +82,7 @@ def _seen(folder: Path, given: "CalibrationInUse") -> "dict[int, SeenPoint]":
     pose = calibration.mount_T_camera
     if calibration.setup != "eye-in-hand" or pose is None or camera is None or problem.in_space:
         what = "its target's points cannot be touched: that needs pictures by a camera on the flange"
-        raise DocumentError(str(folder), [DocumentProblem("session", what, "give camera_mm in touches.json")])
+        raise DocumentError.one(str(folder), "session", what, "give camera_mm in touches.json")
     problem = with_joints(given, replace(problem, camera=camera))
     found = verify(given.correct(problem), calibration)
     joints_rad = None if given.arm is None else np.array(found.joints_rad)

@@ -110,10 +110,8 @@ def sighting_of(
     mount_T_camera, _ = _mapping(calibration)
     (point,) = _seen((touch,), seen, calibration, origin)
     if not (point.camera_mm[:, 2] > 0).all():
-        problem = DocumentProblem(
-            "touch.camera_mm", "the point lies behind the camera", "its z axis looks at the point"
-        )
-        raise DocumentError(origin, [problem])
+        what, fix = "the point lies behind the camera", "its z axis looks at the point"
+        raise DocumentError.one(origin, "touch.camera_mm", what, fix)
     base_R_camera = point.base_T_mount[:, :3, :3] @ mount_T_camera[:3, :3]
     looks = np.einsum("kij,kj->ki", base_R_camera, point.camera_mm)
     seen_mm = seen_points_mm(point.base_T_mount, mount_T_camera, point.camera_mm)
@@ -147,8 +145,8 @@ def _evaluate(
 def _mapping(calibration: CalibrationDocument) -> tuple[Array, Array]:
     covariance = None if calibration.uncertainty is None else calibration.uncertainty.matrix()
     if calibration.mount_T_camera is None or covariance is None:
-        problem = DocumentProblem("uncertainty", "it holds no transform with a covariance", "calibrate again")
-        raise DocumentError(f"calibration {calibration.id}", [problem])
+        what = "it holds no transform with a covariance"
+        raise DocumentError.one(f"calibration {calibration.id}", "uncertainty", what, "calibrate again")
     return calibration.mount_T_camera.transform(), covariance
 
 
