@@ -105,7 +105,6 @@ async def _upload(where: "RwsAddress", folder: Path, to: str, called: bool, egm:
             await controller.write_file(f"{to}/{name}", content)
 
 
-MAX_CONNECT_S = 15.0
 NAME = r"[A-Za-z]\w{0,31}"
 
 
@@ -137,21 +136,16 @@ def _frame(document: "CalibrationDocument", kind: str, file: Path) -> "Array":
 
 
 async def _write(where: "RwsAddress", kind: str, symbol: str, frame: str, yes: bool) -> None:
-    from drivers.robots.abb.rws.rapid_data import FRAME_AT
-    from drivers.robots.abb.rws.robot import RwsRobot
+    from drivers.robots.abb.rws.administration import RwsAdministration
+    from drivers.robots.abb.rws.rapid_data import FRAME_AT, read_record, write_frame
 
-    robot = RwsRobot(where)
-    robot.start()
-    try:
-        await robot.wait_for_link(MAX_CONNECT_S)
-        state = await robot.read_state()
-        if state.execution == "running":
+    async with RwsAdministration(where) as controller:
+        panel = await controller.read_panel()
+        if panel.get("ctrlexecstate") == "running":
             raise CommandError(where.address, "the program runs", "stop it: a frame is not changed below a moving arm")
-        data = robot.frame_of(symbol, kind)
-        parts = await data.read()
-        typer.echo(f"{where.address}: {state}\n  {symbol} has   {parts[FRAME_AT[kind]]}\n  it will have {frame}")
+        parts = await read_record(controller, symbol, kind)
+        typer.echo(f"{where.address}: " + ", ".join(map(str, panel.values())))
+        typer.echo(f"  {symbol} has   {parts[FRAME_AT[kind]]}\n  it will have {frame}")
         if not (yes or typer.confirm("Write it?", default=False)):
             raise CommandError(where.address, "nothing was written", "consent to it, or give --yes")
-        await data.write(parts, frame)
-    finally:
-        await robot.close()
+        await write_frame(controller, symbol, kind, parts, frame)

@@ -230,15 +230,13 @@ class SimulatedArm:
         Raises UnreachablePoseError outside the joint limits.
         """
         self.arm.require_within_limits(joints)
-        self._come_from(self.joints_at(now_s), joints)
-        profile = Trapezoid(1.0, 1.25 / in_s, 6.25 / in_s**2)  # a tenth of the time each to speed up and to brake
-        self._motion = ArmMotion(JointPath(self.joints_at(now_s), joints), profile, now_s)
+        self.guide(joints, in_s, now_s)
         self._departures += 1
 
     def guide(self, joints: Array, in_s: float, now_s: float) -> None:
         """Go on to `joints` (6,) within `in_s`, as a part of one guided move."""
         self._come_from(self.joints_at(now_s), joints)
-        profile = Trapezoid(1.0, 1.25 / in_s, 6.25 / in_s**2)
+        profile = Trapezoid(1.0, 1.25 / in_s, 6.25 / in_s**2)  # a tenth of the time each to speed up and to brake
         self._motion = ArmMotion(JointPath(self.joints_at(now_s), joints), profile, now_s)
 
     def stop(self, now_s: float) -> None:

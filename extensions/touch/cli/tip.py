@@ -15,6 +15,9 @@ if TYPE_CHECKING:
 FEWER = 3.0
 """A reading of the numbers is decided by the poses when all others scatter this many times as much."""
 
+SAME_MM = 1e-3
+"""Tips nearer to each other are one place."""
+
 
 def tip(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="Poses of the flange: CSV, JSON, RAPID, ...")],
@@ -66,13 +69,11 @@ def _calibrate(table: "PoseTable", convention: str | None, unit: Literal["m", "m
         raise refused or CommandError(table.origin, "no convention fits it", "give --convention", ExitStatus.UNREADABLE)
     read.sort(key=lambda one: one[0].sigma_mm)
     best = read[0][0]
-    rivals = [words for found, words in read[1:] if found.sigma_mm < FEWER * best.sigma_mm and not _same(found, best)]
+    rivals = [
+        words for found, words in read[1:]
+        if found.sigma_mm < FEWER * best.sigma_mm and abs(found.flange_tip_mm - best.flange_tip_mm).max() >= SAME_MM
+    ]  # fmt: skip
     if rivals:
         what = f"the poses fit as {read[0][1]} and as {', '.join(rivals)}"
         raise CommandError(table.origin, what, "give --convention and --unit", ExitStatus.UNREADABLE)
     return best
-
-
-def _same(a: "TipCalibration", b: "TipCalibration") -> bool:
-    """Whether two readings put the tip at one place."""
-    return bool(abs(a.flange_tip_mm - b.flange_tip_mm).max() < 1e-3)

@@ -137,6 +137,11 @@ class RwsAdministration:
         values = await self.read_first(self._client.require_dialect().symbol(name))
         return str(values["value"]) if "value" in values else None
 
+    async def read_type(self, name: str) -> str | None:
+        """Type of task/module/symbol; None when there is none."""
+        values = await self.read_first(self._client.require_dialect().symbol(name, "properties"))
+        return str(values["dattyp"]) if "dattyp" in values else None
+
     async def read_file(self, path: str) -> bytes | None:
         """Content of a file below HOME; None when there is none."""
         return await self._client.get_file(path)

@@ -49,9 +49,9 @@ class Dialect:
             return f"/rw/mastership/{domain}", {"action": action}
         return f"/rw/mastership/edit/{action}", {}
 
-    def symbol(self, name: str) -> str:
-        """Path of a RAPID symbol's value; `name` is task/module/symbol."""
-        return f"/rw/rapid/symbol/data/RAPID/{name}" if self.version == 1 else f"/rw/rapid/symbol/RAPID/{name}/data"
+    def symbol(self, name: str, what: str = "data") -> str:
+        """Path of a RAPID symbol's value, or of its `properties`; `name` is task/module/symbol."""
+        return f"/rw/rapid/symbol/{what}/RAPID/{name}" if self.version == 1 else f"/rw/rapid/symbol/RAPID/{name}/{what}"
 
     def set_symbol(self, name: str) -> Call:
         """Call that writes a RAPID symbol."""

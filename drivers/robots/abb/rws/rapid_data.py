@@ -1,12 +1,10 @@
 """Reads and writes the frame of a tooldata or wobjdata in a controller's RAPID, over Robot Web Services."""
 
+import re
 from collections.abc import Sequence
 
-import numpy as np
-
 from drivers.errors import GarbledAnswer, RequestRefused
-from drivers.robots.abb.rws import parsing
-from drivers.robots.abb.rws.client import RwsClient
+from drivers.robots.abb.rws.administration import RwsAdministration
 
 FRAME_AT = {"tooldata": 1, "wobjdata": 3}
 """Place of the frame among a record's components: tframe, uframe."""
@@ -15,57 +13,39 @@ LENGTH = {"tooldata": 3, "wobjdata": 5}
 HELD = {"tooldata": "TRUE", "wobjdata": "FALSE"}
 """robhold: a tool that the robot holds, a work object that it does not hold."""
 
-READ_BACK_TOLERANCE = 1e-6
-"""Relative: num is a single float."""
+_NUMBER = re.compile(r"[-+]?\d+(?:\.\d*)?(?:[eE][-+]?\d+)?")
+_SAME = 1e-6
+"""Relative difference of two numbers that a num holds as one."""
 
 
-class RapidFrame:
-    """The frame of the persistent `symbol`, as T_ROB1/camera_tool, of type tooldata or wobjdata."""
+async def read_record(controller: RwsAdministration, symbol: str, kind: str) -> list[str]:
+    """The components of the persistent `symbol`, as T_ROB1/camera_tool, of type tooldata or wobjdata, as RAPID writes
+    them. Raises DeviceError, also for another type."""
+    found = await controller.read_type(symbol)
+    if found != kind:
+        what = f"{symbol} is a {found}, not a {kind}" if found else f"there is no {symbol}"
+        raise RequestRefused(controller.device, what, f"name a {kind}", "WRONG_TYPE")
+    parts = components(await controller.read_symbol(symbol) or "")
+    if len(parts) != LENGTH[kind]:
+        raise GarbledAnswer(controller.device, f"{symbol} is no {kind}", "look at it on the pendant")
+    if parts[0].upper() != HELD[kind]:
+        what = f"robhold of {symbol} is {parts[0]}"
+        raise RequestRefused(controller.device, what, f"set it to {HELD[kind]} on the pendant", "ROBHOLD")
+    return parts
 
-    def __init__(self, client: RwsClient, symbol: str, kind: str) -> None:
-        self._client, self._device, self._symbol, self._kind = client, client.device, symbol, kind
 
-    async def read(self) -> list[str]:
-        """The components of the record, as RAPID writes them. Raises DeviceError, also for another type."""
-        dialect = await self._client.find()
-        paths = (
-            (f"/rw/rapid/symbol/properties/RAPID/{self._symbol}", f"/rw/rapid/symbol/data/RAPID/{self._symbol}")
-            if dialect.version == 1
-            else (f"/rw/rapid/symbol/RAPID/{self._symbol}/properties", f"/rw/rapid/symbol/RAPID/{self._symbol}/data")
-        )
-        kind = await self._word(paths[0], "dattyp")
-        if kind != self._kind:
-            what = f"{self._symbol} is a {kind}, not a {self._kind}"
-            raise RequestRefused(self._device, what, f"name a {self._kind}", "WRONG_TYPE")
-        parts = components(await self._word(paths[1], "value"))
-        if len(parts) != LENGTH[self._kind]:
-            raise GarbledAnswer(self._device, f"{self._symbol} is no {self._kind}", "look at it on the pendant")
-        if parts[0].upper() != HELD[self._kind]:
-            what = f"robhold of {self._symbol} is {parts[0]}"
-            raise RequestRefused(self._device, what, f"set it to {HELD[self._kind]} on the pendant", "ROBHOLD")
-        return parts
+async def write_frame(controller: RwsAdministration, symbol: str, kind: str, parts: Sequence[str], frame: str) -> None:
+    """Set the frame, leave the other components, and read back. Raises DeviceError.
 
-    async def write(self, parts: Sequence[str], frame: str) -> None:
-        """Set the frame, leave the other components, and read back. Raises DeviceError.
-
-        Needs mastership: the program must be stopped in AUTO, or the pendant grant it.
-        """
-        dialect = await self._client.find()
-        changed = [*parts]
-        changed[FRAME_AT[self._kind]] = frame
-        path, query = dialect.set_symbol(self._symbol)
-        await self._client.post(*dialect.mastership("rapid", "request"), {})
-        try:
-            await self._client.post(path, query, {"value": f"[{','.join(changed)}]"})
-        finally:
-            await self._client.post(*dialect.mastership("rapid", "release"), {})
-        if not _same(await self.read(), changed):
-            what = f"{self._symbol} reads back otherwise than it was written"
-            raise GarbledAnswer(self._device, what, "compare it on the pendant before anything moves")
-
-    async def _word(self, path: str, name: str) -> str:
-        found = await self._client.get(path)
-        return parsing.word(self._device, found[0] if found else {}, name)
+    Needs mastership: the program must be stopped in AUTO, or the pendant grant it.
+    """
+    changed = [*parts]
+    changed[FRAME_AT[kind]] = frame
+    async with controller.hold_mastership("rapid"):
+        await controller.write_symbol(symbol, f"[{','.join(changed)}]")
+    if not same_value(",".join(await read_record(controller, symbol, kind)), ",".join(changed)):
+        what = f"{symbol} reads back otherwise than it was written"
+        raise GarbledAnswer(controller.device, what, "compare it on the pendant before anything moves")
 
 
 def components(value: str) -> list[str]:
@@ -84,15 +64,10 @@ def components(value: str) -> list[str]:
     return [part.strip() for part in parts]
 
 
-def _same(found: Sequence[str], wanted: Sequence[str]) -> bool:
-    """Whether two records are equal, numbers as single floats."""
-    return len(found) == len(wanted) and all(_equal(a, b) for a, b in zip(found, wanted, strict=True))
-
-
-def _equal(a: str, b: str) -> bool:
-    if a.startswith("[") and b.startswith("["):
-        return _same(components(a), components(b))
-    try:
-        return bool(np.isclose(float(a), float(b), rtol=READ_BACK_TOLERANCE, atol=READ_BACK_TOLERANCE))
-    except ValueError:
-        return a.upper() == b.upper()
+def same_value(one: str, other: str) -> bool:
+    """Whether two spellings are the same value: spaces do not count, numbers agree as IEEE singles do."""
+    parts = [_NUMBER.split(re.sub(r"\s", "", text)) for text in (one, other)]
+    numbers = [[float(found) for found in _NUMBER.findall(text)] for text in (one, other)]
+    if [part.upper() for part in parts[0]] != [part.upper() for part in parts[1]]:
+        return False
+    return all(abs(a - b) <= _SAME * max(1.0, abs(a)) for a, b in zip(*numbers, strict=True))

@@ -13,7 +13,6 @@ from drivers.robots.abb.rws.address import FRAMES, RwsAddress
 from drivers.robots.abb.rws.client import LIMIT_S, RwsClient
 from drivers.robots.abb.rws.link import RwsLink
 from drivers.robots.abb.rws.parsing import ControllerState, EventLogEntry
-from drivers.robots.abb.rws.rapid_data import RapidFrame
 from drivers.timing import Timing
 
 STILL_GAP_S = 0.1
@@ -112,10 +111,6 @@ class RwsRobot(LinkedRobot):
     async def move_to(self, goal: MoveGoal) -> NoReturn:
         """Raises MoveRefused."""
         raise MoveRefused(self._device, f"the move was refused, {READ_ONLY}", INSTEAD, "READ_ONLY")
-
-    def frame_of(self, symbol: str, kind: str) -> RapidFrame:
-        """The frame of a tooldata or wobjdata, as T_ROB1/camera_tool, to read and write. Called only on request."""
-        return RapidFrame(self._client, symbol, kind)
 
     async def _pose(self, before: PoseReading | None = None, *, urgent: bool = False) -> PoseReading:
         asked_at_s = self._timing.clock()

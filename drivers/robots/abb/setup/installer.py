@@ -7,7 +7,7 @@ from typing import Any
 
 from drivers.errors import DeviceError, RequestRefused
 from drivers.robots.abb.rws.administration import ConfigurationInstance, RwsAdministration
-from drivers.robots.abb.setup import settings
+from drivers.robots.abb.rws.rapid_data import same_value
 from drivers.robots.abb.setup.plan import LOAD_MENU, SetupPlan, reset_step
 from drivers.robots.abb.setup.survey import ControllerSurvey
 
@@ -132,7 +132,7 @@ async def write_symbols(controller: RwsAdministration, values: Mapping[str, str]
             for name, value in values.items():
                 await controller.write_symbol(name, value)
                 now = await controller.read_symbol(name)
-                same = now is not None and settings.same_value(now, value)
+                same = now is not None and same_value(now, value)
                 outcomes.append(Outcome(f"{name} := {value}", same, "" if same else f"reads back {now}"))
     except DeviceError as error:
         outcomes.append(Outcome("settings", False, f"{error.what}: pendant: Program Data, or the next Reset RAPID"))

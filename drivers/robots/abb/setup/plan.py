@@ -5,6 +5,7 @@ from dataclasses import dataclass, field, replace
 
 from drivers.robots.abb.rapid_names import RapidNames
 from drivers.robots.abb.rws.administration import ConfigurationInstance
+from drivers.robots.abb.rws.rapid_data import same_value
 from drivers.robots.abb.setup import settings
 from drivers.robots.abb.setup.requirements import FIREWALL_MENU, WRITE_CONFIGURATION, WRITE_DATA, Finding
 from drivers.robots.abb.setup.survey import FIREWALL, ControllerSurvey
@@ -228,5 +229,5 @@ def _symbols(survey: ControllerSurvey, package: Package, values: Mapping[str, st
     return {
         symbol: wanted[name]
         for symbol, value in survey.symbols.items()
-        if (name := symbol.rpartition("/")[2]) in wanted and not settings.same_value(value, wanted[name])
+        if (name := symbol.rpartition("/")[2]) in wanted and not same_value(value, wanted[name])
     }

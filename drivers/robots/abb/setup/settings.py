@@ -7,8 +7,6 @@ from drivers.errors import AddressNotUnderstood
 
 _NAME = re.compile(r"^\s*MODULE\s+(\w+)", re.IGNORECASE | re.MULTILINE)
 _NUMBER = re.compile(r"[-+]?\d+(?:\.\d*)?(?:[eE][-+]?\d+)?")
-_SAME = 1e-6
-"""Relative difference of two numbers that a num holds as one."""
 
 
 def module_name(text: str) -> str:
@@ -48,15 +46,6 @@ def rapid_value(kind: str, name: str, value: str) -> str:
     if not well:
         raise AddressNotUnderstood(f"{name}={value}", f"this is no {kind}", "write it as CELL_shared.sys does")
     return value.upper() if kind == "bool" else value
-
-
-def same_value(one: str, other: str) -> bool:
-    """Whether two spellings are the same value: spaces do not count, numbers agree as IEEE singles do."""
-    parts = [_NUMBER.split(re.sub(r"\s", "", text)) for text in (one, other)]
-    numbers = [[float(found) for found in _NUMBER.findall(text)] for text in (one, other)]
-    if [part.upper() for part in parts[0]] != [part.upper() for part in parts[1]]:
-        return False
-    return all(abs(a - b) <= _SAME * max(1.0, abs(a)) for a, b in zip(*numbers, strict=True))
 
 
 def _declaration(setting: str) -> re.Pattern[str]:
