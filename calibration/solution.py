@@ -1,7 +1,7 @@
 """Output of the hand-eye solver. `calibration.verdict` decides whether it may be used."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from math import inf, isfinite, isnan
 from typing import Literal, Protocol, TypeVar
 
@@ -74,10 +74,10 @@ class ViewResult:
     index: int
     image: str | None
     status: Literal["used", "corrected", "rejected"]
-    reason: str | None
-    reprojection_px: float | None
-    base_error_mm: float | None
-    robot_correction: tuple[Array, Array] | None
+    reason: str | None = None
+    reprojection_px: float | None = None
+    base_error_mm: float | None = None
+    robot_correction: tuple[Array, Array] | None = None
     points: PointResiduals | None = None
     why: str | None = None
     joints_rad: Array | None = None
@@ -217,9 +217,9 @@ class Noise:
     `belief`: in the robot's noise after the session, None where there is no estimate.
     """
 
-    image_px: float | None
-    robot_rotation_rad: float | None
-    robot_translation_mm: float | None
+    image_px: float | None = None
+    robot_rotation_rad: float | None = None
+    robot_translation_mm: float | None = None
     belief: NoiseBelief | None = None
 
 
@@ -281,22 +281,23 @@ class ExternalAxisEstimate:
 @dataclass(frozen=True, eq=False)
 class Solution:
     """The result of a solve; frames as in `calibration.problem`. `mount_T_camera` is None when it is not determined.
+    What is not given is not known, or does not belong to the method.
 
     `target_scale`: size of the target over the described one, as estimated with X.
     """
 
     setup: Setup
     method: str
-    mount_T_camera: Array | None
-    anchor_T_target: Array | None
-    camera: CameraModel | None
-    camera_source: Literal["given", "estimated"]
-    uncertainty: Uncertainty | None
-    noise: Noise
     views: tuple[ViewResult, ...]
     observability: Observability
-    hold_out: HoldOutDocument | None
-    findings: tuple[Finding, ...] = field(default=())
+    mount_T_camera: Array | None = None
+    anchor_T_target: Array | None = None
+    camera: CameraModel | None = None
+    camera_source: Literal["given", "estimated"] = "given"
+    uncertainty: Uncertainty | None = None
+    noise: Noise = Noise()
+    hold_out: HoldOutDocument | None = None
+    findings: tuple[Finding, ...] = ()
     leave_out: LeaveOutDocument | None = None
     clock_offset: ClockOffsetDocument | None = None
     axis_offset: AxisOffset | None = None

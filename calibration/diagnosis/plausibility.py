@@ -122,7 +122,7 @@ def check_plausibility(problem: Problem, solution: Solution) -> Solution:
     if not is_circle:
         return solution
     return replace(
-        solution, mount_T_camera=None, anchor_T_target=None, uncertainty=None, noise=Noise(None, None, None),
+        solution, mount_T_camera=None, anchor_T_target=None, uncertainty=None, noise=Noise(),
         hold_out=None, leave_out=None, external_axis=None,
     )  # fmt: skip
 

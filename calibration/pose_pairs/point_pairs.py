@@ -57,11 +57,10 @@ def solve_point_pairs(setup: Setup, mount_points_mm: Array, camera_points_mm: Ar
         np.sum(np.swapaxes(slopes, 1, 2) @ slopes, axis=0)
     )
     return Solution(
-        setup=setup, method="point-pairs", mount_T_camera=X, anchor_T_target=np.eye(4), camera=None,
-        camera_source="given", uncertainty=uncertainty_of(covariance, X, camera_points_mm),
-        noise=Noise(None, None, sigma_mm), views=(),
+        setup=setup, method="point-pairs", mount_T_camera=X, anchor_T_target=np.eye(4),
+        uncertainty=uncertainty_of(covariance, X, camera_points_mm), noise=Noise(None, None, sigma_mm), views=(),
         observability=Observability(n, 0.0, float(extents[1] / extents[0]), "turns about the line of the points"),
-        hold_out=None, findings=tuple(_findings(sigma_mm, n)),
+        findings=tuple(_findings(sigma_mm, n)),
     )  # fmt: skip
 
 

@@ -125,8 +125,6 @@ def _solution(problem: Problem, seen: MeasuredViews, refused: dict[int, Unusable
         method="auto",
         mount_T_camera=chain.mount_T_camera,
         anchor_T_target=chain.anchor_T_target,
-        camera=None,
-        camera_source="given",
         uncertainty=replace(
             uncertainty_of(covariance, chain.mount_T_camera, fit.points_mm()), arm_scale=fit.fitted.arm_scale
         ),
@@ -161,7 +159,7 @@ def _views(
 def unused_view(problem: Problem, position: int, reason: str) -> ViewResult:
     """A view that is not part of the solution."""
     view = problem.views[position]
-    return ViewResult(view.index, view.image, "rejected", reason, None, None, None)
+    return ViewResult(view.index, view.image, "rejected", reason)
 
 
 def _observability(problem: Problem, base_T_flange: Array, mount_T_camera: Array, covariance: Array) -> Observability:
@@ -198,20 +196,13 @@ def _without_x(problem: Problem, why: UndeterminedError) -> Solution:
     views = [
         unused_view(problem, position, refused[position].code)
         if position in refused
-        else ViewResult(view.index, view.image, "used", None, None, None, None)
+        else ViewResult(view.index, view.image, "used")
         for position, view in enumerate(problem.views)
     ]
     return Solution(
         setup=problem.setup,
         method="auto",
-        mount_T_camera=None,
-        anchor_T_target=None,
-        camera=None,
-        camera_source="given",
-        uncertainty=None,
-        noise=Noise(None, None, None),
         views=tuple(views),
         observability=Observability(len(usable), motion.max_rotation_rad, motion.axis_spread, why.what),
-        hold_out=None,
         findings=(Finding(why.code, "error", why.what, why.fix),),
     )

@@ -78,17 +78,12 @@ def solution_without_x(problem: Problem, method: str, why: UndeterminedError) ->
     return Solution(
         setup=problem.setup,
         method=method,
-        mount_T_camera=None,
-        anchor_T_target=None,
         camera=problem.camera,
         camera_source="given" if problem.camera else "estimated",
-        uncertainty=None,
-        noise=Noise(None, None, None),
         views=tuple(
             _without_numbers(problem, position, refused.get(position)) for position in range(len(problem.views))
         ),
         observability=Observability(len(seen), motion.max_rotation_rad, motion.axis_spread, why.what),
-        hold_out=None,
         findings=(Finding(why.code, "error", why.what, why.fix), *_missing_target(problem)),
     )
 
@@ -188,5 +183,5 @@ def _rms(seen: Observations, errors: Array) -> Array:
 def _without_numbers(problem: Problem, position: int, why: UnusableReason | None) -> ViewResult:
     view = problem.views[position]
     if why is None:
-        return ViewResult(view.index, view.image, "used", None, None, None, None)
-    return ViewResult(view.index, view.image, "rejected", why.code, None, None, None, why=why.what)
+        return ViewResult(view.index, view.image, "used")
+    return ViewResult(view.index, view.image, "rejected", why.code, why=why.what)

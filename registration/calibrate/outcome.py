@@ -46,14 +46,10 @@ def solution_with_x(
         setup=setup,
         method=method,
         mount_T_camera=mount_T_camera,
-        anchor_T_target=None,
-        camera=None,
-        camera_source="given",
         uncertainty=uncertainty_of(covariance, mount_T_camera, seen_mm),
         noise=noise,
         views=tuple(views),
         observability=_observability(base_T_flange, _weakest(covariance, seen_mm)),
-        hold_out=None,
         findings=findings,
         clock_offset=clock_offset,
     )
@@ -66,15 +62,8 @@ def solution_without_x(
     return Solution(
         setup=setup,
         method=method,
-        mount_T_camera=None,
-        anchor_T_target=None,
-        camera=None,
-        camera_source="given",
-        uncertainty=None,
-        noise=Noise(None, None, None),
         views=tuple(views),
         observability=_observability(base_T_flange, "X"),
-        hold_out=None,
         findings=(Finding(error.code, "error", error.what, error.fix),),
     )
 

@@ -38,7 +38,7 @@ def solve_sphere_scan(views: Sequence[ScanView], radius_mm: float) -> Solution:
         answer = solve_from_sphere([SphereView(centres[index], views[index].anchor_T_mount) for index in found])
     except UndeterminedError as error:
         why = [reasons.get(index, error.code) for index in range(len(views))]
-        results = [ViewResult(index, None, "rejected", reason, None, None, None) for index, reason in enumerate(why)]
+        results = [ViewResult(index, None, "rejected", reason) for index, reason in enumerate(why)]
         return solution_without_x(METHOD, setup_of(views), results, poses, error)
     return _solution(views, found, centres, reasons, answer)
 

@@ -80,7 +80,7 @@ def solve_surface_scan(
         reach_mm = SEARCHED_MM if rough is None else rough_mm
         found = solve_from_surfaces(surfaces, anchor_T_mount, start, noise, reach_mm, setup=setup)
     except UndeterminedError as error:
-        results = [ViewResult(index, None, "rejected", error.code, None, None, None) for index in range(len(views))]
+        results = [ViewResult(index, None, "rejected", error.code) for index in range(len(views))]
         return solution_without_x(METHOD, setup, results, poses, error)
     return _solution(found, samples, setup, poses, start, noise, searched=rough is None)
 
