@@ -27,8 +27,8 @@ from calibration.problem import Detection, Problem, View
 from calibration.targets import Chessboard
 from calibration.transforms import Array, map_points, rotation_from_vector, transform, transform_from_vector
 from daemon.runs.run_modules import load_run_modules
-from mock_robot.arm.goals import speeds_sharing
 from mock_robot.arm.simulated_arm import plan_motion
+from mock_robot.links.cb_program import speeds_sharing
 
 MODELS = ("IRB 1600-6/1.45", "IRB 2600-20/1.65", "IRB 4600-40/2.55")
 BOARD = Chessboard(11, 8, 20.0)

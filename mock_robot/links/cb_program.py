@@ -3,17 +3,23 @@
 Times are passed in. `now_s` is wire time (heartbeat, time stamps); the arm runs `time_scale` times faster.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from itertools import product
 from typing import Any
 
 import numpy as np
 
 from calibration.errors import GeometryError
-from calibration.kinematics.arm import OtherConfiguration, UnreachablePoseError
-from calibration.kinematics.seven_axes import SevenAxisArm
-from calibration.transforms import Array, inverse, quaternion_from_rotation, transform_from_quaternion
-from mock_robot.arm.goals import goal_joints, speeds_sharing
+from calibration.kinematics.arm import Arm, OtherConfiguration, UnreachablePoseError
+from calibration.kinematics.seven_axes import AnyArm, SevenAxisArm
+from calibration.transforms import (
+    Array,
+    inverse,
+    quaternion_from_rotation,
+    rotation_angle_rad,
+    transform_from_quaternion,
+)
 from mock_robot.arm.simulated_arm import IN_POSITION_S
 from mock_robot.cabinet.cabinet import MANUAL_SPEED_MM_S, MIN_OVERRIDE, TITLES, Cabinet
 from mock_robot.cabinet.panel import Mode
@@ -310,3 +316,46 @@ _HANDLERS: dict[type[Any], Callable[[Controller, int, Any, float], cb.Reply]] = 
 def float32_tuple(values: Array | tuple[float, ...]) -> Any:
     """Round to float32, as a controller stores numbers."""
     return tuple(float(value) for value in np.asarray(values, np.float32))
+
+
+Confdata = tuple[int, int, int, int]
+
+
+def goal_joints(
+    arm: AnyArm, base_T_flange: Array, configuration: Confdata, here_rad: Array, arm_angle_deg: float = 0.0
+) -> Array:
+    """Joints (6,) in that configuration, or in the neighbouring one with the least joint travel (cell_found_near).
+
+    Of an arm with seven axes (7,), with that arm angle and in that configuration. Raises UnreachablePoseError.
+    """
+    if isinstance(arm, SevenAxisArm):
+        return arm.matching(base_T_flange, float(np.radians(arm_angle_deg)), configuration, here_rad)
+    try:
+        joints: Array = arm.matching(base_T_flange, configuration, near_rad=here_rad)
+        return joints
+    except OtherConfiguration:
+        found = [*_near(arm, base_T_flange, configuration, here_rad)]
+        if not found:
+            raise
+    return min(found, key=lambda each: float(np.abs(each - here_rad).max()))
+
+
+def _near(arm: Arm, base_T_flange: Array, configuration: Confdata, here_rad: Array) -> Iterator[Array]:
+    cf1, cf4, cf6, cfx = configuration
+    for i, j, k in product((-1, 0, 1), repeat=3):
+        try:
+            yield arm.matching(base_T_flange, (cf1 + i, cf4 + j, cf6 + k, cfx), near_rad=here_rad)
+        except UnreachablePoseError:
+            continue
+
+
+def speeds_sharing(start: Array, end: Array, limit_mm_s: float, reach_mm: float) -> tuple[float, float]:
+    """Speed (mm/s) and turn (rad/s) of the flange between poses (4, 4), as cell_speed of CELL_motion shares them.
+
+    speed + turn * reach_mm is the limit: no point within `reach_mm` of the flange moves faster.
+    """
+    way_mm = float(np.linalg.norm(end[:3, 3] - start[:3, 3]))
+    sweep_mm = reach_mm * float(rotation_angle_rad(start[:3, :3].T @ end[:3, :3]))
+    share = way_mm / (way_mm + sweep_mm) if way_mm + sweep_mm > 0.001 else 0.9
+    share = min(max(share, 0.25), 0.9)
+    return share * limit_mm_s, (1.0 - share) * limit_mm_s / reach_mm

@@ -15,8 +15,8 @@ from mock_robot.faults.robot_faults import FAULTS
 from mock_robot.links.cb_program import Controller
 from mock_robot.links.servers import SerialLinkServer, TcpLinkServer
 from mock_robot.rapid.controller import DEPLOYED, RapidController
+from mock_robot.rapid.devices import FrameFaultBoard
 from mock_robot.rapid.errors import RapidProgramError, RapidSyntaxError
-from mock_robot.rapid.frames import FrameFaultBoard
 from mock_robot.rapid.home import load_problems
 
 Clock = Callable[[], float]

@@ -11,11 +11,17 @@ from mock_robot.cabinet.cabinet import TITLES, Cabinet
 from mock_robot.cabinet.panel import Panel
 from mock_robot.errors import MockError
 from mock_robot.faults.robot_faults import FAULTS
-from mock_robot.rapid.cfg_types import FACTORY_TASK
-from mock_robot.rapid.configuration import Fragments, TaskPlan, egm_devices, serial_ports, signals, task_plans
-from mock_robot.rapid.devices import SerialLine
+from mock_robot.rapid.configuration import (
+    FACTORY_TASK,
+    Fragments,
+    TaskPlan,
+    egm_devices,
+    serial_ports,
+    signals,
+    task_plans,
+)
+from mock_robot.rapid.devices import FrameFaultBoard, SerialLine
 from mock_robot.rapid.errors import ProgramStopped
-from mock_robot.rapid.frames import FrameFaultBoard
 from mock_robot.rapid.home import HomeFragments
 from mock_robot.rapid.interrupts import Interrupts
 from mock_robot.rapid.program import PersistentMemory, Program

@@ -10,8 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
 
-from mock_robot.rapid.cfg_types import FACTORY_TASK
-from mock_robot.rapid.configuration import Fragments, Instance, TaskPlan
+from mock_robot.rapid.configuration import FACTORY_TASK, Fragments, Instance, TaskPlan
 from mock_robot.rapid.errors import RapidProgramError, RapidSyntaxError
 from mock_robot.rapid.program import PersistentMemory, Program, Source
 from mock_robot.rapid.signals import SIGNAL_TYPES, Signal

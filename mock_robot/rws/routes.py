@@ -4,7 +4,7 @@ import re
 from collections.abc import Callable, Mapping
 from functools import partial
 
-from mock_robot.rws import acting, disk, reading, refusals
+from mock_robot.rws import acting, reading, refusals
 from mock_robot.rws.context import RequestContext, ServiceDialect
 from mock_robot.rws.exchange import Reply
 from mock_robot.rws.reading import UNUSED_1, UNUSED_2
@@ -69,9 +69,9 @@ _SHARED: tuple[Row, ...] = (
     ("GET", "/users/rmmp/poll", None, acting.poll_consent),
     ("GET", "/rw/mastership", None, reading.masterships),
     ("GET", "/rw/mastership/(?P<domain>[a-z]+)", None, acting.mastership),
-    ("GET", "/fileservice/(?P<path>.+)", None, disk.read_file),
-    ("PUT", "/fileservice/(?P<path>.+)", None, disk.write_file),
-    ("DELETE", "/fileservice/(?P<path>.+)", None, disk.delete_file),
+    ("GET", "/fileservice/(?P<path>.+)", None, acting.read_file),
+    ("PUT", "/fileservice/(?P<path>.+)", None, acting.write_file),
+    ("DELETE", "/fileservice/(?P<path>.+)", None, acting.delete_file),
 )
 _FIRST: tuple[Row, ...] = (
     ("GET", "/users/grants", None, reading.grants),
@@ -80,7 +80,7 @@ _FIRST: tuple[Row, ...] = (
     ("POST", _CFG_DOMAIN, "saveas", acting.save_configuration),
     ("GET", "/rw/panel/ctrlstate", None, reading.controller_state),
     ("POST", "/rw/panel/ctrlstate", "setctrlstate", acting.set_controller_state),
-    ("POST", "/fileservice/(?P<path>.+)", None, disk.make_folder),
+    ("POST", "/fileservice/(?P<path>.+)", None, acting.make_folder),
     ("POST", "/rw/rapid/execution", "start", acting.start),
     ("POST", "/rw/rapid/execution", "stop", acting.stop),
     ("POST", "/rw/rapid/execution", "resetpp", acting.reset_pointer),
@@ -104,7 +104,7 @@ _SECOND: tuple[Row, ...] = (
     ("POST", f"{_CFG_DOMAIN}/saveas", None, acting.save_configuration),
     ("GET", "/rw/panel/ctrl-state", None, reading.controller_state),
     ("POST", "/rw/panel/ctrl-state", None, acting.set_controller_state),
-    ("POST", "/fileservice/(?P<path>.+)/create", None, disk.make_folder),
+    ("POST", "/fileservice/(?P<path>.+)/create", None, acting.make_folder),
     ("POST", "/rw/rapid/execution/start", None, acting.start),
     ("POST", "/rw/rapid/execution/stop", None, acting.stop),
     ("POST", "/rw/rapid/execution/resetpp", None, acting.reset_pointer),

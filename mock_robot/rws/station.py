@@ -4,6 +4,8 @@ import asyncio
 import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
+from ipaddress import ip_address
 from pathlib import Path
 from typing import Any
 
@@ -48,7 +50,6 @@ class RwsStation:
         self.world.address = host
         if not self.world.cabinet.recorded:
             self.world.cabinet.record(self.world.clock(), 10017, "automatic mode confirmed")
-        from mock_robot.rws.certificate import write_self_signed  # slow import (cryptography): only where it is served
 
         plain = HttpServer(self.first, ws="websockets-sansio", **_SOCKETS)
         with tempfile.TemporaryDirectory() as folder:  # the certificate is read when the server is created
@@ -67,3 +68,35 @@ class RwsStation:
     async def close(self) -> None:
         """Stop both services."""
         await asyncio.gather(*(server.close() for server in self._servers))
+
+
+LIFETIME = timedelta(days=365)
+
+
+def write_self_signed(folder: Path, address: str) -> tuple[Path, Path]:
+    """Write certificate and key for an IP address as PEM files in `folder`; returns their paths."""
+    from cryptography import x509  # slow import: only where it is served
+    from cryptography.hazmat.primitives import hashes, serialization
+    from cryptography.hazmat.primitives.asymmetric import ec
+    from cryptography.x509.oid import NameOID
+
+    key = ec.generate_private_key(ec.SECP256R1())
+    name = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, "handeyed mock controller")])
+    began = datetime.now(UTC) - timedelta(hours=1)
+    certificate = (
+        x509.CertificateBuilder()
+        .subject_name(name)
+        .issuer_name(name)
+        .public_key(key.public_key())
+        .serial_number(x509.random_serial_number())
+        .not_valid_before(began)
+        .not_valid_after(began + LIFETIME)
+        .add_extension(x509.SubjectAlternativeName([x509.IPAddress(ip_address(address))]), critical=False)
+        .add_extension(x509.BasicConstraints(ca=True, path_length=0), critical=True)
+        .sign(key, hashes.SHA256())
+    )
+    certificate_file, key_file = folder / "certificate.pem", folder / "key.pem"
+    certificate_file.write_bytes(certificate.public_bytes(serialization.Encoding.PEM))
+    plain = serialization.NoEncryption()
+    key_file.write_bytes(key.private_bytes(serialization.Encoding.PEM, serialization.PrivateFormat.PKCS8, plain))
+    return certificate_file, key_file

@@ -17,7 +17,7 @@ from drivers.robots.abb.rws.parsing import log_entry
 from drivers.robots.abb.setup.plan import Package, configuration_findings, plan_setup
 from drivers.robots.abb.setup.requirements import findings
 from drivers.robots.abb.setup.survey import read_survey
-from mock_robot.rapid.cfg_types import attributes_of
+from mock_robot.rapid.configuration import attributes_of
 from mock_robot.rapid.controller import DEPLOYED
 from protocols.cfg_file import parse_cfg
 

@@ -13,8 +13,8 @@ import pytest
 from mock_robot.cabinet.panel import Mode
 from mock_robot.rapid.configuration import Fragments, task_plans
 from mock_robot.rapid.controller import DEPLOYED, MAX_CLOCK_S, OpenDevices
+from mock_robot.rapid.devices import FrameFaultBoard
 from mock_robot.rapid.errors import CycleLeft
-from mock_robot.rapid.frames import FrameFaultBoard
 from mock_robot.rapid.interrupts import Interrupts
 from mock_robot.rapid.program import PersistentMemory, Program
 from mock_robot.rapid.signals import Signal

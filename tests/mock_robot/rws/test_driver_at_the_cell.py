@@ -280,7 +280,7 @@ async def test_a_late_answer_is_waited_for() -> None:
 
 
 async def test_a_certificate_that_is_given_is_the_only_one_that_is_trusted(tmp_path) -> None:
-    from mock_robot.rws.certificate import write_self_signed
+    from mock_robot.rws.station import write_self_signed
 
     certificate, _ = write_self_signed(tmp_path, "127.0.0.1")
     async with rws_cell() as cell:
