@@ -20,9 +20,9 @@ from daemon.operations import Operations
 from daemon.runs.supervisor import MAX_STEP_S, Supervisor
 from daemon.runtime.clock import Clock
 from daemon.runtime.event_bus import EventBus
+from daemon.runtime.logs import RecentLog
 from daemon.runtime.loop_monitor import EventLoopMonitor
 from daemon.runtime.metrics import Metric, Metrics
-from daemon.runtime.recent_log import RecentLog
 from daemon.runtime.systemd import Systemd
 from daemon.runtime.tasks import end_task
 from daemon.runtime.workers import Workers

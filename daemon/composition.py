@@ -35,11 +35,10 @@ from daemon.runs.supervisor import Supervisor
 from daemon.runtime.clock import Clock, time_ordered_id
 from daemon.runtime.event_bus import EventBus
 from daemon.runtime.failpoints import NO_FAILPOINTS, Failpoints
-from daemon.runtime.logs import log_to_stdout
+from daemon.runtime.logs import RecentLog, log_to_stdout
 from daemon.runtime.loop_monitor import EventLoopMonitor
 from daemon.runtime.memory_trim import MemoryTrim
 from daemon.runtime.metrics import Metrics
-from daemon.runtime.recent_log import RecentLog
 from daemon.runtime.systemd import Doing, ServiceEnds, StatusLine, Systemd, UpdateHold, read_ends
 from daemon.runtime.workers import Workers
 from daemon.scans.registration_jobs import RegistrationJobs

@@ -19,10 +19,10 @@ ROOMS = (*CORE, "extensions", "gateways")
 
 MAX_UNITS = {"calibration": 24, "daemon": 23, "mock_robot": 14, "registration": 10}
 MAX_WEIGHTS = {
-    "lines of Python of the core": 95_802,
-    "lines of Python with the extensions": 99_251,
+    "lines of Python of the core": 95_750,
+    "lines of Python with the extensions": 99_199,
     "lines of Python of the gateways": 1_322,
-    "files of the fullest folder": 46,
+    "files of the fullest folder": 44,
     "private functions used once": 696,
     "of them of at most 8 lines": 271,
     "functions of 8 parameters or more": 36,

@@ -4,7 +4,7 @@ import ipaddress
 import re
 import unicodedata
 
-from daemon.runtime.key_redaction import redact_keys
+from daemon.runtime.logs import redact_keys
 
 DAEMON = "handeyed"
 DRIFT_SCHEDULE = "the drift schedule"

@@ -6,7 +6,7 @@ import re
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from daemon.runtime.key_redaction import KEY_FORM
+from daemon.runtime.logs import KEY_FORM
 
 KEY_BYTES = 32
 KEY_PATTERN = re.compile(KEY_FORM)

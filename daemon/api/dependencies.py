@@ -24,7 +24,7 @@ from daemon.api.problems import problem_responses
 from daemon.application import Application
 from daemon.drift.cell_cameras import CellCamera
 from daemon.sessions.pictures import Width
-from daemon.store.page_filters import NO_FILTERS, PageFilters
+from daemon.store.listings import NO_FILTERS, PageFilters
 
 Model = TypeVar("Model", bound=BaseModel)
 

@@ -62,7 +62,7 @@ def acknowledge(config: Annotated[Path, typer.Argument(help="The daemon's settin
     from daemon.store import audit_log, consistency
     from daemon.store.actor import AuditContext
     from daemon.store.database import DATABASE_NAME
-    from daemon.store.offline import open_despite_faults, require_owner
+    from daemon.store.opening import open_despite_faults, require_owner
 
     folder = Path(load_settings(config).storage.folder)
     require_owner(folder)

@@ -23,7 +23,7 @@ def backup(
     from daemon.runtime.clock import Clock
     from daemon.store.backup import back_up, write_backup
     from daemon.store.database import storage_errors
-    from daemon.store.offline import open_offline
+    from daemon.store.opening import open_offline
 
     store = Path(load_settings(config).storage.folder)
     made_at, piped = Clock().timestamp(), str(out) == "-"
@@ -49,7 +49,7 @@ def restore(
     Keys that were revoked since the backup was made are valid again, unless you revoke all of them.
     """
     from daemon.config.settings import load_settings
-    from daemon.store.offline import require_owner
+    from daemon.store.opening import require_owner
     from daemon.store.restore import restore as restore_store
 
     store = Path(load_settings(config).storage.folder)

@@ -107,7 +107,7 @@ def _with_key_service(config: Path, work: "Callable[[KeyService], Awaitable[Answ
     from daemon.runtime.clock import Clock
     from daemon.store.access_keys import AccessKeys
     from daemon.store.key_service import KeyService
-    from daemon.store.offline import open_offline
+    from daemon.store.opening import open_offline
 
     with open_offline(Path(load_settings(config).storage.folder)) as database:
         service = KeyService(AccessKeys(database), Clock())

@@ -1,5 +1,6 @@
 """`handeyed solve DIR...`: calibrate from session folders."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -15,6 +16,7 @@ if TYPE_CHECKING:
     from calibration.documents.session import CameraDocument, SessionDocument
     from calibration.problem import Problem
     from calibration.solution import NamedPoint, Solution
+    from calibration.solver.arm_session import KnownDistance
     from calibration.transforms import Array
     from calibration.verdict import VerdictLimits
     from daemon.sessions.session_reader import SessionFolder
@@ -22,6 +24,8 @@ if TYPE_CHECKING:
     Requirement = tuple[VerdictLimits, tuple[NamedPoint, ...]]
 
 RESULT_FILE = "calibration.json"
+ARM_FILE = "arm.json"
+RIG_FILE = "rig.json"
 
 FOR_IMAGES = "it is for images only", "leave it out; this session holds poses or points"
 
@@ -111,9 +115,7 @@ def solve(
     from calibration.errors import DocumentError
     from calibration.solve import METHODS
     from daemon.cli.camera_file import read_camera
-    from daemon.cli.solve_arm import known_distances, solve_arm
     from daemon.cli.solve_scan import check_options, solve_scan
-    from daemon.cli.solve_together import solve_together
     from registration.errors import RegistrationError
 
     if method not in METHODS:
@@ -321,3 +323,78 @@ def _write_pictures(
     with writing(folder, "choose another --pictures"):
         page = write_pictures(folder, title, problem, solution, order, lambda name: read_grey(session.path / name))
     print_error(f"{page}: residuals of {len(order)} pictures")
+
+
+def known_distances(sessions: "Sequence[SessionFolder]") -> "list[KnownDistance]":
+    """What the sessions state of the target's places, counted as they are. Raises CommandError for another session."""
+    from calibration.solver.arm_session import KnownDistance
+
+    names, found = [session.path.resolve().name for session in sessions], []
+    for place, session in enumerate(sessions):
+        for row, known in enumerate(session.document.distances):
+            if names.count(known.to) != 1 or known.to == names[place]:
+                what = f"distances[{row}].to: {known.to!r} is not the name of one other folder of the command"
+                raise CommandError(str(session.file), what, "name that folder, too", ExitStatus.UNREADABLE)
+            found.append(KnownDistance(place, names.index(known.to), known.distance_mm, known.sigma_mm))
+    return found
+
+
+def solve_arm(
+    name: str,
+    problems: "Sequence[Problem]",
+    folder: Path | None,
+    box_mm: "Array | None",
+    distances: "Sequence[KnownDistance]",
+    *,
+    json: bool,
+) -> None:
+    """`--arm`: print the arm's errors, and write them as arm.json into `folder`. Raises CommandError.
+
+    `box_mm` (2, 3) of the base: where the gain of more views is predicted. `distances`: between the places.
+    """
+    from calibration.documents.arm import arm_summary
+    from calibration.documents.identified_arm import identify_arm_document
+    from calibration.errors import CalibrationError
+    from calibration.kinematics.abb_arms import find_arm
+    from daemon.runtime.clock import Clock
+    from daemon.runtime.version import SOFTWARE
+
+    try:
+        arm, created_at = find_arm(name), Clock().timestamp()
+        document = identify_arm_document(
+            arm, problems, created_at=created_at, software=SOFTWARE, box_mm=box_mm, distances=distances
+        )
+    except CalibrationError as error:
+        raise CommandError("--arm", str(error), "no arm.json is written", ExitStatus.UNREADABLE) from None
+    typer.echo(document.model_dump_json() if json else arm_summary(document))
+    if folder is not None:
+        write_document(folder / ARM_FILE, document)
+
+
+def solve_together(
+    solved: "list[tuple[Path, Problem, Solution]]", tolerance_mm: float, out: Path | None, *, json: bool
+) -> bool:
+    """`--together`: print the joint solution of the folders, write rig.json into `out`; returns whether it is accepted.
+
+    Raises CommandError, CalibrationError.
+    """
+    from calibration.documents.rig import rig_document, rig_text
+    from calibration.errors import GeometryError, UndeterminedError
+    from calibration.solve import solve_rig
+
+    names = [folder.resolve().name for folder, _, _ in solved]
+    if len(set(names)) < len(names):
+        repeated = "two folders have the same name"
+        raise CommandError("--together", repeated, "name each after its sensor", ExitStatus.UNREADABLE)
+    sessions = dict(zip(names, solved, strict=True))
+    try:
+        rig = solve_rig({name: problem for name, (_, problem, _) in sessions.items()})
+    except UndeterminedError as error:
+        raise CommandError("--together", error.what, error.fix, ExitStatus.NOT_ACCEPTED) from None
+    except GeometryError as error:
+        raise CommandError("--together", str(error), "check the sessions", ExitStatus.UNREADABLE) from None
+    document = rig_document(rig, {name: solution for name, (_, _, solution) in sessions.items()}, tolerance_mm)
+    typer.echo(document.model_dump_json() if json else rig_text(document))
+    if out is not None:
+        write_document(out / RIG_FILE, document)
+    return document.verdict.accepted

@@ -35,7 +35,7 @@ from daemon.runtime.event_bus import EventBus
 from daemon.runtime.logs import about_run
 from daemon.store.actor import current_audit_context
 from daemon.store.damaged_rows import DamagedRow
-from daemon.store.page_filters import NO_FILTERS, PageFilters
+from daemon.store.listings import NO_FILTERS, PageFilters
 from daemon.store.store import Store
 from drivers.errors import DeviceError, DeviceTimeout, DeviceUnreachable, LinkLost
 

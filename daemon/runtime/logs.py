@@ -2,14 +2,15 @@
 
 import logging
 import os
+import re
 import sys
+from collections import deque
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from typing import TextIO, TypeVar
-
-from daemon.runtime.key_redaction import redact_keys
 
 Value = TypeVar("Value")
 _run: ContextVar[str] = ContextVar("run", default="-")
@@ -123,3 +124,42 @@ class LogLimit:
             return None
         self._lines[subject] = _Line(now_s)
         return line.left_out if line else 0
+
+
+KEY_FORM = r"hek_([0-9a-f]{8})_([0-9a-f]{64})"
+"""An API key: its id and its secret."""
+
+KEY_IN_TEXT = re.compile(r"hek(?:_|%5f)([0-9a-f]{8})(?:_|%5f)[0-9a-f]{8,}", re.IGNORECASE)
+"""A key anywhere in a text, also one that is cut off, percent-encoded or in capitals."""
+
+
+def redact_keys(text: str) -> str:
+    """The text with the secret of every API key replaced; the key's id stays, so that it can be revoked."""
+    return KEY_IN_TEXT.sub(r"hek_\1_[removed]", text)
+
+
+MAX_LINES, MAX_LINE_LENGTH = 2000, 2000
+
+
+class RecentLog(logging.Handler):
+    """Keeps the last 2000 log lines of this process, each of at most 2000 characters, with their times."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.setFormatter(OneLineFormatter())
+        self._lines: deque[str] = deque(maxlen=MAX_LINES)
+
+    async def start(self) -> None:
+        """Keep what is logged from now on."""
+        logging.getLogger().addHandler(self)
+
+    async def stop(self) -> None:
+        logging.getLogger().removeHandler(self)
+
+    def emit(self, record: logging.LogRecord) -> None:
+        at = datetime.fromtimestamp(record.created, UTC).isoformat(timespec="milliseconds")
+        self._lines.append(f"{at} {self.format(record)}"[:MAX_LINE_LENGTH])
+
+    def text(self) -> str:
+        """The lines, oldest first."""
+        return "\n".join(self._lines.copy())

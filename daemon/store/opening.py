@@ -1,10 +1,12 @@
 """Opens a store: locked, restored to the end, checked, and guarded against writing where it should not."""
 
+import os
 import sqlite3
-from contextlib import closing
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
 from pathlib import Path
 
-from daemon.errors import StorageInconsistent
+from daemon.errors import StorageError, StorageInconsistent, StorageInUse
 from daemon.runtime.failpoints import NO_FAILPOINTS, Failpoints
 from daemon.store.consistency import OpenFiles, StoreFault, find_fault
 from daemon.store.database import DATABASE_NAME, Database, storage_errors
@@ -78,3 +80,51 @@ class LockedStore:
         connection = Database(path, read_only=read_only, at=at)
         self._connections.append(connection)
         return connection
+
+
+@contextmanager
+def open_offline(folder: Path) -> Iterator[Database]:
+    """The database of the store in `folder`; it is not migrated while a daemon uses it.
+
+    Raises StorageError, also when the folder belongs to another user: files written here would be closed to the daemon.
+    """
+    require_owner(folder)
+    try:
+        opened = LockedStore(folder)
+    except StorageInUse:
+        database = Database(folder / DATABASE_NAME, migrate=False)
+        database.guard = WriteGuard(OpenFiles(folder))
+        try:
+            yield database
+        finally:
+            database.close_now()
+        return
+    try:
+        yield opened.database
+    finally:
+        opened.close()
+
+
+@contextmanager
+def open_despite_faults(folder: Path) -> Iterator[Database]:
+    """The database of a store that no daemon uses, unchecked. Raises StorageError, StorageInUse."""
+    require_owner(folder)
+    lock = FolderLock(folder)
+    try:
+        database = Database(folder / DATABASE_NAME)
+        try:
+            yield database
+        finally:
+            database.close_now()
+    finally:
+        lock.release()
+
+
+def require_owner(folder: Path) -> None:
+    """Raises StorageError when the folder, or where it would be made, belongs to another user."""
+    existing = next(place for place in (folder, *folder.parents) if place.exists())
+    owner = existing.stat().st_uid
+    if owner != os.geteuid():
+        raise StorageError(
+            f"{existing} belongs to another user (number {owner})", "run the command as that user: sudo -u handeyed ..."
+        )

@@ -39,7 +39,7 @@ from daemon.scans.scanner_acceptance import AcceptanceDocument
 from daemon.store.actor import current_audit_context
 from daemon.store.damaged_rows import split_damaged
 from daemon.store.documents import DocumentRecord
-from daemon.store.page_filters import PageFilters
+from daemon.store.listings import PageFilters
 from drivers.errors import DeviceError
 
 router = api_router(tags=["calibrate"])

@@ -43,8 +43,7 @@ from daemon.errors import NoCalibration, NotFound, StorageInconsistent
 from daemon.model.records import CalibrationRecord
 from daemon.model.requests import ApplyRequest, ObservationsRequest, SolveRequest
 from daemon.store.damaged_rows import split_damaged
-from daemon.store.listings import CalibrationListing
-from daemon.store.page_filters import PageFilters
+from daemon.store.listings import CalibrationListing, PageFilters
 
 TAG = re.compile(r'"applied-([0-9]{1,18})"')
 ANY = range(1, 2**62)

@@ -36,7 +36,7 @@ from daemon.model.run_states import RunState
 from daemon.runs.run_views import run_views
 from daemon.sessions.session_files import SESSION_FILE
 from daemon.store.damaged_rows import split_damaged
-from daemon.store.page_filters import PageFilters
+from daemon.store.listings import PageFilters
 
 router = api_router(prefix="/runs", tags=["runs"])
 robot = api_router(prefix="/robot", tags=["cell"])

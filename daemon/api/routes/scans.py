@@ -58,7 +58,7 @@ from daemon.model.records import ScanViewDocument
 from daemon.model.requests import ScanRequest
 from daemon.scans.scan_service import ReportTask
 from daemon.store.damaged_rows import split_damaged
-from daemon.store.page_filters import PageFilters
+from daemon.store.listings import PageFilters
 from registration.documents import RegistrationReportDocument
 from registration.fusion.concatenation import PlacedCloud
 from registration.fusion.merging import Merge, Outliers

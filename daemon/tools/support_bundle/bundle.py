@@ -27,7 +27,7 @@ from daemon.access.tls_context import pinned
 from daemon.config.settings import Settings, load_settings, read_settings
 from daemon.errors import StorageError
 from daemon.runtime.durable_files import write_durably
-from daemon.runtime.key_redaction import redact_keys
+from daemon.runtime.logs import redact_keys
 from daemon.runtime.version import SOFTWARE
 from daemon.store.audit_log import check_audit_log
 from daemon.store.database import DATABASE_NAME, storage_errors

@@ -11,7 +11,7 @@ from daemon.runtime.clock import Clock
 from daemon.store.access_keys import AccessKeys
 from daemon.store.key_service import KeyService
 from daemon.store.key_watch import CHECK_S
-from daemon.store.offline import open_offline
+from daemon.store.opening import open_offline
 from tests.daemon.access_keys import TEST, bearer
 from tests.daemon.api.raw_requests import RawRequest
 from tests.daemon.cell_under_test import Bench

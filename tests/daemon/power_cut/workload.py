@@ -12,7 +12,7 @@ from pathlib import Path
 
 from daemon.store.backup import back_up
 from daemon.store.database import DATABASE_NAME
-from daemon.store.offline import open_offline
+from daemon.store.opening import open_offline
 from daemon.store.restore import restore
 from daemon.store.run_ages import AGES_NAME, RunAges
 from daemon.store.schema import MIGRATIONS

@@ -8,7 +8,7 @@ from pathlib import Path
 from daemon.model.records import ScanRecord
 from daemon.store.backup import back_up
 from daemon.store.listings import ScanListing
-from daemon.store.offline import open_offline
+from daemon.store.opening import open_offline
 from daemon.store.store import Store
 from tests.daemon.daemon_process import SETTINGS
 
