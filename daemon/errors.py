@@ -124,12 +124,11 @@ class InterlockOpen(CellNotReady):
 
 
 class AbortHeld(CellNotReady):
-    """A PLC holds abort; `holders` names which, empty for one that set it while the run was being prepared."""
+    """A PLC holds abort: one of `holders`, empty for one that set it while the run was being prepared."""
 
     code = "abort-held"
 
     def __init__(self, holders: tuple[str, ...]) -> None:
-        self.holders = holders
         held = tuple(Sentence("plc-holds-abort", holder=holder) for holder in holders)
         super().__init__(held or (Sentence("a-plc-set-abort"),), Sentence("clear-plc-abort"))
 

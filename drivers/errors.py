@@ -136,7 +136,6 @@ class ClocksApart(DeviceError):
     code = "clocks-apart"
 
     def __init__(self, device: str, by_s: float) -> None:
-        self.by_s = by_s
         super().__init__(
             device,
             f"its clock has moved by {by_s * 1e3:+.0f} ms against this machine's since the sweep began",

@@ -108,12 +108,11 @@ class PathError(RegistrationError):
 
 
 class PathTooCoarse(RegistrationError):
-    """The arm moves too fast, or too unevenly, for the poses: at `time_s` it leaves their line by `bend_mm`."""
+    """The arm moves too fast, or too unevenly, for the poses around it."""
 
     code = "path-too-coarse"
 
     def __init__(self, time_s: float, bend_mm: float, max_bend_mm: float) -> None:
-        self.time_s, self.bend_mm, self.max_bend_mm = time_s, bend_mm, max_bend_mm
         super().__init__(
             f"at {time_s:.4f} s the sensor leaves the line between two poses by {bend_mm:.2f} mm, more than"
             f" {max_bend_mm:g} mm",
@@ -130,7 +129,7 @@ class PathGap(RegistrationError):
     code = "path-gap"
 
     def __init__(self, time_s: float, gap_s: float, max_gap_s: float, *, outside: bool) -> None:
-        self.time_s, self.gap_s, self.max_gap_s, self.outside = time_s, gap_s, max_gap_s, outside
+        self.time_s, self.gap_s, self.outside = time_s, gap_s, outside
         where = "outside the robot's path by" if outside else "between two poses of the robot that are apart by"
         super().__init__(
             f"a profile at {time_s:.4f} s of the robot's clock lies {where} {gap_s:.4f} s, more than {max_gap_s:g} s",

@@ -68,7 +68,7 @@ class OutsideJointLimits(UnreachablePoseError):
     """Within reach, but axis `axis` (1..6) would stand `excess_rad` beyond its limit at best."""
 
     def __init__(self, arm: str, axis: int, excess_rad: float) -> None:
-        self.axis, self.excess_rad = axis, excess_rad
+        self.axis = axis
         what = Sentence("axis-beyond-limit", axis=axis, arm=arm, excess_deg=np.degrees(excess_rad))
         super().__init__(what, Sentence("turn-or-shift-pose"))
 

@@ -81,7 +81,6 @@ class BodyTooLarge(DaemonError):
     code = "body-too-large"
 
     def __init__(self, limit_bytes: int) -> None:
-        self.limit_bytes = limit_bytes
         super().__init__(
             f"the body is larger than {limit_bytes} bytes",
             "send less, or raise [server] body_limit_mb in the settings for clouds",

@@ -73,7 +73,6 @@ class ActiveFault:
     from_move: int
     awake: bool = False
     cleared: bool = False
-    struck: int = 0
 
 
 @dataclass
@@ -196,7 +195,6 @@ class FaultBoard:
         ]
 
     def _count_strike(self, active: ActiveFault) -> None:
-        active.struck += 1
         if active.strikes_left is not None:
             active.strikes_left -= 1
             if active.strikes_left <= 0:

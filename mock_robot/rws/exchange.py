@@ -9,11 +9,10 @@ from urllib.parse import parse_qsl, unquote
 
 @dataclass(frozen=True)
 class RwsRequest:
-    """A request. `path` has no trailing and no double slash; `facet` is what followed a semicolon (`;value`)."""
+    """A request. `path` has no trailing and no double slash, nor what follows a semicolon (`;value`)."""
 
     method: str
     path: str
-    facet: str
     query: Mapping[str, str]
     form: Mapping[str, str]
     headers: Mapping[str, str]
@@ -68,12 +67,12 @@ DONE = Reply(204)
 
 def parse(method: str, raw_path: bytes, query: bytes, headers: Mapping[str, str], body: bytes, base: str) -> RwsRequest:
     """Parse an HTTP request."""
-    path, _, facet = unquote(raw_path.partition(b"?")[0].decode("latin-1")).partition(";")
+    path = unquote(raw_path.partition(b"?")[0].decode("latin-1")).partition(";")[0]
     path = "/" + re.sub("/+", "/", path).strip("/")
     form: dict[str, str] = {}
     if "urlencoded" in headers.get("content-type", ""):
         form = _last_of_each(body.decode("latin-1"))
-    return RwsRequest(method, path, facet, _last_of_each(query.decode("latin-1")), form, headers, body, base)
+    return RwsRequest(method, path, _last_of_each(query.decode("latin-1")), form, headers, body, base)
 
 
 def _last_of_each(text: str) -> dict[str, str]:

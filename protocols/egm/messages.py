@@ -133,39 +133,30 @@ def _double_list(data: bytes) -> tuple[float, ...]:
 
 def encode(sample: RobotSample) -> bytes:
     """Encode a packet as a controller sends it; the planned pose equals the feedback."""
-    axes, extra = ((double_field(1, value) for value in each) for each in (sample.joints_deg, sample.external_axes))
-    where = b"".join(
-        (
-            message_field(1, axes),
-            message_field(
-                2,
-                (
-                    message_field(
-                        1, (double_field(number, value) for number, value in enumerate(sample.position_mm, 1))
-                    ),
-                    message_field(
-                        2, (double_field(number, value) for number, value in enumerate(sample.quaternion_wxyz, 1))
-                    ),
-                ),
-            ),
-            message_field(3, extra),
-            message_field(
-                4, (integer_field(1, sample.time_us // 1_000_000), integer_field(2, sample.time_us % 1_000_000))
-            ),
-        )
+    seconds, microseconds = divmod(sample.time_us, 1_000_000)
+    where = (
+        message_field(1, (double_field(1, value) for value in sample.joints_deg)),
+        message_field(2, (_numbered(1, sample.position_mm), _numbered(2, sample.quaternion_wxyz))),
+        message_field(3, (double_field(1, value) for value in sample.external_axes)),
+        message_field(4, (integer_field(1, seconds), integer_field(2, microseconds))),
     )
     header = (integer_field(1, sample.seqno), integer_field(2, sample.robot_ms), integer_field(3, MessageType.DATA))
     return b"".join(
         (
             message_field(1, header),
-            message_field(2, (where,)),
-            message_field(3, (where,)),
+            message_field(2, where),
+            message_field(3, where),
             message_field(4, (integer_field(1, 1 if sample.motors_on else 2),)),
             message_field(5, (integer_field(1, 2),)),
             integer_field(6, 0),
             message_field(8, (integer_field(1, 2 if sample.program_running else 1),)),
         )
     )
+
+
+def _numbered(number: int, values: tuple[float, ...]) -> bytes:
+    """A field with a message of doubles in its fields 1, 2, ..."""
+    return message_field(number, (double_field(at, value) for at, value in enumerate(values, 1)))
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,6 +3,7 @@
 import struct
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 from protocols.modbus.codes import (
     MAX_READ_BITS,
@@ -127,16 +128,10 @@ def _require_bytes(promised: int, data: bytes, wanted: int) -> None:
         raise _bad_value(f"{len(data)} bytes of values, {promised} promised, {wanted} needed")
 
 
-def _parse_read_bits(function: Function, data: bytes) -> Request:
+def _parse_read(kind: type[ReadBits | ReadWords], most: int, function: Function, data: bytes) -> Request:
     address, count = struct.unpack(">HH", data)
-    _require_count(count, MAX_READ_BITS)
-    return ReadBits(function, address, count)
-
-
-def _parse_read_words(function: Function, data: bytes) -> Request:
-    address, count = struct.unpack(">HH", data)
-    _require_count(count, MAX_READ_WORDS)
-    return ReadWords(function, address, count)
+    _require_count(count, most)
+    return kind(function, address, count)
 
 
 def _parse_write_coil(function: Function, data: bytes) -> Request:
@@ -183,10 +178,10 @@ def _parse_identification(_function: Function, data: bytes) -> Request:
 
 
 _PARSERS: dict[int, Callable[[Function, bytes], Request]] = {
-    Function.READ_COILS: _parse_read_bits,
-    Function.READ_DISCRETE_INPUTS: _parse_read_bits,
-    Function.READ_HOLDING_REGISTERS: _parse_read_words,
-    Function.READ_INPUT_REGISTERS: _parse_read_words,
+    Function.READ_COILS: partial(_parse_read, ReadBits, MAX_READ_BITS),
+    Function.READ_DISCRETE_INPUTS: partial(_parse_read, ReadBits, MAX_READ_BITS),
+    Function.READ_HOLDING_REGISTERS: partial(_parse_read, ReadWords, MAX_READ_WORDS),
+    Function.READ_INPUT_REGISTERS: partial(_parse_read, ReadWords, MAX_READ_WORDS),
     Function.WRITE_COIL: _parse_write_coil,
     Function.WRITE_REGISTER: _parse_write_register,
     Function.WRITE_COILS: _parse_write_coils,
