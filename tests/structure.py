@@ -22,7 +22,7 @@ MAX_WEIGHTS = {
     "lines of Python of the core": 95_729,
     "lines of Python with the extensions": 99_178,
     "lines of Python of the gateways": 1_322,
-    "files of the fullest folder": 44,
+    "files of the fullest folder": 43,
     "private functions used once": 696,
     "of them of at most 8 lines": 271,
     "functions of 8 parameters or more": 36,

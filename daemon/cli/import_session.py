@@ -69,7 +69,7 @@ def import_session(
     conventions, unit_of_brand = (None, None) if convention is None else _conventions(convention)
     of_camera, camera_unit_of_brand = (None, None) if camera_convention is None else _conventions(camera_convention)
     chosen = Chosen(images, poses, camera_poses)
-    intrinsics = None if camera is None else _intrinsics(camera)
+    intrinsics = None if camera is None else read_camera(camera)
     described = None if target is None else _target(target)
     for folder in folders:
         with TemporaryDirectory() as pictures:
@@ -113,7 +113,8 @@ def _conventions(name: str) -> "tuple[tuple[Convention, ...], LengthUnit | None]
         raise CommandError("--convention", str(error), fix, ExitStatus.UNREADABLE) from None
 
 
-def _intrinsics(file: Path) -> "Intrinsics":
+def read_camera(file: Path) -> "Intrinsics":
+    """The intrinsics in a file of handeyed, ROS, OpenCV, Kalibr or ViSP. Raises DocumentError."""
     from calibration.documents.imports.intrinsics import read_intrinsics
     from daemon.runtime.bounded_read import read_document
 

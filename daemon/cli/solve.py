@@ -114,7 +114,7 @@ def solve(
     """
     from calibration.errors import DocumentError
     from calibration.solve import METHODS
-    from daemon.cli.camera_file import read_camera
+    from daemon.cli.import_session import read_camera
     from daemon.cli.solve_scan import check_options, solve_scan
     from registration.errors import RegistrationError
 
@@ -126,7 +126,7 @@ def solve(
     for name, given in (("--pictures", pictures), ("--camera", camera), ("--known", known)):
         if artefact is not None and given is not None:
             raise CommandError(name, "clouds have no images", "leave it out", ExitStatus.UNREADABLE)
-    intrinsics = None if camera is None else read_camera(camera)
+    intrinsics = None if camera is None else read_camera(camera).document(None)
     stated, required = known_of(known or []), requirement_of(tolerance, at)
     status, solved, sessions = ExitStatus.OK, [], []
     for folder in folders:

@@ -3,6 +3,7 @@
 All use OpenCV's matrix; their distortion is OpenCV's plumb bob or rational model, or its fisheye ("equidistant").
 """
 
+import re
 from collections.abc import Container, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import PurePath
@@ -62,21 +63,27 @@ def read_intrinsics(name: str, content: bytes) -> Intrinsics:
 
 
 def intrinsics_of(data: Any, origin: str) -> Intrinsics:
-    """The intrinsics in plain data, at its top or one or two levels below. Raises DocumentError."""
-    for record in _mappings(data):
-        plain = {str(key).lower(): value for key, value in record.items()}
-        if (matrix := _numbers(plain, MATRIX, (9,)) or _numbers(plain, FOUR, (4,))) is not None:
-            return _intrinsics(plain, matrix, origin)
-    what = "no intrinsics: neither a camera matrix nor fx, fy, cx, cy"
-    raise refusal(origin, "document", what, "give camera_matrix and distortion_coefficients", HEADING)
+    """The intrinsics of the one camera in plain data, at its top or up to three levels below. Raises DocumentError."""
+    found = [
+        intrinsics_within(plain, matrix, origin)
+        for own, plain in _mappings(data, {})
+        if (matrix := _numbers(own, MATRIX, (9,)) or _numbers(own, FOUR, (4,))) is not None
+    ]
+    if len({(one.matrix, one.distortion) for one in found}) == 1:
+        return found[0]
+    what = "several cameras" if found else "no intrinsics: neither a camera matrix nor fx, fy, cx, cy"
+    raise refusal(origin, "document", what, "give camera_matrix and distortion_coefficients of one camera", HEADING)
 
 
-def _mappings(data: Any, depth: int = 0) -> Iterator[Mapping[Any, Any]]:
-    if isinstance(data, Mapping):
-        yield data
-        if depth < 3:
-            for value in data.values():
-                yield from _mappings(value, depth + 1)
+def _mappings(data: Any, around: Record, depth: int = 0) -> Iterator[tuple[Record, Record]]:
+    """Each mapping, and the same with what the mappings around, beside and in it say. Keys in lower case."""
+    if isinstance(data, Mapping) and depth <= MAX_DEPTH:
+        own = {str(key).lower(): value for key, value in data.items()}
+        inner = [one for one in own.values() if isinstance(one, Mapping)]
+        within = {**around, **{str(key).lower(): value for one in inner for key, value in one.items()}, **own}
+        yield own, within
+        for one in inner:
+            yield from _mappings(one, within, depth + 1)
 
 
 def _numbers(plain: Record, names: Keys, counts: Container[int], missing: float | None = None) -> list[float] | None:
@@ -95,26 +102,31 @@ def _numbers(plain: Record, names: Keys, counts: Container[int], missing: float 
     return None
 
 
-def _intrinsics(plain: Record, matrix: list[float], origin: str) -> Intrinsics:
+def intrinsics_within(plain: Record, matrix: list[float], origin: str) -> Intrinsics:
+    """The camera of a matrix (four numbers or nine), with what the mappings around it say. Raises DocumentError."""
     if len(matrix) == 4:
         fx, fy, cx, cy = matrix
         matrix = [fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0]
     rows = np.array(matrix).reshape(3, 3)
-    if not (np.all(np.isfinite(rows)) and rows[0, 0] > 0 and rows[1, 1] > 0 and np.allclose(rows[2], [0, 0, 1])):
-        raise refusal(origin, "camera matrix", "not one of a camera", "write fx, 0, cx / 0, fy, cy / 0, 0, 1", HEADING)
+    if not (np.all(np.isfinite(rows)) and np.diag(rows)[:2].min() > MIN_FOCAL_PX and np.allclose(rows[2], [0, 0, 1])):
+        raise refusal(origin, "camera matrix", "not one in px", "write fx, 0, cx / 0, fy, cy / 0, 0, 1", HEADING)
     nested = plain.get("distortion")
     given = plain.get("distortion_model") or plain.get("lens") or (isinstance(nested, Mapping) and nested.get("type"))
-    camera = str(plain.get("camera_model", "pinhole")).lower()
+    camera = str(plain.get("camera_model") or plain.get("model_type", "pinhole")).lower()
     model = str(given or "").lower() if camera in ("pinhole", "fisheye", "equidistant") else camera
     if model not in (*MODELS, *FISHEYE):
         raise refusal(origin, "distortion model", f"{model!r} is not read", "calibrate as pinhole or fisheye", HEADING)
     lens: LensModel = "fisheye" if model in FISHEYE or number_of(plain.get("fisheye_model")) else "pinhole"
     stated = _numbers(plain, DISTORTION, range(1, MAX_COEFFICIENTS), missing=0.0)
+    filled = (key for key, one in plain.items() if number_of(one) or (isinstance(one, list | Mapping) and one))
+    if stated is None and model != "none" and (unread := next(filter(OF_DISTORTION.match, filled), "")):
+        raise refusal(origin, unread, "distortion that is not read", "write distortion_coefficients", HEADING)
     distortion = stated or [0.0] * (4 if lens == "fisheye" else 5)
     if len(distortion) not in COEFFICIENT_COUNTS[lens]:  # without zeros at the end, filled to a number that it has
         kept = max((at for at, one in enumerate(distortion, 1) if one != 0), default=0)
         least = min((count for count in COEFFICIENT_COUNTS[lens] if count >= kept), default=len(distortion))
-        distortion = (distortion[:kept] + [0.0] * least)[:least] if least >= kept else distortion
+        if least >= kept and {kept, len(distortion)} != {3}:  # k1, k2, and p1 or k3
+            distortion = (distortion[:kept] + [0.0] * least)[:least]
     size = _numbers(plain, SIZE, (2,))
     fits = size is not None and all(0 < side < MAX_SIDE_PX for side in size)
     return Intrinsics(
@@ -123,5 +135,7 @@ def _intrinsics(plain: Record, matrix: list[float], origin: str) -> Intrinsics:
     )  # fmt: skip
 
 
-MAX_COEFFICIENTS, MAX_SIDE_PX = 100, 1e6
-"""More numbers are no distortion, and a longer side is no picture's."""
+MAX_COEFFICIENTS, MAX_SIDE_PX, MIN_FOCAL_PX, MAX_DEPTH = 100, 1e6, 10, 3
+"""More numbers are no distortion, a longer side is no picture's; a shorter focal length is in mm or of the width."""
+
+OF_DISTORTION = re.compile(r"dist(?!ance)|radial|tangential|coeff|kappa|kc|d$|xi$|[kp]\d$")

@@ -25,6 +25,7 @@ MAX_XML_DEPTH = 8  # elements within elements; deeper ones are read as text
 
 _ARRAY = re.compile(r"\b(?:np|numpy)\.(?:array|asarray|matrix)\b|,\s*dtype\s*=\s*[\w.]+")
 _DOCUMENTS = re.compile(r"^---[ \t]*$", re.MULTILINE)
+_CONTENT = re.compile(r"^[ \t]*[^\s#]", re.MULTILINE)  # other than remarks
 _SPARE = re.compile(r"^\s*(?://|#).*$|,(?=\s*[\]}])", re.MULTILINE)  # remarks, and a comma behind the last element
 
 
@@ -63,7 +64,7 @@ def read_yaml(content: bytes, origin: str) -> Any:
     text = decode(content, origin)
     if text.startswith("%YAML"):
         text = text.split("\n", 1)[1] if "\n" in text else ""
-    documents = [part for part in _DOCUMENTS.split(text) if part.strip()]
+    documents = [part for part in _DOCUMENTS.split(text) if _CONTENT.search(part)]
     if len(documents) > 1:
         return [_yaml_data(part, f"{origin}: document {at}") for at, part in enumerate(documents, 1)]
     return _yaml_data(documents[0] if documents else "", origin)

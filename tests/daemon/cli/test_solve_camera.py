@@ -70,3 +70,12 @@ def test_a_file_without_a_camera_is_refused(tmp_path: Path, content: str) -> Non
 
     assert ran.status == 2
     assert str(tmp_path / "camera.json") in ran.err
+
+
+def test_json_of_ros_is_read_as_its_yaml_is(tmp_path: Path) -> None:
+    message = {"width": 640, "height": 480, "k": CAMERA.matrix.ravel().tolist(), "d": [0.0] * 5}
+    (tmp_path / "camera_info.json").write_text(json.dumps(message))
+
+    ran = handeyed("solve", with_corners(tmp_path / "a"), "--camera", tmp_path / "camera_info.json", "--json")
+
+    assert json.loads(ran.out)["camera"]["source"] == "given"

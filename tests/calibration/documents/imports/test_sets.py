@@ -292,6 +292,13 @@ INTRINSICS = {
     "Kalibr": ("a.yaml", "cam0:\n  camera_model: pinhole\n  intrinsics: [600, 601, 320, 240]\n"
                "  distortion_model: radtan\n  distortion_coeffs: [0.1, -0.2, 0.001, 0.002]\n"
                "  resolution: [640, 480]\n"),
+    "OpenCV with remarks": ("a.yml", "%YAML:1.0\n# written by a line\n---\n# lens 12 mm\nimage_size: [640, 480]\n"
+                            "mtx: [[600, 0, 320], [0, 601, 240], [0, 0, 1]]\ndist: [[0.1, -0.2, 0.001, 0.002, 0]]\n"),
+    "Zivid": ("a.yml", "ImageSize: [640, 480]\nCamera:\n  CameraMatrix: {CX: 320, CY: 240, FX: 600, FY: 601}\n"
+              "  Distortion: {K1: 0.1, K2: -0.2, K3: 0, P1: 0.001, P2: 0.002}\n"),
+    "VINS": ("a.yaml", "%YAML:1.0\n---\nmodel_type: PINHOLE\nimage_width: 640\nimage_height: 480\n"
+             "distortion_parameters:\n   k1: 0.1\n   k2: -0.2\n   p1: 0.001\n   p2: 0.002\n"
+             "projection_parameters:\n   fx: 6.0e+02\n   fy: 601.\n   cx: 320.\n   cy: 240.\n"),
     "handeyed": ("a.json", json.dumps({"camera": {"matrix": [[600, 0, 320], [0, 601, 240], [0, 0, 1]],
                  "distortion": [0.1, -0.2, 0.001, 0.002, 0], "image_size": [640, 480]}})),
 }  # fmt: skip
@@ -302,13 +309,34 @@ def test_intrinsics(case: str) -> None:
     name, text = INTRINSICS[case]
     camera = read_intrinsics(name, text.encode()).document(None).camera()
     np.testing.assert_allclose(camera.matrix, [[600, 0, 320], [0, 601, 240], [0, 0, 1]])
-    np.testing.assert_allclose(camera.distortion, [0.1, -0.2, 0.001, 0.002, 0])
+    np.testing.assert_allclose(camera.distortion[:5], [0.1, -0.2, 0.001, 0.002, 0])
+    assert not camera.distortion[5:].any()
     assert camera.image_size == (640, 480)
+
+
+LEFT = {"K": [600, 0, 320, 0, 601, 240, 0, 0, 1], "D": [0.1, 0, 0, 0, 0]}
+NOT_ONE_CAMERA = {
+    "two cameras": ({"left": LEFT, "right": {**LEFT, "D": [0.2, 0, 0, 0, 0]}}, "several cameras"),
+    "MATLAB's distortion": ({"K": LEFT["K"], "RadialDistortion": [0.1, -0.2]}, "radialdistortion: distortion that"),
+    "radial terms alone": ({"K": LEFT["K"], "D": [0.1, -0.2, 0.3]}, "distortion"),
+    "not a number": ({"K": LEFT["K"], "D": [0.1, ".Nan", 0, 0, 0]}, "d: distortion that is not read"),
+    "double sphere": ({"fx": 350, "fy": 350, "cx": 320, "cy": 240, "xi": -0.2, "alpha": 0.6}, "xi: distortion that"),
+    "of the width": ({"fx": 0.9, "fy": 1.2, "cx": 0.5, "cy": 0.5}, "in px"),
+}
+
+
+@pytest.mark.parametrize("case", NOT_ONE_CAMERA)
+def test_intrinsics_that_are_not_read_whole_are_refused(case: str) -> None:
+    data, what = NOT_ONE_CAMERA[case]
+    with pytest.raises(DocumentError, match=what):
+        read_intrinsics("a.json", json.dumps(data).encode()).document((640, 480))
 
 
 def test_a_fisheye_and_a_model_that_is_not_read() -> None:
     kalibr = INTRINSICS["Kalibr"][1]
     assert read_intrinsics("a.yaml", kalibr.replace("radtan", "equidistant").encode()).lens == "fisheye"
+    short = {"K": LEFT["K"], "D": [0.1]}
+    assert read_intrinsics("a.json", json.dumps(short).encode()).distortion == (0.1, 0, 0, 0)
     with pytest.raises(DocumentError, match="'omni' is not read"):
         read_intrinsics("a.yaml", kalibr.replace("pinhole", "omni").encode())
 
