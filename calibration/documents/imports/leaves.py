@@ -38,6 +38,7 @@ DEPTH = frozenset(WORDS["of_depth"].split())
 """Words of pictures beside a camera's own; so is a TIFF called as another picture is."""
 
 MAX_CELLS = 200  # numbers of one record; a pose has 16 at most, a record may have joints and measurements besides
+NO_AXIS = 8.9e9  # RAPID's 9E9 for an axis that is not there is greater
 MAX_TEXT = 1000  # characters of a text that is read as numbers
 MATRICES = ((4, 4), (3, 4), (16,))
 ROWS = ((6,), (7,), (12,))
@@ -174,6 +175,7 @@ def _table_of_leaves(origin: str, named: Sequence[str], columns: Sequence[Sequen
         [name for name, kind in kinds.items() if kind in wanted]
         for wanted in ((*MATRICES, (2, 4, 4)), ROWS, TURNS, ((3,),), ((),))
     )
+    rows = [name for name in rows if not np.any(np.array(leaves[name]) > NO_AXIS)]  # 9E9: axes that are not there
     rows = [name for name in rows if not set(words_of(name)) & JOINT_WORDS] or ([] if places else rows)
     turns = [name for name in turns if are_rotations(np.array(leaves[name], float).reshape(-1, 3, 3))]
     if not leaves:

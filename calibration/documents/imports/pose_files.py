@@ -101,6 +101,7 @@ _json, _json_lines, _yaml = (_reader_of(one) for one in (trees.read_json, trees.
 
 _THREE_AND_FOUR = r"\[\s*\[(?:[^][,]*,){2}[^][,]*\]\s*,\s*\[(?:[^][,]*,){3}[^][,]*\]"
 _RAPID = re.compile(rf"\b(robtarget|jointtarget)\b|\bMODULE\s|{_THREE_AND_FOUR}", re.IGNORECASE)
+_NO_AXIS = re.compile(r"\]\s*,\s*\[[^][]*\b9E\+?0?9\b", re.IGNORECASE)  # at the end of a robtarget
 _KEYED = re.compile(
     r"(?m)\bp\s*\[|\b[xX]\s*[=:]?\s*[-+.\d]+[^;\n]*\b[yY]\s*[=:]?\s*[-+.\d]+|^\s*[xX]\s*[=:]|\][^][\n]*\w[=:] ?\["
     r"|^- Translation: ?\[|^\w+[=:]\s*\n\[[^][]*\]\s*\n\w"
@@ -112,7 +113,7 @@ _HALCON = re.compile(r"^\s*[rt]\s+[-+.\d]|ParGroup", re.MULTILINE)
 def read_any_text(content: bytes, origin: str) -> PoseTable:
     """The poses of a text of any family: a table, RAPID, named numbers, HALCON, JSON. Raises DocumentError."""
     text = decode(content, origin)
-    if text.lstrip()[:1] in ("{", "["):
+    if text.lstrip()[:1] in ("{", "[") and not _NO_AXIS.search(text):
         for reader in (_json, _json_lines):
             with suppress(DocumentError):
                 return reader(content, origin)

@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from calibration.documents.imports.leaves import NO_AXIS
 from calibration.documents.imports.number_tables import table_of_columns, table_of_joints
 from calibration.documents.imports.pose_table import PoseTable, table_of_arrays
 from calibration.documents.imports.refusal import decode, refusal
@@ -204,7 +205,7 @@ def read_rapid(content: bytes, origin: str) -> PoseTable:
         what = "joint targets that are not read as numbers" if named else "no robtarget and no pose in it"
         raise refusal(origin, "text", what, "give robtargets: [[x, y, z], [q1, q2, q3, q4], ...]", "rapid")
     layout = f"{len(labels)} robtargets or poses of RAPID"
-    external = np.where(np.abs(axes) > 8.9e9, np.nan, axes)  # 9E9
+    external = np.where(np.abs(axes) > NO_AXIS, np.nan, axes)
     return table_of_arrays(
         origin, labels, np.array(lengths), np.array(turns), layout, "quaternion-wxyz", unit="mm",
         frame="base_T_flange", notes=_notes(text), external_axes=external,

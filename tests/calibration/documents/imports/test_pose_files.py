@@ -93,3 +93,19 @@ def test_what_cannot_be_read_is_one_error(case: str) -> None:
     (problem,) = raised.value.problems
     assert what in f"{problem.place}: {problem.what}"
     assert "docs/formats.md#" in problem.fix
+
+
+ROBTARGET = "[[{x}, 20.5, 640], [0.1, 0.7, 0.7, 0.1], [0, -1, 0, 0], [9E9, 9E+09, 9E9, 9E9, 9E9, 9E9]]"
+JSON_ROBTARGET = (
+    '{{"trans": [{x}, 20.5, 640], "rot": [0.1, 0.7, 0.7, 0.1], "robconf": [0, 0, 0, 0], '
+    '"extax": [9E9, 9E9, 9E9, 9E9, 9E9, 9E9]}}'
+)
+
+
+@pytest.mark.parametrize(
+    ("name", "row"), [("a.txt", ROBTARGET), ("a.jsonl", JSON_ROBTARGET), ("a.txt", JSON_ROBTARGET)]
+)
+def test_axes_that_are_not_there_are_no_pose(name: str, row: str) -> None:
+    table = read_poses(name, lines(*(row.format(x=800 + at) for at in range(3))))
+    assert table.lengths.tolist() == [[800 + at, 20.5, 640] for at in range(3)]
+    assert table.numbers.tolist() == [[0.1, 0.7, 0.7, 0.1]] * 3
