@@ -164,13 +164,15 @@ class NoPoses(DaemonError):
 
 
 class ArmUnknown(DaemonError):
-    """The errors of the arm were asked for, and the settings do not name it."""
+    """The errors of the arm were asked for, and the settings do not name it, or it is of another kind."""
 
     code = "arm-unknown"
 
-    def __init__(self, seven: str | None = None) -> None:
+    def __init__(self, seven: str | None = None, *, upright: bool = True) -> None:
         """`seven`: name of the cell's arm with seven axes."""
-        if seven:
+        if not upright:
+            super().__init__(Sentence("arm-for-upright"), Sentence("leave-arm-out"))
+        elif seven:
             super().__init__(Sentence("arm-for-six-axes", arm=seven), Sentence("leave-arm-out"))
         else:
             super().__init__(Sentence("arm-is-not-named"), Sentence("name-arm"))

@@ -328,8 +328,9 @@ class Operations:
 
     def _arm(self, wanted: bool | None) -> Arm | None:
         """The cell's arm, when its errors are wanted. Raises ArmUnknown."""
-        if wanted and self.rules.arm is None:
-            raise ArmUnknown(self.rules.seven.name if self.rules.seven else None)
+        upright = self.rules.robot.stands_upright
+        if wanted and (self.rules.arm is None or not upright):
+            raise ArmUnknown(self.rules.seven.name if self.rules.seven else None, upright=upright)
         return self.rules.arm if wanted else None
 
     async def _check_ready(self, reasons: tuple[str, ...]) -> None:

@@ -128,6 +128,11 @@ class RobotSettings(Document):
         return None if self.base_frame is None else self.base_frame.transform()
 
     @property
+    def stands_upright(self) -> bool:
+        """Whether weight acts along the base's -z, to 8 degrees, as the sag of an arm's errors supposes."""
+        return self.base_frame is None or self.base_frame.transform()[2, 2] > 0.99
+
+    @property
     def carried(self) -> Load | None:
         """`load` without its moments of inertia."""
         return None if self.load is None else self.load.load()
@@ -391,6 +396,8 @@ class Settings(Document):
             )
         if self.calibration.arm and (self.robot.model is None or self.robot.axes != AXES):
             raise ValueError("[calibration] arm is for an arm of six axes that [robot] model names")
+        if self.calibration.arm and not self.robot.stands_upright:
+            raise ValueError("[calibration] arm is for an arm that stands upright, and [robot] base_frame is tilted")
         axis = self.robot.external_axis
         if setup == "eye-to-hand" and axis is not None and axis.kind == "turntable":
             raise ValueError("[robot.external_axis] a turntable carries the target, but it is on the flange here")
@@ -501,7 +508,7 @@ def parse_settings(content: bytes, origin: str) -> Settings:
 def parse_toml(content: bytes, origin: str) -> dict[str, Any]:
     """Its tables, not yet validated. Raises DocumentError."""
     try:
-        return tomllib.loads(content.decode())
+        return tomllib.loads(content.decode("utf-8-sig"))  # the mark of Windows' editors
     except UnicodeDecodeError as error:
         raise DocumentError.one(origin, f"byte {error.start}", "not UTF-8 text", "save the file as UTF-8") from None
     except tomllib.TOMLDecodeError as error:

@@ -77,6 +77,8 @@ def test_a_refusal_is_said_in_any_language_from_what_it_is_made_of() -> None:
     (CellNotReady((Sentence("motors-off"), Sentence("not-automatic"))),
      "die Motoren sind aus; nicht im Automatikbetrieb"),
     (AbortHeld(()), "eine SPS hat „Abbruch“ gesetzt"),
+    (ArmUnknown(upright=False), "die Fehler eines Arms werden für einen stehenden bestimmt, und"
+      " [robot] base_frame ist geneigt"),
     (ArmUnknown("CRB 15000"), "die Fehler eines Arms werden für sechs Achsen bestimmt, und CRB 15000 hat sieben"),
     (AppliedMeanwhile(0), "noch keine Kalibrierung ist aktiv"),
     (CursorUnknown("runs", "r9"), "in der Liste runs gibt es „r9“ nicht"),

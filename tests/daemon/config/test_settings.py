@@ -121,6 +121,26 @@ def test_the_errors_of_an_arm_that_is_not_known_by_six_axes_are_not_asked_for(mo
         parse_settings(text.encode(), "settings")
 
 
+HANGS, LEANS = (f"base_frame = {{ translation_mm = [0, 0, 2500], quaternion_wxyz = {one} }}" for one in (
+    [0, 1, 0, 0], [0.999, 0.0447, 0, 0],
+))  # fmt: skip
+
+
+def test_the_errors_of_an_arm_that_hangs_are_not_asked_for() -> None:
+    """Weight would lower it towards the base's +z, where the errors of an arm have -z."""
+    settings = SMALLEST + "[calibration]\narm = true\n"
+    leaning, hanging = (
+        settings.replace("[robot]", f'[robot]\nmodel = "IRB 1600-6/1.45"\n{frame}').encode() for frame in (LEANS, HANGS)
+    )
+    assert parse_settings(leaning, "settings").calibration.arm
+    with pytest.raises(DocumentError, match="stands upright"):
+        parse_settings(hanging, "settings")
+
+
+def test_the_mark_of_windows_editors_is_no_part_of_the_text() -> None:
+    assert parse_settings(b"\xef\xbb\xbf" + SMALLEST.encode(), "settings").robot.address == "tcp://r:1"
+
+
 @pytest.mark.parametrize(
     ("change", "place", "says"),
     [
