@@ -181,6 +181,10 @@ async def test_the_chart_survives_a_restart_and_passes_over_what_does_not_belong
     async with serving(settings_for(tmp_path, drift=QUICK)) as again:
         assert watch_of(again).report == before
         assert run["kind"] == "verify"
+        later = "UPDATE applied SET applied_at = '2999-01-01T00:00:00.000Z'"
+        await again.application.store._database.write(lambda db: db.execute(later))
+    async with serving(settings_for(tmp_path, drift=QUICK)) as after_the_clock_was_set_back:
+        assert watch_of(after_the_clock_was_set_back).report == before
 
 
 def verification(**changes: Any) -> RunRecord:
