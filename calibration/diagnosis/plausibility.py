@@ -44,8 +44,8 @@ MIN_NOISY_PX = 1e-3
 MAX_LOG_PROBABILITY = -20.0
 """Of robot's poses that agree with the images' by chance better than the images' own noise lets any."""
 
-WARNED_MM, REFUSED_MM = 500.0, 1000.0
-"""Distance of what the flange carries from it."""
+WARNED_MM, REFUSED_MM, FOOT_MM = 500.0, 1000.0, 250.0
+"""Distance of what the flange carries from it; and from the base's origin of what would stand in the arm's foot."""
 
 MAX_DISTANCE_RATIO = 1.5
 """Largest ratio of a camera's distance from the flange, where that is beyond WARNED_MM, to the target's from it."""
@@ -238,8 +238,10 @@ def _mount(session: _Session) -> Iterator[Finding]:
         return
     seen_mm = float(np.median(np.linalg.norm(map_points(session.evidence.camera_T_target, session.centre_mm), axis=-1)))
     few = len(session.evidence) < MIN_SURE_VIEWS
-    # Inverted on both sides, X is the target's place, and the target's place X.
-    inverted = bool(session.behind[0]) and float(np.linalg.norm(session.chain[1][:3, 3])) <= WARNED_MM
+    # Inverted on both sides, X is the target's place, and the target's place X. A board's z may point either way.
+    poses = isinstance(session.problem.views[0].measured, MeasuredPose) and not session.problem.poses_from_controller
+    near_mm = WARNED_MM if session.behind[0] else FOOT_MM * poses
+    inverted = float(np.linalg.norm(session.chain[1][:3, 3])) <= near_mm
     refused = inverted or (few and (away_mm > REFUSED_MM or away_mm > MAX_DISTANCE_RATIO * seen_mm))
     message = Sentence("mount-too-far", away_mm=away_mm, target_mm=seen_mm)
     fix = Sentence("look-along-z" if inverted else "check-setup-and-units")

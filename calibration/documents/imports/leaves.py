@@ -38,8 +38,7 @@ DEPTH = frozenset(WORDS["of_depth"].split())
 """Words of pictures beside a camera's own; so is a TIFF called as another picture is."""
 
 MAX_CELLS = 200  # numbers of one record; a pose has 16 at most, a record may have joints and measurements besides
-NO_AXIS = 8.9e9  # RAPID's 9E9 for an axis that is not there is greater
-MAX_TEXT = 1000  # characters of a text that is read as numbers
+MAX_TEXT, NO_AXIS = 1000, 8.9e9  # characters of a text that is read as numbers; RAPID's 9E9 is greater
 MATRICES = ((4, 4), (3, 4), (16,))
 ROWS = ((6,), (7,), (12,))
 TURNS = ((3, 3), (9,))

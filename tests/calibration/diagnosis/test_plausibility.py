@@ -142,6 +142,13 @@ ROWS: dict[str, tuple[Callable[[], Problem], str, bool]] = {
     "poses inverted on both sides": (
         lambda: both_inverted(pairs(17, X_OF_CELL, FAR, exact=False)), "mount-too-far", False,
     ),
+    "the same of a board whose z points at the camera": (
+        lambda: both_inverted(with_camera_poses(pairs(17, X_OF_CELL, FAR, exact=False), lambda seen: seen @ HALF_TURN)),
+        "mount-too-far", False,
+    ),
+    "a camera 0.6 m from the flange, the target beyond the arm's foot": (
+        lambda: pairs(18, at(600.0), at(300.0), exact=False), "mount-too-far", True,
+    ),
     "a tracker that says the same twice": (
         lambda: measure_twice(few(pairs(15, X_OF_CELL, ANYWHERE, exact=False), 4)), "camera-poses-repeated", False,
     ),
