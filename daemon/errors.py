@@ -170,12 +170,9 @@ class ArmUnknown(DaemonError):
 
     def __init__(self, seven: str | None = None, *, upright: bool = True) -> None:
         """`seven`: name of the cell's arm with seven axes."""
-        if not upright:
-            super().__init__(Sentence("arm-for-upright"), Sentence("leave-arm-out"))
-        elif seven:
-            super().__init__(Sentence("arm-for-six-axes", arm=seven), Sentence("leave-arm-out"))
-        else:
-            super().__init__(Sentence("arm-is-not-named"), Sentence("name-arm"))
+        of_six = Sentence("arm-for-six-axes", arm=seven) if seven else Sentence("arm-is-not-named")
+        fix = Sentence("leave-arm-out" if seven or not upright else "name-arm")
+        super().__init__(of_six if upright else Sentence("arm-for-upright"), fix)
 
 
 class ToleranceLoosened(DaemonError):

@@ -328,8 +328,7 @@ class Operations:
 
     def _arm(self, wanted: bool | None) -> Arm | None:
         """The cell's arm, when its errors are wanted. Raises ArmUnknown."""
-        upright = self.rules.robot.stands_upright
-        if wanted and (self.rules.arm is None or not upright):
+        if wanted and not ((upright := self.rules.robot.stands_upright) and self.rules.arm):
             raise ArmUnknown(self.rules.seven.name if self.rules.seven else None, upright=upright)
         return self.rules.arm if wanted else None
 

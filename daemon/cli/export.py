@@ -8,7 +8,7 @@ from urllib.parse import quote, urlencode
 import typer
 
 from daemon.cli.errors import CommandError, ExitStatus
-from daemon.cli.output import writing
+from daemon.cli.output import write_whole
 
 if TYPE_CHECKING:
     from calibration.documents.exports.subject import ExportOptions
@@ -49,8 +49,7 @@ def export(
     except ExportRefused as error:
         raise CommandError(what, error.what, error.fix, ExitStatus.UNREADABLE) from None
     if out is not None:
-        with writing(out):
-            out.write_bytes(content)
+        write_whole(out, content)
     else:
         sys.stdout.buffer.write(content)
 

@@ -27,12 +27,8 @@ Commands = tuple[Callable[..., None] | typer.Typer, ...]
 Json = Annotated[bool, typer.Option("--json", help="Print JSON for programs instead of words for people.")]
 
 # What the commands over a scan's clouds share.
-ArmErrors = Annotated[
-    Path | None, typer.Option(help="arm.json of solve --arm: place the flange where the arm as built has it.")
-]
-ArmTemperature = Annotated[
-    float | None, typer.Option(help="With --arm: of the arm's links, in °C, when the scan was taken.")
-]
+ArmErrors = Annotated[Path | None, typer.Option(help="arm.json of solve --arm: the flange is where that arm has it.")]
+ArmTemperature = Annotated[float | None, typer.Option(help="With --arm: of its links when the scan was taken, in °C.")]
 Refine = Annotated[bool, typer.Option("--refine", help="Fit the views to each other, within the robot's noise.")]
 
 
@@ -59,11 +55,25 @@ def writing(place: Path, fix: str = "choose another --out") -> Iterator[None]:
         raise CommandError(str(place), f"cannot be written ({reason})", fix) from None
 
 
+def write_whole(file: Path, content: bytes) -> None:
+    """Write a file that is there when it is whole; a link or a device as it is. Raises CommandError."""
+    with writing(file):
+        if file.is_symlink() or (file.exists() and not file.is_file()):
+            file.write_bytes(content)
+            return
+        part = file.with_name(f".{file.name}.part")
+        try:
+            part.write_bytes(content)
+            part.replace(file)
+        finally:
+            part.unlink(missing_ok=True)
+
+
 def write_document(file: Path, document: "BaseModel") -> None:
     """Write a document as JSON, in a folder that is made when it is missing. Raises CommandError."""
     with writing(file):
         file.parent.mkdir(parents=True, exist_ok=True)
-        file.write_text(document.model_dump_json(indent=1) + "\n", encoding="utf-8")
+    write_whole(file, f"{document.model_dump_json(indent=1)}\n".encode())
 
 
 def new_calibration(solution: "Solution", verdict: "Verdict", target: "Target | None" = None) -> "CalibrationDocument":

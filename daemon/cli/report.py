@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from daemon.cli.output import writing
+from daemon.cli.output import write_whole
 
 if TYPE_CHECKING:
     from calibration.documents.calibration import CalibrationDocument
@@ -36,8 +36,7 @@ def report(
         content = _from_files(path, out.suffix == ".pdf", settings, language)
     else:
         content = _from_daemon(url, what, out.suffix == ".pdf", language)
-    with writing(out):
-        out.write_bytes(content)
+    write_whole(out, content)
     typer.echo(str(out))
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from daemon.cli.errors import CommandError, ExitStatus
-from daemon.cli.output import CommandGroup, Json, print_json, writing
+from daemon.cli.output import CommandGroup, Json, print_json, write_whole
 
 if TYPE_CHECKING:
     from calibration.targets import PrintedTarget
@@ -88,8 +88,7 @@ def _write(data: Any, page: str, out: Path, as_json: bool, origin: str = "target
     if out.suffix.lower() not in writers:
         raise CommandError(str(out), "neither .pdf nor .svg", "choose one of them", ExitStatus.UNREADABLE)
     sheet = lay_out(document, page)
-    with writing(out):
-        out.write_bytes(writers[out.suffix.lower()](sheet))
+    write_whole(out, writers[out.suffix.lower()](sheet))
     if as_json:
         page_mm, origin_mm = [sheet.width, sheet.height], list(sheet.target_origin)
         print_json({"file": str(out), "page_mm": page_mm, "target_origin_mm": origin_mm, "target": data})

@@ -394,10 +394,8 @@ class Settings(Document):
                 '[calibration] policy = "auto" needs tolerance_mm: state the largest U (k = 2) that the part allows, or'
                 ' let an operator apply results (policy = "operator")'
             )
-        if self.calibration.arm and (self.robot.model is None or self.robot.axes != AXES):
-            raise ValueError("[calibration] arm is for an arm of six axes that [robot] model names")
-        if self.calibration.arm and not self.robot.stands_upright:
-            raise ValueError("[calibration] arm is for an arm that stands upright, and [robot] base_frame is tilted")
+        if self.calibration.arm and not (self.robot.model and self.robot.axes == AXES and self.robot.stands_upright):
+            raise ValueError("[calibration] arm is for an arm of six axes that [robot] model names, and stands upright")
         axis = self.robot.external_axis
         if setup == "eye-to-hand" and axis is not None and axis.kind == "turntable":
             raise ValueError("[robot.external_axis] a turntable carries the target, but it is on the flange here")

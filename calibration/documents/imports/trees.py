@@ -25,7 +25,6 @@ MAX_XML_DEPTH = 8  # elements within elements; deeper ones are read as text
 
 _ARRAY = re.compile(r"\b(?:np|numpy)\.(?:array|asarray|matrix)\b|,\s*dtype\s*=\s*[\w.]+")
 _DOCUMENTS = re.compile(r"^---[ \t]*$", re.MULTILINE)
-_CONTENT = re.compile(r"^[ \t]*[^\s#]", re.MULTILINE)  # other than remarks
 _SPARE = re.compile(r"^\s*(?://|#).*$|,(?=\s*[\]}])", re.MULTILINE)  # remarks, and a comma behind the last element
 
 
@@ -57,14 +56,14 @@ def read_json_lines(content: bytes, origin: str) -> list[Any]:
 
 
 def read_yaml(content: bytes, origin: str) -> Any:
-    """The data of a YAML text, also one that OpenCV has written; a list of several documents. Raises DocumentError."""
+    """The data of a YAML text, also of OpenCV; a list of several documents but remarks. Raises DocumentError."""
     if len(content) > MAX_YAML_BYTES:
         what = f"{len(content) / 1e6:.0f} MB of YAML, where {MAX_YAML_BYTES // 1_000_000} MB are read"
         raise refusal(origin, "file", what, "give the poses of the pictures only, or write JSON")
     text = decode(content, origin)
     if text.startswith("%YAML"):
         text = text.split("\n", 1)[1] if "\n" in text else ""
-    documents = [part for part in _DOCUMENTS.split(text) if _CONTENT.search(part)]
+    documents = [part for part in _DOCUMENTS.split(text) if re.search(r"^[ \t]*[^\s#]", part, re.MULTILINE)]
     if len(documents) > 1:
         return [_yaml_data(part, f"{origin}: document {at}") for at, part in enumerate(documents, 1)]
     return _yaml_data(documents[0] if documents else "", origin)

@@ -37,6 +37,26 @@ def test_a_file_is_exported_to_a_file_and_to_standard_output(tmp_path: Path) -> 
     assert handeyed("export", VERSION_1, "--as", "kuka").out == (tmp_path / "kuka").read_text()
 
 
+def test_a_full_disk_leaves_the_file_that_was_there(tmp_path: Path) -> None:
+    """The part that is renamed when it is whole stands for the disk here."""
+    out = tmp_path / "tcp.mod"
+    out.write_text("the one before")
+    (tmp_path / ".tcp.mod.part").symlink_to("/dev/full")
+
+    ran = handeyed("export", VERSION_1, "--as", "rapid", "--out", out)
+
+    assert (ran.status, "cannot be written (no space left" in ran.err) == (1, True)
+    assert out.read_text() == "the one before"
+    assert [one.name for one in tmp_path.iterdir()] == ["tcp.mod"]
+
+
+def test_a_link_and_a_device_are_written_as_they_are(tmp_path: Path) -> None:
+    (tmp_path / "link.mod").symlink_to("tcp.mod")
+    assert handeyed("export", VERSION_1, "--as", "rapid", "--out", tmp_path / "link.mod").status == 0
+    assert (tmp_path / "link.mod").is_symlink() and (tmp_path / "tcp.mod").read_bytes()
+    assert handeyed("export", VERSION_1, "--as", "rapid", "--out", "/dev/null").status == 0
+
+
 def test_without_a_format_they_are_listed() -> None:
     listed = handeyed("export", VERSION_1).out.splitlines()
     assert [line.split()[0] for line in listed] == [*FORMATS, *POSE_FORMATS]
