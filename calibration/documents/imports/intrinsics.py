@@ -127,12 +127,9 @@ def intrinsics_within(plain: Record, matrix: list[float], origin: str) -> Intrin
         least = min((count for count in COEFFICIENT_COUNTS[lens] if count >= kept), default=len(distortion))
         if least >= kept and {kept, len(distortion)} != {3}:  # k1, k2, and p1 or k3
             distortion = (distortion[:kept] + [0.0] * least)[:least]
-    size = _numbers(plain, SIZE, (2,))
-    fits = size is not None and all(0 < side < MAX_SIDE_PX for side in size)
-    return Intrinsics(
-        tuple(tuple(float(number) for number in row) for row in rows), tuple(distortion), lens,
-        (int(size[0]), int(size[1])) if size is not None and fits else None, origin, stated is not None,
-    )  # fmt: skip
+    sides = [int(side) for side in _numbers(plain, SIZE, (2,)) or () if 0 < side < MAX_SIDE_PX]
+    size = (sides[0], sides[1]) if len(sides) == 2 else None
+    return Intrinsics(tuple(map(tuple, rows.tolist())), tuple(distortion), lens, size, origin, stated is not None)
 
 
 MAX_COEFFICIENTS, MAX_SIDE_PX, MIN_FOCAL_PX, MAX_DEPTH = 100, 1e6, 10, 3

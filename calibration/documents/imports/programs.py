@@ -31,6 +31,7 @@ _LIST = re.compile(
     rf"\b([A-Za-z]\w{{0,13}}(?: \(\w+\))?)\s*[=:]?\s*[\[(]\s*({_NUMBER}(?:[\s,;]+{_NUMBER}){{2,15}})\s*[\])]"
 )
 _LISTED = re.compile(rf"(.*?[\[(=]\s*)({_NUMBER}(?:\s*,\s*{_NUMBER}){{5,15}})\s*(?:[\])].*)?$")
+_FRAMES = re.compile(r"\b(UF|UT|TOOL_NO|BASE_NO)\s*[: =]\s*([1-9]\d*)|\$(TOOL|BASE)\s*=\s*([^$\s][^\n;]*)")
 _COMMA_NUMBER = r"[-+]?\d+,\d+(?:[eE][-+]?\d+)?"
 _PAIR = re.compile(
     rf"\b([A-Za-z][A-Za-z0-9_]{{0,19}})\s*[=:\s]\s*({_COMMA_NUMBER}|{_NUMBER})\s*(mm|m|deg|°|rad)?"
@@ -52,6 +53,8 @@ def read_keyed_text(content: bytes, origin: str) -> PoseTable:
     if _UR.search(text):
         return _universal_robots(origin, text)
     text = _LIST.sub(_as_pairs, text.partition("\n/POS")[2] or text)  # of Fanuc's programs the positions
+    used = sorted({" ".join(filter(None, match)) for match in _FRAMES.findall(text)})
+    frames = (f"the poses are of {', '.join(used)}: X is that tool's, and places are in that base",) if used else ()
     found: dict[str, list[float]] = {}
     units: set[str] = set()
     pairs = _PAIR.findall(text)
@@ -68,7 +71,8 @@ def read_keyed_text(content: bytes, origin: str) -> PoseTable:
         if any(counts) and len({*counts}) == 1:
             names = [f"{key} mm" if key in "XYZ" and "mm" in units else key for key in keys]
             rows = zip(*(found[key] for key in keys), strict=True)
-            return table_of_columns(origin, names, [list(row) for row in rows])
+            table = table_of_columns(origin, names, [list(row) for row in rows])
+            return table if table.kind == "joints" else replace(table, notes=(*table.notes, *frames))
     for keys, counts in uneven.items():
         counted = ", ".join(f"{count} {key}" for key, count in zip(keys, counts, strict=True))
         fix = "give every pose all numbers, and remove tools and bases"
@@ -228,9 +232,7 @@ def _numbers(origin: str, label: str, cells: str) -> list[float]:
 
 def _require_values(origin: str, text: str, data: Sequence[_Data], starts: Sequence[int]) -> None:
     """Raises DocumentError for a target whose value is not written as numbers: an expression, another target's name."""
-    for one in data:
-        if one.kind not in _TYPES:
-            continue
+    for one in (declared for declared in data if declared.kind in _TYPES):
         count = sum(one.begins <= start < one.ends for start in starts)
         sizes = [int(size) for size in re.findall(r"[0-9]{1,9}", one.sizes or "1")]
         if count == 0 or count != math.prod(sizes):

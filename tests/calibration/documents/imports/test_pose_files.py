@@ -109,3 +109,26 @@ def test_axes_that_are_not_there_are_no_pose(name: str, row: str) -> None:
     table = read_poses(name, lines(*(row.format(x=800 + at) for at in range(3))))
     assert table.lengths.tolist() == [[800 + at, 20.5, 640] for at in range(3)]
     assert table.numbers.tolist() == [[0.1, 0.7, 0.7, 0.1]] * 3
+
+
+FANUC = (
+    "P[{at}]{{\n GP1:\n UF : {base}, UT : {tool}, CONFIG : 'N U T, 0, 0, 0',\n X = 812.4 mm, Y = -3{at}.1 mm,"
+    " Z = 640.0 mm,\n W = 1.0 deg, P = 2.0 deg, R = 3.0 deg\n}};"
+)
+KUKA = (
+    "DECL E6POS XP{at}={{X 812.4,Y -3{at}.1,Z 640.0,A 1.0,B 2.0,C 3.0,S 2,T 10}}\n"
+    "DECL FDAT F{at}={{TOOL_NO {tool},BASE_NO {base}}}"
+)
+
+
+@pytest.mark.parametrize(
+    ("name", "row", "said"), [("a.ls", FANUC, "UF 1, UT 2"), ("a.dat", KUKA, "BASE_NO 1, TOOL_NO 2")]
+)
+def test_a_tool_and_a_base_of_the_poses_are_said(name: str, row: str, said: str) -> None:
+    """As of RAPID: X and the places are then of another frame than the flange's and the base's."""
+    of_flange, of_tool = (
+        read_poses(name, lines(*(row.format(at=at, base=base, tool=tool) for at in range(4))))
+        for base, tool in ((0, 0), (1, 2))
+    )
+    assert of_flange.notes == ()
+    assert said in of_tool.notes[0]
