@@ -4,8 +4,10 @@ All use OpenCV's matrix; their distortion is OpenCV's plumb bob or rational mode
 """
 
 import re
-from collections.abc import Container, Iterator, Mapping
+from collections import ChainMap
+from collections.abc import Container, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import PurePath
 from typing import Any
 
@@ -64,26 +66,24 @@ def read_intrinsics(name: str, content: bytes) -> Intrinsics:
 
 def intrinsics_of(data: Any, origin: str) -> Intrinsics:
     """The intrinsics of the one camera in plain data, at its top or up to three levels below. Raises DocumentError."""
-    found = [
-        intrinsics_within(plain, matrix, origin)
-        for own, plain in _mappings(data, {})
-        if (matrix := _numbers(own, MATRIX, (9,)) or _numbers(own, FOUR, (4,))) is not None
-    ]
+    every = ((_numbers(own, MATRIX, (9,)) or _numbers(own, FOUR, (4,)), plain) for own, plain in _mappings(data))
+    cameras = ((matrix, plain) for matrix, plain in every if matrix is not None)
+    found = [intrinsics_within(plain, matrix, origin) for matrix, plain in islice(cameras, MAX_CAMERAS)]
     if len({(one.matrix, one.distortion) for one in found}) == 1:
         return found[0]
     what = "several cameras" if found else "no intrinsics: neither a camera matrix nor fx, fy, cx, cy"
     raise refusal(origin, "document", what, "give camera_matrix and distortion_coefficients of one camera", HEADING)
 
 
-def _mappings(data: Any, around: Record, depth: int = 0) -> Iterator[tuple[Record, Record]]:
-    """Each mapping, and the same with what the mappings around, beside and in it say. Keys in lower case."""
+def _mappings(data: Any, around: Sequence[dict[str, Any]] = (), depth: int = 0) -> Iterator[tuple[Record, Record]]:
+    """Each mapping, and the same with what the mappings in, beside and around it say. Keys in lower case."""
     if isinstance(data, Mapping) and depth <= MAX_DEPTH:
         own = {str(key).lower(): value for key, value in data.items()}
         inner = [one for one in own.values() if isinstance(one, Mapping)]
-        within = {**around, **{str(key).lower(): value for one in inner for key, value in one.items()}, **own}
-        yield own, within
+        within = [{str(key).lower(): value for key, value in one.items()} for one in inner[:MAX_CAMERAS]]
+        yield own, ChainMap(own, *within, *around)
         for one in inner:
-            yield from _mappings(one, within, depth + 1)
+            yield from _mappings(one, (own, *within, *around), depth + 1)
 
 
 def _numbers(plain: Record, names: Keys, counts: Container[int], missing: float | None = None) -> list[float] | None:
@@ -132,7 +132,7 @@ def intrinsics_within(plain: Record, matrix: list[float], origin: str) -> Intrin
     return Intrinsics(tuple(map(tuple, rows.tolist())), tuple(distortion), lens, size, origin, stated is not None)
 
 
-MAX_COEFFICIENTS, MAX_SIDE_PX, MIN_FOCAL_PX, MAX_DEPTH = 100, 1e6, 10, 3
+MAX_COEFFICIENTS, MAX_SIDE_PX, MIN_FOCAL_PX, MAX_DEPTH, MAX_CAMERAS = 100, 1e6, 10, 3, 20
 """More numbers are no distortion, a longer side is no picture's; a shorter focal length is in mm or of the width."""
 
 OF_DISTORTION = re.compile(r"dist(?!ance)|radial|tangential|coeff|kappa|kc|d$|xi$|[kp]\d$")
