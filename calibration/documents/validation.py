@@ -153,14 +153,14 @@ _FIXES = {
     "list_type": _LIST, "tuple_type": _LIST, "dict_type": _OBJECT, "model_type": _OBJECT,
     "model_attributes_type": _OBJECT, "dataclass_type": _OBJECT,
     "too_long": "give at most {max_length}", "too_short": "give at least {min_length}",
-    "none_required": "leave it out",
+    "none_required": "leave it out", "union_tag_not_found": "say of which {discriminator} it is",
 }  # fmt: skip
 """What to do by pydantic's type of error; any other is ours, and says what is wrong, or what and its fix."""
 
 
 _WRONG = {
     "greater_than": "not above {gt}", "greater_than_equal": "below {ge}", "less_than": "not below {lt}",
-    "less_than_equal": "above {le}", "finite_number": "not finite",
+    "less_than_equal": "above {le}", "finite_number": "not finite", "union_tag_not_found": "without {discriminator}",
     "too_long": "of length {actual_length}", "too_short": "of length {actual_length}",
     "string_too_long": "longer than {max_length}", "string_too_short": "shorter than {min_length}",
 }  # fmt: skip

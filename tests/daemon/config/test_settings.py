@@ -164,6 +164,7 @@ def test_the_mark_of_windows_editors_is_no_part_of_the_text() -> None:
             "use one of tag36h11",
         ),
         (('address = "tcp://r:1"', "speed_mm_s = 300"), "robot.speed_mm_s", "300 is above 250"),
+        (('kind = "chessboard"\n', ""), "target", "is without 'kind'"),
         (('address = "tcp://r:1"', ""), "robot.address", "missing"),
         (("[1, 1, 1]", "[1, -1, 1]"), "robot", "each minimum below its maximum"),
         (("[1, 1, 1]", "[1, nan, 1]"), "robot.box_mm[1][1]", "finite"),
