@@ -8,6 +8,7 @@ palletiser, a SCARA) leaves that translation alone open, if it also travels acro
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from calibration.closed_forms.motions import MIN_TURN_RAD
 from calibration.errors import UndeterminedError
@@ -56,13 +57,17 @@ class MotionSummary:
 
 def distinct_stations(base_T_flange: Array) -> list[int]:
     """Rows of the poses (n, 4, 4) that do not repeat an earlier one."""
-    return [row for row in range(len(base_T_flange)) if not _repeats_earlier(base_T_flange, row)]
+    return np.flatnonzero(first_at_station(base_T_flange) == np.arange(len(base_T_flange))).tolist()
 
 
-def _repeats_earlier(base_T_flange: Array, row: int) -> bool:
-    off = np.sum((base_T_flange[:row, :3, 3] - base_T_flange[row, :3, 3]) ** 2, axis=1)
-    near = base_T_flange[:row][off <= SAME_POSE_MM**2]
-    return bool(np.any(rotation_angle_rad(near[:, :3, :3] @ base_T_flange[row, :3, :3].T) < SAME_POSE_RAD))
+def first_at_station(base_T_flange: Array) -> NDArray[np.intp]:
+    """The first row (n,) with the pose that each of the poses (n, 4, 4) repeats; its own where it repeats none."""
+    first = np.arange(len(base_T_flange))
+    for row, pose in enumerate(base_T_flange):
+        near = np.sum((base_T_flange[:row, :3, 3] - pose[:3, 3]) ** 2, axis=1) <= SAME_POSE_MM**2
+        near[near] = rotation_angle_rad(base_T_flange[:row][near, :3, :3] @ pose[:3, :3].T) < SAME_POSE_RAD
+        first[row] = first[np.argmax(near)] if np.any(near) else row
+    return first
 
 
 def summarise_motion(base_T_flange: Array) -> MotionSummary:

@@ -19,7 +19,7 @@ from calibration.errors import UndeterminedError
 from calibration.kinematics.robot_accuracy import MAX_POSSIBLE_NOISE
 from calibration.linear_algebra import scaled_solve
 from calibration.observations.measured_poses import measured_views
-from calibration.observations.observations import observe
+from calibration.observations.observations import MOVED_MM, observe
 from calibration.observations.pose_model import predicted_camera_T_target
 from calibration.observations.view_poses import candidate_poses
 from calibration.problem import MOUNTS, MeasuredPose, Problem, anchor_T_mount_of
@@ -59,8 +59,8 @@ MAX_STAND_MM = 7200.0
 FLANGE_RADIUS_MM, MIN_STEEPNESS = 25.0, float(np.cos(np.radians(45.0)))
 """Of the smallest flange's face; a camera that looks at it more aslant may look past its edge."""
 
-MOVED_MM, MOVED_RAD = 1.0, float(np.radians(0.1))
-"""Least motion of the target in the camera between two views for one that was not the robot's scatter."""
+MOVED_RAD = float(np.radians(0.1))
+"""As MOVED_MM, by rotation."""
 
 MAX_BEHIND_SHARE = 0.5
 """Of views in which the target is behind the camera: one or two are wrong measurements."""

@@ -18,6 +18,7 @@ import scipy
 
 from calibration.closed_forms.observability import SAME_POSE_MM, SAME_POSE_RAD
 from calibration.kinematics.robot_accuracy import RobotNoise
+from calibration.observations.observations import STATION_REPEATED
 from calibration.observations.pose_model import predicted_camera_T_target
 from calibration.problem import Problem, View, anchor_T_mount_of
 from calibration.sentences.sentence import Sentence
@@ -86,11 +87,11 @@ def warming_findings(problem: Problem, solution: Solution) -> tuple[Finding, ...
 
 
 def _looks(problem: Problem, solution: Solution) -> list[_Look]:
-    """Of the views in use, in their order."""
+    """Of the views in use, and of those at a station of an earlier one, in their order."""
     X, Y, camera = solution.mount_T_camera, solution.anchor_T_target, solution.camera
     if X is None or Y is None or camera is None:
         return []
-    used = {view.index for view in solution.views if view.status != "rejected"}
+    used = {view.index for view in solution.views if view.status != "rejected" or view.reason == STATION_REPEATED}
     looks = []
     for view in problem.views:
         if view.detection is None or view.index not in used:

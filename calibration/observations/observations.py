@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from calibration.closed_forms.observability import first_at_station
 from calibration.problem import Problem
 from calibration.sentences.sentence import Sentence
 from calibration.transforms import Array
@@ -19,7 +20,10 @@ MAX_DISTANCE_MM = 1e8
 MAX_SKEW = 1e-3
 """Largest error of R R' - I of a rotation; that of a unit quaternion is a thousand million times smaller."""
 
-IMAGE_REPEATED = "image-repeated"
+IMAGE_REPEATED, STATION_REPEATED = "image-repeated", "duplicate-poses"
+
+MOVED_MM = 1.0
+"""Least motion of the target in the camera between two views for one that was not the robot's scatter."""
 
 MIN_CORNERS = 4
 """Four points of a plane determine its pose; fewer do not."""
@@ -93,12 +97,17 @@ def observe(problem: Problem) -> tuple[Observations, dict[int, UnusableReason]]:
             why = UnusableReason("corners-damaged", Sentence("corners-damaged", ids=len(ids), corners=len(pixels)))
         refused[position] = why
     seen, by_corners = _usable_corners(problem, poses, whole)
-    first_of = _first_with_same_image(seen)
-    kept = first_of == np.arange(len(seen))
-    for row in np.flatnonzero(~kept):
-        first = problem.views[seen.positions[first_of[row]]].index
-        by_corners[int(seen.positions[row])] = UnusableReason(IMAGE_REPEATED, Sentence("image-repeated", view=first))
-    return seen if np.all(kept) else seen.take(kept), refused | by_corners
+    for first_of, code, sentence in (
+        (_first_with_same_image, IMAGE_REPEATED, "image-repeated"),
+        (_first_with_same_view, STATION_REPEATED, "station-repeated"),
+    ):
+        first = first_of(seen)
+        kept = first == np.arange(len(seen))
+        for row in np.flatnonzero(~kept):
+            view = problem.views[seen.positions[first[row]]].index
+            by_corners[int(seen.positions[row])] = UnusableReason(code, Sentence(sentence, view=view))
+        seen = seen if np.all(kept) else seen.take(kept)
+    return seen, refused | by_corners
 
 
 def _first_with_same_image(seen: Observations) -> NDArray[np.intp]:
@@ -106,6 +115,22 @@ def _first_with_same_image(seen: Observations) -> NDArray[np.intp]:
     first_with: dict[bytes, int] = {}
     images = (ids.tobytes() + pixels.tobytes() for ids, pixels in zip(seen.ids, seen.pixels, strict=True))
     return np.array([first_with.setdefault(image, row) for row, image in enumerate(images)], np.intp)
+
+
+def _first_with_same_view(seen: Observations) -> NDArray[np.intp]:
+    """The first row (n,) with the same pose and, within 1 mm, the target where it was seen then.
+
+    The arm errs by the same amount in both, so that a second picture tells next to nothing more of X.
+    """
+    first_of = first_at_station(seen.base_T_flange)
+    for row in np.flatnonzero(first_of != np.arange(len(seen))):
+        first = first_of[row]
+        _, here, there = np.intersect1d(seen.ids[row], seen.ids[first], return_indices=True)
+        now, then, on_target = seen.pixels[row, here], seen.pixels[first, there], seen.points_mm[row, here]
+        limit_px = MOVED_MM * np.linalg.norm(np.std(now, axis=0)) / np.linalg.norm(np.std(on_target, axis=0))
+        if len(here) < MIN_CORNERS or np.median(np.linalg.norm(now - then, axis=1)) > limit_px:
+            first_of[row] = row
+    return first_of
 
 
 def rigid_mask(base_T_flange: Array) -> NDArray[np.bool_]:

@@ -4,14 +4,14 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from calibration.closed_forms.observability import describe_direction, distinct_stations
+from calibration.closed_forms.observability import describe_direction
 from calibration.closed_forms.three_pose import solve_three_pose
 from calibration.kinematics.robot_accuracy import PRIOR_NOISE
 from calibration.likelihood.estimate import Estimate
 from calibration.likelihood.noise_marginalisation import MAX_PRIOR_VIEWS
 from calibration.likelihood.nuisances import CENTRE, FOCAL
 from calibration.likelihood.predicted_uncertainty import point_weights, working_points_mm
-from calibration.observations.observations import IMAGE_REPEATED
+from calibration.observations.observations import IMAGE_REPEATED, STATION_REPEATED
 from calibration.preprocessing.prepare import IMAGE_DISAGREES, PreparedSession
 from calibration.problem import Problem
 from calibration.sentences.sentence import Sentence
@@ -22,6 +22,9 @@ from calibration.solver.view_outliers import Selection
 
 CONTRADICTING_SIGMA = 4.0
 """Deviation from a stated size, in standard deviations of statement and estimate together, that is named."""
+
+REPEATED = {IMAGE_REPEATED: "take-new-images", STATION_REPEATED: "use-each-pose-once"}
+"""Reasons for leaving out a view that tells what another one does, with what to do."""
 
 
 def solver_findings(
@@ -45,9 +48,9 @@ def _images(problem: Problem, prepared: PreparedSession) -> Iterator[Finding]:
     for position, why in sorted(prepared.unusable.items()):
         by_reason.setdefault((why.code, why.what), []).append(problem.views[position].index)
     for (code, what), indices in by_reason.items():
-        advice = {IMAGE_DISAGREES.code: "compare-target", IMAGE_REPEATED: "take-new-images"}
+        advice = {IMAGE_DISAGREES.code: "compare-target", **REPEATED}
         fix = Sentence(advice.get(code, "check-lighting"))
-        severity: Severity = "warning" if code == IMAGE_REPEATED else "info"
+        severity: Severity = "warning" if code in REPEATED else "info"
         yield Finding(code, severity, Sentence("views-not-used", views=indices, why=what), fix)
     if left_out := int(np.count_nonzero((prepared.seen.weights == 0) & (prepared.seen.present > 0))):
         yield Finding(
@@ -180,15 +183,6 @@ def _poses(problem: Problem, prepared: PreparedSession, selection: Selection) ->
             "warning",
             Sentence("pose-disagrees", views=indices),
             Sentence("check-these-poses"),
-        )
-    distinct = distinct_stations(prepared.seen.base_T_flange)
-    if repeated := sorted(set(range(len(positions))) - set(distinct)):
-        indices = [problem.views[position].index for position in positions[repeated]]
-        yield Finding(
-            "duplicate-poses",
-            "warning",
-            Sentence("duplicate-poses", views=indices),
-            Sentence("use-each-pose-once"),
         )
 
 

@@ -114,6 +114,19 @@ def test_a_repeated_pose_is_said() -> None:
     assert "duplicate-poses" in codes(problem, solve_hand_eye(problem))
 
 
+@pytest.mark.parametrize("times", [2, 6])
+def test_pictures_of_one_station_are_no_further_views(times: int) -> None:
+    """The arm errs by the same amount in all of them."""
+    truth, rng = cell(6, 6), np.random.default_rng(0)
+    noisy = with_corners(lambda corners: corners + 0.05 * rng.standard_normal(corners.shape))
+    stations = truth.problem.views
+    again = tuple(replace(noisy(view), index=6 * n + view.index) for n in range(1, times) for view in stations)
+    once, often = (solve_hand_eye(replace(truth.problem, views=views)) for views in (stations, (*stations, *again)))
+    assert [view.status for view in often.views] == 6 * ["used"] + len(again) * ["rejected"]
+    assert once.uncertainty is not None and often.uncertainty is not None
+    assert often.uncertainty.point_mm == pytest.approx(once.uncertainty.point_mm, rel=1e-6)
+
+
 def test_an_image_given_twice_counts_once() -> None:
     truth = cell(6, 6)
     problem = with_view(truth.problem, 4, lambda view: replace(view, detection=truth.problem.views[1].detection))
