@@ -16,6 +16,8 @@ from calibration.pose_pairs.session_findings import contradicts
 from calibration.solution import ArmScale
 
 MIN_SCALE_VIEWS = 6
+"""Least views that show such a factor; with fewer it is an unknown with a prior and nothing more."""
+
 SCALE_FALSE_ALARM_PROBABILITY = 1e-5
 USUAL_SCALE_ERROR, SCALE_OFF_PROBABILITY = 2e-3, 0.1
 """Prior of an error of the camera's lengths: one standard deviation, and the probability that there is one."""
@@ -79,13 +81,11 @@ def with_lengths(
     `usual_error`: one standard deviation of such an error, relative.
     """
     views = int(used.sum())
-    if views < MIN_SCALE_VIEWS:
-        return pairs, fitted
     free = replace(pairs, metric=False)
     scaled = _with_free_lengths(free.take(used), fitted)
     share, deviation = float(np.log(scaled.chain.scale)), float(np.sqrt(scaled.covariance[12, 12]))
     limit = deviation * f_quantile(1, 3 * views - 7, SCALE_FALSE_ALARM_PROBABILITY) ** 0.5
-    if abs(share) > max(limit, MIN_SCALE_ERROR):
+    if views >= MIN_SCALE_VIEWS and abs(share) > max(limit, MIN_SCALE_ERROR):
         wrong = contradicts(scaled) or abs(share) > MAX_SCALE_ERROR
         lengths = ArmScale(-share, deviation**2, -scaled.covariance[:6, 12])
         return (pairs, fitted) if wrong else (free, replace(scaled, arm_scale=lengths))

@@ -51,6 +51,19 @@ def test_a_clean_session_is_accepted_and_true_within_its_uncertainty(measure: Me
     assert solution.hold_out.base_error_mm < 1.0
 
 
+@pytest.mark.parametrize("views", [3, 4, 5])
+def test_lengths_of_a_usual_print_are_within_the_uncertainty_of_few_views(views: int) -> None:
+    squares = []
+    for seed in range(8):
+        rng = np.random.default_rng([views, seed])
+        cell = measured_cell(rng, views, tracker(0.005, 0.05), robot_deg=0.005, robot_mm=0.05)
+        solution = solve_hand_eye(with_camera_poses(cell.problem, longer(1.002)))
+        assert solution.mount_T_camera is not None and solution.uncertainty is not None
+        error = cell.error(solution.mount_T_camera)
+        squares.append(error @ np.linalg.solve(solution.uncertainty.covariance, error))
+    assert np.mean(squares) < 9  # of six numbers
+
+
 @pytest.mark.parametrize(("views", "seed"), [(8, 12), (10, 8)])
 def test_a_few_views_and_lengths_a_little_off_are_not_taken_for_drift(views: int, seed: int) -> None:
     """Independent errors that look like those of odometry by chance; U is 1 to 2 mm."""
