@@ -67,7 +67,7 @@ test: $(VENV)/developing
 	$(BIN)/pytest -n $(TEST_WORKERS) --dist worksteal -m "not slow"
 
 test-all: $(VENV)/developing
-	$(BIN)/pytest -n $(TEST_WORKERS) --dist worksteal
+	$(BIN)/pytest -n $(TEST_WORKERS) --dist worksteal --durations=60
 
 # The statistics whole, of which every commit tries a third.
 test-night: $(VENV)/developing

@@ -282,11 +282,6 @@ class LimitedConnection(HttpToolsProtocol):
         return bool(self._held) or self._body_since_s is not None
 
     @property
-    def _awaits_body(self) -> bool:
-        """True while only the client keeps the body from coming."""
-        return self._taken.awaits_body if self._taken is not None else not self.flow.read_paused
-
-    @property
     def _in_progress(self) -> bool:
         return self.cycle is not None and not self.cycle.response_complete
 
@@ -319,12 +314,13 @@ class LimitedConnection(HttpToolsProtocol):
         if unsent != self._unsent:
             self._unsent, self._last_progress_s = unsent, now_s
         idle = now_s - self._last_progress_s > self._limits.idle_s
+        reads = self._taken.awaits_body if self._taken is not None else not self.flow.read_paused
         if self._lingering or self.transport.is_closing():
             if idle:  # the client does not read the answer
                 self.transport.abort()
         elif self._head_since_s is not None and now_s - self._head_since_s > self._limits.head_s:
             self._refuse(TOO_SLOW)
-        elif self._body_since_s is not None and self._awaits_body:
+        elif self._body_since_s is not None and reads:
             self._body_waited_s += now_s - max(before_s, self._body_since_s)
             by_rate_s = self._limits.idle_s + self._body_bytes / self._limits.body_bytes_per_s
             if idle or self._body_waited_s > (by_rate_s if self._authenticated else self._limits.body_s):

@@ -45,26 +45,11 @@ class Spool:
 
     def append(self, content: bytes | memoryview) -> None:
         """Append `content`, which must not be changed afterwards. Raises StorageError when the file cannot grow."""
-        if content and self.fits(len(content)):
-            self._memory.append(content)
-            self._in_memory += len(content)
-        elif content:
-            self._write(content)
-
-    def take(self) -> bytes | memoryview:
-        """The next bytes, of the file at most CHUNK_BYTES; b"" when the queue is empty. Raises StorageError."""
-        if self._memory:
-            content = self._memory.popleft()
-            self._in_memory -= len(content)
-            return content
-        return self._next() if self.in_file else b""
-
-    def close(self) -> None:
-        """Close and delete the temporary file."""
-        if self._file is not None:
-            self._file.close()
-
-    def _write(self, content: bytes | memoryview) -> None:
+        if self.fits(len(content)):
+            if content:
+                self._memory.append(content)
+                self._in_memory += len(content)
+            return
         with storage_errors(self._folder):
             if self._file is None:
                 self._file = tempfile.TemporaryFile(dir=self._folder, buffering=0)  # noqa: SIM115 - closed by `close`
@@ -73,13 +58,24 @@ class Spool:
                 rest = rest[os.pwrite(self._file.fileno(), rest, self._written + len(content) - len(rest)) :]
             self._written += len(content)
 
-    def _next(self) -> bytes:
-        """Read the next chunk of the file; by position, since a writer may use the file at the same time."""
+    def take(self) -> bytes | memoryview:
+        """The next bytes, of the file at most CHUNK_BYTES; b"" when the queue is empty. Raises StorageError."""
+        if self._memory:
+            content = self._memory.popleft()
+            self._in_memory -= len(content)
+            return content
+        if not self.in_file:
+            return b""
         assert self._file is not None
-        with storage_errors(self._folder):
+        with storage_errors(self._folder):  # by position, since a writer may use the file at the same time
             content = os.pread(self._file.fileno(), min(CHUNK_BYTES, self._written - self._read), self._read)
         self._read += len(content)
         return content
+
+    def close(self) -> None:
+        """Close and delete the temporary file."""
+        if self._file is not None:
+            self._file.close()
 
 
 class AwaitedSpool(Spool):
