@@ -38,7 +38,8 @@ if TYPE_CHECKING:
 
 TLS_ERRORS = (
     ("CERTIFICATE", "its certificate is not trusted", "name its authority.pem in HANDEYED_CA"),
-    ("SSL", "what answers speaks no TLS", "begin its address with http://"),
+    ("WRONG_VERSION_NUMBER", "what answers speaks no TLS", "begin its address with http://"),
+    ("RECORD_LAYER_FAILURE", "what answers speaks no TLS", "begin its address with http://"),
 )
 """What a connection's error has in its text, what that means, and what to do; the first that fits counts."""
 

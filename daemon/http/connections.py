@@ -83,6 +83,7 @@ class LimitedConnection(HttpToolsProtocol):
         self._length_left = 0  # of a body with Content-Length
         self._own_buffer: memoryview | None = None  # for a body whose pieces are lent
         self._taken: TakenSocket | None = None
+        self._was_taken = False  # for the body of this request: what follows it lies unread in the system
         self._overhead_bytes = 0  # since the last head or piece of a body: head, sizes of chunks, trailers
         self._refusal = MALFORMED  # of what the parser does not take
         self._last_progress_s = self._last_check_s = 0.0
@@ -203,7 +204,7 @@ class LimitedConnection(HttpToolsProtocol):
     def on_headers_complete(self) -> None:
         super().on_headers_complete()
         self._head_since_s, self._body_since_s = None, self.loop.time()
-        self._body_waited_s, self._body_bytes, self._overhead_bytes = 0.0, 0, 0
+        self._body_waited_s, self._body_bytes, self._overhead_bytes, self._was_taken = 0.0, 0, 0, False
         lengths = [int(value) for name, value in self.headers if name == b"content-length"]
         self._length_left = 0 if self.parser.should_upgrade() or not lengths else lengths[0]
         self.cycle.transport = _LingeringTransport(self)  # type: ignore[assignment]
@@ -232,6 +233,8 @@ class LimitedConnection(HttpToolsProtocol):
 
         None over TLS, when a piece has come that was not asked for yet, and when all threads are in use.
         """
+        if self.transport.is_closing() or self._lingering or self.cycle.disconnected:
+            return None
         free = self._authenticated and self.scheme == "http" and self._limiter.taken < MAX_TAKEN
         come = self._held or self.cycle.body or self._own_buffer is not None
         if not free or come or self._length_left <= MAX_CHUNK_BYTES or self.transport.get_write_buffer_size():
@@ -240,6 +243,7 @@ class LimitedConnection(HttpToolsProtocol):
         descriptor = os.dup(self.transport.get_extra_info("socket").fileno())
         self._taken = TakenSocket(self, descriptor, self._length_left, self._limiter.threads)
         self._limiter.taken += 1
+        self._was_taken = True
         self.cycle.transport.write = self._taken.add_head  # type: ignore[method-assign]
         return self._taken
 
@@ -279,7 +283,7 @@ class LimitedConnection(HttpToolsProtocol):
     @property
     def unread(self) -> bool:
         """True when the client may have sent more than was read, so that closing at once would reset the connection."""
-        return bool(self._held) or self._body_since_s is not None
+        return bool(self._held) or self._body_since_s is not None or self._was_taken
 
     @property
     def _in_progress(self) -> bool:

@@ -1,13 +1,13 @@
 """A connection's socket in the hands of one thread, for the rest of a large body and for its answer.
 
-The event loop takes a turn for each piece that comes or goes, and with it twice the processor time of the transfer; a
-thread waits in the system instead. The limits in time stay with the connection: it ends what exceeds them.
+The event loop takes a turn for each piece that comes or goes; a thread waits in the system instead. The limits in time
+stay with the connection: it ends what exceeds them.
 """
 
 import asyncio
 import select
 import socket
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable
 from concurrent.futures import Executor
 from contextlib import suppress
 from typing import Protocol
@@ -45,17 +45,24 @@ class TakenSocket:
         """What the server writes of the answer's head, for the thread to send first."""
         self.head += data
 
-    async def run(self, exchange: Callable[["TakenSocket"], None]) -> None:
-        """Call `exchange` in a thread, then give the socket back; raises what it raises. Cancelling ends it."""
-        work = asyncio.get_running_loop().run_in_executor(self._threads, exchange, self)
+    async def run(self, begin: Awaitable[None], exchange: Callable[["TakenSocket"], None]) -> None:
+        """Await `begin`, which writes the answer's head; call `exchange` in a thread; give the socket back.
+
+        Raises what they raise. When cancelled, the connection ends.
+        """
+        work: asyncio.Future[None] | None = None
         try:
+            await begin
+            work = asyncio.get_running_loop().run_in_executor(self._threads, exchange, self)
             await asyncio.shield(work)
         finally:
-            if not work.done():
-                self.end()
-                await asyncio.wait([work])
-            self._socket.close()
-            self._lender.take_back(self)
+            try:
+                if work is not None and not work.done():
+                    self.end()
+                    await asyncio.wait([work])
+            finally:
+                self._socket.close()
+                self._lender.take_back(self)
 
     def end(self) -> None:
         """End the connection: the thread's next call raises ClientDisconnect."""
@@ -93,7 +100,7 @@ class TakenSocket:
 
     def wait(self, events: int, timeout_s: float | None = None) -> bool:
         """Wait until bytes can be received (READ) or sent (WRITE), or the connection ends; False after `timeout_s`."""
-        self.awaits_body = events == READ
+        self.awaits_body = bool(events & READ)
         self._poll.register(self._socket, events)
         ready = self._poll.poll(None if timeout_s is None else 1000 * timeout_s)
         self.awaits_body = False

@@ -1,6 +1,7 @@
 """How far a job in a thread is, passed on to the event loop now and then, and how it is stopped."""
 
 import asyncio
+import math
 import threading
 from collections.abc import Callable
 
@@ -26,23 +27,21 @@ class ProgressReports:
             self._loop.call_soon_threadsafe(self._report, share)
 
 
-class JobStop:
-    """Stops a job in a thread that asks `is_set` after each step. During a run a step is followed by as long a rest.
+class StepEnd:
+    """Whether `stop` is set, asked by a job in a thread after each step. During a run it rests for as long first.
 
     A lower priority is no substitute: a thread of little that holds Python's lock keeps everybody waiting.
     """
 
-    def __init__(self, run_in_progress: Callable[[], bool], monotonic_s: Callable[[], float]) -> None:
-        self._run_in_progress, self._monotonic_s = run_in_progress, monotonic_s
-        self._stop, self._at_s = threading.Event(), monotonic_s()
+    def __init__(
+        self, stop: threading.Event, run_in_progress: Callable[[], bool], monotonic_s: Callable[[], float]
+    ) -> None:
+        self._stop, self._run_in_progress, self._monotonic_s = stop, run_in_progress, monotonic_s
+        self._at_s = math.inf
 
-    def set(self) -> None:
-        """Let the job end with its step; it rests no longer."""
-        self._stop.set()
-
-    def is_set(self) -> bool:
-        """Whether the job shall end, after the rest."""
-        if self._run_in_progress():
-            self._stop.wait(self._monotonic_s() - self._at_s)
+    def __call__(self) -> bool:
+        """The first call, as the job begins, does not rest."""
+        if self._run_in_progress() and (worked_s := self._monotonic_s() - self._at_s) > 0:
+            self._stop.wait(worked_s)
         self._at_s = self._monotonic_s()
         return self._stop.is_set()

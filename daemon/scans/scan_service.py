@@ -3,6 +3,7 @@
 import asyncio
 import json
 import logging
+import threading
 from collections.abc import AsyncIterator, Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
@@ -23,7 +24,7 @@ from daemon.model.requests import ArtefactRequest
 from daemon.runtime.clock import Clock
 from daemon.runtime.event_bus import Publish
 from daemon.runtime.workers import Workers
-from daemon.scans.progress import JobStop, ProgressReports
+from daemon.scans.progress import ProgressReports, StepEnd
 from daemon.scans.registration_jobs import RegistrationJobs, RegistrationRequest
 from daemon.scans.scanner_acceptance import AcceptanceDocument, assess_scanner
 from daemon.scans.upload import NPZ, PLY, SUFFIXES, receive_upload
@@ -181,10 +182,10 @@ class ScanService:
         Raises RegistrationError, WorkersBusy.
         """
         target = self.store.scan_folder(scan_id) / f"merged-{self.new_id(self.clock)}{suffix}"
-        stop, on_progress = self._job_stop(), self._progress_of("merge", scan_id, view)
+        stop, on_progress = threading.Event(), self._progress_of("merge", scan_id, view)
 
         def merge_until_stopped() -> None:
-            merge_clouds(clouds, target, calibration_id, merge, stop.is_set, on_progress)
+            merge_clouds(clouds, target, calibration_id, merge, self._step_end(stop), on_progress)
             if stop.is_set():
                 target.unlink(missing_ok=True)
 
@@ -200,18 +201,18 @@ class ScanService:
         self, scan_id: str, clouds: list[PlacedCloud], view: int, voxel_mm: float, box_mm: Box | None = None
     ) -> bytes:
         """One view's averaged points as records of `view_surface.SURFACE`. Raises RegistrationError, WorkersBusy."""
-        stop, on_progress = self._job_stop(), self._progress_of("surface", scan_id, view)
+        stop, on_progress = threading.Event(), self._progress_of("surface", scan_id, view)
         try:
             found = await self.merge_workers.run_if_free(
-                view_surface, clouds, view, voxel_mm, box_mm, stop.is_set, on_progress
+                view_surface, clouds, view, voxel_mm, box_mm, self._step_end(stop), on_progress
             )
         except asyncio.CancelledError:
             stop.set()
             raise
         return found.tobytes()
 
-    def _job_stop(self) -> JobStop:
-        return JobStop(self.run_in_progress, self.clock.monotonic_s)
+    def _step_end(self, stop: threading.Event) -> StepEnd:
+        return StepEnd(stop, self.run_in_progress, self.clock.monotonic_s)
 
     def _progress_of(self, work: str, scan_id: str, view: int | None) -> ProgressReports:
         """Publishes how far a merge or a surface is, of one view or (None) of all."""

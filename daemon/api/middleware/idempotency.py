@@ -28,6 +28,7 @@ from daemon.api.schemas.stored_documents import StoredRig
 from daemon.api.streaming.request_body import body_chunks
 from daemon.application import Application
 from daemon.errors import DaemonError, StorageError
+from daemon.http.connections import TAKE_SOCKET
 from daemon.model.records import AppliedCalibration, ScanViewDocument
 from daemon.store.actor import AuditContext, IdempotentRequest, acting_as, current_audit_context
 from daemon.store.idempotency_keys import StoredRequest
@@ -122,6 +123,7 @@ class Idempotency:
             effect = await store.effect(caller, key) or ""
             raise RequestInFlight(effect.removeprefix("run ") if effect.startswith("run ") else None)
         self._in_flight.add((caller, key))
+        scope["state"].pop(TAKE_SOCKET, None)  # a thread would read past the digest
         try:
             earlier = await store.begin(caller, key, head, self._application.clock.timestamp())
             if earlier is None:

@@ -165,10 +165,10 @@ class CloudResponse(Response):
                 sized = not passage.complete and passage.answer_length() is not None
                 taken = take_socket(scope) if sized else None
                 begun = True
-                await self._start(passage, send)
                 if taken is not None:
-                    await taken.run(passage.exchange)
+                    await taken.run(self._start(passage, send), passage.exchange)
                 else:
+                    await self._start(passage, send)
                     lend_body(scope)
                     await self._pass_on(passage, chunks, send)
             self._done(self._stream, passage.size)

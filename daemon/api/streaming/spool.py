@@ -49,7 +49,10 @@ class Spool:
             if content:
                 self._memory.append(content)
                 self._in_memory += len(content)
-            return
+        else:
+            self._to_file(content)
+
+    def _to_file(self, content: bytes | memoryview) -> None:
         with storage_errors(self._folder):
             if self._file is None:
                 self._file = tempfile.TemporaryFile(dir=self._folder, buffering=0)  # noqa: SIM115 - closed by `close`
@@ -91,7 +94,7 @@ class AwaitedSpool(Spool):
         if self.fits(len(content)) or (not self.in_file and await self._fits_soon(len(content))):
             self.append(content)
         else:
-            await asyncio.to_thread(self.append, content)
+            await asyncio.to_thread(self._to_file, content)  # memory is the event loop's
         self._news.set()
 
     def end(self) -> None:

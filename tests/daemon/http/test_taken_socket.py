@@ -3,17 +3,18 @@
 import asyncio
 import socket
 from collections.abc import AsyncIterator
-from contextlib import AsyncExitStack, asynccontextmanager
+from contextlib import AsyncExitStack, asynccontextmanager, suppress
 from pathlib import Path
 from urllib.parse import urlsplit
 
+import httpx
 import numpy as np
 import pytest
 
 from daemon.http.connection_limiter import MAX_TAKEN, ConnectionLimiter, HttpLimits
 from tests.daemon.calibrations import apply_calibration
 from tests.daemon.cell_under_test import Bench, serving, settings_for
-from tests.daemon.clouds import POSE, cloud, in_base
+from tests.daemon.clouds import OCTETS, POSE, cloud, in_base
 from tests.support.waiting import LIMIT_S, eventually
 
 POINTS = 200_000
@@ -59,14 +60,14 @@ async def test_as_many_clouds_as_there_are_threads_and_one_more(tmp_path: Path) 
         assert door.taken == 0
 
 
-@pytest.mark.parametrize("leaves", [False, True], ids=["sends no more", "is gone"])
-async def test_a_client_that_sends_no_more_leaves_no_thread(tmp_path: Path, leaves: bool) -> None:
-    door = ConnectionLimiter(HttpLimits(idle_s=0.4))
+@pytest.mark.parametrize(("leaves", "idle_s"), [(False, 0.4), (True, 600.0)], ids=["sends no more", "is gone"])
+async def test_a_client_that_sends_no_more_leaves_no_thread(tmp_path: Path, leaves: bool, idle_s: float) -> None:
+    door = ConnectionLimiter(HttpLimits(idle_s=idle_s))
     async with serving(settings_for(tmp_path), door=door) as bench:
         await apply_calibration(bench)
         async with half_sent(bench, cloud(POINTS).astype("<f4").tobytes()) as (reader, writer):
-            await asyncio.wait_for(reader.readuntil(b"\r\n\r\n"), LIMIT_S)
             if leaves:
+                await asyncio.wait_for(reader.readuntil(b"\r\n\r\n"), LIMIT_S)
                 writer.transport.get_extra_info("socket").shutdown(socket.SHUT_WR)
             assert len(await asyncio.wait_for(reader.read(-1), LIMIT_S)) < 12 * POINTS
             await eventually(lambda: not door.taken)
@@ -82,3 +83,46 @@ async def test_the_daemon_stops_while_a_thread_waits_for_a_client(tmp_path: Path
             await asyncio.wait_for(reader.readuntil(b"\r\n\r\n"), LIMIT_S)
             assert door.taken == 1
         assert door.taken == 0
+
+
+async def test_an_answer_is_whole_though_more_than_the_body_was_sent_and_it_is_read_late(tmp_path: Path) -> None:
+    """What follows the body of a connection that closes is read, or the system would drop the rest of the answer."""
+    content = cloud(POINTS).astype("<f4").tobytes()
+    head = f"POST /register?pose={POSE} HTTP/1.1\r\nHost: localhost\r\nContent-Type: application/octet-stream\r\n"
+    door = ConnectionLimiter()
+    async with serving(settings_for(tmp_path), door=door) as bench:
+        await apply_calibration(bench)
+        url, loop = urlsplit(bench.url), asyncio.get_running_loop()
+        with socket.socket() as client:
+            client.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1 << 16)
+            client.setblocking(False)
+            await loop.sock_connect(client, (url.hostname, url.port))
+            whole = f"{head}Connection: close\r\nContent-Length: {len(content)}\r\n\r\n".encode() + content
+            sending = asyncio.create_task(loop.sock_sendall(client, whole + b"\r\n\r\n"))
+            received = bytearray()
+            while bench.application.metrics.registered_points < POINTS:
+                received += await asyncio.wait_for(loop.sock_recv(client, 1 << 14), LIMIT_S)
+            await sending
+            for _ in range(20):  # turns of the loop that is the daemon's as well, in which it closes
+                await asyncio.sleep(0)
+            with suppress(ConnectionResetError):
+                while piece := await asyncio.wait_for(loop.sock_recv(client, 1 << 14), LIMIT_S):
+                    received += piece
+        assert len(received.partition(b"\r\n\r\n")[2]) == len(content)
+
+
+async def test_a_repetition_with_a_key_is_held_against_the_whole_cloud(tmp_path: Path) -> None:
+    url, headers = f"/register?pose={POSE}", {**OCTETS, "idempotency-key": "a-1"}
+    first, other = (cloud(POINTS, seed=seed).astype("<f4").tobytes() for seed in (1, 2))
+    async with serving(settings_for(tmp_path), door=ConnectionLimiter()) as bench:
+        await apply_calibration(bench)
+
+        async def answered(content: bytes) -> bytes:
+            """The answer, when no request with the key is in progress any more."""
+            while (answer := await bench.client.post(url, content=content, headers=headers)).status_code == 409:
+                pass
+            return answer.content
+
+        assert await answered(first) == await answered(first)
+        with pytest.raises(httpx.RemoteProtocolError):  # the answer has begun when the last byte shows it
+            await answered(other)

@@ -1,6 +1,7 @@
 """How far merges, surfaces and registrations are: increasing, seldom, and as events."""
 
 import asyncio
+import threading
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,7 @@ from calibration.kinematics.stance import Stance
 from calibration.problem import Setup
 from calibration.transforms import transform
 from daemon.scans import progress
-from daemon.scans.progress import INTERVAL_S, STEP, JobStop, ProgressReports
+from daemon.scans.progress import INTERVAL_S, STEP, ProgressReports, StepEnd
 from registration.fusion.concatenation import PlacedCloud, merge_clouds
 from registration.fusion.merging import Merge
 from registration.fusion.view_surface import view_surface
@@ -36,16 +37,18 @@ async def test_a_job_reports_seldom_and_never_less_than_before() -> None:
 
 
 def test_a_job_rests_as_long_as_its_step_took_while_a_run_is_in_progress(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It waited for others for 300 s before it began."""
     rests_s: list[float] = []
     moments = [(0.0, False)]  # the clock, and whether a run is in progress
-    stop = JobStop(lambda: moments[-1][1], lambda: moments[-1][0])
-    monkeypatch.setattr(stop._stop, "wait", rests_s.append)
-    for moment in ((0.2, False), (0.5, True), (0.75, True), (1.0, False)):
+    stop = threading.Event()
+    monkeypatch.setattr(stop, "wait", rests_s.append)
+    stopped = StepEnd(stop, lambda: moments[-1][1], lambda: moments[-1][0])
+    for moment in ((300.0, True), (300.2, False), (300.5, True), (300.75, True), (301.0, False)):
         moments.append(moment)
-        assert not stop.is_set()
+        assert not stopped()
     stop.set()
-    assert stop.is_set()
-    assert rests_s == [pytest.approx(0.3), pytest.approx(0.25)]
+    assert stopped()
+    assert rests_s == pytest.approx([0.3, 0.25])
 
 
 def parts_of(folder: Path, points: int = 30_000) -> list[PlacedCloud]:
