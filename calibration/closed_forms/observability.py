@@ -57,17 +57,14 @@ class MotionSummary:
 
 def distinct_stations(base_T_flange: Array) -> list[int]:
     """Rows of the poses (n, 4, 4) that do not repeat an earlier one."""
-    return np.flatnonzero(first_at_station(base_T_flange) == np.arange(len(base_T_flange))).tolist()
+    return [row for row, pose in enumerate(base_T_flange) if not np.any(at_station(base_T_flange[:row], pose))]
 
 
-def first_at_station(base_T_flange: Array) -> NDArray[np.intp]:
-    """The first row (n,) with the pose that each of the poses (n, 4, 4) repeats; its own where it repeats none."""
-    first = np.arange(len(base_T_flange))
-    for row, pose in enumerate(base_T_flange):
-        near = np.sum((base_T_flange[:row, :3, 3] - pose[:3, 3]) ** 2, axis=1) <= SAME_POSE_MM**2
-        near[near] = rotation_angle_rad(base_T_flange[:row][near, :3, :3] @ pose[:3, :3].T) < SAME_POSE_RAD
-        first[row] = first[np.argmax(near)] if np.any(near) else row
-    return first
+def at_station(base_T_flange: Array, pose: Array) -> NDArray[np.bool_]:
+    """Mask (n,) of the poses (n, 4, 4) that are this one (4, 4), as exactly as an arm comes back."""
+    same: NDArray[np.bool_] = np.sum((base_T_flange[:, :3, 3] - pose[:3, 3]) ** 2, axis=1) <= SAME_POSE_MM**2
+    same[same] = rotation_angle_rad(base_T_flange[same, :3, :3] @ pose[:3, :3].T) < SAME_POSE_RAD
+    return same
 
 
 def summarise_motion(base_T_flange: Array) -> MotionSummary:

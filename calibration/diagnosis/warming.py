@@ -16,14 +16,14 @@ from math import sqrt
 import numpy as np
 import scipy
 
-from calibration.closed_forms.observability import SAME_POSE_MM, SAME_POSE_RAD
+from calibration.closed_forms.observability import at_station
 from calibration.kinematics.robot_accuracy import RobotNoise
 from calibration.observations.observations import STATION_REPEATED
 from calibration.observations.pose_model import predicted_camera_T_target
 from calibration.problem import Problem, View, anchor_T_mount_of
 from calibration.sentences.sentence import Sentence
 from calibration.solution import Finding, Solution
-from calibration.transforms import Array, map_points, rotation_angle_rad
+from calibration.transforms import Array, map_points
 
 MIN_RISE_C = 1.0
 """Smaller changes of temperature within a session are not looked at."""
@@ -130,7 +130,9 @@ def _shift_with_temperature(looks: list[_Look]) -> _Shift | None:
 
 def _shift_between_looks(looks: list[_Look], image_px: float) -> _Shift | None:
     """The largest shift between a first and a later look from one pose, where it is more than chance."""
-    pairs = [(first, look) for look in looks if (first := _first_from_there(looks, look)) is not look]
+    poses = np.array([look.view.base_T_flange for look in looks])
+    firsts = [looks[int(np.argmax(at_station(poses, pose)))] for pose in poses]
+    pairs = [(first, look) for first, look in zip(firsts, looks, strict=True) if first is not look]
     shifts = []
     for first, last in pairs:
         shift_px, sigma_px = float(np.linalg.norm(last.offset_px - first.offset_px)), sqrt(2) * last.sigma_px(image_px)
@@ -141,11 +143,3 @@ def _shift_between_looks(looks: list[_Look], image_px: float) -> _Shift | None:
                 shift_mm=shift_mm, sigma_px=sigma_px,
             )))  # fmt: skip
     return max(shifts, key=lambda shift: shift.mm, default=None)
-
-
-def _first_from_there(looks: list[_Look], look: _Look) -> _Look:
-    """The first look from the pose of this one."""
-    poses = np.array([one.view.base_T_flange for one in looks])
-    off_mm = np.linalg.norm(poses[:, :3, 3] - look.view.base_T_flange[:3, 3], axis=1)
-    turned_rad = rotation_angle_rad(poses[:, :3, :3] @ look.view.base_T_flange[:3, :3].T)
-    return looks[int(np.argmax((off_mm <= SAME_POSE_MM) & (turned_rad < SAME_POSE_RAD)))]

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from calibration.closed_forms.observability import first_at_station
+from calibration.closed_forms.observability import at_station
 from calibration.problem import Problem
 from calibration.sentences.sentence import Sentence
 from calibration.transforms import Array
@@ -24,6 +24,9 @@ IMAGE_REPEATED, STATION_REPEATED = "image-repeated", "duplicate-poses"
 
 MOVED_MM = 1.0
 """Least motion of the target in the camera between two views for one that was not the robot's scatter."""
+
+OTHER_JOINTS_RAD = float(np.radians(1.0))
+"""An arm whose joints are this far apart at one pose errs there in another way."""
 
 MIN_CORNERS = 4
 """Four points of a plane determine its pose; fewer do not."""
@@ -97,17 +100,12 @@ def observe(problem: Problem) -> tuple[Observations, dict[int, UnusableReason]]:
             why = UnusableReason("corners-damaged", Sentence("corners-damaged", ids=len(ids), corners=len(pixels)))
         refused[position] = why
     seen, by_corners = _usable_corners(problem, poses, whole)
-    for first_of, code, sentence in (
-        (_first_with_same_image, IMAGE_REPEATED, "image-repeated"),
-        (_first_with_same_view, STATION_REPEATED, "station-repeated"),
-    ):
-        first = first_of(seen)
-        kept = first == np.arange(len(seen))
-        for row in np.flatnonzero(~kept):
-            view = problem.views[seen.positions[first[row]]].index
-            by_corners[int(seen.positions[row])] = UnusableReason(code, Sentence(sentence, view=view))
-        seen = seen if np.all(kept) else seen.take(kept)
-    return seen, refused | by_corners
+    first_of = _first_with_same_image(seen)
+    kept = first_of == np.arange(len(seen))
+    for row in np.flatnonzero(~kept):
+        first = problem.views[seen.positions[first_of[row]]].index
+        by_corners[int(seen.positions[row])] = UnusableReason(IMAGE_REPEATED, Sentence("image-repeated", view=first))
+    return seen if np.all(kept) else seen.take(kept), refused | by_corners
 
 
 def _first_with_same_image(seen: Observations) -> NDArray[np.intp]:
@@ -117,20 +115,34 @@ def _first_with_same_image(seen: Observations) -> NDArray[np.intp]:
     return np.array([first_with.setdefault(image, row) for row, image in enumerate(images)], np.intp)
 
 
-def _first_with_same_view(seen: Observations) -> NDArray[np.intp]:
-    """The first row (n,) with the same pose and, within 1 mm, the target where it was seen then.
+def repetitions(problem: Problem, seen: Observations) -> dict[int, UnusableReason]:
+    """Why pictures are not used where another of their station has as many corners, by position in `problem.views`.
 
-    The arm errs by the same amount in both, so that a second picture tells next to nothing more of X.
+    The arm errs by the same amount in all pictures of a station, so that another one tells next to nothing more of X.
     """
-    first_of = first_at_station(seen.base_T_flange)
-    for row in np.flatnonzero(first_of != np.arange(len(seen))):
-        first = first_of[row]
-        _, here, there = np.intersect1d(seen.ids[row], seen.ids[first], return_indices=True)
-        now, then, on_target = seen.pixels[row, here], seen.pixels[first, there], seen.points_mm[row, here]
-        limit_px = MOVED_MM * np.linalg.norm(np.std(now, axis=0)) / np.linalg.norm(np.std(on_target, axis=0))
-        if len(here) < MIN_CORNERS or np.median(np.linalg.norm(now - then, axis=1)) > limit_px:
-            first_of[row] = row
-    return first_of
+    kept, repeated = list[int](), dict[int, UnusableReason]()
+    for row in np.argsort(-np.count_nonzero(seen.weights, axis=1), kind="stable").tolist():
+        there = np.flatnonzero(at_station(seen.base_T_flange[kept], seen.base_T_flange[row]))
+        same = next((kept[one] for one in there if _same_view(problem, seen, row, kept[one])), None)
+        if same is None:
+            kept.append(row)
+        else:
+            what = Sentence("station-repeated", view=problem.views[seen.positions[same]].index)
+            repeated[int(seen.positions[row])] = UnusableReason(STATION_REPEATED, what)
+    return repeated
+
+
+def _same_view(problem: Problem, seen: Observations, row: int, other: int) -> bool:
+    """Whether two pictures from one pose have the same joints, where known, and show the target within MOVED_MM."""
+    stances = (problem.views[seen.positions[one]].stance for one in (row, other))
+    joints = (() if one.joints_rad is None else one.joints_rad for one in stances)
+    moved = any(np.cos(here - there) < np.cos(OTHER_JOINTS_RAD) for here, there in zip(*joints, strict=False))
+    _, here, there = np.intersect1d(seen.ids[row], seen.ids[other], return_indices=True)
+    if moved or len(here) < MIN_CORNERS:
+        return False
+    now, then, on_target = seen.pixels[row, here], seen.pixels[other, there], seen.points_mm[row, here]
+    limit_px = MOVED_MM * np.linalg.norm(np.std(now, axis=0)) / np.linalg.norm(np.std(on_target, axis=0))
+    return bool(np.median(np.linalg.norm(now - then, axis=1)) <= limit_px)
 
 
 def rigid_mask(base_T_flange: Array) -> NDArray[np.bool_]:

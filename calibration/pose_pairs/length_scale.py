@@ -16,7 +16,7 @@ from calibration.pose_pairs.session_findings import contradicts
 from calibration.solution import ArmScale
 
 MIN_SCALE_VIEWS = 6
-"""Least views that show such a factor; with fewer it is an unknown with a prior and nothing more."""
+"""Least views from which a factor is taken to be off; fewer only shift X and widen U by its probability."""
 
 SCALE_FALSE_ALARM_PROBABILITY = 1e-5
 USUAL_SCALE_ERROR, SCALE_OFF_PROBABILITY = 2e-3, 0.1

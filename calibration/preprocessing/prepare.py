@@ -15,7 +15,7 @@ from calibration.likelihood.axis_offset import GivenCoordinate
 from calibration.likelihood.distributions import tetragamma, trigamma
 from calibration.likelihood.estimate import Estimate
 from calibration.likelihood.nuisances import Nuisances
-from calibration.observations.observations import IMAGE_REPEATED, Observations, UnusableReason, observe
+from calibration.observations.observations import IMAGE_REPEATED, Observations, UnusableReason, observe, repetitions
 from calibration.observations.reprojection import INTRINSICS, pixel_residuals
 from calibration.observations.view_poses import candidate_poses, poses_by_lens, refine_poses
 from calibration.preprocessing.corner_outliers import reject_corner_outliers
@@ -148,8 +148,9 @@ def prepare(problem: Problem) -> PreparedSession:
     nuisances = Nuisances.of(camera, problem.target.points_mm, problem.knowledge, estimated=estimated)
     poses, errors = candidate_poses(seen, camera)
     clean = reject_corner_outliers(seen, camera, poses[:, 0])
-    kept = np.setdiff1d(np.arange(len(seen)), clean.refused)
     refused |= {int(seen.positions[row]): IMAGE_DISAGREES for row in clean.refused}
+    refused |= repetitions(problem, clean.seen.take(np.setdiff1d(np.arange(len(seen)), clean.refused)))
+    kept = np.flatnonzero([position not in refused for position in seen.positions])
     if len(kept) < len(seen):
         require_observable(seen.base_T_flange[kept], offset_given=problem.axis_offset is not None)
     seen, candidates = clean.seen.take(kept), np.stack([clean.camera_T_target, poses[:, 1]], axis=1)[kept]

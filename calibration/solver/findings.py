@@ -23,9 +23,6 @@ from calibration.solver.view_outliers import Selection
 CONTRADICTING_SIGMA = 4.0
 """Deviation from a stated size, in standard deviations of statement and estimate together, that is named."""
 
-REPEATED = {IMAGE_REPEATED: "take-new-images", STATION_REPEATED: "use-each-pose-once"}
-"""Reasons for leaving out a view that tells what another one does, with what to do."""
-
 
 def solver_findings(
     problem: Problem, prepared: PreparedSession, start: InitialGuess, selection: Selection
@@ -48,9 +45,9 @@ def _images(problem: Problem, prepared: PreparedSession) -> Iterator[Finding]:
     for position, why in sorted(prepared.unusable.items()):
         by_reason.setdefault((why.code, why.what), []).append(problem.views[position].index)
     for (code, what), indices in by_reason.items():
-        advice = {IMAGE_DISAGREES.code: "compare-target", **REPEATED}
-        fix = Sentence(advice.get(code, "check-lighting"))
-        severity: Severity = "warning" if code in REPEATED else "info"
+        repeated = {IMAGE_REPEATED: "take-new-images", STATION_REPEATED: "use-each-pose-once"}
+        fix = Sentence({IMAGE_DISAGREES.code: "compare-target", **repeated}.get(code, "check-lighting"))
+        severity: Severity = "warning" if code in repeated else "info"
         yield Finding(code, severity, Sentence("views-not-used", views=indices, why=what), fix)
     if left_out := int(np.count_nonzero((prepared.seen.weights == 0) & (prepared.seen.present > 0))):
         yield Finding(
@@ -178,12 +175,8 @@ def _poses(problem: Problem, prepared: PreparedSession, selection: Selection) ->
     positions = prepared.seen.positions
     if not np.all(selection.used):
         indices = [problem.views[position].index for position in positions[~selection.used]]
-        yield Finding(
-            "pose-disagrees",
-            "warning",
-            Sentence("pose-disagrees", views=indices),
-            Sentence("check-these-poses"),
-        )
+        message = Sentence("pose-disagrees", views=indices)
+        yield Finding("pose-disagrees", "warning", message, Sentence("check-these-poses"))
 
 
 def _estimate(prepared: PreparedSession, start: InitialGuess, selection: Selection) -> Iterator[Finding]:

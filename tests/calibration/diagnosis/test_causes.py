@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from calibration.problem import Problem, Setup
+from calibration.problem import Detection, Problem, Setup, View
 from calibration.solution import Finding
 from calibration.solve import solve_hand_eye
 from calibration.targets import Charuco
@@ -186,9 +186,17 @@ def test_a_small_fault_reports_the_disagreement_before_and_after(kind: str) -> N
     assert_disagreement_is_mended(finding(fault.problem, fault.codes).message)
 
 
+def _retaken(view: View, times: int) -> View:
+    assert view.detection is not None
+    again = Detection(view.detection.ids, view.detection.corners_px + 0.02 * times)
+    return replace(view, index=view.index + 100 * times, detection=again)
+
+
+@pytest.mark.parametrize("pictures", [1, 2, 3], ids="{} at each station".format)
 @pytest.mark.parametrize(("columns", "rows", "says"), [(11, 9, "points that it does not have"), (13, 9, "do not lie")])
-def test_a_board_of_another_size_is_reported(columns: int, rows: int, says: str) -> None:
+def test_a_board_of_another_size_is_reported(columns: int, rows: int, says: str, pictures: int) -> None:
     clean = session(12)
+    clean = replace(clean, views=tuple(_retaken(view, n) for n in range(pictures) for view in clean.views))
     other = replace(clean, target=Charuco(columns, rows, 20.0, 15.0, "DICT_5X5_100"))
     verdict = judge(other, solve_hand_eye(other))
     assert not verdict.accepted

@@ -74,6 +74,16 @@ def test_poses_come_with_it():
         assert radians < 1e-4
 
 
+def test_every_picture_of_a_small_board_counts():
+    """A board of 1.5 mm pitch seldom moves by more than 1 mm in its pictures, whose robot poses nobody knows."""
+    small, turns = Chessboard(9, 7, 1.5), np.linspace(0, 2 * np.pi, 12, endpoint=False)
+    tilts = (rotation_from_vector(np.radians(22) * np.array([np.cos(one), np.sin(one), 0.0])) for one in turns)
+    seen = [map_points(transform(tilt, [0, 0, 22.0]), small.points_mm - small.points_mm.mean(axis=0)) for tilt in tilts]
+    noise = np.random.default_rng(0).normal(0, 0.05, (12, 63, 2))
+    detections = [Detection(ALL, CAMERA.project(one) + off) for one, off in zip(seen, noise, strict=True)]
+    assert len(estimate_camera(small, detections, CAMERA.image_size).positions) == 12
+
+
 def test_views_and_points_that_contradict_the_rest_are_left_out():
     rng = np.random.default_rng(3)
     detections = list(views(CAMERA, rng, 12))

@@ -71,6 +71,15 @@ def test_positions_that_share_nothing_are_reported(problem: Problem) -> None:
         verify(problem, a_calibration("c"))
 
 
+def test_positions_at_one_place_are_compared_too() -> None:
+    problem, rng = a_problem(views=1), np.random.default_rng(0)
+    first = problem.views[0]
+    assert first.detection is not None
+    again = Detection(first.detection.ids, first.detection.corners_px + rng.normal(0, 0.05, (88, 2)))
+    found = verify(replace(problem, views=(first, replace(first, index=1, detection=again))), a_calibration("c"))
+    assert found.stations == (1, 2)
+
+
 def test_the_table_in_words_is_the_seeds() -> None:
     found = verify(a_problem(), a_calibration("cal-7"))
     result = {"calibration_id": "cal-7", "verification": document_of(found, a_calibration("cal-7"), VerdictLimits())}

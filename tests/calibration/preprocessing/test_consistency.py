@@ -1,11 +1,13 @@
 """What is wrong with the input is found, named, and never silently repaired."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from calibration.problem import Detection, Problem
+from calibration.observations.observations import observe, repetitions
+from calibration.problem import Detection, Problem, View
 from calibration.solution import Solution
 from calibration.solve import estimate_session, solve_hand_eye
 from calibration.solver.solution_builder import build_solution
@@ -125,6 +127,56 @@ def test_pictures_of_one_station_are_no_further_views(times: int) -> None:
     assert [view.status for view in often.views] == 6 * ["used"] + len(again) * ["rejected"]
     assert once.uncertainty is not None and often.uncertainty is not None
     assert often.uncertainty.point_mm == pytest.approx(once.uncertainty.point_mm, rel=1e-6)
+
+
+def _few_corners(view: View) -> View:
+    """A picture in which all but a few corners are covered."""
+    assert view.detection is not None
+    few = [0, 1, 11, 12]
+    return replace(view, detection=Detection(view.detection.ids[few], view.detection.corners_px[few]))
+
+
+def _blurred(corners: Array) -> Array:
+    """Nearly half of the corners in wrong places, for which the picture is refused."""
+    corners[: int(0.45 * len(corners))] += np.random.default_rng(1).uniform(-40, 40, (int(0.45 * len(corners)), 2))
+    return corners
+
+
+@pytest.mark.parametrize("poor", [_few_corners, with_corners(_blurred)], ids=["few corners", "refused"])
+@pytest.mark.parametrize("order", [1, -1], ids=["poor first", "poor last"])
+def test_the_best_picture_of_a_station_counts(poor: Callable[[View], View], order: int) -> None:
+    """The retake of a poor picture is used, and U is that of the good pictures alone."""
+    good, rng = cell(6, 6).problem, np.random.default_rng(0)
+    noisy = with_corners(lambda corners: corners + 0.05 * rng.standard_normal(corners.shape))
+    bad = tuple(replace(poor(noisy(view)), index=6 + view.index) for view in good.views)
+    both = solve_hand_eye(replace(good, views=(*bad, *good.views)[::order]))
+    alone = solve_hand_eye(replace(good, views=good.views[::order]))
+    assert {view.index for view in both.views if view.status == "used"} == set(range(6))
+    assert alone.uncertainty is not None and both.uncertainty is not None
+    assert both.uncertainty.point_mm == pytest.approx(alone.uncertainty.point_mm, rel=1e-6)
+
+
+def _other_posture(view: View) -> View:
+    return view.standing(joints_rad=np.radians([0.0, 0.0, 0.0, 180.0, -30.0, 180.0]))
+
+
+@pytest.mark.parametrize(
+    ("again", "used"),
+    [
+        ((with_corners(lambda corners: corners + 0.1),), 1),
+        ((with_corners(lambda corners: corners + 100.0),), 2),
+        ((with_corners(lambda corners: corners + 100.0), with_corners(lambda corners: corners + 100.1)), 2),
+        ((lambda view: _other_posture(with_corners(lambda corners: corners + 0.1)(view)),), 2),
+    ],
+    ids=["as before", "target moved", "target moved, and twice", "another posture"],
+)
+def test_what_another_picture_of_a_station_is(again: tuple[Callable[[View], View], ...], used: int) -> None:
+    problem = cell(6, 6).problem
+    problem = with_view(problem, 0, lambda view: view.standing(joints_rad=np.radians([0.0, 0, 0, 0, 30, 0])))
+    more = tuple(replace(change(problem.views[0]), index=6 + n) for n, change in enumerate(again))
+    seen, _ = observe(replace(problem, views=(*problem.views, *more)))
+    left_out = repetitions(replace(problem, views=(*problem.views, *more)), seen)
+    assert len(seen) - len(left_out) == 5 + used
 
 
 def test_an_image_given_twice_counts_once() -> None:
