@@ -1,9 +1,12 @@
 """What every command shares: results on standard output, everything else on standard error, bars on a terminal only."""
 
 import errno
+import os
+import secrets
+import stat
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from json import dumps
 from pathlib import Path
@@ -25,6 +28,9 @@ Commands = tuple[Callable[..., None] | typer.Typer, ...]
 """Of an extension: functions that are commands, and groups of commands, each with a name of its own."""
 
 Json = Annotated[bool, typer.Option("--json", help="Print JSON for programs instead of words for people.")]
+
+IN_PLACE = (errno.EACCES, errno.EPERM, errno.EBUSY, errno.EXDEV, errno.ENAMETOOLONG, errno.EINVAL)
+"""Why nothing is renamed onto a file: rights of its folder, another owner, a mount of its own, a long name, a link."""
 
 # What the commands over a scan's clouds share.
 ArmErrors = Annotated[Path | None, typer.Option(help="arm.json of solve --arm: the flange is where that arm has it.")]
@@ -56,17 +62,31 @@ def writing(place: Path, fix: str = "choose another --out") -> Iterator[None]:
 
 
 def write_whole(file: Path, content: bytes) -> None:
-    """Write a file that is there when it is whole; a link or a device as it is. Raises CommandError."""
+    """Write a file that is there when it is whole, with the old one's mode and owner. Raises CommandError.
+
+    A link, a device, one of several names, and one onto which nothing can be renamed are written as they are.
+    """
+    from daemon.runtime.durable_files import rename_durably
+
+    part = file.with_name(f".{file.name}.{secrets.token_hex(4)}.part")
     with writing(file):
-        if file.is_symlink() or (file.exists() and not file.is_file()):
-            file.write_bytes(content)
-            return
-        part = file.with_name(f".{file.name}.part")
+        old = file.lstat() if os.path.lexists(file) else None
         try:
+            if old and not (stat.S_ISREG(old.st_mode) and old.st_nlink == 1 and os.access(file, os.W_OK)):
+                raise OSError(errno.EINVAL, os.strerror(errno.EINVAL))
+            part.touch(0o600 if old else 0o666, exist_ok=False)  # O_EXCL: never through a link
             part.write_bytes(content)
-            part.replace(file)
+            if old and hasattr(os, "chown"):
+                os.chown(part, old.st_uid, old.st_gid)
+            part.chmod(stat.S_IMODE((old or part.stat()).st_mode))
+            rename_durably(part, file)
+        except OSError as error:
+            if error.errno not in IN_PLACE:
+                raise
+            file.write_bytes(content)
         finally:
-            part.unlink(missing_ok=True)
+            with suppress(OSError):
+                part.unlink()
 
 
 def write_document(file: Path, document: "BaseModel") -> None:

@@ -29,7 +29,7 @@ for name in list(sys.modules):
         del sys.modules[name]
 ABSENT = (
     "O_NONBLOCK O_NOCTTY O_CLOEXEC O_NOFOLLOW O_DIRECTORY getuid geteuid fork openpty preadv pread pwritev pwrite "
-    "posix_fallocate posix_fadvise sendfile copy_file_range fchmod fchown sched_getaffinity statvfs mkfifo sync"
+    "posix_fallocate posix_fadvise sendfile copy_file_range fchmod fchown sched_getaffinity statvfs mkfifo sync chown"
 )
 for name in ABSENT.split():
     if hasattr(os, name):

@@ -1,15 +1,20 @@
 """`handeyed export FILE|ID --as FORMAT`."""
 
+import errno
 import json
+import os
 import tomllib
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from calibration.documents.calibration import CalibrationDocument
 from calibration.documents.exports.formats import FORMATS, POSE_FORMATS
 from calibration.documents.pose import PoseDocument
 from calibration.transforms import difference
+from daemon.cli.output import write_whole
 from tests.calibration.documents.exports.readers import READERS
 from tests.calibration.documents.exports.some_poses import POSES
 from tests.daemon.cli.running import handeyed
@@ -37,17 +42,60 @@ def test_a_file_is_exported_to_a_file_and_to_standard_output(tmp_path: Path) -> 
     assert handeyed("export", VERSION_1, "--as", "kuka").out == (tmp_path / "kuka").read_text()
 
 
-def test_a_full_disk_leaves_the_file_that_was_there(tmp_path: Path) -> None:
-    """The part that is renamed when it is whole stands for the disk here."""
-    out = tmp_path / "tcp.mod"
-    out.write_text("the one before")
-    (tmp_path / ".tcp.mod.part").symlink_to("/dev/full")
+def test_a_full_disk_leaves_the_file_that_was_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The disk says so when it is asked to keep what was written."""
+    out, of_another = tmp_path / "tcp.mod", tmp_path / ".tcp.mod.part"
+    for file in (out, of_another):
+        file.write_text("the one before")
+    monkeypatch.setattr(os, "fsync", _failing(errno.ENOSPC))
 
     ran = handeyed("export", VERSION_1, "--as", "rapid", "--out", out)
 
     assert (ran.status, "cannot be written (no space left" in ran.err) == (1, True)
-    assert out.read_text() == "the one before"
-    assert [one.name for one in tmp_path.iterdir()] == ["tcp.mod"]
+    assert {one.name: one.read_text() for one in tmp_path.iterdir()} == dict.fromkeys(
+        ("tcp.mod", ".tcp.mod.part"), "the one before"
+    )
+
+
+def _failing(code: int) -> Callable[..., None]:
+    def fail(*_: object) -> None:
+        raise OSError(code, os.strerror(code))
+
+    return fail
+
+
+def test_a_file_that_is_replaced_keeps_its_mode_and_owner(tmp_path: Path) -> None:
+    out = tmp_path / "tcp.mod"
+    out.write_text("the one before")
+    out.chmod(0o640)
+    if os.geteuid() == 0:
+        os.chown(out, 1234, 1234)
+    before = out.stat()
+    write_whole(out, b"new")
+    after = out.stat()
+    assert (after.st_mode, after.st_uid, after.st_gid) == (before.st_mode, before.st_uid, before.st_gid)
+    assert (out.read_bytes(), after.st_ino == before.st_ino) == (b"new", False)
+
+
+@pytest.mark.parametrize("code", [errno.EACCES, errno.EPERM, errno.EBUSY, errno.EXDEV])
+def test_where_nothing_can_be_renamed_the_file_is_written_as_it_is(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, code: int
+) -> None:
+    """A folder that is not writable, a sticky one, a file that is mounted alone into a container."""
+    out = tmp_path / "tcp.mod"
+    out.write_text("the one before")
+    monkeypatch.setattr(Path, "replace", _failing(code))
+    write_whole(out, b"new")
+    assert [(one.name, one.read_bytes()) for one in tmp_path.iterdir()] == [("tcp.mod", b"new")]
+
+
+def test_a_file_of_two_names_is_written_under_both_and_one_with_a_long_name(tmp_path: Path) -> None:
+    out, other, long = tmp_path / "tcp.mod", tmp_path / "other.mod", tmp_path / ("a" * 250)
+    out.write_text("the one before")
+    other.hardlink_to(out)
+    for file in (out, long):
+        write_whole(file, b"new")
+    assert (out.read_bytes(), other.read_bytes(), long.read_bytes()) == (b"new",) * 3
 
 
 def test_a_link_and_a_device_are_written_as_they_are(tmp_path: Path) -> None:
