@@ -321,6 +321,19 @@ NOT_ONE_CAMERA = {
     "radial terms alone": ({"K": LEFT["K"], "D": [0.1, -0.2, 0.3]}, "distortion"),
     "not a number": ({"K": LEFT["K"], "D": [0.1, ".Nan", 0, 0, 0]}, "d: distortion that is not read"),
     "double sphere": ({"fx": 350, "fy": 350, "cx": 320, "cy": 240, "xi": -0.2, "alpha": 0.6}, "xi: distortion that"),
+    "a point in a coefficient's place": (
+        {**dict.fromkeys(("fx", "fy", "cx", "cy"), 300), "k1": [0.1]},
+        "k1: distortion",
+    ),
+    "HALCON's kappa": ({**dict.fromkeys(("fx", "fy", "cx", "cy"), 300), "kappa": -900.0}, "kappa: distortion that"),
+    "21 cameras": ({str(at): LEFT | ({"D": [0.2] * 5} if at == 20 else {}) for at in range(21)}, "several cameras"),
+    "a model beside": (
+        {"lens": "f-theta", "model_type": "KANNALA_BRANDT4", "camera": LEFT},
+        "'kannala_brandt4' is not",
+    ),
+    "omni": ({"camera_model": "omni", "intrinsics": LEFT}, "'omni' is not read"),
+    "division": ({"camera": {**LEFT, "distortion_model": "division"}}, "'division' is not read"),
+    "a model in the distortion": ({"K": LEFT["K"], "distortion": {"model": "fov", "k1": 0.1}}, "'fov' is not read"),
     "of the width": ({"fx": 0.9, "fy": 1.2, "cx": 0.5, "cy": 0.5}, "in px"),
 }
 
@@ -330,6 +343,31 @@ def test_intrinsics_that_are_not_read_whole_are_refused(case: str) -> None:
     data, what = NOT_ONE_CAMERA[case]
     with pytest.raises(DocumentError, match=what):
         read_intrinsics("a.json", json.dumps(data).encode()).document((640, 480))
+
+
+FOUR = {"fx": 600, "fy": 601, "cx": 320, "cy": 240}
+BESIDE_THE_CAMERA = {
+    "name of the lens": {"lens": "Fujinon HF16", "camera": LEFT},
+    "name of the camera": {"camera_model": "acA2440", "intrinsics": LEFT},
+    "name of a maker": {"camera_model": "OmniVision OV9281", "lens": {"focal_mm": 8}, **LEFT},
+    "orientation beside": {"intrinsics": {**FOUR, "k1": 0.1}, "exterior": {"omega": 0.1, "phi": 0.2, "kappa": 0.3}},
+    "points": {**LEFT, "p1": [1, 2, 3], "p2": {"x": 1}},
+    "coefficients of another": {"camera": LEFT, "scanner": {"k1": 0.5, "distortion_model": "of the laser"}},
+    "distortion around": {"camera_matrix": FOUR, "distortion_coefficients": [0.1, 0, 0, 0, 0]},
+    "distortion beside 30 others": {"camera": FOUR, **{f"m{at}": {"a": 1} for at in range(30)}, "dist": {"k1": 0.1}},
+    "thousands of pictures": {str(at): {"cam_K": LEFT["K"], "k1": 0.1} for at in range(3000)},
+}
+
+
+@pytest.mark.parametrize("case", BESIDE_THE_CAMERA)
+def test_what_stands_beside_a_camera_is_not_its_lens(case: str) -> None:
+    read = read_intrinsics("a.json", json.dumps(BESIDE_THE_CAMERA[case]).encode())
+    assert (read.matrix[0], read.distortion[0], any(read.distortion[1:])) == ((600, 0, 320), 0.1, False)
+
+
+def test_the_angles_of_a_camera_s_pose_are_no_distortion() -> None:
+    posed = {**FOUR, "omega": 0.1, "phi": 0.2, "kappa": 0.3, "p1": [1, 2, 3], "camera_model": "acA2440"}
+    assert not read_intrinsics("a.json", json.dumps(posed).encode()).has_distortion
 
 
 def test_a_fisheye_and_a_model_that_is_not_read() -> None:
