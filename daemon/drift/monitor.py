@@ -4,7 +4,7 @@ import asyncio
 import logging
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from datetime import datetime
 
 from calibration.documents.calibration import CalibrationDocument
@@ -156,8 +156,6 @@ class DriftMonitor:
             return DriftChart()
         if record.document.mount_T_camera is None:
             return DriftChart(DriftReport(calibration_id=record.id))
-        if applied.applied_at > self.clock.timestamp():  # the clock was set back: it says not which came later
-            applied = replace(applied, applied_at="")
         return await self._chart_of(await self._verifications.of(applied, record.document), record.document)
 
     async def _chart_of(self, entries: Sequence[ChartEntry], document: CalibrationDocument) -> DriftChart:

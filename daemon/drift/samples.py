@@ -56,7 +56,6 @@ def belongs_to_chart(run: RunRecord, applied: AppliedCalibration, target_points:
         and run.state is RunState.FINISHED
         and run.result is not None
         and run.result["calibration_id"] == applied.calibration_id
-        and run.created_at >= applied.applied_at
         and not {"poses", "target"} & run.request.keys()
         and all(point["id"] < target_points for point in run.result["verification"]["points"])
     )
@@ -115,12 +114,13 @@ class VerificationHistory:
     _applied: tuple[int, str] = (0, "")
     _kept: list[ChartEntry] = field(default_factory=list)
     _last: str = ""
-    """All runs up to this one are finished and their entries kept."""
+    """All runs up to this one are finished and their entries kept, or it was begun before the calibration's time."""
 
     async def of(self, applied: AppliedCalibration, calibration: CalibrationDocument) -> Sequence[ChartEntry]:
         """The entries of this calibration, oldest first. Raises StorageError."""
         if self._applied != (applied.sequence, applied.calibration_id):
-            self._applied, self._kept, self._last = (applied.sequence, applied.calibration_id), [], ""
+            self._last, self._kept = await self.store.last_run_before(applied.sequence), []
+            self._applied = (applied.sequence, applied.calibration_id)
         points_mm = calibration.scale_of(self.target) * self.target.points_mm
         news = await self._read_new_runs(applied, points_mm)
         settled = list(takewhile(lambda read: read.over, news))
@@ -137,7 +137,7 @@ class VerificationHistory:
             page = await self.store.runs(PAGE_RUNS, before)
             fresh = list(takewhile(lambda run: run.id != self._last, page))
             news += await self.workers.run(_read_all, fresh, applied, target_points_mm)
-            if len(fresh) < PAGE_RUNS or page[-1].created_at < applied.applied_at:
+            if len(fresh) < PAGE_RUNS:
                 break
             before = page[-1].id
         return news[::-1]

@@ -333,6 +333,13 @@ class Store:
             raise NotFound(Sentence("no-such-entry", number=sequence), Sentence("see-what-was-active"))
         return found
 
+    async def last_run_before(self, sequence: int) -> str:
+        """The id of the run begun last before that entry of the history, by the audit log's order; "" without one."""
+        query = """SELECT subject FROM audit WHERE action = 'run' AND sequence < (
+            SELECT sequence FROM audit WHERE action = 'apply' AND subject = ?) ORDER BY sequence DESC LIMIT 1"""
+        found = await self._database.read(lambda db: db.execute(query, (str(sequence),)).fetchone())
+        return found[0] if found else ""
+
     async def current(self, camera: str = MAIN_CAMERA) -> tuple[AppliedCalibration, CalibrationRecord]:
         """The active calibration of a camera and its entry in the history. Raises NoCalibration."""
         applied = await self._read_applied("camera = ? ORDER BY sequence DESC LIMIT 1", camera)

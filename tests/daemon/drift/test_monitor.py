@@ -181,10 +181,26 @@ async def test_the_chart_survives_a_restart_and_passes_over_what_does_not_belong
     async with serving(settings_for(tmp_path, drift=QUICK)) as again:
         assert watch_of(again).report == before
         assert run["kind"] == "verify"
-        later = "UPDATE applied SET applied_at = '2999-01-01T00:00:00.000Z'"
-        await again.application.store._database.write(lambda db: db.execute(later))
-    async with serving(settings_for(tmp_path, drift=QUICK)) as after_the_clock_was_set_back:
-        assert watch_of(after_the_clock_was_set_back).report == before
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("applied_at", ["2999-01-01T00:00:00.000Z", "2001-01-01T00:00:00.000Z"])
+async def test_the_chart_is_of_what_was_verified_since_it_was_applied_whatever_the_clock_said(
+    tmp_path: Path, applied_at: str
+) -> None:
+    """The clock stood wrong when it was applied: no later start, and no earlier period of it, changes the chart."""
+    async with calibrated(tmp_path) as (bench, _):
+        await bench.verify()
+        applied, _ = await bench.application.store.current()
+        await bench.application.store.apply(applied)
+        for _ in range(2):
+            await bench.verify()
+        await eventually(lambda: watch_of(bench).report.verifications == 2)
+        wrong = f"UPDATE applied SET applied_at = '{applied_at}'"
+        await bench.application.store._database.write(lambda db: db.execute(wrong))
+    async with serving(settings_for(tmp_path, drift=QUICK)) as again:
+        assert watch_of(again).report.verifications == 2
+        assert (await watch_of(again).chart_of_earlier(applied.calibration_id)).report.verifications == 3
 
 
 def verification(**changes: Any) -> RunRecord:
@@ -203,7 +219,6 @@ def verification(**changes: Any) -> RunRecord:
         ({"kind": "scan"}, False),
         ({"state": RunState.FAILED, "result": None}, False),
         ({"result": {"calibration_id": "other"}}, False),
-        ({"created_at": "2026-11-21T08:00:00.000Z"}, False),
         ({"request": {"poses": []}}, False),
         ({"request": {"target": {}}}, False),
         ({"result": {"calibration_id": "c", "verification": {"points": [{"id": 88}]}}}, False),
