@@ -395,7 +395,7 @@ class Settings(Document):
                 ' let an operator apply results (policy = "operator")'
             )
         if self.calibration.arm and not (self.robot.model and self.robot.axes == AXES and self.robot.stands_upright):
-            raise ValueError("[calibration] arm is for an arm of six axes that [robot] model names, and stands upright")
+            raise ValueError("[calibration] arm needs a model of six axes, base_frame upright: else leave arm out")
         axis = self.robot.external_axis
         if setup == "eye-to-hand" and axis is not None and axis.kind == "turntable":
             raise ValueError("[robot.external_axis] a turntable carries the target, but it is on the flange here")

@@ -133,7 +133,7 @@ def test_the_errors_of_an_arm_that_hangs_are_not_asked_for() -> None:
         settings.replace("[robot]", f'[robot]\nmodel = "IRB 1600-6/1.45"\n{frame}').encode() for frame in (LEANS, HANGS)
     )
     assert parse_settings(leaning, "settings").calibration.arm
-    with pytest.raises(DocumentError, match="stands upright"):
+    with pytest.raises(DocumentError, match="base_frame upright: else leave arm out"):
         parse_settings(hanging, "settings")
 
 
