@@ -31,7 +31,10 @@ _LIST = re.compile(
     rf"\b([A-Za-z]\w{{0,13}}(?: \(\w+\))?)\s*[=:]?\s*[\[(]\s*({_NUMBER}(?:[\s,;]+{_NUMBER}){{2,15}})\s*[\])]"
 )
 _LISTED = re.compile(rf"(.*?[\[(=]\s*)({_NUMBER}(?:\s*,\s*{_NUMBER}){{5,15}})\s*(?:[\])].*)?$")
-_FRAMES = re.compile(r"\b(UF|UT|TOOL_NO|BASE_NO)\s*[: =]\s*([1-9]\d*)|\$(TOOL|BASE)\s*=\s*([^$\s][^\n;]*)")
+_NULL_FRAME = r"\$|\s|\w+\s*\[\s*0\s*\]"  # $NULLFRAME, BASE_DATA[0]
+_FRAMES = re.compile(
+    rf"\b(UF|UT|TOOL_NO|BASE_NO)\s*[: =]\s*([1-9]\d*|F\b)|\$(TOOL|BASE)\s*=\s*(?!{_NULL_FRAME})([^\n;]*)"
+)
 _COMMA_NUMBER = r"[-+]?\d+,\d+(?:[eE][-+]?\d+)?"
 _PAIR = re.compile(
     rf"\b([A-Za-z][A-Za-z0-9_]{{0,19}})\s*[=:\s]\s*({_COMMA_NUMBER}|{_NUMBER})\s*(mm|m|deg|°|rad)?"

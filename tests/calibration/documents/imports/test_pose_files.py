@@ -132,3 +132,20 @@ def test_a_tool_and_a_base_of_the_poses_are_said(name: str, row: str, said: str)
     )
     assert of_flange.notes == ()
     assert said in of_tool.notes[0]
+
+
+@pytest.mark.parametrize(
+    ("frames", "said"),
+    [
+        ("$BASE=BASE_DATA[0]\n$TOOL = TOOL_DATA[0]", ()),
+        ("$BASE=$NULLFRAME", ()),
+        ("$BASE=BASE_DATA[10]", ("BASE BASE_DATA[10]",)),
+        ("UF : F, UT : 0", ("UF F",)),
+        ("UF : F, UT : F", ("UF F, UT F",)),
+    ],
+)
+def test_the_null_frame_is_no_base_and_the_one_in_use_may_be(frames: str, said: tuple[str, ...]) -> None:
+    poses = read_poses("a.src", lines(frames, *(KUKA.format(at=at, base=0, tool=0) for at in range(4))))
+    assert poses.notes == tuple(
+        f"the poses are of {one}: X is that tool's, and places are in that base" for one in said
+    )
