@@ -20,8 +20,7 @@ def calibrate(
         typer.Option(metavar="MM", help="Stop when a measured point is known as well as this (one sigma, mm)."),
     ] = None,
     tolerance: Annotated[
-        float | None,
-        typer.Option(metavar="MM", help="Stop at, and accept up to, this U (k = 2) at the worst point."),
+        float | None, typer.Option(metavar="MM", help="Stop at, and accept up to, this U (k = 2) at the worst point.")
     ] = None,
     manual: Annotated[
         bool, typer.Option("--manual", help="You jog the arm and take each picture with Enter; nothing else moves it.")

@@ -81,8 +81,7 @@ def solve(
         ),
     ] = None,
     tolerance: Annotated[
-        float | None,
-        typer.Option(metavar="MM", help="Accept up to this U (k = 2) at the worst point."),
+        float | None, typer.Option(metavar="MM", help="Accept up to this U (k = 2) at the worst point.")
     ] = None,
     at: Annotated[
         Path | None,

@@ -13,15 +13,7 @@ from calibration.problem import Problem, View
 from calibration.sentences.sentence import Sentence
 from calibration.transforms import difference
 from daemon.cell.cell import Cell
-from daemon.errors import (
-    CellNotReady,
-    DaemonError,
-    OperatorTimeout,
-    SamePose,
-    StorageError,
-    TargetNotSeen,
-    TooFewViews,
-)
+from daemon.errors import CellNotReady, DaemonError, OperatorTimeout, SamePose, StorageError, TargetNotSeen, TooFewViews
 from daemon.model.records import Planning, ShiftDocument, TurnDocument
 from daemon.model.run_states import RunEvent as E
 from daemon.model.run_states import RunState

@@ -41,10 +41,7 @@ TO_PROVE = 3
 MAX_UNANSWERED = 2
 """Attempts of a question the device need not support; then another one is tried."""
 NO_SUCH_BITS = (ExceptionCode.ILLEGAL_DATA_ADDRESS, ExceptionCode.ILLEGAL_DATA_VALUE)
-OTHER = {
-    Function.READ_COILS: Function.READ_DISCRETE_INPUTS,
-    Function.READ_DISCRETE_INPUTS: Function.READ_COILS,
-}
+OTHER = {Function.READ_COILS: Function.READ_DISCRETE_INPUTS, Function.READ_DISCRETE_INPUTS: Function.READ_COILS}
 
 
 class AnswerKind(Enum):

@@ -2,15 +2,7 @@
 
 from dataclasses import dataclass
 
-from protocols.modbus.words import (
-    WordOrder,
-    Words,
-    crc16,
-    float_words,
-    integer_words,
-    text_words,
-    unsigned_words,
-)
+from protocols.modbus.words import WordOrder, Words, crc16, float_words, integer_words, text_words, unsigned_words
 from protocols.plc.codes import ContentsBit, PlcCommand, PlcVerdict
 from protocols.plc.registers import BY_NAME, REGISTERS, RESULT, SIZE, Kind, Register
 

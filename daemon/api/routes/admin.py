@@ -34,10 +34,7 @@ router = api_router(tags=["access"])
 
 
 @router.post(
-    "/setup",
-    response_model=NewKeyDocument,
-    status_code=201,
-    responses=problem_responses(400, 403, 409, 413, 500, 507),
+    "/setup", response_model=NewKeyDocument, status_code=201, responses=problem_responses(400, 403, 409, 413, 500, 507)
 )
 async def setup(
     request: Request, app: App, body: Annotated[SetupRequest, Depends(JsonBody(SetupRequest))]

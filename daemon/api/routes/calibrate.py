@@ -99,9 +99,7 @@ async def acceptance(app: App, acceptance_id: Identifier) -> StoredAcceptance:
 
 
 @router.post(
-    "/verify",
-    response_model=RunDocument | AcceptanceDocument,
-    responses={**STARTED, **problem_responses(404, 429)},
+    "/verify", response_model=RunDocument | AcceptanceDocument, responses={**STARTED, **problem_responses(404, 429)}
 )
 async def verify(
     request: Request, app: App, body: Annotated[VerifyRequest, Depends(JsonBody(VerifyRequest))], wait: Wait = 0.0

@@ -226,9 +226,7 @@ async def compare_with(
     responses=problem_responses(400, 404, 409, 413, 422, 429, 500, 507),
 )
 async def solve_again(
-    app: App,
-    calibration_id: Identifier,
-    body: Annotated[SolveRequest, Depends(JsonBody(SolveRequest))],
+    app: App, calibration_id: Identifier, body: Annotated[SolveRequest, Depends(JsonBody(SolveRequest))]
 ) -> Response:
     """Solve the same pictures again, `without` some of the views or with another method: a calibration of its own,
     not applied. 409 while a run is in progress."""

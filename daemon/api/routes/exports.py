@@ -35,11 +35,7 @@ Decimals = Annotated[int, Query(ge=0, le=MAX_DECIMALS, description="of lengths i
 EVERY: dict[str, ExportFormat[Any]] = {**FORMATS, **POSE_FORMATS}
 
 
-@router.get(
-    "/{calibration_id}/exports",
-    response_model=ExportList,
-    responses={**problem_responses(404, 409)},
-)
+@router.get("/{calibration_id}/exports", response_model=ExportList, responses={**problem_responses(404, 409)})
 async def exports(app: App, calibration_id: Identifier) -> ExportList:
     """The formats in which this calibration and its poses can be had. "current" is the active one."""
     document = await app.operations.calibrations.find(calibration_id)

@@ -26,13 +26,7 @@ from daemon.reports.context import DeviationMap, Picture, ReportContext, context
 from daemon.reports.errors import ReportTooSlow
 from daemon.reports.pages import policy_of
 from daemon.reports.pdf import Attached, write_pdf
-from daemon.reports.reports import (
-    acceptance_report,
-    calibration_report,
-    drift_report,
-    scan_report,
-    verification_report,
-)
+from daemon.reports.reports import acceptance_report, calibration_report, drift_report, scan_report, verification_report
 from daemon.scans.scanner_acceptance import AcceptanceDocument
 from daemon.sessions.pictures import PictureType, encode_picture
 from daemon.sessions.session_files import find_grey

@@ -26,10 +26,7 @@ def sensors_of(app: Application) -> RigSensors:
 
 
 @router.post(
-    "",
-    response_model=StoredRig,
-    status_code=201,
-    responses=problem_responses(400, 403, 409, 413, 422, 429, 500, 507),
+    "", response_model=StoredRig, status_code=201, responses=problem_responses(400, 403, 409, 413, 422, 429, 500, 507)
 )
 async def store_rig(
     request: Request,

@@ -158,9 +158,7 @@ async def views(app: App, run_id: Identifier) -> Response:
 
 
 @router.get(
-    "/{run_id}/frames/{k}",
-    response_class=Response,
-    responses={200: PICTURES, **problem_responses(404, 406, 502)},
+    "/{run_id}/frames/{k}", response_class=Response, responses={200: PICTURES, **problem_responses(404, 406, 502)}
 )
 async def frame(
     request: Request,

@@ -7,15 +7,7 @@ from typing import Literal
 
 from calibration.transforms import Array
 from drivers.errors import DeviceError, MoveFailed, MoveRefused, MoveStalled
-from drivers.interfaces import (
-    JointGoal,
-    MoveGoal,
-    PoseReading,
-    RobotCapabilities,
-    RobotSetup,
-    RobotStatus,
-    Standstill,
-)
+from drivers.interfaces import JointGoal, MoveGoal, PoseReading, RobotCapabilities, RobotSetup, RobotStatus, Standstill
 from drivers.robots.abb import cb_wire
 from drivers.robots.abb.cb_link import CbLink
 from drivers.robots.abb.cb_move_monitor import MoveMonitor
