@@ -74,7 +74,7 @@ def write_whole(file: Path, content: bytes) -> None:
         try:
             if old and not (stat.S_ISREG(old.st_mode) and old.st_nlink == 1 and os.access(file, os.W_OK)):
                 raise OSError(errno.EINVAL, os.strerror(errno.EINVAL))
-            part.touch(0o600 if old else 0o666, exist_ok=False)  # O_EXCL: never through a link
+            os.close(os.open(part, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600 if old else 0o666))  # through no link
             part.write_bytes(content)
             if old and hasattr(os, "chown"):
                 os.chown(part, old.st_uid, old.st_gid)

@@ -1,4 +1,4 @@
-"""Rows of the store whose columns are not what was stored: each is told by its id, and the others are read."""
+"""Rows of the store whose columns are not what was stored: each is named by its id, and the others are read."""
 
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager

@@ -118,10 +118,10 @@ def intrinsics_within(of_lens: Record, plain: Record, matrix: list[float], origi
     if not (np.all(np.isfinite(rows)) and np.diag(rows)[:2].min() > MIN_FOCAL_PX and np.allclose(rows[2], [0, 0, 1])):
         raise refusal(origin, "camera matrix", "not one in px", "write fx, 0, cx / 0, fy, cy / 0, 0, 1", HEADING)
     nested = of_lens.get("distortion")
-    told = nested.get("type", nested.get("model")) if isinstance(nested, Mapping) else None
+    kind = nested.get("type", nested.get("model")) if isinstance(nested, Mapping) else None
     named = (of_lens.get(key) for key in ("lens", "camera_model", "model_type"))
     words = [
-        str(of_lens.get("distortion_model") or told or "").lower(),
+        str(of_lens.get("distortion_model") or kind or "").lower(),
         *(one.lower() for one in named if isinstance(one, str)),
     ]
     for one in (one for at, one in enumerate(words) if one not in READ and (at == 0 or OTHER_MODELS.search(one))):
