@@ -17,9 +17,10 @@ from starlette.types import Receive, Scope, Send
 
 from daemon.api.http_errors import BodyTooLarge
 from daemon.api.problems import answer, problem_of
-from daemon.api.streaming.request_body import body_chunks, lend_body, take_socket
+from daemon.api.streaming.request_body import body_chunks, lend_body
 from daemon.api.streaming.spool import MAX_READER_WAIT_S, AwaitedSpool
 from daemon.errors import StorageError
+from daemon.http.connections import TAKE_SOCKET
 from daemon.http.taken_socket import READ, WRITE, TakenSocket
 from registration.errors import CloudTooLong, CloudTruncated, RegistrationError
 from registration.io.formats.ply import with_frame
@@ -163,7 +164,8 @@ class CloudResponse(Response):
             async with aclosing(body_chunks(receive)) as chunks:
                 await passage.begin(chunks)
                 sized = not passage.complete and passage.answer_length() is not None
-                taken = take_socket(scope) if sized else None
+                take = scope.get("state", {}).get(TAKE_SOCKET) if sized else None
+                taken = take() if take is not None else None
                 begun = True
                 if taken is not None:
                     await taken.run(self._start(passage, send), passage.exchange)

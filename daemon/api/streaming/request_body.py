@@ -5,20 +5,13 @@ from collections.abc import AsyncGenerator
 from starlette.requests import ClientDisconnect
 from starlette.types import Receive, Scope
 
-from daemon.http.connections import LEND_BODY, TAKE_SOCKET
-from daemon.http.taken_socket import TakenSocket
+from daemon.http.connections import LEND_BODY
 
 
 def lend_body(scope: Scope) -> None:
     """From here on the pieces of a large body come as views, each valid until the next one is asked for."""
     if (lend := scope.get("state", {}).get(LEND_BODY)) is not None:
         lend()
-
-
-def take_socket(scope: Scope) -> TakenSocket | None:
-    """The socket, for the rest of a large body and its answer, which begins next; None where no thread can have it."""
-    take = scope.get("state", {}).get(TAKE_SOCKET)
-    return take() if take is not None else None
 
 
 async def body_chunks(receive: Receive) -> AsyncGenerator[bytes | memoryview]:
