@@ -29,7 +29,8 @@ Commands = tuple[Callable[..., None] | typer.Typer, ...]
 
 Json = Annotated[bool, typer.Option("--json", help="Print JSON for programs instead of words for people.")]
 
-IN_PLACE = (errno.EACCES, errno.EPERM, errno.EBUSY, errno.EXDEV, errno.ENAMETOOLONG, errno.EINVAL)
+REASONS = "ACCES PERM ROFS BUSY XDEV NAMETOOLONG INVAL NOSYS OPNOTSUPP"
+IN_PLACE = {getattr(errno, f"E{reason}") for reason in REASONS.split()}
 """Why nothing is renamed onto a file: rights of its folder, another owner, a mount of its own, a long name, a link."""
 
 # What the commands over a scan's clouds share.
@@ -68,7 +69,7 @@ def write_whole(file: Path, content: bytes) -> None:
     """
     from daemon.runtime.durable_files import rename_durably
 
-    part = file.with_name(f".{file.name}.{secrets.token_hex(4)}.part")
+    part = file.parent / f".{file.name}.{secrets.token_hex(4)}.part"
     with writing(file):
         old = file.lstat() if os.path.lexists(file) else None
         try:
@@ -78,7 +79,8 @@ def write_whole(file: Path, content: bytes) -> None:
             part.write_bytes(content)
             if old and hasattr(os, "chown"):
                 os.chown(part, old.st_uid, old.st_gid)
-            part.chmod(stat.S_IMODE((old or part.stat()).st_mode))
+            if old:
+                part.chmod(stat.S_IMODE(old.st_mode))
             rename_durably(part, file)
         except OSError as error:
             if error.errno not in IN_PLACE:

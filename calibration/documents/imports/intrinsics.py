@@ -102,7 +102,7 @@ def _numbers(plain: Record, names: Keys, counts: Container[int], missing: float 
         while isinstance(value, Mapping):
             value = value.get("data", value.get("parameters"))
         if len(keys) > 1:
-            value = [missing if number_of(plain.get(key)) is None else number_of(plain.get(key)) for key in keys]
+            value = [number_of(plain[key]) if key in plain else missing for key in keys]
         array = array_of(value.split() if isinstance(value, str) else value if isinstance(value, list) else [value])
         if array is not None and array.size in counts:
             return [float(number) for number in array.ravel()]
@@ -118,12 +118,10 @@ def intrinsics_within(of_lens: Record, plain: Record, matrix: list[float], origi
     if not (np.all(np.isfinite(rows)) and np.diag(rows)[:2].min() > MIN_FOCAL_PX and np.allclose(rows[2], [0, 0, 1])):
         raise refusal(origin, "camera matrix", "not one in px", "write fx, 0, cx / 0, fy, cy / 0, 0, 1", HEADING)
     nested = of_lens.get("distortion")
-    kind = nested.get("type", nested.get("model")) if isinstance(nested, Mapping) else None
-    named = (of_lens.get(key) for key in ("lens", "camera_model", "model_type"))
-    words = [
-        str(of_lens.get("distortion_model") or kind or "").lower(),
-        *(one.lower() for one in named if isinstance(one, str)),
-    ]
+    inner = {str(key).lower(): one for key, one in nested.items()} if isinstance(nested, Mapping) else {}
+    stated_model = str(of_lens.get("distortion_model") or inner.get("type", inner.get("model")) or "").lower()
+    named = (of_lens.get(key) for key in ("camera_model", "model_type", *["lens"] * (not stated_model)))
+    words = [stated_model, *(one.lower() for one in named if isinstance(one, str))]
     for one in (one for at, one in enumerate(words) if one not in READ and (at == 0 or OTHER_MODELS.search(one))):
         raise refusal(origin, "distortion model", f"{one!r} is not read", "calibrate as pinhole or fisheye", HEADING)
     model = next((one for one in words if one and one in READ), "")
@@ -153,6 +151,6 @@ POINT = re.compile(r"p\d$")
 OF_DISTORTION = re.compile(r"dist(?!ance)|radial|tangential|coeff|kappa|kc|d$|xi$|[kp]\d$")
 OF_LENS = re.compile(r"cam|lens|intrin|^(dist(?!ance)|radial|tangential|coeff|d$)")
 OTHER_MODELS = re.compile(
-    r"fish|equi|omni(?!v)|kannala|kb\d|division|spher|\bds\b|ucm|ocam|scaramuzza|\bmei\b|fov$|atan$|prism|polynom|graphic$"
+    r"fish|equi|omni(?!v)|kannala|kb\d|division|(?<!a)spher|\bds\b|ucm|\bocam\b(?!-)|scaramuzza|\bmei\b|^fov$|atan$|polynom|graphic$"
 )
 """In the name of a camera or lens, those of models that are not read; other words are names of products."""

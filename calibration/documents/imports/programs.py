@@ -33,7 +33,7 @@ _LIST = re.compile(
 _LISTED = re.compile(rf"(.*?[\[(=]\s*)({_NUMBER}(?:\s*,\s*{_NUMBER}){{5,15}})\s*(?:[\])].*)?$")
 _NULL_FRAME = r"\$|\s|\w+\s*\[\s*0\s*\]"  # $NULLFRAME, BASE_DATA[0]
 _FRAMES = re.compile(
-    rf"\b(UF|UT|TOOL_NO|BASE_NO)\s*[: =]\s*([1-9]\d*|F\b)|\$(TOOL|BASE)\s*=\s*(?!{_NULL_FRAME})([^\n;]*)"
+    rf"\b(UF|UT|TOOL_NO|BASE_NO)\s*[: =]\s*([1-9]\d*|F\b)|\$(TOOL|BASE)\s*=\s*(?!{_NULL_FRAME})([^\n;]+)"
 )
 _COMMA_NUMBER = r"[-+]?\d+,\d+(?:[eE][-+]?\d+)?"
 _PAIR = re.compile(

@@ -77,7 +77,7 @@ def test_a_file_that_is_replaced_keeps_its_mode_and_owner(tmp_path: Path) -> Non
     assert (out.read_bytes(), after.st_ino == before.st_ino) == (b"new", False)
 
 
-@pytest.mark.parametrize("code", [errno.EACCES, errno.EPERM, errno.EBUSY, errno.EXDEV])
+@pytest.mark.parametrize("code", [errno.EACCES, errno.EPERM, errno.EBUSY, errno.EROFS])
 def test_where_nothing_can_be_renamed_the_file_is_written_as_it_is(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, code: int
 ) -> None:
@@ -96,6 +96,13 @@ def test_a_file_of_two_names_is_written_under_both_and_one_with_a_long_name(tmp_
     for file in (out, long):
         write_whole(file, b"new")
     assert (out.read_bytes(), other.read_bytes(), long.read_bytes()) == (b"new",) * 3
+
+
+def test_a_folder_is_no_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    for folder in (".", "/", tmp_path):
+        ran = handeyed("export", VERSION_1, "--as", "rapid", "--out", folder)
+        assert (ran.status != 0, "directory" in ran.err) == (True, True), ran.err
 
 
 def test_a_link_and_a_device_are_written_as_they_are(tmp_path: Path) -> None:

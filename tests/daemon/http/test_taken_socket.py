@@ -101,7 +101,10 @@ async def test_an_answer_is_whole_though_more_than_the_body_was_sent_and_it_is_r
             sending = asyncio.create_task(loop.sock_sendall(client, whole + b"\r\n\r\n"))
             received = bytearray()
             while bench.application.metrics.registered_points < POINTS:
-                received += await asyncio.wait_for(loop.sock_recv(client, 1 << 14), LIMIT_S)
+                piece = await asyncio.wait_for(loop.sock_recv(client, 1 << 14), LIMIT_S)
+                assert piece
+                received += piece
+                await asyncio.sleep(0)  # for the daemon, whose loop it is
             await sending
             for _ in range(20):  # turns of the loop that is the daemon's as well, in which it closes
                 await asyncio.sleep(0)

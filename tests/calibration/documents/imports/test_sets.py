@@ -334,6 +334,8 @@ NOT_ONE_CAMERA = {
     "omni": ({"camera_model": "omni", "intrinsics": LEFT}, "'omni' is not read"),
     "division": ({"camera": {**LEFT, "distortion_model": "division"}}, "'division' is not read"),
     "a model in the distortion": ({"K": LEFT["K"], "distortion": {"model": "fov", "k1": 0.1}}, "'fov' is not read"),
+    "a model with capitals": ({"K": LEFT["K"], "Distortion": {"Model": "Fov", "K1": 0.1}}, "'fov' is not read"),
+    "a list beside a number": ({**dict.fromkeys(("fx", "fy", "cx", "cy"), 300), "k1": 0.1, "p1": [0.01]}, "k1: dist"),
     "of the width": ({"fx": 0.9, "fy": 1.2, "cx": 0.5, "cy": 0.5}, "in px"),
 }
 
@@ -349,6 +351,7 @@ FOUR = {"fx": 600, "fy": 601, "cx": 320, "cy": 240}
 BESIDE_THE_CAMERA = {
     "name of the lens": {"lens": "Fujinon HF16", "camera": LEFT},
     "name of the camera": {"camera_model": "acA2440", "intrinsics": LEFT},
+    "an aspherical lens": {"lens": "aspherical 12 mm, 82 deg HFOV", "camera_model": "oCam-5CRO-U", **LEFT},
     "name of a maker": {"camera_model": "OmniVision OV9281", "lens": {"focal_mm": 8}, **LEFT},
     "orientation beside": {"intrinsics": {**FOUR, "k1": 0.1}, "exterior": {"omega": 0.1, "phi": 0.2, "kappa": 0.3}},
     "points": {**LEFT, "p1": [1, 2, 3], "p2": {"x": 1}},
