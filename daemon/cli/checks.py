@@ -42,13 +42,13 @@ from drivers.interfaces import Camera, CaptureSettings, ProfileSource, Robot, Ro
 from drivers.robots.base_frame import read_base_frame
 from drivers.serial_errors import SERIAL_ERRORS, reason_of
 from handeyed.client import Client
-from handeyed.errors import ClientError, NoDaemon
+from handeyed.errors import ClientError, NoDaemon, Refused
 
 # The check through the daemon that holds the cell: whether it runs with this file, and what it says of its devices.
 #
 # A device that a daemon holds is never opened: an ABB controller would refuse, a camera be taken from the run.
 
-MAX_ANSWER_S = 4.0
+MAX_ANSWER_S = 20.0
 WITH_A_KEY = "give a key in HANDEYED_KEY, or check as root or as the daemon's user"
 
 
@@ -83,7 +83,8 @@ def _results(daemon: Client, runs: str, loaded: SettingsFile | None) -> list[Che
     try:
         about, readiness = daemon.get("/about"), daemon.get("/calibrate")
     except ClientError as error:
-        return [CheckResult("daemon", True, runs), CheckResult("cell", False, error.what, WITH_A_KEY)]
+        cell = CheckResult("cell", False, error.what, WITH_A_KEY if isinstance(error, Refused) else error.fix)
+        return [CheckResult("daemon", True, runs), cell]
     other = other_settings(about.get("settings"), loaded)
     if other is not None:
         return [CheckResult("daemon", False, f"{runs}, {other[0]}; no device was asked", other[1])]

@@ -113,7 +113,7 @@ def test_ctrl_c_stops_the_arm(running: Running) -> None:
 
 
 def test_a_calibration_folder_of_the_daemon_can_be_solved_again(running: Running) -> None:
-    run = httpx.get(f"{running.url}/runs", timeout=LIMIT_S).json()["runs"][-1]["id"]
+    run = httpx.post(f"{running.url}/calibrate", params={"wait": LIMIT_S}, timeout=2 * LIMIT_S).json()["id"]
 
     ran = handeyed("solve", running.settings.parent / "store" / "runs" / run, "--json")
 
