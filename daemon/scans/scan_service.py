@@ -185,8 +185,8 @@ class ScanService:
         stop, on_progress = threading.Event(), self._progress_of("merge", scan_id, view)
 
         def merge_until_stopped() -> None:
-            merge_clouds(clouds, target, calibration_id, merge, self._step_end(stop), on_progress)
-            if stop.is_set():
+            merge_clouds(clouds, target, calibration_id, merge, stopped := self._step_end(stop), on_progress)
+            if stopped():  # averaging and writing, the last step, is long: it rests after that, too
                 target.unlink(missing_ok=True)
 
         try:
