@@ -177,7 +177,7 @@ class CloudResponse(Response):
             await send({"type": "http.response.body", "body": b"", "more_body": False})
         except (*REFUSALS, ClientDisconnect) as error:
             if begun:  # without the end of the answer, so that clients detect a truncated one
-                log.warning("a streamed cloud was cut off: %s", error or "the client disconnected")
+                log.warning("a streamed cloud was cut off: %s", str(error) or "the client disconnected")
             elif not isinstance(error, ClientDisconnect):
                 await answer(problem_of(error), {"Connection": "close"})(scope, receive, send)
         finally:

@@ -61,7 +61,9 @@ async def test_as_many_clouds_as_there_are_threads_and_one_more(tmp_path: Path) 
 
 
 @pytest.mark.parametrize(("leaves", "idle_s"), [(False, 0.4), (True, 600.0)], ids=["sends no more", "is gone"])
-async def test_a_client_that_sends_no_more_leaves_no_thread(tmp_path: Path, leaves: bool, idle_s: float) -> None:
+async def test_a_client_that_sends_no_more_leaves_no_thread(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, leaves: bool, idle_s: float
+) -> None:
     door = ConnectionLimiter(HttpLimits(idle_s=idle_s))
     async with serving(settings_for(tmp_path), door=door) as bench:
         await apply_calibration(bench)
@@ -72,6 +74,7 @@ async def test_a_client_that_sends_no_more_leaves_no_thread(tmp_path: Path, leav
             assert len(await asyncio.wait_for(reader.read(-1), LIMIT_S)) < 12 * POINTS
             await eventually(lambda: not door.taken)
         assert (await bench.client.get("/health")).status_code == 200
+        assert "a streamed cloud was cut off: the client disconnected" in caplog.text
 
 
 async def test_the_daemon_stops_while_a_thread_waits_for_a_client(tmp_path: Path) -> None:
