@@ -174,7 +174,7 @@ class Cabinet(ABC):
         return float(np.degrees(self.arm.joints_at(robot_s)[6])), *self.external_axes[1:]
 
     @abstractmethod
-    def tick(self, now_s: float) -> list[cb.Answer]:
+    def tick(self, now_s: float) -> list[cb.Success]:
         """Advance to `now_s`; returns messages to announce without a request."""
 
     @abstractmethod

@@ -71,7 +71,7 @@ class Controller(Cabinet):
 
     # --- time ---
 
-    def tick(self, now_s: float) -> list[cb.Answer]:
+    def tick(self, now_s: float) -> list[cb.Success]:
         """Advance to `now_s`: heartbeat and end of the move. Returns messages to announce."""
         if self._heard_at_s is not None and now_s - self._heard_at_s >= HEARTBEAT_S:
             self._heard_at_s = None

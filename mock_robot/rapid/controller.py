@@ -287,7 +287,7 @@ class RapidController(Cabinet):
 
     # --- switches ---
 
-    def tick(self, now_s: float) -> list[cb.Answer]:
+    def tick(self, now_s: float) -> list[cb.Success]:
         """Nothing to do: the tasks run in threads."""
         return []
 

@@ -14,7 +14,7 @@ from protocols.cb.events import (
 )
 from protocols.cb.frames import ChecksumFailed, Frame, FrameReader, FramingBroken, GarbageSkipped, ReaderEvent
 from protocols.cb.layouts import ANSWERS, COMMAND_OF, REQUESTS, good_status, pack, unpack
-from protocols.cb.messages import Answer, Hello, Refused, Reply
+from protocols.cb.messages import Hello, Refused, Reply, Success
 from protocols.cb.session_state import ALLOWED_COMMANDS, STATE_AFTER, SessionState
 from protocols.counter import MAX_COUNT
 
@@ -81,7 +81,7 @@ class ControllerSession:
         last = self._last
         return last.reply if last is not None and last.request.seq == seq else None
 
-    def announce(self, answer: Answer) -> bytes:
+    def announce(self, answer: Success) -> bytes:
         """Encode a message that answers no request: sequence number 0."""
         return self._encode(0, COMMAND_OF[type(answer)], answer)
 

@@ -1,4 +1,4 @@
-"""Binary layouts of the CB link's messages: one table, with encoding and decoding.
+"""Binary layouts of the CB link's messages, read off the types of their fields, with encoding and decoding.
 
 Little-endian; every real number is a float32 on the wire.
 """
@@ -6,39 +6,21 @@ Little-endian; every real number is a float32 on the wire.
 import struct
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from enum import EnumType
+from typing import Annotated, Any, get_args, get_origin, get_type_hints
 
-from protocols.cb.codes import Capability, Command, Flag, FrameSelector, MoveKind, Output, Status
+from protocols.cb.codes import Command, Status
 from protocols.cb.errors import FieldOutOfRange, PayloadRefused
 from protocols.cb.messages import (
-    Answer,
-    ArmingDone,
-    Bye,
-    ErrorText,
-    Farewell,
-    GetError,
-    GetJoints,
-    GetPose,
-    GetSetup,
-    GetStatus,
-    Hello,
+    MESSAGES,
+    ConfData,
+    Four,
     JointMoveAccepted,
-    Joints,
-    Move,
     MoveAccepted,
-    MoveJoints,
-    OutputDone,
-    Ping,
-    Pong,
-    Pose,
-    Report,
     Request,
-    SetArmed,
-    SetOutput,
-    Setup,
-    Stop,
-    Stopped,
-    Welcome,
+    Six,
+    Success,
+    Three,
 )
 
 
@@ -60,98 +42,28 @@ def _text(padded: bytes) -> str:
     return padded.rstrip(b"\0").decode("latin-1")
 
 
-_POSE = (
-    _Field("position_mm", "3f"),
-    _Field("quaternion_wxyz", "4f"),
-    _Field("configuration", "4h"),
-    _Field("external_axes", "6f"),
-)
+_LAYOUTS: dict[Any, str] = {float: "f", str: "80s", Three: "3f", Four: "4f", Six: "6f", ConfData: "4h"}
+"""Of each type but whole numbers, truths and codes, in the format of `struct`."""
+
+_CONVERTED: dict[Any, Callable[[Any], Any]] = {bool: _boolean, str: _text}
+
+
+def _field(name: str, hint: Any) -> _Field:
+    kind, *stated = get_args(hint) if get_origin(hint) is Annotated else (hint,)
+    convert = kind if isinstance(kind, EnumType) else _CONVERTED.get(kind)
+    return _Field(name, stated[0] if stated else _LAYOUTS.get(kind, "H"), convert)
+
 
 _FIELDS: dict[type[Any], tuple[_Field, ...]] = {
-    Ping: (),
-    Hello: (_Field("version_min", "H"), _Field("version_max", "H"), _Field("client_id", "H"), _Field("flags", "H")),
-    GetPose: (_Field("frame", "H", FrameSelector),),
-    Move: (*_POSE, _Field("speed_mm_s", "f"), _Field("kind", "Hxx", MoveKind)),
-    Stop: (),
-    GetStatus: (),
-    SetArmed: (_Field("session", "H"), _Field("armed", "H", _boolean)),
-    GetJoints: (),
-    Bye: (),
-    Pong: (),
-    Welcome: (
-        _Field("version", "H"),
-        _Field("capabilities", "H", Capability),
-        _Field("session", "H"),
-        _Field("build", "H"),
-        _Field("rawbytes_max", "H"),
-        _Field("robot_axes", "H"),
-    ),
-    Pose: (*_POSE, _Field("t_ms", "I"), _Field("flags", "Hxx", Flag)),
-    MoveAccepted: (),
-    Stopped: (),
-    Report: (
-        _Field("flags", "H", Flag),
-        _Field("finished_seq", "H"),
-        _Field("finished_status", "H"),
-        _Field("progress_per_mille", "H"),
-        _Field("t_ms", "I"),
-    ),
-    ArmingDone: (),
-    Joints: (_Field("axes_deg", "6f"), _Field("external_axes", "6f")),
-    Farewell: (),
-    MoveJoints: (_Field("axes_deg", "6f"), _Field("external_axes", "6f"), _Field("speed_mm_s", "f")),
-    GetError: (),
-    SetOutput: (_Field("output", "H", Output), _Field("on", "H", _boolean)),
-    GetSetup: (),
-    JointMoveAccepted: (),
-    ErrorText: (_Field("number", "I"), _Field("title", "80s", _text), _Field("cause", "80s", _text)),
-    OutputDone: (),
-    Setup: (
-        _Field("load_kg", "f"),
-        _Field("load_centre_mm", "3f"),
-        _Field("reach_mm", "f"),
-        _Field("speed_max_mm_s", "f"),
-        _Field("joint_travel_deg", "f"),
-        _Field("box_low_mm", "3f"),
-        _Field("box_high_mm", "3f"),
-    ),
+    kind: tuple(_field(*each) for each in get_type_hints(kind, include_extras=True).items())
+    for pair in MESSAGES.values()
+    for kind in pair
 }
 
 STRUCTS = {kind: struct.Struct("<" + "".join(f.layout for f in fields)) for kind, fields in _FIELDS.items()}
 
-REQUESTS: dict[Command, type[Request]] = {
-    Command.PING: Ping,
-    Command.HELLO: Hello,
-    Command.GET_POSE: GetPose,
-    Command.MOVE: Move,
-    Command.STOP: Stop,
-    Command.STATUS: GetStatus,
-    Command.ARM: SetArmed,
-    Command.GET_JOINTS: GetJoints,
-    Command.BYE: Bye,
-    Command.MOVE_JOINTS: MoveJoints,
-    Command.GET_ERROR: GetError,
-    Command.SET_OUTPUT: SetOutput,
-    Command.GET_SETUP: GetSetup,
-}
-"""Request type of each command."""
-
-ANSWERS: dict[Command, type[Answer]] = {
-    Command.PING: Pong,
-    Command.HELLO: Welcome,
-    Command.GET_POSE: Pose,
-    Command.MOVE: MoveAccepted,
-    Command.STOP: Stopped,
-    Command.STATUS: Report,
-    Command.ARM: ArmingDone,
-    Command.GET_JOINTS: Joints,
-    Command.BYE: Farewell,
-    Command.MOVE_JOINTS: JointMoveAccepted,
-    Command.GET_ERROR: ErrorText,
-    Command.SET_OUTPUT: OutputDone,
-    Command.GET_SETUP: Setup,
-}
-"""Reply type of each command that succeeded."""
+REQUESTS = {command: request for command, (request, _) in MESSAGES.items()}
+ANSWERS = {command: answer for command, (_, answer) in MESSAGES.items()}
 
 COMMAND_OF: dict[type[Any], Command] = {
     kind: command for table in (REQUESTS, ANSWERS) for command, kind in table.items()
@@ -159,12 +71,12 @@ COMMAND_OF: dict[type[Any], Command] = {
 """Command of each message type, requests and replies alike."""
 
 
-def good_status(answer: Answer) -> Status:
+def good_status(answer: Success) -> Status:
     """Status sent with a reply: ACCEPTED for a move, otherwise OK."""
     return Status.ACCEPTED if isinstance(answer, MoveAccepted | JointMoveAccepted) else Status.OK
 
 
-def pack(message: Request | Answer) -> bytes:
+def pack(message: Request | Success) -> bytes:
     """Encode a message's payload; raises FieldOutOfRange."""
     kind = type(message)
     values: list[Any] = []

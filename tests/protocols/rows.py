@@ -4,7 +4,6 @@ from typing import NamedTuple
 
 from protocols.cb.codes import Capability, Flag, FrameSelector, MoveKind, Output, Status
 from protocols.cb.messages import (
-    Answer,
     ArmingDone,
     Bye,
     ErrorText,
@@ -31,6 +30,7 @@ from protocols.cb.messages import (
     Setup,
     Stop,
     Stopped,
+    Success,
     Welcome,
 )
 
@@ -51,7 +51,7 @@ class Row(NamedTuple):
 
     name: str
     seq: int
-    message: Request | Answer
+    message: Request | Success
     hex_bytes: str
     values: tuple[float, ...] = ()
     status: int = 0
