@@ -9,7 +9,7 @@ from mock_robot.cabinet.panel import Mode
 from mock_robot.rws import refusals
 from mock_robot.rws.context import RequestContext
 from mock_robot.rws.equipment import instance_id, listed_title
-from mock_robot.rws.exchange import DONE, Item, Reply
+from mock_robot.rws.exchange import Item, Reply
 from mock_robot.rws.mastership import DOMAINS, Consent
 from mock_robot.rws.memory import module_name
 from mock_robot.rws.refusals import RwsRefused
@@ -80,29 +80,27 @@ def _number(context: RequestContext, name: str) -> float:
 # --- panel ---
 
 
-def set_controller_state(context: RequestContext, parts: Parts) -> Reply:
+def set_controller_state(context: RequestContext, parts: Parts) -> None:
     wanted = context.asked.form.get("ctrl-state")
     acts = {"motoron": "motors on", "motoroff": "motors off"}
     if wanted not in acts:
         raise RwsRefused(refusals.BAD_ARGUMENT)
     allow(context, acts[wanted])
     context.world.cabinet.switch_motors(wanted == "motoron", context.now_s)
-    return DONE
 
 
-def set_speed_ratio(context: RequestContext, parts: Parts) -> Reply:
+def set_speed_ratio(context: RequestContext, parts: Parts) -> None:
     ratio = _number(context, "speed-ratio")
     if not 0 <= ratio <= 100:
         raise RwsRefused(refusals.BAD_ARGUMENT)
     allow(context, "speed ratio")
     context.world.cabinet.panel.speed_override = ratio / 100
-    return DONE
 
 
 # --- RAPID ---
 
 
-def start(context: RequestContext, parts: Parts) -> Reply:
+def start(context: RequestContext, parts: Parts) -> None:
     required = {"regain", "execmode", "cycle", "condition", "stopatbp", "alltaskbytsp"}
     if not required <= context.asked.form.keys():
         raise RwsRefused(refusals.BAD_ARGUMENT, f"Missing {', '.join(sorted(required - context.asked.form.keys()))}")
@@ -112,10 +110,9 @@ def start(context: RequestContext, parts: Parts) -> Reply:
     context.world.cabinet.run_program(True, context.now_s)
     for program in context.world.programs:
         program()
-    return DONE
 
 
-def stop(context: RequestContext, parts: Parts) -> Reply:
+def stop(context: RequestContext, parts: Parts) -> None:
     if context.asked.form.get("stopmode", "stop") not in ("cycle", "instr", "stop", "qstop"):
         raise RwsRefused(refusals.BAD_ARGUMENT)
     allow(context, "stop")
@@ -123,16 +120,14 @@ def stop(context: RequestContext, parts: Parts) -> Reply:
         context.world.equipment.require("UAS_REMOTE_START_STOP_IN_AUTO")
     if context.world.execution_state == "running":
         context.world.cabinet.run_program(False, context.now_s)
-    return DONE
 
 
-def reset_pointer(context: RequestContext, parts: Parts) -> Reply:
+def reset_pointer(context: RequestContext, parts: Parts) -> None:
     allow(context, "program pointer to main")
     context.world.cabinet.move_pointer_to_main(context.now_s)
-    return DONE
 
 
-def write_symbol(context: RequestContext, parts: Parts) -> Reply:
+def write_symbol(context: RequestContext, parts: Parts) -> None:
     found = context.world.memory.symbol(parts["symbol"], context.world.cabinet)
     if found is None:
         raise RwsRefused(context.dialect.no_symbol)
@@ -144,20 +139,18 @@ def write_symbol(context: RequestContext, parts: Parts) -> Reply:
         found[1].value = context.asked.form["value"]
     except ValueError as error:
         raise RwsRefused(refusals.BAD_ARGUMENT, str(error)) from None
-    return DONE
 
 
-def select(context: RequestContext, parts: Parts, *, active: bool) -> Reply:
+def select(context: RequestContext, parts: Parts, *, active: bool) -> None:
     """Activate or deactivate a task."""
     task = parts.get("task") or context.asked.form.get("task", "")
     if task not in context.world.tasks:
         raise RwsRefused(refusals.NO_RESOURCE)
     allow(context, "load or unload a module")
     (context.world.memory.inactive.discard if active else context.world.memory.inactive.add)(task)
-    return DONE
 
 
-def load_module(context: RequestContext, parts: Parts) -> Reply:
+def load_module(context: RequestContext, parts: Parts) -> None:
     world, task = context.world, parts["task"]
     if task not in world.memory.modules:
         raise RwsRefused(refusals.NO_RESOURCE)
@@ -168,22 +161,20 @@ def load_module(context: RequestContext, parts: Parts) -> Reply:
         raise RwsRefused(refusals.BAD_ARGUMENT, "No module in the file, or its name is loaded already")
     world.memory.modules[task][name] = "SysMod" if b"SYSMODULE" in content[:200].upper() else "ProgMod"
     world.cabinet.record(context.now_s, 10044, f"module {name} loaded into {task}")
-    return DONE
 
 
-def unload_module(context: RequestContext, parts: Parts) -> Reply:
+def unload_module(context: RequestContext, parts: Parts) -> None:
     loaded = context.world.memory.modules.get(parts["task"], {})
     if context.asked.form.get("module") not in loaded:
         raise RwsRefused(refusals.NO_MODULE)
     allow(context, "load or unload a module")
     del loaded[context.asked.form["module"]]
-    return DONE
 
 
 # --- configuration ---
 
 
-def load_configuration(context: RequestContext, parts: Parts) -> Reply:
+def load_configuration(context: RequestContext, parts: Parts) -> None:
     """Load a file of HOME when it has no duplicates."""
     world, form = context.world, context.asked.form
     if form.get("action-type") not in ("add", "replace", "add-with-reset"):
@@ -194,17 +185,15 @@ def load_configuration(context: RequestContext, parts: Parts) -> Reply:
     if wrong is not None:
         raise RwsRefused(refusals.BAD_ARGUMENT, wrong)
     world.cabinet.record(context.now_s, 10045, "configuration loaded: it acts with the next restart")
-    return DONE
 
 
-def save_configuration(context: RequestContext, parts: Parts) -> Reply:
+def save_configuration(context: RequestContext, parts: Parts) -> None:
     world = context.world
     canonical = _path(context, "filepath")
     if not world.volumes.has_folder(canonical.rpartition("/")[0]):
         raise RwsRefused(refusals.NO_PATH)
     world.equipment.require("UAS_BACKUP")
     world.volumes.files[canonical] = world.equipment.text(parts["domain"]).encode("latin-1")
-    return DONE
 
 
 def back_up(context: RequestContext, parts: Parts) -> Reply:
@@ -221,7 +210,7 @@ def back_up(context: RequestContext, parts: Parts) -> Reply:
     return Reply(202, headers=[("location", f"{context.asked.base}progress/{number}")])
 
 
-def delete_instance(context: RequestContext, parts: Parts) -> Reply:
+def delete_instance(context: RequestContext, parts: Parts) -> None:
     version = context.dialect.version
     there = context.world.equipment.configuration.get(parts["domain"].upper(), {}).get(parts["type"], {})
     named = [k for k, each in there.items() if parts["instance"] in (instance_id(k), listed_title(k, each, version))]
@@ -229,7 +218,6 @@ def delete_instance(context: RequestContext, parts: Parts) -> Reply:
         raise RwsRefused(refusals.NO_INSTANCE_1 if context.dialect.version == 1 else refusals.NO_RESOURCE)
     _allow_configuration(context)
     del there[named[0]]
-    return DONE
 
 
 def _allow_configuration(context: RequestContext) -> None:
@@ -240,7 +228,7 @@ def _allow_configuration(context: RequestContext) -> None:
 # --- signals, mastership, consent ---
 
 
-def write_signal(context: RequestContext, parts: Parts) -> Reply:
+def write_signal(context: RequestContext, parts: Parts) -> None:
     found = context.world.signal(parts["signal"])
     if found is None:
         raise RwsRefused(refusals.NO_SIGNAL)
@@ -252,7 +240,6 @@ def write_signal(context: RequestContext, parts: Parts) -> Reply:
     )  # in manual mode with the operator's consent
     if not context.world.cabinet.set_signal(found[0], value):
         found[1].value = value
-    return DONE
 
 
 def domains_of(context: RequestContext, parts: Parts) -> tuple[str, ...]:
@@ -265,15 +252,13 @@ def domains_of(context: RequestContext, parts: Parts) -> tuple[str, ...]:
         raise RwsRefused(refusals.NO_RESOURCE) from None
 
 
-def request_mastership(context: RequestContext, parts: Parts) -> Reply:
+def request_mastership(context: RequestContext, parts: Parts) -> None:
     world = context.world
     world.mastership.request(context.session, domains_of(context, parts), world.mode, context.now_s)
-    return DONE
 
 
-def release_mastership(context: RequestContext, parts: Parts) -> Reply:
+def release_mastership(context: RequestContext, parts: Parts) -> None:
     context.world.mastership.release(context.session, domains_of(context, parts))
-    return DONE
 
 
 def mastership(context: RequestContext, parts: Parts) -> Reply:
@@ -297,14 +282,12 @@ def poll_consent(context: RequestContext, parts: Parts) -> Reply:
     return Reply(items=[Item("user-rmmp-poll", "rmmp", {"status": consent.value})])
 
 
-def cancel_consent(context: RequestContext, parts: Parts) -> Reply:
+def cancel_consent(context: RequestContext, parts: Parts) -> None:
     context.world.mastership.cancel_consent(context.session)
-    return DONE
 
 
-def nothing_to_do(context: RequestContext, parts: Parts) -> Reply:
+def nothing_to_do(context: RequestContext, parts: Parts) -> None:
     """Accept a request some clients send for bookkeeping; no effect."""
-    return DONE
 
 
 # --- files ---
@@ -345,13 +328,12 @@ def make_folder(context: RequestContext, parts: Parts) -> Reply:
     return Reply(201 if context.dialect.version == 1 else 204)
 
 
-def delete_file(context: RequestContext, parts: Parts) -> Reply:
+def delete_file(context: RequestContext, parts: Parts) -> None:
     path, volumes = _place(context, parts), context.world.volumes
     context.world.equipment.require("UAS_FTP_WRITE", "UAS_FILE_ACCESS_READ_WRITE")
     if volumes.files.pop(path, None) is None and path not in volumes.folders:
         raise RwsRefused(context.dialect.no_file)
     volumes.folders.discard(path)
-    return DONE
 
 
 def _listing(disk: Disk, folder: str) -> list[Item] | None:

@@ -6,11 +6,11 @@ from functools import partial
 
 from mock_robot.rws import acting, reading, refusals
 from mock_robot.rws.context import RequestContext, ServiceDialect
-from mock_robot.rws.exchange import Reply
+from mock_robot.rws.exchange import DONE, Reply
 from mock_robot.rws.reading import UNUSED_1, UNUSED_2
 from mock_robot.rws.refusals import RwsRefused
 
-Handler = Callable[[RequestContext, Mapping[str, str]], Reply]
+Handler = Callable[[RequestContext, Mapping[str, str]], Reply | None]
 Row = tuple[str, str, str | None, Handler]
 
 RWS_1 = ServiceDialect(
@@ -142,5 +142,5 @@ def answer_request(context: RequestContext, version: int) -> Reply:
             continue
         known = True
         if method != "POST" or verb == asked.action:
-            return handler(context, match.groupdict())
+            return handler(context, match.groupdict()) or DONE
     raise RwsRefused(refusals.BAD_ARGUMENT if known else refusals.NO_RESOURCE, "Invalid action" if known else None)
