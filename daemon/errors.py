@@ -217,13 +217,16 @@ class PathRefused(PoseRefused):
             super().__init__(station, what, Sentence("put-pose-between"))
 
 
+Noun = Literal["run", "calibration", "scan"]
+
+
 class NotFound(DaemonError):
     """No such run, calibration, scan, frame, view or page."""
 
     code = "not-found"
 
     @classmethod
-    def noun(cls, noun: Literal["run", "calibration", "scan"], given_id: str) -> "NotFound":
+    def noun(cls, noun: Noun, given_id: str) -> "NotFound":
         """One with no row of that id."""
         return cls(Sentence(f"no-such-{noun}", id=given_id), Sentence("see-list", list=f"{noun}s"))
 

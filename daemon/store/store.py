@@ -8,7 +8,7 @@ import json
 import logging
 import shutil
 import sqlite3
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -18,7 +18,7 @@ from calibration.documents.arm import ArmErrorsDocument
 from calibration.documents.calibration import AccuracyDocument, CalibrationDocument
 from calibration.sentences.sentence import Sentence
 from daemon.config.settings import MAIN_CAMERA
-from daemon.errors import AppliedMeanwhile, NoCalibration, NotFound, StorageFull, StorageInconsistent
+from daemon.errors import AppliedMeanwhile, NoCalibration, NotFound, Noun, StorageFull, StorageInconsistent
 from daemon.model.records import (
     AppliedCalibration,
     CalibrationRecord,
@@ -38,7 +38,7 @@ from daemon.store.actor import current_audit_context, record_change
 from daemon.store.audit_log import AuditLog
 from daemon.store.browser_sessions import BrowserSessions
 from daemon.store.consistency import StoreFault, find_fault
-from daemon.store.damaged_rows import parse_each, parse_row, parse_stored, parsing, split_damaged
+from daemon.store.damaged_rows import Parsed, parse_each, parse_row, parse_stored, parsing, split_damaged
 from daemon.store.database import Database
 from daemon.store.documents import ACCEPTANCES, RIGS, DocumentKind, DocumentRecord, Documents
 from daemon.store.idempotency_keys import IdempotencyKeys
@@ -186,6 +186,22 @@ class Store:
     def _full(self) -> Sentence:
         return Sentence("no-room-for-run", folder=str(self.folder), mb=self.run_bytes / 1e6)
 
+    async def _find(self, query: str, value: int | str, parse: Callable[[Any], Parsed]) -> Parsed | None:
+        """The first row of which that is true, parsed in the database's thread; None without one."""
+
+        def read(db: sqlite3.Connection) -> Parsed | None:
+            row = db.execute(query, (value,)).fetchone()
+            return None if row is None else parse(row)
+
+        return await self._database.read(read)
+
+    async def _get(self, noun: Noun, select: str, row_id: str, parse: Callable[[Any], Parsed]) -> Parsed:
+        """The row with this id. Raises NotFound."""
+        found = await self._find(f"{select} WHERE id = ?", row_id, parse)
+        if found is None:
+            raise NotFound.noun(noun, row_id)
+        return found
+
     # runs
 
     def run_folder(self, run_id: str) -> Path:
@@ -217,15 +233,7 @@ class Store:
 
     async def run(self, run_id: str) -> RunRecord:
         """The run with this id. Raises NotFound."""
-
-        def read(db: sqlite3.Connection) -> RunRecord | None:
-            row = db.execute(f"{RUNS.select} WHERE id = ?", (run_id,)).fetchone()
-            return None if row is None else parse_row(RUNS.record, row, "run")
-
-        found = await self._database.read(read)
-        if found is None:
-            raise NotFound.noun("run", run_id)
-        return found
+        return await self._get("run", RUNS.select, run_id, lambda row: parse_row(RUNS.record, row, "run"))
 
     async def runs(self, limit: int, before: str | None = None) -> list[RunRecord]:
         """Up to `limit` runs older than the one with the id `before`, newest first. Raises CursorUnknown.
@@ -270,26 +278,12 @@ class Store:
 
     async def calibration(self, calibration_id: str) -> CalibrationRecord:
         """The calibration with this id. Raises NotFound."""
-
-        def read(db: sqlite3.Connection) -> CalibrationRecord | None:
-            row = db.execute(f"{_CALIBRATION} WHERE id = ?", (calibration_id,)).fetchone()
-            return None if row is None else read_calibration(row)
-
-        found = await self._database.read(read)
-        if found is None:
-            raise NotFound.noun("calibration", calibration_id)
-        return found
+        return await self._get("calibration", _CALIBRATION, calibration_id, read_calibration)
 
     async def arm(self, calibration_id: str) -> ArmErrorsDocument | None:
         """The arm's errors identified with a calibration; None where they were not. Raises StorageInconsistent."""
-        query = "SELECT document FROM arms WHERE calibration_id = ?"
-
-        def read(db: sqlite3.Connection) -> ArmErrorsDocument | None:
-            row = db.execute(query, (calibration_id,)).fetchone()
-            name = f"arm.json of calibration {calibration_id}"
-            return None if row is None else parse_stored(ArmErrorsDocument, row[0], name)
-
-        return await self._database.read(read)
+        query, name = "SELECT document FROM arms WHERE calibration_id = ?", f"arm.json of calibration {calibration_id}"
+        return await self._find(query, calibration_id, lambda row: parse_stored(ArmErrorsDocument, row[0], name))
 
     async def apply(self, applied: AppliedCalibration, expected: Sequence[int] | None = None) -> AppliedCalibration:
         """Put an active calibration by appending it to the history; returns it with its sequence number.
@@ -349,12 +343,7 @@ class Store:
 
     async def _read_applied(self, where: str, value: int | str) -> AppliedCalibration | None:
         """The entry of the history of which that is true."""
-
-        def read(db: sqlite3.Connection) -> AppliedCalibration | None:
-            row = db.execute(f"{APPLIED.select} WHERE {where}", (value,)).fetchone()
-            return None if row is None else read_applied(row)
-
-        return await self._database.read(read)
+        return await self._find(f"{APPLIED.select} WHERE {where}", value, read_applied)
 
     async def runs_in_force(self) -> frozenset[str]:
         """The runs that the active calibrations of all cameras come from."""
@@ -380,11 +369,7 @@ class Store:
 
     async def scan(self, scan_id: str) -> ScanRecord:
         """The scan with this id. Raises NotFound."""
-        query = f"{SCANS.select} WHERE id = ?"
-        row = await self._database.read(lambda db: db.execute(query, (scan_id,)).fetchone())
-        if row is None:
-            raise NotFound.noun("scan", scan_id)
-        return parse_row(SCANS.record, row, "scan")
+        return await self._get("scan", SCANS.select, scan_id, lambda row: parse_row(SCANS.record, row, "scan"))
 
     async def acceptances_of(self, scanner: str, limit: int) -> list[DocumentRecord]:
         """The latest verifications of a scanner by name, at most `limit`, the oldest first. Raises StorageError."""
