@@ -2,11 +2,11 @@
 
 import asyncio
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from hashlib import sha256
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, TypeVar
 
 import numpy as np
 from fastapi import Depends, Query, Request, Response
@@ -35,6 +35,8 @@ from registration.fusion.view_surface import SURFACE
 
 router = api_router()
 
+Route = TypeVar("Route", bound=Callable[..., Any])
+
 HTML, PDF = "text/html", "application/pdf"
 MAX_PDF_S = 20.0
 MAX_PICTURED_POINTS = 400_000
@@ -51,33 +53,65 @@ Form = Annotated[
 ]
 
 
-async def _language_of(
+@dataclass(frozen=True)
+class Reader:
+    """Who asks for a report, in which language."""
+
+    app: Application
+    request: Request
+    language: LanguageTag
+
+    def context(self, **known: Any) -> ReportContext:
+        """The report's context, with what is `known` beyond settings and language."""
+        return replace(context_of(self.app.settings, self.language), **known)
+
+    async def answer(self, report: Callable[[], str], form: str | None, attached: Attached | None = None) -> Response:
+        """HTML, or PDF where it is asked for. Both are written in a worker, the PDF one at a time a thread.
+
+        Raises ReportExtraMissing, WorkersBusy, ReportTooSlow.
+        """
+        html, policy = await self.app.service_workers.run(_with_policy, report)
+        headers = {"Content-Language": self.language, "Vary": "Accept, Accept-Language"}
+        weights = dict(media_ranges(self.request))
+        prefers_pdf = weights.get(PDF, 0.0) > weights.get(HTML, 0.0)
+        if form == "html" or not (form or prefers_pdf):
+            headers["Content-Security-Policy"] = policy
+            return Response(html, media_type=f"{HTML}; charset=utf-8", headers=headers)
+        try:
+            async with asyncio.timeout(MAX_PDF_S):
+                content = await self.app.service_workers.run_if_free(write_pdf, html, attached)
+        except TimeoutError:
+            raise ReportTooSlow(MAX_PDF_S) from None
+        return Response(content, media_type=PDF, headers=headers)
+
+
+async def _reader(
+    app: App,
     request: Request,
     language: Annotated[
         LanguageTag | None, Query(description="without it, as Accept-Language prefers; else en")
     ] = None,
-) -> LanguageTag:
-    """That of the report: as asked for, else as Accept-Language prefers, else English."""
+) -> Reader:
+    """In the language asked for, else as Accept-Language prefers, else English."""
     known = [(weight, tag) for name, weight in weighted_values(request, "accept-language")
              for tag in LANGUAGES if name.partition("-")[0] == tag and weight > 0]  # fmt: skip
-    return language or max(known, key=lambda one: one[0], default=(1.0, LANGUAGES[0]))[1]
+    return Reader(app, request, language or max(known, key=lambda one: one[0], default=(1.0, LANGUAGES[0]))[1])
 
 
-WithLanguage = Annotated[LanguageTag, Depends(_language_of)]
-REPORT: dict[int | str, dict[str, Any]] = {
-    200: {"description": "The report, one file without a script", "content": {HTML: {}, PDF: {}}}
-}
+WithReader = Annotated[Reader, Depends(_reader)]
 
 
-@router.get(
-    "/calibrations/{calibration_id}/report",
-    tags=["calibrations"],
-    response_class=Response,
-    responses={**REPORT, **problem_responses(404, 406, 409, 429)},
-)
-async def report_calibration(
-    request: Request, app: App, calibration_id: Identifier, language: WithLanguage, form: Form = None
-) -> Response:
+def _report(path: str, tag: str, *refusals: int) -> Callable[[Route], Route]:
+    """The route of a report: one file as HTML or PDF, or one of these refusals."""
+    answers: dict[int | str, dict[str, Any]] = {
+        200: {"description": "The report, one file without a script", "content": {HTML: {}, PDF: {}}},
+        **problem_responses(*refusals),
+    }
+    return router.get(path, tags=[tag], response_class=Response, responses=answers)
+
+
+@_report("/calibrations/{calibration_id}/report", "calibrations", 404, 406, 409, 429)
+async def report_calibration(app: App, calibration_id: Identifier, reader: WithReader, form: Form = None) -> Response:
     """The calibration report: identification, result with U (k = 2), views, budget, verification, traceability.
 
     As PDF (extra `report`) it is PDF/A-3 with calibration.json attached.
@@ -89,11 +123,8 @@ async def report_calibration(
         record = await app.store.calibration(calibration_id)
         document = record.document
     content = document.model_dump_json().encode()
-    context = replace(
-        context_of(app.settings, language),
-        run_id=record.run_id,
-        issued_at=app.clock.timestamp(),
-        document_sha256=sha256(content).hexdigest(),
+    context = reader.context(
+        run_id=record.run_id, issued_at=app.clock.timestamp(), document_sha256=sha256(content).hexdigest()
     )
     context = await _with_history(app, context, document.id)
     if record.run_id is not None:
@@ -108,7 +139,7 @@ async def report_calibration(
         context = replace(context, arm=errors, arm_field=field)
     report = partial(calibration_report, document, context)
     attached = Attached("calibration.json", content, "the calibration")
-    return await _answer(request, app, report, language, form, attached)
+    return await reader.answer(report, form, attached)
 
 
 async def _with_history(app: Application, context: ReportContext, calibration_id: str) -> ReportContext:
@@ -134,52 +165,31 @@ def _session(target: Target, folder: Path, document: CalibrationDocument) -> tup
     return pictures, session_sha256(folder)
 
 
-@router.get(
-    "/runs/{run_id}/report",
-    tags=["runs"],
-    response_class=Response,
-    responses={**REPORT, **problem_responses(404, 406, 429)},
-)
-async def report_verification(
-    request: Request, app: App, run_id: Identifier, language: WithLanguage, form: Form = None
-) -> Response:
+@_report("/runs/{run_id}/report", "runs", 404, 406, 429)
+async def report_verification(app: App, run_id: Identifier, reader: WithReader, form: Form = None) -> Response:
     """The report of a finished verification. That of a calibration run is GET /calibrations/{id}/report."""
     run = await app.supervisor.run(run_id)
     if run.kind != "verify" or run.result is None or "verification" not in run.result:
         found = run.result.get("calibration_id") if run.result else None
         fix = Sentence("see-calibration-report", calibration=found) if found else Sentence("wait-or-ask-quick-check")
         raise NotFound(Sentence("no-quick-check-of-run", run=run_id), fix)
-    context = replace(context_of(app.settings, language), run_id=run.id, issued_at=app.clock.timestamp())
+    context = reader.context(run_id=run.id, issued_at=app.clock.timestamp())
     context = await _with_history(app, context, run.result["verification"]["calibration_id"])
-    return await _answer(request, app, partial(verification_report, run, context), language, form)
+    return await reader.answer(partial(verification_report, run, context), form)
 
 
-@router.get(
-    "/drift/report",
-    tags=["calibrate"],
-    response_class=Response,
-    responses={**REPORT, **problem_responses(404, 406, 429, 507)},
-)
-async def report_drift(
-    request: Request, app: App, camera: WithCamera, language: WithLanguage, form: Form = None
-) -> Response:
+@_report("/drift/report", "calibrate", 404, 406, 429, 507)
+async def report_drift(camera: WithCamera, reader: WithReader, form: Form = None) -> Response:
     """The control chart of the active calibration, as a report."""
     chart = await camera.drift.refresh()
     if not chart.report.calibration_id:
         raise NotFound(Sentence("no-active-calibration"), Sentence("apply-and-check"))
-    report = partial(drift_report, chart, context_of(app.settings, language))
-    return await _answer(request, app, report, language, form)
+    report = partial(drift_report, chart, reader.context())
+    return await reader.answer(report, form)
 
 
-@router.get(
-    "/scans/{scan_id}/report.html",
-    tags=["scans"],
-    response_class=Response,
-    responses={**REPORT, **problem_responses(404, 406, 409, 413, 429, 500, 507)},
-)
-async def report_scan(
-    request: Request, app: App, scan_id: Identifier, language: WithLanguage, form: Form = None
-) -> Response:
+@_report("/scans/{scan_id}/report.html", "scans", 404, 406, 409, 413, 429, 500, 507)
+async def report_scan(app: App, scan_id: Identifier, reader: WithReader, form: Form = None) -> Response:
     """The report of a scan: its merged cloud from three sides, how its views agree, and the map of their deviations."""
     used = await calibration_of_scan(app, scan_id, "current")
     found = await (await app.scans.start_registration(scan_id, used, refine=False))
@@ -194,9 +204,9 @@ async def report_scan(
         for index in range(min(len(clouds), MAX_MAPPED_VIEWS))
     ]
     deviations = await app.service_workers.run(_deviation_map, surfaces)
-    scan, context = await app.store.scan(scan_id), context_of(app.settings, language)
+    scan, context = await app.store.scan(scan_id), reader.context()
     report = partial(scan_report, scan, found, context, pictures, deviations)
-    return await _answer(request, app, report, language, form)
+    return await reader.answer(report, form)
 
 
 @router.get(
@@ -251,47 +261,13 @@ def _deviation_map(surfaces: list[bytes]) -> DeviationMap | None:
     return deviation_map(surfaces, SURFACE)
 
 
-@router.get(
-    "/acceptances/{acceptance_id}/report",
-    tags=["calibrate"],
-    response_class=Response,
-    responses={**REPORT, **problem_responses(404, 406, 429)},
-)
-async def report_acceptance(
-    request: Request, app: App, acceptance_id: Identifier, language: WithLanguage, form: Form = None
-) -> Response:
+@_report("/acceptances/{acceptance_id}/report", "calibrate", 404, 406, 429)
+async def report_acceptance(app: App, acceptance_id: Identifier, reader: WithReader, form: Form = None) -> Response:
     """The report of a verification of the scanner with a sphere or a ball bar."""
     record = await app.store.acceptances.get(acceptance_id)
     found = record.parsed(AcceptanceDocument)
-    report = partial(acceptance_report, record, found, context_of(app.settings, language))
-    return await _answer(request, app, report, language, form)
-
-
-async def _answer(
-    request: Request,
-    app: Application,
-    report: Callable[[], str],
-    language: LanguageTag,
-    form: str | None,
-    attached: Attached | None = None,
-) -> Response:
-    """HTML, or PDF where it is asked for. Both are written in a worker, the PDF one at a time a thread.
-
-    Raises ReportExtraMissing, WorkersBusy, ReportTooSlow.
-    """
-    html, policy = await app.service_workers.run(_with_policy, report)
-    headers = {"Content-Language": language, "Vary": "Accept, Accept-Language"}
-    weights = dict(media_ranges(request))
-    prefers_pdf = weights.get(PDF, 0.0) > weights.get(HTML, 0.0)
-    if form == "html" or not (form or prefers_pdf):
-        headers["Content-Security-Policy"] = policy
-        return Response(html, media_type=f"{HTML}; charset=utf-8", headers=headers)
-    try:
-        async with asyncio.timeout(MAX_PDF_S):
-            content = await app.service_workers.run_if_free(write_pdf, html, attached)
-    except TimeoutError:
-        raise ReportTooSlow(MAX_PDF_S) from None
-    return Response(content, media_type=PDF, headers=headers)
+    report = partial(acceptance_report, record, found, reader.context())
+    return await reader.answer(report, form)
 
 
 def _with_policy(report: Callable[[], str]) -> tuple[str, str]:
