@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from daemon.cli.errors import CommandError, ExitStatus
+from daemon.cli.errors import UnreadableInput
 
 if TYPE_CHECKING:
     from calibration.documents.calibration import CalibrationDocument
@@ -28,8 +28,8 @@ def read_in_use(
     errors = read_as(ArmErrorsDocument, file)
     if errors.setup != calibration.setup:
         what = f"it is of an {errors.setup} cell, the calibration of an {calibration.setup} one"
-        raise CommandError(str(file), what, "name the arm.json of the same session", ExitStatus.UNREADABLE)
+        raise UnreadableInput(str(file), what, "name the arm.json of the same session")
     try:
         return CalibrationInUse.of(calibration, errors, ArmConditions(temperature_c=temperature_c))
     except CalibrationError as error:
-        raise CommandError(str(file), str(error), "identify the arm again", ExitStatus.UNREADABLE) from None
+        raise UnreadableInput(str(file), str(error), "identify the arm again") from None

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from daemon.cli.errors import CommandError, ExitStatus
+from daemon.cli.errors import CommandError, ExitStatus, UnreadableInput
 from daemon.cli.output import CommandGroup, Json, print_json
 
 if TYPE_CHECKING:
@@ -84,6 +84,5 @@ def _anchor(text: str) -> "AuditAnchor":
 
     sequence, _, digest = text.partition(":")
     if not (sequence.isdigit() and len(digest) == 64):
-        raise CommandError("--anchor", f"{text[:80]!r} is not ROW:HASH", "copy it from the daemon's log",
-                           ExitStatus.UNREADABLE)  # fmt: skip
+        raise UnreadableInput("--anchor", f"{text[:80]!r} is not ROW:HASH", "copy it from the daemon's log")
     return AuditAnchor(int(sequence), digest.lower())

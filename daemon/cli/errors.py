@@ -25,9 +25,16 @@ class CommandError(Exception):
         super().__init__(f"{where}: {what}: {fix}")
 
 
+class UnreadableInput(CommandError):
+    """An option or a file that cannot be used: exit status 2."""
+
+    def __init__(self, where: str, what: str, fix: str) -> None:
+        super().__init__(where, what, fix, ExitStatus.UNREADABLE)
+
+
 def require_finite(**options: float | None) -> None:
     """Numbers of options by name; their bounds let nan through. Raises CommandError."""
     for name, value in options.items():
         if value is not None and not isfinite(value):
             where = f"--{name.replace('_', '-')}"
-            raise CommandError(where, f"{value} is not possible", "give a finite number", ExitStatus.UNREADABLE)
+            raise UnreadableInput(where, f"{value} is not possible", "give a finite number")

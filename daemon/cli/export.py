@@ -7,7 +7,7 @@ from urllib.parse import quote, urlencode
 
 import typer
 
-from daemon.cli.errors import CommandError, ExitStatus
+from daemon.cli.errors import UnreadableInput
 from daemon.cli.output import write_whole
 
 if TYPE_CHECKING:
@@ -36,7 +36,7 @@ def export(
     from calibration.errors import ExportRefused
 
     if form == LIST and out is not None:
-        raise CommandError(what, "no format is named", "name one, as --as rapid", ExitStatus.UNREADABLE)
+        raise UnreadableInput(what, "no format is named", "name one, as --as rapid")
     if form == LIST:
         typer.echo(_listing())
         return
@@ -47,7 +47,7 @@ def export(
         else:
             content = _from_daemon(url, what, form, ExportOptions(parent, child, decimals))
     except ExportRefused as error:
-        raise CommandError(what, error.what, error.fix, ExitStatus.UNREADABLE) from None
+        raise UnreadableInput(what, error.what, error.fix) from None
     if out is not None:
         write_whole(out, content)
     else:

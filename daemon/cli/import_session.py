@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from daemon.cli.errors import CommandError, ExitStatus
+from daemon.cli.errors import UnreadableInput
 from daemon.cli.output import Json, progress_bar
 
 if TYPE_CHECKING:
@@ -98,7 +98,7 @@ def _axes(text: str) -> tuple[str, ...]:
     axes = tuple(axis.strip().lstrip("+") for axis in text.split(","))
     if sorted(axis[-1:] for axis in axes) != ["x", "y", "z"] or any(axis not in AXES for axis in axes):
         what, fix = f"{text!r} is no order of axes", "give x, y and z, each with a sign or without, as x,-y,z"
-        raise CommandError("--axes", what, fix, ExitStatus.UNREADABLE)
+        raise UnreadableInput("--axes", what, fix)
     return axes
 
 
@@ -110,7 +110,7 @@ def _conventions(name: str) -> "tuple[tuple[Convention, ...], LengthUnit | None]
         return find_conventions(name)
     except GeometryError as error:
         fix = "give a brand or a name of docs/formats.md#conventions"
-        raise CommandError("--convention", str(error), fix, ExitStatus.UNREADABLE) from None
+        raise UnreadableInput("--convention", str(error), fix) from None
 
 
 def read_camera(file: Path) -> "Intrinsics":

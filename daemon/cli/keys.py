@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 import typer
 
-from daemon.cli.errors import CommandError, ExitStatus
+from daemon.cli.errors import UnreadableInput
 from daemon.cli.output import CommandGroup, Json, print_json
 
 if TYPE_CHECKING:
@@ -40,14 +40,14 @@ def add(
     from daemon.access.roles import ROLES
 
     if role not in ROLES:
-        raise CommandError("--role", f"{role[:40]!r} is no role", f"use {', '.join(ROLES)}", ExitStatus.UNREADABLE)
+        raise UnreadableInput("--role", f"{role[:40]!r} is no role", f"use {', '.join(ROLES)}")
     from daemon.access.actor_names import validate_key_name
 
     try:
         validate_key_name(name)
     except ValueError as error:
         what, _, fix = str(error).rpartition("; ")
-        raise CommandError("NAME", what, fix, ExitStatus.UNREADABLE) from None
+        raise UnreadableInput("NAME", what, fix) from None
     key, record = _with_key_service(config, lambda service: service.add(name, ROLES[role], _me(), days or None))
     _show(key, record, json)
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, cast
 
 import typer
 
-from daemon.cli.errors import CommandError, ExitStatus
+from daemon.cli.errors import ExitStatus, UnreadableInput
 from daemon.cli.output import ArmErrors, ArmTemperature, Json, Refine, print_error, writing
 
 if TYPE_CHECKING:
@@ -58,8 +58,7 @@ def register(
     except CalibrationError as error:
         if arm is None:
             raise
-        raise CommandError(str(arm), str(error), "correct the joints, or register without --arm",
-                           ExitStatus.UNREADABLE) from None  # fmt: skip
+        raise UnreadableInput(str(arm), str(error), "correct the joints, or register without --arm") from None
     report = register_scan(
         views_in_use,
         scanner_mount_of(given.document),

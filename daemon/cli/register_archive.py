@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from daemon.cli.errors import CommandError, ExitStatus
+from daemon.cli.errors import ExitStatus, UnreadableInput
 from daemon.cli.output import ArmErrors, Json, Refine, print_error, progress_bar
 
 if TYPE_CHECKING:
@@ -65,7 +65,7 @@ def _tasks(
     listed = source.list_marks()
     scans = sorted(scan for scan, files in listed.items() if SCAN in files)
     if not scans:
-        raise CommandError(folder, f"no folder below holds a {SCAN}", "name another folder", ExitStatus.UNREADABLE)
+        raise UnreadableInput(folder, f"no folder below holds a {SCAN}", "name another folder")
     tasks = [RegistrationTask(source.url, target.url, scan, content.decode(), arm=errors, **how) for scan in scans]
     return tasks, FinishedScans(target, listed)
 

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from daemon.cli.errors import CommandError, ExitStatus
+from daemon.cli.errors import CommandError, ExitStatus, UnreadableInput
 from daemon.cli.output import CommandGroup
 from daemon.cli.robot_acceptance import acceptance
 from daemon.cli.robot_files import module_files, program_files
@@ -114,13 +114,13 @@ def _place(tooldata: str | None, wobjdata: str | None, task: str) -> tuple[str, 
 
     given = {kind: name for kind, name in (("tooldata", tooldata), ("wobjdata", wobjdata)) if name is not None}
     if len(given) != 1:
-        raise CommandError("write-frame", "it writes one frame", "give --tooldata or --wobjdata", ExitStatus.UNREADABLE)
+        raise UnreadableInput("write-frame", "it writes one frame", "give --tooldata or --wobjdata")
     ((kind, name),) = given.items()
     for word in (name, task):
         if not re.fullmatch(NAME, word):
-            raise CommandError(word[:40], "no name of RAPID", "write it as on the pendant", ExitStatus.UNREADABLE)
+            raise UnreadableInput(word[:40], "no name of RAPID", "write it as on the pendant")
     if name.lower() in ("tool0", "wobj0"):
-        raise CommandError(name, "it is the controller's own", f"name a {kind} of yours", ExitStatus.UNREADABLE)
+        raise UnreadableInput(name, "it is the controller's own", f"name a {kind} of yours")
     return kind, name
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from daemon.cli.errors import CommandError, ExitStatus
+from daemon.cli.errors import CommandError, ExitStatus, UnreadableInput
 from daemon.cli.output import Json, print_json, writing
 
 if TYPE_CHECKING:
@@ -43,7 +43,7 @@ def acceptance(
 
     rows = [row for row in ROWS if not only or row.code in only]
     if unknown := sorted(set(only or ()) - {row.code for row in ROWS}):
-        raise CommandError(unknown[0], "there is no such row", "--list names them", ExitStatus.UNREADABLE)
+        raise UnreadableInput(unknown[0], "there is no such row", "--list names them")
     if list_rows:
         typer.echo("\n".join(f"{row.code:<18}{row.assumption}" for row in rows))
         return
@@ -120,9 +120,7 @@ def _limits(given: list[str]) -> Any:
         try:
             values[name] = kinds[name](number)
         except (KeyError, ValueError):
-            raise CommandError(
-                each, "this is no limit", f"write one of {', '.join(kinds)}=NUMBER", ExitStatus.UNREADABLE
-            ) from None
+            raise UnreadableInput(each, "this is no limit", f"write one of {', '.join(kinds)}=NUMBER") from None
     return AcceptanceLimits(**values)
 
 

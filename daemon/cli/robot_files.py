@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from daemon.cli.errors import CommandError, ExitStatus
+from daemon.cli.errors import UnreadableInput
 
 SUFFIXES = (".mod", ".sys", ".cfg")
 _ROOT = Path(__file__).parents[2]
@@ -14,9 +14,7 @@ def module_folder(given: Path | None) -> Path:
     """The folder given, or that of this release's modules. Raises CommandError without any."""
     found = given or next((place for place in PLACES if (place / "CELL_shared.sys").exists()), None)
     if found is None:
-        raise CommandError(
-            "the modules", "they are not installed here", "give --modules deploy/rapid", ExitStatus.UNREADABLE
-        )
+        raise UnreadableInput("the modules", "they are not installed here", "give --modules deploy/rapid")
     return found
 
 
@@ -29,11 +27,9 @@ def module_files(folder: Path, *, modules: bool = True) -> dict[str, bytes]:
     try:
         found = {path.name: read_bounded(path) for path in sorted(folder.iterdir()) if path.suffix in SUFFIXES}
     except OSError as error:
-        raise CommandError(
-            str(folder), error.strerror or str(error), "name the folder of the modules", ExitStatus.UNREADABLE
-        ) from None
+        raise UnreadableInput(str(folder), error.strerror or str(error), "name the folder of the modules") from None
     if modules and not any(name.endswith((".mod", ".sys")) for name in found):
-        raise CommandError(str(folder), "no RAPID module is in it", "name deploy/rapid", ExitStatus.UNREADABLE)
+        raise UnreadableInput(str(folder), "no RAPID module is in it", "name deploy/rapid")
     return found
 
 

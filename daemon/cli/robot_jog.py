@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from daemon.cli.errors import CommandError, ExitStatus
+from daemon.cli.errors import CommandError, UnreadableInput
 
 if TYPE_CHECKING:
     from collections.abc import AsyncIterator
@@ -112,5 +112,5 @@ def _numbers(option: str, text: str, what: str, example: str) -> list[float]:
         found = []
     axes = len(example.split(","))
     if len(found) not in ((6, 7) if axes == 6 else (axes,)):
-        raise CommandError(option, f"{text!r} is not {what}", f"write {option} {example}", ExitStatus.UNREADABLE)
+        raise UnreadableInput(option, f"{text!r} is not {what}", f"write {option} {example}")
     return found

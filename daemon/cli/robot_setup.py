@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from daemon.cli.errors import CommandError, ExitStatus
+from daemon.cli.errors import CommandError, ExitStatus, UnreadableInput
 from daemon.cli.output import Json
 from daemon.cli.robot_files import module_folder, program_files
 
@@ -226,7 +226,7 @@ def rws_address(address: str) -> "RwsAddress":
 def _setting(text: str) -> tuple[str, str]:
     name, equals, value = text.partition("=")
     if not (name and equals and value):
-        raise CommandError(text, "this is no setting", "write NAME=VALUE", ExitStatus.UNREADABLE)
+        raise UnreadableInput(text, "this is no setting", "write NAME=VALUE")
     return name.strip(), value
 
 
@@ -266,6 +266,4 @@ def _read_record(folder: Path) -> "SetupRecord":
         before = {name: read_bounded(folder / name) for name in kept.configuration}
         return SetupRecord(files, kept.instances, kept.symbols, before)
     except (OSError, KeyError, DocumentError) as error:
-        raise CommandError(
-            str(folder), f"no backup of a setup ({error})", "name the folder that it made", ExitStatus.UNREADABLE
-        ) from None
+        raise UnreadableInput(str(folder), f"no backup of a setup ({error})", "name the folder that it made") from None

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from daemon.cli.errors import CommandError, ExitStatus
+from daemon.cli.errors import CommandError, ExitStatus, UnreadableInput
 from daemon.cli.output import Json, new_calibration, print_error, progress_bar, write_document, writing
 
 if TYPE_CHECKING:
@@ -118,13 +118,11 @@ def solve(
     from registration.errors import RegistrationError
 
     if method not in METHODS:
-        raise CommandError(
-            "--method", f"none is called {method!r}", f"one of {', '.join(METHODS)}", ExitStatus.UNREADABLE
-        )
+        raise UnreadableInput("--method", f"none is called {method!r}", f"one of {', '.join(METHODS)}")
     check_options(artefact, radius_mm, rough, method)
     for name, given in (("--pictures", pictures), ("--camera", camera), ("--known", known)):
         if artefact is not None and given is not None:
-            raise CommandError(name, "clouds have no images", "leave it out", ExitStatus.UNREADABLE)
+            raise UnreadableInput(name, "clouds have no images", "leave it out")
     intrinsics = None if camera is None else read_camera(camera).document(None)
     stated, required = known_of(known or []), requirement_of(tolerance, at)
     status, solved, sessions = ExitStatus.OK, [], []
@@ -148,26 +146,21 @@ def solve(
             solved.append((folder, *shown[1:]))
             sessions.append(shown[0])
         if pictures is not None and shown is not None and shown[1].in_space:
-            raise CommandError("--pictures", *FOR_IMAGES, ExitStatus.UNREADABLE)
+            raise UnreadableInput("--pictures", *FOR_IMAGES)
         if pictures is not None and shown is not None:
             _write_pictures(pictures if len(folders) == 1 else pictures / name, document, *shown)
     if (arm is not None or together) and any(solution.external_axis for _, _, solution in solved):
         what = "an arm's errors, and sensors together, are not found while an external axis moves"
-        raise CommandError("--arm" if arm else "--together", what, "leave it out", ExitStatus.UNREADABLE)
+        raise UnreadableInput("--arm" if arm else "--together", what, "leave it out")
     if arm is not None:
         if artefact is not None or len(solved) < len(folders):
-            raise CommandError("--arm", "it needs every folder's images", "leave it out", ExitStatus.UNREADABLE)
+            raise UnreadableInput("--arm", "it needs every folder's images", "leave it out")
         problems = [problem for _, problem, _ in solved]
         folder_out = out if out is None else (out.parent if len(folders) == 1 else out)
         solve_arm(arm, problems, folder_out, _box_of(at), known_distances(sessions), json=json)
     if together:
         if len(solved) < max(len(folders), 2):
-            raise CommandError(
-                "--together",
-                "it needs two folders with session.json",
-                "name one for each sensor",
-                ExitStatus.UNREADABLE,
-            )
+            raise UnreadableInput("--together", "it needs two folders with session.json", "name one for each sensor")
         if not solve_together(solved, required[0].tolerance_mm, out, json=json) and status is ExitStatus.OK:
             status = ExitStatus.NOT_ACCEPTED
     raise typer.Exit(status)
@@ -184,7 +177,7 @@ def known_of(pairs: list[str]) -> "KnowledgeDocument":
         section, _, name = key.rpartition(".")
         if not (key and equals and value):
             what, fix = f"{pair!r} is no KEY=VALUE", "such as camera=this-session"
-            raise CommandError("--known", what, fix, ExitStatus.UNREADABLE)
+            raise UnreadableInput("--known", what, fix)
         inner = data.setdefault(section, {}) if section else data
         inner[name] = float(value) if value.replace(".", "", 1).isdigit() else value
     return validate_document(KnowledgeDocument, data, "--known")
@@ -195,7 +188,7 @@ def requirement_of(tolerance_mm: float | None, at: Path | None) -> "Requirement"
     from calibration.documents.requirement import MAX_TOLERANCE_MM, VerdictSettings
 
     if tolerance_mm is not None and not 0 < tolerance_mm <= MAX_TOLERANCE_MM:
-        raise CommandError("--tolerance", f"{tolerance_mm} mm is no tolerance", "give U in mm", ExitStatus.UNREADABLE)
+        raise UnreadableInput("--tolerance", f"{tolerance_mm} mm is no tolerance", "give U in mm")
     points = () if at is None else _points_file(at).named_points()
     return VerdictSettings().limits(tolerance_mm), points
 
@@ -242,7 +235,7 @@ def solve_session(
     with progress_bar(folder.resolve().name) as progress:
         problem = load_problem(session, progress)
     if problem.in_space and method != "auto":
-        raise CommandError("--method", *FOR_IMAGES, ExitStatus.UNREADABLE)
+        raise UnreadableInput("--method", *FOR_IMAGES)
     for line in (*find_repeated_poses(session.document), *symmetry_lines(problem), *missing_target_lines(problem)):
         print_error(f"{session.file}: {line}")
     limits, points = required
@@ -333,7 +326,7 @@ def known_distances(sessions: "Sequence[SessionFolder]") -> "list[KnownDistance]
         for row, known in enumerate(session.document.distances):
             if names.count(known.to) != 1 or known.to == names[place]:
                 what = f"distances[{row}].to: {known.to!r} is not the name of one other folder of the command"
-                raise CommandError(str(session.file), what, "name that folder, too", ExitStatus.UNREADABLE)
+                raise UnreadableInput(str(session.file), what, "name that folder, too")
             found.append(KnownDistance(place, names.index(known.to), known.distance_mm, known.sigma_mm))
     return found
 
@@ -364,7 +357,7 @@ def solve_arm(
             arm, problems, created_at=created_at, software=SOFTWARE, box_mm=box_mm, distances=distances
         )
     except CalibrationError as error:
-        raise CommandError("--arm", str(error), "no arm.json is written", ExitStatus.UNREADABLE) from None
+        raise UnreadableInput("--arm", str(error), "no arm.json is written") from None
     typer.echo(document.model_dump_json() if json else arm_summary(document))
     if folder is not None:
         write_document(folder / ARM_FILE, document)
@@ -384,14 +377,14 @@ def solve_together(
     names = [folder.resolve().name for folder, _, _ in solved]
     if len(set(names)) < len(names):
         repeated = "two folders have the same name"
-        raise CommandError("--together", repeated, "name each after its sensor", ExitStatus.UNREADABLE)
+        raise UnreadableInput("--together", repeated, "name each after its sensor")
     sessions = dict(zip(names, solved, strict=True))
     try:
         rig = solve_rig({name: problem for name, (_, problem, _) in sessions.items()})
     except UndeterminedError as error:
         raise CommandError("--together", error.what, error.fix, ExitStatus.NOT_ACCEPTED) from None
     except GeometryError as error:
-        raise CommandError("--together", str(error), "check the sessions", ExitStatus.UNREADABLE) from None
+        raise UnreadableInput("--together", str(error), "check the sessions") from None
     document = rig_document(rig, {name: solution for name, (_, _, solution) in sessions.items()}, tolerance_mm)
     typer.echo(document.model_dump_json() if json else rig_text(document))
     if out is not None:

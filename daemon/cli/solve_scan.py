@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from daemon.cli.errors import CommandError, ExitStatus
+from daemon.cli.errors import UnreadableInput
 from daemon.cli.output import new_calibration
 
 if TYPE_CHECKING:
@@ -33,7 +33,7 @@ def check_options(artefact: str | None, radius_mm: float | None, rough: Path | N
     ]  # fmt: skip
     for refused, place, what, fix in refusals:
         if refused:
-            raise CommandError(place, what, fix, ExitStatus.UNREADABLE)
+            raise UnreadableInput(place, what, fix)
 
 
 def solve_scan(

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from daemon.cli.errors import CommandError, ExitStatus
+from daemon.cli.errors import UnreadableInput
 from daemon.cli.output import CommandGroup, Json, print_json, write_whole
 
 if TYPE_CHECKING:
@@ -86,7 +86,7 @@ def _write(data: Any, page: str, out: Path, as_json: bool, origin: str = "target
     document = validate_document(TargetFile, {"target": data}, origin).target
     writers = {".pdf": pdf, ".svg": svg}
     if out.suffix.lower() not in writers:
-        raise CommandError(str(out), "neither .pdf nor .svg", "choose one of them", ExitStatus.UNREADABLE)
+        raise UnreadableInput(str(out), "neither .pdf nor .svg", "choose one of them")
     sheet = lay_out(document, page)
     write_whole(out, writers[out.suffix.lower()](sheet))
     if as_json:

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from daemon.cli.errors import CommandError, ExitStatus
+from daemon.cli.errors import ExitStatus, UnreadableInput
 from daemon.cli.output import CommandGroup, Json, new_calibration, print_error, write_document
 
 app = typer.Typer(
@@ -99,7 +99,7 @@ def register(
     if document.flange_T_camera is None or document.clock_offset is None:
         what = "it has no flange_T_camera with a clock_offset"
         fix = "use a calibration.json of handeyed profiles calibrate"
-        raise CommandError(str(calibration), what, fix, ExitStatus.UNREADABLE)
+        raise UnreadableInput(str(calibration), what, fix)
     x, offset_s, profiles = document.flange_T_camera.transform(), document.clock_offset.offset_s, 0
     with new_cloud(out, XYZ_FLOAT32, calibration_id=document.id) as cloud:
         for sweep in sweeps:

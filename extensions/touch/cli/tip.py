@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from daemon.cli.errors import CommandError, ExitStatus
+from daemon.cli.errors import UnreadableInput
 from daemon.cli.output import Json, write_document
 
 if TYPE_CHECKING:
@@ -55,7 +55,7 @@ def _calibrate(table: "PoseTable", convention: str | None, unit: Literal["m", "m
         named, unit_of_brand = (table.conventions(), None) if convention is None else find_conventions(convention)
     except GeometryError as error:
         fix = "give a brand or a name of docs/formats.md#conventions"
-        raise CommandError("--convention", str(error), fix, ExitStatus.UNREADABLE) from None
+        raise UnreadableInput("--convention", str(error), fix) from None
     stated = unit or unit_of_brand
     read: list[tuple[TipCalibration, str]] = []
     refused: CalibrationError | None = None
@@ -66,7 +66,7 @@ def _calibrate(table: "PoseTable", convention: str | None, unit: Literal["m", "m
             except CalibrationError as error:
                 refused = refused or error
     if not read:
-        raise refused or CommandError(table.origin, "no convention fits it", "give --convention", ExitStatus.UNREADABLE)
+        raise refused or UnreadableInput(table.origin, "no convention fits it", "give --convention")
     read.sort(key=lambda one: one[0].sigma_mm)
     best = read[0][0]
     rivals = [
@@ -75,5 +75,5 @@ def _calibrate(table: "PoseTable", convention: str | None, unit: Literal["m", "m
     ]  # fmt: skip
     if rivals:
         what = f"the poses fit as {read[0][1]} and as {', '.join(rivals)}"
-        raise CommandError(table.origin, what, "give --convention and --unit", ExitStatus.UNREADABLE)
+        raise UnreadableInput(table.origin, what, "give --convention and --unit")
     return best

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from daemon.cli.errors import CommandError, ExitStatus, require_finite
+from daemon.cli.errors import ExitStatus, UnreadableInput, require_finite
 from daemon.cli.output import Json, progress_bar, write_document
 
 if TYPE_CHECKING:
@@ -56,7 +56,7 @@ def touch(
         found = touch_test_with_arm(given, known_tip, points, seen, tolerance_mm, str(touches))
     except (GeometryError, UnreachablePoseError) as error:
         fix = f"correct it, or {tip.name}"
-        raise CommandError(str(touches), str(error), fix, ExitStatus.UNREADABLE) from None
+        raise UnreadableInput(str(touches), str(error), fix) from None
     typer.echo(found.model_dump_json() if json else touch_test_text(found))
     if out is not None:
         write_document(out, found)
