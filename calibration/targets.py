@@ -56,7 +56,23 @@ def require_kind(schema: dict[str, Any]) -> None:
 IN_DOCUMENTS = ConfigDict(extra="forbid", allow_inf_nan=False)
 """Of a dataclass that documents hold as it stands: strict as `calibration.documents.validation.Document`."""
 
-_BY_KIND: ConfigDict = {**IN_DOCUMENTS, "json_schema_extra": require_kind}
+
+class _Printed(Described):
+    """What all have. Each class states its fields, in order and with their limits; here stands what describes them."""
+
+    __pydantic_config__: ClassVar[ConfigDict] = {**IN_DOCUMENTS, "json_schema_extra": require_kind}
+
+    kind: str
+    """Kind of target."""
+
+
+class _Rows(_Printed):
+    """What those in rows have."""
+
+    columns: int
+    """Points in a row: inner corners of a chessboard, squares of a ChArUco board, circles, or tags."""
+    rows: int
+    """Rows of points, as columns."""
 
 
 def _grid(columns: int, rows: int, pitch_mm: float) -> Points:
@@ -71,17 +87,12 @@ def _array(points: Points) -> "Array":
 
 
 @dataclass(frozen=True)
-class Chessboard(Described):
+class Chessboard(_Rows):
     """`columns` × `rows` inner corners; the origin is the first of them."""
 
-    __pydantic_config__: ClassVar[ConfigDict] = _BY_KIND
-
     kind: Literal["chessboard"] = field(default="chessboard", kw_only=True)
-    """Kind of target."""
     columns: Count
-    """Points in a row: inner corners of a chessboard, squares of a ChArUco board, circles, or tags."""
     rows: Count
-    """Rows of points, as columns."""
     pitch_mm: PositiveFloat
     """Distance of neighbouring points in a row, mm; OpenCV's samples take half of it for asymmetric circles."""
 
@@ -92,17 +103,12 @@ class Chessboard(Described):
 
 
 @dataclass(frozen=True)
-class Charuco(Described):
+class Charuco(_Rows):
     """`columns` × `rows` squares; its points are the inner corners, its origin the board's outer corner (as OpenCV)."""
 
-    __pydantic_config__: ClassVar[ConfigDict] = _BY_KIND
-
     kind: Literal["charuco"] = field(default="charuco", kw_only=True)
-    """Kind of target."""
     columns: Count
-    """Points in a row: inner corners of a chessboard, squares of a ChArUco board, circles, or tags."""
     rows: Count
-    """Rows of points, as columns."""
     square_mm: PositiveFloat
     """Side of a square, mm."""
     marker_mm: PositiveFloat
@@ -120,19 +126,14 @@ class Charuco(Described):
 
 
 @dataclass(frozen=True)
-class CircleGrid(Described):
+class CircleGrid(_Rows):
     """Circle centres; asymmetric: OpenCV's, `pitch_mm` between neighbours in a row, odd rows shifted by half."""
 
-    __pydantic_config__: ClassVar[ConfigDict] = _BY_KIND
-
     kind: Literal["circles"] = field(default="circles", kw_only=True)
-    """Kind of target."""
     layout: Literal["symmetric", "asymmetric"]
     """symmetric or asymmetric, as OpenCV has them."""
     columns: Count
-    """Points in a row: inner corners of a chessboard, squares of a ChArUco board, circles, or tags."""
     rows: Count
-    """Rows of points, as columns."""
     pitch_mm: PositiveFloat
     """Distance of neighbouring points in a row, mm; OpenCV's samples take half of it for asymmetric circles."""
     dots: Literal["black", "white"] = "black"
@@ -181,7 +182,7 @@ class MarkerGrid:
         return _array([(x + right, y + down, z) for x, y, z in origins for right, down in corners])
 
 
-class _OfMarkers(Described, ABC):
+class _OfMarkers(_Printed, ABC):
     """A target whose points are those of its markers."""
 
     @property
@@ -195,17 +196,12 @@ class _OfMarkers(Described, ABC):
 
 
 @dataclass(frozen=True)
-class AprilTagGrid(_OfMarkers):
+class AprilTagGrid(_Rows, _OfMarkers):
     """`columns` × `rows` tags, numbered row by row from 0; points as in MarkerGrid."""
 
-    __pydantic_config__: ClassVar[ConfigDict] = _BY_KIND
-
     kind: Literal["apriltag-grid"] = field(default="apriltag-grid", kw_only=True)
-    """Kind of target."""
     columns: MarkerCount
-    """Points in a row: inner corners of a chessboard, squares of a ChArUco board, circles, or tags."""
     rows: MarkerCount
-    """Rows of points, as columns."""
     tag_mm: PositiveFloat
     """Side of a tag with its black border, mm."""
     gap_mm: PositiveFloat
@@ -220,17 +216,12 @@ class AprilTagGrid(_OfMarkers):
 
 
 @dataclass(frozen=True)
-class ArucoGrid(_OfMarkers):
+class ArucoGrid(_Rows, _OfMarkers):
     """OpenCV's GridBoard: `columns` × `rows` markers, numbered row by row from `first_id`; points as in MarkerGrid."""
 
-    __pydantic_config__: ClassVar[ConfigDict] = _BY_KIND
-
     kind: Literal["aruco-grid"] = field(default="aruco-grid", kw_only=True)
-    """Kind of target."""
     columns: MarkerCount
-    """Points in a row: inner corners of a chessboard, squares of a ChArUco board, circles, or tags."""
     rows: MarkerCount
-    """Rows of points, as columns."""
     marker_mm: PositiveFloat
     """Side of a marker with its black border, mm."""
     gap_mm: PositiveFloat
@@ -249,10 +240,7 @@ class ArucoGrid(_OfMarkers):
 class ArucoMarker(_OfMarkers):
     """One ArUco marker: its four corners, the first of them the origin. A board of several is far more accurate."""
 
-    __pydantic_config__: ClassVar[ConfigDict] = _BY_KIND
-
     kind: Literal["aruco-marker"] = field(default="aruco-marker", kw_only=True)
-    """Kind of target."""
     marker_mm: PositiveFloat
     """Side of a marker with its black border, mm."""
     dictionary: str
