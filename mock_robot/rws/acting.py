@@ -116,7 +116,7 @@ def stop(context: RequestContext, parts: Parts) -> None:
     if context.asked.form.get("stopmode", "stop") not in ("cycle", "instr", "stop", "qstop"):
         raise RwsRefused(refusals.BAD_ARGUMENT)
     allow(context, "stop")
-    if context.dialect.version == 2 and context.world.mode is Mode.AUTO:
+    if context.version == 2 and context.world.mode is Mode.AUTO:
         context.world.equipment.require("UAS_REMOTE_START_STOP_IN_AUTO")
     if context.world.execution_state == "running":
         context.world.cabinet.run_program(False, context.now_s)
@@ -130,7 +130,7 @@ def reset_pointer(context: RequestContext, parts: Parts) -> None:
 def write_symbol(context: RequestContext, parts: Parts) -> None:
     found = context.world.memory.symbol(parts["symbol"], context.world.cabinet)
     if found is None:
-        raise RwsRefused(context.dialect.no_symbol)
+        raise RwsRefused(refusals.NO_SYMBOL[context.version])
     if not context.asked.form.get("value"):
         raise RwsRefused(refusals.BAD_ARGUMENT)
     context.world.equipment.require("UAS_RAPID_CURRVALUE")
@@ -211,11 +211,11 @@ def back_up(context: RequestContext, parts: Parts) -> Reply:
 
 
 def delete_instance(context: RequestContext, parts: Parts) -> None:
-    version = context.dialect.version
+    version = context.version
     there = context.world.equipment.configuration.get(parts["domain"].upper(), {}).get(parts["type"], {})
     named = [k for k, each in there.items() if parts["instance"] in (instance_id(k), listed_title(k, each, version))]
     if not named:
-        raise RwsRefused(refusals.NO_INSTANCE_1 if context.dialect.version == 1 else refusals.NO_RESOURCE)
+        raise RwsRefused(refusals.NO_INSTANCE_1 if context.version == 1 else refusals.NO_RESOURCE)
     _allow_configuration(context)
     del there[named[0]]
 
@@ -245,7 +245,7 @@ def write_signal(context: RequestContext, parts: Parts) -> None:
 def domains_of(context: RequestContext, parts: Parts) -> tuple[str, ...]:
     """Mastership domains named by the path, all of them when it names none. `edit` in 2.0 is cfg and rapid."""
     names = {"": DOMAINS, "motion": ("motion",)}
-    names |= {"edit": ("cfg", "rapid")} if context.dialect.version == 2 else {"cfg": ("cfg",), "rapid": ("rapid",)}
+    names |= {"edit": ("cfg", "rapid")} if context.version == 2 else {"cfg": ("cfg",), "rapid": ("rapid",)}
     try:
         return names[parts.get("domain") or ""]
     except KeyError:
@@ -299,7 +299,7 @@ def read_file(context: RequestContext, parts: Parts) -> Reply:
         return Reply(content=volumes.files[path])
     items = _listing(volumes, path)
     if items is None:
-        raise RwsRefused(context.dialect.no_file)
+        raise RwsRefused(refusals.NO_FILE[context.version])
     return Reply(items=items, listed=True)
 
 
@@ -308,7 +308,7 @@ def write_file(context: RequestContext, parts: Parts) -> Reply:
     path, files = _place(context, parts), context.world.volumes.files
     context.world.equipment.require("UAS_FTP_WRITE", "UAS_FILE_ACCESS_READ_WRITE")
     if not context.world.volumes.has_folder(path.rpartition("/")[0]):
-        raise RwsRefused(context.dialect.no_file)
+        raise RwsRefused(refusals.NO_FILE[context.version])
     status = 200 if path in files else 201
     files[path] = context.asked.body
     return Reply(status)
@@ -318,21 +318,21 @@ def make_folder(context: RequestContext, parts: Parts) -> Reply:
     """1.0 names the action in the form, 2.0 in the path."""
     parent, volumes, form = _place(context, parts), context.world.volumes, context.asked.form
     name = form.get("fs-newname", "")
-    if not name or "/" in name or (context.dialect.version == 1 and form.get("fs-action") != "create"):
+    if not name or "/" in name or (context.version == 1 and form.get("fs-action") != "create"):
         raise RwsRefused(refusals.BAD_ARGUMENT, "Invalid/No Query Parameter")
     if not volumes.has_folder(parent):
-        raise RwsRefused(context.dialect.no_file)
+        raise RwsRefused(refusals.NO_FILE[context.version])
     if volumes.has_folder(f"{parent}/{name}") or f"{parent}/{name}" in volumes.files:
         raise RwsRefused(refusals.EXISTS)
     volumes.folders.add(f"{parent}/{name}")
-    return Reply(201 if context.dialect.version == 1 else 204)
+    return Reply(201 if context.version == 1 else 204)
 
 
 def delete_file(context: RequestContext, parts: Parts) -> None:
     path, volumes = _place(context, parts), context.world.volumes
     context.world.equipment.require("UAS_FTP_WRITE", "UAS_FILE_ACCESS_READ_WRITE")
     if volumes.files.pop(path, None) is None and path not in volumes.folders:
-        raise RwsRefused(context.dialect.no_file)
+        raise RwsRefused(refusals.NO_FILE[context.version])
     volumes.folders.discard(path)
 
 
@@ -354,4 +354,4 @@ def _place(context: RequestContext, parts: Parts) -> str:
     try:
         return context.world.volumes.canonical(parts["path"])
     except NoVolume:
-        raise RwsRefused(context.dialect.no_volume) from None
+        raise RwsRefused(refusals.NO_VOLUME[context.version]) from None

@@ -9,11 +9,20 @@ from calibration.transforms import quaternion_from_rotation
 from mock_robot.cabinet.disk import RAMDISK_PATH
 from mock_robot.rws.context import RequestContext
 from mock_robot.rws.exchange import Item, Reply
-from mock_robot.rws.refusals import BAD_ARGUMENT, LIFO_IN_2_0, NO_RESOURCE, NO_SIGNAL, RwsRefused
+from mock_robot.rws.refusals import (
+    BAD_ARGUMENT,
+    LIFO_IN_2_0,
+    NO_MODULE_2,
+    NO_RESOURCE,
+    NO_SIGNAL,
+    NO_SYMBOL,
+    RwsRefused,
+)
 
 MIN_UNUSED_AXIS = 8.9e9
-UNUSED_1, UNUSED_2 = "8.999999e+09", "9000000000"
+UNUSED = {1: "8.999999e+09", 2: "9000000000"}
 """9E9 as RobotWare 6 and 7.20 print it."""
+CONFIGURATION = {1: ("j1", "j4", "j6", "jx"), 2: ("cf1", "cf4", "cf6", "cfx")}
 
 
 def format_float(value: float) -> str:
@@ -56,8 +65,8 @@ def execution(context: RequestContext, parts: Parts) -> Reply:
 
 def robtarget(context: RequestContext, parts: Parts) -> Reply:
     position, quaternion = _pose(context, parts)
-    axes = [format_axis(axis, context.dialect.unused_axis) for axis in context.world.robtarget_axes]
-    spellings = ("eax_", "eax") if context.dialect.version == 1 else ("eax_",)
+    axes = [format_axis(axis, UNUSED[context.version]) for axis in context.world.robtarget_axes]
+    spellings = ("eax_", "eax") if context.version == 1 else ("eax_",)
     values = {
         **_name_components(position, quaternion),
         **_configuration(context, ("cf1", "cf4", "cf6", "cfx")),
@@ -68,13 +77,13 @@ def robtarget(context: RequestContext, parts: Parts) -> Reply:
 
 def cartesian(context: RequestContext, parts: Parts) -> Reply:
     position, quaternion = _pose(context, parts)
-    values = {**_name_components(position, quaternion), **_configuration(context, context.dialect.configuration_names)}
+    values = {**_name_components(position, quaternion), **_configuration(context, CONFIGURATION[context.version])}
     return Reply(items=[Item("ms-mechunit-cartesian", "cartesian", values)])
 
 
 def jointtarget(context: RequestContext, parts: Parts) -> Reply:
     _require_mechunit(parts)
-    unused = _title(context, context.dialect.unused_axis, "0")
+    unused = _title(context, UNUSED[context.version], "0")
     axes = [format_axis(axis, unused) for axis in context.world.jointtarget_axes]
     values = {
         **{f"rax_{number}": format_float(angle) for number, angle in enumerate(context.world.joints_deg, start=1)},
@@ -121,14 +130,14 @@ def base_frame(context: RequestContext, parts: Parts) -> Reply:
 
 def grants(context: RequestContext, parts: Parts) -> Reply:
     """1.0 names a grant in the title, 2.0 in a value."""
-    held = context.world.equipment.grants(context.dialect.version)
-    if context.dialect.version == 1:
+    held = context.world.equipment.grants(context.version)
+    if context.version == 1:
         return Reply(items=[Item("user-grant", name, {}) for name in held])
     return Reply(items=[Item("uas-grant", str(at), {"grantname": name}) for at, name in enumerate(held)])
 
 
 def configuration(context: RequestContext, parts: Parts) -> Reply:
-    found = context.world.equipment.instances(parts["domain"], parts["type"], context.dialect.version)
+    found = context.world.equipment.instances(parts["domain"], parts["type"], context.version)
     return Reply(items=found, listed=True, page=70)
 
 
@@ -149,7 +158,7 @@ def tasks(context: RequestContext, parts: Parts) -> Reply:
     beside = {"spy": "spy", "program-pointer": "syncstate-pp", "motion-pointer": "syncstate-mp"}
     links = [Item(f"rap-tasks-{kind}-li", title) for title, kind in beside.items()]
     items = [Item("rap-task-li", name, each) for name, each in values.items()]
-    return Reply(items=[*(links if context.dialect.version == 2 else ()), *items], listed=True)
+    return Reply(items=[*(links if context.version == 2 else ()), *items], listed=True)
 
 
 def modules(context: RequestContext, parts: Parts) -> Reply:
@@ -165,21 +174,21 @@ def module(context: RequestContext, parts: Parts) -> Reply:
     loaded = context.world.modules.get(parts["task"], {})
     found = next((name for name in loaded if name.lower() == parts["module"].lower()), None)
     if found is None:
-        raise RwsRefused(NO_RESOURCE if context.dialect.version == 1 else context.dialect.no_module)
+        raise RwsRefused(NO_RESOURCE if context.version == 1 else NO_MODULE_2)
     return Reply(items=[Item("rap-module", found, {"modname": found, "attributes": loaded[found]})])
 
 
 def symbol_value(context: RequestContext, parts: Parts) -> Reply:
     found = context.world.memory.symbol(parts["symbol"], context.world.cabinet)
     if found is None:
-        raise RwsRefused(context.dialect.no_symbol)
+        raise RwsRefused(NO_SYMBOL[context.version])
     return Reply(items=[Item("rap-data", f"RAPID/{found[0]}", {"value": found[1].value})])
 
 
 def symbol_properties(context: RequestContext, parts: Parts) -> Reply:
     found = context.world.memory.symbol(parts["symbol"], context.world.cabinet)
     if found is None:
-        raise RwsRefused(context.dialect.no_symbol)
+        raise RwsRefused(NO_SYMBOL[context.version])
     values = {"symburl": f"RAPID/{found[0]}", "symtyp": "per", "named": "true", "dattyp": found[1].type, "ndim": "0",
               "dim": "", "local": "false", "rdonly": "false", "taskpers": "false",
               "typurl": f"RAPID/{found[1].type}"}  # fmt: skip
@@ -201,7 +210,7 @@ def signal(context: RequestContext, parts: Parts) -> Reply:
 def event_log(context: RequestContext, parts: Parts) -> Reply:
     """2.0 lists the oldest entries first; the newest ones first only to who accepts version 2.1."""
     lifo = context.asked.query.get("order") == "lifo"
-    if context.dialect.version == 1:
+    if context.version == 1:
         return Reply(items=context.world.elog.items(), listed=True)
     if lifo and "v=2.1" not in context.asked.headers.get("accept", ""):
         raise RwsRefused(LIFO_IN_2_0)
@@ -215,12 +224,12 @@ def masterships(context: RequestContext, parts: Parts) -> Reply:
 
 
 def system(context: RequestContext, parts: Parts) -> Reply:
-    version = VERSIONS[context.dialect.version]
+    version = VERSIONS[context.version]
     major, minor, build = version.partition("+")[0].split(".")
     values = {"name": "handeyed mock", "rwversion": version, "rwversionname": version,
               "sysid": "{00000000-0000-0000-0000-000000000001}",
               "starttm": f"{context.world.elog.epoch:%Y-%m-%d T %H:%M:%S}"}  # fmt: skip
-    if context.dialect.version == 1:
+    if context.version == 1:
         return Reply(items=[Item("sys-system-li", "system", values)])
     more = {"major": major, "minor": minor, "build": build, "title": "RobotWare", "revision": "0", "sub-revision": "0",
             "buildtag": "", "robapi-compatibility-revision": "5", "type": "RobotWare",
@@ -230,13 +239,13 @@ def system(context: RequestContext, parts: Parts) -> Reply:
 
 
 def options(context: RequestContext, parts: Parts) -> Reply:
-    names = context.world.equipment.options(context.dialect.version)
+    names = context.world.equipment.options(context.version)
     return Reply(items=[Item("sys-option-li", str(at), {"option": name}) for at, name in enumerate(names)], listed=True)
 
 
 def identity(context: RequestContext, parts: Parts) -> Reply:
     kind = "Virtual Controller" if context.world.equipment.virtual else _title(context, "Real Controller", "c30")
-    more = {"ctrl-level": "System Level"} if context.dialect.version == 1 else {"ctrl-mac": "00:00:00:00:00:00"}
+    more = {"ctrl-level": "System Level"} if context.version == 1 else {"ctrl-mac": "00:00:00:00:00:00"}
     values = {"ctrl-name": "handeyed mock", "ctrl-id": "1600-000001", "ctrl-type": kind, **more}
     return Reply(items=[Item("ctrl-identity-info", "identity", values)])
 
@@ -270,7 +279,7 @@ def ramdisk(context: RequestContext, parts: Parts) -> Reply:
 
 
 def _title(context: RequestContext, first: str, second: str) -> str:
-    return first if context.dialect.version == 1 else second
+    return first if context.version == 1 else second
 
 
 def _require_mechunit(parts: Parts) -> None:

@@ -5,34 +5,12 @@ from collections.abc import Callable, Mapping
 from functools import partial
 
 from mock_robot.rws import acting, reading, refusals
-from mock_robot.rws.context import RequestContext, ServiceDialect
+from mock_robot.rws.context import RequestContext
 from mock_robot.rws.exchange import DONE, Reply
-from mock_robot.rws.reading import UNUSED_1, UNUSED_2
 from mock_robot.rws.refusals import RwsRefused
 
 Handler = Callable[[RequestContext, Mapping[str, str]], Reply | None]
 Row = tuple[str, str, str | None, Handler]
-
-RWS_1 = ServiceDialect(
-    1,
-    False,
-    UNUSED_1,
-    ("j1", "j4", "j6", "jx"),
-    refusals.NO_SYMBOL_1,
-    refusals.NO_MODULE,
-    refusals.NO_FILE_1,
-    refusals.NO_FILE_1,
-)
-RWS_2 = ServiceDialect(
-    2,
-    True,
-    UNUSED_2,
-    ("cf1", "cf4", "cf6", "cfx"),
-    refusals.NO_SYMBOL_2,
-    refusals.NO_MODULE_2,
-    refusals.NO_FILE_2,
-    refusals.NO_VOLUME_2,
-)
 
 _UNIT = "/rw/motionsystem/mechunits/(?P<mechunit>[^/]+)"
 _CFG_DOMAIN = "/rw/cfg/(?P<domain>[A-Za-z]+)"
@@ -130,13 +108,12 @@ ROUTES = {
     version: tuple((method, re.compile(path), verb, handler) for method, path, verb, handler in rows)
     for version, rows in ((1, (*_SHARED, *_FIRST)), (2, (*_SHARED, *_SECOND)))
 }
-DIALECTS = {1: RWS_1, 2: RWS_2}
 
 
-def answer_request(context: RequestContext, version: int) -> Reply:
-    """Find the handler in that version of the services and call it. Raises RwsRefused."""
+def answer_request(context: RequestContext) -> Reply:
+    """Find the handler in its version of the services and call it. Raises RwsRefused."""
     asked, known = context.asked, False
-    for method, pattern, verb, handler in ROUTES[version]:
+    for method, pattern, verb, handler in ROUTES[context.version]:
         match = pattern.fullmatch(asked.path)
         if match is None or method != asked.method:
             continue

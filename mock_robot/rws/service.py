@@ -18,7 +18,7 @@ from mock_robot.rws.context import RequestContext
 from mock_robot.rws.documents import JSON_1, JSON_2, XHTML_1, XHTML_2, Encoding, subscription_created
 from mock_robot.rws.exchange import DONE, Reply, RwsRequest, parse
 from mock_robot.rws.refusals import GONE, NO_RESOURCE, NOT_ACCEPTABLE, UNSUPPORTED_MEDIA, RwsRefused
-from mock_robot.rws.routes import DIALECTS, answer_request
+from mock_robot.rws.routes import answer_request
 from mock_robot.rws.sessions import Session, Sessions, SessionsExhausted
 from mock_robot.rws.subscriptions import PERIODS_S, SubscriptionGroup, Subscriptions
 from mock_robot.rws.world import World
@@ -211,8 +211,8 @@ class Service:
             return DONE
         if self.version == 2 and asked.path.startswith("/rw/mastership") and self.world.faults.strike("rws-410"):
             raise RwsRefused(GONE)
-        context = RequestContext(self.world, DIALECTS[self.version], session, asked, self.world.clock())
-        return answer_request(context, self.version)
+        context = RequestContext(self.world, self.version, session, asked, self.world.clock())
+        return answer_request(context)
 
     def _subscription(self, asked: RwsRequest, session: Session) -> Reply:
         if asked.method == "POST" and asked.path == "/subscription":
