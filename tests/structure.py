@@ -19,11 +19,11 @@ ROOMS = (*CORE, "extensions", "gateways")
 
 MAX_UNITS = {"calibration": 24, "daemon": 23, "mock_robot": 14, "registration": 10}
 MAX_WEIGHTS = {
-    "lines of Python of the core": 95_830,
-    "lines of Python with the extensions": 99_279,
+    "lines of Python of the core": 95_807,
+    "lines of Python with the extensions": 99_256,
     "lines of Python of the gateways": 1_322,
     "files of the fullest folder": 43,
-    "private functions used once": 695,
+    "private functions used once": 694,
     "of them of at most 8 lines": 270,
     "functions of 8 parameters or more": 36,
     "pairs of a dataclass and a document with the same fields": 27,

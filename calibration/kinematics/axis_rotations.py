@@ -11,9 +11,9 @@ def wrap(angles: Array) -> Array:
     return angles - 2 * np.pi * np.ceil((angles - np.pi) / (2 * np.pi))
 
 
-def _turns(angle: ArrayLike, first: int, second: int) -> Array:
-    """Rotations (..., 3, 3) that turn axis `first` towards axis `second`."""
-    angle = np.asarray(angle, float)
+def rotation_about(axis: int, angle: ArrayLike) -> Array:
+    """Rotations (..., 3, 3) about axis 0, 1 or 2, angle (...) in rad."""
+    angle, first, second = np.asarray(angle, float), (axis + 1) % 3, (axis + 2) % 3
     result = np.zeros((*angle.shape, 3, 3))
     result[..., range(3), range(3)] = 1.0
     result[..., first, first] = result[..., second, second] = np.cos(angle)
@@ -24,14 +24,14 @@ def _turns(angle: ArrayLike, first: int, second: int) -> Array:
 
 def rotation_x(angle: ArrayLike) -> Array:
     """Rotations (..., 3, 3) about x, angle (...) in rad."""
-    return _turns(angle, 1, 2)
+    return rotation_about(0, angle)
 
 
 def rotation_y(angle: ArrayLike) -> Array:
     """Rotations (..., 3, 3) about y, angle (...) in rad."""
-    return _turns(angle, 2, 0)
+    return rotation_about(1, angle)
 
 
 def rotation_z(angle: ArrayLike) -> Array:
     """Rotations (..., 3, 3) about z, angle (...) in rad."""
-    return _turns(angle, 0, 1)
+    return rotation_about(2, angle)

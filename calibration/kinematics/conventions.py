@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibration.errors import GeometryError
+from calibration.kinematics.axis_rotations import rotation_about
 from calibration.transforms import (
     QUATERNION_NORM_TOLERANCE,
     Array,
@@ -190,7 +191,7 @@ def numbers_of(name: str, rotation: Array) -> tuple[float, ...]:
 
 def rotation_from_euler(angles_rad: Array, order: str) -> Array:
     """(..., 3, 3) of intrinsic Euler angles (..., 3): R_i(a) R_j(b) R_k(c) for the order "ijk"."""
-    one, two, three = (_about("XYZ".index(axis), angles_rad[..., at]) for at, axis in enumerate(order))
+    one, two, three = (rotation_about("XYZ".index(axis), angles_rad[..., at]) for at, axis in enumerate(order))
     rotation: Array = one @ two @ three
     return rotation
 
@@ -227,17 +228,6 @@ def euler_numbers(
         other, determined = np.pi - b, np.abs(np.cos(b)) > min_lock_sine
     both = np.stack([np.stack([a, b, c], axis=1), np.stack([a + np.pi, other, c + np.pi], axis=1)], axis=1)
     return (both + np.pi) % (2 * np.pi) - np.pi, determined
-
-
-def _about(axis: int, angle_rad: Array) -> Array:
-    """Rotations (..., 3, 3) by angles (...) about a coordinate axis."""
-    j, k = (axis + 1) % 3, (axis + 2) % 3
-    rotation = np.zeros((*angle_rad.shape, 3, 3))
-    rotation[..., axis, axis] = 1.0
-    rotation[..., j, j] = rotation[..., k, k] = np.cos(angle_rad)
-    rotation[..., k, j] = np.sin(angle_rad)
-    rotation[..., j, k] = -rotation[..., k, j]
-    return rotation
 
 
 def _from_quaternions(wxyz: Array) -> Array:

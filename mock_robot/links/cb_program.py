@@ -318,11 +318,8 @@ def float32_tuple(values: Array | tuple[float, ...]) -> Any:
     return tuple(float(value) for value in np.asarray(values, np.float32))
 
 
-Confdata = tuple[int, int, int, int]
-
-
 def goal_joints(
-    arm: AnyArm, base_T_flange: Array, configuration: Confdata, here_rad: Array, arm_angle_deg: float = 0.0
+    arm: AnyArm, base_T_flange: Array, configuration: cb.ConfData, here_rad: Array, arm_angle_deg: float = 0.0
 ) -> Array:
     """Joints (6,) in that configuration, or in the neighbouring one with the least joint travel (cell_found_near).
 
@@ -340,7 +337,7 @@ def goal_joints(
     return min(found, key=lambda each: float(np.abs(each - here_rad).max()))
 
 
-def _near(arm: Arm, base_T_flange: Array, configuration: Confdata, here_rad: Array) -> Iterator[Array]:
+def _near(arm: Arm, base_T_flange: Array, configuration: cb.ConfData, here_rad: Array) -> Iterator[Array]:
     cf1, cf4, cf6, cfx = configuration
     for i, j, k in product((-1, 0, 1), repeat=3):
         try:

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from calibration.transforms import Array, difference, transform
+from calibration.transforms import Array, difference, rotation_from_vector, transform
 from drivers.errors import DeviceError
 from drivers.interfaces import MoveGoal, PoseReading
 from drivers.robots.abb import cb_wire
@@ -14,11 +14,10 @@ from drivers.robots.abb.acceptance.bench import BEAT_S, Bench, RowFailed, goal_o
 from drivers.robots.abb.acceptance.rows_link import Measured
 from drivers.robots.abb.acceptance.wire import Wire
 from protocols.cb.codes import Flag
-from protocols.cb.messages import GetPose, Pose, Refused, Stop
+from protocols.cb.messages import T_MS_WRAP, GetPose, Pose, Refused, Stop
 
 CAMERA_SLACK = 1.15
 WINDOW_MS = 200
-WRAP_MS = 8_000_000
 
 
 async def refuse(bench: Bench) -> Measured:
@@ -83,8 +82,8 @@ async def camera_speed(bench: Bench) -> Measured:
 
 async def _sample_turn(bench: Bench, wire: Wire, home: MoveGoal) -> list[tuple[int, Array]]:
     """Controller's milliseconds and poses during a turn about the first of the flange's axes that allows one."""
-    for axis_and_sign in ((0, 1), (0, -1), (1, 1), (1, -1), (2, 1), (2, -1)):
-        rotation = _turn(axis_and_sign[0], axis_and_sign[1] * float(np.radians(bench.limits.turn_deg)))
+    for axis in (sign * unit for unit in np.eye(3) for sign in (1, -1)):
+        rotation = rotation_from_vector(np.radians(bench.limits.turn_deg) * axis)
         goal = replace(home, base_T_flange=home.base_T_flange @ transform(rotation, [0.0, 0.0, 0.0]))
         exchange = await wire.ask(cb_wire.move_of(wire.device, goal))
         if not isinstance(exchange.reply, Refused):
@@ -107,12 +106,12 @@ async def _sample(bench: Bench, wire: Wire, seq: int) -> list[tuple[int, Array]]
 def fastest_mm_s(samples: list[tuple[int, Array]], reach_mm: float) -> float | None:
     """Fastest point on a sphere of `reach_mm` around the flange, over windows of WINDOW_MS; None without a window.
 
-    `samples`: the controller's milliseconds, which wrap at WRAP_MS, and poses of the flange.
+    `samples`: the controller's milliseconds, which wrap at T_MS_WRAP, and poses of the flange.
     """
     around = reach_mm * np.vstack([np.eye(3), -np.eye(3), np.zeros((1, 3))])
     points = np.array([pose[:3, :3] @ around.T + pose[:3, 3:] for _, pose in samples])
     stamps_ms = np.array([at for at, _ in samples])
-    at_ms = np.concatenate([[0], np.cumsum(np.diff(stamps_ms) % WRAP_MS)])
+    at_ms = np.concatenate([[0], np.cumsum(np.diff(stamps_ms) % T_MS_WRAP)])
     before = np.searchsorted(at_ms, at_ms - WINDOW_MS, side="right") - 1
     elapsed_ms = at_ms - at_ms[before]
     whole = (before >= 0) & (elapsed_ms < 2 * WINDOW_MS)
@@ -145,20 +144,11 @@ async def borders(bench: Bench) -> Measured:
 
 def _turned_home(home: PoseReading, wanted_deg: float, axis_deg: float, speed_mm_s: float) -> MoveGoal:
     """Home with axis 6 at `wanted_deg`: a turn about the flange's z, with the quarter that axis 6 is in then."""
-    flange = _turn(2, float(np.radians(wanted_deg - axis_deg)))
+    flange = rotation_from_vector([0.0, 0.0, np.radians(wanted_deg - axis_deg)])
     cf1, cf4, _, cfx = home.posture
     goal = goal_of(home, speed_mm_s)
     posture = (cf1, cf4, int(np.floor(wanted_deg / 90.0)), cfx)
     return replace(goal, base_T_flange=home.base_T_flange @ transform(flange, [0.0, 0.0, 0.0]), posture=posture)
-
-
-def _turn(axis: int, angle_rad: float) -> Array:
-    """Rotation about x, y or z."""
-    rotation: Array = np.eye(3)
-    first, second = (axis + 1) % 3, (axis + 2) % 3
-    rotation[first, first] = rotation[second, second] = np.cos(angle_rad)
-    rotation[second, first], rotation[first, second] = np.sin(angle_rad), -np.sin(angle_rad)
-    return rotation
 
 
 async def keep_time(bench: Bench) -> Measured:
@@ -170,7 +160,7 @@ async def keep_time(bench: Bench) -> Measured:
         await bench.travel(wire, replace(bench.away(home, bench.limits.fast_mm_s)))
         await bench.travel(wire, goal_of(home, bench.limits.fast_mm_s))
         elapsed_s = bench.timing.clock() - began_s
-        there_s = ((await bench.report(wire)).t_ms - began_ms) % WRAP_MS / 1000
+        there_s = ((await bench.report(wire)).t_ms - began_ms) % T_MS_WRAP / 1000
     if abs(there_s - elapsed_s) > 0.1 + 0.02 * elapsed_s:
         raise RowFailed(f"{there_s:.2f} s passed at the controller, {elapsed_s:.2f} s here")
     return {"here s": round(elapsed_s, 2), "there s": round(there_s, 2)}
