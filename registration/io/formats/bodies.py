@@ -39,20 +39,21 @@ class BodyDecoder(Protocol):
         ...
 
 
-class BinaryDecoder:
-    """Fixed-size records. Blocks are views of the given bytes, up to BLOCK_BYTES; a cut record is one of its own."""
+class _Body:
+    """How many points there are, and the beginning of one that was cut off."""
 
     def __init__(self, header: CloudHeader, file: str) -> None:
-        self._file = file
-        self._dtype = header.layout.dtype
-        self._count = header.count
+        self._file, self._dtype, self._count = file, header.layout.dtype, header.count
         self._cut = b""
-        self.points = 0
-        self.taken = 0
+        self.points = self.taken = 0
 
     @property
     def complete(self) -> bool:
         return self.points == self._count
+
+
+class BinaryDecoder(_Body):
+    """Fixed-size records. Blocks are views of the given bytes, up to BLOCK_BYTES; a cut record is one of its own."""
 
     def take(self, data: memoryview) -> Iterator[Records]:
         itemsize, offset = self._dtype.itemsize, 0
@@ -85,23 +86,14 @@ class BinaryDecoder:
         return iter(())
 
 
-class TextDecoder:
+class TextDecoder(_Body):
     """One line of numbers per record; blank lines are skipped."""
 
     def __init__(self, header: CloudHeader, file: str) -> None:
-        self._file = file
-        self._dtype = header.layout.dtype
+        super().__init__(header, file)
         self._columns = scalar_columns(header.layout.dtype)
         self._width = len(self._columns.names or ())
         self._separator = header.separator
-        self._count = header.count
-        self._cut = b""
-        self.points = 0
-        self.taken = 0
-
-    @property
-    def complete(self) -> bool:
-        return self.points == self._count
 
     def take(self, data: memoryview) -> Iterator[Records]:
         self.taken = 0
