@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from pydantic import with_config
 
 from calibration.camera import CameraModel
+from calibration.kinematics.arm_errors import Group
 from calibration.kinematics.external_axis import ExternalAxis
 from calibration.kinematics.robot_accuracy import NoiseBelief
 from calibration.problem import AxisOffset, Setup
@@ -253,6 +254,21 @@ class ClockOffsetDocument(Described):
     """The robot's clock minus the sensor's at one moment, s."""
     sigma_s: float
     """One standard deviation of offset_s, s."""
+
+
+@with_config(IN_DOCUMENTS)
+@dataclass(frozen=True)
+class ArmLadderDocument(Described):
+    """The models up to a group: their probability, log-evidence against no error, and hold-out by joint regions."""
+
+    up_to: Group | None
+    """The last group of the model; null for an arm as drawn."""
+    probability: float
+    """Of the model among those with errors."""
+    log_evidence: float
+    """Natural logarithm of the evidence against an arm as drawn."""
+    hold_out_mm: float
+    """Prediction error of views left out by region of joint space, RMS, mm."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,7 +18,7 @@ from calibration.kinematics.arm_errors import ArmErrorModel, Group
 from calibration.kinematics.arm_estimate import ArmEstimate
 from calibration.kinematics.load import NO_LOAD
 from calibration.problem import Problem, Setup
-from calibration.solution import Finding
+from calibration.solution import ArmLadderDocument, Finding
 
 if TYPE_CHECKING:
     from calibration.solver.arm_identification import ArmFit
@@ -39,19 +39,6 @@ class ArmParameterDocument(Document):
     """The error."""
     sigma: float = Field(ge=0)
     """One standard deviation of it after the views."""
-
-
-class ArmLadderDocument(Document):
-    """The models up to a group: their probability, log-evidence against no error, and hold-out by joint regions."""
-
-    up_to: Group | None
-    """The last group of the model; null for an arm as drawn."""
-    probability: float
-    """Of the model among those with errors."""
-    log_evidence: float
-    """Natural logarithm of the evidence against an arm as drawn."""
-    hold_out_mm: float
-    """Prediction error of views left out by region of joint space, RMS, mm."""
 
 
 FIRST_PARAMETERS = 49
@@ -162,12 +149,7 @@ def arm_document(
         covariance=fit.covariance.tolist(),
         scatter_mm=float(np.sqrt(fit.variances.translation)),
         scatter_deg=float(np.degrees(np.sqrt(fit.variances.rotation))),
-        ladder=[
-            ArmLadderDocument(
-                up_to=row.up_to, probability=row.probability, log_evidence=row.log_evidence, hold_out_mm=row.hold_out_mm
-            )
-            for row in fit.ladder
-        ],
+        ladder=list(fit.ladder),
         views=len(joints),
         joints_from_poses=joints_from_poses,
         places=len(problems),

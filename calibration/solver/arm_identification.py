@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from calibration.camera import CameraModel
 from calibration.errors import CalibrationError
-from calibration.kinematics.arm_errors import LADDER, ArmErrorModel, Group, Postures
+from calibration.kinematics.arm_errors import LADDER, ArmErrorModel, Postures
 from calibration.kinematics.arm_estimate import ArmEstimate
 from calibration.likelihood.leave_out import split
 from calibration.likelihood.mapped_points import point_rows
@@ -25,6 +25,7 @@ from calibration.likelihood.shared_columns import take_views
 from calibration.likelihood.variance_components import estimate_variances
 from calibration.linear_algebra import covariance_of, inverse_or_pseudo_inverse, squared_distances
 from calibration.problem import Setup
+from calibration.solution import ArmLadderDocument
 from calibration.solver.arm_hypotheses import Contradiction, Restricted, find_contradiction, hypotheses, restrict
 from calibration.solver.arm_session import ArmSession, CheckedDistance, KnownDistance, TargetViews, begin_arm_session
 from calibration.solver.view_outliers import MAX_ROUNDS, min_remaining, outlier_limit
@@ -44,17 +45,6 @@ REGIONS, MIN_REGION_VIEWS = 6, 3
 
 MAX_LOG_DEFICIT = 8.0
 """Models whose log-likelihood is this far below the best are not averaged."""
-
-
-@dataclass(frozen=True)
-class LadderRow:
-    """The models up to one group: probability; gain of log-evidence over no error, hold-out, scale of the likeliest."""
-
-    up_to: Group | None
-    probability: float
-    log_evidence: float
-    hold_out_mm: float
-    scale: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,7 +79,7 @@ class ArmFit(ArmEstimate):
     variances: Variances
     target_scale: float
     seen: ArmViews
-    ladder: tuple[LadderRow, ...]
+    ladder: tuple[ArmLadderDocument, ...]
     distances: tuple[CheckedDistance, ...] = ()
     contradiction: Contradiction | None = None
 
@@ -235,7 +225,7 @@ def _about_drawing(drawn: Array, of_drawn: Array, built: Array, of_built: Array,
 
 def _ladder_rows(
     session: ArmSession, without: Sequence[_Candidate], likely: Sequence[_Candidate]
-) -> tuple[tuple[LadderRow, ...], bool]:
+) -> tuple[tuple[ArmLadderDocument, ...], bool]:
     """The likeliest model without errors, and the likeliest up to each group that is likely at all.
 
     And whether the likeliest of them predicts the views left out worse than that without.
@@ -243,7 +233,7 @@ def _ladder_rows(
     none, best_of_all = (max(some, key=lambda one: one.log_evidence) for some in (without, likely))
     regions = _regions(session)
     squares = {id(none): _hold_out(session, none, regions)}
-    rows = [LadderRow(None, 0.0, 0.0, _rms_mm(squares[id(none)], session), 0.0)]
+    rows = [ArmLadderDocument(None, 0.0, 0.0, _rms_mm(squares[id(none)], session))]
     for group in LADDER:
         own = [one for one in likely if one.of.of.up_to == group]
         if own:
@@ -251,7 +241,7 @@ def _ladder_rows(
             share = float(np.exp(_log_sum(own) - _log_sum(likely)))
             gain = best.marginal.log_evidence - none.marginal.log_evidence
             squares[id(best)] = _hold_out(session, best, regions)
-            rows.append(LadderRow(group, share, gain, _rms_mm(squares[id(best)], session), best.of.of.scale))
+            rows.append(ArmLadderDocument(group, share, gain, _rms_mm(squares[id(best)], session)))
     more = squares[id(best_of_all)] - squares[id(none)]
     return tuple(rows), bool(more.sum() > MAX_HOLD_OUT_SIGMAS * np.sqrt(np.sum(more**2)))
 
