@@ -148,7 +148,7 @@ def _solve_in_space(problem: Problem) -> Solution:
         found = measured_without_x(problem, UndeterminedError(*CONTRADICTORY))
     if found.seen is None:  # another unit
         return found.solution
-    evidence = measured_evidence(problem, found.seen, found.covariance, found.scale)
+    evidence = measured_evidence(problem, found.seen, found.covariance)
     used = {view.index for view in found.solution.views if view.status != "rejected"}
     causes = measured_findings(problem, evidence, used, drifting=found.drifting)
     return replace(found.solution, findings=(*found.solution.findings, *causes))

@@ -25,14 +25,12 @@ UNKNOWN_SIZE = "wrong-pitch"
 """Poses and points carry no size of the target; that of the camera's lengths is tested by the solver."""
 
 
-def measured_evidence(problem: Problem, seen: MeasuredViews, covariance: Array, scale: float = 1.0) -> Evidence:
+def measured_evidence(problem: Problem, seen: MeasuredViews, covariance: Array) -> Evidence:
     """The evidence of measured views.
 
-    `covariance` (n, 6, 6): of [rotation rad, translation of the target's origin mm]; `scale`: length in the camera's
-    poses over true length.
+    `covariance` (n, 6, 6): of [rotation rad, translation of the target's origin mm].
     """
-    poses = seen.camera_T_target.copy()
-    poses[:, :3, 3] /= scale
+    poses = seen.camera_T_target
     # exp(z) turns about the camera's origin, not about the target's.
     about_camera = np.broadcast_to(np.eye(6), covariance.shape).copy()
     about_camera[:, 3:, :3] = skew(poses[:, :3, 3])

@@ -25,11 +25,12 @@ OUTLIER_PROBABILITY = 1e-4
 class PoseFit:
     """The most likely chain under a model of the noise, with its restricted log-likelihood.
 
-    covariance : (p, p) of [X 6, Y 6, log scale].
+    covariance : (p, p) of [X 6, Y 6, log scale, log depth].
     variances : by source, rad² or mm².
     tail_dof : degrees of freedom of the t distribution of the errors, infinite for normal ones.
     camera : the kind of camera noise, a key of CAMERAS, GIVEN or RANDOM_WALK.
     arm_scale : lengths by the arm over the camera's, None until they are compared.
+    off : whether the scale, and the depth besides it, is significantly off.
     """
 
     chain: ScaledChain
@@ -39,6 +40,7 @@ class PoseFit:
     tail_dof: float
     camera: str
     arm_scale: ArmScale | None = None
+    off: tuple[bool, ...] = (False,)
 
     def evidence(self, views: int) -> float:
         """Score for choosing between models: log-likelihood less the penalty of G. Schwarz, Ann. Stat. 6(2), 1978."""
@@ -80,9 +82,9 @@ def _state(pairs: PosePairs, chain: ScaledChain, variances: Array, camera: str, 
     distances = _squared_distances(at.residuals, information)
     weights = (tails + 6) / (tails + distances) if np.isfinite(tails) else np.ones(len(pairs))
     weighted = ((information * weights[:, None, None]) @ at.by_shared).reshape(-1, at.by_shared.shape[2])
-    normal = weighted.T @ at.by_shared.reshape(weighted.shape)
+    normal = weighted.T @ at.by_shared.reshape(weighted.shape) + at.known[:, :-1]
     covariance = covariance_of(normal)
-    step = clip_step(-covariance @ (weighted.T @ at.residuals.reshape(-1)))
+    step = clip_step(-covariance @ (weighted.T @ at.residuals.reshape(-1) + at.known[:, -1]))
     left = at.residuals + at.by_shared @ step
     moments = _moments(directions, information, weights, left, at, covariance)
     value = _log_likelihood(information, distances, tails) + restriction_term(normal)

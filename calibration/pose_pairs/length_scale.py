@@ -1,10 +1,12 @@
 """Whether the lengths in the camera's poses are millimetres: another unit, or a factor near one."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
 
+from calibration.knowledge import ARM_SHARE, FOCAL_SHARE, Knowledge
 from calibration.likelihood.distributions import f_quantile
 from calibration.observations.measured_poses import MeasuredViews, require_unit
 from calibration.pose_pairs.independent_noise import PoseFit, fit_independent_noise
@@ -14,21 +16,23 @@ from calibration.pose_pairs.random_walk_noise import with_random_walk
 from calibration.pose_pairs.residuals import PosePairs, initial_chain
 from calibration.pose_pairs.session_findings import contradicts
 from calibration.solution import ArmScale
+from calibration.transforms import Array
 
 MIN_SCALE_VIEWS = 6
 """Least views from which a factor is taken to be off; fewer only shift X and widen U by its probability."""
 
 SCALE_FALSE_ALARM_PROBABILITY = 1e-5
-USUAL_SCALE_ERROR, SCALE_OFF_PROBABILITY = 2e-3, 0.1
-"""Prior of an error of the camera's lengths: one standard deviation, and the probability that there is one."""
-
-MIN_USUAL_SCALE_ERROR = 3e-4
-"""The same of a camera whose points are as far apart as those of the described target."""
+USUAL_SCALE_ERROR, MIN_USUAL_SCALE_ERROR = 2e-3, 3e-4
+"""Standard deviation of an error of the lengths of a camera that measures points, and where these are as far apart as
+those of the described target."""
 
 MIN_SCALE_ERROR = 2e-4
 """Errors of the camera's lengths below it are ignored."""
 
 MAX_SCALE_ERROR = 0.5
+
+REFOCUS_PROBABILITY = 0.25
+"""That another focus than stated is not the same in all views: the least for which U (k = 2) contains both well."""
 
 MIN_UNIT_GAIN = 5.0
 """Factor by which the target's scatter must fall for a wrong unit of the poses to be named."""
@@ -40,11 +44,54 @@ UNIT_RATIOS = (1e-3, 0.1, 1 / 25.4, 1 / 39.37, 25.4, 39.37, 1e3)
 MAX_UNIT_ERROR = 0.15
 
 
-def usual_error_of(seen: MeasuredViews) -> float:
-    """One standard deviation of an error of the camera's lengths; measured points are compared with the target's."""
-    if seen.points_mm is None:
-        return USUAL_SCALE_ERROR
-    return min(max(abs(seen.size_ratio - 1), MIN_USUAL_SCALE_ERROR), USUAL_SCALE_ERROR)
+@dataclass(frozen=True, eq=False)
+class LengthPrior:
+    """A mixture of m normal densities about zero of [log scale, log depth] of the camera, or of the first alone.
+
+    weights : (m,), of sum 1. sigmas : (m, q) standard deviations.
+    """
+
+    weights: Array
+    sigmas: Array
+
+    @classmethod
+    def about(cls, seen: MeasuredViews, stated: Knowledge) -> "LengthPrior":
+        """From what is stated of target, arm and camera; points measured in space are compared with the target's."""
+        if seen.points_mm is not None:
+            usual = min(max(abs(seen.size_ratio - 1), MIN_USUAL_SCALE_ERROR), USUAL_SCALE_ERROR)
+            return cls(np.ones(1), np.array([[usual]]))
+        parts = product(stated.target.size_prior(), ARM_SHARE[stated.arm], FOCAL_SHARE[stated.camera])
+        rows = np.array([(a * b * c, np.hypot(size, arm), focal) for (a, size), (b, arm), (c, focal) in parts])
+        return cls(rows[:, 0], rows[:, 1:])
+
+    def widest(self) -> tuple[float, ...]:
+        """The widest standard deviation (q,) of each."""
+        return tuple(self.sigmas.max(axis=0).tolist())
+
+    def after(self, found: Array, spread: Array, freedom: int) -> tuple[Array, Array]:
+        """Mean and covariance after an estimate with its covariance under the widest densities, of so many freedoms.
+
+        Depths that are off by more than the narrowest density tells may be those of a lens that refocuses: with
+        REFOCUS_PROBABILITY. They are right in the mean, and X does not follow them.
+        """
+        q = len(found)
+        information, prior = np.linalg.inv(spread), self.sigmas[:, :q] ** -2.0
+        more = (prior - prior.min(axis=0))[:, :, None] * np.eye(q)
+        covariances = np.linalg.inv(information + more)
+        means = covariances @ information @ found
+        surprise = (found - means) @ information @ found
+        logs = np.log(self.weights) + 0.5 * (np.log(prior).sum(axis=1) + np.linalg.slogdet(covariances)[1])
+        logs -= 0.5 * (freedom + q) * np.log1p(np.maximum(surprise, 0.0) / freedom)
+        weights = np.exp(logs - logs.max())
+        weights /= weights.sum()
+        if q > 1:
+            stay, another = np.array([1.0, 0.0]), self.sigmas[:, 1] > self.sigmas[:, 1].min()
+            moving = REFOCUS_PROBABILITY * another * weights
+            means, weights = np.concatenate([means, means * stay]), np.concatenate([weights - moving, moving])
+            covariances = np.concatenate([covariances, covariances * np.outer(stay, stay)])
+        mean = weights @ means
+        apart = means - mean
+        return mean, np.tensordot(weights, covariances, 1) + (weights[:, None] * apart).T @ apart
 
 
 def require_units(pairs: PosePairs) -> None:
@@ -53,7 +100,7 @@ def require_units(pairs: PosePairs) -> None:
         return
     if np.median(np.linalg.norm(pairs.base_T_flange[:, :3, 3], axis=1)) < MIN_CELL_MM:
         require_unit(1e-3, "poses", "the robot's translations are", "base_T_flange.translation_mm")
-    free = initial_chain(replace(pairs, metric=False))
+    free = initial_chain(replace(pairs, length_sigmas=(np.inf,)))
     unit = next((unit for unit in UNIT_RATIOS if abs(np.log(free.scale / unit)) < MAX_UNIT_ERROR), None)
     if unit is None:
         return
@@ -73,23 +120,32 @@ def _scatter(pairs: PosePairs) -> float:
     return float(np.median(np.linalg.norm(places - np.median(places, axis=0), axis=1))) + 1e-9
 
 
-def with_lengths(
-    pairs: PosePairs, fitted: PoseFit, used: NDArray[np.bool_], usual_error: float
-) -> tuple[PosePairs, PoseFit]:
-    """The fit with the camera's lengths off by a factor where that is significant; else the mean with and without.
+def with_lengths(pairs: PosePairs, fitted: PoseFit, used: NDArray[np.bool_], prior: LengthPrior) -> PoseFit:
+    """The fit with X and its covariance averaged over the factor of the camera's lengths and that of its depths.
 
-    `usual_error`: one standard deviation of such an error, relative.
+    About the fit that has both as unknowns where one is significantly off.
     """
     views = int(used.sum())
-    free = replace(pairs, metric=False)
-    scaled = _with_free_lengths(free.take(used), fitted)
-    share, deviation = float(np.log(scaled.chain.scale)), float(np.sqrt(scaled.covariance[12, 12]))
-    limit = deviation * f_quantile(1, 3 * views - 7, SCALE_FALSE_ALARM_PROBABILITY) ** 0.5
-    if views >= MIN_SCALE_VIEWS and abs(share) > max(limit, MIN_SCALE_ERROR):
-        wrong = contradicts(scaled) or abs(share) > MAX_SCALE_ERROR
-        lengths = ArmScale(-share, deviation**2, -scaled.covariance[:6, 12])
-        return (pairs, fitted) if wrong else (free, replace(scaled, arm_scale=lengths))
-    return pairs, _averaged(fitted, scaled, usual_error, 3 * views - 7)
+    scaled = _with_free_lengths(replace(pairs, length_sigmas=prior.widest()).take(used), fitted)
+    found = np.log([scaled.chain.scale, scaled.chain.depth])[: len(scaled.covariance) - 12]
+    spread, freedom = scaled.covariance[12:, 12:], 3 * views - 6 - len(found)
+    limit = np.sqrt(np.diagonal(spread) * f_quantile(1, freedom, SCALE_FALSE_ALARM_PROBABILITY))
+    off = (np.abs(found) > np.maximum(limit, MIN_SCALE_ERROR)) & (views >= MIN_SCALE_VIEWS)
+    if off.any() and (contradicts(scaled) or abs(found[0]) > MAX_SCALE_ERROR):
+        return fitted
+    slope = np.linalg.solve(spread, scaled.covariance[12:, :12]).T
+    log_lengths, variance = prior.after(found, spread, freedom)
+    start, about, covariance = fitted, np.zeros(len(found)), fitted.covariance[:12, :12]
+    if off.any():
+        start, about, covariance = scaled, found, scaled.covariance[:12, :12] - slope @ spread @ slope.T
+    step = log_lengths - about
+    return replace(
+        start,
+        chain=start.chain.apply_step(np.r_[slope @ step, step]),
+        covariance=covariance + slope @ variance @ slope.T,
+        arm_scale=ArmScale(-log_lengths[0], variance[0, 0], -(slope @ variance)[:6, 0]),
+        off=tuple(off.tolist()),
+    )
 
 
 def _with_free_lengths(free: PosePairs, fitted: PoseFit) -> PoseFit:
@@ -99,35 +155,3 @@ def _with_free_lengths(free: PosePairs, fitted: PoseFit) -> PoseFit:
     fits = [fit_independent_noise(free, fitted.chain, camera, fitted.tail_dof) for camera in cameras]
     likeliest = max(fits, key=lambda one: one.evidence(len(free)))
     return marginalise_few(free, with_random_walk(free, likeliest) if drifting else likeliest)
-
-
-def _averaged(fitted: PoseFit, scaled: PoseFit, usual_error: float, freedom: int) -> PoseFit:
-    """The mean of the fit and of one with lengths off by `usual_error` (1 sigma), weighted by their probabilities.
-
-    The covariance is that of lengths that are off, so that it holds for such a camera too.
-    """
-    share, variance = float(np.log(scaled.chain.scale)), float(scaled.covariance[12, 12])
-    probability = _probability_of(share, variance, usual_error**2, freedom)
-    kept = usual_error**2 / (usual_error**2 + variance)  # what the prior leaves of the estimate
-    slope = scaled.covariance[:12, 12] / variance
-    shift = slope * share * kept
-    covariance = fitted.covariance[:12, :12] + variance * kept * np.outer(slope, slope)
-    covariance += (1 - probability) ** 2 * np.outer(shift, shift)
-    moved = fitted.chain.apply_step(probability * shift)
-    share *= kept
-    chain = replace(moved, scale=float(np.exp(probability * share)))
-    spread = variance * kept + ((1 - probability) * share) ** 2
-    lengths = ArmScale(-probability * share, spread, -spread * slope[:6])
-    return replace(fitted, chain=chain, covariance=covariance, arm_scale=lengths)
-
-
-def _probability_of(share: float, variance: float, prior_variance: float, freedom: int) -> float:
-    """Posterior probability that the camera's lengths are off, by `share` with its variance and degrees of freedom.
-
-    The ratio of both models' evidence is that of the prior to the posterior density at no error (Dickey 1971).
-    """
-    total = variance + prior_variance
-    surprise = share**2 * prior_variance / total / variance
-    log_ratio = 0.5 * np.log(variance / total) + 0.5 * (freedom + 1) * np.log1p(surprise / freedom)
-    odds = np.log(SCALE_OFF_PROBABILITY / (1 - SCALE_OFF_PROBABILITY)) + log_ratio
-    return float(1 / (1 + np.exp(-np.clip(odds, -500.0, 500.0))))

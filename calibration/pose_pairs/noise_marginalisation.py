@@ -136,7 +136,7 @@ def step_at(at: LinearModel, directions: list[Array], levels: Array, known: Arra
 
 def _nodes(at: LinearisedPairs, sources: Sources, fitted: PoseFit) -> LevelNodes:
     prior = prior_of(list(sources))
-    return draw_levels(at, list(sources.values()), prior, _start(fitted, sources, prior))
+    return draw_levels(at, list(sources.values()), prior, _start(fitted, sources, prior), at.known)
 
 
 def _fit_proposal(log_weights: Array, levels: Array) -> tuple[Array, Array]:

@@ -5,7 +5,7 @@ and the target's pose drops out. Independent errors of a view are part of two di
 tridiagonal, and is treated as a dense matrix (for at most a few hundred views).
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -59,19 +59,21 @@ def with_random_walk(pairs: PosePairs, independent: PoseFit) -> PoseFit:
     """The fit with a random walk where MIN_VIEWS views or more are strong evidence of one; else `independent`."""
     if len(pairs) < MIN_VIEWS or pairs.covariance is not None:
         return independent
-    drifting = fit_random_walk(pairs, independent.chain)
+    drifting = fit_random_walk(pairs, replace(independent.chain, depth=1.0))
     gain = drifting.evidence(len(pairs)) - independent.evidence(len(pairs))
     return drifting if gain > MIN_EVIDENCE else independent
 
 
 def fit_random_walk(pairs: PosePairs, start: ScaledChain) -> PoseFit:
     """The fit with independent errors of robot and camera and a random walk of the camera; Y from the first view."""
-    chosen = np.r_[0:6] if pairs.metric else np.r_[0:6, 12:13]
+    chosen = np.r_[0:6, 12:13] if pairs.length_sigmas else np.r_[0:6]
     steps = _differences(pairs, start, chosen)
     first = initial_variances(steps.residuals, list(steps.directions.values()))
     best = maximise(lambda chain, variances: _state(pairs, chain, variances, chosen), start, first)
     named = dict(zip(steps.shares, best.variances.tolist(), strict=True))
-    return PoseFit(best.chain, _with_target(best.covariance, chosen), named, best.log_likelihood, np.inf, RANDOM_WALK)
+    covariance = np.zeros((len(chosen) + 6, len(chosen) + 6))  # differences do not determine the target's pose
+    covariance[np.ix_(chosen, chosen)] = best.covariance
+    return PoseFit(best.chain, covariance, named, best.log_likelihood, np.inf, RANDOM_WALK)
 
 
 def _state(pairs: PosePairs, chain: ScaledChain, variances: Array, chosen: NDArray[np.intp]) -> State:
@@ -128,7 +130,7 @@ def _of_neighbours(back: Array, directions: Array) -> _Blocks:
 
 def _apply_step(pairs: PosePairs, chain: ScaledChain, chosen: NDArray[np.intp], step: Array) -> ScaledChain:
     """The chain with X and the scale changed by a step, and the target's pose from the first view."""
-    whole = np.zeros(12 if pairs.metric else 13)
+    whole = np.zeros(13 if pairs.length_sigmas else 12)
     whole[chosen] = step
     moved = chain.apply_step(whole)
     seen = pairs.camera_T_target[0].copy()
@@ -151,10 +153,3 @@ def _moments(
         trace=np.array([np.trace(t) for t in through]),
         fisher=rows @ np.array([t.T.reshape(-1) for t in through]).T,
     )
-
-
-def _with_target(covariance: Array, chosen: NDArray[np.intp]) -> Array:
-    """The covariance with zero rows and columns for the target's pose, which differences do not determine."""
-    whole = np.zeros((len(chosen) + 6, len(chosen) + 6))
-    whole[np.ix_(chosen, chosen)] = covariance
-    return whole

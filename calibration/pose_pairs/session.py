@@ -13,7 +13,7 @@ from calibration.observations.measured_poses import MeasuredViews, measured_view
 from calibration.observations.observations import UnusableReason
 from calibration.pose_pairs.alike_errors import with_alike_errors
 from calibration.pose_pairs.independent_noise import PoseFit, information_of
-from calibration.pose_pairs.length_scale import require_units, usual_error_of, with_lengths
+from calibration.pose_pairs.length_scale import LengthPrior, require_units, with_lengths
 from calibration.pose_pairs.noise_models import RANDOM_WALK, sources_of
 from calibration.pose_pairs.noise_priors import LEVEL_PRIORS
 from calibration.pose_pairs.residuals import LinearisedPairs, PosePairs, linearise
@@ -32,15 +32,14 @@ MAX_LEVEL_FACTOR = 5.0
 class MeasuredSolution:
     """The solution of a session measured in space and its usable views (None where their unit is wrong).
 
+    seen : with the camera's lengths corrected.
     covariance : (n, 6, 6) of the camera's poses of the target in the usable views, as of MeasuredViews.
-    scale : length in the camera's poses over true length.
     drifting : whether the camera's errors add up from view to view.
     """
 
     solution: Solution
     seen: MeasuredViews | None
     covariance: Array
-    scale: float = 1.0
     drifting: bool = False
 
 
@@ -54,15 +53,15 @@ def solve_measured_session(problem: Problem) -> MeasuredSolution:
     pairs = PosePairs(problem.setup, seen.base_T_flange, seen.camera_T_target, covariance=seen.covariance)
     require_units(pairs)
     fitted, used = fit_pose_pairs(pairs)
-    pairs, fitted = with_lengths(pairs, fitted, used, usual_error_of(seen))
+    fitted = with_lengths(pairs, fitted, used, LengthPrior.about(seen, problem.knowledge))
     fitted = with_alike_errors(pairs.take(used), fitted)
     at = linearise(pairs, fitted.chain)
     fit = _Residuals(pairs, at, information_of(at, fitted), used, fitted, problem.target.points_mm)
+    metric = linearise(pairs, replace(fitted.chain, scale=1.0, depth=1.0)).predicted
     return MeasuredSolution(
         _solution(problem, seen, refused, fit),
-        seen,
+        replace(seen, camera_T_target=seen.camera_T_target + metric - at.predicted),
         camera_covariance(at, fitted.camera, fitted.variances),
-        fitted.chain.scale,
         fitted.camera == RANDOM_WALK,
     )
 
@@ -132,7 +131,7 @@ def _solution(problem: Problem, seen: MeasuredViews, refused: dict[int, Unusable
         views=_views(problem, seen, refused, fit),
         observability=_observability(problem, seen.base_T_flange[fit.used], chain.mount_T_camera, covariance),
         hold_out=_hold_out(fit),
-        findings=session_findings(problem, seen, refused, fit.used, fit.fitted, scaled=not fit.pairs.metric),
+        findings=session_findings(problem, seen, refused, fit.used, fit.fitted),
     )
 
 

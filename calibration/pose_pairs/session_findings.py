@@ -26,18 +26,13 @@ def session_findings(
     refused: dict[int, UnusableReason],
     used: NDArray[np.bool_],
     fitted: PoseFit,
-    *,
-    scaled: bool,
 ) -> tuple[Finding, ...]:
-    """The findings, in the order of the solver's steps; `used` (n,): the views of `seen` that agree.
-
-    `scaled`: whether the camera's lengths were found to be off.
-    """
+    """The findings, in the order of the solver's steps; `used` (n,): the views of `seen` that agree."""
     return (
         *_unusable(problem, refused),
         *_points(seen),
         *_poses(problem, seen, used),
-        *(_lengths(fitted) if scaled else ()),
+        *_lengths(fitted),
         *_noise(seen, fitted, int(used.sum())),
     )
 
@@ -94,6 +89,11 @@ def _poses(problem: Problem, seen: MeasuredViews, used: NDArray[np.bool_]) -> It
 
 
 def _lengths(fitted: PoseFit) -> Iterator[Finding]:
+    if fitted.off[-1] and len(fitted.off) > 1:
+        message = Sentence("focal-length-off", percent=100 * (1 / fitted.chain.depth - 1))
+        yield Finding("focal-length-off", "warning", message, Sentence("calibrate-camera-in-focus"))
+    if not fitted.off[0]:
+        return
     share = fitted.chain.scale - 1
     message = Sentence("lengths-longer" if share > 0 else "lengths-shorter", percent=100 * abs(share))
     yield Finding("camera-scale", "error", message, Sentence("check-lengths"), sizes=(("points_size_share", share),))

@@ -45,7 +45,7 @@ def fit_pose_pairs(pairs: PosePairs) -> tuple[PoseFit, NDArray[np.bool_]]:
             break
         used = agreeing
     likeliest = marginalise_few(pairs.take(used), with_random_walk(pairs.take(used), likeliest))
-    if not pairs.metric and not np.sqrt(likeliest.covariance[12, 12]) < MAX_SCALE_SIGMA:
+    if pairs.length_sigmas and not np.sqrt(likeliest.covariance[12, 12]) < MAX_SCALE_SIGMA:
         raise UndeterminedError("scale-undetermined", Sentence("camera-hardly-moves"), Sentence("move-camera-further"))
     return likeliest, used
 
@@ -61,7 +61,7 @@ def _agreeing(pairs: PosePairs) -> NDArray[np.bool_]:
     if len(pairs) < MIN_VOTERS:
         return np.ones(len(pairs), bool)
     seen = pairs.camera_T_target
-    if not pairs.metric:
+    if pairs.length_sigmas:
         seen = seen.copy()
         seen[:, :3, 3] /= initial_chain(pairs).scale
     points = REACH_MM * np.array([[-1.0, -1, 0], [1, -1, 0], [-1, 1, 0], [1, 1, 0]])

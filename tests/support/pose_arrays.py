@@ -40,7 +40,7 @@ def solve_hand_eye_poses(
 
     `metric=False`: the camera's lengths are right up to one unknown factor, as those of a single moving camera are.
     """
-    pairs = PosePairs(setup, base_T_flange, camera_T_target, metric)
+    pairs = PosePairs(setup, base_T_flange, camera_T_target, () if metric else (np.inf,))
     fitted, used = fit_pose_pairs(pairs)
     fitted = with_alike_errors(pairs.take(used), fitted)
     return PoseSolution(

@@ -8,6 +8,7 @@ import pytest
 
 from calibration.diagnosis.convention_hypotheses import change_quaternion_order
 from calibration.kinematics.conventions import euler_numbers, rotation_from_euler
+from calibration.knowledge import CameraSource, Knowledge
 from calibration.likelihood.mapped_points import point_sigmas_mm, scale_variance_mm2
 from calibration.problem import MeasuredPoints, MeasuredPose, Problem, Setup
 from calibration.solution import Solution
@@ -22,10 +23,12 @@ from tests.simulated.measured_sessions import (
     with_camera_poses,
     with_robot_poses,
 )
+from tests.simulated.sessions import BOARD
 from tests.support.cases import by_night, seeds
 
 SETUPS: tuple[Setup, ...] = ("eye-in-hand", "eye-to-hand")
 QUICK_AND_SLOW_SETUPS = ("eye-in-hand", pytest.param("eye-to-hand", marks=pytest.mark.slow))
+CAMERA_SOURCES: tuple[CameraSource, ...] = ("this-session", "file", "nominal")
 MEASURES = {"poses": tracker(), "poses with covariance": tracker(known=True), "points": points()}
 
 
@@ -62,6 +65,43 @@ def test_lengths_of_a_usual_print_are_within_the_uncertainty_of_few_views(views:
         error = cell.error(solution.mount_T_camera)
         squares.append(error @ np.linalg.solve(solution.uncertainty.covariance, error))
     assert np.mean(squares) < 9  # of six numbers
+
+
+def deeper(factor: float) -> Callable[[Array], Array]:
+    """The depth of the board's middle as another focal length makes it."""
+    middle = np.append(BOARD.points_mm.mean(axis=0), 1.0)
+    return lambda poses: poses + np.pad((factor - 1) * (poses[:, 2:3, None] @ middle), ((0, 0), (2, 1), (3, 0)))
+
+
+FOCAL_LENGTHS = [(5, 0.008, False), (6, 0.006, False), (10, -0.01, True), (20, 0.01, True)]
+"""Views, share by which depths are off, and whether they show it."""
+
+
+@pytest.mark.parametrize(("views", "share", "shows"), FOCAL_LENGTHS)
+def test_depths_of_another_focal_length_are_within_the_uncertainty(views: int, share: float, shows: bool) -> None:
+    squares = []
+    for seed in range(4):
+        cell = measured_cell(
+            np.random.default_rng([views, seed]), views, tracker(0.01, 0.05), robot_deg=0.01, robot_mm=0.05
+        )
+        solution = solve_hand_eye(with_camera_poses(cell.problem, deeper(1 + share)))
+        assert solution.mount_T_camera is not None and solution.uncertainty is not None
+        error = cell.error(solution.mount_T_camera)
+        squares.append(error @ np.linalg.solve(solution.uncertainty.covariance, error))
+        assert shows == any(finding.code == "focal-length-off" for finding in solution.findings)
+    assert np.mean(squares) < 11  # of six numbers; 18 to 34 where the focal length counts as exact
+
+
+@pytest.mark.parametrize(("measure", "focal"), [(tracker(), True), (points(), False)], ids=["poses", "points"])
+def test_a_statement_of_the_focal_length_counts_for_poses_alone(measure: Measure, focal: bool) -> None:
+    problem = measured_cell(np.random.default_rng(3), 5, measure).problem
+    sigmas_mm = []
+    for camera in CAMERA_SOURCES:
+        solution = solve_hand_eye(replace(problem, knowledge=Knowledge(camera=camera)))
+        assert solution.uncertainty is not None
+        sigmas_mm.append(solution.uncertainty.point_mm)
+    sure, usual, nominal = sigmas_mm
+    assert sure < usual < nominal if focal else sure == usual == nominal
 
 
 @pytest.mark.parametrize(("views", "seed"), [(8, 12), (10, 8)])
@@ -235,17 +275,19 @@ def test_poses_of_no_cell_leave_nothing_to_solve(size: float) -> None:
 
 
 def test_a_registered_point_is_uncertain_by_the_lengths_of_the_camera() -> None:
-    """The camera's poses are long by a share that hardly shows; X takes up what it shifts at the target's distance."""
+    """The camera's poses are long by a share that hardly shows, and deep by another; X takes up what both shift."""
     seen_mm, squares = np.array([[0.0, 0.0, 700.0]]), []
     for seed in range(8):
         rng = np.random.default_rng([77, seed])
         cell = measured_cell(rng, 10, tracker())
-        factor = 1 + 1e-3 * rng.standard_normal()
-        solution = solve_hand_eye(with_camera_poses(cell.problem, longer(factor)))
+        factor, depth = 1 + 1e-3 * rng.standard_normal(2)
+        solution = solve_hand_eye(with_camera_poses(with_camera_poses(cell.problem, longer(factor)), deeper(depth)))
         assert solution.mount_T_camera is not None and solution.uncertainty is not None
         scale = solution.uncertainty.arm_scale
         assert scale is not None
-        off = map_points(solution.mount_T_camera, seen_mm) - map_points(cell.mount_T_camera, seen_mm / factor)
+        off = map_points(solution.mount_T_camera, seen_mm) - map_points(
+            cell.mount_T_camera, seen_mm / factor / [1.0, 1.0, depth]
+        )
         by_x = point_sigmas_mm(solution.uncertainty.covariance, seen_mm)[0] ** 2
         squares.append(np.sum(off**2) / (by_x + scale_variance_mm2(scale, seen_mm[0])))
     assert 0.4 < np.mean(squares) < 1.7
