@@ -187,7 +187,7 @@ def _problem_in_space(session: SessionFolder, target: Target, progress: Progress
             views.append(View(index, view.stance, None, measured=_measurement(view)))
     return Problem(
         document.setup, target, None, document.image_size or (0, 0), tuple(views), in_space=True,
-        poses_from_controller=document.poses_from_controller,
+        poses_from_controller=document.poses_from_controller, knowledge=document.known.knowledge(),
     )  # fmt: skip
 
 

@@ -61,6 +61,16 @@ def test_a_session_without_images_becomes_an_accepted_calibration(
     assert document.hold_out.reprojection_px is None
 
 
+def test_what_is_known_of_the_camera_counts_for_its_poses(tmp_path: Path) -> None:
+    folder, expanded_mm = written(tmp_path / "a", measured_cell(np.random.default_rng(2), 5, tracker())), []
+    for source in ("this-session", "file", "nominal"):
+        ran = handeyed("solve", folder, "--json", "--known", f"camera={source}")
+        document = CalibrationDocument.model_validate_json(ran.out)
+        assert document.uncertainty is not None
+        expanded_mm.append(max(point.expanded_mm for point in document.uncertainty.points))
+    assert expanded_mm == sorted(set(expanded_mm))
+
+
 def test_a_person_can_read_it(tmp_path: Path) -> None:
     ran = handeyed("solve", written(tmp_path / "a", measured_cell(np.random.default_rng(2), 12, points())), "--views")
 
