@@ -94,6 +94,18 @@ class AxisOffset(Described):
     """One standard deviation of coordinate_mm, mm."""
 
 
+@dataclass(frozen=True)
+class PosesOf(Described):
+    """Frames of the robot's poses where they are not the flange's in the base; "" for these two themselves."""
+
+    __pydantic_config__: ClassVar[ConfigDict] = IN_DOCUMENTS
+
+    tool: Annotated[str, Field(max_length=200)] = ""
+    """Name of the tool in place of the flange."""
+    base: Annotated[str, Field(max_length=200)] = ""
+    """Name of the work object or the program's base in place of the robot's base."""
+
+
 @dataclass(frozen=True, eq=False)
 class View:
     """One station: where the arm stood and the target's detection there; `index`: its row in the session.
@@ -132,6 +144,7 @@ class Problem:
     `axis_offset`: for an arm that turns its flange about one axis only; not used where the motions determine X.
     `load`: on the flange, where it is known.
     `knowledge`: what is stated of target, camera and arm. `robot_noise`: what is believed of the arm's noise.
+    `poses_of`: a tool or a work object of which the poses are; X is then the camera's pose in it.
     `external_axis`: a track or turntable, roughly; every view has its reading then, and poses are as reported there.
     """
 
@@ -147,6 +160,7 @@ class Problem:
     load: Load | None = None
     knowledge: Knowledge = NOTHING_STATED
     robot_noise: NoiseBelief = USUAL_BELIEF
+    poses_of: PosesOf | None = None
 
     @property
     def rows(self) -> int:

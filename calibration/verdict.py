@@ -11,7 +11,7 @@ from calibration.closed_forms.observability import distinct_stations, summarise_
 from calibration.kinematics.abb_arms import ARMS
 from calibration.kinematics.joint_check import any_arm_fits
 from calibration.kinematics.robot_accuracy import MAX_POSSIBLE_NOISE, MAX_USUAL_NOISE
-from calibration.problem import Problem, View
+from calibration.problem import ANCHORS, MOUNTS, PosesOf, Problem, Setup, View
 from calibration.sentences.sentence import Sentence
 from calibration.solution import COVERAGE_FACTOR, Finding, Noise, Severity, Solution, Uncertainty
 
@@ -259,10 +259,7 @@ def _contradiction(problem: Problem, solution: Solution, limits: VerdictLimits) 
 def _image(problem: Problem, solution: Solution, limits: VerdictLimits) -> Iterator[Finding]:
     if (solution.noise.image_px or 0.0) > limits.image_px:
         yield Finding(
-            "image-noise",
-            "warning",
-            Sentence("image-noise", image_px=solution.noise.image_px),
-            Sentence("check-image"),
+            "image-noise", "warning", Sentence("image-noise", image_px=solution.noise.image_px), Sentence("check-image")
         )
 
 
@@ -276,12 +273,7 @@ def _rejections(problem: Problem, solution: Solution, limits: VerdictLimits) -> 
 
 def _hold_out(problem: Problem, solution: Solution, limits: VerdictLimits) -> Iterator[Finding]:
     if solution.hold_out is None:
-        yield Finding(
-            "nothing-held-out",
-            "info",
-            Sentence("nothing-held-out"),
-            Sentence("take-four-views"),
-        )
+        yield Finding("nothing-held-out", "info", Sentence("nothing-held-out"), Sentence("take-four-views"))
         return
     expected = _expected_hold_out_mm(solution)
     if expected and solution.hold_out.base_error_mm > limits.hold_out_ratio * expected:
@@ -336,6 +328,19 @@ def _external_axis(problem: Problem, solution: Solution, limits: VerdictLimits) 
     yield Finding("external-axis", severity, message, fix)
 
 
+def tool_findings(of: PosesOf | None, setup: Setup) -> Iterator[Finding]:
+    """Of what X is, or only the target's pose, where the robot's poses are not the flange's in the base."""
+    frames = {} if of is None else {"flange": of.tool, "base": of.base}
+    names, fix = ", ".join(filter(None, frames.values())), "compose-with-tool"
+    if frame := frames.get(MOUNTS[setup]):
+        message = Sentence("poses-of-a-tool", names=names, x=f"{MOUNTS[setup]}_T_camera", frame=frame)
+        yield Finding("poses-of-a-tool", "warning", message, Sentence(fix, frame=frame))
+    elif frame := frames.get(ANCHORS[setup]):
+        message = Sentence("target-of-a-tool", names=names, x=f"{ANCHORS[setup]}_T_target", frame=frame)
+        yield Finding("poses-of-a-tool", "info", message, Sentence(fix, frame=frame))
+
+
 RULES: tuple[Rule, ...] = (
     _contradiction, _point, _axes, _inverted, _robot, _image, _rejections, _hold_out, _leave_out, _external_axis,
+    lambda problem, solution, limits: tool_findings(problem.poses_of, problem.setup),
 )  # fmt: skip

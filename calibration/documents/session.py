@@ -16,7 +16,7 @@ from calibration.kinematics.external_axis import ExternalAxis
 from calibration.kinematics.load import Load
 from calibration.kinematics.robot_accuracy import USUAL_BELIEF, NoiseBelief
 from calibration.kinematics.stance import Stance
-from calibration.problem import AxisOffset, Setup
+from calibration.problem import AxisOffset, PosesOf, Setup
 from calibration.targets import Target, TrackedFrame
 from calibration.transforms import Array
 
@@ -179,6 +179,8 @@ class SessionDocument(Document):
     """Where it came from, for people."""
     poses_from_controller: bool = False
     """Whether a driver read the poses from the controller, so that they are not inverted."""
+    poses_of: PosesOf | None = None
+    """The tool and work object of which the poses are; null for the flange's in the base."""
     setup: Setup
     """eye-in-hand: the camera is on the flange; eye-to-hand: the camera stands in the cell."""
     target: TargetDocument | None = None

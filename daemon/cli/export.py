@@ -85,18 +85,21 @@ def _poses(file: Path, content: bytes, robot: str | None) -> Any:
     from calibration.documents.plan import PlannedDocument
     from calibration.documents.session import SessionDocument
     from calibration.documents.validation import parse_document
+    from calibration.errors import ExportRefused
     from calibration.kinematics.abb_arms import find_arm
 
     try:
         keys = set(json.loads(content))
     except (ValueError, RecursionError, TypeError):
         keys = set()
-    stations = (
-        parse_document(SessionDocument, content, str(file)).views
-        if "views" in keys
-        else parse_document(PlannedDocument, content, str(file)).poses
-    )
-    poses = np.array([station.base_T_flange.transform() for station in stations]).reshape(-1, 4, 4)
+    if "views" in keys:
+        session = parse_document(SessionDocument, content, str(file))
+        stations = [view.base_T_flange for view in session.views]
+        if session.poses_of is not None:
+            raise ExportRefused("poses of a tool or work object, not of tool0 in wobj0", "export the flange's poses")
+    else:
+        stations = [planned.base_T_flange for planned in parse_document(PlannedDocument, content, str(file)).poses]
+    poses = np.array([station.transform() for station in stations]).reshape(-1, 4, 4)
     return pose_list(file.name, poses, find_arm(robot) if robot else None)
 
 

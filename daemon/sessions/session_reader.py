@@ -173,7 +173,7 @@ def problem_of(document: SessionDocument, image_size: tuple[int, int], views: Se
         document.setup, document.described_target(), document.camera.camera() if document.camera else None, image_size,
         tuple(views), poses_from_controller=document.poses_from_controller, axis_offset=document.axis_offset,
         external_axis=document.rough_axis, load=document.carried, knowledge=document.known.knowledge(),
-        robot_noise=document.noise_belief,
+        robot_noise=document.noise_belief, poses_of=document.poses_of,
     )  # fmt: skip
 
 
@@ -187,7 +187,8 @@ def _problem_in_space(session: SessionFolder, target: Target, progress: Progress
             views.append(View(index, view.stance, None, measured=_measurement(view)))
     return Problem(
         document.setup, target, None, document.image_size or (0, 0), tuple(views), in_space=True,
-        poses_from_controller=document.poses_from_controller, knowledge=document.known.knowledge(),
+        poses_from_controller=document.poses_from_controller, poses_of=document.poses_of,
+        knowledge=document.known.knowledge(),
     )  # fmt: skip
 
 

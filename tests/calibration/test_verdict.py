@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from calibration.problem import PosesOf, Setup
 from calibration.solution import (
     Finding,
     HoldOutDocument,
@@ -204,3 +205,23 @@ def test_the_verdict_says_when_leaving_views_out_parts_from_the_model() -> None:
     agreeing = replace(parted, ratio=1.1, share=0.1)
     codes = [finding.code for finding in judge(PROBLEM, replace(SOLVED, leave_out=agreeing)).findings]
     assert "leave-out-larger" not in codes
+
+
+@pytest.mark.parametrize(
+    ("of", "setup", "severity", "said"),
+    [
+        (PosesOf("tGrip"), "eye-in-hand", "warning", "are of tGrip: flange_T_camera is the camera's pose in tGrip"),
+        (PosesOf("tGrip", "wFix"), "eye-in-hand", "warning", "wFix: flange_T_camera is the camera's pose in tGrip"),
+        (PosesOf("tGrip", "wFix"), "eye-to-hand", "warning", "tGrip, wFix: base_T_camera is the camera's pose in wFix"),
+        (PosesOf(base="wFix"), "eye-in-hand", "info", "of wFix: base_T_target is the target's pose in wFix; the"),
+        (PosesOf("tGrip"), "eye-to-hand", "info", "of tGrip: flange_T_target is the target's pose in tGrip"),
+    ],
+)  # fmt: skip
+def test_poses_of_a_tool_or_a_work_object_are_said_by_what_is_named(
+    of: PosesOf, setup: Setup, severity: Severity, said: str
+) -> None:
+    (found,) = [one for one in judge(replace(PROBLEM, poses_of=of, setup=setup), SOLVED).findings if one.code == TOOL]
+    assert (found.severity, said in found.message) == (severity, True)
+
+
+TOOL = "poses-of-a-tool"

@@ -89,6 +89,9 @@ class Subject:
             f"handeyed calibration {self.calibration_id}: {self.x_name}, {self.child} in {self.parent}",
             f"axes of {self.child}: {axes}",
         ]
+        for params in (one.params for one in self.calibration.verdict.findings if one.code == "poses-of-a-tool"):
+            names = re.sub(r"[^A-Za-z0-9 ,._]+", "_", str(params.get("names")))[:200]
+            lines.append(f"CAUTION: the robot's poses were of {names}, not of the flange in the base")
         if not self.calibration.verdict.accepted:
             lines.insert(0, "NOT ACCEPTED: the verdict on this calibration is negative")
         return lines
@@ -116,6 +119,13 @@ class Subject:
         return [fixed(one, self.decimals + (1 if CONVENTIONS[convention].degrees else 5)) for one in numbers]
 
 
+def tool_of(calibration: CalibrationDocument) -> str | None:
+    """The tool or work object to which X is relative in place of flange or base, as letters and digits."""
+    found = (one.params for one in calibration.verdict.findings if one.id == "poses-of-a-tool")
+    named = (re.sub(r"\W+", "_", str(params.get("frame")), flags=re.ASCII).strip("_")[:40] for params in found)
+    return next((name if FRAME_NAME.fullmatch(name) else f"frame_{name}" for name in named), None)
+
+
 def subject_of(calibration: CalibrationDocument, options: ExportOptions) -> Subject:
     """X of `calibration`. Raises ExportRefused when it has none, or for `options` that cannot be."""
     options.check()
@@ -124,7 +134,8 @@ def subject_of(calibration: CalibrationDocument, options: ExportOptions) -> Subj
     if pose is None:
         what = f"calibration {calibration.id[:64]!r} has no {name}: its motions do not determine it"
         raise ExportRefused(what, "calibrate again as its findings advise")
-    parent = options.parent or ("tool0" if calibration.setup == "eye-in-hand" else "base")
+    usual = "tool0" if calibration.setup == "eye-in-hand" else "base"
+    parent = options.parent or tool_of(calibration) or usual
     body = options.child.endswith(BODY_FRAME)
     parent_T_child = pose.transform() @ inverse(LINK_T_OPTICAL) if body else pose.transform()
     return Subject(calibration, parent, options.child, parent_T_child, options.decimals)

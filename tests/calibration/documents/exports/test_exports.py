@@ -6,12 +6,14 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from calibration.documents.calibration import CalibrationDocument
+from calibration.documents.calibration import CalibrationDocument, CalibrationFindingDocument
 from calibration.documents.exports.formats import FORMATS, export
 from calibration.documents.exports.subject import ExportOptions
 from calibration.documents.pose import PoseDocument
 from calibration.errors import ExportRefused
+from calibration.problem import PosesOf
 from calibration.transforms import Array, difference, transform
+from calibration.verdict import tool_findings
 from mock_robot.rapid.syntax import parse_module
 from tests.calibration.documents.exports.readers import READERS, joint_place, urdf_joints
 from tests.daemon.calibrations import a_calibration
@@ -127,3 +129,15 @@ def test_a_hostile_id_ends_no_comment(name: str) -> None:
     hostile = document_of(some_x()[0]).model_copy(update={"id": 'a\nENDMODULE --> " */ {{x}} \r# é'})
     apart_mm, _ = difference(some_x()[0], READERS[name](export(hostile, name)))
     assert apart_mm < TOLERANCE_MM
+
+
+@pytest.mark.parametrize("name", [name for name in FORMATS if name != "csv"])
+def test_x_of_a_tool_is_never_said_to_be_in_tool0(name: str) -> None:
+    of_tool = next(tool_findings(PosesOf("t Grip\u00e9-1"), "eye-in-hand"))
+    document = document_of(some_x()[0])
+    findings = [CalibrationFindingDocument.of(of_tool)]
+    verdict = document.verdict.model_copy(update={"findings": findings})
+    text = export(document.model_copy(update={"verdict": verdict}), name).decode("utf-8", "replace")
+    assert "CAUTION: the robot's poses were of t Grip_1, not of the flange in the base" in text
+    assert "t_Grip_1" in text
+    assert "tool0" not in text
