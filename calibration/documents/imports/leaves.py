@@ -29,7 +29,7 @@ from calibration.documents.imports.pose_table import PoseTable, table_of_arrays,
 from calibration.documents.imports.refusal import MAX_POSES, refusal
 from calibration.documents.imports.sides import WORDS, relation_of
 from calibration.kinematics.conventions import CONVENTIONS
-from calibration.problem import Setup
+from calibration.problem import PosesOf, Setup
 from calibration.transforms import Array
 
 MAX_DEPTH = 8
@@ -117,7 +117,10 @@ def table_of_data(data: Any, origin: str) -> PoseTable:
     target = data["target"] if isinstance(data, dict) and isinstance(data.get("target"), dict) else None
     units = {record.get("unit") for record in records if isinstance(record, dict) and "cloud" in record}
     unit = units.pop() if units in ({"m"}, {"mm"}) else None
-    table = _as_recorded(replace(built, setup=setup_of(data), target=target, cloud_unit=unit), data, names)
+    own = data["poses_of"] if isinstance(data, dict) and isinstance(data.get("poses_of"), dict) else {}
+    of = PosesOf(*(str(own.get(name, "")) for name in ("tool", "base"))) if own else built.poses_of
+    table = replace(built, setup=setup_of(data), target=target, cloud_unit=unit, poses_of=of)
+    table = _as_recorded(table, data, names)
     if (called := tuple(labels or ())) and len({*called}) == len(called) == len(table):
         return replace(table, labels=called, camera=table.camera and replace(table.camera, labels=called))
     return table

@@ -18,7 +18,7 @@ import numpy as np
 
 from calibration.documents.imports.pose_table import MAX_ANGLE_DEG, NAMED, PoseTable, table_of_arrays, table_of_matrices
 from calibration.documents.imports.refusal import MAX_POSES, refusal
-from calibration.documents.imports.sides import MIN_PAIRS, WORD_FRAMES, WORDS, best_split, build_by_sides, relation_of
+from calibration.documents.imports.sides import MIN_PAIRS, WORDS, best_split, build_by_sides, flange_poses, relation_of
 from calibration.errors import DocumentError
 from calibration.kinematics.conventions import CONVENTIONS, MM, Convention, LengthUnit
 from calibration.transforms import QUATERNION_NORM_TOLERANCE, Array
@@ -40,7 +40,7 @@ AXES = {"roll": "x", "pitch": "y", "yaw": "z"}
 SEQUENCES = (("a", "b", "c"), ("w", "p", "r"), ("o", "a", "t"), ("alpha", "beta", "gamma"), ("phi", "theta", "psi"))
 """Names of three angles in the order of their rotations."""
 
-NOISE = frozenset((*WORDS["of_nothing"].split(), *WORD_FRAMES))
+NOISE = frozenset(" ".join((WORDS["of_nothing"], *WORDS["frames"].values())).split())
 """Words that do not say what a number is; whose it is, is for `sides`."""
 
 BLANKS = ("", "-", "None", "null", "N/A")
@@ -288,6 +288,14 @@ Named = Callable[[str, Sequence[str], Sequence[Sequence[Any]]], PoseTable]  # ma
 
 def table_of_sides(origin: str, names: Sequence[str], columns: Sequence[Sequence[Any]], build: Named) -> PoseTable:
     """What `build` makes of the columns (numbers, texts, arrays) of each side, or pairs of points. DocumentError."""
+
+    def of_columns(at: Sequence[int], called: Sequence[str]) -> PoseTable:
+        return _both_sides(origin, [called[one] for one in at], [columns[one] for one in at], build)
+
+    return flange_poses(origin, names, columns, of_columns)
+
+
+def _both_sides(origin: str, names: Sequence[str], columns: Sequence[Sequence[Any]], build: Named) -> PoseTable:
     stems = [re.sub(r"\.1$", "", name) for name in names]  # pandas calls the second x x.1
     if sum(stems.count(one) == 2 for one in stems) >= 12:
         names = [f"{'ab'[one in stems[:at]]}_{one}" if stems.count(one) == 2 else one for at, one in enumerate(stems)]
@@ -305,7 +313,7 @@ def table_of_sides(origin: str, names: Sequence[str], columns: Sequence[Sequence
     if "robot" in sides and sum(np.size(column[0]) for column in seen) >= 6 and 0 < 2 * sum(blind) < len(blind):
         left = [[cell for cell, out in zip(column, blind, strict=True) if not out] for column in columns]
         rows = ", ".join(str(at) for at, out in enumerate(blind, 1) if out)
-        table = table_of_sides(origin, names, left, build)
+        table = _both_sides(origin, names, left, build)
         return replace(table, notes=(*table.notes, f"without a pose of the camera, and left out: rows {rows}"))
     points = _point_pairs(origin, names, columns)
     groups: dict[str, dict[str, int]] = {}

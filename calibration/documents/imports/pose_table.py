@@ -23,7 +23,7 @@ from calibration.kinematics.conventions import (
     allowed_conventions,
     rotations_of,
 )
-from calibration.problem import Setup
+from calibration.problem import PosesOf, Setup
 from calibration.transforms import QUATERNION_NORM_TOLERANCE, Array, inverse, transform
 
 MAX_ARM_MM, MIN_ARM_MM = 20_000.0, 50.0
@@ -59,6 +59,8 @@ class PoseTable:
     external_axes : (n, k) of the controller's axes beside the arm, mm or degrees, NaN where there is none.
     arm : of joints, which stand in `numbers`; `lengths` are empty then.
     pictures : (n,) uint8 (h, w) or (h, w, 3), where the source holds them.
+    poses_of : the tool and work object of which the poses are, None for flange and base; `offsets` (n, 3 + k) are that
+        tool's poses in the flange as the rows are written, with which `poses` are the flange's.
     parts : where every record has poses of several moving frames, each by the frame's name; the table is the first.
     """
 
@@ -85,10 +87,18 @@ class PoseTable:
     external_axes: Array | None = None
     arm: Arm | None = None
     pictures: tuple[Array, ...] = ()
+    poses_of: PosesOf | None = None
+    offsets: Array | None = None
     parts: "Mapping[str, PoseTable]" = field(default_factory=dict)
 
     def __len__(self) -> int:
         return len(self.labels)
+
+    @property
+    def moves(self) -> bool:
+        """Whether not all of several poses are the same."""
+        numbers = np.concatenate([self.lengths, self.numbers], axis=1)
+        return len(numbers) == 1 or not bool(np.all(numbers == numbers[0]))
 
     def checked(self) -> "PoseTable":
         """The table itself. Raises DocumentError when there are no poses, too many, or numbers that are not finite."""
@@ -154,7 +164,11 @@ class PoseTable:
             poses = self.arm.forward(np.radians(self.numbers) if convention.degrees else self.numbers)
         else:
             poses = transform(rotations_of(convention, self.numbers, by_axis=self.by_axis), self.lengths * MM[unit])
-        return poses if frame == "base_T_flange" else inverse(poses)
+        poses = poses if frame == "base_T_flange" else inverse(poses)
+        if self.offsets is None:
+            return poses
+        turns = rotations_of(convention, self.offsets[:, 3:], by_axis=self.by_axis)
+        return poses @ inverse(transform(turns, self.offsets[:, :3] * MM[unit]))
 
     def varying_axes(self) -> list[tuple[int, Array]]:
         """Number and readings (n,) of the external axes that move."""
@@ -162,6 +176,15 @@ class PoseTable:
             return []
         readings = enumerate(self.external_axes.T, 1)
         return [(number, one) for number, one in readings if np.all(np.isfinite(one)) and np.ptp(one) > 0]
+
+    def may_be_offset(self, tool: "PoseTable") -> bool:
+        """Whether a tool's poses in the flange stand still, and are written as these are in an arm's lengths; angles of
+        which only evidence shows the convention, that of these, have to be zero."""
+        alike = all(getattr(tool, name) == getattr(self, name) for name in ("kind", "convention", "by_axis", "unit"))
+        share = np.linalg.norm(tool.lengths[0]) / np.linalg.norm(self.lengths, axis=1).max()
+        is_clear = tool.kind != "angles" or tool.convention is not None or not tool.numbers.any()
+        is_still = len(tool) == 1 or not tool.moves
+        return alike and is_clear and is_still and bool(share == 0 or 1 / MIXED_RATIO < share < 1)
 
     def may_be_joints(self) -> bool:
         """Whether six numbers without names could be an arm's joints."""
@@ -173,7 +196,7 @@ class PoseTable:
     def take(self, rows: Sequence[int]) -> "PoseTable":
         """Only some poses, in another order."""
         chosen = list(rows)
-        fields = ("lengths", "numbers", "times_s", "external_axes")
+        fields = ("lengths", "numbers", "times_s", "external_axes", "offsets")
         arrays: dict[str, Any] = {name: one[chosen] for name in fields if (one := getattr(self, name)) is not None}
         images = None if self.images is None else tuple(self.images[row] for row in chosen)
         arrays["pictures"] = tuple(self.pictures[row] for row in chosen) if self.pictures else ()
@@ -197,7 +220,7 @@ def concatenate(tables: Sequence[PoseTable], labels: Sequence[str], origin: str)
         missing = next(table.origin for table in tables if table.camera is None)
         raise refusal(missing, "file", "without the camera's pose that the others have", "write all poses alike")
     arrays: dict[str, Any] = {"images": None, "times_s": None}
-    for name in ("lengths", "numbers", "external_axes"):
+    for name in ("lengths", "numbers", "external_axes", "offsets"):
         listed = [one for table in tables if (one := getattr(table, name)) is not None]
         arrays[name] = np.concatenate(listed) if len(listed) == len(tables) else None
     pictures = tuple(one for table in tables for one in table.pictures)

@@ -4,6 +4,8 @@ A name says frames: `R_gripper2base`, `eef_to_base`, `base_T_ee`, `object_wrt_se
 them only: `robot_coords`, `rvec_marker`. The last part of a path that says any decides; `rvec` and `tvec`, what
 detectors call their numbers, count where nothing else does.
 
+Of the robot's own frames the flange is meant: a tool's poses are said to be that, or become the flange's by its offset.
+
 Without names the rotations say which numbers go together, by the angles between views (`angle_agreement`).
 """
 
@@ -20,8 +22,10 @@ import numpy as np
 
 from calibration.diagnosis.angle_agreement import angles_between, mean_mismatch_rad
 from calibration.documents.imports.pose_table import PoseTable
+from calibration.documents.imports.refusal import refusal
 from calibration.errors import DocumentError, GeometryError
 from calibration.kinematics.conventions import Convention, Frame, Side
+from calibration.problem import PosesOf
 from calibration.transforms import Array
 
 WORDS: dict[str, Any] = json.loads(Path(__file__).with_name("words.json").read_text(encoding="utf-8"))
@@ -54,6 +58,15 @@ conventions may differ, which are compared by the translations as well."""
 MIN_PAIRS, MAX_COMPARED = 3, 40  # views by which conventions are compared
 MAX_STEP_SHARE = 0.1
 """Usual distance of a row from the next, as a share of what all rows span, below which they are samples of a path."""
+
+
+Build = Callable[[Sequence[int], Sequence[str]], PoseTable]  # makes a table of the columns of these indices, so called
+
+_TOOL = re.compile(r"(?<![a-z])(?:tcp|tool|werkzeug)(?![a-z0-9])|(?<=O_T_)EE", re.IGNORECASE)
+_OFFSET = re.compile(r"(tcp|tool)_?offset|flange(2|_T_|_to_)(tcp|tool|ee)|\bF_T_EE", re.IGNORECASE)
+_NO_POSE = r"speed|vel(ocity)?(?![a-z])|twist|force|wrench|torque|acc(el)?(?![a-z])|T_NE|NE_T|EE_T_K|O_T_EE_"
+_BESIDE = re.compile(f"{_OFFSET.pattern}|{_NO_POSE}", re.IGNORECASE)
+"""Of a moving frame, but no pose of it in the base. F_T_EE, O_T_EE_d and more: libfranka's RobotState."""
 
 
 @dataclass(frozen=True)
@@ -215,3 +228,57 @@ def equal_sides(robot: PoseTable, camera: PoseTable) -> bool:
         return False
     pairs = ((robot.lengths, camera.lengths), (robot.numbers, camera.numbers))
     return all(np.allclose(mine, its, rtol=1e-6, atol=1e-9) for mine, its in pairs)
+
+
+def flange_poses(origin: str, names: Sequence[str], columns: Sequence[Sequence[Any]], build: Build) -> PoseTable:
+    """What `build` makes of the columns without those of other moving frames. Raises DocumentError."""
+
+    def poses_of(own: Sequence[int], called: Sequence[str] = names) -> PoseTable | None:
+        with suppress(DocumentError):
+            table = build(own, called) if sum(np.size(columns[at][0]) for at in own) >= 6 else None
+            return table if table and table.kind not in ("joints", "points") else None
+        return None
+
+    frames: dict[str, list[int]] = {}
+    for at, name in enumerate(names):
+        frames.setdefault(_frame_of(name), []).append(at)
+    beside, notes = frames.pop("beside", []), list[str]()
+    poses = {frame: one for frame, own in frames.items() if frame and (one := poses_of(own)) and one.moves}
+    taken = "flange" if "flange" in poses else next(iter(poses), "")
+    if others := [frame for frame in poses if frame != taken]:
+        with suppress(DocumentError):
+            if (table := build(range(len(names)), names)).parts:  # a snapshot of tf, of which the user names a frame
+                return table
+        if taken != "flange" and not all(equal_sides(poses[taken], poses[one]) for one in others):
+            what = f"poses of {' and of '.join(poses)}, and no name says which are the flange's"
+            raise refusal(origin, "names", what, "keep only those, or call them flange")
+        notes.append(f"the poses of {taken} are taken, not those of {', '.join(others)}")
+    left = {at for one in others for at in frames[one]} | {*(beside if poses else ())}
+    kept = [at for at in range(len(names)) if at not in left]
+    table = build(kept, names)
+    used = [names[at] for at in kept if np.size(columns[at][0]) > 2 or names[at] in table.layout]
+    tool = next((said[0] for name in used if _frame_of(name) and (said := _TOOL.search(name))), None)
+    if tool is not None and table.kind not in ("joints", "points") and not table.parts:
+        of_tool = [at for at in beside if _OFFSET.search(names[at])]
+        offset = poses_of(of_tool, [_OFFSET.sub("tcp", name) for name in names])
+        if offset and table.may_be_offset(offset):
+            table = replace(table, offsets=np.hstack([offset.lengths, offset.numbers]))
+            notes.append(f"the flange's poses are those of {tool} and its offset {names[of_tool[0]]}")
+            beside = [at for at in beside if at not in of_tool]
+        else:
+            table = replace(table, poses_of=PosesOf(tool))
+    if poses and beside:
+        notes.append(f"not used: {', '.join(names[at] for at in beside)}")
+    return replace(table, notes=(*table.notes, *notes))
+
+
+def _frame_of(name: str) -> str:
+    """flange, beside, the word of another frame that moves, or of the robot; "" for what is not the robot's."""
+    relation = relation_of(name)
+    if relation is None or relation.side != "robot":
+        return ""
+    words = [word for part in re.split(r"[./]", name) for word in _words(part)]
+    said = [word for word in words if SIDES.get(WORD_FRAMES.get(word, "")) == "robot"]
+    moving = [word for word in said if WORD_FRAMES[word] == "flange"]
+    is_flange = not {*words}.isdisjoint(WORDS["of_flange"].split())
+    return "beside" if _BESIDE.search(name) else "flange" if is_flange else ["robot", *said[:1], *moving][-1]

@@ -28,6 +28,7 @@ from calibration.kinematics.abb_arms import find_arm
 from calibration.kinematics.conventions import CONVENTIONS, LENGTH_UNITS, MM, Frame, LengthUnit
 from calibration.problem import Problem, Setup
 from calibration.transforms import Array
+from calibration.verdict import tool_findings
 from daemon.sessions.pictures import encode_picture
 from daemon.sessions.session_files import TAKE_AGAIN, ImageError, read_grey
 from daemon.sessions.session_import.folder_files import FolderFiles
@@ -78,7 +79,9 @@ def understand_set(
     request: ImportRequest, imported: ImportedSet, pictures: Sequence[Path] = (), progress: Progress = lambda *_: None
 ) -> Understood:
     """What poses and pictures that were read are. Raises DocumentError, Undecided."""
-    _require_motion(imported.poses)
+    if not imported.poses.moves:
+        what = f"all {len(imported.poses)} poses are the same"
+        raise refusal(imported.poses.origin, "poses", what, "give the pose of the flange at each picture")
     imported, beside = _one_sight(request, imported)
     if imported.poses.kind == "points":
         return _of_points(request, imported)
@@ -128,9 +131,10 @@ def understand_set(
     own = (f"pose {still[0]} is the identity: are the poses relative to it, and not to the base?",) if still else ()
     imported, is_unseen = replace(imported, poses=table), best.evidence is None and bool(best.missing)
     unseen = (f"the poses are not compared with the pictures{best.missing}",) if is_unseen else ()
+    of_tool = (str(one.message) for one in tool_findings(table.poses_of, reading.setup))
     notes = (
-        *table.notes, *imported.notes, *beside, *best.sight.notes, *_of_axes_and_options(request, imported, decision),
-        *filter(None, [doubt]), *own, *unseen, *lens,
+        *table.notes, *of_tool, *imported.notes, *beside, *best.sight.notes,
+        *_of_axes_and_options(request, imported, decision), *filter(None, [doubt]), *own, *unseen, *lens,
     )  # fmt: skip
     seen = best.sight.poses
     return Understood(request, imported, reading, decision, poses, seen, images, target, camera, notes)
@@ -368,14 +372,6 @@ def _of_axes_and_options(request: ImportRequest, imported: ImportedSet, decision
          "the set has no parts"),
     )  # fmt: skip
     yield from (f"{option} is not used: {why}" for option, given, used, why in rows if given is not None and not used)
-
-
-def _require_motion(table: PoseTable) -> None:
-    """Raises DocumentError when all poses of several are the same."""
-    numbers = np.concatenate([table.lengths, table.numbers], axis=1)
-    if len(numbers) > 1 and np.all(numbers == numbers[0]):
-        what = f"all {len(numbers)} poses are the same"
-        raise refusal(table.origin, "poses", what, "give the pose of the flange at each picture")
 
 
 def _load(session: SessionFolder, progress: Progress) -> Problem:

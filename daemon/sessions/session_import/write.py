@@ -4,6 +4,7 @@ import json
 import os
 import shutil
 from collections.abc import Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -81,6 +82,8 @@ def _document(understood: Understood, names: Sequence[str], unit: LengthUnit | N
         "source": f"{understood.imported.kind}: {understood.request.folder.resolve().name}",
         "setup": understood.reading.setup,
     }
+    if (of := understood.imported.poses.poses_of) is not None and not understood.is_scan:
+        document["poses_of"] = {end: name[:200] for end, name in asdict(of).items()}
     if understood.target is not None:
         document["target"] = described(understood.target)
     if understood.images and unit is None:

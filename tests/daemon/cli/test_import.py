@@ -187,6 +187,25 @@ def test_an_own_session_is_imported_unchanged(tmp_path: Path) -> None:
             np.testing.assert_allclose(one["base_T_flange"][key], other["base_T_flange"][key], atol=1e-9)
 
 
+@pytest.mark.slow
+def test_whose_poses_they_are_stays_with_the_session_and_what_is_made_of_it(tmp_path: Path) -> None:
+    """From the names of a table to the import, the session, another import of it, the verdict and the exports."""
+    rows = [f"view_{at}.png,{row}" for at, row in enumerate(_rows("ZYX"), 7)]
+    cell = _folder(tmp_path / "cell", ["image,tcp_x,tcp_y,tcp_z,tcp_a,tcp_b,tcp_c", *rows])
+    said = ("--target", TARGET, "--setup", "eye-in-hand")
+    ran = handeyed("import", cell, "--out", tmp_path / "s", *said)
+    assert "note         the robot's poses are of tcp: flange_T_camera is the camera's pose in tcp" in ran.out
+    assert handeyed("import", tmp_path / "s", "--out", tmp_path / "again", *said).status == 0
+    for session in ("s", "again"):
+        document = json.loads((tmp_path / session / "session.json").read_text())
+        assert document["poses_of"] == {"tool": "tcp", "base": ""}
+
+    assert "! the robot's poses are of tcp:" in handeyed("solve", tmp_path / "s", "--out", tmp_path / "x.json").out
+    assert "camera_optical_frame in tcp" in handeyed("export", tmp_path / "x.json", "--as", "rapid").out
+    refused = handeyed("export", tmp_path / "s" / "session.json", "--as", "rapid-robtarget")
+    assert (refused.status, "poses of a tool or work object, not of tool0 in wobj0" in refused.err) == (2, True)
+
+
 def test_pictures_within_the_file_of_the_poses_are_written_beside_the_session(tmp_path: Path) -> None:
     seen = [cv2.imdecode(np.frombuffer(picture(tilt), np.uint8), cv2.IMREAD_COLOR) for tilt in TILTS_RAD]
     (tmp_path / "cell").mkdir()

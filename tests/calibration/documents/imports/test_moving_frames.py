@@ -1,0 +1,134 @@
+"""Poses of a tool, of a work object, or of several frames: the flange's are read, or it is said whose they are."""
+
+import json
+from typing import Any
+
+import numpy as np
+import pytest
+
+from calibration.documents.imports.pose_files import read_poses
+from calibration.documents.imports.pose_table import PoseTable
+from calibration.errors import DocumentError
+from calibration.kinematics.conventions import CONVENTIONS
+from calibration.problem import PosesOf
+from calibration.transforms import Array, quaternion_from_rotation, transform_from_quaternion
+from tests.calibration.documents.imports.written import MM, POSES, WXYZ, lines, npz, rows
+
+TOOL_NUMBERS = [12.0, 0.0, 185.0, 0.8, 0.0, 0.0, 0.6]
+TOOL: Array = transform_from_quaternion(TOOL_NUMBERS[:3], TOOL_NUMBERS[3:])
+OF_TOOL: Array = POSES @ TOOL
+FLANGE_ROWS = np.column_stack([MM, WXYZ]).tolist()
+TOOL_ROWS = np.column_stack([OF_TOOL[:, :3, 3], quaternion_from_rotation(OF_TOOL[:, :3, :3])]).tolist()
+
+
+def poses_of(table: PoseTable, unit: str = "mm") -> Array:
+    (convention,) = table.conventions() if table.convention else (CONVENTIONS["quaternion-wxyz"],)
+    return table.poses(convention, unit, "base_T_flange")  # type: ignore[arg-type]
+
+
+def json_of(**columns: list[Any]) -> tuple[str, bytes]:
+    records = [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
+    return "a.json", json.dumps(records).encode()
+
+
+def nested(numbers: list[float]) -> dict[str, dict[str, float]]:
+    return {
+        "position": dict(zip("xyz", numbers[:3], strict=True)),
+        "orientation": dict(zip("wxyz", numbers[3:], strict=True)),
+    }
+
+
+def csv_of(*sides: tuple[str, list[list[float]]]) -> tuple[str, bytes]:
+    names = [f"{side}_{axis}" for side, _ in sides for axis in ("x", "y", "z", "qw", "qx", "qy", "qz")]
+    return "a.csv", lines(",".join(names), *rows(np.hstack([np.array(own) for _, own in sides])))
+
+
+OF_BOTH = {
+    "records, the tool first": json_of(tcp_pose=TOOL_ROWS, flange_pose=FLANGE_ROWS),
+    "records, the flange first": json_of(flange_pose=FLANGE_ROWS, tcp_pose=TOOL_ROWS),
+    "speeds beside them": json_of(q=[[0.1] * 7] * 3, tcp_pose=TOOL_ROWS, tcp_vel=[[0.0] * 6] * 3, flange=FLANGE_ROWS),
+    "nested": json_of(tcp=[*map(nested, TOOL_ROWS)], flange=[*map(nested, FLANGE_ROWS)]),
+    "columns": csv_of(("tcp", TOOL_ROWS), ("flange", FLANGE_ROWS)),
+    "tool0": csv_of(("gripper", TOOL_ROWS), ("tool0", FLANGE_ROWS)),
+    "arrays": ("a.npz", npz(tcp_poses=OF_TOOL, flange_poses=POSES)),
+}
+
+
+@pytest.mark.parametrize("case", OF_BOTH)
+def test_of_a_tool_s_and_the_flange_s_poses_the_flange_s_are_read(case: str) -> None:
+    table = read_poses(*OF_BOTH[case])
+    np.testing.assert_allclose(poses_of(table), POSES, atol=1e-5)
+    assert table.poses_of is None
+    assert any(note.startswith("the poses of flange are taken, not those of ") for note in table.notes)
+
+
+@pytest.mark.parametrize("name", ["ee_pose", "robot_pose"])
+def test_of_two_frames_without_the_flange_it_is_asked(name: str) -> None:
+    with pytest.raises(DocumentError, match="no name says which are the flange's: keep only those, or call them flan"):
+        read_poses(*json_of(tool_pose=TOOL_ROWS, **{name: FLANGE_ROWS}))
+
+
+def test_of_a_snapshot_of_tf_the_user_names_the_frame() -> None:
+    """Places and quaternions of three frames or more, two of which may be called flange and tool0."""
+    frames = {"base_link": FLANGE_ROWS, "flange": FLANGE_ROWS, "tool0": FLANGE_ROWS, "tcp": TOOL_ROWS}
+    of_tf = {frame: [{"translation": row[:3], "rotation": row[3:]} for row in own] for frame, own in frames.items()}
+    assert [*read_poses(*json_of(**of_tf)).parts] == [*frames]
+
+
+def test_the_same_poses_by_two_names_are_no_question() -> None:
+    np.testing.assert_allclose(poses_of(read_poses(*json_of(hand=FLANGE_ROWS, ee=FLANGE_ROWS))), POSES, atol=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("case", "tool"),
+    [
+        (json_of(tcp_pose=TOOL_ROWS), "tcp"),
+        (csv_of(("actual_TCP", TOOL_ROWS)), "TCP"),
+        (json_of(O_T_EE=[pose.T.ravel().tolist() for pose in OF_TOOL]), "EE"),
+        (json_of(tcp_pose=TOOL_ROWS, tcp_offset=TOOL_ROWS), "tcp"),
+        (json_of(tcp_pose=TOOL_ROWS, tcp_offset=[[0.012, 0, 0.185, *TOOL_NUMBERS[3:]]] * 3), "tcp"),
+    ],
+    ids=["tcp_pose", "RTDE", "Franka", "an offset that moves", "an offset in another unit"],
+)  # fmt: skip
+def test_a_tool_s_poses_say_so(case: tuple[str, bytes], tool: str) -> None:
+    table = read_poses(*case)
+    np.testing.assert_allclose(poses_of(table), OF_TOOL, atol=1e-5)
+    assert table.poses_of == PosesOf(tool)
+
+
+@pytest.mark.parametrize(
+    "case", [json_of(gripper=FLANGE_ROWS), csv_of(("flange", FLANGE_ROWS)), csv_of(("", TOOL_ROWS))]
+)
+def test_other_names_say_nothing_of_a_tool(case: tuple[str, bytes]) -> None:
+    assert read_poses(*case).poses_of is None
+
+
+FRANKA = {"O_T_EE": [pose.T.ravel().tolist() for pose in OF_TOOL], "F_T_EE": [TOOL.T.ravel().tolist()] * 3}
+WITH_OFFSET = {
+    "tcp_offset": json_of(tcp_offset=[TOOL_NUMBERS] * 3, tcp_pose=TOOL_ROWS),
+    "columns": csv_of(("tcp", TOOL_ROWS), ("tcp_offset", [TOOL_NUMBERS] * 3)),
+    "libfranka": json_of(**FRANKA, NE_T_EE=FRANKA["F_T_EE"], O_T_EE_d=FRANKA["O_T_EE"]),
+}
+
+
+@pytest.mark.parametrize("case", WITH_OFFSET)
+def test_with_its_offset_a_tool_s_poses_are_the_flange_s(case: str) -> None:
+    table = read_poses(*WITH_OFFSET[case])
+    np.testing.assert_allclose(poses_of(table), POSES, atol=1e-5)
+    np.testing.assert_allclose(poses_of(table.take([2, 0])), POSES[[2, 0]], atol=1e-5)
+    assert table.poses_of is None
+    assert any("and its offset" in note for note in table.notes)
+
+
+@pytest.mark.parametrize(("turn", "tool"), [((0, 0, 0), None), ((0, 0, 45), "tcp")])
+def test_the_angles_of_an_offset_are_not_guessed(turn: tuple[float, float, float], tool: str | None) -> None:
+    """The evidence finds the convention of the poses, and says nothing of a constant tool's."""
+    angles = [[*place, 10.0, 20.0 + at, 30.0] for at, place in enumerate(MM.tolist())]
+    table = read_poses(*json_of(tcp_pose=angles, tcp_offset=[[0, 0, 185, *turn]] * 3))
+    assert (table.poses_of, table.offsets is None) == (tool and PosesOf(tool), tool is not None)
+
+
+def test_an_offset_beside_the_flange_s_poses_is_not_used() -> None:
+    table = read_poses(*json_of(flange_pose=FLANGE_ROWS, tcp_offset=[TOOL_NUMBERS] * 3))
+    np.testing.assert_allclose(poses_of(table), POSES, atol=1e-5)
+    assert table.notes == ("not used: tcp_offset",)
