@@ -7,8 +7,12 @@ pose would stand beside another picture.
 
 import math
 import re
-from collections.abc import Sequence
+from bisect import bisect
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import replace
+from functools import reduce
+from itertools import chain
 from typing import NamedTuple
 
 import numpy as np
@@ -18,8 +22,10 @@ from calibration.documents.imports.number_tables import table_of_columns, table_
 from calibration.documents.imports.pose_table import PoseTable, table_of_arrays
 from calibration.documents.imports.refusal import decode, refusal
 from calibration.documents.imports.sides import MIN_PAIRS, WORDS
+from calibration.errors import GeometryError
 from calibration.kinematics.conventions import CONVENTIONS
-from calibration.transforms import Array
+from calibration.problem import PosesOf
+from calibration.transforms import Array, inverse, quaternion_from_rotation, transform_from_quaternion
 
 _NUMBER = r"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?"
 _UR = re.compile(rf"(?:(\w+)\s*=\s*)?p\s*\[\s*({_NUMBER}(?:\s*,\s*{_NUMBER}){{5}})\s*\]")
@@ -35,6 +41,7 @@ _NULL_FRAME = r"\$|\s|\w+\s*\[\s*0\s*\]"  # $NULLFRAME, BASE_DATA[0]
 _FRAMES = re.compile(
     rf"\b(UF|UT|TOOL_NO|BASE_NO)\s*[: =]\s*([1-9]\d*|F\b)|\$(TOOL|BASE)\s*=\s*(?!{_NULL_FRAME})([^\n;]+)"
 )
+_OF_TOOL = re.compile("UT|TOOL")  # TOOL_NO, $TOOL
 _COMMA_NUMBER = r"[-+]?\d+,\d+(?:[eE][-+]?\d+)?"
 _PAIR = re.compile(
     rf"\b([A-Za-z][A-Za-z0-9_]{{0,19}})\s*[=:\s]\s*({_COMMA_NUMBER}|{_NUMBER})\s*(mm|m|deg|°|rad)?"
@@ -57,7 +64,10 @@ def read_keyed_text(content: bytes, origin: str) -> PoseTable:
         return _universal_robots(origin, text)
     text = _LIST.sub(_as_pairs, text.partition("\n/POS")[2] or text)  # of Fanuc's programs the positions
     used = sorted({" ".join(filter(None, match)) for match in _FRAMES.findall(text)})
-    frames = (f"the poses are of {', '.join(used)}: X is that tool's, and places are in that base",) if used else ()
+    of_tool, of_base = (
+        ", ".join(one for one in used if bool(_OF_TOOL.match(one)) == is_tool) for is_tool in (True, False)
+    )
+    poses_of = PosesOf(of_tool, of_base) if used else None
     found: dict[str, list[float]] = {}
     units: set[str] = set()
     pairs = _PAIR.findall(text)
@@ -75,7 +85,7 @@ def read_keyed_text(content: bytes, origin: str) -> PoseTable:
             names = [f"{key} mm" if key in "XYZ" and "mm" in units else key for key in keys]
             rows = zip(*(found[key] for key in keys), strict=True)
             table = table_of_columns(origin, names, [list(row) for row in rows])
-            return table if table.kind == "joints" else replace(table, notes=(*table.notes, *frames))
+            return table if table.kind == "joints" else replace(table, poses_of=poses_of)
     for keys, counts in uneven.items():
         counted = ", ".join(f"{count} {key}" for key, count in zip(keys, counts, strict=True))
         fix = "give every pose all numbers, and remove tools and bases"
@@ -126,13 +136,16 @@ def _universal_robots(origin: str, text: str) -> PoseTable:
     labels = labels if len(set(labels)) == len(labels) else [str(at + 1) for at in range(len(labels))]
     said = "p[x, y, z, rx, ry, rz] of URScript", "rotation-vector"
     table = table_of_arrays(origin, labels, rows[:, :3], rows[:, 3:], *said, unit="m")
-    known = named.get(tool[1] or "") if tool else None
-    numbers = (tool and tool[2]) or (known and known[2])
-    if tool is None or (numbers and not any(float(number) for number in numbers.split(","))):
+    if tool is None:
         return table
-    sets = f"the program sets the tool {tool[1] or ''} p[{numbers or 'not read as numbers'}]"
-    note = f"{sets} (m, rad): the poses are that tool's; the camera's pose is found relative to it"
-    return replace(table, notes=(note,))
+    known = named.get(tool[1] or "")
+    numbers = tool[2] or (known and known[2])
+    called = f"{tool[1] or 'set_tcp'} p[{numbers or 'not read as numbers'}]"
+    if numbers is None or len(_SET_TOOL.findall(text)) > 1:
+        return replace(table, poses_of=PosesOf(called))
+    offsets = np.array([[float(number) for number in numbers.split(",")]] * len(table))
+    notes = (f"the flange's poses are those of the program and of its tool {called} (m, rad)",) if offsets.any() else ()
+    return replace(table, offsets=offsets, notes=notes)
 
 
 def read_halcon_pose(content: bytes, origin: str) -> PoseTable:
@@ -168,8 +181,14 @@ _RAPID_MOVE = re.compile(r"\bMove[CJL]\w*\s*(\[\s*\[[^][]*\]\s*,\s*\[[^;]*)", re
 _TARGET = re.compile(r"\b(?:CONST|PERS|VAR)\s+(?:robtarget|pose)\s+(\w+)", re.IGNORECASE)
 _ASSIGNED = re.compile(r"(?<![\w.])(\w+)(?:\{[^}]*\})?(?:\.\w+)*\s*:=", re.IGNORECASE)
 _COMPUTED = re.compile(r"\b(?:Offs|RelTool|CRobT|CalcRobT)\s*\(", re.IGNORECASE)
-_FRAME = re.compile(r"\\\s*WObj\s*:=\s*(\w+)|,\s*(?:fine|z\d+)\s*,\s*(\w+)", re.IGNORECASE)
+_MOVED = re.compile(r"\bMove([CJL])", re.IGNORECASE)
+_WOBJ = re.compile(r"\\\s*WObj\s*:=\s*(\w+)", re.IGNORECASE)
+_WITHIN = re.compile(r"\[[^][]*\]|\([^()]*\)|\{[^{}]*\}|\\[^,]*")  # brackets and options of an instruction
 _TYPES = frozenset(("robtarget", "pose"))
+_FRAME_DATA = re.compile(
+    rf"\b(?:tool|wobj)data\s+(\w+)\s*:=\s*\[\s*(?:FALSE\s*,\s*TRUE\s*,\s*\"[^\"\n]*\"|TRUE)((?:\s*,\s*{_POSE.pattern}\s*\])+)",
+    re.I,
+)
 
 
 class _Data(NamedTuple):
@@ -213,10 +232,11 @@ def read_rapid(content: bytes, origin: str) -> PoseTable:
         raise refusal(origin, "text", what, "give robtargets: [[x, y, z], [q1, q2, q3, q4], ...]", "rapid")
     layout = f"{len(labels)} robtargets or poses of RAPID"
     external = np.where(np.abs(axes) > NO_AXIS, np.nan, axes)
-    return table_of_arrays(
+    table = table_of_arrays(
         origin, labels, np.array(lengths), np.array(turns), layout, "quaternion-wxyz", unit="mm",
         frame="base_T_flange", notes=_notes(text), external_axes=external,
     )  # fmt: skip
+    return _of_flange(table, text, [match.start() for match, _ in found])
 
 
 def _declared(at: int, data: Sequence[_Data]) -> _Data | None:
@@ -249,15 +269,73 @@ def _require_values(origin: str, text: str, data: Sequence[_Data], starts: Seque
 
 
 def _notes(text: str) -> tuple[str, ...]:
-    """What the module says of tool and work object that are not tool0 and wobj0, and of poses that it computes."""
-    used = {name for match in _FRAME.finditer(text) for name in match.groups() if name}
-    other = sorted(name for name in used if name.lower() not in ("tool0", "wobj0"))
-    moves = f"the module moves with {', '.join(other)}: a robtarget is then that tool in that work object"
-    notes = [f"{moves}; the camera's pose is found relative to that tool"] if other else []
+    """What the module says of poses that it computes."""
     targets = {name.lower() for name in _TARGET.findall(text)}
     code = _DATA.sub("", text)
     computed = {name for name in _ASSIGNED.findall(code) if name.lower() in targets}
     computed |= {call.rstrip("( \t") for call in _COMPUTED.findall(code)}
-    if computed:
-        notes.append(f"the program computes poses ({', '.join(sorted(computed))}): only written numbers are taken")
-    return tuple(notes)
+    called = ", ".join(sorted(computed))
+    return (f"the program computes poses ({called}): only written numbers are taken",) if computed else ()
+
+
+Frames = tuple[str, str]  # names of a tool and of a work object
+
+
+def frames_of_rapid(text: str) -> dict[str, Array]:
+    """tframe of tools on the flange, uframe and oframe of work objects that stand, by their names in lower case, where
+    the text holds their numbers and assigns nothing to them."""
+    frames = {"tool0": np.eye(4), "wobj0": np.eye(4)}
+    for data in _FRAME_DATA.finditer(text):
+        with suppress(ValueError, GeometryError):
+            poses = [transform_from_quaternion(*(one.split(",") for one in pose)) for pose in _POSE.findall(data[2])]
+            frames[data[1].lower()] = reduce(np.matmul, poses)
+    assigned = {one.lower() for one in _ASSIGNED.findall(_DATA.sub("", text))}
+    return {name: frame for name, frame in frames.items() if name not in assigned}
+
+
+def moves_of_rapid(text: str) -> Iterator[tuple[range, set[str], Frames]]:
+    """Of each instruction that moves its places, the words in it in lower case, and its frames as written.
+
+    The tool stands behind the zone; in other instructions of a work object it is the last argument.
+    """
+    for move in re.finditer(r"[^;]+", text):
+        bare, kept, wobj, kind = "", move[0], _WOBJ.search(move[0]), _MOVED.search(move[0])
+        while bare != kept:
+            bare, kept = kept, _WITHIN.sub(lambda within: "" if within[0][0] == "\\" else "_", kept)
+        arguments = [one for cell in bare.split(",") if (one := cell.strip())]
+        zones = [at for at, one in enumerate(arguments[:-1]) if re.fullmatch(r"fine|z\d+", one, re.IGNORECASE)]
+        zones += [2 + (kind[1] in "Cc")] if kind else [len(arguments) - 2] if wobj else []
+        for tool in arguments[zones[0] + 1 :][:1] if zones and "moveabsj" not in bare.lower() else ():
+            yield range(*move.span()), {*re.findall(r"\w+", move[0].lower())}, (tool, wobj[1] if wobj else "wobj0")
+
+
+def _of_flange(table: PoseTable, text: str, places: Sequence[int]) -> PoseTable:
+    """The flange's poses, of robtargets of each move's tool in its work object, as far as the module defines both;
+    `places`: where each begins. Raises DocumentError where poses of several frames cannot be told apart."""
+    known, moves, of_words = frames_of_rapid(text), [*moves_of_rapid(text)], dict[str, set[Frames]]()
+    spelt = {name.lower(): name for *_, frames in moves for name in frames}
+    for within, words, (tool, base) in moves:
+        for word in (*words, *(f"@{at}" for at in places[bisect(places, within[0]) : bisect(places, within[-1])])):
+            of_words.setdefault(word, set()).add((tool.lower(), base.lower()))
+    every = {*chain(*of_words.values())}
+    names = [label.partition("{")[0].lower() for label in table.labels]  # a number of a target within its move
+    taken = [of_words.get(f"@{at}" if name.isdigit() else name, every) for at, name in zip(places, names, strict=True)]
+    used = {*chain(*taken)}
+    lacking = [frames for frames in used if not {*frames} <= known.keys()]
+    mixed = [at for at, frames in enumerate(taken) if len(frames) > 1 or (lacking and len(used) > 1)]
+    if mixed:
+        of = " and of ".join(f"{spelt[tool]} in {spelt[base]}" for tool, base in sorted(used))
+        fix = "give targets of tool0 in wobj0; or one move to each, and the data of its tool and work object"
+        place = f"robtarget {table.labels[mixed[0]]}"
+        raise refusal(table.origin, place, f"one of several that are of {of}", fix, "rapid")
+    if not used - {("tool0", "wobj0")}:
+        return table
+    tools, bases = np.swapaxes([[known.get(name, np.eye(4)) for name in frames] for (frames,) in taken], 0, 1)
+    poses = bases @ transform_from_quaternion(table.lengths, table.numbers) @ inverse(tools)
+    data = [spelt[name] for name in sorted({*chain(*used)} & (known.keys() - {"tool0", "wobj0"}))]
+    note = f"the flange's poses are those of the program and of its data {', '.join(data)}"
+    left = [PosesOf(*("" if name in known else spelt[name] for name in frames)) for frames in lacking]
+    return replace(
+        table, lengths=poses[:, :3, 3], numbers=quaternion_from_rotation(poses[:, :3, :3]),
+        notes=(*table.notes, *[note] * bool(data)), poses_of=left[0] if left else None,
+    )  # fmt: skip

@@ -45,7 +45,7 @@ def test_it_is_imported_and_solved_right(
     assert solved.status == 0, solved.err
     off_mm, off_deg = case.error_of(solved.out)
     assert off_mm < 1.0 and off_deg < 0.06
-    assert ("the program sets the tool camera_tcp p[0, 0, 0.215" in ran.out) == (case.name == "urscript_tool_variable")
+    assert ("of its tool camera_tcp p[0, 0, 0.215" in ran.out) == (case.name == "urscript_tool_variable")
 
 
 @pytest.mark.parametrize("name", REFUSED)

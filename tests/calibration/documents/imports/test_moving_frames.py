@@ -11,7 +11,7 @@ from calibration.documents.imports.pose_table import PoseTable
 from calibration.errors import DocumentError
 from calibration.kinematics.conventions import CONVENTIONS
 from calibration.problem import PosesOf
-from calibration.transforms import Array, quaternion_from_rotation, transform_from_quaternion
+from calibration.transforms import Array, inverse, quaternion_from_rotation, transform_from_quaternion
 from tests.calibration.documents.imports.written import MM, POSES, WXYZ, lines, npz, rows
 
 TOOL_NUMBERS = [12.0, 0.0, 185.0, 0.8, 0.0, 0.0, 0.6]
@@ -132,3 +132,101 @@ def test_an_offset_beside_the_flange_s_poses_is_not_used() -> None:
     table = read_poses(*json_of(flange_pose=FLANGE_ROWS, tcp_offset=[TOOL_NUMBERS] * 3))
     np.testing.assert_allclose(poses_of(table), POSES, atol=1e-5)
     assert table.notes == ("not used: tcp_offset",)
+
+
+UFRAME, OFRAME = [[600, 100, 0], [0.6, 0, 0, 0.8]], [[0, 0, -20], [1, 0, 0, 0]]
+WORK: Array = transform_from_quaternion(*UFRAME) @ transform_from_quaternion(*OFRAME)
+LOAD = "[1.2,[0,0,80],[1,0,0,0],0,0,0]"
+TOOL_DATA = f"TASK PERS tooldata tGrip:=[TRUE,[{TOOL_NUMBERS[:3]},{TOOL_NUMBERS[3:]}],{LOAD}];"
+WORK_DATA = f'PERS wobjdata wFix := [FALSE, TRUE, "", {UFRAME}, {OFRAME}];'
+NO_AXES = "[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]"
+
+
+def module(poses: Array, moves: list[str], *data: str) -> bytes:
+    """A module whose targets p1, p2, p3 are poses, with a move to each: {p} in the text."""
+    numbers = [
+        f"[{pose[:3, 3].tolist()},{quaternion_from_rotation(pose[:3, :3]).tolist()},{NO_AXES}]" for pose in poses
+    ]
+    targets = [f"CONST robtarget p{at}:={one};" for at, one in enumerate(numbers, 1)]
+    return lines(
+        *data, *targets, "PROC main()", *(one.format(p=f"p{at}") for at, one in enumerate(moves, 1)), "ENDPROC"
+    )
+
+
+BOTH = "MoveL\\Conc, Offs({p},0,0,0), v100\\V:=50, fine\\Inpos:=inpos20, TGRIP\\WObj:=wfix;"
+
+
+def test_a_module_that_defines_its_tool_and_work_object_gives_the_flange_s_poses() -> None:
+    table = read_poses("a.mod", module(inverse(WORK) @ OF_TOOL, [BOTH] * 3, TOOL_DATA, WORK_DATA))
+    np.testing.assert_allclose(poses_of(table), POSES, atol=1e-6)
+    assert table.poses_of is None
+    assert "the flange's poses are those of the program and of its data TGRIP, wfix" in table.notes
+
+
+def test_each_move_has_its_own_tool_and_work_object() -> None:
+    written = np.array([POSES[0], OF_TOOL[1], inverse(WORK) @ POSES[2]])
+    moves = [f"MoveJ {{p}},v100,z10,{frames};" for frames in ("tool0", "tGrip", "tool0\\WObj:=wFix")]
+    table = read_poses("a.mod", module(written, moves, TOOL_DATA, WORK_DATA))
+    np.testing.assert_allclose(poses_of(table), POSES, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    "move",
+    [
+        "TriggL {p}, v100, trFire, z10, tGrip\\WObj:=wFix;",
+        "ArcL {p}, v100, smSeam, wdWeld\\Weave:=wv1, fine, tGrip \\WObj := wFix;",
+        "SearchL\\SStop, di1, pFound, {p}, v100, tGrip\\WObj:=wFix;",
+        "MoveJ {p}, vSlow, zCoarse, tGrip\\WObj:=wFix;",
+        'MoveCSync p1, {p}, v100, fine, tGrip\\WObj:=wFix, "rFire";',
+        "MoveAbsJ jHome, v100, fine, tool0; MoveL {p}, v100, fine, tGrip\\WObj:=wFix;",
+    ],
+)
+def test_every_instruction_that_moves_has_a_tool(move: str) -> None:
+    """MoveAbsJ has no robtarget, whose tool and work object are asked for."""
+    table = read_poses("a.mod", module(inverse(WORK) @ OF_TOOL, [move] * 3, TOOL_DATA, WORK_DATA))
+    np.testing.assert_allclose(poses_of(table), POSES, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("data", "said"),
+    [
+        ([], PosesOf("tGrip", "wFix")),
+        ([TOOL_DATA], PosesOf(base="wFix")),
+        ([WORK_DATA], PosesOf("tGrip")),
+        ([TOOL_DATA.replace("TRUE", "FALSE"), WORK_DATA], PosesOf("tGrip")),
+        ([TOOL_DATA, WORK_DATA.replace("TRUE", "FALSE")], PosesOf(base="wFix")),
+        ([TOOL_DATA.replace("12.0", "nLength"), WORK_DATA], PosesOf("tGrip")),
+        ([TOOL_DATA, WORK_DATA, "wFix.uframe := pMeasured;"], PosesOf(base="wFix")),
+    ],
+    ids=["neither", "no work object", "no tool", "a tool that stands", "a moving work object", "no number", "assigned"],
+)  # fmt: skip
+def test_what_the_module_does_not_define_is_said(data: list[str], said: PosesOf) -> None:
+    of_work = inverse(WORK) if said.base else np.eye(4)
+    of_tool = TOOL if said.tool else np.eye(4)
+    moves = ["MoveC p1, {p}, v100, fine, tGrip\\WObj:=wFix;"] * 3
+    table = read_poses("a.mod", module(inverse(WORK) @ OF_TOOL, moves, *data))
+    np.testing.assert_allclose(poses_of(table), of_work @ POSES @ of_tool, atol=1e-6)
+    assert table.poses_of == said
+
+
+@pytest.mark.parametrize(
+    ("moves", "data", "said"),
+    [
+        (["MoveL {p},v1,fine,tGrip;", "MoveL {p},v1,fine,tool0;"], [TOOL_DATA], "p3: one of several that are of tGrip"),
+        (["MoveL {p},v1,fine,tGrip;MoveL p1,v1,fine,tool0;"] * 3, [TOOL_DATA], "p1: one of several that are of tGrip"),
+        (["MoveL {p},v1,fine,tGrip;"] * 2 + ["MoveL {p},v1,fine,tool0;"], [], "p1: one of several that are of tGrip"),
+    ],
+    ids=["one without a move", "one with two moves", "one that is not defined"],
+)  # fmt: skip
+def test_targets_of_several_frames_are_refused(moves: list[str], data: list[str], said: str) -> None:
+    with pytest.raises(DocumentError, match=said):
+        read_poses("a.mod", module(POSES, moves, *data))
+
+
+def test_the_tool_that_a_program_of_ur_sets_is_composed() -> None:
+    goals = [f"movel(p[{', '.join(map(str, [x / 1000, y / 1000, z / 1000, 0.1, 0.2, 0.3]))}])" for x, y, z in MM]
+    with_tool, without = (read_poses("a.script", lines(f"set_tcp(p[0, 0, {z}, 0, 0, 0])", *goals)) for z in (0.2, 0))
+    apart = [table.poses(CONVENTIONS["rotation-vector"], "m", "base_T_flange") for table in (without, with_tool)]
+    np.testing.assert_allclose((inverse(apart[1]) @ apart[0])[:, :3, 3], [[0, 0, 200]] * 3, atol=1e-6)
+    twice = read_poses("a.script", lines("set_tcp(p[0,0,0.2,0,0,0])", *goals, "set_tcp(p[0,0,0.1,0,0,0])"))
+    assert twice.poses_of == PosesOf("set_tcp p[0,0,0.2,0,0,0]")

@@ -8,6 +8,7 @@ import pytest
 from calibration.documents.imports.pose_files import read_poses
 from calibration.errors import DocumentError
 from calibration.kinematics.conventions import find_conventions
+from calibration.problem import PosesOf
 from tests.calibration.documents.imports.written import FILES, MM, POSES, WXYZ, euler, lines, matrices, rows
 
 
@@ -48,12 +49,6 @@ def test_names_and_pictures_of_the_rows_are_kept() -> None:
     table = read_poses("a.csv", lines("image,x,y,z,qw,qx,qy,qz,joint 1", *named))
     assert table.images == ("img_0.png", "img_1.png", "img_2.png")
     assert table.notes == ("not used: joint 1",)
-
-
-def test_a_module_that_moves_another_tool_says_so() -> None:
-    content = lines("MoveL [[1,2,3],[1,0,0,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]], v100, fine, tGrip\\WObj:=wFix;")
-    (note,) = read_poses("a.mod", content).notes
-    assert "tGrip, wFix" in note
 
 
 def test_halcon_s_representations() -> None:
@@ -122,30 +117,30 @@ KUKA = (
 
 
 @pytest.mark.parametrize(
-    ("name", "row", "said"), [("a.ls", FANUC, "UF 1, UT 2"), ("a.dat", KUKA, "BASE_NO 1, TOOL_NO 2")]
+    ("name", "row", "said"),
+    [("a.ls", FANUC, PosesOf("UT 2", "UF 1")), ("a.dat", KUKA, PosesOf("TOOL_NO 2", "BASE_NO 1"))],
 )
-def test_a_tool_and_a_base_of_the_poses_are_said(name: str, row: str, said: str) -> None:
+def test_a_tool_and_a_base_of_the_poses_are_said(name: str, row: str, said: PosesOf) -> None:
     """As of RAPID: X and the places are then of another frame than the flange's and the base's."""
     of_flange, of_tool = (
         read_poses(name, lines(*(row.format(at=at, base=base, tool=tool) for at in range(4))))
         for base, tool in ((0, 0), (1, 2))
     )
-    assert of_flange.notes == ()
-    assert said in of_tool.notes[0]
+    assert of_flange.poses_of is None
+    assert of_tool.poses_of == said
 
 
 @pytest.mark.parametrize(
     ("frames", "said"),
     [
-        ("$BASE=BASE_DATA[0]\n$TOOL = TOOL_DATA[0]", ()),
-        ("$BASE=$NULLFRAME", ()),
-        ("$BASE=BASE_DATA[10]", ("BASE BASE_DATA[10]",)),
-        ("UF : F, UT : 0", ("UF F",)),
-        ("UF : F, UT : F", ("UF F, UT F",)),
+        ("$BASE=BASE_DATA[0]\n$TOOL = TOOL_DATA[0]", None),
+        ("$BASE=$NULLFRAME", None),
+        ("$BASE=BASE_DATA[10]", PosesOf(base="BASE BASE_DATA[10]")),
+        ("$TOOL=TOOL_DATA[3]", PosesOf("TOOL TOOL_DATA[3]")),
+        ("UF : F, UT : 0", PosesOf(base="UF F")),
+        ("UF : F, UT : F", PosesOf("UT F", "UF F")),
     ],
 )
-def test_the_null_frame_is_no_base_and_the_one_in_use_may_be(frames: str, said: tuple[str, ...]) -> None:
+def test_the_null_frame_is_no_base_and_the_one_in_use_may_be(frames: str, said: PosesOf | None) -> None:
     poses = read_poses("a.src", lines(frames, *(KUKA.format(at=at, base=0, tool=0) for at in range(4))))
-    assert poses.notes == tuple(
-        f"the poses are of {one}: X is that tool's, and places are in that base" for one in said
-    )
+    assert poses.poses_of == said
