@@ -52,6 +52,7 @@ JOINTS = (5, 6, 7, 8)
 
 _FRAMES = re.compile(r"[A-Za-z0-9]+_[Tt]_[A-Za-z0-9]+")
 _SHORT = re.compile(r"(q|quat|rot|rvec|r|e|euler|t|p|pos|trans|o)([xyzw]|\d)|(pose|tvec|tcp)(\d+)")
+_EGM = {f"u{at}": f"q{axis}" for at, axis in enumerate("wxyz")}  # EgmQuaternion of ABB's egm.proto
 _ELEMENT = re.compile(r"(?:[rmt]|mat|rot)([0-4])([0-4])")
 
 
@@ -122,6 +123,7 @@ class _Named:
             return
         if len(words) > 1 and words[0] in AXIS_WORDS and {words[-1]} <= LENGTH_WORDS | TURN_WORDS:
             words = [*words[1:], words[0]]  # x_pos, w_rot
+        words = [*words[:-1], _EGM.get(words[-1], words[-1])]
         if short := _SHORT.fullmatch(words[-1]):
             words = [*words[:-1], *filter(None, short.groups())]
         slot = AXES.get(words[-1], words[-1])

@@ -130,7 +130,7 @@ def read_any_text(content: bytes, origin: str) -> PoseTable:
 TEXTS = (".txt", ".log", ".conf", ".xf", ".mod", ".modx", ".prg", ".sys", ".dat", ".pose", ".jbi", ".pts", ".mb6")
 FAMILIES: dict[str, Reader] = {
     **dict.fromkeys((".csv", ".tsv", ".tum", ".rob"), read_text_table),
-    **dict.fromkeys(TEXTS, read_any_text),
+    **dict.fromkeys((*TEXTS, ".va"), read_any_text),
     **dict.fromkeys((".src", ".ls", ".script", ".ini"), read_keyed_text),
     **dict.fromkeys((".yaml", ".yml", ".samples"), _yaml),
     **dict.fromkeys((".jsonl", ".ndjson"), _json_lines),

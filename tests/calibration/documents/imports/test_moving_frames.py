@@ -230,3 +230,16 @@ def test_the_tool_that_a_program_of_ur_sets_is_composed() -> None:
     np.testing.assert_allclose((inverse(apart[1]) @ apart[0])[:, :3, 3], [[0, 0, 200]] * 3, atol=1e-6)
     twice = read_poses("a.script", lines("set_tcp(p[0,0,0.2,0,0,0])", *goals, "set_tcp(p[0,0,0.1,0,0,0])"))
     assert twice.poses_of == PosesOf("set_tcp p[0,0,0.2,0,0,0]")
+
+
+def test_registers_of_fanuc_are_read_as_text() -> None:
+    rows_of = [
+        f"[1,{at}] = 'p'\n  Group: 1\n  X: {x} Y: {y} Z: {z}\n  W: 1.0 P: 2.0 R: 3.0" for at, (x, y, z) in enumerate(MM)
+    ]
+    np.testing.assert_allclose(read_poses("posreg.va", lines(*rows_of)).lengths, MM)
+
+
+def test_egm_s_quaternion_has_w_first() -> None:
+    table = read_poses("a.csv", lines("tick,X,Y,Z,u0,u1,u2,u3", *rows(np.arange(3.0)[:, None] * 40, MM, WXYZ)))
+    assert table.convention == CONVENTIONS["quaternion-wxyz"]
+    np.testing.assert_allclose(poses_of(table), POSES, atol=1e-5)
