@@ -14,6 +14,7 @@ import numpy as np
 
 from calibration.camera import COEFFICIENT_COUNTS, LensModel
 from calibration.documents.imports.leaves import array_of, number_of
+from calibration.documents.imports.pose_files import load_npy, load_npz
 from calibration.documents.imports.refusal import refusal
 from calibration.documents.imports.sides import WORDS
 from calibration.documents.imports.trees import read_json, read_xml_tree, read_yaml
@@ -21,17 +22,15 @@ from calibration.documents.session import CameraDocument
 from calibration.documents.validation import validate_document
 
 HEADING = "intrinsics"
-FISHEYE = ("equidistant", "fisheye", "kannala_brandt", "kb4")
-MODELS = ("pinhole", "plumb_bob", "rational_polynomial", "radtan", "radial-tangential", "brown_conrady", "none", "")
-READ = (*MODELS, *FISHEYE)
 Record = Mapping[str, Any]
 Maps = tuple[tuple[dict[str, Any], ...], tuple[dict[str, Any], ...]]
 Keys = tuple[tuple[str, ...], ...]  # ways to name numbers: one key of a list, or a key for each
 
-MATRIX, FOUR, DISTORTION, SIZE = (
+MATRIX, FOUR, DISTORTION, OF_FISHEYE, SIZE = (
     tuple(tuple(keys.split()) for keys in WORDS["intrinsics"][what])
-    for what in ("matrix", "four", "distortion", "size")
+    for what in ("matrix", "four", "distortion", "distortion_of_fisheye", "size")
 )
+FISHEYE, FLAGS, PINHOLE = (WORDS["intrinsics"][what].split() for what in ("fisheye", "fisheye_flags", "pinhole"))
 
 
 @dataclass(frozen=True)
@@ -58,8 +57,14 @@ class Intrinsics:
 
 
 def read_intrinsics(name: str, content: bytes) -> Intrinsics:
-    """The intrinsics in a file: JSON, YAML or XML. Raises DocumentError."""
+    """The intrinsics in a file: JSON, YAML, XML, numbers as text, .npy or .npz. Raises DocumentError."""
     suffix = PurePath(name).suffix.lower()
+    if suffix in (".npy", ".npz"):
+        arrays = load_npz(content, name) if suffix == ".npz" else {"k": load_npy(content, name)}
+        return intrinsics_of({key: one.tolist() for key, one in arrays.items() if one.size <= MAX_COEFFICIENTS}, name)
+    if suffix in (".dat", ".cal") or b"ParGroup" in content[:1000]:
+        what = "camera parameters of HALCON, whose distortion is of another kind than OpenCV's"
+        raise refusal(name, "document", what, "leave them out: they are then estimated from the pictures", HEADING)
     if suffix == ".xml":
         return intrinsics_of(read_xml_tree(content, name, HEADING), name)
     return intrinsics_of((read_json if suffix == ".json" else read_yaml)(content, name), name)
@@ -67,6 +72,7 @@ def read_intrinsics(name: str, content: bytes) -> Intrinsics:
 
 def intrinsics_of(data: Any, origin: str) -> Intrinsics:
     """The intrinsics of the one camera in plain data, at its top or up to three levels below. Raises DocumentError."""
+    data = {"k": data} if isinstance(data, str | list) else data  # a matrix alone, as np.savetxt writes it
     every = ((_numbers(own, MATRIX, (9,)) or _numbers(own, FOUR, (4,)), said) for own, said in _mappings(data))
     found = [intrinsics_within(*said, matrix, origin) for matrix, said in every if matrix is not None]
     if len({(one.matrix, one.distortion, one.lens) for one in found}) == 1:
@@ -76,21 +82,28 @@ def intrinsics_of(data: Any, origin: str) -> Intrinsics:
 
 
 def _mappings(data: Any, around: Maps = ((), ()), depth: int = 0) -> Iterator[tuple[Record, tuple[Record, Record]]]:
-    """Each mapping, what is said of its lens, and all that is said in, beside and around it. Keys in lower case.
+    """Each mapping, what is said of its lens, and all that is said in, beside and around it. Keys as `_spelled`.
 
     Of the lens: it, those around it, and those in and beside it that are named after a camera, a lens or distortion.
     """
     if isinstance(data, Mapping) and depth <= MAX_DEPTH:
-        own = {str(key).lower(): value for key, value in data.items()}
+        own = _spelled(data)
         inner = {key: one for key, one in own.items() if isinstance(one, Mapping)}
         said = {key: one for key, one in own.items() if key not in inner or OF_DISTORTION.match(key)}
         of_lens, every = (
-            [{str(key).lower(): value for key, value in inner[name].items()} for name in names[:MAX_BESIDE]]
+            [_spelled(inner[name]) for name in names[:MAX_BESIDE]]
             for names in (list(filter(OF_LENS.search, inner)), list(inner))
         )
         yield own, (ChainMap(own, *of_lens, *around[0]), ChainMap(own, *every, *around[1]))
         for one in inner.values():
             yield from _mappings(one, ((said, *of_lens, *around[0]), (own, *every, *around[1])), depth + 1)
+
+
+def _spelled(record: Record) -> dict[str, Any]:
+    """Values by keys of small letters and digits only; without ORB-SLAM's `Camera.`; k beside K is the distortion."""
+    return {
+        "kc" if key == "k" and "K" in record else SIGNS.sub("", str(key).lower()): one for key, one in record.items()
+    }
 
 
 def _numbers(plain: Record, names: Keys, counts: Container[int], missing: float | None = None) -> list[float] | None:
@@ -103,7 +116,9 @@ def _numbers(plain: Record, names: Keys, counts: Container[int], missing: float 
             value = value.get("data", value.get("parameters"))
         if len(keys) > 1:
             value = [number_of(plain[key]) if key in plain else missing for key in keys]
-        array = array_of(value.split() if isinstance(value, str) else value if isinstance(value, list) else [value])
+        array = array_of(
+            value.replace(",", " ").split() if isinstance(value, str) else value if isinstance(value, list) else [value]
+        )
         if array is not None and array.size in counts:
             return [float(number) for number in array.ravel()]
     return None
@@ -118,20 +133,32 @@ def intrinsics_within(of_lens: Record, plain: Record, matrix: list[float], origi
     if not (np.all(np.isfinite(rows)) and np.diag(rows)[:2].min() > MIN_FOCAL_PX and np.allclose(rows[2], [0, 0, 1])):
         raise refusal(origin, "camera matrix", "not one in px", "write fx, 0, cx / 0, fy, cy / 0, 0, 1", HEADING)
     nested = of_lens.get("distortion")
-    inner = {str(key).lower(): one for key, one in nested.items()} if isinstance(nested, Mapping) else {}
-    stated_model = str(of_lens.get("distortion_model") or inner.get("type", inner.get("model")) or "").lower()
-    named = (of_lens.get(key) for key in ("camera_model", "model_type", *["lens"] * (not stated_model)))
-    words = [stated_model, *(one.lower() for one in named if isinstance(one, str))]
-    for one in (one for at, one in enumerate(words) if one not in READ and (at == 0 or OTHER_MODELS.search(one))):
-        raise refusal(origin, "distortion model", f"{one!r} is not read", "calibrate as pinhole or fisheye", HEADING)
-    model = next((one for one in words if one and one in READ), "")
-    lens: LensModel = "fisheye" if model in FISHEYE or number_of(of_lens.get("fisheye_model")) else "pinhole"
-    stated = _numbers(of_lens, DISTORTION, range(1, MAX_COEFFICIENTS), missing=0.0)
+    inner = _spelled(nested) if isinstance(nested, Mapping) else {}
+    stated_model = str(of_lens.get("distortionmodel") or inner.get("type", inner.get("model")) or "").lower()
+    named = (of_lens.get(key) for key in (*OF_MODELS, *["lens"] * (not stated_model)))
+    words = {one: MODEL_SIGNS.sub("", one) for one in (stated_model, *(str(one).lower() for one in named if one))}
+    known = [one for one in words.values() if one in PINHOLE or one in FISHEYE]
+    is_flagged = any(str(of_lens.get(key)).lower() in ("1", "1.0", "true", "yes") for key in FLAGS)
+    is_fisheye = is_flagged or not {*FISHEYE}.isdisjoint(known[:1] if stated_model else known)
+    lens: LensModel = "fisheye" if is_fisheye else "pinhole"
+    names = OF_FISHEYE + DISTORTION if is_fisheye else DISTORTION
+    stated = _numbers(of_lens, names, COUNTS, missing=0.0) or _numbers(of_lens, OF_K, COEFFICIENT_COUNTS[lens])
+    for at, (said, word) in enumerate(words.items()):
+        is_other = word and word not in known and (at == 0 or OTHER_MODELS.search(said))
+        if is_other and not ("inverse" in word and stated is not None and not any(stated)):
+            fix = "calibrate as pinhole or fisheye, or have the camera estimated"
+            raise refusal(origin, "distortion model", f"{said!r} is not read", fix, HEADING)
+    if not (known or is_flagged) and number_of(of_lens.get("k4")) and of_lens.keys().isdisjoint(NOT_FISHEYE):
+        what = "k1 to k4 are a fisheye's, or with p1 and p2 a pinhole camera's"
+        raise refusal(origin, "distortion model", what, "add camera_model: fisheye or pinhole", HEADING)
     unread = (
         key for key, one in of_lens.items() if OF_DISTORTION.match(key) and not (key == "kappa" and "phi" in of_lens)
-        and (number_of(one) or (isinstance(one, list | Mapping) and one and not POINT.match(key)))
+        and (stated is None or PARTLY.match(key))
+        and not (key == "k" and (number_of(one) or _numbers(of_lens, OF_K, (9,))))
+        and (number_of(one) or (isinstance(one, list | Mapping) and one and not POINT.match(key))
+             or (isinstance(one, str) and len(one.split()) > 1 and array_of(one.replace(",", " ").split()) is not None))
     )  # fmt: skip
-    if stated is None and model != "none" and (name := next(unread, "")):
+    if name := next(unread, ""):
         raise refusal(origin, name, "distortion that is not read", "write distortion_coefficients", HEADING)
     distortion = stated or [0.0] * (4 if lens == "fisheye" else 5)
     if len(distortion) not in COEFFICIENT_COUNTS[lens]:  # without zeros at the end, filled to a number that it has
@@ -147,10 +174,17 @@ def intrinsics_within(of_lens: Record, plain: Record, matrix: list[float], origi
 MAX_COEFFICIENTS, MAX_SIDE_PX, MIN_FOCAL_PX, MAX_DEPTH, MAX_BESIDE = 100, 1e6, 10, 3, 20
 """More numbers are no distortion, a longer side is no picture's; a shorter focal length is in mm or of the width."""
 
+COUNTS = {*range(1, MAX_COEFFICIENTS)} - {9}
+"""Of a distortion; nine numbers are a matrix."""
+
+OF_MODELS = ("cameramodel", "modeltype", "model", "type", "lensmodel", "cameratype")
+NOT_FISHEYE, OF_K = ("p1", "p2", "k5", "k6"), (("k",),)
+SIGNS, MODEL_SIGNS = re.compile(r"^camera1?\.|[^a-z0-9]"), re.compile(r"^distortion\.|[^a-z0-9]")
 POINT = re.compile(r"p\d$")
-OF_DISTORTION = re.compile(r"dist(?!ance)|radial|tangential|coeff|kappa|kc|d$|xi$|[kp]\d$")
+OF_DISTORTION = re.compile(r"dist(?!ance)|radial|tangential|coeff|kappa|k$|kc|d$|xi$|[kp]\d$|.*(?<!un)distort")
+PARTLY = re.compile(r"radial|tangential|xi$")  # what coefficients beside it do not hold
 OF_LENS = re.compile(r"cam|lens|intrin|^(dist(?!ance)|radial|tangential|coeff|d$)")
 OTHER_MODELS = re.compile(
-    r"fish|equi|omni(?!v)|kannala|kb\d|division|(?<!a)spher|\bds\b|ucm|\bocam\b(?!-)|scaramuzza|\bmei\b|^fov$|atan$|polynom|graphic$"
+    r"fish|equi|omni(?!v)|kannala|kb\d|division|(?<!a)spher|\bds\b|ucm|\bocam\b(?!-)|scaramuzza|\bmei\b|^fov$|atan$|polynom|graphic$|inverse|theta"
 )
 """In the name of a camera or lens, those of models that are not read; other words are names of products."""

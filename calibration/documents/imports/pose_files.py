@@ -70,8 +70,8 @@ def _of_matlab(value: Any) -> Any:
     return None if value.dtype.kind not in "iuf" else np.moveaxis(value, 2, 0) if value.ndim == 3 else value
 
 
-def read_npz(content: bytes, origin: str) -> PoseTable:
-    """The poses of a .npz file, with its pictures, of at most MAX_UNPACKED_BYTES together. Raises DocumentError."""
+def load_npz(content: bytes, origin: str) -> dict[str, Array]:
+    """The numeric arrays and pictures of a .npz file, of at most MAX_UNPACKED_BYTES together. Raises DocumentError."""
     try:
         with zipfile.ZipFile(io.BytesIO(content)) as archive:
             members = [member for member in archive.infolist() if member.filename.endswith(".npy")]
@@ -81,7 +81,12 @@ def read_npz(content: bytes, origin: str) -> PoseTable:
             packed = {name: array for name, array in packed.items() if _NUMBERS.search(array[:128])} or packed
     except DAMAGED_ARCHIVE as error:
         raise refusal(origin, "file", f"no .npz file ({str(error)[:80]})", FIX) from None
-    arrays = {name: load_npy(array, f"{origin}: {name}") for name, array in packed.items()}
+    return {name: load_npy(array, f"{origin}: {name}") for name, array in packed.items()}
+
+
+def read_npz(content: bytes, origin: str) -> PoseTable:
+    """The poses of a .npz file, with its pictures. Raises DocumentError."""
+    arrays = load_npz(content, origin)
     try:
         return table_beside_pictures(dict(arrays), origin)
     except DocumentError as error:

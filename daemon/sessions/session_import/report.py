@@ -32,7 +32,8 @@ def report(understood: Understood, file: Path) -> str:
         lines.append(f"target       {', '.join(f'{key} {value}' for key, value in settings.items())}")
     if understood.camera is not None:
         (fx, _, cx), (_, fy, cy), _ = understood.camera.matrix
-        lines.append(f"camera       given: f {fx:.1f}, {fy:.1f}, centre {cx:.1f}, {cy:.1f} px")
+        lens = understood.camera.lens if any(understood.camera.distortion) else "no distortion"
+        lines.append(f"camera       given: f {fx:.1f}, {fy:.1f}, centre {cx:.1f}, {cy:.1f} px, {lens}")
     elif understood.images and not understood.is_scan:
         lines.append("camera       not given: the intrinsics will be estimated")
     lines += [f"note         {note}" for note in understood.notes]

@@ -328,8 +328,8 @@ NOT_ONE_CAMERA = {
     "HALCON's kappa": ({**dict.fromkeys(("fx", "fy", "cx", "cy"), 300), "kappa": -900.0}, "kappa: distortion that"),
     "21 cameras": ({str(at): LEFT | ({"D": [0.2] * 5} if at == 20 else {}) for at in range(21)}, "several cameras"),
     "a model beside": (
-        {"lens": "f-theta", "model_type": "KANNALA_BRANDT4", "camera": LEFT},
-        "'kannala_brandt4' is not",
+        {"lens": "16 mm", "model_type": "MEI", "camera": LEFT},
+        "'mei' is not",
     ),
     "omni": ({"camera_model": "omni", "intrinsics": LEFT}, "'omni' is not read"),
     "division": ({"camera": {**LEFT, "distortion_model": "division"}}, "'division' is not read"),

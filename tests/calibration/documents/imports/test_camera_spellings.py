@@ -1,0 +1,159 @@
+"""Names and kinds of files by which public data hold a camera: all are read alike, or refused by the name."""
+
+import io
+import json
+from typing import Any
+
+import numpy as np
+import pytest
+
+from calibration.documents.imports.intrinsics import Intrinsics, read_intrinsics
+from calibration.errors import DocumentError
+
+K = [[600, 0, 320], [0, 601, 240], [0, 0, 1]]
+D = [0.1, -0.2, 0.001, 0.002, 0.03]
+BY_NAME = {"k1": 0.1, "k2": -0.2, "p1": 0.001, "p2": 0.002, "k3": 0.03}
+FOUR = {"fx": 600, "fy": 601, "cx": 320, "cy": 240}
+EQUI = [-0.03, 0.012, -0.006, 0.001]
+BY_NAME_EQUI = dict(zip(("k1", "k2", "k3", "k4"), EQUI, strict=True))
+REALSENSE = {"width": 640, "height": 480, "fx": 600, "fy": 601, "ppx": 320, "ppy": 240}
+
+
+def read(data: Any) -> Intrinsics:
+    return read_intrinsics("a.json", json.dumps(data).encode())
+
+
+MATRICES = (
+    "K mtx cameraMatrix camera_matrix CameraMatrix cam_matrix camMatrix intrinsic intrinsics Intrinsic intrinsic_matrix"
+    " intrinsicMatrix camera_intrinsics color_intrinsics matrix cam_K"
+)
+DISTORTIONS = (
+    "dist D d distCoeffs dist_coeffs dist_coeff dist_coef distCoef distCof distortion distortion_coefficients"
+    " distortion_coeffs distortionCoeff DistortionCoefficients distortion_params lens_distortion coeffs kc k disto"
+)
+
+
+@pytest.mark.parametrize("name", MATRICES.split())
+def test_names_of_the_matrix(name: str) -> None:
+    found = read({name: K, "dist": D})
+    assert (found.matrix, found.distortion) == (tuple(map(tuple, K)), tuple(D))
+
+
+@pytest.mark.parametrize("name", DISTORTIONS.split())
+@pytest.mark.parametrize("matrix", ["camera_matrix", "K"])
+def test_names_of_the_distortion(name: str, matrix: str) -> None:
+    found = read({matrix: K, name: D})
+    assert (found.distortion, found.has_distortion) == (tuple(D), True)
+
+
+PINHOLE = {
+    "RealSense": REALSENSE | {"model": "distortion.brown_conrady", "coeffs": D},
+    "RealSense, modified": REALSENSE | {"model": "Modified Brown Conrady", "coeffs": D},
+    "RealSense, none": REALSENSE | {"model": "distortion.none", "coeffs": [0.0] * 5},
+    "RealSense, inverse of nothing": REALSENSE | {"model": "distortion.inverse_brown_conrady", "coeffs": [0] * 5},
+    "nerfstudio": {"camera_model": "OPENCV", "fl_x": 600, "fl_y": 601, "cx": 320, "cy": 240, "w": 640, "h": 480,
+                   **BY_NAME},
+    "ORB-SLAM": {f"Camera.{key}": one for key, one in {**FOUR, **BY_NAME, "width": 640, "height": 480}.items()},
+    "a product's name": {**FOUR, "model": "acA2440-75um", "type": "camera", "dist": D, "width": 640, "height": 480},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", PINHOLE)
+def test_pinhole_cameras(case: str) -> None:
+    found, data = read(PINHOLE[case]), PINHOLE[case]
+    wanted = [0.0] * 5 if not any(data.get("coeffs", D)) else D
+    assert (found.lens, found.image_size, found.matrix) == ("pinhole", (640, 480), tuple(map(tuple, K)))
+    np.testing.assert_array_equal(found.distortion, wanted + [0.0] * (len(found.distortion) - 5))
+
+
+FISHEYES = {
+    "model": {"camera_matrix": K, "dist_coeffs": EQUI, "model": "fisheye"},
+    "camera_model beside a pinhole": {"K": K, "D": EQUI, "camera_model": "pinhole", "model": "fisheye"},
+    "a flag": {"camera_matrix": K, "dist_coeffs": EQUI, "fisheye": True},
+    "a flag in words": {"camera_matrix": K, "dist_coeffs": EQUI, "use_fisheye": "yes"},
+    "a flag of 1": {**FOUR, "dist": EQUI, "is_fisheye": 1},
+    "RealSense": REALSENSE | {"model": "distortion.kannala_brandt4", "coeffs": [*EQUI, 0.0]},
+    "Kannala Brandt4": {**FOUR, "distortion_model": "Kannala Brandt4", "dist": EQUI},
+    "nerfstudio": {**FOUR, "camera_model": "OPENCV_FISHEYE", **BY_NAME_EQUI},
+    "ORB-SLAM3": {"Camera.type": "KannalaBrandt8"}
+    | {f"Camera1.{key}": one for key, one in {**FOUR, **BY_NAME_EQUI}.items()},
+}
+
+
+@pytest.mark.parametrize("case", FISHEYES)
+def test_fisheyes(case: str) -> None:
+    found = read(FISHEYES[case])
+    assert (found.lens, found.distortion) == ("fisheye", tuple(EQUI))
+
+
+@pytest.mark.parametrize("flag", [False, 0, "no"])
+def test_a_flag_that_is_not_set(flag: Any) -> None:
+    assert read({"K": K, "dist": EQUI, "fisheye": flag}).lens == "pinhole"
+
+
+REFUSED = {
+    "k1 to k4 without a model": ({**FOUR, **BY_NAME_EQUI}, "add camera_model: fisheye or pinhole"),
+    "RealSense, inverse": (REALSENSE | {"model": "distortion.inverse_brown_conrady", "coeffs": D}, "inverse_brown"),
+    "RealSense, f-theta": (REALSENSE | {"model": "distortion.ftheta", "coeffs": D}, "'distortion.ftheta' is not read"),
+    "a fisheye with p1": ({**FOUR, "model": "fisheye", **BY_NAME}, "coefficients"),
+    "unknown name": ({"K": K, "dist_co": D}, "distco: distortion that is not read"),
+    "name with distortion in it": ({"K": K, "my_distortion_of_lens": D}, "mydistortionoflens: distortion that"),
+    "as text": ({"K": K, "dist_co": "0.1, -0.2, 0, 0"}, "distco: distortion that is not read"),
+    "k is no number": ({"camera_matrix": K, "k": [0.1, ".Nan", 0, 0]}, "k: distortion that is not read"),
+    "tangential beside radial": ({**FOUR, "k1": 0.1, "k2": -0.2, "tangential": [0.001, 0.002]}, "tangential: dist"),
+    "nine numbers": ({"K": K, "dist": [0.1] * 9}, "dist: distortion that is not read"),
+}
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_a_distortion_that_is_not_understood_is_never_none(case: str) -> None:
+    data, what = REFUSED[case]
+    with pytest.raises(DocumentError, match=what):
+        read(data).document((640, 480))
+
+
+def npz(**arrays: Any) -> bytes:
+    stream = io.BytesIO()
+    np.savez(stream, **arrays)
+    return stream.getvalue()
+
+
+def npy(array: Any) -> bytes:
+    stream = io.BytesIO()
+    np.save(stream, array)
+    return stream.getvalue()
+
+
+FILES = {
+    "mtx and dist": ("a.npz", npz(ret=0.2, mtx=K, dist=[D], rvecs=np.ones((9, 3, 1)), tvecs=np.ones((9, 3, 1))), D),
+    "K and D": ("a.npz", npz(K=K, D=np.array(D)[:, None]), D),
+    "camera_matrix and dist_coeffs": ("a.npz", npz(camera_matrix=K, dist_coeffs=D), D),
+    "beside a picture": ("a.npz", npz(K=K, D=D, picture=np.zeros((480, 640, 3), np.uint8)), D),
+    "matrix alone": ("K.npy", npy(np.array(K, float)), [0.0] * 5),
+    "np.savetxt": ("K.txt", b"6.0e+02 0.0 3.2e+02\n0.0 6.01e+02 2.4e+02\n0.0 0.0 1.0\n", [0.0] * 5),
+    "np.savetxt with commas": ("K.csv", b"# K\n600,0,320\n0,601,240\n0,0,1\n", [0.0] * 5),
+    "a list alone": ("K.json", json.dumps(K).encode(), [0.0] * 5),
+}
+
+
+@pytest.mark.parametrize("case", FILES)
+def test_files_of_numbers(case: str) -> None:
+    name, content, distortion = FILES[case]
+    found = read_intrinsics(name, content)
+    assert (found.matrix, found.distortion) == (tuple(map(tuple, K)), tuple(distortion))
+
+
+REFUSED_FILES = {
+    "objects": ("a.npz", npz(K=np.array([{"fx": 1}], object)), "no array of numpy, or no numbers"),
+    "no camera": ("a.npz", npz(a=np.eye(4)), "no intrinsics"),
+    "a vector": ("a.npy", npy(np.arange(5.0)), "no intrinsics"),
+    "no archive": ("a.npz", b"PK", "no .npz file"),
+    "HALCON": ("campar.dat", b"# INTERNAL\nParGroup: Cam: Par;\n 'Focus': 0.008;\n", "leave them out"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", REFUSED_FILES)
+def test_files_that_are_refused(case: str) -> None:
+    name, content, what = REFUSED_FILES[case]
+    with pytest.raises(DocumentError, match=what):
+        read_intrinsics(name, content)
