@@ -97,11 +97,14 @@ class Pictures:
     image_size: tuple[int, int]
     pixel_px: float
 
+    def corners(self, evidence: Evidence) -> Observations:
+        """The corners of the views of `evidence`."""
+        return self.seen.take(np.array([self.rows[index] for index in evidence.indices.tolist()], np.intp))
+
     def turned(self, evidence: Evidence, angle_rad: float) -> tuple[Array, Array]:
         """Poses (n, 4, 4) and covariances (n, 6, 6) of the views of `evidence` with their pictures turned about the
         middle, which is not the principal point."""
-        seen = self.seen.take(np.array([self.rows[index] for index in evidence.indices.tolist()], np.intp))
-        seen = turn_pictures(seen, self.image_size, angle_rad)
+        seen = turn_pictures(self.corners(evidence), self.image_size, angle_rad)
         turn = rotation_from_vector(np.array([0.0, 0.0, angle_rad]))
         poses = refine_poses(seen, self.camera, transform(turn, np.zeros(3)) @ evidence.camera_T_target)
         return poses, self.pixel_px**2 * scaled_inverse(pixel_statistics(seen, self.camera, poses).normal)

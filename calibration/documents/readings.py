@@ -7,6 +7,7 @@ inverted poses with the camera beside the robot.
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import permutations, product
 
 import numpy as np
@@ -14,7 +15,8 @@ import numpy as np
 from calibration.closed_forms.observability import require_observable
 from calibration.closed_forms.registry import park
 from calibration.diagnosis.angle_agreement import angles_between, angles_between_images, mean_mismatch_rad
-from calibration.diagnosis.diagnose import MIN_LOG_LIKELIHOOD_GAIN, MIN_VIEWS, evenly_spaced
+from calibration.diagnosis.convention_hypotheses import likeliest_scale
+from calibration.diagnosis.diagnose import MIN_LOG_LIKELIHOOD_GAIN, MIN_VIEWS, Diagnosis, diagnose, evenly_spaced
 from calibration.diagnosis.evidence import Evidence
 from calibration.diagnosis.fit import Fit, fits
 from calibration.diagnosis.hypothesis import few_views_factor
@@ -23,6 +25,7 @@ from calibration.errors import GeometryError, UndeterminedError
 from calibration.kinematics.conventions import LENGTH_UNITS, MM, Convention, Frame, LengthUnit
 from calibration.kinematics.external_axis import AxisKind, ExternalAxis
 from calibration.kinematics.robot_accuracy import MAX_POSSIBLE_NOISE
+from calibration.preprocessing.pose_ambiguity import resolve_pose_ambiguity
 from calibration.problem import Setup, anchor_T_mount_of
 from calibration.transforms import Array
 
@@ -32,14 +35,17 @@ MAX_COMPARED_VIEWS = 40
 SAME_POSE = 1e-6
 """Largest difference of the elements of poses that are the same under two readings; of lengths per mm of arm."""
 
+SQUARES_MM = (10.0, 100.0)
+"""Squares in which places may be counted; a fifth to five times as large ones are found from each."""
+
+MIN_GAIN_OF_SIZE = 2.0
+"""Gain of log-likelihood from which on a size is not that of a unit: two standard deviations."""
+
 BATCH = 40
 """Readings fitted together."""
 
-MAX_SIZE_RATIO = 10.0
-"""Largest ratio of the target's true lengths to those that are given, or the reverse, that is looked for."""
-
-SIZE_STEP, FINE_SIZE_STEP = 1.05, 1.002
-"""Ratios of neighbouring sizes that are tried: all, then around the best."""
+SIZES, MIN_SIZE_RATIO = (0.2, 1.0, 5.0), 1.05
+"""Ratios of the target's true lengths to the given ones; a fifth to five times each is looked for. The least named."""
 
 MIN_RESIZED_MM = 1.0
 """Disagreement of robot and images, mm, from which on other sizes are tried: robots err by less."""
@@ -51,12 +57,11 @@ MAX_TURN_RAD, MORE_TURN_RAD, MAX_TURNED = float(np.radians(0.5)), float(np.radia
 """Mean difference of the angles between views up to which rotations agree; how much more others may differ, which are
 tried as well; most of them."""
 
-MAX_MOVED, MIN_RIGHT_SHARE = 2, 0.75
-"""Views by which pictures and poses may be moved against each other, and the share of pairs that are right, where wrong
-pairs are looked for."""
+MIN_RIGHT_SHARE = 0.75
+"""Share of pairs that are right, where wrong ones are looked for."""
 
-MAX_RESIZED_READINGS = 3
-"""Likeliest readings with which other sizes of the target are tried."""
+MAX_RESIZED_READINGS, MAX_DIAGNOSED = 3, 2
+"""Likeliest readings with which other sizes of the target are tried, and for which `solve`'s causes are."""
 
 
 @dataclass(frozen=True)
@@ -75,27 +80,30 @@ class Reading:
 
 @dataclass(frozen=True, eq=False)
 class Compared:
-    """Readings with the same equations, and the fit of the images to them; None without images to compare."""
+    """Readings with the same equations, and the fit of the images to them; None without images to compare.
+
+    turned : whether the corners of a board that looks the same turned were numbered as `solve` does it.
+    """
 
     readings: tuple[Reading, ...]
     fit: Fit | None
+    turned: bool = False
 
     @property
     def possible(self) -> bool:
         """Whether robot and images agree as well as a robot and a camera can."""
-        most = MAX_POSSIBLE_NOISE
-        return self.fit is not None and (
-            self.fit.robot_translation_mm <= most.translation_mm and self.fit.robot_rotation_rad <= most.rotation_rad
-        )
+        return self.fit is not None and is_within(self.fit.robot_translation_mm, self.fit.robot_rotation_rad)
 
     @property
     def doubtful(self) -> bool:
         """Whether they agree worse than nearly every robot and camera: one pose in many may be wrong."""
-        most = MAX_POSSIBLE_NOISE
-        return self.fit is not None and (
-            self.fit.robot_translation_mm > DOUBTFUL_SHARE * most.translation_mm
-            or self.fit.robot_rotation_rad > DOUBTFUL_SHARE * most.rotation_rad
-        )
+        left = None if self.fit is None else (self.fit.robot_translation_mm, self.fit.robot_rotation_rad)
+        return left is not None and not is_within(*left, DOUBTFUL_SHARE)
+
+
+def is_within(translation_mm: float, rotation_rad: float, share: float = 1.0) -> bool:
+    """Whether noise is at most that share of the largest of a robot."""
+    return bool(np.all(np.array([rotation_rad, translation_mm]) <= share * MAX_POSSIBLE_NOISE.levels()))
 
 
 @dataclass(frozen=True)
@@ -132,8 +140,13 @@ def readings_of(
     ]
 
 
-def compare(table: PoseTable, readings: Sequence[Reading], evidence: Evidence | None) -> list[Compared]:
-    """The readings, those with the same equations together, the likeliest first."""
+def compare(
+    table: PoseTable, readings: Sequence[Reading], evidence: Evidence | None, points_mm: Array | None = None
+) -> list[Compared]:
+    """The readings, those with the same equations together, the likeliest first.
+
+    `points_mm` (k, 3): of a board that looks the same turned; it may be so in some pictures where no reading fits.
+    """
     groups: list[tuple[Array, list[Reading]]] = []
     for reading in readings:
         try:
@@ -150,9 +163,23 @@ def compare(table: PoseTable, readings: Sequence[Reading], evidence: Evidence | 
     if evidence is None or len(evidence) < MIN_VIEWS:
         return [Compared(tuple(group), None) for _, group in groups]
     few = evidence.take(evenly_spaced(len(evidence), MAX_COMPARED_VIEWS))
-    fitted = _fits_of(replace(few, setup="eye-in-hand", base_T_flange=moved[few.indices]) for moved, _ in groups)
-    compared = [Compared(tuple(group), fit) for (_, group), fit in zip(groups, fitted, strict=True)]
-    return sorted(compared, key=lambda one: -(one.fit.log_likelihood if one.fit else 0.0))
+    each = [replace(few, setup="eye-in-hand", base_T_flange=moved[few.indices]) for moved, _ in groups]
+
+    def by(evidences: Sequence[Evidence], turned: bool) -> list[Compared]:
+        fitted = zip(groups, _fits_of(evidences), strict=True)
+        return sorted(
+            (Compared(tuple(group), fit, turned) for (_, group), fit in fitted),
+            key=lambda one: -(one.fit.log_likelihood if one.fit else 0.0),
+        )
+
+    compared = by(each, turned=False)
+    if points_mm is None or few.pictures is None or not compared or compared[0].possible:
+        return compared
+    poses, errors, corners = few.camera_T_target[:, None], np.zeros((len(few), 1)), few.pictures.corners(few)
+    resolved = (resolve_pose_ambiguity(corners, one.base_T_flange, poses, errors, points_mm) for one in each)
+    return by(
+        [one.with_camera_poses(own.camera_T_target) for one, own in zip(each, resolved, strict=True)], turned=True
+    )
 
 
 def decide(table: PoseTable, compared: Sequence[Compared], evidence: Evidence | None) -> Decision:
@@ -166,22 +193,24 @@ def decide(table: PoseTable, compared: Sequence[Compared], evidence: Evidence | 
         seen = 0 if evidence is None else len(evidence)
         left = tuple(one.readings[0] for one in compared)
         return Decision(None, f"{len(compared)} readings, and {seen} pictures to compare by (of {MIN_VIEWS})", left)
-    if others and not _observable(table, best.readings[0]):
-        return Decision(None, "the motions do not decide between readings", tuple(one.readings[0] for one in compared))
-    agreement = f"robot and images agree to {_noise(best.fit)}"
+    if others and (unseen := _lack_of_motion(table, best.readings[0])) is not None:
+        words = f"the motions do not decide between readings: {unseen.what}"
+        fix = f"{unseen.fix}; or state what they are by --frame and --convention"
+        return Decision(None, words, tuple(one.readings[0] for one in compared), fix)
+    agreement = f"robot and images agree to {agreement_of(best.fit)}"
     found = Decision(None, "")
     if not best.possible or (best.doubtful and table.varying_axes()):
         found = _explain_misfit(table, compared, evidence)
     if found.axis is not None:
         return found
-    for most_rad in (MAX_TURN_RAD, MAX_POSSIBLE_NOISE.rotation_rad):  # as of good pairs, then as of the worst arm's
+    for explain in (_explain_pairs, _explain_cause, partial(_explain_pairs, most_rad=MAX_POSSIBLE_NOISE.rotation_rad)):
         if not best.possible and not found.words:
-            found = _explain_pairs(table, compared, evidence, most_rad)
+            found = explain(table, compared, evidence)
     if not best.possible and others:
-        words = f"none fits: {best.readings[0].words} is the nearest, and {agreement}"
-        size = "" if found.words else _other_size(table, compared, evidence)
-        fix = found.fix or (size and "give the target's right size by --target")
-        return Decision(None, words + found.words + size, (best.readings[0],), fix)
+        hint = found.words or _other_size(table, compared, evidence)
+        words = f"none fits{hint}{hint and '; as they are'}: {best.readings[0].words} is the nearest, and {agreement}"
+        fix = found.fix or (hint and "give the target's right size by --target")
+        return Decision(None, words, (best.readings[0],), fix)
     if others:
         assert others[0].fit is not None
         n = min(len(evidence), MAX_COMPARED_VIEWS)
@@ -206,7 +235,7 @@ def decide(table: PoseTable, compared: Sequence[Compared], evidence: Evidence | 
 
 
 def _explain_misfit(table: PoseTable, compared: Sequence[Compared], evidence: Evidence) -> Decision:
-    """What makes poses fit: an axis beside the arm; or, where the rotations agree, a unit, other axes, a size.
+    """What makes poses fit: an axis beside the arm; or, where the rotations agree, a unit, squares, other axes, a size.
 
     Rotations that agree show that target and pairs are right. `words` is "" where they do not agree.
     """
@@ -218,6 +247,12 @@ def _explain_misfit(table: PoseTable, compared: Sequence[Compared], evidence: Ev
     if table.kind != "joints":  # an arm's joints leave no choice of lengths
         changes = [*_changes_of_lengths(table, of_pictures=evidence.pictures is not None)]
         tried = [(one, way) for _, way in near for one in changes if one.axis or not possible]
+        for (_, way), size_mm in product(near, () if possible or evidence.pictures else SQUARES_MM):
+            factor = size_mm * likeliest_scale(_placed(few, _Change(table), way).scale_target(size_mm))
+            fix = f"multiply the camera's places by {factor:.3g}: are they counted in squares of {factor:.3g} mm?"
+            smaller = replace(table, lengths=table.lengths / factor)
+            change = _Change(smaller, f"the camera's places {factor:.3g} times as large", fix, penalty=MIN_GAIN_OF_SIZE)
+            tried.append((change, way))
     turntables = (  # about an axis of the base; they carry no target that the flange holds
         (one, way)
         for way in readings
@@ -230,50 +265,62 @@ def _explain_misfit(table: PoseTable, compared: Sequence[Compared], evidence: Ev
     if not tried:
         return Decision(None, "")
     fitted = _fits_of(_placed(few, change, one) for change, one in tried)
-    best = max(range(len(tried)), key=lambda at: fitted[at].log_likelihood)
+    best = max(range(len(tried)), key=lambda at: fitted[at].log_likelihood - tried[at][0].penalty)
     (change, reading), fit = tried[best], fitted[best]
     shrunk = max(1.0, table.reach_mm("mm") / max(change.table.reach_mm("mm"), 1e-9))
     fit = replace(fit, variances=fit.variances * [1.0, shrunk**2])  # in the robot's own millimetres
     explained = Compared((reading,), fit)
     is_enough = not explained.doubtful if possible else explained.possible
     if is_enough and change.axis is not None:
-        words = f"robot and images agree with {change.words} to {_noise(fit)} ({reading.words})"
+        words = f"robot and images agree with {change.words} to {agreement_of(fit, reading)}"
         return Decision(reading, words, axis=change.axis)
     if possible or still > MAX_TURN_RAD:
         return Decision(None, "")
     words = f"; the rotations agree to {np.degrees(still):.2g} deg, so that target and pairs are right"
     if is_enough:
-        words += f", and with {change.words} the translations agree as well: {_noise(fit)} ({reading.words})"
+        words += f", and with {change.words} the translations agree as well: {agreement_of(fit, reading)}"
         return Decision(None, words, (), change.fix)
     if size := _other_size(table, compared, evidence):
         return Decision(None, words + size, (), "compare the target's size, and the units of both sides")
     fix = "compare the unit and the axes of the places with the robot's display; or describe a track (external_axis)"
-    return Decision(None, words + ", and only the translations contradict", (), fix)
+    cause = _explain_cause(table, compared, evidence)
+    return cause if cause.words else Decision(None, words + ", and only the translations contradict", (), fix)
 
 
-def _explain_pairs(table: PoseTable, compared: Sequence[Compared], evidence: Evidence, most_rad: float) -> Decision:
-    """Which pairs are wrong, or by how many rows all are; `words` is "" where no rows make the rotations agree."""
-    few = evidence.take(np.arange(len(evidence)) < MAX_COMPARED_VIEWS)
-    seen = angles_between_images(few.camera_T_target)
-    found: list[tuple[int, int, list[str]]] = []
-    for reading, moved in product((one.readings[0] for one in compared), range(-MAX_MOVED, MAX_MOVED + 1)):
-        rows = few.indices + moved
-        inside = (rows >= 0) & (rows < len(table))
-        turns = table.poses(reading.convention, reading.unit, reading.frame)[rows[inside], :3, :3]
-        apart = np.abs(angles_between(turns) - seen[np.ix_(inside, inside)])
-        right = np.median(apart, axis=1) <= most_rad
-        enough = np.sum(right) >= max(MIN_VIEWS, MIN_RIGHT_SHARE * len(right))
-        if enough and np.mean(apart[np.ix_(right, right)]) <= most_rad and (moved or not np.all(right)):
-            found.append((abs(moved), moved, [table.labels[row] for row in rows[inside][~right]]))
+def _explain_cause(table: PoseTable, compared: Sequence[Compared], evidence: Evidence) -> Decision:
+    """What `solve` would find in the likeliest readings with which robot and images then agree; `words` as above."""
+    found: list[tuple[Diagnosis, Reading]] = []
+    for reading in (one.readings[0] for one in compared[:MAX_DIAGNOSED]):
+        poses = table.poses(reading.convention, reading.unit, reading.frame)[evidence.indices]
+        seen = replace(evidence, setup=reading.setup, base_T_flange=poses)
+        points = np.zeros((1, 3)) if seen.pictures is None else seen.pictures.seen.points_mm.reshape(-1, 3)
+        cause = diagnose(seen, points.mean(axis=0), len(table))
+        if cause and is_within(cause.after_mm, cause.after_rad, DOUBTFUL_SHARE):
+            found.append((cause, reading))
     if not found:
         return Decision(None, "")
-    rows_off, moved, labels = min(found, key=lambda one: (one[0], len(one[2])))
-    if moved:
-        words = f"{rows_off} row{'s' * (rows_off > 1)} {'before' if moved < 0 else 'after'} for each picture"
-        fix = "correct the pairs: one end has too many or too few"
-        return Decision(None, f"; with the pose {words} the rotations agree", (), fix)
+    best, reading = min(found, key=lambda one: one[0].after_mm)
+    left = f"{best.after_mm:.2g} mm and {np.degrees(best.after_rad):.2g} deg"
+    words = f"; {best.cause.message}: with that they agree to {left} ({reading.words})"
+    return Decision(None, words, (), str(best.cause.fix))
+
+
+def _explain_pairs(
+    table: PoseTable, compared: Sequence[Compared], evidence: Evidence, most_rad: float = MAX_TURN_RAD
+) -> Decision:
+    """Which pairs are wrong; `words` is "" where the rotations of the others do not agree."""
+    few = evidence.take(np.arange(len(evidence)) < MAX_COMPARED_VIEWS)
+    seen, found = angles_between_images(few.camera_T_target), list[str]()
+    for reading in (one.readings[0] for one in compared):
+        turns = table.poses(reading.convention, reading.unit, reading.frame)[few.indices, :3, :3]
+        apart = np.abs(angles_between(turns) - seen)
+        right = np.median(apart, axis=1) <= most_rad
+        enough = np.sum(right) >= max(MIN_VIEWS, MIN_RIGHT_SHARE * len(right))
+        if enough and np.mean(apart[np.ix_(right, right)]) <= most_rad and not np.all(right):
+            labels = ", ".join(table.labels[row] for row in few.indices[~right])
+            found.append(f"; without pose {labels} the rotations agree")
     fix = "correct what is named, or leave it out with its picture; with --setup and --frame all are imported"
-    return Decision(None, f"; without pose {', '.join(labels)} the rotations agree", (), fix)
+    return Decision(None, min(found, key=len), (), fix) if found else Decision(None, "")
 
 
 @dataclass(frozen=True, eq=False)
@@ -284,6 +331,7 @@ class _Change:
     words: str = ""
     fix: str = ""
     axis: ExternalAxis | None = None
+    penalty: float = 0.0
 
 
 _Way = tuple[_Change, Reading]
@@ -307,9 +355,10 @@ def _changes_of_lengths(table: PoseTable, *, of_pictures: bool) -> Iterator[_Cha
             fix = f"give --unit {unit}" if unit in LENGTH_UNITS and table.unit is None else fix
             yield _Change(replace(table, lengths=factor * table.lengths), f"places in {unit}", fix)
         if factor > 1.0 and (unit == "m" or not of_pictures):  # of pictures other sizes of the target are tried
-            words = f"the camera's places, or the target, {factor:g} times as large"
+            words = ("the target" if of_pictures else "the camera's places") + f" {factor:g} times as large"
             fix = f"multiply the camera's places by {factor:g}, for they are in {unit}"
             fix = "give --camera-unit m" if unit == "m" else fix
+            fix = "give the sizes of --target in mm, such as 25 for 0.025" if of_pictures else fix
             yield _Change(replace(table, lengths=table.lengths / factor), words, fix)
     for order in permutations(range(3)):
         for signs in product((1.0, -1.0), repeat=3):
@@ -353,23 +402,19 @@ def _through_axis(few: Evidence, change: _Change, reading: Reading) -> _Change:
 def _other_size(table: PoseTable, compared: Sequence[Compared], evidence: Evidence) -> str:
     """What to say of a target of another size with which robot and images agree; "" where there is none."""
     few = evidence.take(evenly_spaced(len(evidence), MAX_COMPARED_VIEWS))
-    steps = int(np.log(MAX_SIZE_RATIO) / np.log(SIZE_STEP))
-    sizes = SIZE_STEP ** np.arange(-steps, steps + 1.0)
     found: list[tuple[Fit, float, Reading]] = []
     for reading in (one.readings[0] for one in compared[:MAX_RESIZED_READINGS]):
         seen = _placed(few, _Change(table), reading)
-        far = _fits_of(seen.scale_target(float(size)) for size in sizes)
-        coarse = float(sizes[int(np.argmin([fit.robot_translation_mm for fit in far]))])
-        near = coarse * FINE_SIZE_STEP ** np.arange(-25, 26.0)
-        fitted = _fits_of(seen.scale_target(float(size)) for size in near)
-        found += [(fit, float(size), reading) for fit, size in zip(fitted, near, strict=True)]
+        sizes = [size * likeliest_scale(seen.scale_target(size)) for size in SIZES]
+        fitted = _fits_of(seen.scale_target(size) for size in sizes)
+        found += [(fit, size, reading) for fit, size in zip(fitted, sizes, strict=True)]
     fit, size, reading = max(found, key=lambda one: one[0].log_likelihood)
     assert compared[0].fit is not None
     gain = fit.log_likelihood - compared[0].fit.log_likelihood
-    little = few_views_factor(len(few), 1) * gain < MIN_LOG_LIKELIHOOD_GAIN or abs(np.log(size)) < np.log(SIZE_STEP)
-    if little or not Compared((reading,), fit).possible:
+    little = few_views_factor(len(few), 1) * gain < MIN_LOG_LIKELIHOOD_GAIN
+    if little or abs(np.log(size)) < np.log(MIN_SIZE_RATIO) or not Compared((reading,), fit).possible:
         return ""
-    return f"; with a target {size:.3g} times as large they agree to {_noise(fit)} ({reading.words}): compare its size"
+    return f"; with a target {size:.3g} times as large they agree to {agreement_of(fit, reading)}: compare its size"
 
 
 def _placed(few: Evidence, change: _Change, reading: Reading) -> Evidence:
@@ -395,13 +440,15 @@ def _named_apart(readings: Sequence[Reading]) -> tuple[Reading, ...]:
     return tuple({(one.setup, one.frame): one for one in reversed(readings)}.values())
 
 
-def _observable(table: PoseTable, reading: Reading) -> bool:
+def _lack_of_motion(table: PoseTable, reading: Reading) -> UndeterminedError | None:
     try:
         require_observable(table.poses(reading.convention, reading.unit, reading.frame))
-    except UndeterminedError:
-        return False
-    return True
+    except UndeterminedError as error:
+        return error
+    return None
 
 
-def _noise(fit: Fit) -> str:
-    return f"{fit.robot_translation_mm:.2g} mm and {np.degrees(fit.robot_rotation_rad):.2g} deg"
+def agreement_of(fit: Fit, reading: Reading | None = None) -> str:
+    """The robot's noise of a fit in words, and the reading."""
+    words = f"{fit.robot_translation_mm:.2g} mm and {np.degrees(fit.robot_rotation_rad):.2g} deg"
+    return words if reading is None else f"{words} ({reading.words})"

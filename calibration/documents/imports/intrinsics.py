@@ -82,16 +82,16 @@ def intrinsics_of(data: Any, origin: str) -> Intrinsics:
 
 
 def _mappings(data: Any, around: Maps = ((), ()), depth: int = 0) -> Iterator[tuple[Record, tuple[Record, Record]]]:
-    """Each mapping, what is said of its lens, and all that is said in, beside and around it. Keys as `_spelled`.
+    """Each mapping, what is said of its lens, and all that is said in, beside and around it. Keys as `_by_spelling`.
 
     Of the lens: it, those around it, and those in and beside it that are named after a camera, a lens or distortion.
     """
     if isinstance(data, Mapping) and depth <= MAX_DEPTH:
-        own = _spelled(data)
+        own = _by_spelling(data)
         inner = {key: one for key, one in own.items() if isinstance(one, Mapping)}
         said = {key: one for key, one in own.items() if key not in inner or OF_DISTORTION.match(key)}
         of_lens, every = (
-            [_spelled(inner[name]) for name in names[:MAX_BESIDE]]
+            [_by_spelling(inner[name]) for name in names[:MAX_BESIDE]]
             for names in (list(filter(OF_LENS.search, inner)), list(inner))
         )
         yield own, (ChainMap(own, *of_lens, *around[0]), ChainMap(own, *every, *around[1]))
@@ -99,7 +99,7 @@ def _mappings(data: Any, around: Maps = ((), ()), depth: int = 0) -> Iterator[tu
             yield from _mappings(one, ((said, *of_lens, *around[0]), (own, *every, *around[1])), depth + 1)
 
 
-def _spelled(record: Record) -> dict[str, Any]:
+def _by_spelling(record: Record) -> dict[str, Any]:
     """Values by keys of small letters and digits only; without ORB-SLAM's `Camera.`; k beside K is the distortion."""
     return {
         "kc" if key == "k" and "K" in record else SIGNS.sub("", str(key).lower()): one for key, one in record.items()
@@ -133,7 +133,7 @@ def intrinsics_within(of_lens: Record, plain: Record, matrix: list[float], origi
     if not (np.all(np.isfinite(rows)) and np.diag(rows)[:2].min() > MIN_FOCAL_PX and np.allclose(rows[2], [0, 0, 1])):
         raise refusal(origin, "camera matrix", "not one in px", "write fx, 0, cx / 0, fy, cy / 0, 0, 1", HEADING)
     nested = of_lens.get("distortion")
-    inner = _spelled(nested) if isinstance(nested, Mapping) else {}
+    inner = _by_spelling(nested) if isinstance(nested, Mapping) else {}
     stated_model = str(of_lens.get("distortionmodel") or inner.get("type", inner.get("model")) or "").lower()
     named = (of_lens.get(key) for key in (*OF_MODELS, *["lens"] * (not stated_model)))
     words = {one: MODEL_SIGNS.sub("", one) for one in (stated_model, *(str(one).lower() for one in named if one))}

@@ -18,7 +18,7 @@ from calibration.documents.imports.refusal import refusal
 from calibration.documents.imports.sets import CLOUDS, ImportedSet, read_set
 from calibration.documents.imports.sides import agreeing_conventions, equal_sides
 from calibration.documents.pose import PoseDocument
-from calibration.documents.readings import Decision, Reading, compare, decide, readings_of
+from calibration.documents.readings import Decision, Reading, agreement_of, compare, decide, readings_of
 from calibration.documents.session import CameraDocument, SessionDocument, ViewDocument
 from calibration.documents.target import TargetDocument
 from calibration.documents.target_text import FORMS, example, target_of_data
@@ -27,6 +27,7 @@ from calibration.errors import DocumentError, GeometryError
 from calibration.kinematics.abb_arms import find_arm
 from calibration.kinematics.conventions import CONVENTIONS, LENGTH_UNITS, MM, Frame, LengthUnit
 from calibration.problem import Problem, Setup
+from calibration.targets import orientation_advice
 from calibration.transforms import Array
 from calibration.verdict import tool_findings
 from daemon.sessions.pictures import encode_picture
@@ -47,6 +48,9 @@ FRAMES: tuple[Frame, Frame] = ("base_T_flange", "flange_T_base")
 MAX_CARRIED_MM, MIN_CARRIED_RATIO = 300.0, 3.0
 """A flange carries nothing farther from it than that, and of readings that fit alike the one that needs it three times
 as far is wrong."""
+
+OPTIONS = {"--convention": "conventions unit", "--frame": "frame", "--unit": "unit", "--setup": "setup"}
+"""Options without which poses are compared that do not fit as stated, and their fields; a brand states a unit, too."""
 
 SETUP_FIX = "--setup eye-in-hand (the camera on the flange) or eye-to-hand (the camera beside the robot)"
 FRAME_FIX = "give --frame base_T_flange (the flange's poses in the base) or flange_T_base"
@@ -95,17 +99,20 @@ def understand_set(
         raise refusal(request.folder.name, "target", "not stated by the folder", f"give --target: {forms}", "targets")
     is_scan = bool(images) and target is None
 
-    def evidence_by(seen: Array | None) -> tuple[Evidence | None, str]:
+    def evidence_by(seen: Array | None) -> tuple[Evidence | None, Problem | None]:
         if target is None and seen is None:
-            return None, ""
+            return None, None
         document = _document(images, seen, target, camera, request.cloud_unit or imported.cloud_unit, request)
         problem = _load(SessionFolder(request.folder, document), progress)
-        return evidence_of_views(problem), _missing(problem)
+        return evidence_of_views(problem), problem
 
     best = _best(request, imported, evidence_by, is_scan=is_scan)
     table, decision, reading = best.table, best.decision, best.decision.reading
+    other, other_fix = ("", "") if best.possible else _other_way(request, imported, best)
     if reading is None:
-        raise _undecided(request, best)
+        if other:
+            decision = replace(decision, words=f"none fits as stated; {other}", fix=other_fix)
+        raise _undecided(request, replace(best, decision=decision))
     if decision.axis is not None and not images:
         fix = "give the pictures, from which solve finds the axis, or poses that include it"
         raise refusal(table.origin, "external axes", decision.words, fix, "pose-pairs")
@@ -134,7 +141,8 @@ def understand_set(
     of_tool = (str(one.message) for one in tool_findings(table.poses_of, reading.setup))
     notes = (
         *table.notes, *of_tool, *imported.notes, *beside, *best.sight.notes,
-        *_of_axes_and_options(request, imported, decision), *filter(None, [doubt]), *own, *unseen, *lens,
+        *_of_axes_and_options(request, imported, decision),
+        *filter(None, [doubt, other and f"{other}: {other_fix}"]), *own, *unseen, *lens,
     )  # fmt: skip
     seen = best.sight.poses
     return Understood(request, imported, reading, decision, poses, seen, images, target, camera, notes)
@@ -200,10 +208,22 @@ class _Best:
     readings: Sequence[Reading]
     decision: Decision
     evidence: Evidence | None
-    missing: str
+    problem: Problem | None
     sight: _Sight
     fit: Fit | None
     possible: bool
+
+    @property
+    def missing(self) -> str:
+        """In how many pictures the target was not found, and the first reason."""
+        views = [] if self.problem is None else self.problem.views
+        reasons = [view.missing[1] for view in views if view.missing is not None]
+        return f"; not found in {len(reasons)} of {len(views)} pictures: {reasons[0]}" if reasons else ""
+
+    @property
+    def advice(self) -> str | None:
+        """What to do about a target that looks the same turned by 180 degrees; else None."""
+        return None if self.problem is None else orientation_advice(self.problem.target)
 
     @property
     def words(self) -> str:
@@ -235,7 +255,7 @@ class _Best:
 def _best(
     request: ImportRequest,
     imported: ImportedSet,
-    evidence_by: Callable[[Array | None], tuple[Evidence | None, str]],
+    evidence_by: Callable[[Array | None], tuple[Evidence | None, Problem | None]],
     *,
     is_scan: bool,
 ) -> _Best:
@@ -251,13 +271,14 @@ def _best(
     sights = [_Sight()] if imported.camera_poses is None else _sights(request, imported)
     found: dict[Frame, list[_Best]] = {}
     for sight in sights:
-        evidence, missing = evidence_by(sight.poses)
+        evidence, problem = evidence_by(sight.poses)
         for table in tables:
             readings = _readings(request, table, imported.setup, is_scan=is_scan)
-            compared = compare(table, readings, evidence)
-            decision = decide(table, compared, evidence)
+            compared = compare(table, readings, evidence, _points_mm(problem))
             fit, possible = (compared[0].fit, compared[0].possible) if compared else (None, False)
-            one = _Best(table, readings, decision, evidence, missing, sight, fit, possible)
+            one = _Best(table, readings, decide(table, compared, evidence), evidence, problem, sight, fit, possible)
+            if possible and compared[0].turned:
+                one = one.noting(f"the target looks the same turned by 180 deg, and is in some pictures: {one.advice}")
             found.setdefault(sight.frame, []).append(one)
     best = _of_sense(request, imported, [max(each, key=lambda one: one.rank) for each in found.values()])
     seen = imported.camera_poses
@@ -270,6 +291,33 @@ def _best(
     fitting = [best, *[other] * (other.decision.reading is not None)]
     fix = "name both sides in the file, such as robot and camera"
     return _carried_nearest(fitting, "no name says whose the poses are, and exchanged sides fit as well", fix)
+
+
+def _other_way(request: ImportRequest, imported: ImportedSet, best: _Best) -> tuple[str, str]:
+    """What else makes the poses fit, and what to do: without an option, or with an estimated camera; "" for nothing."""
+    if best.evidence is None or best.problem is None:
+        return "", ""
+    ways: list[tuple[str, str, ImportRequest, Evidence]] = []
+    for option, names in OPTIONS.items():
+        if getattr(request, names.split()[0]) is not None:
+            asked = replace(request, **dict.fromkeys(names.split()))  # type: ignore[arg-type]
+            ways.append((f"without {option}", f"leave {option} out, or give what fits", asked, best.evidence))
+    camera, estimated = request.camera or imported.camera, evidence_of_views(replace(best.problem, camera=None))
+    if camera is not None and best.problem.camera is not None and estimated is not None:
+        fix = "leave --camera out" if request.camera else "take it out of the folder"
+        fix = f"{camera.origin} is of another camera, focus or picture size: {fix}"
+        ways.append(("with intrinsics estimated from the pictures", fix, request, estimated))
+    for words, fix, asked, evidence in ways:
+        readings = _readings(asked, best.table, imported.setup, is_scan=False)
+        nearest = next(iter(compare(best.table, readings, evidence, _points_mm(best.problem))), None)
+        if nearest is not None and nearest.fit is not None and nearest.possible:
+            return f"{words} they agree to {agreement_of(nearest.fit, nearest.readings[0])}", fix
+    return "", ""
+
+
+def _points_mm(problem: Problem | None) -> Array | None:
+    """The points (k, 3) of a target in pictures that looks the same turned; else None."""
+    return None if problem is None or orientation_advice(problem.target) is None else problem.target.points_mm
 
 
 def _decides(carried_mm: float, other_mm: float) -> bool:
@@ -308,8 +356,14 @@ def _of_sense(request: ImportRequest, imported: ImportedSet, found: Sequence[_Be
     if live := [one for frame, one in by_frame.items() if (frame, one.sight.frame) in allowed]:
         return _carried_nearest(live, "the names may be meant in two directions, and both fit", FRAME_FIX)
     said = " or ".join(dict.fromkeys(frame for frame, _ in allowed))
-    what = f"the names say {said} of the robot's poses, and only {' or '.join(one.words for one in fitting)} fits"
-    fix = "compare --setup, say which side is inverted by its name, or give --frame"
+    carried = sorted(
+        (far, side) for one in fitting for far, side in zip(one.carried_mm, ("robot", "camera"), strict=True)
+    )
+    ways = " or ".join(
+        f"the {side}'s inverted (the flange carries what is {far:.0f} mm from it)" for far, side in carried
+    )
+    what = f"the names say {said} of the robot's poses, which does not fit; likeliest first, {ways} fits"
+    fix = "rename the side that is inverted, such as R_cam2target; compare --setup; or give --frame"
     raise Undecided.by(best.table.origin, "names", what, fix)
 
 
@@ -395,12 +449,6 @@ def _is_pointer(session: SessionFolder) -> bool:
         return False
 
 
-def _missing(problem: Problem) -> str:
-    """In how many pictures the target was not found, and the first reason."""
-    reasons = [view.missing[1] for view in problem.views if view.missing is not None]
-    return f"; not found in {len(reasons)} of {len(problem.views)} pictures: {reasons[0]}" if reasons else ""
-
-
 def _are_clouds(images: Sequence[Path]) -> bool:
     return bool(images) and all(image.suffix.lower() in CLOUDS for image in images)
 
@@ -473,7 +521,7 @@ def _document(
 def _undecided(request: ImportRequest, best: _Best) -> Undecided:
     table, decision, choices = best.table, best.decision, best.decision.choices or best.readings
     conventions = {reading.convention.name for reading in choices}
-    asked = []
+    asked, words = [], f"{decision.words}{best.missing}"
     if len({reading.setup for reading in choices}) > 1:
         asked.append(SETUP_FIX)
     elif len({reading.frame for reading in choices}) > 1:
@@ -485,9 +533,10 @@ def _undecided(request: ImportRequest, best: _Best) -> Undecided:
     if not asked:
         asked.append("the right target and pairs; or --convention, --unit, --frame and --setup to import it as it is")
     if best.missing and (best.evidence is None or len(best.evidence) == 0):
-        asked = ["the target that is in the pictures by --target"]
-    fix = decision.fix or f"give {'; and '.join(asked)}"
-    words = f"{decision.words}{best.missing}"
+        asked, words = ["the target that is in the pictures by --target"], f"the target is{best.missing[1:]}"
+    fix = decision.fix or (None if best.possible else best.advice) or f"give {'; and '.join(asked)}"
+    if not best.possible and best.advice is not None:
+        words += "; the target looks the same turned by 180 deg, and may be so in half of the pictures"
     if decision.words.startswith("none fits"):
         words += f" (read from {table.layout})"
     if decision.words.startswith("none fits") and not decision.fix and table.may_be_joints() and request.arm is None:

@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation
 from calibration.diagnosis.evidence import Evidence
 from calibration.documents.imports.pose_table import PoseTable
 from calibration.documents.readings import compare, decide, readings_of
+from calibration.documents.view_evidence import evidence_of_views
 from calibration.kinematics.conventions import CONVENTIONS, Kind
 from calibration.kinematics.external_axis import ExternalAxis
 from calibration.problem import Setup, anchor_T_mount_of
@@ -21,6 +22,7 @@ from calibration.transforms import (
     transform_from_vector,
     vector_from_rotation,
 )
+from tests.simulated.spoiled_sessions import board_turned, cell, with_view
 
 SETUPS: tuple[Setup, Setup] = ("eye-in-hand", "eye-to-hand")
 X = transform(rotation_from_vector([0.1, -0.2, 1.4]), [35.0, -20.0, 90.0])
@@ -123,6 +125,82 @@ def test_a_target_of_another_size_is_named(given: float, named: str) -> None:
     decision = decide(table, compare(table, readings_of(table, ("eye-in-hand",)), evidence), evidence)
     assert f"with a target {named} times as large" in decision.words
     assert "euler-ZYX, mm, base_T_flange" in decision.words
+
+
+COUNTED = {
+    "in squares": (25.0, "multiply the camera's places by 25: are they counted in squares of 25 mm?"),
+    "in large squares": (80.0, "multiply the camera's places by 80: are they counted in squares of 80 mm?"),
+    "in inches": (25.4, "multiply the camera's places by 25.4, for they are in inches"),
+    "in metres": (1000.0, "give --camera-unit m"),
+}
+
+
+@pytest.mark.parametrize("counted", COUNTED)
+def test_what_the_camera_s_places_are_counted_in_is_named(counted: str) -> None:
+    poses, evidence = _session(20)
+    size_mm, fix = COUNTED[counted]
+    table, evidence = _table(poses, *_numbers("matrix", poses)), evidence.scale_target(1 / size_mm)
+    decision = decide(table, compare(table, readings_of(table, ("eye-in-hand",)), evidence), evidence)
+    assert decision.reading is None
+    assert decision.fix == fix
+
+
+CAUSES = {
+    "reversed": (lambda poses: poses[::-1], "none fits; the poses are in reversed order"),
+    "another tool": (
+        lambda poses: np.where(np.arange(14)[:, None, None] < 8, poses, poses @ inverse(X)),
+        "from picture 9 on the camera sits elsewhere on the flange",
+    ),
+    "names as text": (
+        lambda poses: poses[[int(one) for one in sorted(map(str, range(14)))]],
+        "the poses are in the order of their names as text",
+    ),
+}
+
+
+@pytest.mark.parametrize("what", CAUSES)
+def test_the_cause_that_solve_would_name_is_named(what: str) -> None:
+    poses, evidence = _session(14)
+    change, said = CAUSES[what]
+    changed = change(poses)
+    table = _table(changed, *_numbers("quaternion-wxyz", changed))
+    decision = decide(table, compare(table, readings_of(table, ("eye-in-hand",)), evidence), evidence)
+    assert decision.reading is None and decision.fix
+    assert said in decision.words
+
+
+STILL = {
+    "no turn": (np.zeros(10), "moves without turning"),
+    "one axis": (np.linspace(-1.0, 1.0, 10), "all turns are about one axis"),
+}
+
+
+@pytest.mark.parametrize("motion", STILL)
+def test_what_the_motions_lack_is_said(motion: str) -> None:
+    poses, evidence = _session(10)
+    turns, said = STILL[motion]
+    poses = transform(rotation_from_vector(turns[:, None] * [0.0, 0.0, 1.0]), poses[:, :3, 3])
+    evidence = evidence.with_camera_poses(inverse(poses @ X) @ Y)
+    table = _table(poses, *_numbers("matrix", poses))
+    decision = decide(table, compare(table, readings_of(table, ("eye-in-hand",)), evidence), evidence)
+    assert decision.reading is None
+    assert said in decision.words and "--frame" in decision.fix
+
+
+@pytest.mark.parametrize("turned", [(3,), (3, 7)])
+def test_a_board_that_looks_the_same_turned_fits_as_solve_numbers_it(turned: tuple[int, ...]) -> None:
+    truth = cell(1, 10)
+    problem = truth.problem
+    for index in turned:
+        problem = with_view(problem, index, board_turned)
+    poses, evidence = np.array([view.base_T_flange for view in problem.views]), evidence_of_views(problem)
+    table = _table(poses, *_numbers("matrix", poses))
+    readings = readings_of(table, ("eye-in-hand",))
+    assert not compare(table, readings, evidence)[0].possible
+    best = compare(table, readings, evidence, problem.target.points_mm)[0]
+    assert best.possible and best.turned and best.readings[0].frame == "base_T_flange"
+    straight = compare(table, readings, evidence_of_views(truth.problem), problem.target.points_mm)[0]
+    assert straight.possible and not straight.turned
 
 
 def test_one_stated_reading_needs_no_images() -> None:

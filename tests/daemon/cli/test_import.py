@@ -107,7 +107,41 @@ def test_a_wrong_convention_is_not_hidden(euler: Path, tmp_path: Path) -> None:
         "eye-in-hand",
     )
     assert ran.status == 2
-    assert "none fits: euler-XYZ" in ran.err
+    assert "none fits as stated; without --convention they agree to" in ran.err
+    assert "(euler-ZYX, m, base_T_flange, eye-in-hand)" in ran.err and "leave --convention out" in ran.err
+
+
+def test_intrinsics_of_another_camera_are_named(euler: Path, tmp_path: Path) -> None:
+    """Of half the pictures' size, without a size: no reading fits with them, one does with estimated ones."""
+    other = json.dumps({"K": [[450.0, 0, 160], [0, 450.0, 120], [0, 0, 1]], "D": [0.0] * 5})
+    (tmp_path / "K.json").write_text(other)
+    asked = ("--target", TARGET, "--setup", "eye-in-hand", "--out", tmp_path / "s")
+    ran = handeyed("import", euler, *asked, "--camera", tmp_path / "K.json")
+    assert ran.status == 2
+    assert "none fits as stated; with intrinsics estimated from the pictures they agree to" in ran.err
+    assert f"{tmp_path / 'K.json'} is of another camera, focus or picture size: leave --camera out" in ran.err
+
+    folder = _folder(tmp_path / "cell", _rows("ZYX"))
+    (folder / "K.json").write_text(other)
+    ran = handeyed("import", folder, *asked)
+    assert "K.json is of another camera, focus or picture size: take it out of the folder" in ran.err
+
+
+WRONG_TARGETS = {
+    "in metres": ("charuco:7x5:0.03:0.022:DICT_5X5_100", "give the sizes of --target in mm, such as 25 for 0.025"),
+    "another": (
+        "charuco:5x7:30:22:DICT_5X5_100",
+        "poses: the target is not found in 6 of 6 pictures: no ChArUco board",
+    ),
+}
+
+
+@pytest.mark.parametrize("target", WRONG_TARGETS)
+def test_a_target_that_does_not_fit_is_what_is_corrected(target: str, euler: Path, tmp_path: Path) -> None:
+    given, said = WRONG_TARGETS[target]
+    ran = handeyed("import", euler, "--target", given, "--setup", "eye-in-hand", "--out", tmp_path / "s")
+    assert ran.status == 2
+    assert said in ran.err and "--camera-unit" not in ran.err
 
 
 def test_the_target_is_asked(euler: Path, tmp_path: Path) -> None:

@@ -123,11 +123,11 @@ def _transposed(at: int, off_deg: float = 0.0) -> tuple[Array, Array]:
 
 WRONG_PAIRS = {
     "one more of the camera's at the begin": (
-        (ROBOT[1:], CAMERA[:-1]), "with the pose 1 row before for each picture the rotations agree",
+        (ROBOT[1:], CAMERA[:-1]), "the poses are off by one: image k was taken at pose k - 1",
     ),
-    "one more of the robot's": ((ROBOT[:-1], CAMERA[1:]), "with the pose 1 row after for each picture"),
+    "one more of the robot's": ((ROBOT[:-1], CAMERA[1:]), "image k was taken at pose k + 1"),
     "one transposed": (_transposed(4), "without pose 5 the rotations agree"),
-    "one transposed among worse ones": (_transposed(4, off_deg=0.9), "without pose 5 the rotations agree"),
+    "one transposed among worse ones": (_transposed(4, off_deg=0.9), "the pose of picture 5 disagrees with all others"),
 }  # fmt: skip
 
 
@@ -281,7 +281,9 @@ def test_names_of_both_sides_that_contradict_the_fit_are_asked_for(tmp_path: Pat
     (tmp_path / "a.json").write_bytes(json_of(wrong))
     ran = handeyed("import", tmp_path, "--setup", "eye-in-hand", "--out", tmp_path / "s")
     assert ran.status == 2
-    assert "the names say base_T_flange of the robot's poses" in ran.err
+    assert (
+        "the names say base_T_flange of the robot's poses, which does not fit; likeliest first, the camera" in ran.err
+    )
 
 
 NEAR_ROBOT = transform(Y[:3, :3], [150.0, 50.0, 100.0]) @ inverse(X @ CAMERA)

@@ -55,7 +55,15 @@ def test_what_is_stated_is_imported_but_said_not_to_fit(tmp_path: Path) -> None:
     ran = _import(Variant(rows, options=(*EYE_IN_HAND, "--frame", "base_T_flange")), tmp_path)
     assert ran.status == 0
     assert "was stated and does not fit: robot and images agree to" in ran.out
-    assert "compare target and pairs" in ran.out
+    assert "the poses are in reversed order" in ran.out
+
+
+def test_the_option_that_makes_stated_poses_not_fit_is_noted(tmp_path: Path) -> None:
+    rows = csv(lines(quaternions(inverse(POSES)), ("x_mm", "y_mm", "z_mm", *Q[3:])))
+    ran = _import(Variant(rows, options=(*EYE_IN_HAND, "--frame", "base_T_flange")), tmp_path)
+    assert ran.status == 0
+    assert "note         without --frame they agree to" in ran.out
+    assert "(quaternion-wxyz, mm, flange_T_base, eye-in-hand): leave --frame out" in ran.out
 
 
 def test_poses_relative_to_the_first_are_pointed_out(tmp_path: Path) -> None:
