@@ -44,12 +44,12 @@ SIZE_TAIL: Mixture = ((0.04, 5e-3), (0.01, 4e-2))
 """Of a size that somebody has measured or certified: another pitch or target, and a page fitted to the paper."""
 
 FOCAL_SHARE: dict[CameraSource, Mixture] = {
-    "this-session": ((0.97, 5e-4), (0.03, 5e-3)),
+    "this-session": ((0.96, 5e-4), (0.03, 5e-3), (0.01, 2.5e-2)),
     "maker": ((0.80, 1e-3), (0.17, 6e-3), (0.03, 2.5e-2)),
     "file": ((0.80, 1e-3), (0.17, 6e-3), (0.03, 2.5e-2)),
     "nominal": ((0.9, 3e-2), (0.1, 1e-1)),
 }
-"""Of a focal length: the second component is another focus, the third another setting of the lens."""
+"""Of a focal length: before the last another focus, the last another setting of the lens, or another camera's file."""
 
 CENTRE_PX: dict[CameraSource, Mixture] = {
     "this-session": ((0.97, 1.0), (0.03, 10.0)),
@@ -64,6 +64,9 @@ LENS_PX: dict[CameraSource, float] = {"this-session": 0.1, "maker": 0.25, "file"
 
 TANGENTIAL_PX: dict[CameraSource, float] = {"this-session": 1.0, "maker": 1.0, "file": 1.0, "nominal": 5.0}
 """Of p1 and of p2 there, where the description has radial distortion alone: lenses show 0.1 to 2 px."""
+
+OTHER_LENS_PX = (30.0, 5.0, 5.0)
+"""Of k1, p1 and p2 there with the last component of the focal length."""
 
 ARM_SHARE: dict[ArmSource, Mixture] = {
     "as-delivered": ((0.90, 5e-4), (0.10, 2e-3)),
@@ -155,7 +158,8 @@ def prior_mixture(knowledge: Knowledge, bow_mm: float, distortion: tuple[float, 
     focal, centre = FOCAL_SHARE[knowledge.camera], CENTRE_PX[knowledge.camera]
     of_lens: list[tuple[float, tuple[float, ...]]] = [(1.0, ())]
     if distortion:
-        of_lens = [(p * r, (one, off, off, *distortion)) for (p, one), (r, off) in product(focal, centre)]
+        bent = {one: distortion for _, one in focal} | {focal[-1][1]: OTHER_LENS_PX[: len(distortion)]}
+        of_lens = [(p * r, (one, off, off, *bent[one])) for (p, one), (r, off) in product(focal, centre)]
     of_size, of_arm, of_shape = knowledge.target.size_prior(), ARM_SHARE[knowledge.arm], knowledge.target.shape_prior()
     components = product(of_lens, of_size, of_arm, of_shape)
     for (by_lens, lenses), (by_size, size), (by_arm, arm), (by_shape, plane, bow) in components:

@@ -35,7 +35,6 @@ MIN_GROSS_SIGMAS = 5.0
 MAX_RATIO_TO_SHAPE = 1.02
 """Largest ratio of the pixel deviation with other intrinsics to that with another target shape for preferring them."""
 
-
 MAX_CENTRE_OFF = 0.1
 """Most distance of a principal point from the picture's middle, as a share of the picture's size: two deviations of
 `bundle_adjustment.CENTRE_SIGMA_OF_SIZE`. Beyond it the intrinsics may be those of pictures of another size."""

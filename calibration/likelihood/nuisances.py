@@ -71,9 +71,9 @@ class Nuisances:
         return self.first_known + self.prior.size
 
     @property
-    def tangential(self) -> range:
-        """Places among z of tangential distortion that a given camera's description leaves out; none otherwise."""
-        return range(4, self.prior.size)
+    def distortion(self) -> range:
+        """Places among z of a given camera's distortion: k1, and p1 and p2 where its description leaves them out."""
+        return range(3, self.prior.size)
 
     @property
     def shape(self) -> range:

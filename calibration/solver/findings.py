@@ -101,17 +101,16 @@ def _camera(prepared: PreparedSession, selection: Selection) -> Iterator[Finding
     if known.estimated:
         return
     right, down = best.z[list(CENTRE)]
-    off = Sentence("tangential-distortion-off", px=float(np.linalg.norm(best.z[known.tangential])))
+    off = Sentence("distortion-off", px=float(np.linalg.norm(best.z[known.distortion])))
     focal = Sentence("focal-length-off", percent=100 * np.expm1(best.z[FOCAL[0]]))
-    centre = Sentence("principal-point-off", right_px=right, down_px=down)
-    parts: tuple[tuple[Sequence[int], Severity, Sentence, Sentence], ...] = (
-        (FOCAL, "warning", focal, Sentence("calibrate-camera-in-focus")),
-        (CENTRE, "info", centre, Sentence("calibrate-camera")),
-        (known.tangential, "info", off, Sentence("calibrate-tangential")),
+    parts: tuple[tuple[Sequence[int], Severity, Sentence, str], ...] = (
+        (FOCAL, "warning", focal, "calibrate-camera-in-focus"),
+        (CENTRE, "info", Sentence("principal-point-off", right_px=right, down_px=down), "calibrate-camera"),
+        (known.distortion, "warning", off, "calibrate-distortion"),
     )
     for places, severity, what, fix in parts:
-        if places and best.differs(places):
-            yield Finding(what.id, severity, what, fix, effect_mm=_effect_mm(prepared, best, places))
+        if best.differs(places):
+            yield Finding(what.id, severity, what, Sentence(fix), effect_mm=_effect_mm(prepared, best, places))
 
 
 def _statements(problem: Problem, selection: Selection) -> Iterator[Finding]:

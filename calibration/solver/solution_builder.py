@@ -50,7 +50,7 @@ def build_solution(
     if left_out is not None:
         # Of errors that all views share, for which the covariance is widened, nothing shows in views left out.
         covariance = covariance + (left_out.inflation - 1) * covariance_of(best.step.information)[:6, :6]
-    parts = (FOCAL, CENTRE, prepared.nuisances.tangential)  # of a given camera
+    parts = (FOCAL, CENTRE, prepared.nuisances.distortion)  # of a given camera
     lens_differs = any(part and best.differs(part) for part in parts)
     return Solution(
         setup=problem.setup,

@@ -12,7 +12,17 @@ from calibration.solution import Solution
 from calibration.solve import estimate_hand_eye, solve_hand_eye
 from calibration.transforms import map_points
 from calibration.verdict import judge
-from tests.simulated.described_wrongly import FAULTS, HIGH, LOW, Poses, Wrong, WrongSession, u_ratio, wrong_session
+from tests.simulated.described_wrongly import (
+    CAMERA,
+    FAULTS,
+    HIGH,
+    LOW,
+    Poses,
+    Wrong,
+    WrongSession,
+    u_ratio,
+    wrong_session,
+)
 from tests.simulated.faults import SETUPS
 from tests.simulated.sessions import CellNoise
 from tests.support.cases import seeds
@@ -58,6 +68,24 @@ def test_the_cause_is_named_with_its_effect(fault: str, code: str) -> None:
     found = {finding.code: finding for finding in estimate_hand_eye(session.problem).findings}
     assert found[code].effect_mm is not None
     assert found[code].effect_mm > 0
+
+
+@pytest.mark.parametrize("views", [3, 4])
+@pytest.mark.parametrize(
+    "described",
+    [
+        pytest.param([0.1, -0.05, 0.0, 0.0], id="other signs"),
+        pytest.param([0.0, 0.0, 0.0, 0.0], id="none"),
+    ],
+)
+def test_distortion_of_another_lens_is_found_from_three_views_on(described: list[float], views: int) -> None:
+    """The lens is that of RADIAL, but for 0.1 px."""
+    session = wrong_session(np.random.default_rng(7), views, Wrong(tangential_px=0.1), LOW, "eye-in-hand", "planned")
+    camera = replace(CAMERA, distortion=np.array(described))
+    solution = estimate_hand_eye(replace(session.problem, camera=camera))
+    assert error_over_u(session, solution) < 1.0
+    assert solution.uncertainty is not None and solution.uncertainty.worst_point.expanded_mm < 2.0
+    assert "distortion-off" in {finding.code for finding in solution.findings}
 
 
 def test_a_print_fitted_to_its_page_is_measured_by_the_robot_and_not_refused() -> None:
