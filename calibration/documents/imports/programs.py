@@ -311,7 +311,7 @@ def moves_of_rapid(text: str) -> Iterator[tuple[range, set[str], Frames]]:
 
 def _of_flange(table: PoseTable, text: str, places: Sequence[int]) -> PoseTable:
     """The flange's poses, of robtargets of each move's tool in its work object, as far as the module defines both;
-    `places`: where each begins. Raises DocumentError where poses of several frames cannot be told apart."""
+    `places`: where each begins. Raises DocumentError where poses of several frames cannot be distinguished."""
     known, moves, of_words = frames_of_rapid(text), [*moves_of_rapid(text)], dict[str, set[Frames]]()
     spelt = {name.lower(): name for *_, frames in moves for name in frames}
     for within, words, (tool, base) in moves:

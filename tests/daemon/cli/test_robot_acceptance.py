@@ -21,7 +21,7 @@ from drivers.robots.abb.acceptance import rows_link
 from drivers.robots.abb.acceptance.bench import AcceptanceLimits, Bench, RowSkipped
 from drivers.robots.abb.acceptance.person import TO_MANUAL, Answer, Person, Step
 from drivers.robots.abb.acceptance.program import ROWS, RowResult, head, run_rows
-from drivers.robots.abb.acceptance.rows_motion import WRAP_MS, fastest_mm_s
+from drivers.robots.abb.acceptance.rows_motion import fastest_mm_s
 from drivers.robots.abb.egm_vibration import EgmMonitor
 from drivers.robots.abb.rws.address import RwsAddress
 from drivers.robots.abb.rws.administration import RwsAdministration
@@ -40,6 +40,7 @@ from protocols.cb import messages as cb
 from protocols.cb.codes import Command, Flag, Status
 from protocols.cb.frames import Frame
 from protocols.cb.layouts import pack
+from protocols.cb.messages import T_MS_WRAP
 from protocols.cfg_file import CfgInstance
 from tests.daemon.cli.running import handeyed
 from tests.mock_robot.rws_cell import RwsCell, rws_cell_apart
@@ -112,13 +113,11 @@ def test_a_program_that_does_not_know_how_far_the_camera_is_turns_too_fast() -> 
 
 def a_turn(deg_s: float, first_ms: int = 0) -> list[tuple[int, Array]]:
     """Poses every 20 ms of a flange that turns for a second, by a clock that wraps."""
-    return [
-        ((first_ms + ms) % WRAP_MS, transform(rotation_from_vector([0, 0, np.radians(deg_s * ms / 1000)]), [9.0, 0, 0]))
-        for ms in range(0, 1000, 20)
-    ]
+    turns = {ms: rotation_from_vector([0, 0, np.radians(deg_s * ms / 1000)]) for ms in range(0, 1000, 20)}
+    return [((first_ms + ms) % T_MS_WRAP, transform(turn, [9.0, 0, 0])) for ms, turn in turns.items()]
 
 
-@pytest.mark.parametrize("first_ms", [0, WRAP_MS - 500])
+@pytest.mark.parametrize("first_ms", [0, T_MS_WRAP - 500])
 def test_the_fastest_point_is_that_at_the_reach(first_ms: int) -> None:
     turn = a_turn(90.0, first_ms)
     assert fastest_mm_s(turn, 400.0) == pytest.approx(400.0 * np.pi / 2, rel=0.01)
