@@ -2,10 +2,8 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, Self, get_args
-from uuid import uuid4
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -35,6 +33,7 @@ from calibration.targets import TrackedFrame
 from calibration.transforms import Array, inverse, map_points
 from calibration.verdict import judge
 from daemon.runtime.bounded_read import read_document
+from daemon.runtime.clock import Clock, time_ordered_id
 from daemon.runtime.version import SOFTWARE
 from daemon.sessions.session_import.request import ImportRequest
 from daemon.sessions.session_import.understand import understand_set
@@ -192,12 +191,12 @@ def solve(
     else:
         solution = solve_hand_eye(known.problem, method=method)
         verdict = judge(poses_at_zero(known.problem, solution), solution, limits)
-    now = datetime.now(UTC)
+    clock = Clock()
     return calibration_document(
         solution,
         verdict,
-        calibration_id=f"{now:%Y%m%d-%H%M%S}-{uuid4().hex[:6]}",
-        created_at=f"{now:%Y-%m-%dT%H:%M:%S}Z",
+        calibration_id=time_ordered_id(clock),
+        created_at=clock.timestamp(),
         software=SOFTWARE,
         target=known.problem.target,
     )

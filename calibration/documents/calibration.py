@@ -1,6 +1,7 @@
 """calibration.json: what `handeyed solve DIR --json` prints and the daemon stores (mm, degrees, w first)."""
 
 from collections.abc import Sequence
+from math import degrees
 from typing import Annotated, Any, Literal, get_args
 
 import numpy as np
@@ -9,7 +10,7 @@ from pydantic import Field, JsonValue, model_validator
 from calibration.documents.external_axis import FoundAxisDocument
 from calibration.documents.knowledge import NoiseBeliefDocument
 from calibration.documents.pose import PoseDocument, Vector
-from calibration.documents.requirement import LimitsInForceDocument
+from calibration.documents.requirement import LimitsInForceDocument, renamed
 from calibration.documents.session import CameraDocument
 from calibration.documents.target import TargetDocument, document_of_target
 from calibration.documents.validation import Document
@@ -442,6 +443,7 @@ def calibration_document(
 
     `target`: that of the session, where it was one.
     """
+    camera = solution.camera
     transforms = zip(TRANSFORM_NAMES[solution.setup], (solution.mount_T_camera, solution.anchor_T_target), strict=True)
     document = CalibrationDocument.model_validate(
         {
@@ -451,16 +453,11 @@ def calibration_document(
             "setup": solution.setup,
             "method": solution.method,
             **{name: PoseDocument.of(a_T_b) for name, a_T_b in transforms if a_T_b is not None},
-            "camera": _camera(solution),
+            "camera": camera and {**vars(CameraDocument.of(camera)), "source": solution.camera_source},
             "uncertainty": _uncertainty(solution),
             "noise": _noise(solution.noise),
             "views": [_view(view) for view in solution.views],
-            "observability": {
-                "views_used": solution.observability.views_used,
-                "max_rotation_deg": float(np.degrees(solution.observability.max_rotation_rad)),
-                "axis_spread": solution.observability.axis_spread,
-                "weakest_direction": solution.observability.weakest_direction,
-            },
+            "observability": renamed(vars(solution.observability), "_rad", "_deg", degrees),
             "hold_out": solution.hold_out and vars(solution.hold_out),
             "clock_offset": solution.clock_offset and vars(solution.clock_offset),
             "axis_offset": solution.axis_offset and vars(solution.axis_offset),
@@ -473,12 +470,6 @@ def calibration_document(
     return document.with_accuracy(
         expected_mm=expected.expanded_mm, why=None if expected.why is None else ReasonDocument.of(expected.why)
     )
-
-
-def _camera(solution: Solution) -> dict[str, object] | None:
-    if solution.camera is None:
-        return None
-    return {**CameraDocument.of(solution.camera).model_dump(), "source": solution.camera_source}
 
 
 def _uncertainty(solution: Solution) -> dict[str, object] | None:

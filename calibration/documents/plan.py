@@ -78,9 +78,7 @@ class LimitsDocument(Document):
     def _check_order(self) -> "LimitsDocument":
         if self.distance_mm[0] > self.distance_mm[1]:
             raise ValueError("distance_mm is [nearest, furthest]")
-        if self.box_mm is not None and any(
-            low >= high for low, high in zip(self.box_mm[0], self.box_mm[1], strict=True)
-        ):
+        if self.box_mm is not None and any(low >= high for low, high in zip(*self.box_mm, strict=True)):
             raise ValueError("box_mm is [[xmin, ymin, zmin], [xmax, ymax, zmax]]")
         return self
 

@@ -70,7 +70,7 @@ class LimitsInForceDocument(BoundsDocument):
 
     @classmethod
     def of(cls, limits: VerdictLimits) -> "LimitsInForceDocument":
-        return cls(**_renamed(vars(limits), "_rad", "_deg", lambda angle_rad: round(degrees(angle_rad), 9)))
+        return cls(**renamed(vars(limits), "_rad", "_deg", lambda angle_rad: round(degrees(angle_rad), 9)))
 
 
 class VerdictSettings(BoundsDocument):
@@ -78,7 +78,7 @@ class VerdictSettings(BoundsDocument):
 
     def limits(self, tolerance_mm: float | None = None) -> VerdictLimits:
         """The limits in force with a stated tolerance, or with DEFAULT_TOLERANCE_MM."""
-        return VerdictLimits(**_renamed(self.model_dump(), "_deg", "_rad", radians)).with_tolerance(tolerance_mm)
+        return VerdictLimits(**renamed(self.model_dump(), "_deg", "_rad", radians)).with_tolerance(tolerance_mm)
 
 
 class NamedPointDocument(Document):
@@ -120,7 +120,7 @@ class PointsFile(PointsDocument):
     """Version of the format."""
 
 
-def _renamed(values: Mapping[str, Any], suffix: str, other: str, convert: Callable[[float], float]) -> dict[str, Any]:
+def renamed(values: Mapping[str, Any], suffix: str, other: str, convert: Callable[[float], float]) -> dict[str, Any]:
     """`values` with those whose name ends in `suffix` converted, and their names ending in `other`."""
     return {
         name.removesuffix(suffix) + other if name.endswith(suffix) else name: (

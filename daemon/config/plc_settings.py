@@ -31,10 +31,7 @@ def _validate_address(text: str) -> str:
 def _validate_interlock_address(text: str) -> str:
     from drivers.interlocks import check_interlock_address
 
-    try:
-        check_interlock_address(text)
-    except ValueError as error:
-        raise ValueError(str(error)) from None
+    check_interlock_address(text)
     return text
 
 
