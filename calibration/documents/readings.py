@@ -193,7 +193,11 @@ def decide(table: PoseTable, compared: Sequence[Compared], evidence: Evidence | 
         seen = 0 if evidence is None else len(evidence)
         left = tuple(one.readings[0] for one in compared)
         return Decision(None, f"{len(compared)} readings, and {seen} pictures to compare by (of {MIN_VIEWS})", left)
-    if others and (unseen := _lack_of_motion(table, best.readings[0])) is not None:
+    try:
+        if others:
+            one = best.readings[0]
+            require_observable(table.poses(one.convention, one.unit, one.frame))
+    except UndeterminedError as unseen:
         words = f"the motions do not decide between readings: {unseen.what}"
         fix = f"{unseen.fix}; or state what they are by --frame and --convention"
         return Decision(None, words, tuple(one.readings[0] for one in compared), fix)
@@ -438,14 +442,6 @@ def _fits_of(sessions: Iterable[Evidence]) -> list[Fit]:
 def _named_apart(readings: Sequence[Reading]) -> tuple[Reading, ...]:
     """One reading for each set-up and frame; conventions with the same rotations are one."""
     return tuple({(one.setup, one.frame): one for one in reversed(readings)}.values())
-
-
-def _lack_of_motion(table: PoseTable, reading: Reading) -> UndeterminedError | None:
-    try:
-        require_observable(table.poses(reading.convention, reading.unit, reading.frame))
-    except UndeterminedError as error:
-        return error
-    return None
 
 
 def agreement_of(fit: Fit, reading: Reading | None = None) -> str:

@@ -110,7 +110,7 @@ def table_of_data(data: Any, origin: str) -> PoseTable:
     every = {name: leaf for record in flat for name, leaf in record.items()}
     usual = [name for name in every if 2 * sum(name in record for record in flat) > len(flat)]
     flat = [{name: record.get(name, np.full(np.shape(every[name]), np.nan)) for name in usual} for record in flat]
-    names = [name for name, leaf in flat[0].items() if all(_kind(one.get(name)) == _kind(leaf) for one in flat)]
+    names = [name for name in usual if len({np.shape(one[name]) for one in flat}) == 1]
     if not names:
         raise refusal(origin, "records", "they have no key in common", "give every pose the same keys")
     built = table_of_sides(origin, names, [[record[name] for record in flat] for name in names], _table_of_leaves)
@@ -160,11 +160,6 @@ def setup_of(data: Any) -> Setup | None:
     return SETUPS.get(str(stated.get("calibration_type", stated.get("setup"))).replace("-", "_"))
 
 
-def _kind(leaf: Leaf | None) -> tuple[int, ...] | None:
-    """The shape of a leaf, () of a number or a text; None where there is none."""
-    return None if leaf is None else () if isinstance(leaf, str) else np.shape(leaf)
-
-
 def _table_of_leaves(origin: str, named: Sequence[str], columns: Sequence[Sequence[Leaf]]) -> PoseTable:
     """The table of the leaves of one side: by their shapes where one of them is a pose, else by their names."""
     leaves = dict(zip(named, columns, strict=True))
@@ -172,7 +167,7 @@ def _table_of_leaves(origin: str, named: Sequence[str], columns: Sequence[Sequen
         parts = {name: _table_of_leaves(origin, [*own], [*own.values()]) for name, own in frames.items()}
         return replace(next(iter(parts.values())), parts=parts)
     leaves = next(iter(frames.values()), leaves)
-    kinds = {name: _kind(column[0]) for name, column in leaves.items()}
+    kinds = {name: np.shape(column[0]) for name, column in leaves.items()}  # () of a number or a text
     matrices, rows, turns, places, texts = (
         [name for name, kind in kinds.items() if kind in wanted]
         for wanted in ((*MATRICES, (2, 4, 4)), ROWS, TURNS, ((3,),), ((),))
@@ -182,18 +177,17 @@ def _table_of_leaves(origin: str, named: Sequence[str], columns: Sequence[Sequen
     turns = [name for name in turns if are_rotations(np.array(leaves[name], float).reshape(-1, 3, 3))]
     if not leaves:
         raise refusal(origin, "records", "no numbers of a pose", "name them")
-    labels = [str(at + 1) for at in range(len(columns[0]))]
     cells = {name: [leaf if isinstance(leaf, str) else float(leaf) for leaf in leaves[name]] for name in texts}
     whole: PoseTable | None = None
     if len(matrices) == 1:
         whole = table_of_array(np.array(leaves[matrices[0]]), origin)
     elif not matrices and len(turns) == len(places) == 1:
         place, turn = (np.array(leaves[name]) for name in (places[0], turns[0]))
-        whole = table_of_arrays(origin, labels, place, turn.reshape(-1, 9), f"{turns[0]} and {places[0]}", "matrix")
+        whole = table_of_arrays(origin, (), place, turn.reshape(-1, 9), f"{turns[0]} and {places[0]}", "matrix")
     elif not matrices and not turns and len(rows) == 1:
         listed = np.array(leaves[rows[0]])
         joints = listed.shape[1] == 6 and set(words_of(rows[0])) & JOINT_WORDS
-        whole = table_of_joints(origin, labels, listed, rows[0]) if joints else table_of_array(listed, origin)
+        whole = table_of_joints(origin, (), listed, rows[0]) if joints else table_of_array(listed, origin)
     elif len(matrices) > 1:
         what = f"{len(matrices)} poses in a record ({', '.join(matrices[:4])}), and their names do not say whose"
         raise refusal(origin, "records", what, "name them robot and camera, or gripper2base and target2cam")
@@ -218,7 +212,7 @@ def _moving_frames(leaves: dict[str, Sequence[Leaf]]) -> dict[str, dict[str, Seq
     within = {stem: [name for name in leaves if name.startswith(f"{stem}.")] for stem in stems}
     motions = {}
     for stem, names in within.items():
-        numbers = [np.array(leaves[name]) for name in names if _kind(leaves[name][0])]
+        numbers = [np.array(leaves[name]) for name in names if np.shape(leaves[name][0])]
         if sorted(one.shape[1:] for one in numbers) == [(3,), (4,)]:
             motions[stem] = float(np.ptp(np.hstack(numbers), axis=0).max())
     if len(motions) < MIN_FRAMES:
@@ -235,7 +229,7 @@ MIN_FRAMES, STILL_SHARE = 3, 0.02
 """Poses of a record that are those of frames; and the motion of one that stands, as a share of the greatest."""
 
 
-def table_of_array(array: Array, origin: str, labels: Sequence[str] | None = None) -> PoseTable:
+def table_of_array(array: Array, origin: str, labels: Sequence[str] = ()) -> PoseTable:
     """The table of an array: (n, 3 or 4, 4), (3 or 4, 4), (n, k), (k,) or a column (k, 1). Raises DocumentError.
 
     (n, 2, 4, 4), (2, n, 4, 4) and (n, 2, k) are pairs: of the robot's pose and the camera's.
@@ -249,15 +243,14 @@ def table_of_array(array: Array, origin: str, labels: Sequence[str] | None = Non
     if array.ndim in (3, 4) and array.shape[1] == 2 and array.shape[2:] in (*MATRICES, *ROWS):
         robot, camera = (table_of_array(array[:, at], origin, labels) for at in (0, 1))
         return replace(robot, side=None, camera=camera, frame="base_T_flange")
-    names = labels or [str(at + 1) for at in range(len(array))]
     if array.ndim == 3 and array.shape[1:] in ((4, 4), (3, 4)):
-        return table_of_matrices(origin, names, array, f"{array.shape[1]} x 4 matrices")
+        return table_of_matrices(origin, labels, array, f"{array.shape[1]} x 4 matrices")
     if array.ndim == 3 and array.shape[2] == 1:
         return table_of_array(array[:, :, 0], origin, labels)
     if array.ndim != 2 or not array.size:
         shape = " x ".join(map(str, array.shape))
         raise refusal(origin, "array", f"its shape {shape} is none of poses", "give n x 4 x 4, n x 7 or n x 6")
-    return table_of_rows(origin, array, names)
+    return table_of_rows(origin, array, labels or [str(at + 1) for at in range(len(array))])
 
 
 def _opencv_matrix(data: Any) -> Any:

@@ -77,7 +77,6 @@ class Columns:
     image: int | None = None
     time: int | None = None
     label: int | None = None
-    ignored: list[int] = field(default_factory=list)
 
 
 def words_of(name: str) -> list[str]:
@@ -190,18 +189,13 @@ def recognise_columns(names: Sequence[str], origin: str) -> Columns:
     if columns.joints:
         said = {ANGLES[word] for index in columns.joints for word in words_of(names[index]) if word in ANGLES}
         columns.degrees = said.pop() if len(said) == 1 else None
-    used = {*columns.lengths, *columns.turn, *columns.pose, *columns.joints, columns.image, columns.time, columns.label}
     columns.time = None if columns.time in columns.turn else columns.time
-    columns.ignored = [index for index in range(len(names)) if index not in used]
     return columns
 
 
 def text_columns(names: Sequence[str]) -> Columns:
     """Where a picture's name, a time and a label stand, which belong to the poses of both sides."""
-    columns = _Named(names).columns
-    used = (columns.image, columns.time, columns.label)
-    columns.ignored = [index for index in range(len(names)) if index not in used]
-    return columns
+    return _Named(names).columns
 
 
 def joints_of(names: Sequence[str]) -> list[int]:
@@ -358,9 +352,8 @@ def _point_pairs(origin: str, names: Sequence[str], columns: Sequence[Sequence[A
             return None
         if points.ndim != 2 or points.shape[1] != 3:
             return None
-        labels, none = [str(at + 1) for at in range(len(points))], np.empty((len(points), 0))
         layout = f"points {', '.join(names[at] for at in own)}"
-        found.append(table_of_arrays(origin, labels, points, none, layout, "points", frame="base_T_flange"))
+        found.append(table_of_arrays(origin, (), points, points[:, 3:], layout, "points", frame="base_T_flange"))
     return replace(found[0], side="robot", camera=replace(found[1], side="camera"))
 
 
@@ -375,17 +368,16 @@ def table_of_one_side(origin: str, names: Sequence[str], cells: Sequence[Sequenc
                 raise refusal(origin, f"row {at}, {names[index]}", what, "correct it")
     values = np.column_stack([np.array(cells[index], float) for index in numbers])
     values[:, : len(columns.lengths)] *= columns.scale
-    labels = tuple(str(at + 1) for at in range(len(values)))
     layout = NAMED + ", ".join(names[index] for index in numbers[:8]) + (" ..." if len(numbers) > 8 else "")
     if columns.joints:
         unit = None if columns.degrees is None else CONVENTIONS["joints" if columns.degrees else "joints-rad"]
-        table = replace(table_of_joints(origin, labels, values, layout), convention=unit)
+        table = replace(table_of_joints(origin, (), values, layout), convention=unit)
     elif columns.pose or not columns.turn:
-        table = table_of_rows(origin, values, labels, layout)
+        table = table_of_rows(origin, values, [str(at + 1) for at in range(len(values))], layout)
     else:
         said = columns.convention.name if columns.convention else ""
         said += "-deg" if said == "rotation-vector" and columns.degrees else ""
-        table = table_of_arrays(origin, labels, values[:, :3], values[:, 3:], layout, said, by_axis=columns.by_axis)
+        table = table_of_arrays(origin, (), values[:, :3], values[:, 3:], layout, said, by_axis=columns.by_axis)
     table = replace(table, layout=layout, unit=table.unit or columns.unit).checked()
     if columns.unit is not None:
         table.require_reach(columns.unit, "header")
@@ -394,7 +386,8 @@ def table_of_one_side(origin: str, names: Sequence[str], cells: Sequence[Sequenc
 
 def with_names(table: PoseTable, columns: Columns, names: Sequence[str], cells: Sequence[Sequence[Cell]]) -> PoseTable:
     """The table with the labels, pictures and times of the columns of cells, and a note of those that are not used."""
-    ignored = [names[index] for index in columns.ignored]
+    used = {*columns.lengths, *columns.turn, *columns.pose, *columns.joints, columns.image, columns.time, columns.label}
+    ignored = [name for index, name in enumerate(names) if index not in used]
     images, times, labels = table.images, table.times_s, table.labels
     if columns.image is not None and all(isinstance(cell, str) for cell in cells[columns.image]):
         images = tuple(str(cell).strip() for cell in cells[columns.image])

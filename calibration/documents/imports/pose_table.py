@@ -236,8 +236,12 @@ KINDS = {count: kind for kind, count in NUMBERS.items()}
 def table_of_arrays(
     origin: str, labels: Sequence[str], lengths: Array, numbers: Array, layout: str, convention: str = "", **more: Any
 ) -> PoseTable:
-    """The checked table of lengths (n, 3) and numbers (n, k), of which k says the kind; `convention` is a name."""
+    """The checked table of lengths (n, 3) and numbers (n, k), of which k says the kind; `convention` is a name.
+
+    Without labels the poses are counted from 1.
+    """
     kind, known = KINDS[numbers.shape[1]], CONVENTIONS.get(convention)
+    labels = labels or [str(at + 1) for at in range(len(lengths))]
     return PoseTable(origin, tuple(labels), lengths, numbers, kind, layout, known, **more).checked()
 
 
@@ -253,6 +257,6 @@ def table_of_matrices(origin: str, labels: Sequence[str], matrices: Array, layou
         elif not np.all(last < MAX_LAST_ROW):
             row = int(np.argmax(~(last < MAX_LAST_ROW)))
             what = "the last row of the 4 x 4 matrix is not 0, 0, 0, 1"
-            raise refusal(origin, f"pose {labels[row]}", what, "write rigid transforms")
+            raise refusal(origin, f"pose {labels[row] if labels else row + 1}", what, "write rigid transforms")
     turns = matrices[:, :3, :3].reshape(-1, 9).astype(float)
     return table_of_arrays(origin, labels, matrices[:, :3, 3].astype(float), turns, layout, "matrix")

@@ -13,7 +13,6 @@ from contextlib import suppress
 from dataclasses import replace
 from functools import reduce
 from itertools import chain
-from typing import NamedTuple
 
 import numpy as np
 
@@ -133,7 +132,7 @@ def _universal_robots(origin: str, text: str) -> PoseTable:
         raise refusal(origin, "text", "no pose p[...] to which the program moves", "write them, or a list of p[...]")
     rows: Array = np.array([[float(number) for number in numbers.split(",")] for _, numbers in found])
     labels = [name or str(at + 1) for at, (name, _) in enumerate(found)]
-    labels = labels if len(set(labels)) == len(labels) else [str(at + 1) for at in range(len(labels))]
+    labels = labels if len(set(labels)) == len(labels) else []
     said = "p[x, y, z, rx, ry, rz] of URScript", "rotation-vector"
     table = table_of_arrays(origin, labels, rows[:, :3], rows[:, 3:], *said, unit="m")
     if tool is None:
@@ -176,7 +175,10 @@ _CELL = r"[^][,;]*"
 _POSE = re.compile(rf"\[\s*\[({_CELL}(?:,{_CELL}){{2}})\]\s*,\s*\[({_CELL}(?:,{_CELL}){{3}})\]")
 _EXTAX = re.compile(rf"\s*,\s*\[[^][]*\]\s*,\s*\[({_CELL}(?:,{_CELL}){{5}})\]")
 _JOINTS = re.compile(rf"\[\s*\[({_CELL}(?:,{_CELL}){{5}})\]\s*,\s*\[{_CELL}(?:,{_CELL}){{5}}\]\s*\]")
-_DATA = re.compile(r"\b(?:CONST|PERS|VAR)\s+(\w+)\s+(\w+)\s*(?:\{([^}]*)\})?\s*:=([^;]*)", re.IGNORECASE)
+_DATA = re.compile(
+    r"\b(?:CONST|PERS|VAR)\s+(?P<kind>\w+)\s+(?P<name>\w+)\s*(?:\{(?P<sizes>[^}]*)\})?\s*:=(?P<value>[^;]*)",
+    re.IGNORECASE,
+)
 _RAPID_MOVE = re.compile(r"\bMove[CJL]\w*\s*(\[\s*\[[^][]*\]\s*,\s*\[[^;]*)", re.IGNORECASE)
 _TARGET = re.compile(r"\b(?:CONST|PERS|VAR)\s+(?:robtarget|pose)\s+(\w+)", re.IGNORECASE)
 _ASSIGNED = re.compile(r"(?<![\w.])(\w+)(?:\{[^}]*\})?(?:\.\w+)*\s*:=", re.IGNORECASE)
@@ -191,29 +193,20 @@ _FRAME_DATA = re.compile(
 )
 
 
-class _Data(NamedTuple):
-    """One declaration with a value: where its value begins and ends."""
-
-    kind: str
-    name: str
-    sizes: str | None
-    begins: int
-    ends: int
-
-
 def read_rapid(content: bytes, origin: str) -> PoseTable:
     """The robtargets and poses of a text in RAPID, in its order. Raises DocumentError."""
     text = _TEXT_OR_COMMENT.sub(lambda one: one[1] or "", decode(content, origin))
-    data = [_Data(match[1].lower(), match[2], match[3], match.start(4), match.end(4)) for match in _DATA.finditer(text)]
+    data = [*_DATA.finditer(text)]
     found = [(match, _declared(match.start(), data)) for match in _POSE.finditer(text)]
-    found = [(match, one) for match, one in found if one is None or one.kind in _TYPES]  # no tool, no work object
+    # Without those of tools and work objects.
+    found = [(match, one) for match, one in found if one is None or one["kind"].lower() in _TYPES]
     _require_values(origin, text, data, [match.start() for match, _ in found])
     labels: list[str] = []
     lengths, turns, axes = [], [], []
     for match, one in found:
-        name = one.name if one else ""
+        name = one["name"] if one else ""
         count = sum(label == name or label.startswith(f"{name}{{") for label in labels)
-        array = one is not None and one.sizes is not None
+        array = one is not None and one["sizes"] is not None
         labels.append((f"{name}{{{count + 1}}}" if array or count else name) or str(len(labels) + 1))
         lengths.append(_numbers(origin, labels[-1], match[1]))
         turns.append(_numbers(origin, labels[-1], match[2]))
@@ -221,8 +214,8 @@ def read_rapid(content: bytes, origin: str) -> PoseTable:
         axes.append(_numbers(origin, labels[-1], behind[1]) if behind else [9e9] * 6)
     if not labels:
         listed = [(match, _declared(match.start(), data)) for match in _JOINTS.finditer(text)]
-        listed = [(match, one) for match, one in listed if one is None or one.kind == "jointtarget"]
-        names = [one.name if one is not None else str(at) for at, (_, one) in enumerate(listed, 1)]
+        listed = [(match, one) for match, one in listed if one is None or one["kind"].lower() == "jointtarget"]
+        names = [one["name"] if one is not None else str(at) for at, (_, one) in enumerate(listed, 1)]
         joints = [_numbers(origin, name, match[1]) for name, (match, _) in zip(names, listed, strict=True)]
         if joints:
             table = table_of_joints(origin, names, np.array(joints), f"{len(joints)} jointtargets of RAPID")
@@ -239,9 +232,9 @@ def read_rapid(content: bytes, origin: str) -> PoseTable:
     return _of_flange(table, text, [match.start() for match, _ in found])
 
 
-def _declared(at: int, data: Sequence[_Data]) -> _Data | None:
+def _declared(at: int, data: Sequence[re.Match[str]]) -> re.Match[str] | None:
     """The declaration in whose value a place of the text lies."""
-    return next((one for one in data if one.begins <= at < one.ends), None)
+    return next((one for one in data if one.start("value") <= at < one.end("value")), None)
 
 
 def _numbers(origin: str, label: str, cells: str) -> list[float]:
@@ -253,16 +246,16 @@ def _numbers(origin: str, label: str, cells: str) -> list[float]:
     return [float(cell.strip()) for cell in cells.split(",")]
 
 
-def _require_values(origin: str, text: str, data: Sequence[_Data], starts: Sequence[int]) -> None:
+def _require_values(origin: str, text: str, data: Sequence[re.Match[str]], starts: Sequence[int]) -> None:
     """Raises DocumentError for a target whose value is not written as numbers: an expression, another target's name."""
-    for one in (declared for declared in data if declared.kind in _TYPES):
-        count = sum(one.begins <= start < one.ends for start in starts)
-        sizes = [int(size) for size in re.findall(r"[0-9]{1,9}", one.sizes or "1")]
+    for one in (declared for declared in data if declared["kind"].lower() in _TYPES):
+        count = sum(one.start("value") <= start < one.end("value") for start in starts)
+        sizes = [int(size) for size in re.findall(r"[0-9]{1,9}", one["sizes"] or "1")]
         if count == 0 or count != math.prod(sizes):
-            value = " ".join(text[one.begins : one.ends].split())
+            value = " ".join(one["value"].split())
             what = f"{value[:60]!r} is not read as " + ("numbers" if count == 0 else f"{math.prod(sizes)} targets")
             fix = "write its value in numbers, or remove it with its picture"
-            raise refusal(origin, f"{one.kind} {one.name}", what, fix, "rapid")
+            raise refusal(origin, f"{one['kind'].lower()} {one['name']}", what, fix, "rapid")
     for match in _RAPID_MOVE.finditer(text):
         if match.start(1) not in starts:
             raise refusal(origin, "text", f"{match[1][:60]!r} is not read as numbers", "write numbers", "rapid")

@@ -337,7 +337,12 @@ class Layout:
         convention = CONVENTIONS.get(self.convention, table.convention)
         poses = replace(table, unit=self.unit, frame=self.frame, convention=convention, side="robot", named_frames=())
         paired = pair(of_suffix(listed, PICTURES), poses)
-        target, setup = _metric(files) if self.name == "METRIC" else (None, self.setup)
+        target, setup = None, self.setup
+        if self.name == "METRIC":
+            data = read_yaml(files.read("CalibrationInfo.yaml"), "CalibrationInfo.yaml")
+            info: dict[str, Any] = data if isinstance(data, dict) else {}
+            target = _target(info, "pattern_type")
+            setup = "eye-to-hand" if number_of(info.get("calibration_setup")) else "eye-in-hand"
         if BOARD in files.names:
             said = dict(re.findall(r"(chess_\w+)\s+([-+.\d]+)", decode(files.read(BOARD), BOARD)))
             counts = {field: said.get(word) for field, word in WORDS["board"].items()}
@@ -346,14 +351,6 @@ class Layout:
             self.name, poses.take(paired.rows), paired.images, paired.words, None, target,
             _camera(files, chosen and f"{chosen}/"), setup, tuple(self.notes),
         )  # fmt: skip
-
-
-def _metric(files: Files) -> tuple[dict[str, Any] | None, Setup]:
-    """Target and set-up."""
-    data = read_yaml(files.read("CalibrationInfo.yaml"), "CalibrationInfo.yaml")
-    info: dict[str, Any] = data if isinstance(data, dict) else {}
-    setup: Setup = "eye-to-hand" if number_of(info.get("calibration_setup")) else "eye-in-hand"
-    return _target(info, "pattern_type"), setup
 
 
 BOARD = "calibration_object.txt"  # of RWHE

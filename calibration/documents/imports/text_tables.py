@@ -136,8 +136,7 @@ def _without_names(origin: str, cells: list[list[Cell]]) -> PoseTable:
     height = 4 if len(numbers) % 3 or any(row[-1] in (0, 1) for row in numbers) else 3
     if widths == {4} and len(numbers) % height == 0 and not labels:
         matrices = np.array(numbers).reshape(-1, height, 4)
-        names = [str(at + 1) for at in range(len(matrices))]
-        table = table_of_matrices(origin, names, matrices, f"{height} x 4 matrices in rows of four")
+        table = table_of_matrices(origin, (), matrices, f"{height} x 4 matrices in rows of four")
         if count is not None and count != len(table):
             what = f"the first line says {count} poses, and {len(table)} follow"
             raise refusal(origin, "row 1", what, "complete the file")

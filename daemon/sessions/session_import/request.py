@@ -1,11 +1,14 @@
 """What `handeyed import` is asked for one folder, and what it understood."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 from calibration.documents.imports.intrinsics import Intrinsics
 from calibration.documents.imports.refusal import refusal
-from calibration.documents.imports.sets import Chosen, ImportedSet
+from calibration.documents.imports.sets import CLOUDS, Chosen, ImportedSet
+from calibration.documents.pose import PoseDocument
 from calibration.documents.readings import Decision, Reading
 from calibration.documents.session import CameraDocument
 from calibration.documents.target import TargetDocument
@@ -65,6 +68,22 @@ class Understood:
     def is_scan(self) -> bool:
         """Whether the clouds are those of a part, without a target."""
         return bool(self.images) and self.target is None
+
+
+def are_clouds(images: Sequence[Path]) -> bool:
+    """Whether there are images, and all are clouds."""
+    return bool(images) and all(image.suffix.lower() in CLOUDS for image in images)
+
+
+def views_of(
+    camera_T_target: Array | None, images: Sequence[Path], unit: LengthUnit | None, request: ImportRequest
+) -> list[dict[str, Any]]:
+    """What each view of session.json has of the camera: its pose of the target, a cloud or a picture. DocumentError."""
+    if camera_T_target is not None:
+        return [{"camera_T_target": PoseDocument.of(pose).model_dump(mode="json")} for pose in camera_T_target]
+    if are_clouds(images):
+        return [{"cloud": str(image), "unit": require_cloud_unit(unit, request)} for image in images]
+    return [{"image": str(image)} for image in images]
 
 
 def require_cloud_unit(unit: LengthUnit | None, request: ImportRequest) -> LengthUnit:

@@ -20,12 +20,11 @@ from calibration.documents.imports.sides import agreeing_conventions, equal_side
 from calibration.documents.pose import PoseDocument
 from calibration.documents.readings import Decision, Reading, agreement_of, compare, decide, readings_of
 from calibration.documents.session import CameraDocument, SessionDocument, ViewDocument
-from calibration.documents.target import TargetDocument
 from calibration.documents.target_text import FORMS, example, target_of_data
 from calibration.documents.view_evidence import evidence_of_views
 from calibration.errors import DocumentError, GeometryError
 from calibration.kinematics.abb_arms import find_arm
-from calibration.kinematics.conventions import CONVENTIONS, LENGTH_UNITS, MM, Frame, LengthUnit
+from calibration.kinematics.conventions import CONVENTIONS, LENGTH_UNITS, MM, Frame
 from calibration.problem import Problem, Setup
 from calibration.targets import orientation_advice
 from calibration.transforms import Array
@@ -33,7 +32,7 @@ from calibration.verdict import tool_findings
 from daemon.sessions.pictures import encode_picture
 from daemon.sessions.session_files import TAKE_AGAIN, ImageError, read_grey
 from daemon.sessions.session_import.folder_files import FolderFiles
-from daemon.sessions.session_import.request import ImportRequest, Understood, require_cloud_unit
+from daemon.sessions.session_import.request import ImportRequest, Understood, are_clouds, views_of
 from daemon.sessions.session_reader import SessionFolder, load_problem
 from registration.io.regular_file import read_regular
 
@@ -94,7 +93,7 @@ def understand_set(
     if target is None and imported.target is not None:
         target = target_of_data(imported.target, f"{request.folder}: target")
     camera = _camera(request, imported, images)
-    if images and target is None and not _are_clouds(images):
+    if images and target is None and not are_clouds(images):
         forms = ", ".join(example(kind) for kind in list(FORMS)[:3])
         raise refusal(request.folder.name, "target", "not stated by the folder", f"give --target: {forms}", "targets")
     is_scan = bool(images) and target is None
@@ -102,7 +101,10 @@ def understand_set(
     def evidence_by(seen: Array | None) -> tuple[Evidence | None, Problem | None]:
         if target is None and seen is None:
             return None, None
-        document = _document(images, seen, target, camera, request.cloud_unit or imported.cloud_unit, request)
+        still = PoseDocument.of(np.eye(4))  # the robot's poses are yet unknown
+        sights = views_of(seen, images, request.cloud_unit or imported.cloud_unit, request)
+        views = [ViewDocument(base_T_flange=still, **sight) for sight in sights]
+        document = SessionDocument(schema_version=1, setup="eye-in-hand", target=target, camera=camera, views=views)
         problem = _load(SessionFolder(request.folder, document), progress)
         return evidence_of_views(problem), problem
 
@@ -449,13 +451,9 @@ def _is_pointer(session: SessionFolder) -> bool:
         return False
 
 
-def _are_clouds(images: Sequence[Path]) -> bool:
-    return bool(images) and all(image.suffix.lower() in CLOUDS for image in images)
-
-
 def _camera(request: ImportRequest, imported: ImportedSet, images: Sequence[Path]) -> CameraDocument | None:
     intrinsics = request.camera or imported.camera
-    if intrinsics is None or not images or _are_clouds(images):
+    if intrinsics is None or not images or are_clouds(images):
         return None
     if request.camera is None and not intrinsics.has_distortion:
         return None
@@ -494,28 +492,6 @@ def _readings(request: ImportRequest, table: PoseTable, stated: Setup | None, *,
     frame = request.frame or (named[0] if is_said else None)
     setups = SETUPS if setup is None else (setup,)
     return readings_of(table, setups, conventions, table.unit or request.unit, frame)
-
-
-def _document(
-    images: Sequence[Path],
-    seen: Array | None,
-    target: TargetDocument | None,
-    camera: CameraDocument | None,
-    unit: LengthUnit | None,
-    request: ImportRequest,
-) -> SessionDocument:
-    """A session whose robot poses are yet unknown: the identity in every view."""
-    still = PoseDocument.of(np.eye(4))
-    if seen is not None:
-        views = [ViewDocument(base_T_flange=still, camera_T_target=PoseDocument.of(pose)) for pose in seen]
-    elif _are_clouds(images):
-        views = [
-            ViewDocument(base_T_flange=still, cloud=str(image), unit=require_cloud_unit(unit, request))
-            for image in images
-        ]
-    else:
-        views = [ViewDocument(base_T_flange=still, image=str(image)) for image in images]
-    return SessionDocument(schema_version=1, setup="eye-in-hand", target=target, camera=camera, views=views)
 
 
 def _undecided(request: ImportRequest, best: _Best) -> Undecided:

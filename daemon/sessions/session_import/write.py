@@ -15,9 +15,8 @@ from calibration.documents.pose import PoseDocument
 from calibration.documents.session import SessionDocument
 from calibration.documents.target import described
 from calibration.documents.validation import validate_document
-from calibration.kinematics.conventions import LengthUnit
 from daemon.sessions.session_files import SESSION_FILE
-from daemon.sessions.session_import.request import Understood, require_cloud_unit
+from daemon.sessions.session_import.request import Understood, are_clouds, views_of
 from registration.documents import ScanDocument
 
 SCAN_FILE = "scan.json"
@@ -27,14 +26,10 @@ def write_session(understood: Understood, folder: Path) -> Path:
     """session.json or scan.json in a new or empty folder. Raises DocumentError."""
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise refusal(str(folder), "--out", "not an empty folder", "name a new one", "import")
-    scan = understood.is_scan
-    clouds = scan or all(image.suffix.lower() in (".ply", ".pcd", ".npz") for image in understood.images)
-    stated = understood.request.cloud_unit or understood.imported.cloud_unit
-    unit = require_cloud_unit(stated, understood.request) if clouds and understood.images else None
     names = _names(understood.images)
-    document = _document(understood, names, unit)
-    validate_document(ScanDocument if scan else SessionDocument, document, str(folder))
-    file = folder / (SCAN_FILE if scan else SESSION_FILE)
+    document = _document(understood, names)
+    validate_document(ScanDocument if understood.is_scan else SessionDocument, document, str(folder))
+    file = folder / (SCAN_FILE if understood.is_scan else SESSION_FILE)
     try:
         folder.mkdir(parents=True, exist_ok=True)
         for image, name in zip(understood.images, names, strict=True):
@@ -61,22 +56,17 @@ def _names(images: Sequence[Path]) -> list[str]:
     return [f"view_{at:03}{image.suffix.lower()}" for at, image in enumerate(images)]
 
 
-def _document(understood: Understood, names: Sequence[str], unit: LengthUnit | None) -> dict[str, Any]:
-    views: list[dict[str, Any]] = []
-    axes = understood.imported.poses.external_axes
-    for at, pose in enumerate(understood.base_T_flange):
+def _document(understood: Understood, names: Sequence[str]) -> dict[str, Any]:
+    request, views = understood.request, list[dict[str, Any]]()
+    axes, unit = understood.imported.poses.external_axes, request.cloud_unit or understood.imported.cloud_unit
+    sights = views_of(understood.camera_T_target, [*map(Path, names)], unit, request)
+    if understood.camera_points_mm is not None:
+        sights = [{"camera_point_mm": point} for point in understood.camera_points_mm.tolist()]
+    for at, (pose, sight) in enumerate(zip(understood.base_T_flange, sights, strict=True)):
         view: dict[str, Any] = {"base_T_flange": PoseDocument.of(pose).model_dump(mode="json")}
         if axes is not None and np.any(np.isfinite(axes)):
             view["external_axes"] = [float(one) if np.isfinite(one) else None for one in axes[at]]
-        if understood.camera_T_target is not None:
-            view["camera_T_target"] = PoseDocument.of(understood.camera_T_target[at]).model_dump(mode="json")
-        elif understood.camera_points_mm is not None:
-            view["camera_point_mm"] = understood.camera_points_mm[at].tolist()
-        elif unit is not None:
-            view |= {"cloud": names[at], "unit": unit}
-        else:
-            view["image"] = names[at]
-        views.append(view)
+        views.append(view | sight)
     document: dict[str, Any] = {
         "schema_version": 1,
         "source": f"{understood.imported.kind}: {understood.request.folder.resolve().name}",
@@ -86,7 +76,7 @@ def _document(understood: Understood, names: Sequence[str], unit: LengthUnit | N
         document["poses_of"] = {end: name[:200] for end, name in asdict(of).items()}
     if understood.target is not None:
         document["target"] = described(understood.target)
-    if understood.images and unit is None:
+    if understood.images and not are_clouds(understood.images):
         document["camera"] = None if understood.camera is None else understood.camera.model_dump(mode="json")
     if (axis := understood.decision.axis) is not None:
         point_mm = None if axis.kind == "track" else axis.point_mm.round(3).tolist()
