@@ -4,6 +4,7 @@ import asyncio
 import threading
 from collections.abc import Callable
 from contextlib import suppress
+from functools import partial
 from typing import Any, TypeVar
 
 from drivers.timing import Timing
@@ -29,22 +30,16 @@ class FileThread:
         call: asyncio.Future[Answer] = loop.create_future()
         self._call = call
 
-        def settle(result: Any, error: BaseException | None) -> None:
-            if error is None:
-                call.set_result(result)
-            else:
-                call.set_exception(error)
-                call.exception()  # it is known: a waiter that has left leaves no message about it
+        # An error is known then: a waiter that has left leaves no message about it.
+        call.add_done_callback(lambda done: done.cancelled() or done.exception())
 
         def run_and_settle() -> None:
-            result: Any = None
-            error: Exception | None = None
             try:
-                result = work()
+                settle = partial(call.set_result, work())
             except Exception as raised:  # noqa: BLE001 - raised where the result is awaited
-                error = raised
+                settle = partial(call.set_exception, raised)
             with suppress(RuntimeError):  # the loop was closed meanwhile
-                loop.call_soon_threadsafe(settle, result, error)
+                loop.call_soon_threadsafe(settle)
 
         threading.Thread(target=run_and_settle, name=self._name, daemon=True).start()
         await self._wait(call, limit_s)

@@ -57,8 +57,16 @@ def excerpt(text: object) -> str:
 
 def age_s(headers: httpx.Headers) -> float:
     """Age of the content by its headers; 0 without any. Raises ValueError for a malformed header."""
-    age = _read_age_s(headers)
-    if not math.isfinite(age):
+    ages = [0.0]
+    if EXACT_AGE in headers:
+        ages = [max(float(headers[EXACT_AGE]), 0.0)]  # NaN stays, and is refused
+    else:
+        if "age" in headers:
+            ages.append(float(headers["age"]) + HTTP_DATE_STEP_S)
+        if "last-modified" in headers and "date" in headers:
+            modified, sent = (parsedate_to_datetime(headers[name]) for name in ("last-modified", "date"))
+            ages.append((sent - modified).total_seconds() + HTTP_DATE_STEP_S)
+    if not math.isfinite(age := max(ages)):
         raise ValueError(f"{age:g} s")
     return age
 
@@ -70,19 +78,6 @@ def read_temperature_c(headers: httpx.Headers) -> float | None:
     except (KeyError, ValueError):
         return None
     return stated if math.isfinite(stated) else None
-
-
-def _read_age_s(headers: httpx.Headers) -> float:
-    if EXACT_AGE in headers:
-        stated = float(headers[EXACT_AGE])
-        return stated if math.isnan(stated) else max(0.0, stated)
-    ages = [0.0]
-    if "age" in headers:
-        ages.append(float(headers["age"]) + HTTP_DATE_STEP_S)
-    if "last-modified" in headers and "date" in headers:
-        modified, sent = (parsedate_to_datetime(headers[name]) for name in ("last-modified", "date"))
-        ages.append((sent - modified).total_seconds() + HTTP_DATE_STEP_S)
-    return max(ages)
 
 
 def tls_trust(url: httpx.URL) -> ssl.SSLContext | bool:

@@ -47,9 +47,7 @@ def decode(device: str, encoded: bytes, image_size: tuple[int, int] | None = Non
         width, height = _whole_picture_size(encoded)
     except (ValueError, struct.error, IndexError) as error:
         raise GarbledAnswer(device, f"not a whole picture: {error}", FIX) from error
-    if image_size is not None and (width, height) != image_size:
-        what = f"the picture is {width}×{height}, expected {image_size[0]}×{image_size[1]}"
-        raise GarbledAnswer(device, what, "set the camera to the size its intrinsics were found at")
+    require_size(device, "the picture is", (width, height), image_size)
     try:
         image = cv2.imdecode(np.frombuffer(encoded, np.uint8), FLAGS)
     except cv2.error as error:
@@ -57,6 +55,13 @@ def decode(device: str, encoded: bytes, image_size: tuple[int, int] | None = Non
     if image is None:
         raise GarbledAnswer(device, "the picture cannot be decoded", FIX)
     return to_8_bit(np.asarray(image))
+
+
+def require_size(device: str, what: str, size: tuple[int, int], wanted: tuple[int, int] | None) -> None:
+    """Raises GarbledAnswer for another (width, height) than the wanted one, None for any."""
+    if wanted is not None and size != wanted:
+        what = f"{what} {size[0]}×{size[1]}, expected {wanted[0]}×{wanted[1]}"
+        raise GarbledAnswer(device, what, "set the camera to the size its intrinsics were found at")
 
 
 def file_bits(encoded: bytes) -> int:

@@ -11,9 +11,9 @@ from urllib.parse import urlsplit
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from drivers.backoff import Backoff
+from drivers.cameras.decoding import require_size
 from drivers.errors import DeviceError, DeviceTimeout, DeviceUnreachable, GarbledAnswer, LinkLost
 from drivers.interfaces import CameraFrame, LinkHealth
 from drivers.link_status import LinkReport
@@ -73,7 +73,8 @@ class VideoCamera:
         while True:
             newest = self._newest
             if newest is not None and newest.taken_at_s > newer_than_s:
-                self._require_size(newest.image)
+                height, width = newest.image.shape[:2]
+                require_size(self._device, "the frames are", (width, height), self._image_size)
                 return newest
             if self._refusal is not None:
                 raise self._refusal
@@ -159,12 +160,6 @@ class VideoCamera:
         """Let those who wait for a frame look again."""
         if self._loop is not None and not self._loop.is_closed():
             self._loop.call_soon_threadsafe(self._arrived.set)
-
-    def _require_size(self, image: NDArray[np.uint8]) -> None:
-        height, width = image.shape[:2]
-        if self._image_size is not None and (width, height) != self._image_size:
-            what = f"the frames are {width}×{height}, expected {self._image_size[0]}×{self._image_size[1]}"
-            raise GarbledAnswer(self._device, what, "set the camera to the size its intrinsics were found at")
 
     def _nothing_fresh(self) -> DeviceError:
         if not self.link.connected:

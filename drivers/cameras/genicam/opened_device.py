@@ -6,6 +6,7 @@ from contextlib import suppress
 from typing import TypeVar
 
 from drivers.backoff import Backoff
+from drivers.cameras.decoding import require_size
 from drivers.cameras.genicam.address import CameraAddress
 from drivers.cameras.genicam.device import FoundCamera, Library, VendorError
 from drivers.cameras.genicam.session import CameraSession
@@ -14,7 +15,6 @@ from drivers.errors import (
     DeviceTaken,
     DeviceTimeout,
     DeviceUnreachable,
-    GarbledAnswer,
     LibraryMissing,
     LinkLost,
     SettingRefused,
@@ -206,7 +206,8 @@ class GenICamCamera(GenICamDevice):
     async def grab(self, newer_than_s: float) -> CameraFrame:
         """A frame exposed after `newer_than_s`; raises a DeviceError."""
         frame = await self._take_new(newer_than_s, CameraSession.take)
-        self._require_size(frame)
+        height, width = frame.image.shape[:2]
+        require_size(self.device, "the frames are", (width, height), self._image_size)
         return frame
 
     async def read_exposure(self) -> tuple[Exposure, ExposureRange] | None:
@@ -218,9 +219,3 @@ class GenICamCamera(GenICamDevice):
         """Set both within the camera's range, for the next frame. Raises DeviceError."""
         session = await self._await_session(self._timing.clock() + self._limit_s)
         return await self._ask(session, lambda: session.set_exposure(wanted), self._limit_s)
-
-    def _require_size(self, frame: CameraFrame) -> None:
-        height, width = frame.image.shape[:2]
-        if self._image_size is not None and (width, height) != self._image_size:
-            what = f"the frames are {width}×{height}, expected {self._image_size[0]}×{self._image_size[1]}"
-            raise GarbledAnswer(self.device, what, "set the camera to the size its intrinsics were found at")

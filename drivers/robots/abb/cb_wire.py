@@ -1,6 +1,7 @@
 """Converts the link's millimetres, degrees and quaternions to base_T_flange, and back."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
@@ -9,14 +10,7 @@ from calibration.kinematics.arm import Configuration
 from calibration.transforms import Array, quaternion_from_rotation, rotation_from_quaternion, transform
 from drivers.errors import GarbledAnswer, MoveRefused
 from drivers.interfaces import JointGoal, MoveGoal, PoseReading, RobotSetup, RobotStatus, Standstill
-from drivers.robots.abb.robtarget import (
-    MIN_UNUSED_AXIS,
-    SEVEN,
-    UNUSED_AXES,
-    UNUSED_AXIS,
-    external_axis,
-    split_arm_angle,
-)
+from drivers.robots.abb.robtarget import MIN_UNUSED_AXIS, SEVEN, UNUSED_AXES, UNUSED_AXIS, reading_of
 from protocols.cb.codes import Flag, MoveKind, Status
 from protocols.cb.errors import FieldOutOfRange
 from protocols.cb.layouts import pack
@@ -42,15 +36,9 @@ def pose_reading(device: str, pose: Pose, taken_at_s: float, axes: int = 6) -> P
         base_R_flange = rotation_from_quaternion(quaternion_wxyz)
     except GeometryError as error:
         raise _garbage_error(device, str(error)) from error
-    arm_angle_deg, external_axes = split_arm_angle(tuple(map(external_axis, pose.external_axes)), axes)
-    return PoseReading(
-        base_T_flange=transform(base_R_flange, pose.position_mm),
-        posture=Configuration(*pose.configuration),
-        external_axes=external_axes,
-        still=bool(pose.flags & Flag.IN_POSITION) and not pose.flags & Flag.MOVING,
-        taken_at_s=taken_at_s,
-        arm_angle_deg=arm_angle_deg,
-    )
+    base_T_flange = transform(base_R_flange, pose.position_mm)
+    reading = reading_of(base_T_flange, pose.configuration, pose.external_axes, axes, taken_at_s)
+    return replace(reading, still=bool(pose.flags & Flag.IN_POSITION) and not pose.flags & Flag.MOVING)
 
 
 def joints_rad(device: str, joints: Joints, axes: int = 6) -> Array:

@@ -1,5 +1,11 @@
 """RAPID's robtarget besides the pose: unused external axes, frames and units."""
 
+from collections.abc import Iterable
+
+from calibration.kinematics.arm import Configuration
+from calibration.transforms import Array
+from drivers.interfaces import PoseReading
+
 UNUSED_AXIS = 9e9
 """ABB's value for an external axis that does not exist."""
 UNUSED_AXES = (UNUSED_AXIS, UNUSED_AXIS, UNUSED_AXIS, UNUSED_AXIS, UNUSED_AXIS, UNUSED_AXIS)
@@ -13,13 +19,16 @@ SEVEN = 7
 """Axes of an arm whose axis 7 stands as eax_a in a jointtarget, and whose arm angle stands there in a robtarget."""
 
 
-def external_axis(value: float) -> float:
-    """`value`, or exactly UNUSED_AXIS for an axis that does not exist."""
-    return UNUSED_AXIS if value >= MIN_UNUSED_AXIS else value
+def reading_of(
+    base_T_flange: Array, quarters: Iterable[float], external: Iterable[float], axes: int, taken_at_s: float
+) -> PoseReading:
+    """A robtarget as a reading that does not say whether the arm stands. `axes`: 6, or 7 where eax_a is the arm angle.
 
-
-def split_arm_angle(external_axes: tuple[float, ...], axes: int) -> tuple[float | None, tuple[float, ...]]:
-    """Arm angle in degrees and external axes of a robtarget, for an arm with so many axes; None for six axes."""
-    if axes < SEVEN or external_axes[0] == UNUSED_AXIS:
-        return None, external_axes
-    return external_axes[0], (UNUSED_AXIS, *external_axes[1:])
+    External axes that do not exist are exactly UNUSED_AXIS.
+    """
+    external_axes = tuple(UNUSED_AXIS if value >= MIN_UNUSED_AXIS else value for value in external)
+    arm_angle_deg = None
+    if axes >= SEVEN and external_axes[0] != UNUSED_AXIS:
+        arm_angle_deg, external_axes = external_axes[0], (UNUSED_AXIS, *external_axes[1:])
+    posture = Configuration(*map(int, quarters))
+    return PoseReading(base_T_flange, posture, external_axes, False, taken_at_s, arm_angle_deg=arm_angle_deg)

@@ -94,7 +94,7 @@ class RwsAdministration:
 
     async def read_grants(self) -> tuple[str, ...] | None:
         """Grants of the user in session, as "UAS_CFG_WRITE"; None when the controller does not list them."""
-        found = await self.read(self._client.require_dialect().grants)
+        found = await self.read(self._client.require_dialect().call("grants")[0])
         if found is None:
             return None
         return tuple(str(each.get("grantname") or each.get("_title", "")) for each in found)
@@ -126,20 +126,17 @@ class RwsAdministration:
 
     async def read_modules(self, task: str) -> tuple[str, ...]:
         """Names of the modules that a task holds."""
-        if self.version == 1:
-            found = await self.read("/rw/rapid/modules", {"task": task})
-        else:
-            found = await self.read(f"/rw/rapid/tasks/{task}/modules")
+        found = await self.read(*self._client.require_dialect().call("modules", task=task))
         return tuple(str(each.get("name") or each.get("_title", "")) for each in found or ())
 
     async def read_symbol(self, name: str) -> str | None:
         """Value of task/module/symbol in RAPID's spelling; None when there is none."""
-        values = await self.read_first(self._client.require_dialect().symbol(name))
+        values = await self.read_first(self._client.require_dialect().call("symbol", name=name, what="data")[0])
         return str(values["value"]) if "value" in values else None
 
     async def read_type(self, name: str) -> str | None:
         """Type of task/module/symbol; None when there is none."""
-        values = await self.read_first(self._client.require_dialect().symbol(name, "properties"))
+        values = await self.read_first(self._client.require_dialect().call("symbol", name=name, what="properties")[0])
         return str(values["dattyp"]) if "dattyp" in values else None
 
     async def read_file(self, path: str) -> bytes | None:
@@ -167,7 +164,7 @@ class RwsAdministration:
     async def save_backup(self, name: str) -> None:
         """Make a full backup of that name on the controller, and wait for it. Its disk holds it, not HOME."""
         dialect = self._client.require_dialect()
-        call, query = dialect.backup
+        call, query = dialect.call("backup")
         answer = await self._client.post(call, query, {"backup": f"/fileservice/{dialect.backups}/{name}"})
         progress = urlsplit(answer.headers.get("location", "")).path
         for _ in range(int(BACKUP_LIMIT_S / BACKUP_POLL_S)):
@@ -181,7 +178,7 @@ class RwsAdministration:
     async def save_configuration(self, domain: str, path: str) -> bytes | None:
         """Save a domain to a file below HOME, and return its content."""
         dialect = self._client.require_dialect()
-        call, query = dialect.save_cfg(domain)
+        call, query = dialect.call("save_cfg", domain=domain)
         await self._client.post(call, query, {"filepath": f"/fileservice/{dialect.home}/{path}"})
         return await self.read_file(path)
 
@@ -189,16 +186,16 @@ class RwsAdministration:
     async def hold_mastership(self, domain: str) -> AsyncIterator[None]:
         """Hold the mastership of `cfg` or `rapid` meanwhile."""
         dialect = self._client.require_dialect()
-        await self._client.post(*dialect.mastership(domain, "request"), {})
+        await self._client.post(*dialect.call("mastership", domain=domain, action="request"), {})
         try:
             yield
         finally:
-            await self._client.post(*dialect.mastership(domain, "release"), {})
+            await self._client.post(*dialect.call("mastership", domain=domain, action="release"), {})
 
     async def load_configuration(self, path: str) -> None:
         """Load a configuration file of HOME, when it has no duplicates. Needs the mastership of cfg."""
         dialect = self._client.require_dialect()
-        call, query = dialect.load_cfg
+        call, query = dialect.call("load_cfg")
         form: Mapping[str, str] = {"filepath": f"{dialect.home}/{path}", "action-type": "add"}
         await self._client.post(call, query, form)
 
@@ -209,7 +206,7 @@ class RwsAdministration:
 
     async def write_symbol(self, name: str, value: str) -> None:
         """Set a PERS. Needs the mastership of rapid."""
-        path, query = self._client.require_dialect().set_symbol(name)
+        path, query = self._client.require_dialect().call("set_symbol", name=name)
         await self._client.post(path, query, {"value": value})
 
 

@@ -161,7 +161,7 @@ class RwsClient:
             except RequestRefused as refused:
                 if refused.status != "NOT_FOUND":
                     raise
-                action, form = dialect.make_folder(parent, name)
+                action, form = dialect.call("make_folder", parent=parent, name=name)
                 await self.post(action, {}, form)
             parent = f"{parent}/{name}"
 

@@ -21,7 +21,8 @@ _MESSAGE = re.compile(r'class="msg">([^<]*)<')
 class Dialect:
     """One version of RWS. Paths begin with a slash; `query` is added to every GET.
 
-    2.0 lists the event log oldest first; `log_headers` and `log_query` ask for the newest entries first.
+    2.0 lists the event log oldest first; `log_headers` and `log_query` ask for the newest entries first. Of `calls` the
+    one that makes a folder has a form, not a query, and masterships of cfg and rapid are both `edit` in 2.0.
     """
 
     version: int
@@ -32,49 +33,15 @@ class Dialect:
     log_query: Mapping[str, str]
     query: Mapping[str, str]
     controller_state: str
-    stop: Call
+    calls: Mapping[str, Call]
     home: str
     backups: str
     subprotocol: str
 
-    def make_folder(self, parent: str, name: str) -> tuple[str, Mapping[str, str]]:
-        """Path and form that make a folder below `parent`, itself a path of the file service."""
-        if self.version == 1:
-            return f"/fileservice/{parent}", {"fs-action": "create", "fs-newname": name}
-        return f"/fileservice/{parent}/create", {"fs-newname": name}
-
-    def mastership(self, domain: str, action: str) -> Call:
-        """Call that requests or releases the mastership of cfg or rapid; both are `edit` in 2.0."""
-        if self.version == 1:
-            return f"/rw/mastership/{domain}", {"action": action}
-        return f"/rw/mastership/edit/{action}", {}
-
-    def symbol(self, name: str, what: str = "data") -> str:
-        """Path of a RAPID symbol's value, or of its `properties`; `name` is task/module/symbol."""
-        return f"/rw/rapid/symbol/{what}/RAPID/{name}" if self.version == 1 else f"/rw/rapid/symbol/RAPID/{name}/{what}"
-
-    def set_symbol(self, name: str) -> Call:
-        """Call that writes a RAPID symbol."""
-        return (self.symbol(name), {"action": "set"}) if self.version == 1 else (self.symbol(name), {})
-
-    @property
-    def load_cfg(self) -> Call:
-        """Call that loads a configuration file."""
-        return ("/rw/cfg", {"action": "load"}) if self.version == 1 else ("/rw/cfg/load", {})
-
-    def save_cfg(self, domain: str) -> Call:
-        """Call that saves a domain to a file."""
-        return (f"/rw/cfg/{domain}", {"action": "saveas"}) if self.version == 1 else (f"/rw/cfg/{domain}/saveas", {})
-
-    @property
-    def backup(self) -> Call:
-        """Call that begins a full backup."""
-        return ("/ctrl/backup", {"action": "backup"}) if self.version == 1 else ("/ctrl/backup/create", {})
-
-    @property
-    def grants(self) -> str:
-        """Path of the grants of the user in session."""
-        return "/users/grants" if self.version == 1 else "/uas/user/grants"
+    def call(self, doing: str, **at: str) -> Call:
+        """The call of `calls` that does this, at what is named: such as save_cfg, with the `domain`."""
+        path, query = self.calls[doing]
+        return path.format(**at), {key: value.format(**at) for key, value in query.items()}
 
     @property
     def name(self) -> str:

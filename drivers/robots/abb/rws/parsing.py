@@ -9,11 +9,10 @@ import numpy as np
 from pydantic import ConfigDict
 
 from calibration.errors import GeometryError
-from calibration.kinematics.arm import Configuration
 from calibration.transforms import Array, difference, rotation_from_quaternion, transform
 from drivers.errors import GarbledAnswer
 from drivers.interfaces import PoseReading, RobotStatus
-from drivers.robots.abb.robtarget import MIN_UNUSED_AXIS, SEVEN, external_axis, split_arm_angle
+from drivers.robots.abb.robtarget import MIN_UNUSED_AXIS, SEVEN, reading_of
 
 STILL_MM, STILL_RAD = 0.02, math.radians(0.005)
 """Two readings further apart than this are taken for motion."""
@@ -60,15 +59,7 @@ def pose(device: str, values: Values, taken_at_s: float, axes: int = 6) -> PoseR
     quarters = _numbers(device, values, ("cf1", "cf4", "cf6", "cfx"))
     spelled = "eax_" if "eax_a" in values else "eax"
     external = _numbers(device, values, tuple(f"{spelled}{letter}" for letter in AXES))
-    arm_angle_deg, external_axes = split_arm_angle(tuple(map(external_axis, external)), axes)
-    return PoseReading(
-        base_T_flange=base_T_flange,
-        posture=Configuration(*(int(quarter) for quarter in quarters)),
-        external_axes=external_axes,
-        still=False,
-        taken_at_s=taken_at_s,
-        arm_angle_deg=arm_angle_deg,
-    )
+    return reading_of(base_T_flange, quarters, external, axes, taken_at_s)
 
 
 def frame(device: str, values: Values) -> Array:

@@ -92,7 +92,7 @@ class RwsRobot(LinkedRobot):
     async def stop_and_disarm(self) -> None:
         """Stop the program now, also when the controller seems unreachable. Over RWS nothing is armed."""
         dialect = await self._client.find()
-        path, query = dialect.stop
+        path, query = dialect.call("stop")
         await self._client.post(path, query, {"stopmode": "stop"}, urgent=True)
 
     async def read_standstill(self) -> Standstill:
