@@ -20,6 +20,7 @@ from calibration.documents.imports.sides import WORDS
 from calibration.documents.imports.trees import read_json, read_xml_tree, read_yaml
 from calibration.documents.session import CameraDocument
 from calibration.documents.validation import validate_document
+from calibration.transforms import Array
 
 HEADING = "intrinsics"
 Record = Mapping[str, Any]
@@ -30,7 +31,11 @@ MATRIX, FOUR, DISTORTION, OF_FISHEYE, SIZE = (
     tuple(tuple(keys.split()) for keys in WORDS["intrinsics"][what])
     for what in ("matrix", "four", "distortion", "distortion_of_fisheye", "size")
 )
-FISHEYE, FLAGS, PINHOLE = (WORDS["intrinsics"][what].split() for what in ("fisheye", "fisheye_flags", "pinhole"))
+FISHEYE, FLAGS, PINHOLE, REALSENSE, OF_MODELS, OF_LENS_MODELS, BEFORE = (
+    WORDS["intrinsics"][what].split()
+    for what in ("fisheye", "fisheye_flags", "pinhole", "realsense", "models", "lens_models", "before_distortion")
+)
+DISTORTION += tuple((before + one[0],) for before in BEFORE for one in DISTORTION if len(one) == 1)
 
 
 @dataclass(frozen=True)
@@ -73,9 +78,11 @@ def read_intrinsics(name: str, content: bytes) -> Intrinsics:
 def intrinsics_of(data: Any, origin: str) -> Intrinsics:
     """The intrinsics of the one camera in plain data, at its top or up to three levels below. Raises DocumentError."""
     data = {"k": data} if isinstance(data, str | list) else data  # a matrix alone, as np.savetxt writes it
-    every = ((_numbers(own, MATRIX, (9,)) or _numbers(own, FOUR, (4,)), said) for own, said in _mappings(data))
-    found = [intrinsics_within(*said, matrix, origin) for matrix, said in every if matrix is not None]
-    if len({(one.matrix, one.distortion, one.lens) for one in found}) == 1:
+    mappings = list(_mappings(data))
+    every = ((_numbers(own, MATRIX, (9,)) or _numbers(own, FOUR, (4,)), own, said) for own, said in mappings)
+    found = [intrinsics_within(own, *said, matrix, origin) for matrix, own, said in every if matrix is not None]
+    is_stereo = any("camera2fx" in own for own, _ in mappings)
+    if len({(one.matrix, one.distortion, one.lens) for one in found}) == 1 and not is_stereo:
         return found[0]
     what = "several cameras" if found else "no intrinsics: neither a camera matrix nor fx, fy, cx, cy"
     raise refusal(origin, "document", what, "give camera_matrix and distortion_coefficients of one camera", HEADING)
@@ -88,7 +95,10 @@ def _mappings(data: Any, around: Maps = ((), ()), depth: int = 0) -> Iterator[tu
     """
     if isinstance(data, Mapping) and depth <= MAX_DEPTH:
         own = _by_spelling(data)
-        inner = {key: one for key, one in own.items() if isinstance(one, Mapping)}
+        inner = {key: dict(one) for key, one in own.items() if isinstance(one, Mapping)}
+        for key, one in inner.items():
+            if "fisheye" in key and any(map(OF_DISTORTION.match, _by_spelling(one))):
+                one["isfisheye"] = True
         said = {key: one for key, one in own.items() if key not in inner or OF_DISTORTION.match(key)}
         of_lens, every = (
             [_by_spelling(inner[name]) for name in names[:MAX_BESIDE]]
@@ -100,32 +110,46 @@ def _mappings(data: Any, around: Maps = ((), ()), depth: int = 0) -> Iterator[tu
 
 
 def _by_spelling(record: Record) -> dict[str, Any]:
-    """Values by keys of small letters and digits only; without ORB-SLAM's `Camera.`; k beside K is the distortion."""
-    return {
-        "kc" if key == "k" and "K" in record else SIGNS.sub("", str(key).lower()): one for key, one in record.items()
-    }
+    """Values by keys of small letters and digits only; without ORB-SLAM's `Camera.`; k beside K is the distortion.
+
+    Of keys that are then alike a list counts before a number; two that differ are in a mapping, which is no list.
+    """
+    plain: dict[str, Any] = {}
+    for key, one in sorted(record.items(), key=lambda item: number_of(item[1]) is None):
+        name = "kc" if key == "k" and "K" in record else SIGNS.sub("", str(key).lower())
+        kept = plain.setdefault(name, one)
+        is_one = kept is one or kept == one or isinstance(one, str) or number_of(kept) is not number_of(one) is None
+        plain[name] = one if is_one else {"one": kept, "other": one}
+    return plain
+
+
+def _array(value: Any) -> Array | None:
+    """The numbers of a list, of OpenCV's mapping of one, or of a text with any brackets and separators."""
+    while isinstance(value, Mapping):
+        value = value.get("data", value.get("parameters"))
+    return array_of(NUMBERS.findall(value) if isinstance(value, str) else value if isinstance(value, list) else [value])
 
 
 def _numbers(plain: Record, names: Keys, counts: Container[int], missing: float | None = None) -> list[float] | None:
     """The numbers of the first of the names that has as many; `missing` is for a key of several that is not there."""
     for keys in names:
-        if keys[0] not in plain or (len(keys) > 1 and number_of(plain[keys[0]]) is None):
-            continue
-        value: Any = plain[keys[0]]
-        while isinstance(value, Mapping):
-            value = value.get("data", value.get("parameters"))
-        if len(keys) > 1:
-            value = [number_of(plain[key]) if key in plain else missing for key in keys]
-        array = array_of(
-            value.replace(",", " ").split() if isinstance(value, str) else value if isinstance(value, list) else [value]
-        )
+        if keys[0] not in plain or (len(keys) > 1) == (number_of(plain[keys[0]]) is None):
+            continue  # a number by one name is a distance
+        each = [number_of(plain[key]) if key in plain else missing for key in keys]
+        array = _array(each if len(keys) > 1 else plain[keys[0]])
         if array is not None and array.size in counts:
             return [float(number) for number in array.ravel()]
     return None
 
 
-def intrinsics_within(of_lens: Record, plain: Record, matrix: list[float], origin: str) -> Intrinsics:
-    """The camera of a matrix (four numbers or nine), with what is said of its lens. Raises DocumentError."""
+def _model(stated: Any, of_lens: Record) -> str:
+    """A model's name in small letters; librealsense's number beside its ppx is the name of it."""
+    by_number: dict[float | None, str] = dict(enumerate(REALSENSE)) if "ppx" in of_lens else {}
+    return by_number.get(number_of(stated), str(stated).lower())
+
+
+def intrinsics_within(own: Record, of_lens: Record, plain: Record, matrix: list[float], origin: str) -> Intrinsics:
+    """The camera of a matrix (four numbers or nine) in `own`, with what is said of its lens. Raises DocumentError."""
     if len(matrix) == 4:
         fx, fy, cx, cy = matrix
         matrix = [fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0]
@@ -134,9 +158,10 @@ def intrinsics_within(of_lens: Record, plain: Record, matrix: list[float], origi
         raise refusal(origin, "camera matrix", "not one in px", "write fx, 0, cx / 0, fy, cy / 0, 0, 1", HEADING)
     nested = of_lens.get("distortion")
     inner = _by_spelling(nested) if isinstance(nested, Mapping) else {}
-    stated_model = str(of_lens.get("distortionmodel") or inner.get("type", inner.get("model")) or "").lower()
+    of_distortion = (*map(of_lens.get, OF_LENS_MODELS), inner.get("type"), inner.get("model"))
+    stated_model = next((_model(one, of_lens) for one in of_distortion if one), "")
     named = (of_lens.get(key) for key in (*OF_MODELS, *["lens"] * (not stated_model)))
-    words = {one: MODEL_SIGNS.sub("", one) for one in (stated_model, *(str(one).lower() for one in named if one))}
+    words = {one: MODEL_SIGNS.sub("", one) for one in (stated_model, *(_model(one, of_lens) for one in named if one))}
     known = [one for one in words.values() if one in PINHOLE or one in FISHEYE]
     is_flagged = any(str(of_lens.get(key)).lower() in ("1", "1.0", "true", "yes") for key in FLAGS)
     is_fisheye = is_flagged or not {*FISHEYE}.isdisjoint(known[:1] if stated_model else known)
@@ -145,7 +170,7 @@ def intrinsics_within(of_lens: Record, plain: Record, matrix: list[float], origi
     stated = _numbers(of_lens, names, COUNTS, missing=0.0) or _numbers(of_lens, OF_K, COEFFICIENT_COUNTS[lens])
     for at, (said, word) in enumerate(words.items()):
         is_other = word and word not in known and (at == 0 or OTHER_MODELS.search(said))
-        if is_other and not ("inverse" in word and stated is not None and not any(stated)):
+        if is_other and not (OF_ZEROS.search(word) and stated is not None and not any(stated)):
             fix = "calibrate as pinhole or fisheye, or have the camera estimated"
             raise refusal(origin, "distortion model", f"{said!r} is not read", fix, HEADING)
     if not (known or is_flagged) and number_of(of_lens.get("k4")) and of_lens.keys().isdisjoint(NOT_FISHEYE):
@@ -153,12 +178,15 @@ def intrinsics_within(of_lens: Record, plain: Record, matrix: list[float], origi
         raise refusal(origin, "distortion model", what, "add camera_model: fisheye or pinhole", HEADING)
     unread = (
         key for key, one in of_lens.items() if OF_DISTORTION.match(key) and not (key == "kappa" and "phi" in of_lens)
+        and not (key in ("t1", "t2") and "t3" in of_lens)
         and (stated is None or PARTLY.match(key))
         and not (key == "k" and (number_of(one) or _numbers(of_lens, OF_K, (9,))))
         and (number_of(one) or (isinstance(one, list | Mapping) and one and not POINT.match(key))
-             or (isinstance(one, str) and len(one.split()) > 1 and array_of(one.replace(",", " ").split()) is not None))
+             or (isinstance(one, str) and (array := _array(one)) is not None and array.size > 1))
     )  # fmt: skip
-    if name := next(unread, ""):
+    lists = ((key, _array(one)) for key, one in own.items() if stated is None and not NO_DISTORTION.search(key))
+    others = (key for key, array in lists if array is not None and array.size in OF_OPENCV and array.any())
+    if name := next(unread, "") or next(others, ""):
         raise refusal(origin, name, "distortion that is not read", "write distortion_coefficients", HEADING)
     distortion = stated or [0.0] * (4 if lens == "fisheye" else 5)
     if len(distortion) not in COEFFICIENT_COUNTS[lens]:  # without zeros at the end, filled to a number that it has
@@ -174,17 +202,25 @@ def intrinsics_within(of_lens: Record, plain: Record, matrix: list[float], origi
 MAX_COEFFICIENTS, MAX_SIDE_PX, MIN_FOCAL_PX, MAX_DEPTH, MAX_BESIDE = 100, 1e6, 10, 3, 20
 """More numbers are no distortion, a longer side is no picture's; a shorter focal length is in mm or of the width."""
 
-COUNTS = {*range(1, MAX_COEFFICIENTS)} - {9}
-"""Of a distortion; nine numbers are a matrix."""
+COUNTS, OF_OPENCV = {*range(1, MAX_COEFFICIENTS)} - {9}, (4, 5, 8, 12, 14)
+"""Of a distortion (nine are a matrix), and those that OpenCV writes."""
 
-OF_MODELS = ("cameramodel", "modeltype", "model", "type", "lensmodel", "cameratype")
+NUMBERS = re.compile(r"[^\s,;()\[\]]+")
 NOT_FISHEYE, OF_K = ("p1", "p2", "k5", "k6"), (("k",),)
 SIGNS, MODEL_SIGNS = re.compile(r"^camera1?\.|[^a-z0-9]"), re.compile(r"^distortion\.|[^a-z0-9]")
-POINT = re.compile(r"p\d$")
-OF_DISTORTION = re.compile(r"dist(?!ance)|radial|tangential|coeff|kappa|k$|kc|d$|xi$|[kp]\d$|.*(?<!un)distort")
-PARTLY = re.compile(r"radial|tangential|xi$")  # what coefficients beside it do not hold
-OF_LENS = re.compile(r"cam|lens|intrin|^(dist(?!ance)|radial|tangential|coeff|d$)")
+POINT = re.compile(r"[pst]\d$")
+OF_DISTORTION = re.compile(
+    rf"({'|'.join(BEFORE)})?(dist(?!ance)|coef|d$)|radial|tangential|kappa|k$|kc|xi$|[kps]\d$|t[12]$|.*(?<!un)distort"
+)
+PARTLY = re.compile(r"radial|tangential|xi$|k[07-9]$|p[03-9]$|s\d$|t[12]$")  # what coefficients beside it do not hold
+NO_DISTORTION = re.compile(
+    r"^(p\d?|r|t|data)$|matrix|mtx|intrin|proj|rect|pose|quat|rot|trans|[rt]vec|extrin|posit|orient|size|resol|shape|roi|box|crop|err|rms|std"
+)
+"""In the names of lists beside a matrix that are no distortion; others as long as OpenCV's are refused."""
+
+OF_ZEROS = re.compile("inverse|theta")  # models of RealSense that are a pinhole's where the coefficients are 0
+OF_LENS = re.compile(r"cam|lens|intrin|fisheye|^(dist(?!ance)|radial|tangential|coeff|d$)")
 OTHER_MODELS = re.compile(
-    r"fish|equi|omni(?!v)|kannala|kb\d|division|(?<!a)spher|\bds\b|ucm|\bocam\b(?!-)|scaramuzza|\bmei\b|^fov$|atan$|polynom|graphic$|inverse|theta"
+    r"fish|equi|omni(?!v)|kannala|kb\d|division|(?<!a)spher|\bds\b|ucm|\bocam\b(?!-)|ocam_?calib|scaramuzza|\bmei\b|^fov$|atan$|polynom|graphic$|inverse|theta"
 )
 """In the name of a camera or lens, those of models that are not read; other words are names of products."""

@@ -30,6 +30,7 @@ MATRICES = (
 DISTORTIONS = (
     "dist D d distCoeffs dist_coeffs dist_coeff dist_coef distCoef distCof distortion distortion_coefficients"
     " distortion_coeffs distortionCoeff DistortionCoefficients distortion_params lens_distortion coeffs kc k disto"
+    " cam_dist camera_dist camera_dist_coeffs cam_dist_coeffs lens_coeffs color_coeffs opencv_dist cam_D"
 )
 
 
@@ -46,11 +47,29 @@ def test_names_of_the_distortion(name: str, matrix: str) -> None:
     assert (found.distortion, found.has_distortion) == (tuple(D), True)
 
 
+@pytest.mark.parametrize(
+    "text", ["[0.1, -0.2, 0.001, 0.002, 0.03]", "0.1;-0.2; 0.001;0.002;0.03", "[[0.1 -0.2 1e-3 2e-3 .03]]"]
+)
+def test_distortion_as_text(text: str) -> None:
+    assert read({"K": K, "distortion": text}).distortion == tuple(D)
+
+
+@pytest.mark.parametrize("distance", [{"d": 0.3}, {"D": 0.3, "d": D}, {"dist": 500.0}, {"dist": 0.0}])
+def test_a_number_is_no_distortion_but_a_distance(distance: dict[str, Any]) -> None:
+    assert read({"K": K, "D": D} | distance).distortion == tuple(D)
+    if not isinstance(distance.get("d"), list):
+        np.testing.assert_array_equal(read({"K": K, **BY_NAME} | distance).distortion, [*D, 0, 0, 0])
+
+
 PINHOLE = {
     "RealSense": REALSENSE | {"model": "distortion.brown_conrady", "coeffs": D},
     "RealSense, modified": REALSENSE | {"model": "Modified Brown Conrady", "coeffs": D},
     "RealSense, none": REALSENSE | {"model": "distortion.none", "coeffs": [0.0] * 5},
     "RealSense, inverse of nothing": REALSENSE | {"model": "distortion.inverse_brown_conrady", "coeffs": [0] * 5},
+    "RealSense, 1": REALSENSE | {"model": 1, "coeffs": D},
+    "RealSense, 2 of nothing": REALSENSE | {"model": 2, "coeffs": [0] * 5},
+    "RealSense, 3 of nothing": REALSENSE | {"model": 3, "coeffs": [0] * 5},
+    "RealSense, 4": REALSENSE | {"distortion_model": 4, "coeffs": D},
     "nerfstudio": {"camera_model": "OPENCV", "fl_x": 600, "fl_y": 601, "cx": 320, "cy": 240, "w": 640, "h": 480,
                    **BY_NAME},
     "ORB-SLAM": {f"Camera.{key}": one for key, one in {**FOUR, **BY_NAME, "width": 640, "height": 480}.items()},
@@ -73,11 +92,18 @@ FISHEYES = {
     "a flag in words": {"camera_matrix": K, "dist_coeffs": EQUI, "use_fisheye": "yes"},
     "a flag of 1": {**FOUR, "dist": EQUI, "is_fisheye": 1},
     "RealSense": REALSENSE | {"model": "distortion.kannala_brandt4", "coeffs": [*EQUI, 0.0]},
+    "RealSense, 5": REALSENSE | {"model": 5, "coeffs": [*EQUI, 0.0]},
+    **{key: {**FOUR, key: "equidistant", "dist": EQUI} for key in
+       ["distortion_type", "distortionType", "dist_model", "lens_type", "projection", "projection_model",
+        "model_name"]},
+    "within fisheye": {"fisheye": {"K": K, "D": EQUI}},
+    "within fisheye_camera": {"fisheye_camera": {"K": K, "D": EQUI}},
+    "coefficients within fisheye": {"K": K, "fisheye": {"D": EQUI}},
     "Kannala Brandt4": {**FOUR, "distortion_model": "Kannala Brandt4", "dist": EQUI},
     "nerfstudio": {**FOUR, "camera_model": "OPENCV_FISHEYE", **BY_NAME_EQUI},
     "ORB-SLAM3": {"Camera.type": "KannalaBrandt8"}
     | {f"Camera1.{key}": one for key, one in {**FOUR, **BY_NAME_EQUI}.items()},
-}
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("case", FISHEYES)
@@ -96,13 +122,34 @@ REFUSED = {
     "RealSense, inverse": (REALSENSE | {"model": "distortion.inverse_brown_conrady", "coeffs": D}, "inverse_brown"),
     "RealSense, f-theta": (REALSENSE | {"model": "distortion.ftheta", "coeffs": D}, "'distortion.ftheta' is not read"),
     "a fisheye with p1": ({**FOUR, "model": "fisheye", **BY_NAME}, "coefficients"),
+    "RealSense, 2": (REALSENSE | {"model": 2, "coeffs": D}, "inverse_brown"),
+    "RealSense, 3": (REALSENSE | {"model": 3, "coeffs": D}, "ftheta"),
+    "OCamCalib": ({"K": K, "dist": D, "model": "OCamCalib"}, "ocamcalib"),
+    **{key: ({"cam_mtx": K, key: D}, "distortion that is not read") for key in
+       ("camera_coefficients", "coefs", "dst", "D0", "numbers")},
+    **{key: ({**FOUR, **BY_NAME, key: 0.01}, f"{key}: distortion that is not read") for key in
+       ("k0", "k7", "p3", "s1", "s4", "t1", "t2")},
+    "a fisheye with k5": ({**FOUR, "model": "fisheye", **BY_NAME_EQUI, "k5": 0.1}, "coefficients"),
+    "only a number": ({"K": K, "d": 0.3}, "d: distortion that is not read"),
+    "two that differ": ({"K": K, "D": D, "d": EQUI}, "d: distortion that is not read"),
+    "two cameras of ORB-SLAM": ({f"Camera{at}.{key}": one + at for at in (1, 2) for key, one in FOUR.items()},
+                                "several cameras"),
     "unknown name": ({"K": K, "dist_co": D}, "distco: distortion that is not read"),
     "name with distortion in it": ({"K": K, "my_distortion_of_lens": D}, "mydistortionoflens: distortion that"),
     "as text": ({"K": K, "dist_co": "0.1, -0.2, 0, 0"}, "distco: distortion that is not read"),
     "k is no number": ({"camera_matrix": K, "k": [0.1, ".Nan", 0, 0]}, "k: distortion that is not read"),
     "tangential beside radial": ({**FOUR, "k1": 0.1, "k2": -0.2, "tangential": [0.001, 0.002]}, "tangential: dist"),
     "nine numbers": ({"K": K, "dist": [0.1] * 9}, "dist: distortion that is not read"),
-}
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("beside", ["P", "projection_matrix", "quaternion", "roi", "extrinsics"])
+def test_lists_that_are_no_distortion(beside: str) -> None:
+    assert not read({"K": K, beside: [0.1, 0.2, 0.3, 0.4]}).has_distortion
+
+
+def test_zeros_of_an_unknown_name() -> None:
+    assert read({"K": K, "dst": [0.0] * 5}).distortion == (0.0,) * 5
 
 
 @pytest.mark.parametrize("case", REFUSED)
@@ -126,6 +173,7 @@ def npy(array: Any) -> bytes:
 
 FILES = {
     "mtx and dist": ("a.npz", npz(ret=0.2, mtx=K, dist=[D], rvecs=np.ones((9, 3, 1)), tvecs=np.ones((9, 3, 1))), D),
+    "cam_mtx and cam_dist": ("a.npz", npz(cam_mtx=K, cam_dist=[D]), D),
     "K and D": ("a.npz", npz(K=K, D=np.array(D)[:, None]), D),
     "camera_matrix and dist_coeffs": ("a.npz", npz(camera_matrix=K, dist_coeffs=D), D),
     "beside a picture": ("a.npz", npz(K=K, D=D, picture=np.zeros((480, 640, 3), np.uint8)), D),
