@@ -138,12 +138,12 @@ class MockCell:
         kind = _WIRES[program] if home is None else partial(RapidWires, home=home)
         self._wires: Wires = kind(
             SimulatedArm(arm, start_joints(arm, truth), noise, built=truth.built_arm(), load=Load(*CAMERA_LOAD)),
+            clock,
+            truth.seed,
             session=session or Random().randrange(1, 65536),
             time_scale=time_scale,
             started_at_s=clock(),
             box=MotionBox(*map(tuple, cell_sheet(truth)["box_mm"])),
-            clock=clock,
-            seed=truth.seed,
         )
         self.controller = self._wires.controller
         self.controller.mounting = replace(truth.mounting)

@@ -23,7 +23,6 @@ from registration.errors import ScanError
 from registration.fusion.concatenation import OnProgress, ignore_progress, report_part, size_of
 from registration.fusion.overlap import Agreement, agreement
 from registration.fusion.pose_adjustment import MAX_ITERATIONS, Refinement, refine_poses
-from registration.io.columns import common_layout
 from registration.io.convert import move_file
 from registration.io.durable_file import GuardedFile
 from registration.io.reading import open_cloud
@@ -262,8 +261,3 @@ def write_views(views: Sequence[PlacedView], folder: Path) -> list[Path]:
     for target, placed in zip(targets, views, strict=True):
         move_file(placed.view.path, target, RigidMotion.of(placed.base_T_camera, placed.view.unit))
     return targets
-
-
-def layout_of_views(views: Sequence[PlacedView]) -> tuple[Layout, tuple[str, ...]]:
-    """Columns of the merged cloud, and the names of those that only some views have."""
-    return common_layout(view.layout for view in views)

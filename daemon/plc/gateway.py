@@ -9,7 +9,7 @@ from datetime import datetime
 from functools import partial
 from typing import Any
 
-from calibration.documents.calibration import AccuracyDocument, CalibrationDocument
+from calibration.documents.calibration import CalibrationDocument
 from calibration.documents.validation import validate_document
 from calibration.errors import CalibrationError, DocumentError
 from daemon.access.actor_names import PLC_CLIENT
@@ -44,7 +44,6 @@ from protocols.plc.events import (
 from protocols.plc.handshake import Handshake, Rules, react, register_image
 from protocols.plc.registers import BY_NAME, CONTROL
 from protocols.plc.results import Accuracy, CameraPose, CommandResult, Sigma
-from registration.documents import RegistrationReportDocument
 from registration.errors import RegistrationError
 
 
@@ -55,67 +54,31 @@ def run_failure(command: PlcCommand, run: RunRecord) -> CommandResult:
     return CommandResult(command, verdict, run.id, code, run.station)
 
 
-def command_failure(command: PlcCommand, run_id: str, error_code: int) -> CommandResult:
-    """The result of a command whose run ended but whose result could not be read."""
-    return CommandResult(command, PlcVerdict.FAILED, run_id, error_code)
-
-
-def calibration_result(run: RunRecord, document: CalibrationDocument, now: datetime) -> CommandResult:
-    """The result of a calibration: X, and its hold-out error as the deviation."""
-    assert run.result is not None
-    deviation_mm = document.hold_out.base_error_mm if document.hold_out else None
-    found = base_result(PlcCommand.CALIBRATE, run, document, now)
-    verdict = verdict_of(document.verdict.accepted)
-    return replace(found, verdict=verdict, deviation_mm=deviation_mm, in_force=run.result["applied"])
-
-
-def verification_result(run: RunRecord, document: CalibrationDocument, now: datetime, holds: bool) -> CommandResult:
-    """The result of a verification: the active calibration, and the largest sigma of the target's points."""
-    assert run.result is not None
-    sigma_mm = run.result["verification"]["sigma_mm"]
-    found = base_result(PlcCommand.VERIFY, run, document, now)
-    return replace(found, verdict=verdict_of(holds), deviation_mm=float(max(sigma_mm)))
-
-
-def registration_result(
-    run: RunRecord, document: CalibrationDocument, now: datetime, report: RegistrationReportDocument
-) -> CommandResult:
-    """The result of a registration: the calibration used, and the RMS between views, refined if they were."""
-    rms = report.rms_mm
-    deviation_mm = rms.before if rms.after is None else rms.after
-    found = base_result(PlcCommand.REGISTER, run, document, now)
-    return replace(found, verdict=verdict_of(report.verdict.accepted), deviation_mm=deviation_mm)
-
-
-def base_result(command: PlcCommand, run: RunRecord, document: CalibrationDocument, now: datetime) -> CommandResult:
-    """The fields common to all results: run, X, its uncertainty and accuracy, and age; of an active calibration."""
+def finished_result(
+    command: PlcCommand, run: RunRecord, document: CalibrationDocument, now: datetime, *, good: bool,
+    deviation_mm: float | None, in_force: bool = True,
+) -> CommandResult:  # fmt: skip
+    """The result of a run that came to its end: X, its uncertainty, accuracy and age, and the deviation it found."""
     camera = sigma = None
     if document.mount_T_camera is not None:
         camera = CameraPose(document.mount_T_camera.translation_mm, document.mount_T_camera.quaternion_wxyz)
     if document.uncertainty is not None:
         uncertainty = document.uncertainty
         sigma = Sigma(uncertainty.translation_mm, uncertainty.rotation_deg, uncertainty.point_mm)
-    age_s = age_of(document, now)
-    return CommandResult(
-        command, PlcVerdict.NONE, run.id, 0, run.station, age_s, camera, sigma, accuracy=_accuracy(document.accuracy),
-        in_force=True,
-    )  # fmt: skip
-
-
-def _accuracy(stated: AccuracyDocument) -> Accuracy:
-    return Accuracy(
+    stated = document.accuracy
+    accuracy = Accuracy(
         stated.expanded_mm, stated.worst_point or "", stated.tolerance_mm, stated.tolerance_stated, stated.expected_mm,
         stated.before_mm, unexpected=stated.why is not None,
     )  # fmt: skip
+    verdict = PlcVerdict.ACCEPTED if good else PlcVerdict.REJECTED
+    return CommandResult(
+        command, verdict, run.id, 0, run.station, age_of(document, now), camera, sigma, deviation_mm, accuracy, in_force
+    )
 
 
 def age_of(document: CalibrationDocument, now: datetime) -> int:
     """Whole seconds since the calibration was made; 0 when that lies in the future."""
     return max(0, int((now - datetime.fromisoformat(document.created_at)).total_seconds()))
-
-
-def verdict_of(good: bool) -> PlcVerdict:
-    return PlcVerdict.ACCEPTED if good else PlcVerdict.REJECTED
 
 
 log = logging.getLogger(__name__)
@@ -252,12 +215,8 @@ class PlcGateway:
         with about_request(name), acting_as(AuditContext(self._by, "operator")):
             try:
                 run = await self._begin(start)
-            except EXPECTED_ERRORS as error:
+            except Exception as error:  # noqa: BLE001  logged by _code_of
                 self._take(StartRefused(self._code_of(error)))
-                return
-            except Exception:
-                log.exception("a defect kept a command of %s from being begun", self._by)
-                self._take(StartRefused(number_of("internal-error")))
                 return
             self._take(StartAccepted())
             self._take(CommandEnded(await self._follow(start, run)))
@@ -288,11 +247,8 @@ class PlcGateway:
                 run = await self.operations.supervisor.wait(run.id, PROGRESS_S)
                 self._take(StationReached(run.station, run.stations))
             return await self._result(start.command, run, self._camera(start.camera))
-        except EXPECTED_ERRORS as error:
-            return command_failure(start.command, run.id, self._code_of(error))
-        except Exception:
-            log.exception("a defect kept a result from %s", self._by)
-            return command_failure(start.command, run.id, number_of("internal-error"))
+        except Exception as error:  # noqa: BLE001  logged by _code_of; the run has ended
+            return CommandResult(start.command, PlcVerdict.FAILED, run.id, self._code_of(error))
 
     async def _result(self, command: PlcCommand, run: RunRecord, camera: CellCamera) -> CommandResult:
         if run.state is not RunState.FINISHED or run.result is None:
@@ -301,14 +257,18 @@ class PlcGateway:
         if command is PlcCommand.REGISTER:
             used = await operations.calibrations.in_use(await operations.calibrations.find("current"))
             report = await (await operations.scans.start_registration(run.result["scan_id"], used, refine=True))
-            return registration_result(run, used.document, now, report)
+            rms, good = report.rms_mm, report.verdict.accepted
+            deviation_mm = rms.before if rms.after is None else rms.after
+            return finished_result(command, run, used.document, now, good=good, deviation_mm=deviation_mm)
         document = (await operations.store.calibration(run.result["calibration_id"])).document
         if command is PlcCommand.CALIBRATE:
-            return calibration_result(run, document, now)
+            good, in_force = document.verdict.accepted, run.result["applied"]
+            deviation_mm = document.hold_out.base_error_mm if document.hold_out else None
+            return finished_result(command, run, document, now, good=good, deviation_mm=deviation_mm, in_force=in_force)
         document = (await operations.calibrations.in_use(document)).document
-        drifts = bool((await camera.drift.report_after(run)).alarm)
-        met = run.result["verification"]["within_tolerance"]
-        return verification_result(run, document, now, holds=met and not drifts)
+        drifts, found = bool((await camera.drift.report_after(run)).alarm), run.result["verification"]
+        good, largest_mm = found["within_tolerance"] and not drifts, float(max(found["sigma_mm"]))
+        return finished_result(command, run, document, now, good=good, deviation_mm=largest_mm)
 
     async def _abort(self, by: str) -> None:
         """Abort the run in progress, also one that another client started; then append its audit row."""
@@ -324,7 +284,10 @@ class PlcGateway:
             log.error("the audit log could not be written: %s", error)
 
     def _code_of(self, error: Exception) -> int:
-        """The error code for the registers; the message goes to the log."""
+        """The error code for the registers; the message goes to the log, that of a defect with its traceback."""
+        if not isinstance(error, EXPECTED_ERRORS):
+            log.error("a defect ended a command of %s", self._by, exc_info=error)
+            return number_of("internal-error")
         log.warning("a command of %s failed: %s", self._by, error)
         number = number_of(getattr(error, "code", ""))
         if number != UNKNOWN:

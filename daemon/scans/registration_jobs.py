@@ -25,9 +25,10 @@ from daemon.scans.progress import ProgressReports
 from daemon.store.store import Store
 from registration.documents import RegistrationReportDocument
 from registration.fusion.concatenation import report_part, size_of
+from registration.io.columns import common_layout
 from registration.points.surface import limit_of
 from registration.report import column_findings, report_of, unit_findings
-from registration.scan import ScannerMount, ScanView, layout_of_views, register_views, sample_views, scanner_mount_of
+from registration.scan import ScannerMount, ScanView, register_views, sample_views, scanner_mount_of
 
 log = logging.getLogger(__name__)
 
@@ -199,7 +200,7 @@ def _register(
     hand = ScannerMount(given.calibration_id, wanted.flange_T_scanner, given.noise)
     rest = partial(report_part, on_progress, reading, 1 - reading)
     registration = register_views(wanted.views, samples, hand, refine=wanted.refine, on_progress=rest)
-    _, lost = layout_of_views(registration.views)
+    _, lost = common_layout(view.layout for view in registration.views)
     points = sum(view.points - view.non_finite for view in registration.views)
     seconds = {"read": read - began, "register": clock() - read, "write": 0.0}
     findings = [*wanted.findings, *unit_findings(samples), *column_findings(lost)]

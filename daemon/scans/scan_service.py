@@ -26,7 +26,7 @@ from daemon.runtime.event_bus import Publish
 from daemon.runtime.workers import Workers
 from daemon.scans.progress import ProgressReports, StepEnd
 from daemon.scans.registration_jobs import RegistrationJobs, RegistrationRequest
-from daemon.scans.scanner_acceptance import AcceptanceDocument, assess_scanner
+from daemon.scans.scanner_acceptance import AcceptanceDocument, assess_clouds
 from daemon.scans.upload import NPZ, PLY, SUFFIXES, receive_upload
 from daemon.store.database import storage_errors
 from daemon.store.store import Store
@@ -228,10 +228,9 @@ class ScanService:
 
         Raises ScanEmpty, NotFound, RegistrationError, WorkersBusy.
         """
-        views = await self._views(scan_id)
-        return await self.merge_workers.run_if_free(
-            assess_scanner, scan_id, self.store.scan_folder(scan_id), views, artefact
-        )
+        folder = self.store.scan_folder(scan_id)
+        clouds = [(folder / view.file, view.unit) for view in await self._views(scan_id)]
+        return await self.merge_workers.run_if_free(assess_clouds, scan_id, clouds, artefact)
 
     async def _views(self, scan_id: str) -> list[ScanViewDocument]:
         """The views of a scan, at least one. Raises ScanEmpty, NotFound."""

@@ -5,7 +5,6 @@ from pathlib import Path
 from typing import Literal
 
 from calibration.documents.validation import Document
-from daemon.model.records import ScanViewDocument
 from daemon.model.requests import ArtefactRequest
 from registration.io.reading import open_cloud
 from registration.points.rigid_motion import scale_to_mm
@@ -48,13 +47,6 @@ class AcceptanceDocument(Document):
     """Sphere-spacing error, mm; null without a ball bar."""
     positions: list[PositionDocument]
     """One entry for each view."""
-
-
-def assess_scanner(
-    scan_id: str, folder: Path, views: list[ScanViewDocument], artefact: ArtefactRequest
-) -> AcceptanceDocument:
-    """Evaluate every view of a scan. Raises SphereError, CloudError."""
-    return assess_clouds(scan_id, [(folder / view.file, view.unit) for view in views], artefact)
 
 
 def assess_clouds(scan_id: str, views: Sequence[tuple[Path, str]], artefact: ArtefactRequest) -> AcceptanceDocument:

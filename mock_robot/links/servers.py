@@ -233,6 +233,17 @@ async def _perform(steps: Iterable[WireStep], writer: asyncio.StreamWriter) -> b
     return True
 
 
+def open_pty() -> tuple[tuple[int, int], str]:
+    """Both ends of a raw pty, the first of which never blocks, and the path of the second."""
+    import tty  # POSIX only, as the line is
+
+    ends = os.openpty()
+    for end in ends:
+        tty.setraw(end)
+    os.set_blocking(ends[0], False)
+    return ends, os.ttyname(ends[1])
+
+
 class SerialLinkServer:
     """The robot's end of a serial line: a pty, opened by the client by its path."""
 
@@ -244,15 +255,10 @@ class SerialLinkServer:
 
     async def start(self) -> str:
         """Open the pty; returns the path for the client."""
-        import tty  # POSIX only, as the line is
-
-        self._ours, self._theirs = os.openpty()
-        tty.setraw(self._ours)
-        tty.setraw(self._theirs)
-        os.set_blocking(self._ours, False)
+        (self._ours, self._theirs), path = open_pty()
         asyncio.get_running_loop().add_reader(self._ours, self._readable)
         self._talking = asyncio.create_task(self._talk())
-        return os.ttyname(self._theirs)
+        return path
 
     def nudge(self) -> None:
         """React now to a change made from outside."""

@@ -5,15 +5,15 @@ import os
 from collections.abc import Callable
 from contextlib import AsyncExitStack
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
 from mock_robot.arm.simulated_arm import SimulatedArm
-from mock_robot.cabinet.cabinet import Cabinet, MotionBox
+from mock_robot.cabinet.cabinet import Cabinet
 from mock_robot.errors import MockError
 from mock_robot.faults.board import FaultBoard
 from mock_robot.faults.robot_faults import FAULTS
 from mock_robot.links.cb_program import Controller
-from mock_robot.links.servers import SerialLinkServer, TcpLinkServer
+from mock_robot.links.servers import SerialLinkServer, TcpLinkServer, open_pty
 from mock_robot.rapid.controller import DEPLOYED, RapidController
 from mock_robot.rapid.devices import FrameFaultBoard
 from mock_robot.rapid.errors import RapidProgramError, RapidSyntaxError
@@ -44,22 +44,10 @@ class Wires(Protocol):
 
 
 class PythonWires:
-    """Links of the Python program: a socket and, if requested, a pty beside it."""
+    """Links of the Python program: a socket and, if requested, a pty beside it. `state`: that of a Cabinet."""
 
-    def __init__(
-        self,
-        arm: SimulatedArm,
-        *,
-        session: int,
-        time_scale: float,
-        started_at_s: float,
-        box: MotionBox,
-        clock: Clock,
-        seed: int,
-    ) -> None:
-        self.controller: Cabinet = (
-            controller := Controller(arm, session=session, time_scale=time_scale, started_at_s=started_at_s, box=box)
-        )
+    def __init__(self, arm: SimulatedArm, clock: Clock, seed: int, **state: Any) -> None:
+        self.controller: Cabinet = (controller := Controller(arm, **state))
         self.board = FaultBoard(FAULTS, seed)
         self._tcp = TcpLinkServer(controller, self.board, clock)
         self._serial = SerialLinkServer(controller, self.board, clock)
@@ -88,32 +76,13 @@ class PythonWires:
 class RapidWires:
     """Links of the RAPID program, which opens its own socket, or the pty behind its serial port, as configured.
 
-    `home`: a folder with a program of its own, which is not configured and not waited for.
+    `home`: a folder with a program of its own, which is not configured and not waited for. `state`: that of a Cabinet.
     """
 
-    def __init__(
-        self,
-        arm: SimulatedArm,
-        *,
-        session: int,
-        time_scale: float,
-        started_at_s: float,
-        box: MotionBox,
-        clock: Clock,
-        seed: int,
-        home: Path | None = None,
-    ) -> None:
+    def __init__(self, arm: SimulatedArm, clock: Clock, seed: int, home: Path | None = None, **state: Any) -> None:
         self.board = FrameFaultBoard(FAULTS, seed)
         self.controller = self._rapid = RapidController(
-            arm,
-            session,
-            time_scale,
-            started_at_s,
-            box,
-            clock=clock,
-            board=self.board,
-            folder=home or DEPLOYED,
-            home=home is not None,
+            arm, clock=clock, board=self.board, folder=home or DEPLOYED, home=home is not None, **state
         )
         self._ends: tuple[int, ...] = ()
 
@@ -134,13 +103,7 @@ class RapidWires:
         }
         path = None
         if serial:
-            import tty  # POSIX only, as the line is
-
-            self._ends = os.openpty()
-            for end in self._ends:
-                tty.setraw(end)
-            os.set_blocking(self._ends[0], False)
-            path = os.ttyname(self._ends[1])
+            self._ends, path = open_pty()
         await asyncio.to_thread(rapid.begin, self._ends[0] if serial else None)
         await asyncio.to_thread(rapid.await_link)
         address = rapid.devices.address

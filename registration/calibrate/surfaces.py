@@ -169,10 +169,13 @@ class _SurfaceSystem:
         return {index for key in self.pairs for index in key}
 
     def solve(self, noise: RobotNoise) -> tuple[Array, Array]:
-        """Information (6n + 6, 6n + 6), and the Gauss-Newton step."""
-        information, gradient = _with_x(
-            self.pairs, self.poses, self.motions, self.anchor_T_flange, noise, self.origin, self.radius_mm
+        """Information (6n + 6, 6n + 6) of all motions and, last, of X (rad, mm in the camera frame); the step."""
+        seen, seen_gradient, prior, prior_gradient = normal_equations(
+            self.pairs, self.motions, list(self.anchor_T_flange), noise, self.origin, self.radius_mm
         )
+        moved = np.concatenate([_twist_per_x(pose, self.origin, self.radius_mm) for pose in self.poses])
+        information = np.block([[seen + prior, seen @ moved], [moved.T @ seen, moved.T @ seen @ moved]])
+        gradient = np.concatenate([seen_gradient + prior_gradient, moved.T @ seen_gradient])
         return information, -np.asarray(np.linalg.solve(information, gradient), float)
 
     def apply_step(self, step: Array) -> list[Array]:
@@ -203,25 +206,6 @@ def _estimate_noise(system: _SurfaceSystem, noise: RobotNoise, stated: RobotNois
         if np.allclose(then, now, rtol=NOISE_TOLERANCE, atol=0):
             break
     return noise
-
-
-def _with_x(
-    pairs: dict[tuple[int, int], PairEvidence],
-    poses: Sequence[Array],
-    motions: Sequence[Array],
-    anchor_T_flange: Array,
-    noise: RobotNoise,
-    origin: Array,
-    radius_mm: float,
-) -> tuple[Array, Array]:
-    """Information (6n + 6, 6n + 6) and gradient of all motions and, last, of X (rad, mm in the camera frame)."""
-    seen, seen_gradient, prior, prior_gradient = normal_equations(
-        pairs, motions, list(anchor_T_flange), noise, origin, radius_mm
-    )
-    moved = np.concatenate([_twist_per_x(pose, origin, radius_mm) for pose in poses])
-    information = np.block([[seen + prior, seen @ moved], [moved.T @ seen, moved.T @ seen @ moved]])
-    gradient = np.concatenate([seen_gradient + prior_gradient, moved.T @ seen_gradient])
-    return information, gradient
 
 
 def _twist_per_x(anchor_T_camera: Array, origin: Array, radius_mm: float) -> Array:
