@@ -4,7 +4,7 @@ import json
 import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Annotated, Any, Generic, Protocol, TypeVar
+from typing import Annotated, Any, Generic, TypeVar
 
 from fastapi import APIRouter, Depends, Path, Query, Request, Response
 from pydantic import BaseModel, BeforeValidator
@@ -21,22 +21,15 @@ from calibration.errors import DocumentProblem
 from daemon.api.http_errors import BodyMalformed, InvalidRequest
 from daemon.api.operation_names import operation_name
 from daemon.api.problems import problem_responses
+from daemon.api.schemas.answer import Row, documents_of, page_json
 from daemon.application import Application
 from daemon.drift.cell_cameras import CellCamera
 from daemon.sessions.pictures import Width
+from daemon.store.damaged_rows import DamagedRow, split_damaged
 from daemon.store.listings import NO_FILTERS, PageFilters
 
 Model = TypeVar("Model", bound=BaseModel)
 
-
-class Identified(Protocol):
-    """A record with an id, which serves as the cursor of a page."""
-
-    @property
-    def id(self) -> str: ...
-
-
-Record = TypeVar("Record", bound=Identified)
 
 ORIGIN = "request body"
 
@@ -126,16 +119,26 @@ def box_of(text: str | None) -> tuple[tuple[float, float, float], tuple[float, f
     return (a, b, c), (d, e, f)
 
 
-def page_of(
-    found: list[Record], limit: int, path: str, filters: PageFilters = NO_FILTERS
-) -> tuple[list[Record], str | None]:
-    """The page and the link to the next one, or None, from up to `limit` + 1 records."""
+async def respond_rows(
+    app: Application, found: Sequence[Row | DamagedRow], limit: int, path: str, document: Callable[[Row], Any],
+    filters: PageFilters = NO_FILTERS, **lists: Any,
+) -> Response:  # fmt: skip
+    """Answer the page of up to `limit` + 1 rows `found`, each as its `document`, with the ids of those damaged.
+
+    The rows have the name of their path; `lists` stand beside them.
+    """
     page = found[:limit]
-    return page, f"{path}?limit={limit}{filters.query}&before={page[-1].id}" if len(found) > limit else None
+    following = f"{path}?limit={limit}{filters.query}&before={page[-1].id}" if len(found) > limit else None
+
+    def as_json() -> bytes:
+        read, damaged = split_damaged(documents_of(document, page))
+        return page_json({path.strip("/"): read, "damaged": damaged, **lists}, following)
+
+    return await respond_page(app, as_json)
 
 
 async def respond_page(app: Application, as_json: Callable[[], bytes]) -> Response:
-    """Answer a page that `as_json` builds, in a thread: pages of 500 would hold the event loop up."""
+    """Answer what `as_json` builds, in a thread: pages of 500 would hold the event loop up."""
     return Response(await app.service_workers.run(as_json), media_type="application/json")
 
 

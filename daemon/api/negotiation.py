@@ -95,6 +95,11 @@ def respond(
     return Response(document.model_dump_json(), status, every, media_type="application/json")
 
 
+def respond_created(document: BaseModel, location: str) -> Response:
+    """Answer what was made and stored, and where it is."""
+    return Response(document.model_dump_json(), 201, {"Location": location}, media_type="application/json")
+
+
 def or_text(description: str) -> dict[str, Any]:
     """The `responses` entry for an answer that is also available as text."""
     return {"description": description, "content": {TEXT: {"schema": {"type": "string"}}}}

@@ -4,11 +4,10 @@ from typing import Annotated
 
 from fastapi import Depends, Request, Response
 
-from daemon.api.dependencies import App, Before, Identifier, JsonBody, Limit, Wait, api_router, page_of, respond_page
-from daemon.api.negotiation import or_text, respond
+from daemon.api.dependencies import App, Before, Identifier, JsonBody, Limit, Wait, api_router, respond_rows
+from daemon.api.negotiation import or_text, respond, respond_created
 from daemon.api.problems import problem_responses
 from daemon.api.routes.runs import STARTED, answer_run_start
-from daemon.api.schemas.answer import documents_json
 from daemon.api.schemas.runs import RunDocument
 from daemon.application import Application
 from extensions.touch.approach import TouchApproach
@@ -32,8 +31,7 @@ async def touch(app: App, body: Annotated[TouchRequest, Depends(JsonBody(TouchRe
     """Judge where an operator has brought a known tip to points that the camera saw: the misses, their uncertainty, the
     tolerance. Stored; Location says where. Never moves anything; 409 while a run is in progress and a pose is read."""
     stored = StoredTouch.of_record(await _touch_tests(app, body.camera).evaluate(body, app.new_id()))
-    headers = {"Location": f"/touches/{stored.id}"}
-    return Response(stored.model_dump_json(), 201, headers, media_type="application/json")
+    return respond_created(stored, f"/touches/{stored.id}")
 
 
 @router.post("/touch/approach", operation_id="approach_point", response_model=RunDocument, responses=STARTED)
@@ -52,8 +50,8 @@ async def approach(
 @router.get("/touches", operation_id="list_touch_tests", response_model=TouchList)
 async def touches(app: App, limit: Limit = 50, before: Before = None) -> Response:
     """The touch tests, newest first."""
-    page, following = page_of(await app.store.documents(TOUCH_TESTS).page(limit + 1, before), limit, "/touches")
-    return await respond_page(app, lambda: documents_json("touches", StoredTouch.of_record, page, following))
+    found = await app.store.documents(TOUCH_TESTS).page(limit + 1, before)
+    return await respond_rows(app, found, limit, "/touches", StoredTouch.of_record)
 
 
 @router.get(

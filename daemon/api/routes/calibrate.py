@@ -14,8 +14,8 @@ from daemon.api.dependencies import (
     Wait,
     WithCamera,
     api_router,
-    page_of,
     respond_page,
+    respond_rows,
 )
 from daemon.api.middleware.disconnects import client_of
 from daemon.api.negotiation import or_text, respond
@@ -23,7 +23,6 @@ from daemon.api.plain_text import status_text
 from daemon.api.problems import problem_responses
 from daemon.api.readiness import readiness
 from daemon.api.routes.runs import STARTED, answer_run_start
-from daemon.api.schemas.answer import documents_json
 from daemon.api.schemas.calibrations import AppliedDocument, CalibrateStatus, CalibrationSummary
 from daemon.api.schemas.cell import ForesightDocument, frame_warning
 from daemon.api.schemas.runs import RunDocument
@@ -88,8 +87,8 @@ async def plan(app: App, body: Annotated[CalibrateRequest, Depends(JsonBody(Cali
 @router.get("/acceptances", response_model=AcceptanceList)
 async def acceptances(app: App, limit: Limit = 50, before: Before = None) -> Response:
     """The scanner's verifications, newest first."""
-    page, following = page_of(await app.store.acceptances.page(limit + 1, before), limit, "/acceptances")
-    return await respond_page(app, lambda: documents_json("acceptances", StoredAcceptance.of_record, page, following))
+    found = await app.store.acceptances.page(limit + 1, before)
+    return await respond_rows(app, found, limit, "/acceptances", StoredAcceptance.of_record)
 
 
 @router.get("/acceptances/{acceptance_id}", response_model=StoredAcceptance, responses=problem_responses(404))

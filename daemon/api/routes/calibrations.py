@@ -28,21 +28,17 @@ from daemon.api.dependencies import (
     WithCamera,
     api_router,
     box_of,
-    page_of,
-    respond_page,
+    respond_rows,
 )
 from daemon.api.http_errors import InvalidRequest
 from daemon.api.middleware.authentication import caller_of
-from daemon.api.negotiation import or_text, respond
+from daemon.api.negotiation import or_text, respond, respond_created
 from daemon.api.plain_text import current_text
 from daemon.api.problems import problem_responses
-from daemon.api.schemas.answer import page_json
 from daemon.api.schemas.calibrations import AppliedDocument, CalibrationList, CalibrationSummary, CurrentCalibration
 from daemon.application import Application
 from daemon.errors import NoCalibration, NotFound, StorageInconsistent
-from daemon.model.records import CalibrationRecord
 from daemon.model.requests import ApplyRequest, ObservationsRequest, SolveRequest
-from daemon.store.damaged_rows import split_damaged
 from daemon.store.listings import CalibrationListing, PageFilters
 
 TAG = re.compile(r'"applied-([0-9]{1,18})"')
@@ -108,17 +104,16 @@ async def calibrations(app: App, limit: Limit = 50, before: Before = None, accep
     """The calibrations, newest first, and the latest applied ones; with `accepted` those of that verdict only."""
     filters = PageFilters.of({"accepted": accepted})
     found = await app.store.listings.calibrations(limit + 1, before, filters)
-    page, following = page_of(found, limit, "/calibrations", filters)
     history = await app.store.history(limit)
     current = frozenset({row.camera: row.calibration_id for row in reversed(history)}.values())
-    read, damaged = split_damaged(page)
-    read = [await _as_in_force(app, listing) if listing.id in current else listing for listing in read]
+    in_force = [row for row in found if isinstance(row, CalibrationListing) and row.id in current]
+    accurate = {row.id: await _as_in_force(app, row) for row in in_force}
+    found = [accurate.get(row.id, row) for row in found]
 
-    def as_json() -> bytes:
-        found = [CalibrationSummary.of(row, row.accuracy, current=row.id in current) for row in read]
-        return page_json({"calibrations": found, "damaged": damaged, "applied": history}, following)
+    def summary_of(row: CalibrationListing) -> CalibrationSummary:
+        return CalibrationSummary.of(row, row.accuracy, current=row.id in current)
 
-    return await respond_page(app, as_json)
+    return await respond_rows(app, found, limit, "/calibrations", summary_of, filters, applied=history)
 
 
 async def _as_in_force(app: Application, listing: CalibrationListing) -> CalibrationListing:
@@ -141,7 +136,8 @@ async def solve(
 ) -> Response:
     """Solve views that another program has taken: session.json whose views hold `corners_px`, `points_mm` or
     `camera_T_target`. A calibration of its own, not applied. 409 while a run is in progress."""
-    return _made(await app.operations.solve_observations(body, app.new_id()))
+    record = await app.operations.solve_observations(body, app.new_id())
+    return respond_created(record.document, f"/calibrations/{record.id}")
 
 
 @router.get(
@@ -232,7 +228,8 @@ async def solve_again(
     not applied. 409 while a run is in progress."""
     app.supervisor.require_free()
     camera = app.camera((await app.store.calibration(calibration_id)).camera)
-    return _made(await camera.operations.solve_again(calibration_id, body, app.new_id()))
+    record = await camera.operations.solve_again(calibration_id, body, app.new_id())
+    return respond_created(record.document, f"/calibrations/{record.id}")
 
 
 @router.post(
@@ -264,11 +261,6 @@ async def apply(
     applied = await app.operations.calibrations.apply(calibration_id, body, parse_if_match(if_match))
     response.headers["ETag"] = tag_of(applied.sequence)
     return AppliedDocument(**vars(applied))
-
-
-def _made(record: CalibrationRecord) -> Response:
-    headers = {"Location": f"/calibrations/{record.id}"}
-    return Response(record.document.model_dump_json(), 201, headers, media_type="application/json")
 
 
 async def _arm_of(app: Application, calibration_id: str) -> tuple[CalibrationDocument, ArmErrorsDocument]:

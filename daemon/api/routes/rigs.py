@@ -7,10 +7,10 @@ from fastapi import Depends, Query, Request, Response
 from calibration.documents.rig import RigDocument
 from daemon.access.errors import RoleTooLow
 from daemon.access.roles import Role
-from daemon.api.dependencies import App, Before, Identifier, JsonBody, Limit, api_router, page_of, respond_page
+from daemon.api.dependencies import App, Before, Identifier, JsonBody, Limit, api_router, respond_rows
 from daemon.api.middleware.authentication import caller_of
+from daemon.api.negotiation import respond_created
 from daemon.api.problems import problem_responses
-from daemon.api.schemas.answer import documents_json
 from daemon.api.schemas.stored_documents import RigList, StoredRig
 from daemon.application import Application
 from daemon.scans.rig_sensors import RigSensors
@@ -42,16 +42,13 @@ async def store_rig(
     if despite_verdict and caller.role < Role.ADMIN:
         raise RoleTooLow(caller.name, caller.role.word, Role.ADMIN.word)
     record = await sensors_of(app).save(body, app.new_id(), despite_verdict=despite_verdict)
-    stored = StoredRig.of_record(record)
-    headers = {"Location": f"/rigs/{stored.id}"}
-    return Response(stored.model_dump_json(), 201, headers, media_type="application/json")
+    return respond_created(StoredRig.of_record(record), f"/rigs/{record.id}")
 
 
 @router.get("", response_model=RigList)
 async def rigs(app: App, limit: Limit = 50, before: Before = None) -> Response:
     """The rigs, newest first."""
-    page, following = page_of(await app.store.rigs.page(limit + 1, before), limit, "/rigs")
-    return await respond_page(app, lambda: documents_json("rigs", StoredRig.of_record, page, following))
+    return await respond_rows(app, await app.store.rigs.page(limit + 1, before), limit, "/rigs", StoredRig.of_record)
 
 
 @router.get("/{rig_id}", response_model=StoredRig, responses=problem_responses(404))

@@ -17,8 +17,8 @@ from daemon.api.dependencies import (
     WidthQuery,
     api_router,
     no_body,
-    page_of,
     respond_page,
+    respond_rows,
 )
 from daemon.api.middleware.abort_first import abort_of
 from daemon.api.middleware.disconnects import wait_for_run
@@ -26,7 +26,6 @@ from daemon.api.negotiation import choose_picture_type, or_text
 from daemon.api.problems import problem_responses
 from daemon.api.routes.cell import PICTURES, stored_picture
 from daemon.api.run_answers import answer_run, answer_started
-from daemon.api.schemas.answer import page_json
 from daemon.api.schemas.runs import RunDocument, RunList, RunViewsDocument
 from daemon.application import Application
 from daemon.errors import NotFound
@@ -35,7 +34,6 @@ from daemon.model.requests import HoldRequest, JogRequest
 from daemon.model.run_states import RunState
 from daemon.runs.run_views import run_views
 from daemon.sessions.session_files import SESSION_FILE
-from daemon.store.damaged_rows import split_damaged
 from daemon.store.listings import PageFilters
 
 router = api_router(prefix="/runs", tags=["runs"])
@@ -63,13 +61,8 @@ async def runs(
 ) -> Response:
     """The newest first; with filters those that match all of them. `since` is included, `until` is not."""
     filters = PageFilters.of({"kind": kind, "state": state, "since": since, "until": until})
-    page, following = page_of(await app.supervisor.listings(limit + 1, before, filters), limit, "/runs", filters)
-    read, damaged = split_damaged(page)
-
-    def as_json() -> bytes:
-        return page_json({"runs": [RunDocument.of(run) for run in read], "damaged": damaged}, following)
-
-    return await respond_page(app, as_json)
+    found = await app.supervisor.listings(limit + 1, before, filters)
+    return await respond_rows(app, found, limit, "/runs", RunDocument.of, filters)
 
 
 @router.get("/{run_id}", response_model=RunDocument, responses={200: or_text("The run"), **problem_responses(404)})

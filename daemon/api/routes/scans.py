@@ -22,14 +22,12 @@ from daemon.api.dependencies import (
     Wait,
     api_router,
     box_of,
-    page_of,
-    respond_page,
+    respond_rows,
 )
 from daemon.api.http_errors import CloudTooLarge
 from daemon.api.middleware.disconnects import wait_for_run
 from daemon.api.problems import problem_responses
 from daemon.api.routes.register import Which
-from daemon.api.schemas.answer import page_json
 from daemon.api.schemas.scans import (
     CloudDocument,
     RegistrationState,
@@ -57,7 +55,6 @@ from daemon.errors import NotFound
 from daemon.model.records import ScanViewDocument
 from daemon.model.requests import ScanRequest
 from daemon.scans.scan_service import ReportTask
-from daemon.store.damaged_rows import split_damaged
 from daemon.store.listings import PageFilters
 from registration.documents import RegistrationReportDocument
 from registration.fusion.concatenation import PlacedCloud
@@ -77,14 +74,8 @@ BODY_REFUSALS = (400, 403, 404, 409, 413, 415, 500, 502, 503, 504, 507)
 async def scans(app: App, limit: Limit = 50, before: Before = None, name: NamePart = None) -> Response:
     """The newest first; with `name` those whose name has that in it, in either case."""
     filters = PageFilters.of({"name": name})
-    page, following = page_of(await app.store.listings.scans(limit + 1, before, filters), limit, "/scans", filters)
-    read, damaged = split_damaged(page)
-
-    def as_json() -> bytes:
-        found = [ScanDocument.of(row.scan, row.views) for row in read]
-        return page_json({"scans": found, "damaged": damaged}, following)
-
-    return await respond_page(app, as_json)
+    found = await app.store.listings.scans(limit + 1, before, filters)
+    return await respond_rows(app, found, limit, "/scans", lambda row: ScanDocument.of(row.scan, row.views), filters)
 
 
 @router.post(

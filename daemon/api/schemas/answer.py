@@ -1,13 +1,13 @@
 """The base class of all answers, and helpers for examples in openapi.json."""
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
-from typing import Any, Self, TypeVar
+from typing import Any, Protocol, Self, TypeVar
 
 import msgspec
 from pydantic import BaseModel, ConfigDict
 
 from daemon.errors import StorageInconsistent
-from daemon.store.damaged_rows import DamagedRow, split_damaged
+from daemon.store.damaged_rows import DamagedRow
 from daemon.store.documents import DocumentRecord
 
 
@@ -32,26 +32,24 @@ class StoredAnswer(Answer):
         return cls(**vars(record), **{name: record.parsed(model)})
 
 
-Stored = TypeVar("Stored", bound=Answer)
+class Identified(Protocol):
+    """A row with an id, which serves as the cursor of a page."""
+
+    @property
+    def id(self) -> str: ...
 
 
-def documents_of(
-    of_record: Callable[[DocumentRecord], Stored], records: Iterable[DocumentRecord]
-) -> Iterator[Stored | DamagedRow]:
-    """Each record as an answer, or in its place a DamagedRow."""
-    for record in records:
+Row = TypeVar("Row", bound=Identified)
+Shown = TypeVar("Shown")
+
+
+def documents_of(document: Callable[[Row], Shown], rows: Iterable[Row | DamagedRow]) -> Iterator[Shown | DamagedRow]:
+    """Each row as its document, or in its place a DamagedRow."""
+    for row in rows:
         try:
-            yield of_record(record)
+            yield row if isinstance(row, DamagedRow) else document(row)
         except StorageInconsistent:
-            yield DamagedRow(record.id)
-
-
-def documents_json(
-    name: str, of_record: Callable[[DocumentRecord], Answer], page: Iterable[DocumentRecord], following: str | None
-) -> bytes:
-    """The JSON of a page of stored documents, with the ids of those that are damaged."""
-    read, damaged = split_damaged(documents_of(of_record, page))
-    return page_json({name: read, "damaged": damaged}, following)
+            yield DamagedRow(row.id)
 
 
 def page_json(lists: Mapping[str, Sequence[Any]], following: str | None) -> bytes:

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from daemon.api.routes import runs as run_routes
+from daemon.api import dependencies
 from daemon.model.records import CalibrationRecord, CauseDocument, Planning, RunRecord
 from daemon.model.run_states import RunState
 from tests.daemon.calibrations import a_calibration
@@ -92,9 +92,9 @@ async def test_a_list_does_not_wait_for_the_stores_thread(bench: Bench, path: st
 
 async def test_a_page_is_built_in_a_thread(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
     threads: list[Any] = []
-    build = run_routes.page_json
+    build = dependencies.page_json
     monkeypatch.setattr(
-        run_routes, "page_json", lambda *page: threads.append(threading.current_thread()) or build(*page)
+        dependencies, "page_json", lambda *page: threads.append(threading.current_thread()) or build(*page)
     )
     await save(bench, *RUNS)
     assert (await bench.client.get("/runs")).status_code == 200
