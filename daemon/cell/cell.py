@@ -7,10 +7,13 @@ from contextlib import asynccontextmanager
 from copy import copy
 from dataclasses import dataclass, field, replace
 from functools import partial
+from hashlib import blake2b
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from calibration.sentences.sentence import Sentence, as_sentence, is_known
-from calibration.transforms import Array
+from calibration.transforms import Array, difference, inverse
 from daemon.cell.arm_in_cell import ArmInCell
 from daemon.cell.capture_outputs import CaptureOutputs
 from daemon.cell.held_button import HeldButton
@@ -19,7 +22,7 @@ from daemon.cell.settling import check_external_axes, check_still, read_if_stand
 from daemon.cell.vibration import VibrationGate
 from daemon.config.robot_settings import SettlingSettings
 from daemon.config.settings import MAIN_CAMERA, MAIN_SCANNER
-from daemon.errors import CellBusy, CellNotReady, InterlockOpen, NoScanner
+from daemon.errors import CellBusy, CellNotReady, InterlockOpen, NoScanner, StaleCaptureError
 from daemon.runtime.clock import Clock
 from daemon.runtime.event_bus import Publish
 from daemon.runtime.failpoints import NO_FAILPOINTS, Failpoints
@@ -44,12 +47,6 @@ from drivers.robots.base_frame import configured
 if TYPE_CHECKING:
     from daemon.cell.exposure_control import ExposureControl
     from drivers.interlocks import Interlocks
-from hashlib import blake2b
-
-import numpy as np
-
-from calibration.transforms import difference, inverse
-from daemon.errors import StaleCaptureError
 
 MIN_DISTANCE_MM, MIN_ROTATION_RAD = 1.0, 1e-3
 """Identical captures from poses nearer than this are accepted: a simulated device has no noise."""

@@ -28,11 +28,8 @@ class CellReadings:
         self._cell = cell
         self.robot = RecentReading(self._read_robot, clock.monotonic_s)
         self.setup = RecentReading(lambda: read_setup(cell.robot), clock.monotonic_s)
-        self._settled_pose = SharedReading(cell.read_settled_pose)
-
-    async def flange_pose(self) -> PoseReading:
-        """Pose and joints at rest, read after the call; who ask at once share it. Raises NotStill, DeviceError."""
-        return await self._settled_pose.read()
+        self.settled_pose = SharedReading(cell.read_settled_pose)
+        """Pose and joints at rest, read after the call; who ask at once share it."""
 
     async def _read_robot(self) -> RobotReading:
         robot = self._cell.robot

@@ -16,11 +16,6 @@ app = typer.Typer(
 )
 
 
-@app.callback()
-def audit() -> None:
-    """The audit log: check that it is unchanged."""
-
-
 @app.command()
 def verify(
     config: Annotated[Path, typer.Argument(help="The daemon's settings.")],

@@ -1,7 +1,7 @@
 """`handeyed keys ...`: manage API keys. Changes take effect in a running daemon at once."""
 
 import getpass
-from collections.abc import Awaitable, Callable
+from collections.abc import Callable, Coroutine
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
@@ -100,7 +100,7 @@ def valid_keys(config: Path) -> "list[KeyRecord]":
     return [record for record in _with_key_service(config, lambda service: service.keys.all()) if record.valid(now)]
 
 
-def _with_key_service(config: Path, work: "Callable[[KeyService], Awaitable[Answer]]") -> Answer:
+def _with_key_service(config: Path, work: "Callable[[KeyService], Coroutine[Any, Any, Answer]]") -> Answer:
     import asyncio
 
     from daemon.config.settings import load_settings
@@ -110,12 +110,7 @@ def _with_key_service(config: Path, work: "Callable[[KeyService], Awaitable[Answ
     from daemon.store.opening import open_offline
 
     with open_offline(Path(load_settings(config).storage.folder)) as database:
-        service = KeyService(AccessKeys(database), Clock())
-
-        async def run_work() -> Answer:
-            return await work(service)
-
-        return asyncio.run(run_work())
+        return asyncio.run(work(KeyService(AccessKeys(database), Clock())))
 
 
 def _me() -> Any:

@@ -20,11 +20,6 @@ if TYPE_CHECKING:
 app = typer.Typer(cls=CommandGroup, name="robot", no_args_is_help=True, help="The controller over Robot Web Services.")
 
 
-@app.callback()
-def robot() -> None:
-    """The controller over Robot Web Services."""
-
-
 app.command()(jog)
 app.command()(setup)
 app.command()(acceptance)

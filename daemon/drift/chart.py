@@ -108,7 +108,6 @@ def chart_of(entries: Sequence[ChartEntry], document: CalibrationDocument, setti
     drawn = chart([entry.sample for entry in entries], rules)
     last = drawn[-1]
     limit_mm = _max_scatter_mm(entries[-1], document, settings, rules)
-    scatter_mm = entries[-1].sample.scatter_mm
     points = tuple(_point(entry, drawn_as) for entry, drawn_as in zip(entries, drawn, strict=True))
     report = DriftReport(
         last.standing,
@@ -118,8 +117,7 @@ def chart_of(entries: Sequence[ChartEntry], document: CalibrationDocument, setti
         points[-1].limit_mm,
         points[-1].scatter_mm,
         None if limit_mm is None else round(limit_mm, 6),
-        _out_of_tolerance(entries[-1], tolerance_mm)
-        or _alarm(last, scatter_mm, limit_mm, _temperatures(entries, rules)),
+        _alarm(entries[-1], tolerance_mm, last, limit_mm, _temperatures(entries, rules)),
     )
     return DriftChart(
         report, points, tuple(_changes(entries, document, settings)), _learnt_noise(entries, document, settings)
@@ -222,16 +220,13 @@ def _temperatures(entries: Sequence[ChartEntry], rules: DriftRules) -> tuple[flo
     return float(np.mean(known)), now
 
 
-def _out_of_tolerance(entry: ChartEntry, tolerance_mm: float) -> str | None:
-    if entry.sample.within_tolerance:
-        return None
-    found = {"expanded_mm": entry.expanded_mm, "tolerance_mm": tolerance_mm}
-    return Sentence("drift-out-of-tolerance", **found, fix=CALIBRATE)
-
-
 def _alarm(
-    last: ChartPoint, scatter_mm: float, limit_mm: float | None, temperatures: tuple[float, float] | None
-) -> str | None:
+    entry: ChartEntry, tolerance_mm: float, last: ChartPoint, limit_mm: float | None,
+    temperatures: tuple[float, float] | None,
+) -> str | None:  # fmt: skip
+    if not entry.sample.within_tolerance:
+        found = {"expanded_mm": entry.expanded_mm, "tolerance_mm": tolerance_mm}
+        return Sentence("drift-out-of-tolerance", **found, fix=CALIBRATE)
     if last.standing == "drifting" and temperatures is not None:
         before_c, now_c = temperatures
         return Sentence(
@@ -240,6 +235,6 @@ def _alarm(
         )  # fmt: skip
     if last.standing == "drifting":
         return Sentence("drift-moved", drift_mm=last.drift_mm, limit_mm=last.limit_mm, fix=CALIBRATE)
-    if limit_mm is not None and scatter_mm > limit_mm:
+    if limit_mm is not None and (scatter_mm := entry.sample.scatter_mm) > limit_mm:
         return Sentence("drift-scatter", scatter_mm=scatter_mm, limit_mm=limit_mm, fix=CALIBRATE)
     return None

@@ -37,22 +37,12 @@ class ControllerEventLog:
     cabinet: Cabinet
     epoch: datetime
 
-    @classmethod
-    def starting_at(cls, cabinet: Cabinet, now_s: float) -> "ControllerEventLog":
-        """Event log whose epoch follows from the current wall clock."""
-        return cls(cabinet, datetime.now(UTC) - timedelta(seconds=now_s))
-
-    @property
-    def newest(self) -> int:
-        """Number of the newest entry; 0 when there is none."""
-        return self.cabinet.recorded
-
-    def items(self, above: int = 0, *, oldest_first: bool = False, version: int = 1) -> list[Item]:
-        """One page of the entries with numbers above `above`, from the newest or from the oldest on."""
-        log, newest = self.cabinet.log, self.newest
+    def items(self, *, oldest_first: bool = False, version: int = 1) -> list[Item]:
+        """One page of the entries, from the newest or from the oldest on."""
+        log, newest = self.cabinet.log, self.cabinet.recorded
         numbered = [(newest - back, entry) for back, entry in enumerate(reversed(log))]
         page = (numbered[::-1] if oldest_first else numbered)[:PAGE]
-        return [self._item(number, entry, version) for number, entry in page if number > above]
+        return [self._item(number, entry, version) for number, entry in page]
 
     def _item(self, number: int, entry: LogEntry, version: int) -> Item:
         at = self.epoch + timedelta(seconds=entry.at_s)
@@ -105,7 +95,7 @@ class World:
 
     def __post_init__(self) -> None:
         self.volumes = self.cabinet.disk
-        self.elog = ControllerEventLog.starting_at(self.cabinet, self.clock())
+        self.elog = ControllerEventLog(self.cabinet, datetime.now(UTC) - timedelta(seconds=self.clock()))
 
     @property
     def tasks(self) -> dict[str, bool]:

@@ -68,15 +68,13 @@ class RobotPath:
 
     def _require_covered(self, times: Array, before: NDArray[np.intp], max_gap_s: float, max_beyond_s: float) -> None:
         beyond = np.maximum(self.times_s[0] - times, times - self.times_s[-1])
-        uncovered = ~(beyond <= max_beyond_s)
-        if uncovered.any():
-            worst = np.flatnonzero(uncovered.ravel())[0]
-            raise PathGap(float(times.ravel()[worst]), float(beyond.ravel()[worst]), max_beyond_s, outside=True)
         gaps = np.diff(self.times_s)[before]
-        apart = (gaps > max_gap_s) & (beyond < 0)
-        if apart.any():
-            worst = np.flatnonzero(apart.ravel())[0]
-            raise PathGap(float(times.ravel()[worst]), float(gaps.ravel()[worst]), max_gap_s, outside=False)
+        outside, apart = ~(beyond <= max_beyond_s), (gaps > max_gap_s) & (beyond < 0)
+        for wrong, by_s, most_s in ((outside, beyond, max_beyond_s), (apart, gaps, max_gap_s)):
+            if wrong.any():
+                worst = np.flatnonzero(wrong.ravel())[0]
+                at_s, off_s = float(times.ravel()[worst]), float(by_s.ravel()[worst])
+                raise PathGap(at_s, off_s, most_s, outside=wrong is outside)
 
 
 def _require_rigid(poses: Array) -> None:

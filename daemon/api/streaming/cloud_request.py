@@ -101,7 +101,7 @@ async def flange_pose_of(app: Application, pose: str, beside: BesidePose) -> Fla
             if given is not None:
                 fix = f"leave {name} out, or give the pose, too"
                 raise InvalidRequest([DocumentProblem(f"query.{name}", "with pose=now the daemon reads them", fix)])
-        return FlangePose.of(await app.readings.flange_pose())
+        return FlangePose.of(await app.readings.settled_pose.read())
     joints, axes = (
         None if text is None else _numbers(name, text, counts, within, form)
         for name, text, counts, within, form in (
