@@ -118,7 +118,7 @@ def table_of_data(data: Any, origin: str) -> PoseTable:
     units = {record.get("unit") for record in records if isinstance(record, dict) and "cloud" in record}
     unit = units.pop() if units in ({"m"}, {"mm"}) else None
     own = data["poses_of"] if isinstance(data, dict) and isinstance(data.get("poses_of"), dict) else {}
-    of = PosesOf(*(str(own.get(name, "")) for name in ("tool", "base"))) if own else built.poses_of
+    of = PosesOf(*(str(own.get(name) or "") for name in ("tool", "base"))) if own else built.poses_of
     table = replace(built, setup=setup_of(data), target=target, cloud_unit=unit, poses_of=of)
     table = _as_recorded(table, data, names)
     if (called := tuple(labels or ())) and len({*called}) == len(called) == len(table):

@@ -65,6 +65,7 @@ Build = Callable[[Sequence[int], Sequence[str]], PoseTable]  # makes a table of 
 _TOOL = re.compile(r"(?<![a-z])(?:tcp|tool|werkzeug)(?![a-z0-9])|(?<=O_T_)EE", re.IGNORECASE)
 _OFFSET = re.compile(r"(tcp|tool)_?offset|flange(2|_T_|_to_)(tcp|tool|ee)|\bF_T_EE", re.IGNORECASE)
 _NO_POSE = r"speed|vel(ocity)?(?![a-z])|twist|force|wrench|torque|acc(el)?(?![a-z])|T_NE|NE_T|EE_T_K|O_T_EE_"
+_COMMANDED = re.compile(r"(?<![a-z0-9_])target_(?:tcp|flange|q(?=_\d|$))", re.IGNORECASE)  # UR's, beside actual_
 _BESIDE = re.compile(f"{_OFFSET.pattern}|{_NO_POSE}", re.IGNORECASE)
 """Of a moving frame, but no pose of it in the base. F_T_EE, O_T_EE_d and more: libfranka's RobotState."""
 
@@ -231,7 +232,7 @@ def equal_sides(robot: PoseTable, camera: PoseTable) -> bool:
 
 
 def flange_poses(origin: str, names: Sequence[str], columns: Sequence[Sequence[Any]], build: Build) -> PoseTable:
-    """What `build` makes of the columns without those of other moving frames. Raises DocumentError."""
+    """What `build` makes of the columns without those of other frames and of commanded poses. Raises DocumentError."""
 
     def poses_of(own: Sequence[int], called: Sequence[str] = names) -> PoseTable | None:
         with suppress(DocumentError):
@@ -241,9 +242,12 @@ def flange_poses(origin: str, names: Sequence[str], columns: Sequence[Sequence[A
 
     frames: dict[str, list[int]] = {}
     for at, name in enumerate(names):
-        frames.setdefault(_frame_of(name), []).append(at)
+        commanded = _COMMANDED.search(name) and any(one.lower().startswith("actual") for one in names)
+        frames.setdefault("beside" if commanded else _frame_of(name), []).append(at)
     beside, notes = frames.pop("beside", []), list[str]()
-    poses = {frame: one for frame, own in frames.items() if frame and (one := poses_of(own)) and one.moves}
+    found = {frame: one for frame, own in frames.items() if frame and (one := poses_of(own))}
+    poses = {frame: one for frame, one in found.items() if one.moves}
+    beside += [at for frame in found if frame not in poses for at in frames[frame]]
     taken = "flange" if "flange" in poses else next(iter(poses), "")
     if others := [frame for frame in poses if frame != taken]:
         with suppress(DocumentError):

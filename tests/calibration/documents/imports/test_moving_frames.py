@@ -62,6 +62,28 @@ def test_of_a_tool_s_and_the_flange_s_poses_the_flange_s_are_read(case: str) -> 
     assert any(note.startswith("the poses of flange are taken, not those of ") for note in table.notes)
 
 
+STILL = [TOOL_NUMBERS] * 3
+BESIDE = {
+    "a tool that stands still, first": csv_of(("tool", STILL), ("flange", FLANGE_ROWS)),
+    "a base that stands still, first": csv_of(("base", [[0.0, 0, 0, 1, 0, 0, 0]] * 3), ("ee", FLANGE_ROWS)),
+    "commanded poses": csv_of(("actual_flange_pose", FLANGE_ROWS), ("target_flange_pose", TOOL_ROWS)),
+    "commanded joints": json_of(actual_q=[[0.1] * 6] * 3, target_q=[[0.2] * 6] * 3, flange=FLANGE_ROWS),
+}
+
+
+@pytest.mark.parametrize("case", BESIDE)
+def test_what_stands_still_or_is_commanded_is_left_out(case: str) -> None:
+    table = read_poses(*BESIDE[case])
+    np.testing.assert_allclose(poses_of(table), POSES, atol=1e-5)
+    assert table.poses_of is None and table.camera is None
+
+
+def test_a_session_s_tool_of_no_name_is_none() -> None:
+    views = [{"flange_pose": row} for row in FLANGE_ROWS]
+    table = read_poses("a.json", json.dumps({"poses_of": {"tool": None, "base": "w1"}, "views": views}).encode())
+    assert table.poses_of == PosesOf(base="w1")
+
+
 @pytest.mark.parametrize("name", ["ee_pose", "robot_pose"])
 def test_of_two_frames_without_the_flange_it_is_asked(name: str) -> None:
     with pytest.raises(DocumentError, match="no name says which are the flange's: keep only those, or call them flan"):
