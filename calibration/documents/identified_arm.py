@@ -36,7 +36,7 @@ def identify_arm_document(
     `box_mm` (2, 3) of the base: where `more_views` predicts registered points; without it, around those of the views.
     `distances`: known ones between the places, counted as the problems are.
     Views without joints get those of their poses and confdata. Raises as `identify_arm_session`, GeometryError for
-    sessions without images, UnreachablePoseError for poses that the arm does not reach.
+    sessions without images or of a tool's poses without joints, UnreachablePoseError for poses out of reach.
     """
     if any(problem.in_space for problem in problems):
         raise GeometryError("the errors of an arm are identified from images only, this session holds poses or points")
@@ -100,6 +100,9 @@ def _with_joints(arm: Arm, problem: Problem) -> Problem:
     views = problem.views
     if all(view.stance.joints_rad is not None for view in views):
         return problem
+    if (of := problem.poses_of) is not None and (of.tool or of.base):
+        what = f"views have no joints, and their poses are of {of.tool or 'the flange'} in {of.base or 'the base'}"
+        raise GeometryError(f"{what}: record joints_deg, or give the flange's poses in the base")
     poses, known = [view.base_T_flange for view in views], [view.stance.joints_rad for view in views]
     joints = joints_of_poses(arm, poses, known, [view.stance.confdata for view in views])
     return replace(problem, views=tuple(view.standing(joints_rad=one) for view, one in zip(views, joints, strict=True)))

@@ -72,6 +72,17 @@ def test_confdata_stands_for_joints_that_were_not_recorded(session: Path, tmp_pa
     assert "hold no joints of six axes" in refused.err and "record joints_deg, or confdata" in refused.err
 
 
+def test_joints_do_not_follow_from_poses_of_a_tool(session: Path, tmp_path: Path) -> None:
+    document = json.loads((session / "session.json").read_text())
+    for view in document["views"]:
+        view["confdata"] = list(ARM.configuration(np.radians(view.pop("joints_deg"))))
+    document["poses_of"] = {"tool": "tGrip", "base": ""}
+    (tmp_path / "session.json").write_text(json.dumps(document))
+    refused = handeyed("solve", tmp_path, "--arm", ARM.name)
+    assert refused.status == 2
+    assert "no joints, and their poses are of tGrip in the base: record joints_deg, or give the fla" in refused.err
+
+
 def test_another_arms_name_is_refused_with_the_right_one(session: Path, tmp_path: Path) -> None:
     solved = handeyed("solve", session, "--arm", "IRB 6700-200/2.60", "--out", tmp_path / "calibration.json")
     assert solved.status == 2
