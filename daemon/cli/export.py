@@ -95,7 +95,7 @@ def _poses(file: Path, content: bytes, robot: str | None) -> Any:
     if "views" in keys:
         session = parse_document(SessionDocument, content, str(file))
         stations = [view.base_T_flange for view in session.views]
-        if session.poses_of is not None:
+        if (of := session.poses_of) is not None and (of.tool or of.base):
             raise ExportRefused("poses of a tool or work object, not of tool0 in wobj0", "export the flange's poses")
     else:
         stations = [planned.base_T_flange for planned in parse_document(PlannedDocument, content, str(file)).poses]

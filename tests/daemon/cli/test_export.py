@@ -136,6 +136,16 @@ def test_planned_poses_go_into_the_settings_and_into_rapid(tmp_path: Path) -> No
     assert "the arm is not known" in refused.err
 
 
+@pytest.mark.parametrize(("tool", "status"), [("", 0), ("tGrip", 2)])
+def test_poses_of_a_session_are_exported_where_they_are_the_flange_s(tool: str, status: int, tmp_path: Path) -> None:
+    poses = [PoseDocument.of(pose).model_dump() for pose in POSES]
+    views = [{"base_T_flange": pose, "camera_T_target": pose} for pose in poses]
+    session = {"schema_version": 1, "poses_of": {"tool": tool, "base": ""}, "setup": "eye-in-hand", "views": views}
+    (tmp_path / "session.json").write_text(json.dumps(session))
+    ran = handeyed("export", tmp_path / "session.json", "--as", "rapid-robtarget", "--robot", "IRB 1600-6/1.45")
+    assert ran.status == status, ran.err
+
+
 def test_a_folder_stands_for_its_calibration_and_no_path_for_an_id(tmp_path: Path) -> None:
     (tmp_path / "calibration.json").write_bytes(VERSION_1.read_bytes())
     for what in (tmp_path, tmp_path / "calibration.json"):
