@@ -7,7 +7,8 @@ pose would stand beside another picture.
 
 import math
 import re
-from bisect import bisect
+from bisect import bisect, bisect_left
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
@@ -182,13 +183,15 @@ _DATA = re.compile(
 _RAPID_MOVE = re.compile(r"\bMove[CJL]\w*\s*(\[\s*\[[^][]*\]\s*,\s*\[[^;]*)", re.IGNORECASE)
 _TARGET = re.compile(r"\b(?:CONST|PERS|VAR)\s+(?:robtarget|pose)\s+(\w+)", re.IGNORECASE)
 _ASSIGNED = re.compile(r"(?<![\w.])(\w+)(?:\{[^}]*\})?(?:\.\w+)*\s*:=", re.IGNORECASE)
-_COMPUTED = re.compile(r"\b(?:Offs|RelTool|CRobT|CalcRobT)\s*\(", re.IGNORECASE)
+_COMPUTED = re.compile(r"\b(?:(?:Offs|RelTool|CRobT|CalcRobT)\s*\(|(?:PDisp|EOffs)(?:Set|On)\b)", re.IGNORECASE)
 _MOVED = re.compile(r"\bMove([CJL])", re.IGNORECASE)
-_WOBJ = re.compile(r"\\\s*WObj\s*:=\s*(\w+)", re.IGNORECASE)
-_WITHIN = re.compile(r"\[[^][]*\]|\([^()]*\)|\{[^{}]*\}|\\[^,]*")  # brackets and options of an instruction
+_WOBJ = re.compile(r"\\\s*WObj\s*:=\s*(\w+\s*(?:\{[^}]*\})?)", re.IGNORECASE)
+_WITHIN = re.compile(r"\[[^][]*\]|\([^()]*\)|\\(?:\{[^{}]*\}|[^,{])*")  # brackets and options of an instruction
+_TOOL_LAST = re.compile(r"\\\s*WObj\b|\b(?:Trigg|Search)[CJL]\b", re.IGNORECASE)
 _TYPES = frozenset(("robtarget", "pose"))
+_FRAME = rf"\s*,\s*{_POSE.pattern}\s*\]"
 _FRAME_DATA = re.compile(
-    rf"\b(?:tool|wobj)data\s+(\w+)\s*:=\s*\[\s*(?:FALSE\s*,\s*TRUE\s*,\s*\"[^\"\n]*\"|TRUE)((?:\s*,\s*{_POSE.pattern}\s*\])+)",
+    rf"\b(?:tool|wobj)data\s+(\w+)\s*:=\s*\[\s*(?:FALSE\s*,\s*TRUE\s*,\s*\"[^\"\n]*\"(?:{_FRAME}){{2}}|TRUE{_FRAME})",
     re.I,
 )
 
@@ -201,13 +204,13 @@ def read_rapid(content: bytes, origin: str) -> PoseTable:
     # Without those of tools and work objects.
     found = [(match, one) for match, one in found if one is None or one["kind"].lower() in _TYPES]
     _require_values(origin, text, data, [match.start() for match, _ in found])
-    labels: list[str] = []
+    labels, counts = list[str](), Counter[str]()
     lengths, turns, axes = [], [], []
     for match, one in found:
         name = one["name"] if one else ""
-        count = sum(label == name or label.startswith(f"{name}{{") for label in labels)
-        array = one is not None and one["sizes"] is not None
-        labels.append((f"{name}{{{count + 1}}}" if array or count else name) or str(len(labels) + 1))
+        counts[name] += one is not None
+        array = counts[name] > 1 or (one is not None and one["sizes"] is not None)
+        labels.append((f"{name}{{{counts[name]}}}" if array else name) or str(len(labels) + 1))
         lengths.append(_numbers(origin, labels[-1], match[1]))
         turns.append(_numbers(origin, labels[-1], match[2]))
         behind = _EXTAX.match(text, match.end() - 1) or _EXTAX.match(text, match.end())
@@ -234,7 +237,8 @@ def read_rapid(content: bytes, origin: str) -> PoseTable:
 
 def _declared(at: int, data: Sequence[re.Match[str]]) -> re.Match[str] | None:
     """The declaration in whose value a place of the text lies."""
-    return next((one for one in data if one.start("value") <= at < one.end("value")), None)
+    before = bisect(data, at, key=lambda one: one.start("value"))
+    return data[before - 1] if before and at < data[before - 1].end("value") else None
 
 
 def _numbers(origin: str, label: str, cells: str) -> list[float]:
@@ -249,15 +253,16 @@ def _numbers(origin: str, label: str, cells: str) -> list[float]:
 def _require_values(origin: str, text: str, data: Sequence[re.Match[str]], starts: Sequence[int]) -> None:
     """Raises DocumentError for a target whose value is not written as numbers: an expression, another target's name."""
     for one in (declared for declared in data if declared["kind"].lower() in _TYPES):
-        count = sum(one.start("value") <= start < one.end("value") for start in starts)
+        count = bisect_left(starts, one.end("value")) - bisect_left(starts, one.start("value"))
         sizes = [int(size) for size in re.findall(r"[0-9]{1,9}", one["sizes"] or "1")]
         if count == 0 or count != math.prod(sizes):
             value = " ".join(one["value"].split())
             what = f"{value[:60]!r} is not read as " + ("numbers" if count == 0 else f"{math.prod(sizes)} targets")
             fix = "write its value in numbers, or remove it with its picture"
             raise refusal(origin, f"{one['kind'].lower()} {one['name']}", what, fix, "rapid")
+    written = {*starts}
     for match in _RAPID_MOVE.finditer(text):
-        if match.start(1) not in starts:
+        if match.start(1) not in written:
             raise refusal(origin, "text", f"{match[1][:60]!r} is not read as numbers", "write numbers", "rapid")
 
 
@@ -276,30 +281,40 @@ Frames = tuple[str, str]  # names of a tool and of a work object
 
 def frames_of_rapid(text: str) -> dict[str, Array]:
     """tframe of tools on the flange, uframe and oframe of work objects that stand, by their names in lower case, where
-    the text holds their numbers and assigns nothing to them."""
+    the text holds their numbers, declares no others by that name and assigns nothing to them."""
     frames = {"tool0": np.eye(4), "wobj0": np.eye(4)}
     for data in _FRAME_DATA.finditer(text):
         with suppress(ValueError, GeometryError):
-            poses = [transform_from_quaternion(*(one.split(",") for one in pose)) for pose in _POSE.findall(data[2])]
+            poses = [transform_from_quaternion(*(one.split(",") for one in pose)) for pose in _POSE.findall(data[0])]
             frames[data[1].lower()] = reduce(np.matmul, poses)
-    assigned = {one.lower() for one in _ASSIGNED.findall(_DATA.sub("", text))}
-    return {name: frame for name, frame in frames.items() if name not in assigned}
+    unsure = {one.lower() for one in _ASSIGNED.findall(_DATA.sub("", text))}
+    declared = {(name.lower(), "".join(value.split())) for _, name, _, value in _DATA.findall(text)}
+    unsure |= {name for name, count in Counter(name for name, _ in declared).items() if count > 1}
+    return {name: frame for name, frame in frames.items() if name not in unsure and np.isfinite(frame).all()}
 
 
 def moves_of_rapid(text: str) -> Iterator[tuple[range, set[str], Frames]]:
     """Of each instruction that moves its places, the words in it in lower case, and its frames as written.
 
-    The tool stands behind the zone; in other instructions of a work object it is the last argument.
+    The tool stands behind the zone; else it is a tool that the text declares, beside a target; in other instructions
+    that search, trigger or have a work object it is the last argument.
     """
+    tools = {"tool0", *re.findall(r"\btooldata\s+(\w+)", text.lower())}
+    targets = {name.lower() for name in _TARGET.findall(text)}
     for move in re.finditer(r"[^;]+", text):
         bare, kept, wobj, kind = "", move[0], _WOBJ.search(move[0]), _MOVED.search(move[0])
         while bare != kept:
             bare, kept = kept, _WITHIN.sub(lambda within: "" if within[0][0] == "\\" else "_", kept)
-        arguments = [one for cell in bare.split(",") if (one := cell.strip())]
+        cells, words = re.findall(r"(?:\{[^{}]*\}|[^,{])+", bare), {*re.findall(r"\w+", move[0].lower())}
+        arguments = [one for cell in cells if (one := "".join(cell.split()))]
         zones = [at for at, one in enumerate(arguments[:-1]) if re.fullmatch(r"fine|z\d+", one, re.IGNORECASE)]
-        zones += [2 + (kind[1] in "Cc")] if kind else [len(arguments) - 2] if wobj else []
+        if words & targets:
+            zones += [at for at, one in enumerate(arguments[1:]) if one.partition("{")[0].lower() in tools]
+        behind = bool(re.search(r"\bMove\w+\s*$", bare.partition(",")[0], re.IGNORECASE))  # MoveL\Conc, p1
+        zones += [2 + behind + (kind[1] in "Cc")] if kind else []
+        zones += [len(arguments) - 2] if _TOOL_LAST.search(move[0]) else []
         for tool in arguments[zones[0] + 1 :][:1] if zones and "moveabsj" not in bare.lower() else ():
-            yield range(*move.span()), {*re.findall(r"\w+", move[0].lower())}, (tool, wobj[1] if wobj else "wobj0")
+            yield range(*move.span()), words, (tool, "".join(wobj[1].split()) if wobj else "wobj0")
 
 
 def _of_flange(table: PoseTable, text: str, places: Sequence[int]) -> PoseTable:

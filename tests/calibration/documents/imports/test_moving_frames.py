@@ -199,6 +199,9 @@ def test_each_move_has_its_own_tool_and_work_object() -> None:
         "ArcL {p}, v100, smSeam, wdWeld\\Weave:=wv1, fine, tGrip \\WObj := wFix;",
         "SearchL\\SStop, di1, pFound, {p}, v100, tGrip\\WObj:=wFix;",
         "MoveJ {p}, vSlow, zCoarse, tGrip\\WObj:=wFix;",
+        "MoveL\\Conc, {p}, vSlow, zCoarse, tGrip\\WObj:=wFix;",
+        "TriggL {p}, v100, trFire, zCoarse, tGrip\\TLoad:=load1\\WObj:=wFix;",
+        "rGoTo {p}, tGrip, nSpeed\\WObj:=wFix;",
         'MoveCSync p1, {p}, v100, fine, tGrip\\WObj:=wFix, "rFire";',
         "MoveAbsJ jHome, v100, fine, tool0; MoveL {p}, v100, fine, tGrip\\WObj:=wFix;",
     ],
@@ -207,6 +210,32 @@ def test_every_instruction_that_moves_has_a_tool(move: str) -> None:
     """MoveAbsJ has no robtarget, whose tool and work object are asked for."""
     table = read_poses("a.mod", module(inverse(WORK) @ OF_TOOL, [move] * 3, TOOL_DATA, WORK_DATA))
     np.testing.assert_allclose(poses_of(table), POSES, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("move", "said"),
+    [
+        ("SearchL di1, p1, {p}, v100, tGrip;", None),
+        ("TriggL {p}, v100, trFire, zCoarse, tGrip;", None),
+        ("MoveL\\Conc, {p}, v100, zCoarse, tGrip;", None),
+        ("rGoTo {p}, tGrip, nSpeed;", None),
+        ("SearchL di1, p1, {p}, v100, tElse;", PosesOf("tElse")),
+        ("TriggL {p}, v100, trFire, zCoarse, tElse;", PosesOf("tElse")),
+        ("MoveL\\Conc, {p}, v100, zCoarse, tElse;", PosesOf("tElse")),
+        ("MoveL {p}, v100, fine, tElse{{2, 1}};", PosesOf("tElse{2,1}")),
+    ],
+)
+def test_a_tool_counts_without_a_work_object_and_by_its_index(move: str, said: PosesOf | None) -> None:
+    table = read_poses("a.mod", module(OF_TOOL, [move] * 3, TOOL_DATA))
+    np.testing.assert_allclose(poses_of(table), OF_TOOL if said else POSES, atol=1e-6)
+    assert table.poses_of == said
+
+
+@pytest.mark.parametrize("call", ["PDispSet peOffset", "PDispOn p1, tGrip", "EOffsSet eaOffset", "EOffsOn p1"])
+def test_what_shifts_all_targets_is_noted(call: str) -> None:
+    moves = [f"{call};MoveL {{p}},v1,fine,tool0;"] + ["MoveL {p},v1,fine,tool0;"] * 2
+    (note,) = read_poses("a.mod", module(POSES, moves)).notes
+    assert note == f"the program computes poses ({call.split()[0]}): only written numbers are taken"
 
 
 @pytest.mark.parametrize(
@@ -219,8 +248,14 @@ def test_every_instruction_that_moves_has_a_tool(move: str) -> None:
         ([TOOL_DATA, WORK_DATA.replace("TRUE", "FALSE")], PosesOf(base="wFix")),
         ([TOOL_DATA.replace("12.0", "nLength"), WORK_DATA], PosesOf("tGrip")),
         ([TOOL_DATA, WORK_DATA, "wFix.uframe := pMeasured;"], PosesOf(base="wFix")),
+        ([TOOL_DATA, TOOL_DATA.replace("12.0", "13.0"), WORK_DATA], PosesOf("tGrip")),
+        ([TOOL_DATA.replace("12.0", "1E999"), WORK_DATA], PosesOf("tGrip")),
+        ([TOOL_DATA, WORK_DATA.replace(str(OFRAME), "pMeasured")], PosesOf(base="wFix")),
     ],
-    ids=["neither", "no work object", "no tool", "a tool that stands", "a moving work object", "no number", "assigned"],
+    ids=[
+        "neither", "no work object", "no tool", "a tool that stands", "a moving work object", "no number", "assigned",
+        "two of one name", "not finite", "no oframe",
+    ],
 )  # fmt: skip
 def test_what_the_module_does_not_define_is_said(data: list[str], said: PosesOf) -> None:
     of_work = inverse(WORK) if said.base else np.eye(4)
@@ -237,8 +272,10 @@ def test_what_the_module_does_not_define_is_said(data: list[str], said: PosesOf)
         (["MoveL {p},v1,fine,tGrip;", "MoveL {p},v1,fine,tool0;"], [TOOL_DATA], "p3: one of several that are of tGrip"),
         (["MoveL {p},v1,fine,tGrip;MoveL p1,v1,fine,tool0;"] * 3, [TOOL_DATA], "p1: one of several that are of tGrip"),
         (["MoveL {p},v1,fine,tGrip;"] * 2 + ["MoveL {p},v1,fine,tool0;"], [], "p1: one of several that are of tGrip"),
+        (["MoveL {p},v1,fine,tl{{1}};"] * 2 + ["MoveL {p},v1,fine,tl{{2}};"], [], "are of tl.1. in wobj0 and of tl.2."),
+        ([f"MoveL {{p}},v1,fine,tool0\\WObj:=w{{{{{at}}}}};" for at in (1, 1, 2)], [], "in w.1. and of tool0 in w.2."),
     ],
-    ids=["one without a move", "one with two moves", "one that is not defined"],
+    ids=["one without a move", "one with two moves", "one that is not defined", "two of an array", "two work objects"],
 )  # fmt: skip
 def test_targets_of_several_frames_are_refused(moves: list[str], data: list[str], said: str) -> None:
     with pytest.raises(DocumentError, match=said):
