@@ -249,10 +249,12 @@ def flange_poses(origin: str, names: Sequence[str], columns: Sequence[Sequence[A
     poses = {frame: one for frame, one in found.items() if one.moves}
     beside += [at for frame in found if frame not in poses for at in frames[frame]]
     taken = "flange" if "flange" in poses else next(iter(poses), "")
-    if others := [frame for frame in poses if frame != taken]:
+    others = [frame for frame in poses if frame != taken]
+    if len(found) > 1:
         with suppress(DocumentError):
             if (table := build(range(len(names)), names)).parts:  # a snapshot of tf, of which the user names a frame
                 return table
+    if others:
         if taken != "flange" and not all(equal_sides(poses[taken], poses[one]) for one in others):
             what = f"poses of {' and of '.join(poses)}, and no name says which are the flange's"
             raise refusal(origin, "names", what, "keep only those, or call them flange")
