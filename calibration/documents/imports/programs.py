@@ -183,7 +183,8 @@ _DATA = re.compile(
 _RAPID_MOVE = re.compile(r"\bMove[CJL]\w*\s*(\[\s*\[[^][]*\]\s*,\s*\[[^;]*)", re.IGNORECASE)
 _TARGET = re.compile(r"\b(?:CONST|PERS|VAR)\s+(?:robtarget|pose)\s+(\w+)", re.IGNORECASE)
 _ASSIGNED = re.compile(r"(?<![\w.])(\w+)(?:\{[^}]*\})?(?:\.\w+)*\s*:=", re.IGNORECASE)
-_COMPUTED = re.compile(r"\b(?:(?:Offs|RelTool|CRobT|CalcRobT)\s*\(|(?:PDisp|EOffs)(?:Set|On)\b)", re.IGNORECASE)
+_SHIFTING = re.compile(r"\b(?:PDisp|EOffs)(?:Set|On)\b", re.IGNORECASE)
+_COMPUTED = re.compile(rf"\b(?:Offs|RelTool|CRobT|CalcRobT)\s*\(|{_SHIFTING.pattern}", re.IGNORECASE)
 _MOVED = re.compile(r"\bMove([CJL])", re.IGNORECASE)
 _WOBJ = re.compile(r"\\\s*WObj\s*:=\s*(\w+\s*(?:\{[^}]*\})?)", re.IGNORECASE)
 _WITHIN = re.compile(r"\[[^][]*\]|\([^()]*\)|\\(?:\{[^{}]*\}|[^,{])*")  # brackets and options of an instruction
@@ -297,9 +298,11 @@ def moves_of_rapid(text: str) -> Iterator[tuple[range, set[str], Frames]]:
     """Of each instruction that moves its places, the words in it in lower case, and its frames as written.
 
     The tool stands behind the zone; else it is a tool that the text declares, beside a target; in other instructions
-    that search, trigger or have a work object it is the last argument.
+    that search, trigger or have a work object it is the last argument. Of a routine's call with a target and a tool a
+    work object beside them is taken, too; it counts for targets that no instruction moves to.
     """
-    tools = {"tool0", *re.findall(r"\btooldata\s+(\w+)", text.lower())}
+    tools, works = ({f"{kind}0", *re.findall(rf"\b{kind}data\s+(\w+)", text.lower())} for kind in ("tool", "wobj"))
+    moved, calls = set[str](), list[tuple[range, set[str], Frames]]()
     targets = {name.lower() for name in _TARGET.findall(text)}
     for move in re.finditer(r"[^;]+", text):
         bare, kept, wobj, kind = "", move[0], _WOBJ.search(move[0]), _MOVED.search(move[0])
@@ -308,13 +311,22 @@ def moves_of_rapid(text: str) -> Iterator[tuple[range, set[str], Frames]]:
         cells, words = re.findall(r"(?:\{[^{}]*\}|[^,{])+", bare), {*re.findall(r"\w+", move[0].lower())}
         arguments = [one for cell in cells if (one := "".join(cell.split()))]
         zones = [at for at, one in enumerate(arguments[:-1]) if re.fullmatch(r"fine|z\d+", one, re.IGNORECASE)]
-        if words & targets:
+        is_call = not (zones or kind or _TOOL_LAST.search(move[0]))
+        if words & targets and not _SHIFTING.search(bare):
             zones += [at for at, one in enumerate(arguments[1:]) if one.partition("{")[0].lower() in tools]
         behind = bool(re.search(r"\bMove\w+\s*$", bare.partition(",")[0], re.IGNORECASE))  # MoveL\Conc, p1
         zones += [2 + behind + (kind[1] in "Cc")] if kind else []
         zones += [len(arguments) - 2] if _TOOL_LAST.search(move[0]) else []
         for tool in arguments[zones[0] + 1 :][:1] if zones and "moveabsj" not in bare.lower() else ():
-            yield range(*move.span()), words, (tool, "".join(wobj[1].split()) if wobj else "wobj0")
+            beside = next((one for one in arguments if is_call and one.lower() in works), "wobj0")
+            found = range(*move.span()), words, (tool, "".join(wobj[1].split()) if wobj else beside)
+            if is_call:
+                calls.append(found)
+            else:
+                moved |= words
+                yield found
+    for within, words, frames in calls:
+        yield within, words - moved, frames
 
 
 def _of_flange(table: PoseTable, text: str, places: Sequence[int]) -> PoseTable:
