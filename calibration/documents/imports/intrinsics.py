@@ -91,20 +91,24 @@ def intrinsics_of(data: Any, origin: str) -> Intrinsics:
 def _mappings(data: Any, around: Maps = ((), ()), depth: int = 0) -> Iterator[tuple[Record, tuple[Record, Record]]]:
     """Each mapping, what is said of its lens, and all that is said in, beside and around it. Keys as `_by_spelling`.
 
-    Of the lens: it, those around it, and those in and beside it that are named after a camera, a lens or distortion.
+    Of the lens: it, those around it, and those in and beside it that are named after a camera, a lens or distortion;
+    one named after a fisheye only where no other has coefficients.
     """
     if isinstance(data, Mapping) and depth <= MAX_DEPTH:
         own = _by_spelling(data)
         inner = {key: dict(one) for key, one in own.items() if isinstance(one, Mapping)}
         for key, one in inner.items():
-            if "fisheye" in key and any(map(OF_DISTORTION.match, _by_spelling(one))):
-                one["isfisheye"] = True
+            if OF_BLOCK.match(key) and any(map(OF_DISTORTION.match, _by_spelling(one))):
+                one["infisheye"] = True
         said = {key: one for key, one in own.items() if key not in inner or OF_DISTORTION.match(key)}
         of_lens, every = (
             [_by_spelling(inner[name]) for name in names[:MAX_BESIDE]]
             for names in (list(filter(OF_LENS.search, inner)), list(inner))
         )
-        yield own, (ChainMap(own, *of_lens, *around[0]), ChainMap(own, *every, *around[1]))
+        maps = [own, *(one for one in (*of_lens, *around[0]) if "infisheye" not in one)]
+        if "infisheye" in own or not any(_numbers(one, OF_FISHEYE + DISTORTION + OF_K, COUNTS, 0.0) for one in maps):
+            maps = [own, *of_lens, *around[0]]
+        yield own, (ChainMap(*maps), ChainMap(own, *every, *around[1]))
         for one in inner.values():
             yield from _mappings(one, ((said, *of_lens, *around[0]), (own, *every, *around[1])), depth + 1)
 
@@ -112,22 +116,31 @@ def _mappings(data: Any, around: Maps = ((), ()), depth: int = 0) -> Iterator[tu
 def _by_spelling(record: Record) -> dict[str, Any]:
     """Values by keys of small letters and digits only; without ORB-SLAM's `Camera.`; k beside K is the distortion.
 
-    Of keys that are then alike a list counts before a number; two that differ are in a mapping, which is no list.
+    Of keys that are then alike the highest `_rank` counts; two lists that differ are in a mapping, which is no list.
     """
     plain: dict[str, Any] = {}
-    for key, one in sorted(record.items(), key=lambda item: number_of(item[1]) is None):
+    for key, one in sorted(record.items(), key=lambda item: _rank(item[1])):
         name = "kc" if key == "k" and "K" in record else SIGNS.sub("", str(key).lower())
         kept = plain.setdefault(name, one)
-        is_one = kept is one or kept == one or isinstance(one, str) or number_of(kept) is not number_of(one) is None
+        is_one = kept is one or kept == one or not _rank(one)[0] or _rank(kept) < _rank(one)
+        if not is_one and (array := _array(kept)) is not None and (other := _array(one)) is not None:
+            is_one = np.array_equal(array.ravel(), other.ravel())
         plain[name] = one if is_one else {"one": kept, "other": one}
     return plain
+
+
+def _rank(value: Any) -> tuple[bool, bool, bool]:
+    """Higher for a list or a mapping than for a number, a text or bool without numbers, and nothing, in this order."""
+    has_numbers = bool(isinstance(value, list | Mapping) and value) or _array(value) is not None
+    return has_numbers, number_of(value) is None, value is not None
 
 
 def _array(value: Any) -> Array | None:
     """The numbers of a list, of OpenCV's mapping of one, or of a text with any brackets and separators."""
     while isinstance(value, Mapping):
         value = value.get("data", value.get("parameters"))
-    return array_of(NUMBERS.findall(value) if isinstance(value, str) else value if isinstance(value, list) else [value])
+    value = NO_NUMBERS.sub(" ", value).split() if isinstance(value, str) else value
+    return array_of(value if isinstance(value, list) else [value])
 
 
 def _numbers(plain: Record, names: Keys, counts: Container[int], missing: float | None = None) -> list[float] | None:
@@ -158,8 +171,8 @@ def intrinsics_within(own: Record, of_lens: Record, plain: Record, matrix: list[
         raise refusal(origin, "camera matrix", "not one in px", "write fx, 0, cx / 0, fy, cy / 0, 0, 1", HEADING)
     nested = of_lens.get("distortion")
     inner = _by_spelling(nested) if isinstance(nested, Mapping) else {}
-    of_distortion = (*map(of_lens.get, OF_LENS_MODELS), inner.get("type"), inner.get("model"))
-    stated_model = next((_model(one, of_lens) for one in of_distortion if one), "")
+    strict = of_lens.get("distortionmodel") or inner.get("type") or inner.get("model")
+    stated_model = next((_model(one, of_lens) for one in (strict, *map(of_lens.get, OF_LENS_MODELS)) if one), "")
     named = (of_lens.get(key) for key in (*OF_MODELS, *["lens"] * (not stated_model)))
     words = {one: MODEL_SIGNS.sub("", one) for one in (stated_model, *(_model(one, of_lens) for one in named if one))}
     known = [one for one in words.values() if one in PINHOLE or one in FISHEYE]
@@ -169,7 +182,7 @@ def intrinsics_within(own: Record, of_lens: Record, plain: Record, matrix: list[
     names = OF_FISHEYE + DISTORTION if is_fisheye else DISTORTION
     stated = _numbers(of_lens, names, COUNTS, missing=0.0) or _numbers(of_lens, OF_K, COEFFICIENT_COUNTS[lens])
     for at, (said, word) in enumerate(words.items()):
-        is_other = word and word not in known and (at == 0 or OTHER_MODELS.search(said))
+        is_other = word and word not in known and ((at == 0 and strict) or OTHER_MODELS.search(said))
         if is_other and not (OF_ZEROS.search(word) and stated is not None and not any(stated)):
             fix = "calibrate as pinhole or fisheye, or have the camera estimated"
             raise refusal(origin, "distortion model", f"{said!r} is not read", fix, HEADING)
@@ -178,14 +191,16 @@ def intrinsics_within(own: Record, of_lens: Record, plain: Record, matrix: list[
         raise refusal(origin, "distortion model", what, "add camera_model: fisheye or pinhole", HEADING)
     unread = (
         key for key, one in of_lens.items() if OF_DISTORTION.match(key) and not (key == "kappa" and "phi" in of_lens)
-        and not (key in ("t1", "t2") and "t3" in of_lens)
+        and not (key in ("s1", "t1", "t2") and ("t3" in of_lens or (stated and "k1" not in of_lens)))
         and (stated is None or PARTLY.match(key))
         and not (key == "k" and (number_of(one) or _numbers(of_lens, OF_K, (9,))))
         and (number_of(one) or (isinstance(one, list | Mapping) and one and not POINT.match(key))
-             or (isinstance(one, str) and (array := _array(one)) is not None and array.size > 1))
+             or (isinstance(one, str) and (_numbers(of_lens, ((key,),), range(2, 100)) or DECIMALS.search(one))))
     )  # fmt: skip
-    lists = ((key, _array(one)) for key, one in own.items() if stated is None and not NO_DISTORTION.search(key))
-    others = (key for key, array in lists if array is not None and array.size in OF_OPENCV and array.any())
+    lists = ((key, _array(one)) for key, one in of_lens.items() if stated is None and not isinstance(one, str))
+    flat = ((key, array) for key, array in lists if array is not None and array.size == max(array.shape) in OF_OPENCV)
+    four = [*np.diag(rows)[:2], *rows[:2, 2]]
+    others = (key for key, one in flat if np.any(one % 1) and [*one.flat] != four and not NO_DISTORTION.search(key))
     if name := next(unread, "") or next(others, ""):
         raise refusal(origin, name, "distortion that is not read", "write distortion_coefficients", HEADING)
     distortion = stated or [0.0] * (4 if lens == "fisheye" else 5)
@@ -205,21 +220,23 @@ MAX_COEFFICIENTS, MAX_SIDE_PX, MIN_FOCAL_PX, MAX_DEPTH, MAX_BESIDE = 100, 1e6, 1
 COUNTS, OF_OPENCV = {*range(1, MAX_COEFFICIENTS)} - {9}, (4, 5, 8, 12, 14)
 """Of a distortion (nine are a matrix), and those that OpenCV writes."""
 
-NUMBERS = re.compile(r"[^\s,;()\[\]]+")
+NO_NUMBERS = re.compile(r"^\s*((np|numpy)\.)?array|dtype=[\w.]+|[,;|()\[\]{}]")
 NOT_FISHEYE, OF_K = ("p1", "p2", "k5", "k6"), (("k",),)
 SIGNS, MODEL_SIGNS = re.compile(r"^camera1?\.|[^a-z0-9]"), re.compile(r"^distortion\.|[^a-z0-9]")
-POINT = re.compile(r"[pst]\d$")
+POINT, OF_BLOCK = re.compile(r"[pst]\d$"), re.compile("(is|use)?fisheye")
+DECIMALS = re.compile(r"(?s)(?<![\w.])\d*\.\d.*(?<![\w.])\d*\.\d")  # two or more in a text
 OF_DISTORTION = re.compile(
     rf"({'|'.join(BEFORE)})?(dist(?!ance)|coef|d$)|radial|tangential|kappa|k$|kc|xi$|[kps]\d$|t[12]$|.*(?<!un)distort"
 )
 PARTLY = re.compile(r"radial|tangential|xi$|k[07-9]$|p[03-9]$|s\d$|t[12]$")  # what coefficients beside it do not hold
 NO_DISTORTION = re.compile(
-    r"^(p\d?|r|t|data)$|matrix|mtx|intrin|proj|rect|pose|quat|rot|trans|[rt]vec|extrin|posit|orient|size|resol|shape|roi|box|crop|err|rms|std"
+    r"^(p\d?|r|t|data)$|matrix|mtx|intrin|proj|rect|pose|quat|rot|trans|[rtq]vec|extrin|posit|orient|size|resol|shape|roi|box|crop|err|rms|std"
+    r"|^q$|xyzw|wxyz|time|date|ids?$|range|balance|backgr|corner|points|distance|hand|2"
 )
 """In the names of lists beside a matrix that are no distortion; others as long as OpenCV's are refused."""
 
 OF_ZEROS = re.compile("inverse|theta")  # models of RealSense that are a pinhole's where the coefficients are 0
-OF_LENS = re.compile(r"cam|lens|intrin|fisheye|^(dist(?!ance)|radial|tangential|coeff|d$)")
+OF_LENS = re.compile(r"cam|lens|intrin|fisheye|pinhole|^(dist(?!ance)|radial|tangential|coeff|d$)")
 OTHER_MODELS = re.compile(
     r"fish|equi|omni(?!v)|kannala|kb\d|division|(?<!a)spher|\bds\b|ucm|\bocam\b(?!-)|ocam_?calib|scaramuzza|\bmei\b|^fov$|atan$|polynom|graphic$|inverse|theta"
 )

@@ -48,7 +48,15 @@ def test_names_of_the_distortion(name: str, matrix: str) -> None:
 
 
 @pytest.mark.parametrize(
-    "text", ["[0.1, -0.2, 0.001, 0.002, 0.03]", "0.1;-0.2; 0.001;0.002;0.03", "[[0.1 -0.2 1e-3 2e-3 .03]]"]
+    "text",
+    [
+        "[0.1, -0.2, 0.001, 0.002, 0.03]",
+        "0.1;-0.2; 0.001;0.002;0.03",
+        "[[0.1 -0.2 1e-3 2e-3 .03]]",
+        "array([[0.1, -0.2, 0.001, 0.002, 0.03]])",
+        "{0.1, -0.2, 0.001, 0.002, 0.03}",
+        "0.1|-0.2|0.001|0.002|0.03",
+    ],
 )
 def test_distortion_as_text(text: str) -> None:
     assert read({"K": K, "distortion": text}).distortion == tuple(D)
@@ -59,6 +67,44 @@ def test_a_number_is_no_distortion_but_a_distance(distance: dict[str, Any]) -> N
     assert read({"K": K, "D": D} | distance).distortion == tuple(D)
     if not isinstance(distance.get("d"), list):
         np.testing.assert_array_equal(read({"K": K, **BY_NAME} | distance).distortion, [*D, 0, 0, 0])
+
+
+FLAT = [float(one) for row in K for one in row]
+ALIKE: dict[str, dict[str, Any]] = {
+    "text": {"D": D, "d": "mm"},
+    "model": {"distortion": D, "Distortion": "plumb_bob"},
+    "model first": {"Distortion": "plumb_bob", "distortion": D},
+    "nothing": {"d": None, "D": D},
+    "nothing last": {"D": D, "d": None},
+    "bool": {"D": D, "d": True},
+    "empty": {"D": D, "d": []},
+    "shape": {"D": D, "d": [D]},
+    "matrix": {"D": D, "k_matrix": K, "K_matrix": FLAT},
+    **{word: {"D": D, "distortion_type": word} for word in ("Brown", "radial", "standard", "OpenCV5", "rational")},
+    "a number of a model": {"D": D, "dist_model": 5},
+    "points": {"D": D, "s1": 3, "t1": 0.5, "t2": 0.7},
+}
+
+
+@pytest.mark.parametrize("case", ALIKE)
+def test_a_list_counts_before_what_is_beside_it(case: str) -> None:
+    found = read({"K": K} | ALIKE[case])
+    assert (found.matrix, found.distortion, found.lens) == (tuple(map(tuple, K)), tuple(D), "pinhole")
+
+
+BESIDE_FISHEYE = {
+    "block": {"K": K, "D": D[:4], "fisheye": {"D": EQUI}},
+    "siblings": {"pinhole": {"K": K, "D": D[:4]}, "fisheye": {"D": EQUI}},
+    "siblings below a matrix": {"K": K, "pinhole": {"D": D[:4]}, "fisheye": {"D": EQUI}},
+    "none": {"non_fisheye": {"K": K, "D": D[:4]}},
+    "disabled": {"K": K, "D": D[:4], "fisheye": {"enabled": False, "k1": 0}},
+}
+
+
+@pytest.mark.parametrize("case", BESIDE_FISHEYE)
+def test_a_pinhole_beside_a_fisheye(case: str) -> None:
+    found = read(BESIDE_FISHEYE[case])
+    assert (found.lens, found.distortion) == ("pinhole", tuple(D[:4]))
 
 
 PINHOLE = {
@@ -139,13 +185,41 @@ REFUSED = {
     "as text": ({"K": K, "dist_co": "0.1, -0.2, 0, 0"}, "distco: distortion that is not read"),
     "k is no number": ({"camera_matrix": K, "k": [0.1, ".Nan", 0, 0]}, "k: distortion that is not read"),
     "tangential beside radial": ({**FOUR, "k1": 0.1, "k2": -0.2, "tangential": [0.001, 0.002]}, "tangential: dist"),
+    "as text with names": ({"K": K, "dist": "k1=0.1 k2=-0.2"}, "dist: distortion that is not read"),
+    "around the camera": ({"calib": {"K": K}, "dst": D}, "dst: distortion that is not read"),
+    "in a lens beside": ({"K": K, "lens_params": {"numbers": D}}, "numbers: distortion that is not read"),
+    "HALCON's polynomial": ({"K": K, "D": D, "dist_model": "Polynomial"}, "polynomial"),
     "nine numbers": ({"K": K, "dist": [0.1] * 9}, "dist: distortion that is not read"),
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("beside", ["P", "projection_matrix", "quaternion", "roi", "extrinsics"])
+@pytest.mark.parametrize(
+    "beside",
+    [
+        "P",
+        "projection_matrix",
+        "quaternion",
+        "roi",
+        "extrinsics",
+        "qvec",
+        "q",
+        "xyzw",
+        "background",
+        "timestamps",
+        "depth_range",
+        "hand_eye",
+    ],
+)
 def test_lists_that_are_no_distortion(beside: str) -> None:
     assert not read({"K": K, beside: [0.1, 0.2, 0.3, 0.4]}).has_distortion
+
+
+@pytest.mark.parametrize(
+    "one", [np.full((3, 4), 0.5).tolist(), [0, 1, 2, 3, 5], "2024 01 02 03", [600.0, 601.0, 320.0, 240.0], [0.5] * 6]
+)
+def test_lists_whose_numbers_are_no_distortion(one: Any) -> None:
+    assert not read({"K": K, "one": one}).has_distortion
+    assert not read({"camera": {"K": K}, "lens": {"one": one}}).has_distortion
 
 
 def test_zeros_of_an_unknown_name() -> None:
