@@ -19,7 +19,7 @@ from calibration.solution import ArmScale
 from calibration.transforms import Array
 
 MIN_SCALE_VIEWS = 6
-"""Least views from which a factor is taken to be off; fewer only shift X and widen U by its probability."""
+"""Least views from which a factor is named and taken as found; with fewer, X is averaged over what it may be."""
 
 SCALE_FALSE_ALARM_PROBABILITY = 1e-5
 USUAL_SCALE_ERROR, MIN_USUAL_SCALE_ERROR = 2e-3, 3e-4
