@@ -81,6 +81,9 @@ MAX_RARE = 0.1
 ANISOTROPY_SHARE, SHEAR, BOW_SHARE = 1e-3, 5e-4, 2e-3
 """Of a print: stretch of one side against the other, angle between the sides, bow over half the target's size."""
 
+BEND_SHARE = 1e-3
+"""Of a print with bent lines: their bend in its plane, or by how much one side is longer than the middle."""
+
 RIGID_TARGET = 0.1
 """Share of those for a target of glass or aluminium; its bow 0.25."""
 
@@ -170,6 +173,14 @@ def prior_mixture(knowledge: Knowledge, bow_mm: float, distortion: tuple[float, 
     _, plane, bow = of_shape[0]
     usual = _precisions(usual_lens, float(np.hypot(_usual(of_size), _usual(of_arm))), plane, bow * bow_mm)
     return PriorMixture(np.array(log_weights), np.array(information), np.array(arm_share), usual, len(usual_lens))
+
+
+def with_shapes(prior: PriorMixture, sigmas: tuple[float, ...]) -> PriorMixture:
+    """The prior with more unknowns, each with one standard deviation in all components."""
+    precisions = 1 / np.square(sigmas)
+    every = np.tile(precisions, (len(prior.information), 1))
+    information, usual = np.hstack([prior.information, every]), np.append(prior.usual, precisions)
+    return replace(prior, information=information, usual=usual)
 
 
 def _precisions(lens: tuple[float, ...], size: float, plane: float, bow_mm: float) -> Array:

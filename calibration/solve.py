@@ -18,6 +18,7 @@ from calibration.kinematics.arm_errors import AXES, ArmErrorModel, Postures, app
 from calibration.kinematics.external_axis import ExternalAxis
 from calibration.kinematics.joint_check import require_joints_of_each_view
 from calibration.kinematics.load import NO_LOAD, SAME_SHARE, Load
+from calibration.knowledge import Knowledge
 from calibration.likelihood.estimate import Estimate
 from calibration.preprocessing.prepare import PreparedSession, at_given_lens, prepare_at_seen_lens, update_target_shape
 from calibration.problem import Problem
@@ -160,14 +161,14 @@ def estimate_session(problem: Problem) -> SessionEstimate:
     From the best closed form of the views that agree; then with the target's shape, with errors of the robot that
     follow its pose, and with its covariance widened by what all views may share.
     """
-    prepared, z = prepare_at_seen_lens(problem)
+    prepared = prepare_at_seen_lens(problem)
     used = agreeing_rows(prepared)
     if not np.all(used):
         require_observable(prepared.seen.base_T_flange[used], offset_given=prepared.given is not None)
     start = find_initial_guess(prepared.take(used))
-    estimate = SessionEstimate(prepared, start, select_views(prepared, used, start.chain, start.variances, z))
-    if estimate.prepared.shape is not None and problem.camera is None:
-        estimate = _with_target_shape(estimate)
+    estimate = SessionEstimate(prepared, start, select_views(prepared, used, start.chain, start.variances, prepared.z))
+    if estimate.prepared.shaped and problem.camera is None:
+        estimate = _with_target_shape(estimate, problem.knowledge)
     trend = fit_trend(estimate.best)
     if trend is not None and trend.significant:
         best = estimate.best
@@ -181,12 +182,12 @@ def estimate_session(problem: Problem) -> SessionEstimate:
     return replace(estimate, prepared=replace(prepared, scale=scale, seen_as_found=found), selection=selection)
 
 
-def _with_target_shape(estimate: SessionEstimate) -> SessionEstimate:
+def _with_target_shape(estimate: SessionEstimate, knowledge: Knowledge) -> SessionEstimate:
     """The target's shape and the camera estimated in turn, for a camera that is not given."""
     for _ in range(MAX_ROUNDS):
         best, used = estimate.best, estimate.selection.used
-        prepared = update_target_shape(estimate.prepared, best)
-        selection = select_views(prepared, used, best.chain, best.variances)
+        prepared = update_target_shape(estimate.prepared, best, knowledge)
+        selection = select_views(prepared, used, best.chain, best.variances, prepared.z)
         estimate = replace(estimate, prepared=prepared, selection=selection)
     return estimate
 

@@ -258,9 +258,9 @@ def _agrees_better(fitting: Evidence, given: Evidence) -> bool:
 
 def _points_lie_elsewhere(prepared: PreparedSession, poses: Array) -> bool:
     """Whether the corners fit so badly that they may be those of another target."""
-    seen, shape = prepared.seen, prepared.shape
+    seen, deviation_mm = prepared.seen, np.hypot(*prepared.nuisances.shape_mm(prepared.z, prepared.nominal_mm))
     diagonal_mm = float(np.linalg.norm(np.ptp(prepared.nominal_mm, axis=0)))
-    if shape is not None and np.hypot(shape.in_plane_mm, shape.out_of_plane_mm) > MAX_BENT_SHARE * diagonal_mm:
+    if deviation_mm > MAX_BENT_SHARE * diagonal_mm:
         return True
     left_out = np.count_nonzero((seen.weights == 0) & (seen.present > 0))
     if left_out > MAX_LEFT_OUT_SHARE * np.count_nonzero(seen.present):
@@ -272,7 +272,7 @@ def _lens_misfit(problem: Problem, prepared: PreparedSession, poses: Array) -> L
     """The misfit of the given intrinsics; a wrong lens is preferred to a deviating target shape, being simpler."""
     as_seen = pixel_deviation(pixel_statistics(prepared.seen, prepared.camera, poses))
     drawn, as_shaped = prepared.seen, np.inf
-    if prepared.shape is not None:
+    if prepared.shaped:
         drawn, as_shaped = replace(prepared.seen, points_mm=prepared.nominal_mm[prepared.seen.ids]), as_seen
         poses = refine_poses(drawn, prepared.camera, poses)
     misfit = lens_misfit(drawn, prepared.camera, poses, FALSE_ALARM_PROBABILITY, as_shaped)
@@ -280,7 +280,7 @@ def _lens_misfit(problem: Problem, prepared: PreparedSession, poses: Array) -> L
     if misfit is not None:
         is_far = misfit.share > MAX_STEP_SHARE
     else:  # other points of the target, or another size of it, may fit in place of a lens that no step reaches
-        is_far = as_seen > MAX_USUAL_PX or of_another_size or prepared.shape is not None
+        is_far = as_seen > MAX_USUAL_PX or of_another_size or prepared.shaped
     if not is_far:
         return misfit
     both = [found for found in (misfit, gross_lens_misfit(problem, drawn, as_shaped)) if found is not None]

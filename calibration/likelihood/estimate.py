@@ -37,7 +37,7 @@ MAX_AVERAGES = 6
 AVERAGE_TOLERANCE_SIGMA = 0.02
 """The mean over priors and noise levels is taken about itself until it moves by less, in standard deviations (RMS)."""
 
-SIGNIFICANT_SQUARES = {1: 9.0, 2: 11.83, 3: 14.16, 5: 18.21}
+SIGNIFICANT_SQUARES = {1: 9.0, 2: 11.83, 3: 14.16, 5: 18.21, 11: 28.51}
 """Chi-square exceeded with a probability of 0.27 %, as three standard deviations are, by degrees of freedom."""
 
 PixelModel = Callable[[Array, Array], PixelStatistics]

@@ -11,16 +11,17 @@ from calibration.errors import UndeterminedError
 from calibration.intrinsics.bundle_adjustment import ONLY_FOCAL, adjust, focal_step
 from calibration.intrinsics.estimate import estimate_camera
 from calibration.kinematics.robot_accuracy import NoiseBelief
+from calibration.knowledge import Knowledge
 from calibration.likelihood.axis_offset import GivenCoordinate
 from calibration.likelihood.distributions import tetragamma, trigamma
 from calibration.likelihood.estimate import Estimate
-from calibration.likelihood.nuisances import Nuisances
+from calibration.likelihood.nuisances import FOCAL, SHAPES, Nuisances, target_shapes
 from calibration.observations.observations import IMAGE_REPEATED, Observations, UnusableReason, observe, repetitions
 from calibration.observations.reprojection import INTRINSICS, pixel_residuals
 from calibration.observations.view_poses import candidate_poses, poses_by_lens, refine_poses
 from calibration.preprocessing.corner_outliers import reject_corner_outliers
 from calibration.preprocessing.pose_ambiguity import resolve_pose_ambiguity
-from calibration.preprocessing.target_shape import ShapeFit, TargetShape, estimate_shape, shape_deviates
+from calibration.preprocessing.target_shape import ShapeFit, estimate_shape, shown_deviations
 from calibration.problem import Problem, Setup, anchor_T_mount_of
 from calibration.sentences.sentence import Sentence
 from calibration.transforms import Array
@@ -92,11 +93,12 @@ class PreparedSession:
 
     nominal_mm : (k, 3) points of the target as described.
     nuisances : what is unknown of the lens and the target.
+    z : (q,) the nuisances' deviations by the images, at which `camera` and the points of `seen` are.
     belief : in the robot's noise.
     camera_T_target : (n, 4, 4) each view's own pose, with camera and target as described.
     board_turned : (n,) views whose ids were corrected because the board was read in another orientation.
     unusable : reasons of the other views, by position in `problem.views`.
-    shape : deviation of the target from the description, None where it is not significant.
+    shaped : whether each point of the target was estimated from the images.
     scale : of the target against the description, as it was found.
     seen_as_found : the observations with the target's shape as the estimate found it, as large as described; None
         before it.
@@ -109,11 +111,12 @@ class PreparedSession:
     seen: Observations
     camera: CameraModel
     nuisances: Nuisances
+    z: Array
     belief: NoiseBelief
     camera_T_target: Array
     board_turned: NDArray[np.bool_]
     unusable: dict[int, UnusableReason]
-    shape: TargetShape | None = None
+    shaped: bool = False
     scale: float = 1.0
     seen_as_found: Observations | None = None
     camera_covariance: Array | None = None
@@ -156,12 +159,22 @@ def prepare(problem: Problem) -> PreparedSession:
     seen, candidates = clean.seen.take(kept), np.stack([clean.camera_T_target, poses[:, 1]], axis=1)[kept]
     anchor_T_mount = anchor_T_mount_of(problem.setup, seen.base_T_flange)
     read = resolve_pose_ambiguity(seen, anchor_T_mount, candidates, errors[kept], problem.target.points_mm)
+    shapes, unknown = target_shapes(problem.target.points_mm), nuisances.free
+    unsaid = not estimated and camera.lens_model == "pinhole" and len(nuisances.distortion) == 1
+    shown = shown_deviations(read.seen, camera, read.camera_T_target, unknown, shapes, SHAPES, tangential=unsaid)
+    if shown.tangential:
+        nuisances = Nuisances.of(
+            camera, problem.target.points_mm, problem.knowledge, estimated=False, shows_tangential=True
+        )
+    if shown.bends:
+        nuisances = nuisances.with_bends()
     drawn = PreparedSession(
         problem.setup,
         problem.target.points_mm,
         read.seen,
         camera,
         nuisances,
+        np.zeros(len(nuisances)),
         problem.robot_noise,
         read.camera_T_target,
         read.board_turned,
@@ -169,26 +182,30 @@ def prepare(problem: Problem) -> PreparedSession:
         camera_covariance=camera_covariance,
         given=_given_coordinate(problem, read.seen.base_T_flange),
     )
-    if shape_deviates(drawn.seen, drawn.camera, drawn.camera_T_target, nuisances.free):
+    if shown.points:
         drawn = _with_estimated_shape(drawn)
     return replace(drawn, seen=weight_by_view_noise(drawn.seen, drawn.camera, drawn.camera_T_target))
 
 
-def prepare_at_seen_lens(problem: Problem) -> tuple[PreparedSession, Array | None]:
-    """As `prepare`, and None; where the corners show a lens far from the given one, by that, and its deviations z (q,).
+def prepare_at_seen_lens(problem: Problem) -> PreparedSession:
+    """As `prepare`; where the corners show a lens far from the given one, by that.
 
     Distances follow the focal length: no linear step leads from a lens half or twice as long to the right one.
     """
     prepared, given = prepare(problem), problem.camera
     if given is None or abs(focal_step(prepared.seen, given, prepared.camera_T_target)) < FAR:
-        return prepared, None
+        return prepared
     found = adjust(prepared.seen, given, prepared.camera_T_target, ONLY_FOCAL)
-    z, focal = np.zeros(len(prepared.nuisances)), found.camera.matrix[0, 0]
-    z[0] = np.log(focal / given.matrix[0, 0])
-    if abs(z[0]) < max(FAR, MIN_FAR_SIGMAS * np.sqrt(found.covariance[0, 0]) / focal):
-        return prepared, None
-    camera = prepared.nuisances.camera_at(z)
-    return replace(prepare(replace(problem, camera=camera)), nuisances=prepared.nuisances), z
+    focal = found.camera.matrix[0, 0]
+    longer = np.log(focal / given.matrix[0, 0])
+    if abs(longer) < max(FAR, MIN_FAR_SIGMAS * np.sqrt(found.covariance[0, 0]) / focal):
+        return prepared
+    described = prepared.nuisances
+    camera = described.camera_at(longer * np.eye(len(described))[FOCAL[0]])
+    again = prepare(replace(problem, camera=camera))
+    z = again.z.copy()
+    z[FOCAL[0]] = longer
+    return replace(again, nuisances=replace(again.nuisances, camera=given), z=z)
 
 
 def at_given_lens(problem: Problem, prepared: PreparedSession) -> PreparedSession:
@@ -225,29 +242,29 @@ def _require_different_images(problem: Problem, seen: Observations, refused: dic
     )
 
 
-def update_target_shape(prepared: PreparedSession, best: Estimate) -> PreparedSession:
-    """The session with the target's shape estimated again at the camera of the estimate."""
+def update_target_shape(prepared: PreparedSession, best: Estimate, knowledge: Knowledge) -> PreparedSession:
+    """The session with the target's shape estimated again at the camera of the estimate, which is not given."""
     seen = replace(prepared.seen, points_mm=prepared.nominal_mm[prepared.seen.ids])
     poses = refine_poses(seen, best.camera, prepared.camera_T_target)
-    return _as_found(
-        prepared, estimate_shape(seen, best.camera, poses, np.zeros(INTRINSICS, bool), prepared.nominal_mm)
-    )
+    real = estimate_shape(seen, best.camera, poses, np.zeros(INTRINSICS, bool), prepared.nominal_mm)
+    return _as_found(prepared, real, Nuisances.of(real.camera, prepared.nominal_mm, knowledge, estimated=True))
 
 
 def _with_estimated_shape(prepared: PreparedSession) -> PreparedSession:
     """The session with the target's points estimated together with what is unknown of the lens."""
-    free = prepared.nuisances.free
-    real = estimate_shape(prepared.seen, prepared.camera, prepared.camera_T_target, free, prepared.nominal_mm)
-    if not prepared.nuisances.estimated:  # the lens as given is where the estimate starts
-        poses = refine_poses(real.seen, prepared.camera, real.camera_T_target)
-        return replace(prepared, seen=real.seen, camera_T_target=poses, shape=real.shape)
-    return _as_found(prepared, real)
+    nuisances, seen, camera = prepared.nuisances, prepared.seen, prepared.camera
+    real = estimate_shape(seen, camera, prepared.camera_T_target, nuisances.free, prepared.nominal_mm)
+    if not nuisances.estimated:  # the lens as given is where the estimate starts
+        shaped = replace(seen, points_mm=real.points_mm[seen.ids])
+        real = replace(real, camera=camera, camera_T_target=refine_poses(shaped, camera, real.camera_T_target))
+    return _as_found(prepared, real, replace(nuisances, camera=real.camera))
 
 
-def _as_found(prepared: PreparedSession, real: ShapeFit) -> PreparedSession:
+def _as_found(prepared: PreparedSession, real: ShapeFit, drawn: Nuisances) -> PreparedSession:
     """The session with this target and camera."""
-    nuisances = replace(prepared.nuisances, camera=real.camera)
+    nuisances, z = drawn.with_points(real.points_mm)
+    seen = replace(prepared.seen, points_mm=real.points_mm[prepared.seen.ids])
     return replace(
-        prepared, seen=real.seen, camera=real.camera, nuisances=nuisances, camera_T_target=real.camera_T_target,
-        shape=real.shape,
+        prepared, seen=seen, camera=real.camera, nuisances=nuisances, z=z, camera_T_target=real.camera_T_target,
+        shaped=True,
     )  # fmt: skip

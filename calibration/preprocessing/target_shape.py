@@ -13,13 +13,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibration.camera import CameraModel
-from calibration.linear_algebra import covariance_of, scaled_inverse, unit_diagonal
+from calibration.likelihood.distributions import f_quantile
+from calibration.linear_algebra import (
+    MIN_DETERMINED,
+    covariance_of,
+    scaled_inverse,
+    scaled_pseudo_inverse,
+    unit_diagonal,
+)
 from calibration.observations.observations import Observations
 from calibration.observations.reprojection import INTRINSICS, pixel_rows, with_intrinsics
 from calibration.observations.view_poses import apply_pose_steps
 from calibration.transforms import Array
 
 MIN_VIEWS = 6
+"""Least views that determine the points of the target each for itself."""
+
 MAX_POINTS = 600
 """Most points; with more, the dense system over all points takes seconds."""
 
@@ -30,39 +39,78 @@ MAX_TEST_VIEWS = 30
 MIN_TEST_SIGMA = 8.0
 """Threshold of the score test, in its standard deviations under an exact target."""
 
+SHOWN_BY_CHANCE = 1e-3
+"""Probability of taking straight lines for bent ones, and the lens as described for one that is not."""
+
+P1_P2 = (6, 7)
+"""Places of tangential distortion among fx fy cx cy k1 k2 p1 p2 k3."""
+
+MIN_VARIANCE = 1e-12
+"""px²: of exact corners."""
+
 ITERATIONS = 12
 STEP_TOLERANCE = 3e-3
 
 
 @dataclass(frozen=True, eq=False)
-class TargetShape:
-    """Deviation of the target's points from the description: RMS per coordinate in its plane, and out of it."""
-
-    in_plane_mm: float
-    out_of_plane_mm: float
-
-
-@dataclass(frozen=True, eq=False)
 class ShapeFit:
-    """The observations with the target's estimated points, and the poses (n, 4, 4) and camera that fit them."""
+    """The target's points (k, 3), and the poses (n, 4, 4) and camera that fit them."""
 
-    seen: Observations
+    points_mm: Array
     camera: CameraModel
     camera_T_target: Array
-    shape: TargetShape
 
 
-def shape_deviates(seen: Observations, camera: CameraModel, camera_T_target: Array, free: NDArray[np.bool_]) -> bool:
-    """Whether residuals agree over views by more than noise explains: a score test at the described shape.
+@dataclass(frozen=True)
+class Shown:
+    """What images show beyond what is unknown anyway: deviations of each point, bent lines, tangential distortion."""
 
-    With g the gradient by the offsets and S its information once poses and intrinsics are free, g' diag(S)^-1 g has
-    the mean s² tr(...) and variance 2 s⁴ |...|² under a perfect target.
+    points: bool
+    bends: bool
+    tangential: bool
+
+
+def shown_deviations(
+    seen: Observations,
+    camera: CameraModel,
+    camera_T_target: Array,
+    free: NDArray[np.bool_],
+    shapes: Array,
+    usual: int,
+    *,
+    tangential: bool,
+) -> Shown:
+    """Which residuals agree over views by more than noise explains; `tangential`: whether its distortion is asked for.
+
+    `shapes` (k, 3, s): what one unit of each shape adds to the points; the first `usual` ones are unknown anyway, the
+    others are bends. Bends and tangential distortion are each shown by what they explain beside the other, or alone
+    where neither explains anything beside the other. Few views show no single points.
+    Score tests at the described points. With g the gradient by the offsets and S its information once poses and
+    intrinsics are free, g' diag(S)^-1 g has the mean s² tr(...) and variance 2 s⁴ |...|² under a perfect target; with P
+    the shapes P'g has the information P'S P.
     """
-    if len(seen) < MIN_VIEWS or seen.ids.max(initial=0) >= MAX_POINTS:
-        return False
-    few = np.unique(np.linspace(0, len(seen) - 1, MAX_TEST_VIEWS).astype(np.intp))
-    few_seen = seen.take(few)
-    system = _system(few_seen, camera, camera_T_target[few], free, int(few_seen.ids.max()) + 1)
+    k, count = int(seen.ids.max(initial=0)) + 1, shapes.shape[-1]
+    if k > MAX_POINTS:
+        return Shown(points=False, bends=False, tangential=False)
+    rows = np.unique(np.linspace(0, len(seen) - 1, MAX_TEST_VIEWS).astype(np.intp))
+    few, poses = seen.take(rows), camera_T_target[rows]
+    lenses = (free, free | (tangential & np.isin(np.arange(len(free)), P1_P2)))
+    system, whole = (_system(few, camera, poses, lens, k) for lens in lenses)
+    drawn, bent = ([one.left(shapes[:k, :, :some]) for one in (system, whole)] for some in (usual, count))
+
+    def shows(left: float, least: float, unknowns: int) -> bool:
+        """Whether so many more unknowns lower the sum of squares from `left` to `least` by more than noise does."""
+        ratio = (left - least) / unknowns / (least / whole.redundancy)
+        return bool(ratio > f_quantile(unknowns, whole.redundancy, SHOWN_BY_CHANCE))
+
+    by_bends, by_lens = count - usual, len(P1_P2)
+    bends, lens = shows(drawn[1], bent[1], by_bends), tangential and shows(bent[0], bent[1], by_lens)
+    if not bends and not lens:
+        bends, lens = shows(drawn[0], bent[0], by_bends), tangential and shows(drawn[0], drawn[1], by_lens)
+    return Shown(len(seen) >= MIN_VIEWS and _points_deviate(system), bends, lens)
+
+
+def _points_deviate(system: "_System") -> bool:
     information = system.information()
     correlation, scale = unit_diagonal(information)
     unseen = np.diagonal(information) < 1e-9 * np.diagonal(information).max()
@@ -95,8 +143,7 @@ def estimate_shape(
         now = replace(seen, points_mm=seen.points_mm + offsets[seen.ids])
         if np.sqrt(np.mean(step**2)) < STEP_TOLERANCE * np.sqrt(np.mean(offsets**2)):
             break
-    in_plane, out_of_plane = np.sqrt(np.mean(offsets[:, :2] ** 2)), np.sqrt(np.mean(offsets[:, 2] ** 2))
-    return ShapeFit(now, camera, poses, TargetShape(float(in_plane), float(out_of_plane)))
+    return ShapeFit(drawn_mm + offsets, camera, poses)
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,6 +159,7 @@ class _System:
     by_camera: Array
     gradient: Array
     variance: float
+    redundancy: float
     pose_gradient: Array
     pose_offsets: Array
     pose_camera: Array
@@ -123,6 +171,15 @@ class _System:
         k, matrix = len(self.by_point), -(self.half.T @ self.half)
         matrix.reshape(k, 3, k, 3)[np.arange(k), :, np.arange(k), :] += self.by_point
         return matrix - self.by_camera @ self.camera_covariance @ self.by_camera.T if self.by_camera.size else matrix
+
+    def left(self, shapes: Array) -> float:
+        """The sum of squares, px², that a step of poses, intrinsics and these shapes (k, 3, s) leaves."""
+        columns = shapes.reshape(self.gradient.size, -1)
+        own = (self.by_point @ shapes).reshape(columns.shape) - self.half.T @ (self.half @ columns)
+        own -= self.by_camera @ (self.camera_covariance @ (self.by_camera.T @ columns))
+        gradient = columns.T @ self.gradient
+        gain = gradient @ scaled_pseudo_inverse(columns.T @ own, MIN_DETERMINED) @ gradient
+        return max(self.variance * self.redundancy - float(gain), MIN_VARIANCE)
 
     def step(self, offsets: Array, weight: Array) -> tuple[Array, Array]:
         """Step (3k,) from offsets (k, 3) whose coordinates have a prior `weight` (3,), and variances (k, 3) mm².
@@ -178,12 +235,12 @@ def _system(seen: Observations, camera: CameraModel, poses: Array, free: NDArray
     CC = CC - HC.reshape(6 * n, c).T @ zC.reshape(6 * n, c)
     gC = cg - HC.reshape(6 * n, c).T @ zg.ravel()
     inverse_CC = covariance_of(CC)
-    square = float(np.sum(residual**2)) - float(np.sum(zg * hg))
+    square = float(np.sum(residual**2) - np.sum(zg * hg) - gC @ inverse_CC @ gC)
     redundancy = max(2.0 * float(np.count_nonzero(seen.weights)) - 6 * n - c, 1.0)
     return _System(
         by_point=SS, half=half, by_camera=SC_, gradient=gS - SC_ @ inverse_CC @ gC,
-        variance=max(square / redundancy, 1e-12), pose_gradient=zg, pose_offsets=zS, pose_camera=zC,
-        camera_gradient=inverse_CC @ gC, camera_covariance=inverse_CC,
+        variance=max(square / redundancy, MIN_VARIANCE), redundancy=redundancy, pose_gradient=zg, pose_offsets=zS,
+        pose_camera=zC, camera_gradient=inverse_CC @ gC, camera_covariance=inverse_CC,
     )  # fmt: skip
 
 

@@ -65,11 +65,8 @@ def _images(problem: Problem, prepared: PreparedSession) -> Iterator[Finding]:
 
 def _target(prepared: PreparedSession, selection: Selection) -> Iterator[Finding]:
     best, given = selection.best, prepared.nuisances
-    if prepared.shape is not None:
-        in_plane_mm, out_of_plane_mm = prepared.shape.in_plane_mm, prepared.shape.out_of_plane_mm
-    else:
-        in_plane_mm, out_of_plane_mm = given.shape_mm(best.z)
-    if prepared.shape is not None or best.differs(given.shape):
+    in_plane_mm, out_of_plane_mm = given.shape_mm(best.z, prepared.nominal_mm)
+    if prepared.shaped or best.differs(given.shape):
         yield Finding(
             "target-not-as-drawn",
             "info",

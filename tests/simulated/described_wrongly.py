@@ -38,6 +38,8 @@ class Wrong:
     centre_px, radial_px : the principal point along the diagonal; radial distortion at CORNER_PX.
     stretch, shear : of the print. bow_mm : along x, at 100 mm from the middle.
     tangential_px : at CORNER_PX on the diagonal, where it is largest, of a lens described as RADIAL.
+    rectified : the lens has no radial distortion, and is described without any.
+    keystone : by how much the print's upper edge is longer than its lower one.
     """
 
     size: float = 1.0
@@ -49,6 +51,8 @@ class Wrong:
     shear: float = 0.0
     bow_mm: float = 0.0
     tangential_px: float = 0.0
+    rectified: bool = False
+    keystone: float = 0.0
 
 
 FAULTS = {
@@ -62,6 +66,9 @@ FAULTS = {
     **{f"bow {bow} mm": Wrong(bow_mm=bow) for bow in (0.3, 1.0)},
     "radial 0.5 px": Wrong(radial_px=0.5),
     **{f"tangential {off} px": Wrong(tangential_px=off) for off in (0.1, 0.5, 1.5)},
+    "tangential 1.5 px, rectified": Wrong(tangential_px=1.5, rectified=True),
+    "keystone 0.5 %": Wrong(keystone=5e-3),
+    "stretch 0.1 %, bow 0.2 mm": Wrong(stretch=1e-3, bow_mm=0.2),
     "together": Wrong(0.992, 1.004, 1.001, 8.0, 0.3, 1e-3, 5e-4, 0.2),
 }
 
@@ -98,7 +105,7 @@ def wrong_session(
         seen.append(View(index, Stance(pose), Detection(np.arange(len(pixels)), pixels)))
     in_arm = X.copy()
     in_arm[:3, 3] *= wrong.arm
-    given = replace(CAMERA, distortion=RADIAL) if wrong.tangential_px else CAMERA
+    given = replace(CAMERA, distortion=RADIAL) if wrong.tangential_px and not wrong.rectified else CAMERA
     problem = Problem(setup, BOARD, given, CAMERA.image_size, tuple(seen), poses_from_controller=True)
     return WrongSession(problem, in_arm)
 
@@ -123,7 +130,8 @@ def true_corners(wrong: Wrong) -> Array:
     nominal = BOARD.points_mm
     middle = nominal.mean(axis=0)
     x, y, z = (nominal - middle).T
-    along, across = x * (1 + wrong.stretch / 2) + wrong.shear * y, y * (1 - wrong.stretch / 2)
+    wider = wrong.stretch / 2 + wrong.keystone * y / np.ptp(y)
+    along, across = x * (1 + wider) + wrong.shear * y, y * (1 - wrong.stretch / 2)
     return np.asarray(middle + wrong.size * np.column_stack([along, across, z + wrong.bow_mm * (x / 100) ** 2]))
 
 
@@ -135,7 +143,7 @@ def true_camera(wrong: Wrong) -> CameraModel:
     distortion[0] = wrong.radial_px * matrix[0, 0] ** 2 / CORNER_PX**3
     if wrong.tangential_px:
         both = np.sqrt(0.5) * wrong.tangential_px * matrix[0, 0] / (3 * CORNER_PX**2)
-        distortion = np.array([*RADIAL[:2], both, both])
+        distortion = np.array([*(0 if wrong.rectified else 1) * RADIAL[:2], both, both])
     return replace(CAMERA, matrix=matrix, distortion=distortion)
 
 

@@ -1,8 +1,35 @@
-"""The offsets of a target's points: what few views eliminate gives the same step as the dense matrix."""
+"""What images show of a target's points and lines: which unknowns they add, and the step of many points."""
 
 import numpy as np
+import pytest
 
+from calibration.likelihood.nuisances import SHAPES
+from calibration.preprocessing.prepare import prepare
 from calibration.preprocessing.target_shape import MANY_POINTS, _System
+from tests.simulated.described_wrongly import FAULTS, LOW, wrong_session
+
+
+@pytest.mark.parametrize(
+    ("fault", "views", "points", "bends", "tangential"),
+    [
+        ("none", 3, False, False, False),
+        ("none", 8, False, False, False),
+        ("stretch 0.1 %, bow 0.2 mm", 4, False, False, False),
+        ("stretch 0.1 %, bow 0.2 mm", 8, True, True, False),
+        ("keystone 0.5 %", 3, False, True, False),
+        ("keystone 0.5 %", 8, True, True, False),
+        ("tangential 1.5 px, rectified", 4, False, False, True),
+        ("tangential 1.5 px, rectified", 8, False, False, True),
+    ],
+)
+def test_images_add_unknowns_of_print_and_lens(
+    fault: str, views: int, points: bool, bends: bool, tangential: bool
+) -> None:
+    session = wrong_session(np.random.default_rng(7), views, FAULTS[fault], LOW, "eye-in-hand", "planned")
+    prepared = prepare(session.problem)
+    assert prepared.shaped is points
+    assert (prepared.nuisances.shapes.shape[-1] > SHAPES) is bends
+    assert (len(prepared.nuisances.distortion) > 1) is tangential
 
 
 def a_system(k: int, views: int, intrinsics: int) -> _System:
@@ -16,6 +43,7 @@ def a_system(k: int, views: int, intrinsics: int) -> _System:
         by_camera=0.05 * rng.normal(size=(3 * k, intrinsics)),
         gradient=rng.normal(size=3 * k),
         variance=0.01,
+        redundancy=100.0,
         pose_gradient=np.zeros((views, 6)),
         pose_offsets=np.zeros((views, 6, 3 * k)),
         pose_camera=np.zeros((views, 6, intrinsics)),

@@ -61,6 +61,8 @@ def test_a_lens_half_as_long_as_stated_is_found(focal: float, views: int, poses:
         ("centre 60 px", "principal-point-off"),
         ("stretch 0.5 %", "target-not-as-drawn"),
         ("bow 1.0 mm", "target-not-as-drawn"),
+        ("keystone 0.5 %", "target-not-as-drawn"),
+        ("tangential 1.5 px, rectified", "distortion-off"),
     ],
 )
 def test_the_cause_is_named_with_its_effect(fault: str, code: str) -> None:
@@ -68,6 +70,33 @@ def test_the_cause_is_named_with_its_effect(fault: str, code: str) -> None:
     found = {finding.code: finding for finding in estimate_hand_eye(session.problem).findings}
     assert found[code].effect_mm is not None
     assert found[code].effect_mm > 0
+
+
+@pytest.mark.parametrize(
+    ("fault", "views", "camera_given"),
+    [
+        ("keystone 0.5 %", 3, True),
+        ("keystone 0.5 %", 5, True),
+        ("stretch 0.1 %, bow 0.2 mm", 8, True),
+        ("stretch 0.1 %, bow 0.2 mm", 8, False),
+    ],
+)
+def test_a_print_with_other_lines_moves_x_by_a_fraction_of_its_uncertainty(
+    fault: str, views: int, camera_given: bool
+) -> None:
+    """Against a perfect print in the same pictures: images mix its shape up with the lens, as robot poses do not."""
+    moved = []
+    for seed in range(4):
+        found = []
+        for wrong in (FAULTS[fault], FAULTS["none"]):
+            problem = wrong_session(np.random.default_rng(seed), views, wrong, LOW, "eye-in-hand", "planned").problem
+            found.append(estimate_hand_eye(problem if camera_given else replace(problem, camera=None)))
+        x, exact = found
+        assert x.mount_T_camera is not None and exact.mount_T_camera is not None and x.uncertainty is not None
+        points = np.array([point.camera_mm for point in x.uncertainty.points])
+        off = np.linalg.norm(map_points(x.mount_T_camera, points) - map_points(exact.mount_T_camera, points), axis=1)
+        moved.append(off.max() / x.uncertainty.worst_point.expanded_mm)
+    assert np.sqrt(np.mean(np.square(moved))) < 0.4
 
 
 @pytest.mark.parametrize("views", [3, 4])
