@@ -26,7 +26,7 @@ from calibration.transforms import Array
 MAX_PRIOR_VIEWS = 7
 """Most views for which the noise levels themselves are averaged; more views estimate them better than the prior."""
 
-EXACT_PROBABILITY = 0.1
+EXACT_PROBABILITY = 0.02
 """Prior probability that rotations are exact, that translations are, and that both are; for simulated cells."""
 
 NODES = ((7, 9, 3.0), (20, 5, 2.2), (40, 3, 1.3))
