@@ -6,7 +6,7 @@ serves the other. Linearised; the levels of the noise are averaged as in `pose_p
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy
@@ -163,7 +163,7 @@ def solve_sensors(sensors: Sequence[SensorViews]) -> RigSolution:
         mounts, target = _moved(mounts, target, step_at(linear, linear.directions, prior.mean, known))
     linear = _linearise(sensors, stations, mounts, target)
     nodes = draw_levels(linear, linear.directions, prior, prior.mean, known)
-    step, covariance = nodes.mean_step()
+    step, covariance = _with_known_lengths(sensors, *nodes.mean_step())
     mounts, target = _moved(mounts, target, step)
     levels = nodes.mean_levels()
     places = POSE * (len(sensors) + 1)
@@ -180,6 +180,20 @@ def solve_sensors(sensors: Sequence[SensorViews]) -> RigSolution:
     )
 
 
+def _with_known_lengths(sensors: Sequence[SensorViews], step: Array, covariance: Array) -> tuple[Array, Array]:
+    """The step (p,) and its covariance (p, p) with the lengths of sensors in space averaged over what is known."""
+    common = POSE * (len(sensors) + 1)
+    for sensor in sensors:
+        of = np.arange(common, common := common + len(sensor.gradient))
+        if sensor.lengths is None:
+            continue
+        found, spread = step[of], covariance[np.ix_(of, of)]
+        mean, after = sensor.lengths.after(found, spread, max(3 * len(sensor.pairs) - POSE - len(of), 1))
+        slope = np.linalg.solve(spread, covariance[of]).T
+        step, covariance = step + slope @ (mean - found), covariance + slope @ (after - spread) @ slope.T
+    return step, covariance
+
+
 def _moved(mounts: Array, target: Array, step: Array) -> tuple[Array, Array]:
     """X of the sensors and the target's pose after a step (p,), which begins with theirs."""
     poses = transform_from_vector(clip_step(step[: POSE * (len(mounts) + 1)]).reshape(-1, POSE))
@@ -190,7 +204,7 @@ def _start(sensors: Sequence[SensorViews]) -> tuple[Array, Array]:
     """X of every sensor (S, 4, 4) and the target's pose (4, 4); the target's from the sensor with most views."""
     first = max(sensors, key=lambda sensor: len(sensor.pairs))
     require_observable(first.pairs.base_T_flange)
-    target = initial_chain(first.pairs).anchor_T_target
+    target = initial_chain(replace(first.pairs, length_sigmas=())).anchor_T_target
     mounts = []
     for sensor in sensors:
         seen = inverse(sensor.pairs.anchor_T_mount()) @ target @ inverse(sensor.pairs.camera_T_target)
@@ -213,8 +227,9 @@ def _linearise(sensors: Sequence[SensorViews], stations: Stations, mounts: Array
         residuals[of, mine] = at.residuals
         by_shared[of, mine, mine] = at.by_shared[:, :, :POSE]
         by_shared[of, mine, rows : rows + POSE] = at.by_shared[:, :, POSE : 2 * POSE]
-        by_shared[of, mine, common : common + sensor.by_common.shape[2]] = sensor.by_common
-        common += sensor.by_common.shape[2]
+        own_unknowns = sensor.by_common if sensor.lengths is None else at.by_shared[:, :, 2 * POSE :]
+        by_shared[of, mine, common : common + own_unknowns.shape[2]] = own_unknowns
+        common += own_unknowns.shape[2]
         floor[of, mine, mine] = at.floor
         for directions, source in zip(robot, robot_sources(at).values(), strict=True):
             directions[of, mine] = source

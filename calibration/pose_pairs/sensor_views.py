@@ -1,7 +1,7 @@
 """What one sensor of a rig contributes: the target's pose in it at every view, and how exact that is."""
 
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -9,6 +9,7 @@ from calibration.errors import UndeterminedError
 from calibration.linear_algebra import scaled_inverse
 from calibration.observations.measured_poses import measured_views
 from calibration.observations.view_poses import refine_poses
+from calibration.pose_pairs.length_scale import LengthPrior
 from calibration.pose_pairs.residuals import PosePairs, residuals_by_motion
 from calibration.pose_pairs.solve import fit_pose_pairs
 from calibration.preprocessing.prepare import PreparedSession
@@ -26,9 +27,10 @@ class SensorViews:
 
     pairs : the robot's poses, and the target's in the sensor with its covariance where that is known.
     by_common : (n, 6, k) derivative of the residuals (`pose_pairs.residuals`) by k unknowns that all views share, the
-        nuisances of a camera's lens and of its target; k is 0 for other sensors.
+        nuisances of a camera's lens and of its target; of a sensor with `lengths` they are those of its pairs.
     information, gradient : (k, k), (k,) what the views alone and the priors say of those unknowns.
     target_mm : (m, 3) the target's points.
+    lengths : what is known of the lengths of a sensor that measures in space, of which the pairs have the widest.
     """
 
     name: str
@@ -37,6 +39,7 @@ class SensorViews:
     information: Array
     gradient: Array
     target_mm: Array
+    lengths: LengthPrior | None = None
 
     def points_mm(self) -> Array:
         """The target's points (n m, 3) in the sensor's frame, in all views."""
@@ -52,8 +55,11 @@ def measured_sensor(name: str, problem: Problem) -> SensorViews:
     pairs = PosePairs(problem.setup, seen.base_T_flange, seen.camera_T_target, covariance=seen.covariance)
     with suppress(UndeterminedError):  # views too few for an X of their own are determined beside another sensor
         pairs = pairs.take(fit_pose_pairs(pairs)[1])
-    nothing = np.zeros((len(pairs), POSE, 0)), np.zeros((0, 0)), np.zeros(0)
-    return SensorViews(name, pairs, *nothing, problem.target.points_mm)
+    lengths = LengthPrior.about(seen, problem.knowledge)
+    sigmas = np.array(lengths.widest())
+    of_lengths = np.zeros((len(pairs), POSE, len(sigmas))), np.diag(sigmas**-2), np.zeros(len(sigmas))
+    pairs = replace(pairs, length_sigmas=lengths.widest())
+    return SensorViews(name, pairs, *of_lengths, problem.target.points_mm, lengths)
 
 
 def imaging_sensor(name: str, prepared: PreparedSession, selection: Selection) -> SensorViews:

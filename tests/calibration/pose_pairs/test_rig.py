@@ -8,10 +8,11 @@ import pytest
 from calibration.documents.rig import rig_document, rig_text
 from calibration.errors import GeometryError, UndeterminedError
 from calibration.pose_pairs.rig import RigSolution
-from calibration.problem import Setup
+from calibration.problem import MeasuredPose, Measurement, Setup
 from calibration.solution import Solution
 from calibration.solve import solve_hand_eye, solve_rig
-from calibration.transforms import difference, transform
+from calibration.transforms import Array, difference, transform
+from tests.simulated.measured_sessions import tracker
 from tests.simulated.rigs import CAMERA_T_SCANNER, Rig, random_rig, squared_distance
 from tests.simulated.sessions import CellNoise
 
@@ -59,6 +60,24 @@ def test_the_errors_are_as_large_as_claimed(setup: Setup, camera_given: bool) ->
     assert squared_distance(CAMERA_T_SCANNER, relative.a_T_b, relative.covariance) < CHI2_999
     for number, true in enumerate((rig.mount_T_camera, rig.mount_T_camera @ CAMERA_T_SCANNER)):
         assert squared_distance(true, solved.mount_T_sensor[number], solved.covariance_of(number)) < CHI2_999
+
+
+@pytest.mark.parametrize("longer", [1.005, 0.998])
+def test_lengths_of_a_sensor_in_space_are_not_taken_as_exact(longer: float) -> None:
+    """0.5 % of 600 mm are 3 mm, and were beside a U of 0.7 mm."""
+
+    def measured(rng: np.random.Generator, sensor_T_target: Array) -> Measurement:
+        found = tracker()(rng, sensor_T_target)
+        assert isinstance(found, MeasuredPose)
+        pose = found.camera_T_target.copy()
+        pose[:3, 3] *= longer
+        return replace(found, camera_T_target=pose)
+
+    for seed in range(500, 503):
+        rig = random_rig(seed, 8, CellNoise(), measure=measured)
+        solved = solve_rig(rig.problems)
+        true = rig.mount_T_camera @ CAMERA_T_SCANNER
+        assert squared_distance(true, solved.mount_T_sensor[1], solved.covariance_of(1)) < CHI2_999
 
 
 def test_one_view_of_the_scanner_gives_its_pose_beside_a_calibrated_camera(rig: Rig) -> None:
