@@ -66,9 +66,9 @@ FAULTS = {
     **{f"bow {bow} mm": Wrong(bow_mm=bow) for bow in (0.3, 1.0)},
     "radial 0.5 px": Wrong(radial_px=0.5),
     **{f"tangential {off} px": Wrong(tangential_px=off) for off in (0.1, 0.5, 1.5)},
-    "tangential 1.5 px, rectified": Wrong(tangential_px=1.5, rectified=True),
+    "tangential, rectified": Wrong(tangential_px=1.5, rectified=True),
     "keystone 0.5 %": Wrong(keystone=5e-3),
-    "stretch 0.1 %, bow 0.2 mm": Wrong(stretch=1e-3, bow_mm=0.2),
+    "stretch with bow": Wrong(stretch=1e-3, bow_mm=0.2),
     "together": Wrong(0.992, 1.004, 1.001, 8.0, 0.3, 1e-3, 5e-4, 0.2),
 }
 

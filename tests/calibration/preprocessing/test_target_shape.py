@@ -14,12 +14,12 @@ from tests.simulated.described_wrongly import FAULTS, LOW, wrong_session
     [
         ("none", 3, False, False, False),
         ("none", 8, False, False, False),
-        ("stretch 0.1 %, bow 0.2 mm", 4, False, False, False),
-        ("stretch 0.1 %, bow 0.2 mm", 8, True, True, False),
+        ("stretch with bow", 4, False, False, False),
+        ("stretch with bow", 8, True, True, False),
         ("keystone 0.5 %", 3, False, True, False),
         ("keystone 0.5 %", 8, True, True, False),
-        ("tangential 1.5 px, rectified", 4, False, False, True),
-        ("tangential 1.5 px, rectified", 8, False, False, True),
+        ("tangential, rectified", 4, False, False, True),
+        ("tangential, rectified", 8, False, False, True),
     ],
 )
 def test_images_add_unknowns_of_print_and_lens(

@@ -62,7 +62,7 @@ def test_a_lens_half_as_long_as_stated_is_found(focal: float, views: int, poses:
         ("stretch 0.5 %", "target-not-as-drawn"),
         ("bow 1.0 mm", "target-not-as-drawn"),
         ("keystone 0.5 %", "target-not-as-drawn"),
-        ("tangential 1.5 px, rectified", "distortion-off"),
+        ("tangential, rectified", "distortion-off"),
     ],
 )
 def test_the_cause_is_named_with_its_effect(fault: str, code: str) -> None:
@@ -77,8 +77,8 @@ def test_the_cause_is_named_with_its_effect(fault: str, code: str) -> None:
     [
         ("keystone 0.5 %", 3, True),
         ("keystone 0.5 %", 5, True),
-        ("stretch 0.1 %, bow 0.2 mm", 8, True),
-        ("stretch 0.1 %, bow 0.2 mm", 8, False),
+        ("stretch with bow", 8, True),
+        ("stretch with bow", 8, False),
     ],
 )
 def test_a_print_with_other_lines_moves_x_by_a_fraction_of_its_uncertainty(
