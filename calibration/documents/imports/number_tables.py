@@ -18,7 +18,7 @@ import numpy as np
 
 from calibration.documents.imports.pose_table import MAX_ANGLE_DEG, NAMED, PoseTable, table_of_arrays, table_of_matrices
 from calibration.documents.imports.refusal import MAX_POSES, refusal
-from calibration.documents.imports.sides import MIN_PAIRS, WORDS, best_split, build_by_sides, flange_poses, relation_of
+from calibration.documents.imports.sides import MIN_PAIRS, WORDS, best_split, build_by_sides, choose_frame, relation_of
 from calibration.errors import DocumentError
 from calibration.kinematics.conventions import CONVENTIONS, MM, Convention, LengthUnit
 from calibration.transforms import QUATERNION_NORM_TOLERANCE, Array
@@ -288,7 +288,7 @@ def table_of_sides(origin: str, names: Sequence[str], columns: Sequence[Sequence
     def of_columns(at: Sequence[int], called: Sequence[str]) -> PoseTable:
         return _both_sides(origin, [called[one] for one in at], [columns[one] for one in at], build)
 
-    return flange_poses(origin, names, columns, of_columns)
+    return choose_frame(origin, names, columns, of_columns)
 
 
 def _both_sides(origin: str, names: Sequence[str], columns: Sequence[Sequence[Any]], build: Named) -> PoseTable:

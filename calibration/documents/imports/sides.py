@@ -59,7 +59,6 @@ MIN_PAIRS, MAX_COMPARED = 3, 40  # views by which conventions are compared
 MAX_STEP_SHARE = 0.1
 """Usual distance of a row from the next, as a share of what all rows span, below which they are samples of a path."""
 
-
 Build = Callable[[Sequence[int], Sequence[str]], PoseTable]  # makes a table of the columns of these indices, so called
 
 _TOOL = re.compile(r"(?<![a-z])(?:tcp|tool|werkzeug)(?![a-z0-9])|(?<=O_T_)EE", re.IGNORECASE)
@@ -231,10 +230,10 @@ def equal_sides(robot: PoseTable, camera: PoseTable) -> bool:
     return all(np.allclose(mine, its, rtol=1e-6, atol=1e-9) for mine, its in pairs)
 
 
-def flange_poses(origin: str, names: Sequence[str], columns: Sequence[Sequence[Any]], build: Build) -> PoseTable:
+def choose_frame(origin: str, names: Sequence[str], columns: Sequence[Sequence[Any]], build: Build) -> PoseTable:
     """What `build` makes of the columns without those of other frames and of commanded poses. Raises DocumentError."""
 
-    def poses_of(own: Sequence[int], called: Sequence[str] = names) -> PoseTable | None:
+    def poses_in(own: Sequence[int], called: Sequence[str] = names) -> PoseTable | None:
         with suppress(DocumentError):
             table = build(own, called) if sum(np.size(columns[at][0]) for at in own) >= 6 else None
             return table if table and table.kind not in ("joints", "points") else None
@@ -244,21 +243,18 @@ def flange_poses(origin: str, names: Sequence[str], columns: Sequence[Sequence[A
     for at, name in enumerate(names):
         commanded = _COMMANDED.search(name) and any(one.lower().startswith("actual") for one in names)
         frames.setdefault("beside" if commanded else _frame_of(name), []).append(at)
-    beside, notes = frames.pop("beside", []), list[str]()
-    found = {frame: one for frame, own in frames.items() if frame and (one := poses_of(own))}
-    poses = {frame: one for frame, one in found.items() if one.moves}
+    beside = frames.pop("beside", [])
+    found = {frame: one for frame, own in frames.items() if frame and (one := poses_in(own))}
+    poses = {frame: found[frame] for frame in sorted(found, key=lambda one: one != "flange") if found[frame].moves}
     beside += [at for frame in found if frame not in poses for at in frames[frame]]
-    taken = "flange" if "flange" in poses else next(iter(poses), "")
-    others = [frame for frame in poses if frame != taken]
     if len(found) > 1:
         with suppress(DocumentError):
             if (table := build(range(len(names)), names)).parts:  # a snapshot of tf, of which the user names a frame
                 return table
-    if others:
-        if taken != "flange" and not all(equal_sides(poses[taken], poses[one]) for one in others):
-            what = f"poses of {' and of '.join(poses)}, and no name says which are the flange's"
-            raise refusal(origin, "names", what, "keep only those, or call them flange")
-        notes.append(f"the poses of {taken} are taken, not those of {', '.join(others)}")
+    taken, *others = poses or ("",)
+    if taken != "flange" and not all(equal_sides(poses[taken], poses[one]) for one in others):
+        what = f"poses of {' and of '.join(poses)}, and no name says which are the flange's"
+        raise refusal(origin, "names", what, "keep only those, or call them flange")
     left = {at for one in others for at in frames[one]} | {*(beside if poses else ())}
     kept = [at for at in range(len(names)) if at not in left]
     table = build(kept, names)
@@ -266,16 +262,20 @@ def flange_poses(origin: str, names: Sequence[str], columns: Sequence[Sequence[A
     tool = next((said[0] for name in used if _frame_of(name) and (said := _TOOL.search(name))), None)
     if tool is not None and table.kind not in ("joints", "points") and not table.parts:
         of_tool = [at for at in beside if _OFFSET.search(names[at])]
-        offset = poses_of(of_tool, [_OFFSET.sub("tcp", name) for name in names])
-        if offset and table.may_be_offset(offset):
-            table = replace(table, offsets=np.hstack([offset.lengths, offset.numbers]))
-            notes.append(f"the flange's poses are those of {tool} and its offset {names[of_tool[0]]}")
-            beside = [at for at in beside if at not in of_tool]
-        else:
-            table = replace(table, poses_of=PosesOf(tool))
-    if poses and beside:
-        notes.append(f"not used: {', '.join(names[at] for at in beside)}")
+        offset = poses_in(of_tool, [_OFFSET.sub("tcp", name) for name in names])
+        table = apply_offset(table, tool, offset, names[of_tool[0]] if of_tool else "")
+        beside = beside if table.offsets is None else [at for at in beside if at not in of_tool]
+    notes = (f"the poses of {taken} are taken, not those of {', '.join(others)}",) * bool(others)
+    notes += (f"not used: {', '.join(names[at] for at in beside)}",) * bool(poses and beside)
     return replace(table, notes=(*table.notes, *notes))
+
+
+def apply_offset(table: PoseTable, tool: str, offset: PoseTable | None, name: str) -> PoseTable:
+    """The flange's poses of a tool's and of its offset, called `name`; without one that fits, the tool's as such."""
+    if offset is None or not table.may_be_offset(offset):
+        return replace(table, poses_of=PosesOf(tool))
+    note = f"the flange's poses are those of {tool} and its offset {name}"
+    return replace(table, offsets=np.hstack([offset.lengths, offset.numbers]), notes=(*table.notes, note))
 
 
 def _frame_of(name: str) -> str:
