@@ -78,6 +78,7 @@ ALIKE: dict[str, dict[str, Any]] = {
     "nothing last": {"D": D, "d": None},
     "bool": {"D": D, "d": True},
     "empty": {"D": D, "d": []},
+    "the same by other names": {"D": D, "dist_coeffs": [D], "coeffs": [*D, 0, 0, 0], **BY_NAME},
     "shape": {"D": D, "d": [D]},
     "matrix": {"D": D, "k_matrix": K, "K_matrix": FLAT},
     **{word: {"D": D, "distortion_type": word} for word in ("Brown", "radial", "standard", "OpenCV5", "rational")},
@@ -98,6 +99,7 @@ BESIDE_FISHEYE = {
     "siblings below a matrix": {"K": K, "pinhole": {"D": D[:4]}, "fisheye": {"D": EQUI}},
     "none": {"non_fisheye": {"K": K, "D": D[:4]}},
     "disabled": {"K": K, "D": D[:4], "fisheye": {"enabled": False, "k1": 0}},
+    "disabled, with coefficients": {"K": K, "D": D[:4], "fisheye": {"enabled": "no", "D": EQUI}},
 }
 
 
@@ -142,6 +144,9 @@ FISHEYES = {
     **{key: {**FOUR, key: "equidistant", "dist": EQUI} for key in
        ["distortion_type", "distortionType", "dist_model", "lens_type", "projection", "projection_model",
         "model_name"]},
+    "enabled": {"K": K, "D": EQUI, "fisheye": {"enabled": True}},
+    "enabled beside a pinhole": {"K": K, "fisheye": {"enabled": True, "D": EQUI}, "camera_model": "pinhole"},
+    "the camera deep within fisheye": {"fisheye": {"left": {"K": K, "D": EQUI}}},
     "within fisheye": {"fisheye": {"K": K, "D": EQUI}},
     "within fisheye_camera": {"fisheye_camera": {"K": K, "D": EQUI}},
     "coefficients within fisheye": {"K": K, "fisheye": {"D": EQUI}},
@@ -156,6 +161,12 @@ FISHEYES = {
 def test_fisheyes(case: str) -> None:
     found = read(FISHEYES[case])
     assert (found.lens, found.distortion) == ("fisheye", tuple(EQUI))
+
+
+@pytest.mark.parametrize("fisheye", [{}, {"k1": 0}, {"D": EQUI}, {"model": "equidistant"}])
+def test_a_fisheye_that_is_disabled_is_as_good_as_none(fisheye: dict[str, Any]) -> None:
+    found = read({"K": K, "fisheye": {"enabled": False, **fisheye}})
+    assert (found.lens, found.distortion, found.has_distortion) == ("pinhole", (0.0,) * 5, False)
 
 
 @pytest.mark.parametrize("flag", [False, 0, "no"])
@@ -180,6 +191,10 @@ REFUSED = {
     "two that differ": ({"K": K, "D": D, "d": EQUI}, "d: distortion that is not read"),
     "two cameras of ORB-SLAM": ({f"Camera{at}.{key}": one + at for at in (1, 2) for key, one in FOUR.items()},
                                 "several cameras"),
+    "a list of one that differs": ({"K": K, "D": D, "d": [0.1]}, "d: distortion that is not read"),
+    "two names that differ": ({"K": K, "D": D, "coeffs": EQUI}, "coeffs: other coefficients than by another name"),
+    "a list and names that differ": ({"K": K, "D": D, "k1": 0.2, "k2": 0.1}, "k1: other coefficients"),
+    "ViSP's with a fisheye": ({**FOUR, "model": "fisheye", "kud": 0.1}, "kud: distortion that is not read"),
     "unknown name": ({"K": K, "dist_co": D}, "distco: distortion that is not read"),
     "name with distortion in it": ({"K": K, "my_distortion_of_lens": D}, "mydistortionoflens: distortion that"),
     "as text": ({"K": K, "dist_co": "0.1, -0.2, 0, 0"}, "distco: distortion that is not read"),
