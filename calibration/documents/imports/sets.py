@@ -24,8 +24,9 @@ from calibration.targets import MARKER_COUNTS
 
 PICTURES = frozenset((".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp", ".pgm", ".ppm"))
 CLOUDS, TIFF = frozenset((".pcd", ".ply", ".npz")), frozenset((".tif", ".tiff"))
-CAMERA_SUFFIXES = frozenset((".yaml", ".yml", ".xml", ".json"))
+CAMERA_TEXTS, CAMERA_ARRAYS = frozenset((".yaml", ".yml", ".xml", ".json")), frozenset((".npz", ".npy"))
 UNREAD = {suffix: row["said"] for row in WORDS["unread"] for suffix in row["suffixes"].split()}
+LIKELY = re.compile(r"pos|robot|tcp|arm|joint|flange|hand|sample|pair", re.IGNORECASE)  # in the name of a file of poses
 MAX_CANDIDATES = 2000  # files that are tried for poses when none are named
 
 
@@ -269,13 +270,10 @@ def _named_by(name: str, table: PoseTable, side: Side | None = None) -> PoseTabl
     return table if silent else with_relation(table, said)
 
 
-LIKELY = re.compile(r"pos|robot|tcp|arm|joint|flange|hand|sample|pair", re.IGNORECASE)  # in the name of a file of poses
-
-
 def _nearest(files: Files, refused: Sequence[tuple[str, DocumentError]]) -> DocumentError:
     """The error of the file that is nearest to being one of poses: intrinsics are none."""
     for name, error in sorted(refused, key=lambda one: LIKELY.search(one[0]) is None):
-        if suffix_of(name) not in CAMERA_SUFFIXES or find_intrinsics(files, name) is None:
+        if suffix_of(name) not in CAMERA_TEXTS | CAMERA_ARRAYS or find_intrinsics(files, name) is None:
             return error
     texts = [name for name in files.names if suffix_of(name) not in PICTURES | CLOUDS]
     what = "no file with poses" + (f" among {shown(texts)}" if texts else "")
@@ -283,10 +281,12 @@ def _nearest(files: Files, refused: Sequence[tuple[str, DocumentError]]) -> Docu
 
 
 def _camera(files: Files, folder: str = "") -> Intrinsics | None:
-    """The intrinsics below a folder, where one file has some."""
-    named = [name for name in of_suffix(files.names, CAMERA_SUFFIXES) if name.startswith(folder)]
-    found = [one for name in named[:MAX_CANDIDATES] if (one := find_intrinsics(files, name)) is not None]
-    return found[0] if len(found) == 1 else None
+    """The intrinsics below a folder, where one file has some; numpy's files count where no text has any."""
+    for suffixes in (CAMERA_TEXTS, CAMERA_ARRAYS):
+        named = [name for name in of_suffix(files.names, suffixes) if name.startswith(folder)][:MAX_CANDIDATES]
+        if found := [one for name in named if (one := find_intrinsics(files, name)) is not None]:
+            return found[0] if len(found) == 1 else None
+    return None
 
 
 def find_intrinsics(files: Files, name: str) -> Intrinsics | None:

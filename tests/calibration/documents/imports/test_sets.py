@@ -199,6 +199,31 @@ def test_a_file_for_each_pose_is_known_by_the_number_anywhere_in_its_name() -> N
     assert imported.images == ("0_frame.png", "1_frame.png", "2_frame.png")
 
 
+K_PX = [[600.0, 0, 320], [0, 601, 240], [0, 0, 1]]
+CAMERA_TEXT = b"camera_matrix: [[700, 0, 320], [0, 701, 240], [0, 0, 1]]\ndist: [0.2, 0, 0, 0]\n"
+IN_THE_FOLDER: dict[str, tuple[dict[str, bytes], float | None]] = {
+    ".npz": ({"calib.npz": npz(mtx=K_PX, dist=[[0.1, -0.2, 0, 0, 0]])}, 600),
+    ".npy": ({"K.npy": npy(np.array(K_PX))}, 600),
+    "a text first": ({"K.npy": npy(np.array(K_PX)), "camera.yaml": CAMERA_TEXT}, 700),
+    "two": ({"K.npy": npy(np.array(K_PX)), "left.npz": npz(K=K_PX)}, None),
+    "no camera": ({"R.npy": npy(np.eye(3))}, None),
+}
+
+
+@pytest.mark.parametrize("case", IN_THE_FOLDER)
+def test_the_camera_of_a_folder(case: str) -> None:
+    files, fx = IN_THE_FOLDER[case]
+    table = lines("x,y,z,qw,qx,qy,qz", *rows(MM, WXYZ))
+    imported = read_set(Held({"poses.csv": table} | _pictures("{}.png") | files), None, Chosen())
+    assert (imported.camera and imported.camera.matrix[0][0]) == fx
+
+
+def test_a_camera_is_no_file_that_could_have_had_poses() -> None:
+    files = {"calib.npz": npz(mtx=K_PX, dist=[0.1, -0.2, 0, 0, 0])}
+    with pytest.raises(DocumentError, match="no file with poses: name it by --poses"):
+        read_set(Held(files | _pictures("{}.png")), None, Chosen())
+
+
 def test_set_ups_of_the_sets() -> None:
     files, _ = SETS["METRIC"]
     beside = files | {"CalibrationInfo.yaml": b"calibration_setup: 1\nsize: 0.05\n"}
