@@ -15,7 +15,6 @@ class Backoff:
         self._failures = 0
 
     def next_wait_s(self) -> float:
-        """The wait after another failure."""
         step_s = STEPS_S[min(self._failures, len(STEPS_S) - 1)]
         self._failures += 1
         return step_s * (1 + JITTER * (2 * self._chance() - 1))

@@ -121,7 +121,6 @@ class HttpSource(PolledDevice):
         )
 
     async def close(self) -> None:
-        """Close all connections."""
         await super().close()
         await self._client.aclose()
 

@@ -64,7 +64,6 @@ class ModbusLine:
             self._answered = None
 
     async def close(self) -> None:
-        """Disconnect."""
         listener, self._listener = self._listener, None
         connection, self._connection = self._connection, None
         if listener is not None:
@@ -181,7 +180,6 @@ class Interlocks:
         return await asyncio.shield(self._next)
 
     async def close(self) -> None:
-        """Disconnect."""
         async with self._turn:
             await self._line.close()
 

@@ -18,7 +18,6 @@ class PolledDevice(ABC):
 
     @property
     def link(self) -> LinkHealth:
-        """Result of the last poll."""
         return self._report.health
 
     def start(self) -> None:
@@ -27,7 +26,6 @@ class PolledDevice(ABC):
             self._task = asyncio.create_task(self._look(), name=f"looks for {self.device}")
 
     async def close(self) -> None:
-        """Stop polling."""
         if self._task is not None:
             self._task.cancel()
             await asyncio.gather(self._task, return_exceptions=True)

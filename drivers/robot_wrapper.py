@@ -27,7 +27,6 @@ class RobotWrapper:
         return await self.robot.read_pose()
 
     async def read_joints(self) -> Array:
-        """Angles of the arm's axes (6,) or (7,) in rad."""
         return await self.robot.read_joints()
 
     async def read_status(self) -> RobotStatus:

@@ -53,7 +53,6 @@ class Announcement:
     scanners: tuple[str, ...] = ()
 
     def document(self) -> dict[str, Any]:
-        """The announcement as a JSON document."""
         return {
             "schema_version": 1,
             "seed": self.seed,
@@ -155,7 +154,6 @@ class MockCell:
         self._closing = AsyncExitStack()
 
     async def start(self, ports: Ports) -> Announcement:
-        """Open all interfaces and return their addresses."""
         self._closing.push_async_callback(self._wires.close)
         host, port, serial = await self._wires.start(ports.host, ports.robot, ports.serial)
         devices = None if ports.devices is None else await self._serve(self._devices(), ports.host, ports.devices)
@@ -171,7 +169,6 @@ class MockCell:
         return Announcement(self.truth.seed, host, port, serial, devices, control, sheet, rws, profiler, *further)
 
     async def close(self) -> None:
-        """Close all interfaces."""
         await self._closing.aclose()
 
     def flange_at(self, now_s: float) -> Array:
@@ -188,7 +185,6 @@ class MockCell:
         self.nudge()
 
     def clear_faults(self, fault: str | None = None) -> None:
-        """Switch one fault off, or all of them."""
         self.faults.clear(self.controller, self.clock(), fault)
         self.nudge()
 

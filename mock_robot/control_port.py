@@ -40,7 +40,6 @@ class ControlPort:
     nudge: Callable[[], None]
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Handle one request."""
         request = Request(scope, receive)
         status, answer = self._answer(request.method, request.url.path, request.query_params, await request.body())
         media_type = "application/json" if status < 400 else "application/problem+json"

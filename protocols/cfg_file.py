@@ -41,7 +41,6 @@ class CfgFile:
         return self.header.partition(":")[0] if ":CFG_" in self.header else ""
 
     def of(self, kind: str) -> tuple[CfgInstance, ...]:
-        """Instances of one type."""
         return tuple(each for each in self.instances if each.kind == kind)
 
 

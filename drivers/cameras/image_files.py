@@ -18,7 +18,6 @@ class HttpCamera(HttpSource):
     _scales_by: str | None = None
 
     async def grab(self, newer_than_s: float) -> CameraFrame:
-        """An image taken after `newer_than_s`; raises a DeviceError."""
         return await self._frame(await self.fetch(newer_than_s), self._image_size)
 
     async def preview(self, newer_than_s: float, width: int) -> CameraFrame:

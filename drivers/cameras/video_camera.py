@@ -57,18 +57,15 @@ class VideoCamera:
 
     @property
     def link(self) -> LinkHealth:
-        """Whether frames arrive."""
         return self._report.health
 
     def start(self) -> None:
-        """Start reading."""
         if self._thread is None:
             self._loop = asyncio.get_running_loop()
             self._thread = threading.Thread(target=self._read_continuously, name=f"reads {self._device}", daemon=True)
             self._thread.start()
 
     async def grab(self, newer_than_s: float) -> CameraFrame:
-        """A frame exposed after `newer_than_s`; raises a DeviceError."""
         deadline_s = max(self._timing.clock(), newer_than_s) + self._limit_s
         while True:
             newest = self._newest
@@ -86,7 +83,6 @@ class VideoCamera:
                 raise self._nothing_fresh()
 
     async def close(self) -> None:
-        """Stop reading."""
         self._ending.set()
         if self._thread is not None:
             await asyncio.to_thread(self._thread.join, SETTLE_S)

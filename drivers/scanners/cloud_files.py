@@ -85,7 +85,6 @@ class HttpScanner(HttpSource):
     limit_s = 60.0  # a structured-light scan of one view takes seconds, its transfer as long
 
     async def scan(self, newer_than_s: float) -> ScannedCloud:
-        """A cloud scanned after `newer_than_s`; raises a DeviceError."""
         fetched = await self.fetch(newer_than_s)
         if fetched.media_type.startswith(PICTURES_AND_PAGES):
             what = f"it answered with {fetched.media_type}, not with a cloud"

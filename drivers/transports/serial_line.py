@@ -97,7 +97,6 @@ class SerialTransport:
 
     @property
     def address(self) -> str:
-        """The address as in the settings."""
         return self.port if "://" in self.port else f"serial://{self.port}?baud={self.baud}"
 
     async def connect(self) -> SerialConnection:

@@ -16,8 +16,6 @@ KEEPALIVE = {socket.TCP_KEEPIDLE: 5, socket.TCP_KEEPINTVL: 2, socket.TCP_KEEPCNT
 
 
 class TcpConnection:
-    """One TCP connection."""
-
     def __init__(self, device: str, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         self._device, self._reader, self._writer = device, reader, writer
 
@@ -67,7 +65,6 @@ class TcpTransport:
 
     @property
     def address(self) -> str:
-        """The address as in the settings."""
         host = f"[{self.host}]" if ":" in self.host else self.host
         return f"tcp://{host}:{self.port}"
 

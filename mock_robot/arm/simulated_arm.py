@@ -40,12 +40,10 @@ class Trapezoid:
 
     @property
     def peak_speed(self) -> float:
-        """Highest speed reached."""
         return min(self.speed, sqrt(self.length * self.acceleration))
 
     @property
     def duration_s(self) -> float:
-        """Duration from standstill to standstill."""
         if self.length <= 0.0:
             return 0.0
         return self.length / self.peak_speed + self.peak_speed / self.acceleration
@@ -62,7 +60,6 @@ class Trapezoid:
         return self.peak_speed * (elapsed_s - 0.5 * ramp_s)
 
     def speed_at(self, elapsed_s: float) -> float:
-        """Speed after `elapsed_s`."""
         if not 0.0 < elapsed_s < self.duration_s:
             return 0.0
         return min(self.peak_speed, self.acceleration * min(elapsed_s, self.duration_s - elapsed_s))
@@ -86,7 +83,6 @@ class Braked:
         return self.before.speed_at(self.braked_at_s)
 
     def distance_at(self, elapsed_s: float) -> float:
-        """Distance after `elapsed_s`."""
         if elapsed_s <= self.braked_at_s:
             return self.before.distance_at(elapsed_s)
         braking_s = min(elapsed_s - self.braked_at_s, self._speed / self.deceleration)
@@ -95,7 +91,6 @@ class Braked:
         return min(self.before.distance_at(self.braked_at_s) + travelled, end)
 
     def speed_at(self, elapsed_s: float) -> float:
-        """Speed after `elapsed_s`."""
         if elapsed_s <= self.braked_at_s:
             return self.before.speed_at(elapsed_s)
         return max(0.0, self._speed - self.deceleration * (elapsed_s - self.braked_at_s))
@@ -147,7 +142,6 @@ class ArmMotion:
         return self.path.joints_at(self.along_at(now_s))
 
     def with_braking(self, now_s: float) -> "ArmMotion":
-        """The same move with braking from now on."""
         deceleration = self.profile.speed_at(self.profile.duration_s / 2) / RAMP_S
         if now_s >= self.end_s or deceleration <= 0.0 or isinstance(self.profile, Braked):
             return self
@@ -248,7 +242,6 @@ class SimulatedArm:
         return self._motion.joints_at(now_s)
 
     def is_moving_at(self, now_s: float) -> bool:
-        """Whether the arm is moving."""
         return now_s < self._motion.end_s
 
     def is_settled_at(self, now_s: float) -> bool:

@@ -110,7 +110,6 @@ class MotionBox:
     high_mm: tuple[float, float, float] = (1600.0, 1600.0, 2200.0)
 
     def contains(self, point_mm: Array) -> bool:
-        """Whether the point lies inside."""
         return bool(np.all(point_mm >= self.low_mm) and np.all(point_mm <= self.high_mm))
 
 

@@ -35,7 +35,6 @@ class EgmSender(asyncio.DatagramProtocol):
         self._sending = asyncio.create_task(self._send(), name="EGM")
 
     async def close(self) -> None:
-        """Stop sending."""
         if self._sending is not None:
             self._sending.cancel()
             await asyncio.gather(self._sending, return_exceptions=True)
@@ -43,7 +42,6 @@ class EgmSender(asyncio.DatagramProtocol):
             self._transport.close()
 
     def packet(self, now_s: float) -> bytes:
-        """Encode the packet for the time `now_s`."""
         robot_s, panel = self._cabinet.robot_s(now_s), self._cabinet.panel
         pose = self._cabinet.world_T_base @ self._cabinet.arm.reported_base_T_flange(robot_s)
         if self._faults.is_on("egm-vibration"):

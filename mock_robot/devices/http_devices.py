@@ -105,8 +105,6 @@ class Capture:
 
 
 class DeviceApp(Starlette):
-    """The ASGI application."""
-
     def __init__(self, truth: CellTruth, flange_now: Callable[[], Array], faults: FaultBoard) -> None:
         """`flange_now`: true base_T_flange; it is called at the start and end of each capture, on the event loop."""
 
@@ -144,7 +142,6 @@ class _Station:
     _captures: int = field(default=0, init=False)
 
     async def answer(self, request: Request) -> Response:
-        """Capture and respond with the file."""
         asked_s = monotonic()
         struck = self._faults.strike_device(self._device)
         status = max((fault.status for fault in struck), default=200)

@@ -19,7 +19,6 @@ class TcpServer(ABC):
         return str(address[0]), int(address[1])
 
     async def close(self) -> None:
-        """Stop listening and disconnect."""
         if self._server is not None:
             self._server.close()
         for conversation in list(self._conversations):

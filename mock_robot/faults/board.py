@@ -89,7 +89,6 @@ class FaultBoard:
 
     @property
     def active(self) -> dict[str, ActiveFault]:
-        """Faults that are on, by name."""
         return dict(self._active)
 
     def switch_on(
@@ -116,7 +115,6 @@ class FaultBoard:
         self.wake(controller, now_s)
 
     def clear(self, controller: Cabinet, now_s: float, name: str | None = None) -> None:
-        """Switch one fault off, or all of them."""
         if name is not None and name not in self.table:
             raise UnknownFault(name, tuple(self.table))
         for cleared in [name] if name is not None else list(self._active):
@@ -160,7 +158,6 @@ class FaultBoard:
         return tuple(struck)
 
     def alter_incoming(self, data: bytes) -> bytes:
-        """Received bytes as altered by the active faults."""
         for active in self._awake("receive"):
             assert active.fault.receive is not None
             data = active.fault.receive(data, self._random)
@@ -168,7 +165,6 @@ class FaultBoard:
         return data
 
     def alter_reply(self, command: Command | None, reply: Reply) -> Reply:
-        """A reply as altered by the active faults."""
         for active in self._awake("reply", command):
             assert active.fault.reply is not None
             altered = active.fault.reply(reply)

@@ -91,7 +91,6 @@ class Controller(Cabinet):
     # --- the client ---
 
     def note_sign_of_life(self, now_s: float) -> None:
-        """Note a sign of life of the client."""
         self._heard_at_s = now_s
 
     def disconnect(self, now_s: float) -> None:
@@ -100,20 +99,17 @@ class Controller(Cabinet):
         self.halt(now_s, Status.ABORTED)
 
     def answer(self, seq: int, request: cb.Request, now_s: float) -> cb.Reply:
-        """Execute or refuse a request."""
         self.note_sign_of_life(now_s)
         self.tick(now_s)
         return _HANDLERS[type(request)](self, seq, request, now_s)
 
     def restart(self, now_s: float) -> None:
-        """Warm start: new session, disarmed, program state cleared."""
         self.disconnect(now_s)
         self.session = self.session % 65535 + 1
         self._move, self._finished = None, (0, Status.OK)
         self.record(now_s, 10002, "controller restarted")
 
     def halt(self, now_s: float, result: Status) -> None:
-        """Stop and disarm."""
         self.armed = False
         self._stop(now_s, result)
 

@@ -44,7 +44,6 @@ class ControllerLink:
         self._last_byte_s = self.heard_at_s = now_s
 
     def receive_data(self, data: bytes, now_s: float) -> list[WireStep]:
-        """Feed received bytes."""
         steps = self._handle_restart()
         data = self._faults.alter_incoming(data)
         if data:
@@ -53,7 +52,6 @@ class ControllerLink:
         return steps
 
     def tick(self, now_s: float) -> list[WireStep]:
-        """Advance to `now_s`."""
         self._faults.wake(self._controller, now_s)
         steps = self._handle_restart()
         for answer in self._controller.tick(now_s):
@@ -132,7 +130,6 @@ class RefusedLink:
         self._session = ControllerSession(resynchronise=False, refuse_with=Status.BUSY)
 
     def receive_data(self, data: bytes) -> list[WireStep]:
-        """Feed received bytes."""
         events = self._session.receive_data(data)
         answers = [Send(event.answer) for event in events if isinstance(event, RequestRejected)]
         return [*answers[:1], Close()] if events else []
@@ -261,12 +258,10 @@ class SerialLinkServer:
         return path
 
     def nudge(self) -> None:
-        """React now to a change made from outside."""
         if self._talking is not None:
             self._arrived.put_nowait(b"")
 
     async def close(self) -> None:
-        """Close both ends."""
         if self._talking is None:
             return
         asyncio.get_running_loop().remove_reader(self._ours)

@@ -64,11 +64,9 @@ class PythonWires:
         return host, port, path
 
     async def close(self) -> None:
-        """Disconnect."""
         await self._closing.aclose()
 
     def nudge(self) -> None:
-        """Let both links react."""
         self._tcp.nudge()
         self._serial.nudge()
 

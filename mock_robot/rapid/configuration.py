@@ -90,7 +90,6 @@ class Fragments:
         return None
 
     def text(self, module: str) -> str:
-        """Text of a module's file."""
         return (self.modules / module).read_text("ascii")
 
 

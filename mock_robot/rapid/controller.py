@@ -52,15 +52,12 @@ class OpenDevices:
     _open: dict[int, Any] = field(default_factory=dict)
 
     def add(self, device: Any) -> None:
-        """Register an open device."""
         self._open[id(device)] = device
 
     def drop(self, device: Any) -> None:
-        """Forget a closed device."""
         self._open.pop(id(device), None)
 
     def close(self) -> None:
-        """Close everything."""
         for device in list(self._open.values()):
             device.close()
         self._open.clear()
@@ -146,7 +143,6 @@ class RapidController(Cabinet):
         self.unit = MotionUnit(self, self.clock, motion, lambda: self.board.wake(self, self.clock()))
 
     def stand_axes(self, external_axes: tuple[float, ...]) -> None:
-        """The external axes stand there now, as moved at the pendant."""
         super().stand_axes(external_axes)
         self.unit.external = list(external_axes)
 
@@ -169,7 +165,6 @@ class RapidController(Cabinet):
             self.memory.preset("cell_port", float(self.devices.address[1]))
 
     def end(self) -> None:
-        """Stop every task and close all devices."""
         with self._turn:
             for loaded in self._loaded:
                 loaded.interrupts.end()
@@ -360,7 +355,6 @@ class RapidController(Cabinet):
         return None
 
     def program(self) -> dict[str, tuple[bool, dict[str, str]]]:
-        """See Cabinet."""
         kinds = {".sys": "SysMod", ".SYS": "SysMod"}
         named = {each.plan: [source.name for source in each.plan.sources] for each in self._loaded}
         return {
@@ -369,11 +363,9 @@ class RapidController(Cabinet):
         }
 
     def signals_now(self) -> dict[str, tuple[str, str, bool, float]]:
-        """See Cabinet."""
         return {each.name: (each.kind, each.place, each.written, float(each.read())) for each in self.signals.values()}
 
     def set_signal(self, name: str, value: float) -> bool:
-        """See Cabinet."""
         signal = self.signals.get(name)
         if signal is not None:
             signal.value = bool(value) if signal.kind in DIGITAL else value

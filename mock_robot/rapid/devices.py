@@ -80,7 +80,6 @@ class Carrier:
                 self._late.put((due_s, step))
 
     def end(self) -> None:
-        """End the output."""
         if self._late is not None:
             self._late.put((0.0, Close()))
 
@@ -170,7 +169,6 @@ class SocketDevice:
         return len(self.arrived)
 
     def take(self, count: int) -> bytes:
-        """Take `count` of the buffered bytes."""
         taken = bytes(self.arrived[:count])
         del self.arrived[:count]
         return taken
@@ -186,7 +184,6 @@ class SocketDevice:
 
     @staticmethod
     def require(holds: bool, error: str, detail: str) -> None:
-        """Raise the RapidError unless `holds`."""
         if not holds:
             raise RapidError(error, detail)
 
@@ -234,24 +231,20 @@ class IoDevice:
         self._carrier: Carrier | None = None
 
     def open(self, line: SerialLine) -> None:
-        """Attach to a line."""
         self._line, self._carrier = line, Carrier(line.write, lambda reset: None)
 
     def close(self) -> None:
-        """Detach from the line."""
         if self._carrier is not None:
             self._carrier.end()
         self._line = self._carrier = None
 
     @property
     def line(self) -> SerialLine:
-        """The line of an open device."""
         if self._line is None:
             raise RapidError("ERR_FILEACC", "the channel is not open")
         return self._line
 
     def send(self, data: bytes, board: FrameFaultBoard) -> None:
-        """Send bytes, subject to the faults."""
         assert self.line is not None
         assert self._carrier is not None
         self._carrier.carry(board.outgoing_bytes(data))

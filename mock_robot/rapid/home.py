@@ -158,7 +158,6 @@ def load_module(path: Path, beside: Iterable[Path] = (), signals: Mapping[str, S
 
 
 def _parse_or_none(path: Path) -> Source | None:
-    """A module that can be read; None for another."""
     source = Source(path.name, module_text(path))
     try:
         parse_module(source.text, source.name)

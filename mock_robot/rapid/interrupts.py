@@ -24,7 +24,6 @@ class Interrupt:
     errors: tuple[int, int, float | None] | None = None
 
     def end(self) -> None:
-        """Stop watching."""
         if self.timer is not None:
             self.timer.set()
         if self.watched is not None:
@@ -107,7 +106,6 @@ class Interrupts:
             self.task.forget(order.trap)
 
     def end(self) -> None:
-        """Remove all interrupts."""
         with self._turn:
             orders = list(self._orders.values())
             self._orders.clear()

@@ -57,11 +57,9 @@ class PersistentMemory:
         return self._kept[key][1]
 
     def find(self, key: str) -> Persistent | None:
-        """The PERS of that name, or None."""
         return self._kept[key][1] if key in self._kept else None
 
     def symbol(self, key: str) -> LiveSymbol | None:
-        """The PERS of that name with its type, or None."""
         return LiveSymbol(*self._kept[key]) if key in self._kept else None
 
     def preset(self, key: str, value: Any) -> None:

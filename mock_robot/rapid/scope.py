@@ -133,11 +133,9 @@ class Scope:
     types: dict[str, Type] = field(default_factory=dict)
 
     def find(self, name: str) -> Symbol | None:
-        """The symbol of that name, or None."""
         return self.symbols.get(name) or (self.outer.find(name) if self.outer else None)
 
     def find_type(self, name: str) -> Type | None:
-        """The type of that name, or None."""
         return self.types.get(name) or (self.outer.find_type(name) if self.outer else None)
 
     def declare(self, symbol: Symbol, module: str, line: int) -> None:
@@ -186,7 +184,6 @@ class CompileContext:
     labels: frozenset[str] = frozenset()
 
     def wrong(self, line: int, why: str) -> RapidProgramError:
-        """The error to raise for a line."""
         return RapidProgramError(self.module, line, why)
 
     def require_type(self, name: str, line: int) -> Type:

@@ -32,7 +32,6 @@ class Signal:
         self.value: Any = False if kind in DIGITAL else 0.0
 
     def read(self) -> Any:
-        """Its state now."""
         return self.value if self.source is None else self.source()
 
 

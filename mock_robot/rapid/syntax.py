@@ -65,7 +65,6 @@ def part(node: Node, index: int) -> Node:
 
 
 def optional_part(node: Node, index: int) -> Node | None:
-    """An optional child; None when it is absent."""
     child: object = node.children[index]
     return child if isinstance(child, Tree) else None
 

@@ -32,11 +32,9 @@ class Record:
     components: tuple[tuple[str, "Type"], ...]
 
     def initial(self) -> list[Any]:
-        """Components as in a VAR without initial value."""
         return [kind.initial() for _, kind in self.components]
 
     def copy(self, value: list[Any]) -> list[Any]:
-        """A copy of the value."""
         return [kind.copy(item) for (_, kind), item in zip(self.components, value, strict=True)]
 
     def place(self, component: str) -> int | None:
@@ -62,7 +60,6 @@ class Array:
 
     @property
     def name(self) -> str:
-        """Name for messages."""
         return f"{self.element.name}{{{self.length}}}"
 
     @property
@@ -71,11 +68,9 @@ class Array:
         return (self.element,) * max(self.length, 0)
 
     def initial(self) -> list[Any]:
-        """Elements as in a VAR without initial value."""
         return [self.element.initial() for _ in range(self.length)]
 
     def copy(self, value: list[Any]) -> list[Any]:
-        """A copy of the value."""
         return [self.element.copy(item) for item in value]
 
 

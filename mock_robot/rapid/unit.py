@@ -61,7 +61,6 @@ class MotionUnit:
 
     @property
     def arm(self) -> Arm:
-        """Kinematics of the arm."""
         arm = self.cabinet.arm.arm
         assert isinstance(arm, Arm), "the interpreter moves six axes"
         return arm
@@ -124,13 +123,11 @@ class MotionUnit:
         return bool(np.abs(self.joints_now() - self._left_at).max() > MAX_OFF_PATH_RAD)
 
     def clear(self) -> None:
-        """Drop the move."""
         with self._turn:
             self._brake()
             self._order = None
 
     def end_egm(self) -> None:
-        """End the sessions of EGM and free their identities."""
         for session in list(self.egm.values()):
             session.end(free=True)
         self.egm.clear()
@@ -156,7 +153,6 @@ class MotionUnit:
     # --- state of the arm ---
 
     def is_moving(self) -> bool:
-        """Whether the arm is moving."""
         return self.cabinet.arm.is_moving_at(self.now_s())
 
     def stands_in_s(self) -> float:
@@ -181,7 +177,6 @@ class MotionUnit:
         return self.cabinet.arm.joints_at(self.now_s())
 
     def external_axes(self) -> list[float]:
-        """External axes as the program sees them."""
         return list(self.external)
 
     def world_T_flange(self, joints: Array, external: list[float]) -> Array:

@@ -68,7 +68,6 @@ class RawBytes:
         self.length = min(self.length, from_index - 1)
 
     def fill(self, content: bytes) -> None:
-        """Replace the content."""
         self.content[:] = content.ljust(MAX_RAWBYTES, b"\0")
         self.length = len(content)
 
@@ -85,13 +84,11 @@ class RawBytes:
         return bytes(self.content[index - 1 : index - 1 + count])
 
     def number(self, layout: Struct, index: int) -> Any:
-        """Unpack the value of `layout` at `index`."""
         if not 1 <= index <= self.length + 1 - layout.size:
             self.read(index, layout.size)
         return layout.unpack_from(self.content, index - 1)[0]
 
     def valid(self) -> bytes:
-        """The valid bytes."""
         return bytes(self.content[: self.length])
 
 
@@ -108,7 +105,6 @@ class StopWatch:
     _since_s: float | None = field(default=None, init=False)
 
     def reset(self) -> None:
-        """Stop and reset to zero."""
         self._since_s = None
 
     def start(self, now_s: float) -> None:

@@ -56,12 +56,10 @@ class Equipment:
                 self.load(text)
 
     def options(self, version: int) -> list[str]:
-        """Options that are there."""
         options = (*OPTIONS[version], *([self.arm] if self.arm else []))
         return [option for option in options if option.partition(" ")[0] not in self.without]
 
     def grants(self, version: int) -> list[str]:
-        """Grants of the user."""
         return [grant for grant in GRANTS[version] if grant not in self.denied]
 
     def require(self, *names: str) -> None:
@@ -70,7 +68,6 @@ class Equipment:
             raise RwsRefused(NO_GRANT)
 
     def instances(self, domain: str, kind: str, version: int) -> list[Item]:
-        """Instances of a type, with their attributes."""
         found = self.configuration.get(domain.upper(), {}).get(kind, {})
         return [
             Item(

@@ -66,7 +66,6 @@ DONE = Reply(204)
 
 
 def parse(method: str, raw_path: bytes, query: bytes, headers: Mapping[str, str], body: bytes, base: str) -> RwsRequest:
-    """Parse an HTTP request."""
     path = unquote(raw_path.partition(b"?")[0].decode("latin-1")).partition(";")[0]
     path = "/" + re.sub("/+", "/", path).strip("/")
     form: dict[str, str] = {}

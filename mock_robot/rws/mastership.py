@@ -32,7 +32,6 @@ class Mastership:
     _polled_s: float = field(default=0.0, init=False)
 
     def holder(self, domain: str) -> Session | None:
-        """Session that holds the domain, or None."""
         return self._holders.get(domain)
 
     def request(self, session: Session, domains: tuple[str, ...], mode: Mode, now_s: float) -> None:
@@ -93,7 +92,6 @@ class Mastership:
         return consent
 
     def cancel_consent(self, session: Session) -> None:
-        """Withdraw the request for consent."""
         if self._asked_by is session:
             self._asked_by = None
 

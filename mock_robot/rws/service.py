@@ -42,7 +42,6 @@ class Polls:
     _nudge: asyncio.Event = field(default_factory=asyncio.Event, init=False)
 
     def nudge(self) -> None:
-        """Check for changes now."""
         self._nudge.set()
 
     async def serve(self, socket: WebSocket, session: Session | None) -> None:
@@ -118,7 +117,6 @@ class Service:
         self._known_session = self.world.cabinet.session
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Handle one request or one subscription's socket."""
         self.react_to_controller()
         if scope["type"] == "websocket":
             await self.polls.serve(WebSocket(scope, receive, send), self._session_of(_headers(scope)))
@@ -322,5 +320,4 @@ class DigestAuth:
         return user if secrets.compare_digest(right, said.get("response", "")) else None
 
     def forget(self) -> None:
-        """Discard all nonces, as after a restart."""
         self._nonces.clear()

@@ -44,11 +44,9 @@ class Sessions:
 
     @property
     def count(self) -> int:
-        """Number of open sessions."""
         return len(self._open)
 
     def find(self, cookie_header: str, now_s: float) -> Session | None:
-        """Session of this cookie, or None."""
         self._end_idle_sessions(now_s)
         pieces = (piece.strip().partition("=") for piece in cookie_header.split(";"))
         cookies = {name: value for name, _, value in pieces}
@@ -89,13 +87,11 @@ class Sessions:
         return wait_s
 
     def end(self, session: Session) -> None:
-        """End a session."""
         if session in self._open:
             self._open.remove(session)
             self.on_end(session)
 
     def end_all(self) -> None:
-        """End all sessions, as in a restart."""
         for session in list(self._open):
             self.end(session)
 

@@ -31,8 +31,6 @@ class _NeverPongs(WebSocketsSansIOProtocol):
 
 @dataclass(frozen=True)
 class RwsUrls:
-    """Base URLs of the services."""
-
     first: str
     second: str
 
@@ -46,7 +44,6 @@ class RwsStation:
         self._servers: list[HttpServer] = []
 
     async def start(self, host: str, port_1: int, port_2: int) -> RwsUrls:
-        """Start both services."""
         self.world.address = host
         if not self.world.cabinet.recorded:
             self.world.cabinet.record(self.world.clock(), 10017, "automatic mode confirmed")
@@ -61,12 +58,10 @@ class RwsStation:
         return urls
 
     def nudge(self) -> None:
-        """React to a change of the controller."""
         self.first.react_to_controller()
         self.second.react_to_controller()
 
     async def close(self) -> None:
-        """Stop both services."""
         await asyncio.gather(*(server.close() for server in self._servers))
 
 

@@ -91,7 +91,6 @@ class Subscriptions:
         return self.groups.pop(number, None) is not None
 
     def end_session(self, session: Session) -> None:
-        """End the groups of a closed session."""
         self.groups = {number: group for number, group in self.groups.items() if group.session is not session}
 
     def forget(self, *, silently: bool = False) -> None:

@@ -139,7 +139,6 @@ class World:
 
     @property
     def mode(self) -> Mode:
-        """Position of the mode switch."""
         return self.cabinet.panel.mode
 
     @property

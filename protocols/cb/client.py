@@ -46,7 +46,6 @@ class ClientSession:
 
     @property
     def state(self) -> SessionState:
-        """State of the session."""
         return self._state
 
     @property

@@ -47,7 +47,6 @@ class ControllerSession:
 
     @property
     def state(self) -> SessionState:
-        """State of the session."""
         return self._state
 
     @property

@@ -33,7 +33,6 @@ class Frame:
     version: int = VERSION
 
     def encode(self) -> bytes:
-        """The frame's bytes."""
         head = struct.pack("<2sBBHHH", MAGIC, self.version, self.command, self.seq, self.status, len(self.payload))
         return head + struct.pack("<H", fletcher16(head + self.payload)) + self.payload
 

@@ -44,7 +44,6 @@ class Hello(Request):
     flags: int = 0
 
     def speaks(self, version: int) -> bool:
-        """Whether the client supports `version`."""
         return self.version_min <= version <= (self.version_max or self.version_min)
 
 

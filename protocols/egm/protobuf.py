@@ -74,12 +74,10 @@ def integer_field(number: int, value: int) -> bytes:
 
 
 def double_field(number: int, value: float) -> bytes:
-    """Encode a field with a double."""
     return _key(number, FIXED64) + struct.pack("<d", value)
 
 
 def message_field(number: int, parts: Iterable[bytes]) -> bytes:
-    """Encode a field with a nested message."""
     content = b"".join(parts)
     return _key(number, BYTES) + _encode_varint(len(content)) + content
 

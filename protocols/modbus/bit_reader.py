@@ -145,7 +145,6 @@ class BitReader:
         return struct.pack(">BHH", question.function, question.address, question.count)
 
     def receive(self, pdu: bytes) -> AnswerKind:
-        """Process the PDU of an answer."""
         shape = _shape_in(pdu)
         fitting = [i for i, asked in enumerate(self._line) if shape in asked.shapes]
         if shape is None or not fitting:

@@ -22,7 +22,6 @@ class Adu:
     pdu: bytes
 
     def encode(self) -> bytes:
-        """The bytes on the wire."""
         return HEADER.pack(self.transaction, 0, len(self.pdu) + 1, self.unit) + self.pdu
 
 

@@ -66,7 +66,6 @@ class MaskWrite:
     or_mask: int
 
     def apply(self, word: int) -> int:
-        """The register's new value."""
         return (word & self.and_mask) | (self.or_mask & ~self.and_mask & 0xFFFF)
 
 

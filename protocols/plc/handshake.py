@@ -115,7 +115,6 @@ class Handshake:
         return (int(self.control & ~ControlBit.ABORT | abort), *self.written[1:])
 
     def input(self, name: str) -> int:
-        """Value of a register written by the PLC."""
         register = BY_NAME[name]
         words = self.written[register.address : register.address + register.registers]
         return words[0] if len(words) == 1 else unsigned_of(words, self.rules.order)

@@ -147,7 +147,6 @@ def encode_block(
 
 
 def encode_value(register: Register, value: Value, order: WordOrder) -> Words:
-    """Encode one value in its registers."""
     match register.kind, value:
         case Kind.TEXT24, str():
             return text_words(value, register.registers)

@@ -58,7 +58,6 @@ def solution_with_x(
 def solution_without_x(
     method: str, setup: Setup, views: Sequence[ViewResult], base_T_flange: Array, error: UndeterminedError
 ) -> Solution:
-    """A Solution without X, with the reason."""
     return Solution(
         setup=setup,
         method=method,

@@ -165,7 +165,6 @@ class _SurfaceSystem:
 
     @property
     def overlapping_views(self) -> set[int]:
-        """Views that overlap others."""
         return {index for key in self.pairs for index in key}
 
     def solve(self, noise: RobotNoise) -> tuple[Array, Array]:
@@ -179,7 +178,6 @@ class _SurfaceSystem:
         return information, -np.asarray(np.linalg.solve(information, gradient), float)
 
     def apply_step(self, step: Array) -> list[Array]:
-        """The motions after a step."""
         return [
             twist_motion(twist, self.origin, self.radius_mm) @ motion
             for twist, motion in zip(step[:-6].reshape(-1, 6), self.motions, strict=True)

@@ -128,7 +128,6 @@ class FiniteBlocks:
 
 
 def bytes_of(clouds: Sequence[PlacedCloud]) -> int:
-    """The size of all files."""
     return sum(size_of(cloud.file) for cloud in clouds)
 
 

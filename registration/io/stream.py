@@ -80,7 +80,6 @@ class CloudStream:
 
     @property
     def points(self) -> int:
-        """Points moved so far."""
         return self._mover.points if self._mover else 0
 
     @property

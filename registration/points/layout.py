@@ -67,7 +67,6 @@ class Layout:
         return np.asarray(self.finite(block) & np.any([block[name] != 0 for name in self.xyz], axis=0))
 
     def offset(self, name: str) -> int:
-        """Byte offset of a column in the record."""
         assert self.dtype.fields is not None
         return int(self.dtype.fields[name][1])
 

@@ -40,7 +40,6 @@ class VoxelGrid:
         self._sums = np.zeros((len(self._names) + 1, 0))
 
     def __len__(self) -> int:
-        """Number of occupied cubes."""
         return len(self._cells)
 
     def add(self, block: Records) -> None:

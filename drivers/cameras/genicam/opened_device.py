@@ -204,7 +204,6 @@ class GenICamCamera(GenICamDevice):
     """
 
     async def grab(self, newer_than_s: float) -> CameraFrame:
-        """A frame exposed after `newer_than_s`; raises a DeviceError."""
         frame = await self._take_new(newer_than_s, CameraSession.take)
         height, width = frame.image.shape[:2]
         require_size(self.device, "the frames are", (width, height), self._image_size)

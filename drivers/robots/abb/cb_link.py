@@ -27,7 +27,6 @@ class CbLink(ControllerLink):
         self._hanging_up: set[asyncio.Task[None]] = set()
 
     def start(self) -> None:
-        """Start connecting."""
         shorten_switch_interval()
         super().start()
 

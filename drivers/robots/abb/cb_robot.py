@@ -70,7 +70,6 @@ class CbRobot(LinkedRobot):
         return cb_wire.pose_reading(self._device, answered.reply, answered.asked_at_s, self._axes)
 
     async def read_joints(self) -> Array:
-        """Angles of the arm's axes (6,) or (7,) in rad."""
         return cb_wire.joints_rad(self._device, await self._read_jointtarget(), self._axes)
 
     async def _read_jointtarget(self) -> Joints:
@@ -79,7 +78,6 @@ class CbRobot(LinkedRobot):
         return answered.reply
 
     async def read_status(self) -> RobotStatus:
-        """State of the controller."""
         answered = await self._read(GetStatus(), "reading the status")
         assert isinstance(answered.reply, Report)
         return cb_wire.robot_status(answered.reply, answered.asked_at_s)

@@ -29,12 +29,10 @@ class PriorityLock:
 
     @property
     def waiting(self) -> int:
-        """Number of waiters."""
         return len(self._urgent) + len(self._ordinary)
 
     @asynccontextmanager
     async def hold(self, *, urgent: bool = False) -> AsyncIterator[None]:
-        """Hold the lock; waits for it."""
         await self._enter(self._urgent if urgent else self._ordinary)
         try:
             yield

@@ -38,11 +38,9 @@ class LinkedRobot:
 
     @property
     def link(self) -> LinkHealth:
-        """Whether the controller is connected."""
         return self._link.link
 
     def start(self) -> None:
-        """Start connecting in the background."""
         self._link.start()
 
     async def wait_for_link(self, limit_s: float) -> None:

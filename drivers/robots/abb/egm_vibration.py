@@ -97,7 +97,6 @@ class EgmMonitor:
 
     @property
     def link(self) -> LinkHealth:
-        """Whether samples arrive."""
         newest = self._window.newest
         if newest is not None and self._timing.clock() - newest.received_at_s <= SILENT_AFTER_S:
             self._report.up("samples come")
@@ -107,7 +106,6 @@ class EgmMonitor:
 
     @property
     def port(self) -> int:
-        """The local port."""
         assert self._socket is not None
         return int(self._socket.getsockname()[1])
 
@@ -128,7 +126,6 @@ class EgmMonitor:
         self._thread.start()
 
     def close(self) -> None:
-        """Stop listening."""
         self._ending.set()
         if self._thread is not None:
             self._thread.join()

@@ -16,8 +16,6 @@ BLOCK_POINTS = 1 << 14
 
 
 class CompressedSource:
-    """An open compressed PCD."""
-
     def __init__(self, file: GuardedFile, header: CloudHeader, name: str) -> None:
         self._file = file
         self._header = header

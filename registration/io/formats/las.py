@@ -128,7 +128,6 @@ def require_fit(least: Array, most: Array, file: str) -> None:
 
 
 def rewrite_header(prefix: bytes, frame: LasFrame) -> bytes:
-    """The header with another frame."""
     bounds = np.stack([frame.upper, frame.lower], axis=1).ravel()
     numbers = np.concatenate([frame.scales, frame.offsets, bounds])
     return prefix[:SCALES] + numbers.astype("<f8").tobytes() + prefix[SCALES + numbers.nbytes :]

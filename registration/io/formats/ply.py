@@ -53,8 +53,6 @@ def parse_header(prefix: bytes, file: str) -> CloudHeader | None:
 
 
 class _Reading:
-    """Parser state."""
-
     def __init__(self, lines: HeaderLines) -> None:
         self._lines = lines
         self._encoding: tuple[Encoding, Literal["<", ">"]] | None = None

@@ -50,5 +50,4 @@ def are_bytes(lines: str, separator: str | None) -> bool:
 
 
 def format_header(layout: Layout, separator: str) -> bytes:
-    """The line of column names."""
     return (separator.join(layout.dtype.names or ()) + "\n").encode("ascii")

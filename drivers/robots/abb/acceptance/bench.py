@@ -140,7 +140,6 @@ class Bench:
         return cb_wire.pose_reading(wire.device, self.expect(exchange, Pose), exchange.asked_at_s)
 
     async def report(self, wire: Wire) -> Report:
-        """Flags and progress."""
         return self.expect(await wire.ask(GetStatus()), Report)
 
     async def joints_deg(self, wire: Wire) -> Array:

@@ -51,7 +51,6 @@ class Wire:
 
     @property
     def device(self) -> str:
-        """Name for messages."""
         return f"robot {self._transport.address}"
 
     @property

@@ -59,7 +59,6 @@ class RwsAdministration:
 
     @property
     def device(self) -> str:
-        """Name for messages."""
         return self._client.device
 
     @property
@@ -125,7 +124,6 @@ class RwsAdministration:
         )
 
     async def read_modules(self, task: str) -> tuple[str, ...]:
-        """Names of the modules that a task holds."""
         found = await self.read(*self._client.require_dialect().call("modules", task=task))
         return tuple(str(each.get("name") or each.get("_title", "")) for each in found or ())
 

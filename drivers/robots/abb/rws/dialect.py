@@ -45,7 +45,6 @@ class Dialect:
 
     @property
     def name(self) -> str:
-        """Name for messages."""
         return f"RWS {self.version}.0"
 
     def page(self, content: bytes) -> tuple[list[Resource], dict[str, str]]:

@@ -46,7 +46,6 @@ class Subscription:
 
     @property
     def is_open(self) -> bool:
-        """Whether the socket is open."""
         return self._connection is not None
 
     async def end(self) -> None:
@@ -134,7 +133,6 @@ class RwsLink(ControllerLink):
         return self._watch is not None and self._watch.is_open
 
     async def close(self) -> None:
-        """Log out."""
         await super().close()
         await self._client.close()
 

@@ -35,7 +35,6 @@ class RedundantStop(RobotWrapper):
         return LinkHealth(own.connected, f"{own.detail}; second way to stop: {how}", own.since_s)
 
     def start(self) -> None:
-        """Start both links."""
         self.robot.start()
         self.second.start()
 
@@ -70,7 +69,6 @@ class RedundantStop(RobotWrapper):
         return replace(await self.second.read_standstill(), disarmed=False)
 
     async def close(self) -> None:
-        """Close both links."""
         await asyncio.gather(self.robot.close(), self.second.close())
 
     async def _stop_the_second_way_whatever_happens(self) -> None:

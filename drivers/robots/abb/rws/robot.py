@@ -68,7 +68,6 @@ class RwsRobot(LinkedRobot):
         return parsing.frame(self._device, await self._link.one(path))
 
     async def read_joints(self) -> Array:
-        """Angles of the arm's axes (6,) or (7,) in rad."""
         values = await self._link.one(f"/rw/motionsystem/mechunits/{self._address.mechunit}/jointtarget")
         return parsing.joints_rad(self._device, values, self._axes)
 

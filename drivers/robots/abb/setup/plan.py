@@ -102,7 +102,6 @@ class SetupPlan:
 
     @property
     def writes(self) -> tuple[str, ...]:
-        """Names of the files that are written."""
         return tuple(name for name in self.package.files if name not in self.unchanged)
 
     @property

@@ -62,7 +62,6 @@ class ControllerSurvey:
 
     @property
     def motion_tasks(self) -> tuple[str, ...]:
-        """Tasks that move an arm."""
         return tuple(name for name, moves in self.tasks.items() if moves)
 
     @property
