@@ -37,26 +37,14 @@ class ClientSession:
 
     def __init__(self, *, resynchronise: bool, known_session: int | None = None, last_seq: int = 0) -> None:
         self._reader = FrameReader(resynchronise=resynchronise)
-        self._state = SessionState.NOT_GREETED
-        self._session = known_session
-        self._last_seq = last_seq
+        self.state = SessionState.NOT_GREETED
+        self.session = known_session
+        """Session number in the controller's last HELLO reply; None before the first HELLO."""
+        self.last_seq = last_seq
+        """Sequence number of the newest request; pass it to the session of the next connection."""
         self._outstanding: _Outstanding | None = None
         self.capabilities = Capability(0)
         """What the controller can do, from its reply to HELLO."""
-
-    @property
-    def state(self) -> SessionState:
-        return self._state
-
-    @property
-    def session(self) -> int | None:
-        """Session number in the controller's last HELLO reply; None before the first HELLO."""
-        return self._session
-
-    @property
-    def last_seq(self) -> int:
-        """Sequence number of the newest request; pass it to the session of the next connection."""
-        return self._last_seq
 
     @property
     def outstanding_seq(self) -> int | None:
@@ -74,14 +62,14 @@ class ClientSession:
         Raises RequestOutstanding, NotAllowedNow or FieldOutOfRange.
         """
         command = COMMAND_OF[type(message)]
-        if command not in ALLOWED_COMMANDS[self._state]:
-            raise NotAllowedNow(f"{command.name} while the session is {self._state.value}")
+        if command not in ALLOWED_COMMANDS[self.state]:
+            raise NotAllowedNow(f"{command.name} while the session is {self.state.value}")
         if self._outstanding is not None and not isinstance(message, Stop):
             waiting = self._outstanding
             raise RequestOutstanding(f"{command.name} while {waiting.seq} ({waiting.request}) has no answer")
-        seq = next_count(self._last_seq)
+        seq = next_count(self.last_seq)
         encoded = Frame(command, seq, pack(message)).encode()
-        self._last_seq = seq
+        self.last_seq = seq
         self._outstanding = _Outstanding(seq, message, encoded)
         return encoded
 
@@ -108,7 +96,7 @@ class ClientSession:
             case Frame():
                 return self._frame(event)
             case FramingBroken():
-                self._state = SessionState.BROKEN
+                self.state = SessionState.BROKEN
                 return [event]
             case ChecksumFailed() | GarbageSkipped():
                 return [event]
@@ -138,15 +126,15 @@ class ClientSession:
         self._outstanding = None
         answered: list[ClientEvent] = [ReplyReceived(waiting.seq, waiting.request, reply)]
         if isinstance(reply, Refused):
-            if reply.status == Status.VERSION and self._state is SessionState.GREETED:
-                self._state = SessionState.NOT_GREETED
+            if reply.status == Status.VERSION and self.state is SessionState.GREETED:
+                self.state = SessionState.NOT_GREETED
                 answered.insert(0, GreetingLost())
             return answered
-        if self._state is not SessionState.BROKEN:
-            self._state = STATE_AFTER.get(command, self._state)
+        if self.state is not SessionState.BROKEN:
+            self.state = STATE_AFTER.get(command, self.state)
         if isinstance(reply, Welcome):
             self.capabilities = reply.capabilities
-            before, self._session = self._session, reply.session
+            before, self.session = self.session, reply.session
             if before is not None and before != reply.session:
                 answered.insert(0, SessionChanged(before, reply.session))
         return answered

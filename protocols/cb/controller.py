@@ -41,13 +41,9 @@ class ControllerSession:
     def __init__(self, *, resynchronise: bool, refuse_with: Status | None = None) -> None:
         self._reader = FrameReader(resynchronise=resynchronise)
         self._refuse_with = refuse_with
-        self._state = SessionState.NOT_GREETED
+        self.state = SessionState.NOT_GREETED
         self._last: _Last | None = None
         self._waiting: dict[int, Frame] = {}
-
-    @property
-    def state(self) -> SessionState:
-        return self._state
 
     @property
     def half_frame_bytes(self) -> int:
@@ -71,8 +67,8 @@ class ControllerSession:
         del self._waiting[seq]
         if self._last is not None and self._last.request is request:
             self._last.reply = answer
-        if not isinstance(reply, Refused) and self._state is not SessionState.BROKEN:
-            self._state = STATE_AFTER.get(Command(request.command), self._state)
+        if not isinstance(reply, Refused) and self.state is not SessionState.BROKEN:
+            self.state = STATE_AFTER.get(Command(request.command), self.state)
         return answer
 
     def reply_to(self, seq: int) -> bytes | None:
@@ -92,7 +88,7 @@ class ControllerSession:
                 answer = self._encode(event.seq, event.command & ~REPLY_BIT, Refused(Status.BAD_SUM))
                 return BadChecksum(event.seq, event.command, answer)
             case FramingBroken():
-                self._state = SessionState.BROKEN
+                self.state = SessionState.BROKEN
                 return event
             case GarbageSkipped():
                 return event
@@ -121,7 +117,7 @@ class ControllerSession:
             message = unpack(REQUESTS[command], frame.payload)
         except PayloadRefused as error:
             return self._refuse(frame, error.status, error.reason)
-        if command not in ALLOWED_COMMANDS[self._state]:  # VERSION, since none has been agreed
+        if command not in ALLOWED_COMMANDS[self.state]:  # VERSION, since none has been agreed
             return self._refuse(frame, Status.VERSION, "HELLO must come first")
         if isinstance(message, Hello) and not message.speaks(VERSION):
             return self._refuse(frame, Status.VERSION, f"versions {message.version_min} to {message.version_max}")

@@ -66,16 +66,16 @@ def decode(data: bytes) -> RobotSample:
 
 
 def _decode(data: bytes) -> RobotSample:
-    parts = _fields_by_number(data)
-    header, feedback = _fields_by_number(_message_field(parts, 1)), _fields_by_number(_message_field(parts, 2))
+    parts = dict(fields(data))
+    header, feedback = dict(fields(_message_field(parts, 1))), dict(fields(_message_field(parts, 2)))
     if header.get(3) != MessageType.DATA:
         raise NotProtobuf(f"a header of type {header.get(3)!r}, not of a robot's data")
     if 2 not in feedback:
         raise NotEgm("joints only", "without a Cartesian pose")
-    pose = _fields_by_number(_message_field(feedback, 2))
+    pose = dict(fields(_message_field(feedback, 2)))
     x, y, z = _doubles_by_field(_message_field(pose, 1), 3)
     u0, u1, u2, u3 = _doubles_by_field(_message_field(pose, 2), 4)
-    clock = _fields_by_number(_message_field(feedback, 4)) if 4 in feedback else {}
+    clock = dict(fields(_message_field(feedback, 4))) if 4 in feedback else {}
     return RobotSample(
         seqno=_integer_field(header, 1),
         robot_ms=_integer_field(header, 2),
@@ -84,13 +84,9 @@ def _decode(data: bytes) -> RobotSample:
         quaternion_wxyz=(u0, u1, u2, u3),
         external_axes=_double_list(_message_field(feedback, 3)) if 3 in feedback else (),
         time_us=_integer_field(clock, 1) * 1_000_000 + _integer_field(clock, 2),
-        motors_on=4 in parts and _fields_by_number(_message_field(parts, 4)).get(1) == 1,
-        program_running=8 in parts and _fields_by_number(_message_field(parts, 8)).get(1) == 2,
+        motors_on=4 in parts and dict(fields(_message_field(parts, 4))).get(1) == 1,
+        program_running=8 in parts and dict(fields(_message_field(parts, 8))).get(1) == 2,
     )
-
-
-def _fields_by_number(data: bytes) -> dict[int, Value]:
-    return dict(fields(data))
 
 
 def _message_field(parts: dict[int, Value], number: int) -> bytes:
@@ -112,7 +108,7 @@ def _doubles_by_field(data: bytes, count: int) -> list[float]:
     at_once = doubles_by_tags(data, range(1, count + 1))
     if at_once is not None:
         return list(at_once)
-    parts = _fields_by_number(data)
+    parts = dict(fields(data))
     values = [parts.get(number) for number in range(1, count + 1)]
     if not all(isinstance(value, float) for value in values):
         raise NotProtobuf(f"no {count} numbers")

@@ -63,22 +63,19 @@ def respond(pdu: bytes, bank: Bank, identification: Identification) -> bytes:
 def _execute(request: Request, bank: Bank, identification: Identification) -> bytes:
     match request:
         case ReadBits(function, address, count):
-            packed = pack_bits(bank.bits(function, address, count))
-            return bytes([function, len(packed)]) + packed
+            bits = sum(bool(bit) << place for place, bit in enumerate(bank.bits(function, address, count)))
+            size = (count + 7) // 8
+            return bytes([function, size]) + bits.to_bytes(size, "little")
         case ReadWords(function, address, count):
             return _words_reply(function, bank.words(function, address, count))
-        case WriteBits(Function.WRITE_COIL, address, values):
-            bank.write_bits(address, values)
-            return struct.pack(">BHH", Function.WRITE_COIL, address, COIL_ON if values[0] else COIL_OFF)
         case WriteBits(function, address, values):
             bank.write_bits(address, values)
-            return struct.pack(">BHH", function, address, len(values))
-        case WriteWords(Function.WRITE_REGISTER, address, values):
-            bank.write_words(address, values)
-            return struct.pack(">BHH", Function.WRITE_REGISTER, address, values[0])
+            coil = COIL_ON if values[0] else COIL_OFF
+            return struct.pack(">BHH", function, address, coil if function is Function.WRITE_COIL else len(values))
         case WriteWords(function, address, values):
             bank.write_words(address, values)
-            return struct.pack(">BHH", function, address, len(values))
+            single = function is Function.WRITE_REGISTER
+            return struct.pack(">BHH", function, address, values[0] if single else len(values))
         case MaskWrite(address, and_mask, or_mask):
             (word,) = bank.words(Function.READ_HOLDING_REGISTERS, address, 1)
             bank.write_words(address, (request.apply(word),))
@@ -90,14 +87,6 @@ def _execute(request: Request, bank: Bank, identification: Identification) -> by
             return _words_reply(Function.READ_WRITE_REGISTERS, read)
         case ReadIdentification(level, object_id):
             return _identification_reply(level, object_id, identification)
-
-
-def pack_bits(bits: Sequence[bool]) -> bytes:
-    """Pack eight bits to a byte, the first in the lowest bit."""
-    packed = bytearray((len(bits) + 7) // 8)
-    for i, bit in enumerate(bits):
-        packed[i // 8] |= bool(bit) << (i % 8)
-    return bytes(packed)
 
 
 def _words_reply(function: Function, words: Sequence[int]) -> bytes:

@@ -21,18 +21,15 @@ class PlcBank:
     may_write: bool
 
     def words(self, function: Function, address: int, count: int) -> Sequence[int]:
-        """Read registers. Raises ModbusException."""
         _require_inside(address, count, SIZE)
         return self.image()[address : address + count]
 
     def bits(self, function: Function, address: int, count: int) -> Sequence[bool]:
-        """Read bits. Raises ModbusException."""
         _require_inside(address, count, BITS)
         word = self.image()[CONTROL if function is Function.READ_COILS else STATUS]
         return [bool(word >> bit & 1) for bit in range(address, address + count)]
 
     def write_words(self, address: int, values: Sequence[int]) -> None:
-        """Write registers, all or none. Raises ModbusException."""
         self._require_writer()
         if not WRITABLE.issuperset(range(address, address + len(values))):
             raise ModbusException(
@@ -43,7 +40,6 @@ class PlcBank:
         self.write(tuple(now), written)
 
     def write_bits(self, address: int, values: Sequence[bool]) -> None:
-        """Write bits, all or none. Raises ModbusException."""
         self._require_writer()
         _require_inside(address, len(values), BITS)
         word = self.image()[CONTROL]

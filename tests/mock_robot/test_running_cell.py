@@ -117,7 +117,7 @@ async def test_a_restart_closes_the_connection_and_shows_as_a_new_session(progra
             with pytest.raises(ConnectionError):
                 await client.hears()
         async with over_tcp(cell.announcement.robot_port) as again:
-            again.session._session = known
+            again.session.session = known
             again.write(again.session.request(cb.Hello(1, 1, 9)))
             assert any(isinstance(event, SessionChanged) for event in await again.hears())
             assert await again.asks(move_to(AWAY)) == cb.Refused(Status.NOT_ARMED)
