@@ -7,8 +7,8 @@ from warnings import catch_warnings, simplefilter
 
 import numpy as np
 
-from drivers.cameras.genicam.device import FoundCamera, RawPicture, VendorError
-from drivers.errors import DeviceTaken, LibraryMissing
+from drivers.cameras.genicam.device import FoundCamera, RawPicture, VendorError, import_library
+from drivers.errors import DeviceTaken
 
 BUFFERS = 4
 
@@ -107,15 +107,9 @@ class OpenPylonCamera:
 
 
 def _import_pylon() -> Any:
-    try:
-        with catch_warnings():  # its SWIG wrapper ends the process where a DeprecationWarning of its types is an error
-            simplefilter("ignore", DeprecationWarning)
-            from pypylon import pylon
-    except ImportError as error:
-        raise LibraryMissing(
-            "camera basler:", f"pypylon is not installed ({error})", "pip install 'handeyed[basler]'"
-        ) from error
-    return pylon
+    with catch_warnings():  # its SWIG wrapper ends the process where a DeprecationWarning of its types is an error
+        simplefilter("ignore", DeprecationWarning)
+        return import_library("pypylon.pylon", "basler")
 
 
 @contextmanager

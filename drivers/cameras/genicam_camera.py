@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from drivers.cameras.genicam.device import FoundCamera, RawPicture, VendorError
-from drivers.errors import DeviceTaken, DeviceUnreachable, LibraryMissing
+from drivers.cameras.genicam.device import FoundCamera, RawPicture, VendorError, import_library
+from drivers.errors import DeviceTaken, DeviceUnreachable
 
 PRODUCERS = "GENICAM_GENTL64_PATH"
 """Folders of producers, as GenTL 1.6 section 6.1.1 says; vendors' installers set it."""
@@ -30,7 +30,7 @@ class HarvestersLibrary:
 
     def discover(self) -> list[FoundCamera]:
         """Cameras of the producers. Raises LibraryMissing, DeviceUnreachable without a producer, VendorError."""
-        core = _import_harvesters()
+        core = import_library("harvesters.core", "genicam")
         files = self._files()
         with vendor_errors():
             if self._harvester is None:
@@ -42,7 +42,7 @@ class HarvestersLibrary:
 
     def open(self, camera: FoundCamera) -> "OpenGenTLCamera":
         """Open for control. Raises DeviceTaken, VendorError."""
-        core = _import_harvesters()
+        core = import_library("harvesters.core", "genicam")
         with vendor_errors():
             try:
                 acquirer = self._harvester.create({"id_": camera.key})
@@ -182,16 +182,6 @@ class _Counter:
                 counter.count += 1
 
         self.callback = Count()
-
-
-def _import_harvesters() -> Any:
-    try:
-        from harvesters import core
-    except ImportError as error:
-        raise LibraryMissing(
-            "camera genicam:", f"harvesters is not installed ({error})", "pip install 'handeyed[genicam]'"
-        ) from error
-    return core
 
 
 @contextmanager

@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from drivers.cameras.genicam.device import FoundCamera, RawPicture, VendorError
-from drivers.errors import DeviceTaken, LibraryMissing
+from drivers.cameras.genicam.device import FoundCamera, RawPicture, VendorError, import_library
+from drivers.errors import DeviceTaken
 
 STREAMS = {"Color": ("color", 0), "Infrared": ("infrared", 1), "Depth": ("depth", 0)}
 """librealsense's name and index of each stream; infrared 1 is the left picture, in whose frame depth is."""
@@ -36,7 +36,7 @@ class RealSenseLibrary:
 
     def discover(self) -> list[FoundCamera]:
         """Cameras on USB. Raises LibraryMissing, VendorError."""
-        rs = _import_realsense()
+        rs = import_library("pyrealsense2", "realsense")
         with _vendor_errors():
             devices = list(rs.context().query_devices()) if self._find_devices is None else self._find_devices()
             self._devices = {device.get_info(rs.camera_info.serial_number): device for device in devices}
@@ -44,7 +44,7 @@ class RealSenseLibrary:
 
     def open(self, camera: FoundCamera) -> "OpenRealSense":
         """Open one stream. Raises DeviceTaken, LibraryMissing, VendorError."""
-        rs = _import_realsense()
+        rs = import_library("pyrealsense2", "realsense")
         opened = OpenRealSense(rs, self._devices[camera.key], self._stream)
         try:
             opened.start_stream()
@@ -259,16 +259,6 @@ def _copy(frame: Any) -> RawPicture:
     return RawPicture(
         data, code, video.get_width(), video.get_height(), device_time_ns=round(frame.get_timestamp() * 1e6)
     )
-
-
-def _import_realsense() -> Any:
-    try:
-        import pyrealsense2
-    except ImportError as error:
-        raise LibraryMissing(
-            "camera realsense:", f"pyrealsense2 is not installed ({error})", "pip install 'handeyed[realsense]'"
-        ) from error
-    return pyrealsense2
 
 
 @contextmanager

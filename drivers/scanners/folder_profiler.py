@@ -22,7 +22,7 @@ FIX = "check the folder, and that the sensor's program writes .npz or .csv files
 class FolderProfiler(LineProfiler):
     """Files that appear during a sweep, in the order of their names; their times are seconds since 1970 (Unix time)."""
 
-    lag_s = 3.0
+    lag_s, fix = 3.0, FIX
 
     def __init__(
         self,
@@ -36,10 +36,6 @@ class FolderProfiler(LineProfiler):
         super().__init__(f"scanner profiles:{folder}", timing or Timing(), limit_s)
         self._folder, self._max_bytes, self._wall_clock = folder, max_bytes, wall_clock
         self._files = FileThread(f"reads {self.device}", self._timing)
-
-    @property
-    def fix(self) -> str:
-        return FIX
 
     async def _look(self) -> None:
         known: set[Path] = set()

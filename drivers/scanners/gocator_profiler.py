@@ -61,7 +61,7 @@ FIX = "check address and cable, that the sensor runs, and that its Ethernet outp
 class GocatorProfiler(LineProfiler):
     """Connected from `start` on, so that the sensor's clock is known before a sweep begins."""
 
-    lag_s = 0.5
+    lag_s, fix = 0.5, FIX
 
     def __init__(
         self, address: ProfilerHost, timing: Timing | None = None, *, limit_s: float = LIMIT_S, max_bytes: int = 0
@@ -69,10 +69,6 @@ class GocatorProfiler(LineProfiler):
         super().__init__(f"scanner profiles://{address.host}:{address.port}", timing or Timing(), limit_s)
         self._address = address
         self._clock = ClockMapping()
-
-    @property
-    def fix(self) -> str:
-        return FIX
 
     async def _look(self) -> None:
         backoff = Backoff(self._timing.chance)

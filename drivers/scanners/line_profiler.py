@@ -1,7 +1,6 @@
 """What line profilers have in common: profiles go to the one sweep that listens, and nothing is kept without one."""
 
 import asyncio
-from abc import abstractmethod
 from collections.abc import AsyncIterator
 
 from drivers.errors import DeviceError, DeviceTaken, DeviceUnreachable, StreamStalled, SweepNeeded
@@ -20,6 +19,8 @@ class LineProfiler(PolledDevice):
     A subclass delivers blocks and losses from its poll.
     """
 
+    fix: str
+    """What to check when no profiles come."""
     lag_s: float = 0.0
     lost_profiles: int = 0
 
@@ -29,11 +30,6 @@ class LineProfiler(PolledDevice):
         self._queue: asyncio.Queue[ProfileBlock | DeviceError] | None = None
         self._offset_s: float | None = None
         """This machine's clock minus the sensor's, the same throughout a sweep; None before its first profile."""
-
-    @property
-    @abstractmethod
-    def fix(self) -> str:
-        """What to check when no profiles come."""
 
     async def scan(self, newer_than_s: float) -> ScannedCloud:
         """Raises SweepNeeded."""

@@ -4,14 +4,26 @@ Every call blocks and is made in a thread; a library's exceptions are raised as 
 """
 
 from dataclasses import dataclass
-from typing import Protocol
+from importlib import import_module
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from drivers.errors import LibraryMissing
+
 
 class VendorError(Exception):
     """What a library says of a call that failed."""
+
+
+def import_library(module: str, extra: str) -> Any:
+    """A vendor's Python module; its extra has the name of the address's scheme. Raises LibraryMissing."""
+    try:
+        return import_module(module)
+    except ImportError as error:
+        what = f"{module.partition('.')[0]} is not installed ({error})"
+        raise LibraryMissing(f"camera {extra}:", what, f"pip install 'handeyed[{extra}]'") from error
 
 
 @dataclass(frozen=True)

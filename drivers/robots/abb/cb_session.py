@@ -27,10 +27,6 @@ class PriorityLock:
         self._urgent: Turns = OrderedDict()
         self._ordinary: Turns = OrderedDict()
 
-    @property
-    def waiting(self) -> int:
-        return len(self._urgent) + len(self._ordinary)
-
     @asynccontextmanager
     async def hold(self, *, urgent: bool = False) -> AsyncIterator[None]:
         await self._enter(self._urgent if urgent else self._ordinary)
@@ -114,7 +110,7 @@ class CbConversation:
         limits: CbLimits,
         on_lost: Callable[[DeviceError], None],
     ) -> None:
-        self._device, self._connection, self._session, self._timing = device, connection, session, timing
+        self._device, self._connection, self.session, self._timing = device, connection, session, timing
         self._limits, self._on_lost = limits, on_lost
         self._turnstile = PriorityLock()
         self._outcome: asyncio.Future[ExchangeResult] | None = None
@@ -123,11 +119,6 @@ class CbConversation:
         self._garbage_bytes = 0
         self._patience_s = REPEAT_AFTER_S
         self.lost: asyncio.Future[DeviceError] = asyncio.get_running_loop().create_future()
-
-    @property
-    def session(self) -> ClientSession:
-        """Numbers and state of this connection."""
-        return self._session
 
     async def greet(self) -> Welcome:
         """Send HELLO; raises GarbledAnswer, or LinkLost, also when the controller refuses the client."""
@@ -163,14 +154,14 @@ class CbConversation:
             finally:
                 self._stopping = False
                 self._outcome = None
-                self._session.abandon()
+                self.session.abandon()
 
     async def _exchange(self, request: Request) -> Answered:
         outcome: asyncio.Future[ExchangeResult] = asyncio.get_running_loop().create_future()
         self._outcome = outcome
         asked_at_s = self._timing.clock()
         try:
-            encoded = self._session.request(request)
+            encoded = self.session.request(request)
         except NotAllowedNow as error:
             raise LinkLost(self._device, "the link is being closed", "open it again to go on") from error
         patience_s = self._patience_s
@@ -194,13 +185,13 @@ class CbConversation:
         try:
             while not self.lost.done():
                 receiving = receiving or asyncio.ensure_future(self._connection.receive())
-                if self._session.half_frame_bytes and not await self._timing.wait_until_done(
+                if self.session.half_frame_bytes and not await self._timing.wait_until_done(
                     receiving, self._limits.half_frame_s
                 ):
-                    self._take(self._session.abandon_half_frame())
+                    self._take(self.session.abandon_half_frame())
                     continue
                 data, receiving = await receiving, None
-                self._take(self._session.receive_data(data))
+                self._take(self.session.receive_data(data))
         except DeviceError as error:
             self.lose(error)
         finally:
@@ -242,11 +233,11 @@ class CbConversation:
                 case ReplyReceived():
                     self._answered_at_s, self._garbage_bytes = self._timing.clock(), 0
                     self._settle(event)
-                case GarbledReply(seq=seq, reason=reason) if seq == self._session.outstanding_seq:
+                case GarbledReply(seq=seq, reason=reason) if seq == self.session.outstanding_seq:
                     fix = "the controller's program and this release do not belong together"
                     self._settle(GarbledAnswer(self._device, f"an answer that is none: {reason}", fix))
                 case FramingBroken(reason=reason):
-                    greeted = self._session.session is not None
+                    greeted = self.session.session is not None
                     fix = (
                         "check the cable and its shield"
                         if greeted
