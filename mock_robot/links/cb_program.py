@@ -138,9 +138,6 @@ class Controller(Cabinet):
         axes_deg = np.degrees(self.arm.joints_at(robot_s))[:6]
         return cb.Joints(float32_tuple(axes_deg), float32_tuple(self.jointtarget_axes(robot_s)))
 
-    def _status(self, seq: int, request: cb.GetStatus, now_s: float) -> cb.Reply:
-        return self._report(now_s)
-
     def _arm(self, seq: int, request: cb.SetArmed, now_s: float) -> cb.Reply:
         if not request.armed:
             self.halt(now_s, Status.ABORTED)
@@ -298,7 +295,7 @@ _HANDLERS: dict[type[Any], Callable[[Controller, int, Any, float], cb.Reply]] = 
     cb.GetPose: Controller._pose,
     cb.Move: Controller._move_request,
     cb.Stop: Controller._stop_request,
-    cb.GetStatus: Controller._status,
+    cb.GetStatus: lambda controller, seq, request, now_s: controller._report(now_s),
     cb.SetArmed: Controller._arm,
     cb.GetJoints: Controller._joints,
     cb.Bye: Controller._bye,

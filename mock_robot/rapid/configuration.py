@@ -11,6 +11,7 @@ beside it (eliasbitsch/MetaMove); zwj12/SignalAutoConfigurationTool writes a hea
 import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from types import MappingProxyType
 
@@ -43,11 +44,6 @@ def attributes_of(domain: str, kind: str, robotware: int) -> frozenset[str] | No
     """Attributes of a type, or None for a type that no export has."""
     found = _TYPES[str(robotware)].get(f"{domain} {kind}", _TYPES["6"].get(f"{domain} {kind}"))
     return None if found is None else frozenset(found.split())
-
-
-def signal_attribute(robotware: int) -> str:
-    """The attribute in which a system output names its signal."""
-    return "Name" if robotware == 7 else "Signal"
 
 
 Instance = dict[str, str]
@@ -119,14 +115,12 @@ def task_plans(fragments: Fragments) -> list[TaskPlan]:
         if trust not in TRUST_LEVELS:
             raise RapidProgramError("SYS.cfg", 0, f"{name}: TrustLevel is one of {', '.join(TRUST_LEVELS)}")
         own = [m for m in modules if "Shared" in m] + [m for m in modules if m.get("Task") == name]
-        sources = tuple(_source(fragments, module) for module in own)
+        sources = tuple(
+            Source(file := module["File"].rpartition("/")[2], fragments.text(file), "Shared" in module)
+            for module in own
+        )
         plans.append(TaskPlan(name, "MotionTask" in task, kind, kind != "NORMAL" and trust != "None", sources))
     return plans
-
-
-def _source(fragments: Fragments, module: Instance) -> Source:
-    file = module["File"].rpartition("/")[2]
-    return Source(file, fragments.text(file), "Shared" in module)
 
 
 SystemOutput = Callable[[str], bool]
@@ -140,7 +134,7 @@ def signals(fragments: Fragments, outputs: Mapping[str, SystemOutput]) -> dict[s
     inputs = fragments.read("EIO")
     found = {each["Name"]: Signal(each["Name"], each["SignalType"]) for each in inputs.get("EIO_SIGNAL", [])}
     for output in inputs.get("SYSSIG_OUT", []):
-        status, signal_name = output["Status"], output[signal_attribute(fragments.robotware)]
+        status, signal_name = output["Status"], output["Name" if fragments.robotware == 7 else "Signal"]
         if status not in outputs:
             raise RapidProgramError("EIO.cfg", 0, f"system output {status} is unknown: {', '.join(sorted(outputs))}")
         if signal_name not in found:
@@ -149,12 +143,8 @@ def signals(fragments: Fragments, outputs: Mapping[str, SystemOutput]) -> dict[s
         given = {key for key in output if key.startswith("Arg")}
         if given != ({argument} if argument else set()):
             raise RapidProgramError("EIO.cfg", 0, f"system output {status} takes {argument or 'no argument'}")
-        found[signal_name].source = _bind(outputs[status], output.get(argument or "", ""))
+        found[signal_name].source = partial(outputs[status], output.get(argument or "", ""))
     return found
-
-
-def _bind(output: SystemOutput, argument: str) -> Callable[[], bool]:
-    return lambda: output(argument)
 
 
 def egm_devices(fragments: Fragments) -> dict[str, int | None]:

@@ -231,7 +231,7 @@ class RapidController(Cabinet):
         self._watch()
 
     def _load_task(self, plan: TaskPlan) -> Loaded:
-        task = ProgramTask(plan.name, self, plan.motion, now_s=self.clock)
+        task = ProgramTask(plan.name, self.stop_failed_program, plan.motion, now_s=self.clock)
         program = Program(task, self.memory, self.signals)
         program.load(plan.sources)
         interrupts = Interrupts(task)
@@ -317,7 +317,7 @@ class RapidController(Cabinet):
             super().apply_panel(now_s)
             if self.panel.forbids_motion() is None:
                 self._error.clear()
-                self.unit.free()
+                self.unit.held = False  # an interrupted move continues when its task does
                 for loaded in self._loaded:
                     loaded.task.start()
 

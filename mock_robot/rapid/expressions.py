@@ -13,7 +13,7 @@ from mock_robot.rapid.errors import RapidError
 from mock_robot.rapid.scope import Builtin, CompileContext, Data, Frame, Part, Routine, Slot
 from mock_robot.rapid.signals import number_of
 from mock_robot.rapid.syntax import Node, line_of, name, part, parts, word
-from mock_robot.rapid.types import BOOL, BYTE, DNUM, NUM, OPEN, SIGNALS, STRING, Array, Record, Type
+from mock_robot.rapid.types import BOOL, BYTE, DNUM, NUM, OPEN, SIGNAL_TYPES, STRING, Array, Record, Type
 from mock_robot.rapid.values import MAX_INTEGER, integer, short, single
 
 Evaluate = Callable[[Frame], Any]
@@ -144,7 +144,7 @@ def fits(wanted: Type, given: Type) -> bool:
 
 def as_value(context: CompileContext, found: Expression) -> Expression:
     """A signal in an expression stands for its number; anything else for itself."""
-    if found.type not in SIGNALS:
+    if found.type not in SIGNAL_TYPES.values():
         return found
     evaluate = found.evaluate
     return Expression(NUM, lambda frame: number_of(evaluate(frame)))

@@ -13,9 +13,10 @@ from types import MappingProxyType
 from mock_robot.rapid.configuration import FACTORY_TASK, Fragments, Instance, TaskPlan
 from mock_robot.rapid.errors import RapidProgramError, RapidSyntaxError
 from mock_robot.rapid.program import PersistentMemory, Program, Source
-from mock_robot.rapid.signals import SIGNAL_TYPES, Signal
+from mock_robot.rapid.signals import Signal
 from mock_robot.rapid.syntax import parse_module
 from mock_robot.rapid.tasks import ProgramTask
+from mock_robot.rapid.types import SIGNAL_TYPES
 from protocols.cfg_file import parse_cfg
 
 MODULES = (".mod", ".sys", ".modx", ".sysx", ".prg")
@@ -167,13 +168,8 @@ def _parse_or_none(path: Path) -> Source | None:
 
 
 def _compile_all(sources: list[Source], signals: Mapping[str, Signal], only: Source | None = None) -> None:
-    task = ProgramTask(FACTORY_TASK, _Nobody(), True)
+    task = ProgramTask(FACTORY_TASK, lambda task, stopped: None, True)
     Program(task, PersistentMemory(), signals).load(sources, only=only)
-
-
-class _Nobody:
-    def stop_failed_program(self, task: ProgramTask, stopped: object) -> None:
-        """Nothing runs."""
 
 
 def _files(folder: Path, suffixes: tuple[str, ...]) -> list[Path]:

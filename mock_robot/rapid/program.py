@@ -23,12 +23,12 @@ from mock_robot.rapid.scope import (
     Scope,
     Slot,
 )
-from mock_robot.rapid.signals import SIGNAL_TYPES, Signal
+from mock_robot.rapid.signals import Signal
 from mock_robot.rapid.statements import Run, block
 from mock_robot.rapid.symbols import LiveSymbol
 from mock_robot.rapid.syntax import Node, line_of, name, optional_part, parse_module, parse_system, part, parts
 from mock_robot.rapid.tasks import EXECUTION_ERROR, ProgramTask
-from mock_robot.rapid.types import ATOMS, NUM, OPEN, Array, Record, Type
+from mock_robot.rapid.types import ATOMS, NUM, OPEN, SIGNAL_TYPES, Array, Record, Type
 
 
 @dataclass(frozen=True)

@@ -152,10 +152,6 @@ class ErrorNumbers:
     numbers: Mapping[str, float]
     errno: Slot
 
-    def note(self, error: RapidError) -> None:
-        """Set ERRNO to an error that is being handled."""
-        self.errno.value = self.number_of(error)
-
     def number_of(self, error: RapidError) -> float:
         """Number of an error as a program sees it; 0 for one without."""
         return self.numbers.get(error.name, 0.0) if error.number is None else error.number

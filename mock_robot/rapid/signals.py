@@ -4,17 +4,7 @@ from collections.abc import Callable
 from typing import Any
 
 from mock_robot.rapid.errors import RapidError
-from mock_robot.rapid.types import SIGNALAI, SIGNALAO, SIGNALDI, SIGNALDO, SIGNALGI, SIGNALGO, Atom
 
-SIGNAL_TYPES: dict[str, Atom] = {
-    "DI": SIGNALDI,
-    "DO": SIGNALDO,
-    "GI": SIGNALGI,
-    "GO": SIGNALGO,
-    "AI": SIGNALAI,
-    "AO": SIGNALAO,
-}
-"""RAPID type by SignalType of EIO.cfg."""
 DIGITAL = ("DI", "DO")
 
 

@@ -54,7 +54,6 @@ def block(context: CompileContext, statements: list[Node]) -> Run:
     lines = [line_of(node) for node in statements]
     task, module, count = context.task, context.module, len(runs)
     in_handler = context.in_handler
-    handle = _stop_in_handler if in_handler else _handle
 
     def run(frame: Frame) -> Any:
         at, retries = 0, 0
@@ -70,7 +69,7 @@ def block(context: CompileContext, statements: list[Node]) -> Run:
                     return None
                 except RapidError as error:
                     error.where = error.where or f"{module}:{lines[at]}"
-                    flow = handle(context, frame, error)
+                    flow = _handle(context, frame, error)
                 except LongJump as jump:
                     routine = context.routine
                     if in_handler or routine is None or not _lists(routine, frame, jump.number):
@@ -97,6 +96,8 @@ def block(context: CompileContext, statements: list[Node]) -> Run:
 
 def _handle(context: CompileContext, frame: Frame, error: RapidError) -> Flow:
     """Run the routine's own handler; without one the program stops (the caller's is not tried)."""
+    if context.in_handler:
+        raise ProgramStopped(EXECUTION_ERROR, error.where, f"{error} inside an ERROR handler") from error
     routine = context.routine
     assert routine is not None
     if routine.handler is None or (routine.listed and not _lists(routine, frame, context.errors.number_of(error))):
@@ -110,7 +111,7 @@ def _lists(routine: Routine, frame: Frame, number: float) -> bool:
 
 def _run_handler(context: CompileContext, frame: Frame, routine: Routine, error: RapidError) -> Flow:
     assert routine.handler is not None
-    context.errors.note(error)
+    context.errors.errno.value = context.errors.number_of(error)
     task = context.task
     outer, task.handled = task.handled, error
     try:
@@ -122,10 +123,6 @@ def _run_handler(context: CompileContext, frame: Frame, routine: Routine, error:
         if not error.logged:
             error.logged = True
             task.services.note(HANDLED_ERROR, f"{error.where}: {error}")
-
-
-def _stop_in_handler(context: CompileContext, frame: Frame, error: RapidError) -> Flow:
-    raise ProgramStopped(EXECUTION_ERROR, error.where, f"{error} inside an ERROR handler") from error
 
 
 def _if(context: CompileContext, node: Node) -> Run:

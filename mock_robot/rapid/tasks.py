@@ -9,7 +9,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field
 from time import monotonic
-from typing import Any, Protocol
+from typing import Any
 
 from mock_robot.rapid.errors import CycleLeft, ProgramStopped, RaisedFurther, RapidError
 from mock_robot.rapid.scope import Routine
@@ -33,23 +33,18 @@ class ErrorEvent:
     cause: str
 
 
-class TaskOwner(Protocol):
-    """Stops a program that cannot go on."""
-
-    def stop_failed_program(self, task: "ProgramTask", stopped: ProgramStopped) -> None: ...
-
-
 @dataclass(eq=False)
 class ProgramTask:
     """One task. `attention` is checked between instructions; setting it also wakes a waiting instruction.
 
     As on a controller, an interrupt that comes while the task is stopped is lost. `now_s` is wire time; `handled` is
     the error whose handler runs; `settings` holds C_MOTSET; `event` is what called the current trap;
-    `booked` counts BookErrNo; `recovery_points` say for a number whether a routine under way lists it, outermost first.
+    `on_failure` stops a program that cannot go on; `booked` counts BookErrNo; `recovery_points` say for a number
+    whether a routine under way lists it, outermost first.
     """
 
     name: str
-    owner: TaskOwner
+    on_failure: Callable[["ProgramTask", ProgramStopped], None]
     motion: bool
     services: Any = None
     now_s: Callable[[], float] = monotonic
@@ -140,7 +135,7 @@ class ProgramTask:
 
         RAPID reference manual, basic characteristics, Error recovery.
         """
-        self.owner.stop_failed_program(self, stopped)
+        self.on_failure(self, stopped)
         self.attention = True
 
     def undo(self, handler: Callable[[], Any]) -> None:

@@ -9,15 +9,11 @@ from mock_robot.rapid.values import RawBytes, StopWatch
 
 @dataclass(frozen=True)
 class Atom:
-    """A type without parts. `fresh` makes its initial value; a `device` cannot be assigned."""
+    """A type without parts. `initial` makes the value of a VAR without one; a `device` cannot be assigned."""
 
     name: str
-    fresh: Callable[[], Any] = field(compare=False)
+    initial: Callable[[], Any] = field(compare=False)
     device: bool = False
-
-    def initial(self) -> Any:
-        """Value of a VAR without initial value."""
-        return self.fresh()
 
     def copy(self, value: Any) -> Any:
         """A copy of the value; atoms are immutable."""
@@ -88,22 +84,14 @@ BOOL = Atom("bool", bool)
 STRING = Atom("string", str)
 RAWBYTES = Atom("rawbytes", RawBytes, device=True)
 CLOCK = Atom("clock", StopWatch, device=True)
-SIGNALDO = Atom("signaldo", Nothing, device=True)
-SIGNALDI = Atom("signaldi", Nothing, device=True)
-SIGNALGO = Atom("signalgo", Nothing, device=True)
-SIGNALGI = Atom("signalgi", Nothing, device=True)
-SIGNALAO = Atom("signalao", Nothing, device=True)
-SIGNALAI = Atom("signalai", Nothing, device=True)
-SIGNALS = (SIGNALDO, SIGNALDI, SIGNALGO, SIGNALGI, SIGNALAO, SIGNALAI)
-TRAPDATA = Atom("trapdata", Nothing, device=True)
-MECUNIT = Atom("mecunit", Nothing, device=True)
-EGMIDENT = Atom("egmident", Nothing, device=True)
-TASKID = Atom("taskid", Nothing, device=True)
+SIGNAL_KINDS = ("DI", "DO", "GI", "GO", "AI", "AO")
+SIGNAL_TYPES = {kind: Atom(f"signal{kind.lower()}", Nothing, device=True) for kind in SIGNAL_KINDS}
+"""By SignalType of EIO.cfg."""
 ANYTYPE = Atom("anytype", Nothing)
 CONDITION = Atom("condition", Nothing)
 SWITCH = Atom("switch", Nothing)
 
 ATOMS = (
-    *(NUM, DNUM, BYTE, BOOL, STRING, RAWBYTES, CLOCK, *SIGNALS),
-    *(TRAPDATA, MECUNIT, EGMIDENT, TASKID, ANYTYPE, CONDITION, SWITCH),
+    *(NUM, DNUM, BYTE, BOOL, STRING, RAWBYTES, CLOCK, *SIGNAL_TYPES.values(), ANYTYPE, CONDITION, SWITCH),
+    *(Atom(name, Nothing, device=True) for name in ("trapdata", "mecunit", "egmident", "taskid")),
 )

@@ -112,10 +112,6 @@ class MotionUnit:
             self.stopped_by.discard(by)
             self._depart()
 
-    def may_start(self) -> bool:
-        """Whether the robot may move at all."""
-        return not self.held
-
     def is_off_path(self) -> bool:
         """Whether the arm no longer stands where an interrupted move left it."""
         if self._order is None or self._order.departed or self._left_at is None:
@@ -139,10 +135,6 @@ class MotionUnit:
         with self._turn:
             self.held = True
             self._brake()
-
-    def free(self) -> None:
-        """Allow motion again: an interrupted move continues when its task does."""
-        self.held = False
 
     def reset(self) -> None:
         """Reset at a restart of the controller: no move, no stops."""

@@ -62,17 +62,15 @@ def book_err_no(task: ProgramTask, number: Slot) -> None:
 
 
 def clk_start(task: ProgramTask, clock: Slot) -> None:
-    _read_s(task, clock)
+    clk_read(task, clock)
     clock.value.start(task.now_s())
 
 
-def clk_read(task: ProgramTask, clock: Slot, fine: bool | None) -> float:
-    """Milliseconds, or microseconds with \\HighRes; the mock's clocks are as fine with and without."""
-    return _read_s(task, clock)
+def clk_read(task: ProgramTask, clock: Slot, fine: bool | None = None) -> float:
+    """Milliseconds, or microseconds with \\HighRes; the mock's clocks are as fine with and without.
 
-
-def _read_s(task: ProgramTask, clock: Slot) -> float:
-    """Raises ERR_OVERFLOW for a clock that has run for longer than a controller counts, until ClkReset."""
+    Raises ERR_OVERFLOW for a clock that has run for longer than a controller counts, until ClkReset.
+    """
     seconds, most_s = float(clock.value.read_s(task.now_s())), task.services.max_clock_s
     if seconds > most_s:
         raise RapidError("ERR_OVERFLOW", f"the clock has run for more than {most_s:g} s")

@@ -113,7 +113,7 @@ def start_move(task: ProgramTask, all_tasks: bool | None) -> None:
         raise RapidError("ERR_ALRDY_MOVING", "the robot is moving")
     if unit.is_off_path():
         raise RapidError("ERR_PATHDIST", "the robot is too far from its path")
-    if not unit.may_start():
+    if unit.held:
         raise RapidError("ERR_STARTMOVE", "the robot is in hold state")
     unit.start(task.name)
 

@@ -11,12 +11,11 @@ from typing import Any
 from mock_robot.cabinet.panel import Mode
 from mock_robot.rapid.errors import RapidError
 from mock_robot.rapid.instructions.conditions import wait_for
-from mock_robot.rapid.instructions.sockets import DEFAULT_WAIT_S, MAX_WAIT_S
+from mock_robot.rapid.instructions.sockets import DEFAULT_WAIT_S, MAX_WAIT_S, close, content_of
 from mock_robot.rapid.scope import Slot
-from mock_robot.rapid.signals import SIGNAL_TYPES, Signal, number_of, signal_of
+from mock_robot.rapid.signals import Signal, number_of, signal_of
 from mock_robot.rapid.tasks import ProgramTask
-from mock_robot.rapid.types import STRING, Type
-from mock_robot.rapid.values import integer
+from mock_robot.rapid.types import SIGNAL_TYPES, STRING, Type
 
 MODES: Mapping[Mode, float] = MappingProxyType({Mode.AUTO: 1.0, Mode.MANR: 2.0, Mode.MANF: 3.0})
 """OP_AUTO, OP_MAN_PROG and OP_MAN_TEST of system.rapid."""
@@ -51,11 +50,6 @@ def open_(task: ProgramTask, port: str, slot: Slot, binary: bool | None) -> None
     task.services.devices.add(slot.value)
 
 
-def close(task: ProgramTask, slot: Slot) -> None:
-    slot.value.close()
-    task.services.devices.drop(slot.value)
-
-
 def clear_buffer(task: ProgramTask, slot: Slot) -> None:
     """Drop what a line has received."""
     slot.value.line.look(task.services.wire)
@@ -75,8 +69,7 @@ def read_bin(task: ProgramTask, slot: Slot, time: float | None) -> float:
 
 
 def write_raw_bytes(task: ProgramTask, slot: Slot, raw: Any, count: float | None) -> None:
-    data = raw.value.valid() if count is None else raw.value.read(1, integer(count))
-    slot.value.send(data, task.services.wire)
+    slot.value.send(content_of(raw, count), task.services.wire)
 
 
 def alias_io(task: ProgramTask, source: tuple[Type, Any], alias: tuple[Type, Slot]) -> None:

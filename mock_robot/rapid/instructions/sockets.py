@@ -120,11 +120,11 @@ def receive(
 def send(task: ProgramTask, slot: Slot, text: str | None, raw: Slot | None, count: float | None) -> None:
     if text is None and raw is None:
         raise RapidError("ERR_ARGVALERR", "give \\Str or \\RawData")
-    data = text.encode("latin-1") if text is not None else _content(raw, count)
+    data = text.encode("latin-1") if text is not None else content_of(raw, count)
     slot.value.send(data, task.services.wire)
 
 
-def _content(raw: Any, count: float | None) -> bytes:
+def content_of(raw: Any, count: float | None) -> bytes:
     return bytes(raw.value.valid() if count is None else raw.value.read(1, integer(count)))
 
 

@@ -9,7 +9,7 @@ from mock_robot.rapid.program import PersistentMemory, Program, Source
 from mock_robot.rapid.signals import Signal
 from mock_robot.rapid.tasks import ProgramTask
 from tests.mock_robot.rapid.rules import offences
-from tests.mock_robot.rapid.snippets import Nobody
+from tests.mock_robot.rapid.snippets import raise_failure
 
 RAPID = Path(__file__).parents[3] / "deploy" / "rapid"
 FILES = {path.name: path.read_bytes().decode("ascii") for path in sorted(RAPID.glob("CELL_*"))}
@@ -49,7 +49,7 @@ def test_the_sets_of_two_arms_load_beside_each_other() -> None:
         signals = {f"{prefix}_do_{what}": Signal(what, "DO") for what in ("motors", "estop", "running", "error")}
         for task, modules in ((names.motion_task, ("motion", "main")), (names.link_task, ("comm",))):
             own = [Source(m, arm[f"{prefix.upper()}_{m}.mod"]) for m in modules]
-            program = Program(ProgramTask(task, Nobody(), task == names.motion_task), memory, signals)
+            program = Program(ProgramTask(task, raise_failure, task == names.motion_task), memory, signals)
             program.load([*shared, *own])
             assert callable(program.main())
     assert memory["celll_port"].value == 4242

@@ -12,11 +12,9 @@ from mock_robot.rapid.scope import Data
 from mock_robot.rapid.tasks import ProgramTask
 
 
-class Nobody:
+def raise_failure(task: ProgramTask, stopped: ProgramStopped) -> None:
     """No controller: what stops a program by itself is raised to the test."""
-
-    def stop_failed_program(self, task: ProgramTask, stopped: ProgramStopped) -> None:
-        raise stopped
+    raise stopped
 
 
 @dataclass
@@ -29,7 +27,7 @@ class Snippet:
     noted: list[str] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        self.task = ProgramTask("T_TEST", Nobody(), self.motion)
+        self.task = ProgramTask("T_TEST", raise_failure, self.motion)
         self.program = Program(self.task, self.memory, {})
         self.program.load([Source("TEST.mod", self.text)])
         self.task.services = SimpleNamespace(

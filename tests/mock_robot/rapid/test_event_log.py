@@ -22,7 +22,7 @@ from mock_robot.rapid.statements import HANDLED_ERROR
 from mock_robot.rapid.tasks import ProgramTask
 from protocols.cb import messages as cb
 from protocols.cb.client import ClientSession
-from tests.mock_robot.rapid.snippets import Nobody, ran
+from tests.mock_robot.rapid.snippets import raise_failure, ran
 
 pytestmark = pytest.mark.slow
 SIGNALS = ("cell_do_motors", "cell_do_estop", "cell_do_running", "cell_do_error")
@@ -34,7 +34,7 @@ class SimulatedTask(ProgramTask):
 
     def __init__(self, until_s: float, meanwhile: Callable[[float], None]) -> None:
         self.time_s, self.until_s, self.meanwhile = 0.0, until_s, meanwhile
-        super().__init__("T_HANDEYED", Nobody(), motion=False, now_s=lambda: self.time_s)
+        super().__init__("T_HANDEYED", raise_failure, motion=False, now_s=lambda: self.time_s)
 
     def wait(self, seconds: float | None, fileno: int | None = None, until: Any = None) -> bool:
         assert seconds is not None

@@ -15,7 +15,7 @@ from mock_robot.rapid.signals import Signal
 from mock_robot.rapid.syntax import parse_module
 from mock_robot.rapid.tasks import ProgramTask
 from tests.mock_robot.rapid.rules import offences
-from tests.mock_robot.rapid.snippets import Nobody
+from tests.mock_robot.rapid.snippets import raise_failure
 
 RAPID = Path(__file__).parents[3] / "deploy" / "rapid"
 MODULES = sorted(path for path in RAPID.iterdir() if path.suffix in (".mod", ".sys"))
@@ -51,7 +51,7 @@ def test_every_name_type_and_argument_is_known_to_the_controller() -> None:
         signals = dict.fromkeys(
             ("cell_do_motors", "cell_do_estop", "cell_do_running", "cell_do_error"), Signal("any", "DO")
         )
-        program = Program(ProgramTask(plan.name, Nobody(), plan.motion), PersistentMemory(), signals)
+        program = Program(ProgramTask(plan.name, raise_failure, plan.motion), PersistentMemory(), signals)
         program.load(plan.sources)
         assert callable(program.main())
 
