@@ -11,12 +11,10 @@ import numpy as np
 
 from calibration.transforms import Array, skew
 from registration.fusion.overlap import Correspondences
+from registration.points.surface import CORRELATED_POINTS
 
 FREE_SHARE = 0.004
 """Mean square of normal motion per unit motion below which a direction is free: normals err by up to 3 degrees."""
-
-CORRELATED_POINTS = 12.0
-"""Neighbouring points share their error: this many count as one."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,13 +7,10 @@ import numpy as np
 from calibration.transforms import Array
 from registration.errors import ScanError
 from registration.fusion.overlap import correspond, reach_of
-from registration.points.surface import Surface
+from registration.points.surface import CORRELATED_POINTS, Surface
 
 MIN_NORMAL_SHARE = 0.02
 """Directions with a smaller share of the squared normals are not shown: the surfaces slide along them."""
-
-CORRELATED_POINTS = 12.0
-"""Neighbouring points share their error: this many count as one."""
 
 
 @dataclass(frozen=True, eq=False)

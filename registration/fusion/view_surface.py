@@ -36,12 +36,11 @@ def view_surface(
     `on_progress` is called with the share that is done. Raises RegistrationError's leaves, MergeStopped.
     """
     own_bytes, share_of_byte = bytes_of([clouds[view]]), READING / max(bytes_of(clouds), 1)
-    own = _averaged(
-        clouds[view],
-        Merge(voxel_mm, normals=True, box_mm=box_mm),
-        stopped,
-        lambda read: on_progress(read * share_of_byte),
-    )
+    cloud, merge = clouds[view], Merge(voxel_mm, normals=True, box_mm=box_mm)
+    merger = Merger(merge, XYZ_FLOAT32, cloud.file.parent)
+    blocks = FiniteBlocks(XYZ_FLOAT32, stopped, box_mm, lambda read: on_progress(read * share_of_byte)).of(cloud)
+    averages = merger.merge_views([(blocks, cloud.base_T_cloud[:3, 3])])
+    own = np.concatenate([*averages, np.empty(0, merger.layout.dtype)])
     found = np.empty(len(own), SURFACE)
     for name in own.dtype.names or ():
         found[name] = own[name]
@@ -52,14 +51,6 @@ def view_surface(
     )
     found["deviation"] = _deviations(points, normals, points_of_others, voxel_mm, on_progress)
     return found
-
-
-def _averaged(cloud: PlacedCloud, merge: Merge, stopped: Callable[[], bool], on_read: OnProgress) -> Records:
-    merger = Merger(merge, XYZ_FLOAT32, cloud.file.parent)
-    blocks = FiniteBlocks(XYZ_FLOAT32, stopped, merge.box_mm, on_read).of(cloud)
-    return np.concatenate([
-        *merger.merge_views([(blocks, cloud.base_T_cloud[:3, 3])]), np.empty(0, merger.layout.dtype)
-    ])  # fmt: skip
 
 
 def _points_of(

@@ -20,7 +20,8 @@ class GuardedFile:
     """A binary file whose OSErrors become CloudIOError with the cloud's name and the position."""
 
     def __init__(self, file: BinaryIO, name: str, path: Path) -> None:
-        self._file, self._path = file, path
+        self.raw, self._path = file, path
+        """The underlying file, for libraries that read it themselves."""
         self.name = name
 
     @classmethod
@@ -31,18 +32,13 @@ class GuardedFile:
         except OSError as error:
             raise _error(name, "file", "opened", error) from None
 
-    @property
-    def raw(self) -> BinaryIO:
-        """The underlying file, for libraries that read it themselves."""
-        return self._file
-
     def __enter__(self) -> Self:
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self._file.close()
+        self.raw.close()
 
     def read(self, size: int) -> bytes:
         """Read `size` bytes; fewer only at the end."""
@@ -53,7 +49,7 @@ class GuardedFile:
         """Fill the buffer; returns the byte count, smaller only at the end."""
         filled = 0
         try:
-            while filled < len(buffer) and (more := self._file.readinto(buffer[filled:])):  # type: ignore[attr-defined]
+            while filled < len(buffer) and (more := self.raw.readinto(buffer[filled:])):  # type: ignore[attr-defined]
                 filled += more
         except OSError as error:
             self._fail("read", error)
@@ -64,7 +60,7 @@ class GuardedFile:
         view = memoryview(data)
         try:
             while len(view):
-                view = view[self._file.write(view) :]
+                view = view[self.raw.write(view) :]
         except OSError as error:
             self._fail("written", error)
 
@@ -76,9 +72,7 @@ class GuardedFile:
                 with self._path.open("rb") as file:
                     file.seek(position)
                     return file.readinto(buffer)
-            while filled < len(buffer) and (
-                more := os.preadv(self._file.fileno(), [buffer[filled:]], position + filled)
-            ):
+            while filled < len(buffer) and (more := os.preadv(self.raw.fileno(), [buffer[filled:]], position + filled)):
                 filled += more
         except OSError as error:
             raise _error(self.name, f"byte {position}", "read", error) from None
@@ -94,7 +88,7 @@ class GuardedFile:
                     file.write(view)
                 return
             while done < len(view):
-                done += os.pwrite(self._file.fileno(), view[done:], position + done)
+                done += os.pwrite(self.raw.fileno(), view[done:], position + done)
         except OSError as error:
             raise _error(self.name, f"byte {position}", "written", error) from None
 
@@ -103,7 +97,7 @@ class GuardedFile:
         if not hasattr(os, "posix_fallocate"):  # Windows, macOS
             return
         try:
-            os.posix_fallocate(self._file.fileno(), 0, length)
+            os.posix_fallocate(self.raw.fileno(), 0, length)
         except OSError as error:
             if error.errno not in CANNOT_RESERVE:
                 self._fail("written", error)
@@ -111,13 +105,13 @@ class GuardedFile:
     def seek(self, position: int, whence: int = 0) -> int:
         """Set the position and return it."""
         try:
-            return self._file.seek(position, whence)
+            return self.raw.seek(position, whence)
         except OSError as error:
             self._fail("positioned", error)
 
     def _fail(self, verb: str, error: OSError) -> NoReturn:
         try:
-            place = f"byte {self._file.tell()}"
+            place = f"byte {self.raw.tell()}"
         except OSError:
             place = "file"
         raise _error(self.name, place, verb, error) from None

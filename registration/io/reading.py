@@ -51,17 +51,8 @@ class StreamedSource:
     """A format that consists of a header and records in sequence."""
 
     def __init__(self, file: GuardedFile, header: CloudHeader, name: str) -> None:
-        self._file = file
-        self._name = name
-        self.header = header
-
-    @property
-    def layout(self) -> Layout:
-        return self.header.layout
-
-    @property
-    def count(self) -> int | None:
-        return self.header.count
+        self._file, self._name, self.header = file, name, header
+        self.layout, self.count = header.layout, header.count
 
     def blocks(self) -> Iterator[Records]:
         """The points; elements beside them are checked and skipped. Raises CloudError's leaves."""

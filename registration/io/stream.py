@@ -62,16 +62,12 @@ class CloudStream:
         self._parser = parser
         self._motion = motion
         self._prefix = b""
-        self._header: CloudHeader | None = None
+        self.header: CloudHeader | None = None
+        """The parsed header, None until it is complete."""
         self._mover: BlockMover | None = None
         self._encoder: TextEncoder | None = None
         self._free: deque[NDArray[np.uint8]] = deque(maxlen=2)
         """Memory of pieces that nobody holds any more; new memory costs a page fault every 4 kB."""
-
-    @property
-    def header(self) -> CloudHeader | None:
-        """The parsed header, None until it is complete."""
-        return self._header
 
     @property
     def in_range(self) -> bool:
@@ -90,7 +86,7 @@ class CloudStream:
     def parts(self, chunk: bytes | bytearray | memoryview) -> Iterator[bytes | memoryview]:
         """Feed a chunk; the output that is ready, which stays as it is when the chunk is overwritten."""
         data = memoryview(chunk).cast("B")
-        if self._header is None and data:
+        if self.header is None and data:
             content = self._prefix + data
             header = self._parser(content, self._file)
             if header is None:
@@ -105,7 +101,7 @@ class CloudStream:
 
     def last_parts(self) -> Iterator[bytes | memoryview]:
         """End the input; the remaining output. Raises CloudTruncated when something is missing."""
-        if self._header is None:
+        if self.header is None:
             header = self._parser(b"", self._file) if not self._prefix else None
             if header is None:
                 raise CloudTruncated(
@@ -129,7 +125,7 @@ class CloudStream:
                 "a compressed PCD cannot be moved as a stream",
                 "send it as 'DATA binary', or register the file from disk",
             )
-        self._header = header
+        self.header = header
         self._mover = BlockMover(self._motion, header.layout)
         self._lead = SectionPassage(header.lead, header.encoding, self._file)
         self._points: BodyDecoder = decoder_of(header, self._file)
@@ -150,21 +146,21 @@ class CloudStream:
             yield bytes(data[:used])
             data = data[used:]
         if data:
-            assert self._header is not None
-            require_end(self._header, self._file, self._points.points, data)
+            assert self.header is not None
+            require_end(self.header, self._file, self._points.points, data)
 
     def _moved(self, blocks: Iterator[Records], size: int) -> Iterator[bytes | memoryview]:
         """The moved blocks of `size` bytes: encoded each, or side by side in memory that is theirs until released."""
-        assert self._mover is not None and self._header is not None
+        assert self._mover is not None and self.header is not None
         end, out = 0, np.empty(0, np.uint8)
         for block in blocks:
             if self._range is not None:
-                self._range.look(block, self._header.layout)
+                self._range.look(block, self.header.layout)
             if self._encoder:
                 yield self._encoder.encode(self._mover.move(block))
                 continue
             if not end:
-                room = size + self._header.layout.itemsize
+                room = size + self.header.layout.itemsize
                 with suppress(IndexError):  # the memory of a piece may come back at any time, from any thread
                     out = self._free.pop()
                 out = out if len(out) >= room else np.empty(room, np.uint8)

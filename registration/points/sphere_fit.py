@@ -10,6 +10,7 @@ import numpy as np
 
 from calibration.transforms import Array
 from registration.errors import SphereError
+from registration.points.surface import CORRELATED_POINTS
 
 SAMPLES = 400
 SCORED_POINTS = 3_000
@@ -17,8 +18,6 @@ MIN_POINTS = 100
 MIN_SHARE = 0.15
 MAX_ITERATIONS = 50
 STEP_TOLERANCE_MM = 1e-6
-CORRELATED_POINTS = 12.0
-"""Neighbouring points share their error: this many count as one."""
 RADIUS_TOLERANCE = 0.05
 SIZE_TOLERANCE = 0.02
 FREE_SIGMA = 0.005

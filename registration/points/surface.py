@@ -22,6 +22,9 @@ MAX_RANGE_MM = 1e6
 NEIGHBOURS = 14
 """Number of points a normal is fitted to."""
 
+CORRELATED_POINTS = 12.0
+"""Neighbouring points share their error: this many count as one."""
+
 MAX_LINE_RATIO = 0.02
 """A neighbourhood whose middle variance is below this share of its largest is a line and gets no normal."""
 

@@ -45,11 +45,7 @@ class VoxelGrid:
     def add(self, block: Records) -> None:
         """Add a block. Raises ScanError when points are too far away for the edge length."""
         for start in range(0, len(block), BLOCK_POINTS):
-            self._add(block[start : start + BLOCK_POINTS])
-
-    def _add(self, block: Records) -> None:
-        finite, keys = self.located(block)
-        self.add_located(finite, keys)
+            self.add_located(*self.located(block[start : start + BLOCK_POINTS]))
 
     def located(self, block: Records) -> tuple[Records, Keys]:
         """The finite points of a block and the key of each one's cube. Raises ScanError for points too far away."""

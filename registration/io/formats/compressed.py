@@ -10,27 +10,18 @@ from registration.errors import CloudFormatError, CloudTruncated
 from registration.io.durable_file import GuardedFile
 from registration.io.formats.bodies import require_end
 from registration.io.formats.header import CloudHeader
-from registration.points.layout import Layout, Records
+from registration.points.layout import Records
 
 BLOCK_POINTS = 1 << 14
 
 
 class CompressedSource:
     def __init__(self, file: GuardedFile, header: CloudHeader, name: str) -> None:
-        self._file = file
-        self._header = header
-        self._name = name
-
-    @property
-    def layout(self) -> Layout:
-        return self._header.layout
-
-    @property
-    def count(self) -> int | None:
-        return self._header.count
+        self._file, self._header, self._name = file, header, name
+        self.layout, self.count = header.layout, header.count
 
     def blocks(self) -> Iterator[Records]:
-        count, dtype = self._header.count or 0, self._header.layout.dtype
+        count, dtype = self.count or 0, self.layout.dtype
         with tempfile.TemporaryFile() as columns:
             self._expand_to(columns)
             for start in range(0, count, BLOCK_POINTS):

@@ -39,19 +39,6 @@ def move_las(source: GuardedFile, target: GuardedFile, motion: RigidMotion, *, c
     frame, matrix = move_frame(header.frame, motion, source.name)
     if header.compressed or compress:
         return _through_laspy(source, target, header, frame, matrix, compress=compress)
-    _records(source, target, prefix, header, frame, matrix, size)
-    return header.count
-
-
-def _records(
-    source: GuardedFile,
-    target: GuardedFile,
-    prefix: bytes,
-    header: LasHeader,
-    frame: LasFrame,
-    matrix: Array,
-    size: int,
-) -> None:
     movers = [IntegerMover(matrix, Layout(header.dtype, XYZ)) for _ in range(THREADS)]
     end = header.begin + header.count * header.record_bytes
     target.reserve(size)
@@ -65,6 +52,7 @@ def _records(
     if not header.count:
         bounds = (np.zeros(3), np.zeros(3))
     target.write_at(rewrite_header(prefix, replace(frame, lower=bounds[0], upper=bounds[1]))[: header.begin], 0)
+    return header.count
 
 
 def _through_laspy(

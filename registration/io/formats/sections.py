@@ -31,24 +31,16 @@ class SectionPassage:
             )
 
 
-class _Bytes:
+class _Bytes(BinaryWalker):
     """Binary elements; a record cut by a boundary is buffered until complete, in bounded memory."""
 
     def __init__(self, elements: tuple[Element, ...]) -> None:
-        self._walker = BinaryWalker(elements)
+        super().__init__(elements)
         self._cut = b""
-
-    @property
-    def complete(self) -> bool:
-        return self._walker.complete
-
-    @property
-    def place(self) -> str:
-        return self._walker.place
 
     def take(self, data: memoryview) -> int:
         content = self._cut + data
-        whole = self._walker.take(memoryview(content))
+        whole = super().take(memoryview(content))
         if self.complete:
             used = whole - len(self._cut)
             self._cut = b""
