@@ -195,13 +195,9 @@ class SimulatedArm:
         self.lost_rad: Array = np.zeros(len(joints))
         """By how much each axis truly stands beyond what is reported: a zero lost after a collision or a new motor."""
         self._sides: Array = np.ones(len(joints))  # from which each axis last came: 1 from below
-        self._departures = 0
-        self._motion = ArmMotion(JointPath(joints, joints), Trapezoid(0.0, 1.0, 1.0), now_s - IN_POSITION_S)
-
-    @property
-    def departures(self) -> int:
+        self.departures = 0
         """Number of moves begun; a repeated request must not raise it."""
-        return self._departures
+        self._motion = ArmMotion(JointPath(joints, joints), Trapezoid(0.0, 1.0, 1.0), now_s - IN_POSITION_S)
 
     @property
     def end_s(self) -> float:
@@ -215,7 +211,7 @@ class SimulatedArm:
         here = self.joints_at(now_s)
         self._come_from(here, joints)
         self._motion = plan_motion(self.arm, here, joints, speed_mm_s, linear, now_s, turn_rad_s)
-        self._departures += 1
+        self.departures += 1
         return self._motion.path.reachable_fraction
 
     def jog(self, joints: Array, in_s: float, now_s: float) -> None:
@@ -225,7 +221,7 @@ class SimulatedArm:
         """
         self.arm.require_within_limits(joints)
         self.guide(joints, in_s, now_s)
-        self._departures += 1
+        self.departures += 1
 
     def guide(self, joints: Array, in_s: float, now_s: float) -> None:
         """Go on to `joints` (6,) within `in_s`, as a part of one guided move."""
@@ -263,7 +259,7 @@ class SimulatedArm:
         if self._built is not None:
             warmth = np.array([self.temperature_c(now_s) - SWITCHED_ON_C])
             stands = self._built.base_T_flange(Postures(joints[None], self._load, self._sides[None], warmth))[0]
-        return stands @ self._noise.flange_T_true(self._departures)
+        return stands @ self._noise.flange_T_true(self.departures)
 
     def temperature_c(self, now_s: float) -> float:
         """Of its links, as a thermometer on them shows."""

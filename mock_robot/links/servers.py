@@ -123,18 +123,6 @@ class ControllerLink:
         self._controller.note_sign_of_life(now_s)
 
 
-class RefusedLink:
-    """Link of a surplus client: its first request is answered BUSY, then the connection closes."""
-
-    def __init__(self) -> None:
-        self._session = ControllerSession(resynchronise=False, refuse_with=Status.BUSY)
-
-    def receive_data(self, data: bytes) -> list[WireStep]:
-        events = self._session.receive_data(data)
-        answers = [Send(event.answer) for event in events if isinstance(event, RequestRejected)]
-        return [*answers[:1], Close()] if events else []
-
-
 Clock = Callable[[], float]
 REFUSAL_S = 1.0
 """How long a surplus client's request is awaited."""
@@ -203,11 +191,14 @@ class TcpLinkServer(TcpServer):
 
 
 async def _turn_away(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-    link = RefusedLink()
+    """Answer a surplus client's first request BUSY; then the connection closes."""
+    session = ControllerSession(resynchronise=False, refuse_with=Status.BUSY)
     with suppress(TimeoutError):
         async with asyncio.timeout(REFUSAL_S):
             while data := await reader.read(CHUNK):
-                if not await _perform(link.receive_data(data), writer):
+                if events := session.receive_data(data):
+                    answers = [Send(event.answer) for event in events if isinstance(event, RequestRejected)]
+                    await _perform(answers[:1], writer)
                     return
 
 

@@ -128,15 +128,13 @@ def reset_pointer(context: RequestContext, parts: Parts) -> None:
 
 
 def write_symbol(context: RequestContext, parts: Parts) -> None:
-    found = context.world.memory.symbol(parts["symbol"], context.world.cabinet)
-    if found is None:
-        raise RwsRefused(refusals.NO_SYMBOL[context.version])
+    _, symbol = context.require_symbol(parts["symbol"])
     if not context.asked.form.get("value"):
         raise RwsRefused(refusals.BAD_ARGUMENT)
     context.world.equipment.require("UAS_RAPID_CURRVALUE")
     allow(context, "write RAPID data")
     try:
-        found[1].value = context.asked.form["value"]
+        symbol.value = context.asked.form["value"]
     except ValueError as error:
         raise RwsRefused(refusals.BAD_ARGUMENT, str(error)) from None
 

@@ -71,8 +71,7 @@ class Mastership:
     def release_all(self, session: Session) -> None:
         """Release what a closed session held."""
         self._holders = {domain: holder for domain, holder in self._holders.items() if holder is not session}
-        if self._asked_by is session:
-            self._asked_by = None
+        self.cancel_consent(session)
 
     # --- consent ---
 

@@ -15,7 +15,6 @@ from mock_robot.rws.refusals import (
     NO_MODULE_2,
     NO_RESOURCE,
     NO_SIGNAL,
-    NO_SYMBOL,
     RwsRefused,
 )
 
@@ -65,7 +64,8 @@ def execution(context: RequestContext, parts: Parts) -> Reply:
 
 def robtarget(context: RequestContext, parts: Parts) -> Reply:
     position, quaternion = _pose(context, parts)
-    axes = [format_axis(axis, UNUSED[context.version]) for axis in context.world.robtarget_axes]
+    axes_now = context.world.cabinet.robtarget_axes(context.world.robot_s)
+    axes = [format_axis(axis, UNUSED[context.version]) for axis in axes_now]
     spellings = ("eax_", "eax") if context.version == 1 else ("eax_",)
     values = {
         **_name_components(position, quaternion),
@@ -84,7 +84,8 @@ def cartesian(context: RequestContext, parts: Parts) -> Reply:
 def jointtarget(context: RequestContext, parts: Parts) -> Reply:
     _require_mechunit(parts)
     unused = _title(context, UNUSED[context.version], "0")
-    axes = [format_axis(axis, unused) for axis in context.world.jointtarget_axes]
+    axes_now = context.world.cabinet.jointtarget_axes(context.world.robot_s)
+    axes = [format_axis(axis, unused) for axis in axes_now]
     values = {
         **{f"rax_{number}": format_float(angle) for number, angle in enumerate(context.world.joints_deg, start=1)},
         **{f"eax_{letter}": axis for letter, axis in zip(AXES, axes, strict=True)},
@@ -179,20 +180,16 @@ def module(context: RequestContext, parts: Parts) -> Reply:
 
 
 def symbol_value(context: RequestContext, parts: Parts) -> Reply:
-    found = context.world.memory.symbol(parts["symbol"], context.world.cabinet)
-    if found is None:
-        raise RwsRefused(NO_SYMBOL[context.version])
-    return Reply(items=[Item("rap-data", f"RAPID/{found[0]}", {"value": found[1].value})])
+    name, symbol = context.require_symbol(parts["symbol"])
+    return Reply(items=[Item("rap-data", f"RAPID/{name}", {"value": symbol.value})])
 
 
 def symbol_properties(context: RequestContext, parts: Parts) -> Reply:
-    found = context.world.memory.symbol(parts["symbol"], context.world.cabinet)
-    if found is None:
-        raise RwsRefused(NO_SYMBOL[context.version])
-    values = {"symburl": f"RAPID/{found[0]}", "symtyp": "per", "named": "true", "dattyp": found[1].type, "ndim": "0",
+    name, symbol = context.require_symbol(parts["symbol"])
+    values = {"symburl": f"RAPID/{name}", "symtyp": "per", "named": "true", "dattyp": symbol.type, "ndim": "0",
               "dim": "", "local": "false", "rdonly": "false", "taskpers": "false",
-              "typurl": f"RAPID/{found[1].type}"}  # fmt: skip
-    return Reply(items=[Item("rap-symproppers", f"RAPID/{found[0]}", values)])
+              "typurl": f"RAPID/{symbol.type}"}  # fmt: skip
+    return Reply(items=[Item("rap-symproppers", f"RAPID/{name}", values)])
 
 
 def signals(context: RequestContext, parts: Parts) -> Reply:

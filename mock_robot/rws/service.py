@@ -97,10 +97,6 @@ class Unauthorized(Exception):
     """Missing or wrong credentials: 401."""
 
 
-class TooBusy(Exception):
-    """503."""
-
-
 @dataclass
 class Service:
     """RWS `version` of a world. Sessions and subscriptions belong to the service, mastership to the world."""
@@ -163,7 +159,7 @@ class Service:
             challenge = 'Basic realm="validusers@robapi.abb"' if self.version == 2 else self._digest.challenge(
                 headers.get("host", ""), stale="nonce" in headers.get("authorization", ""))  # fmt: skip
             await _respond(send, 401, "text/html", b"<html>Unauthorized</html>", [("www-authenticate", challenge)])
-        except (SessionsExhausted, TooBusy):
+        except SessionsExhausted:
             await _respond(send, 503, "text/html", b"<html>Service Unavailable</html>", cookies)
         except RwsRefused as refused:
             content = writing.refusal(refused, base).encode()
@@ -172,10 +168,10 @@ class Service:
             await self._write(send, writing, reply, asked, cookies)
 
     def _admit(self, asked: RwsRequest) -> tuple[Session, list[tuple[str, str]]]:
-        """The session, and the cookies of a new one. Raises Unauthorized, SessionsExhausted, TooBusy."""
+        """The session, and the cookies of a new one. Raises Unauthorized, SessionsExhausted."""
         faults = self.world.faults
         if faults.strike("rws-503"):
-            raise TooBusy
+            raise SessionsExhausted
         if faults.strike("rws-401"):
             raise Unauthorized
         session = self._session_of(asked.headers)

@@ -165,28 +165,18 @@ class World:
     @property
     def joints_deg(self) -> Array:
         """Axes (6,) now."""
-        degrees: Array = np.degrees(self.cabinet.arm.joints_at(self._robot_s))[:6]
+        degrees: Array = np.degrees(self.cabinet.arm.joints_at(self.robot_s))[:6]
         return degrees
-
-    @property
-    def robtarget_axes(self) -> tuple[float, ...]:
-        """eax_a to eax_f of a robtarget."""
-        return self.cabinet.robtarget_axes(self._robot_s)
-
-    @property
-    def jointtarget_axes(self) -> tuple[float, ...]:
-        """eax_a to eax_f of a jointtarget."""
-        return self.cabinet.jointtarget_axes(self._robot_s)
 
     @property
     def configuration(self) -> tuple[int, int, int, int]:
         """cf1, cf4, cf6, cfx."""
-        cf1, cf4, cf6, cfx = self.cabinet.arm.arm.configuration(self.cabinet.arm.joints_at(self._robot_s))
+        cf1, cf4, cf6, cfx = self.cabinet.arm.arm.configuration(self.cabinet.arm.joints_at(self.robot_s))
         return cf1, cf4, cf6, cfx
 
     def pose(self, tool: str, wobj: str, coordinate: str) -> tuple[Array, Array]:
         """Position (3,) mm and quaternion (4,) wxyz of a tool. KeyError: unknown tool, work object or coordinates."""
-        base_T_tool = self.cabinet.arm.reported_base_T_flange(self._robot_s) @ self.tools[tool]
+        base_T_tool = self.cabinet.arm.reported_base_T_flange(self.robot_s) @ self.tools[tool]
         world_T_tool = self.cabinet.world_T_base @ base_T_tool
         pose = {
             "base": base_T_tool,
@@ -198,7 +188,8 @@ class World:
         return pose[:3, 3], quaternion_from_rotation(pose[:3, :3])
 
     @property
-    def _robot_s(self) -> float:
+    def robot_s(self) -> float:
+        """The arm's time now."""
         return self.cabinet.robot_s(self.clock())
 
 

@@ -29,10 +29,6 @@ class Optics:
     electrons_per_level: float = 40.0
     background: float = 0.5
 
-    @property
-    def is_noisy(self) -> bool:
-        return self.read_noise > 0 or self.electrons_per_level > 0
-
 
 CLEAN = Optics(blur_px=0.0, vignetting=0.0, uneven_light=0.0, read_noise=0.0, electrons_per_level=0.0, background=0.0)
 """No blur, shading, noise or clutter: geometry only."""
@@ -41,7 +37,7 @@ CLEAN = Optics(blur_px=0.0, vignetting=0.0, uneven_light=0.0, read_noise=0.0, el
 def expose(reflectance: Picture, optics: Optics, rng: np.random.Generator) -> NDArray[np.uint8]:
     """The 8-bit image (h, w) of a scene's reflectance (0 black to 1 white)."""
     levels = optical_levels(reflectance, optics)
-    if optics.is_noisy:
+    if optics.read_noise > 0 or optics.electrons_per_level > 0:
         variance = np.full_like(levels, optics.read_noise**2)
         if optics.electrons_per_level > 0:
             variance += np.maximum(levels, 0) * np.float32(1.0 / optics.electrons_per_level)
