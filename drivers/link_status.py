@@ -13,11 +13,9 @@ class LinkReport:
         self.health = LinkHealth(False, "not connected yet", clock())
 
     def up(self, detail: str) -> None:
-        """Note that the device is connected."""
         self._set(True, detail)
 
     def down(self, detail: str) -> None:
-        """Note that the device is not connected, with the reason."""
         self._set(False, detail)
 
     def _set(self, connected: bool, detail: str) -> None:

@@ -72,7 +72,6 @@ class Announcement:
         return None if self.devices_url is None else f"{self.devices_url}/{path}"
 
     def line(self) -> str:
-        """The announcement as one line of JSON."""
         return json.dumps(self.document())
 
     def write(self, path: Path) -> None:

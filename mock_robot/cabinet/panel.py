@@ -36,7 +36,6 @@ class Panel:
     cycle: str = "forever"
 
     def forbids_motion(self) -> Status | None:
-        """First reason that forbids motion, or None."""
         return next((status for forbidden, status in _FORBIDDEN if forbidden(self)), None)
 
 

@@ -5,8 +5,6 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Send:
-    """Send these bytes."""
-
     data: bytes
 
 

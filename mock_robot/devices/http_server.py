@@ -22,8 +22,6 @@ class _Server(uvicorn.Server):
 
 
 class HttpServer:
-    """One application on one port."""
-
     def __init__(self, application: Any, **options: Any) -> None:
         """`options`: further arguments of uvicorn.Config, such as a certificate."""
         options = {"ws": "none", "timeout_keep_alive": KEEP_ALIVE_S, "timeout_graceful_shutdown": 1, **options}

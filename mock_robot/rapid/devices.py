@@ -174,7 +174,6 @@ class SocketDevice:
         return taken
 
     def send(self, data: bytes, board: FrameFaultBoard) -> None:
-        """Send bytes, subject to the faults."""
         self.require_connected()
         assert self._carrier is not None
         try:

@@ -32,8 +32,6 @@ class Interrupt:
 
 @dataclass
 class Interrupts:
-    """Interrupts of one task by number."""
-
     task: ProgramTask
     _orders: dict[float, Interrupt] = field(default_factory=dict, init=False)
     _numbers: Any = field(default_factory=lambda: count(1), init=False)

@@ -21,7 +21,6 @@ class LiveSymbol:
 
     @property
     def type(self) -> str:
-        """Name of its type."""
         return self.kind.name
 
     @property

@@ -39,7 +39,6 @@ class Record:
 
     @property
     def parts(self) -> tuple["Type", ...]:
-        """Types of the components."""
         return tuple(kind for _, kind in self.components)
 
 
@@ -60,7 +59,6 @@ class Array:
 
     @property
     def parts(self) -> tuple["Type", ...]:
-        """Types of the elements."""
         return (self.element,) * max(self.length, 0)
 
     def initial(self) -> list[Any]:

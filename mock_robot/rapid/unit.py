@@ -71,7 +71,6 @@ class MotionUnit:
         return self.cabinet.time_scale
 
     def now_s(self) -> float:
-        """The arm's time."""
         return self.cabinet.robot_s(self.clock())
 
     # --- called by the program ---

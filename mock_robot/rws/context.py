@@ -11,8 +11,6 @@ from mock_robot.rws.world import World
 
 @dataclass(frozen=True)
 class RequestContext:
-    """One request in progress."""
-
     world: World
     version: int
     session: Session

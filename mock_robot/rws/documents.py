@@ -18,8 +18,6 @@ _WITH_STATUS = re.compile(r"/rw/(panel/.*|mastership.*|rapid/execution|rapid/tas
 
 @dataclass(frozen=True)
 class Encoding:
-    """One of the four encodings."""
-
     media_type: str
     reply: Callable[[Reply, RwsRequest], str]
     refusal: Callable[[RwsRefused, str], str]

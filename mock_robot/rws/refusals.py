@@ -14,8 +14,6 @@ class RwsRefused(Exception):
 
 @dataclass(frozen=True)
 class Refusal:
-    """One row of the table."""
-
     status: int
     code: int
     text: str

@@ -25,7 +25,6 @@ class _NeverPongs(WebSocketsSansIOProtocol):
     """WebSocket protocol that leaves a client's pings unanswered, as RWS 2.0 does."""
 
     def handle_ping(self) -> None:
-        """Send no pong."""
         self.conn.data_to_send()
 
 

@@ -65,8 +65,6 @@ class SubscriptionGroup:
 
 @dataclass
 class Subscriptions:
-    """All groups of one service."""
-
     world: World
     version: int
     groups: dict[int, SubscriptionGroup] = field(default_factory=dict, init=False)

@@ -73,8 +73,6 @@ class FrameSelector(IntEnum):
 
 
 class MoveKind(IntEnum):
-    """Interpolation: joint or linear."""
-
     JOINT = 1
     LINEAR = 2
 

@@ -25,8 +25,6 @@ from protocols.egm.protobuf import (
 
 
 class MessageType(IntEnum):
-    """Message types of an EGM header."""
-
     UNDEFINED = 0
     COMMAND = 1
     DATA = 2

@@ -45,8 +45,6 @@ OTHER = {Function.READ_COILS: Function.READ_DISCRETE_INPUTS, Function.READ_DISCR
 
 
 class AnswerKind(Enum):
-    """Classification of an answer."""
-
     AWAITED = "it answers the question"
     REPEATED = "it answers an older question, or the same once more"
     UNFIT = "it answers no question that was asked"

@@ -15,8 +15,6 @@ MAX_PDU_BYTES = 253
 
 
 class Function(IntEnum):
-    """Supported function codes."""
-
     READ_COILS = 1
     READ_DISCRETE_INPUTS = 2
     READ_HOLDING_REGISTERS = 3

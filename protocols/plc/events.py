@@ -39,8 +39,6 @@ class StationReached:
 
 @dataclass(frozen=True)
 class CommandEnded:
-    """The command has ended."""
-
     result: CommandResult
 
 

@@ -143,5 +143,4 @@ class Aravis:
         return right.value
 
     def unref(self, handle: Handle) -> None:
-        """Release a GObject."""
         self._gobject.g_object_unref(handle)

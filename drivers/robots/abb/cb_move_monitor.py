@@ -16,8 +16,6 @@ STALLED_AFTER_S = 5.0
 
 @dataclass
 class MoveMonitor:
-    """Monitors the move `seq` of `device`."""
-
     device: str
     seq: int
     _progress_per_mille: int = -1

@@ -60,7 +60,6 @@ class CbRobot(LinkedRobot):
 
     @property
     def capabilities(self) -> RobotCapabilities:
-        """The robot can move."""
         return RobotCapabilities(moves=True, pose_convention=POSE_CONVENTION, pose_frame="world")
 
     async def read_pose(self) -> PoseReading:

@@ -6,8 +6,6 @@ from typing import Protocol
 
 
 class Answer(Enum):
-    """Answer of a person."""
-
     DONE = "done"
     NO = "no"
     SKIP = "skip"

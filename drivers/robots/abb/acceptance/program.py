@@ -28,7 +28,6 @@ class Row:
 
     @property
     def assumption(self) -> str:
-        """What is assumed."""
         return (self.run.__doc__ or "").strip()
 
 

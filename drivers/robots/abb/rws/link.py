@@ -129,7 +129,6 @@ class RwsLink(ControllerLink):
 
     @property
     def watching(self) -> bool:
-        """Whether a subscription is open."""
         return self._watch is not None and self._watch.is_open
 
     async def close(self) -> None:

@@ -201,5 +201,4 @@ async def _restore_file(controller: RwsAdministration, path: str, content: bytes
 
 
 def steps_after_removal(family: int) -> tuple[str, ...]:
-    """What a person does after a removal."""
     return (reset_step(family), "load the production program again; PP to main; start")
