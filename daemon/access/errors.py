@@ -1,14 +1,4 @@
-"""Errors of keys, roles and certificates.
-
-DaemonError
-├── KeyMissing            the request carries no key, or one that is not valid
-├── RoleTooLow            the key is valid, but may not do this
-├── SetupRefused          this is not the set-up code, or there are keys already
-├── KeyExists             a key of that name is there already
-├── PairingRefused        this pairing code signs nobody in
-├── TooManyAttempts       too many attempts to sign in from this address
-└── CertificateUnusable   no server can be started with this certificate
-"""
+"""Errors of keys, roles and certificates."""
 
 from daemon.errors import DaemonError
 

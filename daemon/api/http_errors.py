@@ -1,19 +1,4 @@
-"""Errors of HTTP requests, raised before any of the daemon's work begins.
-
-DaemonError
-├── KeyReused             the Idempotency-Key was used with another request
-├── RequestInFlight       the request with this Idempotency-Key is in progress; `holder`
-├── HostNotAllowed        the Host header names another host
-├── InvalidRequest        the request is invalid; `problems`
-├── RequestMalformed      a header that may stand there once is repeated
-├── BodyTooLarge          more bytes than the limit
-├── BodyMalformed         the body is not JSON
-├── UnknownMediaType      the body's media type is not supported
-├── NotAcceptable         none of the accepted media types is available
-├── CloudTooLarge         the cloud has too many points for JSON
-├── TooManyListeners      as many clients listen to a stream as may
-└── CrossOrigin           the request comes from a page of another origin
-"""
+"""Errors of HTTP requests, raised before any of the daemon's work begins."""
 
 from calibration.errors import DocumentProblem
 from daemon.errors import DaemonError

@@ -1,10 +1,4 @@
-"""Errors of sweeps.
-
-DaemonError
-├── NoProfiler      the scanner takes whole clouds, it is no line profiler
-├── NothingOnPath   no profile of a sweep lies on the robot's path
-└── SweepTooLong    a sweep was not ended in time
-"""
+"""Errors of sweeps."""
 
 from daemon.errors import DaemonError
 
