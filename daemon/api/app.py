@@ -79,11 +79,7 @@ def routes(application: Application | None, extensions: Extensions = ()) -> Fast
 
 async def _http_error(request: Request, error: Exception) -> Response:
     if isinstance(error, HTTPException) and error.status_code == 405:
-        error = HTTPException(405, headers={"Allow": ", ".join(_methods_at(request))})
+        here = (route for route in request.app.routes if route.matches(request.scope)[0] is not Match.NONE)
+        methods = {method for route in here for method in getattr(route, "methods", None) or ()}
+        error = HTTPException(405, headers={"Allow": ", ".join(sorted(methods))})
     return await problems.handle_http(request, error)
-
-
-def _methods_at(request: Request) -> list[str]:
-    """The methods of all routes at this path."""
-    here = (route for route in request.app.routes if route.matches(request.scope)[0] is not Match.NONE)
-    return sorted({method for route in here for method in getattr(route, "methods", None) or ()})

@@ -44,6 +44,7 @@ def _from_files(path: Path, pdf: bool, settings: Path | None, language: ReportLa
     from dataclasses import replace
     from hashlib import sha256
 
+    from daemon.config.settings import load_settings
     from daemon.reports.pdf import Attached, write_pdf
     from daemon.reports.reports import calibration_report
 
@@ -51,7 +52,10 @@ def _from_files(path: Path, pdf: bool, settings: Path | None, language: ReportLa
     content = document.model_dump_json().encode()
     context = replace(context, language=language, document_sha256=sha256(content).hexdigest())
     if settings is not None:
-        context = _with_names(context, settings)
+        loaded = load_settings(settings)
+        context = replace(
+            context, names=loaded.report, robot_model=loaded.robot.model_name, target=context.target or loaded.target
+        )
     html = calibration_report(document, context)
     return write_pdf(html, Attached("calibration.json", content, "the calibration")) if pdf else html.encode()
 
@@ -90,16 +94,6 @@ def _session(folder: Path) -> "tuple[CalibrationDocument, ReportContext]":
     return document, ReportContext(
         target=session.document.target, session_sha256=session_sha256(session.path), pictures=pictures
     )
-
-
-def _with_names(context: "ReportContext", settings: Path) -> "ReportContext":
-    from dataclasses import replace
-
-    from daemon.config.settings import load_settings
-
-    loaded = load_settings(settings)
-    target = context.target or loaded.target
-    return replace(context, names=loaded.report, robot_model=loaded.robot.model_name, target=target)
 
 
 def _from_daemon(url: str, calibration_id: str, pdf: bool, language: ReportLanguage) -> bytes:

@@ -3,6 +3,7 @@
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from json import dumps
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -141,7 +142,8 @@ async def _setup(where: "RwsAddress", modules: Path, wish: _Wish) -> None:
             raise CommandError(where.address, "nothing was changed", "see what is MISSING above")
         if wish.dry_run or not plan.changes_anything:
             return
-        name = _backup_name(survey.name)
+        plain = re.sub(r"[^A-Za-z0-9_-]+", "-", survey.name).strip("-") or "controller"
+        name = f"handeyed-setup-{plain}-{datetime.now(UTC):%Y%m%d-%H%M%S}"
         if not (wish.yes or typer.confirm("Do it?", default=False, err=True)):
             raise CommandError(where.address, "nothing was changed", "consent to it, or give --yes")
         folder = wish.backup or Path(name)
@@ -228,13 +230,6 @@ def _setting(text: str) -> tuple[str, str]:
     if not (name and equals and value):
         raise UnreadableInput(text, "this is no setting", "write NAME=VALUE")
     return name.strip(), value
-
-
-def _backup_name(name: str) -> str:
-    from datetime import UTC, datetime
-
-    plain = re.sub(r"[^A-Za-z0-9_-]+", "-", name).strip("-") or "controller"
-    return f"handeyed-setup-{plain}-{datetime.now(UTC):%Y%m%d-%H%M%S}"
 
 
 def _write_record(folder: Path, record: "SetupRecord") -> None:

@@ -111,6 +111,8 @@ def solve(
 
     Exit status: 0 every calibration accepted, 3 solved or refused but not accepted, 2 unreadable input.
     """
+    import numpy as np
+
     from calibration.errors import DocumentError
     from calibration.solve import METHODS
     from daemon.cli.import_session import read_camera
@@ -157,7 +159,9 @@ def solve(
             raise UnreadableInput("--arm", "it needs every folder's images", "leave it out")
         problems = [problem for _, problem, _ in solved]
         folder_out = out if out is None else (out.parent if len(folders) == 1 else out)
-        solve_arm(arm, problems, folder_out, _box_of(at), known_distances(sessions), json=json)
+        box_mm = None if at is None else _points_file(at).box_mm
+        within_mm = None if box_mm is None else np.array(box_mm)
+        solve_arm(arm, problems, folder_out, within_mm, known_distances(sessions), json=json)
     if together:
         if len(solved) < max(len(folders), 2):
             raise UnreadableInput("--together", "it needs two folders with session.json", "name one for each sensor")
@@ -191,14 +195,6 @@ def requirement_of(tolerance_mm: float | None, at: Path | None) -> "Requirement"
         raise UnreadableInput("--tolerance", f"{tolerance_mm} mm is no tolerance", "give U in mm")
     points = () if at is None else _points_file(at).named_points()
     return VerdictSettings().limits(tolerance_mm), points
-
-
-def _box_of(at: Path | None) -> "Array | None":
-    """The box (2, 3) of --at. Raises DocumentError."""
-    import numpy as np
-
-    box = None if at is None else _points_file(at).box_mm
-    return None if box is None else np.array(box)
 
 
 def _points_file(at: Path) -> "PointsFile":

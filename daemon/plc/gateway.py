@@ -47,13 +47,6 @@ from protocols.plc.results import Accuracy, CameraPose, CommandResult, Sigma
 from registration.errors import RegistrationError
 
 
-def run_failure(command: PlcCommand, run: RunRecord) -> CommandResult:
-    """The result of a run that failed or was aborted."""
-    verdict = PlcVerdict.ABORTED if run.state is RunState.ABORTED else PlcVerdict.FAILED
-    code = number_of(run.cause.code) if run.cause else UNKNOWN
-    return CommandResult(command, verdict, run.id, code, run.station)
-
-
 def finished_result(
     command: PlcCommand, run: RunRecord, document: CalibrationDocument, now: datetime, *, good: bool,
     deviation_mm: float | None, in_force: bool = True,
@@ -252,7 +245,9 @@ class PlcGateway:
 
     async def _result(self, command: PlcCommand, run: RunRecord, camera: CellCamera) -> CommandResult:
         if run.state is not RunState.FINISHED or run.result is None:
-            return run_failure(command, run)
+            verdict = PlcVerdict.ABORTED if run.state is RunState.ABORTED else PlcVerdict.FAILED
+            code = number_of(run.cause.code) if run.cause else UNKNOWN
+            return CommandResult(command, verdict, run.id, code, run.station)
         operations, now = camera.operations, self.clock.utc_now()
         if command is PlcCommand.REGISTER:
             used = await operations.calibrations.in_use(await operations.calibrations.find("current"))

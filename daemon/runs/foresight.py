@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from calibration.errors import UndeterminedError
-from calibration.likelihood.predicted_uncertainty import Scene, predict
+from calibration.likelihood.predicted_uncertainty import predict
 from calibration.planning.next_view import next_view
 from calibration.planning.plan import PlanningError
 from calibration.planning.scene_belief import default_camera
@@ -58,9 +58,5 @@ def foresee(parameters: AdaptiveParameters, base_T_flange_now: Array, joints_now
     assert poses is not None  # no views are left to take only with a wish for none
     assert belief is not None
     along = rules.joints_along(poses, joints_now_rad)
-    return Foresight(poses, along, predictions(belief.scene, poses), parameters.assumed)
-
-
-def predictions(scene: Scene, base_T_flange: Array) -> tuple[float | None, ...]:
-    """U (k = 2, mm) at the worst of the points that matter after each of the poses (n, 4, 4); None without X."""
-    return tuple(predict(scene, base_T_flange[: count + 1]).expanded_mm for count in range(len(base_T_flange)))
+    predicted_mm = tuple(predict(belief.scene, poses[: count + 1]).expanded_mm for count in range(len(poses)))
+    return Foresight(poses, along, predicted_mm, parameters.assumed)

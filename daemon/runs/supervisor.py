@@ -86,12 +86,6 @@ def abort_cause(by: str, run: RunRecord, warning: Sentence | None = None) -> Cau
     return CauseDocument.because("aborted", what, Sentence("start-when-ready"))
 
 
-def interruption_cause(run: RunRecord, folder: str) -> CauseDocument:
-    """The cause of a run whose daemon ended during it."""
-    what = Sentence("daemon-ended-in-run", progress=progress_of(run))
-    return CauseDocument.because("interrupted", what, Sentence("start-run-again", folder=folder))
-
-
 log = logging.getLogger(__name__)
 
 MAX_STEP_S = 1800.0
@@ -222,7 +216,9 @@ class Supervisor:
         try:
             found = await self._store.calibration(run.id)
         except NotFound:
-            cause = interruption_cause(run, str(self._store.run_folder(run.id)))
+            what = Sentence("daemon-ended-in-run", progress=progress_of(run))
+            fix = Sentence("start-run-again", folder=str(self._store.run_folder(run.id)))
+            cause = CauseDocument.because("interrupted", what, fix)
             return replace(run, state=RunState.FAILED, cause=cause, updated_at=now)
         try:
             in_force = (await self._store.current(found.camera))[1]

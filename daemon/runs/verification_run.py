@@ -51,17 +51,12 @@ class VerificationRun:
         log.conclude()
         calibration = self.given.document
         document = document_of(found, calibration, self.limits)
-        if (temperature_c := mean_temperature_c(problem)) is not None:
-            document["camera_temperature_c"] = temperature_c
+        known_c = [view.camera_temperature_c for view in problem.views if view.camera_temperature_c is not None]
+        if known_c:
+            document["camera_temperature_c"] = round(float(np.mean(known_c)), 2)
         if self.given.arm is not None:
             document["arm"] = AS_BUILT
         return E.SOLVED, {"calibration_id": calibration.id, "verification": document}
-
-
-def mean_temperature_c(problem: Problem) -> float | None:
-    """Of the camera over the views that have one, rounded to 0.01 K; None without any."""
-    known = [view.camera_temperature_c for view in problem.views if view.camera_temperature_c is not None]
-    return round(float(np.mean(known)), 2) if known else None
 
 
 def _verify(problem: Problem, given: CalibrationInUse) -> Verification:

@@ -98,7 +98,9 @@ class TouchTests:
         """
         base = await self._basis(request)
         calibration = base.calibration
-        tolerance_mm = _tolerance_mm(request, base.earlier, self._settings_of(calibration.camera))
+        known = calibration.camera in self.settings.camera_names  # else of a camera that the settings name no more
+        settings = self.settings.of_camera(calibration.camera if known else MAIN_CAMERA).calibration
+        tolerance_mm = _tolerance_mm(request, base.earlier, settings)
         touches = await self._with_poses(request, base.earlier)
         found = await self.workers.run(_evaluate, base.given, base.tip, touches, base.run, tolerance_mm)
         verification = None if base.run is None else base.run.id
@@ -159,11 +161,6 @@ class TouchTests:
         errors = await self.store.arm(calibration.id)
         given = await self.workers.run(self.cell.arm.in_use, calibration.document, errors)
         return _Basis(earlier, tip, run, calibration, given)
-
-    def _settings_of(self, camera: str) -> CalibrationSettings:
-        """[calibration] of this camera; of the first one for a camera that the settings name no more."""
-        names = self.settings.camera_names
-        return self.settings.of_camera(camera if camera in names else MAIN_CAMERA).calibration
 
     async def _verification(self, run_id: str) -> RunRecord:
         run = await self.store.run(run_id)

@@ -63,11 +63,6 @@ def tag_of(sequence: int) -> str:
     return f'"applied-{sequence}"'
 
 
-def parse_if_none_match(header: str) -> list[str]:
-    """The tags of If-None-Match, without W/ for the weak comparison."""
-    return [part.strip().removeprefix("W/") for part in header.split(",")]
-
-
 def parse_if_match(if_match: str | None) -> Sequence[int] | None:
     """The sequence numbers that If-Match allows; None for any. Raises InvalidRequest.
 
@@ -109,11 +104,10 @@ async def calibrations(app: App, limit: Limit = 50, before: Before = None, accep
     in_force = [row for row in found if isinstance(row, CalibrationListing) and row.id in current]
     accurate = {row.id: await _as_in_force(app, row) for row in in_force}
     found = [accurate.get(row.id, row) for row in found]
-
-    def summary_of(row: CalibrationListing) -> CalibrationSummary:
-        return CalibrationSummary.of(row, row.accuracy, current=row.id in current)
-
-    return await respond_rows(app, found, limit, "/calibrations", summary_of, filters, applied=history)
+    return await respond_rows(
+        app, found, limit, "/calibrations",
+        lambda row: CalibrationSummary.of(row, row.accuracy, current=row.id in current), filters, applied=history,
+    )  # fmt: skip
 
 
 async def _as_in_force(app: Application, listing: CalibrationListing) -> CalibrationListing:
@@ -156,7 +150,8 @@ async def current(request: Request, app: App, camera: WithCamera, if_none_match:
         applied=AppliedDocument(**vars(applied)), calibration=record.document, **vars(accuracy)
     )
     tag = tag_of(applied.sequence)
-    if if_none_match is not None and tag in parse_if_none_match(if_none_match):
+    known = [part.strip().removeprefix("W/") for part in (if_none_match or "").split(",")]  # compared weakly
+    if tag in known:
         return Response(status_code=304, headers={"ETag": tag, "Vary": "Accept"})
     return respond(request, document, lambda: current_text(document), headers={"ETag": tag})
 

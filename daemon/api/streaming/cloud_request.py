@@ -109,7 +109,9 @@ async def flange_pose_of(app: Application, pose: str, beside: BesidePose) -> Fla
             ("external_axes", beside.external_axes, range(1, AXES + 1), MAX_TRANSLATION_MM, AXES_BESIDE),
         )
     )
-    return FlangePose(parse_pose(pose), joints, axes)
+    numbers = _numbers("pose", pose, range(7, 8), MAX_TRANSLATION_MM, POSE)
+    data = {"translation_mm": numbers[:3], "quaternion_wxyz": numbers[3:]}
+    return FlangePose(validate_document(PoseDocument, data, "query.pose"), joints, axes)
 
 
 def _numbers(name: str, text: str, counts: range, within: float, form: str) -> tuple[float, ...]:
@@ -144,10 +146,3 @@ def arm_headers(calibration: CalibrationInUse, poses: Sequence[FlangePose]) -> d
     if warnings := calibration.findings(stances):
         found["Handeyed-Warning"] = ", ".join(warning.code for warning in warnings)
     return found
-
-
-def parse_pose(text: str) -> PoseDocument:
-    """Parse "x,y,z,qw,qx,qy,qz". Raises InvalidRequest, DocumentError."""
-    numbers = _numbers("pose", text, range(7, 8), MAX_TRANSLATION_MM, POSE)
-    data = {"translation_mm": numbers[:3], "quaternion_wxyz": numbers[3:]}
-    return validate_document(PoseDocument, data, "query.pose")

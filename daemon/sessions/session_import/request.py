@@ -82,12 +82,8 @@ def views_of(
     if camera_T_target is not None:
         return [{"camera_T_target": PoseDocument.of(pose).model_dump(mode="json")} for pose in camera_T_target]
     if are_clouds(images):
-        return [{"cloud": str(image), "unit": require_cloud_unit(unit, request)} for image in images]
+        if unit is None:  # it is never guessed
+            fix = "give --cloud-unit m or mm"
+            raise refusal(request.folder.name, "clouds", "their unit is not stated", fix, "clouds")
+        return [{"cloud": str(image), "unit": unit} for image in images]
     return [{"image": str(image)} for image in images]
-
-
-def require_cloud_unit(unit: LengthUnit | None, request: ImportRequest) -> LengthUnit:
-    """The unit. Raises DocumentError when neither set nor user states it: it is never guessed."""
-    if unit is None:
-        raise refusal(request.folder.name, "clouds", "their unit is not stated", "give --cloud-unit m or mm", "clouds")
-    return unit

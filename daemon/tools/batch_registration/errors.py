@@ -1,8 +1,4 @@
-"""Errors of a whole archive. The failure of one scan is a OutcomeDocument, not an error.
-
-DaemonError
-└── ArchiveError          the archive cannot be read or written, or there is no executor
-"""
+"""Errors of a whole archive. The failure of one scan is a OutcomeDocument, not an error."""
 
 from daemon.errors import DaemonError
 

@@ -92,15 +92,9 @@ def _lines(view: View, result: ViewResult, magnification: float, reason: str) ->
         return title, reason
     outliers = int(np.count_nonzero(~result.points.used))
     title += f" ({outliers} outlying, red)" if outliers else ""
-    return title, "; ".join(filter(None, [reason, residual_words(result, magnification)]))
-
-
-def residual_words(result: ViewResult, magnification: float) -> str:
-    """Which residual the arrows of a view show, its size, and the magnification."""
     pose = "as reported" if result.status == "rejected" else "corrected"
-    return (
-        f"arrows: predicted minus found, robot's pose {pose}, x {magnification:g}; RMS {result.reprojection_px:.3g} px"
-    )
+    arrows = f"arrows: predicted minus found, robot's pose {pose}, x {magnification:g}"
+    return title, "; ".join(filter(None, [reason, arrows, f"RMS {result.reprojection_px:.3g} px"]))
 
 
 def _caption(lines: tuple[str, str], rejected: bool, pen: Pen) -> Picture:
