@@ -306,10 +306,7 @@ class Operations:
         return await self._start("jog", move.request, prepare)
 
     async def scan_here(self, scan_id: str) -> ScanViewDocument:
-        """Add a view with the daemon's scanner from where the arm stands.
-
-        Raises CellBusy, NoScanner, NotStill, DeviceError.
-        """
+        """Add a view with the daemon's scanner from here. Raises CellBusy, NoScanner, NotStill, DeviceError."""
         async with self.cell.hold(f"a scan of {scan_id}"):
             reading = await self.cell.read_settled_pose()
             scan = await self.store.scan(scan_id)

@@ -96,7 +96,6 @@ def status_of_kind(error: type[Exception]) -> int:
 
 
 def problem_of(error: Exception) -> Problem:
-    """The problem document of an error."""
     status = status_of(error)
     code, what, fix = _words(error)
     problems = getattr(error, "problems", None)
@@ -165,7 +164,6 @@ def problem_text(problem: Problem) -> str:
 
 
 def answer(problem: Problem, headers: dict[str, str] | None = None) -> Response:
-    """The HTTP response of a problem."""
     every = {**(headers or {}), "Vary": "Accept"}
     if problem.status == 401:
         every["WWW-Authenticate"] = 'Bearer realm="handeyed"'

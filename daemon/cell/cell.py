@@ -162,7 +162,6 @@ class PathInBase:
         self._recorder, self._base_T_world = recorder, inverse(world_T_base)
 
     async def read(self) -> tuple[Array, Array]:
-        """As the recorder."""
         times_s, world_T_flange = await self._recorder.read()
         return times_s, self._base_T_world @ world_T_flange
 
@@ -323,19 +322,13 @@ class Cell:
         self._at.reach("after move")
 
     async def read_settled_pose(self) -> PoseReading:
-        """Wait until the arm is at rest and no longer vibrates; returns its pose and joints.
-
-        Raises NotStill, DeviceError.
-        """
+        """Pose and joints of the arm, once it is at rest and no longer vibrates. Raises NotStill, DeviceError."""
         if self._vibration_gate is not None:
             await self._vibration_gate.wait(self._settling.limit_s, self._clock)
         return await self._with_joints(self._on_the_same_base(await settle(self.robot, self._settling, self._clock)))
 
     async def read_standing_pose(self) -> PoseReading:
-        """Pose and joints of an arm that an operator moves, if it is at rest. Does not wait.
-
-        Raises NotStill, DeviceError.
-        """
+        """Pose and joints of an arm that an operator moves, if it is at rest now. Raises NotStill, DeviceError."""
         if self._vibration_gate is not None:
             self._vibration_gate.check()
         standing = await read_if_standing(self.robot, self._settling, self._clock)

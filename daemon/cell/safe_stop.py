@@ -94,7 +94,6 @@ class SafeStop:
         return [self._unconfirmed.warning] if self._unconfirmed else []
 
     def families(self) -> Iterator[Metric]:
-        """The families of GET /metrics."""
         yield Metric("handeyed_arm_stop_unconfirmed", "gauge",
                      "1 while the controller has not confirmed that the arm is stopped and disarmed.",
                      {(): float(self._unconfirmed is not None)})  # fmt: skip

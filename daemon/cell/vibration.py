@@ -37,7 +37,6 @@ class VibrationGate:
         return vibration
 
     async def close(self) -> None:
-        """Close the monitor."""
         await asyncio.to_thread(self.monitor.close)
 
     def _within(self, vibration: Vibration) -> bool:

@@ -9,8 +9,6 @@ from math import isfinite
 
 
 class ExitStatus(IntEnum):
-    """Exit status of a command."""
-
     OK = 0
     FAILED = 1
     UNREADABLE = 2

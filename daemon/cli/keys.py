@@ -93,7 +93,6 @@ def revoke(config: Config, name: Name) -> None:
 
 
 def valid_keys(config: Path) -> "list[KeyRecord]":
-    """The keys that are valid now."""
     from daemon.runtime.clock import Clock
 
     now = Clock().timestamp()

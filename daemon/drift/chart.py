@@ -195,7 +195,6 @@ def _point(entry: ChartEntry, drawn: ChartPoint) -> DriftPointDocument:
 
 
 def rules_of(settings: DriftSettings) -> DriftRules:
-    """The chart's rules from the settings."""
     return DriftRules(settings.weight, settings.learn, settings.allowed_mm, settings.runs_between_false_alarms)
 
 

@@ -54,7 +54,6 @@ class DriftMonitor:
 
     @property
     def report(self) -> DriftReport:
-        """The evaluation of the chart."""
         return self.chart.report
 
     async def start(self) -> None:
@@ -73,7 +72,6 @@ class DriftMonitor:
         return [self.report.alarm] if self.report.alarm else []
 
     def families(self) -> Iterator[Metric]:
-        """The families of GET /metrics."""
         report, labels = self.report, () if self.camera == MAIN_CAMERA else (("camera", self.camera),)
         values = (
             (

@@ -93,7 +93,6 @@ class LimitedConnection(HttpToolsProtocol):
 
     @property
     def address(self) -> str:
-        """The client's IP address."""
         return self.client[0] if self.client else ""
 
     def room_in(self, shared: memoryview) -> memoryview:
@@ -112,7 +111,6 @@ class LimitedConnection(HttpToolsProtocol):
         self._schedule_check()
 
     def displace(self) -> None:
-        """Close the connection at once, to make room for another."""
         answering = self._lingering or self.transport.get_write_buffer_size() or self._answer_has_begun
         if not answering and self.scheme == "http":  # TLS would wait for the client before closing
             self._drop_request()

@@ -37,7 +37,6 @@ class PendingConnection:
         self._task.add_done_callback(lambda _: self._finish(over))
 
     def displace(self) -> None:
-        """Close the connection at once, to make room for another."""
         if self._task is not None:
             self._task.cancel()
 
@@ -61,13 +60,9 @@ class PendingLimiter(Protocol):
         """While it is held only connections that send an abort begin."""
         ...
 
-    def admit(self, newcomer: PendingConnection) -> None:
-        """Give a place to a pending connection."""
-        ...
+    def admit(self, newcomer: PendingConnection) -> None: ...
 
-    def release(self, one: PendingConnection) -> None:
-        """Free the place of one that has ended."""
-        ...
+    def release(self, one: PendingConnection) -> None: ...
 
 
 class HttpListener:

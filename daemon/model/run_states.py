@@ -19,8 +19,6 @@ class RunState(StrEnum):
 
 
 class RunEvent(StrEnum):
-    """An event that changes a run's state."""
-
     ARRIVED = "arrived"
     ASKED = "asked"  # the operator asks for a view from the present pose
     JOGS = "jogs"  # the operator asks the daemon to jog the arm

@@ -78,5 +78,4 @@ class PageFiles:
         }
 
     def find(self, name: str) -> PageFile | None:
-        """The file of this path; None when there is none."""
         return self._files.get(name)

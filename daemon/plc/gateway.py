@@ -133,11 +133,9 @@ class PlcGateway:
         return self.cameras.cameras[number]
 
     def bank(self, client: str, may_write: bool) -> PlcBank:
-        """The register bank for one client."""
         return PlcBank(lambda: self._image_for(client), partial(self._write, client), may_write)
 
     def image(self) -> Words:
-        """The current register values."""
         return self._image
 
     def bank_for_repetitions(self, client: str, may_write: bool) -> PlcBank:

@@ -57,6 +57,5 @@ class PlcService:
         await self.gateway.stop()
 
     def families(self) -> Iterator[Metric]:
-        """The families of GET /metrics."""
         yield Metric("handeyed_plc_connections", "gauge", "PLCs connected over Modbus TCP.",
                      {(): float(self.tcp.connections)})  # fmt: skip

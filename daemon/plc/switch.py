@@ -59,5 +59,4 @@ class PlcSwitch:
             await self.start()
 
     def families(self) -> Iterable[Metric]:
-        """The families of GET /metrics."""
         return () if self._service is None else self._service.families()

@@ -44,7 +44,6 @@ ALARMING = ("drifting", "out-of-tolerance")
 
 
 def calibration_report(document: CalibrationDocument, context: ReportContext) -> str:
-    """The report of a calibration."""
     x, sure = document.mount_T_camera, document.uncertainty
     x_name, target_name = TRANSFORM_NAMES[document.setup]
     expanded_mm, tolerance_mm = document.accuracy.expanded_mm, document.accuracy.tolerance_mm

@@ -60,8 +60,6 @@ def goal_of(wish: StoppingRule) -> GoalDocument:
 
 @dataclass
 class _Progress:
-    """Progress of an adaptive sequence."""
-
     views: list[View] = field(default_factory=list)
     wish: StoppingRule = field(default_factory=lambda: StoppingRule(0))
     stations: int = 0

@@ -21,12 +21,10 @@ class OperatorRequest:
     jog: Jog | None = None
 
     def complete(self) -> None:
-        """Report the request as done."""
         if not self._answer.done():
             self._answer.set_result(None)
 
     def refuse(self, why: DaemonError | DeviceError) -> None:
-        """Report the request as refused, with the reason."""
         if not self._answer.done():
             self._answer.set_exception(why)
 

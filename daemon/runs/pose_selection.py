@@ -122,7 +122,6 @@ def stopping_rule(settings: CalibrationSettings, request: CalibrateRequest) -> S
 
 
 def planning_limits(settings: CalibrationSettings, rules: MotionRules) -> ViewpointLimits:
-    """The limits of planned poses."""
     limits = settings.limits.model_copy(update={"box_mm": settings.limits.box_mm or rules.robot.box_mm}).limits()
     return replace(limits, speed_mm_s=rules.robot.speed_mm_s)
 

@@ -42,7 +42,6 @@ class FixedSequence:
     log: RunLog
 
     async def run(self, min_views: int) -> Problem:
-        """As PoseSequence."""
         searches: list[asyncio.Task[View]] = []
 
         async def at_station(reading: PoseReading) -> None:
@@ -101,5 +100,4 @@ def check_detections(views: list[View], min_views: int) -> None:
 
 
 def why_missing(view: View) -> Sentence:
-    """Why the view has no detection."""
     return as_sentence(view.missing[1]) if view.missing else Sentence("target-was-not-found")

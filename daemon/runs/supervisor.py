@@ -50,7 +50,6 @@ def progress_of(run: RunRecord) -> Sentence:
 
 
 def cause_of(error: Exception, run: RunRecord) -> CauseDocument:
-    """The cause for an exception that ended the run."""
     progress = progress_of(run)
     match error:
         case DeviceError() if isinstance(error, LINK_ERRORS) and error.kind in (None, "robot"):

@@ -34,8 +34,6 @@ log = logging.getLogger(__name__)
 
 
 class StoredRegistration(Document):
-    """A stored report with its inputs."""
-
     schema_version: Literal[1] = 1
     refined: bool
     flange_T_scanner: PoseDocument
@@ -123,7 +121,6 @@ class RegistrationJobs:
         return found.report if wanted.matches(found) else None
 
     def stop(self) -> None:
-        """Cancel all jobs."""
         for job in self._jobs.values():
             job.cancel()
 

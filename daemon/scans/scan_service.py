@@ -54,8 +54,6 @@ MAX_RECENT_SCANS = 10
 
 @dataclass(frozen=True)
 class ScanService:
-    """The scans in the store."""
-
     store: Store
     workers: Workers
     merge_workers: Workers
@@ -224,10 +222,7 @@ class ScanService:
         return ProgressReports(publish, self.clock.monotonic_s)
 
     async def assess_scanner(self, scan_id: str, artefact: ArtefactRequest) -> AcceptanceDocument:
-        """The scanner's errors from a scan of an artefact.
-
-        Raises ScanEmpty, NotFound, RegistrationError, WorkersBusy.
-        """
+        """The scanner's errors from an artefact. Raises ScanEmpty, NotFound, RegistrationError, WorkersBusy."""
         folder = self.store.scan_folder(scan_id)
         clouds = [(folder / view.file, view.unit) for view in await self._views(scan_id)]
         return await self.merge_workers.run_if_free(assess_clouds, scan_id, clouds, artefact)

@@ -71,7 +71,6 @@ def measure_quality(image: NDArray[np.uint8], corners_px: Array | None) -> Quali
 
 
 def look_at(frame: CameraFrame, target: Target, taken_at: str) -> Look:
-    """Search the target in a frame."""
     from calibration.detection.detect import detect  # not needed where nobody looks
 
     grey = frame.image.ndim == 2

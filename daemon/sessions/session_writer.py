@@ -66,10 +66,7 @@ class SessionWriter:
         self._document = head.model_copy(update={"load": LoadDocument.of(arm.conditions().load)})
 
     async def add(self, frame: CameraFrame, reading: PoseReading, at: str = "") -> int:
-        """Store a station's picture, pose and joints; returns the view's index.
-
-        Raises PictureUnusable, StorageError, and as the sensors beside.
-        """
+        """Store a station; returns the index. Raises PictureUnusable, StorageError, as the sensors beside."""
         self._require_size(frame)
         index = len(self._document.views)
         name = image_name(index)

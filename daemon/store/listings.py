@@ -143,7 +143,6 @@ _SCAN_VIEWS = Table(
 
 
 def insert_view(db: sqlite3.Connection, scan_id: str, view: ScanViewDocument) -> None:
-    """Insert a view of a scan."""
     _SCAN_VIEWS.insert(db, view, scan_id=scan_id)
 
 

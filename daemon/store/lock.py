@@ -40,7 +40,6 @@ class FolderLock:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
 
     def release(self) -> None:
-        """Release the lock."""
         for descriptor in self._held:
             os.close(descriptor)
         self._held.clear()

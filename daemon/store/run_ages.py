@@ -40,7 +40,6 @@ class RunAges:
         return set(runs[first:])
 
     def json(self) -> bytes:
-        """What `read_ages` reads."""
         return json.dumps({"worked_s": self.worked_s, "marks": self.marks}).encode()
 
 

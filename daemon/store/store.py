@@ -130,7 +130,6 @@ class Store:
         self.acceptances, self.rigs = map(self.documents, (ACCEPTANCES, RIGS))
 
     def documents(self, kind: DocumentKind) -> Documents:
-        """The table of a kind of document."""
         publish = lambda *event: self.publish(*event)  # noqa: E731, PLW0108 # it is set after the store is made
         return Documents(kind, self._database, self._opened.list_reader, publish)
 
@@ -245,10 +244,7 @@ class Store:
         )
 
     async def runs_in_progress(self) -> list[RunRecord]:
-        """Runs in no final state: at the start of the daemon, those that its predecessor left unfinished.
-
-        Without damaged ones, which nobody could end.
-        """
+        """Runs in no final state, which an earlier daemon left so; without damaged ones, which nobody could end."""
         states = tuple(str(state) for state in sorted(FINAL_STATES))
         marks = ", ".join("?" * len(states))
         query = f"{RUNS.select} WHERE state NOT IN ({marks})"
@@ -357,7 +353,6 @@ class Store:
         return self.folder / "scans" / scan_id
 
     async def save_scan(self, scan: ScanRecord) -> None:
-        """Insert a scan."""
         context = current_audit_context()
 
         def insert(db: sqlite3.Connection) -> None:

@@ -142,7 +142,6 @@ class Authentication:
 
 
 def caller_of(request: Request) -> Caller:
-    """The authenticated caller of a request."""
     caller: Caller = request.scope["state"]["caller"]
     return caller
 

@@ -91,7 +91,6 @@ class Client:
         return message
 
     async def send(self, message: Message) -> None:
-        """Send a part of the answer."""
         if message["type"] == "http.response.start":
             self.begun = True
             self._sized = any(name.lower() == b"content-length" for name, _ in message.get("headers", ()))
@@ -165,7 +164,6 @@ class Client:
 
 
 def client_of(request: Request) -> Client:
-    """The client of a request."""
     client: Client = request.scope["state"]["connection"]
     return client
 

@@ -92,10 +92,7 @@ def choose_media_type(request: Request) -> str:
 
 
 async def flange_pose_of(app: Application, pose: str, beside: BesidePose) -> FlangePose:
-    """Pose and axes of a request, or where the arm stands.
-
-    Raises InvalidRequest, DocumentError, NotStill, DeviceError.
-    """
+    """Pose and axes of a request, or of the arm now. Raises InvalidRequest, DocumentError, NotStill, DeviceError."""
     if pose == "now":
         for name, given in vars(beside).items():
             if given is not None:

@@ -15,10 +15,7 @@ def lend_body(scope: Scope) -> None:
 
 
 async def body_chunks(receive: Receive) -> AsyncGenerator[bytes | memoryview]:
-    """Yield the body's bytes; a view of a lent body is valid until the next one.
-
-    Raises ClientDisconnect, and BodyTooLarge from the request checks.
-    """
+    """The body's bytes; a view of a lent body is valid until the next one. Raises ClientDisconnect, BodyTooLarge."""
     more = True
     while more:
         message = await receive()

@@ -98,7 +98,6 @@ class AwaitedSpool(Spool):
         self._news.set()
 
     def end(self) -> None:
-        """Mark the end of the queue."""
         self._ended = True
         self._news.set()
 

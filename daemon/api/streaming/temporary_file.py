@@ -9,8 +9,6 @@ from starlette.types import Receive, Scope, Send
 
 
 class TemporaryFileResponse(FileResponse):
-    """Answers a file, and deletes it."""
-
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         try:
             await super().__call__(scope, receive, send)

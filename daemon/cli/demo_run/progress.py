@@ -12,8 +12,6 @@ NAME, WHAT = 12, 36
 
 
 class ProgressLine:
-    """The line of one step in progress."""
-
     def __init__(self, name: str, what: str, live: bool, aside: bool) -> None:
         self._left = f"  {name:<{NAME}}{what:<{WHAT}}"
         self._live, self._aside = live, aside

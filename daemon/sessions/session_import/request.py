@@ -71,7 +71,6 @@ class Understood:
 
 
 def are_clouds(images: Sequence[Path]) -> bool:
-    """Whether there are images, and all are clouds."""
     return bool(images) and all(image.suffix.lower() in CLOUDS for image in images)
 
 

@@ -200,7 +200,6 @@ class Interview:
         )
 
     async def take_setup(self, text: str) -> AnswerFound:
-        """Where the camera is."""
         self.setup = parse_setup(text)
         return AnswerFound(answer=text)
 
@@ -253,7 +252,6 @@ class Interview:
         return AnswerFound(answer=text, doubts=(doubt,))
 
     async def take_box(self, text: str) -> AnswerFound:
-        """One corner or two of the box."""
         assert self.controller is not None
         self.controller = seen = await read_robot(self.controller)
         corners = [*self.corners, *parse_corners(text, seen.flange_mm, seen.program_box_mm)]

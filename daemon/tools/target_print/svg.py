@@ -6,7 +6,6 @@ from daemon.tools.target_print.shapes import Disc, Rectangles, Shape, Sheet, Tex
 
 
 def svg(sheet: Sheet) -> bytes:
-    """The bytes of the SVG."""
     size = f'width="{number_text(sheet.width)}mm" height="{number_text(sheet.height)}mm"'
     view = f'viewBox="0 0 {number_text(sheet.width)} {number_text(sheet.height)}"'
     lines = [
