@@ -56,7 +56,7 @@ from daemon.runs.pose_selection import (
     select_taught_poses,
     stopping_rule,
 )
-from daemon.runs.pose_sequence import FixedSequence, PoseSequence
+from daemon.runs.pose_sequence import FixedSequence
 from daemon.runs.run_log import RunLog
 from daemon.runs.scan_run import ScanRun
 from daemon.runs.sequence_plan import Drive, MakeSequence, OpenBeside, RunSessions, plan_sequence
@@ -67,7 +67,7 @@ from daemon.runtime.clock import Clock
 from daemon.runtime.workers import Workers
 from daemon.scans.rig_sensors import RigSensors
 from daemon.scans.scan_service import ScanService
-from daemon.sessions.session_writer import SensorBeside, SessionWriter
+from daemon.sessions.session_writer import SensorBeside
 from daemon.store.actor import current_audit_context
 from daemon.store.store import Store
 from drivers.interfaces import PoseReading
@@ -165,11 +165,8 @@ class Operations:
             require_planned_poses(request.axis_offset or settings.axis_offset, self.rules)
         if poses:
             return await self.service_workers.run_if_free(foresee_taught, self.rules, poses, joints)
-        wish, points, belief = (
-            stopping_rule(settings, request),
-            self.settings.part.named_points(),
-            await self._noise_belief(),
-        )
+        wish, points = stopping_rule(settings, request), self.settings.part.named_points()
+        belief = await self._noise_belief()
         route = adaptive_parameters(settings, self.rules, target, await self._scene_guess(), wish, points, belief)
         return await self.service_workers.run_if_free(foresee, route, here.base_T_flange, joints)
 
@@ -247,11 +244,10 @@ class Operations:
             route = adaptive_parameters(settings, self.rules, target, known, wish)
             if (axis := calibration.external_axis) is not None:
                 route = route.at_reading(axis, await self.cell.robot.read_pose())
-
-            def make_sequence(session: SessionWriter, log: RunLog) -> PoseSequence:
-                return WithoutFirstView(AdaptiveSequence(route, self.cell, self.workers, session, log))
-
-            return plan_sequence(VERIFY_POSITIONS, make_sequence, session, run.drive)
+            planned = partial(AdaptiveSequence, route, self.cell, self.workers)
+            return plan_sequence(
+                VERIFY_POSITIONS, lambda *of_run: WithoutFirstView(planned(*of_run)), session, run.drive
+            )
 
         return await self._start("verify", request, prepare)
 
@@ -260,7 +256,7 @@ class Operations:
         name = request.scanner or MAIN_SCANNER
         scanner = self.scans.settings_of(name)
         place = name if name == MAIN_SCANNER else f"scanners.{name}"
-        if not request.moves_the_arm:
+        if not request.capture and request.poses is None:
             return await self.scans.create(request.name, request.refine, name), None
         created: list[ScanRecord] = []
 

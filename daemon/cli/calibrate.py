@@ -44,10 +44,15 @@ def calibrate(
     from calibration.documents.calibration_text import summary
     from daemon.cli.manual import calibrate_manually
     from daemon.cli.rest_client import connect
+    from daemon.model.requests import CalibrateRequest
+    from daemon.runtime.bounded_read import read_as
 
     given = {"count": count, "uncertainty_mm": uncertainty, "tolerance_mm": tolerance}
     given |= {"manual": manual or None, "arm": arm}
-    body = _request_body(request, given)
+    body: dict[str, Any] = {}
+    if request is not None:
+        body = read_as(CalibrateRequest, request).model_dump(mode="json", exclude_none=True)
+    body |= {name: value for name, value in given.items() if value is not None}
     with connect(url) as daemon:
         run = (
             calibrate_manually(daemon, body)
@@ -65,17 +70,6 @@ def calibrate(
             typer.echo(f"  {why_not['message']}")
         typer.echo(f"  {'active now' if applied else f'not active: POST {url}/calibrations/{document.id}/apply'}")
     raise typer.Exit(ExitStatus.OK if document.verdict.accepted else ExitStatus.NOT_ACCEPTED)
-
-
-def _request_body(request: Path | None, given: dict[str, Any]) -> dict[str, Any]:
-    """The body of the file `request`, with the options `given` (None: not) in place of its values."""
-    from daemon.model.requests import CalibrateRequest
-    from daemon.runtime.bounded_read import read_as
-
-    body: dict[str, Any] = {}
-    if request is not None:
-        body = read_as(CalibrateRequest, request).model_dump(mode="json", exclude_none=True)
-    return body | {name: value for name, value in given.items() if value is not None}
 
 
 def _show_progress(event: dict[str, Any]) -> None:

@@ -11,6 +11,7 @@ from daemon.cli.errors import UnreadableInput
 from daemon.cli.output import write_whole
 
 if TYPE_CHECKING:
+    from calibration.documents.exports.formats import ExportFormat
     from calibration.documents.exports.subject import ExportOptions
 
 LIST = "list"
@@ -32,13 +33,15 @@ def export(
 
     Exit status: 0 written, 1 there is nothing to export, 2 unreadable input or no such format.
     """
+    from calibration.documents.exports.formats import FORMATS, POSE_FORMATS
     from calibration.documents.exports.subject import ExportOptions
     from calibration.errors import ExportRefused
 
     if form == LIST and out is not None:
         raise UnreadableInput(what, "no format is named", "name one, as --as rapid")
     if form == LIST:
-        typer.echo(_listing())
+        known: list[ExportFormat[Any]] = [*FORMATS.values(), *POSE_FORMATS.values()]
+        typer.echo("\n".join(f"{each.name:<18}{each.file:<24}{each.about}" for each in known))
         return
     try:
         path = Path(what) / "calibration.json" if Path(what).is_dir() else Path(what)
@@ -52,14 +55,6 @@ def export(
         write_whole(out, content)
     else:
         sys.stdout.buffer.write(content)
-
-
-def _listing() -> str:
-    from calibration.documents.exports.formats import FORMATS, POSE_FORMATS
-
-    rows = [(each.name, each.file, each.about) for each in FORMATS.values()]
-    rows += [(each.name, each.file, each.about) for each in POSE_FORMATS.values()]
-    return "\n".join(f"{name:<18}{file:<24}{about}" for name, file, about in rows)
 
 
 def _from_file(file: Path, form: str, options: "ExportOptions", robot: str | None) -> bytes:

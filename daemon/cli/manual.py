@@ -18,7 +18,7 @@ def calibrate_manually(daemon: Client, body: dict[str, Any]) -> Run:
     with defer_interrupts():
         run = daemon.start("/calibrate", body)
     links, ended = run["links"], False
-    _print_aside(f"run {run['id']}: {BEGIN}\n{KEYS}")
+    typer.echo(f"run {run['id']}: {BEGIN}\n{KEYS}", err=True)  # only the result goes to standard output
     try:
         while not ended:
             line = sys.stdin.readline()  # "" at the end of the input
@@ -38,7 +38,7 @@ def _handle_key(daemon: Client, links: dict[str, str], key: str) -> tuple[Any, b
         if key in ("f", "finish"):
             return daemon.wait(daemon.post(links["finish"])), True
         if key:
-            _print_aside(KEYS)
+            typer.echo(KEYS, err=True)
             return None, False
         run = daemon.post(links["stations"])
     except ClientError as refused:
@@ -47,10 +47,6 @@ def _handle_key(daemon: Client, links: dict[str, str], key: str) -> tuple[Any, b
         print_error(f"not taken: {refused.what}: {refused.fix}")
         return None, False
     planned, number = run["planning"], sum(name.startswith("frame ") for name in run["links"])
-    _print_aside(f"picture {number} taken. {planned['predicted'] or 'not yet determined'}\n  next: {planned['advice']}")
+    known = planned["predicted"] or "not yet determined"
+    typer.echo(f"picture {number} taken. {known}\n  next: {planned['advice']}", err=True)
     return run, False
-
-
-def _print_aside(text: str) -> None:
-    """Print to standard error: only the result goes to standard output."""
-    typer.echo(text, err=True)

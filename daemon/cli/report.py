@@ -44,11 +44,13 @@ def _from_files(path: Path, pdf: bool, settings: Path | None, language: ReportLa
     from dataclasses import replace
     from hashlib import sha256
 
+    from daemon.cli.compare import read_calibration
     from daemon.config.settings import load_settings
+    from daemon.reports.context import ReportContext
     from daemon.reports.pdf import Attached, write_pdf
     from daemon.reports.reports import calibration_report
 
-    document, context = _session(path) if path.is_dir() else _calibration(path)
+    document, context = _session(path) if path.is_dir() else (read_calibration(path), ReportContext())
     content = document.model_dump_json().encode()
     context = replace(context, language=language, document_sha256=sha256(content).hexdigest())
     if settings is not None:
@@ -58,13 +60,6 @@ def _from_files(path: Path, pdf: bool, settings: Path | None, language: ReportLa
         )
     html = calibration_report(document, context)
     return write_pdf(html, Attached("calibration.json", content, "the calibration")) if pdf else html.encode()
-
-
-def _calibration(file: Path) -> "tuple[CalibrationDocument, ReportContext]":
-    from daemon.cli.compare import read_calibration
-    from daemon.reports.context import ReportContext
-
-    return read_calibration(file), ReportContext()
 
 
 def _session(folder: Path) -> "tuple[CalibrationDocument, ReportContext]":

@@ -69,10 +69,6 @@ class ServerSettings(Document):
     def loopback(self) -> bool:
         return is_loopback(self.host)
 
-    @property
-    def body_limit_bytes(self) -> int:
-        return int(self.body_limit_mb * 1_000_000)
-
     def beside(self, folder: Path) -> "ServerSettings":
         """A copy with relative files resolved against `folder`, that of the settings file."""
         if self.certificate is None or self.private_key is None:

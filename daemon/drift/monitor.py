@@ -131,21 +131,17 @@ class DriftMonitor:
     async def _refresh(self) -> None:
         """Recompute the chart; publish a changed evaluation and a raised or ended alarm, each once."""
         async with self._turn:
-            await self._recompute()
-
-    async def _recompute(self) -> None:
-        before, self.chart = self.report, await self._compute()
-        if self.report == before:
-            return
-        self.events.publish("drift", {**self.report.event_data(), "camera": self.camera})
-        if (self.report.alarm is None) == (before.alarm is None):
-            return
-        log.warning("%s", self.report.alarm or "drift: the alarm is over")
-        alarm = {"kind": "drift", "raised": self.report.alarm is not None, "what": self.report.alarm or "it is over"}
-        calibration_id = self.report.calibration_id or before.calibration_id
-        await self.store.outbox.post(
-            "alarm", self.clock.timestamp(), {**alarm, "calibration_id": calibration_id, "camera": self.camera}
-        )
+            before, self.chart = self.report, await self._compute()
+            now = self.report
+            if now == before:
+                return
+            self.events.publish("drift", {**now.event_data(), "camera": self.camera})
+            if (now.alarm is None) == (before.alarm is None):
+                return
+            log.warning("%s", now.alarm or "drift: the alarm is over")
+            alarm = {"kind": "drift", "raised": now.alarm is not None, "what": now.alarm or "it is over"}
+            alarm |= {"calibration_id": now.calibration_id or before.calibration_id, "camera": self.camera}
+            await self.store.outbox.post("alarm", self.clock.timestamp(), alarm)
 
     async def _compute(self) -> DriftChart:
         try:

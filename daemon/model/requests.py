@@ -144,10 +144,6 @@ class ScanRequest(Document):
     poses: Stations | None = None
     scanner: DeviceName | None = None
 
-    @property
-    def moves_the_arm(self) -> bool:
-        return self.capture or self.poses is not None
-
 
 class JogRequest(Document):
     """A jog of the arm: at most 100 mm and 30 deg, a move of all axes to their angles, or a held move; one of four.

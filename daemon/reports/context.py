@@ -14,7 +14,6 @@ from calibration.sentences.sentence import LanguageTag
 from daemon.config.report_settings import ReportSettings
 
 if TYPE_CHECKING:  # the daemon's modules are on Linux only; `handeyed report` is not
-    from daemon.config.settings import Settings
     from daemon.drift.chart import DriftChart
     from daemon.model.records import RunRecord
 
@@ -72,11 +71,6 @@ class ReportContext:
     drift: "DriftChart | None" = None
     arm: ArmErrorsDocument | None = None
     arm_field: ArmFieldDocument | None = None
-
-
-def context_of(settings: "Settings", language: LanguageTag = "en") -> ReportContext:
-    """Names, serials and target of the settings."""
-    return ReportContext(language, settings.report, settings.robot.model_name, settings.target)
 
 
 def shown_field(document: CalibrationDocument, errors: ArmErrorsDocument) -> ArmFieldDocument | None:

@@ -25,11 +25,7 @@ Drive = Callable[[PoseSequence, RunLog], Awaitable[RunResult]]
 
 def plan_sequence(stations: int, sequence: MakeSequence, session: OpenSession, drive: Drive) -> RunPlan:
     """A run of so many stations, which opens its session when it begins."""
-
-    async def drive_sequence(log: RunLog) -> RunResult:
-        return await drive(sequence(session(log), log), log)
-
-    return RunPlan(stations, drive_sequence)
+    return RunPlan(stations, lambda log: drive(sequence(session(log), log), log))
 
 
 @dataclass(frozen=True)

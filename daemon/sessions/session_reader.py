@@ -228,12 +228,6 @@ def find_repeated_poses(document: SessionDocument) -> list[DocumentProblem]:
     return problems
 
 
-def _check_views(document: SessionDocument) -> list[DocumentProblem]:
-    if document.views:
-        return []
-    return [DocumentProblem("views", "there are none", "a calibration needs three views or more")]
-
-
 def _check_sizes(document: SessionDocument) -> list[DocumentProblem]:
     camera, size = document.camera, document.image_size
     if camera and size and camera.image_size != size:
@@ -271,10 +265,12 @@ def _check_corners(document: SessionDocument) -> list[DocumentProblem]:
 
 
 def _check_observations(document: SessionDocument) -> list[DocumentProblem]:
-    """All views hold the same kind of observation, and what those need is described."""
+    """There are views; all hold the same kind of observation, and what those need is described."""
     alike = {"corners_px": "image", "cloud": "points_mm"}
     kinds = dict.fromkeys(alike.get(view.observation, view.observation) for view in document.views)
     problems = []
+    if not document.views:
+        problems.append(DocumentProblem("views", "there are none", "a calibration needs three views or more"))
     if len(kinds) > 1:
         what = f"they hold {' and '.join(kinds)}"
         problems.append(DocumentProblem("views", what, "give the same in every view, or make two sessions of them"))
@@ -312,7 +308,7 @@ def _check_external_axis(document: SessionDocument) -> list[DocumentProblem]:
     ]
 
 
-_CHECKS = (_check_views, _check_observations, _check_external_axis, _check_sizes, _check_image_names, _check_corners)
+_CHECKS = (_check_observations, _check_external_axis, _check_sizes, _check_image_names, _check_corners)
 """Checks of a session beyond its types."""
 
 

@@ -137,19 +137,15 @@ _LISTED = """(SELECT rowid, *, CASE WHEN json_valid(document) THEN CASE json_typ
 APPLIED = Table("applied", AppliedCalibration)
 RUNS = Table("runs", RunRecord, compound=("cause", "request", "result", "planning"))
 SCANS = Table("scans", ScanRecord)
-_SCAN_VIEWS = Table(
+SCAN_VIEWS = Table(
     "scan_views", ScanViewDocument, compound=("base_T_flange", "joints_deg", "external_axes"), beside=("scan_id",)
 )
 
 
-def insert_view(db: sqlite3.Connection, scan_id: str, view: ScanViewDocument) -> None:
-    _SCAN_VIEWS.insert(db, view, scan_id=scan_id)
-
-
 def views_of(db: sqlite3.Connection, scan_id: str) -> list[ScanViewDocument]:
     """The views of a scan in the order of their arrival. Raises ValueError for one that is not what was stored."""
-    rows = db.execute(f"{_SCAN_VIEWS.select} WHERE scan_id = ? ORDER BY view", (scan_id,))
-    return [_SCAN_VIEWS.record(row) for row in rows]
+    rows = db.execute(f"{SCAN_VIEWS.select} WHERE scan_id = ? ORDER BY view", (scan_id,))
+    return [SCAN_VIEWS.record(row) for row in rows]
 
 
 @dataclass(frozen=True)

@@ -42,7 +42,7 @@ from daemon.store.damaged_rows import Parsed, parse_each, parse_row, parse_store
 from daemon.store.database import Database
 from daemon.store.documents import ACCEPTANCES, RIGS, DocumentKind, DocumentRecord, Documents
 from daemon.store.idempotency_keys import IdempotencyKeys
-from daemon.store.listings import ACCURACY, APPLIED, RUNS, SCANS, Listings, insert_view, read_page, views_of
+from daemon.store.listings import ACCURACY, APPLIED, RUNS, SCAN_VIEWS, SCANS, Listings, read_page, views_of
 from daemon.store.opening import LockedStore
 from daemon.store.outbox import Outbox
 
@@ -143,11 +143,6 @@ class Store:
     def fault(self) -> StoreFault | None:
         """Why nothing is written and no run is started; None while the store is sound."""
         return self._opened.guard.find_fault()
-
-    @property
-    def database_path(self) -> Path:
-        """The file of the database, for readers that open it by themselves."""
-        return self._database.path
 
     async def check(self, *, whole: bool = False) -> StoreFault | None:
         """Look for faults: at the end of the audit log, or with `whole` at every page and row.
@@ -387,7 +382,7 @@ class Store:
                 bytes=upload.stat().st_size, created_by=context.actor,
             )  # fmt: skip
             rename_durably(upload, upload.with_name(view.file), self._at)
-            insert_view(db, scan_id, view)
+            SCAN_VIEWS.insert(db, view, scan_id=scan_id)
             record_change(db, context, created_at, "view", f"{scan_id} {view.view}")
             return view
 

@@ -59,7 +59,7 @@ class RequestChecks:
     """Refuses bodies over the limit, other hosts and other origins; counts every answer."""
 
     def __init__(self, app: ASGIApp, server: ServerSettings, metrics: Metrics) -> None:
-        self._app, self._cloud_limit, self._metrics = app, server.body_limit_bytes, metrics
+        self._app, self._cloud_limit, self._metrics = app, int(server.body_limit_mb * 1_000_000), metrics
         own = ("localhost", socket.gethostname(), socket.getfqdn(), server.host, *server.allowed_hosts)
         self._hosts = frozenset(name.lower() for name in own)
 

@@ -27,6 +27,7 @@ from daemon.application import Application
 from daemon.errors import DaemonError
 from daemon.model.requests import SetupRequest, SupportBundleRequest
 from daemon.store.audit_log import check_audit_log
+from daemon.store.database import DATABASE_NAME
 from daemon.tools.support_bundle.bundle import about_software, gather_in_daemon, redact_values
 from drivers.errors import DeviceError
 
@@ -68,7 +69,7 @@ async def audit_verified(app: App) -> Response:
     """Whether the audit log is whole, by a look at each of its rows, as `handeyed audit verify` takes."""
     rows = await app.store.audit.rows(1, None)
     checked_at = app.clock.timestamp()
-    count, flaws = await app.service_workers.run_if_free(check_audit_log, app.store.database_path, [])
+    count, flaws = await app.service_workers.run_if_free(check_audit_log, app.store.folder / DATABASE_NAME, [])
     return Response(
         AuditVerifiedDocument(
             whole=not flaws,

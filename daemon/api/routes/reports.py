@@ -22,7 +22,7 @@ from daemon.api.routes.cell import PICTURES
 from daemon.api.routes.scans import calibration_of_scan
 from daemon.application import Application
 from daemon.errors import NotFound
-from daemon.reports.context import DeviationMap, Picture, ReportContext, context_of, session_sha256, shown_field
+from daemon.reports.context import DeviationMap, Picture, ReportContext, session_sha256, shown_field
 from daemon.reports.errors import ReportTooSlow
 from daemon.reports.pages import policy_of
 from daemon.reports.pdf import Attached, write_pdf
@@ -63,7 +63,8 @@ class Reader:
 
     def context(self, **known: Any) -> ReportContext:
         """The report's context, with what is `known` beyond settings and language."""
-        return replace(context_of(self.app.settings, self.language), **known)
+        settings = self.app.settings
+        return ReportContext(self.language, settings.report, settings.robot.model_name, settings.target, **known)
 
     async def answer(self, report: Callable[[], str], form: str | None, attached: Attached | None = None) -> Response:
         """HTML, or PDF where it is asked for. Both are written in a worker, the PDF one at a time a thread.
