@@ -84,13 +84,10 @@ def build(
     interlocks = settings.interlocks.open() if settings.interlocks else None
     devices = open_devices(settings, clock)
     exposure = open_exposure_control(settings, devices.camera, workers, clock)
-    world_T_base = settings.robot.world_T_base
-    robot = settings.robot
-    valid_s = 60 * robot.temperature_minutes
+    robot, valid_s = settings.robot, 60 * settings.robot.temperature_minutes
     arm = ArmInCell(robot.external_axis, robot.carried, valid_s, clock.monotonic_s, settings.reach_mm)
     cell = Cell(
-        devices, settings.robot.settling, clock, interlocks, at, events.publish, exposure, world_T_base,
-        arm,
+        devices, robot.settling, clock, interlocks, at, events.publish, exposure, robot.world_T_base, arm
     )  # fmt: skip
     update_hold = UpdateHold(clock, systemd.hold_file)
     supervisor = Supervisor(cell, store, events, clock, new_id, lambda: update_hold.reason)
@@ -106,7 +103,7 @@ def build(
         arm,
         lambda: supervisor.in_progress is not None,
     )
-    rules = MotionRules.of(settings.robot)
+    rules = MotionRules.of(robot)
     operations = Operations(
         settings, cell, store, supervisor, workers, scans, rules, clock, service_workers, merge_workers
     )
@@ -142,9 +139,8 @@ def build(
     every_s = 3600 * settings.drift.every_h
     schedules = [DriftSchedule(camera.operations, clock, every_s) for camera in cameras.cameras]
     plc = PlcSwitch(settings.plc, _plc(cameras, clock))
-    warning_sources: tuple[WarningSource, ...]
     late = LateAddresses(lambda: _listens_at(application.settings))
-    warning_sources = (
+    warning_sources: tuple[WarningSource, ...] = (
         cell.safe_stop, monitor, webhooks, retention, update_hold, late, key_expiry, ends, *drifts, *schedules
     )  # fmt: skip
 

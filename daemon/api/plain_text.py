@@ -90,7 +90,6 @@ def _row(name: str, cells: list[str]) -> str:
 
 
 def status_text(status: CalibrateStatus, base_url: str) -> str:
-    """GET /calibrate."""
     lines = []
     if status.current is not None and status.applied is not None:
         lines.append(f"calibration {status.current.id} is active since {status.applied.applied_at}"
@@ -113,7 +112,6 @@ def status_text(status: CalibrateStatus, base_url: str) -> str:
 
 
 def current_text(current: CurrentCalibration) -> str:
-    """GET /calibrations/current."""
     title = (
         f"calibration {current.calibration.id}, applied {current.applied.applied_at} by {current.applied.applied_by}"
     )
@@ -121,7 +119,6 @@ def current_text(current: CurrentCalibration) -> str:
 
 
 def ready_text(ready: ReadyDocument) -> str:
-    """GET /ready."""
     lines = []
     for name, what in (("calibrate", ready.calibrate), ("register", ready.register_)):
         lines.append(f"{name}: {'ready' if what.ready else 'not ready'}")
@@ -142,7 +139,6 @@ def change_text(change: DriftChangeDocument) -> str:
 
 
 def drift_text(chart: DriftDocument) -> str:
-    """GET /drift."""
     about = f" of calibration {chart.calibration_id}" if chart.calibration_id else ""
     lines = [f"drift: {chart.standing}{about}, {chart.verifications} verifications"]
     if chart.alarm is not None:
@@ -171,7 +167,6 @@ def drift_text(chart: DriftDocument) -> str:
 
 
 def robot_text(robot: RobotDocument) -> str:
-    """GET /robot."""
     axes = ["none" if value is None else f"{value:.3f}" for value in robot.external_axes or ()]
     pose = robot.base_T_flange
     x, y, z = pose.translation_mm

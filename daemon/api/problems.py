@@ -83,11 +83,6 @@ def problem_responses(*statuses: int) -> dict[int | str, dict[str, Any]]:
     }
 
 
-def status_of(error: Exception) -> int:
-    """The status of an error; 500 when it is not in the table."""
-    return status_of_kind(type(error))
-
-
 def status_of_kind(error: type[Exception]) -> int:
     """The status of a class of errors: its own `status`, as an extension's errors have; else that of the table, 500
     when neither it nor a base class is there."""
@@ -96,7 +91,7 @@ def status_of_kind(error: type[Exception]) -> int:
 
 
 def problem_of(error: Exception) -> Problem:
-    status = status_of(error)
+    status = status_of_kind(type(error))
     code, what, fix = _words(error)
     problems = getattr(error, "problems", None)
     reasons = getattr(error, "reasons", None)

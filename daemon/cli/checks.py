@@ -44,8 +44,6 @@ from drivers.serial_errors import SERIAL_ERRORS, reason_of
 from handeyed.client import Client
 from handeyed.errors import ClientError, NoDaemon, Refused
 
-# The check through the daemon that holds the cell: whether it runs with this file, and what it says of its devices.
-#
 # A device that a daemon holds is never opened: an ABB controller would refuse, a camera be taken from the run.
 
 MAX_ANSWER_S = 20.0

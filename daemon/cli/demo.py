@@ -25,6 +25,9 @@ def demo(
     as_json: Json = False,
 ) -> None:
     """Calibrate and register against a mock ABB cell over real sockets; print the truth beside the answer."""
+    import os
+    import webbrowser
+
     from daemon.cli.demo_run.processes import exit_on_signals, start_child
     from daemon.cli.demo_run.progress import ProgressPrinter
     from daemon.cli.demo_run.report import next_steps, report, report_json
@@ -55,18 +58,9 @@ def demo(
                 typer.echo(report_json(found))
             printer.line(next_steps(url if keep else None, folder / VIEW_FILE))
             if keep:
-                if open_page:
-                    _open_in_browser(f"{url}/page/")
+                if open_page and (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
+                    webbrowser.open(f"{url}/page/")  # elsewhere it would be one of the terminal's
                 _wait_for_interrupt([cell, daemon])
-
-
-def _open_in_browser(address: str) -> None:
-    """Open the address where there is a desktop; elsewhere the browser would be one of the terminal's."""
-    import os
-    import webbrowser
-
-    if os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"):
-        webbrowser.open(address)
 
 
 def _wait_for_interrupt(children: "list[ChildProcess]") -> None:

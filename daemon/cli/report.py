@@ -45,7 +45,6 @@ def _from_files(path: Path, pdf: bool, settings: Path | None, language: ReportLa
     from hashlib import sha256
 
     from daemon.cli.compare import read_calibration
-    from daemon.config.settings import load_settings
     from daemon.reports.context import ReportContext
     from daemon.reports.pdf import Attached, write_pdf
     from daemon.reports.reports import calibration_report
@@ -54,6 +53,8 @@ def _from_files(path: Path, pdf: bool, settings: Path | None, language: ReportLa
     content = document.model_dump_json().encode()
     context = replace(context, language=language, document_sha256=sha256(content).hexdigest())
     if settings is not None:
+        from daemon.config.settings import load_settings  # its devices are on Linux only
+
         loaded = load_settings(settings)
         context = replace(
             context, names=loaded.report, robot_model=loaded.robot.model_name, target=context.target or loaded.target

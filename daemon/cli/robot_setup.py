@@ -165,9 +165,6 @@ async def _remove(where: "RwsAddress", record: "SetupRecord") -> "tuple[list[Out
         return await remove(controller, record), {1: 6, 2: 7}[controller.version]
 
 
-# --- what is shown ---
-
-
 def _show(
     document: dict[str, Any], survey: "ControllerSurvey", found: "Iterable[Finding]", plan: "SetupPlan", wish: _Wish
 ) -> None:
@@ -213,9 +210,6 @@ def _document(
         "plan": {"write": plan.writes, "replace": plan.replaced, "load": plan.load, "set": plan.symbols},
         "by_hand": plan.by_hand,
     }
-
-
-# --- files and arguments ---
 
 
 def rws_address(address: str) -> "RwsAddress":

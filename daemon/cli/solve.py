@@ -218,6 +218,7 @@ def solve_session(
     from calibration.likelihood.mapped_points import at_points
     from calibration.planning.what_if import PlanComparison
     from calibration.solve import poses_at_zero, solve_hand_eye
+    from calibration.targets import orientation_advice
     from calibration.verdict import judge
     from daemon.sessions.session_reader import find_repeated_poses, load_problem, open_session
 
@@ -232,7 +233,10 @@ def solve_session(
         problem = load_problem(session, progress)
     if problem.in_space and method != "auto":
         raise UnreadableInput("--method", *FOR_IMAGES)
-    for line in (*find_repeated_poses(session.document), *symmetry_lines(problem), *missing_target_lines(problem)):
+    lines = [*map(str, find_repeated_poses(session.document))]
+    if (advice := orientation_advice(problem.target)) is not None:
+        lines.append(f"target: it looks the same turned by 180 deg: {advice}")
+    for line in (*lines, *missing_target_lines(problem)):
         print_error(f"{session.file}: {line}")
     limits, points = required
     first = solve_hand_eye(problem, method=method)
@@ -259,14 +263,6 @@ def _solve_points(document: "SessionDocument", origin: str, required: "Requireme
     except UndeterminedError as why:
         raise DocumentError.one(origin, "views", why.what, why.fix) from None
     return new_calibration(solution, judge_point_pairs(solution, limits))
-
-
-def symmetry_lines(problem: "Problem") -> list[str]:
-    """A warning, when the target looks the same turned by 180 degrees."""
-    from calibration.targets import orientation_advice
-
-    advice = orientation_advice(problem.target)
-    return [] if advice is None else [f"target: it looks the same turned by 180 deg: {advice}"]
 
 
 def missing_target_lines(problem: "Problem") -> list[str]:

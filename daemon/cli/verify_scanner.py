@@ -36,21 +36,20 @@ def verify_scanner(
     Exit status: 0 evaluated and within --limit-mm, 3 beyond it, 2 unreadable input or not the sphere.
     """
     from daemon.model.requests import ArtefactRequest
+    from daemon.scans.scanner_acceptance import assess_clouds
+    from registration.scan import read_scan
 
     require_finite(radius_mm=radius_mm, spacing_mm=spacing_mm, limit_mm=limit_mm)
     artefact = ArtefactRequest(radius_mm=radius_mm, spacing_mm=spacing_mm)
-    found = _of_folder(Path(scan), artefact) if url is None else _of_daemon(url, scan, artefact)
+    if url is None:
+        clouds = [(view.path, view.unit) for view in read_scan(Path(scan))]
+        found = assess_clouds(Path(scan).resolve().name, clouds, artefact)
+    else:
+        found = _of_daemon(url, scan, artefact)
     typer.echo(found.model_dump_json() if json else _text(found))
     errors = (found.probing_form_mm, found.probing_size_mm, found.sphere_spacing_mm or 0.0)
     within = limit_mm is None or max(abs(error) for error in errors) <= limit_mm
     raise typer.Exit(ExitStatus.OK if within else ExitStatus.NOT_ACCEPTED)
-
-
-def _of_folder(folder: Path, artefact: "ArtefactRequest") -> "AcceptanceDocument":
-    from daemon.scans.scanner_acceptance import assess_clouds
-    from registration.scan import read_scan
-
-    return assess_clouds(folder.resolve().name, [(view.path, view.unit) for view in read_scan(folder)], artefact)
 
 
 def _of_daemon(url: str, scan_id: str, artefact: "ArtefactRequest") -> "AcceptanceDocument":

@@ -198,8 +198,6 @@ class PlcGateway:
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)
 
-    # commands of the PLC
-
     async def _carry_out(self, start: StartCommand) -> None:
         """Start the run, follow it and report its result. The PLC gets an answer in every case."""
         name = f"plc-{start.command.name.lower()}-{self._state.acquisition_id + 1}"
@@ -286,8 +284,6 @@ class PlcGateway:
         if number != UNKNOWN:
             return number
         return next((number_of(code) for family, code in FALLBACK_CODES if isinstance(error, family)), UNKNOWN)
-
-    # status for the PLC
 
     async def _send_beats(self) -> None:
         while True:

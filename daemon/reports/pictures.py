@@ -84,15 +84,12 @@ def _data(kind: str, content: bytes) -> str:
 
 def cloud_pictures(points_mm: NDArray[np.float32]) -> tuple[Picture, ...]:
     """Points (n, 3) in the base from three sides, the nearer the lighter, the same scale in each."""
-    if len(points_mm) == 0:
-        return ()
-    return tuple(_side(points_mm, side) for side in SIDES)
-
-
-def _side(points_mm: NDArray[np.float32], side: str) -> Picture:
-    image, width_mm = draw_cloud(points_mm, side, CLOUD_PX)
-    _, content = cv2.imencode(".png", image)
-    return Picture(_data("png", content.tobytes()), CLOUD_PX, CLOUD_PX, f"scan.{side}", {"width_mm": width_mm})
+    found = []
+    for side in SIDES if len(points_mm) else ():
+        image, width_mm = draw_cloud(points_mm, side, CLOUD_PX)
+        data = _data("png", cv2.imencode(".png", image)[1].tobytes())
+        found.append(Picture(data, CLOUD_PX, CLOUD_PX, f"scan.{side}", {"width_mm": width_mm}))
+    return tuple(found)
 
 
 def draw_cloud(points_mm: NDArray[np.float32], side: str, px: int) -> tuple[Levels, float]:

@@ -5,7 +5,7 @@ Contents of the calibration report as ISO/IEC 17025:2017, 7.8.2 and 7.8.4; U = k
 
 import math
 from collections import defaultdict
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -44,7 +44,7 @@ ALARMING = ("drifting", "out-of-tolerance")
 
 
 def calibration_report(document: CalibrationDocument, context: ReportContext) -> str:
-    x, sure = document.mount_T_camera, document.uncertainty
+    x, sure, noise = document.mount_T_camera, document.uncertainty, document.noise
     x_name, target_name = TRANSFORM_NAMES[document.setup]
     expanded_mm, tolerance_mm = document.accuracy.expanded_mm, document.accuracy.tolerance_mm
     limit = text_of("calibration.tolerance", {"tolerance_mm": tolerance_mm or 0.0}, language_of(context.language))
@@ -64,7 +64,12 @@ def calibration_report(document: CalibrationDocument, context: ReportContext) ->
         points=sorted(sure.points, key=lambda point: -point.expanded_mm)[:SHOWN_POINTS] if sure else [],
         scale=None if expanded_mm is None or tolerance_mm is None else limit_scale(expanded_mm, tolerance_mm, limit),
         bars=bar_chart(bars, "mm") if bars else None,
-        sources=[*noise_sources(document)], scale_percent=scale_percent(document), budget=budget_at_worst(sure),
+        sources=[
+            ("budget.corners", noise.image_px, "px"),
+            ("budget.robot-position", noise.robot_translation_mm, "mm"),
+            ("budget.robot-orientation", noise.robot_rotation_deg, "\u00b0"),
+        ],
+        scale_percent=scale_percent(document), budget=budget_at_worst(sure),
         maps=_arm_maps(context.arm_field), arm_places=BOX_STEPS**3,
         verified=None if context.verification is None else _verified(context.verification), **_drift(context.drift),
     )  # fmt: skip
@@ -220,14 +225,6 @@ def point_variances(covariance: Array, point: PointUncertaintyDocument) -> dict[
         "budget.shift": variance(shift),
         "budget.both": variance(covariance - turn - shift),
     }
-
-
-def noise_sources(document: CalibrationDocument) -> Iterator[tuple[str, float | None, str]]:
-    """Sources of type A by their word, one standard deviation with its unit."""
-    noise = document.noise
-    yield "budget.corners", noise.image_px, "px"
-    yield "budget.robot-position", noise.robot_translation_mm, "mm"
-    yield "budget.robot-orientation", noise.robot_rotation_deg, "\u00b0"
 
 
 def scale_percent(document: CalibrationDocument) -> float | None:

@@ -207,16 +207,13 @@ class AdaptiveSequence:
             run.station, self.log.timestamp(), found.now_mm, found.planned_mm, found.planned_views
         )
         note = self.parameters.assumed if found.reach is None else str(found.reach.sentence())
-        self._progress.planning = replace(planning, planned_poses=await self._planned_poses(found), note=note)
-        await self.log.advance(event, planning=self._progress.planning, stations=self._progress.stations)
-
-    async def _planned_poses(self, found: NextView) -> tuple[PlannedPoseDocument, ...]:
-        """The planned poses with the joints at them, for drawing."""
         rules = self.parameters.rules
-        if found.planned is None:
-            return ()
-        joints = await self.cell.robot.read_joints() if rules.arm else None
-        return await self.workers.run(_with_joints, rules, found.planned, joints)
+        poses: tuple[PlannedPoseDocument, ...] = ()
+        if found.planned is not None:
+            joints = await self.cell.robot.read_joints() if rules.arm else None
+            poses = await self.workers.run(_with_joints, rules, found.planned, joints)
+        self._progress.planning = replace(planning, planned_poses=poses, note=note)
+        await self.log.advance(event, planning=self._progress.planning, stations=self._progress.stations)
 
 
 def _plan_from_there(

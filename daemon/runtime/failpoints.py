@@ -12,8 +12,7 @@ class Failpoints(Protocol):
 class NoFailpoints:
     """The product's implementation."""
 
-    def reach(self, place: str) -> None:
-        """Does nothing."""
+    def reach(self, place: str) -> None: ...
 
 
 NO_FAILPOINTS = NoFailpoints()

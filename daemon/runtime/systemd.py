@@ -155,23 +155,19 @@ class Systemd:
             return
         report = HangReport(HANG_SHARE * self.watchdog_s, print_error_line)
         report.start()
+        warned = False
         try:
-            await self._feed(work_is_alive, report)
+            while True:
+                alive = await _answers(work_is_alive, self.watchdog_s / 3)
+                if alive:
+                    report.note()
+                    self.notify("WATCHDOG=1")
+                elif not warned:
+                    log.error("the work hangs: the watchdog is not fed")
+                warned = not alive
+                await asyncio.sleep(self.watchdog_s / 3)
         finally:
             report.stop()
-
-    async def _feed(self, work_is_alive: Callable[[], Awaitable[bool]], report: HangReport) -> None:
-        assert self.watchdog_s is not None
-        warned = False
-        while True:
-            alive = await _answers(work_is_alive, self.watchdog_s / 3)
-            if alive:
-                report.note()
-                self.notify("WATCHDOG=1")
-            elif not warned:
-                log.error("the work hangs: the watchdog is not fed")
-            warned = not alive
-            await asyncio.sleep(self.watchdog_s / 3)
 
 
 async def _answers(work_is_alive: Callable[[], Awaitable[bool]], limit_s: float) -> bool:

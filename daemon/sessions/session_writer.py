@@ -95,11 +95,6 @@ class SessionWriter:
         """
         view, sharpness = await self._workers.run(_detect_view, self.folder, self._document, index, self._target_seen)
         self._target_seen = self._target_seen or view.detection is not None
-        await self._keep_detection(view, sharpness)
-        return view
-
-    async def _keep_detection(self, view: View, sharpness: float) -> None:
-        """Write detections.json with this view."""
         seen, missing = view.detection, view.missing
         corners = [] if seen is None else zip(seen.ids.tolist(), seen.corners_px.round(3).tolist(), strict=True)
         self._detections = self._detections.with_view(self._taken[view.index].model_copy(update={
@@ -108,6 +103,7 @@ class SessionWriter:
             "sharpness": round(sharpness, 4),
         }))  # fmt: skip
         await self._store.write_file(self.folder / DETECTIONS_FILE, [self._detections.model_dump_json().encode()])
+        return view
 
     def problem(self, views: list[View]) -> Problem:
         """The solver's Problem, exactly as the folder describes it."""

@@ -119,11 +119,7 @@ class Database:
         return self._now(lambda: self._transaction(change))
 
     def _now(self, work: Callable[[], Answer]) -> Answer:
-        def guarded() -> Answer:
-            with storage_errors(self.path):
-                return work()
-
-        return self.thread.submit(guarded).result()
+        return self.thread.submit(_run, work, self.path).result()
 
     def _transaction(self, change: Callable[[sqlite3.Connection], Answer]) -> Answer:
         self.guard()
@@ -136,11 +132,12 @@ class Database:
         return answer
 
     async def _in_thread(self, work: Callable[[], Answer], place: Path | None = None) -> Answer:
-        def run_work() -> Answer:
-            with storage_errors(place or self.path):
-                return work()
+        return await asyncio.get_running_loop().run_in_executor(self.thread, _run, work, place or self.path)
 
-        return await asyncio.get_running_loop().run_in_executor(self.thread, run_work)
+
+def _run(work: Callable[[], Answer], place: Path) -> Answer:
+    with storage_errors(place):
+        return work()
 
 
 def _connect_read_only(path: Path) -> sqlite3.Connection:

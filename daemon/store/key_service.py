@@ -2,8 +2,9 @@
 
 import secrets
 from dataclasses import dataclass, field
-from datetime import UTC, datetime, timedelta
+from datetime import UTC
 
+from daemon.access.browser_sessions import timestamp_of
 from daemon.access.errors import SetupRefused
 from daemon.access.keys import KeyRecord, RandomHex, new_key
 from daemon.access.roles import Role
@@ -69,7 +70,4 @@ class KeyService:
         return await self.add(name, Role.ADMIN, AuditContext(peer, "set-up code"), only_first=True)
 
     def _in_days(self, days: float | None) -> str | None:
-        if days is None:
-            return None
-        end: datetime = self.clock.utc_now().astimezone(UTC) + timedelta(days=days)
-        return end.isoformat(timespec="milliseconds").replace("+00:00", "Z")
+        return None if days is None else timestamp_of(self.clock.utc_now().astimezone(UTC), 86_400 * days)

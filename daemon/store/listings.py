@@ -26,8 +26,6 @@ from daemon.model.records import (
 from daemon.store.damaged_rows import DamagedRow, parse_each
 from daemon.store.database import Database
 
-# Filters of the lists of runs, calibrations and scans, as conditions of their queries.
-
 CONDITIONS: dict[str, str] = {
     "kind": "kind = ?",
     "state": "state = ?",
@@ -36,7 +34,7 @@ CONDITIONS: dict[str, str] = {
     "accepted": "accepted = ?",
     "name": "instr(lower(name), lower(?)) > 0",
 }
-"""By the name of the query parameter. Times are compared as text: ISO 8601 in UTC sorts by time."""
+"""Of queries, by the name of the parameter. Times are compared as text: ISO 8601 in UTC sorts by time."""
 
 
 @dataclass(frozen=True)

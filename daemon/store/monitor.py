@@ -9,6 +9,7 @@ from collections.abc import Awaitable, Callable, Iterable
 from contextlib import suppress
 from dataclasses import dataclass, field
 from datetime import datetime
+from functools import partial
 
 from calibration.sentences.sentence import Sentence
 from daemon.access.keys import KeyRecord
@@ -47,7 +48,7 @@ class StoreMonitor:
         self._tasks = (
             asyncio.create_task(_repeat(self.anchor, ANCHOR_S, ANCHOR_S)),
             asyncio.create_task(_repeat(self.check, CHECK_S, CHECK_S)),
-            asyncio.create_task(_repeat(self.check_whole, CHECK_S, WHOLE_CHECK_S)),
+            asyncio.create_task(_repeat(partial(self.check, whole=True), CHECK_S, WHOLE_CHECK_S)),
         )
 
     async def stop(self) -> None:
@@ -61,13 +62,9 @@ class StoreMonitor:
         except StorageInconsistent:
             await self.check()
 
-    async def check(self) -> None:
-        """Compare the files and the anchor with what is open. Raises StorageError."""
-        self._report(await self.store.check())
-
-    async def check_whole(self) -> None:
-        """Read every page and every row of the audit log. Raises StorageError."""
-        self._report(await self.store.check(whole=True))
+    async def check(self, *, whole: bool = False) -> None:
+        """As `Store.check`, and report what it finds. Raises StorageError."""
+        self._report(await self.store.check(whole=whole))
 
     def warnings(self) -> list[str]:
         """The fault and what to do about it, for GET /ready."""
@@ -75,7 +72,6 @@ class StoreMonitor:
         return [] if fault is None else [f"{fault.what}: {fault.fix}"]
 
     def families(self) -> Iterable[Metric]:
-        """The families of GET /metrics."""
         sound = float(self.store.fault is None)
         return [Metric("handeyed_store_sound", "gauge", "0 while the store is damaged, cut off, moved or replaced.",
                        {(): sound})]  # fmt: skip

@@ -64,7 +64,7 @@ def tag_of(sequence: int) -> str:
 
 
 def parse_if_match(if_match: str | None) -> Sequence[int] | None:
-    """The sequence numbers that If-Match allows, none for a weak tag; None for any. Raises InvalidRequest."""
+    """The sequence numbers that If-Match allows, no unknown or weak tag's; None: any. Raises InvalidRequest."""
     if if_match is None:
         return None
     if if_match.strip() == "*":

@@ -59,10 +59,6 @@ async def ready(request: Request, app: App, camera: CameraName = None, scanner: 
 )
 async def metrics(app: App) -> Response:
     """Metrics in Prometheus' text format."""
-    return Response(exposition(await _families(app)), media_type="text/plain; version=0.0.4; charset=utf-8")
-
-
-async def _families(app: Application) -> list[Metric]:
     connected: dict[Labels, float] = {
         (("device", name),): float(device.link.connected) for name, device in app.cell.links().items()
     }
@@ -79,7 +75,8 @@ async def _families(app: Application) -> list[Metric]:
         *app.metrics.families(),
         *merged(family for source in app.metric_sources for family in source.families()),
     ]  # fmt: skip
-    return [*families, *await _accuracies(app)]
+    text = exposition([*families, *await _accuracies(app)])
+    return Response(text, media_type="text/plain; version=0.0.4; charset=utf-8")
 
 
 ACCURACY_GAUGES = {

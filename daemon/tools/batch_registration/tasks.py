@@ -56,14 +56,6 @@ class ManifestDocument(Document):
     """What was written beside it."""
 
 
-def hash_of_inputs(folder: Path, names: list[str], about: bytes) -> str:
-    """SHA-256 over `about` and the names and contents of the files."""
-    whole = hashlib.sha256(about)
-    for name in names:
-        whole.update(f"\n{name}\n{file_hash(folder / name)}".encode())
-    return whole.hexdigest()
-
-
 def file_hash(path: Path) -> str:
     """The SHA-256 of a file's content, hexadecimal."""
     with open_regular(path) as file:
@@ -97,12 +89,6 @@ class RegistrationTask:
         """The inputs beside the clouds, as bytes for the hash."""
         further = [one for one in (self.arm, self.force) if one]
         return json.dumps([self.calibration, self.refine, self.voxel_mm, *further]).encode()
-
-    def calibration_in_use(self) -> CalibrationInUse:
-        """Raises DocumentError, GeometryError."""
-        calibration = parse_document(CalibrationDocument, self.calibration.encode(), "calibration")
-        arm = None if self.arm is None else parse_document(ArmErrorsDocument, self.arm.encode(), "arm")
-        return CalibrationInUse.of(calibration, arm)
 
 
 class OutcomeDocument(Document):
@@ -138,7 +124,9 @@ def outcome_of_failure(scan: str, what: str) -> OutcomeDocument:
 
 def _register_scan(task: RegistrationTask) -> OutcomeDocument:
     source, target = RemoteFolder(task.source).child(task.scan), RemoteFolder(task.target).child(task.scan)
-    given = task.calibration_in_use()
+    calibration = parse_document(CalibrationDocument, task.calibration.encode(), "calibration")
+    arm = None if task.arm is None else parse_document(ArmErrorsDocument, task.arm.encode(), "arm")
+    given = CalibrationInUse.of(calibration, arm)
     content = source.read(SCAN)
     if content is None:
         raise ArchiveError(f"{source.url}/{SCAN} is gone", "start again")
@@ -151,7 +139,10 @@ def _register_scan(task: RegistrationTask) -> OutcomeDocument:
         for view in views:
             if not view.path.is_file():
                 raise FileNotFoundError(f"{task.scan}/{view.path.name} is missing")
-        inputs = hash_of_inputs(folder, names, task.about)
+        whole = hashlib.sha256(task.about)
+        for name in names:
+            whole.update(f"\n{name}\n{file_hash(folder / name)}".encode())
+        inputs = whole.hexdigest()
         done = _matching_manifest(target, inputs, given.document.id)
         if done is not None:
             return OutcomeDocument(scan=task.scan, state="unchanged", points=done.points, accepted=done.accepted)

@@ -118,7 +118,7 @@ def assemble_sweep(
     flange_T_profiler: Array,
     clock_offset_s: float = 0.0,
 ) -> Iterator[NDArray[np.float32]]:
-    """Points (k, 3) of a recorded sweep in base, mm, in blocks. Raises PathGap, MotionError, ProfileError."""
+    """Points (k, 3) in base, mm, of BLOCK_PROFILES at a time. Raises PathGap, MotionError, ProfileError."""
     RigidMotion.of(flange_T_profiler, "mm")
     for start in range(0, len(block), BLOCK_PROFILES):
         part = block[start : start + BLOCK_PROFILES]
