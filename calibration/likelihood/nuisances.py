@@ -53,6 +53,7 @@ class Nuisances:
     """`camera` as given or first estimated; `points_mm` (k, 3) the target's points with neither size nor shape.
 
     `shapes` (k, 3, s): what one unit of each shape adds to them. `prior`: of the unknowns from `first_known` on.
+    `shows_tangential`: tangential distortion is among them since images show it; a thin prism looks alike.
     """
 
     camera: CameraModel
@@ -60,6 +61,7 @@ class Nuisances:
     shapes: Array
     estimated: bool
     prior: PriorMixture
+    shows_tangential: bool = False
 
     @classmethod
     def of(
@@ -85,7 +87,7 @@ class Nuisances:
         distortion = () if estimated else (LENS_PX[knowledge.camera], *tangential)
         bow_mm = BOW_SHARE * _half_size_mm(nominal_mm)
         prior = prior_mixture(knowledge, bow_mm, distortion)
-        return cls(camera, nominal_mm, target_shapes(nominal_mm)[..., :SHAPES], estimated, prior)
+        return cls(camera, nominal_mm, target_shapes(nominal_mm)[..., :SHAPES], estimated, prior, shows_tangential)
 
     def with_bends(self) -> "Nuisances":
         """With bends in the plane among the shapes."""

@@ -51,9 +51,10 @@ def build_solution(
         # Of errors that all views share, for which the covariance is widened, nothing shows in views left out.
         covariance = covariance + (left_out.inflation - 1) * covariance_of(best.step.information)[:6, :6]
     distortion = prepared.nuisances.distortion  # of a given camera
-    if closed_form is None and distortion[1:] and best.differs(distortion[1:]) and best.differs(CENTRE):
+    shown = distortion[1:] if closed_form is None and prepared.nuisances.shows_tangential else ()
+    if shown and best.differs(shown) and best.differs(CENTRE):
         # A thin prism looks alike with another direction of the optical axis: as far as X moved it is uncertain.
-        covariance = covariance + np.outer(moved := best.shift_of_x(distortion[1:]), moved)
+        covariance = covariance + np.outer(moved := best.shift_of_x(shown), moved)
     lens_differs = any(part and best.differs(part) for part in (FOCAL, CENTRE, distortion))
     return Solution(
         setup=problem.setup,

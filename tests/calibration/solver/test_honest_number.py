@@ -117,6 +117,15 @@ def test_distortion_of_another_lens_is_found_from_three_views_on(described: list
     assert "distortion-off" in {finding.code for finding in solution.findings}
 
 
+def test_tangential_distortion_and_a_principal_point_that_are_both_off_leave_u_small() -> None:
+    """Where the description has radial distortion alone, calibrated so, both are off."""
+    wrong = Wrong(centre_px=8.0, tangential_px=1.5)
+    session = wrong_session(np.random.default_rng(7), 8, wrong, LOW, "eye-in-hand", "planned")
+    solution = estimate_hand_eye(session.problem)
+    assert error_over_u(session, solution) < 1.0
+    assert solution.uncertainty is not None and solution.uncertainty.worst_point.expanded_mm < 1.0
+
+
 def test_a_print_fitted_to_its_page_is_measured_by_the_robot_and_not_refused() -> None:
     session = wrong_session(np.random.default_rng(5), 5, FAULTS["size 0.98"], LOW, "eye-in-hand", "planned")
     solution = solve_hand_eye(session.problem)
