@@ -70,7 +70,7 @@ class Shown:
     tangential: bool
 
 
-def shown_deviations(
+def find_deviations(
     seen: Observations,
     camera: CameraModel,
     camera_T_target: Array,

@@ -3,7 +3,6 @@
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass
-from datetime import UTC, datetime
 from json import dumps
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -142,8 +141,7 @@ async def _setup(where: "RwsAddress", modules: Path, wish: _Wish) -> None:
             raise CommandError(where.address, "nothing was changed", "see what is MISSING above")
         if wish.dry_run or not plan.changes_anything:
             return
-        plain = re.sub(r"[^A-Za-z0-9_-]+", "-", survey.name).strip("-") or "controller"
-        name = f"handeyed-setup-{plain}-{datetime.now(UTC):%Y%m%d-%H%M%S}"
+        name = _backup_name(survey.name)
         if not (wish.yes or typer.confirm("Do it?", default=False, err=True)):
             raise CommandError(where.address, "nothing was changed", "consent to it, or give --yes")
         folder = wish.backup or Path(name)
@@ -163,6 +161,9 @@ async def _remove(where: "RwsAddress", record: "SetupRecord") -> "tuple[list[Out
 
     async with RwsAdministration(where) as controller:
         return await remove(controller, record), {1: 6, 2: 7}[controller.version]
+
+
+# --- what is shown ---
 
 
 def _show(
@@ -212,6 +213,9 @@ def _document(
     }
 
 
+# --- files and arguments ---
+
+
 def rws_address(address: str) -> "RwsAddress":
     """The address of Robot Web Services, also as http(s):// or a host alone. Raises AddressNotUnderstood."""
     from drivers.robots.abb.rws.address import RwsAddress
@@ -224,6 +228,13 @@ def _setting(text: str) -> tuple[str, str]:
     if not (name and equals and value):
         raise UnreadableInput(text, "this is no setting", "write NAME=VALUE")
     return name.strip(), value
+
+
+def _backup_name(name: str) -> str:
+    from datetime import UTC, datetime
+
+    plain = re.sub(r"[^A-Za-z0-9_-]+", "-", name).strip("-") or "controller"
+    return f"handeyed-setup-{plain}-{datetime.now(UTC):%Y%m%d-%H%M%S}"
 
 
 def _write_record(folder: Path, record: "SetupRecord") -> None:
