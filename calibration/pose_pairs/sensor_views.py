@@ -9,7 +9,7 @@ from calibration.errors import UndeterminedError
 from calibration.linear_algebra import scaled_inverse
 from calibration.observations.measured_poses import measured_views
 from calibration.observations.view_poses import refine_poses
-from calibration.pose_pairs.length_scale import LengthPrior
+from calibration.pose_pairs.length_scale import LengthPrior, require_units
 from calibration.pose_pairs.residuals import PosePairs, residuals_by_motion
 from calibration.pose_pairs.solve import fit_pose_pairs
 from calibration.preprocessing.prepare import PreparedSession
@@ -49,10 +49,11 @@ class SensorViews:
 def measured_sensor(name: str, problem: Problem) -> SensorViews:
     """The views of a session of points or poses that agree with each other.
 
-    Raises UndeterminedError where points are in another unit than the target.
+    Raises UndeterminedError where points or poses are in another unit than the target or the robot.
     """
     seen, _ = measured_views(problem)
     pairs = PosePairs(problem.setup, seen.base_T_flange, seen.camera_T_target, covariance=seen.covariance)
+    require_units(pairs)
     with suppress(UndeterminedError):  # views too few for an X of their own are determined beside another sensor
         pairs = pairs.take(fit_pose_pairs(pairs)[1])
     lengths = LengthPrior.about(seen, problem.knowledge)

@@ -21,7 +21,7 @@ from calibration.observations.reprojection import INTRINSICS, pixel_residuals
 from calibration.observations.view_poses import candidate_poses, poses_by_lens, refine_poses
 from calibration.preprocessing.corner_outliers import reject_corner_outliers
 from calibration.preprocessing.pose_ambiguity import resolve_pose_ambiguity
-from calibration.preprocessing.target_shape import ShapeFit, estimate_shape, find_deviations
+from calibration.preprocessing.target_shape import ShapeFit, Shown, estimate_shape, find_deviations
 from calibration.problem import Problem, Setup, anchor_T_mount_of
 from calibration.sentences.sentence import Sentence
 from calibration.transforms import Array
@@ -161,7 +161,11 @@ def prepare(problem: Problem) -> PreparedSession:
     read = resolve_pose_ambiguity(seen, anchor_T_mount, candidates, errors[kept], problem.target.points_mm)
     shapes, unknown = target_shapes(problem.target.points_mm), nuisances.free
     unsaid = not estimated and camera.lens_model == "pinhole" and len(nuisances.distortion) == 1
-    shown = find_deviations(read.seen, camera, read.camera_T_target, unknown, shapes, SHAPES, tangential=unsaid)
+    shown = Shown()
+    if (
+        estimated or abs(focal_step(read.seen, camera, read.camera_T_target)) < FAR
+    ):  # else by that lens, once it is found
+        shown = find_deviations(read.seen, camera, read.camera_T_target, unknown, shapes, SHAPES, tangential=unsaid)
     if shown.tangential:
         nuisances = Nuisances.of(
             camera, problem.target.points_mm, problem.knowledge, estimated=False, shows_tangential=True

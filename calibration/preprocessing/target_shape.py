@@ -65,9 +65,9 @@ class ShapeFit:
 class Shown:
     """What images show beyond what is unknown anyway: deviations of each point, bent lines, tangential distortion."""
 
-    points: bool
-    bends: bool
-    tangential: bool
+    points: bool = False
+    bends: bool = False
+    tangential: bool = False
 
 
 def find_deviations(
@@ -91,7 +91,7 @@ def find_deviations(
     """
     k, count = int(seen.ids.max(initial=0)) + 1, shapes.shape[-1]
     if k > MAX_POINTS:
-        return Shown(points=False, bends=False, tangential=False)
+        return Shown()
     rows = np.unique(np.linspace(0, len(seen) - 1, MAX_TEST_VIEWS).astype(np.intp))
     few, poses = seen.take(rows), camera_T_target[rows]
     lenses = (free, free | (tangential & np.isin(np.arange(len(free)), P1_P2)))
@@ -100,8 +100,9 @@ def find_deviations(
 
     def shows(left: float, least: float, unknowns: int) -> bool:
         """Whether so many more unknowns lower the sum of squares from `left` to `least` by more than noise does."""
-        ratio = (left - least) / unknowns / (least / whole.redundancy)
-        return bool(ratio > f_quantile(unknowns, whole.redundancy, SHOWN_BY_CHANCE))
+        freedom = whole.redundancy - count
+        ratio = (left - least) / unknowns / (least / max(freedom, 1.0))
+        return freedom >= 1 and bool(ratio > f_quantile(unknowns, freedom, SHOWN_BY_CHANCE))
 
     by_bends, by_lens = count - usual, len(P1_P2)
     bends, lens = shows(drawn[1], bent[1], by_bends), tangential and shows(bent[0], bent[1], by_lens)

@@ -173,6 +173,9 @@ def unknown_in(of_lens: Record, stated: list[float] | None, four: list[float]) -
     if lens is None and number_of(of_lens.get("k4")) and of_lens.keys().isdisjoint(("p1", "p2", "k5", "k6")):
         what = "k1 to k4 are a fisheye's, or with p1 and p2 a pinhole camera's"
         yield "distortion model", what, "add camera_model: fisheye or pinhole"
+    of_k, p1_p2 = _numbers(of_lens, [("k",)], COUNTS), _numbers(of_lens, [("p",), ("p1", "p2")], (2,), missing=0.0)
+    if p1_p2 and any(p1_p2) and "k1" not in of_lens and (of_k or 0 < len(stated or ()) <= 3):
+        yield "p1 and p2", "beside coefficients that do not hold them", "write distortion_coefficients"
     is_matrix = number_of(of_lens.get("k")) is not None or _numbers(of_lens, [("k",)], (9,)) is not None
     has_place = "t3" in of_lens or (stated is not None and "k1" not in of_lens)
     elsewhere = {"k": is_matrix, "kappa": "phi" in of_lens, "s1": has_place, "t1": has_place, "t2": has_place}

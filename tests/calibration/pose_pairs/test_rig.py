@@ -12,7 +12,7 @@ from calibration.problem import MeasuredPose, Measurement, Setup
 from calibration.solution import Solution
 from calibration.solve import solve_hand_eye, solve_rig
 from calibration.transforms import Array, difference, transform
-from tests.simulated.measured_sessions import tracker
+from tests.simulated.measured_sessions import Measure, tracker
 from tests.simulated.rigs import CAMERA_T_SCANNER, Rig, random_rig, squared_distance
 from tests.simulated.sessions import CellNoise
 
@@ -62,22 +62,32 @@ def test_the_errors_are_as_large_as_claimed(setup: Setup, camera_given: bool) ->
         assert squared_distance(true, solved.mount_T_sensor[number], solved.covariance_of(number)) < CHI2_999
 
 
-@pytest.mark.parametrize("longer", [1.005, 0.998])
-def test_lengths_of_a_sensor_in_space_are_not_taken_as_exact(longer: float) -> None:
-    """0.5 % of 600 mm are 3 mm, and were beside a U of 0.7 mm."""
+def long_tracker(factor: float) -> Measure:
+    """A tracker whose lengths are too long."""
 
     def measured(rng: np.random.Generator, sensor_T_target: Array) -> Measurement:
         found = tracker()(rng, sensor_T_target)
         assert isinstance(found, MeasuredPose)
         pose = found.camera_T_target.copy()
-        pose[:3, 3] *= longer
+        pose[:3, 3] *= factor
         return replace(found, camera_T_target=pose)
 
+    return measured
+
+
+@pytest.mark.parametrize("factor", [1.005, 0.998])
+def test_lengths_of_a_sensor_in_space_are_not_taken_as_exact(factor: float) -> None:
+    """0.5 % of 600 mm are 3 mm, and were beside a U of 0.7 mm."""
     for seed in range(500, 503):
-        rig = random_rig(seed, 8, CellNoise(), measure=measured)
+        rig = random_rig(seed, 8, CellNoise(), measure=long_tracker(factor))
         solved = solve_rig(rig.problems)
         true = rig.mount_T_camera @ CAMERA_T_SCANNER
         assert squared_distance(true, solved.mount_T_sensor[1], solved.covariance_of(1)) < CHI2_999
+
+
+def test_a_sensor_in_another_unit_is_refused() -> None:
+    with pytest.raises(UndeterminedError, match="in metres"):
+        solve_rig(random_rig(500, 8, CellNoise(), measure=long_tracker(1e-3)).problems)
 
 
 def test_one_view_of_the_scanner_gives_its_pose_beside_a_calibrated_camera(rig: Rig) -> None:

@@ -40,6 +40,11 @@ def test_names_of_the_matrix(name: str) -> None:
     assert (found.matrix, found.distortion) == (tuple(map(tuple, K)), tuple(D))
 
 
+def test_metrics_names_of_the_terms() -> None:
+    names = ["dist_k0", "dist_k1", "dist_px", "dist_py", "dist_k2"]
+    assert read({"camera_matrix": K, **dict(zip(names, D, strict=True))}).distortion[:5] == tuple(D)
+
+
 @pytest.mark.parametrize("name", DISTORTIONS.split())
 @pytest.mark.parametrize("matrix", ["camera_matrix", "K"])
 def test_names_of_the_distortion(name: str, matrix: str) -> None:
@@ -199,6 +204,9 @@ REFUSED = {
     "name with distortion in it": ({"K": K, "my_distortion_of_lens": D}, "mydistortionoflens: distortion that"),
     "as text": ({"K": K, "dist_co": "0.1, -0.2, 0, 0"}, "distco: distortion that is not read"),
     "k is no number": ({"camera_matrix": K, "k": [0.1, ".Nan", 0, 0]}, "k: distortion that is not read"),
+    **{f"{name} of {len(k)} beside {' and '.join(p)}": ({**FOUR, name: k, **p}, "p1 and p2: beside coefficients") for
+       name, k, p in (("k", [0.1, -0.2], {"p": [1e-3, 2e-3]}), ("d", [0.1, -0.2], {"p": [1e-3, 2e-3]}),
+                      ("k", [0.1, -0.2, 0.03, 0, 0, 0], {"p1": 1e-3, "p2": 2e-3}))},
     "tangential beside radial": ({**FOUR, "k1": 0.1, "k2": -0.2, "tangential": [0.001, 0.002]}, "tangential: dist"),
     "as text with names": ({"K": K, "dist": "k1=0.1 k2=-0.2"}, "dist: distortion that is not read"),
     "around the camera": ({"calib": {"K": K}, "dst": D}, "dst: distortion that is not read"),
