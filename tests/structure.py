@@ -19,8 +19,8 @@ ROOMS = (*CORE, "extensions", "gateways")
 
 MAX_UNITS = {"calibration": 24, "daemon": 23, "mock_robot": 14, "registration": 10}
 MAX_WEIGHTS = {
-    "lines of Python of the core": 95_379,
-    "lines of Python with the extensions": 98_814,
+    "lines of Python of the core": 95_378,
+    "lines of Python with the extensions": 98_813,
     "lines of Python of the gateways": 1_322,
     "files of the fullest folder": 43,
     "private functions used once": 681,

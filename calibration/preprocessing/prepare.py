@@ -161,10 +161,9 @@ def prepare(problem: Problem) -> PreparedSession:
     read = resolve_pose_ambiguity(seen, anchor_T_mount, candidates, errors[kept], problem.target.points_mm)
     shapes, unknown = target_shapes(problem.target.points_mm), nuisances.free
     unsaid = not estimated and camera.lens_model == "pinhole" and len(nuisances.distortion) == 1
+    is_far = not estimated and abs(focal_step(read.seen, camera, read.camera_T_target)) >= FAR
     shown = Shown()
-    if (
-        estimated or abs(focal_step(read.seen, camera, read.camera_T_target)) < FAR
-    ):  # else by that lens, once it is found
+    if not is_far:  # else they are those of the lens that `prepare_at_seen_lens` finds
         shown = find_deviations(read.seen, camera, read.camera_T_target, unknown, shapes, SHAPES, tangential=unsaid)
     if shown.tangential:
         nuisances = Nuisances.of(
