@@ -4,6 +4,7 @@ The matrix includes the scale of units, so metres become millimetres in the same
 memcpy when its destination exists and fits the cache; in place it would allocate.
 """
 
+import math
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -119,10 +120,10 @@ class BlockMover:
         self.points += len(block)
         moved = self._xyz.move(block, None if self.in_place else into)
         # A cheap sum shows whether there is anything to count; cv2's runs at memory speed without warnings.
-        if not np.isfinite(sum(cv2.sumElems(moved[None]))):
+        if not math.isfinite(sum(cv2.sumElems(moved[None]))):
             self.non_finite += int(len(moved) - np.count_nonzero(np.isfinite(moved).all(axis=1)))
         if self._xyz.whole_record:
-            return moved.view(self._layout.dtype)[:, 0]
+            return np.ndarray(len(moved), self._layout.dtype, moved)
         self._xyz.store(moved, block)
         if self._normals:
             self._normals.store(self._normals.move(block), block)
@@ -176,19 +177,21 @@ class _TripleMover:
         if len(self._target) < count:
             self._resize(count)
         source = self._source[:count]
-        target = self._target[:count] if into is None else into.view(self._kind).reshape(count, 3)
-        if self.whole_record and block.flags.aligned and block.flags.c_contiguous:
-            source = block.view(self._kind).reshape(count, 3)
-        elif self.whole_record:
-            source[:] = np.ascontiguousarray(block).view(self._kind).reshape(count, 3)
+        target = self._target[:count] if into is None else np.ndarray((count, 3), self._kind, into)
+        if self.whole_record:
+            numbers = np.ndarray((count, 3), self._kind, np.ascontiguousarray(block))
+            if numbers.flags.aligned:
+                source = numbers
+            else:
+                source[:] = numbers
         elif count:
             planes = self.planes(count)
             for plane, name in zip(planes, self._names, strict=True):
                 plane[0] = block[name]
             cv2.merge(planes, source[None])
         move_points(self._matrix, source, target)
-        if self._marks and (nothing := source[:, 2] == 0).any():
-            nothing &= ~source[:, :2].any(axis=1)
+        if self._marks and (source.reshape(-1) == 0).any():
+            nothing = ~source.any(axis=1)
             if np.count_nonzero(nothing) > 1:  # moved, they would lie where the scanner stands; one may be meant
                 target[nothing] = np.nan
         return target
