@@ -13,7 +13,7 @@ print, lens and arm are as described; low noise of the arm is 0.05 mm and 0.005 
 import argparse
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from itertools import product
+from itertools import chain, product
 
 import numpy as np
 
@@ -52,13 +52,19 @@ def third_over_ideal_and_before(seed: int, views: int, noise: CellNoise) -> tupl
 
 
 def rows(views: Sequence[int], chosen: Sequence[int], *, learning: bool) -> Iterator[str]:
-    """A line for each number of views and noise: median and 90 % of the ratios over the chosen seeds."""
+    """A line for each number of views and noise, then one for all: median and 90 % of the ratios of the seeds."""
+    every = []
     for count, (name, noise) in product(views, LEVELS.items()):
         found: list[Sequence[float]] = [[u_ratio(seed, count, noise) for seed in chosen]]
         if learning:
             found += zip(*(third_over_ideal_and_before(seed, count, noise) for seed in chosen), strict=True)
-        each = " ".join(f"{np.median(one):11.2f} {np.quantile(one, 0.9):6.2f}" for one in found)
-        yield f"{count:5d} {name:>6s} {each}"
+        every.append(found)
+        yield f"{count:5d} {name:>6s} {_quantiles(found)}"
+    yield f"{'all':>5s} {'':>6s} {_quantiles([[*chain.from_iterable(one)] for one in zip(*every, strict=True)])}"
+
+
+def _quantiles(columns: Sequence[Sequence[float]]) -> str:
+    return " ".join(f"{np.median(one):11.2f} {np.quantile(one, 0.9):6.2f}" for one in columns)
 
 
 def main() -> None:
