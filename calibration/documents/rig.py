@@ -1,6 +1,6 @@
 """rig.json: several cameras and scanners on one mount, solved together (mm, degrees, w first)."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from itertools import combinations
 from typing import TYPE_CHECKING, Literal
 
@@ -110,29 +110,16 @@ def rig_document(rig: "RigSolution", alone: Mapping[str, Solution], tolerance_mm
     sensors = tuple(_sensor(rig, number, seen[number], alone[one.name]) for number, one in enumerate(rig.sensors))
     relative = []
     for a, b in combinations(range(len(rig.sensors)), 2):
-        found = rig.relative(a, b)
-        relative.append(
-            RelativePoseDocument(
-                a=rig.sensors[a].name,
-                b=rig.sensors[b].name,
-                a_T_b=PoseDocument.of(found.a_T_b),
-                uncertainty=_uncertainty(found.covariance, seen[b]),
-            )
-        )
+        a_T_b, covariance = rig.relative(a, b)
+        names, uncertainty = {"a": rig.sensors[a].name, "b": rig.sensors[b].name}, _uncertainty(covariance, seen[b])
+        relative.append(RelativePoseDocument(**names, a_T_b=PoseDocument.of(a_T_b), uncertainty=uncertainty))
     findings = list(_findings(rig, sensors, relative, tolerance_mm))
     return RigDocument(
-        setup=rig.setup,
-        mount=MOUNTS[rig.setup],
-        sensors=sensors,
-        relative=tuple(relative),
-        anchor_T_target=PoseDocument.of(rig.anchor_T_target),
-        robot_rotation_deg=float(np.degrees(rig.robot[0])),
-        robot_translation_mm=rig.robot[1],
-        stations=rig.stations,
-        shared_stations=rig.shared,
-        tolerance_mm=tolerance_mm,
+        setup=rig.setup, mount=MOUNTS[rig.setup], sensors=sensors, relative=tuple(relative),
+        anchor_T_target=PoseDocument.of(rig.anchor_T_target), robot_rotation_deg=float(np.degrees(rig.robot[0])),
+        robot_translation_mm=rig.robot[1], stations=rig.stations, shared_stations=rig.shared, tolerance_mm=tolerance_mm,
         verdict=VerdictDocument(accepted=all(finding.severity != "error" for finding in findings), findings=findings),
-    )
+    )  # fmt: skip
 
 
 def _sensor(rig: "RigSolution", number: int, seen_mm: Array, alone: Solution) -> RigSensorDocument:
@@ -142,13 +129,11 @@ def _sensor(rig: "RigSolution", number: int, seen_mm: Array, alone: Solution) ->
         expanded = _expanded_mm(own, seen_mm)
         probability = rig.disagreement(number, alone.mount_T_camera, own)
     return RigSensorDocument(
-        name=rig.sensors[number].name,
-        views=len(rig.sensors[number].pairs),
+        name=rig.sensors[number].name, views=len(rig.sensors[number].pairs),
         mount_T_sensor=PoseDocument.of(rig.mount_T_sensor[number]),
         uncertainty=_uncertainty(rig.covariance_of(number), seen_mm),
-        alone_expanded_mm=expanded,
-        probability=probability,
-    )
+        alone_expanded_mm=expanded, probability=probability,
+    )  # fmt: skip
 
 
 def _expanded_mm(covariance: Array, points_mm: Array) -> float:
@@ -157,20 +142,16 @@ def _expanded_mm(covariance: Array, points_mm: Array) -> float:
 
 def _uncertainty(covariance: Array, points_mm: Array) -> RigUncertaintyDocument:
     sigmas = np.sqrt(np.diagonal(covariance))
-    return RigUncertaintyDocument.model_validate(
-        {
-            "translation_mm": sigmas[3:].tolist(),
-            "rotation_deg": np.degrees(sigmas[:3]).tolist(),
-            "expanded_mm": _expanded_mm(covariance, points_mm),
-            "covariance": covariance.tolist(),
-        }
-    )
+    return RigUncertaintyDocument.model_validate({
+        "translation_mm": sigmas[3:].tolist(), "rotation_deg": np.degrees(sigmas[:3]).tolist(),
+        "expanded_mm": _expanded_mm(covariance, points_mm), "covariance": covariance.tolist(),
+    })  # fmt: skip
 
 
 def _findings(
     rig: "RigSolution",
-    sensors: tuple[RigSensorDocument, ...],
-    relative: list[RelativePoseDocument],
+    sensors: Sequence[RigSensorDocument],
+    relative: Sequence[RelativePoseDocument],
     tolerance_mm: float,
 ) -> Iterable[FindingDocument]:
     poses = [(one.name, one.uncertainty) for one in sensors]
@@ -179,35 +160,27 @@ def _findings(
         if not uncertainty.expanded_mm <= tolerance_mm:
             what = f"{name}: a measured point is uncertain by U = {uncertainty.expanded_mm:.2g} mm (k = 2)"
             yield FindingDocument(
-                code="point-uncertain",
-                severity="error",
-                message=f"{what}; tolerance {tolerance_mm:g} mm",
+                code="point-uncertain", severity="error", message=f"{what}; tolerance {tolerance_mm:g} mm",
                 fix="add stations at which the sensors see the target, turned about several axes",
-            )
+            )  # fmt: skip
     for one in sensors:
         if one.probability is not None and one.probability < FALSE_ALARM_PROBABILITY:
             yield FindingDocument(
-                code="sensor-disagrees",
-                severity="error",
+                code="sensor-disagrees", severity="error",
                 message=f"{one.name} alone contradicts the joint solution (probability {one.probability:.1g})",
                 fix="check that the target stood still between the sessions, is described alike in both, and that the"
                 " sensors are fixed to each other",
-            )
+            )  # fmt: skip
     if rig.shared == 0:
         yield FindingDocument(
-            code="no-shared-station",
-            severity="warning",
+            code="no-shared-station", severity="warning",
             message="no two sensors saw the target at the same pose of the robot: its errors enter their relative pose",
             fix="take the pictures of all sensors before the arm moves on, and write the same base_T_flange into each",
-        )
+        )  # fmt: skip
 
 
-def rig_text(document: RigDocument) -> str:
-    """rig.json as plain text."""
-    return "\n".join(_lines(document))
-
-
-def _lines(document: RigDocument) -> Iterable[str]:
+def rig_lines(document: RigDocument) -> Iterable[str]:
+    """rig.json as lines of plain text."""
     word = "accepted" if document.verdict.accepted else "not accepted"
     yield f"{' + '.join(one.name for one in document.sensors)}  {word}"
     for one in document.sensors:

@@ -40,7 +40,7 @@ Stations = list[NDArray[np.intp]]
 """For each sensor the station (n,) of each of its views."""
 
 
-def find_stations(sensors: list[SensorViews]) -> Stations:
+def find_stations(sensors: Sequence[SensorViews]) -> Stations:
     """Stations numbered from 0. Views of two sensors belong to one when the robot's recorded pose is the same."""
     poses: list[Array] = []
     found: Stations = []
@@ -62,12 +62,6 @@ def _station(pose: Array, poses: list[Array]) -> int | None:
     return None
 
 
-def shared_stations(stations: Stations) -> int:
-    """Number of stations at which more than one sensor saw the target."""
-    _, times = np.unique(np.concatenate(stations), return_counts=True)
-    return int(np.count_nonzero(times > 1))
-
-
 MAX_SENSORS = 4
 ROUNDS = 4
 """Gauss-Newton steps from the closed form at usual levels of noise."""
@@ -77,14 +71,6 @@ ERRORS_BEYOND_KNOWN = (LevelPrior(float(np.radians(0.005))), LevelPrior(0.02))
 """Priors of a sensor's errors in rotation and in translation: of one whose covariance is not given, and beyond it."""
 
 ROBOT_PRIORS = tuple(LEVEL_PRIORS[name] for name in ("robot rotation", "robot translation", "arm"))
-
-
-@dataclass(frozen=True, eq=False)
-class RelativePose:
-    """a_T_b (4, 4) and the covariance (6, 6) [rotation rad, translation mm] of a_T_b @ exp(.), along b's axes."""
-
-    a_T_b: Array
-    covariance: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,8 +99,8 @@ class RigSolution:
         rows = slice(POSE * sensor, POSE * (sensor + 1))
         return self.covariance[rows, rows]
 
-    def relative(self, a: int, b: int) -> RelativePose:
-        """The pose of sensor b in sensor a.
+    def relative(self, a: int, b: int) -> tuple[Array, Array]:
+        """a_T_b (4, 4) of two sensors, and the covariance (6, 6) [rotation rad, translation mm] of a_T_b @ exp(.).
 
         X_a exp(u) and X_b exp(v) give exp(-u) a_T_b exp(v) = a_T_b exp(v - adjoint(b_T_a) u), to first order.
         """
@@ -122,7 +108,7 @@ class RigSolution:
         columns = np.zeros((POSE, len(self.covariance)))
         columns[:, POSE * b : POSE * (b + 1)] = np.eye(POSE)
         columns[:, POSE * a : POSE * (a + 1)] = -adjoint(inverse(a_T_b))
-        return RelativePose(a_T_b, columns @ self.covariance @ columns.T)
+        return a_T_b, columns @ self.covariance @ columns.T
 
     def disagreement(self, sensor: int, mount_T_sensor: Array, covariance: Array) -> float:
         """Probability that an X of this sensor alone, with its covariance (6, 6), is so far from the joint one."""
@@ -153,7 +139,7 @@ def solve_sensors(sensors: Sequence[SensorViews]) -> RigSolution:
     for sensor in sensors:
         if not len(sensor.pairs):
             raise GeometryError(f"{sensor.name} has not seen the target in any picture")
-    stations = find_stations(list(sensors))
+    stations = find_stations(sensors)
     mounts, target = _start(sensors)
     own = [UNKNOWN_ERRORS if each.pairs.covariance is None else ERRORS_BEYOND_KNOWN for each in sensors]
     prior = independent_prior([*ROBOT_PRIORS, *(level for both in own for level in both)])
@@ -167,17 +153,12 @@ def solve_sensors(sensors: Sequence[SensorViews]) -> RigSolution:
     mounts, target = _moved(mounts, target, step)
     levels = nodes.mean_levels()
     places = POSE * (len(sensors) + 1)
+    _, times = np.unique(np.concatenate(stations), return_counts=True)
     return RigSolution(
-        sensors[0].pairs.setup,
-        tuple(sensors),
-        mounts,
-        target,
-        covariance[:places, :places],
-        (float(levels[0]), float(levels[1])),
-        levels[len(ROBOT_PRIORS) :].reshape(-1, 2),
-        int(max(rows.max() for rows in stations)) + 1,
-        shared_stations(stations),
-    )
+        sensors[0].pairs.setup, tuple(sensors), mounts, target, covariance[:places, :places],
+        (float(levels[0]), float(levels[1])), levels[len(ROBOT_PRIORS) :].reshape(-1, 2),
+        len(times), int(np.count_nonzero(times > 1)),
+    )  # fmt: skip
 
 
 def _with_known_lengths(sensors: Sequence[SensorViews], step: Array, covariance: Array) -> tuple[Array, Array]:
@@ -233,18 +214,10 @@ def _linearise(sensors: Sequence[SensorViews], stations: Stations, mounts: Array
         floor[of, mine, mine] = at.floor
         for directions, source in zip(robot, robot_sources(at).values(), strict=True):
             directions[of, mine] = source
-        own += _own_sources(of, count, rows, POSE * number)
+        for start in (mine.start, mine.start + 3):  # its errors in rotation and in translation, of the target's origin
+            own.append(np.zeros((count, rows, 3)))
+            own[-1][of, start : start + 3] = np.eye(3)
     return _Linear(residuals, by_shared, floor, [*robot, *own])
-
-
-def _own_sources(of: NDArray[np.intp], count: int, rows: int, first: int) -> list[Array]:
-    """Directions (count, rows, 3) of one sensor's errors in rotation and in translation, of the target's origin."""
-    found = []
-    for start in (first, first + 3):
-        directions = np.zeros((count, rows, 3))
-        directions[of, start : start + 3] = np.eye(3)
-        found.append(directions)
-    return found
 
 
 def _known(sensors: Sequence[SensorViews]) -> Array:

@@ -4,6 +4,7 @@ from collections.abc import Awaitable, Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from fastapi import APIRouter
+from pydantic import BaseModel
 
 from daemon.api.schemas.drift import DriftTouchDocument
 from daemon.application import Application, BackgroundService
@@ -11,6 +12,13 @@ from daemon.application import Application, BackgroundService
 Rebuilt = tuple[int, dict[str, str], bytes]
 Rebuild = Callable[[Application, str], Awaitable[Rebuilt]]
 """The answer to a request that was carried out but not answered: status, headers, body; by the id of its effect."""
+
+
+def rebuilt_of(status: int, document: BaseModel, location: str) -> Rebuilt:
+    """The answer that is this document, with the address of what it is of."""
+    headers = {"content-type": "application/json", "location": location}
+    return status, headers, document.model_dump_json().encode()
+
 
 MakeService = Callable[[Application], BackgroundService]
 """Makes a background service, which starts after those of the core and stops before them."""

@@ -362,7 +362,7 @@ def solve_together(
 
     Raises CommandError, CalibrationError.
     """
-    from calibration.documents.rig import rig_document, rig_text
+    from calibration.documents.rig import rig_document, rig_lines
     from calibration.errors import GeometryError, UndeterminedError
     from calibration.solve import solve_rig
 
@@ -378,7 +378,7 @@ def solve_together(
     except GeometryError as error:
         raise UnreadableInput("--together", str(error), "check the sessions") from None
     document = rig_document(rig, {name: solution for name, (_, _, solution) in sessions.items()}, tolerance_mm)
-    typer.echo(document.model_dump_json() if json else rig_text(document))
+    typer.echo(document.model_dump_json() if json else "\n".join(rig_lines(document)))
     if out is not None:
         write_document(out / RIG_FILE, document)
     return document.verdict.accepted

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from daemon.api.extension import Extension, Rebuilt
+from daemon.api.extension import Extension, Rebuilt, rebuilt_of
 from daemon.api.schemas.answer import documents_of
 from daemon.api.schemas.drift import DriftTouchDocument
 from daemon.application import Application
@@ -15,9 +15,8 @@ from extensions.touch.touch_tests import StoredTouchTest
 
 
 async def _rebuild(app: Application, touch_id: str) -> Rebuilt:
-    stored = StoredTouch.of_record(await app.store.documents(TOUCH_TESTS).get(touch_id))
-    headers = {"content-type": "application/json", "location": f"/touches/{touch_id}"}
-    return 201, headers, stored.model_dump_json().encode()
+    stored = await app.store.documents(TOUCH_TESTS).get(touch_id)
+    return rebuilt_of(201, StoredTouch.of_record(stored), f"/touches/{touch_id}")
 
 
 def _chart(record: DocumentRecord) -> DriftTouchDocument:

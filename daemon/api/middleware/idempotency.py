@@ -12,13 +12,13 @@ import re
 from dataclasses import replace
 from urllib.parse import parse_qsl, urlencode
 
-from pydantic import BaseModel, RootModel, TypeAdapter, ValidationError
+from pydantic import RootModel, TypeAdapter, ValidationError
 from starlette.requests import ClientDisconnect, Request
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from calibration.errors import DocumentProblem
 from daemon.api.dependencies import Wait
-from daemon.api.extension import Extensions, Rebuild, Rebuilt
+from daemon.api.extension import Extensions, Rebuild, Rebuilt, rebuilt_of
 from daemon.api.http_errors import InvalidRequest, KeyReused, RequestInFlight
 from daemon.api.middleware.disconnects import wait_for_run
 from daemon.api.problems import answer, problem_of
@@ -41,14 +41,9 @@ async def rebuild_answer(app: Application, effect: str, added: Extensions = ()) 
     return await rebuilders[kind](app, subject)
 
 
-def _json(status: int, document: BaseModel, location: str) -> Rebuilt:
-    headers = {"content-type": "application/json", "location": location}
-    return status, headers, document.model_dump_json().encode()
-
-
 async def _scan(app: Application, scan_id: str) -> Rebuilt:
     scan = await app.store.scan(scan_id)
-    return _json(
+    return rebuilt_of(
         201, RootModel[ScanDocument](ScanDocument.of(scan, await app.store.scan_views(scan_id))), f"/scans/{scan_id}"
     )
 
@@ -56,12 +51,12 @@ async def _scan(app: Application, scan_id: str) -> Rebuilt:
 async def _view(app: Application, subject: str) -> Rebuilt:
     scan_id, _, number = subject.partition(" ")
     view = (await app.store.scan_views(scan_id))[int(number)]
-    return _json(201, RootModel[ScanViewDocument](view), f"/scans/{scan_id}")
+    return rebuilt_of(201, RootModel[ScanViewDocument](view), f"/scans/{scan_id}")
 
 
 async def _apply(app: Application, sequence: str) -> Rebuilt:
     applied = await app.store.history_entry(int(sequence))
-    return _json(200, RootModel[AppliedCalibration](applied), "/calibrations/current")
+    return rebuilt_of(200, RootModel[AppliedCalibration](applied), "/calibrations/current")
 
 
 async def _acceptance(app: Application, acceptance_id: str) -> Rebuilt:
@@ -71,7 +66,7 @@ async def _acceptance(app: Application, acceptance_id: str) -> Rebuilt:
 
 
 async def _rig(app: Application, rig_id: str) -> Rebuilt:
-    return _json(201, StoredRig.of_record(await app.store.rigs.get(rig_id)), f"/rigs/{rig_id}")
+    return rebuilt_of(201, StoredRig.of_record(await app.store.rigs.get(rig_id)), f"/rigs/{rig_id}")
 
 
 _REBUILDERS: dict[str, Rebuild] = {
