@@ -1,12 +1,15 @@
-"""The commands of each extension; apart from `installed`, because a command starts without the daemon's libraries."""
+"""What each extension adds to the command line, which starts without the libraries of the daemon and of `installed`."""
 
 from collections.abc import Mapping
 from types import MappingProxyType
 
-from daemon.cli.output import Commands
+from daemon.cli.output import CommandExtension
 from extensions.sweeps.cli.profiles import app as profiles
 from extensions.touch.cli.tip import tip
 from extensions.touch.cli.touch import touch
 
-COMMANDS: Mapping[str, Commands] = MappingProxyType({"touch": (tip, touch), "sweeps": (profiles,)})
+COMMANDS: Mapping[str, CommandExtension] = MappingProxyType({
+    "touch": CommandExtension((tip, touch)),
+    "sweeps": CommandExtension((profiles,)),
+})  # fmt: skip
 """By the extension's name."""

@@ -21,7 +21,7 @@ from daemon.cli.import_session import import_session
 from daemon.cli.init import init
 from daemon.cli.keys import app as keys
 from daemon.cli.mock import mock
-from daemon.cli.output import CommandGroup, Commands
+from daemon.cli.output import CommandExtension, CommandGroup, Commands
 from daemon.cli.plan import plan
 from daemon.cli.register import register
 from daemon.cli.register_archive import register_archive
@@ -29,7 +29,7 @@ from daemon.cli.report import report
 from daemon.cli.robot import app as robot
 from daemon.cli.schema import schema
 from daemon.cli.serve import serve
-from daemon.cli.solve import solve
+from daemon.cli.solve import solve, solve_together
 from daemon.cli.stitch import stitch
 from daemon.cli.support_bundle import support_bundle
 from daemon.cli.target import app as target
@@ -75,13 +75,16 @@ def options(
     """Options of the command itself."""
 
 
-def command_line(extensions: Mapping[str, Commands]) -> typer.Typer:
+def command_line(extensions: Mapping[str, CommandExtension]) -> typer.Typer:
     """The core's commands, and those of `extensions`, by their names."""
+    named = [{"--together": solve_together}, *(extension.after_solve for extension in extensions.values())]
+    after_solve = {option: how for options_of in named for option, how in options_of.items()}
     app = typer.Typer(
-        cls=CommandGroup, no_args_is_help=True, rich_markup_mode="rich", pretty_exceptions_show_locals=False, help=ABOUT
-    )
+        cls=CommandGroup, no_args_is_help=True, rich_markup_mode="rich", pretty_exceptions_show_locals=False,
+        help=ABOUT, context_settings={"obj": after_solve},
+    )  # fmt: skip
     app.callback()(options)
-    added = (command for commands in extensions.values() for command in commands)
+    added = (command for extension in extensions.values() for command in extension.commands)
     for panel, commands in {**PANELS, OFFLINE: (*EARLY, *added, *LATE)}.items():
         for command in commands:
             if isinstance(command, typer.Typer):

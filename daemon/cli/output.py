@@ -5,9 +5,9 @@ import os
 import secrets
 import stat
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from json import dumps
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -20,12 +20,44 @@ if TYPE_CHECKING:
     from pydantic import BaseModel
 
     from calibration.documents.calibration import CalibrationDocument
+    from calibration.problem import Problem
     from calibration.solution import Solution
     from calibration.targets import Target
-    from calibration.verdict import Verdict
+    from calibration.verdict import Verdict, VerdictLimits
+    from daemon.sessions.session_reader import SessionFolder
 
 Commands = tuple[Callable[..., None] | typer.Typer, ...]
 """Of an extension: functions that are commands, and groups of commands, each with a name of its own."""
+
+
+@dataclass(frozen=True, eq=False)
+class SolvedFolders:
+    """What `handeyed solve` has in its hands when its `folders` are solved, each alone.
+
+    value : of the option, "" of one without. solved : the sessions among the folders, except those of pairs of points.
+    out : folder for further files. at : file of the points that matter.
+    """
+
+    value: str
+    folders: Sequence[Path]
+    solved: "Sequence[tuple[SessionFolder, Problem, Solution]]"
+    limits: "VerdictLimits"
+    at: Path | None
+    out: Path | None
+    json: bool
+
+
+AfterSolve = Callable[[SolvedFolders], bool]
+"""Prints and writes what it finds in all folders; returns whether that is accepted. Raises CommandError."""
+
+
+@dataclass(frozen=True, eq=False)
+class CommandExtension:
+    """What an extension adds to the command line. after_solve : by the option of `handeyed solve`, such as "--arm"."""
+
+    commands: Commands = ()
+    after_solve: Mapping[str, AfterSolve] = field(default_factory=dict)
+
 
 Json = Annotated[bool, typer.Option("--json", help="Print JSON for programs instead of words for people.")]
 

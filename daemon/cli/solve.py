@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from daemon.cli.errors import CommandError, ExitStatus, UnreadableInput
-from daemon.cli.output import Json, new_calibration, print_error, progress_bar, write_document, writing
+from daemon.cli.output import Json, SolvedFolders, new_calibration, print_error, progress_bar, write_document, writing
 
 if TYPE_CHECKING:
     from calibration.documents.calibration import CalibrationDocument
@@ -34,6 +34,7 @@ CLOSED_FORM_NAMES = "three-pose, tsai, park, horaud, daniilidis, shah, kronecker
 
 
 def solve(
+    ctx: typer.Context,
     folders: Annotated[list[Path], typer.Argument(metavar="DIR...", help="Folders with a session.json each.")],
     method: Annotated[
         str, typer.Option(help=f"auto (maximum likelihood), or a closed form: {CLOSED_FORM_NAMES}.")
@@ -127,7 +128,11 @@ def solve(
             raise UnreadableInput(name, "clouds have no images", "leave it out")
     intrinsics = None if camera is None else read_camera(camera).document(None)
     stated, required = known_of(known or []), requirement_of(tolerance, at)
-    status, solved, sessions = ExitStatus.OK, [], []
+    asked = {option: value for option, value in {"--together": "" if together else None}.items() if value is not None}
+    for option in asked:
+        if option not in ctx.obj:
+            raise UnreadableInput(option, "no extension is installed that solves it", "leave it out")
+    status, solved = ExitStatus.OK, []
     for folder in folders:
         try:
             if artefact is None:
@@ -145,8 +150,7 @@ def solve(
         if out is not None:
             write_document(out if len(folders) == 1 else out / name / RESULT_FILE, document)
         if shown is not None:
-            solved.append((folder, *shown[1:]))
-            sessions.append(shown[0])
+            solved.append(shown)
         if pictures is not None and shown is not None and shown[1].in_space:
             raise UnreadableInput("--pictures", *FOR_IMAGES)
         if pictures is not None and shown is not None:
@@ -154,18 +158,17 @@ def solve(
     if (arm is not None or together) and any(solution.external_axis for _, _, solution in solved):
         what = "an arm's errors, and sensors together, are not found while an external axis moves"
         raise UnreadableInput("--arm" if arm else "--together", what, "leave it out")
+    folder_out = out.parent if out is not None and len(folders) == 1 else out
     if arm is not None:
         if artefact is not None or len(solved) < len(folders):
             raise UnreadableInput("--arm", "it needs every folder's images", "leave it out")
-        problems = [problem for _, problem, _ in solved]
-        folder_out = out if out is None else (out.parent if len(folders) == 1 else out)
+        sessions, problems, _ = zip(*solved, strict=True)
         box_mm = None if at is None else _points_file(at).box_mm
         within_mm = None if box_mm is None else np.array(box_mm)
         solve_arm(arm, problems, folder_out, within_mm, known_distances(sessions), json=json)
-    if together:
-        if len(solved) < max(len(folders), 2):
-            raise UnreadableInput("--together", "it needs two folders with session.json", "name one for each sensor")
-        if not solve_together(solved, required[0].tolerance_mm, out, json=json) and status is ExitStatus.OK:
+    for option, value in asked.items():
+        found = SolvedFolders(value, folders, solved, required[0], at, folder_out, json)
+        if not ctx.obj[option](found) and status is ExitStatus.OK:
             status = ExitStatus.NOT_ACCEPTED
     raise typer.Exit(status)
 
@@ -355,30 +358,28 @@ def solve_arm(
         write_document(folder / ARM_FILE, document)
 
 
-def solve_together(
-    solved: "list[tuple[Path, Problem, Solution]]", tolerance_mm: float, out: Path | None, *, json: bool
-) -> bool:
-    """`--together`: print the joint solution of the folders, write rig.json into `out`; returns whether it is accepted.
-
-    Raises CommandError, CalibrationError.
-    """
+def solve_together(found: SolvedFolders) -> bool:
+    """`--together`: print the joint solution, and write rig.json. Raises CommandError, CalibrationError."""
     from calibration.documents.rig import rig_document, rig_lines
     from calibration.errors import GeometryError, UndeterminedError
     from calibration.solve import solve_rig
 
-    names = [folder.resolve().name for folder, _, _ in solved]
+    if len(found.solved) < max(len(found.folders), 2):
+        raise UnreadableInput("--together", "it needs two folders with session.json", "name one for each sensor")
+    names = [session.path.resolve().name for session, _, _ in found.solved]
     if len(set(names)) < len(names):
         repeated = "two folders have the same name"
         raise UnreadableInput("--together", repeated, "name each after its sensor")
-    sessions = dict(zip(names, solved, strict=True))
+    sessions = dict(zip(names, found.solved, strict=True))
     try:
         rig = solve_rig({name: problem for name, (_, problem, _) in sessions.items()})
     except UndeterminedError as error:
         raise CommandError("--together", error.what, error.fix, ExitStatus.NOT_ACCEPTED) from None
     except GeometryError as error:
         raise UnreadableInput("--together", str(error), "check the sessions") from None
-    document = rig_document(rig, {name: solution for name, (_, _, solution) in sessions.items()}, tolerance_mm)
-    typer.echo(document.model_dump_json() if json else "\n".join(rig_lines(document)))
-    if out is not None:
-        write_document(out / RIG_FILE, document)
+    alone = {name: solution for name, (_, _, solution) in sessions.items()}
+    document = rig_document(rig, alone, found.limits.tolerance_mm)
+    typer.echo(document.model_dump_json() if found.json else "\n".join(rig_lines(document)))
+    if found.out is not None:
+        write_document(found.out / RIG_FILE, document)
     return document.verdict.accepted

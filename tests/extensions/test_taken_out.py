@@ -14,6 +14,7 @@ from fastapi.routing import APIRoute
 from daemon.api.app import routes
 from daemon.api.extension import Extension, Extensions
 from daemon.cli.main import command_line
+from daemon.cli.output import CommandExtension
 from extensions.commands import COMMANDS
 from extensions.installed import INSTALLED
 from tests.daemon.cell_under_test import serving, settings_for
@@ -112,12 +113,18 @@ async def code_of(client: httpx.AsyncClient, method: str, path: str) -> str:
 @each
 def test_the_command_line_lacks_its_commands_and_no_other(taken: Extension) -> None:
     rest = command_line({name: commands for name, commands in COMMANDS.items() if name != taken.name})
-    own = names_in(command_line({taken.name: COMMANDS.get(taken.name, ())})) - names_in(command_line({}))
+    own = names_in(command_line({taken.name: COMMANDS.get(taken.name, CommandExtension())})) - names_in(
+        command_line({})
+    )
 
     assert names_in(rest) == names_in(command_line(COMMANDS)) - own
     for name in own:
         refused = handeyed(name, command_line=rest)
         assert (refused.status, "No such command" in refused.err) == (2, True)
+    for option in COMMANDS.get(taken.name, CommandExtension()).after_solve:
+        refused = handeyed("solve", "nowhere", option, "x", command_line=rest)
+        assert (refused.status, refused.err.partition(": ")[0]) == (2, option), refused.err
+        assert "no extension is installed" in refused.err
     for name in names_in(rest) - {"mock"}:  # passes --help on
         assert handeyed(name, "--help", command_line=rest).status == 0
 
