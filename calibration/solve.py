@@ -1,8 +1,7 @@
 """Hand-eye calibration of a session: `solve_hand_eye(problem) -> Solution`; pure, does not raise for bad data."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -33,9 +32,6 @@ from calibration.solver.shared_errors import fit_trend, widen_by_given, widen_by
 from calibration.solver.solution_builder import build_solution, solution_without_x
 from calibration.solver.view_outliers import Selection, agreeing_rows, select_views
 from calibration.transforms import Array
-
-if TYPE_CHECKING:
-    from calibration.pose_pairs.rig import RigSolution
 
 METHODS = ("auto", *CLOSED_FORMS)
 
@@ -190,25 +186,6 @@ def _with_target_shape(estimate: SessionEstimate, knowledge: Knowledge) -> Sessi
         selection = select_views(prepared, used, best.chain, best.variances, prepared.z)
         estimate = replace(estimate, prepared=prepared, selection=selection)
     return estimate
-
-
-def solve_rig(problems: Mapping[str, Problem]) -> "RigSolution":
-    """X of several sensors on one mount, each with its session of one target at one place, from one estimate.
-
-    Raises UndeterminedError where a session of images, or all of them, do not determine X, and GeometryError for
-    sessions that cannot be solved together.
-    """
-    from calibration.pose_pairs.rig import solve_sensors
-    from calibration.pose_pairs.sensor_views import imaging_sensor, measured_sensor
-
-    sensors = []
-    for name, problem in problems.items():
-        if problem.in_space:
-            sensors.append(measured_sensor(name, problem))
-        else:
-            estimate = estimate_session(problem)
-            sensors.append(imaging_sensor(name, estimate.prepared, estimate.selection))
-    return solve_sensors(sensors)
 
 
 def identify_arm_session(arm: Arm, problems: Sequence[Problem], distances: Sequence[KnownDistance] = ()) -> ArmFit:

@@ -29,7 +29,7 @@ from daemon.drift.cell_cameras import CellCamera, CellCameras
 from daemon.drift.monitor import DriftMonitor
 from daemon.drift.schedule import DriftSchedule
 from daemon.http.listen_socket import LateAddresses
-from daemon.operations import Operations
+from daemon.operations import Operations, no_further_sensors
 from daemon.plc.switch import PlcSwitch
 from daemon.runs.supervisor import Supervisor
 from daemon.runtime.clock import Clock, time_ordered_id
@@ -104,9 +104,11 @@ def build(
         lambda: supervisor.in_progress is not None,
     )
     rules = MotionRules.of(robot)
+    sensors = next((extension.sensors for extension in extensions if extension.sensors), no_further_sensors)
     operations = Operations(
-        settings, cell, store, supervisor, workers, scans, rules, clock, service_workers, merge_workers
-    )
+        settings, cell, store, supervisor, workers, scans, rules, clock, service_workers, merge_workers,
+        further_sensors=sensors,
+    )  # fmt: skip
     by_name: dict[str, Operations] = {}
 
     def camera_of(name: str) -> CellCamera:

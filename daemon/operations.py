@@ -3,7 +3,7 @@
 from collections.abc import Awaitable, Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import Any
+from typing import Any, Protocol
 
 from calibration.documents.target import TargetDocument
 from calibration.kinematics.arm import Arm
@@ -18,11 +18,9 @@ from daemon.cell.motion_rules import MotionRules
 from daemon.config.settings import MAIN_CAMERA, MAIN_SCANNER, Settings, TaughtPose
 from daemon.errors import (
     ArmUnknown,
-    CalibrationUnusable,
     CellNotReady,
     NoCalibration,
     NoPoses,
-    NoScanner,
     NotFound,
     NotHeld,
     ToleranceLoosened,
@@ -57,17 +55,13 @@ from daemon.runs.pose_selection import (
     stopping_rule,
 )
 from daemon.runs.pose_sequence import FixedSequence
-from daemon.runs.run_log import RunLog
 from daemon.runs.scan_run import ScanRun
 from daemon.runs.sequence_plan import Drive, MakeSequence, OpenBeside, RunSessions, plan_sequence
 from daemon.runs.supervisor import RunPlan, Supervisor
-from daemon.runs.together import CameraBeside, LookBeside, ScannerBeside, TogetherRun
 from daemon.runs.verification_run import VerificationRun, WithoutFirstView
 from daemon.runtime.clock import Clock
 from daemon.runtime.workers import Workers
-from daemon.scans.rig_sensors import RigSensors
 from daemon.scans.scan_service import ScanService
-from daemon.sessions.session_writer import SensorBeside
 from daemon.store.actor import current_audit_context
 from daemon.store.store import Store
 from drivers.interfaces import PoseReading
@@ -75,10 +69,35 @@ from drivers.interfaces import PoseReading
 VERIFY_POSITIONS = 3
 """As the seed's Tab. 1."""
 
+DriveAll = Callable[[CalibrationRun], Drive]
+ALONE: tuple[OpenBeside, DriveAll] = (lambda log: (), lambda run: run.drive)
+"""A calibration run in which the camera has nothing beside it."""
+
 
 async def nothing_learnt() -> NoiseBelief | None:
     """Of the robot's noise, before the first calibration."""
     return None
+
+
+class FurtherSensors(Protocol):
+    """Sensors on the camera's mount, by name: they look in its calibration runs, and are placed by what these find."""
+
+    def join(self, request: CalibrateRequest, target: TargetDocument) -> tuple[OpenBeside, DriveAll]:
+        """What opens the sessions of those that `request.together` names, and what makes the run that solves all.
+
+        Raises NotFound, CalibrationUnusable; the first raises NoScanner.
+        """
+        ...
+
+    async def base_T_sensor(self, name: str, base_T_flange: Array) -> tuple[str, Array]:
+        """Id of what places the sensor of that name, and its pose (4, 4). Raises NotFound, StorageError."""
+        ...
+
+
+def no_further_sensors(operations: "Operations") -> FurtherSensors:
+    """Without an extension for them. Raises NotFound."""
+    what = "no extension is installed that solves several sensors together, and places them by name"
+    raise NotFound(what, "leave together out, and give the scanner camera_T_scanner in the settings")
 
 
 @dataclass(eq=False)
@@ -86,7 +105,7 @@ class Operations:
     """Starts runs, and takes views. Of its fields only `settings` is ever replaced, when they are reloaded.
 
     `camera`: whose calibration is active here; `settings` and `cell` are those of this camera; `others`: of all
-    cameras by name. `learnt_noise`: what the cell has learnt of the robot's.
+    cameras by name. `learnt_noise`: what the cell has learnt of the robot's. `further_sensors`: those of an extension.
     """
 
     settings: Settings
@@ -102,6 +121,7 @@ class Operations:
     camera: str = MAIN_CAMERA
     others: Mapping[str, "Operations"] = field(default_factory=dict)
     learnt_noise: Callable[[], Awaitable[NoiseBelief | None]] = nothing_learnt
+    further_sensors: Callable[["Operations"], FurtherSensors] = no_further_sensors
 
     @property
     def calibrations(self) -> Calibrations:
@@ -109,7 +129,7 @@ class Operations:
         return Calibrations(self.store, self.clock, self.service_workers, self.cell.arm, self.camera)
 
     @property
-    def _sessions(self) -> RunSessions:
+    def sessions(self) -> RunSessions:
         known = self.settings.calibration.known
         return RunSessions(self.store, self.workers, self.settings.camera.setup, self.cell.arm, known)
 
@@ -122,11 +142,14 @@ class Operations:
         self._check_tolerance(request.tolerance_mm)
         self._arm(request.arm)
         settings, target = self.settings.calibration, request.target or self.settings.target
-        beside = self._beside(request, target)
+        joined = self.further_sensors(self).join(request, target) if request.together else None
+        beside, drive_all = joined or ALONE
         lens, offset = self.settings.camera.intrinsics, request.axis_offset or settings.axis_offset
         belief = await self._noise_belief()
-        session = self._sessions.prepare("calibration", target, lens, beside, offset, belief)
-        drive = partial(self._driver, request)
+        session = self.sessions.prepare("calibration", target, lens, beside, offset, belief)
+
+        def drive(*, compared: bool) -> Drive:
+            return drive_all(self.calibration_run(request, compared=compared))
 
         async def prepare() -> RunPlan:
             obstacles = self.cell.capture_obstacles() if request.manual else await self.cell.obstacles()
@@ -181,7 +204,7 @@ class Operations:
             raise NotFound(f"calibration {calibration_id} comes from no run", "choose one with a run_id")
         run = await self.store.run(found.run_id)
         again = CalibrateRequest.model_validate(run.request)
-        calibration = replace(self._calibration_run(again, compared=False), apply_when_accepted=False)
+        calibration = replace(self.calibration_run(again, compared=False), apply_when_accepted=False)
         solved = await self.merge_workers.run_if_free(
             solve_without,
             self.store.session_folder(run.id, found.camera),
@@ -200,7 +223,7 @@ class Operations:
         arm = self._arm(session.arm)
         self.supervisor.require_free()
         await self.store.require_ready()
-        run = replace(self._calibration_run(CalibrateRequest(), compared=False), expected=None, arm=arm, noise=None)
+        run = replace(self.calibration_run(CalibrateRequest(), compared=False), expected=None, arm=arm, noise=None)
         solved = await self.merge_workers.run_if_free(solve_session_of, session, run, new_id, self.clock.timestamp())
         return await run.save(solved, None)
 
@@ -233,7 +256,7 @@ class Operations:
             require_setup(calibration, self.settings.camera.setup)
             await self._check_ready(await self.cell.obstacles())
             run = VerificationRun(self.workers, given, settings.verdict_limits(request.tolerance_mm))
-            session = self._sessions.prepare("verify", target, calibration.camera)
+            session = self.sessions.prepare("verify", target, calibration.camera)
             poses = request.poses or select_taught_poses(settings, VERIFY_POSITIONS)
             if poses:
                 return plan_sequence(len(poses), await self._fixed_sequence(poses), session, run.drive)
@@ -358,7 +381,7 @@ class Operations:
         await self._check_poses(poses)
         return partial(FixedSequence, poses, self.rules, self.cell)
 
-    def _calibration_run(self, request: CalibrateRequest, *, compared: bool) -> CalibrationRun:
+    def calibration_run(self, request: CalibrateRequest, *, compared: bool) -> CalibrationRun:
         """`compared`: the verdict compares the poses with planned ones."""
         settings = self.settings.calibration
         limits, points = planning_limits(settings, self.rules), self.settings.part.named_points()
@@ -369,44 +392,3 @@ class Operations:
             settings.verdict_limits(request.tolerance_mm), points, self._arm(request.arm),
             self.camera, settings.noise,
         )  # fmt: skip
-
-    def _driver(self, request: CalibrateRequest, *, compared: bool) -> Drive:
-        """What drives a calibration run: of this camera, or of several sensors together."""
-        main = self._calibration_run(request, compared=compared)
-        if not request.together:
-            return main.drive
-        cameras = {
-            name: self.others[name]._calibration_run(request, compared=False)
-            for name in request.together
-            if name in self.others
-        }
-        scanners = [name for name in request.together if name not in self.others]
-        rigs = RigSensors(self.store, self.clock, self.settings.camera.setup)
-        return TogetherRun(main, cameras, scanners, rigs).drive
-
-    def _beside(self, request: CalibrateRequest, target: TargetDocument) -> OpenBeside:
-        """A function that opens the sessions of the sensors that look, too. Raises NotFound, CalibrationUnusable."""
-        names = request.together or ()
-        for name in names:
-            setup = self.others[name].settings.camera.setup if name in self.others else self.settings.camera.setup
-            if name not in self.others:
-                self.scans.settings_of(name)
-            if name == self.camera or names.count(name) > 1:
-                raise CalibrationUnusable(f"{name} is named twice", "name each sensor once")
-            if setup != self.settings.camera.setup:
-                what = f"{name} is {setup}, {self.camera} is {self.settings.camera.setup}"
-                raise CalibrationUnusable(what, "solve sensors together that are on one mount")
-
-        def open_beside(log: RunLog) -> list[SensorBeside]:
-            return [LookBeside(name, self._sensor_beside(name, target, log), log) for name in names]
-
-        return open_beside
-
-    def _sensor_beside(self, name: str, target: TargetDocument, log: RunLog) -> SensorBeside:
-        if (other := self.others.get(name)) is not None:
-            writer = other._sessions.open_beside(name, target, other.settings.camera.intrinsics, log)
-            return CameraBeside(other.cell, writer)
-        settings = self.scans.settings_of(name)
-        if settings is None:
-            raise NoScanner
-        return ScannerBeside(name, settings, self.cell, self.store, log.id, self.settings.camera.setup, target)

@@ -1,7 +1,8 @@
 """Every extension of the daemon, in the order in which GET / and openapi.json list them."""
 
 from daemon.api.extension import Extensions
+from extensions.rigs.extension import RIGS
 from extensions.sweeps.extension import SWEEPS
 from extensions.touch.extension import TOUCH
 
-INSTALLED: Extensions = (TOUCH, SWEEPS)
+INSTALLED: Extensions = (TOUCH, SWEEPS, RIGS)

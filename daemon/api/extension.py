@@ -8,6 +8,7 @@ from pydantic import BaseModel
 
 from daemon.api.schemas.drift import DriftTouchDocument
 from daemon.application import Application, BackgroundService
+from daemon.operations import FurtherSensors, Operations
 
 Rebuilt = tuple[int, dict[str, str], bytes]
 Rebuild = Callable[[Application, str], Awaitable[Rebuilt]]
@@ -35,6 +36,7 @@ class Extension:
     rebuilders : of answers, by the noun of the audit log.
     checks : of a calibration, which its drift chart lists.
     services : started and stopped with the daemon; a route finds its own by `Application.service`.
+    sensors : further ones of a camera's mount, of which one extension knows.
     """
 
     name: str
@@ -43,6 +45,7 @@ class Extension:
     rebuilders: Mapping[str, Rebuild] = field(default_factory=dict)
     checks: Checks | None = None
     services: tuple[MakeService, ...] = ()
+    sensors: Callable[[Operations], FurtherSensors] | None = None
 
 
 Extensions = tuple[Extension, ...]

@@ -8,7 +8,6 @@ from daemon.api.schemas.health import Readiness, ReadyDocument
 from daemon.application import Application
 from daemon.drift.cell_cameras import CellCamera
 from daemon.errors import NoCalibration, NotFound
-from daemon.scans.rig_sensors import RigSensors
 
 
 async def scanner_readiness(app: Application, scanner: str) -> ReadyDocument:
@@ -32,7 +31,7 @@ async def readiness(app: Application, camera: CellCamera, scanner: str | None = 
     register = [] if scanner is None else [*app.cell.sensor_obstacles((scanner,))]
     try:
         if scanner is not None and app.settings.placed_by_rig(scanner):
-            await RigSensors(app.store, app.clock, app.settings.camera.setup).base_T_sensor(scanner, np.eye(4))
+            await app.operations.further_sensors(app.operations).base_T_sensor(scanner, np.eye(4))
         else:
             await app.store.current(camera.name)
     except (NoCalibration, NotFound) as error:

@@ -18,7 +18,6 @@ from daemon.api.routes import (
     page,
     register,
     reports,
-    rigs,
     runs,
     scans,
     session,
@@ -28,7 +27,7 @@ from daemon.api.schemas.health import Welcome
 from daemon.runtime.version import SOFTWARE
 
 _PLACES = """
-runs calibrations drift scans robot arm devices acceptances rigs help about ready health events live metrics
+runs calibrations drift scans robot arm devices acceptances help about ready health events live metrics
 """
 LINKS = {
     "how to calibrate": "/calibrate",
@@ -74,7 +73,6 @@ ROUTERS: tuple[APIRouter, ...] = (
     exports.router,
     reports.router,
     drift.router,
-    rigs.router,
     cell.router,
     runs.robot,
     events.router,

@@ -29,7 +29,7 @@ from daemon.cli.report import report
 from daemon.cli.robot import app as robot
 from daemon.cli.schema import schema
 from daemon.cli.serve import serve
-from daemon.cli.solve import solve, solve_together
+from daemon.cli.solve import solve
 from daemon.cli.stitch import stitch
 from daemon.cli.support_bundle import support_bundle
 from daemon.cli.target import app as target
@@ -77,8 +77,7 @@ def options(
 
 def command_line(extensions: Mapping[str, CommandExtension]) -> typer.Typer:
     """The core's commands, and those of `extensions`, by their names."""
-    named = [{"--together": solve_together}, *(extension.after_solve for extension in extensions.values())]
-    after_solve = {option: how for options_of in named for option, how in options_of.items()}
+    after_solve = {option: how for extension in extensions.values() for option, how in extension.after_solve.items()}
     app = typer.Typer(
         cls=CommandGroup, no_args_is_help=True, rich_markup_mode="rich", pretty_exceptions_show_locals=False,
         help=ABOUT, context_settings={"obj": after_solve},

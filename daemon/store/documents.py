@@ -1,4 +1,4 @@
-"""The tables of stored documents: the scanner's acceptances, the rigs, those of extensions. None is ever changed."""
+"""The tables of stored documents: the scanner's acceptances, those of extensions. None is ever changed."""
 
 import sqlite3
 from dataclasses import dataclass
@@ -21,7 +21,6 @@ class DocumentKind:
 
 
 ACCEPTANCES = DocumentKind("acceptances", "acceptance", "scan_id")
-RIGS = DocumentKind("rigs", "rig", "setup")
 
 
 @dataclass(frozen=True)

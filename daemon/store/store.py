@@ -40,7 +40,7 @@ from daemon.store.browser_sessions import BrowserSessions
 from daemon.store.consistency import StoreFault, find_fault
 from daemon.store.damaged_rows import Parsed, parse_each, parse_row, parse_stored, parsing, split_damaged
 from daemon.store.database import Database
-from daemon.store.documents import ACCEPTANCES, RIGS, DocumentKind, DocumentRecord, Documents
+from daemon.store.documents import ACCEPTANCES, DocumentKind, DocumentRecord, Documents
 from daemon.store.idempotency_keys import IdempotencyKeys
 from daemon.store.listings import ACCURACY, APPLIED, RUNS, SCAN_VIEWS, SCANS, Listings, read_page, views_of
 from daemon.store.opening import LockedStore
@@ -127,7 +127,7 @@ class Store:
         self.browser_sessions = BrowserSessions(self._database, self._opened.key_reader)
         self.audit = AuditLog(self._database)
         self.listings = Listings(self._opened.list_reader)
-        self.acceptances, self.rigs = map(self.documents, (ACCEPTANCES, RIGS))
+        self.acceptances = self.documents(ACCEPTANCES)
 
     def documents(self, kind: DocumentKind) -> Documents:
         publish = lambda *event: self.publish(*event)  # noqa: E731, PLW0108 # it is set after the store is made

@@ -83,7 +83,8 @@ def save_steps(store: Store) -> dict[str, Step]:
 
 
 TOUCH_TESTS = DocumentKind("touch_tests", "touch", "calibration_id")
-"""Of an extension: the store does not know it."""
+RIGS = DocumentKind("rigs", "rig", "setup")
+"""Of extensions: the store does not know them."""
 
 
 class About(BaseModel):
@@ -91,7 +92,8 @@ class About(BaseModel):
 
 
 def documents_of(store: Store) -> dict[str, Documents]:
-    return {"acceptance": store.acceptances, "touch test": store.documents(TOUCH_TESTS), "rig": store.rigs}
+    of_extensions = {"touch test": TOUCH_TESTS, "rig": RIGS}
+    return {"acceptance": store.acceptances} | {name: store.documents(kind) for name, kind in of_extensions.items()}
 
 
 def a_document(name: str) -> DocumentRecord:

@@ -1,7 +1,6 @@
 """Two cameras by name: each with its own runs, pictures, active calibration and chart."""
 
 import asyncio
-import json
 from pathlib import Path
 from typing import Any
 
@@ -12,16 +11,14 @@ from calibration.documents.pose import PoseDocument
 from calibration.errors import DocumentError
 from calibration.transforms import difference
 from daemon.drift.schedule import DriftSchedule
-from drivers.errors import DeviceTimeout, DeviceUnreachable, LinkLost, NothingMeasured
-from drivers.interfaces import CameraFrame, ScannedCloud
+from drivers.errors import DeviceUnreachable
 from protocols.plc.codes import ControlBit, StatusBit
 from protocols.plc.registers import BY_NAME
 from tests.daemon.cell_under_test import Bench, Parts, pose_json, serving, settings_for
 from tests.daemon.clouds import PLY, POSE, cloud
-from tests.daemon.fakes import FLANGE_T_CAMERA, FakeCamera, FakeScanner, ply_of
+from tests.daemon.fakes import FLANGE_T_CAMERA, FakeCamera, ply_of
 from tests.daemon.named_cameras import WRIST, calibrate, two_cameras, wrist
 from tests.daemon.plcs import MOVING, ladder
-from tests.daemon.rig_files import a_rig
 from tests.support.waiting import LIMIT_S
 
 OF_A_STAND = {"base_T_camera_guess": pose_json(np.eye(4))}
@@ -58,81 +55,6 @@ async def test_each_camera_has_its_own_calibration_in_force_and_chart(tmp_path: 
         assert applied["camera"] == "wrist"
 
 
-async def test_one_run_calibrates_both_and_solves_them_together(tmp_path: Path) -> None:
-    async with two_cameras(tmp_path, calibration={"policy": "auto", "tolerance_mm": 20.0}) as bench:
-        await bench.client.post("/arm/temperature", json={"temperature_c": 31.5})
-        run = await calibrate(bench.client, together=["wrist"])
-        together = run["result"]["together"]
-        assert together["calibrations"]["wrist"]["calibration_id"] == f"{run['id']}-wrist"
-        assert "accepted" in together["rig"]  # how exactly: tests/stories/test_several_sensors.py
-        folders = [tmp_path / "runs" / name for name in (run["id"], f"{run['id']}-wrist")]
-        for folder in folders:
-            views = json.loads((folder / "session.json").read_bytes())["views"]
-            assert [view["arm_temperature_c"] for view in views] == [31.5] * 5
-            assert (folder / "view_004.png").is_file()
-        assert (await bench.client.get(f"/calibrations/{run['id']}-wrist/report")).status_code == 200
-
-
-async def test_a_camera_that_sees_nothing_is_named_and_fails_nothing_else(tmp_path: Path) -> None:
-    parts = Parts()
-    parts.cameras["wrist"] = FakeCamera(parts.robot, blind=lambda picture: True)
-    async with serving(settings_for(tmp_path, cameras={"wrist": wrist()}), parts) as bench:
-        together = (await calibrate(bench.client, together=["wrist"]))["result"]["together"]
-        assert together["rig_id"] is None
-        assert "rig" in together["refused"]
-
-
-class FailsOnce(FakeCamera):
-    """A camera whose second picture does not come."""
-
-    looks = 0
-
-    async def grab(self, newer_than_s: float) -> CameraFrame:
-        self.looks += 1
-        if self.looks == 2:
-            raise LinkLost("wrist", "the cable is off", "plug it in")
-        return await super().grab(newer_than_s)
-
-
-async def test_looks_that_fail_are_said_beside_the_calibration_without_them(tmp_path: Path) -> None:
-    parts = Parts()
-    parts.cameras["wrist"] = FailsOnce(parts.robot, flange_T_camera=WRIST)
-    async with serving(settings_for(tmp_path, cameras={"wrist": wrist()}), parts) as bench:
-        together = (await calibrate(bench.client, together=["wrist"]))["result"]["together"]
-        assert together["calibrations"]["wrist"]["calibration_id"]
-        assert "of 5 looks failed, the last: wrist: the cable is off" in together["missed"]["wrist"]
-
-
-class EmptyScanner(FakeScanner):
-    """Answers with a cloud without points."""
-
-    async def scan(self, newer_than_s: float) -> ScannedCloud:
-        raise NothingMeasured("scanner", "the cloud has no points", "look at what it sees")
-
-
-async def test_a_scanner_whose_clouds_are_empty_is_named_and_fails_nothing_else(tmp_path: Path) -> None:
-    parts = Parts(scanner=EmptyScanner())
-    parts.cameras["wrist"] = FakeCamera(parts.robot, flange_T_camera=WRIST)
-    async with serving(settings_for(tmp_path, cameras={"wrist": wrist()}), parts) as bench:
-        together = (await calibrate(bench.client, together=["wrist", "scanner"]))["result"]["together"]
-        assert together["refused"]["scanner"] == "scanner: the cloud has no points: look at what it sees"
-        assert together["calibrations"]["wrist"]["calibration_id"]
-        assert "accepted" in together["rig"]  # of the two cameras
-
-
-@pytest.mark.parametrize("manual", [False, True])
-async def test_nothing_moves_for_sensors_of_which_one_cannot_look(tmp_path: Path, manual: bool) -> None:
-    parts = Parts()
-    parts.cameras["wrist"] = FakeCamera(parts.robot, failing=DeviceTimeout("wrist", "no answer", "look at the cable"))
-    async with serving(settings_for(tmp_path, cameras={"wrist": wrist()}, scanner=None), parts) as bench:
-        for name, reason in (("wrist", "wrist: wrist: no answer: look at the cable"), ("scanner", "no scanner")):
-            refused = await bench.client.post("/calibrate", json={"together": [name], "manual": manual})
-            assert (refused.status_code, refused.json()["code"]) == (503, "cell-not-ready"), refused.text
-            assert reason in refused.text
-        assert bench.robot.goals == []
-        assert (await bench.client.get("/runs")).json()["runs"] == []
-
-
 async def test_ready_says_of_each_schedule_why_it_waits_and_of_all_once(tmp_path: Path) -> None:
     async with two_cameras(
         tmp_path, calibration={"policy": "auto", "tolerance_mm": 20.0}, drift={"every_h": 1}
@@ -163,8 +85,8 @@ async def test_pictures_and_devices_are_told_apart(tmp_path: Path) -> None:
 @pytest.mark.parametrize(("method", "path", "sent"), [
     ("GET", "/camera/frame?camera=nose", None), ("GET", "/drift?camera=nose", None),
     ("GET", "/calibrate?camera=nose", None), ("POST", "/calibrate", {"camera": "nose"}),
-    ("POST", "/calibrate", {"together": ["nose"]}), ("POST", "/verify", {"camera": "nose"}),
-    ("POST", "/scans", {"scanner": "nose"}), ("GET", "/ready?scanner=nose", None),
+    ("POST", "/verify", {"camera": "nose"}), ("POST", "/scans", {"scanner": "nose"}),
+    ("GET", "/ready?scanner=nose", None),
 ])  # fmt: skip
 async def test_a_name_that_is_not_there_is_answered_with_those_that_are(
     bench: Bench, method: str, path: str, sent: dict[str, Any] | None
@@ -203,14 +125,24 @@ async def test_each_scanner_is_ready_by_what_places_its_clouds(tmp_path: Path) -
         assert [(await register(name))["ready"] for name in scanners] == [False, False]
         await calibrate(bench.client, camera="wrist")
         assert (await register("door"))["ready"]
-        assert (await register("roof"))["reasons"] == ["no rig is active"]
-        rig = a_rig()
-        rig["sensors"][1]["name"] = "roof"
-        assert (await bench.client.post("/rigs", json=rig)).status_code == 201
-        assert (await register("roof"))["ready"]
         both = await bench.client.get("/ready", params={"scanner": "door", "camera": "wrist"})
         assert both.status_code == 422
         assert "name its camera" in both.text
+
+
+async def test_what_an_extension_solves_and_places_is_refused_without_it(tmp_path: Path) -> None:
+    settings = settings_for(tmp_path, scanners={"roof": {"address": "http://roof/cloud.ply"}})
+    async with serving(settings, extensions=()) as bench:
+        ask, query = bench.client, {"pose": POSE, "scanner": "roof"}
+        ready = (await ask.get("/ready?scanner=roof")).json()["register"]
+        for refused in (
+            await ask.post("/calibrate", json={"together": ["roof"]}),
+            await ask.post("/register", params=query, content=ply_of(cloud(10)), headers=PLY),
+        ):
+            assert (refused.status_code, refused.json()["code"]) == (404, "not-found"), refused.text
+            assert ready["reasons"] == [refused.json()["detail"]]
+        assert "no extension is installed" in ready["reasons"][0]
+        assert (await ask.get("/runs")).json()["runs"] == []
 
 
 async def test_a_plc_names_the_camera_by_its_number(tmp_path: Path) -> None:

@@ -24,7 +24,6 @@ from daemon.api.middleware.disconnects import wait_for_run
 from daemon.api.problems import answer, problem_of
 from daemon.api.run_answers import answer_started
 from daemon.api.schemas.scans import ScanDocument
-from daemon.api.schemas.stored_documents import StoredRig
 from daemon.api.streaming.request_body import body_chunks
 from daemon.application import Application
 from daemon.errors import DaemonError, StorageError
@@ -65,16 +64,11 @@ async def _acceptance(app: Application, acceptance_id: str) -> Rebuilt:
     return 200, headers, stored.document.encode()
 
 
-async def _rig(app: Application, rig_id: str) -> Rebuilt:
-    return rebuilt_of(201, StoredRig.of_record(await app.store.rigs.get(rig_id)), f"/rigs/{rig_id}")
-
-
 _REBUILDERS: dict[str, Rebuild] = {
     "scan": _scan,
     "view": _view,
     "apply": _apply,
     "acceptance": _acceptance,
-    "rig": _rig,
 }
 
 

@@ -23,10 +23,10 @@ from daemon.api.plain_text import status_text
 from daemon.api.problems import problem_responses
 from daemon.api.readiness import readiness
 from daemon.api.routes.runs import STARTED, answer_run_start
+from daemon.api.schemas.answer import Answer, StoredAnswer
 from daemon.api.schemas.calibrations import AppliedDocument, CalibrateStatus, CalibrationSummary
 from daemon.api.schemas.cell import ForesightDocument, frame_warning
 from daemon.api.schemas.runs import RunDocument
-from daemon.api.schemas.stored_documents import AcceptanceList, StoredAcceptance
 from daemon.application import Application
 from daemon.config.settings import CalibrationSettings
 from daemon.drift.cell_cameras import CellCamera
@@ -82,6 +82,20 @@ async def plan(app: App, body: Annotated[CalibrateRequest, Depends(JsonBody(Cali
         return document.model_dump_json().encode()
 
     return await respond_page(app, as_json)
+
+
+class StoredAcceptance(StoredAnswer):
+    """A verification of the scanner, as POST /verify answered it."""
+
+    acceptance: AcceptanceDocument
+
+
+class AcceptanceList(Answer):
+    """The newest first; `next` asks for those before them. `damaged`: ids of rows that cannot be read."""
+
+    acceptances: list[StoredAcceptance]
+    damaged: list[str]
+    next: str | None
 
 
 @router.get("/acceptances", response_model=AcceptanceList)

@@ -8,7 +8,6 @@ from calibration.errors import DocumentError
 from calibration.transforms import Array
 from daemon.api.dependencies import App, api_router
 from daemon.api.problems import problem_responses
-from daemon.api.routes.rigs import sensors_of
 from daemon.api.streaming.cloud_request import (
     CLOUD_CONTENT,
     TAKES_A_CLOUD,
@@ -73,7 +72,8 @@ async def register(
             what = "a rig is placed without the external axis that [robot.external_axis] declares"
             raise CalibrationUnusable(what, f"give [scanners.{scanner}] camera_T_scanner, and leave the rig out")
         at = await flange_pose_of(app, pose, beside)
-        rig_id, base_T_scanner = await sensors_of(app).base_T_sensor(scanner, at.base_T_flange.transform())
+        sensors, base_T_flange = app.operations.further_sensors(app.operations), at.base_T_flange.transform()
+        rig_id, base_T_scanner = await sensors.base_T_sensor(scanner, base_T_flange)
         named = {"Handeyed-Rig": rig_id}
     else:
         by_name = scanner or MAIN_SCANNER

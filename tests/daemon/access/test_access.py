@@ -23,7 +23,6 @@ from daemon.store.store import Store
 from tests.daemon.access_keys import TEST, bearer, with_keys
 from tests.daemon.calibrations import a_calibration
 from tests.daemon.cell_under_test import Bench, serving, settings_for
-from tests.daemon.rig_files import a_rig
 
 OPENAPI = json.loads((Path(__file__).parents[3] / "docs" / "openapi.json").read_text())
 
@@ -257,18 +256,6 @@ async def test_a_verdict_is_overruled_by_an_admin_only_and_nobody_applies_in_ano
         assert (await applies("operator", "good", applied_by="admin")).json()["applied_by"] == "admin (operator)"
         assert (await applies("operator", "bad", despite_verdict=True)).json()["code"] == "role-too-low"
         assert (await applies("admin", "bad", despite_verdict=True)).status_code == 200
-
-
-async def test_a_rig_that_was_not_accepted_is_put_in_force_by_an_admin_only(tmp_path: Path) -> None:
-    async with with_keys(tmp_path) as (bench, keys):
-
-        async def stores(role: str) -> httpx.Response:
-            rig, query = a_rig(accepted=False), {"despite_verdict": "true"}
-            return await bench.client.post("/rigs", json=rig, params=query, headers=bearer(keys[role]))
-
-        assert (await stores("operator")).json()["code"] == "role-too-low"
-        assert (await bench.client.get("/rigs", headers=bearer(keys["viewer"]))).json()["rigs"] == []
-        assert (await stores("admin")).status_code == 201
 
 
 async def test_an_idempotency_key_belongs_to_its_caller(tmp_path: Path) -> None:

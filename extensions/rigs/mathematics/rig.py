@@ -5,7 +5,7 @@ each other are therefore known to the accuracy of the sensors, whatever the robo
 serves the other. Linearised; the levels of the noise are averaged as in `pose_pairs.noise_marginalisation`.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -20,8 +20,8 @@ from calibration.pose_pairs.noise_marginalisation import draw_levels, step_at
 from calibration.pose_pairs.noise_models import robot_sources
 from calibration.pose_pairs.noise_priors import LEVEL_PRIORS, LevelPrior, independent_prior
 from calibration.pose_pairs.residuals import LinearisedPairs, ScaledChain, initial_chain, linearise
-from calibration.pose_pairs.sensor_views import POSE, SensorViews
-from calibration.problem import Setup
+from calibration.problem import Problem, Setup
+from calibration.solve import estimate_session
 from calibration.transforms import (
     Array,
     adjoint,
@@ -32,6 +32,7 @@ from calibration.transforms import (
     transform_from_vector,
     vector_from_transform,
 )
+from extensions.rigs.mathematics.sensor_views import POSE, SensorViews, imaging_sensor, measured_sensor
 
 SAME_MM, SAME_RAD = 2e-3, 1e-5
 """Two records of one pose differ by no more: three decimals of a millimetre, and six of a quaternion."""
@@ -126,12 +127,20 @@ class _Linear:
     directions: list[Array]
 
 
-def solve_sensors(sensors: Sequence[SensorViews]) -> RigSolution:
-    """The joint estimate; the sensor with most views gives the start.
+def solve_rig(problems: Mapping[str, Problem]) -> RigSolution:
+    """X of several sensors on one mount, each with its session of one target at one place, from one estimate.
 
-    Raises UndeterminedError where its views do not determine X, GeometryError for one sensor or more than MAX_SENSORS,
-    for sensors of different set-ups, and for a sensor without views.
+    The sensor with most views gives the start. Raises UndeterminedError where a session of images, or all of them, do
+    not determine X, GeometryError for one sensor or more than MAX_SENSORS, for sensors of different set-ups, and for a
+    sensor without views.
     """
+    sensors = []
+    for name, problem in problems.items():
+        if problem.in_space:
+            sensors.append(measured_sensor(name, problem))
+        else:
+            estimate = estimate_session(problem)
+            sensors.append(imaging_sensor(name, estimate.prepared, estimate.selection))
     if not 2 <= len(sensors) <= MAX_SENSORS:
         raise GeometryError(f"{len(sensors)} sensors: two to {MAX_SENSORS} are solved together")
     if len({sensor.pairs.setup for sensor in sensors}) > 1:

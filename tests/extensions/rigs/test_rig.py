@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from calibration.documents.rig import rig_document, rig_lines
 from calibration.errors import GeometryError, UndeterminedError
-from calibration.pose_pairs.rig import RigSolution
 from calibration.problem import MeasuredPose, Measurement, Setup
 from calibration.solution import Solution
-from calibration.solve import solve_hand_eye, solve_rig
+from calibration.solve import solve_hand_eye
 from calibration.transforms import Array, difference, transform
+from extensions.rigs.mathematics.report import rig_document, rig_lines
+from extensions.rigs.mathematics.rig import RigSolution, solve_rig
 from tests.simulated.measured_sessions import Measure, tracker
 from tests.simulated.rigs import CAMERA_T_SCANNER, Rig, random_rig, squared_distance
 from tests.simulated.sessions import CellNoise

@@ -1,14 +1,17 @@
 """Several sensors by name: rig.json stored, and POST /register?scanner=NAME by the pose of one of them."""
 
+from pathlib import Path
 from typing import Any
 
+import httpx
 import numpy as np
 import pytest
 
 from calibration.documents.pose import PoseDocument
 from calibration.transforms import map_points
+from tests.daemon.access_keys import bearer, with_keys
 from tests.daemon.calibrations import apply_calibration
-from tests.daemon.cell_under_test import Bench
+from tests.daemon.cell_under_test import Bench, serving, settings_for
 from tests.daemon.clouds import PLY, POSE, cloud
 from tests.daemon.fakes import FLANGE_T_CAMERA, ply_of, points_of
 from tests.daemon.rig_files import SCANNER, a_rig
@@ -89,3 +92,28 @@ async def test_a_sensor_that_is_not_there_is_named_with_those_that_are(bench: Be
     assert "camera, scanner" in other.json()["fix"]
     both = await register(bench, scanner="scanner", calibration="cal-1")
     assert both.status_code == 422
+
+
+async def test_a_rig_that_was_not_accepted_is_put_in_force_by_an_admin_only(tmp_path: Path) -> None:
+    async with with_keys(tmp_path) as (bench, keys):
+
+        async def stores(role: str) -> httpx.Response:
+            rig, query = a_rig(accepted=False), {"despite_verdict": "true"}
+            return await bench.client.post("/rigs", json=rig, params=query, headers=bearer(keys[role]))
+
+        assert (await stores("operator")).json()["code"] == "role-too-low"
+        assert (await bench.client.get("/rigs", headers=bearer(keys["viewer"]))).json()["rigs"] == []
+        assert (await stores("admin")).status_code == 201
+
+
+async def test_a_scanner_of_the_rig_is_ready_when_a_rig_is_active(tmp_path: Path) -> None:
+    async with serving(settings_for(tmp_path, scanners={"roof": {"address": "http://roof/cloud.ply"}})) as bench:
+
+        async def registers() -> Any:
+            return (await bench.client.get("/ready", params={"scanner": "roof"})).json()["register"]
+
+        assert (await registers())["reasons"] == ["no rig is active"]
+        rig = a_rig()
+        rig["sensors"][1]["name"] = "roof"
+        assert (await bench.client.post("/rigs", json=rig)).status_code == 201
+        assert (await registers())["ready"]

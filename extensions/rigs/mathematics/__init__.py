@@ -1,0 +1,1 @@
+"""Mathematics of rigs: no device, clock or framework."""
