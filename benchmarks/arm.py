@@ -225,12 +225,12 @@ def _planned(arm: Arm, seed: int, family: str = "standard") -> Row:
     noise = ExpectedNoise(REPEATABILITY.image_px, REPEATABILITY.robot_rotation_rad, REPEATABILITY.robot_translation_mm)
     scenes = [Scene("eye-in-hand", BOARD, CAMERA, MOUNT_T_CAMERA, target, noise) for target in targets]
     experiment = ArmExperiment(model, scenes, candidates, interest, model.sigmas)
-    plan = experiment.choose(40)
-    joints = [candidates[place].joints_rad[[row for at, row in plan.views if at == place]] for place in range(PLACES)]
+    views, _ = experiment.choose(40)
+    joints = [candidates[place].joints_rad[[row for at, row in views if at == place]] for place in range(PLACES)]
     cell = arm_cell(rng, built_of_family(arm, family, seed), joints, targets)
     elsewhere = _interest(rng, arm)
     bound = ArmExperiment(model, scenes, candidates, elsewhere, model.sigmas)
-    return _measure(cell, elsewhere, bound.point_mm([CANDIDATES * place + row for place, row in plan.views]))
+    return _measure(cell, elsewhere, bound.point_mm([CANDIDATES * place + row for place, row in views]))
 
 
 def _ordinary(arm: Arm, arm_class: ArmClass, seed: int) -> Row:

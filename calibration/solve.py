@@ -31,7 +31,6 @@ from calibration.solver.initial_guess import InitialGuess, find_initial_guess
 from calibration.solver.shared_errors import fit_trend, widen_by_given, widen_by_shared_errors
 from calibration.solver.solution_builder import build_solution, solution_without_x
 from calibration.solver.view_outliers import Selection, agreeing_rows, select_views
-from calibration.transforms import Array
 
 METHODS = ("auto", *CLOSED_FORMS)
 
@@ -199,8 +198,10 @@ def identify_arm_session(arm: Arm, problems: Sequence[Problem], distances: Seque
     load, found = _load_of(arm, problems), []
     for problem in problems:
         alone = estimate_session(_with_own_joints(arm, problem))
-        seen = TargetViews(alone.prepared, alone.selection.used, alone.best)
-        found.append((seen, _standstills_of(problem, alone.prepared)))
+        seen, at = TargetViews(alone.prepared, alone.selection.used, alone.best), alone.prepared.seen.positions
+        stood = np.array([view.stance.joints_rad for view in problem.views])
+        celsius = np.array([view.arm_temperature_c for view in problem.views], float)  # NaN where it is not known
+        found.append((seen, (stood[at], approach_sides(stood)[at], celsius[at])))  # it went from view to view
     order = sorted(range(len(found)), key=lambda row: -int(np.count_nonzero(found[row][0].used)))
     views, standstills = zip(*(found[row] for row in order), strict=True)
     known = [replace(one, first=order.index(one.first), second=order.index(one.second)) for one in distances]
@@ -245,14 +246,3 @@ def _with_own_joints(arm: Arm, problem: Problem) -> Problem:
     poses, numbers = np.array([view.base_T_flange for view in problem.views]), [view.index for view in problem.views]
     require_joints_of_each_view(arm, np.array(joints), poses, ARMS, numbers)
     return problem
-
-
-def _standstills_of(problem: Problem, rows: PreparedSession) -> tuple[Array, Array, Array]:
-    """Joints (n, 6) of the views, sides (n, 6) of their approach, and the arm's temperatures (n,).
-
-    The sides are those of an arm that went from view to view; temperatures in °C, NaN where they are not known.
-    """
-    joints = np.array([view.stance.joints_rad for view in problem.views])
-    temperatures_c = np.array([view.arm_temperature_c for view in problem.views], float)
-    positions = rows.seen.positions
-    return joints[positions], approach_sides(joints)[positions], temperatures_c[positions]

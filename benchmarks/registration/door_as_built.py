@@ -87,7 +87,8 @@ def _bound_mm(cell: ArmCell, door_joints: Array) -> float:
     points = np.tile([0.0, 0.0, DISTANCE_MM], (len(door_joints), 1))
     interest = PointsOfInterest(Postures(door_joints), points)
     experiment = ArmExperiment(model, scenes, views, interest, model.sigmas)
-    covariance = experiment.covariance_of_arm(range(sum(map(len, views))))
+    kept = np.r_[0:6, 6 + 6 * len(scenes) : 6 + 6 * len(scenes) + len(model)]
+    covariance = experiment.covariance(range(sum(map(len, views))))[np.ix_(kept, kept)]
     of_arm = ArmEstimate(model, np.zeros(len(model)), covariance, MOUNT_T_CAMERA)
     normal = BASE_T_DOOR[:3, 2]
     return float(np.sqrt(np.mean(normal @ registered_points(of_arm, interest.postures, points)[1] @ normal)))
@@ -138,6 +139,6 @@ def _planned(rng: np.random.Generator, built: BuiltArm, door_joints: Array, view
     candidates = [Postures(reachable_views(rng, arm, target, CANDIDATES)) for target in targets]
     scenes = [Scene("eye-in-hand", BOARD, CAMERA, MOUNT_T_CAMERA, target, _expected_noise()) for target in targets]
     interest = PointsOfInterest(Postures(door_joints), points)
-    plan = ArmExperiment(model, scenes, candidates, interest, model.sigmas).choose(views)
-    joints = [candidates[place].joints_rad[[row for at, row in plan.views if at == place]] for place in range(PLACES)]
+    chosen, _ = ArmExperiment(model, scenes, candidates, interest, model.sigmas).choose(views)
+    joints = [candidates[place].joints_rad[[row for at, row in chosen if at == place]] for place in range(PLACES)]
     return arm_cell(rng, built, joints, targets)

@@ -59,14 +59,12 @@ def disagreements(distances: Sequence[CheckedDistance]) -> list[Finding]:
     """The warning DISTANCE_DISAGREES of each known distance that differs from the estimate by more than both know."""
     return [
         Finding(
-            DISTANCE_DISAGREES,
-            "warning",
+            DISTANCE_DISAGREES, "warning",
             Sentence(
                 DISTANCE_DISAGREES, known_mm=one.known_mm, known_sigma_mm=one.known_sigma_mm, found_mm=one.found_mm,
                 found_sigma_mm=one.found_sigma_mm, percent=100 * (one.found_mm / one.known_mm - 1),
             ),
-            Sentence("check-distance"),
-            effect_mm=abs(one.found_mm - one.known_mm),
+            Sentence("check-distance"), effect_mm=abs(one.found_mm - one.known_mm),
         )
         for one in distances
         if one.sigmas > MAX_DISTANCE_SIGMAS
@@ -82,18 +80,12 @@ def identify_with_findings(
     except CalibrationError as refusal:
         why = Sentence("arm-not-identified", why=as_sentence(str(refusal)))
         return None, (Finding("arm-not-identified", "warning", why, Sentence("correct-arm-session")),)
-    return found, _findings(found)
-
-
-def _findings(found: ArmErrorsDocument) -> tuple[Finding, ...]:
-    none_needed = Sentence("none-needed")
-    findings = [Finding("arm-as-drawn", "info", Sentence("arm-as-drawn"), none_needed)]
+    shown = Sentence("arm-as-drawn")
     if found.taken_up:
         without, *models = found.ladder
         after_mm = max(models, key=lambda row: row.log_evidence).hold_out_mm
         shown = Sentence("arm-errors", before_mm=without.hold_out_mm, after_mm=after_mm)
-        findings = [Finding("arm-errors", "info", shown, none_needed)]
-    return tuple(findings)
+    return found, (Finding(shown.id, "info", shown, Sentence("none-needed")),)
 
 
 def _with_joints(arm: Arm, problem: Problem) -> Problem:

@@ -36,14 +36,6 @@ class PointsOfInterest:
     points_mm: Array
 
 
-@dataclass(frozen=True, eq=False)
-class ArmViewPlan:
-    """Chosen views as (place, row among its candidates), and the RMS (views,) that points would have after each."""
-
-    views: tuple[tuple[int, int], ...]
-    point_mm: Array
-
-
 class ArmExperiment:
     """The measurements that views of several places of the target would be. Camera on the flange.
 
@@ -73,17 +65,12 @@ class ArmExperiment:
         self._first_views = 0 if known is not None else MIN_PLACE_VIEWS
         nuisances = len(scenes[0].nuisances)
         self._weights = _point_weights(model, scenes[0].mount_T_camera, interest, len(scenes), nuisances)
-        self._of_arm = np.r_[0:6, 6 + 6 * len(scenes) : 6 + 6 * len(scenes) + len(model)]
 
     def point_mm(self, chosen: Sequence[int]) -> float:
         """RMS error of the points after these views (positions among all candidates), for an efficient estimate."""
-        return float(np.sqrt(np.sum(self._weights * self._covariance(chosen))))
+        return float(np.sqrt(np.sum(self._weights * self.covariance(chosen))))
 
-    def covariance_of_arm(self, chosen: Sequence[int]) -> Array:
-        """Covariance (6 + k, 6 + k) of [X, errors] after these views, for an efficient estimate."""
-        return np.asarray(self._covariance(chosen)[np.ix_(self._of_arm, self._of_arm)])
-
-    def _covariance(self, chosen: Sequence[int]) -> Array:
+    def covariance(self, chosen: Sequence[int]) -> Array:
         """Covariance (p, p) of [X, places, errors, lens and target] after these views, for an efficient estimate."""
         if not len(chosen):
             return self._prior
@@ -91,8 +78,11 @@ class ArmExperiment:
         information = np.linalg.inv(self._prior) + np.einsum("nip,nij,njq->pq", by, np.linalg.inv(noise), by)
         return np.linalg.inv(information)
 
-    def choose(self, count: int) -> ArmViewPlan:
-        """`count` views, or all candidates if fewer; MIN_PLACE_VIEWS of every place that no earlier view saw."""
+    def choose(self, count: int) -> tuple[list[tuple[int, int]], Array]:
+        """`count` views, or all if fewer, as (place, row among its candidates), and the RMS of points after each, mm.
+
+        MIN_PLACE_VIEWS of every place that no earlier view saw.
+        """
         covariance, chosen, after = self._prior, [], []
         open_to = np.ones(len(self.places), bool)
         for number in range(min(count, len(self.places))):
@@ -107,8 +97,7 @@ class ArmExperiment:
             spread = covariance @ by.T
             covariance = covariance - spread @ np.linalg.solve(by @ spread + self._noise[best], spread.T)
             after.append(np.sqrt(np.sum(self._weights * covariance)))
-        views = tuple((int(self.places[row]), int(self.rows[row])) for row in chosen)
-        return ArmViewPlan(views, np.array(after))
+        return [(int(self.places[row]), int(self.rows[row])) for row in chosen], np.array(after)
 
     def _gains(self, covariance: Array) -> Array:
         """By how much each candidate (n,) would lower the mean variance of the points, mm²."""

@@ -88,12 +88,7 @@ def plan_more_arm_views(
         return None
     interest = PointsOfInterest(fit.postures(at), np.tile(point, (len(at), 1)))
     experiment = ArmExperiment(fit.model, scenes, postures, interest, fit.model.sigmas, fit.covariance_with_all)
-    plan = experiment.choose(count)
-    return MoreArmViews(
-        box_mm,
-        interest,
-        experiment.point_mm([]),
-        plan.point_mm,
-        np.array([postures[place].joints_rad[row] for place, row in plan.views]),
-        np.array([place for place, _ in plan.views]),
-    )
+    views, after_mm = experiment.choose(count)
+    joints_rad = np.array([postures[place].joints_rad[row] for place, row in views])
+    places = np.array([place for place, _ in views])
+    return MoreArmViews(box_mm, interest, experiment.point_mm([]), after_mm, joints_rad, places)

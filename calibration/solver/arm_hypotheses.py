@@ -180,12 +180,9 @@ class _Change:
 
 def find_contradiction(session: ArmSession, likeliest: Restricted) -> Contradiction | None:
     """The likeliest one beside the errors of the arm as `likeliest` has them, None where one arm explains the views."""
-    best: dict[ContradictionKind, tuple[float, _Change]] = {}
     score = _Score(likeliest)
-    for change in _changes(session):
-        gain = score.gain(change)
-        if change.kind not in best or gain > best[change.kind][0]:
-            best[change.kind] = gain, change
+    gains = sorted(((score.gain(change), change) for change in _changes(session)), key=lambda pair: pair[0])
+    best = {change.kind: (gain, change) for gain, change in gains}
     found = [_measure(session, likeliest, change) for gain, change in best.values() if gain > 0]
     found = [one for one in found if one.log_evidence > MIN_GAIN and one.move_mm > MIN_MOVE_MM]
     return max(found, key=lambda one: one.log_evidence, default=None)

@@ -191,29 +191,16 @@ def _conclude(session: ArmSession, candidates: list[_Candidate]) -> ArmFit:
     targets = np.array([chain.anchor_T_target for chain in session.chains])
     targets = targets @ transform_from_vector(mean[6:poses].reshape(-1, 6))
     camera_T_target = np.concatenate([chain.camera_T_target() for chain in session.chains])
+    first = session.views[0].rows
     scale = session.best.scale * float(np.exp(likeliest.marginal.b[session.size_place()]))
     return ArmFit(
-        model=session.arm,
-        taken_up=taken_up,
-        log_evidence=gain,
-        parameters=mean[poses:],
-        covariance=covariance[np.ix_(kept, kept)],
-        covariance_with_all=covariance,
-        mount_T_camera=session.chains[0].mount_T_camera @ transform_from_vector(mean[:6]),
-        anchor_T_target=targets,
-        variances=likeliest.marginal.variances,
-        target_scale=scale,
-        seen=ArmViews(
-            setup=session.views[0].rows.setup,
-            postures=session.postures,
-            camera_T_target=camera_T_target,
-            camera=session.best.camera,
-            intrinsics_free=session.views[0].rows.nuisances.estimated,
-        ),
-        ladder=ladder,
+        model=session.arm, taken_up=taken_up, log_evidence=gain, load=session.postures.load, ladder=ladder,
+        parameters=mean[poses:], covariance=covariance[np.ix_(kept, kept)], covariance_with_all=covariance,
+        mount_T_camera=session.chains[0].mount_T_camera @ transform_from_vector(mean[:6]), anchor_T_target=targets,
+        variances=likeliest.marginal.variances, target_scale=scale,
+        seen=ArmViews(first.setup, session.postures, camera_T_target, session.best.camera, first.nuisances.estimated),
         distances=session.check_distances(targets, scale, covariance[6:poses, 6:poses]),
-        load=session.postures.load,
-    )
+    )  # fmt: skip
 
 
 def _about_drawing(drawn: Array, of_drawn: Array, built: Array, of_built: Array, gain: float) -> Array:

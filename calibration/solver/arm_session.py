@@ -171,7 +171,7 @@ def _length_between(
 def begin_arm_session(
     arm: ArmErrorModel, views: Sequence[TargetViews], postures: Postures, distances: Sequence[KnownDistance] = ()
 ) -> ArmSession:
-    """The session at the drawing; X is that of the first place, and every target where its first view has it."""
+    """The session at the drawing; X is that of the first place, of most views, a target where its first view has it."""
     drawn = np.split(arm.forward(np.zeros(len(arm)), postures), np.cumsum([len(one.rows.seen) for one in views])[:-1])
     x, chains = views[0].best.chain.mount_T_camera, []
     for one, base_T_flange in zip(views, drawn, strict=True):

@@ -20,11 +20,11 @@ def test_planned_views_show_more_of_the_arm_than_the_first_that_come() -> None:
     scenes = [Scene("eye-in-hand", BOARD, CAMERA, MOUNT_T_CAMERA, target, noise) for target in targets]
     candidates = [Postures(reachable_views(rng, ARM, target, 15)) for target in targets]
     experiment = ArmExperiment(model, scenes, candidates, interest, model.sigmas)
-    plan = experiment.choose(12)
-    places = [place for place, _ in plan.views]
-    assert len(set(plan.views)) == 12
+    views, point_mm = experiment.choose(12)
+    places = [place for place, _ in views]
+    assert len(set(views)) == 12
     assert min(places.count(0), places.count(1)) >= MIN_PLACE_VIEWS
-    assert np.all(np.diff(plan.point_mm) <= 1e-9)
-    chosen = [15 * place + row for place, row in plan.views]
-    np.testing.assert_allclose(experiment.point_mm(chosen), plan.point_mm[-1], rtol=1e-4)
-    assert plan.point_mm[-1] < 0.9 * experiment.point_mm([*range(6), *range(15, 21)])
+    assert np.all(np.diff(point_mm) <= 1e-9)
+    chosen = [15 * place + row for place, row in views]
+    np.testing.assert_allclose(experiment.point_mm(chosen), point_mm[-1], rtol=1e-4)
+    assert point_mm[-1] < 0.9 * experiment.point_mm([*range(6), *range(15, 21)])
